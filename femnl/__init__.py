@@ -1,0 +1,1 @@
+"""femnl: finite elements for the mechanics and nonlinearity of stressed membranes."""

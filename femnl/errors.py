@@ -1,0 +1,25 @@
+"""Failures that users can mend: each names what is wrong, the value found, and which knob to turn."""
+
+
+class FemnlError(Exception):
+    """The base of all failures that femnl foresees; the command line prints its one line and exits with status 2."""
+
+
+class GeometryError(FemnlError):
+    """A geometry file, or the device it describes, cannot be used."""
+
+
+class MeasurementError(FemnlError):
+    """A measurement file or a lab file cannot be used."""
+
+
+class ConvergenceError(FemnlError):
+    """An iteration or a discretisation did not reach its tolerance."""
+
+
+class MissingLibraryError(FemnlError):
+    """A system library or an optional package that the request needs is not installed."""
+
+
+class ParameterError(FemnlError):
+    """An argument of a command or function is outside what it can mean."""

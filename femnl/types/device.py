@@ -1,0 +1,106 @@
+"""The device as SI numbers: outline, holes, film, readout gap and the choices of the mechanical model."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.types.arrays import freeze
+
+Edge = Literal["clamped", "sliding", "paper"]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One piece of an outline, walked counter-clockwise: a straight line, or an arc where `centre` is given.
+
+    start, end, centre: (x, y) in m. An arc is shorter than a full turn and runs counter-clockwise from start to end
+    about its centre. `clamped` says whether the film is held there (True) or ends free (False).
+    """
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    centre: tuple[float, float] | None = None
+    clamped: bool = True
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The closed boundary of the suspended film, counter-clockwise, origin at the centre of the membrane.
+
+    kind: the word of the geometry file. segments: consecutive, each starting where the last one ended.
+    size: (width, height) of the box, in m, whose ideal modes sin·sin give the labels (m,n); None where (m,n) has no meaning.
+    length: the length L in m that users quote for the device (side, diameter, long axis).
+    """
+
+    kind: str
+    segments: tuple[Segment, ...]
+    size: tuple[float, float] | None
+    length: float
+
+
+@dataclass(frozen=True)
+class Holes:
+    """Round release holes: centres (n, 2) in m and one radius in m. n may be 0."""
+
+    centres: NDArray[np.float64]
+    radius: float
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+
+@dataclass(frozen=True)
+class Film:
+    """The film: thickness [m], Young's modulus [Pa], Poisson's ratio, density [kg/m³], film stress before release [Pa].
+
+    taper [m] and taper_length [m] describe a bottom thinned by the release etch: at distance d from the nearest hole's
+    rim the thickness is `thickness − taper·max(0, 1 − d/taper_length)`; taper = 0 is a film of even thickness.
+    """
+
+    thickness: float
+    young: float
+    poisson: float
+    density: float
+    stress: float
+    taper: float = 0.0
+    taper_length: float = 0.0
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of the optical stack: thickness [m] (inf for the outer media) and complex index n − ik by wavelength [m]."""
+
+    material: str
+    thickness: float
+    index: tuple[tuple[float, complex], ...]
+
+
+@dataclass(frozen=True)
+class Stack:
+    """The optical stack seen from the laser: outer medium, film, gap, wafer. The gap is the one layer that motion changes."""
+
+    layers: tuple[Layer, ...]
+    gap: int
+
+
+@dataclass(frozen=True)
+class Model:
+    """A device and how it is modelled, in SI units.
+
+    bending: whether the plate term D = Eh³/12(1−ν²) is kept. edge: in-plane condition of the outline for the
+    nonlinearity: `clamped` u = v = 0; `sliding` normal displacement held and shear free; `paper` u = v = 0 with ν = 0 in
+    the membrane strain, which is what the published closed formula of α assumes.
+    text: the TOML text that this model was read from, so that results can carry it.
+    """
+
+    name: str
+    source: str
+    outline: Outline
+    holes: Holes
+    film: Film
+    stack: Stack | None
+    bending: bool = True
+    edge: Edge = "clamped"
+    text: str = ""
