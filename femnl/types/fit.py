@@ -1,0 +1,42 @@
+"""What a fit hands on: parameters in SI with their standard deviations, and how well the data are met."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.types.arrays import freeze
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One fitted number: value and standard deviation sd (68 % where normal; inf where the data say nothing), in `unit`."""
+
+    name: str
+    value: float
+    sd: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The outcome of a least-squares fit.
+
+    parameters: by name, the free ones first and in the order of `covariance`, then derived ones.
+    covariance (n_parameters, n_parameters) in SI. chi2_reduced = χ²/(n_points − n_parameters), n_points counting real numbers.
+    notes: sentences for the report: what was assumed, estimated, left out, or cannot be told from these data.
+    """
+
+    parameters: dict[str, Parameter]
+    covariance: NDArray[np.float64]
+    chi2_reduced: float
+    n_points: int
+    n_parameters: int
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+    def __getitem__(self, name: str) -> float:
+        """Return the value of the parameter called `name`."""
+        return self.parameters[name].value
