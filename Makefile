@@ -1,0 +1,38 @@
+# One thread a process: tests and sweeps run side by side, and BLAS threads on top only slow them down.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+BIN := .venv/bin
+READY := .venv/.ready
+PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
+
+.DEFAULT_GOAL := help
+.PHONY: help env report test slow lint benchmarks lock
+
+help:  ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+env: $(READY)  ## prepare .venv (does nothing when up to date)
+
+$(READY): pyproject.toml requirements.lock tools/env
+	@PYTHON="$(PYTHON)" tools/env
+
+report: $(READY)  ## write report/index.html for the two devices of the source paper
+	$(BIN)/femnl report
+
+test: $(READY)  ## all tests but the slow studies
+	$(PYTEST) -m "not slow"
+
+slow: $(READY)  ## the slow studies
+	$(PYTEST) -m slow
+
+lint: $(READY)  ## ruff and mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+benchmarks: $(READY)  ## speed, memory and accuracy against peers
+	$(BIN)/python benchmarks/run.py
+
+lock:  ## pin the newest packages that pyproject.toml allows (needs uv)
+	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --upgrade --output-file requirements.lock

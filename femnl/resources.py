@@ -1,0 +1,25 @@
+"""Where the shipped geometries and validation cases lie: inside an installed wheel, or at the top of a checkout."""
+
+from pathlib import Path
+
+from femnl.errors import MissingLibraryError
+
+_PACKAGE = Path(__file__).parent
+
+
+def geometries() -> Path:
+    """Return the folder of the shipped geometry files, one TOML a device."""
+    return _folder("geometries")
+
+
+def cases() -> Path:
+    """Return the folder of the shipped validation cases, one Python file a case."""
+    return _folder("validation")
+
+
+def _folder(name: str) -> Path:
+    # A wheel carries the folder inside the package (pyproject.toml, force-include); a checkout has it beside the package.
+    for folder in (_PACKAGE / f"_{name}", _PACKAGE.parent / name):
+        if folder.is_dir():
+            return folder
+    raise MissingLibraryError(f"the folder {name} is not part of this installation of femnl at {_PACKAGE}; reinstall femnl")
