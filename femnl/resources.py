@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-from femnl.errors import MissingLibraryError
-
 _PACKAGE = Path(__file__).parent
 
 
@@ -19,7 +17,5 @@ def cases() -> Path:
 
 def _folder(name: str) -> Path:
     # A wheel carries the folder inside the package (pyproject.toml, force-include); a checkout has it beside the package.
-    for folder in (_PACKAGE / f"_{name}", _PACKAGE.parent / name):
-        if folder.is_dir():
-            return folder
-    raise MissingLibraryError(f"the folder {name} is not part of this installation of femnl at {_PACKAGE}; reinstall femnl")
+    inside = _PACKAGE / f"_{name}"
+    return inside if inside.is_dir() else _PACKAGE.parent / name
