@@ -8,8 +8,7 @@ import pytest
 
 FLOORS = (
     ("types", "errors", "resources"),
-    ("geometry", "measurement", "elements", "solvers", "storage"),
-    ("forms", "supports"),
+    ("geometry", "measurement", "fem", "storage"),
     ("mesh", "prestress", "modes", "nonlinearity", "resonator", "optics", "readout", "labfiles", "effects"),
     ("predict",),
     ("compare", "diagnose", "sweep", "fits", "calibration", "validation"),
@@ -52,8 +51,8 @@ def faults(source: str, module: str) -> list[str]:
             found.append(f"line {line}: relative import {name}; write femnl.… so that the floor shows")
         if parts[0] in ONLY_IMPORTER and module != ONLY_IMPORTER[parts[0]]:
             found.append(f"line {line}: only femnl.{ONLY_IMPORTER[parts[0]]} imports {parts[0]}")
-        if parts[0] == "skfem" and parts[-1] in FORMS and module != "forms":
-            found.append(f"line {line}: weak forms live in femnl.forms only, not {parts[-1]} here")
+        if parts[0] == "skfem" and parts[-1] in FORMS and module != "fem":
+            found.append(f"line {line}: weak forms live in femnl.fem only, not {parts[-1]} here")
         if parts[0] != "femnl" or not module or module not in FLOOR:
             continue
         target = parts[1] if len(parts) > 1 else ""
@@ -83,14 +82,14 @@ def test_every_module_has_a_floor() -> None:
 @pytest.mark.parametrize(
     ("module", "source", "fault"),
     [
-        ("forms", "from femnl.mesh import cut", "forms (floor 2) imports mesh (floor 3)"),
-        ("modes", "from femnl import mesh", "modes (floor 3) imports mesh (floor 3)"),
-        ("modes", "def f():\n    import femnl.cli", "line 2: modes (floor 3) imports cli (floor 7)"),
+        ("fem", "from femnl.mesh import cut", "fem (floor 1) imports mesh (floor 2)"),
+        ("modes", "from femnl import mesh", "modes (floor 2) imports mesh (floor 2)"),
+        ("modes", "def f():\n    import femnl.cli", "line 2: modes (floor 2) imports cli (floor 6)"),
         ("modes", "from .types import device", "relative import"),
         ("modes", "import femnl", "no module in the table"),
-        ("modes", "from importlib import import_module\nimport_module('femnl.plot')", "imports plot (floor 6)"),
+        ("modes", "from importlib import import_module\nimport_module('femnl.plot')", "imports plot (floor 5)"),
         ("modes", "import gmsh", "only femnl.mesh imports gmsh"),
-        ("modes", "from skfem import BilinearForm", "weak forms live in femnl.forms only"),
+        ("modes", "from skfem import BilinearForm", "weak forms live in femnl.fem only"),
     ],
 )
 def test_the_rules_of_the_house_catch(module: str, source: str, fault: str) -> None:
@@ -101,7 +100,7 @@ def test_the_rules_of_the_house_catch(module: str, source: str, fault: str) -> N
     ("module", "source"),
     [
         ("mesh", "import gmsh\nfrom femnl.types.device import Model"),
-        ("forms", "from skfem import BilinearForm"),
+        ("fem", "from skfem import BilinearForm"),
         ("fits", "from femnl.fits.start import guess"),
         ("", "from femnl import cli"),
     ],
