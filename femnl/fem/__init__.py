@@ -1,0 +1,1 @@
+"""The finite-element ground: elements, weak forms, supports, solvers."""

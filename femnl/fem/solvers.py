@@ -1,0 +1,74 @@
+"""The one place that picks the sparse direct solver and the eigenvalue solver."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh, splu
+
+from femnl.errors import ConvergenceError
+
+try:
+    from cvxopt import cholmod, matrix, spmatrix
+except ImportError:  # the optional extra `fast` is not installed
+    cholmod = None
+
+Array = NDArray[np.float64]
+Solve = Callable[[Array], Array]
+
+
+def factorize(stiffness: csc_matrix) -> Solve:
+    """Factorise a symmetric positive definite matrix once; the returned function solves K x = b for b (n,) or (n, m).
+
+    CHOLMOD is used where cvxopt (the optional extra `fast`) is installed, otherwise SuperLU in its symmetric mode.
+    Raises: ConvergenceError where the matrix is not positive definite.
+    """
+    if cholmod is not None:
+        return _factorize_cholmod(stiffness)
+    factor = splu(csc_matrix(stiffness), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    if np.any(factor.U.diagonal() <= 0):
+        raise ConvergenceError(_INDEFINITE)
+    return lambda right: np.asarray(factor.solve(np.asarray(right)))
+
+
+_INDEFINITE = "the stiffness is not positive definite: part of the film is unsupported or under compression; check the outline's free edges and the film stress"
+
+
+def _factorize_cholmod(stiffness: csc_matrix) -> Solve:
+    lower = stiffness.tocoo()
+    keep = lower.row >= lower.col
+    stored = spmatrix(lower.data[keep], lower.row[keep].astype(int), lower.col[keep].astype(int), size=lower.shape)
+    cholmod.options["supernodal"] = 2
+    factor: Any = cholmod.symbolic(stored)
+    try:
+        cholmod.numeric(stored, factor)
+    except ArithmeticError as error:
+        raise ConvergenceError(_INDEFINITE) from error
+
+    def solve(right: Array) -> Array:
+        work = matrix(np.asarray(right, dtype=float))
+        cholmod.solve(factor, work)
+        return np.array(work).reshape(np.shape(right), order="C")
+
+    return solve
+
+
+def lowest_eigenpairs(stiffness: csc_matrix, mass: csc_matrix, count: int) -> tuple[Array, Array]:
+    """Return the `count` lowest solutions of K x = λ M x: λ (count,) rising, and x (n, count) with xᵀMx = 1.
+
+    Shift–invert Lanczos at zero, so K must be positive definite. Raises: ConvergenceError naming the knob.
+    """
+    n = stiffness.shape[0]
+    if count >= n - 1:
+        raise ConvergenceError(f"{count} modes were asked of a mesh with {n} unknowns: ask for fewer modes or raise the resolution")
+    solve = factorize(stiffness)
+    inverse = LinearOperator(stiffness.shape, matvec=solve, dtype=float)
+    start = np.random.default_rng(0).standard_normal(n)  # a fixed start makes reruns identical
+    try:
+        values, vectors = eigsh(stiffness, k=count, M=mass, sigma=0.0, OPinv=inverse, tol=1e-11, v0=start)
+    except ArpackNoConvergence as error:
+        raise ConvergenceError(f"the eigenvalue iteration found {len(error.eigenvalues)} of {count} modes: ask for fewer modes") from error
+    order = np.argsort(values)
+    return values[order], vectors[:, order]

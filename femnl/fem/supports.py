@@ -1,0 +1,90 @@
+"""Which unknowns an edge or a mirror line leaves free."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csc_matrix
+
+from femnl.fem.elements import Space
+from femnl.types.device import Edge
+
+Array = NDArray[np.float64]
+
+
+def free_deflections(space: Space, parity: tuple[int, ...]) -> NDArray[np.int64]:
+    """Unknowns of w that are free: not on clamped edges, nor on mirror lines about which w is odd (parity −1)."""
+    held = [space.boundary_dofs("clamped")]
+    held += [space.boundary_dofs(f"mirror-{k}") for k, sign in enumerate(parity) if sign < 0]
+    return np.setdiff1d(np.arange(space.size), np.concatenate(held))
+
+
+def slope_held_facets(space: Space, parity: tuple[int, ...]) -> NDArray[np.int64]:
+    """Facets on which ∂ₙw = 0: clamped edges, and mirror lines about which w is even (parity +1)."""
+    names = ["clamped"] + [f"mirror-{k}" for k, sign in enumerate(parity) if sign > 0]
+    facets = [space.mesh.boundaries[name] for name in names if name in space.mesh.boundaries]
+    return np.concatenate([np.asarray(f, dtype=np.int64) for f in facets]) if facets else np.array([], dtype=np.int64)
+
+
+def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, ...]) -> csc_matrix:
+    """Columns that span the admissible in-plane displacements, (2·size, n_free).
+
+    Clamped outline: u = 0, or with `sliding` only u·n = 0. Mirror k: u·n = 0 where the load is even under it, else u·t = 0.
+    """
+    held: dict[int, list[Array]] = {}
+
+    def hold(dofs: NDArray[np.int64], directions: Array) -> None:
+        for dof, direction in zip(dofs, np.broadcast_to(directions, (len(dofs), 2)), strict=True):
+            held.setdefault(int(dof), []).append(direction)
+
+    for k, angle in enumerate((0.0, wedge)):
+        along = np.array([np.cos(angle), np.sin(angle)])
+        normal = np.array([-along[1], along[0]])
+        if k < len(even):
+            hold(space.boundary_dofs(f"mirror-{k}"), normal if even[k] else along)
+    if edge == "sliding":
+        for dofs, normals in _edge_normals(space):
+            hold(dofs, normals)
+    else:
+        for direction in np.eye(2):
+            hold(space.boundary_dofs("clamped"), direction)
+    anywhere = np.setdiff1d(np.arange(space.size), np.fromiter(held, dtype=np.int64))
+    rows, columns, values = (
+        [anywhere, anywhere + space.size],
+        [np.arange(len(anywhere)), np.arange(len(anywhere)) + len(anywhere)],
+        [np.ones(2 * len(anywhere))],
+    )
+    n = 2 * len(anywhere)
+    for dof, directions in held.items():
+        for direction in _admissible(directions):
+            rows.append(np.array([dof, dof + space.size]))
+            columns.append(np.array([n, n]))
+            values.append(direction)
+            n += 1
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    return csc_matrix(coo_matrix(entries, shape=(2 * space.size, n)))
+
+
+CORNER = 0.05  # sine of the angle between neighbouring normals from which their point is a corner and held fast
+
+
+def _admissible(held: list[Array]) -> list[Array]:
+    """Directions in which a point may still move when its motion along the held ones is zero: one, or none at a corner."""
+    first = held[0]
+    if any(abs(first[0] * d[1] - first[1] * d[0]) > CORNER for d in held[1:]):
+        return []
+    mean = np.sum([d * np.sign(d @ first) for d in held], axis=0)
+    return [np.array([-mean[1], mean[0]]) / np.linalg.norm(mean)]
+
+
+def _edge_normals(space: Space) -> list[tuple[NDArray[np.int64], Array]]:
+    """Unit normals of the clamped outline at its unknowns, facet by facet; a corner appears once for each side."""
+    facets = np.asarray(space.mesh.boundaries["clamped"], dtype=np.int64)
+    result = []
+    ends, middle = space.mesh.doflocs[:, space.mesh.facets[:, facets]], space.mesh.doflocs[:, space.mesh.nvertices + facets]
+    for k in range(len(facets)):
+        dofs = space.facet_unknowns(int(facets[k]))
+        a, b, c = ends[:, 0, k], ends[:, 1, k], middle[:, k]
+        s = np.array([0.0, 1.0, *np.linspace(0, 1, space.degree + 1)[1:-1]])
+        tangent = (np.outer(4 * s - 3, a) + np.outer(4 - 8 * s, c) + np.outer(4 * s - 1, b)) / np.linalg.norm(b - a)
+        normal = np.stack([-tangent[:, 1], tangent[:, 0]], 1)
+        result.append((dofs, normal / np.linalg.norm(normal, axis=1)[:, None]))
+    return result

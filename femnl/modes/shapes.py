@@ -1,0 +1,170 @@
+"""Mode shapes as functions: their largest value, canonical pairs, labels, values at points."""
+
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.spatial import cKDTree
+
+from femnl.fem.elements import Space, reference_basis
+from femnl.fem.forms import cells, deflection, slope, thickness
+from femnl.types.mechanics import Domain, Modes
+
+Array = NDArray[np.float64]
+
+SAMPLES = 6  # points along an edge of a triangle at which shapes are searched for their maximum
+
+
+def largest_value(space: Space, shape: Array) -> float:
+    """The value of largest magnitude that a shape takes, with its sign; the first in the mesh's order among equals.
+
+    A lattice of points finds the triangle, a bounded quasi-Newton search in it the extremum.
+    """
+    lattice = np.array([(a, b) for a in range(SAMPLES + 1) for b in range(SAMPLES + 1 - a)]) / SAMPLES
+    sampled = shape[space.dofs] @ reference_basis(space.degree, lattice).T
+    highest = np.abs(sampled).max()
+    triangle, point = np.argwhere(np.abs(sampled) >= highest * (1 - 1e-6))[0]
+    local = shape[space.dofs[triangle]] * np.sign(sampled[triangle, point])
+
+    def value(X: Array) -> float:
+        return -float(reference_basis(space.degree, X[None])[0] @ local)
+
+    def gradient(X: Array) -> Array:
+        return -np.array([reference_basis(space.degree, X[None], d)[0] @ local for d in ((1, 0), (0, 1))])
+
+    inside = {"type": "ineq", "fun": lambda X: 1 - X[0] - X[1], "jac": lambda X: np.array([-1.0, -1.0])}
+    options = {"ftol": 1e-15, "maxiter": 100}
+    scale = highest or 1.0
+    found = minimize(
+        lambda X: value(X) / scale,
+        lattice[point],
+        jac=lambda X: gradient(X) / scale,
+        bounds=[(0, 1)] * 2,
+        constraints=[inside],
+        method="SLSQP",
+        options=options,
+    )
+    return float(max(-found.fun * scale, highest) * np.sign(sampled[triangle, point]))
+
+
+def canonical_pairs(domain: Domain, space: Space, shapes: Array, clusters: list[list[int]]) -> Array:
+    """Turn each degenerate set of shapes so that ∫ h (∂ₓξᵢ ∂ₓξⱼ − ∂ᵧξᵢ ∂ᵧξⱼ) is diagonal: on a square that gives sin·sin.
+
+    Args: shapes (n, size), mass-normalised; clusters: indices of shapes that share a frequency. Returns: a turned copy.
+    """
+    turned = shapes.copy()
+    for members in clusters:
+        anisotropy = np.zeros((len(members), len(members)))
+        for cell in cells(space, 2 * space.degree):
+            slopes = np.einsum("eqxj,nej->nxeq", slope(cell.jet), shapes[members][:, space.dofs[cell.triangles]])
+            weight = cell.dx * thickness(domain.model, cell.jet.point)
+            anisotropy += np.einsum("x,nxeq,mxeq,eq->nm", [1.0, -1.0], slopes, slopes, weight, optimize=True)
+        turned[members] = np.linalg.eigh(anisotropy)[1].T[::-1] @ shapes[members]
+    return turned
+
+
+def label_shapes(domain: Domain, space: Space, shapes: Array, parity: tuple[tuple[int, ...], ...]) -> tuple[str | None, ...]:
+    """Name shapes by their overlap with the ideal sin(mπx/Lx + mπ/2) sin(nπy/Ly + nπ/2) of the outline's box.
+
+    A shape is "(m,n)" where one of them holds three quarters of its norm, "(m,n)+(p,q)" or "(m,n)−(p,q)" where two share it
+    evenly, as symmetry makes them do when they couple; otherwise, and where the outline has no such box, None.
+    """
+    if domain.model.outline.size is None or domain.copies > 4:
+        return (None,) * len(shapes)
+    (width, height), highest = domain.model.outline.size, 3 + int(np.ceil(np.sqrt(2 * len(shapes))) * 1.5)
+    orders = np.arange(1, highest + 1)
+    overlap = np.zeros((len(shapes), highest, highest))
+    norms, ideal_norms = np.zeros(len(shapes)), np.zeros((highest, highest))
+    for cell in cells(space, 2 * space.degree + 4):
+        x, y = cell.jet.point[..., 0], cell.jet.point[..., 1]
+        along_x = np.sin(np.pi * orders[:, None, None] * (x / width + 0.5))
+        along_y = np.sin(np.pi * orders[:, None, None] * (y / height + 0.5))
+        values = np.einsum("eqj,nej->neq", deflection(cell.jet)[:, :, 0], shapes[:, space.dofs[cell.triangles]])
+        overlap += np.einsum("keq,aeq,beq,eq->kab", values, along_x, along_y, cell.dx, optimize=True)
+        norms += np.einsum("keq,keq,eq->k", values, values, cell.dx)
+        ideal_norms += np.einsum("aeq,aeq,beq,beq,eq->ab", along_x, along_x, along_y, along_y, cell.dx, optimize=True)
+    return tuple(_label(o, n, ideal_norms, p) for o, n, p in zip(overlap, norms, parity, strict=True))
+
+
+def _label(overlap: Array, norm: float, ideal: Array, parity: tuple[int, ...]) -> str | None:
+    cosines = overlap / np.sqrt(norm * ideal)
+    odd = np.arange(1, len(overlap) + 1) % 2 == 1  # sin is even about the centre for odd orders
+    if len(parity) > 0:
+        cosines[:, odd != (parity[0] > 0)] = 0
+    if len(parity) > 1:
+        cosines[odd != (parity[1] > 0), :] = 0
+    first, second = np.argsort(-np.abs(cosines), axis=None)[:2]
+    names = [f"({k // len(overlap) + 1},{k % len(overlap) + 1})" for k in (first, second)]
+    a, b = cosines.flat[first], cosines.flat[second]
+    if a**2 > 0.75:
+        return names[0]
+    if a**2 + b**2 > 0.75 and b**2 > 0.25:
+        pair = sorted(names)
+        return f"{pair[0]}{'+' if a * b > 0 else '−'}{pair[1]}"
+    return None
+
+
+def shape_at(modes: Modes, index: int, x: Array, y: Array) -> Array:
+    """Return ξ of one mode at points (x, y) in m, which broadcast against each other; exactly 0 outside the film.
+
+    Args: index: 0 for the fundamental mode. Raises: IndexError where there is no such mode.
+    """
+    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    where, sign = _fold(modes.domain, np.stack([x.ravel(), y.ravel()], 1), modes.parity[index])
+    space = Space(modes.domain.mesh, modes.degree)
+    triangle, reference = _locate(modes.domain, where)
+    found = triangle >= 0
+    value = np.zeros(len(where))
+    basis = reference_basis(modes.degree, reference[found])
+    value[found] = sign[found] * np.einsum("nj,nj->n", basis, modes.shapes[index][space.dofs[triangle[found]]])
+    return value.reshape(x.shape)
+
+
+def _fold(domain: Domain, points: Array, parity: tuple[int, ...]) -> tuple[Array, Array]:
+    """Mirror points into the wedge; the sign that the shape takes with each mirroring."""
+    points, sign = points.copy(), np.ones(len(points))
+    for _ in range(domain.copies):
+        for k, s in enumerate(parity):
+            angle = (0.0, domain.wedge)[k]
+            normal = np.array([-np.sin(angle), np.cos(angle)]) * (1 if k == 0 else -1)
+            beyond = points @ normal < 0
+            points[beyond] -= 2 * (points[beyond] @ normal)[:, None] * normal
+            sign[beyond] *= s
+    return points, sign
+
+
+def _locate(domain: Domain, points: Array) -> tuple[NDArray[np.int64], Array]:
+    """The triangle that holds each point (−1: none) and the point's place in it, by Newton's method on the curved map."""
+    space = Space(domain.mesh, 2)
+    nodes = np.asarray(space.location[space.dofs])
+    centres = nodes[:, :3].mean(axis=1)
+    reach = np.linalg.norm(nodes - centres[:, None], axis=2).max(axis=1)
+    triangle = np.full(len(points), -1)
+    reference = np.zeros((len(points), 2))
+    tree = cKDTree(centres)
+    pending = np.arange(len(points))
+    candidates = min(len(centres), 64)
+    distance, nearest = tree.query(points, k=candidates)
+    distance, nearest = distance.reshape(len(points), -1), nearest.reshape(len(points), -1)
+    for rank, _ in product(range(candidates), (0,)):
+        pending = pending[triangle[pending] < 0]
+        near = pending[distance[pending, rank] <= reach[nearest[pending, rank]] * 1.05]
+        if len(near) == 0:
+            continue
+        trial = nearest[near, rank]
+        place = _invert(nodes[trial], points[near])
+        inside = np.all(place > -1e-9, axis=1) & (place.sum(axis=1) < 1 + 1e-9)
+        triangle[near[inside]] = trial[inside]
+        reference[near[inside]] = place[inside]
+    return triangle, reference
+
+
+def _invert(nodes: Array, points: Array) -> Array:
+    """Reference coordinates of points (n, 2), each in its own curved triangle (n, 6, 2)."""
+    place = np.full((len(points), 2), 1 / 3)
+    for _ in range(8):
+        value = np.einsum("nj,njx->nx", reference_basis(2, place), nodes)
+        jacobian = np.stack([np.einsum("nj,njx->nx", reference_basis(2, place, d), nodes) for d in ((1, 0), (0, 1))], -1)
+        place = np.clip(place + np.linalg.solve(jacobian, (points - value)[..., None])[..., 0], -2, 3)
+    return place

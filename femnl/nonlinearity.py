@@ -1,0 +1,116 @@
+"""Geometric nonlinearity: the stretching that deflection causes, relaxed in plane, as cubic coefficients of the modes."""
+
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from femnl.fem.elements import Space
+from femnl.fem.forms import (
+    Assembly,
+    cells,
+    in_plane_strain,
+    local_matrices,
+    local_vectors,
+    plane_stress,
+    slope,
+    stretch,
+    thickness,
+    vector_dofs,
+)
+from femnl.fem.solvers import Solve, factorize
+from femnl.fem.supports import in_plane_supports
+from femnl.types.device import Edge
+from femnl.types.mechanics import Modes, Nonlinearity
+
+Array = NDArray[np.float64]
+Parity = tuple[int, ...]
+
+
+def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False) -> Nonlinearity:
+    """Cubic coefficients of the modes: k₃ = 2 ∫ h C E_ii : E_ii and α = k₃/k, and the tensor for all modes where asked.
+
+    For modes i ≤ j the in-plane displacement u_ij relaxes the strain: ∫ h C (ε(u_ij) + ½ sym(∇ξᵢ⊗∇ξⱼ)) : ε(v) = 0 for all v;
+    E_ij is the strain in the bracket, G_ijkl = ∫ h C E_ij : E_kl, and the force on mode i is
+    −Σ tensor[i,j,k,l] q_j q_k q_l with tensor = (2/3)(G_ijkl + G_ikjl + G_iljk).
+
+    Args: edge: in-plane condition of the outline, `clamped`, `sliding` or `paper` (see `Model`). tensor: all modes, not the diagonal.
+    Returns: k3 [N/m³], alpha [m⁻²]; error bounds are infinite until `predict` estimates them.
+    Valid: slow motion against in-plane waves; amplitudes well below the outline's length.
+    Source: von Kármán plate with quasi-static in-plane response; validation cases `duffing_square`, `duffing_table`.
+    """
+    n = len(modes.frequency)
+    pairs = list(combinations_with_replacement(range(n), 2)) if tensor else [(i, i) for i in range(n)]
+    energies = _strain_energies(modes, edge, pairs)
+    position = {pair: k for k, pair in enumerate(pairs)}
+    k3 = 2 * np.array([energies[position[i, i], position[i, i]] for i in range(n)])
+    full = _symmetrise(energies, position, n) if tensor else None
+    return Nonlinearity(edge, k3, k3 / modes.stiffness, np.full(n, np.inf), full)
+
+
+def _symmetrise(energies: Array, position: dict[tuple[int, int], int], n: int) -> Array:
+    index = np.array([[position[min(i, j), max(i, j)] for j in range(n)] for i in range(n)])
+    g = energies[index[:, :, None, None], index[None, None]]
+    return np.asarray(2 / 3 * (g + g.transpose(0, 2, 1, 3) + g.transpose(0, 3, 2, 1)))
+
+
+@dataclass
+class _InPlane:
+    """The in-plane problem of one edge condition: matrix once, one factorisation for each symmetry of the load."""
+
+    modes: Modes
+    edge: Edge
+
+    def __post_init__(self) -> None:
+        film = self.modes.domain.model.film
+        self.moduli = plane_stress(film.young, 0.0 if self.edge == "paper" else film.poisson)
+        self.space = Space(self.modes.domain.mesh, self.modes.degree)
+        self.bending_space = self.space
+        self.order = 4 * self.modes.degree - 4
+        assembly = Assembly(2 * self.space.size)
+        for cell in cells(self.space, 2 * self.modes.degree):
+            weight = thickness(self.modes.domain.model, cell.jet.point) * cell.dx
+            assembly.add(local_matrices(in_plane_strain(cell.jet), self.moduli, weight), vector_dofs(self.space, cell.triangles))
+        self.stiffness = assembly.matrix()
+        self._solvers: dict[Parity, Solve] = {}
+
+    def relax(self, load: Array, parity: Parity) -> Array:
+        """U (2·size, m) for loads (2·size, m) of one parity."""
+        if parity not in self._solvers:
+            supports = in_plane_supports(self.space, self.modes.domain.wedge, self.edge, tuple(p > 0 for p in parity))
+            solve = factorize(csc_matrix(supports.T @ self.stiffness @ supports))
+            self._solvers[parity] = lambda b: np.asarray(supports @ solve(supports.T @ b))
+        return self._solvers[parity](load)
+
+
+def _strain_energies(modes: Modes, edge: Edge, pairs: list[tuple[int, int]]) -> Array:
+    """G over the whole film for all combinations of pairs, (n_pairs, n_pairs) [N/m³]: ∫ h C m_P : m_Q − ∫ h C ε(u_P) : ε(u_Q)."""
+    problem = _InPlane(modes, edge)
+    space, shapes = problem.space, modes.shapes
+    first, second = np.array(pairs).T
+    loads = np.zeros((2 * space.size, len(pairs)))
+    energies = np.zeros((len(pairs), len(pairs)))
+    for cell in cells(space, problem.order):
+        slopes = np.einsum("eqxj,nej->neqx", slope(cell.jet), shapes[:, space.dofs[cell.triangles]], optimize=True)
+        weight = thickness(modes.domain.model, cell.jet.point) * cell.dx
+        strain = stretch(slopes[first], slopes[second])
+        stress = strain @ problem.moduli
+        energies += (strain * weight[..., None]).reshape(len(pairs), -1) @ stress.reshape(len(pairs), -1).T
+        dofs = vector_dofs(space, cell.triangles)
+        basis = in_plane_strain(cell.jet)
+        for k in range(len(pairs)):
+            np.add.at(loads[:, k], dofs, -local_vectors(basis, stress[k], weight))
+    parities = [tuple(a * b for a, b in zip(modes.parity[i], modes.parity[j], strict=True)) for i, j in pairs]
+    for parity in set(parities):
+        members = [k for k, p in enumerate(parities) if p == parity]
+        response = problem.relax(loads[:, members], parity)
+        energies[np.ix_(members, members)] += loads[:, members].T @ response * -1
+    return _same_parity_only(energies, parities) * modes.domain.copies
+
+
+def _same_parity_only(energies: Array, parities: list[Parity]) -> Array:
+    """Integrals over the wedge of odd products vanish over the whole film."""
+    same = np.array([[p == q for q in parities] for p in parities])
+    return np.where(same, energies, 0.0)
