@@ -1,0 +1,50 @@
+"""Direct time integration of driven coupled modes."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.integrate import solve_ivp
+
+from femnl.errors import ConvergenceError
+from femnl.resonator.system import nonlinear_force, scaled
+from femnl.types.resonator import Array, CoupledModes
+
+
+def integrate(
+    modes: CoupledModes,
+    force: ArrayLike,
+    frequency: float,
+    displacement: ArrayLike,
+    velocity: ArrayLike,
+    time: ArrayLike,
+    tolerance: float = 1e-10,
+) -> tuple[Array, Array]:
+    """Return displacement [m] and velocity [m/s], both (modes, times), under 𝓕 cos ωt from a given state at time[0].
+
+    Args:
+        modes: the equations.
+        force: 𝓕ᵢ (n,) [m/s²]; zero for a free decay.
+        frequency: of the drive [Hz].
+        displacement: qᵢ (n,) [m] at time[0].
+        velocity: dqᵢ/dt (n,) [m/s] at time[0].
+        time: (t,) [s], rising.
+        tolerance: relative, of each step.
+    Source: eighth-order Dormand–Prince as in scipy's DOP853 (Hairer, Nørsett and Wanner, 1993).
+    """
+    t = np.asarray(time, dtype=float)
+    start = np.concatenate([np.atleast_1d(displacement), np.atleast_1d(velocity)]).astype(float)
+    n, rate = modes.count, float(modes.omega[0])
+    start[n:] /= rate
+    length = float(np.max(np.abs(start))) or float(np.max(np.abs(np.asarray(force)) / modes.omega**2))
+    unit = scaled(modes, length, rate)
+    push, omega = np.atleast_1d(np.asarray(force, dtype=float)) / (length * rate**2), 2 * np.pi * frequency / rate
+
+    def slope(tau: float, state: Array) -> Array:
+        q, v = state[:n], state[n:]
+        pull = unit.omega**2 * q + unit.damping * v + nonlinear_force(unit, q[:, None], v[:, None])[:, 0]
+        return np.concatenate([v, push * np.cos(omega * tau) - pull])
+
+    span = (t[0] * rate, t[-1] * rate)
+    solution = solve_ivp(slope, span, start / length, method="DOP853", t_eval=t * rate, rtol=tolerance, atol=tolerance * 1e-2)
+    if not solution.success:
+        raise ConvergenceError(f"tolerance = {tolerance:g}: the time integration stopped, {solution.message}; check force and modes")
+    return solution.y[:n] * length, solution.y[n:] * (length * rate)
