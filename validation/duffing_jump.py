@@ -30,8 +30,9 @@ def compute() -> Iterator[float]:
 
 CASE = Case(
     claim="A Duffing mode at α_y/α_c = 10 with w = 135 Hz jumps down 1039 Hz above f₀, where the paper saw it",
-    source="Cleland, Foundations of Nanomechanics (2003) and Lifshitz & Cross (2008): α_c = (32√3/27) w/(f₀ y_max²), |A|² = (8√3/9)/(Qα); the "
-    "top of the backbone is (3/8) α_y y_max² f₀ = (4√3/9)·10·w; arXiv:2502.19191, Fig. on red and green readout: jump around 1040 Hz",
+    source="Cleland, Foundations of Nanomechanics (2003): α_c = (32√3/27) w/(f₀ y_max²), so that the top of the backbone, "
+    "(3/8) α_y y_max² f₀, lies at (4√3/9)·10·w; Lifshitz & Cross (2008): |A|² = (8√3/9)/(Qα) at the critical point; "
+    "arXiv:2502.19191, comparison of red and green readout: jump around 1040 Hz",
     references=(
         Reference("α_c y_max² f₀/w", 32 * 3**0.5 / 27, relative=1e-12),
         Reference("α Q |A|² at the critical point", 8 * 3**0.5 / 9, relative=1e-12),
