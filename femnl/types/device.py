@@ -92,7 +92,8 @@ class Model:
     bending: whether the plate term D = Eh³/12(1−ν²) is kept. edge: in-plane condition of the outline for the
     nonlinearity: `clamped` u = v = 0; `sliding` normal displacement held and shear free; `paper` u = v = 0 with ν = 0 in
     the membrane strain, which is what the published closed formula of α assumes.
-    text: the TOML text that this model was read from, so that results can carry it.
+    text: the TOML text that this model was read from, so that results can carry it. assumed: keys of that text, such as
+    "holes.radius", whose values the source does not give.
     """
 
     name: str
@@ -104,3 +105,4 @@ class Model:
     bending: bool = True
     edge: Edge = "clamped"
     text: str = ""
+    assumed: tuple[str, ...] = ()

@@ -1,0 +1,98 @@
+"""Numbers with units, as geometry files write them: "270 um" becomes 270e-6, correctly rounded."""
+
+import re
+from dataclasses import dataclass
+from decimal import Decimal
+from functools import cache, partial
+from typing import Annotated, Any
+
+from pint import UnitRegistry
+from pint.errors import PintError
+from pydantic import BeforeValidator
+from pydantic_core import PydanticCustomError
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
+_FACTOR = r"[A-Za-zµμΩÅ]+(?:(?:\^|\*\*)-?[1-9]|[²³])?"
+# Only products and quotients of units: pint would also evaluate powers of powers, for hours.
+_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_FACTOR}(?:\s*[*/·]\s*{_FACTOR}|\s+{_FACTOR}){{0,9}})?\s*", re.ASCII)
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """A physical dimension: what to call it, its SI unit, how to write one, and the magnitudes beyond any device."""
+
+    name: str
+    unit: str
+    example: str
+    smallest: float
+    largest: float
+
+
+LENGTH = Dimension("a length", "m", "270 um", 1e-12, 1e3)
+PRESSURE = Dimension("a pressure", "Pa", "250 GPa", 1.0, 1e13)
+DENSITY = Dimension("a density", "kg/m^3", "3100 kg/m^3", 1e-3, 1e6)
+
+
+def to_si(value: Any, dimension: Dimension, sign: str = "positive") -> float:
+    """Return a written quantity in SI units.
+
+    Args:
+        value: text such as "270 um": one number and one unit.
+        dimension: what it must measure.
+        sign: `positive`, `not negative` or `any`.
+
+    Returns:
+        The double nearest to the value written.
+
+    Raises:
+        PydanticCustomError: what was expected instead, as one sentence.
+    """
+    wanted = f'expected {dimension.name}, write e.g. "{dimension.example}"'
+    if isinstance(value, bool | int | float):
+        raise refusal(f'expected {dimension.name} with its unit, in quotes, write e.g. "{dimension.example}"')
+    match = _QUANTITY.fullmatch(value) if isinstance(value, str) and len(value) < 80 else None
+    if match is None:
+        raise refusal(wanted)
+    if match[2] is None:
+        raise refusal(f'{wanted} (the unit is missing)')
+    factor = _factor(match[2], dimension.unit)
+    if factor is None:
+        raise refusal(f'{wanted} (the unit "{match[2]}" is unknown)')
+    if factor == 0:
+        raise refusal(wanted)
+    si = float(Decimal(match[1]) * factor)
+    if sign != "any" and (si < 0 or (si == 0 and sign == "positive")):
+        raise refusal(f"expected {dimension.name} that is {sign}")
+    if abs(si) > dimension.largest or 0 < abs(si) < dimension.smallest:
+        raise refusal(f"expected {dimension.name} from {dimension.smallest:g} to {dimension.largest:g} {dimension.unit}, check the unit")
+    return si
+
+
+def refusal(reason: str, key: str | None = None) -> PydanticCustomError:
+    """Return the error for a value, or for the value under `key` of a table."""
+    return PydanticCustomError("geometry", "{reason}", {"reason": reason, "key": key})
+
+
+@cache
+def _registry() -> UnitRegistry:
+    return UnitRegistry(non_int_type=Decimal)
+
+
+@cache
+def _factor(unit: str, si: str) -> Decimal | None:
+    """Return the size of a unit in the SI unit: 0 if the dimensions differ, None if the unit is unknown."""
+    registry = _registry()
+    try:
+        parsed = registry.parse_units(unit)
+    except (PintError, KeyError, ValueError):
+        return None
+    if parsed.dimensionality != registry.parse_units(si).dimensionality:
+        return Decimal(0)
+    return Decimal(registry.Quantity(Decimal(1), parsed).to(si).magnitude)
+
+
+Length = Annotated[float, BeforeValidator(partial(to_si, dimension=LENGTH))]
+Depth = Annotated[float, BeforeValidator(partial(to_si, dimension=LENGTH, sign="not negative"))]
+Coordinate = Annotated[float, BeforeValidator(partial(to_si, dimension=LENGTH, sign="any"))]
+Pressure = Annotated[float, BeforeValidator(partial(to_si, dimension=PRESSURE))]
+Density = Annotated[float, BeforeValidator(partial(to_si, dimension=DENSITY))]

@@ -1,0 +1,101 @@
+"""From a geometry's name, file or text to a Model."""
+
+import tomllib
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from femnl import resources
+from femnl.errors import GeometryError
+from femnl.geometry.schema import GeometryFile
+from femnl.geometry.tables import complaint, one_line
+from femnl.types.device import Model
+
+
+def load(name_or_path: str | Path) -> Model:
+    """Read a device from a shipped geometry or from a TOML file.
+
+    Args:
+        name_or_path: a name that `shipped` lists, or else the path of a file.
+
+    Raises:
+        GeometryError: no such geometry, or a file that does not describe a device: one line with file, key, value and remedy.
+    """
+    names = _names()
+    if str(name_or_path) in names:
+        return _read(resources.geometries() / f"{name_or_path}.toml")
+    path = Path(name_or_path)
+    if path.suffix == ".toml" or path.is_file():
+        return _read(path)
+    close = get_close_matches(str(name_or_path), names, n=1)
+    hint = f"did you mean {close[0]}?" if close else f"shipped are {', '.join(names)}"
+    raise GeometryError(one_line(f"{name_or_path}: neither a shipped geometry nor a file; {hint}"))
+
+
+def parse(text: str, origin: str = "geometry") -> Model:
+    """Read a device from TOML text.
+
+    Args:
+        text: the content of a geometry file.
+        origin: what messages call it, usually a path.
+
+    Raises:
+        GeometryError: text that does not describe a device: one line with origin, key, value and remedy.
+    """
+    try:
+        data = _toml(text)
+        model = GeometryFile.model_validate(data).build(text)
+        _refuse_unknown_assumptions(data, model.assumed)
+    except ValidationError as error:
+        raise GeometryError(f"{one_line(origin)}: {complaint(error)}") from None
+    except GeometryError as error:
+        raise GeometryError(f"{one_line(origin)}: {one_line(str(error))}") from None
+    return model
+
+
+def shipped() -> list[tuple[str, str]]:
+    """List the shipped geometries: name and a one-line description of each, by name."""
+    return [(name, describe(load(name))) for name in _names()]
+
+
+def describe(model: Model) -> str:
+    """Describe a device in one line."""
+    n, film = len(model.holes.centres), model.film
+    size = model.outline.size if model.outline.kind == "rectangle" else None
+    extent = f"{size[0] * 1e6:.5g} × {size[1] * 1e6:.5g} µm" if size else f"{model.outline.length * 1e6:.5g} µm"
+    holes = f"{n} hole{'s' * (n > 1)} of radius {model.holes.radius * 1e6:.4g} µm" if n else "no holes"
+    return f"{model.outline.kind}, {extent}, {holes}, film {film.thickness * 1e9:.5g} nm at {film.stress / 1e6:.5g} MPa"
+
+
+def _names() -> list[str]:
+    return sorted(path.stem for path in resources.geometries().glob("*.toml"))
+
+
+def _read(path: Path) -> Model:
+    try:
+        text = path.read_text(encoding="utf-8-sig")  # editors on Windows put a mark first
+    except OSError as error:
+        raise GeometryError(one_line(f"{path}: cannot be read: {error.strerror}; give a shipped name or the path of a TOML file")) from error
+    except UnicodeDecodeError as error:
+        raise GeometryError(one_line(f"{path}: not text in UTF-8: {error.reason} at byte {error.start}")) from error
+    return parse(text, str(path))
+
+
+def _toml(text: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except RecursionError as error:
+        raise GeometryError("not a geometry: brackets nested too deep") from error
+    except ValueError as error:  # tomllib's own, and Python's for integers of thousands of digits
+        raise GeometryError(f"not TOML: {error}; text and quantities stand in quotes") from error
+
+
+def _refuse_unknown_assumptions(data: dict[str, Any], assumed: tuple[str, ...]) -> None:
+    for name in assumed:
+        value: Any = data
+        for key in name.split("."):
+            if not isinstance(value, dict) or key not in value:
+                raise GeometryError(f'assumed = "{name}": no such value in this file, write e.g. "film.thickness"')
+            value = value[key]

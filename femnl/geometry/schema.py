@@ -1,0 +1,144 @@
+"""The tables of a geometry file, and the model that they make."""
+
+import re
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field, PlainValidator, model_validator
+
+from femnl.errors import GeometryError
+from femnl.geometry.holes import HolesTable, refuse_outside, refuse_overlap
+from femnl.geometry.outlines import OutlineTable
+from femnl.geometry.quantities import LENGTH, Density, Depth, Length, Pressure, refusal, to_si
+from femnl.geometry.tables import Table
+from femnl.types.device import Edge, Film, Holes, Layer, Model, Stack
+
+RED, GREEN = 632.8e-9, 532e-9
+PAPER_STACK = (
+    ("vacuum", None, {RED: 1, GREEN: 1}),
+    ("SiN", "film", {RED: 2.0395, GREEN: 2.0559}),
+    ("vacuum", "gap", {RED: 1, GREEN: 1}),
+    ("Si", None, {RED: 3.8640 - 0.0158j, GREEN: 4.1366 - 0.0338j}),
+)
+"""Material, thickness, and index n − ik by wavelength [m], from the laser down. Source: Sommer et al. 2025, supplement S6,
+table of reflectivity values; SiN from Luke et al. 2015 (the paper cites Philipp 1973, who gives 2.0105 and 2.0269), Si from
+Schinke et al. 2015."""
+
+_COMPLEX = re.compile(r"\s*(\d{1,4}(?:\.\d{1,12})?)\s*-\s*(\d{1,4}(?:\.\d{1,12})?)\s*i\s*", re.ASCII)
+
+
+class FilmTable(Table):
+    """The film; see types.device.Film for the taper."""
+
+    thickness: Length
+    young: Pressure
+    poisson: Annotated[float, Field(ge=0, lt=0.5)]
+    density: Density
+    stress: Pressure
+    taper: Depth = 0.0
+    taper_length: Length | None = None
+
+    @model_validator(mode="after")
+    def _has_a_whole_taper(self) -> "FilmTable":
+        if self.taper >= self.thickness:
+            raise refusal("expected less than the thickness of the film, or nothing is left at a hole's rim", "taper")
+        if self.taper > 0 and self.taper_length is None:
+            raise refusal('a taper needs its length, write e.g. taper_length = "4 um"', "taper")
+        if self.taper == 0 and self.taper_length is not None:
+            raise refusal('there is no taper; write e.g. taper = "60 nm" or leave taper_length out', "taper_length")
+        return self
+
+
+def _indices(value: Any) -> tuple[tuple[float, complex], ...]:
+    """Return index by wavelength from a table such as {"632.8 nm" = 2.0395, "532 nm" = "4.1366 - 0.0338i"}."""
+    if not isinstance(value, dict) or not value:
+        raise refusal('expected indices by wavelength, write e.g. index = {"632.8 nm" = 2.0395}')
+    return tuple((to_si(wavelength, LENGTH), _index(index)) for wavelength, index in value.items())
+
+
+def _index(value: Any) -> complex:
+    if isinstance(value, float | int) and not isinstance(value, bool) and 0 < value < 100:
+        return complex(value)
+    if isinstance(value, str) and (match := _COMPLEX.fullmatch(value)) and float(match[1]) > 0:
+        return complex(float(match[1]), -float(match[2]))
+    raise refusal('expected a refractive index n − ik, write e.g. 2.0395 or, where light is absorbed, "3.8640 - 0.0158i"')
+
+
+def _layer_thickness(value: Any) -> float | str:
+    return value if value in ("film", "gap") else to_si(value, LENGTH)
+
+
+class LayerTable(Table):
+    """One layer of the stack; thickness "film" and "gap" stand for those given elsewhere, and the outer media have none."""
+
+    material: str
+    thickness: Annotated[float | Literal["film", "gap"] | None, BeforeValidator(_layer_thickness)] = None
+    index: Annotated[tuple[tuple[float, complex], ...], PlainValidator(_indices)]
+
+
+class ReadoutTable(Table):
+    """The optical stack from the laser down: `layers`, or that of the source paper."""
+
+    gap: Length
+    layers: list[LayerTable] | None = None
+
+    @model_validator(mode="after")
+    def _is_a_stack(self) -> "ReadoutTable":
+        if self.layers is None:
+            return self
+        thicknesses = [layer.thickness for layer in self.layers]
+        if len(thicknesses) < 3 or thicknesses[0] is not None or thicknesses[-1] is not None or None in thicknesses[1:-1]:
+            raise refusal("expected at least three layers, all with a thickness but the outer media, the first and the last")
+        if thicknesses.count("gap") != 1 or thicknesses.count("film") > 1:
+            raise refusal('expected one layer with thickness = "gap", and at most one with "film"')
+        wavelengths = [{w for w, _ in layer.index} for layer in self.layers]
+        if any(w != wavelengths[0] for w in wavelengths):
+            raise refusal("expected the index of every layer at the same wavelengths")
+        return self
+
+    def stack(self, film: FilmTable) -> Stack:
+        """Return the stack with the film and the gap put in."""
+        known = {"film": film.thickness, "gap": self.gap, None: np.inf}
+        if self.layers is None:
+            rows = [(material, thickness, tuple((w, complex(n)) for w, n in index.items())) for material, thickness, index in PAPER_STACK]
+            layers = tuple(Layer(material, known[thickness], index) for material, thickness, index in rows)
+            return Stack(layers, gap=2)
+        layers = tuple(Layer(s.material, s.thickness if isinstance(s.thickness, float) else known[s.thickness], s.index) for s in self.layers)
+        return Stack(layers, [s.thickness for s in self.layers].index("gap"))
+
+
+class ModelTable(Table):
+    """How the device is modelled; see types.device.Model."""
+
+    bending: bool = True
+    edge: Edge = "clamped"
+
+
+class GeometryFile(Table):
+    """A whole geometry file. `assumed` names the values, as "film.young", that the source does not give."""
+
+    name: Annotated[str, Field(min_length=1, max_length=100)]
+    source: str = ""
+    assumed: list[str] = []
+    outline: OutlineTable
+    holes: HolesTable | None = None
+    film: FilmTable
+    readout: ReadoutTable | None = None
+    model: ModelTable = ModelTable()
+
+    def build(self, text: str) -> Model:
+        """Return the device in SI units.
+
+        Raises:
+            GeometryError: holes or an outline that cannot be made, in one line without the file's name.
+        """
+        holes = Holes(self.holes.positions(), self.holes.radius) if self.holes is not None else Holes(np.empty((0, 2)), 0.0)
+        refuse_overlap(holes)
+        outline = self.outline.outline(holes)
+        refuse_outside(holes, outline)
+        f = self.film
+        if f.taper > 0 and not len(holes.centres):
+            raise GeometryError("[film] taper: the film is thinned around holes and there are none; write a table [holes] or leave it out")
+        film = Film(f.thickness, f.young, f.poisson, f.density, f.stress, f.taper, f.taper_length or 0.0)
+        stack = self.readout.stack(f) if self.readout is not None else None
+        return Model(self.name, self.source, outline, holes, film, stack, self.model.bending, self.model.edge, text, tuple(self.assumed))
