@@ -1,0 +1,55 @@
+"""The wheel: it carries geometries and cases, works away from the repository, and comes out the same twice."""
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def build(folder: Path) -> Path:
+    """Build the wheel into a folder, without a network."""
+    command = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of this checkout."""
+    return build(tmp_path_factory.mktemp("wheel"))
+
+
+def test_the_wheel_carries_every_geometry_and_every_case(wheel: Path) -> None:
+    held = {Path(name) for name in ZipFile(wheel).namelist()}
+    for source, inside, suffix in (("geometries", "_geometries", ".toml"), ("validation", "_validation", ".py")):
+        files = list((ROOT / source).glob(f"*{suffix}"))
+        assert files
+        assert {Path("femnl", inside, path.name) for path in files} <= held
+
+
+def test_the_wheel_works_away_from_the_repository(wheel: Path, tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    ZipFile(wheel).extractall(site)
+    script = (
+        "import femnl.resources as r, femnl.validation as v; print(r.__file__); print(r.geometries()); "
+        "print(*[x.passed for x in v.run(r.cases(), ['erratum_linewidths'])])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(site)}, check=True, capture_output=True, text=True
+    )
+    module, geometries, passed = done.stdout.splitlines()
+    assert Path(module).is_relative_to(site)
+    assert Path(geometries) == site / "femnl" / "_geometries"
+    assert Path(geometries).is_dir()
+    assert passed == "True"
+
+
+def test_the_wheel_is_built_reproducibly(wheel: Path, tmp_path: Path) -> None:
+    assert hashlib.sha256(build(tmp_path).read_bytes()).digest() == hashlib.sha256(wheel.read_bytes()).digest()
