@@ -37,7 +37,7 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False) -> Nonlin
     −Σ tensor[i,j,k,l] q_j q_k q_l with tensor = (2/3)(G_ijkl + G_ikjl + G_iljk).
 
     Args: edge: in-plane condition of the outline, `clamped`, `sliding` or `paper` (see `Model`). tensor: all modes, not the diagonal.
-    Returns: k3 [N/m³], alpha [m⁻²]; error bounds are infinite until `predict` estimates them.
+    Returns: k3 [N/m³], alpha [m⁻²], with an error bound where the modes carry their coarse counterpart.
     Valid: slow motion against in-plane waves; amplitudes well below the outline's length.
     Source: von Kármán plate with quasi-static in-plane response; validation cases `duffing_square`, `duffing_table`.
     """
@@ -47,7 +47,9 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False) -> Nonlin
     position = {pair: k for k, pair in enumerate(pairs)}
     k3 = 2 * np.array([energies[position[i, i], position[i, i]] for i in range(n)])
     full = _symmetrise(energies, position, n) if tensor else None
-    return Nonlinearity(edge, k3, k3 / modes.stiffness, np.full(n, np.inf), full)
+    alpha = k3 / modes.stiffness
+    error = np.full(n, np.inf) if modes.coarse is None else np.abs(alpha - solve_nonlinearity(modes.coarse, edge).alpha)
+    return Nonlinearity(edge, k3, alpha, error, full)
 
 
 def _symmetrise(energies: Array, position: dict[tuple[int, int], int], n: int) -> Array:

@@ -8,8 +8,8 @@ import pytest
 
 FLOORS = (
     ("types", "errors", "resources"),
-    ("geometry", "measurement", "fem", "storage"),
-    ("mesh", "prestress", "modes", "nonlinearity", "resonator", "optics", "readout", "labfiles", "effects"),
+    ("geometry", "measurement", "fem"),
+    ("mesh", "prestress", "modes", "nonlinearity", "resonator", "optics", "readout", "labfiles", "effects", "storage"),
     ("predict",),
     ("compare", "diagnose", "sweep", "fits", "calibration", "validation"),
     ("plot", "report"),

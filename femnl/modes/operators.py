@@ -19,7 +19,7 @@ from femnl.fem.forms import (
 )
 from femnl.fem.stress import relaxed_stress
 from femnl.fem.supports import slope_held_facets
-from femnl.types.mechanics import Prestress
+from femnl.types.mechanics import Domain, Prestress
 
 Array = NDArray[np.float64]
 
@@ -36,19 +36,18 @@ class Operators:
         self.space = Space(domain.mesh, degree)
         self._prestress, self._bends = prestress, domain.model.bending
         moduli = plane_stress(film.young, film.poisson)
-        stiffness, mass = Assembly(self.space.size), Assembly(self.space.size)
+        stiffness = Assembly(self.space.size)
         order = 2 * degree
         for cell, stress in zip(cells(self.space, order, second=self._bends), relaxed_stress(prestress, order), strict=True):
             h, dofs = thickness(domain.model, cell.jet.point), self.space.dofs[cell.triangles]
             stiffness.add(local_matrices(slope(cell.jet), as_matrix(stress), h * cell.dx), dofs)
-            mass.add(local_matrices(deflection(cell.jet), np.full((1, 1), film.density), h * cell.dx), dofs)
             if self._bends:
                 stiffness.add(local_matrices(curvature(cell.jet), moduli, h**3 / 12 * cell.dx), dofs)
         if self._bends:
             inside = np.flatnonzero(domain.mesh.f2t[1] >= 0)
             self._add_slope_continuity(stiffness, inside)
         self._stiffness = stiffness.matrix()
-        self.mass = mass.matrix()
+        self.mass = mass_matrix(domain, self.space)
 
     def stiffness(self, parity: tuple[int, ...]) -> csc_matrix:
         """K (size, size) for deflections of the given parity about the mirrors: held slopes depend on it."""
@@ -68,3 +67,12 @@ class Operators:
 
         for local, dofs in slope_continuity(self.space, facets, rigidity, film.poisson):
             assembly.add(local, dofs)
+
+
+def mass_matrix(domain: Domain, space: Space) -> csc_matrix:
+    """M of ∫ ρh w v over the mesh, (size, size) [kg]."""
+    mass = Assembly(space.size)
+    for cell in cells(space, 2 * space.degree):
+        weight = domain.model.film.density * thickness(domain.model, cell.jet.point) * cell.dx
+        mass.add(local_matrices(deflection(cell.jet), np.eye(1), weight), space.dofs[cell.triangles])
+    return mass.matrix()

@@ -1,10 +1,8 @@
 """Mode shapes as functions: their largest value, canonical pairs, labels, values at points."""
 
-from itertools import product
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, LinearConstraint, minimize
 from scipy.spatial import cKDTree
 
 from femnl.fem.elements import Space, reference_basis
@@ -13,6 +11,7 @@ from femnl.types.mechanics import Domain, Modes
 
 Array = NDArray[np.float64]
 
+EDGE = 1e-9  # in reference coordinates, how far outside a triangle a point still counts as on its edge
 SAMPLES = 6  # points along an edge of a triangle at which shapes are searched for their maximum
 
 
@@ -25,27 +24,24 @@ def largest_value(space: Space, shape: Array) -> float:
     sampled = shape[space.dofs] @ reference_basis(space.degree, lattice).T
     highest = np.abs(sampled).max()
     triangle, point = np.argwhere(np.abs(sampled) >= highest * (1 - 1e-6))[0]
-    local = shape[space.dofs[triangle]] * np.sign(sampled[triangle, point])
+    local = shape[space.dofs[triangle]] / sampled[triangle, point]
 
-    def value(X: Array) -> float:
+    def fall(X: Array) -> float:
         return -float(reference_basis(space.degree, X[None])[0] @ local)
 
     def gradient(X: Array) -> Array:
         return -np.array([reference_basis(space.degree, X[None], d)[0] @ local for d in ((1, 0), (0, 1))])
 
-    inside = {"type": "ineq", "fun": lambda X: 1 - X[0] - X[1], "jac": lambda X: np.array([-1.0, -1.0])}
-    options = {"ftol": 1e-15, "maxiter": 100}
-    scale = highest or 1.0
     found = minimize(
-        lambda X: value(X) / scale,
+        fall,
         lattice[point],
-        jac=lambda X: gradient(X) / scale,
-        bounds=[(0, 1)] * 2,
-        constraints=[inside],
+        jac=gradient,
+        bounds=Bounds(np.zeros(2), np.ones(2)),
+        constraints=LinearConstraint(np.ones((1, 2)), ub=1),
         method="SLSQP",
-        options=options,
+        options={"ftol": 1e-15, "maxiter": 100},
     )
-    return float(max(-found.fun * scale, highest) * np.sign(sampled[triangle, point]))
+    return float(max(-found.fun, 1.0) * sampled[triangle, point])
 
 
 def canonical_pairs(domain: Domain, space: Space, shapes: Array, clusters: list[list[int]]) -> Array:
@@ -110,15 +106,15 @@ def shape_at(modes: Modes, index: int, x: Array, y: Array) -> Array:
 
     Args: index: 0 for the fundamental mode. Raises: IndexError where there is no such mode.
     """
-    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-    where, sign = _fold(modes.domain, np.stack([x.ravel(), y.ravel()], 1), modes.parity[index])
+    points = np.stack(np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)), -1)
+    where, sign = _fold(modes.domain, points.reshape(-1, 2), modes.parity[index])
     space = Space(modes.domain.mesh, modes.degree)
     triangle, reference = _locate(modes.domain, where)
     found = triangle >= 0
     value = np.zeros(len(where))
     basis = reference_basis(modes.degree, reference[found])
     value[found] = sign[found] * np.einsum("nj,nj->n", basis, modes.shapes[index][space.dofs[triangle[found]]])
-    return value.reshape(x.shape)
+    return value.reshape(points.shape[:-1])
 
 
 def _fold(domain: Domain, points: Array, parity: tuple[int, ...]) -> tuple[Array, Array]:
@@ -137,26 +133,16 @@ def _fold(domain: Domain, points: Array, parity: tuple[int, ...]) -> tuple[Array
 def _locate(domain: Domain, points: Array) -> tuple[NDArray[np.int64], Array]:
     """The triangle that holds each point (−1: none) and the point's place in it, by Newton's method on the curved map."""
     space = Space(domain.mesh, 2)
-    nodes = np.asarray(space.location[space.dofs])
-    centres = nodes[:, :3].mean(axis=1)
-    reach = np.linalg.norm(nodes - centres[:, None], axis=2).max(axis=1)
-    triangle = np.full(len(points), -1)
-    reference = np.zeros((len(points), 2))
-    tree = cKDTree(centres)
-    pending = np.arange(len(points))
-    candidates = min(len(centres), 64)
-    distance, nearest = tree.query(points, k=candidates)
-    distance, nearest = distance.reshape(len(points), -1), nearest.reshape(len(points), -1)
-    for rank, _ in product(range(candidates), (0,)):
-        pending = pending[triangle[pending] < 0]
-        near = pending[distance[pending, rank] <= reach[nearest[pending, rank]] * 1.05]
-        if len(near) == 0:
-            continue
-        trial = nearest[near, rank]
-        place = _invert(nodes[trial], points[near])
-        inside = np.all(place > -1e-9, axis=1) & (place.sum(axis=1) < 1 + 1e-9)
-        triangle[near[inside]] = trial[inside]
-        reference[near[inside]] = place[inside]
+    corners = space.location[space.dofs]
+    centres = corners[:, :3].mean(axis=1)
+    reach = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    near = cKDTree(points).query_ball_point(centres, 1.05 * reach)
+    trial = np.repeat(np.arange(len(near)), [len(members) for members in near])
+    point = np.concatenate([np.array(members, dtype=np.int64) for members in near])
+    place = _invert(corners[trial], points[point])
+    inside = np.all(place > -EDGE, axis=1) & (place.sum(axis=1) < 1 + EDGE)
+    triangle, reference = np.full(len(points), -1), np.zeros((len(points), 2))
+    triangle[point[inside]], reference[point[inside]] = trial[inside], place[inside]
     return triangle, reference
 
 

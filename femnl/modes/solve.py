@@ -1,16 +1,16 @@
 """Prestressed modes of the film, solved symmetry sector by symmetry sector, normalised, paired and labelled."""
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from femnl.errors import ParameterError
-from femnl.fem.elements import ELEMENTS, Space, reference_basis
+from femnl.fem.elements import Space, nodes, reference_basis
 from femnl.fem.solvers import lowest_eigenpairs
 from femnl.fem.supports import free_deflections
-from femnl.modes.operators import Operators
+from femnl.modes.operators import Operators, mass_matrix
 from femnl.modes.shapes import canonical_pairs, label_shapes, largest_value
 from femnl.types.mechanics import Modes, Prestress
 
@@ -25,7 +25,6 @@ def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
     Args: prestress: the relaxed film stress. count: how many modes, by rising frequency. degree: of the elements, 2 to 4.
     Returns: modes with max|ξ| = 1; a wedge is solved in each of its symmetry sectors, so that degenerate pairs of different
         symmetry come apart by themselves, and those of the same symmetry are turned to diagonalise the x–y anisotropy.
-        Error bounds are infinite until `predict` estimates them.
     Raises: ParameterError, ConvergenceError. Valid: wedges of an eighth or twelfth hold the one-dimensional symmetries only.
     Source: Kirchhoff plate in tension; validation cases `ideal_membranes`, `clamped_plate`.
     """
@@ -34,17 +33,17 @@ def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
     operators = Operators(prestress, degree)
     values, shapes, parity = _solve_sectors(operators, prestress.domain.copies, count)
     shapes = canonical_pairs(prestress.domain, operators.space, shapes, _clusters(values, parity))[:count]
-    return _finish(operators, prestress, degree, values[:count], shapes, parity[:count])
+    return _finish(operators.space, operators.mass, prestress, values[:count], shapes, parity[:count])
 
 
 def _finish(
-    operators: Operators, prestress: Prestress, degree: int, values: Array, shapes: Array, parity: tuple[tuple[int, ...], ...]
+    space: Space, mass: csc_matrix, prestress: Prestress, values: Array, shapes: Array, parity: tuple[tuple[int, ...], ...]
 ) -> Modes:
-    shapes = shapes / np.array([largest_value(operators.space, s) for s in shapes])[:, None]
-    mass = prestress.domain.copies * np.einsum("ni,ni->n", shapes, (operators.mass @ shapes.T).T)
-    label = label_shapes(prestress.domain, operators.space, shapes, parity)
-    unknown = np.full(len(shapes), np.inf)
-    return Modes(prestress, degree, np.sqrt(values) / (2 * np.pi), mass, shapes, parity, label, unknown, unknown)
+    """Modes of the given ω² and shapes, scaled to max|ξ| = 1 and labelled."""
+    shapes = shapes / np.array([largest_value(space, s) for s in shapes])[:, None]
+    effective = prestress.domain.copies * np.einsum("ni,ni->n", shapes, (mass @ shapes.T).T)
+    label = label_shapes(prestress.domain, space, shapes, parity)
+    return Modes(prestress, space.degree, np.sqrt(values) / (2 * np.pi), effective, shapes, parity, label)
 
 
 def _solve_sectors(operators: Operators, copies: int, count: int) -> tuple[Array, Array, tuple[tuple[int, ...], ...]]:
@@ -79,7 +78,7 @@ def _clusters(values: Array, parity: tuple[tuple[int, ...], ...], gap: float = D
     for sector in set(parity):
         members = [k for k, p in enumerate(parity) if p == sector]
         groups = [[members[0]]]
-        for before, k in zip(members, members[1:], strict=False):
+        for before, k in pairwise(members):
             if values[k] - values[before] < gap * values[k]:
                 groups[-1].append(k)
             else:
@@ -94,23 +93,23 @@ def align(coarse: Modes, fine: Modes) -> Modes:
     Near-degenerate modes mix differently at different accuracy; within such sets (ω² within 1 %) the coarse modes are turned
     by the orthogonal matrix nearest to their overlap with the fine ones, and frequencies follow as Rayleigh quotients.
     """
-    operators = Operators(coarse.prestress, coarse.degree)
+    domain = fine.domain
+    space, fine_space = Space(domain.mesh, coarse.degree), Space(domain.mesh, fine.degree)
     weight = 1 / np.sqrt(coarse.effective_mass)
     shapes = coarse.shapes * weight[:, None]
     lifted = prolong(coarse, fine.degree) * weight[:, None]
-    fine_operators = Operators(fine.prestress, fine.degree)
-    overlap = (fine.shapes / np.sqrt(fine.effective_mass)[:, None]) @ (fine_operators.mass @ lifted.T) * fine.domain.copies
+    overlap = (fine.shapes / np.sqrt(fine.effective_mass)[:, None]) @ (mass_matrix(domain, fine_space) @ lifted.T) * domain.copies
     near = np.abs(coarse.frequency[None, :] / fine.frequency[:, None] - 1) < 0.005
     left, _, right = np.linalg.svd(np.where(near, overlap, 0.0))
     turn = left @ right
     square = np.einsum("ij,j,ij->i", turn, (2 * np.pi * coarse.frequency) ** 2, turn)
-    return _finish(operators, coarse.prestress, coarse.degree, square, turn @ shapes, fine.parity)
+    return _finish(space, mass_matrix(domain, space), coarse.prestress, square, turn @ shapes, fine.parity)
 
 
 def prolong(modes: Modes, degree: int) -> Array:
     """Shapes (n, size) of modes at the unknowns of a higher degree on the same mesh; exact, since the spaces are nested."""
     coarse, fine = Space(modes.domain.mesh, modes.degree), Space(modes.domain.mesh, degree)
-    basis = reference_basis(modes.degree, np.asarray(ELEMENTS[degree].doflocs))
+    basis = reference_basis(modes.degree, nodes(degree))
     shapes = np.zeros((len(modes.shapes), fine.size))
     shapes[:, fine.dofs] = modes.shapes[:, coarse.dofs] @ basis.T
     return shapes

@@ -1,6 +1,6 @@
 """What the mechanical stages hand on: mesh, relaxed stress, modes and geometric nonlinearity."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,9 +51,9 @@ class Modes:
     """Prestressed modes by rising frequency; shapes have max|ξ| = 1, positive at that point.
 
     frequency [Hz], effective_mass [kg] (∫ρhξ² over the whole film), shapes (n_modes, n_dofs) at the dofs of the scalar
-    element of the given degree on the wedge's mesh; parity[i] is the pair of signs of mode i under the wedge's mirrors
+    element of the given degree on the wedge's mesh; parity[i] holds the signs of mode i under the wedge's mirrors
     (+1 even, −1 odd; empty for the whole film). label "(m,n)" by overlap with ideal shapes, None where it has none.
-    frequency_error [Hz]: estimated discretisation error, as a bound, not a standard deviation. ratio_error: the same of f/f₁.
+    coarse: the same modes at one degree less on the same mesh, in the same order, for estimates of the discretisation error.
     """
 
     prestress: Prestress
@@ -63,8 +63,7 @@ class Modes:
     shapes: Array
     parity: tuple[tuple[int, ...], ...]
     label: tuple[str | None, ...]
-    frequency_error: Array
-    ratio_error: Array
+    coarse: "Modes | None" = None
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -80,6 +79,16 @@ class Modes:
         return np.asarray(self.frequency / self.frequency[0])
 
     @property
+    def ratio_error(self) -> Array:
+        """Discretisation error of f/f₁: its difference to one degree less, which bounds the error; infinite without `coarse`."""
+        return np.full(len(self.frequency), np.inf) if self.coarse is None else np.abs(self.ratio - self.coarse.ratio)
+
+    @property
+    def frequency_error(self) -> Array:
+        """Discretisation error of f [Hz], in the same way."""
+        return np.full(len(self.frequency), np.inf) if self.coarse is None else np.abs(self.frequency - self.coarse.frequency)
+
+    @property
     def stiffness(self) -> Array:
         """Modal stiffness k = m_eff ω², in N/m."""
         return np.asarray(self.effective_mass * (2 * np.pi * self.frequency) ** 2)
@@ -89,15 +98,35 @@ class Modes:
 class Nonlinearity:
     """Geometric cubic coefficients in the coordinate q = displacement [m] of the point where |ξ| = 1.
 
-    k3 [N/m³] and alpha = k3/k [m⁻²] of each mode, so that m q̈ = −k q − k₃ q³; alpha_error: discretisation error as a bound.
-    tensor (n, n, n, n) [N/m³], where asked for: force on mode i is −Σ tensor[i,j,k,l] q_j q_k q_l, fully symmetric.
+    k3 [N/m³] and alpha = k3/k [m⁻²] of each mode, so that m q̈ = −k q − k₃ q³. alpha_error: discretisation error, the difference
+    to one degree less, infinite where the modes carry no coarse counterpart. tensor (n, n, n, n) [N/m³], where asked for: the
+    force on mode i is −Σ tensor[i,j,k,l] q_j q_k q_l; fully symmetric.
     """
 
     edge: str
     k3: Array
     alpha: Array
     alpha_error: Array
-    tensor: Array | None = field(default=None)
+    tensor: Array | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The whole film as quadratic triangles with fields at their nodes, for pictures and other programs.
+
+    points (n, 2) [m]; triangles (m, 6) in VTK's order; shapes (n_modes, n); thickness (n,) [m]; stress (n, 3) [Pa] as
+    (xx, yy, xy): the relaxed film stress; in_plane (n, 2) [m]: the displacement that relaxed it.
+    """
+
+    points: Array
+    triangles: NDArray[np.int64]
+    shapes: Array
+    thickness: Array
+    stress: Array
+    in_plane: Array
 
     def __post_init__(self) -> None:
         freeze(self)

@@ -1,0 +1,62 @@
+"""The order of the stages: from a device to its modes, their nonlinearity and what the readout shows of them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from femnl import nonlinearity, prestress
+from femnl.mesh import mesh
+from femnl.modes import align, shape_at
+from femnl.modes import solve_modes as solve_on_mesh
+from femnl.readout import Fringe, harmonic_map
+from femnl.storage import cached_modes
+from femnl.types.device import Edge, Model
+from femnl.types.mechanics import Modes, Nonlinearity
+from femnl.types.readout import HarmonicMap
+
+DEGREE = 4
+GRID = 101
+MARGIN = 0.1
+
+
+def solve_modes(model: Model, count: int = 10, symmetry: str = "auto", resolution: float = 1.0, cache: bool = True) -> Modes:
+    """Modes of a device: mesh, relaxed film stress, prestressed modes, and the same at one degree less to estimate errors.
+
+    Args: count: how many, by rising frequency. symmetry, resolution: of the mesh, see `femnl.mesh.mesh`.
+        cache: take an earlier solution of the same device, options and code from disk, and keep this one there.
+    Returns: Modes with `frequency_error` and `ratio_error`.
+    Raises: ParameterError, GeometryError, ConvergenceError.
+    """
+
+    def solve() -> Modes:
+        domain = mesh(model, symmetry, resolution)
+        fine = solve_on_mesh(prestress.solve_prestress(domain, DEGREE), count, DEGREE)
+        coarse = solve_on_mesh(prestress.solve_prestress(domain, DEGREE - 1), count, DEGREE - 1)
+        return replace(fine, coarse=align(coarse, fine))
+
+    return cached_modes(model, (count, symmetry, resolution), solve) if cache else solve()
+
+
+def solve_nonlinearity(modes: Modes, edge: Edge | None = None, tensor: bool = False) -> Nonlinearity:
+    """Geometric Duffing coefficients k₃ and α of the modes; the in-plane edge is the model's unless one is given.
+
+    Args, Returns, Source: see `femnl.nonlinearity.solve_nonlinearity`.
+    """
+    return nonlinearity.solve_nonlinearity(modes, edge or modes.domain.model.edge, tensor)
+
+
+def harmonic_maps(
+    modes: Modes, index: int, fringe: Fringe, amplitude: float, wavelength: float, harmonics: int = 6, points: int = GRID
+) -> HarmonicMap:
+    """Maps V_n(x, y) of harmonics 1…n of the drive when one mode moves by `amplitude` [m] where |ξ| = 1.
+
+    Args: index: 0 for the fundamental mode. fringe: f(u), u [m] → v [V]. wavelength: of the laser [m], recorded with the map.
+        points: along each axis of a square grid that covers the film and a tenth more on every side.
+    Returns: complex amplitudes, v(t) = Σ_n Re(V_n e^{inωt}), without noise.
+    """
+    corners = np.array([s.start for s in modes.domain.model.outline.segments])
+    low, high = modes.domain.mesh.p.min(), modes.domain.mesh.p.max()
+    reach = max(np.abs(corners).max(), abs(low), abs(high)) * (1 + 2 * MARGIN)
+    axis = np.linspace(-reach, reach, points)
+    shape = shape_at(modes, index, axis[None, :], axis[:, None])
+    return harmonic_map(fringe, np.arange(1, harmonics + 1), shape, amplitude, axis, axis, wavelength)

@@ -1,0 +1,8 @@
+"""Results on disk: NetCDF that femnl reads back, VTU for other programs, and the cache of solved modes."""
+
+from femnl.storage.cache import cached_modes
+from femnl.storage.results import read_modes, write_modes
+from femnl.storage.surface import unfold
+from femnl.storage.vtu import write_vtu
+
+__all__ = ["cached_modes", "read_modes", "unfold", "write_modes", "write_vtu"]

@@ -1,0 +1,85 @@
+"""Solved modes as NetCDF: everything needed to evaluate shapes and nonlinearity again, in SI units."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from skfem import MeshTri2
+
+from femnl.storage.atomic import write_whole
+from femnl.types.device import Model
+from femnl.types.mechanics import Domain, Modes, Nonlinearity, Prestress
+
+VERSION = "1.0"
+
+
+def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = None) -> None:
+    """Write modes, and their nonlinearity where given, to one NetCDF-4 file; units are attributes of the datasets.
+
+    Groups: `/modes`, `/mesh` points, triangles and boundaries, `/coarse` the same modes at one degree less.
+    """
+    tree = xr.DataTree.from_dict({"/modes": _modes_dataset(modes, nonlinearity), "/mesh": _mesh_dataset(modes.domain.mesh)})
+    if modes.coarse is not None:
+        tree["coarse"] = xr.DataTree(_modes_dataset(modes.coarse, None))
+    model = modes.domain.model
+    tree.attrs = {
+        "femnl_modes": VERSION,
+        "geometry": model.name,
+        "model": model.text,
+        "edge": model.edge,
+        "bending": int(model.bending),
+        "wedge": modes.domain.wedge,
+    }
+    write_whole(path, lambda file: tree.to_netcdf(file, engine="h5netcdf"))
+
+
+def read_modes(path: Path, model: Model) -> Modes:
+    """Read modes of the given model back. Raises: OSError, KeyError or ValueError for a file that `write_modes` did not write."""
+    with xr.open_datatree(path, engine="h5netcdf") as tree:
+        tree.load()
+    if tree.attrs["femnl_modes"] != VERSION:
+        raise ValueError(f"{path}: version {tree.attrs['femnl_modes']} where {VERSION} is read")
+    stored = tree["mesh"].to_dataset()
+    boundaries = {name.removeprefix("boundary_"): stored[name].values for name in stored if str(name).startswith("boundary_")}
+    mesh = MeshTri2(np.ascontiguousarray(stored.points.values), np.ascontiguousarray(stored.triangles.values), _boundaries=boundaries)
+    domain = Domain(model, mesh, float(tree.attrs["wedge"]))
+    fine = _modes(tree["modes"].to_dataset(), domain)
+    return replace(fine, coarse=_modes(tree["coarse"].to_dataset(), domain)) if "coarse" in tree.children else fine
+
+
+def _mesh_dataset(mesh: MeshTri2) -> xr.Dataset:
+    data: dict[str, Any] = {
+        "points": (("axis", "node"), mesh.doflocs, {"units": "m"}),
+        "triangles": (("corner", "triangle"), mesh.t),
+    }
+    for name, facets in (mesh.boundaries or {}).items():
+        data[f"boundary_{name}"] = ((f"facet_{name}",), np.asarray(facets, dtype=np.int64))
+    return xr.Dataset(data)
+
+
+def _modes_dataset(modes: Modes, nonlinearity: Nonlinearity | None) -> xr.Dataset:
+    data: dict[str, Any] = {
+        "frequency": ("mode", modes.frequency, {"units": "Hz"}),
+        "frequency_error": ("mode", modes.frequency_error, {"units": "Hz"}),
+        "effective_mass": ("mode", modes.effective_mass, {"units": "kg"}),
+        "label": ("mode", np.array([label or "" for label in modes.label])),
+        "parity": (("mode", "mirror"), np.array(modes.parity, dtype=np.int64).reshape(len(modes.frequency), -1)),
+        "shapes": (("mode", "unknown"), modes.shapes),
+        "displacement": (("in_plane_unknown",), modes.prestress.displacement, {"units": "m"}),
+    }
+    if nonlinearity is not None:
+        data["k3"] = ("mode", nonlinearity.k3, {"units": "N/m^3", "edge": nonlinearity.edge})
+        data["alpha"] = ("mode", nonlinearity.alpha, {"units": "m^-2", "edge": nonlinearity.edge})
+        data["alpha_error"] = ("mode", nonlinearity.alpha_error, {"units": "m^-2"})
+        if nonlinearity.tensor is not None:
+            data["tensor"] = (("mode", "mode_j", "mode_k", "mode_l"), nonlinearity.tensor, {"units": "N/m^3"})
+    return xr.Dataset(data, attrs={"degree": modes.degree, "prestress_degree": modes.prestress.degree})
+
+
+def _modes(data: xr.Dataset, domain: Domain) -> Modes:
+    prestress = Prestress(domain, int(data.attrs["prestress_degree"]), data.displacement.values)
+    parity = tuple(tuple(int(s) for s in row) for row in data.parity.values)
+    label = tuple(str(text) or None for text in data.label.values)
+    return Modes(prestress, int(data.attrs["degree"]), data.frequency.values, data.effective_mass.values, data.shapes.values, parity, label)

@@ -1,0 +1,83 @@
+"""The whole film, mirrored out of its wedge, with shapes and stress at the nodes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.fem.elements import ELEMENTS, Space, reference_basis
+from femnl.fem.forms import in_plane_strain, plane_stress, thickness, vector_dofs
+from femnl.types.mechanics import Modes, Surface
+
+Array = NDArray[np.float64]
+
+
+def unfold(modes: Modes) -> Surface:
+    """Evaluate modes and relaxed stress at the nodes of the mesh and mirror them over the whole film.
+
+    The stress at a node is the mean over the triangles that meet there.
+    """
+    domain = modes.domain
+    space, plane = Space(domain.mesh, modes.degree), Space(domain.mesh, modes.prestress.degree)
+    nodes = Space(domain.mesh, 2)
+    local = np.asarray(ELEMENTS[2].doflocs)
+    shapes = np.zeros((len(modes.shapes), nodes.size))
+    shapes[:, nodes.dofs] = modes.shapes[:, space.dofs] @ reference_basis(modes.degree, local).T
+    stress, in_plane = _in_plane(modes, nodes, plane, local)
+    copies = _copies(domain.wedge, domain.copies)
+    points = np.concatenate([nodes.location @ turn.T for turn, _, _ in copies])
+    signs = [[_sign(parity, steps, mirrored) for parity in modes.parity] for _, steps, mirrored in copies]
+    return Surface(
+        points,
+        _counter_clockwise(points, np.concatenate([nodes.dofs + k * nodes.size for k in range(len(copies))])),
+        np.concatenate([shapes * np.array(sign)[:, None] for sign in signs], axis=1),
+        np.tile(thickness(domain.model, nodes.location), len(copies)),
+        np.concatenate([_turn_stress(stress, turn) for turn, _, _ in copies]),
+        np.concatenate([in_plane @ turn.T for turn, _, _ in copies]),
+    )
+
+
+def _in_plane(modes: Modes, nodes: Space, plane: Space, local: Array) -> tuple[Array, Array]:
+    """Relaxed stress (n, 3) and in-plane displacement (n, 2) at the nodes."""
+    film = modes.domain.model.film
+    moduli = plane_stress(film.young, film.poisson)
+    jet = plane.jet(slice(None), local)
+    unknowns = modes.prestress.displacement[vector_dofs(plane, slice(None))]
+    values = film.stress * np.array([1.0, 1.0, 0.0]) + np.einsum("eqcj,ej->eqc", in_plane_strain(jet), unknowns) @ moduli
+    total, count = np.zeros((nodes.size, 3)), np.zeros(nodes.size)
+    np.add.at(total, nodes.dofs, values)
+    np.add.at(count, nodes.dofs, 1)
+    half = plane.dofs.shape[1]
+    displacement = np.zeros((nodes.size, 2))
+    displacement[nodes.dofs] = np.stack([unknowns[:, :half] @ jet.value[0].T, unknowns[:, half:] @ jet.value[0].T], -1)
+    return total / count[:, None], displacement
+
+
+def _copies(wedge: float, copies: int) -> list[tuple[Array, int, bool]]:
+    """Turns of the wedge that cover the film: (matrix, steps of rotation by twice the wedge, whether mirrored first)."""
+    if copies == 1:
+        return [(np.eye(2), 0, False)]
+    result = []
+    for steps in range(copies // 2):
+        c, s = np.cos(2 * wedge * steps), np.sin(2 * wedge * steps)
+        rotation = np.array([[c, -s], [s, c]])
+        result += [(rotation, steps, False), (rotation @ np.diag([1.0, -1.0]), steps, True)]
+    return result
+
+
+def _sign(parity: tuple[int, ...], steps: int, mirrored: bool) -> int:
+    """Sign of a shape on a copy: a rotation by twice the wedge is one mirror after the other."""
+    if not parity:
+        return 1
+    return int(np.prod(parity) ** steps * (parity[0] if mirrored else 1))
+
+
+def _turn_stress(stress: Array, turn: Array) -> Array:
+    """(xx, yy, xy) of R S Rᵀ."""
+    full = turn @ np.stack([stress[:, [0, 2]], stress[:, [2, 1]]], 1) @ turn.T
+    return np.stack([full[:, 0, 0], full[:, 1, 1], full[:, 0, 1]], -1)
+
+
+def _counter_clockwise(points: Array, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Triangles (m, 6) as corners, then middles of edges 01, 12, 20, all in the same sense."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    clockwise = (b - a)[:, 0] * (c - a)[:, 1] < (b - a)[:, 1] * (c - a)[:, 0]
+    return np.where(clockwise[:, None], triangles[:, [0, 2, 1, 5, 4, 3]], triangles)
