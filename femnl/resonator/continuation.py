@@ -18,6 +18,8 @@ CLOSE = 0.3
 # A transient has settled when its last period is this close, relatively, to a periodic motion.
 SETTLED = 1e-3
 MAX_BLOCKS = 60
+# A transient only has to lead to the right motion; the balance then makes it exact.
+SETTLING = 1e-6
 
 
 def balance(resonator: Resonator, force: float, frequency: float, n_harmonics: int) -> PeriodicMotion:
@@ -161,7 +163,7 @@ def _settle(equations: Balance, modes: CoupledModes, last: Array, omega: float) 
     for _ in range(MAX_BLOCKS):
         # One more period than the block is sampled; its first sample starts the next block at drive phase zero.
         time = np.concatenate([[0.0], (periods + samples) / frequency])
-        displacement, velocity = integrate(modes, push, frequency, q, v, time)
+        displacement, velocity = integrate(modes, push, frequency, q, v, time, tolerance=SETTLING)
         q, v = displacement[:, 1], velocity[:, 1]
         sampled = (displacement[:, 1:] @ equations.project.T / equations.length).ravel()
         try:

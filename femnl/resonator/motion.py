@@ -1,11 +1,13 @@
 """Direct time integration of driven coupled modes."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 from femnl.errors import ConvergenceError
-from femnl.resonator.system import nonlinear_force, scaled
+from femnl.resonator.system import scaled
 from femnl.types.resonator import Array, CoupledModes
 
 
@@ -38,10 +40,15 @@ def integrate(
     unit = scaled(modes, length, rate)
     push, omega = np.atleast_1d(np.asarray(force, dtype=float)) / (length * rate**2), 2 * np.pi * frequency / rate
 
+    stiffness, second, third = unit.omega**2, unit.quadratic.reshape(n, -1), unit.cubic.reshape(n, -1)
+
     def slope(tau: float, state: Array) -> Array:
         q, v = state[:n], state[n:]
-        pull = unit.omega**2 * q + unit.damping * v + nonlinear_force(unit, q[:, None], v[:, None])[:, 0]
-        return np.concatenate([v, push * np.cos(omega * tau) - pull])
+        square = q * q
+        pairs = square if n == 1 else np.outer(q, q).ravel()
+        triples = square * q if n == 1 else np.outer(pairs, q).ravel()
+        pull = (stiffness + unit.quintic * square * square) * q + (unit.damping + unit.nonlinear_damping * square) * v
+        return np.concatenate([v, push * math.cos(omega * tau) - pull - second @ pairs - third @ triples])
 
     span = (t[0] * rate, t[-1] * rate)
     solution = solve_ivp(slope, span, start / length, method="DOP853", t_eval=t * rate, rtol=tolerance, atol=tolerance * 1e-2)

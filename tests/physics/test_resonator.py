@@ -1,0 +1,279 @@
+"""The driven resonator against direct time integration, and against closed forms."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from femnl.errors import ParameterError
+from femnl.resonator import (
+    balance,
+    branches,
+    couple,
+    critical_alpha,
+    critical_point,
+    curve,
+    duffing_roots,
+    integrate,
+    ring_down,
+    sweep,
+    sweep_modes,
+)
+from femnl.types.resonator import Array, Complex, CoupledModes, Resonator
+
+Force = Callable[[float, Array], Array]
+# All tests count time in 1/ω₀ and displacement in units of 1/√α, where the equations have no small or large numbers.
+F0 = 1 / (2 * np.pi)
+
+
+def shoot(force: Force, omega: float, state: Array, n_samples: int = 64) -> tuple[Array, Array]:
+    """Find the periodic orbit near `state` by Newton on the period map; return displacement samples and the multipliers."""
+    n, period = len(state), 2 * np.pi / omega
+
+    def period_map(start: Array) -> Array:
+        times = np.linspace(0, period, n_samples + 1)
+        return np.asarray(solve_ivp(force, (0, period), start, "DOP853", times, rtol=1e-12, atol=1e-14).y)
+
+    for _ in range(12):
+        orbit = period_map(state)
+        step = 1e-6
+        columns = [(period_map(state + step * e)[:, -1] - period_map(state - step * e)[:, -1]) / (2 * step) for e in np.eye(n)]
+        monodromy = np.stack(columns, axis=1)
+        change = np.linalg.solve(monodromy - np.eye(n), orbit[:, -1] - state)
+        state = state - change
+        if np.linalg.norm(change) < 1e-11:
+            return period_map(state)[: n // 2, :-1], np.linalg.eigvals(monodromy)
+    raise AssertionError("shooting did not converge")
+
+
+PHASE = np.arange(64) * (2 * np.pi / 64)
+
+MODES = {
+    "cubic": Resonator(F0, 50, alpha=1.0),
+    "softening": Resonator(F0, 50, alpha=-1.0),
+    "quadratic": Resonator(F0, 50, alpha=1.0, quadratic=0.6),
+    "quintic": Resonator(F0, 50, alpha=1.0, quintic=0.8),
+    "damping": Resonator(F0, 50, alpha=1.0, nonlinear_damping=0.05),
+    "everything": Resonator(F0, 60, alpha=0.7, quadratic=0.3, quintic=0.5, nonlinear_damping=0.03),
+}
+
+
+@pytest.mark.parametrize("name", MODES)
+@pytest.mark.parametrize("shift", [-0.02, 0.005, 0.03])
+def test_harmonic_balance_meets_time_integration_on_every_branch(name: str, shift: float) -> None:
+    mode = MODES[name]
+    omega, force = 1 + (shift if name != "softening" else -shift), 0.006
+
+    def rate(t: float, s: Array) -> Array:
+        u, v = s
+        pull = u + mode.quadratic * u**2 + mode.alpha * u**3 + mode.quintic * u**5
+        return np.array([v, force * np.cos(omega * t) - (mode.damping + mode.nonlinear_damping * u**2) * v - pull])
+
+    found = balance(mode, force, omega * F0, 14)
+    assert len(found.frequency) == np.isfinite(branches(mode, force, [omega * F0]).amplitude).sum()
+    q = found.at(PHASE)[:, 0]
+    for p in range(len(found.frequency)):
+        order = np.arange(found.coefficients.shape[-1])
+        speed = (found.coefficients[p, 0] * 1j * order * omega).real.sum()
+        orbit, multipliers = shoot(rate, omega, np.array([q[p, 0], speed]))
+        np.testing.assert_allclose(q[p], orbit[0], atol=1e-9 * np.abs(orbit).max())
+        np.testing.assert_allclose(np.sort_complex(found.multipliers[p]), np.sort_complex(multipliers.astype(complex)), atol=2e-7)
+        assert found.stable[p] == (np.abs(multipliers).max() < 1)
+
+
+@pytest.mark.parametrize("ratio", [1.37, 2.0, 3.0], ids=["dispersive", "one to two", "one to three"])
+def test_coupled_modes_meet_time_integration(ratio: float) -> None:
+    second = ratio * 1.001
+    k2, k3, k31 = (0.12, 0.0, 0.0) if ratio == 2 else (0.0, 0.4, 0.0) if ratio < 2 else (0.0, 0.4, 0.3)
+    mass = np.array([1.0, 0.5])
+    modes = couple(
+        [Resonator(F0, 40, alpha=0.5), Resonator(second * F0, 60, alpha=0.8)],
+        mass,
+        quadratic={(0, 0, 1): k2} if k2 else None,
+        cubic={(0, 0, 1, 1): k3, (0, 0, 0, 1): k31},
+    )
+    omega, force = 1.01, np.array([0.008, 0.0])
+
+    def rate(t: float, s: Array) -> Array:
+        # Forces from the potential K2 q₁²q₂ + (3/2) K3 q₁²q₂² + K31 q₁³q₂, and each mode's own terms.
+        q1, q2, v1, v2 = s
+        f1 = 2 * k2 * q1 * q2 + 3 * k3 * q1 * q2**2 + 3 * k31 * q1**2 * q2
+        f2 = k2 * q1**2 + 3 * k3 * q1**2 * q2 + k31 * q1**3
+        a1 = force[0] * np.cos(omega * t) - v1 / 40 - q1 - 0.5 * q1**3 - f1 / mass[0]
+        a2 = -v2 * second / 60 - second**2 * (q2 + 0.8 * q2**3) - f2 / mass[1]
+        return np.array([v1, v2, a1, a2])
+
+    motion = sweep_modes(modes, force, np.linspace(0.9, omega, 12) * F0, 16)
+    order = np.arange(17)
+    last = motion.coefficients[-1]
+    orbit, multipliers = shoot(rate, omega, np.concatenate([last.real.sum(axis=1), (last * 1j * order * omega).real.sum(axis=1)]))
+    assert np.abs(orbit[1]).max() > 1e-3 * np.abs(orbit[0]).max() or ratio < 2
+    np.testing.assert_allclose(motion.at(PHASE)[-1], orbit, atol=1e-9 * np.abs(orbit).max())
+    np.testing.assert_allclose(np.abs(motion.multipliers[-1]).max(), np.abs(multipliers).max(), atol=2e-7)
+
+
+def test_a_dispersively_coupled_mode_is_pumped_parametrically_once_the_drive_is_strong() -> None:
+    # q₁ = U cos ωt makes ω₂² → ω₂² + (3/2)K₃U²(1 + cos 2ωt): a Mathieu tongue about ω₂² = ω² − (3/2)K₃U² of half width (3/4)K₃U².
+    def growth(force: float, second: float) -> float:
+        modes = couple([Resonator(F0, 100), Resonator(second * F0, 1000)], [1.0, 1.0], cubic={(0, 0, 1, 1): 0.2})
+        motion = sweep_or_curve_end(modes, force)
+        return float(np.abs(motion).max())
+
+    amplitude = 0.2
+    force = amplitude / 100
+    shift = 1.5 * 0.2 * amplitude**2
+    assert growth(force, np.sqrt(1 - shift)) > 1
+    assert growth(force / 20, np.sqrt(1 - shift)) < 1
+    for edge in (-0.65, 0.65):
+        assert growth(force, np.sqrt(1 - shift * (1 + edge))) < 1
+
+
+def sweep_or_curve_end(modes: CoupledModes, force: float) -> Complex:
+    """Multipliers of the motion in which only the driven mode moves, at its resonance."""
+    return curve(modes, [force, 0.0], 0.9 * F0, F0, 4).multipliers[-1]
+
+
+@pytest.mark.parametrize("stiffening", [0, 1e-9, 0.3, 1.6, -8, 80, -1e4])
+@pytest.mark.parametrize("damping", [0, 0.3, 4])
+def test_amplitude_roots_solve_their_equation_and_none_is_missed(stiffening: float, damping: float) -> None:
+    detuning = np.linspace(-2, 2, 301) * (10 + abs(stiffening))
+    x = duffing_roots(detuning, stiffening, damping)
+
+    def excess(x: Array, delta: Array) -> Array:
+        return np.asarray(x * ((delta + stiffening * x) ** 2 + (1 + damping * x) ** 2) - 1)
+
+    assert np.nanmax(np.abs(excess(x, detuning))) < 1e-11
+    for column, delta in zip(x.T, detuning, strict=True):
+        roots = column[np.isfinite(column)]
+        beside = np.concatenate([roots * (1 - 1e-8), roots * (1 + 1e-8)])
+        signs = np.sign(excess(np.sort(np.concatenate([np.geomspace(1e-12, 1.1, 2000), beside])), delta))
+        assert np.count_nonzero(np.diff(signs)) == len(roots)
+        assert np.all(np.diff(roots) >= 0)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-4, 4e-4])
+def test_three_states_appear_just_above_the_critical_force(damping: float) -> None:
+    # Q is high because the Lorentzian form moves the critical force by 1/Q, and the amplitude there by its cube root.
+    mode = Resonator(1e6, 1e9, alpha=1e10, nonlinear_damping=damping * 1e10 * 1e6 * 2 * np.pi)
+    force, frequency, amplitude = critical_point(mode)
+    # Just above, three states share a window of ε^(3/2) linewidths only.
+    near = frequency + np.linspace(-0.02, 0.02, 20001) * mode.linewidth
+    counts = [np.isfinite(branches(mode, force * factor, near).amplitude).sum(axis=1).max() for factor in (1 - 2e-3, 1 + 2e-3)]
+    assert counts == [1, 3]
+    found = np.abs(branches(mode, force, [frequency]).amplitude[0])
+    np.testing.assert_allclose(found[np.isfinite(found)], amplitude, rtol=5e-3)
+    if damping == 0:
+        peak = force / (mode.omega * mode.damping)
+        np.testing.assert_allclose(critical_alpha(mode.frequency, mode.linewidth, peak), mode.alpha, rtol=1e-12)
+
+
+def test_no_critical_point_exists_where_damping_grows_faster_than_stiffness() -> None:
+    eta = np.sqrt(3) * 1e10 * 2 * np.pi * 1e6
+    critical_point(Resonator(1e6, 1e4, alpha=1e10, nonlinear_damping=0.999 * eta))
+    with pytest.raises(ParameterError, match="never makes the response vertical"):
+        critical_point(Resonator(1e6, 1e4, alpha=1e10, nonlinear_damping=1.001 * eta))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_sweeps_jump_at_the_folds_of_the_curve_and_differ_between_them(sign: int) -> None:
+    mode = Resonator(F0, 100, alpha=sign * 0.3)
+    force = 2 * critical_point(mode)[0]
+    ends = (0.93 * F0, 1.07 * F0)
+    whole = curve(couple([mode]), [force], *ends, 5)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(whole.frequency)))) + 1
+    assert len(turns) == 2
+    folds = np.sort(whole.frequency[turns])
+    assert not whole.stable[turns[0] + 1 : turns[1]].any()
+    assert whole.stable[: turns[0] - 1].all()
+    assert whole.stable[turns[1] + 2 :].all()
+    grid = np.linspace(*ends, 141)
+    up = np.abs(sweep_modes(couple([mode]), [force], grid, 5).coefficients[:, 0, 1])
+    down = np.abs(sweep_modes(couple([mode]), [force], grid[::-1], 5).coefficients[:, 0, 1])[::-1]
+    spacing = grid[1] - grid[0]
+    inside = (grid > folds[0] + spacing) & (grid < folds[1] - spacing)
+    outside = (grid < folds[0] - spacing) | (grid > folds[1] + spacing)
+    assert np.all(np.abs(up - down)[inside] > 0.1 * up.max())
+    np.testing.assert_allclose(up[outside], down[outside], rtol=1e-9)
+    for fold, path in zip(folds[::-1], (up, down), strict=True):
+        jump = np.argmax(np.abs(np.diff(path)))
+        assert grid[jump] - spacing <= fold <= grid[jump + 1] + spacing
+
+
+@pytest.mark.parametrize("quintic", [0.0, -1e20])
+def test_rotating_wave_sweeps_agree_with_slow_sweeps_in_time(quintic: float) -> None:
+    mode = Resonator(1e6, 400, alpha=1e10, quintic=quintic, nonlinear_damping=1e15)
+    force = 3 * critical_point(mode)[0]
+    grid = np.linspace(0.995e6, 1.01e6, 31)
+    for frequency in (grid, grid[::-1]):
+        slow = sweep(mode, force, frequency)
+        full = sweep_modes(couple([mode]), [force], frequency, 3).coefficients[:, 0, 1]
+        same = np.abs(slow - full) < 0.02 * np.abs(slow).max()
+        assert np.count_nonzero(~same) <= 1
+    assert np.ptp(np.abs(sweep(mode, force, grid) - sweep(mode, force, grid[::-1])[::-1])) > 0.2 * np.abs(slow).max()
+
+
+def test_rotating_wave_error_falls_with_the_square_of_the_amplitude() -> None:
+    # At fixed detuning in linewidths and fixed α A² Q, both α A² and 1/Q fall together.
+    errors = []
+    for q in (200.0, 400.0, 800.0):
+        mode = Resonator(F0, q, alpha=1.0)
+        force = 2 * critical_point(mode)[0]
+        omega = 1 + 2 / q
+        slow = np.sort(np.abs(branches(mode, force, [omega * F0]).amplitude[0]))
+        full = np.sort(np.abs(balance(mode, force, omega * F0, 7).coefficients[:, 0, 1]))
+        errors.append(np.max(np.abs(slow / full - 1)))
+    np.testing.assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 1, atol=0.1)
+
+
+def test_amplitude_carries_the_whole_force_and_alpha_four_pi_squared() -> None:
+    # Errata of arXiv:2502.19191, S2: the linear peak is 𝓕/(4π² f₀ w), not half of it, and α = α_y (4π² y_max w f₀/𝓕)².
+    mode, force, gain = Resonator(1.5e6, 100, alpha=2e10), 7e5, 3e5
+    frequency = mode.frequency
+
+    def steady(amplitude_force: float, drive: float) -> complex:
+        periods = round(20 / mode.damping * drive)
+        time = np.concatenate([[0.0], (periods + np.arange(64) / 64) / drive])
+        q, _ = integrate(couple([mode]), [amplitude_force], drive, [0.0], [0.0], time, tolerance=1e-9)
+        return complex(2 * np.mean(q[0, 1:] * np.exp(-2j * np.pi * np.arange(64) / 64)))
+
+    small = force * 1e-3
+    linear = abs(steady(small, frequency))
+    np.testing.assert_allclose(linear, small / (4 * np.pi**2 * mode.frequency * mode.linewidth), rtol=1e-4)
+    # y = gain·A; at the driven state the Lorentzian form gives α_y, and with it α.
+    drive = frequency + 0.5 * mode.linewidth
+    y, peak = gain * steady(force, drive), gain * force / small * linear
+    inverse = peak * mode.linewidth / 2 / y
+    detuning = inverse / (inverse.imag / (mode.linewidth / 2))
+    alpha_y = (detuning.real + drive - frequency) / (0.375 * frequency * abs(y) ** 2)
+    printed = alpha_y * (peak * mode.linewidth * frequency / force) ** 2
+    np.testing.assert_allclose(printed * (4 * np.pi**2) ** 2, mode.alpha, rtol=0.03)
+
+
+RINGING = {
+    "cubic": Resonator(F0, 30, alpha=1.0),
+    "everything": Resonator(F0, 30, alpha=1.0, quadratic=0.8, quintic=4.0, nonlinear_damping=6.0),
+    "weak nonlinear damping": Resonator(F0, 30, quintic=30.0, nonlinear_damping=1e-3),
+}
+
+
+@pytest.mark.parametrize("name", RINGING)
+def test_ring_down_error_falls_with_the_square_of_the_amplitude(name: str) -> None:
+    mode, errors = RINGING[name], []
+    for shrink in (1, 2, 4):
+        # 1/Q falls with A², so that the decay keeps its shape while all small parameters vanish together.
+        start, scale = 0.1 / shrink, shrink**2
+        slow = replace(mode, quality_factor=mode.quality_factor * scale, quintic=mode.quintic * scale)
+        time = np.linspace(0, 3 / slow.damping, 4000 * scale)
+        phase = np.unwrap(np.angle(ring_down(slow, start, time)))
+        periods = int(phase[-1] / (2 * np.pi))
+        at = np.interp(np.arange(periods * 32) * (2 * np.pi / 32), phase, time)
+        q, _ = integrate(
+            couple([slow]), [0.0], F0, [start - mode.quadratic * start**2 / 3], [-start * slow.damping / 2], at, tolerance=1e-11
+        )
+        ratio = np.mean((2 * q[0] / ring_down(slow, start, at)).reshape(periods, 32), axis=1)
+        errors.append(np.max(np.abs(ratio - 1)))
+    rates = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert errors[0] < 0.1
+    np.testing.assert_allclose(rates[-1], 2, atol=0.1)
