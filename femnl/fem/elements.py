@@ -42,9 +42,14 @@ def _monomials(points: Array, degree: int, order: tuple[int, int]) -> Array:
     return np.asarray(columns[0] * columns[1])
 
 
+def nodes(degree: int) -> Array:
+    """Return the points (n_basis, 2) of the reference triangle to which the unknowns of the Lagrange element belong."""
+    return np.asarray(ELEMENTS[degree].doflocs, dtype=float)
+
+
 @cache
 def _coefficients(degree: int) -> Array:
-    return np.linalg.inv(_monomials(np.asarray(ELEMENTS[degree].doflocs), degree, (0, 0)))
+    return np.asarray(np.linalg.inv(_monomials(nodes(degree), degree, (0, 0))))
 
 
 def reference_basis(degree: int, points: Array, order: tuple[int, int] = (0, 0)) -> Array:
@@ -67,6 +72,10 @@ class Jet:
     jacobian: Array
 
 
+def _by_triangle(numbering: Dofs) -> NDArray[np.int64]:
+    return np.asarray(numbering.element_dofs, dtype=np.int64).T
+
+
 class Space:
     """Scalar Lagrange functions of one degree on a mesh: numbering of unknowns and evaluation.
 
@@ -78,23 +87,26 @@ class Space:
         self.mesh = mesh
         self.degree = degree
         self._numbering = Dofs(mesh, ELEMENTS[degree]())
-        self.dofs = np.asarray(self._numbering.element_dofs, dtype=np.int64).T
+        self.dofs = _by_triangle(self._numbering)
         self.size = int(self._numbering.N)
-        self._nodes = np.asarray(mesh.doflocs[:, Dofs(mesh, ElementTriP2()).element_dofs]).transpose(2, 1, 0)
+        self._nodes = np.asarray(mesh.doflocs).T[_by_triangle(Dofs(mesh, ElementTriP2()))]
         self.location = np.empty((self.size, 2))
-        local = np.asarray(ELEMENTS[degree].doflocs)
-        self.location[self.dofs] = np.einsum("qj,ejx->eqx", reference_basis(2, local), self._nodes)
+        self.location[self.dofs] = np.einsum("qj,ejx->eqx", reference_basis(2, nodes(degree)), self._nodes)
+
+    def boundary_facets(self, name: str) -> NDArray[np.int64]:
+        """Facets on the named boundary; empty where the mesh has no such boundary."""
+        return np.asarray((self.mesh.boundaries or {}).get(name, ()), dtype=np.int64)
 
     def boundary_dofs(self, name: str) -> NDArray[np.int64]:
         """Unknowns on the named boundary; empty where the mesh has no such boundary."""
-        facets = self.mesh.boundaries.get(name, np.array([], dtype=np.int64))
+        facets = self.boundary_facets(name)
         return np.asarray(self._numbering.get_facet_dofs(facets).flatten(), dtype=np.int64)
 
     def facet_unknowns(self, facet: int) -> NDArray[np.int64]:
         """Unknowns on one facet: its two ends, lower vertex first, then those between them in the same direction."""
         numbering = self._numbering
-        ends = numbering.nodal_dofs[0, self.mesh.facets[:, facet]]
-        return np.concatenate([ends, numbering.facet_dofs[:, facet]]).astype(np.int64)
+        ends = np.asarray(numbering.nodal_dofs)[0, self.mesh.facets[:, facet]]
+        return np.concatenate([ends, np.asarray(numbering.facet_dofs)[:, facet]]).astype(np.int64)
 
     def quadrature(self, order: int) -> tuple[Array, Array]:
         """Points (q, 2) and weights (q,) on the reference triangle, exact to the given polynomial order."""

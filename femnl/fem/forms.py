@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.spatial import cKDTree
 
-from femnl.fem.elements import EDGES, Jet, Space
+from femnl.fem.elements import EDGES, VERTICES, Jet, Space
 from femnl.types.device import Film, Model
 
 Array = NDArray[np.float64]
@@ -116,7 +116,7 @@ class Assembly:
 
     def __init__(self, size: int) -> None:
         self._size = size
-        self._parts: list[tuple[Array, Index, Index]] = []
+        self._parts: list[tuple[Array, NDArray[np.int32], NDArray[np.int32]]] = []
 
     def add(self, local: Array, dofs: Index) -> None:
         """Add local matrices (e, j, j) that act on unknowns (e, j)."""
@@ -153,7 +153,7 @@ def edges_by_local_number(space: Space, facets: Index) -> Iterator[Edges]:
 def slope_continuity(space: Space, facets: Index, rigidity: Callable[[Array], Array], poisson: float) -> Iterator[tuple[Array, Index]]:
     """−{Mₙₙ(w)}[∂ₙv] − {Mₙₙ(v)}[∂ₙw] + σ[∂ₙw][∂ₙv] on interior facets, or with one side on facets where ∂ₙw is held at zero.
 
-    rigidity: D(x) [N m] at points (..., 2). The penalty σ = n_sides⁻¹·6 D(1+ν)·(p+1)(p+2)/2·mean|e|/|K| with p = degree − 2
+    rigidity: D(x) [N m] at points (..., 2). The penalty σ = n_sides⁻¹·6 D(1+|ν|)·(p+1)(p+2)/2·mean|e|/|K| with p = degree − 2
     follows from the sharp trace inequality of polynomials on triangles (Warburton & Hesthaven, Comput. Methods Appl. Mech.
     Eng. 192, 2765 (2003)) and keeps the form coercive on stretched triangles. Yields local matrices and their unknowns.
     """
@@ -164,7 +164,8 @@ def slope_continuity(space: Space, facets: Index, rigidity: Callable[[Array], Ar
         for side, (triangles, edge) in enumerate(zip(edges.triangles, edges.local, strict=True)):
             points, weights = space.edge_points(edge, 2 * space.degree)
             jet = space.jet(triangles, points, second=True)
-            along = np.einsum("eqxb,b->eqx", jet.jacobian, np.diff(_edge_ends(edge), axis=0)[0])
+            start, end = VERTICES[list(EDGES[edge])]
+            along = np.einsum("eqxb,b->eqx", jet.jacobian, end - start)
             length = np.linalg.norm(along, axis=-1)
             if side == 0:
                 normal = np.stack([along[..., 1], -along[..., 0]], -1) / length[..., None]
@@ -177,15 +178,11 @@ def slope_continuity(space: Space, facets: Index, rigidity: Callable[[Array], Ar
         n = len(moments)
         jump = np.concatenate([slopes[0]] + [-s for s in slopes[1:]], -1)
         mean = np.concatenate(moments, -1) / n
-        sigma = 6 / n * flexural * (1 + poisson) * (p + 1) * (p + 2) / 2 * np.mean(ratios, axis=0)
+        sigma = 6 / n * flexural * (1 + abs(poisson)) * (p + 1) * (p + 2) / 2 * np.mean(ratios, axis=0)
         one = np.ones_like(sigma)
         moduli = as_matrix(np.stack([0 * one, sigma, -one], -1))
         dofs = np.concatenate([space.dofs[t] for t in edges.triangles], axis=1)
         yield local_matrices(np.stack([mean, jump], axis=2), moduli, ds), dofs
-
-
-def _edge_ends(edge: int) -> Array:
-    return np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])[list(EDGES[edge])]
 
 
 def _normal_moment(jet: Jet, normal: Array, rigidity: Array, poisson: float) -> Array:

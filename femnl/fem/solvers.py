@@ -1,7 +1,8 @@
 """The one place that picks the sparse direct solver and the eigenvalue solver."""
 
 from collections.abc import Callable
-from typing import Any
+from importlib import import_module
+from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +11,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh, splu
 
 from femnl.errors import ConvergenceError
 
-try:
-    from cvxopt import cholmod, matrix, spmatrix
-except ImportError:  # the optional extra `fast` is not installed
-    cholmod = None
+HAS_CHOLMOD = find_spec("cvxopt") is not None  # the optional extra `fast`
 
 Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
@@ -25,7 +23,7 @@ def factorize(stiffness: csc_matrix) -> Solve:
     CHOLMOD is used where cvxopt (the optional extra `fast`) is installed, otherwise SuperLU in its symmetric mode.
     Raises: ConvergenceError where the matrix is not positive definite.
     """
-    if cholmod is not None:
+    if HAS_CHOLMOD:
         return _factorize_cholmod(stiffness)
     factor = splu(csc_matrix(stiffness), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     if np.any(factor.U.diagonal() <= 0):
@@ -33,22 +31,26 @@ def factorize(stiffness: csc_matrix) -> Solve:
     return lambda right: np.asarray(factor.solve(np.asarray(right)))
 
 
-_INDEFINITE = "the stiffness is not positive definite: part of the film is unsupported or under compression; check the outline's free edges and the film stress"
+_INDEFINITE = (
+    "the stiffness is not positive definite: part of the film is unsupported or under compression; "
+    "check the outline's free edges and the film stress"
+)
 
 
 def _factorize_cholmod(stiffness: csc_matrix) -> Solve:
+    cvxopt, cholmod = import_module("cvxopt"), import_module("cvxopt.cholmod")
     lower = stiffness.tocoo()
     keep = lower.row >= lower.col
-    stored = spmatrix(lower.data[keep], lower.row[keep].astype(int), lower.col[keep].astype(int), size=lower.shape)
+    stored = cvxopt.spmatrix(lower.data[keep], lower.row[keep].astype(int), lower.col[keep].astype(int), size=lower.shape)
     cholmod.options["supernodal"] = 2
-    factor: Any = cholmod.symbolic(stored)
+    factor = cholmod.symbolic(stored)
     try:
         cholmod.numeric(stored, factor)
     except ArithmeticError as error:
         raise ConvergenceError(_INDEFINITE) from error
 
     def solve(right: Array) -> Array:
-        work = matrix(np.asarray(right, dtype=float))
+        work = cvxopt.matrix(np.asarray(right, dtype=float))
         cholmod.solve(factor, work)
         return np.array(work).reshape(np.shape(right), order="C")
 

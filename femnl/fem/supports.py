@@ -20,8 +20,7 @@ def free_deflections(space: Space, parity: tuple[int, ...]) -> NDArray[np.int64]
 def slope_held_facets(space: Space, parity: tuple[int, ...]) -> NDArray[np.int64]:
     """Facets on which ∂ₙw = 0: clamped edges, and mirror lines about which w is even (parity +1)."""
     names = ["clamped"] + [f"mirror-{k}" for k, sign in enumerate(parity) if sign > 0]
-    facets = [space.mesh.boundaries[name] for name in names if name in space.mesh.boundaries]
-    return np.concatenate([np.asarray(f, dtype=np.int64) for f in facets]) if facets else np.array([], dtype=np.int64)
+    return np.concatenate([space.boundary_facets(name) for name in names])
 
 
 def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, ...]) -> csc_matrix:
@@ -77,7 +76,7 @@ def _admissible(held: list[Array]) -> list[Array]:
 
 def _edge_normals(space: Space) -> list[tuple[NDArray[np.int64], Array]]:
     """Unit normals of the clamped outline at its unknowns, facet by facet; a corner appears once for each side."""
-    facets = np.asarray(space.mesh.boundaries["clamped"], dtype=np.int64)
+    facets = space.boundary_facets("clamped")
     result = []
     ends, middle = space.mesh.doflocs[:, space.mesh.facets[:, facets]], space.mesh.doflocs[:, space.mesh.nvertices + facets]
     for k in range(len(facets)):

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 
 import gmsh
 import numpy as np
@@ -12,7 +13,7 @@ from skfem import MeshTri2
 
 from femnl.errors import GeometryError, ParameterError
 from femnl.mesh.collect import check_unfolded, collect
-from femnl.mesh.curves import arc_angles, arc_radius, distance_from, point_on, singular_corners
+from femnl.mesh.curves import arc_angles, distance_from, point_on, singular_corners
 from femnl.mesh.symmetry import FULL, HALF, find_wedge
 from femnl.types.device import Model
 from femnl.types.mechanics import Domain
@@ -94,13 +95,13 @@ def _build(model: Model, wedge: float, resolution: float) -> MeshTri2:
 def _draw(model: Model, wedge: float, unit: float) -> None:
     """The film's surface: outline, cut to the wedge, minus the holes that reach into it, in one boolean operation each."""
     occ = gmsh.model.occ
-    points: dict[tuple[float, ...], int] = {}
+    points: dict[tuple[float, float], int] = {}
 
     def point(xy: Array | tuple[float, float]) -> int:
-        key = tuple(np.round(np.asarray(xy) * unit, 9))
-        if key not in points:
-            points[key] = occ.addPoint(*key, 0)
-        return points[key]
+        x, y = np.round(np.asarray(xy) * unit, 9)
+        if (x, y) not in points:
+            points[x, y] = occ.addPoint(x, y, 0)
+        return points[x, y]
 
     lines = []
     for s in model.outline.segments:
@@ -108,9 +109,8 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
             lines.append(occ.addLine(point(s.start), point(s.end)))
             continue
         pieces = int(np.ceil(arc_angles(s)[1] / (np.pi / 2) - 1e-9))
-        stops = [s.start, *(point_on(s, k / pieces) for k in range(1, pieces)), s.end]
-        centre = point(s.centre)
-        lines += [occ.addCircleArc(point(a), centre, point(b)) for a, b in zip(stops, stops[1:], strict=False)]
+        stops = [point(s.start), *(point(point_on(s, k / pieces)) for k in range(1, pieces)), point(s.end)]
+        lines += [occ.addCircleArc(a, point(s.centre), b) for a, b in pairwise(stops)]
     film = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines)]))]
     if wedge < FULL:
         film, _ = occ.intersect(film, [(2, _wedge_surface(wedge))])
@@ -165,34 +165,56 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
 
 def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> None:
     """Element size: growing linearly with the distance from clamped edges, arcs, corners and holes."""
-    film, field = model.film, gmsh.model.mesh.field
-    layer = np.sqrt(film.young * film.thickness**2 / 12 / (1 - film.poisson**2) / film.stress) if model.bending else 0.0
+    field = gmsh.model.mesh.field
+    layer = bending_length(model) * unit
     largest = SCALE / ELEMENTS_PER_LENGTH / resolution
     wanted = []
 
-    def grow(size: float, **entities: list[float]) -> None:
-        distance = field.add("Distance")
-        for name, value in entities.items():
-            field.setNumbers(distance, name, value)
-        field.setNumber(distance, "Sampling", 200 if len(entities.get("CurvesList", [])) < 20 else 30)
+    def grow(size: float, distance: int) -> None:
         wanted.append(field.add("MathEval"))
         field.setString(wanted[-1], "F", f"min({largest}, {size} + {GROWTH} * F{distance})")
 
+    def grow_from_curves(size: float, tags: list[int]) -> None:
+        distance = field.add("Distance")
+        field.setNumbers(distance, "CurvesList", tags)
+        # gmsh measures the distance to points along the curves: two an element hide the gaps between them.
+        field.setNumber(distance, "Sampling", np.ceil(2 * max(gmsh.model.occ.getMass(1, t) for t in tags) / size))
+        grow(size, distance)
+
     if curves.holes:
-        grow(2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / resolution, CurvesList=curves.holes)
+        grow_from_curves(2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / resolution, curves.holes)
     if model.bending and curves.clamped:
-        grow(LAYER_SIZE * layer * unit / resolution, CurvesList=curves.clamped)
-    for radius in {arc_radius(s) for s in model.outline.segments if s.centre is not None}:
-        arcs = [t for t in curves.clamped + curves.free if gmsh.model.getType(1, t) != "Line"]
-        grow(2 * np.pi * radius * unit / ARC_SEGMENTS / resolution, CurvesList=arcs)
+        grow_from_curves(LAYER_SIZE * layer / resolution, curves.clamped)
+    for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
+        grow_from_curves(2 * np.pi * radius / ARC_SEGMENTS / resolution, arcs)
+    ends = {t: np.array(gmsh.model.getValue(0, t, []))[:2] for _, t in gmsh.model.getEntities(0)}
     for corner, size in singular_corners(model.outline, resolution):
-        near = [
-            t for _, t in gmsh.model.getEntities(0) if np.hypot(*(np.array(gmsh.model.getValue(0, t, []))[:2] - corner * unit)) < TOLERANCE
-        ]
+        near = [t for t, end in ends.items() if np.hypot(*(end - corner * unit)) < TOLERANCE]
         if near:
-            grow(max(size, layer / 10) * unit, PointsList=near)
+            distance = field.add("Distance")
+            field.setNumbers(distance, "PointsList", near)
+            grow(max(size * unit, layer / 10), distance)
     wanted.append(field.add("MathEval"))
     field.setString(wanted[-1], "F", str(largest))
     smallest = field.add("Min")
     field.setNumbers(smallest, "FieldsList", wanted)
     field.setAsBackgroundMesh(smallest)
+
+
+def _arcs_by_radius(tags: list[int]) -> dict[float, list[int]]:
+    """The arcs among gmsh's curves, by radius in scaled units."""
+    arcs: dict[float, list[int]] = {}
+    for tag in tags:
+        if gmsh.model.getType(1, tag) != "Line":
+            middle = np.mean(gmsh.model.getParametrizationBounds(1, tag))
+            arcs.setdefault(round(1 / gmsh.model.getCurvature(1, tag, [middle])[0], 6), []).append(tag)
+    return arcs
+
+
+def bending_length(model: Model) -> float:
+    """Return ℓ = √(D/σh) [m], the width of the layer that bending makes at a clamped edge: 0 without bending, L at most."""
+    film, length = model.film, model.outline.length
+    if not model.bending:
+        return 0.0
+    squared = film.young * film.thickness**2 / 12 / (1 - film.poisson**2)
+    return float(length if film.stress * length**2 <= squared else np.sqrt(squared / film.stress))

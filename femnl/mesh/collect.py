@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from skfem import MeshTri1, MeshTri2
 
 from femnl.errors import GeometryError
-from femnl.fem.elements import ELEMENTS, Space
+from femnl.fem.elements import EDGES, Space, nodes
 from femnl.types.device import Model
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ def collect(named: dict[str, list[int]], unit: float) -> MeshTri2:
         return np.asarray(order[np.searchsorted(numbers, low * len(corners) + high, sorter=order)])
 
     middles = np.empty((keys.shape[1], 2))
-    for local, (a, b) in enumerate(((0, 1), (1, 2), (0, 2))):
+    for local, (a, b) in enumerate(EDGES):
         middles[facet_of(six[:, [a, b]])] = where[six[:, 3 + local]]
     boundaries = {}
     for name, entities in named.items():
@@ -46,7 +46,7 @@ def collect(named: dict[str, list[int]], unit: float) -> MeshTri2:
 def check_unfolded(model: Model, result: MeshTri2) -> None:
     """Curved triangles beside small arcs can fold over: their Jacobian must keep one sign."""
     space = Space(result, 2)
-    points = np.vstack([space.quadrature(8)[0], ELEMENTS[2].doflocs])
+    points = np.vstack([space.quadrature(8)[0], nodes(2)])
     determinant = np.linalg.det(space.jet(slice(None), points).jacobian)
     folded = np.flatnonzero(np.any(determinant * np.sign(determinant[:, :1]) <= 0, axis=1))
     if len(folded):

@@ -13,13 +13,14 @@ CORNER_ERROR = 1e-8  # energy left unresolved at a singular corner, relative to 
 
 
 def point_on(segment: Segment, fraction: float) -> Array:
+    """Return the point (2,) [m] at a fraction 0 … 1 of the way along a segment."""
     start, end = np.array(segment.start), np.array(segment.end)
     if segment.centre is None:
-        return start + fraction * (end - start)
+        return np.asarray(start + fraction * (end - start))
     centre = np.array(segment.centre)
     first, turn = arc_angles(segment)
     angle = first + fraction * turn
-    return centre + np.linalg.norm(start - centre) * np.array([np.cos(angle), np.sin(angle)])
+    return np.asarray(centre + np.linalg.norm(start - centre) * np.array([np.cos(angle), np.sin(angle)]))
 
 
 def arc_angles(segment: Segment) -> tuple[float, float]:
@@ -41,11 +42,7 @@ def distance_from(segment: Segment, where: Array) -> Array:
     angle = (np.arctan2(offset[:, 1], offset[:, 0]) - first) % (2 * np.pi)
     on_arc = np.abs(np.linalg.norm(offset, axis=1) - radius)
     ends = np.minimum(np.linalg.norm(where - start, axis=1), np.linalg.norm(where - end, axis=1))
-    return np.where(angle <= turn, on_arc, ends)
-
-
-def arc_radius(segment: Segment) -> float:
-    return round(float(np.linalg.norm(np.subtract(segment.start, segment.centre or segment.start))), 15)
+    return np.asarray(np.where(angle <= turn, on_arc, ends))
 
 
 def singular_corners(outline: Outline, resolution: float) -> Iterator[tuple[Array, float]]:
@@ -63,6 +60,7 @@ def singular_corners(outline: Outline, resolution: float) -> Iterator[tuple[Arra
 
 
 def tangent_at(segment: Segment, fraction: float) -> Array:
+    """Return a vector (2,) along a segment at a fraction 0 … 1 of the way, of any length."""
     if segment.centre is None:
         return np.subtract(segment.end, segment.start)
     x, y = point_on(segment, fraction) - segment.centre

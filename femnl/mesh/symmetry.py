@@ -15,6 +15,10 @@ WEDGES = {"full": FULL, "half": HALF, "quarter": QUARTER, "eighth": EIGHTH, "twe
 
 
 def find_wedge(model: Model, symmetry: str) -> float:
+    """Return the angle [rad] of the wedge that a word for the symmetry asks for; `auto` takes the smallest of quarter, half and full.
+
+    Raises: ParameterError where there is no such word, or where the device lacks that symmetry.
+    """
     if symmetry == "auto":
         return next(WEDGES[name] for name in ("quarter", "half", "full") if has_symmetry(model, WEDGES[name]))
     if symmetry not in WEDGES:
