@@ -94,6 +94,7 @@ def polyline(outline: Outline, per_turn: int = 180) -> Array:
 
 def _on_arc(segment: Segment, points: Array) -> NDArray[np.bool_]:
     """Return which points (n, 2) an arc's centre sees through the arc."""
-    spoke, away = np.subtract(segment.start, segment.centre or (0.0, 0.0)), points - segment.centre
+    centre = np.asarray(segment.centre)
+    spoke, away = np.asarray(segment.start) - centre, points - centre
     angle = np.arctan2(spoke[0] * away[:, 1] - spoke[1] * away[:, 0], away @ spoke) % (2 * np.pi)
     return np.asarray(angle <= turn(segment))

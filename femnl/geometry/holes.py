@@ -1,6 +1,6 @@
 """Release holes: lattices and lists of centres, and whether they leave a film between them and the outline."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +29,10 @@ class Lattice(Table):
 
     pitch: Length
     radius: Length
-    offset: Position = [0.0, 0.0]
+    offset: Position = Field(default_factory=lambda: [0.0, 0.0])
 
     @model_validator(mode="after")
-    def _leaves_film_between_holes(self) -> "Lattice":
+    def _leaves_film_between_holes(self) -> Self:
         if self.pitch <= 2 * self.radius * (1 + TOUCHING):
             raise refusal("holes overlap or touch, the pitch must exceed twice their radius; raise pitch or lower radius", "pitch")
         return self
@@ -64,7 +64,7 @@ class HexagonalLattice(Lattice):
     count: Annotated[list[Count], Field(min_length=2, max_length=2)] | None = None
 
     @model_validator(mode="after")
-    def _has_one_extent(self) -> "HexagonalLattice":
+    def _has_one_extent(self) -> Self:
         if (self.rings is None) == (self.count is None):
             raise refusal("give either rings = 15 (a hexagon) or count = [30, 30] (rows), not both, not neither")
         return self
@@ -108,15 +108,15 @@ def refuse_overlap(holes: Holes) -> None:
     """
     if len(holes.centres) < 2:
         return
-    gaps, nearest = cKDTree(holes.centres).query(holes.centres, k=2)
+    gaps, nearest = (np.asarray(found) for found in cKDTree(holes.centres).query(holes.centres, k=2))
     close = np.flatnonzero(gaps[:, 1] <= 2 * holes.radius * (1 + TOUCHING))
     if len(close):
-        first = int(close[0])
+        first, gap = int(close[0]), gaps[close[0], 1]
         # Of coincident holes the nearest neighbour may be listed first.
         second = int(nearest[first, 1] if nearest[first, 1] != first else nearest[first, 0])
-        verb = "overlap" if gaps[first, 1] < 2 * holes.radius * (1 - TOUCHING) else "touch"
+        verb = "overlap" if gap < 2 * holes.radius * (1 - TOUCHING) else "touch"
         raise GeometryError(
-            f"[holes] {name(holes, first)} and {name(holes, second)} {verb}: their centres are {gaps[first, 1] * 1e6:.4g} um apart and "
+            f"[holes] {name(holes, first)} and {name(holes, second)} {verb}: their centres are {gap * 1e6:.4g} um apart and "
             f"their radius is {holes.radius * 1e6:.4g} um; move them apart or lower radius"
         )
 
@@ -133,11 +133,8 @@ def refuse_outside(holes: Holes, outline: Outline) -> None:
     bad = np.flatnonzero(gaps <= holes.radius * (1 + TOUCHING))
     if not len(bad):
         return
-    gap = gaps[bad[0]]
-    if gap <= -holes.radius * (1 - TOUCHING):
-        verb = "lies outside"
-    else:
-        verb = "cuts" if abs(gap) < holes.radius * (1 - TOUCHING) else "touches"
+    depth = gaps[bad[0]] / holes.radius
+    verb = "lies outside" if depth <= TOUCHING - 1 else "cuts" if depth < 1 - TOUCHING else "touches"
     others = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
     raise GeometryError(
         f"[holes] {name(holes, int(bad[0]))} of radius {holes.radius * 1e6:.4g} um {verb} the outline{others}; "

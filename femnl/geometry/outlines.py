@@ -76,7 +76,7 @@ class Polygon(Table):
 
     kind: Literal["polygon"]
     points: Annotated[list[Position], Field(min_length=3, max_length=10_000)]
-    free: list[int] = []
+    free: list[int] = Field(default_factory=list)
 
     def outline(self, holes: Holes) -> Outline:
         """Return the outline, counter-clockwise from point 1.
@@ -97,8 +97,7 @@ class Polygon(Table):
         if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0:
             # Walked backwards from point 1, the last edge comes first.
             corners, clamped = np.roll(corners[::-1], 1, axis=0), clamped[::-1]
-        shape = Outline(self.kind, _loop(corners, clamped), None, float(np.ptp(corners, axis=0).max()))
-        return shape
+        return Outline(self.kind, _loop(corners, clamped), None, float(np.ptp(corners, axis=0).max()))
 
 
 class Etched(Table):

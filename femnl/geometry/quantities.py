@@ -54,7 +54,7 @@ def to_si(value: Any, dimension: Dimension, sign: str = "positive") -> float:
     if match is None:
         raise refusal(wanted)
     if match[2] is None:
-        raise refusal(f'{wanted} (the unit is missing)')
+        raise refusal(f"{wanted} (the unit is missing)")
     factor = _factor(match[2], dimension.unit)
     if factor is None:
         raise refusal(f'{wanted} (the unit "{match[2]}" is unknown)')
@@ -74,7 +74,7 @@ def refusal(reason: str, key: str | None = None) -> PydanticCustomError:
 
 
 @cache
-def _registry() -> UnitRegistry:
+def _registry() -> UnitRegistry[Decimal]:
     return UnitRegistry(non_int_type=Decimal)
 
 

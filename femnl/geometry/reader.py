@@ -77,7 +77,7 @@ def _read(path: Path) -> Model:
     try:
         text = path.read_text(encoding="utf-8-sig")  # editors on Windows put a mark first
     except OSError as error:
-        raise GeometryError(one_line(f"{path}: cannot be read: {error.strerror}; give a shipped name or the path of a TOML file")) from error
+        raise GeometryError(one_line(f"{path}: cannot be read: {error.strerror}; give a shipped name or a TOML file")) from error
     except UnicodeDecodeError as error:
         raise GeometryError(one_line(f"{path}: not text in UTF-8: {error.reason} at byte {error.start}")) from error
     return parse(text, str(path))

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 SLIVER = 1e-9
 """Arcs shorter than this [rad] are rounding where three circles meet in a point."""
+MOST_PAIRS = 20_000_000
+"""More overlapping discs than this would not fit into memory."""
 
 
 def union_of_discs(holes: Holes, radius: float) -> tuple[Segment, ...]:
@@ -32,6 +34,8 @@ def union_of_discs(holes: Holes, radius: float) -> tuple[Segment, ...]:
         GeometryError: discs that do not hang together, or that leave pillars between them.
     """
     centres, tree = holes.centres, cKDTree(holes.centres)
+    if tree.count_neighbors(tree, 2 * radius) > MOST_PAIRS:
+        raise GeometryError(f"[outline] etch_radius = {radius * 1e6:.4g} um reaches over too many holes; lower it or take fewer holes")
     pairs = tree.query_pairs(2 * radius * (1 - SLIVER), output_type="ndarray")
     pairs = np.concatenate([pairs, pairs[:, ::-1]])
     _refuse_pieces(holes, pairs, radius)
@@ -71,7 +75,7 @@ def _open_arcs(centres: Array, pairs: NDArray[np.intp], radius: float) -> tuple[
 
 def _followers(starts: Array, ends: Array, radius: float) -> NDArray[np.intp]:
     """Return for every arc the one that starts where it ends."""
-    gaps, follower = cKDTree(starts).query(ends)
+    gaps, follower = (np.asarray(found) for found in cKDTree(starts).query(ends))
     if np.any(gaps > 1e-6 * radius) or len(np.unique(follower)) < len(follower):
         raise GeometryError(
             f"[outline] etch_radius = {radius * 1e6:.6g} um: circles meet in a point there, and the film's edge is not a curve; "

@@ -1,7 +1,7 @@
 """The tables of a geometry file, and the model that they make."""
 
 import re
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, PlainValidator, model_validator
@@ -13,12 +13,16 @@ from femnl.geometry.quantities import LENGTH, Density, Depth, Length, Pressure, 
 from femnl.geometry.tables import Table
 from femnl.types.device import Edge, Film, Holes, Layer, Model, Stack
 
+Thickness = float | Literal["film", "gap"] | None
+Indices = tuple[tuple[float, complex], ...]
+LayerRow = tuple[str, Thickness, Indices]
+
 RED, GREEN = 632.8e-9, 532e-9
-PAPER_STACK = (
-    ("vacuum", None, {RED: 1, GREEN: 1}),
-    ("SiN", "film", {RED: 2.0395, GREEN: 2.0559}),
-    ("vacuum", "gap", {RED: 1, GREEN: 1}),
-    ("Si", None, {RED: 3.8640 - 0.0158j, GREEN: 4.1366 - 0.0338j}),
+PAPER_STACK: tuple[LayerRow, ...] = (
+    ("vacuum", None, ((RED, 1 + 0j), (GREEN, 1 + 0j))),
+    ("SiN", "film", ((RED, 2.0395 + 0j), (GREEN, 2.0559 + 0j))),
+    ("vacuum", "gap", ((RED, 1 + 0j), (GREEN, 1 + 0j))),
+    ("Si", None, ((RED, 3.8640 - 0.0158j), (GREEN, 4.1366 - 0.0338j))),
 )
 """Material, thickness, and index n − ik by wavelength [m], from the laser down. Source: Sommer et al. 2025, supplement S6,
 table of reflectivity values; SiN from Luke et al. 2015 (the paper cites Philipp 1973, who gives 2.0105 and 2.0269), Si from
@@ -39,7 +43,7 @@ class FilmTable(Table):
     taper_length: Length | None = None
 
     @model_validator(mode="after")
-    def _has_a_whole_taper(self) -> "FilmTable":
+    def _has_a_whole_taper(self) -> Self:
         if self.taper >= self.thickness:
             raise refusal("expected less than the thickness of the film, or nothing is left at a hole's rim", "taper")
         if self.taper > 0 and self.taper_length is None:
@@ -49,7 +53,7 @@ class FilmTable(Table):
         return self
 
 
-def _indices(value: Any) -> tuple[tuple[float, complex], ...]:
+def _indices(value: Any) -> Indices:
     """Return index by wavelength from a table such as {"632.8 nm" = 2.0395, "532 nm" = "4.1366 - 0.0338i"}."""
     if not isinstance(value, dict) or not value:
         raise refusal('expected indices by wavelength, write e.g. index = {"632.8 nm" = 2.0395}')
@@ -72,8 +76,8 @@ class LayerTable(Table):
     """One layer of the stack; thickness "film" and "gap" stand for those given elsewhere, and the outer media have none."""
 
     material: str
-    thickness: Annotated[float | Literal["film", "gap"] | None, BeforeValidator(_layer_thickness)] = None
-    index: Annotated[tuple[tuple[float, complex], ...], PlainValidator(_indices)]
+    thickness: Annotated[Thickness, BeforeValidator(_layer_thickness)] = None
+    index: Annotated[Indices, PlainValidator(_indices)]
 
 
 class ReadoutTable(Table):
@@ -83,7 +87,7 @@ class ReadoutTable(Table):
     layers: list[LayerTable] | None = None
 
     @model_validator(mode="after")
-    def _is_a_stack(self) -> "ReadoutTable":
+    def _is_a_stack(self) -> Self:
         if self.layers is None:
             return self
         thicknesses = [layer.thickness for layer in self.layers]
@@ -98,13 +102,10 @@ class ReadoutTable(Table):
 
     def stack(self, film: FilmTable) -> Stack:
         """Return the stack with the film and the gap put in."""
+        rows = PAPER_STACK if self.layers is None else [(layer.material, layer.thickness, layer.index) for layer in self.layers]
         known = {"film": film.thickness, "gap": self.gap, None: np.inf}
-        if self.layers is None:
-            rows = [(material, thickness, tuple((w, complex(n)) for w, n in index.items())) for material, thickness, index in PAPER_STACK]
-            layers = tuple(Layer(material, known[thickness], index) for material, thickness, index in rows)
-            return Stack(layers, gap=2)
-        layers = tuple(Layer(s.material, s.thickness if isinstance(s.thickness, float) else known[s.thickness], s.index) for s in self.layers)
-        return Stack(layers, [s.thickness for s in self.layers].index("gap"))
+        layers = tuple(Layer(material, size if isinstance(size, float) else known[size], index) for material, size, index in rows)
+        return Stack(layers, [thickness for _, thickness, _ in rows].index("gap"))
 
 
 class ModelTable(Table):
@@ -119,7 +120,7 @@ class GeometryFile(Table):
 
     name: Annotated[str, Field(min_length=1, max_length=100)]
     source: str = ""
-    assumed: list[str] = []
+    assumed: list[str] = Field(default_factory=list)
     outline: OutlineTable
     holes: HolesTable | None = None
     film: FilmTable
@@ -135,7 +136,8 @@ class GeometryFile(Table):
         holes = Holes(self.holes.positions(), self.holes.radius) if self.holes is not None else Holes(np.empty((0, 2)), 0.0)
         refuse_overlap(holes)
         outline = self.outline.outline(holes)
-        refuse_outside(holes, outline)
+        if outline.kind != "etched":  # the etch reaches further than the hole that it starts from
+            refuse_outside(holes, outline)
         f = self.film
         if f.taper > 0 and not len(holes.centres):
             raise GeometryError("[film] taper: the film is thinned around holes and there are none; write a table [holes] or leave it out")
