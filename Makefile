@@ -27,9 +27,7 @@ slow: $(READY)  ## the slow studies
 	$(PYTEST) -m slow
 
 lint: $(READY)  ## ruff and mypy
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	@status=0; for check in "ruff check ." "ruff format --check ." mypy; do echo "$$check"; $(BIN)/$$check || status=1; done; exit $$status
 
 benchmarks: $(READY)  ## speed, memory and accuracy against peers
 	$(BIN)/python benchmarks/run.py
