@@ -15,6 +15,7 @@ from femnl.types.mechanics import Modes, Nonlinearity
 from femnl.types.readout import HarmonicMap
 
 DEGREE = 4
+SPARE = 4  # coarse modes beyond those asked for, so that the highest fine ones find their counterparts
 GRID = 101
 MARGIN = 0.1
 
@@ -31,7 +32,7 @@ def solve_modes(model: Model, count: int = 10, symmetry: str = "auto", resolutio
     def solve() -> Modes:
         domain = mesh(model, symmetry, resolution)
         fine = solve_on_mesh(prestress.solve_prestress(domain, DEGREE), count, DEGREE)
-        coarse = solve_on_mesh(prestress.solve_prestress(domain, DEGREE - 1), count, DEGREE - 1)
+        coarse = solve_on_mesh(prestress.solve_prestress(domain, DEGREE - 1), count + SPARE, DEGREE - 1)
         return replace(fine, coarse=align(coarse, fine))
 
     return cached_modes(model, (count, symmetry, resolution), solve) if cache else solve()

@@ -6,7 +6,7 @@ from scipy.optimize import Bounds, LinearConstraint, minimize
 from scipy.spatial import cKDTree
 
 from femnl.fem.elements import Space, reference_basis
-from femnl.fem.forms import cells, deflection, slope, thickness
+from femnl.fem.forms import cells, thickness
 from femnl.types.mechanics import Domain, Modes
 
 Array = NDArray[np.float64]
@@ -44,20 +44,26 @@ def largest_value(space: Space, shape: Array) -> float:
     return float(max(-found.fun, 1.0) * sampled[triangle, point])
 
 
-def canonical_pairs(domain: Domain, space: Space, shapes: Array, clusters: list[list[int]]) -> Array:
-    """Turn each degenerate set of shapes so that ∫ h (∂ₓξᵢ ∂ₓξⱼ − ∂ᵧξᵢ ∂ᵧξⱼ) is diagonal: on a square that gives sin·sin.
+def canonical_turn(domain: Domain, space: Space, shapes: Array, parity: tuple[tuple[int, ...], ...]) -> Array:
+    """Turn a degenerate set of shapes so that ∫ h ξᵢ ξⱼ cosh(4x/R) is diagonal, R the film's reach; largest first.
 
-    Args: shapes (n, size), mass-normalised; clusters: indices of shapes that share a frequency. Returns: a turned copy.
+    A weight of x alone gives sin·sin on a rectangle, and shapes even or odd in x and y where the film has those mirrors. Its
+    angular harmonics never end, so that it tells cos mθ from sin mθ on a circle too.
+
+    Args: shapes (n, size), mass-normalised, and their parities. Returns: orthogonal (n, n), the new shapes from the old ones.
     """
-    turned = shapes.copy()
-    for members in clusters:
-        anisotropy = np.zeros((len(members), len(members)))
-        for cell in cells(space, 2 * space.degree):
-            slopes = np.einsum("eqxj,nej->nxeq", slope(cell.jet), shapes[members][:, space.dofs[cell.triangles]])
-            weight = cell.dx * thickness(domain.model, cell.jet.point)
-            anisotropy += np.einsum("x,nxeq,mxeq,eq->nm", [1.0, -1.0], slopes, slopes, weight, optimize=True)
-        turned[members] = np.linalg.eigh(anisotropy)[1].T[::-1] @ shapes[members]
-    return turned
+    reach = np.abs(space.location).max()
+    spread = np.zeros((len(shapes), len(shapes)))
+    for cell in cells(space, 2 * space.degree + 4):
+        values = np.einsum("eqj,nej->neq", cell.jet.value, shapes[:, space.dofs[cell.triangles]])
+        weight = cell.dx * thickness(domain.model, cell.jet.point) * np.cosh(4 * cell.jet.point[..., 0] / reach)
+        spread += np.einsum("neq,meq,eq->nm", values, values, weight, optimize=True)
+    width, turn = np.zeros(len(shapes)), np.zeros_like(spread)
+    for sector in set(parity):
+        members = [k for k, p in enumerate(parity) if p == sector]
+        width[members], vectors = np.linalg.eigh(spread[np.ix_(members, members)])
+        turn[np.ix_(members, members)] = vectors.T
+    return turn[np.argsort(-width, kind="stable")]
 
 
 def label_shapes(domain: Domain, space: Space, shapes: Array, parity: tuple[tuple[int, ...], ...]) -> tuple[str | None, ...]:
@@ -76,7 +82,7 @@ def label_shapes(domain: Domain, space: Space, shapes: Array, parity: tuple[tupl
         x, y = cell.jet.point[..., 0], cell.jet.point[..., 1]
         along_x = np.sin(np.pi * orders[:, None, None] * (x / width + 0.5))
         along_y = np.sin(np.pi * orders[:, None, None] * (y / height + 0.5))
-        values = np.einsum("eqj,nej->neq", deflection(cell.jet)[:, :, 0], shapes[:, space.dofs[cell.triangles]])
+        values = np.einsum("eqj,nej->neq", cell.jet.value, shapes[:, space.dofs[cell.triangles]])
         overlap += np.einsum("keq,aeq,beq,eq->kab", values, along_x, along_y, cell.dx, optimize=True)
         norms += np.einsum("keq,keq,eq->k", values, values, cell.dx)
         ideal_norms += np.einsum("aeq,aeq,beq,beq,eq->ab", along_x, along_x, along_y, along_y, cell.dx, optimize=True)

@@ -1,6 +1,6 @@
 """Prestressed modes of the film, solved symmetry sector by symmetry sector, normalised, paired and labelled."""
 
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,29 +11,30 @@ from femnl.fem.elements import Space, nodes, reference_basis
 from femnl.fem.solvers import lowest_eigenpairs
 from femnl.fem.supports import free_deflections
 from femnl.modes.operators import Operators, mass_matrix
-from femnl.modes.shapes import canonical_pairs, label_shapes, largest_value
-from femnl.types.mechanics import Modes, Prestress
+from femnl.modes.shapes import canonical_turn, label_shapes, largest_value
+from femnl.types.mechanics import Domain, Modes, Prestress
 
 Array = NDArray[np.float64]
+Sectors = tuple[Array, Array, tuple[tuple[int, ...], ...]]  # ω² (n,), mass-normalised shapes (n, size), parities
 
-DEGENERATE = 1e-6  # relative splitting of ω² below which two modes of one sector count as a degenerate pair
+DEGENERATE = 1e-6  # relative splitting of ω² up to which modes count as sharing a frequency
 
 
 def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
     """Solve ∫ N:∇w⊗∇v + D[(1−ν)∇∇w:∇∇v + νΔwΔv] = ω² ∫ ρh wv for the lowest modes.
 
     Args: prestress: the relaxed film stress. count: how many modes, by rising frequency. degree: of the elements, 2 to 4.
-    Returns: modes with max|ξ| = 1; a wedge is solved in each of its symmetry sectors, so that degenerate pairs of different
-        symmetry come apart by themselves, and those of the same symmetry are turned to diagonalise the x–y anisotropy.
+    Returns: modes with max|ξ| = 1, solved in each symmetry sector of a wedge; those that share a frequency are turned and
+        ordered as `canonical_turn` says, so that a square gives (2,1) before (1,2) whatever the mesh.
     Raises: ParameterError, ConvergenceError. Valid: wedges of an eighth or twelfth hold the one-dimensional symmetries only.
     Source: Kirchhoff plate in tension; validation cases `ideal_membranes`, `clamped_plate`.
     """
     if count < 1:
         raise ParameterError(f"count = {count}: expected at least one mode")
     operators = Operators(prestress, degree)
-    values, shapes, parity = _solve_sectors(operators, prestress.domain.copies, count)
-    shapes = canonical_pairs(prestress.domain, operators.space, shapes, _clusters(values, parity))[:count]
-    return _finish(operators.space, operators.mass, prestress, values[:count], shapes, parity[:count])
+    sectors = _solve_sectors(operators, prestress.domain.copies, count)
+    values, shapes, parity = _settle_degenerate(operators.space, prestress.domain, sectors)
+    return _finish(operators.space, operators.mass, prestress, values[:count], shapes[:count], parity[:count])
 
 
 def _finish(
@@ -46,16 +47,19 @@ def _finish(
     return Modes(prestress, space.degree, np.sqrt(values) / (2 * np.pi), effective, shapes, parity, label)
 
 
-def _solve_sectors(operators: Operators, copies: int, count: int) -> tuple[Array, Array, tuple[tuple[int, ...], ...]]:
-    """ω², shapes and parities of at least the `count` lowest modes: sectors are asked for more until none can hide one."""
+def _solve_sectors(operators: Operators, copies: int, count: int) -> Sectors:
+    """ω², shapes and parities of at least the `count` lowest modes and of all that share a frequency with them.
+
+    Sectors are asked for more until none can hide one.
+    """
     sectors = list(product((1, -1), repeat=min(copies, 4) // 2))
-    ask = dict.fromkeys(sectors, count if len(sectors) == 1 else min(count, count // len(sectors) + 4))
+    ask = dict.fromkeys(sectors, min(count + 1, count // len(sectors) + 4))
     found: dict[tuple[int, ...], tuple[Array, Array]] = {}
     while ask:
         for parity, n in ask.items():
             found[parity] = _solve_sector(operators, parity, n)
-        ceiling = np.sort(np.concatenate([values for values, _ in found.values()]))[count - 1]
-        ask = {p: min(count, 2 * len(v)) for p, (v, _) in found.items() if v[-1] < ceiling and len(v) < count}
+        highest = np.sort(np.concatenate([values for values, _ in found.values()]))[count - 1]
+        ask = {p: 2 * len(v) for p, (v, _) in found.items() if v[-1] <= highest * (1 + DEGENERATE)}
     values = np.concatenate([v for v, _ in found.values()])
     shapes = np.concatenate([s for _, s in found.values()])
     parities = [p for p, (v, _) in found.items() for _ in v]
@@ -72,26 +76,29 @@ def _solve_sector(operators: Operators, parity: tuple[int, ...], count: int) -> 
     return values, shapes
 
 
-def _clusters(values: Array, parity: tuple[tuple[int, ...], ...], gap: float = DEGENERATE) -> list[list[int]]:
-    """Indices of modes that share symmetry and frequency."""
-    clusters: list[list[int]] = []
-    for sector in set(parity):
-        members = [k for k, p in enumerate(parity) if p == sector]
-        groups = [[members[0]]]
-        for before, k in pairwise(members):
-            if values[k] - values[before] < gap * values[k]:
-                groups[-1].append(k)
-            else:
-                groups.append([k])
-        clusters += [g for g in groups if len(g) > 1]
-    return clusters
+def _settle_degenerate(space: Space, domain: Domain, sectors: Sectors) -> Sectors:
+    """Turn and order modes that share a frequency as `canonical_turn` says."""
+    values, shapes, parity = sectors
+    breaks = np.flatnonzero(np.diff(values) > DEGENERATE * values[1:]) + 1
+    for members in np.split(np.arange(len(values)), breaks):
+        if len(members) > 1:
+            turn = canonical_turn(domain, space, shapes[members], tuple(parity[k] for k in members))
+            shapes[members] = turn @ shapes[members]
+            values[members] = turn**2 @ values[members]
+            sources = members[np.argmax(np.abs(turn), axis=1)]
+            settled = dict(zip(members, (parity[k] for k in sources), strict=True))
+            parity = tuple(settled.get(k, p) for k, p in enumerate(parity))
+    return values, shapes, parity
 
 
 def align(coarse: Modes, fine: Modes) -> Modes:
     """Order and turn modes of a lower degree on the same mesh so that each is the counterpart of a finer mode.
 
-    Near-degenerate modes mix differently at different accuracy; within such sets (ω² within 1 %) the coarse modes are turned
-    by the orthogonal matrix nearest to their overlap with the fine ones, and frequencies follow as Rayleigh quotients.
+    Near-degenerate modes mix differently at different accuracy; within such sets (one symmetry, ω² within 1 %) the coarse modes
+    are turned by the orthogonal matrix nearest to their overlap with the fine ones, and frequencies follow as Rayleigh quotients.
+
+    Args: coarse: at least as many modes as `fine`; a few more make sure that the highest find their counterparts.
+    Returns: as many modes as `fine`.
     """
     domain = fine.domain
     space, fine_space = Space(domain.mesh, coarse.degree), Space(domain.mesh, fine.degree)
@@ -100,7 +107,8 @@ def align(coarse: Modes, fine: Modes) -> Modes:
     lifted = prolong(coarse, fine.degree) * weight[:, None]
     overlap = (fine.shapes / np.sqrt(fine.effective_mass)[:, None]) @ (mass_matrix(domain, fine_space) @ lifted.T) * domain.copies
     near = np.abs(coarse.frequency[None, :] / fine.frequency[:, None] - 1) < 0.005
-    left, _, right = np.linalg.svd(np.where(near, overlap, 0.0))
+    alike = np.array([[p == q for q in coarse.parity] for p in fine.parity])
+    left, _, right = np.linalg.svd(np.where(near & alike, overlap, 0.0), full_matrices=False)
     turn = left @ right
     square = np.einsum("ij,j,ij->i", turn, (2 * np.pi * coarse.frequency) ** 2, turn)
     return _finish(space, mass_matrix(domain, space), coarse.prestress, square, turn @ shapes, fine.parity)
