@@ -3,6 +3,6 @@
 from femnl.storage.cache import cached_modes
 from femnl.storage.results import read_modes, write_modes
 from femnl.storage.surface import unfold
-from femnl.storage.vtu import write_vtu
+from femnl.storage.vtu import write_mesh, write_vtu
 
-__all__ = ["cached_modes", "read_modes", "unfold", "write_modes", "write_vtu"]
+__all__ = ["cached_modes", "read_modes", "unfold", "write_mesh", "write_modes", "write_vtu"]

@@ -42,7 +42,7 @@ def read_modes(path: Path, model: Model) -> Modes:
     if tree.attrs["femnl_modes"] != VERSION:
         raise ValueError(f"{path}: version {tree.attrs['femnl_modes']} where {VERSION} is read")
     stored = tree["mesh"].to_dataset()
-    boundaries = {name.removeprefix("boundary_"): stored[name].values for name in stored if str(name).startswith("boundary_")}
+    boundaries = {str(name).removeprefix("boundary_"): stored[name].values for name in stored if str(name).startswith("boundary_")}
     mesh = MeshTri2(np.ascontiguousarray(stored.points.values), np.ascontiguousarray(stored.triangles.values), _boundaries=boundaries)
     domain = Domain(model, mesh, float(tree.attrs["wedge"]))
     fine = _modes(tree["modes"].to_dataset(), domain)

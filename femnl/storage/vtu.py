@@ -1,13 +1,15 @@
-"""Modes and stress as VTU, which ParaView and pyvista open."""
+"""Meshes, modes and stress in formats that other programs open."""
 
 from pathlib import Path
 
 import meshio
 import numpy as np
 
+from femnl.errors import ParameterError
+from femnl.fem.elements import Space
 from femnl.storage.atomic import write_whole
 from femnl.storage.surface import unfold
-from femnl.types.mechanics import Modes
+from femnl.types.mechanics import Domain, Modes
 
 
 def write_vtu(path: Path, modes: Modes) -> None:
@@ -21,3 +23,16 @@ def write_vtu(path: Path, modes: Modes) -> None:
     points = np.column_stack([surface.points, np.zeros(len(surface.points))])
     mesh = meshio.Mesh(points, [("triangle6", surface.triangles)], point_data=fields)
     write_whole(path, lambda file: mesh.write(file, file_format="vtu"))
+
+
+def write_mesh(path: Path, domain: Domain) -> None:
+    """Write the mesh of a film or of its wedge in the format that meshio knows by the suffix of `path`.
+
+    Raises: ParameterError for a suffix that meshio does not write.
+    """
+    if path.suffix not in meshio.extension_to_filetypes:
+        raise ParameterError(f"{path}: meshio writes no files that end in '{path.suffix}'; use .vtu, .msh or .xdmf")
+    points = domain.mesh.doflocs.T
+    nodes = Space(domain.mesh, 2).dofs
+    mesh = meshio.Mesh(np.column_stack([points, np.zeros(len(points))]), [("triangle6", nodes)])
+    write_whole(path, lambda file: mesh.write(file))

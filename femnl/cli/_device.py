@@ -1,0 +1,52 @@
+"""Options that every command on a device shares."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, get_args
+
+import typer
+
+from femnl.errors import ParameterError
+from femnl.geometry import load
+from femnl.mesh import WEDGES
+from femnl.types.device import Edge, Model
+
+Geometry = Annotated[str, typer.Argument(help="A shipped name (see `femnl geometries`) or the path of a TOML file.", show_default=False)]
+Bending = Annotated[
+    bool | None, typer.Option("--bending/--no-bending", help="Keep or drop the plate term; else as the file says.", show_default=False)
+]
+EdgeOption = Annotated[
+    str | None, typer.Option("--edge", help="In-plane edge of the nonlinearity: clamped, sliding or paper.", show_default=False)
+]
+Symmetry = Annotated[str, typer.Option(help=f"Part of the film to mesh: auto, {', '.join(WEDGES)}.")]
+Resolution = Annotated[float, typer.Option(help="Factor on the number of elements per length.")]
+Cache = Annotated[bool, typer.Option("--cache/--no-cache", help="Use solutions kept on disk.")]
+Count = Annotated[int, typer.Option("--count", "-n", help="How many modes.", min=1)]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object in SI units, full precision, and nothing else.")]
+
+
+def load_device(geometry: str, bending: bool | None = None, edge: str | None = None) -> Model:
+    """Read the geometry and apply what the command line overrides."""
+    model = load(geometry)
+    if bending is not None:
+        model = replace(model, bending=bending)
+    for known in get_args(Edge):
+        if edge == known:
+            model = replace(model, edge=known)
+    if edge is not None and edge not in get_args(Edge):
+        raise ParameterError(f"--edge {edge}: expected one of {', '.join(get_args(Edge))}")
+    return model
+
+
+def check_mode(mode: int) -> int:
+    """The index of a mode that users count from 1."""
+    if mode < 1:
+        raise ParameterError(f"--mode {mode}: modes are counted from 1")
+    return mode - 1
+
+
+def suffix_of(path: Path, allowed: tuple[str, ...]) -> str:
+    """The file's suffix, one of those allowed."""
+    if path.suffix not in allowed:
+        raise ParameterError(f"--out {path}: expected a name that ends in {' or '.join(allowed)}")
+    return path.suffix

@@ -1,0 +1,56 @@
+"""How commands print: tables that copy into a paper, numbers with their errors, one object of JSON."""
+
+import json
+import math
+import sys
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def console() -> Console:
+    """A console on standard output; wide enough for any table where the output is not a terminal."""
+    return Console(highlight=False, width=None if sys.stdout.isatty() else 200)
+
+
+def note(text: str) -> None:
+    """Tell the user something beside the result, on standard error."""
+    typer.echo(text, err=True)
+
+
+def print_json(value: Any) -> None:
+    """Print one JSON object with full precision and nothing else; NaN and infinities as null."""
+    typer.echo(json.dumps(_plain(value), ensure_ascii=False))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def table(title: str, columns: list[str], rows: list[list[str]]) -> Table:
+    """A plain table: text left, numbers right."""
+    result = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
+    for k, column in enumerate(columns):
+        numbers = all(row[k][:1] in "0123456789-−–" for row in rows)
+        result.add_column(column, justify="right" if numbers else "left", no_wrap=True)
+    for row in rows:
+        result.add_row(*row)
+    return result
+
+
+def scientific(value: float, digits: int = 4) -> str:
+    """6.93·10⁻³ for 0.00693; plain digits where the exponent is small."""
+    if value == 0 or not math.isfinite(value) or 1e-3 <= abs(value) < 1e5:
+        return f"{value:.{digits}g}"
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPT)}"

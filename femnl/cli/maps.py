@@ -1,0 +1,74 @@
+"""`femnl maps GEOMETRY`: what the readout shows of one moving mode."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import femnl
+from femnl import measurement
+from femnl.cli._device import Bending, Cache, Geometry, check_mode, load_device
+from femnl.cli._output import note
+from femnl.errors import ParameterError
+from femnl.geometry.curves import polyline
+from femnl.optics import MultilayerFringe, SineFringe
+from femnl.plot.maps import harmonic_map_figure
+from femnl.predict import harmonic_maps, solve_modes
+from femnl.readout import Fringe
+from femnl.types.device import Model
+
+Z = Annotated[float, typer.Option("--z", help="Modulation z = 4πU/λ at the antinode.")]
+Wavelength = Annotated[str, typer.Option(help='Of the laser, with its unit: "632.8 nm".')]
+Shown = Annotated[int, typer.Option(help="How many harmonics of the drive.", min=1, max=50)]
+Theta = Annotated[float, typer.Option(help="Working point θ of the sine fringe, in rad.")]
+Readout = Annotated[str, typer.Option("--fringe", help="sine, or multilayer for the reflection of the geometry's stack.")]
+Points = Annotated[int, typer.Option(help="Points along each axis of the map.", min=3, max=2001)]
+Out = Annotated[
+    Path | None,
+    typer.Option(help="Measurement file to write; the figure beside it as .png.", show_default="GEOMETRY-mode-MODE-maps.nc"),
+]
+
+
+def command(
+    geometry: Geometry,
+    z: Z,
+    mode: Annotated[int, typer.Option(help="Which mode, from 1.")] = 1,
+    wavelength: Wavelength = "632.8 nm",
+    harmonics: Shown = 6,
+    fringe: Readout = "sine",
+    theta: Theta = np.pi / 4,
+    points: Points = 101,
+    bending: Bending = None,
+    out: Out = None,
+    cache: Cache = True,
+) -> None:
+    """Predict the maps of the drive's harmonics for one mode, as a measurement file and a figure."""
+    if not z > 0:
+        raise ParameterError(f"--z {z:g}: expected a positive modulation, such as 4.218")
+    model, index = load_device(geometry, bending), check_mode(mode)
+    length, _ = measurement.quantity(wavelength, "m", "--wavelength")
+    amplitude = z * length / (4 * np.pi)
+    modes = solve_modes(model, max(10, mode), cache=cache)
+    name = f"mode {modes.label[index] or mode}"
+    title = f"{model.name}, {name}, z = {z:g} at {length * 1e9:g} nm, U = {amplitude * 1e9:.4g} nm, {fringe} fringe"
+    readout = _fringe(model, fringe, length, theta)
+    result = harmonic_maps(modes, index, readout, amplitude, length, harmonics, points)
+    path = out or Path(f"{model.name}-mode-{mode}-maps.nc")
+    dataset = measurement.harmonic_map(result.x, result.y, result.harmonic, result.values, wavelength=length)
+    attributes = {"title": title, "source": f"simulated by femnl {femnl.__version__}", "model": model.text}
+    measurement.write(measurement.bundle({"map": dataset}, geometry=model.name, **attributes), path)
+    picture = path.with_suffix(".png")
+    harmonic_map_figure(dataset, polyline(model.outline), title).savefig(picture, dpi=200)
+    note(f"wrote {path} and {picture}")
+
+
+def _fringe(model: Model, kind: str, wavelength: float, theta: float) -> Fringe:
+    """The fringe that was asked for, with unit contrast: 1 V for the sine, 1 V per unit of reflectivity for the stack."""
+    if kind == "sine":
+        return SineFringe(wavelength, 0.0, 1.0, theta)
+    if kind != "multilayer":
+        raise ParameterError(f"--fringe {kind}: expected sine or multilayer")
+    if model.stack is None:
+        raise ParameterError(f"{model.name}: its geometry gives no [readout] gap, which the multilayer fringe needs; use --fringe sine")
+    return MultilayerFringe(model.stack, wavelength)

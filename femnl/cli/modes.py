@@ -1,0 +1,84 @@
+"""`femnl modes GEOMETRY`: frequencies, effective masses and Duffing coefficients."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from femnl.cli._device import Bending, Cache, Count, EdgeOption, Geometry, Json, Resolution, Symmetry, load_device, suffix_of
+from femnl.cli._output import console, note, print_json, scientific, table
+from femnl.predict import solve_modes, solve_nonlinearity
+from femnl.storage import write_modes, write_vtu
+from femnl.types.mechanics import Modes, Nonlinearity
+
+Out = Annotated[Path | None, typer.Option(help="Also write the modes to a file: .nc, or .vtu for ParaView.", show_default=False)]
+Tensor = Annotated[bool, typer.Option("--tensor", help="Couplings between modes too: their full cubic tensor.")]
+
+
+def command(
+    geometry: Geometry,
+    count: Count = 10,
+    edge: EdgeOption = None,
+    bending: Bending = None,
+    tensor: Tensor = False,
+    symmetry: Symmetry = "auto",
+    resolution: Resolution = 1.0,
+    out: Out = None,
+    cache: Cache = True,
+    as_json: Json = False,
+) -> None:
+    """Solve the modes of a device: frequencies, effective masses, geometric Duffing coefficients."""
+    kind = suffix_of(out, (".nc", ".vtu")) if out else ""
+    modes = solve_modes(load_device(geometry, bending, edge), count, symmetry, resolution, cache)
+    nonlinearity = solve_nonlinearity(modes, tensor=tensor)
+    if as_json:
+        print_json(_record(modes, nonlinearity))
+    else:
+        _show(modes, nonlinearity)
+    if out:
+        if kind == ".nc":
+            write_modes(out, modes, nonlinearity)
+        else:
+            write_vtu(out, modes)
+        note(f"wrote {out}")
+
+
+def _record(modes: Modes, nonlinearity: Nonlinearity) -> dict[str, Any]:
+    columns = zip(modes.label, modes.frequency, modes.ratio, modes.effective_mass, nonlinearity.k3, nonlinearity.alpha, strict=True)
+    names = ("label", "frequency", "ratio", "effective_mass", "k3", "alpha")
+    record: dict[str, Any] = {
+        "geometry": modes.domain.model.name,
+        "modes": [dict(zip(names, row, strict=True)) for row in columns],
+        "errors": {"ratio": modes.ratio_error, "alpha": nonlinearity.alpha_error, "frequency": modes.frequency_error},
+        "edge": nonlinearity.edge,
+        "bending": modes.domain.model.bending,
+    }
+    return record if nonlinearity.tensor is None else record | {"tensor": nonlinearity.tensor}
+
+
+def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
+    model = modes.domain.model
+    rows = [
+        [
+            str(k + 1),
+            modes.label[k] or "–",
+            f"{modes.frequency[k] / 1e6:.6f}",
+            f"{modes.ratio[k]:.6f}",
+            f"{modes.effective_mass[k] * 1e12:.5g}",
+            scientific(nonlinearity.alpha[k] * 1e-12, 5),
+            scientific(nonlinearity.k3[k], 5),
+            f"{modes.ratio_error[k]:.0e}",
+            f"{nonlinearity.alpha_error[k] / nonlinearity.alpha[k]:.0e}",
+        ]
+        for k in range(len(modes.frequency))
+    ]
+    columns = ["mode", "label", "f (MHz)", "f/f₁", "m_eff (ng)", "α (µm⁻²)", "k₃ (N/m³)", "±f/f₁", "±α/α"]
+    title = f"{model.name}, in-plane edge {nonlinearity.edge}, {'with' if model.bending else 'without'} bending"
+    console().print(table(title, columns, rows))
+    if nonlinearity.tensor is not None:
+        n = len(modes.frequency)
+        cross = [[str(i + 1), *(scientific(3 * nonlinearity.tensor[i, i, j, j], 4) for j in range(n))] for i in range(n)]
+        for i in range(n):
+            cross[i][i + 1] = scientific(nonlinearity.tensor[i, i, i, i], 4)
+        console().print(table("Cubic force on mode i per q_i q_j² (diagonal: q_i³), N/m³", ["i\\j", *map(str, np.arange(n) + 1)], cross))
