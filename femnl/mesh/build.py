@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import gmsh
@@ -12,8 +12,9 @@ from scipy.spatial import cKDTree
 from skfem import MeshTri2
 
 from femnl.errors import GeometryError, ParameterError
+from femnl.geometry import curves as exact
 from femnl.mesh.collect import check_unfolded, collect
-from femnl.mesh.curves import arc_angles, distance_from, point_on, singular_corners
+from femnl.mesh.corners import singular_corners
 from femnl.mesh.symmetry import FULL, HALF, find_wedge
 from femnl.types.device import Model
 from femnl.types.mechanics import Domain
@@ -108,8 +109,8 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
         if s.centre is None:
             lines.append(occ.addLine(point(s.start), point(s.end)))
             continue
-        pieces = int(np.ceil(arc_angles(s)[1] / (np.pi / 2) - 1e-9))
-        stops = [point(s.start), *(point(point_on(s, k / pieces)) for k in range(1, pieces)), point(s.end)]
+        pieces = int(np.ceil(exact.turn(s) / (np.pi / 2) - 1e-9))
+        stops = [point(s.start), *map(point, exact.point_at(s, np.arange(1, pieces) / pieces)), point(s.end)]
         lines += [occ.addCircleArc(a, point(s.centre), b) for a, b in pairwise(stops)]
     film = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines)]))]
     if wedge < FULL:
@@ -158,7 +159,7 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
         elif holes is not None and np.all(np.abs(holes.query(where)[0] - model.holes.radius * unit) < TOLERANCE):
             curves.holes.append(tag)
         else:
-            distances = [np.abs(distance_from(s, where / unit)).max() for s in model.outline.segments]
+            distances = [exact.distance(replace(model.outline, segments=(s,)), where / unit).max() for s in model.outline.segments]
             (curves.clamped if model.outline.segments[int(np.argmin(distances))].clamped else curves.free).append(tag)
     return curves
 

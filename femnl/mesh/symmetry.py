@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from femnl.errors import ParameterError
-from femnl.mesh.curves import point_on
+from femnl.geometry import curves
 from femnl.types.device import Model, Outline
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ def _key_points(outline: Outline) -> Array:
     """Points that pin down an outline: for each segment its two ends, centre and middle, the clamped ones offset in z."""
     rows = []
     for s in outline.segments:
-        middle = point_on(s, 0.5)
+        middle = curves.point_at(s, 0.5)
         rows += [(*s.start, 1.0), (*middle, 2.0 + s.clamped)]
     points = np.array(rows)
     points[:, 2] *= outline.length
