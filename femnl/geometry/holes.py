@@ -144,8 +144,13 @@ def refuse_outside(holes: Holes, outline: Outline) -> None:
 
 def name(holes: Holes, index: int) -> str:
     """Return what messages call a hole: its number, counted from 1, and its position."""
-    x, y = holes.centres[index] * 1e6
-    return f"hole {index + 1} at ({x:.6g}, {y:.6g}) um"
+    return f"hole {index + 1} at {place(holes.centres[index])}"
+
+
+def place(point: Array) -> str:
+    """Return a point (2,) [m] as messages write it."""
+    x, y = np.round(point * 1e6, 9) + 0.0  # no −0
+    return f"({x:.6g}, {y:.6g}) um"
 
 
 def _refuse_too_many(number: int, cause: str) -> None:

@@ -75,7 +75,7 @@ class Polygon(Table):
     """
 
     kind: Literal["polygon"]
-    points: Annotated[list[Position], Field(min_length=3, max_length=10_000)]
+    points: Annotated[list[Position], Field(min_length=3, max_length=2000)]
     free: list[int] = Field(default_factory=list)
 
     def outline(self, holes: Holes) -> Outline:

@@ -89,7 +89,7 @@ def _toml(text: str) -> dict[str, Any]:
     except RecursionError as error:
         raise GeometryError("not a geometry: brackets nested too deep") from error
     except ValueError as error:  # tomllib's own, and Python's for integers of thousands of digits
-        raise GeometryError(f"not TOML: {error}; text and quantities stand in quotes") from error
+        raise GeometryError(f"not TOML: {str(error).split(';')[0]}; text and quantities stand in quotes") from error
 
 
 def _refuse_unknown_assumptions(data: dict[str, Any], assumed: tuple[str, ...]) -> None:

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from femnl.errors import GeometryError
-from femnl.geometry.holes import name
+from femnl.geometry.holes import name, place
 from femnl.types.device import Holes, Segment
 
 Array = NDArray[np.float64]
@@ -48,10 +48,10 @@ def union_of_discs(holes: Holes, radius: float) -> tuple[Segment, ...]:
     loops = list(_loops(follower))
     if len(loops) > 1:
         outer = max(loops, key=lambda loop: np.ptp(starts[loop], axis=0).max())
-        pillar = starts[next(loop for loop in loops if loop is not outer)].mean(axis=0) * 1e6
+        pillar = starts[next(loop for loop in loops if loop is not outer)].mean(axis=0)
         raise GeometryError(
-            f"[outline] etch_radius = {radius * 1e6:.4g} um leaves {len(loops) - 1} pillars under the film, one at "
-            f"({pillar[0]:.5g}, {pillar[1]:.5g}) um; raise etch_radius or lower pitch"
+            f"[outline] etch_radius = {radius * 1e6:.4g} um leaves pillars under the film ({len(loops) - 1}), one at "
+            f"{place(pillar)}; raise etch_radius or lower pitch"
         )
     points = [(float(x), float(y)) for x, y in starts]
     middles = [(float(x), float(y)) for x, y in centres[discs]]

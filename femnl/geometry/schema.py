@@ -4,13 +4,14 @@ import re
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, PlainValidator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, model_validator
+from pydantic_core import PydanticCustomError
 
 from femnl.errors import GeometryError
 from femnl.geometry.holes import HolesTable, refuse_outside, refuse_overlap
 from femnl.geometry.outlines import OutlineTable
 from femnl.geometry.quantities import LENGTH, Density, Depth, Length, Pressure, refusal, to_si
-from femnl.geometry.tables import Table
+from femnl.geometry.tables import Table, show
 from femnl.types.device import Edge, Film, Holes, Layer, Model, Stack
 
 Thickness = float | Literal["film", "gap"] | None
@@ -57,7 +58,23 @@ def _indices(value: Any) -> Indices:
     """Return index by wavelength from a table such as {"632.8 nm" = 2.0395, "532 nm" = "4.1366 - 0.0338i"}."""
     if not isinstance(value, dict) or not value:
         raise refusal('expected indices by wavelength, write e.g. index = {"632.8 nm" = 2.0395}')
-    return tuple((to_si(wavelength, LENGTH), _index(index)) for wavelength, index in value.items())
+    table = {_wavelength(wavelength): _index(index) for wavelength, index in value.items()}
+    if len(table) < len(value):
+        raise refusal("two of these wavelengths are the same")
+    return tuple(table.items())
+
+
+def _wavelength(key: str) -> float:
+    try:
+        return to_si(key, LENGTH)
+    except PydanticCustomError as error:
+        raise refusal(f"wavelength {show(key)}: {error}") from None
+
+
+def _plain_name(value: str) -> str:
+    if not re.fullmatch(r"\w[\w .,+()-]{0,99}", value):
+        raise refusal("expected at most 100 letters, digits, spaces and . , _ + - ( ), a letter or digit first")
+    return value
 
 
 def _index(value: Any) -> complex:
@@ -65,7 +82,7 @@ def _index(value: Any) -> complex:
         return complex(value)
     if isinstance(value, str) and (match := _COMPLEX.fullmatch(value)) and float(match[1]) > 0:
         return complex(float(match[1]), -float(match[2]))
-    raise refusal('expected a refractive index n − ik, write e.g. 2.0395 or, where light is absorbed, "3.8640 - 0.0158i"')
+    raise refusal(f'{show(value)} is no refractive index n − ik, write e.g. 2.0395 or, where light is absorbed, "3.8640 - 0.0158i"')
 
 
 def _layer_thickness(value: Any) -> float | str:
@@ -118,7 +135,7 @@ class ModelTable(Table):
 class GeometryFile(Table):
     """A whole geometry file. `assumed` names the values, as "film.young", that the source does not give."""
 
-    name: Annotated[str, Field(min_length=1, max_length=100)]
+    name: Annotated[str, AfterValidator(_plain_name)]
     source: str = ""
     assumed: list[str] = Field(default_factory=list)
     outline: OutlineTable
@@ -140,7 +157,7 @@ class GeometryFile(Table):
             refuse_outside(holes, outline)
         f = self.film
         if f.taper > 0 and not len(holes.centres):
-            raise GeometryError("[film] taper: the film is thinned around holes and there are none; write a table [holes] or leave it out")
+            raise GeometryError(f"[film] taper = {f.taper * 1e9:.4g} nm: there are no holes to thin the film around; write a table [holes]")
         film = Film(f.thickness, f.young, f.poisson, f.density, f.stress, f.taper, f.taper_length or 0.0)
         stack = self.readout.stack(f) if self.readout is not None else None
         return Model(self.name, self.source, outline, holes, film, stack, self.model.bending, self.model.edge, text, tuple(self.assumed))

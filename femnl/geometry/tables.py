@@ -1,6 +1,7 @@
 """What every table of a geometry file shares: strict types, no unknown keys, and errors told in one line."""
 
 import json
+import re
 from difflib import get_close_matches
 from typing import Any
 
@@ -9,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from femnl.geometry.quantities import refusal
 
 EXAMPLES = {
+    "assumed": '["film.density", "holes.radius"]',
     "bending": "true",
     "centres": '[["-20 um", "0 um"], ["20 um", "0 um"]]',
     "count": "[30, 30]",
@@ -16,6 +18,7 @@ EXAMPLES = {
     "diameter": '"270 um"',
     "edge": '"clamped"',
     "etch_radius": '"10.88 um"',
+    "free": "[2, 3]",
     "gap": '"3226.25 nm"',
     "height": '"180 um"',
     "index": '{"632.8 nm" = 2.0395, "532 nm" = "4.1366 - 0.0338i"}',
@@ -24,6 +27,7 @@ EXAMPLES = {
     "long_axis": '"278.7 um"',
     "material": '"SiN"',
     "name": '"square-270um"',
+    "offset": '["1 um", "0 um"]',
     "pitch": '"8.56 um"',
     "points": '[["0 um", "0 um"], ["270 um", "0 um"], ["0 um", "270 um"]]',
     "poisson": "0.23",
@@ -31,7 +35,9 @@ EXAMPLES = {
     "rings": "15",
     "side": '"270 um"',
     "sides": "6",
+    "source": '"measured in 2025"',
     "stress": '"1101.5 MPa"',
+    "taper": '"60 nm"',
     "taper_length": '"4 um"',
     "thickness": '"183.75 nm"',
     "width": '"270 um"',
@@ -41,6 +47,7 @@ EXAMPLES = {
 
 _UNIONS = ("outline", "holes")  # pydantic puts the kind that it chose into the path of an error
 _LONGEST = 60
+_PYDANTIC = re.compile(r"^(Input should be|\w+ should have)")
 
 
 class Table(BaseModel):
@@ -71,13 +78,13 @@ def complaint(error: ValidationError) -> str:
     if len(loc) > 1 and loc[0] in _UNIONS:
         del loc[1]
     if first["type"] == "missing":
-        return f"{_place(loc)} is missing: {_how_to_write(loc)}"
+        return f"{_place(loc, table=loc[-1] not in EXAMPLES)} is missing: {_how_to_write(loc)}"
     if first["type"] == "union_tag_not_found":
         loc.append(context["discriminator"].strip("'"))
-        return f"{_place(loc)} is missing: {_how_to_write(loc)}"
+        return f"{_place(loc, table=loc[-1] not in EXAMPLES)} is missing: {_how_to_write(loc)}"
     if first["type"] == "union_tag_invalid":
         loc.append(context["discriminator"].strip("'"))
-        reason, value = suggest(context["tag"], context["expected_tags"].replace("'", "").split(", ")), context["tag"]
+        reason, value = suggest(context["tag"], context["expected_tags"].replace("'", "").split(", ")), value[loc[-1]]
     elif first["type"] == "geometry":
         reason = context["reason"]
         if context["key"] is not None:
@@ -86,9 +93,9 @@ def complaint(error: ValidationError) -> str:
     elif first["type"] in ("model_type", "model_attributes_type"):
         reason = f"expected a table, {_how_to_write(loc)}"
     else:
-        reason = f"{first['msg'].replace('Input should be', 'expected')}, {_how_to_write(loc)}"
+        reason = f"{_PYDANTIC.sub('expected', first['msg']).replace(' after validation', '')}, {_how_to_write(loc)}"
     if isinstance(value, dict):
-        return one_line(f"{_place(loc)}: {reason}")
+        return one_line(f"{_place(loc, table=True)}: {reason}")
     return one_line(f"{_place(loc)} = {show(value)}: {reason}")
 
 
@@ -110,12 +117,12 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def _place(loc: list[Any]) -> str:
+def _place(loc: list[Any], table: bool = False) -> str:
     """Return where a value stands: the table in brackets, its key, and entries of lists counted from 1."""
     words = [str(part + 1) if isinstance(part, int) else part for part in loc]
     if len(loc) > 2 and isinstance(loc[-2], int) and isinstance(loc[-1], int):
         words[-1] = "xy"[loc[-1]] if loc[-1] < 2 else words[-1]
-    if len(loc) > 1 or loc[0] in ("outline", "holes", "film", "readout", "model"):
+    if len(loc) > 1 or table:
         words[0] = f"[{words[0]}]"
     return " ".join(words)
 
