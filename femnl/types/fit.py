@@ -40,3 +40,16 @@ class Fit:
     def __getitem__(self, name: str) -> float:
         """Return the value of the parameter called `name`."""
         return self.parameters[name].value
+
+
+@dataclass(frozen=True)
+class MapFit:
+    """A fit of harmonic maps, and by name of the map what it predicts and what it leaves.
+
+    prediction: V_n [V], complex (n_harmonics, n_y, n_x); residual: (data − prediction)/noise of the same shape, so that
+    its real and imaginary parts have unit variance where the model holds. Both are NaN where nothing was measured.
+    """
+
+    fit: Fit
+    prediction: dict[str, NDArray[np.complex128]]
+    residual: dict[str, NDArray[np.complex128]]

@@ -1,0 +1,60 @@
+"""Uncertainties of a least-squares fit from its Jacobian, parameters that the data do not determine named instead of inverted."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from femnl.types.readout import Array
+
+BLIND = 1e-9
+"""Eigenvalues of the scaled Fisher information below this are directions that the data do not see."""
+
+
+def unseen(jacobian: Array, unit: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return which parameters the data do not see at all: a step of their natural `unit` moves χ² by less than a millionth."""
+    return np.asarray(np.linalg.norm(jacobian, axis=0) * unit < 1e-3)
+
+
+def covariance(jacobian: Array, names: Sequence[str], unit: Array) -> tuple[Array, tuple[str, ...]]:
+    """Return (JᵀJ)⁻¹ over what the data determine, and sentences on what they do not.
+
+    The Fisher information is scaled to a unit diagonal; eigenvectors with an eigenvalue below 1e-9 are exact degeneracies.
+    Every parameter that takes part in one gets an infinite variance, the others their variance given that degeneracy.
+
+    Args:
+        jacobian: derivatives of the residuals in standard deviations, (n_points, n_parameters).
+        names: parameter names.
+        unit: a step of each parameter that would matter, (n_parameters,).
+
+    Returns:
+        covariance (n_parameters, n_parameters), infinite on the diagonal where undetermined; notes.
+    """
+    dead = unseen(jacobian, unit)
+    jacobian = np.where(dead, 0.0, jacobian)
+    fisher = jacobian.T @ jacobian
+    scale = np.where(dead, 1.0, np.sqrt(np.diag(fisher)))
+    eigenvalues, vectors = np.linalg.eigh(fisher / np.outer(scale, scale))
+    blind = eigenvalues < BLIND
+    seen = vectors[:, ~blind] / np.sqrt(eigenvalues[~blind])
+    found = (seen @ seen.T) / np.outer(scale, scale)
+    notes = []
+    lost = np.zeros(len(names), bool)
+    for vector in vectors[:, blind].T:
+        part = np.abs(vector) > 1e-3
+        lost |= part
+        named = [name for name, taken in zip(names, part, strict=True) if taken]
+        notes.append(f"these data do not determine {named[0] if len(named) == 1 else ' and '.join(named) + ' apart'}")
+    found[lost, :] = found[:, lost] = 0.0
+    found[lost, lost] = np.inf
+    return found, tuple(notes)
+
+
+def strongest_correlation(found: Array, names: Sequence[str]) -> str:
+    """Return a sentence on the most correlated pair of determined parameters; empty with fewer than two."""
+    known = np.flatnonzero(np.isfinite(np.diag(found)) & (np.diag(found) > 0))
+    if known.size < 2:
+        return ""
+    sd = np.sqrt(np.diag(found)[known])
+    correlation = found[np.ix_(known, known)] / np.outer(sd, sd) - np.eye(known.size)
+    i, j = np.unravel_index(np.argmax(np.abs(correlation)), correlation.shape)
+    return f"the most correlated pair is {names[known[i]]} and {names[known[j]]}, {correlation[i, j]:+.3f}"
