@@ -42,7 +42,7 @@ def starts(maps: list[MapData], shape: Shape, count: int, placements: list[list[
         count: most starts to return.
         placements: for each map the placements (x, y, scale, rotation) to try.
     """
-    amplitudes: Array = STEP * (np.arange(round(LARGEST / STEP)) + 0.5) / max(data.wavenumber for data in maps)
+    amplitudes = np.asarray(STEP * (np.arange(round(LARGEST / STEP)) + 0.5) / max(data.wavenumber for data in maps), np.float64)
     total = np.zeros(len(amplitudes))
     winners: list[list[tuple[dict[str, float], Array]]] = []
     for data, tried in zip(maps, placements, strict=True):

@@ -63,3 +63,21 @@ class HarmonicMap:
 
     def __post_init__(self) -> None:
         freeze(self)
+
+
+@dataclass(frozen=True)
+class HarmonicSpectrum:
+    """Harmonics of the drive in recorded traces, one column a step of the drive.
+
+    drive_frequency (n_steps,) [Hz]; harmonic (n_harmonics,) from 0; values (n_harmonics, n_steps) complex V_n [V];
+    values_sd (n_harmonics, n_steps) [V]: standard deviation of real and of imaginary part; noise_sd (n_steps,) [V] per sample.
+    """
+
+    drive_frequency: Array
+    harmonic: NDArray[np.int64]
+    values: ComplexArray
+    values_sd: Array
+    noise_sd: Array
+
+    def __post_init__(self) -> None:
+        freeze(self)
