@@ -92,6 +92,29 @@ def polyline(outline: Outline, per_turn: int = 180) -> Array:
     return np.concatenate([*pieces, [outline.segments[0].start]])
 
 
+def widths(outline: Outline, samples: int = 9) -> Array:
+    """Return for each segment the narrowest width of the film across it [m]: from points along it straight in to the outline again.
+
+    Valid: widths above a thousandth of the outline's length; nearer than that, an arc's polyline is its own neighbour.
+    """
+    loop = polyline(outline)
+    start, chord = loop[:-1], np.diff(loop, axis=0)
+    narrowest = []
+    for s in outline.segments:
+        where, ahead = point_at(s, (np.arange(samples) + 0.5) / samples), point_at(s, (np.arange(samples) + 0.6) / samples)
+        along = ahead - where
+        inward = np.stack([-along[:, 1], along[:, 0]], 1) / np.hypot(*along.T)[:, None]
+        # where + t·inward = start + f·chord
+        determinant = inward[:, None, 0] * -chord[:, 1] + inward[:, None, 1] * chord[:, 0]
+        gap = start - where[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = (gap[..., 1] * chord[:, 0] - gap[..., 0] * chord[:, 1]) / determinant
+            f = (inward[:, None, 0] * gap[..., 1] - inward[:, None, 1] * gap[..., 0]) / determinant
+        hit = (t > 1e-3 * outline.length) & (f >= 0) & (f <= 1)
+        narrowest.append(np.min(t, where=hit, initial=np.inf))
+    return np.array(narrowest)
+
+
 def _on_arc(segment: Segment, points: Array) -> NDArray[np.bool_]:
     """Return which points (n, 2) an arc's centre sees through the arc."""
     centre = np.asarray(segment.centre)

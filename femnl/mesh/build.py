@@ -25,8 +25,9 @@ Array = NDArray[np.float64]
 SCALE = 100.0
 TOLERANCE = 1e-6  # of a point lying on a curve, in scaled units
 
-GROWTH = 0.7  # element size gained per distance from the feature that asks for small elements
+GROWTH = 0.7  # element size gained per distance from the feature that asks for small elements, at resolution 1
 HOLE_SEGMENTS = 12  # curved edges around a hole
+ELEMENTS_ACROSS = 3  # elements across the narrowest place of a strip, such as a tether
 ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
 ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
 LAYER_SIZE = 1.5  # element size at clamped edges in units of the bending length ℓ = √(D/σh)
@@ -70,6 +71,7 @@ class _Curves:
     free: list[int]
     holes: list[int]
     mirrors: tuple[list[int], list[int]]
+    segment: dict[int, int]  # the outline's segment that a clamped or free edge is part of
 
 
 def _build(model: Model, wedge: float, resolution: float) -> MeshTri2:
@@ -147,7 +149,7 @@ def _wedge_surface(wedge: float) -> int:
 
 def _classify(model: Model, wedge: float, unit: float) -> _Curves:
     """Tell curves apart by where they lie."""
-    curves = _Curves([], [], [], ([], []))
+    curves = _Curves([], [], [], ([], []), {})
     holes = cKDTree(model.holes.centres * unit) if len(model.holes.centres) else None
     for _, tag in gmsh.model.getEntities(1):
         low, high = gmsh.model.getParametrizationBounds(1, tag)
@@ -160,7 +162,8 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
             curves.holes.append(tag)
         else:
             distances = [exact.distance(replace(model.outline, segments=(s,)), where / unit).max() for s in model.outline.segments]
-            (curves.clamped if model.outline.segments[int(np.argmin(distances))].clamped else curves.free).append(tag)
+            curves.segment[tag] = int(np.argmin(distances))
+            (curves.clamped if model.outline.segments[curves.segment[tag]].clamped else curves.free).append(tag)
     return curves
 
 
@@ -173,7 +176,7 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> Non
 
     def grow(size: float, distance: int) -> None:
         wanted.append(field.add("MathEval"))
-        field.setString(wanted[-1], "F", f"min({largest}, {size} + {GROWTH} * F{distance})")
+        field.setString(wanted[-1], "F", f"min({largest}, {size} + {GROWTH / resolution} * F{distance})")
 
     def grow_from_curves(size: float, tags: list[int]) -> None:
         distance = field.add("Distance")
@@ -188,6 +191,10 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> Non
         grow_from_curves(LAYER_SIZE * layer / resolution, curves.clamped)
     for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
         grow_from_curves(2 * np.pi * radius / ARC_SEGMENTS / resolution, arcs)
+    for index, width in enumerate(exact.widths(model.outline)):
+        tags = [t for t, k in curves.segment.items() if k == index]
+        if tags and width * unit < ELEMENTS_ACROSS * largest:
+            grow_from_curves(width * unit / ELEMENTS_ACROSS / resolution, tags)
     ends = {t: np.array(gmsh.model.getValue(0, t, []))[:2] for _, t in gmsh.model.getEntities(0)}
     for corner, size in singular_corners(model.outline, resolution):
         near = [t for t, end in ends.items() if np.hypot(*(end - corner * unit)) < TOLERANCE]
