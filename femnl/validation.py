@@ -208,9 +208,18 @@ def _attempt(action: Callable[[T], R], argument: T) -> tuple[R | None, str | Non
 def record(result: Result) -> dict[str, Any]:
     """Return a result as plain values for JSON, with every row's difference, tolerance and verdict spelt out."""
     rows = [
-        asdict(row.reference)
-        | {"tolerance": row.reference.tolerance, "computed": row.value, "error": row.error}
-        | {"difference": row.difference, "verdict": row.verdict}
+        {
+            "quantity": row.reference.quantity,
+            "unit": row.reference.unit,
+            "value": row.value,
+            "error": row.error,
+            "reference": row.reference.value,
+            "tolerance": row.reference.tolerance,
+            "sd": row.reference.sd,
+            "printed": row.reference.printed,
+            "difference": row.difference,
+            "verdict": row.verdict,
+        }
         for row in result.rows
     ]
     return asdict(result) | {"rows": rows, "passed": result.passed}
@@ -220,7 +229,7 @@ def render(results: Sequence[Result]) -> Table:
     """Return a table of results for the terminal: one section a case, one line a number, failures in red."""
     failed = sum(not result.passed for result in results)
     seconds = sum(result.seconds for result in results)
-    table = Table(caption=f"{len(results)} cases, {failed} failed, {seconds:.1f} s", title="Validation", expand=False)
+    table = Table(caption=f"{failed} of {len(results)} failed, {seconds:.1f} s", title="Validation", expand=False)
     table.add_column("quantity", overflow="fold")
     for heading in ("femnl", "± error", "reference", "printed", "difference"):
         table.add_column(heading, justify="right", overflow="fold")
