@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from femnl.fits.covariance import unseen
-from femnl.fits.mapmodel import REGISTRATION, MapData, Shape, predict, slopes
+from femnl.fits.mapmodel import OVERTONE, REGISTRATION, MapData, Shape, predict, slopes
 from femnl.fits.mapscan import starts
 from femnl.types.readout import Array, ComplexArray
 
@@ -25,11 +25,14 @@ class MapProblem:
     maps: list[MapData]
     shape: Shape
     registration: tuple[str, ...]
+    overtones: tuple[int, ...] = ()
 
     @property
     def own(self) -> tuple[str, ...]:
         """Parameters that each map has for itself."""
-        return ("contrast", "fringe_phase", "motion_phase", *(name for name in REGISTRATION if name in self.registration))
+        placement = [name for name in REGISTRATION if name in self.registration]
+        free = [OVERTONE.format(k=k, part=part) for k in self.overtones for part in ("real", "imag")]
+        return ("contrast", "fringe_phase", "motion_phase", *placement, *free)
 
     @property
     def n_points(self) -> int:
@@ -38,7 +41,7 @@ class MapProblem:
 
     def pack(self, amplitude: float, values: Sequence[Mapping[str, float]]) -> Array:
         """Return the parameter vector."""
-        return np.array([amplitude, *(own[name] for own in values for name in self.own)])
+        return np.array([amplitude, *(own.get(name, 0.0) for own in values for name in self.own)])
 
     def unpack(self, vector: Array) -> list[dict[str, float]]:
         """Return every parameter of each map, the fixed ones included."""
@@ -73,7 +76,7 @@ class MapProblem:
 
     def unit(self, vector: Array) -> Array:
         """Return a step of each parameter that would matter: a nanometre, the contrast, a radian, a point's spacing, the size."""
-        steps = {"amplitude": 1e-9, "fringe_phase": 1.0, "motion_phase": 1.0, "scale": 1.0, "rotation": 1.0}
+        steps = {"amplitude": 1e-9} | dict.fromkeys(self.own, 1.0)
         own = [
             steps | {"contrast": abs(values["contrast"]), "x": data.spacing, "y": data.spacing}
             for data, values in zip(self.maps, self.unpack(vector), strict=True)

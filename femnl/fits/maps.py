@@ -7,7 +7,7 @@ import xarray as xr
 
 from femnl.errors import ParameterError
 from femnl.fits.covariance import covariance, strongest_correlation
-from femnl.fits.mapmodel import REGISTRATION, UNITS, MapData, Shape, flatten
+from femnl.fits.mapmodel import OVERTONE, REGISTRATION, UNITS, MapData, Shape, flatten
 from femnl.fits.mapproblem import MapProblem
 from femnl.types.fit import Fit, MapFit, Parameter
 from femnl.types.readout import Array, PeriodicFringe
@@ -27,6 +27,7 @@ def fit_map(
     shape: Shape,
     fringe: PeriodicFringe | Mapping[str, PeriodicFringe] | None = None,
     registration: Sequence[str] = REGISTRATION,
+    free_overtones: int = 1,
 ) -> MapFit:
     """Fit measured harmonic maps by a membrane that moves as U ξ(x, y) cos(ωt + φ) under a fringe.
 
@@ -39,10 +40,12 @@ def fit_map(
         shape: ξ at points (x, y) [m]; max|ξ| = 1.
         fringe: the fringe of a single map, or of each map by name; its offset, its scale and its working point do not matter.
         registration: which of x, y [m], scale, rotation [rad] of the membrane in the map are free; the others stay at 0, 0, 1, 0.
+        free_overtones: highest overtone of the fringe that is fitted; 1 takes the fringe as given, more lets its form be found.
 
     Returns:
         The fit. Parameters: `amplitude` U [m]; per map `contrast` V_C [V], `fringe_phase` θ, `motion_phase` φ [rad] and the free
         placement; derived: `modulation` S′ = qU and `working_point` θ/q [m]. With several maps a name carries ":" and that of the map.
+        Free overtones are `overtone_k_real`, `overtone_k_imag`: what is added to c_k, in parts of V_C.
         For one cosine the signs are chosen so that V_C > 0 and sin θ ≥ 0. The notes say what symmetry and noise leave open.
 
     Raises:
@@ -53,7 +56,8 @@ def fit_map(
     Source: Sommer et al. 2025, supplement S7; variable projection: Golub & Pereyra, SIAM J. Numer. Anal. 10, 413 (1973).
     """
     named = {"": maps} if isinstance(maps, xr.Dataset) else dict(maps)
-    problem = MapProblem([flatten(name, named[name], of) for name, of in _fringes(named, fringe).items()], shape, tuple(registration))
+    flat = [flatten(name, named[name], of) for name, of in _fringes(named, fringe).items()]
+    problem = MapProblem(flat, shape, tuple(registration), tuple(range(2, free_overtones + 1)))
     if unknown := set(registration) - set(REGISTRATION):
         raise ParameterError(f"registration = {sorted(unknown)} is not known: choose from {', '.join(REGISTRATION)}")
     optima = sorted((problem.refine(start, most=FIRST) for start in problem.starts()), key=lambda optimum: optimum[1])
@@ -82,7 +86,7 @@ def _label(name: str, data: MapData) -> str:
 
 
 def _canonical(problem: MapProblem, vector: Array) -> Array:
-    """Return the equal solution with U > 0, and for a pure cosine with V_C > 0 and sin θ ≥ 0; angles in (−π, π]."""
+    """Return the equal solution with U > 0, and for a cosine, overtones added or not, with V_C > 0 and sin θ ≥ 0; angles in (−π, π]."""
     values = problem.unpack(vector)
     for data, own in zip(problem.maps, values, strict=True):
         if vector[0] < 0:
@@ -91,12 +95,19 @@ def _canonical(problem: MapProblem, vector: Array) -> Array:
             if own["contrast"] < 0:
                 own["contrast"] *= -1
                 own["fringe_phase"] += np.pi
+                _negate(own, [OVERTONE.format(k=k, part=part) for k in problem.overtones[::2] for part in ("real", "imag")])
             if np.sin(own["fringe_phase"]) < 0:
                 own["fringe_phase"] *= -1
                 own["motion_phase"] += np.pi
+                _negate(own, [OVERTONE.format(k=k, part="imag") for k in problem.overtones])
         for angle in ("fringe_phase", "motion_phase"):
             own[angle] = float(np.pi - (np.pi - own[angle]) % (2 * np.pi))
     return problem.pack(abs(vector[0]), values)
+
+
+def _negate(values: dict[str, float], names: Sequence[str]) -> None:
+    for name in names:
+        values[name] *= -1
 
 
 def _rival(problem: MapProblem, vector: Array, chi2: float, which: int, mirror: str) -> str:
@@ -143,7 +154,8 @@ def _report(problem: MapProblem, vector: Array, notes: tuple[str, ...]) -> MapFi
         notes = (*notes, "without noise_sd the uncertainties are scaled to χ²/dof = 1")
     sd = np.sqrt(np.diag(found))
     parameters = {
-        label: Parameter(label, float(value), float(s), UNITS[name]) for (label, name), value, s in zip(keys, vector, sd, strict=True)
+        label: Parameter(label, float(value), float(s), UNITS.get(name, "1"))
+        for (label, name), value, s in zip(keys, vector, sd, strict=True)
     }
     for data in problem.maps:
         q, theta = data.wavenumber, parameters[_label("fringe_phase", data)]

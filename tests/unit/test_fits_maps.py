@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 from femnl.errors import MeasurementError, ParameterError
-from femnl.fits.mapmodel import UNITS, Shape, flatten, predict, slopes
+from femnl.fits.mapmodel import Shape, flatten, predict, slopes
 from femnl.fits.maps import fit_map
 from femnl.measurement import harmonic_map, read
 from femnl.optics import MultilayerFringe, SineFringe
@@ -112,8 +112,10 @@ def test_derivatives_of_the_model_agree_with_differences(fringe: PeriodicFringe)
 
     data = flatten("", measured(fringe, 4e-7, 0, smooth), fringe)
     values = {"amplitude": 4e-7, "contrast": 0.02, "fringe_phase": 0.6, "motion_phase": 0.4, **PLACED}
+    values |= {"overtone_2_real": 0.1, "overtone_2_imag": -0.05, "overtone_3_real": 0.02, "overtone_3_imag": 0.03}
     by = slopes(data, smooth, values)
-    for name in UNITS:
+    assert set(by) == set(values)
+    for name in values:
         step = 1e-4 * {"x": 1e-4, "y": 1e-4}.get(name, values[name])
         ends = [predict(data, smooth, {**values, name: values[name] + sign * step}) for sign in (1, -1)]
         difference = (ends[0] - ends[1]) / (2 * step)
@@ -165,6 +167,16 @@ def test_multilayer_fringe_gives_the_shift_of_the_gap() -> None:
     error = (found.fit["working_point"] - nominal - shift + RED / 8) % (RED / 4) - RED / 8
     assert abs(error) < 4 * found.fit.parameters["working_point"].sd
     assert fit_map(data, square()).fit.chi2_reduced > 3
+
+
+def test_form_of_the_fringe_is_found_together_with_the_motion() -> None:
+    fringe = MultilayerFringe(STACK, RED, gain=0.05)
+    found = fit_map(measured(fringe, 4e-7, 3, square()), square(), free_overtones=5)
+    c = fringe.fourier.coefficients
+    unit = c / abs(c[1]) * np.exp(-1j * np.arange(len(c)) * np.angle(c[1]))
+    truth = {"amplitude": 4e-7, **{f"overtone_{k}_{part}": getattr(unit[k], part) for k in (2, 3) for part in ("real", "imag")}, **PLACED}
+    assert np.abs(deviations(found, truth)).max() < 4
+    assert found.fit["overtone_2_real"] == pytest.approx(-0.23, abs=0.01)
 
 
 def test_mode_with_a_node_is_fitted_too() -> None:
