@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.optimize import bisect
 
-from femnl.resonator import branches, critical_point
+from femnl.resonator import branches, critical_alpha, critical_point
 from femnl.types.resonator import Resonator
 from femnl.validation import Case, Reference
 
@@ -16,7 +16,9 @@ MODE = Resonator(frequency=F0, quality_factor=F0 / W, alpha=5.76e9)
 def compute() -> Iterator[float]:
     """Read the critical point and, at ten times the critical Duffing parameter, the end of the upper branch."""
     force, _, amplitude = critical_point(MODE)
-    yield MODE.alpha * (force / (MODE.omega * MODE.damping)) ** 2 * MODE.quality_factor
+    peak = force / (MODE.omega * MODE.damping)
+    yield MODE.alpha * peak**2 * MODE.quality_factor
+    yield float(critical_alpha(F0, W, peak)) / MODE.alpha
     yield MODE.alpha * amplitude**2 * MODE.quality_factor
 
     def beyond(shift: float) -> float:
@@ -35,6 +37,7 @@ CASE = Case(
     "arXiv:2502.19191, comparison of red and green readout: jump around 1040 Hz",
     references=(
         Reference("α_c y_max² f₀/w", 32 * 3**0.5 / 27, relative=1e-12),
+        Reference("α_c of the formula over α at the critical drive", 1.0, relative=1e-12),
         Reference("α Q |A|² at the critical point", 8 * 3**0.5 / 9, relative=1e-12),
         # The closed form is for w and the shift ≪ f₀, which leaves terms of the order of shift/f₀ = 7e-4.
         Reference("jump above f₀, top of the backbone", 4 * 3**0.5 / 9 * 10 * W, "Hz", relative=1e-3),
