@@ -129,7 +129,7 @@ def locate(data: MapData, x: float, y: float, scale: float, rotation: float) -> 
 def predict(data: MapData, shape: Shape, values: dict[str, float]) -> ComplexArray:
     """Return V_n at the map's points, (n_harmonics, n_points)."""
     xi = shape(*locate(data, *(values[name] for name in REGISTRATION)))
-    motion = _real_part(data, values["amplitude"] * xi, values)["motion"]
+    motion = real_part(data, values["amplitude"] * xi, values)["motion"]
     return np.asarray(values["contrast"] * np.exp(1j * data.harmonic[:, None] * values["motion_phase"]) * motion)
 
 
@@ -141,7 +141,7 @@ def slopes(data: MapData, shape: Shape, values: dict[str, float]) -> dict[str, C
     step = 1e-3 * data.spacing
     slope_x = (shape(across + step, up) - shape(across - step, up)) / (2 * step)
     slope_y = (shape(across, up + step) - shape(across, up - step)) / (2 * step)
-    parts = _real_part(data, values["amplitude"] * xi, values)
+    parts = real_part(data, values["amplitude"] * xi, values)
     turn = np.exp(1j * data.harmonic[:, None] * values["motion_phase"])
     motion, by_displacement = parts.pop("motion"), values["contrast"] * turn * parts.pop("by_displacement")
     by_xi = by_displacement * values["amplitude"]
@@ -157,7 +157,7 @@ def slopes(data: MapData, shape: Shape, values: dict[str, float]) -> dict[str, C
     }
 
 
-def _real_part(data: MapData, displacement: Array, values: dict[str, float]) -> dict[str, Array]:
+def real_part(data: MapData, displacement: Array, values: dict[str, float]) -> dict[str, Array]:
     """Return g_n(a) = V_n e^{−inφ}/V_C as `motion`, and its derivatives by a [m], by θ and by the free overtones.
 
     g_n = (2/N) Σ_j f(qa cos ψ_j + θ) cos nψ_j at ψ_j = π(j + ½)/N, which is exact once 2N exceeds the content of v(t) (the sum
