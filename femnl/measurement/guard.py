@@ -1,0 +1,60 @@
+"""HDF5 files from strangers: opened only after a look that refuses what would leave the folder or fill the memory."""
+
+import math
+from pathlib import Path
+
+import h5py
+
+from femnl.errors import MeasurementError
+
+LIMIT = 2**32
+_DEPTH = 16
+
+
+def open_hdf5(path: Path) -> h5py.File:
+    """Open an HDF5 file for reading after a look at what it declares.
+
+    Refused are links and virtual or external storage (they reach other files), and datasets that would not fit in memory.
+    Args: path: the file. Returns: the open h5py file, to be closed by the caller.
+    Raises: MeasurementError for a missing, truncated, foreign or oversized file.
+    """
+    if not path.is_file():
+        raise MeasurementError(f"{path}: no such file; check the path")
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise MeasurementError(f"{path}: not a readable HDF5 file, perhaps truncated ({_short(error)}); copy or export it again") from None
+    try:
+        _look(file, path, file, 0, [0])
+    except (RuntimeError, OSError, KeyError, ValueError, TypeError, OverflowError) as error:
+        file.close()
+        raise MeasurementError(f"{path}: damaged HDF5 structure ({_short(error)}); copy or export it again") from None
+    except MeasurementError:
+        file.close()
+        raise
+    return file
+
+
+def _short(error: Exception) -> str:
+    return " ".join(str(error).split())[:120]
+
+
+def _look(group: h5py.Group, path: Path, file: h5py.File, depth: int, total: list[int]) -> None:
+    if depth > _DEPTH:
+        raise MeasurementError(f"{path}: groups nested deeper than {_DEPTH}; a measurement file has one level")
+    for name in group:
+        where = f"{path}: {group.name.rstrip('/')}/{name}"
+        link = group.get(name, getlink=True)
+        if not isinstance(link, h5py.HardLink):
+            raise MeasurementError(f"{where}: is a link, which femnl does not follow; store the data in the file itself")
+        item = group[name]
+        if isinstance(item, h5py.Group):
+            if depth and item == file:
+                raise MeasurementError(f"{where}: is a link back to the root; store the data in the file itself")
+            _look(item, path, file, depth + 1, total)
+        elif isinstance(item, h5py.Dataset):
+            if item.is_virtual or item.external:
+                raise MeasurementError(f"{where}: keeps its data in another file; store the data in the file itself")
+            total[0] += math.prod(item.shape or ()) * item.dtype.itemsize
+            if total[0] > LIMIT:
+                raise MeasurementError(f"{where}: the file declares more than {LIMIT / 2**30:g} GiB of data; split it into smaller files")

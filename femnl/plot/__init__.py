@@ -1,0 +1,1 @@
+"""Figures: one style, one module for each part of femnl that draws."""
