@@ -140,6 +140,12 @@ class Space:
         )
         return np.asarray(turn @ raw)
 
+    def prolong(self, values: Array, finer: "Space") -> Array:
+        """Carry functions (n, size) to a higher degree on the same mesh; exact, since the spaces are nested."""
+        carried = np.zeros((len(values), finer.size))
+        carried[:, finer.dofs] = values[:, self.dofs] @ reference_basis(self.degree, nodes(finer.degree)).T
+        return carried
+
     def edge_points(self, edge: int, order: int) -> tuple[Array, Array]:
         """Points (q, 2) on one edge of the reference triangle and their weights (q,) on [0, 1]."""
         parameter, weights = get_quadrature(RefLine, order)

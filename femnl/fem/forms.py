@@ -143,11 +143,11 @@ class Edges:
 def edges_by_local_number(space: Space, facets: Index) -> Iterator[Edges]:
     """Group facets so that one group has the same local edge number(s) in its neighbouring triangle(s)."""
     mesh = space.mesh
-    sides = mesh.f2t[:, facets] if np.all(mesh.f2t[1, facets] >= 0) else mesh.f2t[:1, facets]
-    number = np.stack([np.argmax(mesh.t2f[:, side] == facets, axis=0) for side in sides])
+    sides = np.asarray(mesh.f2t[:, facets], dtype=np.int64)  # −1 beyond the film's edge
+    number = np.where(sides >= 0, [np.argmax(mesh.t2f[:, side] == facets, axis=0) for side in sides], -1)
     for local in np.unique(number, axis=1).T:
-        chosen = np.all(number == local[:, None], axis=0)
-        yield Edges(np.asarray(sides[:, chosen], dtype=np.int64), tuple(int(e) for e in local))
+        chosen, present = np.all(number == local[:, None], axis=0), local >= 0
+        yield Edges(sides[present][:, chosen], tuple(int(e) for e in local[present]))
 
 
 def slope_continuity(space: Space, facets: Index, rigidity: Callable[[Array], Array], poisson: float) -> Iterator[tuple[Array, Index]]:

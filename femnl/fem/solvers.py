@@ -25,7 +25,10 @@ def factorize(stiffness: csc_matrix) -> Solve:
     """
     if HAS_CHOLMOD:
         return _factorize_cholmod(stiffness)
-    factor = splu(csc_matrix(stiffness), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    try:
+        factor = splu(csc_matrix(stiffness), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError as error:  # exactly singular
+        raise ConvergenceError(_INDEFINITE) from error
     if np.any(factor.U.diagonal() <= 0):
         raise ConvergenceError(_INDEFINITE)
     return lambda right: np.asarray(factor.solve(np.asarray(right)))

@@ -54,7 +54,7 @@ def canonical_turn(domain: Domain, space: Space, shapes: Array, parity: tuple[tu
     """
     reach = np.abs(space.location).max()
     spread = np.zeros((len(shapes), len(shapes)))
-    for cell in cells(space, 2 * space.degree + 4):
+    for cell in cells(space, space.degree + 2):  # a label needs no accuracy
         values = np.einsum("eqj,nej->neq", cell.jet.value, shapes[:, space.dofs[cell.triangles]])
         weight = cell.dx * thickness(domain.model, cell.jet.point) * np.cosh(4 * cell.jet.point[..., 0] / reach)
         spread += np.einsum("neq,meq,eq->nm", values, values, weight, optimize=True)
@@ -78,7 +78,7 @@ def label_shapes(domain: Domain, space: Space, shapes: Array, parity: tuple[tupl
     orders = np.arange(1, highest + 1)
     overlap = np.zeros((len(shapes), highest, highest))
     norms, ideal_norms = np.zeros(len(shapes)), np.zeros((highest, highest))
-    for cell in cells(space, 2 * space.degree + 4):
+    for cell in cells(space, space.degree + 2):  # a label needs no accuracy
         x, y = cell.jet.point[..., 0], cell.jet.point[..., 1]
         along_x = np.sin(np.pi * orders[:, None, None] * (x / width + 0.5))
         along_y = np.sin(np.pi * orders[:, None, None] * (y / height + 0.5))

@@ -5,9 +5,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
+from scipy.spatial import cKDTree
 
-from femnl.errors import ParameterError
-from femnl.fem.elements import Space, nodes, reference_basis
+from femnl.errors import ConvergenceError, ParameterError
+from femnl.fem.elements import Space
 from femnl.fem.solvers import lowest_eigenpairs
 from femnl.fem.supports import free_deflections
 from femnl.modes.operators import Operators, mass_matrix
@@ -17,6 +18,7 @@ from femnl.types.mechanics import Domain, Modes, Prestress
 Array = NDArray[np.float64]
 Sectors = tuple[Array, Array, tuple[tuple[int, ...], ...]]  # ω² (n,), mass-normalised shapes (n, size), parities
 
+ODD_IN_Y, ODD_IN_X = (-1, 1), (1, -1)  # parities about the x axis (mirror 0) and the y axis (mirror 1)
 DEGENERATE = 1e-6  # relative splitting of ω² up to which modes count as sharing a frequency
 
 
@@ -32,7 +34,7 @@ def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
     if count < 1:
         raise ParameterError(f"count = {count}: expected at least one mode")
     operators = Operators(prestress, degree)
-    sectors = _solve_sectors(operators, prestress.domain.copies, count)
+    sectors = _solve_sectors(operators, prestress.domain, count)
     values, shapes, parity = _settle_degenerate(operators.space, prestress.domain, sectors)
     return _finish(operators.space, operators.mass, prestress, values[:count], shapes[:count], parity[:count])
 
@@ -47,17 +49,21 @@ def _finish(
     return Modes(prestress, space.degree, np.sqrt(values) / (2 * np.pi), effective, shapes, parity, label)
 
 
-def _solve_sectors(operators: Operators, copies: int, count: int) -> Sectors:
+def _solve_sectors(operators: Operators, domain: Domain, count: int) -> Sectors:
     """ω², shapes and parities of at least the `count` lowest modes and of all that share a frequency with them.
 
     Sectors are asked for more until none can hide one.
     """
-    sectors = list(product((1, -1), repeat=min(copies, 4) // 2))
+    sectors = list(product((1, -1), repeat=min(domain.copies, 4) // 2))
     ask = dict.fromkeys(sectors, min(count + 1, count // len(sectors) + 4))
     found: dict[tuple[int, ...], tuple[Array, Array]] = {}
     while ask:
         for parity, n in ask.items():
-            found[parity] = _solve_sector(operators, parity, n)
+            if not (domain.diagonal and parity == ODD_IN_X):
+                found[parity] = _solve_sector(operators, parity, n)
+        if domain.diagonal:
+            odd, shapes = found[ODD_IN_Y]
+            found[ODD_IN_X] = odd, shapes[:, _exchange(operators.space)]
         highest = np.sort(np.concatenate([values for values, _ in found.values()]))[count - 1]
         ask = {p: 2 * len(v) for p, (v, _) in found.items() if v[-1] <= highest * (1 + DEGENERATE)}
     values = np.concatenate([v for v, _ in found.values()])
@@ -65,6 +71,14 @@ def _solve_sectors(operators: Operators, copies: int, count: int) -> Sectors:
     parities = [p for p, (v, _) in found.items() for _ in v]
     order = np.argsort(values, kind="stable")
     return values[order], shapes[order], tuple(parities[k] for k in order)
+
+
+def _exchange(space: Space) -> NDArray[np.int64]:
+    """The unknown at (y, x) for each unknown at (x, y)."""
+    distance, image = cKDTree(space.location).query(space.location[:, ::-1])
+    if distance.max() > 1e-9 * np.abs(space.location).max():
+        raise ConvergenceError("the mesh is not its own image in the diagonal; mesh the film with symmetry full")
+    return np.asarray(image)
 
 
 def _solve_sector(operators: Operators, parity: tuple[int, ...], count: int) -> tuple[Array, Array]:
@@ -102,22 +116,12 @@ def align(coarse: Modes, fine: Modes) -> Modes:
     """
     domain = fine.domain
     space, fine_space = Space(domain.mesh, coarse.degree), Space(domain.mesh, fine.degree)
-    weight = 1 / np.sqrt(coarse.effective_mass)
-    shapes = coarse.shapes * weight[:, None]
-    lifted = prolong(coarse, fine.degree) * weight[:, None]
-    overlap = (fine.shapes / np.sqrt(fine.effective_mass)[:, None]) @ (mass_matrix(domain, fine_space) @ lifted.T) * domain.copies
+    shapes = coarse.shapes / np.sqrt(coarse.effective_mass)[:, None]
+    target = fine.shapes / np.sqrt(fine.effective_mass)[:, None]
+    overlap = target @ (mass_matrix(domain, fine_space) @ space.prolong(shapes, fine_space).T) * domain.copies
     near = np.abs(coarse.frequency[None, :] / fine.frequency[:, None] - 1) < 0.005
     alike = np.array([[p == q for q in coarse.parity] for p in fine.parity])
     left, _, right = np.linalg.svd(np.where(near & alike, overlap, 0.0), full_matrices=False)
     turn = left @ right
     square = np.einsum("ij,j,ij->i", turn, (2 * np.pi * coarse.frequency) ** 2, turn)
     return _finish(space, mass_matrix(domain, space), coarse.prestress, square, turn @ shapes, fine.parity)
-
-
-def prolong(modes: Modes, degree: int) -> Array:
-    """Shapes (n, size) of modes at the unknowns of a higher degree on the same mesh; exact, since the spaces are nested."""
-    coarse, fine = Space(modes.domain.mesh, modes.degree), Space(modes.domain.mesh, degree)
-    basis = reference_basis(modes.degree, nodes(degree))
-    shapes = np.zeros((len(modes.shapes), fine.size))
-    shapes[:, fine.dofs] = modes.shapes[:, coarse.dofs] @ basis.T
-    return shapes

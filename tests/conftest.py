@@ -1,0 +1,21 @@
+"""What many tests share: devices written as geometry files."""
+
+from collections.abc import Callable
+
+import pytest
+
+from femnl import geometry
+from femnl.types.device import Model
+
+FILM = 'thickness = "1 um"\nyoung = "250 GPa"\npoisson = 0.23\ndensity = "3000 kg/m^3"\nstress = "1 GPa"'
+
+
+@pytest.fixture(scope="session")
+def device() -> Callable[..., Model]:
+    """Build a device from the tables of a geometry file; without bending unless asked for."""
+
+    def build(outline: str, holes: str = "", film: str = FILM, model: str = "bending = false") -> Model:
+        tables = [f"[outline]\n{outline}", f"[holes]\n{holes}" if holes else "", f"[film]\n{film}", f"[model]\n{model}"]
+        return geometry.parse('name = "device"\nsource = "a test"\n' + "\n".join(tables))
+
+    return build
