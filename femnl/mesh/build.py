@@ -9,13 +9,12 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from skfem import MeshTri2
 
 from femnl.errors import GeometryError, ParameterError
 from femnl.geometry import curves as exact
-from femnl.mesh.collect import check_unfolded, collect
+from femnl.mesh.collect import Raw, assemble, check_unfolded, collect, double
 from femnl.mesh.corners import singular_corners
-from femnl.mesh.symmetry import FULL, HALF, find_wedge
+from femnl.mesh.symmetry import EIGHTH, FULL, HALF, QUARTER, find_wedge, has_symmetry
 from femnl.types.device import Model
 from femnl.types.mechanics import Domain
 
@@ -44,8 +43,12 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Domai
     if not 0.1 <= resolution <= 20:
         raise ParameterError(f"resolution = {resolution:g}: expected a number from 0.1 to 20")
     wedge = find_wedge(model, symmetry)
+    diagonal = wedge == QUARTER and has_symmetry(model, EIGHTH)
     with _gmsh_session():
-        return Domain(model, _build(model, wedge, resolution), wedge)
+        raw = _build(model, EIGHTH if diagonal else wedge, resolution)
+    result = assemble(double(raw) if diagonal else raw)
+    check_unfolded(model, result)
+    return Domain(model, result, wedge, diagonal)
 
 
 @contextmanager
@@ -74,7 +77,7 @@ class _Curves:
     segment: dict[int, int]  # the outline's segment that a clamped or free edge is part of
 
 
-def _build(model: Model, wedge: float, resolution: float) -> MeshTri2:
+def _build(model: Model, wedge: float, resolution: float) -> Raw:
     unit = SCALE / model.outline.length
     try:
         _draw(model, wedge, unit)
@@ -88,11 +91,8 @@ def _build(model: Model, wedge: float, resolution: float) -> MeshTri2:
         raise GeometryError(
             f"{model.name}: the mesher failed ({error}); check for holes or edges closer to each other than 1e-8 of the outline"
         ) from error
-    result = collect(
-        {"clamped": curves.clamped, "free": curves.free + curves.holes, "mirror-0": curves.mirrors[0], "mirror-1": curves.mirrors[1]}, unit
-    )
-    check_unfolded(model, result)
-    return result
+    mirrors = {f"mirror-{k}": tags for k, tags in enumerate(curves.mirrors)}
+    return collect({"clamped": curves.clamped, "free": curves.free + curves.holes, **mirrors}, unit)
 
 
 def _draw(model: Model, wedge: float, unit: float) -> None:

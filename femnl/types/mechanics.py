@@ -18,12 +18,14 @@ class Domain:
 
     mesh: quadratic (curved) triangles, coordinates in m; named boundaries `clamped`, `free` (film ends or holes) and,
     for a wedge, `mirror-0` on the x axis and `mirror-1` on the line at the angle `wedge` [rad]. wedge = 2π is the whole film,
-    π the upper half, π/2 a quarter, π/4 an eighth, π/6 a twelfth.
+    π the upper half, π/2 a quarter, π/4 an eighth, π/6 a twelfth. diagonal: the mesh of a quarter is its own image under
+    x ↔ y, so that modes odd in y are those odd in x, exchanged.
     """
 
     model: Model
     mesh: MeshTri2
     wedge: float
+    diagonal: bool = False
 
     @property
     def copies(self) -> int:
