@@ -39,7 +39,10 @@ NODES = 64
 
 @dataclass(frozen=True)
 class MapData:
-    """One measured map, flattened: points (n_points,), values and whether present (n_harmonics, n_points)."""
+    """One measured map, flattened: points (n_points,), values and whether present (n_harmonics, n_points).
+
+    nominal: θ of the fringe as it was given [rad], None where it was not.
+    """
 
     name: str
     x: Array
@@ -52,6 +55,7 @@ class MapData:
     note: str
     spacing: float
     series: FourierSeries
+    nominal: float | None
     pixels: tuple[np.ndarray[tuple[int], np.dtype[np.intp]], tuple[int, int]]
 
     @property
@@ -94,6 +98,7 @@ def flatten(name: str, dataset: xr.Dataset, fringe: PeriodicFringe | None) -> Ma
         note=f"{where}: {note}",
         spacing=min(steps, default=1e-6),
         series=_unit_fringe(where, dataset, fringe),
+        nominal=None if fringe is None else float(np.angle(fringe.fourier.coefficients[1])),
         pixels=(used, (y.size, x.size)),
     )
 

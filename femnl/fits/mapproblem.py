@@ -1,10 +1,11 @@
 """Maps, mode shape and free parameters put together as one least-squares problem."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.ndimage import map_coordinates, spline_filter
 from scipy.optimize import least_squares
 
 from femnl.fits.covariance import unseen
@@ -16,6 +17,8 @@ N_STARTS = 6
 SCALES = (0.93, 1.0, 1.07)
 ROTATIONS = (-0.1, 0.0, 0.1)
 """Placements that the coarse search tries; the refinement follows on from there."""
+TABLE, REACH = 257, 1.6
+"""Points along a side of the table of ξ, and its half side in parts of the farthest point of the map."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,17 @@ class MapProblem:
             residuals, vector[free], jacobian, method="lm", x_scale="jac", xtol=1e-10, ftol=1e-12, gtol=1e-12, max_nfev=most
         )
         return at(found.x), float(2 * found.cost)
+
+    def tabulated(self) -> "MapProblem":
+        """Return the same problem with ξ from a table about the map: quick where a finite-element shape is slow, and close to it."""
+        half = REACH * max(max(np.abs(data.x).max(), np.abs(data.y).max(), data.spacing) for data in self.maps)
+        axis = np.linspace(-half, half, TABLE)
+        coefficients = spline_filter(self.shape(*np.meshgrid(axis, axis)))
+
+        def shape(x: Array, y: Array) -> Array:
+            return map_coordinates(coefficients, np.stack([y + half, x + half]) / (axis[1] - axis[0]), prefilter=False)
+
+        return replace(self, shape=shape)
 
     def starts(self) -> list[Array]:
         """Return starting points at the best optima of U, the membrane placed about the origin or about the centre of the signal."""

@@ -16,6 +16,8 @@ MIRRORS = {"−θ": (-1, 0.0), "π − θ": (-1, np.pi)}
 """The other working points of one cosine with the same |sin θ| and |cos θ|, as sign and shift; the third is both at once."""
 FIRST = 8
 """Evaluations that every optimum of the coarse search gets before the best two go on."""
+SYMMETRIC = 1e-9
+"""Imaginary parts of the overtones below this make a fringe even about its extremum, as a film without absorption does."""
 SAME = 1.0
 """Difference in χ² below which two solutions count as the same to the data."""
 TELLING = 9.0
@@ -44,9 +46,10 @@ def fit_map(
 
     Returns:
         The fit. Parameters: `amplitude` U [m]; per map `contrast` V_C [V], `fringe_phase` θ, `motion_phase` φ [rad] and the free
-        placement; derived: `modulation` S′ = qU and `working_point` θ/q [m]. With several maps a name carries ":" and that of the map.
-        Free overtones are `overtone_k_real`, `overtone_k_imag`: what is added to c_k, in parts of V_C.
-        For one cosine the signs are chosen so that V_C > 0 and sin θ ≥ 0. The notes say what symmetry and noise leave open.
+        placement; derived: `modulation` S′ = qU, and `working_point` [m], by how much the film rests away from where the fringe as given
+        has u = 0. With several maps a name carries ":" and that of the map.
+        Free overtones are `overtone_k_real`, `overtone_k_imag`: what is added to c_k, relative to c₁.
+        For one cosine V_C > 0 and sin θ ≥ 0; for a symmetric fringe that is given, the nearer of ±θ. The notes say what stays open.
 
     Raises:
         MeasurementError: a map without values or without a wavelength.
@@ -60,11 +63,12 @@ def fit_map(
     problem = MapProblem(flat, shape, tuple(registration), tuple(range(2, free_overtones + 1)))
     if unknown := set(registration) - set(REGISTRATION):
         raise ParameterError(f"registration = {sorted(unknown)} is not known: choose from {', '.join(REGISTRATION)}")
-    optima = sorted((problem.refine(start, most=FIRST) for start in problem.starts()), key=lambda optimum: optimum[1])
-    optima[:2] = [problem.refine(vector) for vector, _ in optima[:2]]
+    coarse = problem.tabulated()
+    optima = sorted((coarse.refine(start, most=FIRST) for start in coarse.starts()), key=lambda optimum: optimum[1])
+    optima[:2] = [coarse.refine(vector) for vector, _ in optima[:2]]
     best = min(optima, key=lambda optimum: optimum[1])
-    vector = _canonical(problem, best[0])
-    rivals = [_rival(problem, vector, best[1], i, name) for i in range(len(named)) for name in MIRRORS]
+    rivals = [_rival(coarse, _canonical(coarse, best[0]), best[1], i, name) for i in range(len(named)) for name in MIRRORS]
+    vector = _canonical(problem, problem.refine(best[0])[0])
     return _report(problem, vector, (*rivals, _next_amplitude(optima, best)))
 
 
@@ -86,23 +90,32 @@ def _label(name: str, data: MapData) -> str:
 
 
 def _canonical(problem: MapProblem, vector: Array) -> Array:
-    """Return the equal solution with U > 0, and for a cosine, overtones added or not, with V_C > 0 and sin θ ≥ 0; angles in (−π, π]."""
+    """Return one of the equal solutions: U > 0; V_C > 0 for a cosine; of ±θ the one near the fringe as given, else sin θ ≥ 0.
+
+    V_C → −V_C, θ → θ + π turns even overtones round; θ → −θ, φ → φ + π their imaginary parts. Angles are put into (−π, π].
+    """
     values = problem.unpack(vector)
     for data, own in zip(problem.maps, values, strict=True):
         if vector[0] < 0:
             own["motion_phase"] += np.pi
-        if len(data.series.coefficients) == 2:
-            if own["contrast"] < 0:
-                own["contrast"] *= -1
-                own["fringe_phase"] += np.pi
-                _negate(own, [OVERTONE.format(k=k, part=part) for k in problem.overtones[::2] for part in ("real", "imag")])
-            if np.sin(own["fringe_phase"]) < 0:
-                own["fringe_phase"] *= -1
-                own["motion_phase"] += np.pi
-                _negate(own, [OVERTONE.format(k=k, part="imag") for k in problem.overtones])
+        if len(data.series.coefficients) == 2 and own["contrast"] < 0:
+            own["contrast"] *= -1
+            own["fringe_phase"] += np.pi
+            _negate(own, [OVERTONE.format(k=k, part=part) for k in problem.overtones[::2] for part in ("real", "imag")])
+        theta = own["fringe_phase"]
+        nearer = np.sin(theta) < 0 if data.nominal is None else np.cos(theta + data.nominal) > np.cos(theta - data.nominal)
+        if nearer and np.abs(data.series.coefficients.imag).max() < SYMMETRIC:
+            own["fringe_phase"] *= -1
+            own["motion_phase"] += np.pi
+            _negate(own, [OVERTONE.format(k=k, part="imag") for k in problem.overtones])
         for angle in ("fringe_phase", "motion_phase"):
-            own[angle] = float(np.pi - (np.pi - own[angle]) % (2 * np.pi))
+            own[angle] = _wrap(own[angle])
     return problem.pack(abs(vector[0]), values)
+
+
+def _wrap(angle: float) -> float:
+    """Return the equal angle in (−π, π]."""
+    return float(np.pi - (np.pi - angle) % (2 * np.pi))
 
 
 def _negate(values: dict[str, float], names: Sequence[str]) -> None:
@@ -159,7 +172,8 @@ def _report(problem: MapProblem, vector: Array, notes: tuple[str, ...]) -> MapFi
     }
     for data in problem.maps:
         q, theta = data.wavenumber, parameters[_label("fringe_phase", data)]
-        derived = [("modulation", q * vector[0], q * sd[0], "1"), ("working_point", theta.value / q, theta.sd / q, "m")]
+        shift = _wrap(theta.value - (data.nominal or 0.0)) / q
+        derived = [("modulation", q * vector[0], q * sd[0], "1"), ("working_point", shift, theta.sd / q, "m")]
         parameters |= {_label(name, data): Parameter(_label(name, data), float(value), float(s), unit) for name, value, s, unit in derived}
     predictions = problem.predictions(vector)
     facts = (*(data.note for data in problem.maps), *blind, strongest_correlation(found, names), *notes)
