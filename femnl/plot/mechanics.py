@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from scipy.spatial import cKDTree
 
+from femnl.errors import ParameterError
 from femnl.plot.film import (
     PAPER,
     Box,
@@ -33,6 +34,7 @@ from femnl.types.mechanics import Modes
 
 COLUMNS = 5
 DPI = 200
+FORMATS = (".png", ".pdf", ".svg")
 
 
 def view(modes: Modes, what: str, mode: int = 1, out: Path | None = None) -> None:
@@ -42,6 +44,8 @@ def view(modes: Modes, what: str, mode: int = 1, out: Path | None = None) -> Non
     Raises: ParameterError; MissingLibraryError where OpenGL or, for a window, a display is missing.
     """
     if out is not None:
+        if out.suffix not in FORMATS:
+            raise ParameterError(f"{out}: pictures are written as {', '.join(FORMATS)}; choose one of these endings")
         figure = film_figure(modes, what, mode)
         write_whole(out, lambda file: figure.savefig(file, dpi=DPI))
         return
@@ -119,7 +123,7 @@ def close_up(model: Model) -> Box:
     marks = holes.centres if len(holes.centres) else np.array([segment.start for segment in model.outline.segments])
     half = 1.5 * _spacing(holes) if len(holes.centres) else model.outline.length / 14
     distance = np.hypot(*marks.T)
-    farthest = marks[distance > 0.999 * distance.max()]
+    farthest = marks[distance >= 0.999 * distance.max()]
     x, y = farthest[np.argmax(farthest @ [1.0, 1.001])]  # of several the one to the upper right
     left, right, bottom, top = film_box(model.outline, 0.01)
     x, y = float(np.clip(x, left + half, right - half)), float(np.clip(y, bottom + half, top - half))

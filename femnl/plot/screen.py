@@ -29,7 +29,7 @@ def need_offscreen() -> None:
     """Make VTK draw without a display, through EGL or OSMesa. Raises: MissingLibraryError where neither works."""
     os.environ[CHOICE] = _first_usable(
         OFFSCREEN,
-        "pictures need OpenGL without a display, and neither EGL nor OSMesa works here; install one (Debian: apt-get install libegl1)",
+        "pictures need OpenGL without a display; neither EGL nor OSMesa works here: install one (Debian: apt-get install libegl1)",
     )
 
 
