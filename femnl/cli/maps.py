@@ -47,7 +47,9 @@ def command(
     if not z > 0:
         raise ParameterError(f"--z {z:g}: expected a positive modulation, such as 4.218")
     model, index = load_device(geometry, bending), check_mode(mode)
-    length, _ = measurement.quantity(wavelength, "m", "--wavelength")
+    length, _ = measurement.quantity(wavelength, "m", f'--wavelength "{wavelength}"')
+    if not length > 0:
+        raise ParameterError(f'--wavelength "{wavelength}": expected a positive length, such as "632.8 nm"')
     amplitude = z * length / (4 * np.pi)
     modes = solve_modes(model, max(10, mode), cache=cache)
     name = f"mode {modes.label[index] or mode}"

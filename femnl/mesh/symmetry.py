@@ -33,7 +33,8 @@ def has_symmetry(model: Model, wedge: float) -> bool:
     if wedge == FULL:
         return True
     angles = (0.0,) if wedge == HALF else (0.0, wedge)
-    return all(_is_mirrored(_key_points(model.outline), a) and _is_mirrored(model.holes.centres, a) for a in angles)
+    tolerance = 1e-6 * model.outline.length
+    return all(_is_mirrored(points, a, tolerance) for points in (_key_points(model.outline), model.holes.centres) for a in angles)
 
 
 def _key_points(outline: Outline) -> Array:
@@ -47,11 +48,10 @@ def _key_points(outline: Outline) -> Array:
     return points
 
 
-def _is_mirrored(points: Array, angle: float) -> bool:
+def _is_mirrored(points: Array, angle: float, tolerance: float) -> bool:
     if len(points) == 0:
         return True
     c, s = np.cos(2 * angle), np.sin(2 * angle)
     image = points.copy()
     image[:, :2] = points[:, :2] @ np.array([[c, s], [s, -c]])
-    size = np.abs(points[:, :2]).max()
-    return bool(np.all(cKDTree(points).query(image)[0] < 1e-6 * size))
+    return bool(np.all(cKDTree(points).query(image)[0] < tolerance))
