@@ -42,6 +42,8 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Domai
     """
     if not 0.1 <= resolution <= 20:
         raise ParameterError(f"resolution = {resolution:g}: expected a number from 0.1 to 20")
+    if not any(s.clamped for s in model.outline.segments):
+        raise GeometryError(f"{model.name}: no edge of the outline is clamped, so that nothing holds the film; clamp at least one")
     wedge = find_wedge(model, symmetry)
     diagonal = wedge == QUARTER and has_symmetry(model, EIGHTH)
     with _gmsh_session():
@@ -92,7 +94,10 @@ def _build(model: Model, wedge: float, resolution: float) -> Raw:
             f"{model.name}: the mesher failed ({error}); check for holes or edges closer to each other than 1e-8 of the outline"
         ) from error
     mirrors = {f"mirror-{k}": tags for k, tags in enumerate(curves.mirrors)}
-    return collect({"clamped": curves.clamped, "free": curves.free + curves.holes, **mirrors}, unit)
+    raw = collect({"clamped": curves.clamped, "free": curves.free + curves.holes, **mirrors}, unit)
+    if len(raw.triangles) == 0:
+        raise GeometryError(f"{model.name}: the outline encloses no film; give its edges in order, counter-clockwise and without crossings")
+    return raw
 
 
 def _draw(model: Model, wedge: float, unit: float) -> None:
