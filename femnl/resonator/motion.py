@@ -47,7 +47,7 @@ def integrate(
         square = q * q
         pairs = square if n == 1 else np.outer(q, q).ravel()
         triples = square * q if n == 1 else np.outer(pairs, q).ravel()
-        pull = (stiffness + unit.quintic * square * square) * q + (unit.damping + unit.nonlinear_damping * square) * v
+        pull = (stiffness + unit.quintic * square * square) * q + unit.damping * (1 + unit.nonlinear_damping * square) * v
         return np.concatenate([v, push * math.cos(omega * tau) - pull - second @ pairs - third @ triples])
 
     span = (t[0] * rate, t[-1] * rate)

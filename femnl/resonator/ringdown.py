@@ -12,20 +12,20 @@ SMALL = 1e-3
 def ring_down(resonator: Resonator, amplitude: complex, time: ArrayLike) -> Complex:
     """Return the complex amplitude A(t) [m] of a free decay, u(t) = Re A(t).
 
-    X = |A|² falls as X₀ e^{−γt} / (1 + z s), s = 1 − e^{−γt}, z = ηX₀/4γ; the phase runs as
+    X = |A|² falls as X₀ e^{−γt} / (1 + z s), s = 1 − e^{−γt}, z = ηX₀/4; the phase runs as
     √(ω₀² − γ²/4) t + ω₀ ∫ (⅜ α X + 5/16 α₅ X²) dt, with α lowered by (10/9)κ₂².
 
     Args:
         resonator: the mode; its force-free equation is used.
         amplitude: A(0) [m].
         time: (n,) [s], from 0.
-    Valid: first-order averaging: relative errors of order α X₀, κ₂√X₀ (a constant offset and a second harmonic) and ηX₀/ω₀.
+    Valid: first-order averaging: relative errors of order α X₀, κ₂√X₀ (a constant offset and a second harmonic) and ηX₀/Q.
     Source: Nayfeh and Mook, Nonlinear Oscillations (1979), section 3.3.
     """
     t = np.asarray(time, dtype=float)
     gamma, omega = resonator.damping, resonator.omega
     square = abs(amplitude) ** 2
-    z = resonator.nonlinear_damping * square / (4 * gamma)
+    z = resonator.nonlinear_damping * square / 4
     s = -np.expm1(-gamma * t)
     magnitude = np.abs(amplitude) * np.exp(-gamma * t / 2) / np.sqrt(1 + z * s)
     if abs(z) < SMALL:

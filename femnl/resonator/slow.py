@@ -42,11 +42,15 @@ def critical_point(resonator: Resonator) -> tuple[float, float, float]:
     Source: Lifshitz and Cross (2008), Nonlinear dynamics of nanomechanical and micromechanical resonators, section 1.3.
     """
     omega = resonator.omega
-    a, b, d = 0.75 * omega**2 * resonator.effective_alpha, omega * resonator.damping, omega * resonator.nonlinear_damping / 4
+    a, b, d = (
+        0.75 * omega**2 * resonator.effective_alpha,
+        omega * resonator.damping,
+        omega * resonator.damping * resonator.nonlinear_damping / 4,
+    )
     if abs(a) <= np.sqrt(3) * d or a == 0:
         raise ParameterError(
             f"alpha: an effective {resonator.effective_alpha:g} m⁻² never makes the response vertical with a nonlinear damping of "
-            f"{resonator.nonlinear_damping:g} s⁻¹ m⁻²; raise alpha or lower nonlinear_damping"
+            f"{resonator.nonlinear_damping:g} m⁻²; raise alpha or lower nonlinear_damping"
         )
     roots = np.roots([a**2 - 3 * d**2, 8 * a * b * d, b**2 * (d**2 - 3 * a**2)]).real
     delta = roots[np.argmin(roots * a)]
@@ -58,8 +62,8 @@ def critical_point(resonator: Resonator) -> tuple[float, float, float]:
 def branches(resonator: Resonator, force: float, frequency: ArrayLike) -> Branches:
     """Return all steady states of the driven mode and whether they are stable.
 
-    A [ω₀²(1 + ¾ α X + ⅝ α₅ X²) − ω² + iω(γ + ¼ η X)] = 𝓕 with X = |A|² and α lowered by (10/9)κ₂²; a state is stable where
-    d𝓕²/dX > 0 and the slow flow contracts, γ + ½ η X > 0.
+    A [ω₀²(1 + ¾ α X + ⅝ α₅ X²) − ω² + iωγ(1 + ¼ η X)] = 𝓕 with X = |A|² and α lowered by (10/9)κ₂²; a state is stable where
+    d𝓕²/dX > 0 and the slow flow contracts, 1 + ½ η X > 0.
 
     Args:
         resonator: the mode.
@@ -72,7 +76,7 @@ def branches(resonator: Resonator, force: float, frequency: ArrayLike) -> Branch
     omega = 2 * np.pi * drive
     if force <= 0 or resonator.nonlinear_damping < 0:
         raise ParameterError(
-            f"force = {force:g} m/s², nonlinear_damping = {resonator.nonlinear_damping:g} s⁻¹ m⁻²: give a positive force and a damping ≥ 0"
+            f"force = {force:g} m/s², nonlinear_damping = {resonator.nonlinear_damping:g} m⁻²: give a positive force and a damping ≥ 0"
         )
     flow = _Flow.of(resonator, force, omega)
     x = duffing_roots(flow.detuning, flow.cubic, flow.loss).T if resonator.quintic == 0 else flow.quintic_roots()
@@ -127,7 +131,7 @@ class _Flow:
             (resonator.omega**2 - omega**2) / width,
             0.75 * resonator.effective_alpha * stiff * scale**2,
             0.625 * resonator.quintic * stiff * scale**4,
-            resonator.nonlinear_damping * scale**2 / (4 * resonator.damping),
+            resonator.nonlinear_damping * scale**2 / 4,
         )
 
     def response(self, x: Array) -> Complex:

@@ -62,20 +62,20 @@ def scaled(modes: CoupledModes, length: float, rate: float) -> CoupledModes:
         quadratic=modes.quadratic * (length / rate**2),
         cubic=modes.cubic * (length / rate) ** 2,
         quintic=modes.quintic * (length**2 / rate) ** 2,
-        nonlinear_damping=modes.nonlinear_damping * (length**2 / rate),
+        nonlinear_damping=modes.nonlinear_damping * length**2,
     )
 
 
 def nonlinear_force(modes: CoupledModes, q: Array, v: Array) -> Array:
     """Return the nonlinear terms of the left side (n, t) at displacements q and velocities v (n, t)."""
-    quintic, damping = modes.quintic[:, None], modes.nonlinear_damping[:, None]
+    quintic, damping = modes.quintic[:, None], (modes.damping * modes.nonlinear_damping)[:, None]
     tangent = np.einsum("ijk,kt->ijt", modes.quadratic, q) + np.einsum("ijkl,klt->ijt", modes.cubic, q[:, None] * q)
     return np.asarray(np.einsum("ijt,jt->it", tangent, q) + quintic * q**5 + damping * q**2 * v)
 
 
 def nonlinear_slopes(modes: CoupledModes, q: Array, v: Array) -> tuple[Array, Array]:
     """Return the derivatives of `nonlinear_force` by displacement (n, n, t) and by the mode's own velocity (n, t)."""
-    quintic, damping = modes.quintic[:, None], modes.nonlinear_damping[:, None]
+    quintic, damping = modes.quintic[:, None], (modes.damping * modes.nonlinear_damping)[:, None]
     stiffness = 2 * np.einsum("ijk,kt->ijt", modes.quadratic, q) + 3 * np.einsum("ijkl,klt->ijt", modes.cubic, q[:, None] * q)
     own = np.arange(modes.count)
     stiffness[own, own] += 5 * quintic * q**4 + 2 * damping * q * v

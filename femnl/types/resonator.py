@@ -13,10 +13,10 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class Resonator:
-    """One mode: ü + (γ + η u²) u̇ + ω₀² (u + κ₂ u² + α u³ + α₅ u⁵) = 𝓕 cos ωt.
+    """One mode: ü + γ (1 + η u²) u̇ + ω₀² (u + κ₂ u² + α u³ + α₅ u⁵) = 𝓕 cos ωt.
 
     frequency f₀ = ω₀/2π [Hz]; quality_factor Q, γ = ω₀/Q = 2πw; alpha = k₃/k [m⁻²]; quadratic κ₂ = k₂/k [m⁻¹];
-    quintic α₅ = k₅/k [m⁻⁴]; nonlinear_damping η [s⁻¹ m⁻²]. The force 𝓕 is per effective mass, in m/s².
+    quintic α₅ = k₅/k [m⁻⁴]; nonlinear_damping η [m⁻²]. The force 𝓕 is per effective mass, in m/s².
     """
 
     frequency: float
@@ -49,10 +49,10 @@ class Resonator:
 
 @dataclass(frozen=True)
 class CoupledModes:
-    """Modes q̈ᵢ + (γᵢ + ηᵢ qᵢ²) q̇ᵢ + ωᵢ² qᵢ + Σ quadraticᵢⱼₖ qⱼqₖ + Σ cubicᵢⱼₖₗ qⱼqₖqₗ + quinticᵢ qᵢ⁵ = 𝓕ᵢ cos ωt.
+    """Modes q̈ᵢ + γᵢ (1 + ηᵢ qᵢ²) q̇ᵢ + ωᵢ² qᵢ + Σ quadraticᵢⱼₖ qⱼqₖ + Σ cubicᵢⱼₖₗ qⱼqₖqₗ + quinticᵢ qᵢ⁵ = 𝓕ᵢ cos ωt.
 
     frequency (n,) [Hz]; damping γ (n,) [1/s]; quadratic (n,n,n) [s⁻² m⁻¹] and cubic (n,n,n,n) [s⁻² m⁻²], symmetric in all
-    but the first index; quintic (n,) [s⁻² m⁻⁴]; nonlinear_damping η (n,) [s⁻¹ m⁻²].
+    but the first index; quintic (n,) [s⁻² m⁻⁴]; nonlinear_damping η (n,) [m⁻²].
     """
 
     frequency: Array

@@ -28,7 +28,7 @@ Force = Callable[[float, Array], Array]
 F0 = 1 / (2 * np.pi)
 
 
-def shoot(force: Force, omega: float, state: Array, n_samples: int = 64) -> tuple[Array, Array]:
+def shoot(force: Force, omega: float, state: Array, n_samples: int = 64) -> tuple[Array, Complex]:
     """Find the periodic orbit near `state` by Newton on the period map; return displacement samples and the multipliers."""
     n, period = len(state), 2 * np.pi / omega
 
@@ -44,19 +44,19 @@ def shoot(force: Force, omega: float, state: Array, n_samples: int = 64) -> tupl
         change = np.linalg.solve(monodromy - np.eye(n), orbit[:, -1] - state)
         state = state - change
         if np.linalg.norm(change) < 1e-11:
-            return period_map(state)[: n // 2, :-1], np.linalg.eigvals(monodromy)
+            return period_map(state)[: n // 2, :-1], np.asarray(np.linalg.eigvals(monodromy), dtype=complex)
     raise AssertionError("shooting did not converge")
 
 
-PHASE = np.arange(64) * (2 * np.pi / 64)
+PHASE: Array = np.linspace(0, 2 * np.pi, 64, endpoint=False)
 
 MODES = {
     "cubic": Resonator(F0, 50, alpha=1.0),
     "softening": Resonator(F0, 50, alpha=-1.0),
     "quadratic": Resonator(F0, 50, alpha=1.0, quadratic=0.6),
     "quintic": Resonator(F0, 50, alpha=1.0, quintic=0.8),
-    "damping": Resonator(F0, 50, alpha=1.0, nonlinear_damping=0.05),
-    "everything": Resonator(F0, 60, alpha=0.7, quadratic=0.3, quintic=0.5, nonlinear_damping=0.03),
+    "damping": Resonator(F0, 50, alpha=1.0, nonlinear_damping=2.5),
+    "everything": Resonator(F0, 60, alpha=0.7, quadratic=0.3, quintic=0.5, nonlinear_damping=2.0),
 }
 
 
@@ -69,7 +69,7 @@ def test_harmonic_balance_meets_time_integration_on_every_branch(name: str, shif
     def rate(t: float, s: Array) -> Array:
         u, v = s
         pull = u + mode.quadratic * u**2 + mode.alpha * u**3 + mode.quintic * u**5
-        return np.array([v, force * np.cos(omega * t) - (mode.damping + mode.nonlinear_damping * u**2) * v - pull])
+        return np.array([v, force * np.cos(omega * t) - mode.damping * (1 + mode.nonlinear_damping * u**2) * v - pull])
 
     found = balance(mode, force, omega * F0, 14)
     assert len(found.frequency) == np.isfinite(branches(mode, force, [omega * F0]).amplitude).sum()
@@ -79,7 +79,7 @@ def test_harmonic_balance_meets_time_integration_on_every_branch(name: str, shif
         speed = (found.coefficients[p, 0] * 1j * order * omega).real.sum()
         orbit, multipliers = shoot(rate, omega, np.array([q[p, 0], speed]))
         np.testing.assert_allclose(q[p], orbit[0], atol=1e-9 * np.abs(orbit).max())
-        np.testing.assert_allclose(np.sort_complex(found.multipliers[p]), np.sort_complex(multipliers.astype(complex)), atol=2e-7)
+        np.testing.assert_allclose(np.sort_complex(found.multipliers[p]), np.sort_complex(multipliers), atol=2e-7)
         assert found.stable[p] == (np.abs(multipliers).max() < 1)
 
 
@@ -132,7 +132,7 @@ def test_a_dispersively_coupled_mode_is_pumped_parametrically_once_the_drive_is_
 
 def sweep_or_curve_end(modes: CoupledModes, force: float) -> Complex:
     """Multipliers of the motion in which only the driven mode moves, at its resonance."""
-    return curve(modes, [force, 0.0], 0.9 * F0, F0, 4).multipliers[-1]
+    return np.asarray(curve(modes, [force, 0.0], 0.9 * F0, F0, 4).multipliers[-1])
 
 
 @pytest.mark.parametrize("stiffening", [0, 1e-9, 0.3, 1.6, -8, 80, -1e4])
@@ -153,10 +153,10 @@ def test_amplitude_roots_solve_their_equation_and_none_is_missed(stiffening: flo
         assert np.all(np.diff(roots) >= 0)
 
 
-@pytest.mark.parametrize("damping", [0.0, 1e-4, 4e-4])
-def test_three_states_appear_just_above_the_critical_force(damping: float) -> None:
+@pytest.mark.parametrize("loss", [0.0, 0.2, 0.9])
+def test_three_states_appear_just_above_the_critical_force(loss: float) -> None:
     # Q is high because the Lorentzian form moves the critical force by 1/Q, and the amplitude there by its cube root.
-    mode = Resonator(1e6, 1e9, alpha=1e10, nonlinear_damping=damping * 1e10 * 1e6 * 2 * np.pi)
+    mode = Resonator(1e6, 1e9, alpha=1e10, nonlinear_damping=loss * np.sqrt(3) * 1e10 * 1e9)
     force, frequency, amplitude = critical_point(mode)
     # Just above, three states share a window of ε^(3/2) linewidths only.
     near = frequency + np.linspace(-0.02, 0.02, 20001) * mode.linewidth
@@ -164,13 +164,13 @@ def test_three_states_appear_just_above_the_critical_force(damping: float) -> No
     assert counts == [1, 3]
     found = np.abs(branches(mode, force, [frequency]).amplitude[0])
     np.testing.assert_allclose(found[np.isfinite(found)], amplitude, rtol=5e-3)
-    if damping == 0:
+    if loss == 0:
         peak = force / (mode.omega * mode.damping)
         np.testing.assert_allclose(critical_alpha(mode.frequency, mode.linewidth, peak), mode.alpha, rtol=1e-12)
 
 
 def test_no_critical_point_exists_where_damping_grows_faster_than_stiffness() -> None:
-    eta = np.sqrt(3) * 1e10 * 2 * np.pi * 1e6
+    eta = np.sqrt(3) * 1e10 * 1e4
     critical_point(Resonator(1e6, 1e4, alpha=1e10, nonlinear_damping=0.999 * eta))
     with pytest.raises(ParameterError, match="never makes the response vertical"):
         critical_point(Resonator(1e6, 1e4, alpha=1e10, nonlinear_damping=1.001 * eta))
@@ -203,7 +203,7 @@ def test_sweeps_jump_at_the_folds_of_the_curve_and_differ_between_them(sign: int
 
 @pytest.mark.parametrize("quintic", [0.0, -1e20])
 def test_rotating_wave_sweeps_agree_with_slow_sweeps_in_time(quintic: float) -> None:
-    mode = Resonator(1e6, 400, alpha=1e10, quintic=quintic, nonlinear_damping=1e15)
+    mode = Resonator(1e6, 400, alpha=1e10, quintic=quintic, nonlinear_damping=6e10)
     force = 3 * critical_point(mode)[0]
     grid = np.linspace(0.995e6, 1.01e6, 31)
     for frequency in (grid, grid[::-1]):
@@ -253,8 +253,8 @@ def test_amplitude_carries_the_whole_force_and_alpha_four_pi_squared() -> None:
 
 RINGING = {
     "cubic": Resonator(F0, 30, alpha=1.0),
-    "everything": Resonator(F0, 30, alpha=1.0, quadratic=0.8, quintic=4.0, nonlinear_damping=6.0),
-    "weak nonlinear damping": Resonator(F0, 30, quintic=30.0, nonlinear_damping=1e-3),
+    "everything": Resonator(F0, 30, alpha=1.0, quadratic=0.8, quintic=4.0, nonlinear_damping=180.0),
+    "weak nonlinear damping": Resonator(F0, 30, quintic=30.0, nonlinear_damping=0.03),
 }
 
 
@@ -264,14 +264,14 @@ def test_ring_down_error_falls_with_the_square_of_the_amplitude(name: str) -> No
     for shrink in (1, 2, 4):
         # 1/Q falls with A², so that the decay keeps its shape while all small parameters vanish together.
         start, scale = 0.1 / shrink, shrink**2
-        slow = replace(mode, quality_factor=mode.quality_factor * scale, quintic=mode.quintic * scale)
+        growth = {"quintic": mode.quintic * scale, "nonlinear_damping": mode.nonlinear_damping * scale}
+        slow = replace(mode, quality_factor=mode.quality_factor * scale, **growth)
         time = np.linspace(0, 3 / slow.damping, 4000 * scale)
         phase = np.unwrap(np.angle(ring_down(slow, start, time)))
         periods = int(phase[-1] / (2 * np.pi))
         at = np.interp(np.arange(periods * 32) * (2 * np.pi / 32), phase, time)
-        q, _ = integrate(
-            couple([slow]), [0.0], F0, [start - mode.quadratic * start**2 / 3], [-start * slow.damping / 2], at, tolerance=1e-11
-        )
+        state = [start - mode.quadratic * start**2 / 3], [-start * slow.damping / 2]
+        q, _ = integrate(couple([slow]), [0.0], F0, *state, at, tolerance=1e-11)
         ratio = np.mean((2 * q[0] / ring_down(slow, start, at)).reshape(periods, 32), axis=1)
         errors.append(np.max(np.abs(ratio - 1)))
     rates = np.log2(np.divide(errors[:-1], errors[1:]))
