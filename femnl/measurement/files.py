@@ -2,7 +2,8 @@
 
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import xarray as xr
@@ -25,19 +26,26 @@ def read(path: str | Path) -> xr.DataTree:
     Source: the measurement file format, version 1.0 (README).
     """
     path = Path(path)
-    with open_hdf5(path) as file:
+    with open_hdf5(path) as file, _whole(path):
         version = text(file.attrs.get(_ROOT, ""))
     if not version:
         raise MeasurementError(f"{path}: no root attribute {_ROOT}, so not a measurement file; convert it with femnl import")
     if version.split(".")[0] != VERSION.split(".")[0]:
         raise MeasurementError(f"{path}: {_ROOT} is {version!r}; this femnl reads version {VERSION}")
-    try:
+    with _whole(path):
         # Times are plain seconds here: decoding them would make timedeltas, and phony names stand in where dimension scales are absent.
         groups = xr.open_groups(path, engine="h5netcdf", phony_dims="sort", decode_times=False, decode_coords=False)
         groups = {name: group.load() for name, group in groups.items()}
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError, AttributeError, IndexError) as error:
-        raise MeasurementError(f"{path}: cannot be read ({' '.join(str(error).split())[:120]}); copy or export it again") from None
     return _collect(groups, str(path))
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[None]:
+    """Name the file where a library stumbles over damage in it."""
+    try:
+        yield
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError, AttributeError, IndexError, OverflowError, SystemError) as error:
+        raise MeasurementError(f"{path}: damaged ({' '.join(str(error).split())[:120]}); copy or export it again") from None
 
 
 def bundle(groups: Mapping[str, xr.Dataset], geometry: str | None = None, **attributes: str) -> xr.DataTree:
