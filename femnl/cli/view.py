@@ -1,0 +1,31 @@
+"""`femnl view GEOMETRY`: mesh, stress, thickness and shapes as pictures."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from femnl.cli._device import Bending, Cache, Geometry, Resolution, Symmetry, check_mode, load_device
+from femnl.cli._output import note
+from femnl.plot.mechanics import view
+from femnl.predict import solve_modes
+
+What = Annotated[str, typer.Argument(help="mesh, stress, shape or thickness.")]
+Out = Annotated[Path | None, typer.Option(help="Picture to write: .png, .pdf or .svg; a window opens without it.", show_default=False)]
+
+
+def command(
+    geometry: Geometry,
+    what: What = "shape",
+    mode: Annotated[int, typer.Option(help="Which shape, from 1.")] = 1,
+    out: Out = None,
+    symmetry: Symmetry = "auto",
+    resolution: Resolution = 1.0,
+    bending: Bending = None,
+    cache: Cache = True,
+) -> None:
+    """Show the mesh, the relaxed stress, the thickness or a mode shape, in a window or as a picture."""
+    count = max(10, check_mode(mode) + 1)
+    view(solve_modes(load_device(geometry, bending), count, symmetry, resolution, cache), what, mode, out)
+    if out:
+        note(f"wrote {out}")
