@@ -25,6 +25,7 @@ SCALE = 100.0
 TOLERANCE = 1e-6  # of a point lying on a curve, in scaled units
 
 GROWTH = 0.7  # element size gained per distance from the feature that asks for small elements, at resolution 1
+HOLE_GROWTH = 1.0  # the same away from holes, whose fields fade faster than those of edges and corners
 HOLE_SEGMENTS = 12  # curved edges around a hole
 ELEMENTS_ACROSS = 3  # elements across the narrowest place of a strip, such as a tether
 ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
@@ -179,19 +180,19 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> Non
     largest = SCALE / ELEMENTS_PER_LENGTH / resolution
     wanted = []
 
-    def grow(size: float, distance: int) -> None:
+    def grow(size: float, distance: int, growth: float = GROWTH) -> None:
         wanted.append(field.add("MathEval"))
-        field.setString(wanted[-1], "F", f"min({largest}, {size} + {GROWTH / resolution} * F{distance})")
+        field.setString(wanted[-1], "F", f"min({largest}, {size} + {growth / resolution} * F{distance})")
 
-    def grow_from_curves(size: float, tags: list[int]) -> None:
+    def grow_from_curves(size: float, tags: list[int], growth: float = GROWTH) -> None:
         distance = field.add("Distance")
         field.setNumbers(distance, "CurvesList", tags)
         # gmsh measures the distance to points along the curves: two an element hide the gaps between them.
         field.setNumber(distance, "Sampling", np.ceil(2 * max(gmsh.model.occ.getMass(1, t) for t in tags) / size))
-        grow(size, distance)
+        grow(size, distance, growth)
 
     if curves.holes:
-        grow_from_curves(2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / resolution, curves.holes)
+        grow_from_curves(2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / resolution, curves.holes, HOLE_GROWTH)
     if model.bending and curves.clamped:
         grow_from_curves(LAYER_SIZE * layer / resolution, curves.clamped)
     for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
