@@ -1,6 +1,5 @@
 """Geometric nonlinearity: the stretching that deflection causes, relaxed in plane, as cubic coefficients of the modes."""
 
-from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -13,20 +12,18 @@ from femnl.fem.forms import (
     cells,
     in_plane_strain,
     local_matrices,
-    local_vectors,
     plane_stress,
     slope,
     stretch,
     thickness,
     vector_dofs,
 )
-from femnl.fem.solvers import Solve, factorize
+from femnl.fem.solvers import factorize
 from femnl.fem.supports import in_plane_supports
 from femnl.types.device import Edge
 from femnl.types.mechanics import Modes, Nonlinearity
 
 Array = NDArray[np.float64]
-Parity = tuple[int, ...]
 
 
 def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False) -> Nonlinearity:
@@ -58,61 +55,34 @@ def _symmetrise(energies: Array, position: dict[tuple[int, int], int], n: int) -
     return np.asarray(2 / 3 * (g + g.transpose(0, 2, 1, 3) + g.transpose(0, 3, 2, 1)))
 
 
-@dataclass
-class _InPlane:
-    """The in-plane problem of one edge condition: matrix once, one factorisation for each symmetry of the load."""
-
-    modes: Modes
-    edge: Edge
-
-    def __post_init__(self) -> None:
-        film = self.modes.domain.model.film
-        self.moduli = plane_stress(film.young, 0.0 if self.edge == "paper" else film.poisson)
-        self.space = Space(self.modes.domain.mesh, self.modes.degree)
-        self.bending_space = self.space
-        self.order = 4 * self.modes.degree - 4
-        assembly = Assembly(2 * self.space.size)
-        for cell in cells(self.space, 2 * self.modes.degree):
-            weight = thickness(self.modes.domain.model, cell.jet.point) * cell.dx
-            assembly.add(local_matrices(in_plane_strain(cell.jet), self.moduli, weight), vector_dofs(self.space, cell.triangles))
-        self.stiffness = assembly.matrix()
-        self._solvers: dict[Parity, Solve] = {}
-
-    def relax(self, load: Array, parity: Parity) -> Array:
-        """U (2·size, m) for loads (2·size, m) of one parity."""
-        if parity not in self._solvers:
-            supports = in_plane_supports(self.space, self.modes.domain.wedge, self.edge, tuple(p > 0 for p in parity))
-            solve = factorize(csc_matrix(supports.T @ self.stiffness @ supports))
-            self._solvers[parity] = lambda b: np.asarray(supports @ solve(supports.T @ b))
-        return self._solvers[parity](load)
-
-
 def _strain_energies(modes: Modes, edge: Edge, pairs: list[tuple[int, int]]) -> Array:
     """G over the whole film for all combinations of pairs, (n_pairs, n_pairs) [N/m³]: ∫ h C m_P : m_Q − ∫ h C ε(u_P) : ε(u_Q)."""
-    problem = _InPlane(modes, edge)
-    space, shapes = problem.space, modes.shapes
+    domain, film, space = modes.domain, modes.domain.model.film, Space(modes.domain.mesh, modes.degree)
+    moduli = plane_stress(film.young, 0.0 if edge == "paper" else film.poisson)
     first, second = np.array(pairs).T
-    loads = np.zeros((2 * space.size, len(pairs)))
-    energies = np.zeros((len(pairs), len(pairs)))
-    for cell in cells(space, problem.order):
-        slopes = np.einsum("eqxj,nej->neqx", slope(cell.jet), shapes[:, space.dofs[cell.triangles]], optimize=True)
-        weight = thickness(modes.domain.model, cell.jet.point) * cell.dx
+    energies, loads = np.zeros((len(pairs), len(pairs))), np.zeros((2 * space.size, len(pairs)))
+    stiffness = Assembly(2 * space.size)
+    # The same points for all integrals: where h varies, G stays the energy of one discrete film.
+    for cell in cells(space, 4 * modes.degree - 4):
+        slopes = np.einsum("eqxj,nej->neqx", slope(cell.jet), modes.shapes[:, space.dofs[cell.triangles]], optimize=True)
+        weight = thickness(domain.model, cell.jet.point) * cell.dx
         strain = stretch(slopes[first], slopes[second])
-        stress = strain @ problem.moduli
-        energies += (strain * weight[..., None]).reshape(len(pairs), -1) @ stress.reshape(len(pairs), -1).T
-        dofs = vector_dofs(space, cell.triangles)
-        basis = in_plane_strain(cell.jet)
-        for k in range(len(pairs)):
-            np.add.at(loads[:, k], dofs, -local_vectors(basis, stress[k], weight))
+        stress = strain @ moduli * weight[..., None]
+        energies += strain.reshape(len(pairs), -1) @ stress.reshape(len(pairs), -1).T
+        basis, dofs = in_plane_strain(cell.jet), vector_dofs(space, cell.triangles)
+        np.add.at(loads, dofs, -np.einsum("eqcj,neqc->ejn", basis, stress, optimize=True))
+        stiffness.add(local_matrices(basis, moduli, weight), dofs)
+    matrix = stiffness.matrix()
     parities = [tuple(a * b for a, b in zip(modes.parity[i], modes.parity[j], strict=True)) for i, j in pairs]
     for parity in set(parities):
         members = [k for k, p in enumerate(parities) if p == parity]
-        response = problem.relax(loads[:, members], parity)
-        energies[np.ix_(members, members)] += loads[:, members].T @ response * -1
-    return _same_parity_only(energies, parities) * modes.domain.copies
+        supports = in_plane_supports(space, domain.wedge, edge, tuple(p > 0 for p in parity))
+        solve = factorize(csc_matrix(supports.T @ matrix @ supports))
+        energies[np.ix_(members, members)] -= loads[:, members].T @ (supports @ solve(supports.T @ loads[:, members]))
+    return _same_parity_only(energies, parities) * domain.copies
 
 
-def _same_parity_only(energies: Array, parities: list[Parity]) -> Array:
+def _same_parity_only(energies: Array, parities: list[tuple[int, ...]]) -> Array:
     """Integrals over the wedge of odd products vanish over the whole film."""
     same = np.array([[p == q for q in parities] for p in parities])
     return np.where(same, energies, 0.0)
