@@ -172,7 +172,7 @@ def real_part(data: MapData, displacement: Array, values: dict[str, float]) -> d
     q, fringe, free = data.wavenumber, *_free_overtones(data, values)
     k = np.arange(len(fringe))
     n_nodes = 64 + int(NODES * q * np.ptp(displacement))
-    few = n_nodes >= displacement.size
+    few = n_nodes >= displacement.size or q * np.ptp(displacement) < 1e-6
     nodes = displacement if few else np.linspace(displacement.min(), displacement.max(), n_nodes)
     n_samples = 16 + int(data.harmonic.max() + k[-1] * q * np.abs(nodes).max()) // 2
     psi = np.pi * (np.arange(n_samples) + 0.5) / n_samples

@@ -10,13 +10,15 @@ from scipy.optimize import least_squares
 
 from femnl.fits.covariance import unseen
 from femnl.fits.mapmodel import OVERTONE, REGISTRATION, MapData, Shape, predict, slopes
-from femnl.fits.mapscan import starts
+from femnl.fits.mapscan import LARGEST, starts
 from femnl.types.readout import Array, ComplexArray
 
 N_STARTS = 6
 SCALES = (0.93, 1.0, 1.07)
 ROTATIONS = (-0.1, 0.0, 0.1)
 """Placements that the coarse search tries; the refinement follows on from there."""
+WALL = 1e9
+"""Residual of impossible parameters."""
 TABLE, REACH = 257, 1.6
 """Points along a side of the table of ξ, and its half side in parts of the farthest point of the map."""
 
@@ -57,12 +59,19 @@ class MapProblem:
         return [predict(data, self.shape, values) for data, values in zip(self.maps, self.unpack(vector), strict=True)]
 
     def residuals(self, vector: Array) -> Array:
-        """Return (data − model)/noise as real numbers, map by map."""
+        """Return (data − model)/noise as real numbers, map by map; a wall where no map can be, so that no step leads there."""
+        if not self._possible(vector):
+            return np.full(self.n_points, WALL)
         parts = [
             _real((data.values - signal)[data.present] / data.noise)
             for data, signal in zip(self.maps, self.predictions(vector), strict=True)
         ]
         return np.concatenate(parts)
+
+    def _possible(self, vector: Array) -> bool:
+        """Say whether the motion is within twice the range of the search and the membrane within twice and half its size."""
+        depth = max(data.wavenumber for data in self.maps) * abs(vector[0])
+        return bool(depth < 2 * LARGEST and all(0.5 < values["scale"] < 2 for values in self.unpack(vector)))
 
     def jacobian(self, vector: Array) -> Array:
         """Return the derivatives of the residuals, (n_points, n_parameters)."""

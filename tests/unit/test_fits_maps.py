@@ -241,6 +241,35 @@ def test_intervals_of_every_parameter_hold_the_truth_in_68_percent_of_400_draws(
     assert held.mean() == pytest.approx(0.68, abs=0.04)
 
 
+def failures(seeds: range) -> list[int]:
+    """Seeds of random maps (depth, working point, placement, noise, mode) whose fit misses the truth."""
+    missed = []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        U = rng.uniform(1, 20) * RED / 4 / np.pi
+        placed = {
+            "x": rng.uniform(-15e-6, 15e-6),
+            "y": rng.uniform(-15e-6, 15e-6),
+            "scale": rng.uniform(0.92, 1.08),
+            "rotation": rng.uniform(-0.12, 0.12),
+        }
+        shape = square(*[(1, 1), (2, 1), (2, 2)][rng.integers(3)])
+        fringe, noise, phase = sine(rng.uniform(0.1, np.pi - 0.1)), 0.02 * 10 ** rng.uniform(-2.3, -1), rng.uniform(-3, 3)
+        found = fit_map(measured(fringe, U, seed, shape, noise=noise, phase=phase, placed=placed), shape).fit
+        if abs(found["amplitude"] - U) > 5 * found.parameters["amplitude"].sd or found.chi2_reduced > 1.2:
+            missed.append(seed)
+    return missed
+
+
+def test_random_maps_are_all_met() -> None:
+    assert failures(range(7000, 7010)) == []
+
+
+@pytest.mark.slow
+def test_hundreds_of_random_maps_are_all_met() -> None:
+    assert failures(range(8000, 8300)) == []
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
