@@ -43,7 +43,7 @@ def compute() -> Iterator[tuple[float, float]]:
 
 CASE = Case(
     claim="One element is right from the clamped plate without tension to the film whose edge layer is 1/316 of its side",
-    source="Ritz with Legendre polynomials, recomputed in tests/physics/test_references.py, and Argyris elements on graded meshes, to "
+    source="Ritz with Legendre polynomials, recomputed in tests/physics/test_plate.py, and Argyris elements on graded meshes, to "
     "the digits given; the first three digits without tension: Leissa, Vibration of Plates, NASA SP-160 (1969), section 4.1",
     references=(
         *(Reference(f"Ω1 at Ta²/D = {tension:g}", value, relative=1e-6) for tension, value in TENSION.items()),
