@@ -1,10 +1,15 @@
 """The order of the stages: from a device to its modes, their nonlinearity and what the readout shows of them."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from femnl import nonlinearity, prestress
+from femnl.errors import MeasurementError
+from femnl.geometry import load, parse
 from femnl.mesh import mesh
 from femnl.modes import align, shape_at
 from femnl.modes import solve_modes as solve_on_mesh
@@ -18,6 +23,23 @@ DEGREE = 4
 SPARE = 4  # coarse modes beyond those asked for, so that the highest fine ones find their counterparts
 GRID = 101
 MARGIN = 0.1
+
+
+def measured_device(attributes: Mapping[Any, Any], path: Path, geometry: str | None = None) -> Model:
+    """The device of a measurement file: the one asked for, else the file's attribute `model`, else the name or path in `geometry`.
+
+    Args: attributes: of the file's root. path: of the file, from which a relative path counts. geometry: a name or path.
+    Raises: GeometryError; MeasurementError where the file says nothing of its device.
+    """
+    if geometry is not None:
+        return load(geometry)
+    if "model" in attributes:
+        return parse(str(attributes["model"]), f"{path}: model")
+    if "geometry" not in attributes:
+        raise MeasurementError(f"{path}: names no geometry; give one with --geometry, or set the file's attribute geometry")
+    named = str(attributes["geometry"])
+    beside = path.parent / named
+    return load(beside if beside.suffix == ".toml" and beside.is_file() else named)
 
 
 def solve_modes(model: Model, count: int = 10, symmetry: str = "auto", resolution: float = 1.0, cache: bool = True) -> Modes:

@@ -6,8 +6,9 @@ import sys
 from typing import Any
 
 import typer
-from rich.console import Console
+from rich.console import Console, Group
 from rich.table import Table
+from rich.text import Text
 
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -37,15 +38,15 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def table(title: str, columns: list[str], rows: list[list[str]]) -> Table:
-    """A plain table: text left, numbers right."""
-    result = Table(title=title, title_justify="left", box=None, pad_edge=False, header_style="bold")
+def table(title: str, columns: list[str], rows: list[list[str]]) -> Group:
+    """A plain table under its title: text left, numbers right."""
+    result = Table(box=None, pad_edge=False, header_style="bold")
     for k, column in enumerate(columns):
         numbers = all(row[k][:1] in "0123456789-−–" for row in rows)
         result.add_column(column, justify="right" if numbers else "left", no_wrap=True)
     for row in rows:
         result.add_row(*row)
-    return result
+    return Group(Text(title, style="italic"), result)
 
 
 def scientific(value: float, digits: int = 4) -> str:

@@ -132,3 +132,45 @@ def test_a_folder_that_does_not_exist_is_one_line(capsys: pytest.CaptureFixture[
     assert run(["modes", "circle", "--count", "1", "--json", "--out", "none/x.nc"]) == 2
     _, (line,) = lines(capsys)
     assert line.startswith("femnl: none/x.nc: cannot write there")
+
+
+def simulated_response(path: Path) -> None:
+    """A linear resonator at 1 MHz, Q = 1e4, and a trace that is no response, in one file."""
+    rng = np.random.default_rng(5)
+    frequency = np.linspace(0.9998e6, 1.0002e6, 201)
+    volts = 0.1 * 50 / (1e6 - frequency + 50j) + 1e-4 * (rng.normal(size=201) + 1j * rng.normal(size=201))
+    data = measurement.response(frequency[None], volts[None], drive=[1.0], direction=[1], noise_sd=1e-4)
+    measurement.write(measurement.bundle({"sweep": data}, geometry="square-270um"), path)
+
+
+def test_fit_reports_the_parameters_of_a_response(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    simulated_response(tmp_path / "r.nc")
+    assert run(["fit", "r.nc", "--json"]) == 0
+    found = json.loads(lines(capsys)[0])["fits"]["sweep"]
+    frequency, width = found["parameters"]["frequency"], found["parameters"]["linewidth"]
+    assert abs(frequency["value"] - 1e6) < 4 * frequency["sd"]
+    assert abs(width["value"] - 100) < 4 * width["sd"]
+    assert found["chi2_reduced"] == pytest.approx(1, abs=0.3)
+    assert run(["fit", "r.nc"]) == 0
+    assert "linewidth" in lines(capsys)[0]
+
+
+def test_fit_finds_the_amplitude_of_maps_that_femnl_predicted(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["maps", "square-270um", "--z", "5", "--points", "31", "--out", "m.nc"]) == 0
+    assert run(["fit", "m.nc", "--json"]) == 0
+    found = json.loads(lines(capsys)[0])["fits"]["map"]["parameters"]
+    assert found["amplitude"]["value"] == pytest.approx(5 * 632.8e-9 / (4 * np.pi), rel=1e-4)
+    assert abs(np.sin(found["fringe_phase"]["value"])) == pytest.approx(np.sqrt(0.5), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["fit", "none.nc"], "femnl: none.nc: no such file; check the path"),
+        (["fit", "r.nc", "--use", "everything"], "femnl: --use everything: expected one of complex, magnitude, phase, phase-mod-pi"),
+    ],
+)
+def test_a_wrong_fit_is_one_line(words: list[str], expected: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    simulated_response(tmp_path / "r.nc")
+    assert run(words) == 2
+    assert lines(capsys)[1] == [expected]
