@@ -5,7 +5,8 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from femnl.errors import ParameterError
-from femnl.fits.mapmodel import flatten, real_part
+from femnl.fits.fringe import real_part
+from femnl.fits.mapmodel import flatten
 from femnl.types.fit import MapFit
 from femnl.types.readout import Array, PeriodicFringe
 
@@ -66,12 +67,12 @@ def displacement(data: xr.Dataset, fit: MapFit, fringe: PeriodicFringe | None = 
     n = points.harmonic[:, None]
     still = np.where(points.present, points.values * np.exp(-1j * n * values["motion_phase"]), 0).real
 
-    parts = real_part(points, trial, values)
+    parts = real_part(points.series, points.harmonic, trial, values)
     model = values["contrast"] * parts["motion"]
     misfit = points.present.T @ model**2 - 2 * still.T @ model
     a = trial[np.argmin(misfit, axis=1)]
     for _ in range(4):
-        parts = real_part(points, a, values)
+        parts = real_part(points.series, points.harmonic, a, values)
         steep = np.where(points.present, values["contrast"] * parts["by_displacement"], 0)
         left = np.where(points.present, still - values["contrast"] * parts["motion"], 0)
         norm = np.maximum(np.sum(steep**2, axis=0), np.finfo(float).tiny)

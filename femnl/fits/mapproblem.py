@@ -9,7 +9,8 @@ from scipy.ndimage import map_coordinates, spline_filter
 from scipy.optimize import least_squares
 
 from femnl.fits.covariance import unseen
-from femnl.fits.mapmodel import OVERTONE, REGISTRATION, MapData, Shape, predict, slopes
+from femnl.fits.fringe import OVERTONE
+from femnl.fits.mapmodel import REGISTRATION, MapData, Shape, predict, slopes
 from femnl.fits.mapscan import LARGEST, starts
 from femnl.types.readout import Array, ComplexArray
 

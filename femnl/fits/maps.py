@@ -7,7 +7,8 @@ import xarray as xr
 
 from femnl.errors import ParameterError
 from femnl.fits.covariance import covariance, strongest_correlation
-from femnl.fits.mapmodel import OVERTONE, REGISTRATION, UNITS, MapData, Shape, flatten
+from femnl.fits.fringe import OVERTONE
+from femnl.fits.mapmodel import REGISTRATION, UNITS, MapData, Shape, flatten
 from femnl.fits.mapproblem import MapProblem
 from femnl.types.fit import Fit, MapFit, Parameter
 from femnl.types.readout import Array, PeriodicFringe

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.special import jv
 
-from femnl.fits.mapmodel import MapData, Shape, locate, overtone_weights
+from femnl.fits.fringe import overtone_weights
+from femnl.fits.mapmodel import MapData, Shape, locate
 from femnl.types.readout import Array, ComplexArray
 
 BINS = 401
@@ -66,7 +67,7 @@ def _explained(data: MapData, shape: Shape, placements: list[dict[str, float]], 
     # For one cosine, θ + π is −V_C, which the linear step finds by itself.
     theta = np.arange(0, np.pi if len(data.series.coefficients) == 2 else 2 * np.pi, np.pi / 32)
     phi = np.arange(0, 2 * np.pi, np.pi / (4 * data.harmonic.max()))
-    weight = overtone_weights(data, theta)[0][..., :OVERTONES]
+    weight = overtone_weights(data.series, data.harmonic, theta)[0][..., :OVERTONES]
     turn = np.exp(-1j * data.harmonic[:, None] * phi)
     bessel = _bessel(
         tuple(data.harmonic.tolist()), weight.shape[-1], round(data.wavenumber * amplitudes[0] / (STEP / 2), 6), len(amplitudes)
