@@ -174,3 +174,13 @@ def test_a_wrong_fit_is_one_line(words: list[str], expected: str, capsys: pytest
     simulated_response(tmp_path / "r.nc")
     assert run(words) == 2
     assert lines(capsys)[1] == [expected]
+
+
+def test_show_prints_what_a_file_holds_and_draws_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    simulated_response(tmp_path / "r.nc")
+    assert run(["show", "r.nc", "--out", "pictures"]) == 0
+    out, err = lines(capsys)
+    assert "1 sweep × 201 point" in out
+    assert "noise_sd" in out
+    assert err == ["wrote pictures/r-sweep.png"]
+    assert (tmp_path / "pictures" / "r-sweep.png").stat().st_size > 10_000

@@ -1,0 +1,62 @@
+"""`femnl show FILE`: what a measurement file holds, in words and as figures."""
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+import xarray as xr
+from numpy.typing import NDArray
+
+from femnl import measurement
+from femnl.cli._output import console, note, table
+from femnl.errors import GeometryError
+from femnl.geometry.curves import polyline
+from femnl.plot.measurement import figures
+from femnl.predict import measured_device
+from femnl.storage import write_whole
+
+Out = Annotated[Path, typer.Option(help="Folder for the figures, one a measurement; it is made where missing.")]
+
+
+def command(
+    file: Annotated[Path, typer.Argument(help="A measurement file (.nc).", show_default=False)],
+    out: Out = Path(),
+) -> None:
+    """Print what a measurement file holds, and draw every measurement in it."""
+    tree = measurement.read(file)
+    for repair in tree.attrs["repairs"]:
+        note(f"repaired: {repair}")
+    rows = [[str(key), str(value)] for key, value in tree.attrs.items() if key not in ("repairs", "model")]
+    console().print(table(str(file), ["attribute", "value"], rows))
+    for name, node in tree.children.items():
+        console().print(table(f"\n{name}", ["dataset", "shape", "range"], _rows(node.to_dataset())))
+    out.mkdir(parents=True, exist_ok=True)
+    for name, figure in figures(tree, _outline(tree, file)).items():
+        picture = out / f"{file.stem}-{name}.png"
+        write_whole(picture, partial(figure.savefig, dpi=200))
+        note(f"wrote {picture}")
+
+
+def _rows(dataset: xr.Dataset) -> list[list[str]]:
+    rows = []
+    for name, values in dataset.variables.items():
+        shape = " × ".join(f"{size} {dim}" for dim, size in values.sizes.items()) or "one"
+        if values.dtype.kind in "fi" and values.size > 1:
+            span = f"{float(values.min()):.6g} … {float(values.max()):.6g}"
+        else:
+            span = ", ".join(map(str, values.values.ravel()[:6])) + (" …" if values.size > 6 else "")
+        rows.append([str(name), shape, f"{span} {values.attrs.get('units', '')}"])
+    return rows + [[key, "attribute", str(value)] for key, value in dataset.attrs.items()]
+
+
+def _outline(tree: xr.DataTree, file: Path) -> NDArray[np.float64] | None:
+    """The outline of the file's device, to draw into maps; None where the file names no device that femnl knows."""
+    if not any(node.attrs["kind"] == "map" for node in tree.children.values()) or "geometry" not in tree.attrs:
+        return None
+    try:
+        return polyline(measured_device(tree.attrs, file).outline)
+    except GeometryError as error:
+        note(f"maps are drawn without an outline: {error}")
+        return None
