@@ -53,3 +53,23 @@ class MapFit:
     fit: Fit
     prediction: dict[str, NDArray[np.complex128]]
     residual: dict[str, NDArray[np.complex128]]
+
+
+@dataclass(frozen=True)
+class MotionFit:
+    """A fit of the harmonics at one spot over the steps of a drive: one fringe, and the motion at each step.
+
+    fit: the fringe's parameters. amplitude [m], phase [rad] of the motion at each step and their standard deviations (n_steps,);
+    prediction: V_n [V], complex (n_harmonics, n_steps); residual: (data − prediction)/sd of the same shape.
+    """
+
+    fit: Fit
+    amplitude: NDArray[np.float64]
+    amplitude_sd: NDArray[np.float64]
+    phase: NDArray[np.float64]
+    phase_sd: NDArray[np.float64]
+    prediction: NDArray[np.complex128]
+    residual: NDArray[np.complex128]
+
+    def __post_init__(self) -> None:
+        freeze(self)
