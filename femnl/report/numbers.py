@@ -1,0 +1,32 @@
+"""Numbers as a reader wants them: as many digits as the error leaves."""
+
+from math import floor, inf, isfinite, log10
+
+MINUS = str.maketrans("-", "−")
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def plain(value: float, digits: int = 7) -> str:
+    """A number with so many significant digits, powers of ten written out: 8.7·10⁻⁷."""
+    text = f"{value:.{digits}g}"
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        text = f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPT)}"
+    return text.replace("-", "−")
+
+
+def with_error(value: float, error: float | None) -> str:
+    """A number and its error to one digit, both to the same decimal: 1.581372 ± 0.000002; without a finite error the number alone."""
+    if error is None or not isfinite(error) or error <= 0 or not isfinite(value):
+        return plain(value)
+    decimals = -floor(log10(error) + 1e-9)
+    if not 0 <= decimals <= 12:
+        power = floor(log10(abs(value) or error))
+        return f"({with_error(value / 10.0**power, error / 10.0**power)})·10{str(power).translate(SUPERSCRIPT)}"
+    return f"{value:.{decimals}f} ± {error:.{decimals}f}".translate(MINUS)
+
+
+def ppm(value: float, reference: float) -> str:
+    """The relative difference in ppm, or in % from 1 % on, with its sign."""
+    part = value / reference - 1 if reference else inf
+    return (f"{part:+.2%}".replace("%", " %") if abs(part) >= 1e-2 else f"{part * 1e6:+,.4g} ppm").translate(MINUS)

@@ -1,0 +1,100 @@
+"""From devices and validation cases to one page."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+
+from femnl import resources
+from femnl.errors import ParameterError
+from femnl.plot.screen import need_offscreen
+from femnl.report.checks import check
+from femnl.report.mechanics import EDGES, Part, Row, alpha_table, describe_geometry, frequency_table, ratio_table, solve
+from femnl.report.numbers import plain, with_error
+from femnl.report.provenance import provenance
+from femnl.report.published import DEVICES, Device
+from femnl.report.readout import Maps, Spectrum, maps, spectrum
+from femnl.storage.atomic import write_whole
+from femnl.types.device import Model
+
+NAME = "index.html"
+
+
+@dataclass(frozen=True)
+class Section:
+    """A device on the page."""
+
+    device: Device
+    parts: list[Part]
+    names: list[str]
+    head: list[str]
+    frequencies: list[Row]
+    ratios: tuple[Row, list[Row]] | None
+    alphas: tuple[Row, list[Row]]
+    maps: list[Maps]
+    spectrum: Spectrum | None
+
+
+def write_report(
+    out: Path,
+    progress: Callable[[str], None],
+    cache: bool = True,
+    devices: Sequence[Device] = DEVICES,
+    cases: Path | None = None,
+    select: Sequence[str] = (),
+) -> Path:
+    """Solve the devices, run the validation cases, and write `index.html`, a page that needs no other file, into a folder.
+
+    Args: out: the folder, made where it is missing. progress: told, in a few words, what comes next. cache: take modes solved
+        earlier from disk. devices: those to report on. cases: the folder of validation cases, the shipped one by default; select: names
+        of cases, all where empty.
+    Returns: the path of the page.
+    Raises: MissingLibraryError before anything is solved where pictures cannot be drawn; ParameterError; whatever solving raises.
+    """
+    need_offscreen()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ParameterError(f"{out}: no folder can be made there ({error.strerror}); choose another with --out") from error
+    models: list[Model] = []
+    sections = [_section(device, progress, cache, models) for device in devices]
+    checks = check(cases or resources.cases(), select, progress)
+    progress("page")
+    page = _template().render(
+        sections=sections, checks=checks, models=models, provenance=provenance(models), edges=EDGES, plain=plain, with_error=with_error
+    )
+    path = out / NAME
+
+    def write(file: Path) -> None:
+        file.write_text(page, encoding="utf-8")
+
+    write_whole(path, write)
+    return path
+
+
+def _section(device: Device, progress: Callable[[str], None], cache: bool, models: list[Model]) -> Section:
+    geometries = solve(device, progress, cache)
+    models += [geometry.model for geometry in geometries]
+    first, published = geometries[0], device.published
+    stack, drives = first.model.stack, () if published is None else published.drives
+    shown = [maps(first, stack, drive, progress) for drive in drives if stack is not None]
+    return Section(
+        device,
+        [describe_geometry(geometry, progress) for geometry in geometries],
+        [geometry.model.name for geometry in geometries],
+        [word for geometry in geometries for word in (geometry.model.name, "− measured")],
+        [] if published is None else frequency_table(geometries, published),
+        None if published is None else ratio_table(geometries, published),
+        alpha_table(geometries, published),
+        shown,
+        None if published is None or stack is None or not drives else spectrum(stack, drives[0], published),
+    )
+
+
+def _template() -> Template:
+    folder = Path(__file__).parent
+    environment = Environment(
+        loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.get_template("page.html.j2")
