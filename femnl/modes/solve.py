@@ -76,7 +76,7 @@ def _solve_sectors(operators: Operators, domain: Domain, count: int) -> Sectors:
 def _exchange(space: Space) -> NDArray[np.int64]:
     """The unknown at (y, x) for each unknown at (x, y)."""
     distance, image = cKDTree(space.location).query(space.location[:, ::-1])
-    if distance.max() > 1e-9 * np.abs(space.location).max():
+    if np.max(distance) > 1e-9 * np.abs(space.location).max():
         raise ConvergenceError("the mesh is not its own image in the diagonal; mesh the film with symmetry full")
     return np.asarray(image)
 
