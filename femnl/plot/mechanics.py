@@ -103,7 +103,7 @@ def mode_gallery(modes: Modes, count: int = 10) -> Figure:
     count = min(count, len(modes.frequency))
     rows, aspect = -(-count // COLUMNS), (box[3] - box[2]) / (box[1] - box[0])
     with style():
-        figure = new_figure(WIDTH, rows * (0.92 * WIDTH / COLUMNS * min(max(aspect, 0.3), 2.0) + 0.42))
+        figure = new_figure(WIDTH, rows * (0.92 * WIDTH / COLUMNS * min(max(aspect, 0.3), 2.0) + 0.45) + 0.1)
         panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
         for index, axes in enumerate(panels):
             axes.set_axis_off()
@@ -112,7 +112,7 @@ def mode_gallery(modes: Modes, count: int = 10) -> Figure:
             field = film_field(modes, surface, "shape", index + 1)
             axes.imshow(draw_flat(modes, surface, field, box, 420), extent=tuple(box), interpolation="lanczos")
             axes.set_title(f"{index + 1}  {modes.label[index] or ''}\n{_frequency(modes, index)}", fontsize=8)
-        scale_bar(panels[0], box[1] - box[0])
+        scale_bar(panels[(rows - 1) * COLUMNS], box[1] - box[0])
         _colour_bar(figure, list(panels), film_field(modes, surface, "shape"))
     return figure
 
