@@ -28,7 +28,8 @@ def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
     Args: prestress: the relaxed film stress. count: how many modes, by rising frequency. degree: of the elements, 2 to 4.
     Returns: modes with max|ξ| = 1, solved in each symmetry sector of a wedge; those that share a frequency are turned and
         ordered as `canonical_turn` says, so that a square gives (2,1) before (1,2) whatever the mesh.
-    Raises: ParameterError, ConvergenceError. Valid: wedges of an eighth or twelfth hold the one-dimensional symmetries only.
+    Raises: ParameterError, ConvergenceError. Valid: wedges of an eighth or twelfth hold the one-dimensional symmetries only; in
+        the mesh of a whole film pairs count as degenerate only where the discretisation splits ω² by less than 1e-6.
     Source: Kirchhoff plate in tension; validation cases `ideal_membranes`, `clamped_plate`.
     """
     if count < 1:
