@@ -15,19 +15,21 @@ from femnl.fits.mapmodel import Shape
 from femnl.fits.maps import fit_map
 from femnl.fits.response import fit_response
 from femnl.fits.response_misfit import Use
+from femnl.fits.spot import fit_spot
 from femnl.fits.traces import decompose
 from femnl.modes import shape_at
 from femnl.optics import MultilayerFringe
 from femnl.predict import measured_device, solve_modes
 from femnl.types.device import Model
-from femnl.types.fit import Fit
+from femnl.types.fit import Fit, MotionFit
 from femnl.types.readout import PeriodicFringe
 
+OVERTONES = 5  # of a fringe whose form is fitted too; enough for the reflection of a film above a wafer
 USES: tuple[Use, ...] = get_args(Use)
 File = Annotated[Path, typer.Argument(help="A measurement file (.nc).", show_default=False)]
 UseOption = Annotated[str, typer.Option(help=f"Of a response: {', '.join(USES)}.")]
 Damping = Annotated[bool, typer.Option("--nonlinear-damping", help="Of a response: fit a damping that grows with the amplitude too.")]
-Fringe = Annotated[str, typer.Option(help="Of a map: sine, or multilayer for the stack of the geometry.")]
+Fringe = Annotated[str, typer.Option(help="Of maps and traces: sine; multilayer, the geometry's stack; free, a fringe of any form (maps).")]
 Device = Annotated[str | None, typer.Option("--geometry", help="Device, where not the one the file names.", show_default=False)]
 Harmonics = Annotated[int, typer.Option(help="Of a trace: highest harmonic.", min=1, max=200)]
 
@@ -54,15 +56,19 @@ def command(
             results[name] = fit_response(dataset, _use(use), nonlinear_damping=nonlinear_damping)
         elif dataset.attrs["kind"] == "trace":
             results[name] = decompose(dataset, harmonics)
+            if "wavelength" in dataset.attrs:
+                device = measured_device(tree.attrs, file, geometry)
+                motion = fit_spot(results[name], float(dataset.attrs["wavelength"]), _fringe(fringe, device, dataset))
+                results[f"{name}, motion"] = motion
     maps = {name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] == "map"}
     if maps:
         device = measured_device(tree.attrs, file, geometry)
         fringes = {name: _fringe(fringe, device, dataset) for name, dataset in maps.items()}
         known = {name: found for name, found in fringes.items() if found is not None}
-        one = len(maps) == 1
+        one, overtones = len(maps) == 1, OVERTONES if fringe == "free" else 1
         data = next(iter(maps.values())) if one else maps
         chosen = (next(iter(known.values())) if one else known) if known else None
-        results[" and ".join(maps)] = fit_map(data, _shape(device, check_mode(mode), cache), chosen).fit
+        results[" and ".join(maps)] = fit_map(data, _shape(device, check_mode(mode), cache), chosen, free_overtones=overtones).fit
     if not results:
         kinds = ", ".join(sorted({str(dataset.attrs["kind"]) for dataset in groups.values()}))
         raise MeasurementError(f"{file}: holds {kinds}, which femnl does not fit; it fits response, map and trace")
@@ -86,16 +92,19 @@ def _shape(device: Model, index: int, cache: bool) -> Shape:
 
 
 def _fringe(kind: str, device: Model, dataset: xr.Dataset) -> PeriodicFringe | None:
-    if kind == "sine":
+    if kind in ("sine", "free"):
         return None
     if kind != "multilayer":
-        raise ParameterError(f"--fringe {kind}: expected sine or multilayer")
+        raise ParameterError(f"--fringe {kind}: expected sine, multilayer or free")
     if device.stack is None:
         raise ParameterError(f"{device.name}: its geometry gives no [readout] gap, which the multilayer fringe needs; use --fringe sine")
     return MultilayerFringe(device.stack, float(dataset.attrs["wavelength"]))
 
 
 def _record(result: Any) -> dict[str, Any]:
+    if isinstance(result, MotionFit):
+        motion = {"amplitude": result.amplitude, "amplitude_sd": result.amplitude_sd, "phase": result.phase, "phase_sd": result.phase_sd}
+        return _record(result.fit) | motion
     if not isinstance(result, Fit):
         values = {"real": result.values.real, "imag": result.values.imag, "sd": result.values_sd}
         return {"drive_frequency": result.drive_frequency, "harmonic": result.harmonic, **values, "noise_sd": result.noise_sd}
@@ -104,6 +113,12 @@ def _record(result: Any) -> dict[str, Any]:
 
 
 def _show(name: str, result: Any) -> None:
+    if isinstance(result, MotionFit):
+        _show(name, result.fit)
+        strongest = int(np.argmax(result.amplitude))
+        value, sd = _with_error(result.amplitude[strongest] * 1e9, result.amplitude_sd[strongest] * 1e9)
+        console().print(f"  largest amplitude {value} ± {sd} nm, at step {strongest + 1} of {len(result.amplitude)}")
+        return
     if not isinstance(result, Fit):
         strongest = int(np.argmax(np.abs(result.values[1:]).max(axis=0)))
         rows = [

@@ -1,0 +1,47 @@
+"""`femnl diagnose FILE`: what the simulation gets wrong, and why."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from femnl.cli._device import Json
+from femnl.cli._output import console, note, print_json, scientific, table
+from femnl.diagnose import diagnose, record, write
+from femnl.types.diagnosis import Diagnosis
+
+File = Annotated[Path, typer.Argument(help="A measurement file (.nc).", show_default=False)]
+Geometry = Annotated[str | None, typer.Option(help="Geometry to use instead of the file's own.", show_default=False)]
+Out = Annotated[Path | None, typer.Option(help="Folder for diagnosis.json and report.html.", show_default="FILE-diagnosis")]
+
+
+def command(file: File, geometry: Geometry = None, out: Out = None, as_json: Json = False) -> None:
+    """Compare a measurement with the simulation, and name the physical cause of what deviates."""
+    found = diagnose(file, geometry)
+    folder = out or (None if as_json else Path(f"{file.stem}-diagnosis"))
+    if folder is not None:
+        write(found, folder)
+    if as_json:
+        print_json(record(found))
+        return
+    _show(found)
+    note(f"wrote {folder}/diagnosis.json and {folder}/report.html")
+
+
+def _show(found: Diagnosis) -> None:
+    causes = f": {', '.join(found.causes)}" if found.causes else ""
+    console().print(f"[bold]{found.verdict}[/bold]{causes} (probability {found.probability:.3g}, p-value {found.p_value:.2g})")
+    console().print(found.where)
+    rows = [
+        [owner, name, scientific(p.value, 6), scientific(p.sd, 2), p.unit]
+        for owner, own in found.parameters.items()
+        for name, p in own.items()
+    ]
+    console().print(table("Parameters", ["of", "name", "value", "±", "unit"], rows))
+    before, after = found.before, found.after
+    console().print(
+        f"χ² per datum held out: {before.heldout_chi2_reduced:.4g} before, {after.heldout_chi2_reduced:.4g} after, gain {found.gain:.4g}"
+    )
+    for other in found.alternatives[:5]:
+        console().print(f"also tried: {', '.join(other.causes)}, probability {other.probability:.2g}")
+    console().print(found.measure_next)

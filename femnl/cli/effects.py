@@ -1,0 +1,16 @@
+"""`femnl effects`: the causes that a diagnosis knows."""
+
+from femnl.cli._device import Json
+from femnl.cli._output import console, print_json, table
+from femnl.effects import library
+
+
+def command(as_json: Json = False) -> None:
+    """List the physical causes that can hide in data: equation, parameters, kinds of data."""
+    effects = library().values()
+    if as_json:
+        names = ("name", "equation", "kinds", "source", "limits", "sentence")
+        print_json({"effects": [{n: getattr(e, n) for n in names} | {"parameters": [vars(k) for k in e.parameters]} for e in effects]})
+        return
+    rows = [[e.name, e.equation, ", ".join(f"{k.name} [{k.unit}]" for k in e.parameters), ", ".join(e.kinds)] for e in effects]
+    console().print(table("Effects", ["name", "equation", "parameters", "shows in"], rows))
