@@ -1,0 +1,103 @@
+"""Driven responses: magnitude and phase against frequency, sweep by sweep."""
+
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from femnl.measurement import amplitude
+from femnl.plot.style import COLOURS, INK, SEQUENTIAL, axis_label, new_figure, panel_letters, prefixed, style
+
+_NARROW = 0.02  # relative width below which frequencies are written as distance from the middle
+_DYNAMIC = 25.0  # largest over median magnitude above which the magnitude is drawn logarithmically
+_LEGEND = 6
+
+
+def response_figure(dataset: xr.Dataset) -> Figure:
+    """Draw a `response`: |V| and its phase against the drive frequency.
+
+    Colours tell the drive where it varies, else the position, else the order of sweeps; sweeps down are dashed.
+    Args: dataset of kind `response`. Returns: the Figure, magnitude above phase.
+    """
+    frequency, volts = dataset["frequency"].values, amplitude(dataset).values
+    middle = 0.5 * (np.nanmin(frequency) + np.nanmax(frequency))
+    narrow = np.nanmax(frequency) - np.nanmin(frequency) < _NARROW * middle
+    shift = middle if narrow else 0.0
+    divisor, unit = prefixed(frequency - shift, "Hz")
+    scale, volt_unit = prefixed(np.abs(volts), "V")
+    names, key, numbers = _key(dataset)
+    with style():
+        result = new_figure(height=4.4)
+        magnitude, phase = result.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
+        norm = _norm(numbers)
+        down = dataset["direction"].values < 0 if "direction" in dataset.coords else np.zeros(len(names), dtype=bool)
+        for index, name in enumerate(names):
+            colour = COLOURS[index % len(COLOURS)] if norm is None else mpl.colormaps[SEQUENTIAL](0.92 * norm(numbers[index]))
+            dashes = {"color": colour, "linestyle": (0, (4, 1.5)) if down[index] else "-", "label": name}
+            x = (frequency[index] - shift) / divisor
+            magnitude.plot(x, np.abs(volts[index]) / scale, **dashes)
+            _plot_phase(phase, x, np.degrees(np.angle(volts[index])), dashes)
+        top = np.nanmax(np.abs(volts))
+        if top > _DYNAMIC * np.nanmedian(np.abs(volts)):
+            magnitude.set_yscale("log")
+            magnitude.set_ylim(bottom=0.5 * np.nanquantile(np.abs(volts), 0.02) / scale)
+        else:
+            magnitude.set_ylim(bottom=0)
+        magnitude.set_ylabel(axis_label("magnitude |V|", volt_unit))
+        phase.set_ylabel("phase (°)")
+        phase.set_yticks([-180, -90, 0, 90, 180])
+        phase.set_ylim(-190, 190)
+        phase.grid(axis="y", color="#dddddd", linewidth=0.6)
+        centre, centre_unit = prefixed(middle, "Hz")
+        phase.set_xlabel(axis_label(f"drive frequency − {middle / centre:.9g} {centre_unit}" if narrow else "drive frequency", unit))
+        panel_letters([magnitude, phase])
+        _explain(result, (magnitude, phase), names, key, norm, down)
+    return result
+
+
+def _plot_phase(axes: Axes, x: NDArray[np.float64], degrees: NDArray[np.float64], look: dict[str, Any]) -> None:
+    """Draw the phase in (−180°, 180°], the line broken where it wraps."""
+    jumps = np.flatnonzero(np.abs(np.diff(degrees)) > 180) + 1
+    axes.plot(np.insert(x, jumps, np.nan), np.insert(degrees, jumps, np.nan), **look)
+
+
+def _key(dataset: xr.Dataset) -> tuple[list[str], str, NDArray[np.float64]]:
+    """What tells the sweeps apart: their names, the quantity with its unit, and its values."""
+    sweeps = dataset.sizes["sweep"]
+    for quantity, unit in (("drive", "V"), ("x", "m"), ("y", "m"), ("harmonic", "")):
+        if quantity in dataset.coords and np.unique(dataset[quantity].values[np.isfinite(dataset[quantity].values)]).size > 1:
+            values = dataset[quantity].values.astype(float)
+            divisor, name = prefixed(values, unit)
+            return [f"{value / divisor:.4g} {name}".strip() for value in values], axis_label(quantity, name), values / divisor
+    return [f"sweep {index + 1}" for index in range(sweeps)], "sweep", np.arange(1.0, sweeps + 1)
+
+
+def _norm(numbers: NDArray[np.float64]) -> Normalize | None:
+    """Colour scale where there are more sweeps than a legend holds; logarithmic over more than a decade."""
+    low, high = np.nanmin(numbers), np.nanmax(numbers)
+    if np.unique(numbers).size < 3 or not low < high:
+        return None
+    return LogNorm(low, high) if low > 0 and high > 8 * low else Normalize(low, high)
+
+
+def _explain(
+    result: Figure, panels: tuple[Axes, Axes], names: list[str], key: str, norm: Normalize | None, down: NDArray[np.bool_]
+) -> None:
+    """Legend or colour bar for the sweeps, and a line that tells the directions apart."""
+    if norm is not None:
+        levels = mpl.colors.ListedColormap(mpl.colormaps[SEQUENTIAL](0.92 * np.linspace(0, 1, 256)))
+        bar = result.colorbar(ScalarMappable(norm, levels), ax=panels, aspect=40, pad=0.01)
+        bar.set_label(key)
+        bar.outline.set_linewidth(0.5)
+    elif 1 < len(names) <= _LEGEND:
+        panels[0].legend(title=key.split(" (")[0], loc="best")
+    if down.any() and not down.all():
+        panels[1].text(
+            1.0, 1.02, "solid: up   dashed: down", transform=panels[1].transAxes, ha="right", va="bottom", fontsize=7.5, color=INK
+        )
