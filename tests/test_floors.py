@@ -11,9 +11,10 @@ import femnl
 FLOORS = (
     ("types", "errors", "resources"),
     ("geometry", "measurement", "fem"),
-    ("mesh", "prestress", "modes", "nonlinearity", "resonator", "optics", "readout", "labfiles", "effects", "storage"),
-    ("predict",),
-    ("compare", "diagnose", "sweep", "fits", "calibration", "validation"),
+    ("mesh", "prestress", "modes", "nonlinearity", "resonator", "optics", "readout", "labfiles", "storage"),
+    ("predict", "effects"),
+    ("compare", "sweep", "fits", "calibration", "validation"),
+    ("diagnose",),
     ("plot",),
     ("report",),
     ("cli", "__main__"),

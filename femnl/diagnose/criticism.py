@@ -1,0 +1,141 @@
+"""Is a model adequate? One p-value for all the ways in which its residuals were looked at, and the causes that they point to."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, norm
+from scipy.stats.qmc import Sobol
+
+from femnl.diagnose.fit import Solution
+from femnl.diagnose.problem import Extended
+from femnl.types.effect import Effect
+from femnl.types.readout import Array
+
+N_DRAWS = 4000
+"""Simulated sets of residuals that calibrate the p-value."""
+N_SHAPES = {0: 1, 1: 64, 2: 128, 3: 128}
+"""Trial shapes of an effect with that many parameters that only shape it."""
+VISIBLE = 1e-6
+"""Part of an effect's tangent that must be left beside the model's own for the data to see it."""
+TAIL = 20
+"""Simulated sets in the tail below which the p-value is extrapolated."""
+LARGE = 200
+"""Residuals from which on their neighbours' correlation is looked at."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """One direction (or a few) in which residuals may deviate: gain in χ² from going there, its p-value, and where a fit would start.
+
+    effect: None for a pattern. basis (q, n): orthonormal, free of the model's tangents. strengths, shape: linear estimate of the effect.
+    """
+
+    name: str
+    effect: Effect | None
+    basis: Array
+    gain: float
+    p_value: float
+    values: dict[str, float]
+
+
+def looks(solution: Solution, library: list[Effect]) -> list[Look]:
+    """Return every look at the residuals: each pattern of the problem, and each effect at each of its trial shapes."""
+    own, _ = np.linalg.qr(solution.jacobian)
+    problem = solution.model.problem
+    found = []
+    for name, direction in problem.patterns.items():
+        basis = _beside(own, direction[None])
+        if len(basis):
+            gain = float(np.sum((basis @ solution.residuals) ** 2))
+            found.append(Look(name, None, basis, gain, float(chi2.sf(gain, len(basis))), {}))
+    for effect in library:
+        if any(knob.strength for knob in effect.parameters):
+            found += _effect_looks(solution, own, effect)
+    return found
+
+
+def _effect_looks(solution: Solution, own: Array, effect: Effect) -> list[Look]:
+    """Try the effect at small strength in each of its shapes."""
+    wider = Extended(solution.model.problem, (*solution.model.effects, effect))
+    base, values = solution.model.split(solution.vector)
+    low, high = wider.bounds
+    first = len(low) - len(effect.parameters)
+    bounds = list(zip(effect.parameters, low[first:], high[first:], strict=True))
+    shaping = [(knob, a, b) for knob, a, b in bounds if not knob.strength]
+    strengths = [(knob, a, b) for knob, a, b in bounds if knob.strength]
+    trials = Sobol(len(shaping), rng=np.random.default_rng(0)).random(N_SHAPES[len(shaping)]) if shaping else np.zeros((1, 0))
+    found = []
+    for trial in trials:
+        shape = {k.name: float(a * (b / a) ** t if k.log else a + (b - a) * t) for (k, a, b), t in zip(shaping, trial, strict=True)}
+        zero = shape | {knob.name: 0.0 for knob, _, _ in strengths}
+        tangents = np.stack([_tangent(wider, base, values, zero, knob.name, b, solution.residuals) for knob, _, b in strengths])
+        basis = _beside(own, tangents)
+        if len(basis) == 0:
+            continue
+        free = tangents - (tangents @ own) @ own.T
+        estimate = -np.linalg.lstsq(free.T, solution.residuals, rcond=1e-10)[0]
+        allowed = np.clip(estimate, [a for _, a, _ in strengths], [b for _, _, b in strengths])
+        rest = solution.residuals + allowed @ free
+        gain = max(solution.chi2 - float(rest @ rest), 0.0)
+        named = shape | {knob.name: float(s) for (knob, _, _), s in zip(strengths, allowed, strict=True)}
+        freely = float(np.sum((basis @ solution.residuals) ** 2))
+        found.append(Look(effect.name, effect, basis, gain, float(chi2.sf(freely, len(basis))), named))
+    return found
+
+
+def _tangent(
+    model: Extended, base: dict[str, float], values: list[dict[str, float]], zero: dict[str, float], name: str, high: float, at: Array
+) -> Array:
+    """Return the derivative of the residuals by one strength at zero."""
+    step = 1e-6 * high
+    for _ in range(5):
+        change = model.residuals(model.pack(base, [*values, zero | {name: step}])) - at
+        size = float(np.linalg.norm(change))
+        if 0.01 < size < 1:
+            break
+        step = min(step * float(np.clip(0.1 / max(size, 1e-300), 1e-4, 1e4)), 0.01 * high)
+    return np.asarray(change / step)
+
+
+def _beside(own: Array, tangents: Array) -> Array:
+    """Return an orthonormal basis of what the tangents reach that the model itself does not."""
+    size = np.linalg.norm(tangents, axis=1, keepdims=True)
+    unit = tangents / np.where(size > 0, size, 1)
+    free = unit - (unit @ own) @ own.T
+    _, strength, right = np.linalg.svd(free, full_matrices=False)
+    return np.asarray(right[strength > np.sqrt(VISIBLE)])
+
+
+def adequacy(solution: Solution, found: list[Look]) -> tuple[float, str]:
+    """Return the calibrated p-value of a model, and the look that speaks most against it.
+
+    The statistic is the smallest p-value of all looks: χ², every pattern, every effect, largest outlier, and in long data the correlation of
+    neighbours. Its distribution follows from residuals simulated by the model itself: what white noise leaves beside the tangents.
+    """
+    r, n = solution.residuals, len(solution.residuals)
+    rng = np.random.default_rng(20)
+    sizes = [len(look.basis) for look in found]
+    basis = np.concatenate([look.basis for look in found]) if found else np.zeros((0, n))
+    values, vectors = np.linalg.eigh(basis @ basis.T)
+    kept = values > 1e-10
+    half = vectors[:, kept] * np.sqrt(values[kept])
+    drawn = rng.standard_normal((N_DRAWS, int(kept.sum())))
+    squares = (drawn @ half.T) ** 2
+    columns = [chi2.sf(np.add.reduceat(squares, np.concatenate([[0], np.cumsum(sizes)[:-1]]), axis=1), sizes)] if found else []
+    rest = max(solution.degrees - int(kept.sum()), 0)
+    total = np.sum(drawn**2, axis=1) + (rng.chisquare(rest, N_DRAWS) if rest else 0.0)
+    columns.append(chi2.sf(total, solution.degrees)[:, None])
+    named = [(look.name, look.p_value) for look in found] + [("chi-square", float(chi2.sf(solution.chi2, solution.degrees)))]
+    outlier = float(-np.expm1(n * np.log1p(-2 * norm.sf(np.abs(r).max() * np.sqrt(n / solution.degrees)))))
+    named.append(("outlier", outlier))
+    columns.append(rng.uniform(size=(N_DRAWS, 1)))
+    if n > LARGE:
+        named.append(("neighbours", float(2 * norm.sf(abs(r[1:] @ r[:-1]) / np.sqrt(n)))))
+        columns.append(rng.uniform(size=(N_DRAWS, 1)))
+    smallest = np.sort(np.concatenate(columns, axis=1).min(axis=1))
+    worst = min(named, key=lambda pair: pair[1])
+    below = int(np.searchsorted(smallest, worst[1], side="right"))
+    if below >= TAIL:
+        return below / N_DRAWS, worst[0]
+    # In the far tail the looks are as good as exclusive, so that p is proportional to the smallest p-value.
+    return float(min(1.0, worst[1] * TAIL / N_DRAWS / smallest[TAIL - 1])), worst[0]

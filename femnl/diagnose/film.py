@@ -1,0 +1,71 @@
+"""The simulated film that all measurements of a file share: its modes, their projection, and how frequencies follow ℓ."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from femnl.modes.projection import project
+from femnl.predict import solve_modes, solve_nonlinearity
+from femnl.storage.projection import cached_projection
+from femnl.types.device import Model
+from femnl.types.mechanics import Modes
+from femnl.types.operators import Projection
+from femnl.types.readout import Array
+
+BENDING = (0.0, 1.0, 2.0, 4.0)
+"""Bending lengths, in units of the geometry's own, at which the modes are solved; between them frequencies are a cubic in ℓ."""
+
+
+@dataclass(frozen=True)
+class SimulatedFilm:
+    """A device and its lowest modes, solved when first asked for and kept on disk."""
+
+    model: Model
+    count: int
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The lowest modes of the device as its geometry says."""
+        return solve_modes(self.model, self.count)
+
+    @cached_property
+    def projection(self) -> Projection:
+        """Integrals of those modes."""
+        return cached_projection(self.model, ("projection", self.count), lambda: project(self.modes))
+
+    @cached_property
+    def alpha(self) -> Array:
+        """Simulated α of each mode, in m⁻²."""
+        return solve_nonlinearity(self.modes).alpha
+
+    @property
+    def bending_length(self) -> float:
+        """ℓ = √(D/T) of the geometry, in m; T is that of the film before release."""
+        film = self.model.film
+        return float(film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress)))
+
+    @property
+    def speed(self) -> float:
+        """C = √(σ/ρ) of the geometry, in m/s."""
+        return float(np.sqrt(self.model.film.stress / self.model.film.density))
+
+    @cached_property
+    def _by_bending(self) -> Polynomial | list[Polynomial]:
+        rows = [self.modes.frequency if factor == 1 else self._solved(factor) for factor in BENDING]
+        return [Polynomial.fit(BENDING, row, 3, domain=[0, max(BENDING)]) for row in np.array(rows).T]
+
+    def _solved(self, factor: float) -> Array:
+        film = replace(self.model.film, young=self.model.film.young * factor**2) if factor else self.model.film
+        modes = solve_modes(replace(self.model, film=film, bending=factor > 0), self.count)
+        names = dict(zip(modes.label, modes.frequency, strict=True))
+        known = [name for name in self.modes.label if name is not None]
+        if len(set(known)) == self.count and set(known) == set(names):
+            return np.array([names[name] for name in self.modes.label])
+        return modes.frequency
+
+    def frequency(self, speed: float, bending_length: float) -> Array:
+        """Return the frequency of every mode [Hz] at another c [m/s] and ℓ [m]."""
+        at = bending_length / self.bending_length
+        return np.array([curve(at) for curve in self._by_bending]) * speed / self.speed

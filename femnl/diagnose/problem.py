@@ -1,0 +1,96 @@
+"""What the diagnosis needs to know of a measurement, whatever its kind: residuals in σ as a function of named parameters."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.types.effect import Effect, Kind, Knob, Stage, Values
+from femnl.types.readout import Array
+
+T = TypeVar("T")
+
+
+class Problem(Protocol):
+    """One group of a measurement file with its base model.
+
+    base: parameters of the base model; start: their values before any fit. facts: numbers that scale priors (`Knob.per`), and the names that
+    effects may need. blocks (n_residuals,): the block of held-out data that each residual belongs to, −1 for prior knowledge, which is
+    never left out. patterns (n_patterns, n_residuals): deviations to look for whatever the cause.
+    """
+
+    kind: Kind
+    base: tuple[Knob, ...]
+    start: Array
+    facts: Mapping[str, float]
+    notes: tuple[str, ...]
+
+    @property
+    def blocks(self) -> NDArray[np.int64]:
+        """The block of each residual."""
+        ...
+
+    @property
+    def patterns(self) -> dict[str, Array]:
+        """Directions in the space of residuals, by what they mean."""
+        ...
+
+    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+        """Return (data − prediction)/σ of the base model extended by effects, each with its values."""
+        ...
+
+    def describe(self, residuals: Array) -> str:
+        """Say in one sentence where the data deviate and how."""
+        ...
+
+
+def apply(stage: Stage, value: T, effects: Sequence[Effect], values: Sequence[Values]) -> T:
+    """Let every effect that acts at a stage change its value, in the order of the list."""
+    for effect, numbers in zip(effects, values, strict=True):
+        if stage in effect.changes:
+            value = effect.changes[stage](value, numbers)
+    return value
+
+
+@dataclass(frozen=True)
+class Extended:
+    """A problem's base model with some effects, as a function of one vector."""
+
+    problem: Problem
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def knobs(self) -> list[tuple[str, Knob]]:
+        """Every free parameter with the name of its owner, "base" or the effect."""
+        gone = {name for effect in self.effects for name in effect.replaces}
+        own = [("base", knob) for knob in self.problem.base if knob.name not in gone]
+        return own + [(effect.name, knob) for effect in self.effects for knob in effect.parameters]
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest values, in the unit of each parameter."""
+        unit = np.array([self.problem.facts.get(knob.per, 1.0) for _, knob in self.knobs])
+        low, high = (np.array([getattr(knob, side) for _, knob in self.knobs]) for side in ("low", "high"))
+        return low * unit, high * unit
+
+    def split(self, vector: Array) -> tuple[dict[str, float], list[dict[str, float]]]:
+        """Return the values of the base parameters (replaced ones as at the start) and of each effect."""
+        named: dict[str, dict[str, float]] = {
+            "base": dict(zip((k.name for k in self.problem.base), map(float, self.problem.start), strict=True))
+        }
+        named |= {effect.name: {} for effect in self.effects}
+        for (owner, knob), value in zip(self.knobs, vector, strict=True):
+            named[owner][knob.name] = float(value)
+        return named["base"], [named[effect.name] for effect in self.effects]
+
+    def pack(self, base: Values, values: Sequence[Values]) -> Array:
+        """Return the vector of named values."""
+        owned = {"base": base} | {effect.name: own for effect, own in zip(self.effects, values, strict=True)}
+        return np.array([owned[owner][knob.name] for owner, knob in self.knobs])
+
+    def residuals(self, vector: Array) -> Array:
+        """Return the residuals in σ, prior knowledge included."""
+        base, values = self.split(vector)
+        return self.problem.residuals(self.effects, base, values)

@@ -1,0 +1,124 @@
+"""Which causes, alone or together, explain what the base model leaves: ranked cheaply, fitted, compared."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from femnl.diagnose.criticism import Look, adequacy, looks
+from femnl.diagnose.fit import Solution, fit
+from femnl.diagnose.problem import Extended, Problem
+from femnl.types.effect import Effect
+
+FALSE_ALARMS = 0.01
+"""p-value below which the base model is not adequate."""
+HOPELESS = 1e-3
+"""p-value below which a set of causes does not explain the data."""
+MOST = 7
+"""Effects that are fitted at each step, those that the residuals point to most."""
+SHAPES = 3
+"""Trial shapes of an effect from which it is fitted."""
+BEAM = 2
+"""Sets of causes that are extended at each step."""
+LARGEST = 3
+"""Causes in the largest set."""
+PER_CAUSE = 0.1
+"""Prior odds of one more cause."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A fitted set of causes: its p-value, the look that speaks most against it, and the looks at its residuals (if taken)."""
+
+    solution: Solution
+    p_value: float
+    worst: str
+    looks: tuple[Look, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the causes, sorted."""
+        return tuple(sorted(effect.name for effect in self.solution.model.effects))
+
+    @property
+    def weight(self) -> float:
+        """Logarithm of evidence times prior odds."""
+        return self.solution.log_evidence + len(self.names) * float(np.log(PER_CAUSE))
+
+    @property
+    def viable(self) -> bool:
+        """Whether the set explains the data: adequate, with no parameter at a bound."""
+        return self.p_value >= HOPELESS and not self.solution.stuck
+
+
+def applicable(problem: Problem, library: Iterable[Effect]) -> list[Effect]:
+    """Return the effects that can show in this measurement."""
+    return [effect for effect in library if problem.kind in effect.kinds and all(fact in problem.facts for fact in effect.needs)]
+
+
+def criticise(solution: Solution, library: list[Effect]) -> Candidate:
+    """Look at the residuals in every way, the effects that the model lacks included."""
+    mine = {effect.name for effect in solution.model.effects}
+    found = looks(solution, [effect for effect in library if effect.name not in mine])
+    p_value, worst = adequacy(solution, found)
+    return Candidate(solution, p_value, worst, tuple(found))
+
+
+def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
+    """Return the base model first, then every set of causes that was fitted.
+
+    Greedy: sets grow by the effects that their residuals point to most, and no further once one of them explains the data.
+    """
+    model = Extended(problem)
+    base = criticise(fit(model, problem.start), library)
+    found = [base]
+    if base.p_value >= FALSE_ALARMS:
+        return found
+    beam = [base]
+    for _ in range(LARGEST):
+        grown: dict[tuple[str, ...], Candidate] = {}
+        for parent in beam:
+            for solution in _grown(parent, library):
+                names = tuple(sorted(effect.name for effect in solution.model.effects))
+                if names not in grown or solution.chi2 < grown[names].solution.chi2:
+                    grown[names] = _judged(solution, library)
+        found += grown.values()
+        beam = sorted(grown.values(), key=lambda c: -c.weight)[:BEAM]
+        if any(candidate.viable for candidate in grown.values()):
+            break
+        beam = [c if c.looks else criticise(c.solution, library) for c in beam]
+    return found
+
+
+def _judged(solution: Solution, library: list[Effect]) -> Candidate:
+    """Criticise a fit that has a chance; where χ² alone rules it out, leave it at that."""
+    plain = float(chi2.sf(solution.chi2, solution.degrees))
+    return criticise(solution, library) if plain >= HOPELESS / 10 else Candidate(solution, plain, "chi-square", ())
+
+
+def _grown(parent: Candidate, library: list[Effect]) -> Iterable[Solution]:
+    """Fit the parent's model with one more effect, for each of those that its residuals point to."""
+    mine = {effect.name for effect in parent.solution.model.effects}
+    best: dict[str, list[Look]] = {}
+    for look in sorted(parent.looks, key=lambda look: -look.gain):
+        if look.effect is not None and look.gain > 0:
+            best.setdefault(look.name, []).append(look)
+    for effect in [e for e in library if e.name in list(best)[:MOST] and e.name not in mine]:
+        yield min((_extend(parent, effect, look.values) for look in best[effect.name][:SHAPES]), key=lambda s: s.chi2)
+    for effect in library:
+        if effect.name not in mine and not any(knob.strength for knob in effect.parameters):
+            yield min((_extend(parent, effect, values) for values in _centres(parent, effect)), key=lambda s: s.chi2)
+
+
+def _extend(parent: Candidate, effect: Effect, values: dict[str, float]) -> Solution:
+    base, earlier = parent.solution.model.split(parent.solution.vector)
+    model = Extended(parent.solution.model.problem, (*parent.solution.model.effects, effect))
+    return fit(model, model.pack(base, [*earlier, values]))
+
+
+def _centres(parent: Candidate, effect: Effect) -> list[dict[str, float]]:
+    """Starts for an effect that has no strength: evenly over its priors."""
+    facts, steps = parent.solution.model.problem.facts, (np.arange(8) + 0.5) / 8
+    ranges = [(k.name, k.low * facts.get(k.per, 1.0), k.high * facts.get(k.per, 1.0)) for k in effect.parameters]
+    return [{name: float(a + (b - a) * t) for name, a, b in ranges} for t in steps]

@@ -1,0 +1,131 @@
+"""A list of eigenfrequencies against the simulated film with its speed of waves free."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.optimize import linear_sum_assignment
+
+from femnl.diagnose.film import SimulatedFilm
+from femnl.diagnose.problem import apply
+from femnl.errors import MeasurementError
+from femnl.types.effect import Effect, Kind, Knob, Values
+from femnl.types.readout import Array
+from femnl.types.scene import Lines, ModalSystem
+
+BENDING_SD = 0.03
+"""Relative standard deviation of ℓ where the geometry gives thickness, modulus and stress: none of them is known better."""
+OWN = 0.75
+"""Share of a base mode in a changed mode from which on the change keeps its label."""
+CLOSE = 0.01
+"""Relative distance in frequency up to which two modes may exchange labels."""
+
+
+class SpectrumProblem:
+    """Residuals of measured eigenfrequencies; see `Problem`."""
+
+    kind: Kind = "spectrum"
+
+    def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
+        usable = np.isfinite(dataset["frequency"].values) & np.isfinite(dataset["frequency_sd"].values)
+        self.frequency, self.sd = dataset["frequency"].values[usable], dataset["frequency_sd"].values[usable]
+        if len(self.frequency) < 3:
+            raise MeasurementError(f"spectrum: {len(self.frequency)} usable modes; a diagnosis needs at least 3")
+        self.label = [str(name) for name in dataset["label"].values[usable]] if "label" in dataset else []
+        self.time = dataset["time"].values[usable] if "time" in dataset else np.empty(0)
+        if len(self.time) and not np.isfinite(self.time).all():
+            self.time = np.empty(0)
+        self.film = film
+        unknown = any(key == "film" or key in ("film.thickness", "film.young", "film.stress") for key in film.model.assumed)
+        self._bending_sd = np.inf if unknown else BENDING_SD
+        self._order = self._match()
+        ratio = float(np.median(self.frequency / film.modes.frequency[self._order]))
+        self.base = (
+            Knob("speed", "m/s", 0.3 * film.speed * ratio, 3 * film.speed * ratio),
+            Knob("bending_length", "m", 0.0, 4 * film.bending_length),
+        )
+        self.start = np.array([film.speed * ratio, film.bending_length])
+        self.facts: Mapping[str, float] = {
+            "reach": film.projection.reach,
+            "mass": float(film.modes.effective_mass[0] * (film.speed / self.start[0]) ** 2),
+            "frequency": float(self.frequency.min()),
+            **({"time": float(np.ptp(self.time))} if len(self.time) and np.ptp(self.time) > 0 else {}),
+        }
+        known = "the geometry assumes its film, so ℓ is fitted without prior knowledge" if unknown else f"ℓ is known to {BENDING_SD:.0%}"
+        self.notes = (f"spectrum: c is free, {known}; side, stress and density enter only through c/L",)
+
+    def _match(self) -> NDArray[np.int64]:
+        """Return the base mode of each measured one: by label, else by rising frequency."""
+        if not self.label:
+            order = np.empty(len(self.frequency), dtype=np.int64)
+            order[np.argsort(self.frequency, kind="stable")] = np.arange(len(self.frequency))
+            return order
+        names = self.film.modes.label
+        found = []
+        for name in self.label:
+            if f"({name})" not in names:
+                raise MeasurementError(
+                    f"spectrum/label: {name!r} is none of the first {len(names)} modes of {self.film.model.name}; correct it"
+                )
+            found.append(names.index(f"({name})"))
+        if len(set(found)) < len(found):
+            raise MeasurementError(f"spectrum/label: {', '.join(self.label)} names a mode twice; correct the labels")
+        return np.array(found, dtype=np.int64)
+
+    @property
+    def blocks(self) -> NDArray[np.int64]:
+        """Every mode is a block of its own; prior knowledge of ℓ belongs to none."""
+        return np.append(np.arange(len(self.frequency)), -1)
+
+    @property
+    def patterns(self) -> dict[str, Array]:
+        """Deviations in proportion to frequency squared and to the time of acquisition."""
+        found = {"rise with frequency": (self.frequency / self.frequency.max()) ** 2 * self.frequency / self.sd}
+        if "time" in self.facts:
+            found["order of acquisition"] = (self.time - self.time.mean()) / self.facts["time"] * self.frequency / self.sd
+        return {name: np.append(row, 0.0) for name, row in found.items()}
+
+    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+        """Return (f − f_predicted)/σ of each mode, and the deviation of ℓ from the geometry's in units of its own σ."""
+        plain = self.film.frequency(base["speed"], base["bending_length"])
+        # The geometry states its stress and assumes its density, so that c is carried by the density.
+        film = replace(self.film.model.film, density=self.film.model.film.stress / base["speed"] ** 2)
+        mass = self.film.modes.effective_mass * film.density / self.film.model.film.density
+        system = ModalSystem(np.diag(mass * (2 * np.pi * plain) ** 2), np.diag(mass), film.stress, film, self.film.projection)
+        system = apply("operators", system, effects, values)
+        square, vectors = eigh(system.stiffness, system.mass)
+        frequency = np.sqrt(np.maximum(square, 0)) / (2 * np.pi)
+
+        def misfit(chosen: NDArray[np.int64]) -> Array:
+            lines = apply("frequencies", Lines(frequency[chosen], self.time), effects, values)
+            return np.asarray((self.frequency - lines.frequency) / self.sd)
+
+        chosen = self._labelled(vectors**2 * mass[:, None], plain, misfit)
+        return np.append(misfit(chosen), (base["bending_length"] / self.film.bending_length - 1) / self._bending_sd)
+
+    def _labelled(self, share: Array, plain: Array, misfit: Callable[[NDArray[np.int64]], Array]) -> NDArray[np.int64]:
+        """Return the changed mode of each measured one: by its share of the base mode; mixed pairs as they fit best."""
+        _, column = linear_sum_assignment(-share[self._order])
+        chosen = np.asarray(column, dtype=np.int64)
+        if not self.label:
+            chosen = np.sort(chosen)[np.argsort(np.argsort(self.frequency, kind="stable"))]
+        mixed = np.flatnonzero(share[self._order, chosen] < OWN)
+        for a, b in combinations(mixed, 2):
+            if abs(plain[self._order[a]] / plain[self._order[b]] - 1) < CLOSE:
+                swapped = chosen.copy()
+                swapped[[a, b]] = chosen[[b, a]]
+                if np.sum(misfit(swapped) ** 2) < np.sum(misfit(chosen) ** 2):
+                    chosen = swapped
+        return chosen
+
+    def describe(self, residuals: Array) -> str:
+        """Name the modes that deviate most, in Hz and σ."""
+        deviation = residuals[: len(self.frequency)]
+        worst = np.argsort(-np.abs(deviation))[:3]
+        names = self.label or [str(i + 1) for i in self._order]
+        parts = [f"({names[i]}) by {deviation[i] * self.sd[i]:+.3g} Hz ({deviation[i]:+.1f}σ)" for i in worst]
+        return f"modes {', '.join(parts)} deviate most from the simulated film; rms {np.sqrt(np.mean(deviation**2)):.3g}σ"

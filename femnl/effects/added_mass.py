@@ -1,0 +1,38 @@
+"""A particle on the film."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from femnl.types.effect import Effect, Knob, Values
+from femnl.types.scene import ModalSystem
+
+
+def load(system: ModalSystem, values: Values) -> ModalSystem:
+    """Add Δm ξᵢ(x₀) ξⱼ(x₀) to the masses, raised by the compliance G of all higher modes, on which the particle rides.
+
+    Eliminating a mass on a spring 1/G turns Δm into Δm/(1 − ω²ΔmG), taken here at the frequencies of both modes. G = s/2πT grows with
+    the logarithm of cut-off wavelength over size of the particle: for a point it would be infinite.
+    """
+    shape = system.projection.at(values["x"], values["y"])
+    square = np.diag(system.stiffness) / np.diag(system.mass)
+    compliance = values["spread"] / (2 * np.pi * system.stress * system.film.thickness)
+    ride = square * values["mass"] * compliance
+    ride = shape * np.sqrt(1 + ride + ride**2)  # 1/(1 − x) to second order, which stays positive beyond where the equation holds
+    return replace(system, mass=system.mass + values["mass"] * np.outer(ride, ride))
+
+
+EFFECT = Effect(
+    name="added_mass",
+    equation="M → M + Δm ξ(x₀) ξ(x₀)ᵀ/(1 − ω²ΔmG); to first order Δf/f = −½ Δm ξ²(x₀)/m_eff",
+    parameters=(
+        Knob("mass", "kg", 0.0, 0.05, per="mass"),
+        Knob("x", "m", -1.0, 1.0, strength=False, per="reach"),
+        Knob("y", "m", -1.0, 1.0, strength=False, per="reach"),
+        Knob("spread", "1", 0.0, 5.0, strength=False),
+    ),
+    changes={"operators": load},
+    source="Rayleigh's method, e.g. Hanay et al., Nat. Nanotechnol. 10, 339 (2015); the logarithm: Green's function of a membrane",
+    limits="a particle small against the wavelength; on a symmetric film its images under the symmetry are the same to frequencies",
+    sentence="a particle sits on the film",
+)

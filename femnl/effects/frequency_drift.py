@@ -1,0 +1,23 @@
+"""Frequencies that move with time while they are measured."""
+
+from dataclasses import replace
+
+from femnl.types.effect import Effect, Knob, Values
+from femnl.types.scene import Lines
+
+
+def drift(lines: Lines, values: Values) -> Lines:
+    """Change every frequency by the same relative rate from the first acquisition on."""
+    return replace(lines, frequency=lines.frequency * (1 + values["rate"] * (lines.time - lines.time.min())))
+
+
+EFFECT = Effect(
+    name="frequency_drift",
+    equation="f → f (1 + r (t − t₀)), t₀ the first acquisition",
+    parameters=(Knob("rate", "1/s", -1e-6, 1e-6),),
+    changes={"frequencies": drift},
+    source="first order in time of a drifting film stress",
+    limits="a steady drift that is the same part of every frequency",
+    sentence="all frequencies drift with the time of acquisition",
+    needs=("time",),
+)

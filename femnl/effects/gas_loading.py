@@ -1,0 +1,25 @@
+"""Gas that moves with the film."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from femnl.types.effect import Effect, Knob, Values
+from femnl.types.scene import ModalSystem
+
+
+def load(system: ModalSystem, values: Values) -> ModalSystem:
+    """Add the areal mass 2ρ_g/k to that of the film, ρh, mode by mode."""
+    share = 2 * values["gas_density"] / (system.wavenumber * system.film.density * system.film.thickness)
+    return replace(system, mass=system.mass + np.diag(share * np.diag(system.mass)))
+
+
+EFFECT = Effect(
+    name="gas_loading",
+    equation="ρh → ρh + 2ρ_g/k",
+    parameters=(Knob("gas_density", "kg/m³", 0.0, 10.0),),
+    changes={"operators": load},
+    source="Lamb, Proc. R. Soc. A 98, 205 (1920); potential flow on both sides",
+    limits="wavelength long against the mean free path and short against that of sound; no wall near by",
+    sentence="gas moves with the film and loads the low modes most",
+)

@@ -1,0 +1,21 @@
+"""Film stress that differs along x and y."""
+
+from femnl.types.effect import Effect, Knob, Values
+from femnl.types.scene import ModalSystem
+
+
+def stretch(system: ModalSystem, values: Values) -> ModalSystem:
+    """Set σx = σ(1 + a/2) and σy = σ(1 − a/2)."""
+    half = values["anisotropy"] * system.stress / 2
+    return system.stretched(0, half, -half)
+
+
+EFFECT = Effect(
+    name="stress_anisotropy",
+    equation="σx = σ(1 + a/2), σy = σ(1 − a/2)",
+    parameters=(Knob("anisotropy", "1", -0.2, 0.2),),
+    changes={"operators": stretch},
+    source="membrane equation T : ∇∇w",
+    limits="uniform stress; in frequencies alone the same as a rectangle (aspect_ratio)",
+    sentence="the film stress differs along x and y",
+)
