@@ -1,14 +1,14 @@
 """Fit the Duffing response to driven sweeps: f₀, Q and α_y/α_c shared, gain and phase by position, with honest uncertainties."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, leastsq
 
 from femnl.errors import ConvergenceError, ParameterError
 from femnl.fits.covariance import covariance, strongest_correlation
@@ -21,9 +21,9 @@ from femnl.fits.response_start import starts
 from femnl.types.fit import Fit
 
 Bounds = Mapping[str, tuple[float, float]]
-MAX_ROUNDS, MAX_CALLS, CLOSE = 10, 80, 1e-9
+MAX_ROUNDS, MAX_CALLS, CLOSE = 10, 80, 1e-8
 # A start has led to the answer when χ² exceeds what noise makes by less than this many of its standard deviations.
-GOOD = 3.0
+GOOD = 2.0
 
 
 def fit_response(
@@ -90,7 +90,8 @@ def predict_response(fit: Fit, dataset: xr.Dataset) -> xr.DataArray:
     if whole.n_positions not in (places, places / 2):
         raise ParameterError(f"dataset: {whole.n_positions} positions, but the fit has another number; give the dataset that was fitted")
     whole = replace(whole, drive=whole.drive * whole.reference / fit["drive"], reference=fit["drive"])
-    layout = Layout(0.0, 1.0, whole.span, fit["drive"], whole.n_positions, damping="damping_ratio" in fit.parameters, gain=True, phase=True)
+    centre, width, damping = fit["frequency"], fit["linewidth"], "damping_ratio" in fit.parameters
+    layout = Layout(centre, width, whole.span, fit["drive"], whole.n_positions, damping, gain=True, phase=True)
     theta = vector(layout, fit)
     use: Use = "complex"
     if not any(name.startswith("y_max") for name in fit.parameters):
@@ -115,14 +116,17 @@ def solve(sweeps: Sweeps, layout: Layout, use: Use, bounds: Bounds) -> tuple[Mis
         misfit = Misfit.of(sweeps, layout, use)
         candidates = [start, refine(sweeps, layout, start)] if use == "complex" else [start]
         theta = min((np.clip(candidate, low, high) for candidate in candidates), key=misfit.cost)
-        for strict in (True, False):
-            tried = replace(misfit, strict=strict)
-            found = _settle(tried, theta, low, high)
+        # The continuation past a fold helps a fit across it; without one, the first pass has done it all.
+        for strict, again in ((True, False), (False, False), (True, True)):
+            tried = replace(misfit, strict=strict, last=None)
+            found = _settle(tried, best[2] if best and again else theta, low, high)
             cost = tried.cost(found)
             if best is None or cost < best[0]:
                 best = cost, tried, found
-            if cost < noisy:
-                return tried, found
+            if not tried.folded:
+                break
+        if best and best[0] < noisy:
+            break
     if best is None:
         raise ConvergenceError(f"use = {use!r}: the points show no resonance to start from; choose another range or use='complex'")
     return best[1], best[2]
@@ -132,7 +136,9 @@ def _from_both_quadratures(sweeps: Sweeps, layout: Layout, use: Use) -> Iterator
     """Yield what a complex fit finds, as a start for the others: right at once where the readout is linear."""
     if use != "complex":
         full = replace(layout, gain=True, phase=True)
-        _, theta = solve(sweeps, full, "complex", {})
+        misfit = Misfit.of(sweeps, full, "complex")
+        free = np.full(full.size, np.inf)
+        theta = _settle(misfit, refine(sweeps, full, next(starts(sweeps, "complex", full))), -free, free)
         shared = theta[: full.gains.start]
         yield np.concatenate([shared, theta[full.gains] if layout.gain else [], theta[full.phases.start :] if layout.phase else []])
 
@@ -149,15 +155,17 @@ def _settle(misfit: Misfit, theta: Array, low: Array, high: Array) -> Array:
 
 def _descend(misfit: Misfit, theta: Array, low: Array, high: Array) -> Array:
     """Minimise with the states fixed."""
-    free = np.isinf(low).all() and np.isinf(high).all()
+    if np.isinf(low).all() and np.isinf(high).all():
+        slopes: Callable[[Array], Array] = misfit.jacobian
+        found, *_ = leastsq(misfit.residual, theta, Dfun=slopes, full_output=True, ftol=CLOSE, xtol=CLOSE, gtol=CLOSE, maxfev=MAX_CALLS)
+        return np.asarray(found)
     margin = 1e-9 * np.minimum(high - low, 1.0)
-    start = theta if free else np.clip(theta, low + margin, high - margin)
-    method: Literal["lm", "trf"] = "lm" if free else "trf"
+    start = np.clip(theta, low + margin, high - margin)
     limits = (low, high)
-    found = least_squares(
-        misfit.residual, start, misfit.jacobian, limits, method, xtol=CLOSE, ftol=CLOSE, gtol=CLOSE, x_scale="jac", max_nfev=MAX_CALLS
+    result = least_squares(
+        misfit.residual, start, misfit.jacobian, limits, xtol=CLOSE, ftol=CLOSE, gtol=CLOSE, x_scale="jac", max_nfev=MAX_CALLS
     )
-    return np.asarray(found.x)
+    return np.asarray(result.x)
 
 
 def _layout(sweeps: Sweeps, use: Use, damping: bool) -> Layout:

@@ -129,7 +129,7 @@ def response(sweeps: Sweeps, layout: Layout, theta: Array, *, continued: bool) -
 def jacobian(sweeps: Sweeps, layout: Layout, theta: Array, both: Sheets, high: Index, voltage: Complex, *, cautious: bool) -> Complex:
     """Return dV/dθ (n, size) on the sheet chosen at each point (0 low, 1 high), by implicit differentiation.
 
-    `cautious` limits each derivative to what stays true over NOISY standard deviations of the point's noise, as a covariance needs.
+    `cautious` limits each derivative to what stays true while the fit moves x by NOISY standard deviations, as a covariance needs.
 
     x |D|² = 1 with D = δ + a x + i(1 + d x) gives x_p = −x ∂|D|²/∂p / (|D|² + x ∂|D|²/∂x), and V_p = −V b D_p.
     """
@@ -146,7 +146,8 @@ def jacobian(sweeps: Sweeps, layout: Layout, theta: Array, both: Sheets, high: I
     floor = FOLD * square
     if cautious:
         bend = 4 * (real * a + imag * d) + 2 * root * (a**2 + d**2)
-        floor = np.maximum(floor, NOISY * np.abs(bend) * 2 * root * sweeps.noise / np.abs(voltage))
+        shift = 2 * root * sweeps.noise / np.abs(voltage) * np.sqrt(layout.size / n)
+        floor = np.maximum(floor, NOISY * np.abs(bend) * shift)
     slope = np.copysign(np.maximum(np.abs(slope), floor), slope)
     by = np.stack([-2 * root * real, -2 * root**2 * real, -2 * root**2 * imag]) / slope
     if pair.any():
