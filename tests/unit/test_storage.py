@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import meshio
@@ -138,11 +139,16 @@ class TestCache:
         np.testing.assert_array_equal(first.frequency, second.frequency)
 
     def test_every_change_of_device_or_options_is_solved_anew(self, device: Callable[..., Model]) -> None:
-        calls = []
+        calls: list[Model] = []
+
+        def solve_and_count(model: Model) -> Modes:
+            calls.append(model)
+            return solve(model)
+
         plain, holed = device(SQUARE), device(SQUARE, HOLES)
         thicker = replace(plain, film=replace(plain.film, thickness=2e-6))
         for model, options in ((plain, (6,)), (plain, (7,)), (holed, (6,)), (thicker, (6,)), (replace(plain, bending=True), (6,))):
-            storage.cached_modes(model, options, lambda model=model: calls.append(1) or solve(model))
+            storage.cached_modes(model, options, partial(solve_and_count, model))
         assert len(calls) == 5
 
     def test_a_damaged_file_is_reported_and_solved_anew(
