@@ -36,7 +36,8 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False) -> Nonlin
     Args: edge: in-plane condition of the outline, `clamped`, `sliding` or `paper` (see `Model`). tensor: all modes, not the diagonal.
     Returns: k3 [N/m³], alpha [m⁻²], with an error bound where the modes carry their coarse counterpart.
     Valid: slow motion against in-plane waves; amplitudes well below the outline's length.
-    Source: von Kármán plate with quasi-static in-plane response; validation cases `duffing_square`, `duffing_table`.
+    Source: von Kármán plate with quasi-static in-plane response; validation cases `duffing_table`, `duffing_sliding`,
+        `erratum_alpha`, `static_deflection`.
     """
     n = len(modes.frequency)
     pairs = list(combinations_with_replacement(range(n), 2)) if tensor else [(i, i) for i in range(n)]

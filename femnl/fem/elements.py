@@ -14,6 +14,8 @@ from skfem.assembly import Dofs
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefLine, RefTri
 
+from femnl.errors import ParameterError
+
 Array = NDArray[np.float64]
 
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
@@ -84,6 +86,8 @@ class Space:
     """
 
     def __init__(self, mesh: MeshTri2, degree: int) -> None:
+        if degree not in ELEMENTS:
+            raise ParameterError(f"degree = {degree}: expected {DEGREES[0]} to {DEGREES[-1]}")
         self.mesh = mesh
         self.degree = degree
         self._numbering = Dofs(mesh, ELEMENTS[degree]())

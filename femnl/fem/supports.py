@@ -1,9 +1,12 @@
 """Which unknowns an edge or a mirror line leaves free."""
 
+from typing import get_args
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix
 
+from femnl.errors import ParameterError
 from femnl.fem.elements import Space
 from femnl.types.device import Edge
 
@@ -27,7 +30,10 @@ def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, 
     """Columns that span the admissible in-plane displacements, (2·size, n_free).
 
     Clamped outline: u = 0, or with `sliding` only u·n = 0. Mirror k: u·n = 0 where the load is even under it, else u·t = 0.
+    Raises: ParameterError where there is no such edge.
     """
+    if edge not in get_args(Edge):
+        raise ParameterError(f'edge = "{edge}": expected {", ".join(get_args(Edge))}')
     held: dict[int, list[Array]] = {}
 
     def hold(dofs: NDArray[np.int64], directions: Array) -> None:

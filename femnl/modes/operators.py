@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from femnl.errors import ParameterError
 from femnl.fem.elements import Space
 from femnl.fem.forms import (
     Assembly,
@@ -33,6 +34,8 @@ class Operators:
 
     def __init__(self, prestress: Prestress, degree: int) -> None:
         domain, film = prestress.domain, prestress.domain.model.film
+        if domain.model.bending and degree < 2:
+            raise ParameterError(f"degree = {degree}: bending needs 2 or more, as straight elements have no curvature")
         self.space = Space(domain.mesh, degree)
         self._prestress, self._bends = prestress, domain.model.bending
         moduli = plane_stress(film.young, film.poisson)

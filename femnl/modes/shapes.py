@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, minimize
 from scipy.spatial import cKDTree
 
+from femnl.errors import ParameterError
 from femnl.fem.elements import Space, reference_basis
 from femnl.fem.forms import cells, thickness
 from femnl.types.mechanics import Domain, Modes
@@ -110,9 +111,12 @@ def _label(overlap: Array, norm: float, ideal: Array, parity: tuple[int, ...]) -
 def shape_at(modes: Modes, index: int, x: Array, y: Array) -> Array:
     """Return ξ of one mode at points (x, y) in m, which broadcast against each other; exactly 0 outside the film.
 
-    Args: index: 0 for the fundamental mode. Raises: IndexError where there is no such mode.
+    Args: index: 0 for the fundamental mode.
+    Raises: IndexError where there is no such mode; ParameterError where a point is not finite.
     """
     points = np.stack(np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)), -1)
+    if not np.all(np.isfinite(points)):
+        raise ParameterError("x, y: expected finite numbers in m, found NaN or infinity among the points")
     where, sign = _fold(modes.domain, points.reshape(-1, 2), modes.parity[index])
     space = Space(modes.domain.mesh, modes.degree)
     triangle, reference = _locate(modes.domain, where)

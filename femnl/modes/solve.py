@@ -30,7 +30,7 @@ def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
         ordered as `canonical_turn` says, so that a square gives (2,1) before (1,2) whatever the mesh.
     Raises: ParameterError, ConvergenceError. Valid: wedges of an eighth or twelfth hold the one-dimensional symmetries only; in
         the mesh of a whole film pairs count as degenerate only where the discretisation splits ω² by less than 1e-6.
-    Source: Kirchhoff plate in tension; validation cases `ideal_membranes`, `clamped_plate`.
+    Source: Kirchhoff plate in tension; validation cases `ideal_square`, `ideal_hexagon`, `ideal_l_shape`, `clamped_plate`.
     """
     if count < 1:
         raise ParameterError(f"count = {count}: expected at least one mode")

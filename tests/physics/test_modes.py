@@ -254,6 +254,13 @@ def test_shape_at_broadcasts_x_against_y(device: Device) -> None:
         shape_at(modes, 1, axis, axis)
 
 
+def test_points_that_are_nowhere_are_refused_and_no_points_give_no_values(device: Device) -> None:
+    modes = solve(device(SQUARE), 1, resolution=0.5)
+    assert shape_at(modes, 0, np.array([]), np.array([])).shape == (0,)
+    with pytest.raises(ParameterError, match="x, y: expected finite numbers in m"):
+        shape_at(modes, 0, np.array([0.0, np.nan]), np.array(0.0))
+
+
 def test_coarse_counterparts_bound_the_error_of_the_fine_modes(device: Device) -> None:
     model = device(SQUARE)
     fine = solve(model, 10, "full")
@@ -297,6 +304,16 @@ def test_impossible_numbers_of_modes_are_refused_in_one_line(device: Device) -> 
         solve_modes(prestress, 0, 2)
     with pytest.raises(ConvergenceError, match="ask for fewer modes or raise the resolution"):
         solve_modes(prestress, 500, 2)
+
+
+def test_degrees_without_elements_or_curvature_are_refused_in_one_line(device: Device) -> None:
+    model = device(SQUARE)
+    domain = mesh(model, resolution=0.3)
+    with pytest.raises(ParameterError, match="degree = 5: expected 1 to 4"):
+        solve_prestress(domain, 5)
+    bending = replace(domain, model=replace(model, bending=True))
+    with pytest.raises(ParameterError, match="degree = 1: bending needs 2 or more"):
+        solve_modes(solve_prestress(bending, 1), 1, 1)
 
 
 def test_the_trampoline_flaps_its_slack_corners_before_its_middle_moves() -> None:

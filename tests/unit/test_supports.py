@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from femnl.errors import ParameterError
 from femnl.fem.elements import Space
 from femnl.fem.supports import free_deflections, in_plane_supports, slope_held_facets
 from femnl.mesh import mesh
@@ -100,6 +102,12 @@ def test_a_sliding_round_edge_moves_along_its_tangent_only(disc: Domain) -> None
 def test_admissible_displacements_are_independent_and_of_unit_length(disc: Domain) -> None:
     supports = in_plane_supports(Space(disc.mesh, 2), disc.wedge, "sliding", ())
     np.testing.assert_allclose((supports.T @ supports).toarray(), np.eye(supports.shape[1]), atol=1e-14)
+
+
+def test_an_edge_that_does_not_exist_is_refused_by_name(disc: Domain) -> None:
+    edge: Any = "sliding "
+    with pytest.raises(ParameterError, match='edge = "sliding ": expected clamped, sliding, paper'):
+        in_plane_supports(Space(disc.mesh, 2), disc.wedge, edge, ())
 
 
 def test_free_edges_hold_nothing(device: Callable[..., Model]) -> None:
