@@ -11,7 +11,7 @@ from femnl.plot.response import response_figure
 from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters, prefixed, style
 from femnl.plot.traces import trace_figure
 
-_CLOSE = 0.015  # of the axis: labels of lines nearer than this share one place
+_CLOSE = 0.035  # of the axis: labels of lines nearer than this share one place
 
 
 def figures(tree: xr.DataTree, outline: ArrayLike | None = None) -> dict[str, Figure]:
@@ -90,7 +90,9 @@ def series_figure(dataset: xr.Dataset) -> Figure:
     control = next(iter(dataset.coords))
     x = dataset[control].values
     drawn = [key for key in ("frequency", "quality_factor") if key in dataset]
-    divisor, unit = prefixed(x, str(dataset[control].attrs["units"]))
+    logarithmic = bool(np.all(x > 0) and x.max() > 50 * x.min())
+    unit = str(dataset[control].attrs["units"])
+    divisor, unit = (1.0, unit) if logarithmic else prefixed(x, unit)
     with style():
         result = new_figure(height=1.0 + 1.7 * len(drawn))
         panels = result.subplots(len(drawn), 1, sharex=True, squeeze=False).ravel()
@@ -107,7 +109,7 @@ def series_figure(dataset: xr.Dataset) -> Figure:
                 if np.nanmax(values) > 30 * np.nanmin(values):
                     axes.set_yscale("log")
             axes.errorbar(x / divisor, values, sd, fmt="o-", color=colour, ecolor=INK, elinewidth=0.8, capsize=2, linewidth=0.6)
-        if np.all(x > 0) and x.max() > 50 * x.min():
+        if logarithmic:
             panels[-1].set_xscale("log")
         panels[-1].set_xlabel(axis_label(str(control).replace("_", " "), unit))
         if len(drawn) > 1:

@@ -9,14 +9,17 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from femnl.measurement import amplitude
+from femnl.measurement import amplitude, noise_sd
 from femnl.plot.style import COLOURS, INK, SEQUENTIAL, axis_label, new_figure, panel_letters, prefixed, style
 
 _NARROW = 0.02  # relative width below which frequencies are written as distance from the middle
 _DYNAMIC = 25.0  # largest over median magnitude above which the magnitude is drawn logarithmically
 _LEGEND = 6
+_SEEN = 3.0  # the phase of weaker amplitudes, in units of the noise, says nothing and is not drawn
+_FEW = 40
 
 
 def response_figure(dataset: xr.Dataset) -> Figure:
@@ -31,18 +34,21 @@ def response_figure(dataset: xr.Dataset) -> Figure:
     shift = middle if narrow else 0.0
     divisor, unit = prefixed(frequency - shift, "Hz")
     scale, volt_unit = prefixed(np.abs(volts), "V")
+    noise = noise_sd(dataset)[0] if np.count_nonzero(np.isfinite(volts)) > _FEW else 0.0
     names, key, numbers = _key(dataset)
     with style():
         result = new_figure(height=4.4)
         magnitude, phase = result.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
         norm = _norm(numbers)
+        order = {number: rank for rank, number in enumerate(np.unique(numbers))}
         down = dataset["direction"].values < 0 if "direction" in dataset.coords else np.zeros(len(names), dtype=bool)
         for index, name in enumerate(names):
-            colour = COLOURS[index % len(COLOURS)] if norm is None else mpl.colormaps[SEQUENTIAL](0.92 * norm(numbers[index]))
+            colour = COLOURS[order[numbers[index]]] if norm is None else mpl.colormaps[SEQUENTIAL](0.92 * norm(numbers[index]))
             dashes = {"color": colour, "linestyle": (0, (4, 1.5)) if down[index] else "-", "label": name}
             x = (frequency[index] - shift) / divisor
             magnitude.plot(x, np.abs(volts[index]) / scale, **dashes)
-            _plot_phase(phase, x, np.degrees(np.angle(volts[index])), dashes)
+            seen = np.where(np.abs(volts[index]) > _SEEN * noise, np.degrees(np.angle(volts[index])), np.nan)
+            _plot_phase(phase, x, seen, dashes)
         top = np.nanmax(np.abs(volts))
         if top > _DYNAMIC * np.nanmedian(np.abs(volts)):
             magnitude.set_yscale("log")
@@ -81,7 +87,7 @@ def _key(dataset: xr.Dataset) -> tuple[list[str], str, NDArray[np.float64]]:
 def _norm(numbers: NDArray[np.float64]) -> Normalize | None:
     """Colour scale where there are more sweeps than a legend holds; logarithmic over more than a decade."""
     low, high = np.nanmin(numbers), np.nanmax(numbers)
-    if np.unique(numbers).size < 3 or not low < high:
+    if np.unique(numbers).size <= _LEGEND or not low < high:
         return None
     return LogNorm(low, high) if low > 0 and high > 8 * low else Normalize(low, high)
 
@@ -95,8 +101,11 @@ def _explain(
         bar = result.colorbar(ScalarMappable(norm, levels), ax=panels, aspect=40, pad=0.01)
         bar.set_label(key)
         bar.outline.set_linewidth(0.5)
-    elif 1 < len(names) <= _LEGEND:
-        panels[0].legend(title=key.split(" (")[0], loc="best")
+    elif len(set(names)) > 1:
+        lines = dict(zip(names, panels[0].lines, strict=True))
+        panels[0].legend(
+            [Line2D([], [], color=line.get_color()) for line in lines.values()], list(lines), title=key.split(" (")[0], loc="best"
+        )
     if down.any() and not down.all():
         panels[1].text(
             1.0, 1.02, "solid: up   dashed: down", transform=panels[1].transAxes, ha="right", va="bottom", fontsize=7.5, color=INK

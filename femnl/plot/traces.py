@@ -10,6 +10,7 @@ from femnl.plot.style import COLOURS, DIVERGING, SEQUENTIAL, axis_label, new_fig
 
 _COLUMNS = 1500  # more points than this in one line are drawn as the band between smallest and largest
 _WAVES = 3
+_PERIODS = 4.0  # of the drive, shown of each wave
 
 
 def trace_figure(dataset: xr.Dataset) -> Figure:
@@ -38,7 +39,7 @@ def _one_step(dataset: xr.Dataset) -> Figure:
         axes.sharex(neighbour)
         neighbour.set_xlabel("")
         neighbour.tick_params(labelbottom=False)
-    for colour, key in zip(COLOURS, signals, strict=False):
+    for colour, key in reversed(list(zip(COLOURS, signals, strict=False))):
         frequency, volts = _spectrum(dataset["time"].values, dataset[key].values)
         hertz, name = prefixed(frequency, "Hz")
         _line(spectrum, frequency / hertz, volts[0], colour, key.replace("_", " "))
@@ -63,8 +64,9 @@ def _many_steps(dataset: xr.Dataset) -> Figure:
     result = new_figure(height=5.6)
     grid = result.add_gridspec(2, 2, height_ratios=(1, 1.5))
     waves, picture, spectra = result.add_subplot(grid[0, :]), result.add_subplot(grid[1, 0]), result.add_subplot(grid[1, 1])
+    shown = time - time[0] <= (_PERIODS / np.nanmin(steps) if has_drive else np.inf)
     for colour, index in zip(COLOURS, np.unique(np.linspace(0, len(steps) - 1, _WAVES).round().astype(int)), strict=False):
-        _line(waves, time / divisor, voltage[index] / scale, colour, f"{steps[index] / step_scale:.6g} {step_unit}".strip())
+        _line(waves, time[shown] / divisor, voltage[index, shown] / scale, colour, f"{steps[index] / step_scale:.6g} {step_unit}".strip())
     waves.legend(loc="upper right", ncols=_WAVES)
     waves.margins(x=0.01)
     waves.set_ylim(top=waves.get_ylim()[1] + 0.25 * np.ptp(waves.get_ylim()))
@@ -96,7 +98,7 @@ def _line(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], colour: st
         axes.plot(x, y, color=colour, label=label, linewidth=0.9)
         return
     edges = np.linspace(0, x.size, _COLUMNS + 1).astype(int)[:-1]
-    axes.fill_between(x[edges], np.fmin.reduceat(y, edges), np.fmax.reduceat(y, edges), color=colour, label=label, linewidth=0.4)
+    axes.fill_between(x[edges], np.fmin.reduceat(y, edges), np.fmax.reduceat(y, edges), color=colour, alpha=0.8, label=label, linewidth=0.4)
 
 
 def _spectrum(time: NDArray[np.float64], voltage: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -104,4 +106,5 @@ def _spectrum(time: NDArray[np.float64], voltage: NDArray[np.float64]) -> tuple[
     window = np.hanning(time.size + 1)[:-1]
     swing = np.nan_to_num(voltage - np.nanmean(voltage, axis=1, keepdims=True))
     volts = 2 * np.abs(np.fft.rfft(swing * window, axis=1)) / window.sum()
-    return np.fft.rfftfreq(time.size, float(np.median(np.diff(time))))[1:], volts[:, 1:]
+    frequency: NDArray[np.float64] = np.asarray(np.fft.rfftfreq(time.size, float(np.median(np.diff(time)))), dtype=np.float64)
+    return frequency[1:], volts[:, 1:]
