@@ -14,7 +14,7 @@ from femnl.mesh import mesh
 from femnl.modes import align, shape_at
 from femnl.modes import solve_modes as solve_on_mesh
 from femnl.readout import Fringe, harmonic_map
-from femnl.storage import cached_modes
+from femnl.storage import cached_modes, cached_nonlinearity
 from femnl.types.device import Edge, Model
 from femnl.types.mechanics import Modes, Nonlinearity
 from femnl.types.readout import HarmonicMap
@@ -60,12 +60,17 @@ def solve_modes(model: Model, count: int = 10, symmetry: str = "auto", resolutio
     return cached_modes(model, (count, symmetry, resolution), solve) if cache else solve()
 
 
-def solve_nonlinearity(modes: Modes, edge: Edge | None = None, tensor: bool = False) -> Nonlinearity:
+def solve_nonlinearity(modes: Modes, edge: Edge | None = None, tensor: bool = False, cache: bool = True) -> Nonlinearity:
     """Geometric Duffing coefficients k₃ and α of the modes; the in-plane edge is the model's unless one is given.
 
-    Args, Returns, Source: see `femnl.nonlinearity.solve_nonlinearity`.
+    Args, Returns, Source: see `femnl.nonlinearity.solve_nonlinearity`. cache: as in `solve_modes`.
     """
-    return nonlinearity.solve_nonlinearity(modes, edge or modes.domain.model.edge, tensor)
+    chosen = edge or modes.domain.model.edge
+
+    def solve() -> Nonlinearity:
+        return nonlinearity.solve_nonlinearity(modes, chosen, tensor)
+
+    return cached_nonlinearity(modes, chosen, tensor, solve) if cache else solve()
 
 
 def harmonic_maps(

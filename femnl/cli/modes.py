@@ -31,7 +31,7 @@ def command(
     """Solve the modes of a device: frequencies, effective masses, geometric Duffing coefficients."""
     kind = suffix_of(out, (".nc", ".vtu")) if out else ""
     modes = solve_modes(load_device(geometry, bending, edge), count, symmetry, resolution, cache)
-    nonlinearity = solve_nonlinearity(modes, tensor=tensor)
+    nonlinearity = solve_nonlinearity(modes, tensor=tensor, cache=cache)
     if as_json:
         print_json(_record(modes, nonlinearity))
     else:

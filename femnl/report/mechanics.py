@@ -59,7 +59,7 @@ def solve(device: Device, say: Say, cache: bool) -> list[Geometry]:
         nonlinearity = {}
         for edge in EDGES:
             say(f"{model.name}: α with {edge} edges")
-            nonlinearity[edge] = solve_nonlinearity(modes, edge)
+            nonlinearity[edge] = solve_nonlinearity(modes, edge, cache=cache)
         solved.append(Geometry(model, modes, nonlinearity))
     return solved
 

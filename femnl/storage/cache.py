@@ -5,36 +5,64 @@ import logging
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
+from zipfile import BadZipFile
 
 import numpy as np
 from platformdirs import user_cache_path
 
 from femnl.errors import ParameterError
+from femnl.storage.atomic import write_whole
 from femnl.storage.results import read_modes, write_modes
 from femnl.types.device import Model
-from femnl.types.mechanics import Modes
+from femnl.types.mechanics import Modes, Nonlinearity
 
-STAGES = ("types", "fem", "mesh", "modes", "prestress.py", "predict.py", "storage")
+STAGES = ("types", "fem", "mesh", "modes", "prestress.py", "nonlinearity.py", "predict.py", "storage")
+Result = TypeVar("Result")
 
 
 def cached_modes(model: Model, options: tuple[object, ...], solve: Callable[[], Modes]) -> Modes:
-    """Read the modes of this model and these options from the cache, or solve and keep them.
-
-    A file that cannot be read, or a cache folder that cannot be written, is reported as a warning and the modes are solved.
-    """
+    """Read the modes of this model and these options from the cache, or solve and keep them; see `kept`."""
     path = user_cache_path("femnl") / f"modes-{_key(model, options)}.nc"
+    return kept(path, lambda: read_modes(path, model), solve, lambda modes: write_modes(path, modes))
+
+
+def cached_nonlinearity(modes: Modes, edge: str, tensor: bool, solve: Callable[[], Nonlinearity]) -> Nonlinearity:
+    """Read the nonlinearity of these very modes from the cache, or solve and keep it; see `kept`."""
+    digest = hashlib.sha256(_key(modes.domain.model, (edge, tensor)).encode())
+    for solved in [modes, modes.coarse] if modes.coarse else [modes]:
+        for part in (solved.domain.mesh.doflocs, solved.domain.mesh.t, solved.prestress.displacement, solved.shapes, solved.frequency):
+            digest.update(np.ascontiguousarray(part).tobytes())
+    path = user_cache_path("femnl") / f"nonlinearity-{digest.hexdigest()[:32]}.npz"
+
+    def read() -> Nonlinearity:
+        with np.load(path) as stored:
+            return Nonlinearity(edge, stored["k3"], stored["alpha"], stored["alpha_error"], stored["tensor"] if tensor else None)
+
+    def write(found: Nonlinearity) -> None:
+        full = np.empty(0) if found.tensor is None else found.tensor
+        write_whole(path, lambda file: np.savez(file, k3=found.k3, alpha=found.alpha, alpha_error=found.alpha_error, tensor=full))
+
+    return kept(path, read, solve, write)
+
+
+def kept(path: Path, read: Callable[[], Result], solve: Callable[[], Result], write: Callable[[Result], None]) -> Result:
+    """Read an earlier result from `path`, or solve it and keep it there.
+
+    A file that cannot be read, or a folder that cannot be written, is reported as a warning and the result is solved.
+    """
     if path.exists():
         try:
-            return read_modes(path, model)
-        except (OSError, KeyError, ValueError) as error:
+            return read()
+        except (OSError, KeyError, ValueError, BadZipFile) as error:
             logging.getLogger("femnl").warning("%s: unreadable in the cache (%s); solved anew", path, error)
-    modes = solve()
+    result = solve()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_modes(path, modes)
+        write(result)
     except (OSError, ParameterError) as error:
-        logging.getLogger("femnl").warning("the modes were not kept in the cache: %s", error)
-    return modes
+        logging.getLogger("femnl").warning("a result was not kept in the cache: %s", error)
+    return result
 
 
 def _key(model: Model, options: tuple[object, ...]) -> str:
@@ -48,7 +76,7 @@ def _key(model: Model, options: tuple[object, ...]) -> str:
 
 @cache
 def _code() -> str:
-    """A digest of the source of every stage that the modes depend on, so that a change of code never meets an old file."""
+    """A digest of the source of every stage that results depend on, so that a change of code never meets an old file."""
     root = Path(__file__).parents[1]
     files = sorted(f for stage in STAGES for f in ([root / stage] if stage.endswith(".py") else (root / stage).rglob("*.py")))
     return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()

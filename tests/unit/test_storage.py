@@ -18,8 +18,8 @@ from femnl.modes import shape_at, solve_modes
 from femnl.nonlinearity import solve_nonlinearity
 from femnl.prestress import solve_prestress
 from femnl.storage.atomic import write_whole
-from femnl.types.device import Model
-from femnl.types.mechanics import Modes
+from femnl.types.device import Edge, Model
+from femnl.types.mechanics import Modes, Nonlinearity
 
 SQUARE = 'kind = "square"\nside = "100 um"'
 HEXAGON = 'kind = "regular-polygon"\nsides = 6\nlong_axis = "100 um"'
@@ -165,3 +165,19 @@ class TestCache:
         caplog.clear()
         storage.cached_modes(model, (6,), lambda: solve(model))
         assert not caplog.text
+
+    @pytest.mark.parametrize("tensor", [False, True])
+    def test_nonlinearity_is_kept_for_these_modes_this_edge_and_this_extent_only(self, device: Callable[..., Model], tensor: bool) -> None:
+        modes, calls = solve(device(SQUARE)), []
+
+        def count(edge: Edge) -> Nonlinearity:
+            calls.append(edge)
+            return solve_nonlinearity(modes, edge, tensor)
+
+        first, second = (storage.cached_nonlinearity(modes, "clamped", tensor, partial(count, "clamped")) for _ in range(2))
+        assert calls == ["clamped"]
+        np.testing.assert_array_equal(first.alpha, second.alpha)
+        assert (second.tensor is not None) == tensor
+        sliding = storage.cached_nonlinearity(modes, "sliding", tensor, partial(count, "sliding"))
+        assert calls == ["clamped", "sliding"]
+        assert sliding.alpha[0] < first.alpha[0]
