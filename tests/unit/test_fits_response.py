@@ -13,7 +13,7 @@ from femnl.fits.response_data import collect
 from femnl.fits.response_misfit import Misfit, Use, rice
 from femnl.fits.response_model import STIFFEN, Layout, fold
 from femnl.measurement import response
-from femnl.resonator import critical_alpha, sweep
+from femnl.resonator import critical_alpha, duffing_roots, sweep
 from femnl.types.fit import Fit
 from femnl.types.resonator import Array, Complex, Resonator
 
@@ -204,8 +204,6 @@ def test_derivatives_of_every_residual_match_differences() -> None:
 @pytest.mark.parametrize("a", [1.55, 3.0, -12.0, 90.0])
 @pytest.mark.parametrize("top", [True, False])
 def test_folds_lie_where_the_number_of_states_changes(a: float, top: bool) -> None:
-    from femnl.resonator import duffing_roots
-
     delta, x = fold(a, top=top)
     counts = [int(np.isfinite(duffing_roots(delta + step, a)).sum()) for step in (-1e-6, 1e-6)]
     assert sorted(counts) == [1, 3]

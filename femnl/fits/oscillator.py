@@ -1,0 +1,161 @@
+"""Fit mass, damping and nonlinear stiffness of one oscillator to a long record of its drive and its motion."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import leastsq
+
+from femnl.errors import ConvergenceError, MeasurementError, ParameterError
+from femnl.fits.covariance import covariance
+from femnl.fits.oscillation import Array, Hold, free_run, stages
+from femnl.types.fit import Fit, Parameter
+
+LINEAR = ("mass", "damping", "stiffness")
+TERMS = ("offset", "cubic", "quadratic", "nonlinear_damping")
+STEP = 1e-30
+CLOSE, MAX_CALLS = 1e-9, 40
+Numbers = NDArray[np.inexact]
+
+
+@dataclass(frozen=True)
+class _Record:
+    """Drive at the integrator's stages (STAGES, n), output at the chosen samples, which these are (n,), and their interval [s]."""
+
+    held: Array
+    output: Array
+    chosen: NDArray[np.bool_]
+    interval: float
+
+
+def fit_oscillator(
+    drive: ArrayLike,
+    output: ArrayLike,
+    sampling_rate: float,
+    terms: Sequence[str] = TERMS,
+    *,
+    hold: Hold = "band-limited",
+    fitted: slice = slice(None),
+) -> Fit:
+    """Fit an oscillator by the error of its free run: only the drive is given, never the measured output.
+
+    m ÿ + c (1 + η y²) ẏ + k y + k₂ y² + k₃ y³ = u + u₀
+
+    Args:
+        drive: u (n,), in its own unit, from a state of rest.
+        output: y (n,), in its own unit; NaN is left out.
+        sampling_rate: [Hz].
+        terms: which of `offset` u₀, `quadratic` k₂, `cubic` k₃, `nonlinear_damping` η to fit beside m, c and k; the rest is 0.
+        hold: how u runs between samples, see `stages`.
+        fitted: the samples that are compared; all are simulated.
+
+    Returns:
+        mass, damping, stiffness and the terms in units of drive and output; derived frequency [Hz], quality_factor, and alpha = k₃/k.
+        The scatter of what is left is taken for white noise, so the standard deviations hold as far as it is.
+
+    Raises:
+        MeasurementError: records of different or too small length.
+        ParameterError: an unknown term.
+        ConvergenceError: the record shows no damped oscillation to start from.
+    Valid: at least about eight samples a period; one stable rest state.
+    Source: the benchmark of Wigren and Schoukens (2013), Three free data sets for development and benchmarking in nonlinear system
+        identification, European Control Conference.
+    """
+    u, y = np.asarray(drive, dtype=float), np.asarray(output, dtype=float)
+    unknown = [term for term in terms if term not in TERMS]
+    if unknown:
+        raise ParameterError(f"terms: {unknown[0]!r} is unknown; give some of {', '.join(TERMS)}")
+    chosen = np.zeros(len(y), dtype=bool)
+    chosen[fitted] = True
+    if u.shape != y.shape or u.ndim != 1 or not np.all(np.isfinite(u)) or np.count_nonzero(chosen & np.isfinite(y)) < 100:
+        raise MeasurementError(
+            f"drive {u.shape} and output {y.shape}: give two records of equal length, the drive without gaps, at least 100 samples fitted"
+        )
+    chosen &= np.isfinite(y)
+    record = _Record(stages(u, hold), y[chosen], chosen, 1 / sampling_rate)
+    names = list(LINEAR)
+    values = _start(u[chosen], y[chosen], record.interval)
+    for extra in ([], [term for term in TERMS if term in terms]):
+        names += extra
+        values = _descend(names, np.append(values, np.zeros(len(extra))), record)
+    residual, slopes = _misfit(names, values, record)
+    noise = float(np.std(residual))
+    found, blind = covariance(slopes / noise, names, np.maximum(np.abs(values), np.finfo(float).tiny))
+    parameters = {name: Parameter(name, float(v), float(s), "") for name, v, s in zip(names, values, np.sqrt(np.diag(found)), strict=True)}
+    parameters |= _derived(values, found, names)
+    notes = (f"root mean square of what is left: {noise:.4g} in the unit of the output, taken for white noise", *blind)
+    return Fit(parameters, found, 1.0, len(residual), len(names), notes)
+
+
+def simulate_oscillator(fit: Fit, drive: ArrayLike, sampling_rate: float, *, hold: Hold = "band-limited") -> Array:
+    """Return the free run (n,) of a fitted oscillator under a drive (n,), from rest.
+
+    Args:
+        fit: from `fit_oscillator`.
+        drive: u (n,).
+        sampling_rate: [Hz].
+        hold: how u runs between samples.
+    """
+    names = [name for name in (*LINEAR, *TERMS) if name in fit.parameters]
+    values = np.array([fit[name] for name in names])
+    run = free_run(_coefficients(names, values[:, None]), stages(np.asarray(drive, dtype=float), hold), 1 / sampling_rate)
+    return np.asarray(run[0].real)
+
+
+def _coefficients(names: Sequence[str], values: Numbers) -> Numbers:
+    """Turn parameters (k, m) into the coefficients (7, m) of `free_run`."""
+    by_name = dict(zip(names, values, strict=True))
+    zero = np.zeros_like(values[0])
+    mass, damping, stiffness = (by_name[name] for name in LINEAR)
+    offset, cubic, quadratic, eta = (by_name.get(name, zero) for name in TERMS)
+    return np.stack([1 / mass, offset, damping / mass, eta, stiffness / mass, quadratic / mass, cubic / mass])
+
+
+def _misfit(names: Sequence[str], values: Array, record: _Record) -> tuple[Array, Array]:
+    """Return what the free run leaves of the fitted samples (n,), and its derivatives (n, k) by complex steps."""
+    steps = STEP * np.where(values != 0, np.abs(values), 1.0)
+    shifted = values[:, None] + 1j * np.diag(steps)
+    run = free_run(_coefficients(names, shifted), record.held, record.interval)[:, record.chosen]
+    return np.asarray(run[0].real - record.output), np.asarray((run.imag / steps[:, None]).T)
+
+
+def _descend(names: Sequence[str], values: Array, record: _Record) -> Array:
+    """Minimise the squared free-run error."""
+
+    def residual(trial: Array) -> Array:
+        run = free_run(_coefficients(names, trial[:, None]), record.held, record.interval)
+        return np.asarray(run[0, record.chosen] - record.output)
+
+    def slopes(trial: Array) -> Array:
+        return _misfit(names, trial, record)[1]
+
+    best, *_ = leastsq(residual, values, Dfun=slopes, full_output=True, ftol=CLOSE, xtol=CLOSE, gtol=CLOSE, maxfev=MAX_CALLS)
+    return np.asarray(best)
+
+
+def _start(u: Array, y: Array, interval: float) -> Array:
+    """Return mass, damping and stiffness of the linear recursion y₂ = a₁ y₁ + a₂ y₀ + b₂ u₂ + b₁ u₁ + b₀ u₀ + const."""
+    columns = np.column_stack([y[1:-1], y[:-2], u[2:], u[1:-1], u[:-2], np.ones(len(y) - 2)])
+    a1, a2, *b, _ = np.linalg.lstsq(columns, y[2:], rcond=None)[0]
+    root, rest = complex(np.roots([1.0, -a1, -a2])[0]), 1 - a1 - a2
+    if root.imag == 0 or abs(root) >= 1 or sum(b) / rest <= 0:
+        raise ConvergenceError(f"output: its linear recursion, with the root {root:.4g}, does not ring; fit another part of the record")
+    pole, gain = np.log(root) / interval, sum(b) / rest
+    return np.asarray(np.array([1.0, -2 * pole.real, abs(pole) ** 2]) / (gain * abs(pole) ** 2))
+
+
+def _derived(values: Array, found: Array, names: Sequence[str]) -> dict[str, Parameter]:
+    """Return frequency, quality factor and α with standard deviations to first order."""
+
+    def derive(p: Numbers) -> dict[str, tuple[complex, str]]:
+        mass, damping, stiffness = p[:3]
+        out = {"frequency": (np.sqrt(stiffness / mass) / (2 * np.pi), "Hz"), "quality_factor": (np.sqrt(stiffness * mass) / damping, "")}
+        return out | ({"alpha": (p[names.index("cubic")] / stiffness, "")} if "cubic" in names else {})
+
+    gradients = [derive(values + 1j * STEP * unit) for unit in np.eye(len(values))]
+    result = {}
+    for name, (value, unit) in derive(values.astype(complex)).items():
+        gradient = np.array([g[name][0].imag for g in gradients]) / STEP
+        result[name] = Parameter(name, float(value.real), float(np.sqrt(gradient @ found @ gradient)), unit)
+    return result
