@@ -41,7 +41,7 @@ def compute() -> Iterator[tuple[float, float]]:
 CASE = Case(
     claim="k₃ = C·Eh/((1−ν²)L²) with the constants of series solutions, for square, circle and hexagon and their dependence on ν",
     source="in-plane problem of ideal shapes with clamped edges: square by Legendre polynomials, circle by quadrature along the radius, "
-    "both recomputed in tests/physics/test_references.py; hexagon by graded elements of another program; the circle within 0.13 % of "
+    "hexagon by scikit-fem's own elements and forms, all recomputed in tests/physics/test_references.py; the circle within 0.13 % of "
     "π/(1.27 − 0.97ν − 0.27ν²) of Davidovikj et al., Nat. Commun. 8, 1253 (2017)",
     references=(
         *(

@@ -1,12 +1,21 @@
-"""The reference numbers of ideal shapes that no book gives to enough digits, computed again by methods that share nothing with femnl."""
+"""The reference numbers of ideal shapes that no book gives to enough digits, computed again by methods that share no element with femnl."""
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import eigsh, spsolve
 from scipy.special import jn_zeros, jv, jvp
+from skfem import Basis, BilinearForm, ElementTriP4, ElementVector, Functional, LinearForm, MeshTri1
+from skfem.assembly.form.form import FormExtraParams
+from skfem.helpers import ddot, dot, grad, sym_grad
 
 from femnl import resources
+from femnl.mesh import mesh
+from femnl.types.device import Model
 from femnl.validation import load
 
 Array = NDArray[np.float64]
@@ -171,3 +180,37 @@ def test_the_cubic_stiffness_of_the_circle_is_that_of_its_radial_problem(poisson
     assert reference("duffing_table", f"C, circle, ν = {poisson}") == pytest.approx(constant, abs=6e-7)
     davidovikj = np.pi / (1.27 - 0.97 * poisson - 0.27 * poisson**2) * (1 - poisson**2)
     assert constant == pytest.approx(davidovikj, rel=1.3e-3)
+
+
+@pytest.fixture(scope="module")
+def scikit_hexagon(device: Callable[..., Model]) -> tuple[Basis, Array]:
+    """The first mode of the hexagon of side 1, max ξ = 1, by scikit-fem's own elements and forms."""
+    graded = mesh(device('kind = "regular-polygon"\nsides = 6\nlong_axis = "2 m"'), "full", 1).mesh
+    basis = Basis(MeshTri1(np.asarray(graded.p), graded.t), ElementTriP4(), intorder=12)
+    inside = basis.complement_dofs(basis.get_dofs())
+    forms = (BilinearForm(lambda u, v, _: dot(grad(u), grad(v))), BilinearForm(lambda u, v, _: u * v))
+    stiffness, mass = (csc_matrix(form.assemble(basis))[inside][:, inside] for form in forms)
+    values, vectors = eigsh(stiffness, k=1, M=mass, sigma=0.0)
+    assert values[0] == pytest.approx(reference("ideal_hexagon", "λ1"), rel=1e-8)
+    shape = np.zeros(basis.N)
+    shape[inside] = vectors[:, 0]
+    return basis, shape / (basis.probes(np.zeros((2, 1))) @ shape)
+
+
+@pytest.mark.parametrize("poisson", POISSON)
+def test_the_cubic_stiffness_of_the_hexagon_is_that_of_scikit_fems_own_forms(scikit_hexagon: tuple[Basis, Array], poisson: float) -> None:
+    basis, shape = scikit_hexagon
+    plane = basis.with_element(ElementVector(ElementTriP4()))
+
+    def stress(strain: Array) -> Array:
+        return np.asarray((1 - poisson) * strain + poisson * np.einsum("ij,kk...->ij...", np.eye(2), strain))
+
+    def stretch(w: FormExtraParams) -> Array:
+        return np.asarray(np.einsum("i...,j...->ij...", grad(w["w"]), grad(w["w"])) / 2)
+
+    stiffness = BilinearForm(lambda u, v, _: ddot(stress(sym_grad(u)), sym_grad(v))).assemble(plane)
+    load = LinearForm(lambda v, w: -ddot(stress(stretch(w)), sym_grad(v))).assemble(plane, w=basis.interpolate(shape))
+    alone = Functional(lambda w: ddot(stress(stretch(w)), stretch(w))).assemble(basis, w=basis.interpolate(shape))
+    inside = plane.complement_dofs(plane.get_dofs())
+    u = spsolve(csc_matrix(stiffness)[inside][:, inside], load[inside])
+    assert reference("duffing_table", f"C, hexagon, ν = {poisson}") == pytest.approx(2 * (alone - load[inside] @ u), rel=3e-7)
