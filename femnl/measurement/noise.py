@@ -26,7 +26,7 @@ def noise_sd(dataset: xr.Dataset) -> tuple[float, str]:
     if "noise_sd" in dataset.attrs:
         return float(dataset.attrs["noise_sd"]), f"noise {dataset.attrs['noise_sd']:.3g} V as stored"
     sd = estimate_noise(dataset)
-    return sd, f"noise_sd is not in the file; estimated from the data as {sd:.3g}"
+    return sd, f"noise {sd:.3g}{' V' if dataset.attrs['kind'] != 'series' else ''}, estimated from the data: noise_sd is not in the file"
 
 
 def estimate_noise(dataset: xr.Dataset) -> float:
