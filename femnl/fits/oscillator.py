@@ -15,7 +15,7 @@ from femnl.types.fit import Fit, Parameter
 LINEAR = ("mass", "damping", "stiffness")
 TERMS = ("offset", "cubic", "quadratic", "nonlinear_damping")
 STEP = 1e-30
-CLOSE, MAX_CALLS = 1e-9, 40
+CLOSE, MAX_CALLS = 1e-7, 40
 Numbers = NDArray[np.inexact]
 
 

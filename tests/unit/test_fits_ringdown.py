@@ -1,0 +1,121 @@
+"""Ring-downs against the closed law, against time integration, and by the coverage of their intervals."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from femnl.errors import MeasurementError, ParameterError
+from femnl.fits.ringdown import fit_ringdown, fit_ringdown_trace
+from femnl.fits.ringdown_model import Decay, Signal
+from femnl.measurement import trace
+from femnl.resonator import couple, integrate, ring_down
+from femnl.types.fit import Fit
+from femnl.types.resonator import Array, Complex, Resonator
+
+MODE = Resonator(2e4, 4000, alpha=3e10, nonlinear_damping=1.2e14)
+START, GAIN = 2e-7, 1e6
+
+
+def pull(fit: Fit, name: str, truth: float) -> float:
+    return (fit[name] - truth) / fit.parameters[name].sd
+
+
+def record(kind: Signal, seed: int, noise: float = 2e-3, mode: Resonator = MODE) -> tuple[Array, Array | Complex]:
+    """A decay over ten amplitude decay times, down into the noise."""
+    rng = np.random.default_rng(seed)
+    count = 60_000 if kind == "voltage" else 800
+    time = np.linspace(0, 20 / mode.damping, count)
+    amplitude = GAIN * ring_down(mode, START * np.exp(0.4j), time)
+    if kind == "voltage":
+        return time, amplitude.real + noise * rng.normal(size=count)
+    slow = amplitude * np.exp(-2j * np.pi * (mode.frequency + 3) * time) + noise * (rng.normal(size=count) + 1j * rng.normal(size=count))
+    return time, slow if kind == "complex" else np.abs(slow)
+
+
+@pytest.mark.parametrize("kind", ["voltage", "complex", "magnitude"])
+def test_frequency_quality_factor_and_their_amplitude_dependence_come_back(kind: Signal) -> None:
+    time, signal = record(kind, 1)
+    tone = MODE.frequency + (3 if kind == "complex" else 0)
+    fit = fit_ringdown(time, signal, kind, frequency=None if kind == "voltage" else tone, responsivity=GAIN)
+    truth = {"quality_factor": 4000.0, "eta": MODE.nonlinear_damping, "amplitude": GAIN * START}
+    if kind == "magnitude":
+        truth["floor"] = 2 * 2e-3**2
+    else:
+        truth |= {"frequency": MODE.frequency, "alpha": MODE.alpha, "phase": 0.4}
+    for name, value in truth.items():
+        assert abs(pull(fit, name, value)) < 4, name
+        assert fit.parameters[name].sd < 0.15 * abs(value), name
+    assert 0.8 < fit.chi2_reduced < 1.2
+
+
+def test_a_decay_integrated_in_time_gives_back_its_equation() -> None:
+    mode = Resonator(2e4, 500, alpha=3e10, nonlinear_damping=6e13)
+    time = np.linspace(0, 16 / mode.damping, 8_000)
+    q, _ = integrate(couple([mode]), [0.0], mode.frequency, [START], [0.0], time)
+    fit = fit_ringdown(time, GAIN * q[0], responsivity=GAIN)
+    # What is left is second order in α A², 1.2e-3, and in 1/Q: far more than the noise of the integration.
+    assert fit["frequency"] == pytest.approx(mode.frequency, rel=1e-5)
+    assert fit["quality_factor"] == pytest.approx(500, rel=1e-3)
+    assert fit["alpha"] == pytest.approx(3e10, rel=0.02)
+    assert fit["eta"] == pytest.approx(6e13, rel=0.01)
+
+
+def test_a_linear_decay_needs_no_nonlinear_terms() -> None:
+    mode = Resonator(2e4, 4000)
+    time, signal = record("voltage", 3, mode=mode)
+    free, plain = fit_ringdown(time, signal), fit_ringdown(time, signal, nonlinear=False)
+    assert abs(pull(free, "damping_ratio", 0)) < 4
+    assert abs(pull(free, "pull", 0)) < 4
+    assert abs(pull(plain, "quality_factor", 4000)) < 4
+    assert plain.parameters["quality_factor"].sd < free.parameters["quality_factor"].sd
+    assert fit_ringdown(*record("voltage", 3), nonlinear=False, noise_sd=2e-3).chi2_reduced > 5
+
+
+@pytest.mark.parametrize("kind", ["complex", "magnitude"])
+def test_intervals_of_ring_downs_hold_the_truth_two_times_in_three(kind: Signal) -> None:
+    inside = []
+    for seed in range(120):
+        time, signal = record(kind, seed)
+        fit = fit_ringdown(time, signal, kind, frequency=MODE.frequency + (3 if kind == "complex" else 0), responsivity=GAIN)
+        inside.append([abs(pull(fit, "quality_factor", 4000)) < 1, abs(pull(fit, "eta", MODE.nonlinear_damping)) < 1])
+    # 0.683 ± 3 √(0.683·0.317/120)
+    np.testing.assert_allclose(np.mean(inside, axis=0), 0.683, atol=0.127)
+
+
+def test_a_trace_of_a_measurement_file_is_fitted() -> None:
+    time, signal = record("voltage", 5)
+    data = trace(time, signal[None], drive_frequency=[MODE.frequency], noise_sd=2e-3)
+    fit = fit_ringdown_trace(data)
+    assert abs(pull(fit, "quality_factor", 4000)) < 4
+    assert fit.chi2_reduced == pytest.approx(1, abs=0.05)
+    with pytest.raises(ParameterError, match="step = 3"):
+        fit_ringdown_trace(data, 3)
+
+
+def test_derivatives_match_differences() -> None:
+    time, signal = record("voltage", 7)
+    for kind in ("voltage", "complex", "magnitude"):
+        decay = Decay(time[::50], signal[::50].astype(complex), kind, MODE.frequency, nonlinear=True)
+        values = np.array([0.2, 30.0, 0.7, 1e-6] if kind == "magnitude" else [0.2, 30.0, 0.7, 0.4, 3.0, 5.0, 0.01][: len(decay.names)])
+        slopes = decay.jacobian(values)
+        for k, value in enumerate(values):
+            step = np.zeros(len(values))
+            step[k] = 1e-6 * value
+            numeric = (decay.model(values + step) - decay.model(values - step)) / (2e-6 * value)
+            np.testing.assert_allclose(slopes[:, k], numeric, atol=1e-5 * np.abs(slopes[:, k]).max())
+
+
+def test_records_without_a_decay_are_refused_in_one_line() -> None:
+    time = np.linspace(0, 1, 1000)
+    with pytest.raises(MeasurementError, match="nothing decays"):
+        fit_ringdown(time, 1 + 5 * time, "magnitude")
+    with pytest.raises(MeasurementError, match="fewer than 64 periods"):
+        fit_ringdown(time, np.cos(2 * np.pi * 20 * time))
+    with pytest.raises(MeasurementError, match="evenly spaced"):
+        fit_ringdown(time**2, np.cos(600 * time))
+    with pytest.raises(MeasurementError, match="at least 16 samples"):
+        fit_ringdown(time[:5], time[:5])
+    unknown: Any = "power"
+    with pytest.raises(ParameterError, match="kind = 'power'"):
+        fit_ringdown(time, time, unknown)
