@@ -184,3 +184,17 @@ def test_show_prints_what_a_file_holds_and_draws_it(capsys: pytest.CaptureFixtur
     assert "noise_sd" in out
     assert err == ["wrote pictures/r-sweep.png"]
     assert (tmp_path / "pictures" / "r-sweep.png").stat().st_size > 10_000
+
+
+def test_import_turns_a_text_table_into_a_measurement_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "scope.csv").write_text("V1,V2\n" + "".join(f"{np.sin(k / 5):.6f},{np.cos(k / 5):.6f}\n" for k in range(200)))
+    (tmp_path / "scope.toml").write_text(
+        'kind = "trace"\n[columns]\nvoltage = { column = "V2", unit = "mV" }\ndrive_voltage = "V1"\ntime = { rate = "1 kHz" }\n'
+    )
+    assert run(["import", "scope.csv", "scope.nc"]) == 0
+    assert lines(capsys)[1][-1] == "wrote scope.nc"
+    trace = measurement.read(tmp_path / "scope.nc")["measurement"].to_dataset()
+    assert trace["voltage"].values[0, 0] == pytest.approx(1e-3)
+    assert trace["time"].values[1] == pytest.approx(1e-3)
+    assert run(["import", "none.csv", "x.nc"]) == 2
+    assert lines(capsys)[1] == ["femnl: none.csv: no such file; check the path"]

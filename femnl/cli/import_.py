@@ -1,0 +1,23 @@
+"""`femnl import SOURCE… DEST`: what labs have, as a measurement file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from femnl.cli._output import note
+from femnl.labfiles import import_file
+
+Sources = Annotated[
+    list[Path], typer.Argument(help="Lab file(s): CSV, MATLAB .mat, LabOne HDF5 or CSV, Gwyddion .gsf.", show_default=False)
+]
+Dest = Annotated[Path, typer.Argument(help="Measurement file (.nc) to write.", show_default=False)]
+Spec = Annotated[Path | None, typer.Option(help="TOML that maps columns or variables to quantities and units.", show_default=False)]
+
+
+def command(sources: Sources, dest: Dest, spec: Spec = None) -> None:
+    """Import lab files into one measurement file; every repair is told."""
+    tree = import_file(sources[0] if len(sources) == 1 else sources, dest, spec)
+    for repair in tree.attrs["repairs"]:
+        note(f"repaired: {repair}")
+    note(f"wrote {dest}")
