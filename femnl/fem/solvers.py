@@ -72,7 +72,7 @@ def lowest_eigenpairs(stiffness: csc_matrix, mass: csc_matrix, count: int) -> tu
     inverse = LinearOperator(stiffness.shape, matvec=solve, dtype=float)
     start = np.random.default_rng(0).standard_normal(n)  # a fixed start makes reruns identical
     try:
-        values, vectors = eigsh(stiffness, k=count, M=mass, sigma=0.0, OPinv=inverse, tol=1e-11, v0=start)
+        values, vectors = eigsh(stiffness, k=count, M=mass, sigma=0.0, OPinv=inverse, tol=1e-10, v0=start)
     except ArpackNoConvergence as error:
         raise ConvergenceError(f"the eigenvalue iteration found {len(error.eigenvalues)} of {count} modes: ask for fewer modes") from error
     order = np.argsort(values)

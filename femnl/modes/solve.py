@@ -56,7 +56,7 @@ def _solve_sectors(operators: Operators, domain: Domain, count: int) -> Sectors:
     Sectors are asked for more until none can hide one.
     """
     sectors = list(product((1, -1), repeat=min(domain.copies, 4) // 2))
-    ask = dict.fromkeys(sectors, min(count + 1, count // len(sectors) + 4))
+    ask = dict.fromkeys(sectors, min(count + 1, count // len(sectors) + 3))
     found: dict[tuple[int, ...], tuple[Array, Array]] = {}
     while ask:
         for parity, n in ask.items():
