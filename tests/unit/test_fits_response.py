@@ -67,6 +67,10 @@ def test_all_sweeps_together_give_back_the_resonator(use: Use) -> None:
     assert abs(pull(fit, "alpha_ratio", 10.0)) < 4
     assert abs(pull(fit, "alpha", ALPHA)) < 4
     assert fit.parameters["alpha"].sd < 0.02 * ALPHA
+    if use != "magnitude":
+        assert abs(pull(fit, "delay", 3e-5)) < 4
+        turned = np.angle(np.exp(1j * (fit["phase"] - 0.7)) ** (2 if use == "phase-mod-pi" else 1))
+        assert abs(turned) < 8 * fit.parameters["phase"].sd
     assert 0.8 < fit.chi2_reduced < 1.2
 
 
@@ -89,6 +93,19 @@ def test_phase_modulo_pi_survives_a_readout_that_turns_the_sign() -> None:
     assert abs(pull(fit, "quality_factor", Q)) < 4
     assert 0.8 < fit.chi2_reduced < 1.2
     assert fit_response(data, "complex").chi2_reduced > 10
+
+
+def test_a_magnitude_sweep_puts_the_fold_where_it_jumped() -> None:
+    # Until it jumps, the high state follows the backbone whatever w is: the jump tells w.
+    data = simulate(drives=(1.0,), noise=2e-3).isel(sweep=[0])
+    fit = fit_response(data, "magnitude")
+    frequency, size = data["frequency"].values[0], np.hypot(data["real"].values[0], data["imag"].values[0])
+    jump = int(np.argmax(-np.diff(size)))
+    delta, _ = fold(STIFFEN * fit["alpha_ratio"], top=True)
+    found = fit["frequency"] - fit["linewidth"] * delta / 2
+    assert frequency[jump] - 0.5 * MODE.linewidth / 8.8 < found < frequency[jump + 1] + 0.5 * MODE.linewidth / 8.8
+    assert abs(pull(fit, "quality_factor", Q)) < 4
+    assert fit.parameters["quality_factor"].sd < 0.03 * Q
 
 
 def test_nonlinear_damping_is_told_from_stiffness() -> None:
@@ -158,6 +175,15 @@ def test_alpha_ratio_does_not_depend_on_the_position_along_a_line() -> None:
         assert abs(scan.attrs["alpha_ratio"] - 10) < 4 * scan.attrs["alpha_ratio_sd"]
         together = fit_response(data)
         assert abs(together["alpha_ratio"] - scan.attrs["alpha_ratio"]) < scan.attrs["alpha_ratio_sd"]
+
+
+def test_a_line_scan_quotes_all_positions_at_one_drive() -> None:
+    data = simulate(drives=(0.5, 1.0), gain=(GAIN + 0j, GAIN / 2 + 0j))
+    uneven = data.isel(sweep=(data["x"].values == 0) | (data["drive"].values < 1))
+    scan = fit_line_scan(uneven)
+    assert scan.attrs["drive"] == 1
+    np.testing.assert_allclose(scan["alpha_ratio"], 10, rtol=0.02)
+    assert scan.attrs["scatter"] < 10
 
 
 @pytest.mark.parametrize(
