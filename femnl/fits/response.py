@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import islice
 from typing import get_args
 
 import numpy as np
@@ -24,6 +24,7 @@ Bounds = Mapping[str, tuple[float, float]]
 MAX_ROUNDS, MAX_CALLS, CLOSE = 10, 80, 1e-8
 # A start has led to the answer when χ² exceeds what noise makes by less than this many of its standard deviations.
 GOOD = 2.0
+SAME, AGREED = 1.001, 3
 
 
 def fit_response(
@@ -112,35 +113,53 @@ def solve(sweeps: Sweeps, layout: Layout, use: Use, bounds: Bounds) -> tuple[Mis
     n_points = len(sweeps.frequency) * (2 if use == "complex" else 1)
     noisy = n_points + GOOD * np.sqrt(2 * n_points)
     best: tuple[float, Misfit, Array] | None = None
-    for start in chain(_from_both_quadratures(sweeps, layout, use), starts(sweeps, use, layout)):
+    reached: list[float] = []
+    for start in _all_starts(sweeps, layout, use):
         misfit = Misfit.of(sweeps, layout, use)
         candidates = [start, refine(sweeps, layout, start)] if use == "complex" else [start]
         theta = min((np.clip(candidate, low, high) for candidate in candidates), key=misfit.cost)
         # The continuation past a fold helps a fit across it; without one, the first pass has done it all.
+        reached.append(np.inf)
         for strict, again in ((True, False), (False, False), (True, True)):
             tried = replace(misfit, strict=strict, last=None)
             found = _settle(tried, best[2] if best and again else theta, low, high)
             cost = tried.cost(found)
+            reached[-1] = min(reached[-1], cost)
             if best is None or cost < best[0]:
                 best = cost, tried, found
             if not tried.folded:
                 break
-        if best and best[0] < noisy:
+        # A model that does not describe the data never reaches the noise; then starts that agree tell that there is no better.
+        if best and (best[0] < noisy or np.count_nonzero(np.array(reached) < SAME * best[0]) >= AGREED):
             break
     if best is None:
         raise ConvergenceError(f"use = {use!r}: the points show no resonance to start from; choose another range or use='complex'")
     return best[1], best[2]
 
 
-def _from_both_quadratures(sweeps: Sweeps, layout: Layout, use: Use) -> Iterator[Array]:
-    """Yield what a complex fit finds, as a start for the others: right at once where the readout is linear."""
-    if use != "complex":
-        full = replace(layout, gain=True, phase=True)
-        misfit = Misfit.of(sweeps, full, "complex")
-        free = np.full(full.size, np.inf)
-        theta = _settle(misfit, refine(sweeps, full, next(starts(sweeps, "complex", full))), -free, free)
-        shared = theta[: full.gains.start]
-        yield np.concatenate([shared, theta[full.gains] if layout.gain else [], theta[full.phases.start :] if layout.phase else []])
+def _all_starts(sweeps: Sweeps, layout: Layout, use: Use) -> Iterator[Array]:
+    """Yield starts; for a magnitude or a phase, what both quadratures say at a glance comes first, and what they say in full last.
+
+    Where the readout is linear, that is the answer; where it is not, it does no harm.
+    """
+    if use == "complex":
+        yield from starts(sweeps, use, layout)
+        return
+    full = replace(layout, gain=True, phase=True)
+
+    def shared(theta: Array) -> Array:
+        parts: list[Array | list[float]] = [
+            theta[: full.gains.start],
+            theta[full.gains] if layout.gain else [],
+            theta[full.phases.start :] if layout.phase else [],
+        ]
+        return np.concatenate(parts)
+
+    glance, free = Misfit.of(sweeps, full, "complex"), np.full(full.size, np.inf)
+    for first in islice(starts(sweeps, "complex", full), 1):
+        yield shared(_settle(glance, refine(sweeps, full, first), -free, free))
+    yield from starts(sweeps, use, layout)
+    yield shared(solve(sweeps, full, "complex", {})[1])
 
 
 def _settle(misfit: Misfit, theta: Array, low: Array, high: Array) -> Array:
