@@ -8,6 +8,7 @@ import typer
 from femnl.cli._device import Json
 from femnl.cli._output import console, note, print_json, scientific, table
 from femnl.diagnose import diagnose, record, write
+from femnl.report.diagnosis import write_diagnosis
 from femnl.types.diagnosis import Diagnosis
 
 File = Annotated[Path, typer.Argument(help="A measurement file (.nc).", show_default=False)]
@@ -21,6 +22,7 @@ def command(file: File, geometry: Geometry = None, out: Out = None, as_json: Jso
     folder = out or (None if as_json else Path(f"{file.stem}-diagnosis"))
     if folder is not None:
         write(found, folder)
+        write_diagnosis(found, folder)
     if as_json:
         print_json(record(found))
         return

@@ -19,8 +19,8 @@ VISIBLE = 1e-6
 """Part of an effect's tangent that must be left beside the model's own for the data to see it."""
 TAIL = 20
 """Simulated sets in the tail below which the p-value is extrapolated."""
-LARGE = 200
-"""Residuals from which on their neighbours' correlation is looked at."""
+EXACT = 5000
+"""Residuals up to which whole sets of them are drawn; beyond, only what the looks see of them."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def looks(solution: Solution, library: list[Effect]) -> list[Look]:
     own, _ = np.linalg.qr(solution.jacobian)
     problem = solution.model.problem
     found = []
-    for name, direction in problem.patterns.items():
+    for name, direction in problem.patterns(solution.model.effects, *solution.model.split(solution.vector)).items():
         basis = _beside(own, direction[None])
         if len(basis):
             gain = float(np.sum((basis @ solution.residuals) ** 2))
@@ -109,33 +109,50 @@ def _beside(own: Array, tangents: Array) -> Array:
 def adequacy(solution: Solution, found: list[Look]) -> tuple[float, str]:
     """Return the calibrated p-value of a model, and the look that speaks most against it.
 
-    The statistic is the smallest p-value of all looks: χ², every pattern, every effect, largest outlier, and in long data the correlation of
-    neighbours. Its distribution follows from residuals simulated by the model itself: what white noise leaves beside the tangents.
+    The statistic is the smallest p-value of all looks: χ², every pattern and effect, the largest outlier, and the correlation
+    of neighbours. Its distribution follows from residuals simulated by the model itself: what white noise leaves beside the tangents.
     """
-    r, n = solution.residuals, len(solution.residuals)
+    seen = _p_values(solution.residuals[None], solution.degrees, found)[0]
+    names = [*(look.name for look in found), "chi-square", "outlier", "neighbours"]
+    k = int(np.argmin(seen))
     rng = np.random.default_rng(20)
-    sizes = [len(look.basis) for look in found]
-    basis = np.concatenate([look.basis for look in found]) if found else np.zeros((0, n))
+    drawn = _simulated(solution, found, rng) if len(solution.residuals) <= EXACT else _simulated_large(solution, found, rng)
+    smallest = np.sort(drawn.min(axis=1))
+    below = int(np.searchsorted(smallest, seen[k], side="right"))
+    if below >= TAIL:
+        return below / N_DRAWS, names[k]
+    # In the far tail the looks are as good as exclusive, so that p is proportional to the smallest p-value.
+    return float(min(1.0, seen[k] * TAIL / N_DRAWS / smallest[TAIL - 1])), names[k]
+
+
+def _p_values(residuals: Array, degrees: int, found: list[Look]) -> Array:
+    """Return the p-values of every look, of χ², of the largest outlier and of the neighbours' correlation, (m, n_looks + 3)."""
+    n = residuals.shape[1]
+    columns = [chi2.sf(np.sum((residuals @ look.basis.T) ** 2, axis=1), len(look.basis)) for look in found]
+    columns.append(chi2.sf(np.sum(residuals**2, axis=1), degrees))
+    largest = np.abs(residuals).max(axis=1) * np.sqrt(n / degrees)
+    columns.append(-np.expm1(n * np.log1p(-2 * norm.sf(largest))))
+    neighbours = np.abs(np.sum(residuals[:, 1:] * residuals[:, :-1], axis=1)) / np.sqrt(n)
+    columns.append(2 * norm.sf(neighbours))
+    return np.stack(columns, axis=1)
+
+
+def _simulated(solution: Solution, found: list[Look], rng: np.random.Generator) -> Array:
+    """Draw residuals as white noise beside the model's tangents, and look at them."""
+    own, _ = np.linalg.qr(solution.jacobian)
+    noise = rng.standard_normal((N_DRAWS, len(solution.residuals)))
+    return _p_values(noise - (noise @ own) @ own.T, solution.degrees, found)
+
+
+def _simulated_large(solution: Solution, found: list[Look], rng: np.random.Generator) -> Array:
+    """The same for long data, drawn in the space that the looks span; outlier and neighbours are as good as independent of it."""
+    basis = np.concatenate([look.basis for look in found])
     values, vectors = np.linalg.eigh(basis @ basis.T)
     kept = values > 1e-10
-    half = vectors[:, kept] * np.sqrt(values[kept])
     drawn = rng.standard_normal((N_DRAWS, int(kept.sum())))
-    squares = (drawn @ half.T) ** 2
-    columns = [chi2.sf(np.add.reduceat(squares, np.concatenate([[0], np.cumsum(sizes)[:-1]]), axis=1), sizes)] if found else []
-    rest = max(solution.degrees - int(kept.sum()), 0)
-    total = np.sum(drawn**2, axis=1) + (rng.chisquare(rest, N_DRAWS) if rest else 0.0)
-    columns.append(chi2.sf(total, solution.degrees)[:, None])
-    named = [(look.name, look.p_value) for look in found] + [("chi-square", float(chi2.sf(solution.chi2, solution.degrees)))]
-    outlier = float(-np.expm1(n * np.log1p(-2 * norm.sf(np.abs(r).max() * np.sqrt(n / solution.degrees)))))
-    named.append(("outlier", outlier))
-    columns.append(rng.uniform(size=(N_DRAWS, 1)))
-    if n > LARGE:
-        named.append(("neighbours", float(2 * norm.sf(abs(r[1:] @ r[:-1]) / np.sqrt(n)))))
-        columns.append(rng.uniform(size=(N_DRAWS, 1)))
-    smallest = np.sort(np.concatenate(columns, axis=1).min(axis=1))
-    worst = min(named, key=lambda pair: pair[1])
-    below = int(np.searchsorted(smallest, worst[1], side="right"))
-    if below >= TAIL:
-        return below / N_DRAWS, worst[0]
-    # In the far tail the looks are as good as exclusive, so that p is proportional to the smallest p-value.
-    return float(min(1.0, worst[1] * TAIL / N_DRAWS / smallest[TAIL - 1])), worst[0]
+    squares = (drawn @ (vectors[:, kept] * np.sqrt(values[kept])).T) ** 2
+    ends = np.cumsum([len(look.basis) for look in found])
+    sizes = np.diff(ends, prepend=0)
+    looked = chi2.sf(np.add.reduceat(squares, ends - sizes, axis=1), sizes)
+    total = np.sum(drawn**2, axis=1) + rng.chisquare(solution.degrees - int(kept.sum()), N_DRAWS)
+    return np.column_stack([looked, chi2.sf(total, solution.degrees), rng.uniform(size=(N_DRAWS, 2))])

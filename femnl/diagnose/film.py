@@ -52,7 +52,7 @@ class SimulatedFilm:
         return float(np.sqrt(self.model.film.stress / self.model.film.density))
 
     @cached_property
-    def _by_bending(self) -> Polynomial | list[Polynomial]:
+    def _by_bending(self) -> list[Polynomial]:
         rows = [self.modes.frequency if factor == 1 else self._solved(factor) for factor in BENDING]
         return [Polynomial.fit(BENDING, row, 3, domain=[0, max(BENDING)]) for row in np.array(rows).T]
 

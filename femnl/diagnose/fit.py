@@ -1,7 +1,6 @@
 """Least squares with numerical tangents that suit any parameter, evidence by Laplace's method, and held-out prediction."""
 
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,10 +46,9 @@ class Solution:
         low, high = self.model.bounds
         width = high - low
         log_prior = 0.0
-        for (owner, knob), value, w, a, b in zip(self.model.knobs, self.vector, width, low, high, strict=True):
+        for (_, knob), value, w, a, b in zip(self.model.knobs, self.vector, width, low, high, strict=True):
             density = 1 / (max(value, a) * np.log(b / a)) if knob.log else 1 / w
             log_prior += float(np.log(density))
-            del owner
         _, log_volume = np.linalg.slogdet(self.covariance)
         return float(-self.chi2 / 2 + log_prior + 0.5 * (self.vector.size * np.log(2 * np.pi) + log_volume))
 
@@ -103,7 +101,7 @@ def fit(model: Extended, start: Array, keep: NDArray[np.bool_] | None = None, mo
     steps = tangent_steps(model, vector, model.residuals(vector))
 
     def residuals(v: Array) -> Array:
-        return cast(Array, model.residuals(v)[chosen])
+        return model.residuals(v)[chosen]
 
     def jacobian(v: Array) -> Array:
         return jacobian_at(model, v, model.residuals(v), steps)[chosen]

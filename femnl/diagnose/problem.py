@@ -16,9 +16,9 @@ T = TypeVar("T")
 class Problem(Protocol):
     """One group of a measurement file with its base model.
 
-    base: parameters of the base model; start: their values before any fit. facts: numbers that scale priors (`Knob.per`), and the names that
-    effects may need. blocks (n_residuals,): the block of held-out data that each residual belongs to, −1 for prior knowledge, which is
-    never left out. patterns (n_patterns, n_residuals): deviations to look for whatever the cause.
+    base: parameters of the base model; start: their values before any fit. facts: numbers that scale priors (`Knob.per`), whose
+    names effects may need. blocks (n_residuals,): the block of held-out data that each residual belongs to, −1 for prior
+    knowledge, which is never left out.
     """
 
     kind: Kind
@@ -32,13 +32,24 @@ class Problem(Protocol):
         """The block of each residual."""
         ...
 
-    @property
-    def patterns(self) -> dict[str, Array]:
-        """Directions in the space of residuals, by what they mean."""
+    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        """Directions in the space of residuals to look at whatever the cause, by what they mean."""
         ...
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (data − prediction)/σ of the base model extended by effects, each with its values."""
+        ...
+
+    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        """What measurements not yet made would give, in σ of the present ones, by a phrase that names each."""
+        ...
+
+    def systematic(self, unit: str) -> float:
+        """Relative standard deviation of parameters in this unit that no amount of data lowers."""
+        ...
+
+    def mirrors(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """Other values of the base parameters that fit about as well and from which an effect may lead elsewhere."""
         ...
 
     def describe(self, residuals: Array) -> str:
@@ -76,10 +87,8 @@ class Extended:
         return low * unit, high * unit
 
     def split(self, vector: Array) -> tuple[dict[str, float], list[dict[str, float]]]:
-        """Return the values of the base parameters (replaced ones as at the start) and of each effect."""
-        named: dict[str, dict[str, float]] = {
-            "base": dict(zip((k.name for k in self.problem.base), map(float, self.problem.start), strict=True))
-        }
+        """Return the values of the base parameters (0 for replaced ones) and of each effect."""
+        named: dict[str, dict[str, float]] = {"base": dict.fromkeys((knob.name for knob in self.problem.base), 0.0)}
         named |= {effect.name: {} for effect in self.effects}
         for (owner, knob), value in zip(self.knobs, vector, strict=True):
             named[owner][knob.name] = float(value)

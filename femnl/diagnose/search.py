@@ -17,12 +17,16 @@ HOPELESS = 1e-3
 """p-value below which a set of causes does not explain the data."""
 MOST = 7
 """Effects that are fitted at each step, those that the residuals point to most."""
+FEWEST, FAINT = 4, 0.01
+"""Effects that are fitted in any case, and the part of the excess of χ² that any other must promise to take up."""
 SHAPES = 3
 """Trial shapes of an effect from which it is fitted."""
 BEAM = 2
 """Sets of causes that are extended at each step."""
 LARGEST = 3
 """Causes in the largest set."""
+ROUGH = 4
+"""Evaluations that every start of an effect without strength gets."""
 PER_CAUSE = 0.1
 """Prior odds of one more cause."""
 
@@ -104,11 +108,23 @@ def _grown(parent: Candidate, library: list[Effect]) -> Iterable[Solution]:
     for look in sorted(parent.looks, key=lambda look: -look.gain):
         if look.effect is not None and look.gain > 0:
             best.setdefault(look.name, []).append(look)
-    for effect in [e for e in library if e.name in list(best)[:MOST] and e.name not in mine]:
+    excess = parent.solution.chi2 - parent.solution.degrees
+    promising = [name for i, name in enumerate(best) if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)]
+    for effect in [e for e in library if e.name in promising and e.name not in mine]:
         yield min((_extend(parent, effect, look.values) for look in best[effect.name][:SHAPES]), key=lambda s: s.chi2)
     for effect in library:
         if effect.name not in mine and not any(knob.strength for knob in effect.parameters):
-            yield min((_extend(parent, effect, values) for values in _centres(parent, effect)), key=lambda s: s.chi2)
+            yield _replaced(parent, effect)
+
+
+def _replaced(parent: Candidate, effect: Effect) -> Solution:
+    """Fit with an effect that has no strength, from starts all over its priors and all mirror images of the base parameters."""
+    problem = parent.solution.model.problem
+    base, earlier = parent.solution.model.split(parent.solution.vector)
+    model = Extended(problem, (*parent.solution.model.effects, effect))
+    starts = [model.pack(b, [*earlier, v]) for b in (base, *problem.mirrors(base)) for v in _centres(problem, effect)]
+    rough = sorted((fit(model, start, most=ROUGH) for start in starts), key=lambda s: s.chi2)
+    return min((fit(model, s.vector) for s in rough[:2]), key=lambda s: s.chi2)
 
 
 def _extend(parent: Candidate, effect: Effect, values: dict[str, float]) -> Solution:
@@ -117,8 +133,8 @@ def _extend(parent: Candidate, effect: Effect, values: dict[str, float]) -> Solu
     return fit(model, model.pack(base, [*earlier, values]))
 
 
-def _centres(parent: Candidate, effect: Effect) -> list[dict[str, float]]:
+def _centres(problem: Problem, effect: Effect) -> list[dict[str, float]]:
     """Starts for an effect that has no strength: evenly over its priors."""
-    facts, steps = parent.solution.model.problem.facts, (np.arange(8) + 0.5) / 8
+    facts, steps = problem.facts, (np.arange(8) + 0.5) / 8
     ranges = [(k.name, k.low * facts.get(k.per, 1.0), k.high * facts.get(k.per, 1.0)) for k in effect.parameters]
     return [{name: float(a + (b - a) * t) for name, a, b in ranges} for t in steps]

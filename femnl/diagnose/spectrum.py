@@ -21,6 +21,8 @@ BENDING_SD = 0.03
 """Relative standard deviation of ℓ where the geometry gives thickness, modulus and stress: none of them is known better."""
 OWN = 0.75
 """Share of a base mode in a changed mode from which on the change keeps its label."""
+NEXT = 8
+"""Unmeasured modes that are offered as the next measurement."""
 CLOSE = 0.01
 """Relative distance in frequency up to which two modes may exchange labels."""
 
@@ -44,7 +46,7 @@ class SpectrumProblem:
         self._bending_sd = np.inf if unknown else BENDING_SD
         self._order = self._match()
         ratio = float(np.median(self.frequency / film.modes.frequency[self._order]))
-        self.base = (
+        self.base: tuple[Knob, ...] = (
             Knob("speed", "m/s", 0.3 * film.speed * ratio, 3 * film.speed * ratio),
             Knob("bending_length", "m", 0.0, 4 * film.bending_length),
         )
@@ -56,7 +58,7 @@ class SpectrumProblem:
             **({"time": float(np.ptp(self.time))} if len(self.time) and np.ptp(self.time) > 0 else {}),
         }
         known = "the geometry assumes its film, so ℓ is fitted without prior knowledge" if unknown else f"ℓ is known to {BENDING_SD:.0%}"
-        self.notes = (f"spectrum: c is free, {known}; side, stress and density enter only through c/L",)
+        self.notes: tuple[str, ...] = (f"spectrum: c is free, {known}; side, stress and density enter only through c/L",)
 
     def _match(self) -> NDArray[np.int64]:
         """Return the base mode of each measured one: by label, else by rising frequency."""
@@ -81,8 +83,7 @@ class SpectrumProblem:
         """Every mode is a block of its own; prior knowledge of ℓ belongs to none."""
         return np.append(np.arange(len(self.frequency)), -1)
 
-    @property
-    def patterns(self) -> dict[str, Array]:
+    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """Deviations in proportion to frequency squared and to the time of acquisition."""
         found = {"rise with frequency": (self.frequency / self.frequency.max()) ** 2 * self.frequency / self.sd}
         if "time" in self.facts:
@@ -91,6 +92,17 @@ class SpectrumProblem:
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (f − f_predicted)/σ of each mode, and the deviation of ℓ from the geometry's in units of its own σ."""
+        frequency, share, plain = self._solved(effects, base, values)
+
+        def misfit(chosen: NDArray[np.int64]) -> Array:
+            lines = apply("frequencies", Lines(frequency[chosen], self.time), effects, values)
+            return np.asarray((self.frequency - lines.frequency) / self.sd)
+
+        chosen = self._labelled(share, plain, misfit)
+        return np.append(misfit(chosen), (base["bending_length"] / self.film.bending_length - 1) / self._bending_sd)
+
+    def _solved(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> tuple[Array, Array, Array]:
+        """Return the frequencies of the changed modes, the share (base, changed) of each base mode in them, and its own frequency."""
         plain = self.film.frequency(base["speed"], base["bending_length"])
         # The geometry states its stress and assumes its density, so that c is carried by the density.
         film = replace(self.film.model.film, density=self.film.model.film.stress / base["speed"] ** 2)
@@ -98,14 +110,14 @@ class SpectrumProblem:
         system = ModalSystem(np.diag(mass * (2 * np.pi * plain) ** 2), np.diag(mass), film.stress, film, self.film.projection)
         system = apply("operators", system, effects, values)
         square, vectors = eigh(system.stiffness, system.mass)
-        frequency = np.sqrt(np.maximum(square, 0)) / (2 * np.pi)
+        return np.sqrt(np.maximum(square, 0)) / (2 * np.pi), vectors**2 * mass[:, None], plain
 
-        def misfit(chosen: NDArray[np.int64]) -> Array:
-            lines = apply("frequencies", Lines(frequency[chosen], self.time), effects, values)
-            return np.asarray((self.frequency - lines.frequency) / self.sd)
-
-        chosen = self._labelled(vectors**2 * mass[:, None], plain, misfit)
-        return np.append(misfit(chosen), (base["bending_length"] / self.film.bending_length - 1) / self._bending_sd)
+    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        """The next modes that were not measured; their pairs by rising frequency."""
+        frequency, _, _ = self._solved(effects, base, values)
+        missing = [k for k in range(max(self._order) + 1 + NEXT) if k not in self._order][:NEXT]
+        names = [self.film.modes.label[k] or f"({k + 1})" for k in missing]
+        return {f"the frequency of mode {name}": frequency[[k]] / np.median(self.sd) for name, k in zip(names, missing, strict=True)}
 
     def _labelled(self, share: Array, plain: Array, misfit: Callable[[NDArray[np.int64]], Array]) -> NDArray[np.int64]:
         """Return the changed mode of each measured one: by its share of the base mode; mixed pairs as they fit best."""
@@ -121,6 +133,14 @@ class SpectrumProblem:
                 if np.sum(misfit(swapped) ** 2) < np.sum(misfit(chosen) ** 2):
                     chosen = swapped
         return chosen
+
+    def systematic(self, unit: str) -> float:
+        """Nothing beside the statistics."""
+        return 0.0
+
+    def mirrors(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """Frequencies leave one solution."""
+        return []
 
     def describe(self, residuals: Array) -> str:
         """Name the modes that deviate most, in Hz and σ."""

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Lines
+from femnl.types.scene import Lines, Oscillator, Points
 
 
 def drift(lines: Lines, values: Values) -> Lines:
@@ -11,11 +11,22 @@ def drift(lines: Lines, values: Values) -> Lines:
     return replace(lines, frequency=lines.frequency * (1 + values["rate"] * (lines.time - lines.time.min())))
 
 
+def drift_mode(mode: Oscillator, values: Values) -> Oscillator:
+    """Change the resonance from sweep to sweep."""
+    return replace(mode, frequency=mode.frequency * (1 + values["rate"] * (mode.time - mode.time.min())))
+
+
+def drift_points(points: Points, values: Values) -> Points:
+    """Change the frequency from point to point."""
+    time = points.control["time"]
+    return replace(points, frequency=points.frequency * (1 + values["rate"] * (time - time.min())))
+
+
 EFFECT = Effect(
     name="frequency_drift",
     equation="f → f (1 + r (t − t₀)), t₀ the first acquisition",
     parameters=(Knob("rate", "1/s", -1e-6, 1e-6),),
-    changes={"frequencies": drift},
+    changes={"frequencies": drift, "oscillator": drift_mode, "points": drift_points},
     source="first order in time of a drifting film stress",
     limits="a steady drift that is the same part of every frequency",
     sentence="all frequencies drift with the time of acquisition",

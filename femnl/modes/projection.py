@@ -11,7 +11,7 @@ from femnl.types.operators import DIRECTIONS, WEIGHTS, Projection
 
 Array = NDArray[np.float64]
 
-POINTS = 97  # of the grid along each axis on which shapes are tabulated
+POINTS = 129  # of the grid along each axis on which shapes are tabulated
 
 
 def project(modes: Modes) -> Projection:
@@ -44,9 +44,10 @@ def project(modes: Modes) -> Projection:
             [[a * a, b * b, a * b, a * b], [c * c, d * d, c * d, c * d], [a * c, b * d, (a * d + b * c) / 2, (a * d + b * c) / 2]]
         )
         whole_slopes += signs * np.einsum("kl,cm,lmij->kcij", weights, mix, slopes)
-    axis = np.linspace(-reach, reach, POINTS)
-    shapes = np.stack([shape_at(modes, k, axis[None, :], axis[:, None]) for k in range(n)])
-    return Projection(whole_slopes, whole_masses, reach, axis, shapes)
+    cosine = -np.cos(np.linspace(0, np.pi, POINTS))  # dense at the edges, where the clamped film bends sharply
+    grid_x, grid_y = (half * cosine for half in np.abs(domain.mesh.p).max(axis=1)) if domain.wedge < np.pi else (reach * cosine,) * 2
+    shapes = np.stack([shape_at(modes, k, grid_x[None, :], grid_y[:, None]) for k in range(n)])
+    return Projection(whole_slopes, whole_masses, reach, grid_x, grid_y, shapes)
 
 
 def _weights(point: Array) -> Array:

@@ -23,13 +23,13 @@ Result = TypeVar("Result")
 
 def cached_modes(model: Model, options: tuple[object, ...], solve: Callable[[], Modes]) -> Modes:
     """Read the modes of this model and these options from the cache, or solve and keep them; see `kept`."""
-    path = user_cache_path("femnl") / f"modes-{_key(model, options)}.nc"
+    path = user_cache_path("femnl") / f"modes-{key(model, options)}.nc"
     return kept(path, lambda: read_modes(path, model), solve, lambda modes: write_modes(path, modes))
 
 
 def cached_nonlinearity(modes: Modes, edge: str, tensor: bool, solve: Callable[[], Nonlinearity]) -> Nonlinearity:
     """Read the nonlinearity of these very modes from the cache, or solve and keep it; see `kept`."""
-    digest = hashlib.sha256(_key(modes.domain.model, (edge, tensor)).encode())
+    digest = hashlib.sha256(key(modes.domain.model, (edge, tensor)).encode())
     for solved in [modes, modes.coarse] if modes.coarse else [modes]:
         for part in (solved.domain.mesh.doflocs, solved.domain.mesh.t, solved.prestress.displacement, solved.shapes, solved.frequency):
             digest.update(np.ascontiguousarray(part).tobytes())
@@ -65,7 +65,8 @@ def kept(path: Path, read: Callable[[], Result], solve: Callable[[], Result], wr
     return result
 
 
-def _key(model: Model, options: tuple[object, ...]) -> str:
+def key(model: Model, options: tuple[object, ...]) -> str:
+    """A name for this device with these options, under the code as it is."""
     digest = hashlib.sha256(_code().encode())
     holes = np.ascontiguousarray(model.holes.centres)
     for part in (model.outline, model.film, model.bending, model.holes.radius, holes.shape, options):

@@ -1,6 +1,5 @@
 """Projections of operators onto modes, kept beside the modes they belong to."""
 
-import logging
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,31 +7,27 @@ import numpy as np
 from platformdirs import user_cache_path
 
 from femnl.storage.atomic import write_whole
-from femnl.storage.cache import _key
+from femnl.storage.cache import kept, key
 from femnl.types.device import Model
 from femnl.types.operators import Projection
 
-FIELDS = ("slopes", "masses", "reach", "axis", "shapes")
+FIELDS = ("slopes", "masses", "reach", "grid_x", "grid_y", "shapes")
 
 
 def cached_projection(model: Model, options: tuple[object, ...], compute: Callable[[], Projection]) -> Projection:
-    """Read the projection of this model and these options from the cache, or compute and keep it."""
-    path = user_cache_path("femnl") / f"projection-{_key(model, options)}.npz"
-    if path.exists():
-        try:
-            with np.load(path) as stored:
-                return Projection(stored["slopes"], stored["masses"], float(stored["reach"]), stored["axis"], stored["shapes"])
-        except (OSError, KeyError, ValueError) as error:
-            logging.getLogger("femnl").warning("%s: unreadable in the cache (%s); computed anew", path, error)
-    found = compute()
+    """Read the projection of this model and these options from the cache, or compute and keep it; see `kept`."""
+    path = user_cache_path("femnl") / f"projection-{key(model, options)}.npz"
 
-    def save(file: Path) -> None:
-        with file.open("wb") as handle:
-            np.savez(handle, **{name: getattr(found, name) for name in FIELDS})
+    def read() -> Projection:
+        with np.load(path) as stored:
+            slopes, masses, reach, grid_x, grid_y, shapes = (stored[name] for name in FIELDS)
+        return Projection(slopes, masses, float(reach), grid_x, grid_y, shapes)
 
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    def write(found: Projection) -> None:
+        def save(file: Path) -> None:
+            f = found
+            np.savez(file, slopes=f.slopes, masses=f.masses, reach=f.reach, grid_x=f.grid_x, grid_y=f.grid_y, shapes=f.shapes)
+
         write_whole(path, save)
-    except OSError as error:
-        logging.getLogger("femnl").warning("the projection was not kept in the cache: %s", error)
-    return found
+
+    return kept(path, read, compute, write)

@@ -3,7 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from femnl.types.fit import Parameter
+from femnl.types.readout import Array
 
 Verdict = Literal["adequate", "explained", "ambiguous", "unexplained"]
 
@@ -37,7 +40,11 @@ class Trial:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The verdict on one measurement file. parameters: by owner ("base" or the cause), then by name; trials, notes: for the report."""
+    """The verdict on one measurement file.
+
+    parameters: by owner ("base" or the cause), then by name. For the report: trials, notes, sentences on the causes, and
+    residuals in σ before and after.
+    """
 
     file: str
     sha256: str
@@ -53,7 +60,8 @@ class Diagnosis:
     measure_next: str
     trials: tuple[Trial, ...] = ()
     notes: tuple[str, ...] = ()
-    sentences: tuple[str, ...] = field(default=())
+    sentences: tuple[str, ...] = ()
+    residuals: tuple[Array, Array] = field(default=(np.empty(0), np.empty(0)))
 
     @property
     def gain(self) -> float:

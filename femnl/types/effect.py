@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 Kind = Literal["spectrum", "response", "map", "trace", "series"]
-Stage = Literal["operators", "frequencies", "oscillator", "signal", "motion", "fringe", "harmonics", "points"]
+Stage = Literal["operators", "frequencies", "oscillator", "signal", "placement", "motion", "fringe", "harmonics", "points"]
 STAGES: dict[Kind, tuple[Stage, ...]] = {
     "spectrum": ("operators", "frequencies"),
     "response": ("oscillator", "signal"),
-    "map": ("motion", "fringe", "harmonics"),
+    "map": ("placement", "motion", "fringe", "harmonics"),
     "trace": ("motion", "fringe", "harmonics"),
     "series": ("points",),
 }

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.types.device import Film
+from femnl.types.device import Film, Stack
 from femnl.types.operators import Projection
 from femnl.types.readout import Array, ComplexArray
 
@@ -49,28 +49,39 @@ class Lines:
 
 @dataclass(frozen=True)
 class Oscillator:
-    """Stage `oscillator`: one driven mode in volts of the linear readout, for every sweep.
+    """Stage `oscillator`: one driven mode, A [m] (f₀(1 + ⅜αA² + 5/16 α₅A⁴) − f + i(w/2)(1 + ¼ηA²)) = (w/2) A₁ F.
 
-    b [V] obeys b (δ + a|b|² + c|b|⁴ + i(1 + d|b|²)) = g F with δ = 2(f₀ − f)/w. frequency f₀ and linewidth w [Hz]; cubic a [V⁻²];
-    quintic c [V⁻⁴]; damping d [V⁻²]; force F (n_sweeps,) [V of drive]; gain g [V/V].
+    frequency f₀ (n_sweeps,) and linewidth w [Hz]; alpha [m⁻²]; quintic α₅ [m⁻⁴]; damping η [m⁻²]; force F (n_sweeps,) in V of drive,
+    peak A₁ [m/V]: the linear amplitude at resonance.
     """
 
-    frequency: float
+    frequency: Array
     linewidth: float
-    cubic: float
+    alpha: float
     quintic: float
     damping: float
-    gain: float
     force: Array
+    peak: float
+    time: Array
 
 
 @dataclass(frozen=True)
 class Signal:
-    """Stage `signal`: complex voltage (n,) [V] of each point; drive (n,) [V] and detuning from the resonance (n,) [Hz] there."""
+    """Stage `signal`: V (n,) [V] of each point, for |A| (n,) [m] at a drive (n,) [V]; wavelength [m], 0 where not recorded."""
 
     voltage: ComplexArray
+    amplitude: Array
     drive: Array
-    detuning: Array
+    wavelength: float
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Stage `placement`: the points of the simulated film (x, y) (n_points,) [m] that the laser meets, and the sd [m] of its spot."""
+
+    x: Array
+    y: Array
+    spot: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -78,7 +89,7 @@ class Motion:
     """Stage `motion`: u(t) = Σ_m Re(displacement_m e^{imωt}) at every point, and the phase θ of the fringe there.
 
     displacement (n_orders, n_points) [m], orders from 1; theta (n_points,) [rad]; x, y (n_points,) [m] on the film; shapes
-    (n_modes, n_points) ξ of the lowest modes, `mode` the one that is driven; frequency of the drive [Hz]; wavelength [m].
+    (n_modes, n_points): ξ of the lowest modes; frequencies (n_modes,) [Hz]; mode: the one that is driven.
     """
 
     displacement: ComplexArray
@@ -86,28 +97,29 @@ class Motion:
     x: Array
     y: Array
     shapes: Array
+    frequencies: Array
     mode: int
-    wavelength: float
 
 
 @dataclass(frozen=True)
 class Fringe:
-    """Stage `fringe`: v = V_C Re Σ_k c_k e^{ik(qu + θ)}, clipped to [low, high] in units of V_C; c (n_overtones + 1,), q [rad/m]."""
+    """Stage `fringe`: v = V_C Re Σ_k c_k e^{ik(qu + θ)}, c (n_overtones + 1,), clipped at ±limit in units of V_C.
+
+    stack: of the geometry, None where it gives none; wavelength [m], q = 4π/wavelength.
+    """
 
     coefficients: ComplexArray
-    wavenumber: float
-    low: float = -np.inf
-    high: float = np.inf
+    wavelength: float
+    stack: Stack | None
+    limit: float = np.inf
 
 
 @dataclass(frozen=True)
 class Harmonics:
-    """Stage `harmonics`: V_n (n_harmonics, n_points) [V] of the orders `harmonic`, on points (x, y) [m]; frequency of the drive [Hz]."""
+    """Stage `harmonics`: V_n (n_harmonics, n_points) [V] of the orders `harmonic`; frequency of the drive [Hz]."""
 
     values: ComplexArray
     harmonic: NDArray[np.int64]
-    x: Array
-    y: Array
     frequency: float
 
 

@@ -1,0 +1,190 @@
+"""Harmonic maps against a simulated mode under a sinusoidal fringe."""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache, partial
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from femnl.diagnose.film import SimulatedFilm
+from femnl.diagnose.fringes import harmonics
+from femnl.diagnose.problem import apply
+from femnl.fits.maps import fit_map
+from femnl.measurement import noise_sd
+from femnl.modes import shape_at
+from femnl.types.effect import Effect, Kind, Knob, Values
+from femnl.types.readout import Array, ComplexArray
+from femnl.types.scene import Fringe, Harmonics, Motion, Placement
+
+TILES = 3
+"""Tiles along each axis of the map that are held out one by one."""
+TRIED = 6
+"""Lowest modes that a map without drive frequency may show."""
+COARSE = 24
+"""Points along each axis of the thinned map in which the mode is sought."""
+EXPLAINED = 0.1
+"""Part of the signal's power that the right mode may leave; wrong ones leave a third and more."""
+NEAR = 0.1
+"""Relative distance of a mode's simulated frequency from the drive up to which it may be the one that is driven."""
+STENCIL, WEIGHT = np.polynomial.hermite_e.hermegauss(5)
+"""Gauss–Hermite points of the laser spot along each axis, in units of its sd."""
+
+
+class MapProblem:
+    """Residuals of the harmonics of a driven mode; see `Problem`."""
+
+    kind: Kind = "map"
+
+    def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
+        values = np.asarray(dataset["real"].values + 1j * dataset["imag"].values)
+        self.harmonic = dataset["harmonic"].values.astype(np.int64)
+        values, self.harmonic = values[self.harmonic >= 1], self.harmonic[self.harmonic >= 1]
+        across, up = np.meshgrid(dataset["x"].values, dataset["y"].values)
+        flat = values.reshape(len(self.harmonic), -1)
+        used = np.flatnonzero(np.isfinite(flat).any(axis=0))
+        self._x, self._y = across.ravel()[used], up.ravel()[used]
+        self._row, self._column = np.divmod(used, dataset.sizes["x"])
+        self._sizes = dataset.sizes["y"], dataset.sizes["x"]
+        self._present = np.isfinite(flat[:, used])
+        self._values = np.where(self._present, flat[:, used], 0)
+        self.noise, note = noise_sd(dataset)
+        self.film, self.wavelength = film, float(dataset.attrs["wavelength"])
+        self._exact = film.model.outline.size is None
+        self._shapes = lru_cache(maxsize=8)(self._shapes_at)
+        drive = dataset.attrs.get("drive_frequency")
+        self.mode, fitted, told = self._find_mode(dataset, None if drive is None else float(drive))
+        self.frequency = float(film.modes.frequency[self.mode]) if drive is None else float(drive)
+        z = self.wavelength / (4 * np.pi)
+        reach = film.projection.reach
+        self.base: tuple[Knob, ...] = (
+            Knob("amplitude", "m", 0.0, 40 * z),
+            Knob("contrast", "V", -10 * abs(fitted["contrast"]), 10 * abs(fitted["contrast"])),
+            Knob("theta", "rad", fitted["fringe_phase"] - np.pi, fitted["fringe_phase"] + np.pi),
+            Knob("motion_phase", "rad", fitted["motion_phase"] - 2 * np.pi, fitted["motion_phase"] + 2 * np.pi),
+            Knob("x", "m", -0.3 * reach, 0.3 * reach),
+            Knob("y", "m", -0.3 * reach, 0.3 * reach),
+        )
+        names = ("amplitude", "contrast", "fringe_phase", "motion_phase", "x", "y")
+        self.start = np.array([fitted[name] for name in names])
+        self.facts: Mapping[str, float] = {
+            "reach": reach,
+            "wavelength": self.wavelength,
+            "period": 1 / self.frequency,
+            "spacing": float(np.ptp(self._x) / max(dataset.sizes["x"] - 1, 1)),
+            **({"stack": _gap(film)} if film.model.stack is not None else {}),
+        }
+        label = film.modes.label[self.mode] or str(self.mode + 1)
+        self.notes: tuple[str, ...] = (f"map: {note}", f"map: shows mode {label}, {told}")
+
+    def _find_mode(self, dataset: xr.Dataset, drive: float | None) -> tuple[int, dict[str, float], str]:
+        """Return the mode whose shape fits a thinned map best, with its fit."""
+        frequency = self.film.modes.frequency
+        modes = [k for k in range(len(frequency)) if drive is not None and abs(drive / frequency[k] - 1) < NEAR] or list(range(TRIED))
+        thin = {axis: slice(None, None, max(1, dataset.sizes[axis] // COARSE)) for axis in ("x", "y")}
+        coarse = dataset.isel(thin).isel(harmonic=np.flatnonzero(dataset["harmonic"].values >= 1)).assign_attrs(noise_sd=self.noise)
+
+        def shape(k: int, x: Array, y: Array) -> Array:
+            return self.film.projection.at(x, y)[k] if not self._exact else shape_at(self.film.modes, k, x, y)
+
+        power = float(np.mean(np.abs(self._values[self._present]) ** 2) / (2 * self.noise**2))
+        fits = {}
+        for k in modes:
+            fits[k] = fit_map(coarse, partial(shape, k), registration=("x", "y")).fit
+            if fits[k].chi2_reduced < EXPLAINED * power:
+                break
+        best = min(fits, key=lambda k: fits[k].chi2_reduced)
+        why = "the first that fits" if drive is None else "near the drive frequency"
+        return best, {name: p.value for name, p in fits[best].parameters.items()}, why
+
+    @property
+    def blocks(self) -> NDArray[np.int64]:
+        """Tiles of the map, all harmonics together."""
+        tile = [np.minimum(TILES * (v - v.min()) / np.ptp(v), TILES - 1).astype(np.int64) for v in (self._x, self._y)]
+        whole = np.broadcast_to(tile[0] * TILES + tile[1], self._present.shape)[self._present]
+        return np.concatenate([whole, whole])
+
+    def predict(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> ComplexArray:
+        """Return V_n [V], (n_harmonics, n_points)."""
+        placement = apply("placement", Placement(self._x - base["x"], self._y - base["y"]), effects, values)
+        if placement.spot == 0:
+            voltage = self._read(placement.x, placement.y, effects, base, values)
+        else:
+            shares = np.outer(WEIGHT, WEIGHT) / WEIGHT.sum() ** 2
+            voltage = np.zeros(self._values.shape, complex)
+            for (i, j), share in np.ndenumerate(shares):
+                dx, dy = placement.spot * STENCIL[i], placement.spot * STENCIL[j]
+                voltage += share * self._read(placement.x + dx, placement.y + dy, effects, base, values)
+        return apply("harmonics", Harmonics(voltage, self.harmonic, self.frequency), effects, values).values
+
+    def _read(self, x: Array, y: Array, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> ComplexArray:
+        shapes = self._shapes(x.tobytes(), y.tobytes())
+        swing = base["amplitude"] * np.exp(1j * base["motion_phase"]) * shapes[self.mode]
+        frequencies = self.film.modes.frequency
+        motion = Motion(swing[None], np.full(x.shape, base["theta"]), x, y, shapes, frequencies, self.mode)
+        fringe = Fringe(np.array([0, 1], complex), self.wavelength, self.film.model.stack)
+        moved, lit = apply("motion", motion, effects, values), apply("fringe", fringe, effects, values)
+        return base["contrast"] * harmonics(moved, lit, self.harmonic)
+
+    def _shapes_at(self, x: bytes, y: bytes) -> Array:
+        here = np.frombuffer(x), np.frombuffer(y)
+        if not self._exact:
+            across, up = np.full(self._sizes[1], np.nan), np.full(self._sizes[0], np.nan)
+            across[self._column], up[self._row] = here
+            straight = np.array_equal(across[self._column], here[0]) and np.array_equal(up[self._row], here[1])
+            if straight and np.isfinite(across).all() and np.isfinite(up).all():  # not turned, so still a grid
+                return self.film.projection.on_grid(across, up)[:, self._row, self._column]
+            return self.film.projection.at(*here)
+        return np.stack([shape_at(self.film.modes, k, *here) for k in range(len(self.film.modes.frequency))])
+
+    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+        """Return (V − V_predicted)/σ of all real, then of all imaginary parts."""
+        return self._real(self._values - self.predict(effects, base, values))
+
+    def _real(self, volts: ComplexArray) -> Array:
+        kept = volts[self._present] / self.noise
+        return np.concatenate([kept.real, kept.imag])
+
+    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        """The gain and the phase of each harmonic."""
+        volts = self.predict(effects, base, values)
+        found: dict[str, Array] = {}
+        for k, n in enumerate(self.harmonic):
+            only = np.zeros_like(volts)
+            only[k] = volts[k]
+            found |= {f"gain of harmonic {n}": self._real(only), f"phase of harmonic {n}": self._real(1j * only)}
+        return found
+
+    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        """The same map at other amplitudes of the motion."""
+        return {
+            f"the same map at {factor:g} times the amplitude": self._real(
+                self.predict(effects, {**base, "amplitude": factor * base["amplitude"]}, values)
+            )
+            for factor in (0.5, 2.0)
+        }
+
+    def systematic(self, unit: str) -> float:
+        """Nothing beside the statistics."""
+        return 0.0
+
+    def mirrors(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """Motion in antiphase."""
+        turn = -np.pi if base["motion_phase"] > self.start[3] else np.pi
+        return [base | {"motion_phase": base["motion_phase"] + turn}]
+
+    def describe(self, residuals: Array) -> str:
+        """Say which harmonic deviates most, and where on the map."""
+        half = len(residuals) // 2
+        power = np.zeros(self._present.shape)
+        power[self._present] = (residuals[:half] ** 2 + residuals[half:] ** 2) / 2
+        by_order = power.sum(axis=1) / np.maximum(self._present.sum(axis=1), 1)
+        k, p = int(np.argmax(by_order)), int(np.argmax(power.sum(axis=0)))
+        rms = ", ".join(f"{n}: {np.sqrt(value):.2f}σ" for n, value in zip(self.harmonic, by_order, strict=True))
+        place = f"x = {self._x[p] * 1e6:.0f} µm, y = {self._y[p] * 1e6:.0f} µm"
+        return f"harmonic {self.harmonic[k]} deviates most, and most strongly near {place}; rms by harmonic {rms}"
+
+
+def _gap(film: SimulatedFilm) -> float:
+    stack = film.model.stack
+    return 0.0 if stack is None else stack.layers[stack.gap].thickness

@@ -1,0 +1,179 @@
+"""Driven sweeps against one Duffing mode with linear readout, all drives sharing f₀, Q and α."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from femnl.diagnose.film import SimulatedFilm
+from femnl.diagnose.problem import apply
+from femnl.errors import MeasurementError
+from femnl.fits.response import fit_response
+from femnl.fits.response_data import Sweeps, collect
+from femnl.fits.response_model import sheets
+from femnl.types.effect import Effect, Kind, Knob, Values
+from femnl.types.readout import Array, ComplexArray
+from femnl.types.scene import Oscillator, Signal
+
+ALPHA_SD = 0.2
+"""Relative standard deviation of a simulated α: Young's modulus of a thin film is rarely known better."""
+ROUNDS = 12
+"""Iterations of the amplitude under a quintic term, which is a small correction of the cubic one."""
+
+
+class ResponseProblem:
+    """Residuals of driven sweeps; see `Problem`."""
+
+    kind: Kind = "response"
+
+    def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
+        self.sweeps = collect(dataset)
+        # Whether damping grows with amplitude is for the diagnosis to say; here it only makes the start safe.
+        fitted = min((fit_response(dataset, nonlinear_damping=damped) for damped in (False, True)), key=lambda f: f.chi2_reduced)
+        self.wavelength = float(dataset.attrs.get("wavelength", 0.0))
+        self.mode = _mode(dataset, film, fitted["frequency"])
+        self.simulated_alpha = float(film.alpha[self.mode])
+        f0, w, n = fitted["frequency"], fitted["linewidth"], self.sweeps.n_positions
+        names = [""] if n == 1 else [f"[{p}]" for p in range(n)]
+        slope = [fitted[f"y_max{name}"] for name in names]
+        ratio = fitted[f"alpha_y{names[0]}"] / self.sweeps.reference**2
+        scale = np.sqrt(self.simulated_alpha / abs(ratio)) if ratio else slope[0] / 1e-7
+        span = self.sweeps.span
+        self._scales = [float(scale * s / slope[0]) for s in slope]
+        self.base = (
+            Knob("frequency", "Hz", f0 - span, f0 + span),
+            Knob("linewidth", "Hz", w / 20, 20 * w),
+            Knob("peak", "m/V", 0.0, 20 * slope[0] / scale),
+            *(Knob(f"responsivity{name}", "V/m", 0.0, 20 * s) for name, s in zip(names, self._scales, strict=True)),
+            *(Knob(f"phase{name}", "rad", fitted[f"phase{name}"] - np.pi, fitted[f"phase{name}"] + np.pi) for name in names),
+        )
+        sign = np.sign(ratio) or 1.0
+        self._alpha = float(sign * self.simulated_alpha)
+        self.start = np.array([f0, w, slope[0] / scale, *self._scales, *(fitted[f"phase{name}"] for name in names)])
+        self._names = names
+        strongest = slope[0] / scale * self.sweeps.reference
+        recorded = "time" in dataset and bool(np.isfinite(dataset["time"].values).all())
+        kept = np.unique(self.sweeps.row)
+        self._time = np.asarray(dataset["time"].values[kept], float) if recorded else np.arange(len(kept), dtype=float)
+        self.facts: Mapping[str, float] = {
+            "curvature": strongest**-2,
+            "curvature_square": strongest**-4,
+            "slope": slope[0],
+            "drive_square": self.sweeps.reference**-2,
+            "frequency": f0,
+            **({"wavelength": self.wavelength} if self.wavelength else {}),
+            **({"time": float(np.ptp(self._time))} if recorded else {}),
+        }
+        label = film.modes.label[self.mode] or str(self.mode + 1)
+        self.notes = (
+            *(f"response: {note}" for note in self.sweeps.notes),
+            f"response: metres rest on the simulated α of mode {label}, {self.simulated_alpha:.3g} m⁻², known to {ALPHA_SD:.0%}",
+        )
+
+    @property
+    def blocks(self) -> NDArray[np.int64]:
+        """Every sweep is a block of its own."""
+        return np.concatenate([self.sweeps.sweep, self.sweeps.sweep]).astype(np.int64)
+
+    def predict(self, effects: Sequence[Effect], base: Values, values: Sequence[Values], instead: Sweeps | None = None) -> ComplexArray:
+        """Return the voltage (n,) [V] of the state that each point of a sweep is on, or would be on with other drives."""
+        data = instead or self.sweeps
+        first = np.array([span.start for span in data.spans])
+        drive = data.drive[first] * data.reference
+        frequency = np.full(len(first), base["frequency"])
+        plain = Oscillator(frequency, base["linewidth"], self._alpha, 0.0, 0.0, drive, base["peak"], self._time)
+        mode = apply("oscillator", plain, effects, values)
+        f0, force = mode.frequency[data.sweep], mode.force[data.sweep]
+        linear = np.maximum(mode.peak * force, np.finfo(float).tiny)
+        delta = 2 * (f0 - data.frequency) / mode.linewidth
+        cubic = 0.75 * f0 / mode.linewidth * mode.alpha * linear**2
+        fifth = 0.625 * f0 / mode.linewidth * mode.quintic * linear**4
+        loss = np.maximum(mode.damping, 0) * linear**2 / 4
+        states = [self._state(delta, cubic, fifth, loss, side) for side in (0, 1)]
+        gains = np.array([base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"]) for name in self._names])[data.position]
+        both = np.stack(
+            [
+                apply(
+                    "signal", Signal(gains * linear * b, linear * np.abs(b), data.drive * data.reference, self.wavelength), effects, values
+                ).voltage
+                for b in states
+            ]
+        )
+        return self._followed(both, mode.alpha)
+
+    def _state(self, delta: Array, cubic: Array, fifth: Array, loss: Array, side: int) -> ComplexArray:
+        """Return b = A/(A₁F) on the low (0) or high (1) sheet, continued past its fold."""
+        effective, x = cubic, sheets(delta, cubic, loss, continued=True).x[side]
+        if np.any(fifth):
+            for _ in range(ROUNDS):
+                effective = cubic + fifth * x
+                x = sheets(delta, effective, loss, continued=True).x[side]
+        return np.asarray(1 / (delta + effective * x + 1j * (1 + loss * x)))
+
+    def _followed(self, both: ComplexArray, alpha: float) -> ComplexArray:
+        """Return the sheet of each point: sweeps of known direction jump once, where the data say, others as they fit best."""
+        cost = np.abs(self.sweeps.voltage - both) ** 2
+        chosen = np.argmin(cost, axis=0)
+        first, last = (1, 0) if alpha >= 0 else (0, 1)
+        for span, directed in zip(self.sweeps.spans, self.sweeps.direction, strict=True):
+            if directed:
+                gain = cost[first, span] - cost[last, span]
+                jump = int(np.argmin(np.concatenate([[0.0], np.cumsum(gain)])))
+                chosen[span] = np.where(np.arange(len(gain)) < jump, first, last)
+        return np.asarray(both[chosen, np.arange(both.shape[1])])
+
+    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+        """Return (V − V_predicted)/σ of all real, then of all imaginary parts."""
+        misfit = (self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise
+        return np.concatenate([misfit.real, misfit.imag])
+
+    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        """Gain and phase of the sweeps at each drive."""
+        volts = self.predict(effects, base, values) / self.sweeps.noise
+        found = {}
+        for drive in np.unique(self.sweeps.drive):
+            only = np.where(self.sweeps.drive == drive, volts, 0)
+            for name, part in (("gain", only), ("phase", 1j * only)):
+                found[f"{name} at a drive of {drive * self.sweeps.reference:.3g} V"] = np.concatenate([part.real, part.imag])
+        return found
+
+    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        """The same sweeps at twice the drives."""
+        doubled = replace(self.sweeps, reference=2 * self.sweeps.reference)
+        volts = self.predict(effects, base, values, doubled) / self.sweeps.noise
+        return {"the same sweeps at twice the drives": np.concatenate([volts.real, volts.imag])}
+
+    def systematic(self, unit: str) -> float:
+        """Return how uncertain metres are through the simulated α, which scales as m⁻²."""
+        powers = {"m/V": 1, "V/m": -1, "m^-2": -2, "m^-4": -4}
+        return abs(powers.get(unit, 0)) / 2 * ALPHA_SD
+
+    def mirrors(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """The response leaves one solution."""
+        return []
+
+    def describe(self, residuals: Array) -> str:
+        """Say at which drive and on which side of the resonance the sweeps deviate."""
+        n = len(self.sweeps.frequency)
+        power = (residuals[:n] ** 2 + residuals[n : 2 * n] ** 2) / 2
+        rms = {d: float(np.sqrt(power[self.sweeps.drive == d].mean())) for d in np.unique(self.sweeps.drive)}
+        worst, k = max(rms, key=lambda d: rms[d]), int(np.argmax(power))
+        table = ", ".join(f"{d * self.sweeps.reference:.3g} V: {value:.2f}σ" for d, value in rms.items())
+        offset = self.sweeps.frequency[k] - self.start[0]
+        drive = f"the drive of {worst * self.sweeps.reference:.3g} V deviates most"
+        return f"{drive}, most strongly {offset:+.3g} Hz from resonance; rms by drive {table}"
+
+
+def _mode(dataset: xr.Dataset, film: SimulatedFilm, frequency: float) -> int:
+    """Return the mode that the file names, or else the one nearest in frequency."""
+    named = dataset.attrs.get("mode")
+    if named is None:
+        return int(np.argmin(np.abs(film.modes.frequency - frequency)))
+    label = f"({str(named).strip('()')})"
+    if label not in film.modes.label:
+        raise MeasurementError(
+            f"response: mode = {named!r} is none of the first {len(film.modes.label)} modes of {film.model.name}; correct it"
+        )
+    return film.modes.label.index(label)

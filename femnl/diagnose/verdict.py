@@ -1,0 +1,89 @@
+"""From fitted candidates to the verdict: evidence and held-out prediction must agree, ties are told as ties."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femnl.diagnose.fit import held_out
+from femnl.diagnose.search import FALSE_ALARMS, Candidate
+from femnl.types.diagnosis import Verdict
+
+CLEAR = 0.95
+"""Posterior probability from which on one set of causes is clearly preferred."""
+TIE = 4.0
+"""Difference in χ² up to which a set with no more parameters does as well, whatever the priors' widths say."""
+CONTRADICTED = 1.05
+"""Ratio of the best set's held-out χ² to a rival's from which on prediction contradicts evidence."""
+RIVALS = 3
+"""Rivals, besides the best, whose held-out prediction is computed."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The verdict, the candidate chosen (the base where none is), its rivals, and the probability of every candidate."""
+
+    verdict: Verdict
+    chosen: Candidate
+    rivals: tuple[Candidate, ...]
+    share: dict[tuple[str, ...], float]
+
+
+def judge(found: list[Candidate]) -> Judgement:
+    """Weigh what was fitted; the first candidate is the base model."""
+    base, tried = found[0], found[1:]
+    weights = np.array([c.weight for c in found])
+    shares = np.exp(weights - weights.max())
+    share = {c.names: float(s) for c, s in zip(found, shares / shares.sum(), strict=True)}
+    if base.p_value >= FALSE_ALARMS:
+        return Judgement("adequate", base, (), share)
+    viable = sorted((c for c in tried if c.viable), key=lambda c: -c.weight)
+    if not viable:
+        return Judgement("unexplained", base, (), share)
+    best = viable[0]
+    total = sum(share[c.names] for c in viable)
+    share |= {c.names: share[c.names] / total for c in viable}
+    rivals = [c for c in viable[1:] if share[c.names] > (1 - CLEAR) / 2 or _ties(c, best)]
+    if not rivals and len(viable) > 1 and _contradicted(best, viable[1 : 1 + RIVALS]):
+        rivals = viable[1 : 1 + RIVALS]
+    if not rivals:
+        return Judgement("explained", best, (), share)
+    simplest = min([best, *rivals], key=lambda c: (len(c.names), c.solution.vector.size, -c.weight))
+    return Judgement("ambiguous", simplest, tuple(c for c in (best, *rivals) if c is not simplest), share)
+
+
+def _ties(candidate: Candidate, best: Candidate) -> bool:
+    fewer = candidate.solution.vector.size <= best.solution.vector.size
+    return fewer and candidate.solution.chi2 - best.solution.chi2 < TIE
+
+
+def _contradicted(best: Candidate, others: list[Candidate]) -> bool:
+    return held_out(best.solution) > CONTRADICTED * min(held_out(c.solution) for c in others)
+
+
+def measure_next(judged: Judgement, found: list[Candidate]) -> str:
+    """Name the measurement that best separates what is left, with the number of σ."""
+    best = judged.chosen
+    others = [c for c in sorted(found, key=lambda c: -c.weight) if c is not best]
+    rivals = judged.rivals or tuple(others[:1])
+    if not rivals:
+        return "nothing is left to separate: the base model explains these data and no extension was needed"
+    rival = rivals[0]
+    separation = {}
+    for phrase, predicted in _experiments(best).items():
+        separation[phrase] = float(np.linalg.norm(predicted - _experiments(rival)[phrase]))
+    names = [" + ".join(c.names) or "the base model" for c in (best, rival)]
+    if judged.verdict in ("explained", "unexplained") and not judged.rivals:
+        apart = float(np.sqrt(max(rival.solution.chi2 - best.solution.chi2, 0.0)))
+        if judged.verdict == "explained":
+            return f"nothing is left to separate: the next best explanation, {names[1]}, is {apart:.3g}σ worse on these data"
+    phrase = max(separation, key=lambda key: separation[key])
+    if separation[phrase] < 1:
+        most = f"at most {separation[phrase]:.2g}σ"
+        return f"no further measurement of this kind separates {names[0]} from {names[1]} ({most}): use another kind"
+    return f"measure {phrase}: it separates {names[0]} from {names[1]} by {separation[phrase]:.3g}σ"
+
+
+def _experiments(candidate: Candidate) -> dict[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
+    model = candidate.solution.model
+    base, values = model.split(candidate.solution.vector)
+    return model.problem.experiments(model.effects, base, values)

@@ -1,0 +1,22 @@
+"""A drive that does not follow its voltage."""
+
+from dataclasses import replace
+
+from femnl.types.effect import Effect, Knob, Values
+from femnl.types.scene import Oscillator
+
+
+def compress(mode: Oscillator, values: Values) -> Oscillator:
+    """Let the force grow as V/(1 + κV²)."""
+    return replace(mode, force=mode.force / (1 + values["kappa"] * mode.force**2))
+
+
+EFFECT = Effect(
+    name="drive_compression",
+    equation="F → V/(1 + κV²)",
+    parameters=(Knob("kappa", "V^-2", 0.0, 20.0, per="drive_square"),),
+    changes={"oscillator": compress},
+    source="third order of an amplifier or a piezo in compression",
+    limits="the same at all frequencies",
+    sentence="the drive does not grow as its voltage",
+)

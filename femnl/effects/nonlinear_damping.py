@@ -1,0 +1,22 @@
+"""Damping that grows with amplitude."""
+
+from dataclasses import replace
+
+from femnl.types.effect import Effect, Knob, Values
+from femnl.types.scene import Oscillator
+
+
+def damp(mode: Oscillator, values: Values) -> Oscillator:
+    """Add η to the nonlinear damping."""
+    return replace(mode, damping=mode.damping + values["eta"])
+
+
+EFFECT = Effect(
+    name="nonlinear_damping",
+    equation="γ u̇ → γ (1 + η u²) u̇",
+    parameters=(Knob("eta", "m^-2", 0.0, 400.0, per="curvature"),),
+    changes={"oscillator": damp},
+    source="Lifshitz & Cross (2008), section 1.3; Eichler et al., Nat. Nanotechnol. 6, 339 (2011)",
+    limits="first order of averaging: ηA² may be large, w ≪ f₀",
+    sentence="damping grows with amplitude",
+)

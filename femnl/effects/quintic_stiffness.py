@@ -1,0 +1,22 @@
+"""A restoring force of fifth order."""
+
+from dataclasses import replace
+
+from femnl.types.effect import Effect, Knob, Values
+from femnl.types.scene import Oscillator
+
+
+def stiffen(mode: Oscillator, values: Values) -> Oscillator:
+    """Add α₅ to the quintic stiffness."""
+    return replace(mode, quintic=mode.quintic + values["alpha5"])
+
+
+EFFECT = Effect(
+    name="quintic_stiffness",
+    equation="ω₀² (u + αu³) → ω₀² (u + αu³ + α₅u⁵)",
+    parameters=(Knob("alpha5", "m^-4", -1e-4, 1e-4, per="curvature_square"),),
+    changes={"oscillator": stiffen},
+    source="first-order averaging, Nayfeh & Mook (1979), section 4.1",
+    limits="a small correction of the cubic term",
+    sentence="the film has a restoring force of fifth order",
+)

@@ -1,0 +1,25 @@
+"""A stage that is turned against the film."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from femnl.types.effect import Effect, Knob, Values
+from femnl.types.scene import Placement
+
+
+def turn(placement: Placement, values: Values) -> Placement:
+    """Turn the positions on the film by the angle."""
+    c, s = np.cos(values["angle"]), np.sin(values["angle"])
+    return replace(placement, x=c * placement.x + s * placement.y, y=c * placement.y - s * placement.x)
+
+
+EFFECT = Effect(
+    name="stage_rotation",
+    equation="x → R(β) x",
+    parameters=(Knob("angle", "rad", -0.4, 0.4),),
+    changes={"placement": turn},
+    source="geometry",
+    limits="about the centre of the film",
+    sentence="the stage is turned against the film",
+)

@@ -1,0 +1,22 @@
+"""A stage whose steps are not what they are said to be."""
+
+from dataclasses import replace
+
+from femnl.types.effect import Effect, Knob, Values
+from femnl.types.scene import Placement
+
+
+def scale(placement: Placement, values: Values) -> Placement:
+    """Stretch the positions on the film by 1 + sx and 1 + sy."""
+    return replace(placement, x=placement.x * (1 + values["stretch_x"]), y=placement.y * (1 + values["stretch_y"]))
+
+
+EFFECT = Effect(
+    name="stage_scale",
+    equation="x → (1 + sx) x, y → (1 + sy) y",
+    parameters=(Knob("stretch_x", "1", -0.2, 0.2), Knob("stretch_y", "1", -0.2, 0.2)),
+    changes={"placement": scale},
+    source="calibration of the stage",
+    limits="the same as a film of another size",
+    sentence="the scale of the stage is off",
+)

@@ -1,0 +1,25 @@
+"""Averaging over an unsteady trigger."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from femnl.types.effect import Effect, Knob, Values
+from femnl.types.scene import Harmonics
+
+
+def blur(harmonics: Harmonics, values: Values) -> Harmonics:
+    """Multiply V_n by e^{−(nωs)²/2}."""
+    spread = 2 * np.pi * harmonics.frequency * values["sd"] * harmonics.harmonic[:, None]
+    return replace(harmonics, values=harmonics.values * np.exp(-(spread**2) / 2))
+
+
+EFFECT = Effect(
+    name="trigger_jitter",
+    equation="V_n → V_n e^{−(nωs)²/2}",
+    parameters=(Knob("sd", "s", 0.0, 0.15, per="period"),),
+    changes={"harmonics": blur},
+    source="characteristic function of a normal time error",
+    limits="normal, independent from trace to trace",
+    sentence="the trigger jitters, and averaging wears the high harmonics down",
+)
