@@ -103,6 +103,13 @@ class Misfit:
         """Whether any point of the last response has two states, or had them on the way."""
         return self.last is not None and bool(np.any(self.last[2].x[0] != self.last[2].x[1]))
 
+    def past_fold(self, theta: Array) -> int:
+        """Count the points whose state is the continuation of a sheet past its fold."""
+        if self.strict:
+            return 0
+        _, both = self._response(theta)
+        return int(np.count_nonzero(both.pair[self.high, np.arange(len(self.high))]))
+
     def real_state(self, theta: Array) -> tuple[Complex, Sheets]:
         """Return the voltage of the chosen states, the only root where the chosen sheet has ended, and the sheets."""
         voltage, both = response(self.sweeps, self.layout, theta, continued=True)

@@ -96,7 +96,8 @@ def sheets(delta: Array, a: Array, d: Array, *, continued: bool) -> Sheets:
         return Sheets(real, np.zeros(real.shape, dtype=bool), single)
     p, q = a**2 + d**2, delta * a + d
     square = delta**2 * (a**2 - 3 * d**2) + 8 * delta * a * d + d**2 - 3 * a**2
-    ended = (square > 0) & (q < 0) & ~three
+    # Below the critical stiffening no sheet ends.
+    ended = (np.abs(a) > STIFFEN) & (square > 0) & (q < 0) & ~three
     centre = np.where(ended, -2 * q / (3 * np.where(ended, p, 1.0)), 0.0)
     pair = np.stack([ended & (single > centre), ended & (single <= centre)])
     return Sheets(np.where(pair, (3 * centre - single) / 2, real), pair, single)
