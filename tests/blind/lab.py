@@ -123,8 +123,9 @@ def response(causes: tuple[str, ...], rng: np.random.Generator) -> xr.Dataset:
     if "crosstalk" in causes:
         signal = signal + rng.uniform(0.002, 0.05) * per_volt * peak * np.exp(2j * np.pi * rng.uniform()) * drives[:, None]
     noisy = signal + noise * (rng.standard_normal(signal.shape) + 1j * rng.standard_normal(signal.shape))
-    labels = {"drive": drives, "direction": direction, "x": 6e-5, "y": 6e-5}
-    return measurement.response(frequency, noisy, noise_sd=noise, wavelength=WAVELENGTH, mode="2,2", **labels)
+    return measurement.response(
+        frequency, noisy, noise_sd=noise, wavelength=WAVELENGTH, mode="2,2", drive=drives, direction=direction, x=6e-5, y=6e-5
+    )
 
 
 def _step(a: NDArray[np.complex128], h: float, delta: Array, cubic: float, loss: float, drive: Array) -> NDArray[np.complex128]:

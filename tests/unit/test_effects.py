@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from femnl.effects import library
-from femnl.types.effect import STAGES, Effect
+from femnl.types.effect import STAGES, Effect, Stage
 from femnl.types.scene import Harmonics, Lines, Oscillator, Placement, Points, Signal
 
 EFFECTS = list(library().values())
 N = np.arange(1.0, 7.0)
 CONTROL = {"time": 10 * N, "temperature": 290 + N, "laser_power": 1e-6 * N, "pressure": N}
-VALUES = {
+VALUES: dict[Stage, object] = {
     "frequencies": Lines(1e6 * N, 10 * N),
     "oscillator": Oscillator(np.full(6, 3e6), 4.0, 2e10, 0.0, 0.0, 0.1 * N, 1e-7, N),
-    "signal": Signal(N * (1 + 2j), 1e-8 * N, 0.1 * N, 633e-9),
+    "signal": Signal(np.asarray(N * (1 + 2j), np.complex128), 1e-8 * N, 0.1 * N, 633e-9),
     "placement": Placement(1e-5 * N, 2e-5 * N),
     "harmonics": Harmonics(np.outer(N, N).astype(complex), np.arange(1, 7), 1.5e6),
     "points": Points(1e6 * N, 1e5 * N, CONTROL),
@@ -44,7 +44,7 @@ def test_an_effect_says_what_it_is_and_acts_at_stages_that_exist(effect: Effect)
 @pytest.mark.parametrize(
     ("effect", "stage"), [(e, s) for e in EFFECTS for s in e.changes if s in VALUES], ids=lambda v: getattr(v, "name", v)
 )
-def test_an_effect_of_no_strength_changes_nothing_and_one_of_some_strength_does(effect: Effect, stage: str) -> None:
+def test_an_effect_of_no_strength_changes_nothing_and_one_of_some_strength_does(effect: Effect, stage: Stage) -> None:
     plain = VALUES[stage]
     idle, active = (effect.changes[stage](plain, numbers(effect, s)) for s in (0.0, 0.01))
     assert type(idle) is type(plain)
@@ -54,7 +54,7 @@ def test_an_effect_of_no_strength_changes_nothing_and_one_of_some_strength_does(
 
 
 @pytest.mark.parametrize("stage", ["oscillator", "frequencies", "points", "harmonics"])
-def test_effects_that_act_at_one_stage_commute_to_first_order(stage: str) -> None:
+def test_effects_that_act_at_one_stage_commute_to_first_order(stage: Stage) -> None:
     acting = [e for e in EFFECTS if stage in e.changes]
     for first in acting:
         for second in acting:
