@@ -31,6 +31,8 @@ Complex = NDArray[np.complex128]
 Values = dict[str, float]
 NAMES = ("frequency", "linewidth", "alpha_ratio", "y_max")
 POINTS, RESTARTS = 201, 20
+# Restarts take a second each resonator: so many show what they do.
+SLOW = 200
 # A fit has succeeded when every parameter lies within this many standard deviations of the truth.
 SUCCESS = 5.0
 
@@ -179,7 +181,8 @@ def compare(count: int, seed: int = 1) -> list[dict[str, str | float]]:
     rows: list[dict[str, str | float]] = []
     for name, method in METHODS.items():
         pulls, inside, times = [], [], []
-        for case in cases:
+        tried = cases[:SLOW] if method is restarted else cases
+        for case in tried:
             begin = time.process_time()
             with np.errstate(all="ignore"):
                 values, sd = method(case)
@@ -188,7 +191,7 @@ def compare(count: int, seed: int = 1) -> list[dict[str, str | float]]:
             inside.append([abs(values[key] - case.truth[key]) < sd[key] for key in NAMES[:2]])
         worst = np.max(np.abs(pulls), axis=1)
         good = worst < SUCCESS
-        row: dict[str, str | float] = {"method": name, "resonators": count, "success": float(np.mean(good))}
+        row: dict[str, str | float] = {"method": name, "resonators": len(tried), "success": float(np.mean(good))}
         row |= {f"bias_{key}": float(b) for key, b in zip(NAMES, np.mean(np.array(pulls)[good], axis=0), strict=True)}
         row |= {f"rms_{key}": float(b) for key, b in zip(NAMES, np.std(np.array(pulls)[good], axis=0), strict=True)}
         row |= {f"coverage_{key}": float(b) for key, b in zip(NAMES[:2], np.mean(inside, axis=0), strict=True)}
@@ -206,9 +209,9 @@ def main() -> None:
         writer = csv.DictWriter(file, rows[0])
         writer.writeheader()
         writer.writerows(rows)
-    head = f"{'method':24}{'success':>9}{'bias α':>9}{'rms α':>9}{'68 % w':>9}{'mean':>11}{'median':>11}"
+    head = f"{'method':24}{'count':>7}{'success':>9}{'bias α':>9}{'rms α':>9}{'68 % w':>9}{'mean':>11}{'median':>11}"
     body = [
-        f"{row['method']:24}{row['success']:9.1%}{row['bias_alpha_ratio']:9.3f}{row['rms_alpha_ratio']:9.3f}{row['coverage_linewidth']:9.1%}"
+        f"{row['method']:24}{row['resonators']:7d}{row['success']:9.1%}{row['bias_alpha_ratio']:9.3f}{row['rms_alpha_ratio']:9.3f}{row['coverage_linewidth']:9.1%}"
         f"{1e3 * float(row['time_mean']):8.1f} ms{1e3 * float(row['time_median']):8.1f} ms"
         for row in rows
     ]
