@@ -155,7 +155,8 @@ def slope_continuity(space: Space, facets: Index, rigidity: Callable[[Array], Ar
 
     rigidity: D(x) [N m] at points (..., 2). The penalty σ = n_sides⁻¹·6 D(1+|ν|)·(p+1)(p+2)/2·mean|e|/|K| with p = degree − 2
     follows from the sharp trace inequality of polynomials on triangles (Warburton & Hesthaven, Comput. Methods Appl. Mech.
-    Eng. 192, 2765 (2003)) and keeps the form coercive on stretched triangles. Yields local matrices and their unknowns.
+    Eng. 192, 2765 (2003)) and keeps the form coercive on stretched triangles; |K| counts as that of the most squeezed place of
+    a curved one. Yields local matrices and their unknowns.
     """
     p = space.degree - 2
     for edges in edges_by_local_number(space, facets):
@@ -174,7 +175,7 @@ def slope_continuity(space: Space, facets: Index, rigidity: Callable[[Array], Ar
                 ds, flexural = length * weights, rigidity(jet.point)
             moments.append(_normal_moment(jet, normal, flexural, poisson))
             slopes.append(np.einsum("eqx,eqxj->eqj", normal, jet.gradient))
-            ratios.append(length / (np.abs(np.linalg.det(jet.jacobian)) / 2))
+            ratios.append(length / (space.least_determinant[triangles, None] / 2))
         n = len(moments)
         jump = np.concatenate([slopes[0]] + [-s for s in slopes[1:]], -1)
         mean = np.concatenate(moments, -1) / n

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix
 
 from femnl.errors import ParameterError
-from femnl.fem.elements import Space
+from femnl.fem.elements import STRAIGHT, Space
 from femnl.types.device import Edge
 
 Array = NDArray[np.float64]
@@ -88,8 +88,10 @@ def _edge_normals(space: Space) -> list[tuple[NDArray[np.int64], Array]]:
     for k in range(len(facets)):
         dofs = space.facet_unknowns(int(facets[k]))
         a, b, c = ends[:, 0, k], ends[:, 1, k], middle[:, k]
-        s = np.array([0.0, 1.0, *np.linspace(0, 1, space.degree + 1)[1:-1]])
-        tangent = (np.outer(4 * s - 3, a) + np.outer(4 - 8 * s, c) + np.outer(4 * s - 1, b)) / np.linalg.norm(b - a)
-        normal = np.stack([-tangent[:, 1], tangent[:, 0]], 1)
-        result.append((dofs, normal / np.linalg.norm(normal, axis=1)[:, None]))
+        chord, sagitta = b - a, c - (a + b) / 2
+        along, rise = np.linalg.norm(chord), np.linalg.norm(sagitta)
+        half = 2 * np.arctan(2 * rise / along) if rise > STRAIGHT * along else 0.0  # half the angle of the arc
+        angle = half * (2 * np.array([0.0, 1.0, *np.linspace(0, 1, space.degree + 1)[1:-1]]) - 1)
+        tangent = np.outer(np.cos(angle), chord / along) - np.outer(np.sin(angle), sagitta / max(rise, 1e-300))
+        result.append((dofs, np.stack([-tangent[:, 1], tangent[:, 0]], 1)))
     return result

@@ -143,24 +143,24 @@ def _fold(domain: Domain, points: Array, parity: tuple[int, ...]) -> tuple[Array
 def _locate(domain: Domain, points: Array) -> tuple[NDArray[np.int64], Array]:
     """The triangle that holds each point (−1: none) and the point's place in it, by Newton's method on the curved map."""
     space = Space(domain.mesh, 2)
-    corners = space.location[space.dofs]
+    corners = space.map_nodes
     centres = corners[:, :3].mean(axis=1)
     reach = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
     near = cKDTree(points).query_ball_point(centres, 1.05 * reach)
     trial = np.repeat(np.arange(len(near)), [len(members) for members in near])
     point = np.concatenate([np.array(members, dtype=np.int64) for members in near])
-    place = _invert(corners[trial], points[point])
+    place = _invert(space.map_degree, corners[trial], points[point])
     inside = np.all(place > -EDGE, axis=1) & (place.sum(axis=1) < 1 + EDGE)
     triangle, reference = np.full(len(points), -1), np.zeros((len(points), 2))
     triangle[point[inside]], reference[point[inside]] = trial[inside], place[inside]
     return triangle, reference
 
 
-def _invert(nodes: Array, points: Array) -> Array:
-    """Reference coordinates of points (n, 2), each in its own curved triangle (n, 6, 2)."""
+def _invert(degree: int, nodes: Array, points: Array) -> Array:
+    """Reference coordinates of points (n, 2), each in its own triangle, whose map has the given degree and nodes."""
     place = np.full((len(points), 2), 1 / 3)
     for _ in range(8):
-        value = np.einsum("nj,njx->nx", reference_basis(2, place), nodes)
-        jacobian = np.stack([np.einsum("nj,njx->nx", reference_basis(2, place, d), nodes) for d in ((1, 0), (0, 1))], -1)
+        value = np.einsum("nj,njx->nx", reference_basis(degree, place), nodes)
+        jacobian = np.stack([np.einsum("nj,njx->nx", reference_basis(degree, place, d), nodes) for d in ((1, 0), (0, 1))], -1)
         place = np.clip(place + np.linalg.solve(jacobian, (points - value)[..., None])[..., 0], -2, 3)
     return place

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.fem.elements import ELEMENTS, Space, reference_basis
+from femnl.fem.elements import Space, reference_basis
+from femnl.fem.elements import nodes as reference_nodes
 from femnl.fem.forms import in_plane_strain, plane_stress, thickness, vector_dofs
 from femnl.types.mechanics import Modes, Surface
 
@@ -18,7 +19,7 @@ def unfold(modes: Modes) -> Surface:
     domain = modes.domain
     space, plane = Space(domain.mesh, modes.degree), Space(domain.mesh, modes.prestress.degree)
     nodes = Space(domain.mesh, 2)
-    local = np.asarray(ELEMENTS[2].doflocs)
+    local = reference_nodes(2)
     shapes = np.zeros((len(modes.shapes), nodes.size))
     shapes[:, nodes.dofs] = modes.shapes[:, space.dofs] @ reference_basis(modes.degree, local).T
     stress, in_plane = _in_plane(modes, nodes, plane, local)
