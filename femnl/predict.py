@@ -9,7 +9,7 @@ import numpy as np
 
 from femnl import nonlinearity, prestress
 from femnl.errors import MeasurementError
-from femnl.geometry import load, parse
+from femnl.geometry import load, load_shipped, parse
 from femnl.mesh import mesh
 from femnl.modes import align, shape_at
 from femnl.modes import solve_modes as solve_on_mesh
@@ -29,7 +29,7 @@ def measured_device(attributes: Mapping[Any, Any], path: Path, geometry: str | N
     """The device of a measurement file: the one asked for, else the file's attribute `model`, else the name or path in `geometry`.
 
     Args: attributes: of the file's root. path: of the file, from which a relative path counts. geometry: a name or path.
-    Raises: GeometryError; MeasurementError where the file says nothing of its device.
+    Raises: GeometryError; MeasurementError where the file says nothing of its device, or names a file outside its own folder.
     """
     if geometry is not None:
         return load(geometry)
@@ -38,8 +38,14 @@ def measured_device(attributes: Mapping[Any, Any], path: Path, geometry: str | N
     if "geometry" not in attributes:
         raise MeasurementError(f"{path}: names no geometry; give one with --geometry, or set the file's attribute geometry")
     named = str(attributes["geometry"])
-    beside = path.parent / named
-    return load(beside if beside.suffix == ".toml" and beside.is_file() else named)
+    if not named.endswith(".toml"):
+        return load_shipped(named)
+    beside = (path.parent / named).resolve()
+    if not beside.is_relative_to(path.parent.resolve()):
+        raise MeasurementError(
+            f"{path}: geometry {named!r} leaves the file's folder; put the geometry beside it, or give it with --geometry"
+        )
+    return load(beside)
 
 
 def solve_modes(model: Model, count: int = 10, symmetry: str = "auto", resolution: float = 1.0, cache: bool = True) -> Modes:

@@ -25,15 +25,20 @@ def run(words: list[str]) -> int:
     command = typer.main.get_command(_app(words))
     try:
         status = command.main(words, prog_name="femnl", standalone_mode=False)
+        sys.stdout.flush()
     except FemnlError as error:
         return _fail(str(error))
     except typer.TyperException as error:
         return _fail(error.format_message())
     except (KeyboardInterrupt, typer.Abort):
         return _fail("interrupted; nothing was left half-written", 130)
+    except MemoryError:
+        return _fail("the memory is full; ask for fewer modes, a lower --resolution or fewer points, or close other programs")
     except BrokenPipeError:  # the reader, such as `head`, has gone: what follows has no use
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:  # such as a disk that is full or a folder that was taken away meanwhile
+        return _fail(f"{error.filename or 'output'}: {error.strerror or error}; check the path, its permissions and the room on the disk")
     return status if isinstance(status, int) else 0
 
 

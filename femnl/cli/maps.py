@@ -1,5 +1,6 @@
 """`femnl maps GEOMETRY`: what the readout shows of one moving mode."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -16,7 +17,10 @@ from femnl.optics import MultilayerFringe, SineFringe
 from femnl.plot.maps import harmonic_map_figure
 from femnl.predict import harmonic_maps, solve_modes
 from femnl.readout import Fringe
+from femnl.storage import need_room, write_whole
 from femnl.types.device import Model
+
+LARGEST_Z = 1000  # the amplitude is then 80 wavelengths, and no film moves so far
 
 Z = Annotated[float, typer.Option("--z", help="Modulation z = 4πU/λ at the antinode.")]
 Wavelength = Annotated[str, typer.Option(help='Of the laser, with its unit: "632.8 nm".')]
@@ -44,9 +48,13 @@ def command(
     cache: Cache = True,
 ) -> None:
     """Predict the maps of the drive's harmonics for one mode, as a measurement file and a figure."""
-    if not z > 0:
-        raise ParameterError(f"--z {z:g}: expected a positive modulation, such as 4.218")
+    if not 0 < z <= LARGEST_Z:
+        raise ParameterError(f"--z {z:g}: expected a positive modulation up to {LARGEST_Z}, such as 4.218")
+    if not -np.pi <= theta <= np.pi:
+        raise ParameterError(f"--theta {theta:g}: expected an angle in rad from −π to π, such as 0.785")
     model, index = load_device(geometry, bending), check_mode(mode)
+    path = out or Path(f"{model.name}-mode-{mode}-maps.nc")
+    need_room(path)
     length, _ = measurement.quantity(wavelength, "m", f'--wavelength "{wavelength}"')
     if not length > 0:
         raise ParameterError(f'--wavelength "{wavelength}": expected a positive length, such as "632.8 nm"')
@@ -56,12 +64,11 @@ def command(
     title = f"{model.name}, {name}, z = {z:g} at {length * 1e9:g} nm, U = {amplitude * 1e9:.4g} nm, {fringe} fringe"
     readout = _fringe(model, fringe, length, theta)
     result = harmonic_maps(modes, index, readout, amplitude, length, harmonics, points)
-    path = out or Path(f"{model.name}-mode-{mode}-maps.nc")
     dataset = measurement.harmonic_map(result.x, result.y, result.harmonic, result.values, wavelength=length)
     attributes = {"title": title, "source": f"simulated by femnl {femnl.__version__}", "model": model.text}
     measurement.write(measurement.bundle({"map": dataset}, geometry=model.name, **attributes), path)
     picture = path.with_suffix(".png")
-    harmonic_map_figure(dataset, polyline(model.outline), title).savefig(picture, dpi=200)
+    write_whole(picture, partial(harmonic_map_figure(dataset, polyline(model.outline), title).savefig, dpi=200))
     note(f"wrote {path} and {picture}")
 
 

@@ -8,7 +8,7 @@ import typer
 from femnl.cli._device import Bending, Geometry, Json, Resolution, Symmetry, load_device
 from femnl.cli._output import console, note, print_json, table
 from femnl.mesh import mesh
-from femnl.storage import write_mesh
+from femnl.storage import check_suffix, need_room, write_mesh
 
 Out = Annotated[Path | None, typer.Option(help="Write the mesh in any format of meshio: .vtu, .msh, .xdmf, …", show_default=False)]
 
@@ -22,6 +22,9 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Mesh a device and say what came out."""
+    if out:
+        check_suffix(out)
+        need_room(out)
     domain = mesh(load_device(geometry, bending), symmetry, resolution)
     boundaries = {name: len(facets) for name, facets in (domain.mesh.boundaries or {}).items()}
     if as_json:

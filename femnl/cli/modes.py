@@ -9,7 +9,7 @@ import typer
 from femnl.cli._device import Bending, Cache, Count, EdgeOption, Geometry, Json, Resolution, Symmetry, load_device, suffix_of
 from femnl.cli._output import console, note, print_json, scientific, table
 from femnl.predict import solve_modes, solve_nonlinearity
-from femnl.storage import write_modes, write_vtu
+from femnl.storage import need_room, write_modes, write_vtu
 from femnl.types.mechanics import Modes, Nonlinearity
 
 Out = Annotated[Path | None, typer.Option(help="Also write the modes to a file: .nc, or .vtu for ParaView.", show_default=False)]
@@ -30,6 +30,8 @@ def command(
 ) -> None:
     """Solve the modes of a device: frequencies, effective masses, geometric Duffing coefficients."""
     kind = suffix_of(out, (".nc", ".vtu")) if out else ""
+    if out:
+        need_room(out)
     modes = solve_modes(load_device(geometry, bending, edge), count, symmetry, resolution, cache)
     nonlinearity = solve_nonlinearity(modes, tensor=tensor, cache=cache)
     if as_json:

@@ -15,7 +15,7 @@ from femnl.errors import GeometryError
 from femnl.geometry.curves import polyline
 from femnl.plot.measurement import figures
 from femnl.predict import measured_device
-from femnl.storage import write_whole
+from femnl.storage import make_folder, write_whole
 
 Out = Annotated[Path, typer.Option(help="Folder for the figures, one a measurement; it is made where missing.")]
 
@@ -32,7 +32,7 @@ def command(
     console().print(table(str(file), ["attribute", "value"], rows))
     for name, node in tree.children.items():
         console().print(table(f"\n{name}", ["dataset", "shape", "range"], _rows(node.to_dataset())))
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     for name, figure in figures(tree, _outline(tree, file)).items():
         picture = out / f"{file.stem}-{name}.png"
         write_whole(picture, partial(figure.savefig, dpi=200))

@@ -5,10 +5,13 @@ from typing import Annotated
 
 import typer
 
-from femnl.cli._device import Bending, Cache, Geometry, Resolution, Symmetry, check_mode, load_device
+from femnl.cli._device import Bending, Cache, Geometry, Resolution, Symmetry, check_mode, load_device, suffix_of
 from femnl.cli._output import note
-from femnl.plot.mechanics import view
+from femnl.errors import ParameterError
+from femnl.plot.film import WHAT
+from femnl.plot.mechanics import FORMATS, view
 from femnl.predict import solve_modes
+from femnl.storage import need_room
 
 What = Annotated[str, typer.Argument(help="mesh, stress, shape or thickness.")]
 Out = Annotated[Path | None, typer.Option(help="Picture to write: .png, .pdf or .svg; a window opens without it.", show_default=False)]
@@ -25,6 +28,11 @@ def command(
     cache: Cache = True,
 ) -> None:
     """Show the mesh, the relaxed stress, the thickness or a mode shape, in a window or as a picture."""
+    if out:
+        suffix_of(out, FORMATS)
+        need_room(out)
+    if what not in WHAT:
+        raise ParameterError(f"{what}: expected one of {', '.join(WHAT)}")
     count = max(10, check_mode(mode) + 1)
     view(solve_modes(load_device(geometry, bending), count, symmetry, resolution, cache), what, mode, out)
     if out:

@@ -13,6 +13,9 @@ from femnl.geometry.schema import GeometryFile
 from femnl.geometry.tables import complaint, one_line
 from femnl.types.device import Model
 
+LARGEST = 2**24
+"""Bytes of a geometry file; a list of the most holes allowed has a third of it."""
+
 
 def load(name_or_path: str | Path) -> Model:
     """Read a device from a shipped geometry or from a TOML file.
@@ -23,15 +26,24 @@ def load(name_or_path: str | Path) -> Model:
     Raises:
         GeometryError: no such geometry, or a file that does not describe a device: one line with file, key, value and remedy.
     """
-    names = _names()
-    if str(name_or_path) in names:
-        return _read(resources.geometries() / f"{name_or_path}.toml")
     path = Path(name_or_path)
-    if path.suffix == ".toml" or path.is_file():
+    if str(name_or_path) not in _names() and (path.suffix == ".toml" or path.is_file()):
         return _read(path)
-    close = get_close_matches(str(name_or_path), names, n=1)
+    return load_shipped(str(name_or_path), "neither a shipped geometry nor a file")
+
+
+def load_shipped(name: str, otherwise: str = "no shipped geometry") -> Model:
+    """Read a shipped geometry by its name, and never a file elsewhere.
+
+    Raises:
+        GeometryError: no such geometry: `otherwise` says what the name is instead.
+    """
+    names = _names()
+    if name in names:
+        return _read(resources.geometries() / f"{name}.toml")
+    close = get_close_matches(name, names, n=1)
     hint = f"did you mean {close[0]}?" if close else f"shipped are {', '.join(names)}"
-    raise GeometryError(one_line(f"{name_or_path}: neither a shipped geometry nor a file; {hint}"))
+    raise GeometryError(one_line(f"{name}: {otherwise}; {hint}"))
 
 
 def parse(text: str, origin: str = "geometry") -> Model:
@@ -75,6 +87,11 @@ def _names() -> list[str]:
 
 def _read(path: Path) -> Model:
     try:
+        if path.exists() and not path.is_file():
+            raise GeometryError(one_line(f"{path}: not a regular file; give a shipped name or a TOML file"))
+        size = path.stat().st_size
+        if size > LARGEST:
+            raise GeometryError(one_line(f"{path}: {size / 2**20:.0f} MiB, and a geometry has at most {LARGEST / 2**20:g}; check the path"))
         text = path.read_text(encoding="utf-8-sig")  # editors on Windows put a mark first
     except OSError as error:
         raise GeometryError(one_line(f"{path}: cannot be read: {error.strerror}; give a shipped name or a TOML file")) from error

@@ -8,6 +8,8 @@ import h5py
 from femnl.errors import MeasurementError
 
 LIMIT = 2**32
+SMALL = 2**26  # bytes declared that are never too many
+RATIO = 100  # of data over file: noise hardly compresses, but a page of zeros does so a thousandfold
 _DEPTH = 16
 
 
@@ -25,7 +27,13 @@ def open_hdf5(path: Path) -> h5py.File:
     except OSError as error:
         raise MeasurementError(f"{path}: not a readable HDF5 file, perhaps truncated ({_short(error)}); copy or export it again") from None
     try:
-        _look(file, path, file, 0, [0])
+        total = [0]
+        _look(file, path, file, 0, total)
+        if total[0] > max(SMALL, RATIO * path.stat().st_size):
+            raise MeasurementError(
+                f"{path}: declares {total[0] / 2**20:.0f} MiB of data in {path.stat().st_size} bytes, which no measurement does; "
+                "export it again without the empty parts"
+            )
     except (RuntimeError, OSError, KeyError, ValueError, TypeError, OverflowError) as error:
         file.close()
         raise MeasurementError(f"{path}: damaged HDF5 structure ({_short(error)}); copy or export it again") from None

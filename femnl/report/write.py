@@ -7,7 +7,6 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
 from femnl import resources
-from femnl.errors import ParameterError
 from femnl.plot.screen import need_offscreen
 from femnl.report.checks import check
 from femnl.report.mechanics import EDGES, Part, Row, alpha_table, describe_geometry, frequency_table, ratio_table, solve
@@ -15,7 +14,7 @@ from femnl.report.numbers import plain, with_error
 from femnl.report.provenance import provenance
 from femnl.report.published import DEVICES, Device
 from femnl.report.readout import Maps, Spectrum, maps, spectrum
-from femnl.storage.atomic import write_whole
+from femnl.storage import make_folder, write_whole
 from femnl.types.device import Model
 
 NAME = "index.html"
@@ -53,10 +52,7 @@ def write_report(
     Raises: MissingLibraryError before anything is solved where pictures cannot be drawn; ParameterError; whatever solving raises.
     """
     need_offscreen()
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ParameterError(f"{out}: no folder can be made there ({error.strerror}); choose another with --out") from error
+    make_folder(out)
     models: list[Model] = []
     sections = [_section(device, progress, cache, models) for device in devices]
     checks = check(cases or resources.cases(), select, progress)

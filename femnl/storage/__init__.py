@@ -1,9 +1,21 @@
 """Results on disk: NetCDF that femnl reads back, VTU for other programs, and the cache of solved modes."""
 
-from femnl.storage.atomic import write_whole
+from femnl.storage.atomic import make_folder, need_room, write_whole
 from femnl.storage.cache import cached_modes, cached_nonlinearity
 from femnl.storage.results import read_modes, write_modes
 from femnl.storage.surface import unfold
-from femnl.storage.vtu import write_mesh, write_vtu
+from femnl.storage.vtu import check_suffix, write_mesh, write_vtu
 
-__all__ = ["cached_modes", "cached_nonlinearity", "read_modes", "unfold", "write_mesh", "write_modes", "write_vtu", "write_whole"]
+__all__ = [
+    "cached_modes",
+    "cached_nonlinearity",
+    "check_suffix",
+    "make_folder",
+    "need_room",
+    "read_modes",
+    "unfold",
+    "write_mesh",
+    "write_modes",
+    "write_vtu",
+    "write_whole",
+]

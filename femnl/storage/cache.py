@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
-from zipfile import BadZipFile
 
 import numpy as np
 from platformdirs import user_cache_path
@@ -17,6 +16,7 @@ from femnl.storage.results import read_modes, write_modes
 from femnl.types.device import Model
 from femnl.types.mechanics import Modes, Nonlinearity
 
+SEAL = hashlib.sha256().digest_size  # bytes
 STAGES = ("types", "fem", "mesh", "modes", "prestress.py", "nonlinearity.py", "predict.py", "storage")
 Result = TypeVar("Result")
 
@@ -24,7 +24,7 @@ Result = TypeVar("Result")
 def cached_modes(model: Model, options: tuple[object, ...], solve: Callable[[], Modes]) -> Modes:
     """Read the modes of this model and these options from the cache, or solve and keep them; see `kept`."""
     path = user_cache_path("femnl") / f"modes-{key(model, options)}.nc"
-    return kept(path, lambda: read_modes(path, model), solve, lambda modes: write_modes(path, modes))
+    return kept(path, lambda: read_modes(path, model), solve, write_modes)
 
 
 def cached_nonlinearity(modes: Modes, edge: str, tensor: bool, solve: Callable[[], Nonlinearity]) -> Nonlinearity:
@@ -39,30 +39,58 @@ def cached_nonlinearity(modes: Modes, edge: str, tensor: bool, solve: Callable[[
         with np.load(path) as stored:
             return Nonlinearity(edge, stored["k3"], stored["alpha"], stored["alpha_error"], stored["tensor"] if tensor else None)
 
-    def write(found: Nonlinearity) -> None:
+    def write(file: Path, found: Nonlinearity) -> None:
         full = np.empty(0) if found.tensor is None else found.tensor
-        write_whole(path, lambda file: np.savez(file, k3=found.k3, alpha=found.alpha, alpha_error=found.alpha_error, tensor=full))
+        np.savez(file, k3=found.k3, alpha=found.alpha, alpha_error=found.alpha_error, tensor=full)
 
     return kept(path, read, solve, write)
 
 
-def kept(path: Path, read: Callable[[], Result], solve: Callable[[], Result], write: Callable[[Result], None]) -> Result:
-    """Read an earlier result from `path`, or solve it and keep it there.
+def kept(path: Path, read: Callable[[], Result], solve: Callable[[], Result], write: Callable[[Path, Result], None]) -> Result:
+    """Read an earlier result from `path`, or solve it and let `write` fill a file that is kept there.
 
-    A file that cannot be read, or a folder that cannot be written, is reported as a warning and the result is solved.
+    A digest at the end of the file tells whether it is as it was written. A file that is not, or a folder that cannot be
+    written, is reported as a warning and the result is solved.
     """
     if path.exists():
         try:
+            _check_seal(path)
             return read()
-        except (OSError, KeyError, ValueError, BadZipFile) as error:
+        except (OSError, KeyError, ValueError) as error:
             logging.getLogger("femnl").warning("%s: unreadable in the cache (%s); solved anew", path, error)
     result = solve()
+
+    def write_sealed(file: Path) -> None:
+        write(file, result)
+        with file.open("ab") as stream:
+            stream.write(_digest(file, file.stat().st_size))
+
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write(result)
+        write_whole(path, write_sealed)
     except (OSError, ParameterError) as error:
         logging.getLogger("femnl").warning("a result was not kept in the cache: %s", error)
     return result
+
+
+def _check_seal(path: Path) -> None:
+    """Raise ValueError for a file that is not as it was written. HDF5 and zip files may end in bytes of others."""
+    size = path.stat().st_size - SEAL
+    with path.open("rb") as stream:
+        stream.seek(max(size, 0))
+        seal = stream.read()
+    if size < 0 or seal != _digest(path, size):
+        raise ValueError("not as it was written")
+
+
+def _digest(path: Path, size: int) -> bytes:
+    """SHA-256 of the first bytes of a file."""
+    digest = hashlib.sha256()
+    with path.open("rb") as stream:
+        while size > 0 and (part := stream.read(min(size, 2**20))):
+            digest.update(part)
+            size -= len(part)
+    return digest.digest()
 
 
 def key(model: Model, options: tuple[object, ...]) -> str:

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 from platformdirs import user_cache_path
 
-from femnl.storage.atomic import write_whole
 from femnl.storage.cache import kept, key
 from femnl.types.device import Model
 from femnl.types.operators import Projection
@@ -23,11 +22,7 @@ def cached_projection(model: Model, options: tuple[object, ...], compute: Callab
             slopes, masses, reach, grid_x, grid_y, shapes = (stored[name] for name in FIELDS)
         return Projection(slopes, masses, float(reach), grid_x, grid_y, shapes)
 
-    def write(found: Projection) -> None:
-        def save(file: Path) -> None:
-            f = found
-            np.savez(file, slopes=f.slopes, masses=f.masses, reach=f.reach, grid_x=f.grid_x, grid_y=f.grid_y, shapes=f.shapes)
-
-        write_whole(path, save)
+    def write(file: Path, found: Projection) -> None:
+        np.savez(file, **{name: getattr(found, name) for name in FIELDS})
 
     return kept(path, read, compute, write)

@@ -30,9 +30,14 @@ def write_mesh(path: Path, domain: Domain) -> None:
 
     Raises: ParameterError for a suffix that meshio does not write.
     """
-    if path.suffix not in meshio.extension_to_filetypes:
-        raise ParameterError(f"{path}: meshio writes no files that end in '{path.suffix}'; use .vtu, .msh or .xdmf")
+    check_suffix(path)
     points = domain.mesh.doflocs.T
     nodes = Space(domain.mesh, 2).dofs
     mesh = meshio.Mesh(np.column_stack([points, np.zeros(len(points))]), [("triangle6", nodes)])
     write_whole(path, lambda file: mesh.write(file))
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a name whose suffix meshio does not know. Raises: ParameterError."""
+    if path.suffix not in meshio.extension_to_filetypes:
+        raise ParameterError(f"{path}: meshio writes no files that end in '{path.suffix}'; use .vtu, .msh or .xdmf")
