@@ -55,6 +55,7 @@ class MapProblem:
         drive = dataset.attrs.get("drive_frequency")
         self.mode, fitted, told = self._find_mode(dataset, None if drive is None else float(drive))
         self.frequency = float(film.modes.frequency[self.mode]) if drive is None else float(drive)
+        self.drive = float(dataset.attrs.get("drive", 1.0))
         z = self.wavelength / (4 * np.pi)
         reach = film.projection.reach
         self.base: tuple[Knob, ...] = (
@@ -70,6 +71,7 @@ class MapProblem:
         self.facts: Mapping[str, float] = {
             "reach": reach,
             "wavelength": self.wavelength,
+            "slope": abs(fitted["contrast"]) / self.drive,
             "period": 1 / self.frequency,
             "spacing": float(np.ptp(self._x) / max(dataset.sizes["x"] - 1, 1)),
             **({"stack": _gap(film)} if film.model.stack is not None else {}),
@@ -115,13 +117,13 @@ class MapProblem:
             for (i, j), share in np.ndenumerate(shares):
                 dx, dy = placement.spot * STENCIL[i], placement.spot * STENCIL[j]
                 voltage += share * self._read(placement.x + dx, placement.y + dy, effects, base, values)
-        return apply("harmonics", Harmonics(voltage, self.harmonic, self.frequency), effects, values).values
+        return apply("harmonics", Harmonics(voltage, self.harmonic, self.frequency, self.drive), effects, values).values
 
     def _read(self, x: Array, y: Array, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> ComplexArray:
         shapes = self._shapes(x.tobytes(), y.tobytes())
-        swing = base["amplitude"] * np.exp(1j * base["motion_phase"]) * shapes[self.mode]
-        frequencies = self.film.modes.frequency
-        motion = Motion(swing[None], np.full(x.shape, base["theta"]), x, y, shapes, frequencies, self.mode)
+        swing = np.full(x.shape, base["amplitude"] * np.exp(1j * base["motion_phase"]))
+        first, theta = (swing * shapes[self.mode])[None], np.full(x.shape, base["theta"])
+        motion = Motion(first, theta, x, y, shapes, self.film.modes.frequency, self.mode, swing, self.wavelength)
         fringe = Fringe(np.array([0, 1], complex), self.wavelength, self.film.model.stack)
         moved, lit = apply("motion", motion, effects, values), apply("fringe", fringe, effects, values)
         return base["contrast"] * harmonics(moved, lit, self.harmonic)

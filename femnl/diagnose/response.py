@@ -20,7 +20,11 @@ from femnl.types.scene import Oscillator, Signal
 ALPHA_SD = 0.2
 """Relative standard deviation of a simulated α: Young's modulus of a thin film is rarely known better."""
 ROUNDS = 12
-"""Iterations of the amplitude under a quintic term, which is a small correction of the cubic one."""
+"""Iterations of the amplitude under a quintic term or a resonance of higher order, small corrections of the cubic one."""
+FAINT = 1e-6
+"""Squared amplitude, in that of one linewidth of stiffening, from which on a resonance of any order acts."""
+SOFTEST = 5.0
+"""Bounds, in simulated ones, of an α that softens, which prior knowledge holds against."""
 
 
 class ResponseProblem:
@@ -49,33 +53,46 @@ class ResponseProblem:
             *(Knob(f"responsivity{name}", "V/m", 0.0, 20 * s) for name, s in zip(names, self._scales, strict=True)),
             *(Knob(f"phase{name}", "rad", fitted[f"phase{name}"] - np.pi, fitted[f"phase{name}"] + np.pi) for name in names),
         )
-        sign = np.sign(ratio) or 1.0
-        self._alpha = float(sign * self.simulated_alpha)
         self.start = np.array([f0, w, slope[0] / scale, *self._scales, *(fitted[f"phase{name}"] for name in names)])
+        self.softens = ratio * self.simulated_alpha < 0
+        if self.softens:
+            self.base += (Knob("alpha", "m^-2", -SOFTEST * self.simulated_alpha, SOFTEST * self.simulated_alpha),)
+            self.start = np.append(self.start, -self.simulated_alpha)
         self._names = names
         strongest = slope[0] / scale * self.sweeps.reference
         recorded = "time" in dataset and bool(np.isfinite(dataset["time"].values).all())
         kept = np.unique(self.sweeps.row)
         self._time = np.asarray(dataset["time"].values[kept], float) if recorded else np.arange(len(kept), dtype=float)
+        self._largest = float(np.abs(self.sweeps.voltage).max())
         self.facts: Mapping[str, float] = {
             "curvature": strongest**-2,
             "curvature_square": strongest**-4,
             "slope": slope[0],
             "drive_square": self.sweeps.reference**-2,
             "frequency": f0,
+            "linewidth": w,
+            "linewidth_square": w**2,
+            "span": span,
             **({"wavelength": self.wavelength} if self.wavelength else {}),
             **({"time": float(np.ptp(self._time))} if recorded else {}),
         }
         label = film.modes.label[self.mode] or str(self.mode + 1)
+        soft = "response: the sweeps soften, which the geometry alone cannot do: α is free within what is known of it"
         self.notes = (
             *(f"response: {note}" for note in self.sweeps.notes),
+            *([soft] if self.softens else []),
             f"response: metres rest on the simulated α of mode {label}, {self.simulated_alpha:.3g} m⁻², known to {ALPHA_SD:.0%}",
         )
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Every sweep is a block of its own."""
-        return np.concatenate([self.sweeps.sweep, self.sweeps.sweep]).astype(np.int64)
+        """Every sweep is a block of its own; prior knowledge of α, where it is fitted, belongs to none."""
+        known = [-1] if self.softens else []
+        return np.concatenate([self.sweeps.sweep, self.sweeps.sweep, known]).astype(np.int64)
+
+    def _whole(self, points: ComplexArray, alpha: float = 0.0) -> Array:
+        """Return real and imaginary parts of (n_points,), and what α deviates from the simulated one where it is fitted."""
+        return np.concatenate([points.real, points.imag, [alpha] if self.softens else []])
 
     def predict(self, effects: Sequence[Effect], base: Values, values: Sequence[Values], instead: Sweeps | None = None) -> ComplexArray:
         """Return the voltage (n,) [V] of the state that each point of a sweep is on, or would be on with other drives."""
@@ -83,34 +100,44 @@ class ResponseProblem:
         first = np.array([span.start for span in data.spans])
         drive = data.drive[first] * data.reference
         frequency = np.full(len(first), base["frequency"])
-        plain = Oscillator(frequency, base["linewidth"], self._alpha, 0.0, 0.0, drive, base["peak"], self._time)
-        mode = apply("oscillator", plain, effects, values)
-        f0, force = mode.frequency[data.sweep], mode.force[data.sweep]
-        linear = np.maximum(mode.peak * force, np.finfo(float).tiny)
-        delta = 2 * (f0 - data.frequency) / mode.linewidth
-        cubic = 0.75 * f0 / mode.linewidth * mode.alpha * linear**2
-        fifth = 0.625 * f0 / mode.linewidth * mode.quintic * linear**4
-        loss = np.maximum(mode.damping, 0) * linear**2 / 4
-        states = [self._state(delta, cubic, fifth, loss, side) for side in (0, 1)]
-        gains = np.array([base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"]) for name in self._names])[data.position]
-        both = np.stack(
-            [
-                apply(
-                    "signal", Signal(gains * linear * b, linear * np.abs(b), data.drive * data.reference, self.wavelength), effects, values
-                ).voltage
-                for b in states
-            ]
+        silent = np.zeros(len(data.frequency), complex)
+        alpha = base.get("alpha", self.simulated_alpha)
+        plain = Oscillator(
+            frequency, base["linewidth"], alpha, 0.0, 0.0, drive, base["peak"], self._time, np.asarray(data.frequency), silent
         )
-        return self._followed(both, mode.alpha)
+        mode = apply("oscillator", plain, effects, values)
+        force = mode.force[data.sweep]
+        linear = np.maximum(mode.peak * force, np.finfo(float).tiny)
+        gains = np.array([base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"]) for name in self._names])[data.position]
+        volts = data.drive * data.reference
+        both = []
+        for b in self._states(mode, data, linear):
+            signal = Signal(gains * linear * b, linear * np.abs(b), volts, self.wavelength, self._largest)
+            both.append(apply("signal", signal, effects, values).voltage)
+        return self._followed(np.stack(both), mode.alpha)
 
-    def _state(self, delta: Array, cubic: Array, fifth: Array, loss: Array, side: int) -> ComplexArray:
-        """Return b = A/(A₁F) on the low (0) or high (1) sheet, continued past its fold."""
-        effective, x = cubic, sheets(delta, cubic, loss, continued=True).x[side]
-        if np.any(fifth):
-            for _ in range(ROUNDS):
-                effective = cubic + fifth * x
-                x = sheets(delta, effective, loss, continued=True).x[side]
-        return np.asarray(1 / (delta + effective * x + 1j * (1 + loss * x)))
+    def _states(self, mode: Oscillator, data: Sweeps, linear: Array) -> list[ComplexArray]:
+        """Return b = A/(A₁F) on the low and on the high sheet, continued past its fold.
+
+        Terms of higher order than the cubic one are put to the amplitude at hand, round by round.
+        """
+        f0, per = mode.frequency[data.sweep], 2 / mode.linewidth
+        delta = per * (f0 - data.frequency)
+        cubic = per * 0.375 * f0 * mode.alpha * linear**2 + 0j
+        fifth = per * 0.3125 * f0 * mode.quintic * linear**4
+        cubic += 1j * np.maximum(mode.damping, 0) * linear**2 / 4
+        square = np.where(mode.alpha == 0, np.inf, 8 * mode.linewidth / (3 * f0 * abs(mode.alpha)))
+        pulled = per * mode.pull * linear**2 / square
+        found = []
+        for side in (0, 1):
+            a = cubic + pulled
+            x = sheets(delta, a.real, a.imag, continued=True).x[side]
+            if np.any(fifth) or (np.any(pulled) and mode.order != 2):
+                for _ in range(ROUNDS):
+                    a = cubic + fifth * x + pulled * np.maximum(x * linear**2 / square, FAINT) ** (mode.order - 2)
+                    x = sheets(delta, a.real, a.imag, continued=True).x[side]
+            found.append(np.asarray(1 / (delta + a.real * x + 1j * (1 + a.imag * x))))
+        return found
 
     def _followed(self, both: ComplexArray, alpha: float) -> ComplexArray:
         """Return the sheet of each point: sweeps of known direction jump once, where the data say, others as they fit best."""
@@ -126,8 +153,8 @@ class ResponseProblem:
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (V − V_predicted)/σ of all real, then of all imaginary parts."""
-        misfit = (self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise
-        return np.concatenate([misfit.real, misfit.imag])
+        deviation = (base.get("alpha", self.simulated_alpha) / self.simulated_alpha - 1) / ALPHA_SD
+        return self._whole((self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise, deviation)
 
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """Gain and phase of the sweeps at each drive."""
@@ -136,18 +163,18 @@ class ResponseProblem:
         for drive in np.unique(self.sweeps.drive):
             only = np.where(self.sweeps.drive == drive, volts, 0)
             for name, part in (("gain", only), ("phase", 1j * only)):
-                found[f"{name} at a drive of {drive * self.sweeps.reference:.3g} V"] = np.concatenate([part.real, part.imag])
+                found[f"{name} at a drive of {drive * self.sweeps.reference:.3g} V"] = self._whole(part)
         return found
 
     def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """The same sweeps at twice the drives."""
         doubled = replace(self.sweeps, reference=2 * self.sweeps.reference)
         volts = self.predict(effects, base, values, doubled) / self.sweeps.noise
-        return {"the same sweeps at twice the drives": np.concatenate([volts.real, volts.imag])}
+        return {"the same sweeps at twice the drives": self._whole(volts)}
 
     def systematic(self, unit: str) -> float:
-        """Return how uncertain metres are through the simulated α, which scales as m⁻²."""
-        powers = {"m/V": 1, "V/m": -1, "m^-2": -2, "m^-4": -4}
+        """Return how uncertain metres are through the simulated α, which scales as m⁻², unless it is itself fitted."""
+        powers = {} if self.softens else {"m/V": 1, "V/m": -1, "m^-1": -1, "m^-2": -2, "m^-4": -4}
         return abs(powers.get(unit, 0)) / 2 * ALPHA_SD
 
     def mirrors(self, base: dict[str, float]) -> list[dict[str, float]]:

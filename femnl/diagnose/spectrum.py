@@ -107,7 +107,8 @@ class SpectrumProblem:
         # The geometry states its stress and assumes its density, so that c is carried by the density.
         film = replace(self.film.model.film, density=self.film.model.film.stress / base["speed"] ** 2)
         mass = self.film.modes.effective_mass * film.density / self.film.model.film.density
-        system = ModalSystem(np.diag(mass * (2 * np.pi * plain) ** 2), np.diag(mass), film.stress, film, self.film.projection)
+        stiffness, box = np.diag(mass * (2 * np.pi * plain) ** 2), self.film.model.outline.size
+        system = ModalSystem(stiffness, np.diag(mass), film.stress, film, self.film.projection, box)
         system = apply("operators", system, effects, values)
         square, vectors = eigh(system.stiffness, system.mass)
         return np.sqrt(np.maximum(square, 0)) / (2 * np.pi), vectors**2 * mass[:, None], plain

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Signal
+from femnl.types.scene import Harmonics, Signal
 
 
 def leak(signal: Signal, values: Values) -> Signal:
@@ -11,12 +11,19 @@ def leak(signal: Signal, values: Values) -> Signal:
     return replace(signal, voltage=signal.voltage + (values["real"] + 1j * values["imag"]) * signal.drive)
 
 
+def leak_first(harmonics: Harmonics, values: Values) -> Harmonics:
+    """Add the same part of the drive to the first harmonic at every point."""
+    added = (values["real"] + 1j * values["imag"]) * harmonics.drive * (harmonics.harmonic == 1)
+    return replace(harmonics, values=harmonics.values + added[:, None])
+
+
 EFFECT = Effect(
     name="crosstalk",
     equation="V → V + C V_drive",
     parameters=(Knob("real", "V/V", -1.0, 1.0, per="slope"), Knob("imag", "V/V", -1.0, 1.0, per="slope")),
-    changes={"signal": leak},
+    changes={"signal": leak, "harmonics": leak_first},
     source="linear superposition",
-    limits="flat over the resonance",
+    limits="flat over the resonance, a sinusoidal drive; where no drive is recorded, of 1 V",
     sentence="the drive leaks into the detected signal",
+    shared=False,
 )

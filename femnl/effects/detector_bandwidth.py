@@ -22,4 +22,5 @@ EFFECT = Effect(
     source="first-order low pass",
     limits="one pole",
     sentence="the detector is too slow for the highest harmonics",
+    shared=False,
 )

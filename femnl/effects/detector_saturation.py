@@ -2,8 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Fringe
+from femnl.types.scene import Fringe, Signal
 
 
 def clip(fringe: Fringe, values: Values) -> Fringe:
@@ -11,12 +13,20 @@ def clip(fringe: Fringe, values: Values) -> Fringe:
     return replace(fringe, limit=min(fringe.limit, 1 - values["clipped"]))
 
 
+def clip_sweep(signal: Signal, values: Values) -> Signal:
+    """Clip the sinusoid at ±(1 − s) of the strongest signal, which leaves (2/π)(asin r + r √(1 − r²)) of one 1/r times the limit."""
+    size = np.abs(signal.voltage)
+    r = np.minimum((1 - values["clipped"]) * signal.largest / np.where(size > 0, size, 1.0), 1.0)
+    return replace(signal, voltage=signal.voltage * (2 / np.pi) * (np.arcsin(r) + r * np.sqrt(1 - r**2)))
+
+
 EFFECT = Effect(
     name="detector_saturation",
-    equation="|v − V₀| ≤ (1 − s) V_C",
+    equation="|v − V₀| ≤ (1 − s) V_C; in sweeps, of the strongest signal",
     parameters=(Knob("clipped", "1", 0.0, 0.8),),
-    changes={"fringe": clip},
-    source="an amplifier between its rails",
+    changes={"fringe": clip, "signal": clip_sweep},
+    source="an amplifier between its rails; in sweeps its describing function, Gelb & Vander Velde (1968)",
     limits="sharp and the same on both sides",
     sentence="the detector clips the signal",
+    shared=False,
 )

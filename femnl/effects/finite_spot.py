@@ -21,4 +21,5 @@ EFFECT = Effect(
     source="Gaussian beam on a detector that adds up power",
     limits="spot smaller than the rings, about λ_ring/2",
     sentence="the laser spot averages over neighbouring points",
+    shared=False,
 )

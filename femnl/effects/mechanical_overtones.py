@@ -1,7 +1,5 @@
 """Motion at multiples of the drive."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from femnl.types.effect import Effect, Knob, Values
@@ -9,16 +7,16 @@ from femnl.types.scene import Motion
 
 
 def sing(motion: Motion, values: Values) -> Motion:
-    """Add U_n ξ_j at nω, with ξ_j the mode whose frequency is nearest to n times that of the driven one; phases follow the drive's."""
-    first = motion.displacement[0]
-    top = int(np.argmax(np.abs(first)))
-    turn = first[top] / motion.shapes[motion.mode][top]
-    turn = turn / abs(turn) if turn else 1.0
-    orders = [first]
+    """Add U_n ξ_j at nω, with ξ_j the mode whose frequency is nearest to n times that of the driven one.
+
+    Phases follow those of the driven motion, and so does the size: U_n is that at the largest swing and falls as its n-th power.
+    """
+    largest = np.abs(motion.swing).max()
+    turn = motion.swing / largest if largest else motion.swing
     for n in (2, 3):
         near = int(np.argmin(np.abs(motion.frequencies - n * motion.frequencies[motion.mode])))
-        orders.append((values[f"cos{n}"] - 1j * values[f"sin{n}"]) * turn**n * motion.shapes[near])
-    return replace(motion, displacement=np.stack(orders))
+        motion = motion.raised(n, (values[f"cos{n}"] - 1j * values[f"sin{n}"]) * turn**n * motion.shapes[near])
+    return motion
 
 
 EFFECT = Effect(

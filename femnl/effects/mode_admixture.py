@@ -1,20 +1,14 @@
 """Other modes that move with the driven one."""
 
-from dataclasses import replace
-
-import numpy as np
-
 from femnl.types.effect import Effect, Knob, Values
 from femnl.types.scene import Motion
 
 
 def mix(motion: Motion, values: Values) -> Motion:
     """Add e_j ξ_j to the shape of the driven mode, in phase with it."""
-    first = motion.displacement[0]
-    swing = first[np.argmax(np.abs(first))] / motion.shapes[motion.mode][np.argmax(np.abs(first))]
     others = [j for j in range(len(motion.shapes)) if j != motion.mode][: len(values)]
     added = sum(values[f"e{i}"] * motion.shapes[j] for i, j in enumerate(others, 1))
-    return replace(motion, displacement=np.concatenate([[first + swing * added], motion.displacement[1:]]))
+    return motion.raised(1, motion.swing * added)
 
 
 EFFECT = Effect(

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Oscillator
+from femnl.types.scene import Equation, Oscillator
 
 
 def damp(mode: Oscillator, values: Values) -> Oscillator:
@@ -11,11 +11,16 @@ def damp(mode: Oscillator, values: Values) -> Oscillator:
     return replace(mode, damping=mode.damping + values["eta"])
 
 
+def damp_record(forces: Equation, values: Values) -> Equation:
+    """Add η to the damping that grows with displacement."""
+    return replace(forces, damping=forces.damping + values["eta"])
+
+
 EFFECT = Effect(
     name="nonlinear_damping",
     equation="γ u̇ → γ (1 + η u²) u̇",
     parameters=(Knob("eta", "m^-2", 0.0, 400.0, per="curvature"),),
-    changes={"oscillator": damp},
+    changes={"oscillator": damp, "equation": damp_record},
     source="Lifshitz & Cross (2008), section 1.3; Eichler et al., Nat. Nanotechnol. 6, 339 (2011)",
     limits="first order of averaging: ηA² may be large, w ≪ f₀",
     sentence="damping grows with amplitude",

@@ -25,4 +25,5 @@ EFFECT = Effect(
     limits="one cosine; s = ξ² at the spot where α is known",
     sentence="the fringe is not straight over the motion",
     needs=("wavelength",),
+    shared=False,
 )

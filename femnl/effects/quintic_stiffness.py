@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Oscillator
+from femnl.types.scene import Equation, Oscillator
 
 
 def stiffen(mode: Oscillator, values: Values) -> Oscillator:
@@ -11,11 +11,16 @@ def stiffen(mode: Oscillator, values: Values) -> Oscillator:
     return replace(mode, quintic=mode.quintic + values["alpha5"])
 
 
+def stiffen_record(forces: Equation, values: Values) -> Equation:
+    """Add α₅ to the restoring force."""
+    return replace(forces, quintic=forces.quintic + values["alpha5"])
+
+
 EFFECT = Effect(
     name="quintic_stiffness",
     equation="ω₀² (u + αu³) → ω₀² (u + αu³ + α₅u⁵)",
     parameters=(Knob("alpha5", "m^-4", -1e-4, 1e-4, per="curvature_square"),),
-    changes={"oscillator": stiffen},
+    changes={"oscillator": stiffen, "equation": stiffen_record},
     source="first-order averaging, Nayfeh & Mook (1979), section 4.1",
     limits="a small correction of the cubic term",
     sentence="the film has a restoring force of fifth order",

@@ -22,4 +22,5 @@ EFFECT = Effect(
     source="characteristic function of a normal time error",
     limits="normal, independent from trace to trace",
     sentence="the trigger jitters, and averaging wears the high harmonics down",
+    shared=False,
 )

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 Kind = Literal["spectrum", "response", "map", "trace", "series"]
-Stage = Literal["operators", "frequencies", "oscillator", "signal", "placement", "motion", "fringe", "harmonics", "points"]
+Stage = Literal["operators", "frequencies", "oscillator", "signal", "placement", "motion", "fringe", "harmonics", "equation", "points"]
 STAGES: dict[Kind, tuple[Stage, ...]] = {
     "spectrum": ("operators", "frequencies"),
     "response": ("oscillator", "signal"),
     "map": ("placement", "motion", "fringe", "harmonics"),
-    "trace": ("motion", "fringe", "harmonics"),
+    "trace": ("motion", "fringe", "harmonics", "equation"),
     "series": ("points",),
 }
 """The stages whose values effects may change, in the order in which they run, for each kind of measurement."""
@@ -43,6 +43,7 @@ class Effect:
 
     name: as used in files. equation: in words a physicist reads. changes: by stage, see `Change`. needs: facts about the
     measurement without which the effect cannot be told, such as "time". replaces: base parameters that have no meaning beside it.
+    shared: whether the measurements of one device have its parameters in common, as for film and stage; else each laser has its own.
     sentence: for the report, "the film …". source, limits: where the equation is from and how far it holds.
     """
 
@@ -55,6 +56,7 @@ class Effect:
     sentence: str
     needs: tuple[str, ...] = ()
     replaces: tuple[str, ...] = ()
+    shared: bool = True
 
     @property
     def kinds(self) -> tuple[Kind, ...]:

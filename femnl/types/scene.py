@@ -14,7 +14,8 @@ from femnl.types.readout import Array, ComplexArray
 class ModalSystem:
     """Stage `operators`: K and M in the basis of the base modes. K x = ω² M x.
 
-    stiffness (n, n) [N/m]; mass (n, n) [kg]; stress [Pa]: the film stress that K stands for; film; projection: integrals for changes.
+    stiffness (n, n) [N/m]; mass (n, n) [kg]; stress [Pa]: the film stress that K stands for; film; projection: integrals for changes;
+    box: width and height [m] of a rectangular film, whose modes are sin·sin, None for any other outline.
     """
 
     stiffness: Array
@@ -22,6 +23,7 @@ class ModalSystem:
     stress: float
     film: Film
     projection: Projection
+    box: tuple[float, float] | None = None
 
     @property
     def speed(self) -> float:
@@ -49,10 +51,12 @@ class Lines:
 
 @dataclass(frozen=True)
 class Oscillator:
-    """Stage `oscillator`: one driven mode, A [m] (f₀(1 + ⅜αA² + 5/16 α₅A⁴) − f + i(w/2)(1 + ¼ηA²)) = (w/2) A₁ F.
+    """Stage `oscillator`: one driven mode, A [m] (f₀(1 + ⅜αA² + 5/16 α₅A⁴) + Π(A/A_s)^{2(p−1)} − f + i(w/2)(1 + ¼ηA²)) = (w/2) A₁ F.
 
     frequency f₀ (n_sweeps,) and linewidth w [Hz]; alpha [m⁻²]; quintic α₅ [m⁻⁴]; damping η [m⁻²]; force F (n_sweeps,) in V of drive,
-    peak A₁ [m/V]: the linear amplitude at resonance.
+    peak A₁ [m/V]: the linear amplitude at resonance; time (n_sweeps,) [s]. For what depends on the frequency of the drive itself,
+    driven f (n_points,) [Hz]; pull Π (n_points,) [Hz], which a mode near p·f adds at the amplitude A_s that stiffens the mode
+    by one linewidth; order p.
     """
 
     frequency: Array
@@ -63,16 +67,36 @@ class Oscillator:
     force: Array
     peak: float
     time: Array
+    driven: Array
+    pull: ComplexArray
+    order: float = 2.0
+
+
+@dataclass(frozen=True)
+class Equation:
+    """Stage `equation`: c (1 + ηy²) ẏ + k (y + κ₂y² + αy³ + α₅y⁵), the forces on one mode while it moves freely in time.
+
+    quadratic κ₂, cubic α, quintic α₅ and damping η in powers of 1/y, where y is what the record holds.
+    """
+
+    quadratic: float
+    cubic: float
+    quintic: float
+    damping: float
 
 
 @dataclass(frozen=True)
 class Signal:
-    """Stage `signal`: V (n,) [V] of each point, for |A| (n,) [m] at a drive (n,) [V]; wavelength [m], 0 where not recorded."""
+    """Stage `signal`: V (n,) [V] of each point, for |A| (n,) [m] at a drive (n,) [V]; wavelength [m], 0 where not recorded.
+
+    largest [V]: the strongest signal that was measured.
+    """
 
     voltage: ComplexArray
     amplitude: Array
     drive: Array
     wavelength: float
+    largest: float
 
 
 @dataclass(frozen=True)
@@ -89,7 +113,8 @@ class Motion:
     """Stage `motion`: u(t) = Σ_m Re(displacement_m e^{imωt}) at every point, and the phase θ of the fringe there.
 
     displacement (n_orders, n_points) [m], orders from 1; theta (n_points,) [rad]; x, y (n_points,) [m] on the film; shapes
-    (n_modes, n_points): ξ of the lowest modes; frequencies (n_modes,) [Hz]; mode: the one that is driven.
+    (n_modes, n_points): ξ of the lowest modes; frequencies (n_modes,) [Hz]; mode: the one that is driven; swing (n_points,) [m]: its
+    amplitude U e^{iφ} where |ξ| = 1, while each point was measured; wavelength [m].
     """
 
     displacement: ComplexArray
@@ -99,6 +124,19 @@ class Motion:
     shapes: Array
     frequencies: Array
     mode: int
+    swing: ComplexArray
+    wavelength: float
+
+    def raised(self, order: int, added: ComplexArray) -> "Motion":
+        """Add the displacement (n_points,) [m] at a multiple of the drive."""
+        missing = max(order - len(self.displacement), 0)
+        displacement = np.concatenate([self.displacement, np.zeros((missing, len(self.x)))])
+        displacement[order - 1] += added
+        return replace(self, displacement=displacement)
+
+    def shifted(self, rest: Array) -> "Motion":
+        """Move the film by (n_points,) [m] at rest, which turns the fringe."""
+        return replace(self, theta=self.theta + 4 * np.pi / self.wavelength * rest)
 
 
 @dataclass(frozen=True)
@@ -116,11 +154,15 @@ class Fringe:
 
 @dataclass(frozen=True)
 class Harmonics:
-    """Stage `harmonics`: V_n (n_harmonics, n_points) [V] of the orders `harmonic`; frequency of the drive [Hz]."""
+    """Stage `harmonics`: V_n (n_harmonics, n_points) [V] of the orders `harmonic`.
+
+    frequency of the drive [Hz], one or (n_points,); drive [V], 1 where not recorded.
+    """
 
     values: ComplexArray
     harmonic: NDArray[np.int64]
-    frequency: float
+    frequency: float | Array
+    drive: float = 1.0
 
 
 @dataclass(frozen=True)

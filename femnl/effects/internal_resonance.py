@@ -1,0 +1,34 @@
+"""A mode near a multiple of the drive, to which the driven one loses energy."""
+
+from dataclasses import replace
+
+from femnl.types.effect import Effect, Knob, Values
+from femnl.types.scene import Oscillator
+
+
+def couple(mode: Oscillator, values: Values) -> Oscillator:
+    """Let a second mode, driven at p times the drive by the p-th power of the first, act back on it: Π = −g²/(f_j/p − f + iw_j/2).
+
+    Its equation at pf is B p(f_j/p − f + iw_j/2) ∝ A^p, and the force back on the first is ∝ A*^{p−1} B.
+    """
+    if values["coupling_square"] == 0:
+        return mode
+    crossing = (mode.driven.min() + mode.driven.max()) / 2 + values["offset"]
+    pull = -values["coupling_square"] / (crossing - mode.driven + 0.5j * values["width"])
+    return replace(mode, pull=mode.pull + pull, order=values["order"])
+
+
+EFFECT = Effect(
+    name="internal_resonance",
+    equation="f₀ → f₀ − g² (A/A_s)^{2(p−1)}/(f_j/p − f + iw/2), p = 2, 3; ⅜αf₀A_s² = linewidth; w that of the second mode over p",
+    parameters=(
+        Knob("coupling_square", "Hz^2", 0.0, 100.0, per="linewidth_square"),
+        Knob("offset", "Hz", -0.6, 0.6, strength=False, per="span"),
+        Knob("width", "Hz", 0.03, 30.0, strength=False, log=True, per="linewidth"),
+        Knob("order", "1", 1.5, 3.5, strength=False),
+    ),
+    changes={"oscillator": couple},
+    source="Nayfeh & Mook (1979), section 6.5, the second mode slaved: averaging of q₁²q₂ (p = 2) and q₁³q₂ (p = 3)",
+    limits="a steady second mode that follows the first; no energy stored there; offset is f_j/p less the middle of the sweeps",
+    sentence="the driven mode gives energy to another one near a multiple of its frequency",
+)

@@ -1,0 +1,284 @@
+"""The physics of single effects, against integration in time, closed forms and other discretisations."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.linalg import eigvalsh
+from scipy.optimize import brentq
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import eigsh
+
+from femnl.effects import library
+from femnl.fits.response_model import sheets
+from femnl.geometry import load
+from femnl.resonator import couple
+from femnl.resonator.balance import Balance
+from femnl.types.operators import Projection
+from femnl.types.resonator import Resonator
+from femnl.types.scene import Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Points, Signal
+
+Array = NDArray[np.float64]
+FILM = load("square-270um").film
+SIDE = 270e-6
+TABLE = {
+    "bending_stiffness",
+    "stress_anisotropy",
+    "aspect_ratio",
+    "shear_stress",
+    "added_mass",
+    "gas_loading",
+    "compliant_clamp",
+    "hole_dispersion",
+    "frequency_drift",
+    "frame_mode",
+    "tension_gradient",
+    "nonlinear_damping",
+    "quintic_stiffness",
+    "quadratic_stiffness",
+    "internal_resonance",
+    "crosstalk",
+    "drive_compression",
+    "nonlinear_readout",
+    "gas_damping",
+    "photothermal",
+    "thermal_stress",
+    "mechanical_overtones",
+    "multilayer_fringe",
+    "finite_spot",
+    "phase_tilt",
+    "static_bow",
+    "mode_admixture",
+    "detector_bandwidth",
+    "trigger_jitter",
+    "detector_saturation",
+    "stage_scale",
+    "stage_rotation",
+}
+KINDS = {
+    "compliant_clamp": {"spectrum"},
+    "gas_loading": {"spectrum", "series"},
+    "frequency_drift": {"spectrum", "response", "series"},
+    "quadratic_stiffness": {"response", "map", "trace"},
+    "internal_resonance": {"response"},
+    "nonlinear_damping": {"response", "trace"},
+    "crosstalk": {"response", "map", "trace"},
+    "detector_saturation": {"response", "map", "trace"},
+    "detector_bandwidth": {"map", "trace"},
+    "trigger_jitter": {"map", "trace"},
+    "multilayer_fringe": {"map", "trace"},
+    "mechanical_overtones": {"map", "trace"},
+    "finite_spot": {"map"},
+    "nonlinear_readout": {"response"},
+    "photothermal": {"series"},
+}
+
+
+def test_the_library_holds_every_cause_that_files_may_name_and_no_other() -> None:
+    assert set(library()) == TABLE
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_an_effect_shows_in_the_kinds_of_data_that_physics_lets_it(name: str) -> None:
+    assert set(library()[name].kinds) == KINDS[name]
+
+
+def rectangle(box: tuple[float, float], n: int = 7) -> ModalSystem:
+    """Ideal modes sin·sin of a rectangle with stiffness and mass in closed form."""
+    orders = np.array([(p, q) for p in range(1, n + 1) for q in range(1, n + 1)])
+    k2 = (np.pi * orders / np.array(box)) ** 2
+    area, h = box[0] * box[1] / 4, FILM.thickness
+    slopes = np.zeros((6, 3, len(k2), len(k2)))
+    slopes[0, 0], slopes[0, 1] = (h * area * np.diag(k2[:, a]) for a in (0, 1))
+    grid = np.linspace(-1, 1, 9)
+    projection = Projection(slopes, np.zeros((6, len(k2), len(k2))), max(box) / 2, grid, grid, np.zeros((len(k2), 9, 9)))
+    mass = FILM.density * h * area * np.eye(len(k2))
+    return ModalSystem(FILM.stress * (slopes[0, 0] + slopes[0, 1]), mass, FILM.stress, FILM, projection, box)
+
+
+def string(length: float, depth: float, n: int = 2000) -> Array:
+    """Squared wave numbers of a string whose ends follow w = ∓δ w', by finite elements."""
+    h = length / n
+    step = np.eye(2)[0] - np.eye(2)[1]
+    place = np.stack([np.arange(n), np.arange(n) + 1])
+    rows, columns = np.broadcast_arrays(place[:, None], place[None, :])
+
+    def joined(element: Array, ends: float) -> csc_matrix:
+        values = np.concatenate([np.repeat(element.ravel(), n), [ends, ends]])
+        return csc_matrix((values, (np.append(rows.ravel(), [0, n]), np.append(columns.ravel(), [0, n]))))
+
+    k, m = joined(np.outer(step, step) / h, 1 / depth), joined((np.ones((2, 2)) + np.eye(2)) * h / 6, 0.0)
+    return np.sort(eigsh(k, 7, m, sigma=0.0, return_eigenvectors=False))
+
+
+def test_a_compliant_clamp_lowers_modes_as_a_string_between_springs() -> None:
+    depth, box = 6e-6, (270e-6, 200e-6)
+    system = rectangle(box)
+    loose = library()["compliant_clamp"].changes["operators"](system, {"depth_cubed": depth**3})
+    exact = np.add.outer(string(box[0], depth), string(box[1], depth)).ravel() * (1 + 2 * depth / np.sqrt(box[0] * box[1])) ** 2
+    found = np.diag(loose.stiffness) / np.diag(loose.mass) / system.speed**2
+    np.testing.assert_allclose(found, exact, rtol=3e-5)
+    shift = found / (np.diag(system.stiffness) / np.diag(system.mass) / system.speed**2) - 1
+    assert np.ptp(shift) > 0.02
+
+
+def test_a_compliant_clamp_of_a_square_lowers_low_modes_most() -> None:
+    system = rectangle((SIDE, SIDE))
+    loose = library()["compliant_clamp"].changes["operators"](system, {"depth_cubed": 1e-15})
+    shift = np.diag(loose.stiffness) / np.diag(system.stiffness) - 1
+    low, high = shift[0], shift[-1]
+    assert 0 < low < high
+
+
+def averaged(mode: Oscillator) -> NDArray[np.complex128]:
+    """Amplitude on the low sheet, as the equation of the stage says, by iteration of its coefficient."""
+    per, f0 = 2 / mode.linewidth, mode.frequency[0]
+    linear, delta = mode.peak * mode.force[0], per * (f0 - mode.driven)
+    square = 8 * mode.linewidth / (3 * f0 * abs(mode.alpha))
+    x = np.zeros_like(delta)
+    for _ in range(200):
+        pulled = per * mode.pull * linear**2 / square * (x * linear**2 / square) ** (mode.order - 2)
+        a = per * 0.375 * f0 * mode.alpha * linear**2 + pulled
+        x = sheets(delta, a.real, a.imag, continued=True).x[0]
+    return np.asarray(linear / (delta + a.real * x + 1j * (1 + a.imag * x)))
+
+
+W0, GAMMA = 2 * np.pi, 0.04  # f₀ = 1 Hz, w = 0.04/2π Hz
+
+
+def oscillator(frequency: Array, force: float, alpha: float) -> Oscillator:
+    """The same in the terms of the stage."""
+    width = GAMMA / (2 * np.pi)
+    peak = force / (W0 * GAMMA)
+    return Oscillator(np.ones(1), width, alpha, 0.0, 0.0, np.ones(1), peak, np.zeros(1), frequency, np.zeros(len(frequency), complex))
+
+
+def test_quadratic_stiffness_lowers_alpha_by_ten_ninths_of_its_square() -> None:
+    kappa, alpha = 1.0, 1.6
+
+    def rate(amplitude: float) -> float:
+        """Frequency of the free oscillation between the turning points a and b, 2π over its period, from its energy."""
+
+        def energy(u: Array | float) -> Array | float:
+            return u**2 / 2 + kappa * u**3 / 3 + alpha * u**4 / 4
+
+        low = brentq(lambda u: float(energy(u) - energy(amplitude)), -2 * amplitude, -0.5 * amplitude, xtol=1e-15)
+        middle, half = (amplitude + low) / 2, (amplitude - low) / 2
+        psi = np.pi * (np.arange(400) + 0.5) / 400
+        u = middle + half * np.cos(psi)
+        return float(1 / np.mean(half * np.sin(psi) / np.sqrt(2 * (energy(amplitude) - energy(u)))))
+
+    plain = oscillator(np.ones(1), 0.01, alpha)
+    bent = library()["quadratic_stiffness"].changes["oscillator"](plain, {"kappa2": kappa})
+    first = [(rate(a) - 1) / (0.375 * a**2) for a in (0.02, 0.01)]
+    # Linear in a to the next order: the first harmonic is not quite the largest displacement.
+    assert 2 * first[1] - first[0] == pytest.approx(bent.alpha, abs=2e-3)
+
+
+def test_quadratic_stiffness_moves_the_film_at_rest_and_at_twice_the_drive() -> None:
+    kappa, start = 0.05, [1.0, 0.0]
+    rate = 1 - 5 / 12 * kappa**2
+    t = np.linspace(0, 40 * 2 * np.pi / rate, 4001)[:-1]
+    run = solve_ivp(lambda t, s: [s[1], -s[0] - kappa * s[0] ** 2], (0, t[-1]), start, "DOP853", rtol=1e-11, atol=1e-12, t_eval=t)
+    u = run.y[0]
+    orders = np.array([np.mean(u * np.exp(-1j * n * rate * t)) * (2 if n else 1) for n in range(3)])
+    one = np.ones((1, 1))
+    motion = Motion(orders[1] * one, np.zeros(1), np.zeros(1), np.zeros(1), one, np.ones(1), 0, orders[1] * np.ones(1), 4 * np.pi)
+    moved = library()["quadratic_stiffness"].changes["motion"](motion, {"kappa2": kappa})
+    assert moved.theta[0] == pytest.approx(orders[0].real, rel=0.02)
+    assert abs(moved.displacement[1, 0] - orders[2]) < 0.03 * abs(orders[2])
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_internal_resonance_is_the_wiggle_that_two_coupled_modes_show(order: int) -> None:
+    alpha, coupling, force, crossing, loss = 0.3, {2: 8.0, 3: 150.0}[order], 0.02, 1.004, 0.15
+    frequency = np.array([0.99, 0.999, 1.002, 1.004, 1.006, 1.009, 1.015])
+    second = 2 * np.pi * order * crossing
+    tensors = {"quadratic": {(0, 0, 1): coupling}} if order == 2 else {"cubic": {(0, 0, 0, 1): coupling}}
+    pair = couple([Resonator(1.0, W0 / GAMMA, alpha), Resonator(order * crossing, second / loss)], [1.0, 1.0], **tensors)
+    plain = oscillator(frequency, force, alpha)
+    square = 8 * plain.linewidth / (3 * alpha)
+    # B = −c A^p / 2^{p−1} / D with D = 2ω₂·2πp (f_j/p − f + iw/2), and the force back c p A*^{p−1} B / 2^{p−1}, over 2ω₀·2π.
+    strength = coupling**2 * order / 4 ** (order - 1) * square ** (order - 1) / (2 * second * 2 * np.pi * order * 2 * W0 * 2 * np.pi)
+    values = {
+        "coupling_square": strength,
+        "offset": crossing - frequency[[0, -1]].mean(),
+        "width": loss / (2 * np.pi * order),
+        "order": order,
+    }
+    found = averaged(library()["internal_resonance"].changes["oscillator"](plain, values))
+    effect = np.abs(np.abs(averaged(plain)) / np.abs(found) - 1).max()
+    assert effect > 0.04
+    full = Balance.of(pair, np.array([force, 0.0]), 6)
+    starts = [full.pack(np.array([[0, a], [0, 0]])) for a in found]
+    measured = [full.unpack(full.solve(start, 2 * np.pi * f / full.rate))[0, 1] for start, f in zip(starts, frequency, strict=True)]
+    np.testing.assert_allclose(np.abs(found), np.abs(measured), rtol=0.15 * effect)
+
+
+def test_saturation_of_a_sweep_is_the_first_harmonic_of_the_clipped_sinusoid() -> None:
+    tau = np.linspace(0, 2 * np.pi, 40001)[:-1]
+    volts = np.array([0.3, 0.7, 0.95, 1.0]) * np.exp(0.4j)
+    signal = Signal(volts, np.ones(4), np.ones(4), 0.0, 1.0)
+    clipped = library()["detector_saturation"].changes["signal"](signal, {"clipped": 0.4})
+    exact = [2 * np.mean(np.clip((v * np.exp(1j * tau)).real, -0.6, 0.6) * np.exp(-1j * tau)) for v in volts]
+    np.testing.assert_allclose(clipped.voltage, exact, rtol=1e-6)
+
+
+def test_saturation_of_a_fringe_clips_the_voltage() -> None:
+    assert library()["detector_saturation"].changes["fringe"](
+        Fringe(np.array([0, 1 + 0j]), 1.0, None), {"clipped": 0.3}
+    ).limit == pytest.approx(0.7)
+
+
+def test_crosstalk_adds_the_drive_to_the_first_harmonic_only() -> None:
+    plain = Harmonics(np.zeros((3, 4), complex), np.array([1, 2, 3]), 1e6, 0.5)
+    found = library()["crosstalk"].changes["harmonics"](plain, {"real": 0.2, "imag": -0.4}).values
+    np.testing.assert_allclose(found[0], 0.1 - 0.2j)
+    assert not found[1:].any()
+
+
+def test_tilt_and_bow_turn_the_fringe_more_at_the_shorter_wavelength() -> None:
+    x, shapes = np.array([-1e-4, 2e-4]), np.array([[0.5, 1.0]])
+    for name, values, expected in (
+        ("phase_tilt", {"slope_x": 1e-4, "slope_y": 0.0}, 1e-4 * x),
+        ("static_bow", {"depth": 2e-8}, 2e-8 * shapes[0]),
+    ):
+        for wavelength in (532e-9, 632.8e-9):
+            motion = Motion(np.ones((1, 2), complex), np.zeros(2), x, 0 * x, shapes, np.ones(1), 0, np.ones(2, complex), wavelength)
+            moved = library()[name].changes["motion"](motion, values)
+            np.testing.assert_allclose(moved.theta, 4 * np.pi / wavelength * expected)
+
+
+def test_overtones_follow_the_power_of_the_swing_and_its_phase() -> None:
+    swing = np.array([1.0, 0.5]) * np.exp(0.3j)
+    shapes = np.ones((2, 2))
+    motion = Motion(swing[None], np.zeros(2), np.zeros(2), np.zeros(2), shapes, np.array([1.0, 2.0]), 0, swing, 1.0)
+    sung = library()["mechanical_overtones"].changes["motion"](motion, {"cos2": 1e-2, "sin2": 0.0, "cos3": 0.0, "sin3": 2e-2})
+    np.testing.assert_allclose(sung.displacement[1], 1e-2 * np.array([1, 0.25]) * np.exp(0.6j))
+    np.testing.assert_allclose(sung.displacement[2], -2e-2j * np.array([1, 0.125]) * np.exp(0.9j))
+
+
+def test_gas_against_pressure_loads_as_at_rest_in_that_gas() -> None:
+    pressure = np.linspace(0, 100, 6)
+    wavenumber, speed = 2e4, np.sqrt(FILM.stress / FILM.density)
+    points = Points(np.full(6, wavenumber * speed / (2 * np.pi)), np.ones(6), {"pressure": pressure}, FILM)
+    found = library()["gas_loading"].changes["points"](points, {"gas_density": 1.2e-3}).frequency
+    z = np.linspace(0, 12 / wavenumber, 20001)
+    # The gas on either side moves as e^{−kz}: its kinetic energy per area is ½ρ_g v²/k for both sides together.
+    kinetic = 2 * np.trapezoid(1.2e-3 * 2 * np.exp(-2 * wavenumber * z), z)
+    film = FILM.density * FILM.thickness
+    assert found[-1] / found[0] == pytest.approx(np.sqrt(film / (film + kinetic)), rel=1e-7)
+    assert (
+        library()["gas_loading"].changes["points"](replace(points, control={"time": pressure}), {"gas_density": 1.0}).frequency[-1]
+        == points.frequency[-1]
+    )
+
+
+def test_a_frame_far_from_a_mode_pulls_it_as_the_coupled_pair_does() -> None:
+    film, frame, g = 1.5e6, 1.49e6, 300.0
+    shift = library()["frame_mode"].changes["frequencies"](
+        Lines(np.array([film]), np.empty(0)), {"coupling_square": g**2, "frame_frequency": frame}
+    )
+    assert shift.frequency[0] == pytest.approx(eigvalsh([[film, g], [g, frame]])[1], abs=0.02)
