@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fringes import harmonics
-from femnl.diagnose.problem import apply
+from femnl.diagnose.problem import Named, apply
 from femnl.fits.maps import fit_map
 from femnl.measurement import noise_sd
 from femnl.modes import shape_at
+from femnl.types.comparison import Comparison, Images
 from femnl.types.effect import Effect, Kind, Knob, Values
 from femnl.types.readout import Array, ComplexArray
 from femnl.types.scene import Fringe, Harmonics, Motion, Placement
@@ -40,7 +41,8 @@ class MapProblem:
         values = np.asarray(dataset["real"].values + 1j * dataset["imag"].values)
         self.harmonic = dataset["harmonic"].values.astype(np.int64)
         values, self.harmonic = values[self.harmonic >= 1], self.harmonic[self.harmonic >= 1]
-        across, up = np.meshgrid(dataset["x"].values, dataset["y"].values)
+        self._axes = np.asarray(dataset["x"].values, float), np.asarray(dataset["y"].values, float)
+        across, up = np.meshgrid(*self._axes)
         flat = values.reshape(len(self.harmonic), -1)
         used = np.flatnonzero(np.isfinite(flat).any(axis=0))
         self._x, self._y = across.ravel()[used], up.ravel()[used]
@@ -62,7 +64,7 @@ class MapProblem:
             Knob("amplitude", "m", 0.0, 40 * z),
             Knob("contrast", "V", -10 * abs(fitted["contrast"]), 10 * abs(fitted["contrast"])),
             Knob("theta", "rad", fitted["fringe_phase"] - np.pi, fitted["fringe_phase"] + np.pi),
-            Knob("motion_phase", "rad", fitted["motion_phase"] - 2 * np.pi, fitted["motion_phase"] + 2 * np.pi),
+            Knob("motion_phase", "rad", fitted["motion_phase"] - np.pi, fitted["motion_phase"] + np.pi),
             Knob("x", "m", -0.3 * reach, 0.3 * reach),
             Knob("y", "m", -0.3 * reach, 0.3 * reach),
         )
@@ -97,7 +99,7 @@ class MapProblem:
                 break
         best = min(fits, key=lambda k: fits[k].chi2_reduced)
         why = "the first that fits" if drive is None else "near the drive frequency"
-        return best, {name: p.value for name, p in fits[best].parameters.items()}, why
+        return best, _upright({name: p.value for name, p in fits[best].parameters.items()}), why
 
     @property
     def blocks(self) -> NDArray[np.int64]:
@@ -170,10 +172,16 @@ class MapProblem:
         """Nothing beside the statistics."""
         return 0.0
 
-    def mirrors(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """Motion in antiphase."""
-        turn = -np.pi if base["motion_phase"] > self.start[3] else np.pi
-        return [base | {"motion_phase": base["motion_phase"] + turn}]
+    def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
+        """All harmonics on the grid of the map."""
+        predicted = np.stack([self._on_grid(self.predict(effects, base, values)) for _, effects, base, values in models])
+        names = tuple(name for name, *_ in models)
+        return (Images("map", names, self.harmonic, *self._axes, self._on_grid(self._values), predicted, self.noise),)
+
+    def _on_grid(self, volts: ComplexArray) -> ComplexArray:
+        whole = np.full((len(self.harmonic), *self._sizes), complex(np.nan, np.nan))
+        whole[:, self._row, self._column] = np.where(self._present, volts, complex(np.nan, np.nan))
+        return whole
 
     def describe(self, residuals: Array) -> str:
         """Say which harmonic deviates most, and where on the map."""
@@ -185,6 +193,15 @@ class MapProblem:
         rms = ", ".join(f"{n}: {np.sqrt(value):.2f}σ" for n, value in zip(self.harmonic, by_order, strict=True))
         place = f"x = {self._x[p] * 1e6:.0f} µm, y = {self._y[p] * 1e6:.0f} µm"
         return f"harmonic {self.harmonic[k]} deviates most, and most strongly near {place}; rms by harmonic {rms}"
+
+
+def _upright(found: dict[str, float]) -> dict[str, float]:
+    """Of the two motions that read the same, u at a fringe phase θ and −u at −θ, take the one within a quarter turn of the drive."""
+    phase = (found["motion_phase"] + np.pi / 2) % (2 * np.pi) - np.pi / 2
+    if phase <= np.pi / 2:
+        return found | {"motion_phase": phase}
+    turned = (np.pi - found["fringe_phase"]) % (2 * np.pi) - np.pi
+    return found | {"motion_phase": phase - np.pi, "fringe_phase": turned}
 
 
 def _gap(film: SimulatedFilm) -> float:

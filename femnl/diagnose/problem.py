@@ -7,10 +7,13 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from femnl.types.comparison import Comparison
 from femnl.types.effect import Effect, Kind, Knob, Stage, Values
 from femnl.types.readout import Array
 
 T = TypeVar("T")
+Named = tuple[str, Sequence[Effect], Values, Sequence[Values]]
+"""A model to be shown: its name, its effects, the base parameters and those of each effect."""
 
 
 class Problem(Protocol):
@@ -48,8 +51,8 @@ class Problem(Protocol):
         """Relative standard deviation of parameters in this unit that no amount of data lowers."""
         ...
 
-    def mirrors(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """Other values of the base parameters that fit about as well and from which an effect may lead elsewhere."""
+    def compare(self, models: Sequence["Named"]) -> tuple[Comparison, ...]:
+        """Set the data beside what each model predicts, ready to be drawn."""
         ...
 
     def describe(self, residuals: Array) -> str:

@@ -8,11 +8,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.problem import apply
+from femnl.diagnose.problem import Named, apply
 from femnl.errors import MeasurementError
 from femnl.fits.response import fit_response
 from femnl.fits.response_data import Sweeps, collect
 from femnl.fits.response_model import sheets
+from femnl.types.comparison import Comparison, Curve, Curves
 from femnl.types.effect import Effect, Kind, Knob, Values
 from femnl.types.readout import Array, ComplexArray
 from femnl.types.scene import Oscillator, Signal
@@ -21,6 +22,8 @@ ALPHA_SD = 0.2
 """Relative standard deviation of a simulated α: Young's modulus of a thin film is rarely known better."""
 ROUNDS = 12
 """Iterations of the amplitude under a quintic term or a resonance of higher order, small corrections of the cubic one."""
+SETTLED = 1e-10
+"""Relative change of a squared amplitude at which they end."""
 FAINT = 1e-6
 """Squared amplitude, in that of one linewidth of stiffening, from which on a resonance of any order acts."""
 SOFTEST = 5.0
@@ -135,7 +138,9 @@ class ResponseProblem:
             if np.any(fifth) or (np.any(pulled) and mode.order != 2):
                 for _ in range(ROUNDS):
                     a = cubic + fifth * x + pulled * np.maximum(x * linear**2 / square, FAINT) ** (mode.order - 2)
-                    x = sheets(delta, a.real, a.imag, continued=True).x[side]
+                    before, x = x, sheets(delta, a.real, a.imag, continued=True).x[side]
+                    if np.abs(x - before).max() < SETTLED * np.abs(x).max():
+                        break
             found.append(np.asarray(1 / (delta + a.real * x + 1j * (1 + a.imag * x))))
         return found
 
@@ -177,9 +182,27 @@ class ResponseProblem:
         powers = {} if self.softens else {"m/V": 1, "V/m": -1, "m^-1": -1, "m^-2": -2, "m^-4": -4}
         return abs(powers.get(unit, 0)) / 2 * ALPHA_SD
 
-    def mirrors(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """The response leaves one solution."""
-        return []
+    def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
+        """Magnitude and phase of every sweep."""
+        data, names = self.sweeps, tuple(name for name, *_ in models)
+        volts = np.stack([self.predict(effects, base, values) for _, effects, base, values in models])
+        size, noise = np.abs(data.voltage), np.full(data.voltage.shape, data.noise)
+        phase = np.degrees(np.concatenate([np.unwrap(np.angle(data.voltage[s])) for s in data.spans]))
+        near = phase + np.degrees(np.angle(volts * np.conj(data.voltage)))
+        found = []
+        for what, unit, measured, sd, predicted in (
+            ("magnitude", "V", size, noise, np.abs(volts)),
+            ("phase", "°", phase, np.degrees(noise / np.maximum(size, noise)), near),
+        ):
+            curves = tuple(
+                Curve(self._sweep_name(k), data.frequency[s], measured[s], sd[s], predicted[:, s]) for k, s in enumerate(data.spans)
+            )
+            found.append(Curves("response", "frequency", "Hz", what, unit, names, curves))
+        return tuple(found)
+
+    def _sweep_name(self, k: int) -> str:
+        drive = self.sweeps.drive[self.sweeps.spans[k].start] * self.sweeps.reference
+        return f"{drive:.3g} V {({1: 'up', -1: 'down'}).get(self.sweeps.direction[k], '')}".strip()
 
     def describe(self, residuals: Array) -> str:
         """Say at which drive and on which side of the resonance the sweeps deviate."""

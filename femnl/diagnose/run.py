@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,9 @@ import xarray as xr
 from femnl import measurement
 from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fit import held_out
+from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.maps import MapProblem
-from femnl.diagnose.problem import Problem
+from femnl.diagnose.problem import Named, Problem
 from femnl.diagnose.response import ResponseProblem
 from femnl.diagnose.search import Candidate, applicable, search
 from femnl.diagnose.series import SeriesProblem
@@ -23,8 +25,9 @@ from femnl.effects import library
 from femnl.errors import MeasurementError, ParameterError
 from femnl.predict import measured_device
 from femnl.storage import write_whole
+from femnl.types.comparison import Comparison
 from femnl.types.device import Model
-from femnl.types.diagnosis import Alternative, Diagnosis, Quality, Trial, Verdict
+from femnl.types.diagnosis import Alternative, Diagnosis, FreeForm, Quality, Trial, Verdict
 from femnl.types.effect import Effect
 from femnl.types.fit import Parameter
 
@@ -62,7 +65,8 @@ def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Ef
     pool = applicable(problem, library().values() if effects is None else effects)
     found = search(problem, pool)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *problem.notes))
+    concluded = conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *problem.notes))
+    return replace(concluded, geometry=geometry)
 
 
 def pose(name: str, dataset: xr.Dataset, model: Model) -> Problem:
@@ -83,6 +87,7 @@ def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, .
     listed = [*((best,) if judged.verdict == "ambiguous" else ()), *judged.rivals]
     listed += [c for c in sorted(found[1:], key=lambda c: -c.weight) if c not in listed and c is not best and share[c.names] > SHOWN]
     probability = {"adequate": base.p_value, "unexplained": 1 - base.p_value}.get(judged.verdict, share[best.names])
+    forms = free_forms(base.solution) if judged.verdict == "unexplained" else ()
     return Diagnosis(
         file=file,
         sha256=digest,
@@ -92,15 +97,39 @@ def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, .
         parameters=_parameters(best),
         alternatives=tuple(Alternative(c.names, share[c.names]) for c in listed),
         p_value=base.p_value,
-        where=_where(base, judged.verdict),
+        where=_where(base, judged.verdict) + _described(forms, before),
         before=before,
         after=after,
         measure_next=measure_next(judged, found),
+        base_parameters=_parameters(base)["base"],
         trials=tuple(Trial(c.names, c.solution.chi2, c.weight - base.weight, c.p_value, _against(c)) for c in found),
         notes=notes,
         sentences=tuple(effect.sentence for effect in best.solution.model.effects),
-        residuals=(base.solution.residuals, best.solution.residuals),
+        comparisons=_compare(base, best),
+        free_forms=forms,
     )
+
+
+def _compare(base: Candidate, best: Candidate) -> tuple[Comparison, ...]:
+    """The data beside the base model, and beside the one that the verdict rests on where it is another."""
+    models = [_named(base, "base model")]
+    models += [_named(best, " + ".join(best.names))] if best is not base else []
+    return base.solution.model.problem.compare(models)
+
+
+def _named(candidate: Candidate, name: str) -> Named:
+    model = candidate.solution.model
+    return name, model.effects, *model.split(candidate.solution.vector)
+
+
+def _described(forms: tuple[FreeForm, ...], before: Quality) -> str:
+    """Say which free form predicts best what it did not see, if any does better than the base model."""
+    if not forms:
+        return ""
+    best = forms[0].quality.heldout_chi2_reduced
+    if best >= before.heldout_chi2_reduced:
+        return "; no extension of free form predicts data that it did not see"
+    return f"; {forms[0].sentence} predicts unseen data best (held-out χ² per datum {before.heldout_chi2_reduced:.3g} → {best:.3g})"
 
 
 def _quality(candidate: Candidate) -> Quality:

@@ -118,11 +118,11 @@ def _grown(parent: Candidate, library: list[Effect]) -> Iterable[Solution]:
 
 
 def _replaced(parent: Candidate, effect: Effect) -> Solution:
-    """Fit with an effect that has no strength, from starts all over its priors and all mirror images of the base parameters."""
+    """Fit with an effect that has no strength, from starts all over its priors."""
     problem = parent.solution.model.problem
     base, earlier = parent.solution.model.split(parent.solution.vector)
     model = Extended(problem, (*parent.solution.model.effects, effect))
-    starts = [model.pack(b, [*earlier, v]) for b in (base, *problem.mirrors(base)) for v in _centres(problem, effect)]
+    starts = [model.pack(base, [*earlier, v]) for v in _centres(problem, effect)]
     rough = sorted((fit(model, start, most=ROUGH) for start in starts), key=lambda s: s.chi2)
     return min((fit(model, s.vector) for s in rough[:2]), key=lambda s: s.chi2)
 

@@ -7,9 +7,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.problem import apply
+from femnl.diagnose.problem import Named, apply
 from femnl.errors import MeasurementError
 from femnl.measurement import CONTROLS, estimate_noise
+from femnl.types.comparison import Comparison, Curve, Curves
 from femnl.types.effect import Effect, Kind, Knob, Values
 from femnl.types.readout import Array
 from femnl.types.scene import Points
@@ -99,9 +100,22 @@ class SeriesProblem:
         """Nothing beside the statistics."""
         return 0.0
 
-    def mirrors(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """One solution."""
-        return []
+    def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
+        """Each quantity against each control variable that was varied."""
+        count, names = len(self._used) // len(self._data), tuple(name for name, *_ in models)
+        away = np.full((len(models), len(self._used)), np.nan)
+        away[:, self._used] = [self.residuals(effects, base, values) for _, effects, base, values in models]
+        found = []
+        for control, axis in self.control.items():
+            if control not in self.facts:
+                continue
+            order = np.argsort(axis)
+            for k, (name, (data, sd)) in enumerate(self._data.items()):
+                predicted = data - away[:, k * count : (k + 1) * count] * sd
+                curve = Curve(name, axis[order], data[order], sd[order], predicted[:, order])
+                unit = "Hz" if name == "frequency" else ""
+                found.append(Curves("series", control.replace("_", " "), CONTROLS[control], name.replace("_", " "), unit, names, (curve,)))
+        return tuple(found)
 
     def describe(self, residuals: Array) -> str:
         """Say which quantity moves, between which values of the control variable."""

@@ -11,8 +11,9 @@ from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
 from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.problem import apply
+from femnl.diagnose.problem import Named, apply
 from femnl.errors import MeasurementError
+from femnl.types.comparison import Comparison, Curve, Curves
 from femnl.types.effect import Effect, Kind, Knob, Values
 from femnl.types.readout import Array
 from femnl.types.scene import Lines, ModalSystem
@@ -139,9 +140,13 @@ class SpectrumProblem:
         """Nothing beside the statistics."""
         return 0.0
 
-    def mirrors(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """Frequencies leave one solution."""
-        return []
+    def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
+        """Frequencies, mode by mode."""
+        n = len(self.frequency)
+        away = np.stack([self.residuals(effects, base, values)[:n] for _, effects, base, values in models])
+        curve = Curve("modes", np.arange(n, dtype=float), self.frequency, self.sd, self.frequency - away * self.sd)
+        names = tuple(self.label or [str(i + 1) for i in self._order])
+        return (Curves("spectrum", "mode", "", "frequency", "Hz", tuple(m[0] for m in models), (curve,), names, joined=False),)
 
     def describe(self, residuals: Array) -> str:
         """Name the modes that deviate most, in Hz and σ."""

@@ -36,7 +36,7 @@ EFFECT = Effect(
     parameters=(Knob("gap", "m", 0.94, 1.06, strength=False, per="stack"),),
     changes={"fringe": reflect},
     source="Byrnes, arXiv:1603.02720 (tmm); Sommer et al., arXiv:2502.19191, S6",
-    limits="plane waves; the gap is known only modulo half a wavelength, and the value nearest to the geometry's is given",
+    limits="plane waves; the gap is known modulo half a wavelength, and which way the film moves is taken from the drive's phase",
     sentence="the fringe is the reflection of the whole optical stack and not one cosine",
     needs=("stack",),
     replaces=("theta",),

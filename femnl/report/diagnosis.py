@@ -1,60 +1,107 @@
-"""One page for one diagnosis: verdict, what deviates, what was tried, how to reproduce it."""
+"""One page for one diagnosis: verdict, data beside models, parameters, what was tried, how to reproduce it."""
 
-import base64
-import io
+import shlex
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from matplotlib.figure import Figure
 
-import femnl
+from femnl.plot.comparison import comparison_figure
+from femnl.report.numbers import plain, with_error
+from femnl.report.picture import Picture, embed
+from femnl.report.provenance import provenance
 from femnl.storage import write_whole
+from femnl.types.comparison import Comparison, Images
 from femnl.types.diagnosis import Diagnosis
+from femnl.types.fit import Parameter
 
 NAME = "report.html"
+SHOWN = 15
+"""Sets of causes that are listed, the best ones."""
+MEANING = {
+    "adequate": "The base model explains these data; no further cause is needed.",
+    "explained": "This set of causes explains the data, and is clearly preferred to every other that was tried.",
+    "ambiguous": "Several sets of causes explain these data equally well; the simplest is named first.",
+    "unexplained": "The base model does not explain these data, and neither does any cause in the library.",
+}
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
     """Write `report.html`, a page that needs no other file, into a folder that exists. Returns: its path."""
     loader = FileSystemLoader(Path(__file__).parent)
     environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    ranked = sorted(diagnosis.trials, key=lambda trial: -trial.log_evidence)
     page = environment.get_template("diagnosis.html.j2").render(
         d=diagnosis,
-        version=femnl.__version__,
-        p_value=f"{diagnosis.p_value:.2g}",
-        before=f"{diagnosis.before.heldout_chi2_reduced:.4g}",
-        after=f"{diagnosis.after.heldout_chi2_reduced:.4g}",
-        gain=f"{diagnosis.gain:.4g}",
-        picture=_picture(diagnosis),
-        parameters=[
-            [owner, p.name, f"{p.value:.8g}", f"{p.sd:.2g}", p.unit] for owner, own in diagnosis.parameters.items() for p in own.values()
+        meaning=MEANING[diagnosis.verdict],
+        numbers=[
+            ("p-value of the base model", _p_value(diagnosis.p_value)),
+            ("probability of the verdict", f"{diagnosis.probability:.3g}"),
+            ("χ² per unseen datum, before", plain(diagnosis.before.heldout_chi2_reduced, 3)),
+            ("χ² per unseen datum, after", plain(diagnosis.after.heldout_chi2_reduced, 3)),
+            ("gain", plain(diagnosis.gain, 3)),
         ],
+        pictures=[_picture(comparison) for comparison in diagnosis.comparisons],
+        parameters=_parameters(diagnosis),
         trials=[
-            [" + ".join(t.causes) or "base model", f"{t.chi2:.6g}", f"{t.log_evidence:+.4g}", f"{t.p_value:.2g}", "; ".join(t.against)]
-            for t in sorted(diagnosis.trials, key=lambda trial: -trial.log_evidence)
+            [
+                " + ".join(t.causes) or "base model",
+                plain(t.chi2, 5),
+                plain(t.log_evidence, 4),
+                _p_value(t.p_value),
+                "; ".join(t.against) or "nothing",
+            ]
+            for t in ranked[:SHOWN]
         ],
+        more=max(len(ranked) - SHOWN, 0),
+        forms=[
+            [f.sentence, f.equation, f"{f.n_parameters}", *(plain(v, 4) for v in (f.quality.chi2_reduced, f.quality.heldout_chi2_reduced))]
+            for f in diagnosis.free_forms
+        ],
+        command=shlex.join(["femnl", "diagnose", diagnosis.file, *(("--geometry", diagnosis.geometry) if diagnosis.geometry else ())]),
+        provenance=provenance([]),
     )
     path = folder / NAME
-    write_whole(path, lambda file: _save(file, page))
+
+    def save(file: Path) -> None:
+        file.write_text(page, encoding="utf-8")
+
+    write_whole(path, save)
     return path
 
 
-def _save(file: Path, page: str) -> None:
-    file.write_text(page, encoding="utf-8")
+def _p_value(p: float) -> str:
+    return plain(p, 2) if p > 0 else "below 10⁻³⁰⁰"
 
 
-def _picture(diagnosis: Diagnosis) -> str:
-    """Both sets of residuals on one scale, as a data URI."""
-    figure = Figure(figsize=(9, 3.2), layout="constrained")
-    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
-    pairs = ((left, diagnosis.residuals[0], "base model"), (right, diagnosis.residuals[1], " + ".join(diagnosis.causes) or "base model"))
-    for axes, residuals, title in pairs:
-        axes.axhspan(-2, 2, color="0.9")
-        axes.plot(residuals, ".", markersize=6 if len(residuals) < 200 else 1.5, color="C0", rasterized=True)
-        axes.set_title(title)
-        axes.set_xlabel("datum")
-    left.set_yscale("symlog", linthresh=3)
-    left.set_ylabel("residual (σ)")
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=130)
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+def _parameters(diagnosis: Diagnosis) -> list[list[str]]:
+    """Owner, name, value before and after, unit; the base parameters first, also those that a cause replaces."""
+    after = diagnosis.parameters
+    names = [*diagnosis.base_parameters, *(name for name in after["base"] if name not in diagnosis.base_parameters)]
+    rows = [["base", name, _value(diagnosis.base_parameters.get(name)), _value(after["base"].get(name))] for name in names]
+    units = [(diagnosis.base_parameters.get(name) or after["base"][name]).unit for name in names]
+    for owner, own in after.items():
+        if owner != "base":
+            rows += [[owner, name, "–", _value(p)] for name, p in own.items()]
+            units += [p.unit for p in own.values()]
+    return [[*row, unit if unit != "1" else ""] for row, unit in zip(rows, units, strict=True)]
+
+
+def _value(parameter: Parameter | None) -> str:
+    return "–" if parameter is None else with_error(parameter.value, parameter.sd)
+
+
+def _picture(comparison: Comparison) -> Picture:
+    models = " and ".join(comparison.models)
+    if isinstance(comparison, Images):
+        caption = (
+            "Each harmonic in the quadrature that holds its signal: measured; for each model what it predicts, in the same colours; "
+            "and what it leaves in σ. White is zero; ranges are written at the left, those of what is left at the right."
+        )
+        words = f"Maps of the harmonics: measured, {models}, and what they leave"
+    else:
+        caption = (
+            f"{comparison.y.capitalize()} against {comparison.x}: measured, as the models predict it, "
+            "and what each of them leaves in σ (grey: ±2σ)."
+        )
+        words = f"{comparison.y} against {comparison.x}: measured, {models}, and what they leave"
+    return embed(comparison_figure(comparison), words, f"{comparison.title}: {caption}")

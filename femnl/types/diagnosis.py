@@ -1,12 +1,10 @@
 """What a diagnosis says: the contract of `diagnosis.json`, version 1.0, and what its report shows beside it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
+from femnl.types.comparison import Comparison
 from femnl.types.fit import Parameter
-from femnl.types.readout import Array
 
 Verdict = Literal["adequate", "explained", "ambiguous", "unexplained"]
 
@@ -39,11 +37,22 @@ class Trial:
 
 
 @dataclass(frozen=True)
+class FreeForm:
+    """An extension that describes and does not explain: what it is, its equation, number of parameters, and quality."""
+
+    sentence: str
+    equation: str
+    n_parameters: int
+    quality: Quality
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The verdict on one measurement file.
 
-    parameters: by owner ("base" or the cause), then by name. For the report: trials, notes, sentences on the causes, and
-    residuals in σ before and after.
+    parameters: by owner ("base" or the cause), then by name. For the report: base_parameters, those of the base model alone; trials;
+    notes; sentences on the causes; comparisons: the data beside the base model and the one that the verdict rests on; free_forms,
+    where nothing explains the data; geometry: that was asked for instead of the file's own.
     """
 
     file: str
@@ -58,10 +67,13 @@ class Diagnosis:
     before: Quality
     after: Quality
     measure_next: str
+    base_parameters: dict[str, Parameter]
     trials: tuple[Trial, ...] = ()
     notes: tuple[str, ...] = ()
     sentences: tuple[str, ...] = ()
-    residuals: tuple[Array, Array] = field(default=(np.empty(0), np.empty(0)))
+    comparisons: tuple[Comparison, ...] = ()
+    free_forms: tuple[FreeForm, ...] = ()
+    geometry: str | None = None
 
     @property
     def gain(self) -> float:

@@ -1,0 +1,150 @@
+"""What no known cause explains is measured all the same: extensions of free form, with the gain that each has on unseen data."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from femnl.diagnose.fit import Solution, fit, held_out
+from femnl.diagnose.problem import Extended, Problem
+from femnl.measurement import CONTROLS
+from femnl.types.diagnosis import FreeForm, Quality
+from femnl.types.effect import Change, Effect, Knob, Stage, Values
+from femnl.types.operators import WEIGHTS
+from femnl.types.scene import Equation, Fringe, Harmonics, ModalSystem, Motion, Oscillator, Points, Signal
+
+ORDERS = range(2, 7)
+"""Overtones of a fringe, and harmonics of the drive, that are free."""
+OTHERS = range(1, 7)
+"""Modes that a free shape is made of beside the driven one."""
+POWERS = range(1, 4)
+"""Powers of the polynomials that a series or a readout may follow."""
+ITERATIONS = 4
+"""Iterations of the fits that leave a block out; they start at the whole fit."""
+
+
+def free_forms(base: Solution) -> tuple[FreeForm, ...]:
+    """Fit every free form that suits the problem of a base model's fit; the best predicting comes first."""
+    found = []
+    for effect in extensions(base.model.problem):
+        model = Extended(base.model.problem, (effect,))
+        own, _ = base.model.split(base.vector)
+        solution = fit(model, model.pack(own, [{knob.name: 0.0 for knob in effect.parameters}]))
+        quality = Quality(solution.chi2 / solution.degrees, held_out(solution, ITERATIONS))
+        found.append(FreeForm(effect.sentence, effect.equation, len(effect.parameters), quality))
+    return tuple(sorted(found, key=lambda form: form.quality.heldout_chi2_reduced))
+
+
+def extensions(problem: Problem) -> list[Effect]:
+    """Return the free forms that suit a problem."""
+    return [effect for effect in (*FORMS, *_series(problem)) if problem.kind in effect.kinds]
+
+
+def _form(sentence: str, equation: str, knobs: tuple[Knob, ...], changes: Mapping[Stage, Change]) -> Effect:
+    return Effect("free_form", equation, knobs, changes, "expansion in smooth functions", "a description, not a cause", sentence)
+
+
+def _complex(numbers: range, half: float, per: str = "") -> tuple[Knob, ...]:
+    return tuple(Knob(f"{part}{n}", "1", -half, half, per=per) for n in numbers for part in ("real", "imag"))
+
+
+def _number(values: Values, n: int) -> complex:
+    return complex(values[f"real{n}"], values[f"imag{n}"])
+
+
+def _load(system: ModalSystem, values: Values) -> ModalSystem:
+    """Add Σ m_k φ_k to the mass per area, φ_k the smooth weights, in parts of the film's own."""
+    own = system.mass[0, 0] / system.projection.masses[0, 0, 0]
+    added = sum(values[name] * system.projection.masses[k] for k, name in enumerate(WEIGHTS) if k)
+    return replace(system, mass=system.mass + own * np.asarray(added))
+
+
+def _tighten(system: ModalSystem, values: Values) -> ModalSystem:
+    """Add Σ t_k φ_k to the stress, in parts of the film's own."""
+    stress = system.stress
+    for k, name in enumerate(WEIGHTS):
+        if k:
+            system = system.stretched(k, values[name] * stress, values[name] * stress)
+    return system
+
+
+def _force(mode: Oscillator, values: Values) -> Oscillator:
+    return replace(mode, quintic=mode.quintic + values["quintic"], damping=mode.damping + values["damping"])
+
+
+def _move(forces: Equation, values: Values) -> Equation:
+    return replace(forces, **{name: getattr(forces, name) + values[name] for name in ("quadratic", "cubic", "quintic", "damping")})
+
+
+def _distort(signal: Signal, values: Values) -> Signal:
+    share = np.abs(signal.voltage) / signal.largest
+    return replace(signal, voltage=signal.voltage * (1 + sum(_number(values, n) * share**n for n in POWERS)))
+
+
+def _bend(motion: Motion, values: Values) -> Motion:
+    others = [j for j in range(len(motion.shapes)) if j != motion.mode]
+    added = sum(_number(values, n) * motion.shapes[j] for n, j in zip(OTHERS, others, strict=False))
+    return motion.raised(1, motion.swing * added)
+
+
+def _turn(motion: Motion, values: Values) -> Motion:
+    half = np.hypot(motion.x, motion.y).max()
+    x, y = motion.x / half, motion.y / half
+    added = sum(values[name] * power for name, power in zip(WEIGHTS[1:], (x, y, x * x, x * y, y * y), strict=True))
+    return replace(motion, theta=motion.theta + added)
+
+
+def _ripple(fringe: Fringe, values: Values) -> Fringe:
+    coefficients = np.zeros(max(len(fringe.coefficients), ORDERS.stop), complex)
+    coefficients[: len(fringe.coefficients)] = fringe.coefficients
+    for n in ORDERS:
+        coefficients[n] += _number(values, n) * abs(fringe.coefficients[1])
+    return replace(fringe, coefficients=coefficients)
+
+
+def _gain(harmonics: Harmonics, values: Values) -> Harmonics:
+    factor = np.array([1 + _number(values, n) if n in ORDERS else 1 for n in harmonics.harmonic.tolist()])
+    return replace(harmonics, values=harmonics.values * factor[:, None])
+
+
+def _smooth(names: range | tuple[str, ...], half: float) -> tuple[Knob, ...]:
+    return tuple(Knob(str(name), "1", -half, half) for name in names)
+
+
+_FORCES = (Knob("quintic", "m^-4", -1.0, 1.0, per="curvature_square"), Knob("damping", "m^-2", -10.0, 10.0, per="curvature"))
+_TERMS = (
+    Knob("quadratic", "1/V", -1.0, 1.0, per="slope"),
+    Knob("cubic", "1/V^2", -1.0, 1.0, per="curvature"),
+    Knob("quintic", "1/V^4", -1.0, 1.0, per="curvature_square"),
+    Knob("damping", "1/V^2", -10.0, 10.0, per="curvature"),
+)
+FORMS = (
+    _form("a mass that varies smoothly over the film", "ρ → ρ(1 + Σ m_k φ_k)", _smooth(WEIGHTS[1:], 0.3), {"operators": _load}),
+    _form("a tension that varies smoothly over the film", "σ → σ(1 + Σ t_k φ_k)", _smooth(WEIGHTS[1:], 0.3), {"operators": _tighten}),
+    _form("restoring and damping forces of free form", "α₅u⁵, ηu²u̇ of any sign", _FORCES, {"oscillator": _force}),
+    _form("restoring and damping forces of free form", "κ₂u², αu³, α₅u⁵, ηu²u̇ of any sign", _TERMS, {"equation": _move}),
+    _form("a readout of free form", "V → V(1 + Σ c_n (|V|/V_max)ⁿ), c complex", _complex(POWERS, 3.0), {"signal": _distort}),
+    _form("a shape of free form", "ξ → ξ + Σ e_j ξ_j, e complex", _complex(OTHERS, 0.3), {"motion": _bend}),
+    _form("a phase of the fringe that varies smoothly", "θ → θ + quadratic in x, y", _smooth(WEIGHTS[1:], 3.0), {"motion": _turn}),
+    _form("a fringe of free form", "c_k free, k = 2 … 6", _complex(ORDERS, 1.0), {"fringe": _ripple}),
+    _form("a gain of each harmonic", "V_n → (1 + g_n) V_n, g complex", _complex(ORDERS, 5.0), {"harmonics": _gain}),
+)
+
+
+def _series(problem: Problem) -> list[Effect]:
+    """A cubic of frequency and of 1/Q in each control variable that was varied."""
+    if problem.kind != "series":
+        return []
+    return [_against(control) for control in CONTROLS if control in problem.facts]
+
+
+def _against(control: str) -> Effect:
+    def follow(points: Points, values: Values) -> Points:
+        axis = points.control[control]
+        unit = 2 * (axis - axis.min()) / max(float(np.ptp(axis)), 1e-300) - 1
+        pull, loss = (1 + sum(values[f"{name}{n}"] * unit**n for n in POWERS) for name in ("pull", "loss"))
+        return replace(points, frequency=points.frequency * pull, quality_factor=points.quality_factor / np.maximum(loss, 1e-3))
+
+    knobs = tuple(Knob(f"{name}{n}", "1", -half, half) for name, half in (("pull", 0.1), ("loss", 1.0)) for n in POWERS)
+    quantity = control.replace("_", " ")
+    return _form(f"a cubic dependence on {quantity}", f"f and 1/Q cubic in {quantity}", knobs, {"points": follow})

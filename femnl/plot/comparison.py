@@ -1,0 +1,135 @@
+"""Data, what each model predicts, and what it leaves in σ, side by side and in the same colours."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from femnl.plot.maps import signal_phase
+from femnl.plot.style import COLOURS, DIVERGING, INK, WIDTH, axis_label, new_figure, prefixed, scale_bar, style, symmetric_limit
+from femnl.types.comparison import Comparison, Curves, Images
+
+Array = NDArray[np.float64]
+LINES = ("--", "-", ":")
+"""Line styles of the models, in their order: the base is dashed."""
+NOISE = 3.0
+"""Residuals in σ up to which an axis is linear; noise stays within."""
+FAINTEST = 5.0
+"""Smallest limit, in σ, of the colours of residuals, so that noise looks like noise."""
+
+
+def comparison_figure(comparison: Comparison) -> Figure:
+    """Draw a comparison of data with models. Returns: the Figure."""
+    with style():
+        return _images(comparison) if isinstance(comparison, Images) else _curves(comparison)
+
+
+def _curves(found: Curves) -> Figure:
+    """Left: data and models; right: a panel of residuals for each model, on one scale."""
+    count = len(found.models)
+    figure = new_figure(height=max(3.0, 1.6 * count))
+    grid = figure.add_gridspec(count, 2, width_ratios=[1.25, 1])
+    left = figure.add_subplot(grid[:, 0])
+    right = [figure.add_subplot(grid[k, 1], sharex=left) for k in range(count)]
+    every = np.concatenate([c.x for c in found.curves])
+    zero = _zero(every)
+    divisor, unit = (1.0, found.x_unit) if found.ticks else prefixed(every - zero, found.x_unit)
+    across = f"{found.x} − {zero:,.9g} {found.x_unit}".replace(",", " ") if zero else found.x
+    scale, y_unit = prefixed(np.concatenate([c.data for c in found.curves]), found.y_unit)
+    largest = 0.0
+    for k, curve in enumerate(found.curves):
+        colour = COLOURS[k % len(COLOURS)]
+        x = (curve.x - zero) / divisor
+        left.errorbar(x, curve.data / scale, curve.sd / scale, fmt=".", markersize=3, elinewidth=0.5, color=colour, alpha=0.7)
+        for line, predicted in zip(LINES, curve.predictions, strict=False):
+            if found.joined:
+                left.plot(x, predicted / scale, line, color=INK, linewidth=0.9)
+            else:
+                left.plot(x, predicted / scale, "_" if line == LINES[0] else "x", color=INK, markersize=7)
+        for axes, predicted in zip(right, curve.predictions, strict=True):
+            away = (curve.data - predicted) / curve.sd
+            largest = max(largest, float(np.nanmax(np.abs(away))))
+            axes.plot(x, away, ".", markersize=3, color=colour, label=curve.name)
+    for name, line in zip(found.models, LINES, strict=False):
+        look = line if found.joined else ("_" if line == LINES[0] else "x")
+        left.plot([], [], look, color=INK, label=name)
+    left.plot([], [], ".", color=INK, label="measured")
+    left.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
+    left.set_ylabel(axis_label(found.y, y_unit))
+    for axes, name in zip(right, found.models, strict=True):
+        _residual_axis(axes, largest)
+        axes.set_title(f"left by {name} (σ)", fontsize=8)
+    for axes in (left, right[-1]):
+        axes.set_xlabel(axis_label(across, unit))
+    for axes in right[:-1]:
+        axes.tick_params(labelbottom=False)
+    if found.ticks:
+        for axes in (left, right[-1]):
+            axes.set_xticks(np.arange(len(found.ticks)), found.ticks, rotation=60 if max(map(len, found.ticks)) > 2 else 0, fontsize=7)
+    if 1 < len(found.curves) <= len(COLOURS):
+        figure.legend(*right[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
+
+
+def _zero(x: Array) -> float:
+    """A round number near the middle of values that span a small part of their size, to be taken off; 0 otherwise."""
+    span, middle = float(np.ptp(x)), float(np.mean(x))
+    if not 0 < span < 0.02 * abs(middle):
+        return 0.0
+    step = 10.0 ** np.floor(np.log10(span / 2))
+    return float(step * np.round(middle / step))
+
+
+def _residual_axis(axes: Axes, largest: float) -> None:
+    """±2σ in grey; linear where residuals are small, logarithmic beyond the noise otherwise."""
+    axes.axhspan(-2, 2, color="#e8e8e8", zorder=0)
+    axes.axhline(0, color=INK, linewidth=0.5)
+    if largest <= 4 * NOISE:
+        axes.set_ylim(-1.1 * max(largest, NOISE), 1.1 * max(largest, NOISE))
+        return
+    axes.set_yscale("symlog", linthresh=NOISE)
+    axes.set_ylim(-2 * largest, 2 * largest)
+    decades = [10.0**n for n in range(1, int(np.log10(2 * largest)) + 1)]
+    shown = decades[:: max(1, len(decades) // 2)]
+    axes.set_yticks([-v for v in reversed(shown)] + [0.0, *shown])
+
+
+def _images(found: Images) -> Figure:
+    """One row a harmonic: measured, then for each model what it predicts (same colours) and what it leaves in σ (same colours)."""
+    count = len(found.models)
+    columns = 1 + 2 * count
+    panel = min(WIDTH / columns, 1.9)
+    aspect = np.ptp(found.y) / max(np.ptp(found.x), 1e-300)
+    figure = new_figure(max(panel * columns, 4.6), len(found.harmonic) * panel * min(max(aspect, 0.4), 1.6) * 0.98 + 0.5)
+    panels = figure.subplots(len(found.harmonic), columns, squeeze=False)
+    titles = ["measured", *(text for name in found.models for text in (name, "left (σ)"))]
+    for axes, title in zip(panels[0], titles, strict=True):
+        axes.set_title(title.replace(" + ", " +\n"), fontsize=7.5)
+    for row, n, data, predicted in zip(panels, found.harmonic, found.data, np.moveaxis(found.predictions, 1, 0), strict=True):
+        turn = np.exp(-1j * signal_phase(data))
+        limit = symmetric_limit((data * turn).real)
+        rests = [((data - model) * turn).real / found.noise for model in predicted]
+        widest = max(FAINTEST, symmetric_limit(np.concatenate([rest.ravel() for rest in rests]), 0.99))
+        shown = [(data * turn).real / limit]
+        limits = [1.0]
+        for model, rest in zip(predicted, rests, strict=True):
+            shown += [(model * turn).real / limit, rest]
+            limits += [1.0, widest]
+        for axes, values, colour in zip(row, shown, limits, strict=True):
+            image = axes.pcolormesh(found.x, found.y, values, cmap=DIVERGING, vmin=-colour, vmax=colour, shading="nearest", rasterized=True)
+            _bare(axes)
+        divisor, unit = prefixed(limit, "V")
+        row[0].set_ylabel(f"{n}f\n±{limit / divisor:.3g} {unit}", rotation=0, ha="right", va="center", fontsize=7.5)
+        bar = figure.colorbar(image, ax=row[-1], shrink=0.8, aspect=14, pad=0.03, ticks=[-widest, 0, widest])
+        bar.ax.set_yticklabels([f"−{widest:.3g}", "0", f"{widest:.3g}"], fontsize=6.5)
+        bar.outline.set_linewidth(0.5)
+    scale_bar(panels[-1, 0], float(np.ptp(found.x)))
+    return figure
+
+
+def _bare(axes: Axes) -> None:
+    axes.set_aspect("equal")
+    axes.set_facecolor("#e6e6e6")
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.spines[:].set_visible(False)
