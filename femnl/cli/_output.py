@@ -52,6 +52,7 @@ def table(title: str, columns: list[str], rows: list[list[str]]) -> Group:
 def scientific(value: float, digits: int = 4) -> str:
     """6.93·10⁻³ for 0.00693; plain digits where the exponent is small."""
     if value == 0 or not math.isfinite(value) or 1e-3 <= abs(value) < 1e5:
-        return f"{value:.{digits}g}"
+        plain = f"{value:.{digits}g}"
+        return f"{float(plain):.0f}" if "e+" in plain else plain
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPT)}"

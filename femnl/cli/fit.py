@@ -1,82 +1,115 @@
 """`femnl fit FILE`: parameters with their uncertainties, from every measurement of a file."""
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, get_args
 
-import numpy as np
 import typer
 import xarray as xr
 
 from femnl import measurement
 from femnl.cli._device import Cache, Json, check_mode
-from femnl.cli._output import console, note, print_json, scientific, table
+from femnl.cli._fit_map import maps, readout
+from femnl.cli._fit_response import line_scan, response
+from femnl.cli._fit_spectrum import film, overview
+from femnl.cli._fit_trace import harmonics, oscillator, ringdown
+from femnl.cli._outcome import Outcome
+from femnl.cli._output import console, note, print_json
 from femnl.errors import MeasurementError, ParameterError
-from femnl.fits.mapmodel import Shape
-from femnl.fits.maps import fit_map
-from femnl.fits.response import fit_response
 from femnl.fits.response_misfit import Use
-from femnl.fits.spot import fit_spot
-from femnl.fits.traces import decompose
-from femnl.modes import shape_at
-from femnl.optics import MultilayerFringe
-from femnl.predict import measured_device, solve_modes
-from femnl.types.device import Model
-from femnl.types.fit import Fit, MotionFit
-from femnl.types.readout import PeriodicFringe
+from femnl.predict import measured_device
+from femnl.storage import write_whole
 
-OVERTONES = 5  # of a fringe whose form is fitted too; enough for the reflection of a film above a wafer
 USES: tuple[Use, ...] = get_args(Use)
+FITTED = ("response", "spectrum", "trace", "map")
+# What a measurement may be taken for where its kind alone does not say, and the kind that it must then have.
+MEANINGS = {"overview": "response", "line-scan": "response", "ring-down": "trace", "envelope": "trace", "oscillator": "trace"}
+
 File = Annotated[Path, typer.Argument(help="A measurement file (.nc).", show_default=False)]
+As = Annotated[
+    str | None,
+    typer.Option(
+        "--as",
+        help="Of a response: overview (find the lines of a wide sweep, name their modes), line-scan (every place on its own). "
+        "Of a trace: ring-down, envelope (of one), oscillator (with its drive).",
+        show_default=False,
+    ),
+]
 UseOption = Annotated[str, typer.Option(help=f"Of a response: {', '.join(USES)}.")]
 Damping = Annotated[bool, typer.Option("--nonlinear-damping", help="Of a response: fit a damping that grows with the amplitude too.")]
 Fringe = Annotated[str, typer.Option(help="Of maps and traces: sine; multilayer, the geometry's stack; free, a fringe of any form (maps).")]
+HeldOut = Annotated[str | None, typer.Option(help="Of an oscillator: samples FIRST:END to test on, not to fit.", show_default=False)]
 Device = Annotated[str | None, typer.Option("--geometry", help="Device, where not the one the file names.", show_default=False)]
-Harmonics = Annotated[int, typer.Option(help="Of a trace: highest harmonic.", min=1, max=200)]
+Harmonics = Annotated[int, typer.Option("--harmonics", help="Of a trace: highest harmonic.", min=1, max=200)]
+Out = Annotated[Path | None, typer.Option(help="Folder for figures, and for the spectrum of an overview.", show_default=False)]
 
 
 def command(
     file: File,
+    meaning: As = None,
     use: UseOption = "complex",
     nonlinear_damping: Damping = False,
     fringe: Fringe = "sine",
     mode: Annotated[int, typer.Option(help="Of a map: which mode moves, from 1.")] = 1,
     geometry: Device = None,
-    harmonics: Harmonics = 21,
+    n_harmonics: Harmonics = 21,
+    held_out: HeldOut = None,
+    out: Out = None,
     cache: Cache = True,
     as_json: Json = False,
 ) -> None:
-    """Fit what was measured: responses, harmonic maps (all of a file with one amplitude), traces."""
+    """Fit what was measured: responses, spectra, traces, and harmonic maps (all of a file with one amplitude)."""
+    index, how, part = check_mode(mode), _use(use), _part(held_out, meaning)
     tree = measurement.read(file)
     for repair in tree.attrs["repairs"]:
         note(f"repaired: {repair}")
-    groups = {name: node.to_dataset() for name, node in tree.children.items()}
-    results: dict[str, Any] = {}
+    groups = _groups(tree, file, meaning)
+    device = partial(measured_device, tree.attrs, file, geometry)
+    has_device = geometry is not None or not {"model", "geometry"}.isdisjoint(tree.attrs)
+    results: dict[str, Outcome] = {}
     for name, dataset in groups.items():
-        if dataset.attrs["kind"] == "response":
-            results[name] = fit_response(dataset, _use(use), nonlinear_damping=nonlinear_damping)
-        elif dataset.attrs["kind"] == "trace":
-            results[name] = decompose(dataset, harmonics)
-            if "wavelength" in dataset.attrs:
-                device = measured_device(tree.attrs, file, geometry)
-                motion = fit_spot(results[name], float(dataset.attrs["wavelength"]), _fringe(fringe, device, dataset))
-                results[f"{name}, motion"] = motion
-    maps = {name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] == "map"}
-    if maps:
-        device = measured_device(tree.attrs, file, geometry)
-        fringes = {name: _fringe(fringe, device, dataset) for name, dataset in maps.items()}
-        known = {name: found for name, found in fringes.items() if found is not None}
-        one, overtones = len(maps) == 1, OVERTONES if fringe == "free" else 1
-        data = next(iter(maps.values())) if one else maps
-        chosen = (next(iter(known.values())) if one else known) if known else None
-        results[" and ".join(maps)] = fit_map(data, _shape(device, check_mode(mode), cache), chosen, free_overtones=overtones).fit
-    if not results:
-        kinds = ", ".join(sorted({str(dataset.attrs["kind"]) for dataset in groups.values()}))
-        raise MeasurementError(f"{file}: holds {kinds}, which femnl does not fit; it fits response, map and trace")
+        kind = dataset.attrs["kind"]
+        if meaning == "overview":
+            results |= overview(name, dataset, device() if has_device else None, cache)
+        elif meaning == "line-scan":
+            results |= line_scan(name, dataset, how, nonlinear_damping)
+        elif meaning in ("ring-down", "envelope"):
+            results |= ringdown(name, dataset, envelope=meaning == "envelope")
+        elif meaning == "oscillator":
+            results |= oscillator(name, dataset, part)
+        elif kind == "response":
+            results |= response(name, dataset, how, nonlinear_damping)
+        elif kind == "spectrum":
+            results |= film(name, dataset, device(), cache)
+        elif kind == "trace":
+            moving = "wavelength" in dataset.attrs
+            results |= harmonics(name, dataset, n_harmonics, readout(fringe, device(), dataset, ("sine", "multilayer")) if moving else None)
+    named = {name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] == "map"}
+    if named:
+        results |= maps(named, device(), index, fringe, cache)
     if as_json:
-        print_json({"file": str(file), "fits": {name: _record(result) for name, result in results.items()}})
+        print_json({"file": str(file), "fits": {name: result.record for name, result in results.items()}})
     else:
-        for name, result in results.items():
-            _show(name, result)
+        for line in (line for result in results.values() for line in result.shown):
+            console().print(line)
+    if out is not None:
+        kept = {key: str(tree.attrs[key]) for key in ("title", "source", "sample") if key in tree.attrs}
+        _write(results, out, file.stem, kept | ({"geometry": device().name, "model": device().text} if has_device else {}))
+
+
+def _groups(tree: xr.DataTree, file: Path, meaning: str | None) -> dict[str, xr.Dataset]:
+    """The measurements that are fitted: all that femnl fits, or with --as those of its kind."""
+    if meaning is not None and meaning not in MEANINGS:
+        raise ParameterError(f"--as {meaning}: expected one of {', '.join(MEANINGS)}")
+    groups = {name: node.to_dataset() for name, node in tree.children.items()}
+    kinds = (MEANINGS[meaning],) if meaning else FITTED
+    chosen = {name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] in kinds}
+    if not chosen:
+        held = ", ".join(sorted({str(dataset.attrs["kind"]) for dataset in groups.values()}))
+        if meaning:
+            raise ParameterError(f"--as {meaning}: takes a {MEANINGS[meaning]}, but {file} holds {held}")
+        raise MeasurementError(f"{file}: holds {held}; femnl fit takes {', '.join(FITTED)}, and femnl diagnose takes series too")
+    return chosen
 
 
 def _use(text: str) -> Use:
@@ -86,58 +119,28 @@ def _use(text: str) -> Use:
     raise ParameterError(f"--use {text}: expected one of {', '.join(USES)}")
 
 
-def _shape(device: Model, index: int, cache: bool) -> Shape:
-    modes = solve_modes(device, max(10, index + 1), cache=cache)
-    return lambda x, y: shape_at(modes, index, x, y)
-
-
-def _fringe(kind: str, device: Model, dataset: xr.Dataset) -> PeriodicFringe | None:
-    if kind in ("sine", "free"):
+def _part(text: str | None, meaning: str | None) -> slice | None:
+    """The samples FIRST:END that are held out."""
+    if text is None:
         return None
-    if kind != "multilayer":
-        raise ParameterError(f"--fringe {kind}: expected sine, multilayer or free")
-    if device.stack is None:
-        raise ParameterError(f"{device.name}: its geometry gives no [readout] gap, which the multilayer fringe needs; use --fringe sine")
-    return MultilayerFringe(device.stack, float(dataset.attrs["wavelength"]))
+    if meaning != "oscillator":
+        raise ParameterError(f"--held-out {text}: only --as oscillator holds samples out")
+    first, colon, end = text.partition(":")
+    if not (colon and first.isdecimal() and end.isdecimal() and int(first) < int(end)):
+        raise ParameterError(f"--held-out {text}: expected FIRST:END in samples, such as 0:40000")
+    return slice(int(first), int(end))
 
 
-def _record(result: Any) -> dict[str, Any]:
-    if isinstance(result, MotionFit):
-        motion = {"amplitude": result.amplitude, "amplitude_sd": result.amplitude_sd, "phase": result.phase, "phase_sd": result.phase_sd}
-        return _record(result.fit) | motion
-    if not isinstance(result, Fit):
-        values = {"real": result.values.real, "imag": result.values.imag, "sd": result.values_sd}
-        return {"drive_frequency": result.drive_frequency, "harmonic": result.harmonic, **values, "noise_sd": result.noise_sd}
-    parameters = {p.name: {"value": p.value, "sd": p.sd, "unit": p.unit} for p in result.parameters.values()}
-    return {"parameters": parameters, "chi2_reduced": result.chi2_reduced, "n_points": result.n_points, "notes": result.notes}
-
-
-def _show(name: str, result: Any) -> None:
-    if isinstance(result, MotionFit):
-        _show(name, result.fit)
-        strongest = int(np.argmax(result.amplitude))
-        value, sd = _with_error(result.amplitude[strongest] * 1e9, result.amplitude_sd[strongest] * 1e9)
-        console().print(f"  largest amplitude {value} ± {sd} nm, at step {strongest + 1} of {len(result.amplitude)}")
-        return
-    if not isinstance(result, Fit):
-        strongest = int(np.argmax(np.abs(result.values[1:]).max(axis=0)))
-        rows = [
-            [f"{n}", f"{abs(value) * 1e3:.4g}", f"{np.degrees(np.angle(value)):.1f}", f"{sd * 1e3:.2g}"]
-            for n, value, sd in zip(result.harmonic, result.values[:, strongest], result.values_sd[:, strongest], strict=True)
-        ]
-        title = f"{name}: harmonics at the strongest step, drive {result.drive_frequency[strongest]:.9g} Hz"
-        console().print(table(title, ["harmonic", "|V| (mV)", "phase (°)", "± (mV)"], rows))
-        return
-    rows = [[p.name, *_with_error(p.value, p.sd), p.unit or "–"] for p in result.parameters.values()]
-    title = f"{name}: {result.n_points} numbers, {result.n_parameters} free parameters, χ²/ν = {result.chi2_reduced:.4g}"
-    console().print(table(title, ["parameter", "value", "±", "unit"], rows))
-    for sentence in result.notes:
-        console().print(f"  {sentence}")
-
-
-def _with_error(value: float, sd: float) -> tuple[str, str]:
-    """A value to the digits that its standard deviation, given to two digits, leaves."""
-    if not np.isfinite(sd) or sd <= 0 or value == 0:
-        return scientific(value, 6), "unknown" if not np.isfinite(sd) else "0"
-    digits = max(1, int(np.floor(np.log10(abs(value)))) - int(np.floor(np.log10(sd))) + 2)
-    return scientific(value, digits), scientific(sd, 2)
+def _write(results: dict[str, Outcome], folder: Path, stem: str, attributes: dict[str, str]) -> None:
+    """Draw the figures and write the spectra that fits found, named after file and measurement."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, result in results.items():
+        start = f"{stem}-{name}".replace(", ", "-").replace(" ", "-")
+        for kind, draw in result.figures.items():
+            picture = folder / f"{start}-{kind}.png"
+            write_whole(picture, partial(draw().savefig, dpi=200))
+            note(f"wrote {picture}")
+        for kind, dataset in result.spectra.items():
+            path = folder / f"{start}-{kind}.nc"
+            measurement.write(measurement.bundle({kind: dataset}, **attributes), path)
+            note(f"wrote {path}")

@@ -99,6 +99,7 @@ def assign(
     centre = float(weight @ mean)
     spread = float(np.sqrt(weight @ (variance + (mean - centre) ** 2)))
     inside = (posterior.modes + centre > posterior.low) & (posterior.modes + centre < posterior.high)
+    groups = _ambiguous(best, probability)
     labelling = _labelling(posterior, best, labels, probability[best])
     away = [np.nan if mode is None else line / (np.exp(centre) * modes[mode]) - 1 for line, mode in zip(lines, labelling.mode, strict=True)]
     return Assignment(
@@ -108,7 +109,8 @@ def assign(
         scale_sd=float(np.exp(centre) * spread),
         model_sd=float(np.exp(weight @ np.log(_MODEL_SD))),
         missing=tuple(labels[mode] for mode in np.flatnonzero(inside).tolist() if mode not in best),
-        ambiguous=_ambiguous(best, probability, labels),
+        ambiguous=tuple(tuple(labels[mode] for mode in sorted(group)) for group in groups),
+        up_to_ambiguous=float(sum(share for choice, share in probability.items() if _merged(choice, groups) == _merged(best, groups))),
         deviation=np.array(away),
     )
 
@@ -178,8 +180,8 @@ def _labelling(posterior: _Posterior, choice: Choice, labels: Sequence[str], pro
     return Labelling(tuple(modes), tuple(None if mode is None else labels[mode] for mode in modes), float(probability))
 
 
-def _ambiguous(best: Choice, probability: dict[Choice, float], labels: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    """Groups of labels that trade places between likely labellings (more than one in twenty)."""
+def _ambiguous(best: Choice, probability: dict[Choice, float]) -> list[set[int]]:
+    """Groups of modes that trade places between likely labellings (more than one in twenty)."""
     groups: list[set[int]] = []
     for line, mode in enumerate(best):
         chances: dict[int, float] = {}
@@ -189,4 +191,10 @@ def _ambiguous(best: Choice, probability: dict[Choice, float], labels: Sequence[
         if len(rivals) > 1:
             joined = [group for group in groups if group & rivals]
             groups = [group for group in groups if not group & rivals] + [rivals.union(*joined)]
-    return tuple(tuple(labels[mode] for mode in sorted(group)) for group in groups)
+    return groups
+
+
+def _merged(choice: Choice, groups: list[set[int]]) -> Choice:
+    """The labelling with every ambiguous mode replaced by the first of its group."""
+    first = {mode: min(group) for group in groups for mode in group}
+    return tuple(first.get(mode, mode) for mode in choice)

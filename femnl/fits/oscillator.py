@@ -36,7 +36,7 @@ def fit_oscillator(
     terms: Sequence[str] = TERMS,
     *,
     hold: Hold = "band-limited",
-    fitted: slice = slice(None),
+    fitted: slice | NDArray[np.bool_] = slice(None),
 ) -> Fit:
     """Fit an oscillator by the error of its free run: only the drive is given, never the measured output.
 
@@ -75,7 +75,7 @@ def fit_oscillator(
     chosen &= np.isfinite(y)
     record = _Record(stages(u, hold), y[chosen], chosen, 1 / sampling_rate)
     names = list(LINEAR)
-    values = _start(u[chosen], y[chosen], record.interval)
+    values = linear_start(u[chosen], y[chosen], record.interval)
     for extra in ([], [term for term in TERMS if term in terms]):
         names += extra
         values = _descend(names, np.append(values, np.zeros(len(extra))), record)
@@ -134,7 +134,7 @@ def _descend(names: Sequence[str], values: Array, record: _Record) -> Array:
     return np.asarray(best)
 
 
-def _start(u: Array, y: Array, interval: float) -> Array:
+def linear_start(u: Array, y: Array, interval: float) -> Array:
     """Return mass, damping and stiffness of the linear recursion y₂ = a₁ y₁ + a₂ y₀ + b₂ u₂ + b₁ u₁ + b₀ u₀ + const."""
     columns = np.column_stack([y[1:-1], y[:-2], u[2:], u[1:-1], u[:-2], np.ones(len(y) - 2)])
     a1, a2, *b, _ = np.linalg.lstsq(columns, y[2:], rcond=None)[0]

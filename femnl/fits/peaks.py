@@ -43,8 +43,7 @@ def find_peaks(dataset: xr.Dataset, sweep: int = 0) -> Peaks:
     if f.size < 24:
         raise MeasurementError(f"response: sweep {sweep} has {f.size} points; a search for lines needs 24, take a finer sweep")
     noise, sentence = noise_sd(dataset)
-    clusters, passes = _search(f, volts, noise)
-    return _result(f, volts, clusters, (sentence, f"{passes} passes"))
+    return _result(f, volts, _search(f, volts, noise), (sentence,))
 
 
 def threshold(n_points: int) -> float:
@@ -52,19 +51,19 @@ def threshold(n_points: int) -> float:
     return float(-2 * np.log(_FALSE / (4 * n_points)))
 
 
-def _search(f: Array, volts: Complex, noise: float) -> tuple[list[Cluster], int]:
-    """All lines of the sweep, and how many passes it took; the background is taken anew from what the lines leave."""
+def _search(f: Array, volts: Complex, noise: float) -> list[Cluster]:
+    """All lines of the sweep; the background is taken anew from what the lines leave."""
     limit, widest = threshold(f.size), WIDEST * float(f[-1] - f[0])
     clusters: list[Cluster] = []
-    for number in range(1, _PASSES):
+    for _ in range(_PASSES):
         flat = volts - _background(f, volts - _sum(f, clusters))
         found = _relax(f, flat, noise, clusters, np.empty((0, 2)), limit, widest)
         found = _greedy(f, flat, noise, _drop_weak(f, flat, noise, found, limit, widest), limit, widest)
         found = _rebuild(f, flat, noise, found, limit, widest)
         if _settled(clusters, found):
-            return found, number
+            return found
         clusters = found
-    return clusters, _PASSES
+    return clusters
 
 
 def _settled(before: list[Cluster], after: list[Cluster]) -> bool:

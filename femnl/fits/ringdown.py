@@ -4,7 +4,7 @@ from typing import get_args
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import leastsq
 
 from femnl.errors import MeasurementError, ParameterError
@@ -93,6 +93,18 @@ def fit_ringdown_trace(dataset: xr.Dataset, step: int = 0, *, nonlinear: bool = 
     noise = dataset.attrs.get("noise_sd")
     voltage = dataset["voltage"].isel(step=step).values
     return fit_ringdown(dataset["time"].values, voltage, nonlinear=nonlinear, noise_sd=noise, responsivity=responsivity)
+
+
+def predict_ringdown(fit: Fit, time: ArrayLike) -> NDArray[np.complex128]:
+    """Return the complex amplitude A(t) (n,) [V] of a fit at times [s] from the first that was fitted, v = Re A + offset.
+
+    Of a magnitude it has the modulus without the noise: |v|² = |A|² + floor.
+    """
+    t = np.asarray(time, dtype=float)
+    kind: Signal = "magnitude" if "phase" not in fit.parameters else "complex"
+    decay = Decay(t, t, kind, 0.0, "damping_ratio" in fit.parameters)
+    size, angle = decay.polar(np.array([fit[name] for name in decay.names]))
+    return np.asarray(size * np.exp(1j * angle))
 
 
 def _descend(decay: Decay, start: Array, weight: Array) -> Array:

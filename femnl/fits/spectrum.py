@@ -25,8 +25,16 @@ def identify(
     peaks = find_peaks(dataset, sweep)
     if peaks.frequency.size == 0:
         raise MeasurementError(f"response: no line stands out of the noise in sweep {sweep}; average longer or drive harder")
+    return peaks, label_peaks(peaks, labels, simulated, scale_sd)
+
+
+def label_peaks(peaks: Peaks, labels: Sequence[str | None], simulated: ArrayLike, scale_sd: float = 0.3) -> Assignment:
+    """Give the lines of a sweep to simulated modes; arguments as of `identify`."""
     names = [label or f"mode {number}" for number, label in enumerate(labels, start=1)]
-    return peaks, assign(peaks.frequency, peaks.frequency_sd, names, simulated, peaks.band, scale_sd)
+    # A line between two points, too narrow for them to tell its place, still lies between them.
+    spacing = np.interp(peaks.frequency, peaks.points, np.gradient(peaks.points))
+    sd = np.where(np.isfinite(peaks.frequency_sd), peaks.frequency_sd, spacing)
+    return assign(peaks.frequency, sd, names, simulated, peaks.band, scale_sd)
 
 
 def to_spectrum(peaks: Peaks, assignment: Assignment | None = None) -> xr.Dataset:

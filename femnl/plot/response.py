@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from femnl.fits.response_misfit import Use
 from femnl.measurement import amplitude, noise_sd
 from femnl.plot.style import COLOURS, INK, SEQUENTIAL, axis_label, new_figure, panel_letters, prefixed, style
 
@@ -22,11 +23,13 @@ _SEEN = 3.0  # the phase of weaker amplitudes, in units of the noise, says nothi
 _FEW = 40
 
 
-def response_figure(dataset: xr.Dataset) -> Figure:
+def response_figure(dataset: xr.Dataset, fitted: xr.DataArray | None = None, use: Use = "complex") -> Figure:
     """Draw a `response`: |V| and its phase against the drive frequency.
 
-    Colours tell the drive where it varies, else the position, else the order of sweeps; sweeps down are dashed.
-    Args: dataset of kind `response`. Returns: the Figure, magnitude above phase.
+    Colours tell the drive where it varies, else the position, else the order of sweeps; sweeps down are dashed. With a fit the data are
+    points and the lines are its.
+    Args: dataset of kind `response`; fitted (sweep, point) complex [V]; use: what was fitted, which is all that is drawn of the fit.
+    Returns: the Figure, magnitude above phase.
     """
     frequency, volts = dataset["frequency"].values, amplitude(dataset).values
     middle = 0.5 * (np.nanmin(frequency) + np.nanmax(frequency))
@@ -36,6 +39,7 @@ def response_figure(dataset: xr.Dataset) -> Figure:
     scale, volt_unit = prefixed(np.abs(volts), "V")
     noise = noise_sd(dataset)[0] if np.count_nonzero(np.isfinite(volts)) > _FEW else 0.0
     names, key, numbers = _key(dataset)
+    half = 90 if use == "phase-mod-pi" else 180
     with style():
         result = new_figure(height=4.4)
         magnitude, phase = result.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
@@ -46,9 +50,19 @@ def response_figure(dataset: xr.Dataset) -> Figure:
             colour = COLOURS[order[numbers[index]]] if norm is None else mpl.colormaps[SEQUENTIAL](0.92 * norm(numbers[index]))
             dashes = {"color": colour, "linestyle": (0, (4, 1.5)) if down[index] else "-", "label": name}
             x = (frequency[index] - shift) / divisor
-            magnitude.plot(x, np.abs(volts[index]) / scale, **dashes)
-            seen = np.where(np.abs(volts[index]) > _SEEN * noise, np.degrees(np.angle(volts[index])), np.nan)
-            _plot_phase(phase, x, seen, dashes)
+            seen = np.where(np.abs(volts[index]) > _SEEN * noise, _degrees(volts[index], use), np.nan)
+            if fitted is None:
+                magnitude.plot(x, np.abs(volts[index]) / scale, **dashes)
+                _plot_phase(phase, x, seen, dashes, half)
+                continue
+            points = {"color": colour, "linestyle": "none", "marker": "o", "markersize": 2.0, "alpha": 0.45, "markeredgewidth": 0.0}
+            magnitude.plot(x, np.abs(volts[index]) / scale, **points)
+            phase.plot(x, seen, **points)
+            model = fitted.values[index]
+            if use in ("complex", "magnitude"):
+                magnitude.plot(x, np.abs(model) / scale, **dashes)
+            if use != "magnitude":
+                _plot_phase(phase, x, _degrees(model, use), dashes, half)
         top = np.nanmax(np.abs(volts))
         if top > _DYNAMIC * np.nanmedian(np.abs(volts)):
             magnitude.set_yscale("log")
@@ -56,20 +70,28 @@ def response_figure(dataset: xr.Dataset) -> Figure:
         else:
             magnitude.set_ylim(bottom=0)
         magnitude.set_ylabel(axis_label("magnitude |V|", volt_unit))
-        phase.set_ylabel("phase (°)")
-        phase.set_yticks([-180, -90, 0, 90, 180])
-        phase.set_ylim(-190, 190)
+        phase.set_ylabel("phase modulo π (°)" if half == 90 else "phase (°)")
+        phase.set_yticks([-half, -half / 2, 0, half / 2, half])
+        phase.set_ylim(-1.05 * half, 1.05 * half)
         phase.grid(axis="y", color="#dddddd", linewidth=0.6)
         centre, centre_unit = prefixed(middle, "Hz")
         phase.set_xlabel(axis_label(f"drive frequency − {middle / centre:.9g} {centre_unit}" if narrow else "drive frequency", unit))
         panel_letters([magnitude, phase])
         _explain(result, (magnitude, phase), names, key, norm, down)
+        if fitted is not None:
+            magnitude.set_title("points: measured   lines: fitted", loc="right", fontsize=7.5)
     return result
 
 
-def _plot_phase(axes: Axes, x: NDArray[np.float64], degrees: NDArray[np.float64], look: dict[str, Any]) -> None:
-    """Draw the phase in (−180°, 180°], the line broken where it wraps."""
-    jumps = np.flatnonzero(np.abs(np.diff(degrees)) > 180) + 1
+def _degrees(volts: NDArray[np.complex128], use: Use) -> NDArray[np.float64]:
+    """The phase in degrees, in (−90°, 90°] where only its value modulo π counts."""
+    turn = 2 if use == "phase-mod-pi" else 1
+    return np.asarray(np.degrees(np.angle(volts**turn)) / turn)
+
+
+def _plot_phase(axes: Axes, x: NDArray[np.float64], degrees: NDArray[np.float64], look: dict[str, Any], half: float) -> None:
+    """Draw the phase in (−half, half], the line broken where it wraps."""
+    jumps = np.flatnonzero(np.abs(np.diff(degrees)) > half) + 1
     axes.plot(np.insert(x, jumps, np.nan), np.insert(degrees, jumps, np.nan), **look)
 
 
@@ -102,7 +124,7 @@ def _explain(
         bar.set_label(key)
         bar.outline.set_linewidth(0.5)
     elif len(set(names)) > 1:
-        lines = dict(zip(names, panels[0].lines, strict=True))
+        lines = {str(line.get_label()): line for panel in panels for line in panel.lines if line.get_label() in names}
         panels[0].legend(
             [Line2D([], [], color=line.get_color()) for line in lines.values()], list(lines), title=key.split(" (")[0], loc="best"
         )

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.types.arrays import freeze
+from femnl.types.fit import Fit
 
 Array = NDArray[np.float64]
 
@@ -61,7 +62,8 @@ class Assignment:
     deviation: f/(c g) − 1 of each peak from its mode at the common scale, NaN for a spurious one.
     best and runner_up (None where nothing else has a chance); scale: measured over simulated frequency, with its sd;
     model_sd: relative scatter of the simulation about the peaks, as the data show it; missing: labels of the modes inside the
-    swept band that no peak was given to; ambiguous: groups of labels that frequencies alone cannot tell apart.
+    swept band that no peak was given to; ambiguous: groups of labels that frequencies alone cannot tell apart;
+    up_to_ambiguous: probability of the best labelling where labels of one such group count as one.
     """
 
     best: Labelling
@@ -71,7 +73,29 @@ class Assignment:
     model_sd: float
     missing: tuple[str, ...]
     ambiguous: tuple[tuple[str, ...], ...]
+    up_to_ambiguous: float
     deviation: Array
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+
+@dataclass(frozen=True)
+class FilmFit:
+    """A measured spectrum beside the simulated one: one scale for all modes, and how far each lies from it.
+
+    fit: `scale` c/c_sim, `wave_speed` c [m/s], `stress` [Pa] of the film before release, `scatter` of the modes about the scale.
+    label, frequency, frequency_sd, simulated [Hz], deviation f/(c g) − 1, all (n,) by rising frequency; assignment: how lines
+    without a label were given to modes, None where the file names them.
+    """
+
+    fit: Fit
+    label: tuple[str, ...]
+    frequency: Array
+    frequency_sd: Array
+    simulated: Array
+    deviation: Array
+    assignment: Assignment | None
 
     def __post_init__(self) -> None:
         freeze(self)

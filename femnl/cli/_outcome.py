@@ -1,0 +1,44 @@
+"""What a fit hands to the command line: numbers for programs, tables for people, figures and files for a folder."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from rich.console import Group
+
+from femnl.cli._output import scientific, table
+from femnl.types.fit import Fit
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One result: the record that JSON prints, what is shown, figures by name (drawn when asked for), and a spectrum to write."""
+
+    record: dict[str, Any]
+    shown: list[Group | str]
+    figures: Mapping[str, Callable[[], Figure]]
+    spectra: Mapping[str, xr.Dataset] = field(default_factory=dict)
+
+
+def record(fit: Fit) -> dict[str, Any]:
+    """A fit as a JSON object."""
+    parameters = {p.name: {"value": p.value, "sd": p.sd, "unit": p.unit} for p in fit.parameters.values()}
+    return {"parameters": parameters, "chi2_reduced": fit.chi2_reduced, "n_points": fit.n_points, "notes": fit.notes}
+
+
+def show(name: str, fit: Fit) -> list[Group | str]:
+    """A fit as a table under its name, and what there is to say of it."""
+    rows = [[p.name, *with_error(p.value, p.sd), p.unit or "–"] for p in fit.parameters.values()]
+    title = f"{name}: {fit.n_points} numbers, {fit.n_parameters} free parameters, χ²/ν = {fit.chi2_reduced:.4g}"
+    return [table(title, ["parameter", "value", "±", "unit"], rows), *(f"  {sentence}" for sentence in fit.notes)]
+
+
+def with_error(value: float, sd: float) -> tuple[str, str]:
+    """A value to the digits that its standard deviation, given to two digits, leaves."""
+    if not np.isfinite(sd) or sd <= 0 or value == 0:
+        return scientific(value, 6), "unknown" if not np.isfinite(sd) else "0"
+    digits = max(1, int(np.floor(np.log10(abs(value)))) - int(np.floor(np.log10(sd))) + 2)
+    return scientific(value, digits), scientific(sd, 2)

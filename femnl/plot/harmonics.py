@@ -1,0 +1,61 @@
+"""Harmonics of recorded traces against the frequency of the drive, and the motion that explains them."""
+
+import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from femnl.plot.spectrum import harmonic_spectrum_figure
+from femnl.plot.style import COLOURS, SEQUENTIAL, axis_label, new_figure, panel_letters, prefixed, style
+from femnl.types.fit import MotionFit
+from femnl.types.readout import HarmonicSpectrum
+
+_FIRST = 5  # harmonics drawn as lines
+
+
+def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None) -> Figure:
+    """Draw |V_n| over drive frequency and harmonic, its first harmonics as lines, and with a fit the amplitude of motion.
+
+    Args: spectrum: from `femnl.fits.traces.decompose`; motion: from `femnl.fits.spot.fit_spot`.
+    Returns: the Figure; for a single step the spectrum of its harmonics, with the noise floor.
+    """
+    size = np.abs(spectrum.values[1:])
+    if spectrum.drive_frequency.size == 1:
+        floor = float(spectrum.values_sd[1:].mean() / size.max())
+        return harmonic_spectrum_figure(spectrum.harmonic[1:], {"measured": size[:, 0]}, floor)
+    order = np.argsort(spectrum.drive_frequency, kind="stable")
+    centre = float(np.median(spectrum.drive_frequency))
+    f = spectrum.drive_frequency[order] - centre
+    divisor, unit = prefixed(f, "Hz")
+    scale, volt = prefixed(size, "V")
+    floor = float(np.median(spectrum.values_sd[1:])) / scale
+    with style():
+        count = 2 if motion is None else 3
+        figure = new_figure(height=1.0 + 1.9 * count)
+        panels = figure.subplots(count, 1, sharex=True, height_ratios=[1.4, *[1.0] * (count - 1)])
+        image = panels[0].pcolormesh(
+            f / divisor,
+            spectrum.harmonic[1:],
+            np.maximum(size[:, order] / scale, floor),
+            norm=LogNorm(floor, float(size.max()) / scale),
+            cmap=SEQUENTIAL,
+            shading="nearest",
+            rasterized=True,
+        )
+        figure.colorbar(image, ax=panels[0], label=f"|Vₙ| ({volt}), from the noise up", aspect=18, pad=0.01)
+        panels[0].set_ylabel("harmonic n")
+        panels[0].yaxis.set_major_locator(MaxNLocator(integer=True))
+        for colour, n in zip(COLOURS, range(min(_FIRST, size.shape[0])), strict=False):
+            panels[1].semilogy(f / divisor, size[n, order] / scale, color=colour, label=f"{spectrum.harmonic[n + 1]}f")
+        panels[1].set_ylim(bottom=floor)
+        panels[1].set_ylabel(axis_label("|Vₙ|", volt))
+        panels[1].legend(ncols=_FIRST, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+        if motion is not None:
+            metre, name = prefixed(motion.amplitude, "m")
+            panels[2].errorbar(f / divisor, motion.amplitude[order] / metre, motion.amplitude_sd[order] / metre, fmt="o", color=COLOURS[0])
+            panels[2].set_ylabel(axis_label("amplitude U", name))
+            panels[2].set_ylim(bottom=0)
+        hertz, name = prefixed(centre, "Hz")
+        panels[-1].set_xlabel(axis_label(f"drive frequency − {centre / hertz:.9g} {name}", unit))
+        panel_letters(list(panels))
+    return figure
