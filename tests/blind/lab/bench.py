@@ -1,0 +1,93 @@
+"""What every kind of measurement of the laboratory gives, and by how many σ a cause stands out in it."""
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Values = dict[str, float]
+STEP = 1e-6
+"""Change of a base parameter, in parts of what it is worth, for a tangent."""
+SHARE = 1e-3
+"""Relative change of the strength of another cause for a tangent."""
+
+ROUNDS, NEAR = 6, 0.25
+"""Rounds in which a cause is scaled to the wanted size, and the logarithm of the factor that is near enough."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A cause as drawn: its values, which of them grow with its strength, and how much they may still grow."""
+
+    values: Values
+    strengths: tuple[str, ...]
+    most: float = np.inf
+
+
+class Bench(Protocol):
+    """One measurement under way; unit: what each base parameter that an analysis would fit is worth."""
+
+    unit: Values
+
+    def draw(self, rng: np.random.Generator) -> Values:
+        """Draw the base parameters."""
+        ...
+
+    def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
+        """Data without noise for each base with each set of causes, in σ, (n_variants, n)."""
+        ...
+
+    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> xr.Dataset:
+        """Data with noise, as the instrument rounds them."""
+        ...
+
+
+def scaled(cause: Cause, factor: float) -> Cause:
+    """Return a cause whose strengths are larger by a factor, up to the most that is physical."""
+    factor = min(factor, cause.most) if cause.strengths else 1.0
+    values = {name: value * factor if name in cause.strengths else value for name, value in cause.values.items()}
+    return replace(cause, values=values, most=cause.most / factor)
+
+
+def sizes(bench: Bench, base: Values, hidden: dict[str, Cause]) -> dict[str, float]:
+    """By how many σ each cause moves the data beyond what base parameters and the strengths of the other causes could, to first order."""
+    whole = {name: cause.values for name, cause in hidden.items()}
+    found = {}
+    for name in hidden:
+        others = {k: cause for k, cause in hidden.items() if k != name}
+        rest = {k: cause.values for k, cause in others.items()}
+        variants = [(base, whole), (base, rest)]
+        variants += [(base | {knob: base[knob] + STEP * unit}, rest) for knob, unit in bench.unit.items()]
+        variants += [(base, rest | {k: scaled(cause, 1 - SHARE).values}) for k, cause in others.items() if cause.strengths]
+        rows = bench.clean(variants)
+        tangents = rows[2:] - rows[1]
+        tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-300)
+        basis, strength, _ = np.linalg.svd(tangents.T, full_matrices=False)
+        basis = basis[:, strength > 1e-7 * strength[0]]
+        change = rows[0] - rows[1]
+        found[name] = float(np.linalg.norm(change - basis @ (basis.T @ change)))
+    return found
+
+
+def sized(bench: Bench, base: Values, hidden: dict[str, Cause], wanted: dict[str, float]) -> tuple[dict[str, Cause], dict[str, float]]:
+    """Scale every cause until it stands out by about the wanted σ, as far as is physical; return them and their σ."""
+    found, power = sizes(bench, base, hidden), dict.fromkeys(hidden, 1.0)
+    for _ in range(ROUNDS):
+        factor = {name: (wanted[name] / found[name]) ** (1 / power[name]) for name in hidden}
+        factor = {name: min(f, hidden[name].most) if hidden[name].strengths else 1.0 for name, f in factor.items()}
+        if all(abs(np.log(f)) < NEAR for f in factor.values()):
+            break
+        hidden = {name: scaled(cause, factor[name]) for name, cause in hidden.items()}
+        earlier, found = found, sizes(bench, base, hidden)
+        for name, f in factor.items():  # some effects are of second order in their strength
+            if abs(np.log(f)) > NEAR:
+                power[name] = float(np.clip(np.log(found[name] / earlier[name]) / np.log(f), 0.5, 3.0))
+    return hidden, found
+
+
+def sign(rng: np.random.Generator) -> float:
+    """Draw +1 or −1."""
+    return float(rng.choice([-1.0, 1.0]))

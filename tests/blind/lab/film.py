@@ -1,0 +1,139 @@
+"""Modes of clamped films without femnl: sines on rectangles, finite elements of third order on a polygon; bending by its boundary layer.
+
+A clamped plate under tension is, up to third order in ℓ/L, a membrane that is smaller by ℓ on every side, with ω² raised by ℓ²k².
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import eigsh
+from skfem import Basis, BilinearForm, ElementTriP3, MeshTri, asm
+from skfem.models.poisson import laplace, mass
+
+from femnl import geometry
+from tests.blind.lab.bench import Array
+
+
+@dataclass(frozen=True)
+class Membrane:
+    """Lowest modes of an ideal membrane, ∫ξᵢξⱼ = δᵢⱼ × area; slopes[w][d]: ∫ φ_w ∂ξᵢ∂ξⱼ / area for φ = 1, x, y, x² + y².
+
+    orders: (m, n) of each sine, empty for a polygon. half: the size that x and y count in.
+    """
+
+    slopes: tuple[tuple[Array, Array, Array], ...]
+    area: float
+    half: float
+    orders: NDArray[np.int64]
+    inner: tuple[float, float]
+    space: tuple[Basis, Array] | None
+
+    @property
+    def square(self) -> Array:
+        """k² of each mode."""
+        return np.asarray(np.diag(self.slopes[0][0] + self.slopes[0][1]))
+
+    def at(self, x: Array, y: Array, count: int | None = None) -> Array:
+        """Values of the lowest modes at points (n,) of the film, 0 beyond it, (count, n)."""
+        order = np.argsort(self.square, kind="stable")[:count] if count else np.arange(len(self.square))
+        if self.space is None:
+            sides = zip((x, y), self.inner, self.orders[order].T, strict=True)
+            one, two = (np.sin(np.outer(m, np.pi * (p / side + 0.5))) * (np.abs(p) <= side / 2) for p, side, m in sides)
+            return np.asarray(2 * one * two)
+        basis, values = self.space
+        here = np.stack([x / self.inner[0], y / self.inner[1]])
+        inside = np.all(_normals(basis) @ here <= 1 - 1e-12, axis=0)
+        found = np.zeros((len(order), len(x)))
+        found[:, inside] = (basis.probes(here[:, inside]) @ values[:, order]).T
+        return found
+
+
+def membrane(name: str, layer: float, stretch: float = 0.0, basis: int = 14) -> Membrane:
+    """The film of a geometry, smaller by `layer` on every side, with sides stretched by ±stretch/2."""
+    outline = geometry.load(name).outline
+    if outline.size is not None:
+        width, height = outline.size
+        sides = width * (1 + stretch / 2) - 2 * layer, height / (1 + stretch / 2) - 2 * layer
+        return _rectangle(sides, max(outline.size) / 2, basis)
+    corners = np.array([s.start for s in outline.segments])
+    apothem = float(np.min(np.linalg.norm((corners + np.roll(corners, -1, axis=0)) / 2, axis=1)))
+    found, factor = _polygon(tuple(map(tuple, corners))), 1 - layer / apothem
+    x, y = factor * (1 + stretch / 2), factor / (1 + stretch / 2)
+    weights = (1.0, x, y, factor**2)  # the stretch of x² + y² is of second order
+    slopes = tuple((w * s[0] / x**2, w * s[1] / y**2, w * s[2] / (x * y)) for w, s in zip(weights, found.slopes, strict=True))
+    return replace(found, slopes=slopes, area=found.area * x * y, inner=(x, y))
+
+
+def _rectangle(sides: tuple[float, float], half: float, basis: int) -> Membrane:
+    m = np.arange(1, basis + 1)
+    t, w = np.polynomial.legendre.leggauss(8 * basis)
+    t, w = t / 2, w / 2
+    value, slope = np.sin(np.outer(m, np.pi * (t + 0.5))), np.pi * m[:, None] * np.cos(np.outer(m, np.pi * (t + 0.5)))
+    table = {
+        (p, a, b): 2 * (f * t**p * w) @ g.T for p in range(3) for a, f in enumerate((value, slope)) for b, g in enumerate((value, slope))
+    }
+    orders = np.array([(i, j) for i in m for j in m])
+    ix, iy = orders.T - 1
+
+    def product(px: int, py: int, ax: int, bx: int, ay: int, by: int) -> Array:
+        scale = sides[0] ** (px - ax - bx) * sides[1] ** (py - ay - by)
+        return np.asarray(scale * table[px, ax, bx][np.ix_(ix, ix)] * table[py, ay, by][np.ix_(iy, iy)])
+
+    def three(px: int, py: int) -> tuple[Array, Array, Array]:
+        mixed = product(px, py, 1, 0, 0, 1)
+        return product(px, py, 1, 1, 0, 0), product(px, py, 0, 0, 1, 1), (mixed + mixed.T) / 2
+
+    x2, y2 = three(2, 0), three(0, 2)
+    bowl = (x2[0] + y2[0], x2[1] + y2[1], x2[2] + y2[2])
+    return Membrane((three(0, 0), three(1, 0), three(0, 1), bowl), sides[0] * sides[1], half, orders, sides, None)
+
+
+@cache
+def _polygon(corners: tuple[tuple[float, float], ...], count: int = 90) -> Membrane:
+    """Cubic elements on triangles about the centre, finer towards the corners, where the modes are singular."""
+    points = np.array(corners)
+    mesh = MeshTri(
+        np.column_stack([np.zeros(2), points.T]), np.array([[0, i + 1, (i + 1) % len(points) + 1] for i in range(len(points))]).T
+    )
+    mesh = mesh.refined(4)
+    reach = float(np.abs(points).max())
+    for level in range(7):
+        centre = mesh.p[:, mesh.t].mean(axis=1)
+        distance = np.min([np.hypot(centre[0] - x, centre[1] - y) for x, y in points], axis=0)
+        mesh = mesh.refined(np.flatnonzero(distance < 0.25 * reach / 2**level))
+    space = Basis(mesh, ElementTriP3(), intorder=7)
+    inner = space.complement_dofs(space.get_dofs())
+    stiff, heavy = asm(laplace, space)[inner][:, inner], asm(mass, space)[inner][:, inner]
+    _, vectors = eigsh(stiff.tocsc(), count, heavy.tocsc(), sigma=0.0)
+    area = float(space.dx.sum())
+    shapes = np.zeros((space.N, count))
+    shapes[inner] = vectors * np.sqrt(area)
+
+    def three(weight: str) -> tuple[Array, Array, Array]:
+        found = (asm(_form(weight, a, b), space) for a, b in ((0, 0), (1, 1), (0, 1)))
+        xx, yy, xy = (np.asarray(shapes.T @ (matrix @ shapes)) / area for matrix in found)
+        return xx, yy, (xy + xy.T) / 2
+
+    slopes = (three("1"), three("x"), three("y"), three("x² + y²"))
+    return Membrane(slopes, area, reach, np.empty((0, 2), np.int64), (1.0, 1.0), (space, shapes))
+
+
+def _form(weight: str, a: int, b: int) -> BilinearForm:
+    """∫ φ ∂ₐu ∂_b v."""
+
+    def form(u: Any, v: Any, w: Any) -> Any:
+        x, y = w.x
+        return {"1": 1.0, "x": x, "y": y, "x² + y²": x**2 + y**2}[weight] * u.grad[a] * v.grad[b]
+
+    return BilinearForm(form)
+
+
+def _normals(basis: Basis) -> Array:
+    """Rows a with a·p ≤ 1 inside a convex polygon."""
+    edge = basis.mesh.p[:, basis.mesh.facets[:, basis.mesh.boundary_facets()]]
+    a, b = edge[:, 0], edge[:, 1]
+    rows = np.stack([b[1] - a[1], a[0] - b[0]]) / (a[0] * (b[1] - a[1]) + a[1] * (a[0] - b[0]))
+    return np.asarray(np.unique(np.round(rows.T, 3), axis=0))

@@ -1,0 +1,140 @@
+"""Eigenfrequencies of a film with whatever is wrong with it, by a Ritz expansion in the modes of the ideal membrane."""
+
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+from scipy.linalg import eigh
+from scipy.optimize import linear_sum_assignment
+
+from femnl import geometry, measurement
+from tests.blind.lab.bench import Array, Cause, Values, sign
+from tests.blind.lab.film import Membrane, membrane
+
+BENDING_SD = 0.03
+"""Relative standard deviation of ℓ from film to film: what thickness, modulus and stress of a geometry are worth."""
+DIGIT = 0.1
+"""Last digit [Hz] that the instrument writes."""
+
+
+class SpectrumBench:
+    """A list of the lowest modes; see `Bench`."""
+
+    def __init__(self, name: str, timed: bool, rng: np.random.Generator) -> None:
+        self.name, self.film = name, geometry.load(name).film
+        self.count, self.sd = int(rng.integers(10, 15)), float(rng.choice([2.0, 3.0, 5.0]))
+        self.time = 600.0 * rng.permutation(self.count) if timed or rng.uniform() < 0.5 else None
+        film = self.film
+        self.layer = film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress))
+        self.speed = np.sqrt(film.stress / film.density)
+        self.unit = {"speed": self.speed, "bending": 1.0}
+
+    def draw(self, rng: np.random.Generator) -> Values:
+        """Draw c [m/s] and ℓ in units of the geometry's."""
+        return {"speed": self.speed * (1 + 0.05 * rng.uniform(-1, 1)), "bending": 1 + BENDING_SD * rng.standard_normal()}
+
+    def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
+        """Frequencies over their σ, and what is known of ℓ."""
+        return np.stack([np.append(self._lines(base, hidden)[0] / self.sd, base["bending"] / BENDING_SD) for base, hidden in variants])
+
+    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> xr.Dataset:
+        """Frequencies with noise, labelled by their shapes where (m,n) has a meaning."""
+        frequency, names = self._lines(base, hidden)
+        noisy = np.round((frequency + self.sd * rng.standard_normal(self.count)) / DIGIT) * DIGIT
+        return measurement.spectrum(noisy, np.full(self.count, self.sd), names or None, self.time)
+
+    def _lines(self, base: Values, hidden: dict[str, Values]) -> tuple[Array, list[str]]:
+        film, c2 = self.film, base["speed"] ** 2
+        density = film.stress / c2
+        layer = base["bending"] * self.layer
+        layer = float(np.sqrt(layer**2 + hidden.get("bending_stiffness", {}).get("excess", 0.0)))
+        modes = membrane(self.name, layer, hidden.get("aspect_ratio", {}).get("elongation", 0.0))
+        k2 = modes.square
+        own = np.sqrt(c2 * (k2 + layer**2 * k2**2)) * (1 - hidden.get("hole_dispersion", {}).get("beta_area", 0.0) * k2)
+        stiffness = np.diag(own**2) + c2 * (modes.slopes[0][0] + modes.slopes[0][1] - np.diag(k2))
+        mass = np.eye(len(k2))
+        if "stress_anisotropy" in hidden:
+            stiffness = stiffness + c2 * hidden["stress_anisotropy"]["anisotropy"] / 2 * (modes.slopes[0][0] - modes.slopes[0][1])
+        if "shear_stress" in hidden:
+            stiffness = stiffness + 2 * c2 * hidden["shear_stress"]["shear"] * modes.slopes[0][2]
+        if "tension_gradient" in hidden:
+            for knob, (xx, yy, _) in zip(("slope_x", "slope_y", "bowl"), modes.slopes[1:], strict=True):
+                stiffness = stiffness + c2 * hidden["tension_gradient"][knob] / modes.half * (xx + yy) * (
+                    1 / modes.half if knob == "bowl" else 1
+                )
+        if "added_mass" in hidden:
+            particle = hidden["added_mass"]
+            shape = modes.at(np.array([particle["x"]]), np.array([particle["y"]]))[:, 0]
+            mass = mass + particle["mass"] / (density * film.thickness * modes.area) * np.outer(shape, shape)
+        if "gas_loading" in hidden:
+            mass = mass + np.diag(2 * hidden["gas_loading"]["gas_density"] / (np.sqrt(k2) * density * film.thickness))
+        square, vectors = eigh(stiffness, mass, subset_by_index=(0, self.count - 1))
+        frequency = np.sqrt(square) / (2 * np.pi)
+        if "frame_mode" in hidden:
+            frequency = _repelled(frequency, **hidden["frame_mode"])
+        if "frequency_drift" in hidden and self.time is not None:
+            frequency = frequency * (1 + hidden["frequency_drift"]["rate"] * self.time)
+        return frequency, _names(modes, vectors)
+
+
+def _names(modes: Membrane, vectors: Array) -> list[str]:
+    """(m,n) by shape, each once."""
+    if not len(modes.orders):
+        return []
+    lowest = np.argsort(modes.square, kind="stable")[: vectors.shape[1] + 6]
+    mine, theirs = linear_sum_assignment(-(vectors[lowest].T ** 2))
+    return [f"{m},{n}" for m, n in modes.orders[lowest[theirs[np.argsort(mine)]]]]
+
+
+def _repelled(frequency: Array, coupling_square: float, frame_frequency: float) -> Array:
+    """Frequencies of the film's part of two coupled oscillators, mode by mode."""
+    half = (frequency - frame_frequency) / 2
+    return np.asarray((frequency + frame_frequency) / 2 + np.sign(half) * np.sqrt(half**2 + coupling_square))
+
+
+def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> SpectrumBench:
+    """Prepare a measurement."""
+    return SpectrumBench(name, "frequency_drift" in causes, rng)
+
+
+def _simple(knob: str, low: float, most: float, signed: bool = False) -> Callable[[np.random.Generator, SpectrumBench], Cause]:
+    def draw(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
+        return Cause({knob: low * (sign(rng) if signed else 1)}, (knob,), most / low)
+
+    return draw
+
+
+def _particle(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
+    modes = membrane(bench.name, 0.0)
+    size = modes.inner if len(modes.orders) else (modes.half, modes.half)
+    x, y = (float(sign(rng) * rng.uniform(0.08, 0.42) * side) for side in size)
+    film = bench.film
+    whole = film.density * film.thickness * modes.area
+    return Cause({"mass": 1e-5 * whole, "x": x, "y": y}, ("mass",), 1e3)
+
+
+def _frame(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
+    lines = np.sort(bench.clean([(dict(bench.unit), {})])[0][:-1]) * bench.sd
+    k = int(rng.integers(0, len(lines)))
+    distance = sign(rng) * np.exp(rng.uniform(np.log(3e-4), np.log(1e-2)))
+    return Cause({"coupling_square": 1e3, "frame_frequency": float(lines[k] * (1 + distance))}, ("coupling_square",), 1e4)
+
+
+def _gradient(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
+    slopes = rng.standard_normal(3)
+    slopes = 1e-3 * slopes / np.linalg.norm(slopes)
+    return Cause(dict(zip(("slope_x", "slope_y", "bowl"), map(float, slopes), strict=True)), ("slope_x", "slope_y", "bowl"), 100.0)
+
+
+CAUSES: dict[str, Callable[[np.random.Generator, SpectrumBench], Cause]] = {
+    "added_mass": _particle,
+    "aspect_ratio": _simple("elongation", 1e-4, 2e-2, signed=True),
+    "bending_stiffness": _simple("excess", 1e-13, 1e-11),
+    "frame_mode": _frame,
+    "frequency_drift": _simple("rate", 1e-8, 9e-7, signed=True),
+    "gas_loading": _simple("gas_density", 1e-2, 3.0),
+    "hole_dispersion": _simple("beta_area", 1e-14, 1e-12),
+    "shear_stress": _simple("shear", 1e-4, 3e-2),
+    "stress_anisotropy": _simple("anisotropy", 1e-4, 5e-2, signed=True),
+    "tension_gradient": _gradient,
+}
