@@ -14,6 +14,7 @@ from femnl import measurement
 from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fit import held_out
 from femnl.diagnose.freeform import free_forms
+from femnl.diagnose.joint import JointProblem
 from femnl.diagnose.maps import MapProblem
 from femnl.diagnose.problem import Named, Problem
 from femnl.diagnose.response import ResponseProblem
@@ -58,15 +59,27 @@ def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Ef
     tree = measurement.read(path)
     model = measured_device(tree.attrs, path, geometry)
     groups = {name: node.to_dataset() for name, node in tree.children.items()}
-    if len(groups) > 1:
-        raise MeasurementError(f"{path}: holds {len(groups)} measurements ({', '.join(groups)}); diagnose them one file each")
-    ((name, dataset),) = groups.items()
-    problem = pose(name, dataset, model)
-    pool = applicable(problem, library().values() if effects is None else effects)
-    found = search(problem, pool)
+    problems = {name: pose(name, dataset, model) for name, dataset in groups.items()}
+    found = _searched(problems, list(library().values() if effects is None else effects))
+    problem = found[0].solution.model.problem
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     concluded = conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *problem.notes))
     return replace(concluded, geometry=geometry)
+
+
+def _searched(problems: dict[str, Problem], effects: list[Effect]) -> list[Candidate]:
+    """Fit what may explain one measurement, or several jointly."""
+    if len(problems) == 1:
+        ((_, problem),) = problems.items()
+        return search(problem, applicable(problem, effects))
+    forwards = JointProblem(problems)
+    found = search(forwards, forwards.pool(effects))
+    if any(candidate.viable for candidate in found) or "wavelength" not in forwards.facts:
+        return found
+    # Which way the film moves at a phase of the drive is not known, and two wavelengths together tell it.
+    backwards = JointProblem(problems, backwards=True)
+    other = search(backwards, backwards.pool(effects))
+    return max((found, other), key=lambda candidates: max(candidate.weight for candidate in candidates))
 
 
 def pose(name: str, dataset: xr.Dataset, model: Model) -> Problem:
@@ -84,6 +97,8 @@ def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, .
     base, best, share = found[0], judged.chosen, judged.share
     before = _quality(base)
     after = before if best is base else _quality(best)
+    problem = best.solution.model.problem
+    joint = problem.bought(best.solution) if isinstance(problem, JointProblem) else ()
     listed = [*((best,) if judged.verdict == "ambiguous" else ()), *judged.rivals]
     listed += [c for c in sorted(found[1:], key=lambda c: -c.weight) if c not in listed and c is not best and share[c.names] > SHOWN]
     probability = {"adequate": base.p_value, "unexplained": 1 - base.p_value}.get(judged.verdict, share[best.names])
@@ -103,7 +118,7 @@ def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, .
         measure_next=measure_next(judged, found),
         base_parameters=_parameters(base)["base"],
         trials=tuple(Trial(c.names, c.solution.chi2, c.weight - base.weight, c.p_value, _against(c)) for c in found),
-        notes=notes,
+        notes=(*notes, *joint),
         sentences=tuple(effect.sentence for effect in best.solution.model.effects),
         comparisons=_compare(base, best),
         free_forms=forms,

@@ -1,0 +1,239 @@
+"""Several measurements of one device at once: what is physically one is one parameter.
+
+Film and stage are the same for all of a file, so effects on them have one set of parameters; what belongs to detector and laser has
+one for each kind of measurement and wavelength. Of the base models, maps of one mode at one drive share the amplitude of the motion
+in metres, and sweeps of one mode its linewidth and its response to the drive. Frequencies are not tied to each other: a film drifts
+from one measurement to the next.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.diagnose.fit import Solution, fit
+from femnl.diagnose.maps import MapProblem
+from femnl.diagnose.problem import Extended, Named, Problem
+from femnl.diagnose.response import ResponseProblem
+from femnl.types.comparison import Comparison
+from femnl.types.effect import Effect, Kind, Knob, Values
+from femnl.types.readout import Array
+
+Own = tuple[Sequence[Effect], Values, Sequence[Values]]
+"""Effects, base parameters and those of each effect, as one measurement knows them."""
+
+ROUGH = 6
+"""Evaluations that each start of a shared parameter gets."""
+MEMORY = 8
+"""Residuals of each measurement that are kept for when its parameters come again."""
+APART = 1e-3
+"""Relative difference of shared parameters from which on each measurement's own value is tried as the start of all."""
+
+
+class JointProblem:
+    """Residuals of all measurements of a file, see `Problem`; parameters of one of them are named "measurement.parameter"."""
+
+    def __init__(self, groups: Mapping[str, Problem], backwards: bool = False) -> None:
+        self.groups = dict(groups)
+        self.kind: Kind = next(iter(self.groups.values())).kind
+        self._names = {group: self._named(group) for group in self.groups}
+        merged: dict[str, Knob] = {}
+        starts: dict[str, list[float]] = {}
+        for group, problem in self.groups.items():
+            own = dict(
+                zip((knob.name for knob in problem.base), _aligned(problem, next(iter(self.groups.values())), backwards), strict=True)
+            )
+            for knob in problem.base:
+                name = self._names[group][knob.name]
+                known = merged.get(name, knob)
+                merged[name] = replace(knob, name=name, low=min(knob.low, known.low), high=max(knob.high, known.high))
+                starts.setdefault(name, []).append(own[knob.name])
+        self.base = tuple(merged.values())
+        self.facts: Mapping[str, float] = self._facts(list(self.groups))
+        self.notes: tuple[str, ...] = tuple(f"{group}: {note}" for group, problem in self.groups.items() for note in problem.notes)
+        self._originals: dict[str, Effect] = {}
+        self._places: dict[tuple[str, str], tuple[str, list[str]]] = {}
+        self._kept: dict[object, tuple[Sequence[Effect], Array]] = {}
+        self.start = self._best_start(starts)
+
+    def _named(self, group: str) -> dict[str, str]:
+        """Name the base parameters of a measurement: those that others share by their plain name."""
+        problem = self.groups[group]
+        names = {knob.name: f"{group}.{knob.name}" for knob in problem.base}
+        for name in _shareable(problem):
+            alike = [g for g, other in self.groups.items() if _shareable(other).get(name) == _shareable(problem)[name]]
+            sets = {_shareable(other)[name] for other in self.groups.values() if name in _shareable(other)}
+            if len(alike) > 1:
+                names[name] = name if len(sets) == 1 else f"{'+'.join(alike)}.{name}"
+        return names
+
+    def _facts(self, groups: list[str], label: str = "") -> dict[str, float]:
+        """The largest of each fact among some measurements, under a label."""
+        found: dict[str, float] = {}
+        for name, value in ((n, v) for group in groups for n, v in self.groups[group].facts.items()):
+            found[label + name] = max(value, found.get(label + name, value))
+        return found
+
+    def _best_start(self, starts: dict[str, list[float]]) -> Array:
+        """Start shared parameters at the value of the measurement from which all are met best."""
+        mean = np.array([np.mean(starts[knob.name]) for knob in self.base])
+        most = max(len(values) for values in starts.values())
+        if all(np.ptp(values) <= APART * abs(np.mean(values)) for values in starts.values()):
+            return mean
+        tried = [np.array([starts[k.name][min(i, len(starts[k.name]) - 1)] for k in self.base]) for i in range(most)]
+        return min((fit(Extended(self), start, most=ROUGH) for start in tried), key=lambda s: s.chi2).vector
+
+    def pool(self, library: Iterable[Effect]) -> list[Effect]:
+        """Return the effects that can show in any of the measurements, with their parameters here."""
+        found = []
+        for effect in library:
+            acting = [group for group, problem in self.groups.items() if _acts(effect, problem)]
+            if acting:
+                self._originals[effect.name] = effect
+                found.append(self._adapted(effect, acting))
+        return found
+
+    def _adapted(self, effect: Effect, acting: list[str]) -> Effect:
+        gone = tuple(self._names[g][name] for g in acting for name in effect.replaces if name in self._names[g])
+        lasers: dict[object, list[str]] = {}
+        for group in acting:
+            lasers.setdefault((self.groups[group].kind, self.groups[group].facts.get("wavelength")), []).append(group)
+        if effect.shared or len(lasers) == 1:
+            return replace(effect, replaces=gone)
+        knobs = []
+        for groups in lasers.values():
+            label = "+".join(groups) + "."
+            self.facts = {**self.facts, **self._facts(groups, label)}
+            knobs += [replace(k, name=label + k.name, per=label + k.per if k.per else "") for k in effect.parameters]
+            self._places |= {(effect.name, label + k.name): (k.name, groups) for k in effect.parameters}
+        return replace(effect, replaces=gone, parameters=tuple(knobs))
+
+    def _own(self, group: str, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Own:
+        """Return what the model of one measurement sees of all parameters."""
+        kept, numbers = [], []
+        for effect, joint in zip(effects, values, strict=True):
+            if _acts(effect, self.groups[group]):
+                places = [(self._places.get((effect.name, name), (name, [group])), value) for name, value in joint.items()]
+                kept.append(effect)
+                numbers.append({name: value for (name, groups), value in places if group in groups})
+        return kept, {name: base[joint] for name, joint in self._names[group].items()}, numbers
+
+    @property
+    def blocks(self) -> NDArray[np.int64]:
+        """Blocks of the same number in measurements of one kind are left out together."""
+        first: dict[Kind, int] = {}
+        found = []
+        for problem in self.groups.values():
+            offset = first.setdefault(problem.kind, 1000 * len(first))
+            found.append(np.where(problem.blocks >= 0, problem.blocks + offset, -1))
+        return np.concatenate(found)
+
+    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+        """Return the residuals of all measurements, one after the other."""
+        found = []
+        for group, problem in self.groups.items():
+            kept, own, numbers = self._own(group, effects, base, values)
+            # A tangent moves one parameter, so that most measurements stand as they were.
+            key = group, tuple(map(id, kept)), tuple(own.values()), tuple(tuple(n.values()) for n in numbers)
+            if key not in self._kept:
+                self._kept[key] = kept, problem.residuals(kept, own, numbers)
+                if len(self._kept) > MEMORY * len(self.groups):
+                    del self._kept[next(iter(self._kept))]
+            found.append(self._kept[key][1])
+        return np.concatenate(found)
+
+    def _spread(self, group: str, rows: dict[str, Array]) -> dict[str, Array]:
+        """Set directions of one measurement among zeros for the others."""
+        sizes = {g: len(problem.blocks) for g, problem in self.groups.items()}
+        return {
+            f"{group}: {name}": np.concatenate([row if g == group else np.zeros(n) for g, n in sizes.items()]) for name, row in rows.items()
+        }
+
+    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        """Those of each measurement."""
+        found: dict[str, Array] = {}
+        for group, problem in self.groups.items():
+            own = self._own(group, effects, base, values)
+            found |= self._spread(group, problem.patterns(*own))
+        return found
+
+    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        """Those of each measurement."""
+        found: dict[str, Array] = {}
+        for group, problem in self.groups.items():
+            own = self._own(group, effects, base, values)
+            found |= {f"{phrase} (as in {group})": row for phrase, row in problem.experiments(*own).items()}
+        return found
+
+    def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
+        """Those of each measurement, by its name."""
+        found = []
+        for group, problem in self.groups.items():
+            own = [(name, *self._own(group, effects, base, values)) for name, effects, base, values in models]
+            found += [replace(shown, title=f"{group}: {shown.title}") for shown in problem.compare(own)]
+        return tuple(found)
+
+    def systematic(self, unit: str) -> float:
+        """The largest of any measurement."""
+        return max(problem.systematic(unit) for problem in self.groups.values())
+
+    def describe(self, residuals: Array) -> str:
+        """Say where the measurement that deviates most does so."""
+        ends = np.cumsum([len(problem.blocks) for problem in self.groups.values()])
+        parts = dict(zip(self.groups, np.split(residuals, ends[:-1]), strict=True))
+        rms = {group: float(np.sqrt(np.mean(part**2))) for group, part in parts.items()}
+        worst = max(rms, key=lambda group: rms[group])
+        table = ", ".join(f"{group}: {value:.2f}σ" for group, value in rms.items())
+        return f"in {worst}, {self.groups[worst].describe(parts[worst])} (rms by measurement {table})"
+
+    def bought(self, solution: Solution) -> tuple[str, ...]:
+        """Say what the joint fit knows of each shared parameter, beside what each measurement alone does."""
+        base, values = solution.model.split(solution.vector)
+        alone = {}
+        for group, problem in self.groups.items():
+            acting, own, numbers = self._own(group, solution.model.effects, base, values)
+            model = Extended(problem, tuple(self._originals[effect.name] for effect in acting))
+            alone[group] = fit(model, model.pack(own, numbers))
+        notes = []
+        for k, (owner, knob) in enumerate(solution.model.knobs):
+            told = []
+            for group, single in alone.items():
+                names = [(o, self._names[group][n.name] if o == "base" else n.name) for o, n in single.model.knobs]
+                if (owner, knob.name) in names:
+                    i = names.index((owner, knob.name))
+                    told.append(f"{group} {single.vector[i]:.6g} ± {np.sqrt(single.covariance[i, i]):.2g}")
+            if len(told) > 1:
+                name = knob.name if owner == "base" else f"{owner}.{knob.name}"
+                value = f"{solution.vector[k]:.6g} ± {np.sqrt(solution.covariance[k, k]):.2g} {knob.unit}"
+                notes.append(f"joint: {name} {value}; alone {', '.join(told)}")
+        return tuple(notes) or ("joint: the measurements have no parameter in common, so each is judged by itself",)
+
+
+def _acts(effect: Effect, problem: Problem) -> bool:
+    return problem.kind in effect.kinds and all(fact in problem.facts for fact in effect.needs)
+
+
+def _shareable(problem: Problem) -> dict[str, tuple[object, ...]]:
+    """What other measurements may have in common with this one: parameters, and what must agree for it."""
+    if isinstance(problem, MapProblem):
+        return {"amplitude": ("map", problem.mode, problem.drive, problem.frequency)}
+    if isinstance(problem, ResponseProblem):
+        return dict.fromkeys(("linewidth", "peak"), ("response", problem.mode))
+    return {}
+
+
+def _aligned(problem: Problem, first: Problem, backwards: bool) -> Array:
+    """Return the start with motion in phase with that of the first map: under a cosine −θ and antiphase are the same.
+
+    backwards: all of them in antiphase to that, which an asymmetric fringe can tell.
+    """
+    start = problem.start.copy()
+    if isinstance(problem, MapProblem):
+        theta, phase = ([knob.name for knob in problem.base].index(name) for name in ("theta", "motion_phase"))
+        reference = first.start[phase] if isinstance(first, MapProblem) else start[phase]
+        if (np.cos(start[phase] - reference) < 0) != backwards:
+            middle = start.copy()
+            start[theta] = (-start[theta] - middle[theta] + np.pi) % (2 * np.pi) - np.pi + middle[theta]
+            start[phase] += np.pi if start[phase] <= middle[phase] else -np.pi
+    return start

@@ -1,0 +1,126 @@
+"""Files with several measurements: what they share, what the join buys, and what two wavelengths decide."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from femnl import measurement
+from femnl.diagnose import diagnose
+from femnl.diagnose.film import SimulatedFilm
+from femnl.diagnose.joint import JointProblem
+from femnl.diagnose.problem import Extended
+from femnl.diagnose.run import pose
+from femnl.effects import library
+from femnl.geometry import load
+from femnl.optics import MultilayerFringe
+
+Array = NDArray[np.float64]
+MODEL = load("square-270um")
+LASERS = {"red": 632.8e-9, "green": 532e-9}
+AMPLITUDE, NOISE, CONTRAST = 4e-7, 3e-4, 0.02
+FEW = ["mechanical_overtones", "multilayer_fringe", "detector_saturation", "static_bow", "quadratic_stiffness"]
+
+
+@cache
+def film() -> SimulatedFilm:
+    """The film that all maps show."""
+    return SimulatedFilm(MODEL, 12)
+
+
+def maps(path: Path, *, overtone: float = 0.0, stack: bool = False, lasers: dict[str, float] = LASERS, points: int = 17) -> Path:
+    """Write maps of the fundamental mode, sampled over a period; each laser has its own phases and noise."""
+    rng = np.random.default_rng(3)
+    axis, tau = np.linspace(-150e-6, 150e-6, points), 2 * np.pi * np.arange(128) / 128
+    shapes, frequency = film().projection.on_grid(axis, axis), film().modes.frequency
+    second = shapes[np.argmin(np.abs(frequency - 2 * frequency[0]))]
+    groups = {}
+    for name, wavelength in lasers.items():
+        turned = tau + rng.uniform(-0.2, 0.2)
+        u = AMPLITUDE * shapes[0][..., None] * np.cos(turned) + overtone * second[..., None] * np.cos(2 * turned + 0.5)
+        if stack and MODEL.stack is not None:
+            fringe = MultilayerFringe(MODEL.stack, wavelength)
+            v = CONTRAST / abs(fringe.fourier.coefficients[1]) * fringe(u + 3e-8)
+        else:
+            v = CONTRAST * np.cos(4 * np.pi / wavelength * u + rng.uniform(0.3, 1.2))
+        values = np.moveaxis(np.fft.fft(v, axis=-1)[..., 1:5], -1, 0) / 64
+        values = values + NOISE * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
+        groups[name] = measurement.harmonic_map(
+            axis, axis, np.arange(1, 5), values, noise_sd=NOISE, wavelength=wavelength, drive_frequency=float(frequency[0])
+        )
+    measurement.write(measurement.bundle(groups, geometry="square-270um"), path)
+    return path
+
+
+def joint(path: Path, backwards: bool = False) -> JointProblem:
+    """The problem that a file poses."""
+    groups = {name: pose(name, node.to_dataset(), MODEL) for name, node in measurement.read(path).children.items()}
+    return JointProblem(groups, backwards)
+
+
+def test_two_maps_of_one_drive_share_the_amplitude_and_nothing_else(tmp_path: Path) -> None:
+    problem = joint(maps(tmp_path / "both.nc"))
+    own = ("contrast", "theta", "motion_phase", "x", "y")
+    assert {knob.name for knob in problem.base} == {"amplitude", *(f"{laser}.{name}" for laser in LASERS for name in own)}
+    start = Extended(problem).split(problem.start)[0]
+    apart = [one.residuals([], {n: start[joined] for n, joined in problem._names[g].items()}, []) for g, one in problem.groups.items()]
+    np.testing.assert_array_equal(problem.residuals([], start, []), np.concatenate(apart))
+
+
+def test_effects_on_the_film_are_shared_and_those_of_a_detector_belong_to_its_laser(tmp_path: Path) -> None:
+    problem = joint(maps(tmp_path / "both.nc", points=9))
+    pool = {effect.name: effect for effect in problem.pool(library().values())}
+    assert [knob.name for knob in pool["mechanical_overtones"].parameters] == ["cos2", "sin2", "cos3", "sin3"]
+    assert [knob.name for knob in pool["detector_bandwidth"].parameters] == ["red.time_constant", "green.time_constant"]
+    assert pool["multilayer_fringe"].replaces == ("red.theta", "green.theta")
+    slow = Extended(problem, (pool["detector_bandwidth"],))
+    base = slow.split(np.zeros(len(slow.knobs)))[0] | Extended(problem).split(problem.start)[0]
+    plain, red, green = (
+        slow.residuals(slow.pack(base, [{"red.time_constant": a, "green.time_constant": b}])) for a, b in ((0, 0), (1e-8, 0), (0, 1e-8))
+    )
+    half = len(plain) // 2
+    assert not np.array_equal(plain[:half], red[:half])
+    assert np.array_equal(plain[half:], red[half:])
+    assert np.array_equal(plain[:half], green[:half])
+
+
+def test_maps_without_a_cause_are_adequate_together_and_know_the_amplitude_better(tmp_path: Path) -> None:
+    found = diagnose(maps(tmp_path / "both.nc"), effects=[library()[name] for name in FEW])
+    assert (found.verdict, found.causes) == ("adequate", ())
+    amplitude = found.parameters["base"]["amplitude"]
+    assert abs(amplitude.value - AMPLITUDE) < 4 * amplitude.sd
+    (bought,) = [note for note in found.notes if note.startswith("joint: amplitude")]
+    alone = [float(part.split("±")[1].split()[0]) for part in bought.split("alone")[1].split(",")]
+    assert amplitude.sd == pytest.approx(sum(sd**-2 for sd in alone) ** -0.5, rel=0.1)
+
+
+def test_motion_in_metres_at_two_wavelengths_is_told_from_a_fringe(tmp_path: Path) -> None:
+    found = diagnose(maps(tmp_path / "motion.nc", overtone=6e-9), effects=[library()[name] for name in FEW])
+    assert (found.verdict, found.causes) == ("explained", ("mechanical_overtones",)), found.alternatives
+    for name, truth in (("cos2", 6e-9 * np.cos(0.5)), ("sin2", -6e-9 * np.sin(0.5))):
+        size = found.parameters["mechanical_overtones"][name]
+        assert abs(size.value - truth) < 4 * size.sd
+
+
+def test_rings_of_the_stack_at_two_wavelengths_are_told_from_motion(tmp_path: Path) -> None:
+    found = diagnose(maps(tmp_path / "fringe.nc", stack=True), effects=[library()[name] for name in FEW])
+    assert (found.verdict, found.causes) == ("explained", ("multilayer_fringe",)), found.alternatives
+    gap = found.parameters["multilayer_fringe"]["gap"]
+    assert MODEL.stack is not None
+    assert abs(gap.value - MODEL.stack.layers[MODEL.stack.gap].thickness - 3e-8) < 4 * gap.sd
+
+
+def test_measurements_that_share_nothing_are_judged_side_by_side(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    pressure, quality = np.geomspace(1, 100, 24), 5e5
+    damped = 1 / (1 / quality + 4e-8 * pressure)
+    still = measurement.series({"time": 60.0 * np.arange(24)}, 1.5e6 + 2 * rng.standard_normal(24), np.full(24, 2.0))
+    gas = measurement.series({"pressure": pressure}, None, None, damped * (1 + 0.01 * rng.standard_normal(24)), 0.01 * damped)
+    measurement.write(measurement.bundle({"still": still, "gas": gas}, geometry="square-270um"), tmp_path / "two.nc")
+    found = diagnose(tmp_path / "two.nc")
+    assert (found.verdict, found.causes) == ("explained", ("gas_damping",)), found.alternatives
+    rate = found.parameters["gas_damping"]["per_pressure"]
+    assert abs(rate.value - 4e-8) < 4 * rate.sd
+    assert any("no parameter in common" in note for note in found.notes)
