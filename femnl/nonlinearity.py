@@ -18,12 +18,15 @@ from femnl.fem.forms import (
     thickness,
     vector_dofs,
 )
+from femnl.fem.memory import need_memory
 from femnl.fem.solvers import factorize
 from femnl.fem.supports import in_plane_supports
 from femnl.types.device import Edge
 from femnl.types.mechanics import Modes, Nonlinearity
 
 Array = NDArray[np.float64]
+
+PAIR_BYTES = 512  # of memory a triangle and pair of modes: 16 in-plane unknowns, 4 copies
 
 
 def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False) -> Nonlinearity:
@@ -41,6 +44,8 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False) -> Nonlin
     """
     n = len(modes.frequency)
     pairs = list(combinations_with_replacement(range(n), 2)) if tensor else [(i, i) for i in range(n)]
+    amount = PAIR_BYTES * modes.domain.mesh.nelements * len(pairs) + 32 * len(pairs) ** 2
+    need_memory(amount, f"couplings of {n} modes", "ask for fewer modes")
     energies = _strain_energies(modes, edge, pairs)
     position = {pair: k for k, pair in enumerate(pairs)}
     k3 = 2 * np.array([energies[position[i, i], position[i, i]] for i in range(n)])

@@ -1,5 +1,43 @@
 """The command line: one file a command, found by its name; parsing and printing only."""
 
-from femnl.cli._main import main
+import os
+import signal
+import sys
+from importlib import import_module
+from threading import Thread
+from time import sleep
 
 __all__ = ["main"]
+
+INTERRUPTED = 130
+GRACE = 2.0  # seconds to leave by the front door
+LINE = "femnl: interrupted; nothing was left half-written\n"
+
+
+def main() -> None:
+    """Run femnl on the words of the command line and exit: 0 done, 2 the request cannot be met, 130 interrupted."""
+    Thread(target=_stop_what_cannot_hear, args=(_signals(),), daemon=True).start()
+    try:
+        # Loaded here, so that an interrupt while libraries load is met like any other.
+        status = import_module("femnl.cli._main").run(sys.argv[1:] or ["--help"])
+    except KeyboardInterrupt:
+        sys.stderr.write(LINE)
+        status = INTERRUPTED
+    sys.exit(status)
+
+
+def _signals() -> int:
+    """A pipe to which the interpreter writes every signal as it comes."""
+    end, start = os.pipe()
+    os.set_blocking(start, False)
+    signal.set_wakeup_fd(start)
+    return end
+
+
+def _stop_what_cannot_hear(signals: int) -> None:
+    """Python hears an interrupt only between two of its own steps, and a mesher or solver may take minutes for one."""
+    os.read(signals, 1)
+    sleep(GRACE)
+    sys.stderr.write(LINE)
+    sys.stderr.flush()
+    os._exit(INTERRUPTED)

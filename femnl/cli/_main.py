@@ -14,24 +14,19 @@ from femnl.errors import FemnlError
 ABOUT = "Finite elements for the mechanics and nonlinearity of stressed membranes."
 
 
-def main() -> None:
-    """Run femnl on the words of the command line and exit: 0 done, 2 the request cannot be met, 130 interrupted."""
-    logging.basicConfig(format="femnl: %(message)s", level=logging.WARNING)
-    sys.exit(run(sys.argv[1:] or ["--help"]))
-
-
 def run(words: list[str]) -> int:
-    """Run one command; its exit status."""
+    """Run one command; its exit status: 0 done, 2 the request cannot be met, 130 interrupted."""
+    logging.basicConfig(format="femnl: %(message)s", level=logging.WARNING)
     command = typer.main.get_command(_app(words))
     try:
         status = command.main(words, prog_name="femnl", standalone_mode=False)
         sys.stdout.flush()
+        if status == 130:  # typer turns an interrupt into this
+            raise KeyboardInterrupt
     except FemnlError as error:
         return _fail(str(error))
     except typer.TyperException as error:
         return _fail(error.format_message())
-    except (KeyboardInterrupt, typer.Abort):
-        return _fail("interrupted; nothing was left half-written", 130)
     except MemoryError:
         return _fail("the memory is full; ask for fewer modes, a lower --resolution or fewer points, or close other programs")
     except BrokenPipeError:  # the reader, such as `head`, has gone: what follows has no use

@@ -94,11 +94,14 @@ def write(tree: xr.DataTree, path: str | Path) -> None:
     if lines:
         clean.attrs["history"] = "\n".join(lines)
     try:
+        # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file, and says so on standard error.
+        content = clean.to_netcdf(engine="h5netcdf")
         with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as folder:
             part = Path(folder) / "part.nc"
-            clean.to_netcdf(part, engine="h5netcdf", mode="w")
-            with part.open("rb") as written:
-                os.fsync(written.fileno())
+            with part.open("wb") as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
             os.replace(part, path)
     except OSError as error:
         raise MeasurementError(f"{path}: cannot be written ({error.strerror or error}); choose a folder that exists and has room") from None

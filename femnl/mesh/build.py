@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from femnl.errors import GeometryError, ParameterError
+from femnl.fem.memory import need_memory
 from femnl.geometry import curves as exact
 from femnl.mesh.collect import Raw, assemble, check_unfolded, collect, double
 from femnl.mesh.corners import singular_corners
@@ -30,6 +31,8 @@ HOLE_SEGMENTS = 12  # curved edges around a hole
 ELEMENTS_ACROSS = 3  # elements across the narrowest place of a strip, such as a tether
 ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
 ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
+AROUND_HOLES = 3  # times the triangles along a straight line as long, measured: the film widens away from a hole
+BYTES = 90_000  # of memory a triangle, measured: factorised stiffness of the elements of degree 4
 LAYER_SIZE = 1.5  # element size at clamped edges in units of the bending length ℓ = √(D/σh)
 
 
@@ -48,8 +51,8 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Domai
     wedge = find_wedge(model, symmetry)
     diagonal = wedge == QUARTER and has_symmetry(model, EIGHTH)
     with _gmsh_session():
-        raw = _build(model, EIGHTH if diagonal else wedge, resolution)
-    result = assemble(double(raw) if diagonal else raw)
+        raw = double(_build(model, EIGHTH, resolution, 2)) if diagonal else _build(model, wedge, resolution, 1)
+    result = assemble(raw)
     check_unfolded(model, result)
     return Domain(model, result, wedge, diagonal)
 
@@ -80,12 +83,13 @@ class _Curves:
     segment: dict[int, int]  # the outline's segment that a clamped or free edge is part of
 
 
-def _build(model: Model, wedge: float, resolution: float) -> Raw:
+def _build(model: Model, wedge: float, resolution: float, copies: int) -> Raw:
     unit = SCALE / model.outline.length
     try:
         _draw(model, wedge, unit)
         curves = _classify(model, wedge, unit)
-        _grade(model, curves, unit, resolution)
+        triangles = copies * _grade(model, curves, unit, resolution)
+        need_memory(BYTES * triangles, f"{model.name}: modes on {triangles:.2g} triangles", "lower the resolution")
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
     except Exception as error:
@@ -173,22 +177,27 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
     return curves
 
 
-def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> None:
-    """Element size: growing linearly with the distance from clamped edges, arcs, corners and holes."""
+def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> float:
+    """Element size h: growing linearly with the distance from clamped edges, arcs, corners and holes.
+
+    Returns: about how many triangles that makes: ∫ dA / (h²√3/4), where every curve of length l adds ∫ l dx / (s + g x)² = l / (s g).
+    """
     field = gmsh.model.mesh.field
     layer = bending_length(model) * unit
     largest = SCALE / ELEMENTS_PER_LENGTH / resolution
     wanted = []
+    inverse_square = [sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2)) / largest**2]
 
     def grow(size: float, distance: int, growth: float = GROWTH) -> None:
         wanted.append(field.add("MathEval"))
         field.setString(wanted[-1], "F", f"min({largest}, {size} + {growth / resolution} * F{distance})")
 
     def grow_from_curves(size: float, tags: list[int], growth: float = GROWTH) -> None:
-        distance = field.add("Distance")
+        distance, lengths = field.add("Distance"), [gmsh.model.occ.getMass(1, t) for t in tags]
+        inverse_square.append((AROUND_HOLES if tags == curves.holes else 1) * sum(lengths) * resolution / (size * growth))
         field.setNumbers(distance, "CurvesList", tags)
         # gmsh measures the distance to points along the curves: two an element hide the gaps between them.
-        field.setNumber(distance, "Sampling", np.ceil(2 * max(gmsh.model.occ.getMass(1, t) for t in tags) / size))
+        field.setNumber(distance, "Sampling", np.ceil(2 * max(lengths) / size))
         grow(size, distance, growth)
 
     if curves.holes:
@@ -213,6 +222,7 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> Non
     smallest = field.add("Min")
     field.setNumbers(smallest, "FieldsList", wanted)
     field.setAsBackgroundMesh(smallest)
+    return float(4 / np.sqrt(3) * sum(inverse_square))
 
 
 def _arcs_by_radius(tags: list[int]) -> dict[float, list[int]]:

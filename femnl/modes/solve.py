@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from femnl.errors import ConvergenceError, ParameterError
 from femnl.fem.elements import Space
+from femnl.fem.memory import need_memory
 from femnl.fem.solvers import lowest_eigenpairs
 from femnl.fem.supports import free_deflections
 from femnl.modes.operators import Operators, mass_matrix
@@ -19,6 +20,7 @@ Array = NDArray[np.float64]
 Sectors = tuple[Array, Array, tuple[tuple[int, ...], ...]]  # ω² (n,), mass-normalised shapes (n, size), parities
 
 ODD_IN_Y, ODD_IN_X = (-1, 1), (1, -1)  # parities about the x axis (mirror 0) and the y axis (mirror 1)
+MODE_BYTES = 320  # of memory a triangle and mode: 8 unknowns, 5 copies in the iteration
 DEGENERATE = 1e-6  # relative splitting of ω² up to which modes count as sharing a frequency
 
 
@@ -34,6 +36,7 @@ def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
     """
     if count < 1:
         raise ParameterError(f"count = {count}: expected at least one mode")
+    need_memory(MODE_BYTES * prestress.domain.mesh.nelements * count, f"{count} modes", "ask for fewer modes or lower the resolution")
     operators = Operators(prestress, degree)
     sectors = _solve_sectors(operators, prestress.domain, count)
     values, shapes, parity = _settle_degenerate(operators.space, prestress.domain, sectors)

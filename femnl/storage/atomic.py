@@ -8,7 +8,7 @@ from pathlib import Path
 from femnl.errors import ParameterError
 
 
-def write_whole(path: Path, write: Callable[[Path], None]) -> None:
+def write_whole(path: Path, write: Callable[[Path], object]) -> None:
     """Let `write` fill a temporary file beside `path`, then rename it; a failure leaves what was there before.
 
     Raises: ParameterError where the folder cannot be written.

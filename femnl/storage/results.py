@@ -32,7 +32,9 @@ def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = No
         "bending": int(model.bending),
         "wedge": modes.domain.wedge,
     }
-    write_whole(path, lambda file: tree.to_netcdf(file, engine="h5netcdf"))
+    # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file, and says so on standard error.
+    content = tree.to_netcdf(engine="h5netcdf")
+    write_whole(path, lambda file: file.write_bytes(content))
 
 
 def read_modes(path: Path, model: Model) -> Modes:
