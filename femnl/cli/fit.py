@@ -24,6 +24,15 @@ USES: tuple[Use, ...] = get_args(Use)
 FITTED = ("response", "spectrum", "trace", "map")
 # What a measurement may be taken for where its kind alone does not say, and the kind that it must then have.
 MEANINGS = {"overview": "response", "line-scan": "response", "ring-down": "trace", "envelope": "trace", "oscillator": "trace"}
+# What each option is for: a kind of measurement, or a meaning of one.
+APPLIES = {
+    "use": ("response", "line-scan"),
+    "nonlinear_damping": ("response", "line-scan"),
+    "fringe": ("map", "trace"),
+    "mode": ("map",),
+    "n_harmonics": ("trace",),
+    "held_out": ("oscillator",),
+}
 
 File = Annotated[Path, typer.Argument(help="A measurement file (.nc).", show_default=False)]
 As = Annotated[
@@ -45,6 +54,7 @@ Out = Annotated[Path | None, typer.Option(help="Folder for figures, and for the 
 
 
 def command(
+    context: typer.Context,
     file: File,
     meaning: As = None,
     use: UseOption = "complex",
@@ -59,11 +69,12 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Fit what was measured: responses, spectra, traces, and harmonic maps (all of a file with one amplitude)."""
-    index, how, part = check_mode(mode), _use(use), _part(held_out, meaning)
+    index, how, part = check_mode(mode), _use(use), _part(held_out)
     tree = measurement.read(file)
     for repair in tree.attrs["repairs"]:
         note(f"repaired: {repair}")
     groups = _groups(tree, file, meaning)
+    _check_options(context, {meaning} if meaning else {str(dataset.attrs["kind"]) for dataset in groups.values()})
     device = partial(measured_device, tree.attrs, file, geometry)
     has_device = geometry is not None or not {"model", "geometry"}.isdisjoint(tree.attrs)
     results: dict[str, Outcome] = {}
@@ -119,12 +130,20 @@ def _use(text: str) -> Use:
     raise ParameterError(f"--use {text}: expected one of {', '.join(USES)}")
 
 
-def _part(text: str | None, meaning: str | None) -> slice | None:
+def _check_options(context: typer.Context, read_as: set[str]) -> None:
+    """Refuse an option that was given and has no effect on what is read."""
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        given = context.get_parameter_source(name)
+        if name in APPLIES and given is not None and given.name == "COMMANDLINE" and read_as.isdisjoint(APPLIES[name]):
+            kinds = " and ".join(sorted(read_as))
+            raise ParameterError(f"{parameter.opts[0]}: is for {' and '.join(APPLIES[name])}, and has no effect on {kinds}")
+
+
+def _part(text: str | None) -> slice | None:
     """The samples FIRST:END that are held out."""
     if text is None:
         return None
-    if meaning != "oscillator":
-        raise ParameterError(f"--held-out {text}: only --as oscillator holds samples out")
     first, colon, end = text.partition(":")
     if not (colon and first.isdecimal() and end.isdecimal() and int(first) < int(end)):
         raise ParameterError(f"--held-out {text}: expected FIRST:END in samples, such as 0:40000")

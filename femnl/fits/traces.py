@@ -3,6 +3,7 @@
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
+from scipy.fft import next_fast_len, rfft
 from scipy.linalg import lstsq
 from scipy.optimize import minimize_scalar
 
@@ -12,6 +13,10 @@ from femnl.types.readout import Array, ComplexArray, HarmonicSpectrum
 
 ILL_CONDITIONED = 1e5
 """Ratio of singular values beyond which a record is too short to tell the harmonics apart."""
+FINE = 8
+"""Points of the padded spectrum of a drive per line width of its record."""
+ONE_TONE = 0.5
+"""Share of the power of a drive that one sine may leave: harmonics of its own and noise, but no second tone of equal strength."""
 
 
 def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
@@ -85,16 +90,25 @@ def _drive_frequency(time: Array, drive: Array) -> float:
     """Return the frequency [Hz] of the recorded drive: the peak of its spectrum, then the least misfit of one sine."""
     used = np.isfinite(drive)
     t, v = time[used], drive[used] - np.mean(drive[used])
-    step = 1 / (8 * np.ptp(t))
-    grid = np.arange(1, int(0.5 / np.median(np.diff(t)) / step)) * step
-    power = np.abs(np.exp(-2j * np.pi * np.outer(grid, t)) @ (v * np.hanning(t.size)))
+    interval, whole = float(np.median(np.diff(time))), np.where(used, drive - np.mean(drive[used]), 0.0)
+    n_padded = next_fast_len(FINE * time.size, real=True)
+    power = np.abs(rfft(whole * np.hanning(time.size), n_padded))
+    step = 1 / (n_padded * interval)
 
     def misfit(f: float) -> float:
         design = np.column_stack([np.ones(t.size), np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t)])
         return float(np.sum((v - design @ lstsq(design, v)[0]) ** 2))
 
-    peak = float(grid[np.argmax(power)])
-    found = minimize_scalar(misfit, bounds=(peak - 4 * step, peak + 4 * step), method="bounded", options={"xatol": 1e-9 * peak})
+    peak = float(np.argmax(power) * step)
+    found = minimize_scalar(
+        misfit, bounds=(peak - FINE * step / 2, peak + FINE * step / 2), method="bounded", options={"xatol": 1e-9 * peak}
+    )
+    left = float(found.fun / np.sum(v**2))
+    if left > ONE_TONE:
+        raise MeasurementError(
+            f"drive_voltage: the best sine, at {found.x:.6g} Hz, leaves {left:.0%} of its power, so it has no harmonics; "
+            "fit an oscillator (--as oscillator), or add the drive_frequency of each step"
+        )
     return float(found.x)
 
 

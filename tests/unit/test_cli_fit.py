@@ -185,7 +185,8 @@ def test_maps_are_drawn_beside_their_fit(fit: Callable[..., dict[str, Any]]) -> 
     [
         (["--as", "magic"], "--as magic: expected one of overview, line-scan, ring-down, envelope, oscillator"),
         (["--as", "overview"], "--as overview: takes a response, but b.nc holds trace"),
-        (["--held-out", "0:10"], "--held-out 0:10: only --as oscillator holds samples out"),
+        (["--held-out", "0:10"], "--held-out: is for oscillator, and has no effect on trace"),
+        (["--as", "oscillator", "--fringe", "sine"], "--fringe: is for map and trace, and has no effect on oscillator"),
         (["--as", "oscillator", "--held-out", "10"], "--held-out 10: expected FIRST:END in samples, such as 0:40000"),
         (["--as", "oscillator", "--held-out", "9:9000"], "--held-out 9:9000: box has only 1200 samples"),
         (["--mode", "0"], "--mode 0: modes are counted from 1"),
@@ -208,3 +209,29 @@ def test_an_oscillator_without_its_drive_and_a_line_of_one_place_are_refused(cap
     measurement.write(measurement.bundle({"leak": series}), "s.nc")
     assert run(["fit", "s.nc"]) == 2
     assert "holds series; femnl fit takes response, spectrum, trace, map, and femnl diagnose takes series too" in capsys.readouterr().err
+
+
+def test_a_drive_of_many_tones_is_no_sine_with_harmonics(capsys: pytest.CaptureFixture[str]) -> None:
+    driven_record("b.nc")
+    assert run(["fit", "b.nc"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("femnl: drive_voltage: the best sine")
+    assert "so it has no harmonics; fit an oscillator (--as oscillator)" in line
+
+
+def test_a_wide_sweep_read_as_one_mode_is_told_so(capsys: pytest.CaptureFixture[str]) -> None:
+    f, rng = np.linspace(1e6, 2e6, 600), np.random.default_rng(3)
+    volts = sum(1e-3 * g * 9e3 / (g**2 - f**2 + 9e3j * f) for g in (1.2e6, 1.5e6, 1.8e6))
+    volts = volts + 1e-5 * (rng.normal(size=600) + 1j * rng.normal(size=600))
+    measurement.write(measurement.bundle({"wide": measurement.response(f, volts, noise_sd=1e-5)}), "s.nc")
+    assert run(["fit", "s.nc"]) == 0
+    assert capsys.readouterr().err == "wide: one mode does not explain this wide sweep; --as overview finds its lines\n"
+
+
+def test_every_fit_that_readme_shows_is_understood(capsys: pytest.CaptureFixture[str]) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    commands = [line.split("#")[0].split()[1:] for line in readme.splitlines() if line.startswith("femnl fit ")]
+    assert len(commands) > 8
+    for words in commands:
+        assert run(words) == 2
+        assert capsys.readouterr().err == f"femnl: {words[1]}: no such file; check the path\n"
