@@ -71,7 +71,8 @@ def tangent_steps(model: Extended, vector: Array, at: Array) -> Array:
             change = float(np.linalg.norm(model.residuals(_moved(vector, i, step, low, high)) - at))
             if change > 0.2 * TARGET and change < 5 * TARGET:
                 break
-            step = min(step * float(np.clip(TARGET / max(change, 1e-300), 1e-4, 1e4)), 0.01 * width)
+            # A jump, as where two modes exchange labels, must not shrink the step to nothing.
+            step = float(np.clip(step * np.clip(TARGET / max(change, 1e-300), 1e-4, 1e4), 1e-11 * width, 0.01 * width))
         steps[i] = step
     return steps
 
