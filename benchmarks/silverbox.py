@@ -38,6 +38,8 @@ MODELS: tuple[tuple[str, tuple[str, ...], Hold], ...] = (
 def record() -> tuple[Array, Array]:
     """Read drive and output [V]."""
     path = Path(__file__).parents[2] / "shared" / "data" / "silverbox" / "SNLS80mV.csv"
+    if not path.exists():
+        sys.exit("silverbox: ../shared/data/silverbox/SNLS80mV.csv is not beside the repository; put the benchmark's record there")
     columns = np.genfromtxt(path, delimiter=",", skip_header=1, usecols=(0, 1))
     return columns[:, 0], columns[:, 1]
 
