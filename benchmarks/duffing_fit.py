@@ -217,7 +217,7 @@ def main() -> None:
     ]
     own, peer = rows[0], next(row for row in rows if row["method"] == "lmfit, restarted")
     ratio = float(peer["time_mean"]) / float(own["time_mean"])
-    last = f"lmfit, restarted until it meets the noise, takes {ratio:.0f} times as long and succeeds {float(peer['success']):.1%} of the time"
+    last = f"lmfit, restarted until it meets the noise, takes {ratio:.0f} times as long and succeeds in {float(peer['success']):.1%}"
     sys.stdout.write("\n".join([head, *body, last, ""]))
 
 
