@@ -50,7 +50,8 @@ class SpectrumBench:
         layer = float(np.sqrt(layer**2 + hidden.get("bending_stiffness", {}).get("excess", 0.0)))
         modes = membrane(self.name, layer, hidden.get("aspect_ratio", {}).get("elongation", 0.0))
         k2 = modes.square
-        own = np.sqrt(c2 * (k2 + layer**2 * k2**2)) * (1 - hidden.get("hole_dispersion", {}).get("beta_area", 0.0) * k2)
+        plate = modes.clamped(layer)
+        own = np.sqrt(c2 * (plate + layer**2 * plate**2)) * (1 - hidden.get("hole_dispersion", {}).get("beta_area", 0.0) * k2)
         stiffness = np.diag(own**2) + c2 * (modes.slopes[0][0] + modes.slopes[0][1] - np.diag(k2))
         mass = np.eye(len(k2))
         if "stress_anisotropy" in hidden:
