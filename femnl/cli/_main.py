@@ -26,7 +26,8 @@ def run(words: list[str]) -> int:
     except FemnlError as error:
         return _fail(str(error))
     except typer.TyperException as error:
-        return _fail(error.format_message())
+        known = not isinstance(command, typer.core.TyperGroup) or words[0] in command.commands
+        return _fail(f"{error.format_message().rstrip('.')}; see femnl {words[0]} --help" if known else error.format_message())
     except MemoryError:
         return _fail("the memory is full; ask for fewer modes, a lower --resolution or fewer points, or close other programs")
     except BrokenPipeError:  # the reader, such as `head`, has gone: what follows has no use

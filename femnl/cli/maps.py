@@ -9,7 +9,7 @@ import typer
 
 import femnl
 from femnl import measurement
-from femnl.cli._device import Bending, Cache, Geometry, check_mode, load_device
+from femnl.cli._device import Bending, Cache, Geometry, check_mode, load_device, suffix_of
 from femnl.cli._output import note
 from femnl.errors import ParameterError
 from femnl.geometry.curves import polyline
@@ -54,10 +54,11 @@ def command(
         raise ParameterError(f"--theta {theta:g}: expected an angle in rad from −π to π, such as 0.785")
     model, index = load_device(geometry, bending), check_mode(mode)
     path = out or Path(f"{model.name}-mode-{mode}-maps.nc")
+    suffix_of(path, (".nc",))  # the figure takes the same name with another ending
     need_room(path)
     length, _ = measurement.quantity(wavelength, "m", f'--wavelength "{wavelength}"')
-    if not length > 0:
-        raise ParameterError(f'--wavelength "{wavelength}": expected a positive length, such as "632.8 nm"')
+    if not 1e-7 < length < 1e-4:
+        raise ParameterError(f'--wavelength "{wavelength}": {length:g} m is no wavelength of light; write e.g. "632.8 nm"')
     amplitude = z * length / (4 * np.pi)
     modes = solve_modes(model, max(10, mode), cache=cache)
     name = f"mode {modes.label[index] or mode}"

@@ -94,6 +94,8 @@ def collect(dataset: xr.Dataset) -> Sweeps:
         missing += voltage.shape[1] - len(good)
         if len(good) < 8:
             raise MeasurementError(f"sweep {s}: {len(good)} usable points; a fit needs at least 8, leave the sweep out")
+        if not np.any(voltage[s, good] != voltage[s, good[0]]) or not np.ptp(frequency[s, good]):
+            raise MeasurementError(f"sweep {s}: one value at all its {len(good)} points, so no response to fit; leave the sweep out")
         order = good[np.argsort(frequency[s, good], kind="stable")]
         pieces.append((frequency[s, order], voltage[s, order], np.full(len(order), s), order))
         spans.append(slice(start, start + len(good)))

@@ -21,6 +21,8 @@ def refine(sweeps: Sweeps, layout: Layout, theta: Array) -> Array:
     """Improve θ by Gauss–Newton steps on the implicit equation, weighted by what the noise of each point makes of it."""
     for _ in range(ROUNDS):
         residual, slopes = _whitened(sweeps, layout, theta)
+        if not np.all(np.isfinite(slopes)):  # data without a resonance lead nowhere; the explicit fit says so
+            break
         scale = np.linalg.norm(slopes, axis=0) + np.finfo(float).tiny
         step, *_ = np.linalg.lstsq(slopes / scale, residual, rcond=1e-10)
         step = step / scale

@@ -51,7 +51,7 @@ class _Search:
         self.reached.append(np.inf)
         if self.descend(theta, strict=True).folded:
             self.descend(theta, strict=False)
-            self.descend(self.theta, strict=True)
+            self.descend(self.theta if self.theta.size else theta, strict=True)
 
     def leave_fold(self) -> None:
         """Where the best fit has points past a fold, step the fold over them."""
@@ -74,7 +74,7 @@ def solve(sweeps: Sweeps, layout: Layout, use: Use, bounds: Bounds) -> tuple[Mis
         search.start(min((np.clip(candidate, search.low, search.high) for candidate in candidates), key=fresh.cost))
         if search.cost < noisy or np.count_nonzero(np.array(search.reached) < SAME * search.cost) >= AGREED:
             break
-    if not search.reached:
+    if not search.theta.size:  # no start, or none with a finite misfit
         raise ConvergenceError(f"use = {use!r}: the points show no resonance to start from; choose another range or use='complex'")
     search.leave_fold()
     return search.misfit, search.theta
