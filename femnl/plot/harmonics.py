@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from femnl.plot.spectrum import harmonic_spectrum_figure
-from femnl.plot.style import COLOURS, SEQUENTIAL, axis_label, new_figure, panel_letters, prefixed, style
+from femnl.plot.style import COLOURS, INK, SEQUENTIAL, axis_label, new_figure, panel_letters, prefixed, style
 from femnl.types.fit import MotionFit
 from femnl.types.readout import HarmonicSpectrum
 
@@ -21,8 +21,7 @@ def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None
     """
     size = np.abs(spectrum.values[1:])
     if spectrum.drive_frequency.size == 1:
-        floor = float(spectrum.values_sd[1:].mean() / size.max())
-        return harmonic_spectrum_figure(spectrum.harmonic[1:], {"measured": size[:, 0]}, floor)
+        return _one_step(spectrum, motion)
     order = np.argsort(spectrum.drive_frequency, kind="stable")
     centre = float(np.median(spectrum.drive_frequency))
     f = spectrum.drive_frequency[order] - centre
@@ -58,4 +57,17 @@ def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None
         hertz, name = prefixed(centre, "Hz")
         panels[-1].set_xlabel(axis_label(f"drive frequency − {centre / hertz:.9g} {name}", unit))
         panel_letters(list(panels))
+    return figure
+
+
+def _one_step(spectrum: HarmonicSpectrum, motion: MotionFit | None) -> Figure:
+    """The harmonics of one step, relative to the largest, down to the noise."""
+    size = np.abs(spectrum.values[1:, 0])
+    drawn = {"measured": size} | ({} if motion is None else {"fitted": np.abs(motion.prediction[:, 0])})
+    floor = float(spectrum.values_sd[1:, 0].mean() / size.max())
+    figure = harmonic_spectrum_figure(spectrum.harmonic[1:], drawn)
+    axes = figure.axes[0]
+    axes.axhline(floor, color=INK, linewidth=0.8, linestyle="--")
+    axes.set_ylim(bottom=0.3 * floor)
+    axes.annotate("noise", (1.0, floor), (-4, 3), xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=8, ha="right")
     return figure

@@ -170,7 +170,12 @@ def test_harmonics_of_a_sweep_of_traces_are_drawn(fit: Callable[..., dict[str, A
     found = fit("t.nc", "--harmonics", "6", "--out", "o")["scope"]
     # |V_1| = 2 J_1(2) |sin 0.5| by Jacobi and Anger.
     assert np.hypot(found["real"][1][0], found["imag"][1][0]) == pytest.approx(2 * 0.5767248 * np.sin(0.5), abs=1e-4)
-    assert written("o") == {"t-scope-harmonics.png"}
+    one = measurement.trace(time, volts[:1], drive_frequency=f[:1], wavelength=632.8e-9)
+    measurement.write(measurement.bundle({"scope": one}, geometry=DEVICE), "one.nc")
+    motion = fit("one.nc", "--harmonics", "6", "--out", "o")["scope, motion"]
+    # cos(2 sin ωt + ½) is a fringe at θ = ½ with z = 4πU/λ = 2.
+    assert motion["amplitude"] == [pytest.approx(2 * 632.8e-9 / (4 * np.pi), abs=4 * motion["amplitude_sd"][0])]
+    assert written("o") == {"t-scope-harmonics.png", "one-scope-harmonics.png"}
 
 
 def test_maps_are_drawn_beside_their_fit(fit: Callable[..., dict[str, Any]]) -> None:
