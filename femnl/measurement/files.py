@@ -32,10 +32,13 @@ def read(path: str | Path) -> xr.DataTree:
         raise MeasurementError(f"{path}: no root attribute {_ROOT}, so not a measurement file; convert it with femnl import")
     if version.split(".")[0] != VERSION.split(".")[0]:
         raise MeasurementError(f"{path}: {_ROOT} is {version!r}; this femnl reads version {VERSION}")
-    with _whole(path):
+    # By a stream of our own: a file that xarray stumbles over would stay open otherwise.
+    with _whole(path), path.open("rb") as stream:
         # Times are plain seconds here: decoding them would make timedeltas, and phony names stand in where dimension scales are absent.
-        groups = xr.open_groups(path, engine="h5netcdf", phony_dims="sort", decode_times=False, decode_coords=False)
+        groups = xr.open_groups(stream, engine="h5netcdf", phony_dims="sort", decode_times=False, decode_coords=False)
         groups = {name: group.load() for name, group in groups.items()}
+        for group in groups.values():
+            group.close()
     return _collect(groups, str(path))
 
 
