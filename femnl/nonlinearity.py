@@ -23,9 +23,11 @@ from femnl.fem.solvers import factorize
 from femnl.fem.supports import in_plane_supports
 from femnl.types.device import Edge
 from femnl.types.mechanics import Modes, Nonlinearity
+from femnl.types.remainder import MOST, remainder
 
 Array = NDArray[np.float64]
 
+SMOOTH = 0.05  # of the last difference between degrees, at least, what the in-plane displacement of smooth edges leaves
 PAIR_BYTES = 512  # of memory a triangle and pair of modes: 16 in-plane unknowns, 4 copies
 
 
@@ -37,22 +39,58 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False) -> Nonlin
     −Σ tensor[i,j,k,l] q_j q_k q_l with tensor = (2/3)(G_ijkl + G_ikjl + G_iljk).
 
     Args: edge: in-plane condition of the outline, `clamped`, `sliding` or `paper` (see `Model`). tensor: all modes, not the diagonal.
-    Returns: k3 [N/m³], alpha [m⁻²], with an error bound where the modes carry their coarse counterpart.
+    Returns: k3 [N/m³], alpha [m⁻²], the tensor, and upper estimates of their errors where the modes carry counterparts of lower degrees.
     Valid: slow motion against in-plane waves; amplitudes well below the outline's length.
     Source: von Kármán plate with quasi-static in-plane response; validation cases `duffing_table`, `duffing_sliding`,
         `erratum_alpha`, `static_deflection`.
     """
     n = len(modes.frequency)
     pairs = list(combinations_with_replacement(range(n), 2)) if tensor else [(i, i) for i in range(n)]
-    amount = PAIR_BYTES * modes.domain.mesh.nelements * len(pairs) + 32 * len(pairs) ** 2
-    need_memory(amount, f"couplings of {n} modes", "ask for fewer modes")
-    energies = _strain_energies(modes, edge, pairs)
+    need_memory(
+        PAIR_BYTES * modes.domain.mesh.nelements * len(pairs) + 32 * len(pairs) ** 2, f"couplings of {n} modes", "ask for fewer modes"
+    )
+    grades = [_coefficients(m, edge, pairs, tensor) for m in modes.grades]
+    k3, full = grades[0]
+    scale = np.abs([k for k, _ in grades]) / np.array([m.effective_mass for m in modes.grades]) ** 2  # of mass-normalised shapes
+    left = _left(modes, edge)
+    relative = remainder(list(scale), scale[0], left) / scale[0] if len(grades) > 1 else np.full(n, np.inf)
+    k3_error = k3 * (relative + 4 * modes.peak_error)
+    alpha = k3 / modes.stiffness
+    alpha_error = alpha * (relative + 2 * (modes.peak_error + modes.frequency_error / modes.frequency))
+    return Nonlinearity(edge, k3, alpha, k3_error, alpha_error, full, _tensor_error(modes, grades, k3, left) if tensor else None)
+
+
+def _coefficients(modes: Modes, edge: Edge, pairs: list[tuple[int, int]], tensor: bool) -> tuple[Array, Array | None]:
+    """k₃ of each mode and, where asked for, the tensor."""
+    n, energies = len(modes.frequency), _strain_energies(modes, edge, pairs)
     position = {pair: k for k, pair in enumerate(pairs)}
     k3 = 2 * np.array([energies[position[i, i], position[i, i]] for i in range(n)])
-    full = _symmetrise(energies, position, n) if tensor else None
-    alpha = k3 / modes.stiffness
-    error = np.full(n, np.inf) if modes.coarse is None else np.abs(alpha - solve_nonlinearity(modes.coarse, edge).alpha)
-    return Nonlinearity(edge, k3, alpha, error, full)
+    missing = np.where(np.isnan(modes.frequency), np.nan, 1.0)
+    return k3 * missing, _symmetrise(energies, position, n) if tensor else None
+
+
+def _left(modes: Modes, edge: Edge) -> float:
+    """The part of the last difference between degrees that is taken to be left, by how smooth the in-plane displacement is.
+
+    At an inner corner of the outline, and at corners of sliding edges other than 90°, it converges slowly in the degree.
+    """
+    angles = np.array([angle for _, angle in modes.domain.model.outline.corners])
+    rough = np.any(angles > np.pi + 1e-6) or (edge == "sliding" and np.any(np.abs(angles - np.pi / 2) > 1e-6))
+    return MOST if rough else SMOOTH
+
+
+def _tensor_error(modes: Modes, grades: list[tuple[Array, Array | None]], k3: Array, left: float) -> Array:
+    """Errors of the tensor's entries: of mass-normalised shapes, and of the four largest values that scale them."""
+    peak, unit = modes.peak_error, np.abs(k3) ** 0.25
+    scale = np.einsum("i,j,k,l->ijkl", unit, unit, unit, unit)
+    normal = []
+    for m, (_, full) in zip(modes.grades, grades, strict=True):
+        size = np.sqrt(m.effective_mass / modes.effective_mass)
+        normal.append(np.einsum("ijkl,i,j,k,l->ijkl", np.empty(0) if full is None else full, *(1 / size,) * 4))
+    relative = remainder(normal, scale, left) / scale if len(normal) > 1 else np.full(scale.shape, np.inf)
+    four = sum(np.expand_dims(peak, tuple(a for a in range(4) if a != axis)) for axis in range(4))
+    known = np.isfinite(four)
+    return np.asarray(np.where(known, scale * relative + np.abs(normal[0]) * np.where(known, four, 0.0), np.inf))
 
 
 def _symmetrise(energies: Array, position: dict[tuple[int, int], int], n: int) -> Array:

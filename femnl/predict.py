@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from femnl import nonlinearity, prestress
-from femnl.errors import MeasurementError
+from femnl.errors import ConvergenceError, MeasurementError, ParameterError
+from femnl.fem.elements import DEGREES
 from femnl.geometry import load, load_shipped, parse
 from femnl.mesh import mesh
 from femnl.modes import align, shape_at
@@ -20,6 +21,8 @@ from femnl.types.mechanics import Modes, Nonlinearity
 from femnl.types.readout import HarmonicMap
 
 DEGREE = 4
+COARSE = 0.6  # resolution from which a tolerance is approached
+STEP = 8.0  # by which an error has to fall for a higher degree to pay, rather than smaller elements
 SPARE = 4  # coarse modes beyond those asked for, so that the highest fine ones find their counterparts
 GRID = 101
 MARGIN = 0.1
@@ -48,22 +51,61 @@ def measured_device(attributes: Mapping[Any, Any], path: Path, geometry: str | N
     return load(beside)
 
 
-def solve_modes(model: Model, count: int = 10, symmetry: str = "auto", resolution: float = 1.0, cache: bool = True) -> Modes:
-    """Modes of a device: mesh, relaxed film stress, prestressed modes, and the same at one degree less to estimate errors.
+def solve_modes(
+    model: Model, count: int = 10, symmetry: str = "auto", resolution: float = 1.0, cache: bool = True, degree: int = DEGREE
+) -> Modes:
+    """Modes of a device: mesh, relaxed film stress, prestressed modes, and the same at lower degrees to estimate errors.
 
-    Args: count: how many, by rising frequency. symmetry, resolution: of the mesh, see `femnl.mesh.mesh`.
+    Args: count: how many, by rising frequency. symmetry, resolution: of the mesh, see `femnl.mesh.mesh`. degree: of the elements.
         cache: take an earlier solution of the same device, options and code from disk, and keep this one there.
-    Returns: Modes with `frequency_error` and `ratio_error`.
+    Returns: Modes with `frequency_error`, `ratio_error` and `effective_mass_error`.
     Raises: ParameterError, GeometryError, ConvergenceError.
     """
 
     def solve() -> Modes:
         domain = mesh(model, symmetry, resolution)
-        fine = solve_on_mesh(prestress.solve_prestress(domain, DEGREE), count, DEGREE)
-        coarse = solve_on_mesh(prestress.solve_prestress(domain, DEGREE - 1), count + SPARE, DEGREE - 1)
-        return replace(fine, coarse=align(coarse, fine))
+        fine = solve_on_mesh(prestress.solve_prestress(domain, degree), count, degree)
+        middle, coarse = (
+            align(solve_on_mesh(prestress.solve_prestress(domain, lower), count + SPARE, lower), fine) for lower in (degree - 1, degree - 2)
+        )
+        return replace(fine, coarse=replace(middle, coarse=coarse))
 
-    return cached_modes(model, (count, symmetry, resolution), solve) if cache else solve()
+    return cached_modes(model, (count, symmetry, resolution, degree), solve) if cache else solve()
+
+
+def solve_modes_to(model: Model, tolerance: float, count: int = 10, symmetry: str = "auto", cache: bool = True) -> Modes:
+    """Modes of a device whose frequencies are known within a relative tolerance: degree and mesh follow from the error bars.
+
+    A higher degree comes first, then smaller elements everywhere: at corners, clamped edges and holes most of all.
+
+    Args: tolerance: of f and f/f₁ of every mode, 2e-11 to 0.1. count, symmetry, cache: as in `solve_modes`.
+    Raises: ParameterError; ConvergenceError that says how far it came and what stopped it.
+    """
+    if not 2e-11 <= tolerance <= 0.1:
+        raise ParameterError(f"tolerance = {tolerance:g}: expected a relative error from 2e-11, where rounding sets in, to 0.1")
+    degree, resolution, best = DEGREE, COARSE, np.inf
+    while True:
+        try:
+            modes = solve_modes(model, count, symmetry, resolution, cache, degree)
+        except ParameterError as error:
+            if not np.isfinite(best):
+                raise
+            raise ConvergenceError(f"tolerance = {tolerance:g}: stopped at a relative error of {best:.1e}, because {error}") from error
+        errors = modes.frequency_error / modes.frequency
+        worst = int(np.argmax(errors))
+        excess = float(errors[worst]) / tolerance
+        if excess <= 1:
+            return modes
+        if errors[worst] > best / 2:
+            raise ConvergenceError(
+                f"tolerance = {tolerance:g}: stopped at a relative error of {best:.1e} (mode {worst + 1}), which degree {degree} at "
+                f"resolution {resolution:.3g} no longer lowers; ask for no more than that"
+            )
+        best = float(errors[worst])
+        if excess > STEP and degree < DEGREES[-1]:
+            degree += 1
+        else:
+            resolution *= min(1.1 * min(excess, 1e6) ** (1 / (2 * degree - 2)), 2.0)
 
 
 def solve_nonlinearity(modes: Modes, edge: Edge | None = None, tensor: bool = False, cache: bool = True) -> Nonlinearity:

@@ -8,11 +8,16 @@ import typer
 
 from femnl.cli._device import Bending, Cache, Count, EdgeOption, Geometry, Json, Resolution, Symmetry, load_device, suffix_of
 from femnl.cli._output import console, note, print_json, scientific, table
-from femnl.predict import solve_modes, solve_nonlinearity
+from femnl.errors import ParameterError
+from femnl.predict import solve_modes, solve_modes_to, solve_nonlinearity
 from femnl.storage import need_room, write_modes, write_vtu
 from femnl.types.mechanics import Modes, Nonlinearity
 
 Out = Annotated[Path | None, typer.Option(help="Also write the modes to a file: .nc, or .vtu for ParaView.", show_default=False)]
+Tolerance = Annotated[
+    float | None,
+    typer.Option(help="Relative error of every f and f/f₁ to be reached; sets degree and resolution.", show_default=False),
+]
 Tensor = Annotated[bool, typer.Option("--tensor", help="Couplings between modes too: their full cubic tensor.")]
 
 
@@ -24,6 +29,7 @@ def command(
     tensor: Tensor = False,
     symmetry: Symmetry = "auto",
     resolution: Resolution = 1.0,
+    tolerance: Tolerance = None,
     out: Out = None,
     cache: Cache = True,
     as_json: Json = False,
@@ -32,7 +38,13 @@ def command(
     kind = suffix_of(out, (".nc", ".vtu")) if out else ""
     if out:
         need_room(out)
-    modes = solve_modes(load_device(geometry, bending, edge), count, symmetry, resolution, cache)
+    model = load_device(geometry, bending, edge)
+    if tolerance is None:
+        modes = solve_modes(model, count, symmetry, resolution, cache)
+    elif resolution == 1.0:
+        modes = solve_modes_to(model, tolerance, count, symmetry, cache)
+    else:
+        raise ParameterError(f"--resolution {resolution:g}: a tolerance sets the resolution; give one of the two")
     nonlinearity = solve_nonlinearity(modes, tensor=tensor, cache=cache)
     if as_json:
         print_json(_record(modes, nonlinearity))
@@ -52,11 +64,20 @@ def _record(modes: Modes, nonlinearity: Nonlinearity) -> dict[str, Any]:
     record: dict[str, Any] = {
         "geometry": modes.domain.model.name,
         "modes": [dict(zip(names, row, strict=True)) for row in columns],
-        "errors": {"ratio": modes.ratio_error, "alpha": nonlinearity.alpha_error, "frequency": modes.frequency_error},
+        "errors": {
+            "frequency": modes.frequency_error,
+            "ratio": modes.ratio_error,
+            "effective_mass": modes.effective_mass_error,
+            "k3": nonlinearity.k3_error,
+            "alpha": nonlinearity.alpha_error,
+        },
         "edge": nonlinearity.edge,
         "bending": modes.domain.model.bending,
     }
-    return record if nonlinearity.tensor is None else record | {"tensor": nonlinearity.tensor}
+    if nonlinearity.tensor is not None:
+        record["tensor"] = nonlinearity.tensor
+        record["errors"]["tensor"] = nonlinearity.tensor_error
+    return record
 
 
 def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
@@ -70,13 +91,16 @@ def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
             f"{modes.effective_mass[k] * 1e12:.5g}",
             scientific(nonlinearity.alpha[k] * 1e-12, 5),
             scientific(nonlinearity.k3[k], 5),
-            f"{modes.ratio_error[k]:.0e}",
+            f"{modes.frequency_error[k] / modes.frequency[k]:.0e}",
+            f"{modes.ratio_error[k] / modes.ratio[k]:.0e}",
+            f"{modes.effective_mass_error[k] / modes.effective_mass[k]:.0e}",
             f"{nonlinearity.alpha_error[k] / nonlinearity.alpha[k]:.0e}",
+            f"{nonlinearity.k3_error[k] / nonlinearity.k3[k]:.0e}",
         ]
         for k in range(len(modes.frequency))
     ]
-    columns = ["mode", "label", "f (MHz)", "f/f₁", "m_eff (ng)", "α (µm⁻²)", "k₃ (N/m³)", "±f/f₁", "±α/α"]
-    title = f"{model.name}, in-plane edge {nonlinearity.edge}, {'with' if model.bending else 'without'} bending"
+    columns = ["mode", "label", "f (MHz)", "f/f₁", "m_eff (ng)", "α (µm⁻²)", "k₃ (N/m³)", "±f", "±f/f₁", "±m_eff", "±α", "±k₃"]
+    title = f"{model.name}, in-plane edge {nonlinearity.edge}, {'with' if model.bending else 'without'} bending; ± are relative"
     console().print(table(title, columns, rows))
     if nonlinearity.tensor is not None:
         n = len(modes.frequency)

@@ -29,7 +29,8 @@ def slope_held_facets(space: Space, parity: tuple[int, ...]) -> NDArray[np.int64
 def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, ...]) -> csc_matrix:
     """Columns that span the admissible in-plane displacements, (2·size, n_free).
 
-    Clamped outline: u = 0, or with `sliding` only u·n = 0. Mirror k: u·n = 0 where the load is even under it, else u·t = 0.
+    Clamped outline: u = 0, or with `sliding` only u·n = 0. Mirror k: u·n = 0 where the load is even under it, else u·t = 0. A film
+    that could still move as a whole, as a disc turns on a sliding edge, is held at one point: no load of ours pushes it.
     Raises: ParameterError where there is no such edge.
     """
     if edge not in get_args(Edge):
@@ -51,6 +52,7 @@ def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, 
     else:
         for direction in np.eye(2):
             hold(space.boundary_dofs("clamped"), direction)
+    _hold_rigid_motion(space, held)
     anywhere = np.setdiff1d(np.arange(space.size), np.fromiter(held, dtype=np.int64))
     rows, columns, values = (
         [anywhere, anywhere + space.size],
@@ -68,6 +70,23 @@ def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, 
     return csc_matrix(coo_matrix(entries, shape=(2 * space.size, n)))
 
 
+def _hold_rigid_motion(space: Space, held: dict[int, list[Array]]) -> None:
+    """Hold one point in the direction of each rigid motion that the held directions leave free."""
+    if not held:
+        return
+    reach = np.abs(space.location).max()
+    dofs = np.repeat(list(held), [len(d) for d in held.values()])
+    directions = np.concatenate([np.asarray(d) for d in held.values()])
+    x, y = space.location[dofs].T / reach
+    rows = np.stack([directions[:, 0], directions[:, 1], x * directions[:, 1] - y * directions[:, 0]], 1)
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    for a, b, turn in vectors.T[values < RIGID**2 * values[-1]]:
+        motion = np.stack([a - turn * space.location[:, 1] / reach, b + turn * space.location[:, 0] / reach], 1)
+        most = int(np.argmax(np.linalg.norm(motion, axis=1)))
+        held.setdefault(most, []).append(motion[most] / np.linalg.norm(motion[most]))
+
+
+RIGID = 1e-6  # how far a rigid motion may go along held directions, over its length, and still count as free
 CORNER = 0.05  # sine of the angle between neighbouring normals from which their point is a corner and held fast
 
 

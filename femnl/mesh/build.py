@@ -211,12 +211,12 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
         if tags and width * unit < ELEMENTS_ACROSS * largest:
             grow_from_curves(width * unit / ELEMENTS_ACROSS / resolution, tags)
     ends = {t: np.array(gmsh.model.getValue(0, t, []))[:2] for _, t in gmsh.model.getEntities(0)}
-    for corner, size in singular_corners(model.outline, resolution):
+    for corner, size in singular_corners(model.outline, resolution, bending_length(model)):
         near = [t for t, end in ends.items() if np.hypot(*(end - corner * unit)) < TOLERANCE]
         if near:
             distance = field.add("Distance")
             field.setNumbers(distance, "PointsList", near)
-            grow(max(size * unit, layer / 10), distance)
+            grow(size * unit, distance)
     wanted.append(field.add("MathEval"))
     field.setString(wanted[-1], "F", str(largest))
     smallest = field.add("Min")

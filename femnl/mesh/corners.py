@@ -5,31 +5,25 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.geometry import curves
-from femnl.types.device import Outline, Segment
+from femnl.types.device import Outline
 
 Array = NDArray[np.float64]
 
 CORNER_ERROR = 1e-8  # energy left unresolved at a singular corner, relative to that around it
+PLATE_ERROR = 1e-5  # the same of the plate within the bending length, whose energy is a small part of all
 
 
-def singular_corners(outline: Outline, resolution: float) -> Iterator[tuple[Array, float]]:
+def singular_corners(outline: Outline, resolution: float, layer: float) -> Iterator[tuple[Array, float]]:
     """Yield corners wider than 90° and the element size [m] there.
 
-    Near a corner of inner angle β the deflection goes as r^(π/β), so that elements of size s leave an energy s^(2π/β).
+    Near a corner of inner angle β the deflection goes as r^(π/β), so that elements of size s leave an energy s^(2π/β). Within the
+    bending length ℓ of a corner the film is a plate, whose deflection goes as r^(1 + λ) with λ ≥ π/β, or ½ where β > π: there
+    elements need not be smaller than what leaves (s/ℓ)^(2λ).
     """
-    for before, after in zip(outline.segments[-1:] + outline.segments[:-1], outline.segments, strict=True):
-        incoming, outgoing = _tangent(before, 1.0), _tangent(after, 0.0)
-        turn = np.arctan2(incoming[0] * outgoing[1] - incoming[1] * outgoing[0], incoming @ outgoing)
-        angle = np.pi - turn
-        if angle > np.pi / 2 + 1e-6 and abs(turn) > 1e-6:
-            side = np.linalg.norm(np.subtract(after.end, after.start))
-            yield np.array(after.start), float(side * (CORNER_ERROR / resolution**8) ** (angle / (2 * np.pi)))
-
-
-def _tangent(segment: Segment, fraction: float) -> Array:
-    """A vector along a segment at a fraction of its length, of any length."""
-    if segment.centre is None:
-        return np.subtract(segment.end, segment.start)
-    x, y = curves.point_at(segment, fraction) - segment.centre
-    return np.array([-y, x])
+    for k, angle in outline.corners:
+        if angle > np.pi / 2 + 1e-6:
+            segment = outline.segments[k]
+            side = np.linalg.norm(np.subtract(segment.end, segment.start))
+            film = side * (CORNER_ERROR / resolution**8) ** (angle / (2 * np.pi))
+            plate = layer * (PLATE_ERROR / resolution**8) ** (angle / (2 * np.pi) if angle <= np.pi else 1.0)
+            yield np.array(segment.start), float(max(film, plate))

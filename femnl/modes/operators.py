@@ -43,9 +43,10 @@ class Operators:
         order = 2 * degree
         for cell, stress in zip(cells(self.space, order, second=self._bends), relaxed_stress(prestress, order), strict=True):
             h, dofs = thickness(domain.model, cell.jet.point), self.space.dofs[cell.triangles]
-            stiffness.add(local_matrices(slope(cell.jet), as_matrix(stress), h * cell.dx), dofs)
+            local = local_matrices(slope(cell.jet), as_matrix(stress), h * cell.dx)
             if self._bends:
-                stiffness.add(local_matrices(curvature(cell.jet), moduli, h**3 / 12 * cell.dx), dofs)
+                local += local_matrices(curvature(cell.jet), moduli, h**3 / 12 * cell.dx)
+            stiffness.add(local, dofs)
         if self._bends:
             inside = np.flatnonzero(domain.mesh.f2t[1] >= 0)
             self._add_slope_continuity(stiffness, inside)

@@ -2,47 +2,89 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, LinearConstraint, minimize
 from scipy.spatial import cKDTree
 
 from femnl.errors import ParameterError
-from femnl.fem.elements import Space, reference_basis
+from femnl.fem.elements import EDGES, VERTICES, Space, reference_basis
 from femnl.fem.forms import cells, thickness
 from femnl.types.mechanics import Domain, Modes
 
 Array = NDArray[np.float64]
 
 EDGE = 1e-9  # in reference coordinates, how far outside a triangle a point still counts as on its edge
+ARRIVED = 1e-12  # in reference coordinates, the step at which Newton's method ends
 SAMPLES = 6  # points along an edge of a triangle at which shapes are searched for their maximum
+LATTICE = np.array([(a, b) for a in range(SAMPLES + 1) for b in range(SAMPLES + 1 - a)]) / SAMPLES
+BETWEEN = 0.05  # relative height by which the samples of the triangle with the maximum may miss it
+RIM = 8.0
+TOP = 1e-3  # relative height below the maximum up to which triangles count as holding it
+STEPS = 8  # of Newton's method towards a maximum
 
 
 def largest_value(space: Space, shape: Array) -> float:
     """The value of largest magnitude that a shape takes, with its sign; the first in the mesh's order among equals.
 
-    A lattice of points finds the triangle, a bounded quasi-Newton search in it the extremum.
+    A lattice of points finds the triangles that may hold it, Newton's method in them and along their edges the extremum.
     """
-    lattice = np.array([(a, b) for a in range(SAMPLES + 1) for b in range(SAMPLES + 1 - a)]) / SAMPLES
-    sampled = shape[space.dofs] @ reference_basis(space.degree, lattice).T
-    highest = np.abs(sampled).max()
-    triangle, point = np.argwhere(np.abs(sampled) >= highest * (1 - 1e-6))[0]
-    local = shape[space.dofs[triangle]] / sampled[triangle, point]
+    lattice = reference_basis(space.degree, LATTICE).T
+    heights = np.abs(shape[space.dofs] @ lattice).max(axis=1)
+    near = np.flatnonzero(heights >= heights.max() * (1 - BETWEEN))
+    local = shape[space.dofs[near]]
+    bend = sum(np.abs(local @ reference_basis(space.degree, LATTICE, d).T).max(axis=1) for d in ((2, 0), (1, 1), (0, 2)))
+    # From the nearest point of the lattice to the maximum the value rises by half the bend times the distance squared, at most.
+    may = heights[near] + bend / (2 * SAMPLES) ** 2 >= heights.max()
+    near, local = near[may], local[may]
+    sampled = local @ lattice
+    start = np.argmax(np.abs(sampled), axis=1)
+    sign = np.sign(sampled[np.arange(len(near)), start])
+    local = local * sign[:, None]
+    found = [heights[near], _climb(space.degree, local, LATTICE[start], np.eye(2))]
+    found += [_climb(space.degree, local, (VERTICES[a] + VERTICES[b]) / 2, (VERTICES[b] - VERTICES[a])[None]) for a, b in EDGES]
+    peak = np.max(found, axis=0)
+    return float(np.max(peak) * sign[np.argmax(peak >= np.max(peak) * (1 - 1e-6))])
 
-    def fall(X: Array) -> float:
-        return -float(reference_basis(space.degree, X[None])[0] @ local)
 
-    def gradient(X: Array) -> Array:
-        return -np.array([reference_basis(space.degree, X[None], d)[0] @ local for d in ((1, 0), (0, 1))])
+def largest_departure(space: Space, shape: Array, other: Array) -> float:
+    """The largest difference of two shapes in the triangles where the first is largest, relative to its largest value.
 
-    found = minimize(
-        fall,
-        lattice[point],
-        jac=gradient,
-        bounds=Bounds(np.zeros(2), np.ones(2)),
-        constraints=LinearConstraint(np.ones((1, 2)), ub=1),
-        method="SLSQP",
-        options={"ftol": 1e-15, "maxiter": 100},
-    )
-    return float(max(-found.fun, 1.0) * sampled[triangle, point])
+    At a free edge the elements converge more slowly than the difference of two degrees shows: there it counts `RIM` times.
+    """
+    basis = reference_basis(space.degree, LATTICE).T
+    sampled = np.abs(shape[space.dofs] @ basis).max(axis=1)
+    highest = np.flatnonzero(sampled >= sampled.max() * (1 - TOP))
+    touching = np.isin(space.mesh.t2f[:, highest], space.boundary_facets("free"))
+    largest = float(np.abs((shape - other)[space.dofs[highest]] @ basis).max() / sampled.max())
+    return RIM * largest if np.any(touching) else largest
+
+
+def _climb(degree: int, local: Array, start: Array, directions: Array) -> Array:
+    """Values (n,) where Newton's method ends that climbs functions (n, n_basis) of triangles along directions (d, 2) from a start.
+
+    Points stay in their triangle: a step that leaves it ends at its border.
+    """
+    place = np.broadcast_to(start, (len(local), 2))
+    highest = np.full(len(local), -np.inf)
+    for _ in range(STEPS):
+        value, gx, gy, xx, xy, yy = (
+            np.einsum("nj,nj->n", reference_basis(degree, place, d), local) for d in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+        )
+        highest = np.maximum(highest, value)
+        slope = directions @ np.stack([gx, gy])
+        bend = directions @ np.stack([xx, xy, xy, yy], -1).reshape(-1, 2, 2) @ directions.T
+        values, vectors = np.linalg.eigh(bend)
+        rise = np.einsum("nij,in->nj", vectors, slope)
+        step = np.einsum("nij,nj->ni", vectors, rise / np.maximum(np.abs(values), 1e-9 * value[:, None])) @ directions
+        place = place + step * _within(place, step)[:, None]
+    return highest
+
+
+def _within(place: Array, step: Array) -> Array:
+    """The part (n,) of each step, at most 1, that stays in the reference triangle."""
+    room = np.concatenate([place, 1 - place.sum(axis=1, keepdims=True)], axis=1)
+    fall = -np.concatenate([step, -step.sum(axis=1, keepdims=True)], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(fall > 0, room / fall, np.inf)
+    return np.asarray(np.clip(reach.min(axis=1), 0, 1))
 
 
 def canonical_turn(domain: Domain, space: Space, shapes: Array, parity: tuple[tuple[int, ...], ...]) -> Array:
@@ -162,5 +204,8 @@ def _invert(degree: int, nodes: Array, points: Array) -> Array:
     for _ in range(8):
         value = np.einsum("nj,njx->nx", reference_basis(degree, place), nodes)
         jacobian = np.stack([np.einsum("nj,njx->nx", reference_basis(degree, place, d), nodes) for d in ((1, 0), (0, 1))], -1)
-        place = np.clip(place + np.linalg.solve(jacobian, (points - value)[..., None])[..., 0], -2, 3)
+        step = np.linalg.solve(jacobian, (points - value)[..., None])[..., 0]
+        place = np.clip(place + step, -2, 3)
+        if np.abs(step).max(initial=0) < ARRIVED:  # at once where the triangles are straight
+            break
     return place

@@ -1,5 +1,6 @@
 """Prestressed modes of the film, solved symmetry sector by symmetry sector, normalised, paired and labelled."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -13,7 +14,7 @@ from femnl.fem.memory import need_memory
 from femnl.fem.solvers import lowest_eigenpairs
 from femnl.fem.supports import free_deflections
 from femnl.modes.operators import Operators, mass_matrix
-from femnl.modes.shapes import canonical_turn, label_shapes, largest_value
+from femnl.modes.shapes import canonical_turn, label_shapes, largest_departure, largest_value
 from femnl.types.mechanics import Domain, Modes, Prestress
 
 Array = NDArray[np.float64]
@@ -21,13 +22,15 @@ Sectors = tuple[Array, Array, tuple[tuple[int, ...], ...]]  # ω² (n,), mass-no
 
 ODD_IN_Y, ODD_IN_X = (-1, 1), (1, -1)  # parities about the x axis (mirror 0) and the y axis (mirror 1)
 MODE_BYTES = 320  # of memory a triangle and mode: 8 unknowns, 5 copies in the iteration
+CONFUSED = {1: 0.005, 2: 0.05}  # relative difference of frequencies up to which modes one or two degrees apart may be the same
+COUNTERPART = 0.9  # overlap of mass-normalised shapes from which they are the same mode
 DEGENERATE = 1e-6  # relative splitting of ω² up to which modes count as sharing a frequency
 
 
 def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
     """Solve ∫ N:∇w⊗∇v + D[(1−ν)∇∇w:∇∇v + νΔwΔv] = ω² ∫ ρh wv for the lowest modes.
 
-    Args: prestress: the relaxed film stress. count: how many modes, by rising frequency. degree: of the elements, 2 to 4.
+    Args: prestress: the relaxed film stress. count: how many modes, by rising frequency. degree: of the elements, 2 to 6.
     Returns: modes with max|ξ| = 1, solved in each symmetry sector of a wedge; those that share a frequency are turned and
         ordered as `canonical_turn` says, so that a square gives (2,1) before (1,2) whatever the mesh.
     Raises: ParameterError, ConvergenceError. Valid: wedges of an eighth or twelfth hold the one-dimensional symmetries only; in
@@ -112,20 +115,33 @@ def _settle_degenerate(space: Space, domain: Domain, sectors: Sectors) -> Sector
 def align(coarse: Modes, fine: Modes) -> Modes:
     """Order and turn modes of a lower degree on the same mesh so that each is the counterpart of a finer mode.
 
-    Near-degenerate modes mix differently at different accuracy; within such sets (one symmetry, ω² within 1 %) the coarse modes
-    are turned by the orthogonal matrix nearest to their overlap with the fine ones, and frequencies follow as Rayleigh quotients.
+    Near-degenerate modes mix differently at different accuracy; within such sets (one symmetry, frequencies that the lower
+    degree may confuse) the coarse modes are turned by the orthogonal matrix nearest to their overlap with the fine ones, and
+    frequencies follow as Rayleigh quotients.
 
     Args: coarse: at least as many modes as `fine`; a few more make sure that the highest find their counterparts.
-    Returns: as many modes as `fine`.
+    Returns: as many modes as `fine`, with `departure`; NaN in the place of modes without a counterpart.
     """
     domain = fine.domain
     space, fine_space = Space(domain.mesh, coarse.degree), Space(domain.mesh, fine.degree)
     shapes = coarse.shapes / np.sqrt(coarse.effective_mass)[:, None]
     target = fine.shapes / np.sqrt(fine.effective_mass)[:, None]
-    overlap = target @ (mass_matrix(domain, fine_space) @ space.prolong(shapes, fine_space).T) * domain.copies
-    near = np.abs(coarse.frequency[None, :] / fine.frequency[:, None] - 1) < 0.005
+    carried = space.prolong(shapes, fine_space)
+    overlap = target @ (mass_matrix(domain, fine_space) @ carried.T) * domain.copies
+    near = np.abs(coarse.frequency[None, :] / fine.frequency[:, None] - 1) < CONFUSED[fine.degree - coarse.degree]
     alike = np.array([[p == q for q in coarse.parity] for p in fine.parity])
     left, _, right = np.linalg.svd(np.where(near & alike, overlap, 0.0), full_matrices=False)
     turn = left @ right
     square = np.einsum("ij,j,ij->i", turn, (2 * np.pi * coarse.frequency) ** 2, turn)
-    return _finish(space, mass_matrix(domain, space), coarse.prestress, square, turn @ shapes, fine.parity)
+    lost = np.einsum("ij,ij->i", turn, overlap) < COUNTERPART
+    found = _finish(space, mass_matrix(domain, space), coarse.prestress, square, turn @ shapes, fine.parity)
+    sign = np.sign(np.einsum("ni,ni->n", found.shapes, turn @ shapes))  # opposite extrema may be equally large
+    away = [largest_departure(fine_space, *pair) for pair in zip(target, turn @ carried, strict=True)]
+    blank = np.where(lost, np.nan, 1.0)
+    return replace(
+        found,
+        frequency=found.frequency * blank,
+        effective_mass=found.effective_mass * blank,
+        shapes=found.shapes * sign[:, None],
+        departure=np.asarray(away) * blank,
+    )

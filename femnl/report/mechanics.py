@@ -4,8 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import get_args
 
-import numpy as np
-
 from femnl.geometry.reader import describe, load
 from femnl.plot.mechanics import film_figure, mode_gallery
 from femnl.predict import solve_modes, solve_nonlinearity
@@ -154,8 +152,10 @@ def frequency_table(geometries: list[Geometry], published: Published) -> list[Ro
 def _gap(geometry: Geometry) -> tuple[float, float]:
     """f(2,2) − 2 f(1,1) and its discretisation error [Hz]."""
     first, second = (geometry.keys.index(key) for key in ("(1,1)", "(2,2)"))
-    gaps = [m.frequency[second] - 2 * m.frequency[first] for m in (geometry.modes, geometry.modes.coarse) if m is not None]
-    return float(gaps[0]), float(abs(gaps[0] - gaps[-1])) if len(gaps) > 1 else float(np.inf)
+    modes = geometry.modes
+    f, ratio, error = modes.frequency[first], modes.ratio[second] / modes.ratio[first], modes.ratio_error
+    unlike = error[second] + ratio * error[first]
+    return float(f * (ratio - 2)), float(f * unlike + abs(ratio - 2) * modes.frequency_error[first])
 
 
 def alpha_table(geometries: list[Geometry], published: Published | None) -> tuple[Row, list[Row]]:

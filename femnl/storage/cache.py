@@ -30,18 +30,20 @@ def cached_modes(model: Model, options: tuple[object, ...], solve: Callable[[], 
 def cached_nonlinearity(modes: Modes, edge: str, tensor: bool, solve: Callable[[], Nonlinearity]) -> Nonlinearity:
     """Read the nonlinearity of these very modes from the cache, or solve and keep it; see `kept`."""
     digest = hashlib.sha256(key(modes.domain.model, (edge, tensor)).encode())
-    for solved in [modes, modes.coarse] if modes.coarse else [modes]:
+    for solved in modes.grades:
         for part in (solved.domain.mesh.doflocs, solved.domain.mesh.t, solved.prestress.displacement, solved.shapes, solved.frequency):
             digest.update(np.ascontiguousarray(part).tobytes())
     path = user_cache_path("femnl") / f"nonlinearity-{digest.hexdigest()[:32]}.npz"
 
     def read() -> Nonlinearity:
         with np.load(path) as stored:
-            return Nonlinearity(edge, stored["k3"], stored["alpha"], stored["alpha_error"], stored["tensor"] if tensor else None)
+            return Nonlinearity(edge, **{name: value for name, value in stored.items() if value.size})
 
     def write(file: Path, found: Nonlinearity) -> None:
-        full = np.empty(0) if found.tensor is None else found.tensor
-        np.savez(file, k3=found.k3, alpha=found.alpha, alpha_error=found.alpha_error, tensor=full)
+        none = np.empty(0)
+        full, full_error = (none if part is None else part for part in (found.tensor, found.tensor_error))
+        bars = {"k3_error": found.k3_error, "alpha_error": found.alpha_error, "tensor_error": full_error}
+        np.savez(file, allow_pickle=False, k3=found.k3, alpha=found.alpha, tensor=full, **bars)
 
     return kept(path, read, solve, write)
 

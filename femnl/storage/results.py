@@ -12,17 +12,18 @@ from femnl.storage.atomic import write_whole
 from femnl.types.device import Model
 from femnl.types.mechanics import Domain, Modes, Nonlinearity, Prestress
 
-VERSION = "1.0"
+VERSION = "1.1"
+GRADES = ("coarse", "coarser")  # groups of the counterparts of lower degree
 
 
 def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = None) -> None:
     """Write modes, and their nonlinearity where given, to one NetCDF-4 file; units are attributes of the datasets.
 
-    Groups: `/modes`, `/mesh` points, triangles and boundaries, `/coarse` the same modes at one degree less.
+    Groups: `/modes`, `/mesh` points, triangles and boundaries, `/coarse` the same modes at one degree less, `/coarser` at two.
     """
     tree = xr.DataTree.from_dict({"/modes": _modes_dataset(modes, nonlinearity), "/mesh": _mesh_dataset(modes.domain.mesh)})
-    if modes.coarse is not None:
-        tree["coarse"] = xr.DataTree(_modes_dataset(modes.coarse, None))
+    for name, lower in zip(GRADES, modes.grades[1:], strict=False):
+        tree[name] = xr.DataTree(_modes_dataset(lower, None))
     model = modes.domain.model
     tree.attrs = {
         "femnl_modes": VERSION,
@@ -47,8 +48,13 @@ def read_modes(path: Path, model: Model) -> Modes:
     boundaries = {str(name).removeprefix("boundary_"): stored[name].values for name in stored if str(name).startswith("boundary_")}
     mesh = MeshTri2(np.ascontiguousarray(stored.points.values), np.ascontiguousarray(stored.triangles.values), _boundaries=boundaries)
     domain = Domain(model, mesh, float(tree.attrs["wedge"]))
-    fine = _modes(tree["modes"].to_dataset(), domain)
-    return replace(fine, coarse=_modes(tree["coarse"].to_dataset(), domain)) if "coarse" in tree.children else fine
+    found: Modes | None = None
+    for name in reversed(("modes", *GRADES)):
+        if name in tree.children:
+            found = replace(_modes(tree[name].to_dataset(), domain), coarse=found)
+    if found is None:
+        raise KeyError(f"{path}: holds no group modes")
+    return found
 
 
 def _mesh_dataset(mesh: MeshTri2) -> xr.Dataset:
@@ -71,12 +77,20 @@ def _modes_dataset(modes: Modes, nonlinearity: Nonlinearity | None) -> xr.Datase
         "shapes": (("mode", "unknown"), modes.shapes),
         "displacement": (("in_plane_unknown",), modes.prestress.displacement, {"units": "m"}),
     }
+    if modes.coarse is not None:
+        data["frequency_error"] = ("mode", modes.frequency_error, {"units": "Hz"})
+        data["effective_mass_error"] = ("mode", modes.effective_mass_error, {"units": "kg"})
+    if modes.departure is not None:
+        data["departure"] = ("mode", modes.departure)
     if nonlinearity is not None:
         data["k3"] = ("mode", nonlinearity.k3, {"units": "N/m^3", "edge": nonlinearity.edge})
         data["alpha"] = ("mode", nonlinearity.alpha, {"units": "m^-2", "edge": nonlinearity.edge})
+        data["k3_error"] = ("mode", nonlinearity.k3_error, {"units": "N/m^3"})
         data["alpha_error"] = ("mode", nonlinearity.alpha_error, {"units": "m^-2"})
         if nonlinearity.tensor is not None:
             data["tensor"] = (("mode", "mode_j", "mode_k", "mode_l"), nonlinearity.tensor, {"units": "N/m^3"})
+        if nonlinearity.tensor_error is not None:
+            data["tensor_error"] = (("mode", "mode_j", "mode_k", "mode_l"), nonlinearity.tensor_error, {"units": "N/m^3"})
     return xr.Dataset(data, attrs={"degree": modes.degree, "prestress_degree": modes.prestress.degree})
 
 
@@ -84,4 +98,6 @@ def _modes(data: xr.Dataset, domain: Domain) -> Modes:
     prestress = Prestress(domain, int(data.attrs["prestress_degree"]), data.displacement.values)
     parity = tuple(tuple(int(s) for s in row) for row in data.parity.values)
     label = tuple(str(text) or None for text in data.label.values)
-    return Modes(prestress, int(data.attrs["degree"]), data.frequency.values, data.effective_mass.values, data.shapes.values, parity, label)
+    departure = data.departure.values if "departure" in data else None
+    numbers = (data.frequency.values, data.effective_mass.values, data.shapes.values)
+    return Modes(prestress, int(data.attrs["degree"]), *numbers, parity, label, departure=departure)

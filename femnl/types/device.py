@@ -24,6 +24,13 @@ class Segment:
     centre: tuple[float, float] | None = None
     clamped: bool = True
 
+    def direction(self, point: tuple[float, float]) -> NDArray[np.float64]:
+        """The direction in which the outline is walked at one of the ends; a vector of any length."""
+        if self.centre is None:
+            return np.subtract(self.end, self.start)
+        x, y = np.subtract(point, self.centre)
+        return np.array([-y, x])
+
 
 @dataclass(frozen=True)
 class Outline:
@@ -38,6 +45,17 @@ class Outline:
     segments: tuple[Segment, ...]
     size: tuple[float, float] | None
     length: float
+
+    @property
+    def corners(self) -> tuple[tuple[int, float], ...]:
+        """Segments that start at a corner, by their place in `segments`, with the corner's inner angle [rad]."""
+        found = []
+        for k, after in enumerate(self.segments):
+            incoming, outgoing = self.segments[k - 1].direction(self.segments[k - 1].end), after.direction(after.start)
+            turn = np.arctan2(incoming[0] * outgoing[1] - incoming[1] * outgoing[0], incoming @ outgoing)
+            if abs(turn) > 1e-6:
+                found.append((k, float(np.pi - turn)))
+        return tuple(found)
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,13 @@ from skfem import MeshTri2
 
 from femnl.types.arrays import freeze
 from femnl.types.device import Model
+from femnl.types.remainder import ROUNDING, remainder, settle
 
 Array = NDArray[np.float64]
+
+STEADY = 0.02  # of the last difference between degrees, what is taken to be left at least
+UNLIKE = 0.01  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike
+REENTRANT = 0.5  # of the last difference between degrees, what an inner corner may leave: it converges slowly in the degree
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,9 @@ class Modes:
     frequency [Hz], effective_mass [kg] (∫ρhξ² over the whole film), shapes (n_modes, n_dofs) at the dofs of the scalar
     element of the given degree on the wedge's mesh; parity[i] holds the signs of mode i under the wedge's mirrors
     (+1 even, −1 odd; empty for the whole film). label "(m,n)" by overlap with ideal shapes, None where it has none.
-    coarse: the same modes at one degree less on the same mesh, in the same order, for estimates of the discretisation error.
+    coarse: the same modes at one degree less on the same mesh, in the same order, which may in turn have theirs: what the errors
+    are estimated from. departure (n_modes,), of such counterparts: how far the mass-normalised shape is from that of the finest
+    modes, at most, in the triangles where that is largest, relative to its largest value; NaN where a mode has no counterpart.
     """
 
     prestress: Prestress
@@ -66,6 +73,7 @@ class Modes:
     parity: tuple[tuple[int, ...], ...]
     label: tuple[str | None, ...]
     coarse: "Modes | None" = None
+    departure: Array | None = None
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -81,14 +89,39 @@ class Modes:
         return np.asarray(self.frequency / self.frequency[0])
 
     @property
-    def ratio_error(self) -> Array:
-        """Discretisation error of f/f₁: its difference to one degree less, which bounds the error; infinite without `coarse`."""
-        return np.full(len(self.frequency), np.inf) if self.coarse is None else np.abs(self.ratio - self.coarse.ratio)
+    def grades(self) -> tuple["Modes", ...]:
+        """These modes and their counterparts of lower degrees, finest first."""
+        return (self, *(self.coarse.grades if self.coarse is not None else ()))
 
     @property
     def frequency_error(self) -> Array:
-        """Discretisation error of f [Hz], in the same way."""
-        return np.full(len(self.frequency), np.inf) if self.coarse is None else np.abs(self.frequency - self.coarse.frequency)
+        """Discretisation error of f [Hz], an upper estimate; infinite without counterparts of lower degree."""
+        return self._remainder([m.frequency for m in self.grades], self.frequency)
+
+    @property
+    def ratio_error(self) -> Array:
+        """Discretisation error of f/f₁, in the same way; it is less than that of f where all modes err alike."""
+        own = self._remainder([m.ratio for m in self.grades], self.ratio)
+        relative = self.frequency_error / self.frequency
+        return np.asarray(np.where(np.arange(len(own)) > 0, own + UNLIKE * self.ratio * (relative + relative[0]), 0.0))
+
+    @property
+    def peak_error(self) -> Array:
+        """Error of max|ξ| of the mass-normalised shapes, relative, in the same way; m_eff goes as its power −2."""
+        last, *before = [m.departure for m in self.grades if m.departure is not None] or [np.full(len(self.frequency), np.nan)]
+        left = settle(last, before[0], 1.0, 0.0) if before else last
+        return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING))
+
+    @property
+    def effective_mass_error(self) -> Array:
+        """Discretisation error of m_eff [kg], in the same way."""
+        return np.asarray(2 * self.effective_mass * self.peak_error)
+
+    def _remainder(self, values: list[Array], scale: Array) -> Array:
+        if len(values) < 2:
+            return np.full(len(scale), np.inf)
+        reentrant = any(angle > np.pi + 1e-6 for _, angle in self.domain.model.outline.corners)
+        return remainder(values[:3], scale, REENTRANT if reentrant else STEADY)
 
     @property
     def stiffness(self) -> Array:
@@ -100,16 +133,18 @@ class Modes:
 class Nonlinearity:
     """Geometric cubic coefficients in the coordinate q = displacement [m] of the point where |ξ| = 1.
 
-    k3 [N/m³] and alpha = k3/k [m⁻²] of each mode, so that m q̈ = −k q − k₃ q³. alpha_error: discretisation error, the difference
-    to one degree less, infinite where the modes carry no coarse counterpart. tensor (n, n, n, n) [N/m³], where asked for: the
-    force on mode i is −Σ tensor[i,j,k,l] q_j q_k q_l; fully symmetric.
+    k3 [N/m³] and alpha = k3/k [m⁻²] of each mode, so that m q̈ = −k q − k₃ q³. k3_error, alpha_error: discretisation errors, upper
+    estimates, infinite where the modes carry no counterpart of lower degree. tensor (n, n, n, n) [N/m³], where asked for: the
+    force on mode i is −Σ tensor[i,j,k,l] q_j q_k q_l; fully symmetric. tensor_error, of each of its entries.
     """
 
     edge: str
     k3: Array
     alpha: Array
+    k3_error: Array
     alpha_error: Array
     tensor: Array | None = None
+    tensor_error: Array | None = None
 
     def __post_init__(self) -> None:
         freeze(self)

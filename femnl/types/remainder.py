@@ -1,0 +1,40 @@
+"""What the discretisation still leaves of a number, from how it settled through three degrees of the same mesh."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SAFETY = 4.0  # on the remainder that steady convergence would leave
+SHARE = 0.5  # of the root mean square difference of all numbers, which each is taken to have: one alone may vanish by chance
+MOST = 3.0  # of the last difference, where three degrees do not show that they converge
+ROUNDING = 1e-11  # relative, of coordinates and of solutions
+
+
+def remainder(values: Sequence[Array], scale: Array, least: float) -> Array:
+    """Error of the finest of three (or two) approximations: |Q₄ − Q₃| times what |Q₄ − Q₃| is of |Q₃ − Q₂|, and a safety of four.
+
+    Args: values: fine, coarse and coarsest, each of one shape; NaN where an approximation is missing. scale: their natural size.
+        least: of the last difference, what is taken to be left however fast it fell.
+    Returns: absolute errors, infinite where there is nothing to compare with; with two approximations the difference itself.
+    Source: geometric convergence in the degree; held against references by tests/physics/test_error_bars.py.
+    """
+    fine, coarse, *more = (value / scale for value in values)
+    last = np.abs(fine - coarse)
+    left = settle(last, np.abs(coarse - more[0]), SAFETY, least) if more else last
+    return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) * np.abs(scale))
+
+
+def settle(last: Array, before: Array, safety: float, least: float) -> Array:
+    """What is left after relative differences `last` that followed on `before`: `safety` times what steady convergence leaves."""
+    if not np.any(np.isfinite(last)):
+        return np.full(last.shape, np.nan)
+    usual = np.sqrt(np.nanmean(last**2))
+    known = before[np.isfinite(before)]
+    pace = usual / np.sqrt(np.mean(known**2)) if np.any(known > 0) else 1.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        own = np.where(before > 0, last / before, np.where(last > 0, 1.0, 0.0))
+    factor = np.clip(safety * np.maximum(pace, np.minimum(own, 1.0)), least, MOST)
+    return np.asarray(np.where(np.isnan(before), MOST, factor) * np.maximum(last, SHARE * usual))

@@ -1,0 +1,110 @@
+"""Error bars: upper estimates of true errors, and not far too large; tolerances that are met, or said to be out of reach."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from femnl.errors import ConvergenceError, ParameterError
+from femnl.predict import solve_modes, solve_modes_to, solve_nonlinearity
+from femnl.types.device import Model
+from femnl.types.mechanics import Modes
+from femnl.types.remainder import MOST, remainder
+from tests.physics.error_battery import QUANTITIES, Film, films, measure, outline, stiff
+
+Array = NDArray[np.float64]
+Device = Callable[..., Model]
+
+QUICK = ("square, coarse", "rectangle", "circle, coarse", "hexagon, coarse", "quadrangle, stiff", "square, holes, coarse")
+HEXAGON = 7.155339133926055  # λ₁ of side 1: Jones, Adv. Comput. Math. 43, 1325 (2017)
+
+
+def shares(battery: list[Film]) -> dict[str, tuple[float, float]]:
+    """By quantity, how many error bars hold, and the median of bar over error."""
+    found = [measure(film) for film in battery]
+    result = {}
+    for quantity in QUANTITIES:
+        bars, errors = (np.concatenate([one[quantity][k] for one in found]) for k in (0, 1))
+        result[quantity] = float(np.mean(bars >= errors)), float(np.median(bars / np.maximum(errors, 1e-13)))
+    return result
+
+
+def test_error_bars_hold_on_films_with_references() -> None:
+    for quantity, (held, over) in shares([film for film in films() if film.name in QUICK]).items():
+        assert held == 1, quantity
+        assert over < 50, quantity
+
+
+@pytest.mark.slow
+def test_99_in_100_error_bars_hold_on_fifty_films() -> None:
+    battery = films()
+    assert len(battery) >= 50
+    found = shares(battery)
+    assert all(held >= 0.99 for held, _ in found.values()), found
+    assert found["f"][1] < 10
+    assert found["ratio"][1] < 10
+    assert all(over < 25 for _, over in found.values()), found
+
+
+def sequence(pace: float) -> list[Array]:
+    """1 + pace⁰, 1 + pace, 1 + pace², finest first: geometric convergence to 1 of errors 1e-3."""
+    return [np.full(3, 1 + 1e-3 * pace**k) for k in (2, 1, 0)]
+
+
+@pytest.mark.parametrize("pace", [0.03, 0.1, 0.3])
+def test_the_remainder_of_geometric_convergence_is_bounded_and_not_far_off(pace: float) -> None:
+    bar = remainder(sequence(pace), np.ones(3), 0.0)
+    assert np.all(bar >= 1e-3 * pace**2)
+    assert np.all(bar <= 5e-3 * pace**2 + 1e-10)
+
+
+def test_without_convergence_three_times_the_last_difference_is_left() -> None:
+    values = [np.array([1.0, 2.0]), np.array([1.1, 2.2]), np.array([1.0, 2.0])]
+    np.testing.assert_allclose(remainder(values, np.array([1.0, 2.0]), 0.0), MOST * np.array([0.1, 0.2]), rtol=1e-9)
+
+
+def test_a_number_that_agrees_by_chance_takes_its_share_from_the_others() -> None:
+    values = sequence(0.1)
+    values[1][0] = values[0][0]
+    bar = remainder(values, np.ones(3), 0.0)
+    assert bar[0] >= 0.2 * bar[1] > 0
+
+
+def test_missing_approximations_leave_an_infinite_or_a_cautious_bar() -> None:
+    fine, coarse, coarsest = sequence(0.1)
+    np.testing.assert_array_equal(remainder([fine, np.full(3, np.nan), coarsest], np.ones(3), 0.0), np.inf)
+    lost = np.array([np.nan, coarsest[1], coarsest[2]])
+    bar = remainder([fine, coarse, lost], np.ones(3), 0.0)
+    assert bar[0] == pytest.approx(MOST * abs(fine[0] - coarse[0]), rel=1e-3)
+
+
+def exact(modes: Modes) -> Array:
+    """√(m² + n²)/2, the frequencies of a square film of side 1 m and wave speed 1 m/s."""
+    return np.sort([np.hypot(m, n) / 2 for m in range(1, 6) for n in range(1, 6)])[: len(modes.frequency)]
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-7, 1e-9])
+def test_a_tolerance_is_met_in_truth(tolerance: float) -> None:
+    modes = solve_modes_to(outline("square"), tolerance, 4, cache=False)
+    assert np.all(modes.frequency_error <= tolerance * modes.frequency)
+    np.testing.assert_allclose(modes.frequency, exact(modes), rtol=tolerance)
+
+
+def test_the_hexagons_first_eigenvalue_comes_to_ten_digits_in_seconds() -> None:
+    modes = solve_modes_to(outline("hexagon"), 4e-11, 1, cache=False)
+    assert (2 * np.pi * modes.frequency[0]) ** 2 == pytest.approx(HEXAGON, rel=5e-11)
+
+
+def test_a_tolerance_below_rounding_is_refused_with_what_was_reached() -> None:
+    with pytest.raises(ParameterError, match="tolerance = 1e-15: expected a relative error from 2e-11"):
+        solve_modes_to(outline("square"), 1e-15)
+    with pytest.raises(ConvergenceError, match=r"tolerance = 1e-10: stopped at a relative error of .*e-1?\d"):
+        solve_modes_to(replace(stiff(outline("L"), 0.3)), 1e-10, 1, cache=False)
+
+
+def test_error_bars_come_without_lower_degrees_as_infinity() -> None:
+    modes = replace(solve_modes(outline("square"), 2, resolution=0.5, cache=False), coarse=None)
+    assert np.all(np.isinf(modes.frequency_error))
+    assert np.all(np.isinf(solve_nonlinearity(modes, cache=False).alpha_error))
