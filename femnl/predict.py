@@ -96,16 +96,17 @@ def solve_modes_to(model: Model, tolerance: float, count: int = 10, symmetry: st
         excess = float(errors[worst]) / tolerance
         if excess <= 1:
             return modes
-        if errors[worst] > best / 2:
+        stuck = errors[worst] > 0.8 * best
+        if stuck and degree == DEGREES[-1]:
             raise ConvergenceError(
                 f"tolerance = {tolerance:g}: stopped at a relative error of {best:.1e} (mode {worst + 1}), which degree {degree} at "
                 f"resolution {resolution:.3g} no longer lowers; ask for no more than that"
             )
-        best = float(errors[worst])
-        if excess > STEP and degree < DEGREES[-1]:
+        best = min(best, float(errors[worst]))
+        if (stuck or excess > STEP) and degree < DEGREES[-1]:
             degree += 1
         else:
-            resolution *= min(1.1 * min(excess, 1e6) ** (1 / (2 * degree - 2)), 2.0)
+            resolution *= float(np.clip(1.1 * excess ** (1 / (2 * degree - 2)), 1.3, 2.0))
 
 
 def solve_nonlinearity(modes: Modes, edge: Edge | None = None, tensor: bool = False, cache: bool = True) -> Nonlinearity:

@@ -12,8 +12,9 @@ from femnl.types.remainder import ROUNDING, remainder, settle
 
 Array = NDArray[np.float64]
 
+DEGENERATE = 1e-6  # relative difference of frequencies up to which shapes are turned to a canonical pair
 STEADY = 0.02  # of the last difference between degrees, what is taken to be left at least
-UNLIKE = 0.01  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike
+UNLIKE = 0.02  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike
 REENTRANT = 0.5  # of the last difference between degrees, what an inner corner may leave: it converges slowly in the degree
 
 
@@ -107,10 +108,22 @@ class Modes:
 
     @property
     def peak_error(self) -> Array:
-        """Error of max|ξ| of the mass-normalised shapes, relative, in the same way; m_eff goes as its power −2."""
+        """Error of max|ξ| of the mass-normalised shapes, relative, in the same way; m_eff goes as its power −2.
+
+        Counterparts are turned to match, so what neighbours in frequency and of one symmetry mix by √(δf_i δf_j)/|f_i − f_j| is added.
+        """
         last, *before = [m.departure for m in self.grades if m.departure is not None] or [np.full(len(self.frequency), np.nan)]
         left = settle(last, before[0], 1.0, 0.0) if before else last
-        return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING))
+        return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) + (self._mixing if before else 0.0))
+
+    @property
+    def _mixing(self) -> Array:
+        """The angle by which errors of frequencies may mix each shape with its neighbours."""
+        f, error = self.frequency, self.frequency_error
+        gap = np.abs(f[:, None] - f[None, :])
+        alike = np.array([[p == q for q in self.parity] for p in self.parity])
+        near = alike & (gap < 0.01 * f) & (gap > DEGENERATE * f)
+        return np.asarray(np.sum(np.minimum(np.sqrt(np.outer(error, error)) / np.where(near, gap, np.inf), 1.0), axis=1))
 
     @property
     def effective_mass_error(self) -> Array:

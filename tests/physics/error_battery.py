@@ -1,6 +1,5 @@
 """Fifty films with references, against which error bars are held: closed forms, published digits, and high degrees on finer meshes."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -141,24 +140,35 @@ def bars(modes: Modes, duffing: Nonlinearity) -> dict[str, Array]:
     }
 
 
-def reference(film: Film, solve: Callable[[Model, float], Modes] | None = None) -> dict[str, Array]:
-    """What the film's numbers are, by closed forms where there are any, else by degree 6 on a finer mesh."""
-    modes = (solve or accurate)(film.model, film.resolution * FINER)
-    known = numbers(modes, solve_nonlinearity(modes, film.edge, tensor=True))
+def reference(film: Film, like: Modes) -> dict[str, Array]:
+    """What the film's numbers are, by closed forms where there are any, else by degree 6 on a finer mesh; in the order of `like`."""
+    domain = mesh(film.model, resolution=film.resolution * FINER)
+    modes = solve_modes(solve_prestress(domain, REFERENCE_DEGREE), COUNT + 1, REFERENCE_DEGREE)
+    known = numbers(_ordered(modes, like), solve_nonlinearity(_ordered(modes, like), film.edge, tensor=True))
     for name, exact in film.exact.items():
         known[name] = np.concatenate([exact, known[name][len(exact) :]])
-    f = known["f"]
-    return known | {"ratio": f[1:] / f[0]}
+    return known | {"ratio": known["f"][1:] / known["f"][0]}
 
 
-def accurate(model: Model, resolution: float) -> Modes:
-    """Modes of degree 6."""
-    return solve_modes(solve_prestress(mesh(model, resolution=resolution), REFERENCE_DEGREE), COUNT, REFERENCE_DEGREE)
+def _ordered(modes: Modes, like: Modes) -> Modes:
+    """As many modes as `like`, each the nearest in frequency of the same symmetry: equal frequencies come in any order."""
+    order: list[int] = []
+    for f, parity in zip(like.frequency, like.parity, strict=True):
+        free = [k for k, p in enumerate(modes.parity) if p == parity and k not in order]
+        order.append(min(free, key=lambda k: abs(modes.frequency[k] - f)))
+    return replace(
+        modes,
+        frequency=modes.frequency[order],
+        effective_mass=modes.effective_mass[order],
+        shapes=modes.shapes[order],
+        parity=tuple(modes.parity[k] for k in order),
+        label=tuple(modes.label[k] for k in order),
+    )
 
 
 def measure(film: Film) -> dict[str, tuple[Array, Array]]:
     """Error bars and true errors of the film's numbers, relative, by quantity."""
     modes = solve_with_errors(film.model, COUNT, resolution=film.resolution, cache=False)
     duffing = solve_nonlinearity(modes, film.edge, tensor=True)
-    found, known, bar = numbers(modes, duffing), reference(film), bars(modes, duffing)
+    found, known, bar = numbers(modes, duffing), reference(film, modes), bars(modes, duffing)
     return {q: (bar[q] / np.abs(found[q]), np.abs(found[q] / known[q] - 1)) for q in QUANTITIES}

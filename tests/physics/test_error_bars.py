@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from femnl import predict
 from femnl.errors import ConvergenceError, ParameterError
+from femnl.mesh import mesh
 from femnl.predict import solve_modes, solve_modes_to, solve_nonlinearity
 from femnl.types.device import Model
-from femnl.types.mechanics import Modes
+from femnl.types.mechanics import Domain, Modes
 from femnl.types.remainder import MOST, remainder
 from tests.physics.error_battery import QUANTITIES, Film, films, measure, outline, stiff
 
@@ -34,7 +36,7 @@ def shares(battery: list[Film]) -> dict[str, tuple[float, float]]:
 def test_error_bars_hold_on_films_with_references() -> None:
     for quantity, (held, over) in shares([film for film in films() if film.name in QUICK]).items():
         assert held == 1, quantity
-        assert over < 50, quantity
+        assert over < 100, quantity
 
 
 @pytest.mark.slow
@@ -97,11 +99,26 @@ def test_the_hexagons_first_eigenvalue_comes_to_ten_digits_in_seconds() -> None:
     assert (2 * np.pi * modes.frequency[0]) ** 2 == pytest.approx(HEXAGON, rel=5e-11)
 
 
-def test_a_tolerance_below_rounding_is_refused_with_what_was_reached() -> None:
+def test_a_tolerance_below_rounding_is_refused() -> None:
     with pytest.raises(ParameterError, match="tolerance = 1e-15: expected a relative error from 2e-11"):
         solve_modes_to(outline("square"), 1e-15)
-    with pytest.raises(ConvergenceError, match=r"tolerance = 1e-10: stopped at a relative error of .*e-1?\d"):
-        solve_modes_to(replace(stiff(outline("L"), 0.3)), 1e-10, 1, cache=False)
+
+
+def test_a_tolerance_out_of_reach_says_how_far_it_came_and_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    def small_machine(model: Model, symmetry: str, resolution: float) -> Domain:
+        if resolution > 0.7:
+            raise ParameterError("modes need 3 TiB of memory")
+        return mesh(model, symmetry, resolution)
+
+    monkeypatch.setattr(predict, "mesh", small_machine)
+    with pytest.raises(ConvergenceError, match=r"stopped at a relative error of .*e-\d+, because modes need 3 TiB of memory"):
+        solve_modes_to(stiff(outline("square"), 0.1), 1e-10, 1, cache=False)
+
+
+def test_neighbours_in_frequency_widen_the_error_bars_of_each_others_shapes() -> None:
+    modes = solve_modes(outline("rectangle"), 4, resolution=0.6, cache=False)
+    close = replace(modes, frequency=modes.frequency[[0, 1, 1, 3]] * [1, 1, 1 + 1e-5, 1], parity=(modes.parity[1],) * 4)
+    assert np.all(close.peak_error[1:3] > 100 * np.max(modes.frequency_error / modes.frequency))
 
 
 def test_error_bars_come_without_lower_degrees_as_infinity() -> None:
