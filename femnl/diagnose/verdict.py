@@ -45,6 +45,11 @@ def judge(found: list[Candidate]) -> Judgement:
     rivals = [c for c in viable[1:] if share[c.names] > (1 - CLEAR) / 2 or _ties(c, best)]
     if not rivals and len(viable) > 1 and _contradicted(best, viable[1 : 1 + RIVALS]):
         rivals = viable[1 : 1 + RIVALS]
+    if not rivals and held_out(best.solution) >= held_out(base.solution):
+        # Evidence speaks for a set that predicts unseen data no better than the base model: that explains nothing.
+        if len(viable) == 1:
+            return Judgement("unexplained", base, (), share)
+        rivals = viable[1 : 1 + RIVALS]
     if not rivals:
         return Judgement("explained", best, (), share)
     simplest = min([best, *rivals], key=lambda c: (len(c.names), c.solution.vector.size, -c.weight))
