@@ -9,9 +9,19 @@ import typer
 from femnl.errors import ParameterError
 from femnl.geometry import load
 from femnl.mesh import WEDGES
+from femnl.resources import geometries
 from femnl.types.device import Edge, Model
 
-Geometry = Annotated[str, typer.Argument(help="A shipped name (see `femnl geometries`) or the path of a TOML file.", show_default=False)]
+
+def _shipped(begun: str) -> list[str]:
+    """Names for the shell to complete."""
+    return [path.stem for path in geometries().glob(f"{begun}*.toml")]
+
+
+Geometry = Annotated[
+    str,
+    typer.Argument(help="A shipped name (see `femnl geometries`) or the path of a TOML file.", show_default=False, autocompletion=_shipped),
+]
 Bending = Annotated[
     bool | None, typer.Option("--bending/--no-bending", help="Keep or drop the plate term; else as the file says.", show_default=False)
 ]

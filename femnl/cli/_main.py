@@ -3,20 +3,37 @@
 import logging
 import os
 import sys
+from collections.abc import Callable
+from functools import wraps
 from importlib import import_module
+from inspect import Parameter, Signature, signature
 from pkgutil import iter_modules
+from typing import Annotated, Any
 
 import typer
 
 import femnl
-from femnl.errors import FemnlError
+from femnl.cli._format import STYLES, chosen
+from femnl.cli._output import Progress, note
+from femnl.errors import FemnlError, ParameterError
 
+CHAPTERS = {
+    "A device": ("geometries", "mesh", "modes", "view"),
+    "What a readout shows of it": ("maps", "sweep"),
+    "Measurements": ("import", "show", "fit", "diagnose", "effects"),
+    "Trust": ("validate", "report"),
+}
+PROGRESS = Progress()
+Format = Annotated[str, typer.Option("--format", help=f"How to print tables: {', '.join(STYLES)}.")]
 ABOUT = "Finite elements for the mechanics and nonlinearity of stressed membranes."
 
 
 def run(words: list[str]) -> int:
     """Run one command; its exit status: 0 done, 2 the request cannot be met, 130 interrupted."""
+    chosen.set("text")
     logging.basicConfig(format="femnl: %(message)s", level=logging.WARNING)
+    logging.getLogger("femnl.progress").addHandler(PROGRESS)
+    logging.getLogger("femnl.progress").setLevel(logging.INFO if sys.stderr.isatty() else logging.WARNING)
     command = typer.main.get_command(_app(words))
     try:
         status = command.main(words, prog_name="femnl", standalone_mode=False)
@@ -39,20 +56,52 @@ def run(words: list[str]) -> int:
 
 
 def _fail(line: str, status: int = 2) -> int:
-    typer.echo(f"femnl: {' '.join(line.split())}", err=True)
+    note(f"femnl: {' '.join(line.split())}")
     return status
+
+
+class _Contents(typer.core.TyperGroup):
+    """Help that reads like a table of contents."""
+
+    def format_commands(self, ctx: typer.Context, formatter: Any) -> None:
+        """Write the commands by chapters, in the order of work; those in no chapter come last."""
+        rest = sorted(self.commands.keys() - {name for names in CHAPTERS.values() for name in names})
+        for heading, names in {**CHAPTERS, "Other commands": rest}.items():
+            rows = [(name, self.commands[name].get_short_help_str(96)) for name in names if name in self.commands]
+            if rows:
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
+
+
+def _with_format(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command that prints one JSON object the option --format too."""
+    parameters = signature(command).parameters
+    if "as_json" not in parameters:
+        return command
+
+    @wraps(command)
+    def run_formatted(style: str, **options: Any) -> None:
+        known = next((s for s in STYLES if s == style), None)
+        if known is None:
+            raise ParameterError(f"--format {style}: expected one of {', '.join(STYLES)}")
+        chosen.set(known)
+        command(**options | {"as_json": options["as_json"] or known == "json"})
+
+    style = Parameter("style", Parameter.KEYWORD_ONLY, default="text", annotation=Format)
+    vars(run_formatted)["__signature__"] = Signature([*parameters.values(), style])
+    return run_formatted
 
 
 def _app(words: list[str]) -> typer.Typer:
     """The command that was named, or all of them for the list of what there is; each is the function `command` of its file."""
-    app = typer.Typer(help=ABOUT, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
+    app = typer.Typer(help=ABOUT, cls=_Contents, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
     app.callback()(_root)
     names = {
         module.name.strip("_"): module.name for module in iter_modules(sys.modules[__package__].__path__) if not module.name.startswith("_")
     }
     asked = next((word for word in words if not word.startswith("-")), None)
     for name in [asked] if asked in names else sorted(names):
-        app.command(name)(import_module(f"{__package__}.{names[str(name)]}").command)
+        app.command(name)(_with_format(import_module(f"{__package__}.{names[str(name)]}").command))
     return app
 
 

@@ -1,6 +1,7 @@
 """How commands print: tables that copy into a paper, numbers with their errors, one object of JSON."""
 
 import json
+import logging
 import math
 import sys
 from typing import Any
@@ -10,21 +11,59 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from femnl.cli._format import chosen, render
+
+CLEAR = "\r\x1b[K"  # of a terminal: to the start of the line, and empty it
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def console() -> Console:
-    """A console on standard output; wide enough for any table where the output is not a terminal."""
-    return Console(highlight=False, width=None if sys.stdout.isatty() else 200)
+class Printer:
+    """Standard output: tables in the chosen style; of a style for papers and programs, the words between them go to standard error."""
+
+    def print(self, what: str | Table | Group) -> None:
+        """Print a sentence, a table, or a table under its title."""
+        clear()
+        if chosen.get() == "text":
+            # Wide enough for any table where the output is not a terminal.
+            Console(highlight=False, width=None if sys.stdout.isatty() else 200).print(what)
+        elif isinstance(what, str):
+            note(Text.from_markup(what).plain)
+        else:
+            title, body = what.renderables if isinstance(what, Group) else (what.title, what)
+            if isinstance(body, Table):
+                typer.echo(render(str(title).strip(), body))
+
+
+def console() -> Printer:
+    """What commands print on."""
+    return Printer()
 
 
 def note(text: str) -> None:
     """Tell the user something beside the result, on standard error."""
+    clear()
     typer.echo(text, err=True)
+
+
+class Progress(logging.Handler):
+    """The step that femnl works on, in the last line of a terminal; the next step, or a result, takes its place."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show what the logger femnl.progress tells."""
+        sys.stderr.write(f"{CLEAR}{record.getMessage()} …")
+        sys.stderr.flush()
+
+
+def clear() -> None:
+    """Take the step off the terminal before anything else is printed."""
+    if sys.stderr.isatty():
+        sys.stderr.write(CLEAR)
+        sys.stderr.flush()
 
 
 def print_json(value: Any) -> None:
     """Print one JSON object with full precision and nothing else; NaN and infinities as null."""
+    clear()
     typer.echo(json.dumps(_plain(value), ensure_ascii=False))
 
 

@@ -1,5 +1,6 @@
 """The one place that picks the sparse direct solver and the eigenvalue solver."""
 
+import logging
 from collections.abc import Callable
 from importlib import import_module
 from importlib.util import find_spec
@@ -23,6 +24,7 @@ def factorize(stiffness: csc_matrix) -> Solve:
     CHOLMOD is used where cvxopt (the optional extra `fast`) is installed, otherwise SuperLU in its symmetric mode.
     Raises: ConvergenceError where the matrix is not positive definite.
     """
+    logging.getLogger("femnl.progress").info("solving for %s unknowns", f"{stiffness.shape[0]:,}")
     if HAS_CHOLMOD:
         return _factorize_cholmod(stiffness)
     try:

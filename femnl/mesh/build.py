@@ -1,5 +1,6 @@
 """Meshes of the film by gmsh: curved triangles, graded towards clamped edges, corners and holes, whole or by symmetry."""
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -48,6 +49,7 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Domai
         raise ParameterError(f"resolution = {resolution:g}: expected a number from 0.1 to 20")
     if not any(s.clamped for s in model.outline.segments):
         raise GeometryError(f"{model.name}: no edge of the outline is clamped, so that nothing holds the film; clamp at least one")
+    logging.getLogger("femnl.progress").info("%s: meshing", model.name)
     wedge = find_wedge(model, symmetry)
     diagonal = wedge == QUARTER and has_symmetry(model, EIGHTH)
     with _gmsh_session():
