@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, norm
+from numpy.typing import NDArray
+from scipy.special import chdtrc, erfc
+from scipy.stats import norm
 from scipy.stats.qmc import Sobol
 
 from femnl.diagnose.fit import Solution
@@ -19,6 +21,8 @@ VISIBLE = 1e-6
 """Part of an effect's tangent that must be left beside the model's own for the data to see it."""
 TAIL = 20
 """Simulated sets in the tail below which the p-value is extrapolated."""
+CERTAIN = 1e-6
+"""p-value, by Bonferroni's inequality, below which none is simulated."""
 EXACT = 5000
 """Residuals up to which whole sets of them are drawn; beyond, only what the looks see of them."""
 
@@ -40,14 +44,14 @@ class Look:
 
 def looks(solution: Solution, library: list[Effect]) -> list[Look]:
     """Return every look at the residuals: each pattern of the problem, and each effect at each of its trial shapes."""
-    own, _ = np.linalg.qr(solution.jacobian)
+    own, _ = np.linalg.qr(solution.jacobian[:, solution.free])
     problem = solution.model.problem
     found = []
     for name, direction in problem.patterns(solution.model.effects, *solution.model.split(solution.vector)).items():
         basis = _beside(own, direction[None])
         if len(basis):
             gain = float(np.sum((basis @ solution.residuals) ** 2))
-            found.append(Look(name, None, basis, gain, float(chi2.sf(gain, len(basis))), {}))
+            found.append(Look(name, None, basis, gain, float(_tail(np.array(gain), len(basis))), {}))
     for effect in library:
         if any(knob.strength for knob in effect.parameters):
             found += _effect_looks(solution, own, effect)
@@ -65,10 +69,11 @@ def _effect_looks(solution: Solution, own: Array, effect: Effect) -> list[Look]:
     strengths = [(knob, a, b) for knob, a, b in bounds if knob.strength]
     trials = Sobol(len(shaping), rng=np.random.default_rng(0)).random(N_SHAPES[len(shaping)]) if shaping else np.zeros((1, 0))
     found = []
+    steps = {knob.name: 1e-6 * b for knob, _, b in strengths}
     for trial in trials:
         shape = {k.name: float(a * (b / a) ** t if k.log else a + (b - a) * t) for (k, a, b), t in zip(shaping, trial, strict=True)}
         zero = shape | {knob.name: 0.0 for knob, _, _ in strengths}
-        tangents = np.stack([_tangent(wider, base, values, zero, knob.name, b, solution.residuals) for knob, _, b in strengths])
+        tangents = np.stack([_tangent(wider, base, values, zero, knob.name, steps, b, solution.residuals) for knob, _, b in strengths])
         basis = _beside(own, tangents)
         if len(basis) == 0:
             continue
@@ -79,22 +84,31 @@ def _effect_looks(solution: Solution, own: Array, effect: Effect) -> list[Look]:
         gain = max(solution.chi2 - float(rest @ rest), 0.0)
         named = shape | {knob.name: float(s) for (knob, _, _), s in zip(strengths, allowed, strict=True)}
         freely = float(np.sum((basis @ solution.residuals) ** 2))
-        found.append(Look(effect.name, effect, basis, gain, float(chi2.sf(freely, len(basis))), named))
+        found.append(Look(effect.name, effect, basis, gain, float(_tail(np.array(freely), len(basis))), named))
     return found
 
 
 def _tangent(
-    model: Extended, base: dict[str, float], values: list[dict[str, float]], zero: dict[str, float], name: str, high: float, at: Array
+    model: Extended,
+    base: dict[str, float],
+    values: list[dict[str, float]],
+    zero: dict[str, float],
+    name: str,
+    steps: dict[str, float],
+    high: float,
+    at: Array,
 ) -> Array:
-    """Return the derivative of the residuals by one strength at zero."""
-    step = 1e-6 * high
+    """Return the derivative of the residuals by one strength at zero; the step that did is kept for the next shape."""
+    step = steps[name]
     for _ in range(5):
         change = model.residuals(model.pack(base, [*values, zero | {name: step}])) - at
         size = float(np.linalg.norm(change))
+        used = step
         if 0.01 < size < 1:
             break
         step = min(step * float(np.clip(0.1 / max(size, 1e-300), 1e-4, 1e4)), 0.01 * high)
-    return np.asarray(change / step)
+    steps[name] = used
+    return np.asarray(change / used)
 
 
 def _beside(own: Array, tangents: Array) -> Array:
@@ -115,6 +129,9 @@ def adequacy(solution: Solution, found: list[Look]) -> tuple[float, str]:
     seen = _p_values(solution.residuals[None], solution.degrees, found)[0]
     names = [*(look.name for look in found), "chi-square", "outlier", "neighbours"]
     k = int(np.argmin(seen))
+    bound = float(seen[k]) * len(names)
+    if bound < CERTAIN:
+        return bound, names[k]
     rng = np.random.default_rng(20)
     drawn = _simulated(solution, found, rng) if len(solution.residuals) <= EXACT else _simulated_large(solution, found, rng)
     smallest = np.sort(drawn.min(axis=1))
@@ -125,11 +142,20 @@ def adequacy(solution: Solution, found: list[Look]) -> tuple[float, str]:
     return float(min(1.0, seen[k] * TAIL / N_DRAWS / smallest[TAIL - 1])), names[k]
 
 
+def _tail(square: Array, degrees: int | NDArray[np.int64]) -> Array:
+    """Probability of a larger χ², by closed forms where there are any: it is asked for a million times."""
+    if np.ndim(degrees):
+        return np.stack([_tail(column, int(d)) for column, d in zip(square.T, np.asarray(degrees), strict=True)], axis=1)
+    if degrees == 1:
+        return np.asarray(erfc(np.sqrt(square / 2)))
+    return np.asarray(np.exp(-square / 2) if degrees == 2 else chdtrc(degrees, square))
+
+
 def _p_values(residuals: Array, degrees: int, found: list[Look]) -> Array:
     """Return the p-values of every look, of χ², of the largest outlier and of the neighbours' correlation, (m, n_looks + 3)."""
     n = residuals.shape[1]
-    columns = [chi2.sf(np.sum((residuals @ look.basis.T) ** 2, axis=1), len(look.basis)) for look in found]
-    columns.append(chi2.sf(np.sum(residuals**2, axis=1), degrees))
+    columns = [_tail(np.sum((residuals @ look.basis.T) ** 2, axis=1), len(look.basis)) for look in found]
+    columns.append(_tail(np.sum(residuals**2, axis=1), degrees))
     largest = np.abs(residuals).max(axis=1) * np.sqrt(n / degrees)
     columns.append(-np.expm1(n * np.log1p(-2 * norm.sf(largest))))
     neighbours = np.abs(np.sum(residuals[:, 1:] * residuals[:, :-1], axis=1)) / np.sqrt(n)
@@ -139,7 +165,7 @@ def _p_values(residuals: Array, degrees: int, found: list[Look]) -> Array:
 
 def _simulated(solution: Solution, found: list[Look], rng: np.random.Generator) -> Array:
     """Draw residuals as white noise beside the model's tangents, and look at them."""
-    own, _ = np.linalg.qr(solution.jacobian)
+    own, _ = np.linalg.qr(solution.jacobian[:, solution.free])
     noise = rng.standard_normal((N_DRAWS, len(solution.residuals)))
     return _p_values(noise - (noise @ own) @ own.T, solution.degrees, found)
 
@@ -153,6 +179,6 @@ def _simulated_large(solution: Solution, found: list[Look], rng: np.random.Gener
     squares = (drawn @ (vectors[:, kept] * np.sqrt(values[kept])).T) ** 2
     ends = np.cumsum([len(look.basis) for look in found])
     sizes = np.diff(ends, prepend=0)
-    looked = chi2.sf(np.add.reduceat(squares, ends - sizes, axis=1), sizes)
+    looked = _tail(np.add.reduceat(squares, ends - sizes, axis=1), sizes)
     total = np.sum(drawn**2, axis=1) + rng.chisquare(solution.degrees - int(kept.sum()), N_DRAWS)
-    return np.column_stack([looked, chi2.sf(total, solution.degrees), rng.uniform(size=(N_DRAWS, 2))])
+    return np.column_stack([looked, _tail(total, solution.degrees), rng.uniform(size=(N_DRAWS, 2))])

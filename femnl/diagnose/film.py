@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from femnl.modes.projection import project
 from femnl.predict import solve_modes, solve_nonlinearity
@@ -15,7 +14,7 @@ from femnl.types.operators import Projection
 from femnl.types.readout import Array
 
 BENDING = (0.0, 1.0, 2.0, 4.0)
-"""Bending lengths, in units of the geometry's own, at which the modes are solved; between them frequencies are a cubic in ℓ."""
+"""Bending lengths, in units of the geometry's own, at which the modes are solved; between them k² is a cubic in ℓ."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +51,14 @@ class SimulatedFilm:
         return float(np.sqrt(self.model.film.stress / self.model.film.density))
 
     @cached_property
-    def _by_bending(self) -> list[Polynomial]:
+    def layer(self) -> Array:
+        """Coefficients of each mode's k² as a cubic in ℓ [m], (4, n), lowest power first; it moves through the clamped edge alone."""
+        lengths = np.array(BENDING) * self.bending_length
         rows = [self.modes.frequency if factor == 1 else self._solved(factor) for factor in BENDING]
-        return [Polynomial.fit(BENDING, row, 3, domain=[0, max(BENDING)]) for row in np.array(rows).T]
+        square = (2 * np.pi * np.array(rows) / self.speed) ** 2
+        k2 = 2 * square / (1 + np.sqrt(1 + 4 * lengths[:, None] ** 2 * square))  # of k² + ℓ²k⁴ = (ω/c)²
+        powers = np.arange(len(BENDING))
+        return np.asarray(np.linalg.solve(np.array(BENDING)[:, None] ** powers, k2) / self.bending_length ** powers[:, None])
 
     def _solved(self, factor: float) -> Array:
         film = replace(self.model.film, young=self.model.film.young * factor**2) if factor else self.model.film
@@ -67,5 +71,5 @@ class SimulatedFilm:
 
     def frequency(self, speed: float, bending_length: float) -> Array:
         """Return the frequency of every mode [Hz] at another c [m/s] and ℓ [m]."""
-        at = bending_length / self.bending_length
-        return np.array([curve(at) for curve in self._by_bending]) * speed / self.speed
+        k2 = bending_length ** np.arange(len(BENDING)) @ self.layer
+        return np.asarray(speed / (2 * np.pi) * np.sqrt(k2 + bending_length**2 * k2**2))

@@ -13,8 +13,13 @@ TARGET = 0.05
 """Change of the whole residual vector, in σ, at which tangents are taken."""
 INSIDE = 1e-9
 """Distance from its bounds, in parts of the range, that a start keeps."""
-AT_BOUND = 1e-6
-"""The same part of the range up to which a result counts as stuck at its bound."""
+DECADES = 1e6
+"""Ratio of the largest to the smallest strength that an effect may have."""
+AT_BOUND = 1e-12
+"""Distance, in parts of the range, up to which a result counts as stuck at its bound, where the optimiser puts it exactly."""
+
+FTOL, XTOL = 1e-7, 1e-9
+"""Relative changes of χ² and of the parameters at which a fit ends."""
 
 
 @dataclass(frozen=True)
@@ -41,24 +46,34 @@ class Solution:
     def log_evidence(self) -> float:
         """Logarithm of ∫ likelihood × prior by Laplace's method, up to a constant that all models of the problem share.
 
-        Base parameters have uniform priors, so that only their widths enter, which cancel unless an effect replaces them.
+        Base parameters have uniform priors, so that only their widths enter, which cancel unless an effect replaces them. How strong
+        an effect is, is not known even to the order of magnitude: half of the prior of a strength is uniform in its logarithm over
+        the decades of `DECADES`, or else the widest range that anyone cares to allow would decide between weak causes.
         """
         low, high = self.model.bounds
         width = high - low
+        sd = np.sqrt(np.diag(self.covariance))
         log_prior = 0.0
-        for (_, knob), value, w, a, b in zip(self.model.knobs, self.vector, width, low, high, strict=True):
+        for (owner, knob), value, s, w, a, b in zip(self.model.knobs, self.vector, sd, width, low, high, strict=True):
             density = 1 / (max(value, a) * np.log(b / a)) if knob.log else 1 / w
+            if knob.strength and owner != "base" and not knob.log:
+                sides = 2 if a < 0 < b else 1
+                density = 0.5 / w + 0.5 / (sides * max(abs(value), s) * np.log(DECADES))
             log_prior += float(np.log(density))
         _, log_volume = np.linalg.slogdet(self.covariance)
         return float(-self.chi2 / 2 + log_prior + 0.5 * (self.vector.size * np.log(2 * np.pi) + log_volume))
 
     @property
-    def stuck(self) -> list[str]:
-        """Names of the parameters of effects that ended at a bound."""
+    def free(self) -> NDArray[np.bool_]:
+        """Which parameters (p,) did not end at a bound, and so can still take up what the data show."""
         low, high = self.model.bounds
         near = AT_BOUND * (high - low)
-        hit = (self.vector - low < near) | (high - self.vector < near)
-        return [f"{owner}.{knob.name}" for (owner, knob), h in zip(self.model.knobs, hit, strict=True) if h and owner != "base"]
+        return np.asarray((self.vector - low >= near) & (high - self.vector >= near))
+
+    @property
+    def stuck(self) -> list[str]:
+        """Names of the parameters of effects that ended at a bound."""
+        return [f"{owner}.{knob.name}" for (owner, knob), f in zip(self.model.knobs, self.free, strict=True) if not f and owner != "base"]
 
 
 def tangent_steps(model: Extended, vector: Array, at: Array) -> Array:
@@ -99,17 +114,29 @@ def fit(model: Extended, start: Array, keep: NDArray[np.bool_] | None = None, mo
     inside = INSIDE * (high - low)
     vector = np.clip(start, low + inside, high - inside)
     chosen = slice(None) if keep is None else keep
-    steps = tangent_steps(model, vector, model.residuals(vector))
+    at = model.residuals(vector)
+    steps = tangent_steps(model, vector, at)
+    latest = {vector.tobytes(): at}  # the optimiser asks for the tangents where it has just asked for the residuals
+
+    def known(v: Array) -> Array:
+        if v.tobytes() not in latest:
+            latest.clear()
+            latest[v.tobytes()] = model.residuals(v)
+        return latest[v.tobytes()]
 
     def residuals(v: Array) -> Array:
-        return model.residuals(v)[chosen]
+        return known(v)[chosen]
 
     def jacobian(v: Array) -> Array:
-        return jacobian_at(model, v, model.residuals(v), steps)[chosen]
+        return jacobian_at(model, v, known(v), steps)[chosen]
 
-    found = least_squares(residuals, vector, jacobian, (low, high), x_scale="jac", xtol=1e-10, ftol=1e-9, gtol=1e-9, max_nfev=most)
-    at = model.residuals(found.x)
-    slopes = jacobian_at(model, found.x, at, tangent_steps(model, found.x, at))
+    found = least_squares(
+        residuals, vector, jacobian, (low, high), method="dogbox", x_scale="jac", xtol=XTOL, ftol=FTOL, gtol=1e-10, max_nfev=most
+    )
+    at = known(found.x)
+    size = np.linalg.norm(np.asarray(found.jac), axis=0)
+    final = np.where(size > 0, np.clip(TARGET / np.maximum(size, 1e-300), 1e-9 * (high - low), 0.01 * (high - low)), steps)
+    slopes = jacobian_at(model, found.x, at, final)
     return Solution(model, found.x, at, slopes, covariance(slopes, high - low))
 
 

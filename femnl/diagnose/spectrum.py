@@ -20,6 +20,8 @@ from femnl.types.scene import Lines, ModalSystem
 
 BENDING_SD = 0.03
 """Relative standard deviation of ℓ where the geometry gives thickness, modulus and stress: none of them is known better."""
+FARTHEST = 4.0
+"""How many of those ℓ may deviate."""
 OWN = 0.75
 """Share of a base mode in a changed mode from which on the change keeps its label."""
 NEXT = 8
@@ -45,11 +47,13 @@ class SpectrumProblem:
         self.film = film
         unknown = any(key == "film" or key in ("film.thickness", "film.young", "film.stress") for key in film.model.assumed)
         self._bending_sd = np.inf if unknown else BENDING_SD
+        # Where ℓ is known, no fit may leave its prior for what only another cause could do.
+        low, high = (0.0, 4.0) if unknown else (1 - FARTHEST * BENDING_SD, 1 + FARTHEST * BENDING_SD)
         self._order = self._match()
         ratio = float(np.median(self.frequency / film.modes.frequency[self._order]))
         self.base: tuple[Knob, ...] = (
             Knob("speed", "m/s", 0.3 * film.speed * ratio, 3 * film.speed * ratio),
-            Knob("bending_length", "m", 0.0, 4 * film.bending_length),
+            Knob("bending_length", "m", low * film.bending_length, high * film.bending_length),
         )
         self.start = np.array([film.speed * ratio, film.bending_length])
         self.facts: Mapping[str, float] = {
@@ -109,7 +113,9 @@ class SpectrumProblem:
         film = replace(self.film.model.film, density=self.film.model.film.stress / base["speed"] ** 2)
         mass = self.film.modes.effective_mass * film.density / self.film.model.film.density
         stiffness, box = np.diag(mass * (2 * np.pi * plain) ** 2), self.film.model.outline.size
-        system = ModalSystem(stiffness, np.diag(mass), film.stress, film, self.film.projection, box)
+        system = ModalSystem(
+            stiffness, np.diag(mass), film.stress, film, self.film.projection, box, base["bending_length"], self.film.layer
+        )
         system = apply("operators", system, effects, values)
         square, vectors = eigh(system.stiffness, system.mass)
         return np.sqrt(np.maximum(square, 0)) / (2 * np.pi), vectors**2 * mass[:, None], plain

@@ -2,22 +2,22 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from femnl.types.effect import Effect, Knob, Values
 from femnl.types.scene import Lines
 
 
 def pull(lines: Lines, values: Values) -> Lines:
-    """Shift every mode by g²/(f − f_frame), which the frame's loss keeps finite."""
-    distance = lines.frequency - values["frame_frequency"]
-    # κ = 2g, the border of strong coupling: a smaller loss would split the mode in two where it meets the frame.
-    square = values["coupling_square"]
-    shift = square * distance / (distance**2 + square)
-    return replace(lines, frequency=lines.frequency + shift)
+    """Take, of the two frequencies of each mode coupled to the frame, the one on the mode's own side."""
+    half = (lines.frequency - values["frame_frequency"]) / 2
+    shift = np.sqrt(half**2 + values["coupling_square"]) - np.abs(half)
+    return replace(lines, frequency=lines.frequency + np.where(half < 0, -shift, shift))
 
 
 EFFECT = Effect(
     name="frame_mode",
-    equation="f → f + Re g²/(Δ − iκ/2), Δ = f − f_frame, κ = 2g",
+    equation="f → f ± (√(Δ²/4 + g²) − |Δ|/2), the sign of Δ = f − f_frame; far away f + g²/Δ",
     parameters=(
         Knob("coupling_square", "Hz²", 0.0, 1e8),
         Knob("frame_frequency", "Hz", 0.8, 5.0, strength=False, log=True, per="frequency"),

@@ -1,6 +1,6 @@
 """The values between the stages that a diagnosis runs for each kind of measurement; effects change them, see `types.effect`."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,8 @@ class ModalSystem:
     """Stage `operators`: K and M in the basis of the base modes. K x = ω² M x.
 
     stiffness (n, n) [N/m]; mass (n, n) [kg]; stress [Pa]: the film stress that K stands for; film; projection: integrals for changes;
-    box: width and height [m] of a rectangular film, whose modes are sin·sin, None for any other outline.
+    box: width and height [m] of a rectangular film, whose modes are sin·sin, None for any other outline; bending_length ℓ [m] that K
+    stands for; layer (p, n): coefficients of each mode's k² [rad²/m²] as a polynomial in ℓ, which the clamped edge makes it.
     """
 
     stiffness: Array
@@ -24,6 +25,8 @@ class ModalSystem:
     film: Film
     projection: Projection
     box: tuple[float, float] | None = None
+    bending_length: float = 0.0
+    layer: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def speed(self) -> float:
@@ -34,6 +37,17 @@ class ModalSystem:
     def wavenumber(self) -> Array:
         """K = ω/c of each base mode, (n,) [rad/m]."""
         return np.asarray(np.sqrt(np.diag(self.stiffness) / np.diag(self.mass)) / self.speed)
+
+    def bent(self, bending_length: float) -> "ModalSystem":
+        """Change ℓ [m], with ω² = c²(k² + ℓ²k⁴)."""
+        before, after = self._square(self.bending_length), self._square(bending_length)
+        change = np.diag(np.diag(self.mass) * self.speed**2 * (after - before))
+        return replace(self, stiffness=self.stiffness + change, bending_length=bending_length)
+
+    def _square(self, length: float) -> Array:
+        """Return (ω/c)² of each mode at an ℓ [m]."""
+        k2 = length ** np.arange(len(self.layer)) @ self.layer if len(self.layer) else self.wavenumber**2
+        return np.asarray(k2 + length**2 * k2**2)
 
     def stretched(self, weight: int, xx: float, yy: float, xy: float = 0.0) -> "ModalSystem":
         """Add a film stress [Pa] with components xx, yy, xy times the weight of that index (see `WEIGHTS`)."""
