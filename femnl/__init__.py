@@ -1,5 +1,6 @@
 """femnl: finite elements for the mechanics and nonlinearity of stressed membranes."""
 
+import sys
 from importlib import import_module
 from typing import Any
 
@@ -27,3 +28,22 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return __all__
+
+
+# What a notebook shows as a picture, and who draws it; like the names above, only when it is needed.
+_PICTURED = (("femnl.types.device", "Model"), ("femnl.types.mechanics", "Modes"), ("femnl.types.readout", "HarmonicMap"))
+_PAINTER = "femnl.plot.notebook"
+
+
+def _picture(value: Any) -> Any:
+    return import_module(_PAINTER).picture(value)
+
+
+def _show_pictures_in_notebooks() -> None:
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    if shell is not None:
+        for module, name in _PICTURED:
+            shell.display_formatter.formatters["image/png"].for_type_by_name(module, name, _picture)
+
+
+_show_pictures_in_notebooks()

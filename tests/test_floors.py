@@ -12,12 +12,13 @@ FLOORS = (
     ("types", "errors", "resources"),
     ("geometry", "measurement", "fem"),
     ("mesh", "prestress", "modes", "nonlinearity", "resonator", "optics", "readout", "labfiles", "storage"),
-    ("predict", "effects"),
+    ("predict", "effects", "lattice"),
     ("compare", "sweep", "fits", "calibration", "validation"),
     ("diagnose",),
     ("plot",),
     ("report",),
-    ("cli", "__main__"),
+    ("cli",),
+    ("__main__",),
 )
 # The front of the library, femnl itself, lends names of floors up to predict; floors above it may use it.
 FRONT = 4

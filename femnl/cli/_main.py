@@ -63,7 +63,7 @@ def _fail(line: str, status: int = 2) -> int:
 class _Contents(typer.core.TyperGroup):
     """Help that reads like a table of contents."""
 
-    def format_commands(self, ctx: typer.Context, formatter: Any) -> None:
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands by chapters, in the order of work; those in no chapter come last."""
         rest = sorted(self.commands.keys() - {name for names in CHAPTERS.values() for name in names})
         for heading, names in {**CHAPTERS, "Other commands": rest}.items():

@@ -124,3 +124,9 @@ class Model:
     edge: Edge = "clamped"
     text: str = ""
     assumed: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Name, outline, number of holes and film."""
+        film, n = self.film, len(self.holes.centres)
+        size = f"{self.outline.kind} of {self.outline.length * 1e6:.5g} µm, {n or 'no'} hole{'s' * (n != 1)}"
+        return f"<Model {self.name}: {size}, film {film.thickness * 1e9:.5g} nm at {film.stress * 1e-6:.5g} MPa>"

@@ -37,6 +37,11 @@ class Fit:
     def __post_init__(self) -> None:
         freeze(self)
 
+    def __repr__(self) -> str:
+        """Every parameter with its standard deviation, and how well the data are met."""
+        found = ", ".join(f"{p.name} = {p.value:.7g} ± {p.sd:.2g} {p.unit}".rstrip() for p in self.parameters.values())
+        return f"<Fit: {found}; χ²/ν = {self.chi2_reduced:.4g} of {self.n_points} numbers>"
+
     def __getitem__(self, name: str) -> float:
         """Return the value of the parameter called `name`."""
         return self.parameters[name].value

@@ -33,6 +33,10 @@ class Domain:
     wedge: float
     diagonal: bool = False
 
+    def __repr__(self) -> str:
+        """Device and number of triangles."""
+        return f"<Domain of {self.model.name}: {self.mesh.nelements} triangles, {self.copies} of which make the film>"
+
     @property
     def copies(self) -> int:
         """How many copies of the mesh make up the whole film."""
@@ -78,6 +82,11 @@ class Modes:
 
     def __post_init__(self) -> None:
         freeze(self)
+
+    def __repr__(self) -> str:
+        """Device, number of modes, and the range of their frequencies."""
+        low, high = self.frequency.min(), self.frequency.max()
+        return f"<Modes of {self.domain.model.name}: {len(self.frequency)}, from {low:.7g} Hz to {high:.7g} Hz, degree {self.degree}>"
 
     @property
     def domain(self) -> Domain:

@@ -64,6 +64,11 @@ class HarmonicMap:
     def __post_init__(self) -> None:
         freeze(self)
 
+    def __repr__(self) -> str:
+        """Harmonics, points and wavelength."""
+        names = ", ".join(f"{n}f" for n in self.harmonic)
+        return f"<HarmonicMap of {names}: {len(self.y)} × {len(self.x)} points at {self.wavelength * 1e9:.5g} nm>"
+
 
 @dataclass(frozen=True)
 class HarmonicSpectrum:
