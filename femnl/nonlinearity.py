@@ -1,5 +1,6 @@
 """Geometric nonlinearity: the stretching that deflection causes, relaxed in plane, as cubic coefficients of the modes."""
 
+from collections.abc import Callable
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.sparse import csc_matrix
 from femnl.fem.elements import Space
 from femnl.fem.forms import (
     Assembly,
+    Cell,
     cells,
     in_plane_strain,
     local_matrices,
@@ -26,12 +28,13 @@ from femnl.types.mechanics import Modes, Nonlinearity
 from femnl.types.remainder import MOST, remainder
 
 Array = NDArray[np.float64]
+Membrane = Callable[[Cell], Array]
 
 SMOOTH = 0.05  # of the last difference between degrees, at least, what the in-plane displacement of smooth edges leaves
 PAIR_BYTES = 512  # of memory a triangle and pair of modes: 16 in-plane unknowns, 4 copies
 
 
-def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False) -> Nonlinearity:
+def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False, membrane: Membrane | None = None) -> Nonlinearity:
     """Cubic coefficients of the modes: k₃ = 2 ∫ h C E_ii : E_ii and α = k₃/k, and the tensor for all modes where asked.
 
     For modes i ≤ j the in-plane displacement u_ij relaxes the strain: ∫ h C (ε(u_ij) + ½ sym(∇ξᵢ⊗∇ξⱼ)) : ε(v) = 0 for all v;
@@ -39,6 +42,7 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False) -> Nonlin
     −Σ tensor[i,j,k,l] q_j q_k q_l with tensor = (2/3)(G_ijkl + G_ikjl + G_iljk).
 
     Args: edge: in-plane condition of the outline, `clamped`, `sliding` or `paper` (see `Model`). tensor: all modes, not the diagonal.
+        membrane: h C (..., 3, 3) [N/m] at the points of a cell, for films that are not of one material; the film's by default.
     Returns: k3 [N/m³], alpha [m⁻²], the tensor, and upper estimates of their errors where the modes carry counterparts of lower degrees.
     Valid: slow motion against in-plane waves; amplitudes well below the outline's length.
     Source: von Kármán plate with quasi-static in-plane response; validation cases `duffing_table`, `duffing_sliding`,
@@ -49,7 +53,7 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False) -> Nonlin
     need_memory(
         PAIR_BYTES * modes.domain.mesh.nelements * len(pairs) + 32 * len(pairs) ** 2, f"couplings of {n} modes", "ask for fewer modes"
     )
-    grades = [_coefficients(m, edge, pairs, tensor) for m in modes.grades]
+    grades = [_coefficients(m, edge, pairs, tensor, membrane or _membrane(m, edge)) for m in modes.grades]
     k3, full = grades[0]
     scale = np.abs([k for k, _ in grades]) / np.array([m.effective_mass for m in modes.grades]) ** 2  # of mass-normalised shapes
     left = _left(modes, edge)
@@ -60,9 +64,15 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False) -> Nonlin
     return Nonlinearity(edge, k3, alpha, k3_error, alpha_error, full, _tensor_error(modes, grades, k3, left) if tensor else None)
 
 
-def _coefficients(modes: Modes, edge: Edge, pairs: list[tuple[int, int]], tensor: bool) -> tuple[Array, Array | None]:
+def _membrane(modes: Modes, edge: Edge) -> Membrane:
+    model = modes.domain.model
+    moduli = plane_stress(model.film.young, 0.0 if edge == "paper" else model.film.poisson)
+    return lambda cell: thickness(model, cell.jet.point)[..., None, None] * moduli
+
+
+def _coefficients(modes: Modes, edge: Edge, pairs: list[tuple[int, int]], tensor: bool, membrane: Membrane) -> tuple[Array, Array | None]:
     """k₃ of each mode and, where asked for, the tensor."""
-    n, energies = len(modes.frequency), _strain_energies(modes, edge, pairs)
+    n, energies = len(modes.frequency), _strain_energies(modes, edge, pairs, membrane)
     position = {pair: k for k, pair in enumerate(pairs)}
     k3 = 2 * np.array([energies[position[i, i], position[i, i]] for i in range(n)])
     missing = np.where(np.isnan(modes.frequency), np.nan, 1.0)
@@ -99,23 +109,22 @@ def _symmetrise(energies: Array, position: dict[tuple[int, int], int], n: int) -
     return np.asarray(2 / 3 * (g + g.transpose(0, 2, 1, 3) + g.transpose(0, 3, 2, 1)))
 
 
-def _strain_energies(modes: Modes, edge: Edge, pairs: list[tuple[int, int]]) -> Array:
+def _strain_energies(modes: Modes, edge: Edge, pairs: list[tuple[int, int]], membrane: Membrane) -> Array:
     """G over the whole film for all combinations of pairs, (n_pairs, n_pairs) [N/m³]: ∫ h C m_P : m_Q − ∫ h C ε(u_P) : ε(u_Q)."""
-    domain, film, space = modes.domain, modes.domain.model.film, Space(modes.domain.mesh, modes.degree)
-    moduli = plane_stress(film.young, 0.0 if edge == "paper" else film.poisson)
+    domain, space = modes.domain, Space(modes.domain.mesh, modes.degree)
     first, second = np.array(pairs).T
     energies, loads = np.zeros((len(pairs), len(pairs))), np.zeros((2 * space.size, len(pairs)))
     stiffness = Assembly(2 * space.size)
     # The same points for all integrals: where h varies, G stays the energy of one discrete film.
     for cell in cells(space, 4 * modes.degree - 4):
         slopes = np.einsum("eqxj,nej->neqx", slope(cell.jet), modes.shapes[:, space.dofs[cell.triangles]], optimize=True)
-        weight = thickness(domain.model, cell.jet.point) * cell.dx
+        moduli = membrane(cell)
         strain = stretch(slopes[first], slopes[second])
-        stress = strain @ moduli * weight[..., None]
+        stress = (strain[..., None, :] @ moduli)[..., 0, :] * cell.dx[..., None]
         energies += strain.reshape(len(pairs), -1) @ stress.reshape(len(pairs), -1).T
         basis, dofs = in_plane_strain(cell.jet), vector_dofs(space, cell.triangles)
         np.add.at(loads, dofs, -np.einsum("eqcj,neqc->ejn", basis, stress, optimize=True))
-        stiffness.add(local_matrices(basis, moduli, weight), dofs)
+        stiffness.add(local_matrices(basis, moduli, cell.dx), dofs)
     matrix = stiffness.matrix()
     parities = [tuple(a * b for a, b in zip(modes.parity[i], modes.parity[j], strict=True)) for i, j in pairs]
     for parity in set(parities):

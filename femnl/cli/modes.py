@@ -9,14 +9,19 @@ import typer
 from femnl.cli._device import Bending, Cache, Count, EdgeOption, Geometry, Json, Resolution, Symmetry, load_device, suffix_of
 from femnl.cli._output import console, note, print_json, scientific, table
 from femnl.errors import ParameterError
+from femnl.lattice import solve_homogenised
 from femnl.predict import solve_modes, solve_modes_to, solve_nonlinearity
 from femnl.storage import need_room, write_modes, write_vtu
+from femnl.types.device import Model
 from femnl.types.mechanics import Modes, Nonlinearity
 
 Out = Annotated[Path | None, typer.Option(help="Also write the modes to a file: .nc, or .vtu for ParaView.", show_default=False)]
 Tolerance = Annotated[
     float | None,
     typer.Option(help="Relative error of every f and f/f₁ to be reached; sets degree and resolution.", show_default=False),
+]
+Homogenised = Annotated[
+    bool, typer.Option("--homogenised", help="Take a rectangular array of holes as an even film: seconds for any number of holes.")
 ]
 Tensor = Annotated[bool, typer.Option("--tensor", help="Couplings between modes too: their full cubic tensor.")]
 
@@ -30,6 +35,7 @@ def command(
     symmetry: Symmetry = "auto",
     resolution: Resolution = 1.0,
     tolerance: Tolerance = None,
+    homogenised: Homogenised = False,
     out: Out = None,
     cache: Cache = True,
     as_json: Json = False,
@@ -39,13 +45,13 @@ def command(
     if out:
         need_room(out)
     model = load_device(geometry, bending, edge)
-    if tolerance is None:
-        modes = solve_modes(model, count, symmetry, resolution, cache)
-    elif resolution == 1.0:
-        modes = solve_modes_to(model, tolerance, count, symmetry, cache)
+    if homogenised:
+        if tolerance is not None or resolution != 1.0 or symmetry != "auto":
+            raise ParameterError("--homogenised: the even film has a mesh of its own; leave out --tolerance, --resolution and --symmetry")
+        modes, nonlinearity = solve_homogenised(model, count, tensor=tensor)
     else:
-        raise ParameterError(f"--resolution {resolution:g}: a tolerance sets the resolution; give one of the two")
-    nonlinearity = solve_nonlinearity(modes, tensor=tensor, cache=cache)
+        modes = _solve(model, count, symmetry, resolution, tolerance, cache)
+        nonlinearity = solve_nonlinearity(modes, tensor=tensor, cache=cache)
     if as_json:
         print_json(_record(modes, nonlinearity))
     else:
@@ -56,6 +62,14 @@ def command(
         else:
             write_vtu(out, modes)
         note(f"wrote {out}")
+
+
+def _solve(model: Model, count: int, symmetry: str, resolution: float, tolerance: float | None, cache: bool) -> Modes:
+    if tolerance is None:
+        return solve_modes(model, count, symmetry, resolution, cache)
+    if resolution != 1.0:
+        raise ParameterError(f"--resolution {resolution:g}: a tolerance sets the resolution; give one of the two")
+    return solve_modes_to(model, tolerance, count, symmetry, cache)
 
 
 def _record(modes: Modes, nonlinearity: Nonlinearity) -> dict[str, Any]:
@@ -100,7 +114,10 @@ def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
         for k in range(len(modes.frequency))
     ]
     columns = ["mode", "label", "f (MHz)", "f/f₁", "m_eff (ng)", "α (µm⁻²)", "k₃ (N/m³)", "±f", "±f/f₁", "±m_eff", "±α", "±k₃"]
-    title = f"{model.name}, in-plane edge {nonlinearity.edge}, {'with' if model.bending else 'without'} bending; ± are relative"
+    title = f"{model.name}, in-plane edge {nonlinearity.edge}, {'with' if model.bending else 'without'} bending; "
+    title += "± are relative" if modes.coarse else "an even film in the place of the holes"
+    if modes.coarse is None:
+        columns, rows = columns[:7], [row[:7] for row in rows]
     console().print(table(title, columns, rows))
     if nonlinearity.tensor is not None:
         n = len(modes.frequency)

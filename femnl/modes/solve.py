@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import product
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,22 @@ def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
     if count < 1:
         raise ParameterError(f"count = {count}: expected at least one mode")
     need_memory(MODE_BYTES * prestress.domain.mesh.nelements * count, f"{count} modes", "ask for fewer modes or lower the resolution")
-    operators = Operators(prestress, degree)
+    return solve_pencil(Operators(prestress, degree), prestress, count)
+
+
+class Pencil(Protocol):
+    """K and M of deflections; K depends on the parity about the mirrors, because slopes that these hold do."""
+
+    space: Space
+    mass: csc_matrix
+
+    def stiffness(self, parity: tuple[int, ...]) -> csc_matrix:
+        """K (size, size)."""
+        ...
+
+
+def solve_pencil(operators: Pencil, prestress: Prestress, count: int) -> Modes:
+    """Solve K w = ω² M w for the lowest modes; see `solve_modes`."""
     sectors = _solve_sectors(operators, prestress.domain, count)
     values, shapes, parity = _settle_degenerate(operators.space, prestress.domain, sectors)
     return _finish(operators.space, operators.mass, prestress, values[:count], shapes[:count], parity[:count])
@@ -56,7 +72,7 @@ def _finish(
     return Modes(prestress, space.degree, np.sqrt(values) / (2 * np.pi), effective, shapes, parity, label)
 
 
-def _solve_sectors(operators: Operators, domain: Domain, count: int) -> Sectors:
+def _solve_sectors(operators: Pencil, domain: Domain, count: int) -> Sectors:
     """ω², shapes and parities of at least the `count` lowest modes and of all that share a frequency with them.
 
     Sectors are asked for more until none can hide one.
@@ -88,7 +104,7 @@ def _exchange(space: Space) -> NDArray[np.int64]:
     return np.asarray(image)
 
 
-def _solve_sector(operators: Operators, parity: tuple[int, ...], count: int) -> tuple[Array, Array]:
+def _solve_sector(operators: Pencil, parity: tuple[int, ...], count: int) -> tuple[Array, Array]:
     free = free_deflections(operators.space, parity)
     stiffness = csc_matrix(operators.stiffness(parity)[free][:, free])
     values, vectors = lowest_eigenpairs(stiffness, csc_matrix(operators.mass[free][:, free]), count)
