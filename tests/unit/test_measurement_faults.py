@@ -211,3 +211,15 @@ def test_flipped_bytes_give_a_line_or_data_but_never_another_failure(tmp_path: P
         path.write_bytes(broken.tobytes())
         with contextlib.suppress(MeasurementError):
             measurement.read(path)
+
+
+def test_a_heap_of_texts_in_which_hdf5_walks_in_circles_is_refused(tmp_path: Path) -> None:
+    """HDF5 2.0 never returns from free space of size 0."""
+    path = tmp_path / "file.nc"
+    _good(path)
+    whole = bytearray(path.read_bytes())
+    at = whole.index(b"GCOL\1\0\0\0") + 16
+    whole[at : at + 16] = bytes(16)
+    path.write_bytes(whole)
+    with pytest.raises(MeasurementError, match=rf"file\.nc: damaged \(a text at byte {at} has no size\); copy or export it again"):
+        measurement.read(path)
