@@ -69,7 +69,19 @@ def _short(error: Exception) -> str:
     return " ".join(str(error).split())[:120]
 
 
+def _look_at_types(item: h5py.Group | h5py.Dataset, where: str) -> None:
+    """Refuse lists of varying length, which no measurement has; where one is damaged, HDF5 ends the whole process."""
+    kinds = {"values": item.id.get_type()} if isinstance(item, h5py.Dataset) else {}
+    for index in range(h5py.h5a.get_num_attrs(item.id)):
+        attribute = h5py.h5a.open(item.id, index=index)
+        kinds[attribute.name.decode("utf-8", "replace")] = attribute.get_type()
+    for name, kind in kinds.items():
+        if isinstance(kind, h5py.h5t.TypeVlenID) and kind.get_super().get_class() != h5py.h5t.REFERENCE:  # dimension scales have these
+            raise MeasurementError(f"{where}: {name} holds lists of varying length; store plain arrays of numbers, and texts")
+
+
 def _look(group: h5py.Group, path: Path, file: h5py.File, depth: int, total: list[int]) -> None:
+    _look_at_types(group, f"{path}: {group.name}")
     if depth > _DEPTH:
         raise MeasurementError(f"{path}: groups nested deeper than {_DEPTH}; a measurement file has one level")
     for name in group:
@@ -83,6 +95,7 @@ def _look(group: h5py.Group, path: Path, file: h5py.File, depth: int, total: lis
                 raise MeasurementError(f"{where}: is a link back to the root; store the data in the file itself")
             _look(item, path, file, depth + 1, total)
         elif isinstance(item, h5py.Dataset):
+            _look_at_types(item, where)
             if item.is_virtual or item.external:
                 raise MeasurementError(f"{where}: keeps its data in another file; store the data in the file itself")
             total[0] += math.prod(item.shape or ()) * item.dtype.itemsize

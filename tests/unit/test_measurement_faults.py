@@ -109,6 +109,14 @@ REFUSED: dict[str, tuple[Damage, str]] = {
     "soft link": (lambda f: f.__setitem__("map/link", h5py.SoftLink("/trace/time")), "map/link: is a link"),
     "external link": (lambda f: f.__setitem__("map/link", h5py.ExternalLink("/etc/passwd", "/")), "map/link: is a link"),
     "loop of groups": (lambda f: f["map"].__setitem__("again", f["/"]), "is a link back to the root"),
+    "lists as values": (
+        lambda f: f["map"].create_dataset("lists", (2,), dtype=h5py.vlen_dtype("f8")),
+        "map/lists: values holds lists of varying length; store plain arrays",
+    ),
+    "lists as an attribute": (
+        lambda f: f["map/x"].attrs.create("units", np.array([np.arange(3)], dtype=object), dtype=h5py.vlen_dtype("i8")),
+        "map/x: units holds lists of varying length; store plain arrays",
+    ),
     "too large": (lambda f: f["map"].create_dataset("huge", (10**7, 10**7), dtype="f8", chunks=True), "declares more than 4 GiB"),
 }
 
