@@ -114,7 +114,7 @@ REFUSED: dict[str, tuple[Damage, str]] = {
         "map/lists: values holds lists of varying length; store plain arrays",
     ),
     "lists as an attribute": (
-        lambda f: f["map/x"].attrs.create("units", np.array([np.arange(3)], dtype=object), dtype=h5py.vlen_dtype("i8")),
+        lambda f: f["map/x"].attrs.create("units", np.array([np.arange(3), None], dtype=object)[:1], dtype=h5py.vlen_dtype("i8")),
         "map/x: units holds lists of varying length; store plain arrays",
     ),
     "too large": (lambda f: f["map"].create_dataset("huge", (10**7, 10**7), dtype="f8", chunks=True), "declares more than 4 GiB"),
