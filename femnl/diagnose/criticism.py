@@ -17,6 +17,8 @@ N_DRAWS = 4000
 """Simulated sets of residuals that calibrate the p-value."""
 N_SHAPES = {0: 1, 1: 64, 2: 128, 3: 128}
 """Trial shapes of an effect with that many parameters that only shape it."""
+SECANT = 0.05
+"""Part of the misfit that an effect's tangent spans where the misfit is large."""
 VISIBLE = 1e-6
 """Part of an effect's tangent that must be left beside the model's own for the data to see it."""
 TAIL = 20
@@ -98,15 +100,19 @@ def _tangent(
     high: float,
     at: Array,
 ) -> Array:
-    """Return the derivative of the residuals by one strength at zero; the step that did is kept for the next shape."""
+    """Return the derivative of the residuals by one strength at zero; the step that did is kept for the next shape.
+
+    An effect that grows as the square of its strength has none there: the larger the misfit, the longer the secant.
+    """
     step = steps[name]
+    target = max(0.1, SECANT * float(np.sqrt(max(at @ at - len(at), 0.0))))
     for _ in range(5):
         change = model.residuals(model.pack(base, [*values, zero | {name: step}])) - at
         size = float(np.linalg.norm(change))
         used = step
-        if 0.01 < size < 1:
+        if 0.1 < size / target < 10:
             break
-        step = min(step * float(np.clip(0.1 / max(size, 1e-300), 1e-4, 1e4)), 0.01 * high)
+        step = min(step * float(np.clip(target / max(size, 1e-300), 1e-4, 1e4)), 0.01 * high)
     steps[name] = used
     return np.asarray(change / used)
 

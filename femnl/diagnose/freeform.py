@@ -88,7 +88,7 @@ def _bend(motion: Motion, values: Values) -> Motion:
 
 
 def _turn(motion: Motion, values: Values) -> Motion:
-    half = np.hypot(motion.x, motion.y).max()
+    half = np.hypot(motion.x, motion.y).max() or 1.0
     x, y = motion.x / half, motion.y / half
     added = sum(values[name] * power for name, power in zip(WEIGHTS[1:], (x, y, x * x, x * y, y * y), strict=True))
     return replace(motion, theta=motion.theta + added)

@@ -22,7 +22,7 @@ ALPHA_SD = 0.2
 """Relative standard deviation of a simulated α: Young's modulus of a thin film is rarely known better."""
 ROUNDS = 12
 """Iterations of the amplitude under a quintic term or a resonance of higher order, small corrections of the cubic one."""
-SETTLED = 1e-10
+SETTLED = 1e-6
 """Relative change of a squared amplitude at which they end."""
 FAINT = 1e-6
 """Squared amplitude, in that of one linewidth of stiffening, from which on a resonance of any order acts."""
@@ -131,10 +131,9 @@ class ResponseProblem:
         cubic += 1j * np.maximum(mode.damping, 0) * linear**2 / 4
         square = np.where(mode.alpha == 0, np.inf, 8 * mode.linewidth / (3 * f0 * abs(mode.alpha)))
         pulled = per * mode.pull * linear**2 / square
-        found = []
-        for side in (0, 1):
-            a = cubic + pulled
-            x = sheets(delta, a.real, a.imag, continued=True).x[side]
+        found, plain = [], cubic + pulled
+        for side, x in enumerate(sheets(delta, plain.real, plain.imag, continued=True).x):
+            a = plain
             if np.any(fifth) or (np.any(pulled) and mode.order != 2):
                 for _ in range(ROUNDS):
                     a = cubic + fifth * x + pulled * np.maximum(x * linear**2 / square, FAINT) ** (mode.order - 2)

@@ -16,11 +16,13 @@ from femnl.diagnose.fit import held_out
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointProblem
 from femnl.diagnose.maps import MapProblem
+from femnl.diagnose.oscillation import OscillationProblem
 from femnl.diagnose.problem import Named, Problem
 from femnl.diagnose.response import ResponseProblem
 from femnl.diagnose.search import Candidate, applicable, search
 from femnl.diagnose.series import SeriesProblem
 from femnl.diagnose.spectrum import SpectrumProblem
+from femnl.diagnose.trace import TraceProblem
 from femnl.diagnose.verdict import judge, measure_next
 from femnl.effects import library
 from femnl.errors import MeasurementError, ParameterError
@@ -34,11 +36,25 @@ from femnl.types.fit import Parameter
 
 SHOWN = 1e-6
 """Probability below which alternatives are not listed."""
+
+
+def pose_trace(dataset: xr.Dataset, film: SimulatedFilm) -> Problem:
+    """Harmonics of a fringe where the laser's wavelength is known, else one oscillator under its recorded drive."""
+    if "wavelength" in dataset.attrs:
+        return TraceProblem(dataset, film)
+    if "drive_voltage" in dataset:
+        return OscillationProblem(dataset, film)
+    raise MeasurementError(
+        "trace: neither wavelength nor drive_voltage is there: add the laser's wavelength [m], or the drive that was recorded"
+    )
+
+
 PROBLEMS: dict[str, Callable[[xr.Dataset, SimulatedFilm], Problem]] = {
     "spectrum": SpectrumProblem,
     "map": MapProblem,
     "response": ResponseProblem,
     "series": SeriesProblem,
+    "trace": pose_trace,
 }
 VERSION = "1.0"
 
@@ -71,7 +87,8 @@ def _searched(problems: dict[str, Problem], effects: list[Effect]) -> list[Candi
     """Fit what may explain one measurement, or several jointly."""
     if len(problems) == 1:
         ((_, problem),) = problems.items()
-        return search(problem, applicable(problem, effects))
+        pool = problem.pool(effects) if isinstance(problem, OscillationProblem) else applicable(problem, effects)
+        return search(problem, pool)
     forwards = JointProblem(problems)
     found = search(forwards, forwards.pool(effects))
     if any(candidate.viable for candidate in found) or "wavelength" not in forwards.facts:

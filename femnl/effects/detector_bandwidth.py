@@ -9,18 +9,18 @@ from femnl.types.scene import Harmonics
 
 
 def slow(harmonics: Harmonics, values: Values) -> Harmonics:
-    """Divide V_n by 1 + inωτ."""
-    omega = 2 * np.pi * harmonics.frequency
-    return replace(harmonics, values=harmonics.values / (1 + 1j * harmonics.harmonic[:, None] * omega * values["time_constant"]))
+    """Divide V_n by 1 + inωτ and undo the delay τ that all harmonics share, which the phase of the motion takes up."""
+    lag = 2 * np.pi * harmonics.frequency * values["time_constant"] * harmonics.harmonic[:, None]
+    return replace(harmonics, values=harmonics.values * np.exp(1j * lag) / (1 + 1j * lag))
 
 
 EFFECT = Effect(
     name="detector_bandwidth",
-    equation="V_n → V_n/(1 + inωτ), corner frequency 1/2πτ",
+    equation="V_n → V_n e^{inωτ}/(1 + inωτ), corner frequency 1/2πτ",
     parameters=(Knob("time_constant", "s", 0.0, 0.5, per="period"),),
     changes={"harmonics": slow},
     source="first-order low pass",
-    limits="one pole",
+    limits="one pole; its delay τ counts to the phase of the motion",
     sentence="the detector is too slow for the highest harmonics",
     shared=False,
 )

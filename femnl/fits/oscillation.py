@@ -38,13 +38,13 @@ def stages(drive: Array, hold: Hold) -> Array:
 def free_run(coefficients: NDArray[np.inexact], drive: Array, interval: float) -> NDArray[np.inexact]:
     """Return the output (m, n) at the samples, from rest, for m oscillators under one drive at once.
 
-    ÿ = c₀ (u + c₁) − c₂ (1 + c₃ y²) ẏ − c₄ y − c₅ y² − c₆ y³
+    ÿ = c₀ (u + c₁) − c₂ (1 + c₃ y²) ẏ − c₄ y − c₅ y² − c₆ y³ − c₇ y⁵
 
     One step of the eighth-order Dormand–Prince method a sample; the record is cut into stretches that run side by side, each from
     rest, long enough before its own samples for its start to be forgotten.
 
     Args:
-        coefficients: (7, m); complex ones carry a derivative on the imaginary part.
+        coefficients: (8, m), or (7, m) without the last; complex ones carry a derivative on the imaginary part.
         drive: (STAGES, n) from `stages`.
         interval: between samples [s].
     Valid: ω₀ · interval below about 1, where a step errs by less than 1e-5 of the amplitude; positive damping, one stable rest state.
@@ -60,7 +60,7 @@ def free_run(coefficients: NDArray[np.inexact], drive: Array, interval: float) -
     out = np.empty((m, count, length), dtype=coefficients.dtype)
     slopes = np.empty((STAGES, *state.shape), dtype=coefficients.dtype)
     flat, weights, ends = slopes.reshape(STAGES, -1), interval * A, interval * B
-    gain, offset, damping, nonlinear, stiffness, quadratic, cubic = coefficients[:, :, None]
+    gain, offset, damping, nonlinear, stiffness, quadratic, cubic, *fifth = coefficients[:, :, None]
     with np.errstate(over="ignore", invalid="ignore"):
         for step in range(memory + length):
             if step >= memory:
@@ -70,6 +70,8 @@ def free_run(coefficients: NDArray[np.inexact], drive: Array, interval: float) -
                 y, v = state if i == 0 else state + (weights[i, :i] @ flat[:i]).reshape(state.shape)
                 slopes[i, 0] = v
                 pull = damping * (1 + nonlinear * y * y) * v + y * (stiffness + y * (quadratic + y * cubic))
+                for quintic in fifth:
+                    pull = pull + quintic * y**5
                 slopes[i, 1] = gain * (now[i] + offset) - pull
             state = state + (ends @ flat).reshape(state.shape)
     out = out.reshape(m, -1)[:, :n]
