@@ -105,7 +105,7 @@ def _tangent(
     An effect that grows as the square of its strength has none there: the larger the misfit, the longer the secant.
     """
     step = steps[name]
-    target = max(0.1, SECANT * float(np.sqrt(max(at @ at - len(at), 0.0))))
+    target = max(0.1, SECANT * max(float(at @ at) - len(at), 0.0) ** 0.5)
     for _ in range(5):
         change = model.residuals(model.pack(base, [*values, zero | {name: step}])) - at
         size = float(np.linalg.norm(change))

@@ -21,8 +21,6 @@ FEWEST, FAINT = 4, 0.01
 """Effects that are fitted in any case, and the part of the excess of χ² that any other must promise to take up."""
 SHAPES = 3
 """Trial shapes of an effect from which it is fitted."""
-PARTS = (1.0, 0.3, 0.1, 0.03, 0.01)
-"""Parts of its linear estimate at which an effect's fit may start: one that grows as the square of its strength is overestimated."""
 BEAM = 2
 """Sets of causes that are extended at each step."""
 LARGEST = 3
@@ -132,12 +130,7 @@ def _replaced(parent: Candidate, effect: Effect) -> Solution:
 def _extend(parent: Candidate, effect: Effect, values: dict[str, float]) -> Solution:
     base, earlier = parent.solution.model.split(parent.solution.vector)
     model = Extended(parent.solution.model.problem, (*parent.solution.model.effects, effect))
-    strengths = [knob.name for knob in effect.parameters if knob.strength]
-    starts = [model.pack(base, [*earlier, values | {name: part * values[name] for name in strengths}]) for part in PARTS]
-    first, second, *_ = sorted(starts, key=lambda start: float(np.sum(model.residuals(start) ** 2)))
-    if first is not starts[0]:
-        first = min((fit(model, start, most=2 * ROUGH) for start in (first, second)), key=lambda s: s.chi2).vector
-    return fit(model, first)
+    return fit(model, model.pack(base, [*earlier, values]))
 
 
 def _centres(problem: Problem, effect: Effect) -> list[dict[str, float]]:
