@@ -80,7 +80,8 @@ def _effect_looks(solution: Solution, own: Array, effect: Effect) -> list[Look]:
         if len(basis) == 0:
             continue
         free = tangents - (tangents @ own) @ own.T
-        estimate = -np.linalg.lstsq(free.T, solution.residuals, rcond=1e-10)[0]
+        known = np.diag([np.sqrt(12) / (b - a) for _, a, b in strengths])  # what the priors know of strengths that hardly show
+        estimate = -np.linalg.lstsq(np.vstack([free.T, known]), np.append(solution.residuals, np.zeros(len(known))), rcond=None)[0]
         allowed = np.clip(estimate, [a for _, a, _ in strengths], [b for _, _, b in strengths])
         rest = solution.residuals + allowed @ free
         gain = max(solution.chi2 - float(rest @ rest), 0.0)

@@ -26,7 +26,9 @@ BEAM = 2
 LARGEST = 3
 """Causes in the largest set."""
 ROUGH = 4
-"""Evaluations that every start of an effect without strength gets."""
+"""Evaluations that every start gets where there are several."""
+SEED, STEPS_BACK = 1e-4, 12
+"""Least part of its range at which the fit of a strength starts, and how often a start is brought nearer to zero, by a third."""
 PER_CAUSE = 0.1
 """Prior odds of one more cause."""
 
@@ -128,9 +130,21 @@ def _replaced(parent: Candidate, effect: Effect) -> Solution:
 
 
 def _extend(parent: Candidate, effect: Effect, values: dict[str, float]) -> Solution:
+    """Fit with one more effect, from where the look points or as far towards it as is no worse than without it."""
     base, earlier = parent.solution.model.split(parent.solution.vector)
     model = Extended(parent.solution.model.problem, (*parent.solution.model.effects, effect))
-    return fit(model, model.pack(base, [*earlier, values]))
+    limits = {knob.name: knob.high * parent.solution.model.problem.facts.get(knob.per, 1.0) for knob in effect.parameters if knob.strength}
+    # What is of second order shows no slope at zero; a small start lets it grow.
+    start = values | {name: np.copysign(max(abs(values[name]), SEED * high), values[name]) for name, high in limits.items()}
+    for _ in range(STEPS_BACK):
+        vector = model.pack(base, [*earlier, start])
+        if np.sum(model.residuals(vector) ** 2) <= parent.solution.chi2:
+            break
+        start = start | {name: start[name] / 3 for name in limits}
+    if (others := model.problem.alike(base)) and not earlier:
+        starts = [vector, *(model.pack(other, [start]) for other in others)]
+        vector = min((fit(model, other, most=ROUGH) for other in starts), key=lambda s: s.chi2).vector
+    return fit(model, vector)
 
 
 def _centres(problem: Problem, effect: Effect) -> list[dict[str, float]]:

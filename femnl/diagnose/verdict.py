@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femnl.diagnose.fit import held_out
-from femnl.diagnose.search import FALSE_ALARMS, Candidate
+from femnl.diagnose.search import FALSE_ALARMS, PER_CAUSE, Candidate
 from femnl.types.diagnosis import Verdict
 
 CLEAR = 0.95
@@ -14,6 +14,8 @@ TIE = 4.0
 """Difference in χ² up to which a set with no more parameters does as well, whatever the priors' widths say."""
 CONTRADICTED = 1.05
 """Ratio of the best set's held-out χ² to a rival's from which on prediction contradicts evidence."""
+SCATTERED = 1e3
+"""Largest deviations of unknown cause, in σ, that are allowed for."""
 RIVALS = 3
 """Rivals, besides the best, whose held-out prediction is computed."""
 
@@ -36,7 +38,9 @@ def judge(found: list[Candidate]) -> Judgement:
     share = {c.names: float(s) for c, s in zip(found, shares / shares.sum(), strict=True)}
     if base.p_value >= FALSE_ALARMS:
         return Judgement("adequate", base, (), share)
-    viable = sorted((c for c in tried if c.viable), key=lambda c: -c.weight)
+    scatter = _scatter(base)
+    likely = [c for c in tried if c.viable and (len(c.names) == 1 or c.weight > scatter)]
+    viable = sorted(likely, key=lambda c: -c.weight)
     if not viable:
         return Judgement("unexplained", base, (), share)
     best = viable[0]
@@ -54,6 +58,16 @@ def judge(found: list[Candidate]) -> Judgement:
         return Judgement("explained", best, (), share)
     simplest = min([best, *rivals], key=lambda c: (len(c.names), c.solution.vector.size, -c.weight))
     return Judgement("ambiguous", simplest, tuple(c for c in (best, *rivals) if c is not simplest), share)
+
+
+def _scatter(base: Candidate) -> float:
+    """Logarithm of evidence times prior odds of deviations at random, of an unknown size and cause, which a combination must outdo.
+
+    Residuals of s times their σ, s with a uniform prior in its logarithm: χ²/2 − (d/2)(ln χ²/d + 1) over the base model.
+    """
+    chi2, d = base.solution.chi2, base.solution.degrees
+    size = float(np.log(np.sqrt(np.pi / d) / np.log(SCATTERED)))
+    return base.weight + (chi2 - d) / 2 - d / 2 * float(np.log(chi2 / d)) + size + 2 * float(np.log(PER_CAUSE))
 
 
 def _ties(candidate: Candidate, best: Candidate) -> bool:

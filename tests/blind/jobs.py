@@ -109,7 +109,7 @@ def run(job: Job) -> dict[str, Any]:
         "before": found.before.chi2_reduced,
         "after": found.after.chi2_reduced,
         "pulls": _pulls(job.case, truth, found) if sorted(found.causes) == sorted(job.case.causes) else {},
-        "trials": [[list(t.causes), t.chi2, t.log_evidence, t.p_value, list(t.against)] for t in found.trials[:12]],
+        "trials": [[list(t.causes), t.chi2, t.log_evidence, t.p_value, list(t.against)] for t in found.trials[:40]],
         "seconds": seconds,
     }
 

@@ -149,7 +149,7 @@ def reflection(stack: Stack, gap: Array) -> Array:
 
 
 def _index(table: tuple[tuple[float, complex], ...]) -> complex:
-    wavelengths, values = zip(*table, strict=True)
+    wavelengths, values = zip(*sorted(table, key=lambda row: row[0]), strict=True)
     return complex(np.interp(WAVELENGTH, wavelengths, np.array(values)))
 
 

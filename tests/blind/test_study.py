@@ -1,0 +1,73 @@
+"""The blind study's bookkeeping: it resumes, its draws are fair, and its scores are what the records say."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.blind.jobs import jobs, run
+from tests.blind.lab import KINDS, causes
+from tests.blind.scoreboard import score
+from tests.blind.study import plan
+
+
+def record(task: str, hidden: list[str], verdict: str, named: list[str], **more: Any) -> dict[str, Any]:
+    """A result as the study writes it."""
+    about = {
+        "name": f"{task} {len(more)} {verdict}",
+        "file": "one",
+        "kind": "series",
+        "geometry": "square-270um",
+        "p_value": 0.5,
+        "gain": 2.0,
+    }
+    answer = {"sigma": dict.fromkeys(hidden, 20.0), "truth": {name: {"x": 1.0} for name in hidden}, "best_gain": None, "alternatives": []}
+    return about | answer | {"task": task, "causes": hidden, "verdict": verdict, "named": named, "pulls": {}, "seconds": 1.0} | more
+
+
+def test_every_round_hides_every_cause_alone_weakened_and_removed() -> None:
+    draws = jobs(seed=1, rounds=3)
+    for task in ("hidden", "weakened", "removed"):
+        found = {(job.case.kind, *job.case.causes) for job in draws if job.task == task}
+        assert found >= {(kind, cause) for kind in KINDS for cause in causes(kind)}
+    assert len({job.name for job in draws}) == len(draws)
+
+
+def test_a_removed_cause_is_in_the_very_file_of_the_hidden_one() -> None:
+    draws = jobs(seed=1, rounds=2)
+    assert {j.file for j in draws if j.task == "removed"} == {j.file for j in draws if j.task == "hidden"}
+
+
+def test_a_study_that_was_killed_goes_on_with_its_seed_and_without_its_torn_line(tmp_path: Path) -> None:
+    seed, todo, results = plan(tmp_path, 1, None, ("series",))
+    results.write_text(json.dumps({"name": todo[0].name}) + "\n" + '{"name": "' + todo[1].name)
+    again, left, _ = plan(tmp_path, 1, None, ("series",))
+    assert again == seed
+    assert [job.name for job in left] == [job.name for job in todo[1:]]
+    assert results.read_text() == json.dumps({"name": todo[0].name}) + "\n"
+
+
+def test_the_scoreboard_counts_what_the_records_say() -> None:
+    rows = [
+        record("null", [], "adequate", []),
+        record("null", [], "explained", ["gas_damping"]),
+        record("hidden", ["gas_damping"], "explained", ["gas_damping"], pulls={"gas_damping.x": 0.5}, best_gain=2.0),
+        record("hidden", ["gas_damping"], "explained", ["photothermal"]),
+        record("hidden", ["gas_damping"], "ambiguous", ["photothermal"], alternatives=[[["gas_damping"], 0.4]], file="two"),
+        record("removed", ["gas_damping"], "explained", ["photothermal"], file="two"),
+        record("removed", ["gas_damping"], "unexplained", [], file="three"),
+    ]
+    rates = score(rows, seed=1)["rates"]
+    assert (rates["false alarms"]["k"], rates["false alarms"]["n"]) == (1, 2)
+    assert (rates["cause named"]["k"], rates["cause named"]["n"]) == (2, 3)
+    assert (rates["wrong cause explained"]["k"], rates["wrong cause explained"]["n"]) == (1, 5)
+    assert (rates["removed cause unexplained"]["k"], rates["removed cause unexplained"]["n"]) == (2, 2)
+    assert (rates["68 % intervals hold"]["k"], rates["gain within 10 % of the best"]["k"]) == (1, 1)
+
+
+def test_a_draw_gives_a_line_that_json_takes() -> None:
+    (job,) = [j for j in jobs(seed=3, rounds=1, kinds=("series",)) if j.task == "hidden" and j.case.causes == ("gas_damping",)]
+    kept = json.loads(json.dumps(run(job)))
+    assert kept["named"] == ["gas_damping"]
+    assert kept["best_gain"] == pytest.approx(kept["gain"], rel=0.05)
