@@ -151,11 +151,9 @@ def reference(film: Film, like: Modes) -> dict[str, Array]:
 
 
 def _ordered(modes: Modes, like: Modes) -> Modes:
-    """As many modes as `like`, each the nearest in frequency of the same symmetry: equal frequencies come in any order."""
-    order: list[int] = []
-    for f, parity in zip(like.frequency, like.parity, strict=True):
-        free = [k for k, p in enumerate(modes.parity) if p == parity and k not in order]
-        order.append(min(free, key=lambda k: abs(modes.frequency[k] - f)))
+    """As many modes as `like`, the k-th of each symmetry in the place of its k-th: equal frequencies come in any order."""
+    members = {p: iter([k for k, q in enumerate(modes.parity) if q == p]) for p in set(like.parity)}
+    order = [next(members[p]) for p in like.parity]
     return replace(
         modes,
         frequency=modes.frequency[order],
