@@ -1,0 +1,84 @@
+"""The documentation site: `make docs` writes docs/_build/html without a network, and the pages need none either."""
+
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
+from matplotlib.figure import Figure
+from sphinx.application import Sphinx
+from sphinx_gallery.scrapers import figure_rst
+
+sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
+
+project = "femnl"
+author = "The femnl developers"
+version = release = import_module("femnl").__version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphinx_gallery.gen_gallery"]
+myst_enable_extensions = ["dollarmath"]
+exclude_patterns = ["_build", "sg_execution_times.rst"]
+html_theme = "furo"
+html_title = "femnl"
+html_math_renderer = "mathml"
+html_show_sphinx = False
+default_role = "code"
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+suppress_warnings = ["config.cache"]
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples",
+    "gallery_dirs": "gallery",
+    "filename_pattern": r"\.py$",
+    "abort_on_example_error": True,
+    "download_all_examples": False,
+    "show_signature": False,
+    "show_memory": False,
+    "write_computation_times": False,
+    "min_reported_time": 1e9,
+    "image_scrapers": ("conf.keep_figures",),
+}
+drawn: set[int] = set()
+
+
+def keep_figures(block: Any, variables: dict[str, Any], settings: dict[str, Any]) -> str:
+    """Save every new figure that an example leaves in a variable; femnl's figures belong to no window, where others look for them."""
+    paths = []
+    for value in variables["example_globals"].values():
+        if isinstance(value, Figure) and id(value) not in drawn:
+            drawn.add(id(value))
+            paths.append(next(variables["image_path_iterator"]))
+            value.savefig(paths[-1], dpi=150)
+    return figure_rst(paths, settings["src_dir"])
+
+
+def setup(app: Sphinx) -> None:
+    """Draw formulas as MathML, and take docstrings as they are written."""
+    app.add_html_math_renderer("mathml", inline_renderers=(draw_formula, None), block_renderers=(draw_equation, None))
+    app.connect("autodoc-process-docstring", lay_out)
+
+
+def draw_formula(writer: Any, node: nodes.math) -> None:
+    """Write a formula within a line."""
+    writer.body.append(tex2mathml(node.astext()))
+    raise nodes.SkipNode
+
+
+def draw_equation(writer: Any, node: nodes.math_block) -> None:
+    """Write a formula on a line of its own."""
+    writer.body.append(f'<div class="math">{tex2mathml(node.astext(), as_block=True)}</div>')
+    raise nodes.SkipNode
+
+
+def lay_out(app: Sphinx, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
+    """Keep |ξ| and * as they stand, and begin a line with each of Args, Returns, Raises, Valid and Source."""
+    text = [line.replace("\\", r"\\").replace("|", r"\|").replace("*", r"\*").replace("_ ", r"\_ ") for line in lines]
+    lines[:] = []
+    for line in text:
+        word = line.strip().split(":")[0]
+        if line.strip() and word in ("Args", "Returns", "Raises", "Valid", "Source", "Args, Returns, Source", "Args, Raises"):
+            lines += ["", f"**{word}.**{line.strip()[len(word) + 1 :]}"]
+        else:
+            lines.append(line.strip())
+    lines.append("")

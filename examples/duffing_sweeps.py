@@ -1,0 +1,28 @@
+"""
+Up and down through a stiffening resonance
+==========================================
+
+Where three motions are possible, the history decides: sweeping up, the amplitude follows the upper branch until it ends, and jumps.
+"""
+
+import numpy as np
+
+from femnl.plot.style import new_figure, style
+from femnl.resonator import critical_point, sweep
+from femnl.types.resonator import Resonator
+
+resonator = Resonator(frequency=1.466e6, quality_factor=10_000, alpha=6.9e9)
+_, force, _ = critical_point(resonator)
+frequency = resonator.frequency + resonator.linewidth * np.linspace(-4, 12, 300)
+
+with style():
+    figure = new_figure(5, 3)
+    axes = figure.subplots()
+    for factor, colour in ((1, "C0"), (4, "C1")):
+        up = np.abs(sweep(resonator, factor * force, frequency))
+        down = np.abs(sweep(resonator, factor * force, frequency[::-1]))[::-1]
+        detuning = (frequency - resonator.frequency) / resonator.linewidth
+        axes.plot(detuning, up * 1e9, color=colour, label=f"{factor} × critical force, up")
+        axes.plot(detuning, down * 1e9, "--", color=colour, label="down")
+    axes.set(xlabel="(f − f₀)/w", ylabel="amplitude (nm)")
+    axes.legend()
