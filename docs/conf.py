@@ -22,7 +22,9 @@ exclude_patterns = ["_build", "sg_execution_times.rst"]
 html_theme = "furo"
 html_title = "femnl"
 html_math_renderer = "mathml"
-html_show_sphinx = False
+html_show_sphinx = html_show_copyright = False
+html_static_path = ["static"]
+html_css_files = ["formulas.css"]
 default_role = "code"
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"

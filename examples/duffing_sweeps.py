@@ -12,7 +12,7 @@ from femnl.resonator import critical_point, sweep
 from femnl.types.resonator import Resonator
 
 resonator = Resonator(frequency=1.466e6, quality_factor=10_000, alpha=6.9e9)
-_, force, _ = critical_point(resonator)
+force, _, _ = critical_point(resonator)
 frequency = resonator.frequency + resonator.linewidth * np.linspace(-4, 12, 300)
 
 with style():
