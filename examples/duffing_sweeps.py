@@ -18,7 +18,7 @@ frequency = resonator.frequency + resonator.linewidth * np.linspace(-4, 12, 300)
 with style():
     figure = new_figure(5, 3)
     axes = figure.subplots()
-    for factor, colour in ((1, "C0"), (4, "C1")):
+    for factor, colour in ((1, "C0"), (2, "C1")):
         up = np.abs(sweep(resonator, factor * force, frequency))
         down = np.abs(sweep(resonator, factor * force, frequency[::-1]))[::-1]
         detuning = (frequency - resonator.frequency) / resonator.linewidth
