@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from femnl.errors import ParameterError
+from femnl.fem.memory import need_memory
 from femnl.geometry import load
 from femnl.geometry.tables import one_line, suggest
 from femnl.mesh import WEDGES
@@ -24,6 +25,8 @@ QUICKEST = 0.2
 """Seconds that the simplest of devices takes, at least."""
 LINE = 1500
 """Bytes that a point takes in the store, about."""
+HELD = 10_000
+"""Bytes of memory that a record takes in the client, about."""
 
 
 class Strict(BaseModel):
@@ -156,6 +159,7 @@ def _check(sweep: Sweep, spec: SpecFile) -> None:
             f"{what}: {sweep.count:,} points would take at least {years:,.2g} years of one processor and {sweep.count * LINE / 2**30:,.0f} "
             f"GiB for results; expected at most {MOST:,}, take fewer values or a table [sample]"
         )
+    need_memory(HELD * sweep.count, f"results of {sweep.count:,} points", "take fewer values or a table [sample]")
     for axis in sweep.axes:
         check_axis(axis, sweep.base)
 

@@ -27,8 +27,8 @@ class Store:
         """Append a record and wait until the disk has it."""
         self._file.write(_line(record))
         self._file.flush()
-        os.fsync(self._file.fileno())
         self.records[record["key"]] = record
+        os.fsync(self._file.fileno())
 
 
 @contextmanager

@@ -1,0 +1,206 @@
+"""Sweeps on real processes, of this machine and of Dask, that are killed midway: nothing finished is lost and nothing is done twice."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import psutil
+import pytest
+import xarray as xr
+
+from femnl.errors import ParameterError
+from femnl.sweep import cluster
+from femnl.sweep.point import Settings
+from tests.unit.test_sweep import HEAD, PLAIN
+
+Starter = Callable[..., subprocess.Popen[str]]
+
+
+def sweep_file(folder: Path, points: int) -> Path:
+    """A sweep of so many tiny films."""
+    (folder / "tiny.toml").write_text(PLAIN, encoding="utf-8")
+    path = folder / "sweep.toml"
+    path.write_text(HEAD + f'[[axis]]\nfilm.stress = {{from = "1 GPa", to = "2 GPa", points = {points}}}\n', encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def start() -> Iterator[Starter]:
+    """Start Python programs that are killed at the end of the test."""
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    with ExitStack() as stack:
+
+        def launch(*words: str, folder: Path) -> subprocess.Popen[str]:
+            process = subprocess.Popen([sys.executable, *words], cwd=folder, env=environment, stderr=subprocess.PIPE, text=True)
+            stack.callback(end, process)
+            return process
+
+        yield launch
+
+
+def end(process: subprocess.Popen[str]) -> None:
+    """Kill a process and what it started."""
+    if process.poll() is None:
+        for child in psutil.Process(process.pid).children(recursive=True):
+            child.kill()
+        process.kill()
+    process.communicate()
+
+
+def records(store: Path) -> list[bytes]:
+    """The whole lines of the store, without its header."""
+    lines = store.read_bytes().splitlines(keepends=True) if store.exists() else []
+    return [line for line in lines[1:] if line.endswith(b"\n")]
+
+
+@contextmanager
+def patience(seconds: float = 90.0) -> Iterator[Callable[[], None]]:
+    """A pause between looks at something, which fails after so many seconds."""
+    begun = time.monotonic()
+
+    def pause() -> None:
+        if time.monotonic() - begun > seconds:
+            pytest.fail("it never came")
+        time.sleep(0.02)
+
+    yield pause
+
+
+def wait_for_records(store: Path, number: int) -> None:
+    with patience() as pause:
+        while len(records(store)) < number:
+            pause()
+
+
+def check_whole(store: Path, points: int) -> None:
+    """Every point is there, once, and solved; tables are written."""
+    found = [json.loads(line) for line in records(store)]
+    assert len(found) == len({record["key"] for record in found}) == points
+    assert not [record for record in found if "error" in record]
+    with xr.open_dataset(store.with_suffix(".nc"), engine="h5netcdf") as data:
+        stress = data["film.stress"].values
+        assert len(stress) == points
+        # Of an ideal square membrane f² = σ/2ρL².
+        assert data.frequency.values[:, 0] ** 2 / stress == pytest.approx(1 / (2 * 1e-4**2 * 3000), rel=1e-5)
+
+
+def finish(process: subprocess.Popen[str]) -> str:
+    """What a client says that comes to its end."""
+    _, errors = process.communicate(timeout=300)
+    assert process.returncode == 0, errors
+    return errors
+
+
+def survive(folder: Path, points: int, options: list[str], start: Starter, worker: Callable[[subprocess.Popen[str]], int]) -> None:
+    """Sweep, kill one worker, kill the client, and repeat the command."""
+    spec, store = sweep_file(folder, points), folder / "sweep.jsonl"
+    command = ["-m", "femnl", "sweep", spec.name, *options]
+    client = start(*command, folder=folder)
+    wait_for_records(store, 1)
+    os.kill(worker(client), signal.SIGKILL)
+    wait_for_records(store, points // 2)
+    client.kill()
+    client.wait()
+    kept = records(store)
+    assert len(kept) < points, "the client was killed too late to show anything"
+    again = finish(start(*command, folder=folder))
+    assert f"{points} points, {len(kept)} of them known" in again
+    assert records(store)[: len(kept)] == kept
+    check_whole(store, points)
+
+
+def test_a_sweep_on_processes_survives_a_killed_worker_and_a_killed_client(tmp_path: Path, start: Starter) -> None:
+    def oldest(client: subprocess.Popen[str]) -> int:
+        return next(p.pid for p in psutil.Process(client.pid).children() if "spawn_main" in " ".join(p.cmdline()))
+
+    survive(tmp_path, 8, ["--workers", "2"], start, oldest)
+
+
+@pytest.mark.parametrize("points", [10, pytest.param(120, marks=pytest.mark.slow)])
+def test_a_sweep_on_dask_survives_a_killed_worker_and_a_killed_client(points: int, tmp_path: Path, start: Starter) -> None:
+    note = tmp_path / "scheduler.json"
+    start(
+        "-m",
+        "distributed.cli.dask_scheduler",
+        "--host",
+        "127.0.0.1",
+        "--port",
+        "0",
+        "--no-dashboard",
+        "--scheduler-file",
+        str(note),
+        folder=tmp_path,
+    )
+    words = ("-m", "distributed.cli.dask_worker", "--scheduler-file", str(note), "--nthreads", "1", "--no-nanny", "--no-dashboard")
+    workers = [start(*words, "--name", str(k), folder=tmp_path) for k in range(2)]
+    with patience() as pause:
+        while not note.exists():
+            pause()
+    address = json.loads(note.read_text())["address"]
+
+    def one(client: subprocess.Popen[str]) -> int:
+        return workers[0].pid
+
+    survive(tmp_path, points, ["--scheduler", address], start, one)
+    assert workers[0].wait() == -signal.SIGKILL
+    assert workers[1].poll() is None
+
+
+def test_a_point_that_kills_every_process_fails_alone(tmp_path: Path, start: Starter) -> None:
+    spec = sweep_file(tmp_path, 3)
+    program = tmp_path / "deadly.py"
+    # Stands for a device that takes more memory than there is: the system kills the process, without a word to Python.
+    program.write_text(
+        "import os, signal, sys\n"
+        "from femnl.sweep import point, processes\n"
+        "def serve(connection, settings):\n"
+        "    try:\n"
+        "        while True:\n"
+        "            got = connection.recv()\n"
+        "            if got.varied['film.stress'] == '1.5 GPa':\n"
+        "                os.kill(os.getpid(), signal.SIGKILL)\n"
+        "            connection.send(point.attempt(got, settings))\n"
+        "    except EOFError:\n"
+        "        return\n"
+        "if __name__ == '__main__':\n"
+        "    processes._serve = serve\n"
+        "    from femnl.cli import main\n"
+        f"    sys.argv = ['femnl', 'sweep', {spec.name!r}, '--workers', '1']\n"
+        "    main()\n"
+    )
+    errors = finish(start(program.name, folder=tmp_path))
+    assert errors.count("a worker died (exit code -9) at {'film.stress': '1.5 GPa'}") == 3
+    assert "2 points solved, 1 failed" in errors
+    found = {record["varied"]["film.stress"]: record for record in map(json.loads, records(tmp_path / "sweep.jsonl"))}
+    assert "its process died 3 times" in found["1.5 GPa"]["error"]
+    assert {stress for stress, record in found.items() if "results" in record} == {"1 GPa", "2 GPa"}
+
+
+def test_an_interrupt_ends_workers_and_says_that_the_sweep_goes_on(tmp_path: Path, start: Starter) -> None:
+    spec, store = sweep_file(tmp_path, 400), tmp_path / "sweep.jsonl"
+    client = start("-m", "femnl", "sweep", spec.name, "--workers", "1", folder=tmp_path)
+    wait_for_records(store, 1)
+    children = psutil.Process(client.pid).children(recursive=True)
+    assert children
+    client.send_signal(signal.SIGINT)
+    _, errors = client.communicate(timeout=30)
+    assert client.returncode in (130, -signal.SIGINT)
+    assert f"{len(records(store))} of 400 points are kept; the same command goes on from here" in errors
+    assert errors.endswith("femnl: interrupted; nothing was left half-written\n")
+    assert "Traceback" not in errors
+    psutil.wait_procs(children, timeout=10)
+    assert not [child for child in children if child.is_running()]
+
+
+def test_a_scheduler_that_is_not_there_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    with pytest.raises(
+        ParameterError, match=r"^--scheduler tcp://127.0.0.1:9: no Dask scheduler answers \(.*\); start one with `dask scheduler`$"
+    ):
+        next(cluster.on_cluster(iter([]), Settings(), "tcp://127.0.0.1:9", 1))
