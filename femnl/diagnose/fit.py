@@ -124,20 +124,29 @@ def fit(model: Extended, start: Array, keep: NDArray[np.bool_] | None = None, mo
             latest[v.tobytes()] = model.residuals(v)
         return latest[v.tobytes()]
 
-    def residuals(v: Array) -> Array:
-        return known(v)[chosen]
+    width = high - low
 
-    def jacobian(v: Array) -> Array:
-        return jacobian_at(model, v, known(v), steps)[chosen]
+    # In parts of the ranges: the optimiser adds up steps of all parameters, and metres would count for nothing beside volts.
+    def place(part: Array) -> Array:
+        return np.asarray(np.clip(low + width * part, low, high))
 
+    def residuals(part: Array) -> Array:
+        return known(place(part))[chosen]
+
+    def jacobian(part: Array) -> Array:
+        v = place(part)
+        return jacobian_at(model, v, known(v), steps)[chosen] * width
+
+    start_part = np.clip((vector - low) / width, 0, 1)
     found = least_squares(
-        residuals, vector, jacobian, (low, high), method="dogbox", x_scale="jac", xtol=XTOL, ftol=FTOL, gtol=1e-10, max_nfev=most
+        residuals, start_part, jacobian, (0, 1), method="dogbox", x_scale="jac", xtol=XTOL, ftol=FTOL, gtol=1e-10, max_nfev=most
     )
-    at = known(found.x)
-    size = np.linalg.norm(np.asarray(found.jac), axis=0)
+    end = place(found.x)
+    at = known(end)
+    size = np.linalg.norm(np.asarray(found.jac), axis=0) / width
     final = np.where(size > 0, np.clip(TARGET / np.maximum(size, 1e-300), 1e-9 * (high - low), 0.01 * (high - low)), steps)
-    slopes = jacobian_at(model, found.x, at, final)
-    return Solution(model, found.x, at, slopes, covariance(slopes, high - low))
+    slopes = jacobian_at(model, end, at, final)
+    return Solution(model, end, at, slopes, covariance(slopes, high - low))
 
 
 def covariance(slopes: Array, width: Array) -> Array:

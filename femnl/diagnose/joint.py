@@ -166,6 +166,18 @@ class JointProblem:
             found |= {f"{phrase} (as in {group})": row for phrase, row in problem.experiments(*own).items()}
         return found
 
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """Those of all measurements together, as far as each of them has some."""
+        found = []
+        own = {g: p.alike({name: base[joint] for name, joint in self._names[g].items()}) for g, p in self.groups.items()}
+        for k in range(max(map(len, own.values()))):
+            other = dict(base)
+            for group, alike in own.items():
+                if k < len(alike):
+                    other |= {self._names[group][name]: value for name, value in alike[k].items()}
+            found.append(other)
+        return found
+
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Those of each measurement, by its name."""
         found = []

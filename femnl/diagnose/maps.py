@@ -28,6 +28,10 @@ EXPLAINED = 0.1
 """Part of the signal's power that the right mode may leave; wrong ones leave a third and more."""
 NEAR = 0.1
 """Relative distance of a mode's simulated frequency from the drive up to which it may be the one that is driven."""
+STRAIGHT = 1.0
+"""Modulation z up to which the first harmonic hardly bends."""
+LARGER = (3.0, 9.0, 27.0, 81.0)
+"""Factors by which a faint motion may be larger."""
 STENCIL, WEIGHT = np.polynomial.hermite_e.hermegauss(5)
 """Gauss–Hermite points of the laser spot along each axis, in units of its sd."""
 
@@ -171,6 +175,12 @@ class MapProblem:
     def systematic(self, unit: str) -> float:
         """Nothing beside the statistics."""
         return 0.0
+
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """Of a faint motion, larger ones under less contrast: only its product with the contrast shows."""
+        depth = 4 * np.pi / self.wavelength * base["amplitude"]
+        factors = [factor for factor in LARGER if depth * factor < STRAIGHT]
+        return [base | {"amplitude": factor * base["amplitude"], "contrast": base["contrast"] / factor} for factor in factors]
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """All harmonics on the grid of the map."""

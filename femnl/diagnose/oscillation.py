@@ -136,6 +136,10 @@ class OscillationProblem:
         loss = base["linewidth"] / base["frequency"] * forces.damping * y**3
         return {"the same record at twice the output": np.concatenate([nonlinear, loss]) / self.noise}
 
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """None: these data leave one solution."""
+        return []
+
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """The stretch where the output is largest."""
         middle = int(np.argmax(np.abs(self._output)))

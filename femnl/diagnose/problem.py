@@ -51,6 +51,10 @@ class Problem(Protocol):
         """Relative standard deviation of parameters in this unit that no amount of data lowers."""
         ...
 
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """Other values of the base parameters that predict about the same, and from which an effect may lead elsewhere."""
+        ...
+
     def compare(self, models: Sequence["Named"]) -> tuple[Comparison, ...]:
         """Set the data beside what each model predicts, ready to be drawn."""
         ...

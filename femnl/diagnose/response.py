@@ -181,6 +181,10 @@ class ResponseProblem:
         powers = {} if self.softens else {"m/V": 1, "V/m": -1, "m^-1": -1, "m^-2": -2, "m^-4": -4}
         return abs(powers.get(unit, 0)) / 2 * ALPHA_SD
 
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """None: these data leave one solution."""
+        return []
+
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Magnitude and phase of every sweep."""
         data, names = self.sweeps, tuple(name for name, *_ in models)

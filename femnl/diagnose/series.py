@@ -100,6 +100,10 @@ class SeriesProblem:
         """Nothing beside the statistics."""
         return 0.0
 
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """None: these data leave one solution."""
+        return []
+
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Each quantity against each control variable that was varied."""
         count, names = len(self._used) // len(self._data), tuple(name for name, *_ in models)

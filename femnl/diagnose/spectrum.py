@@ -146,6 +146,10 @@ class SpectrumProblem:
         """Nothing beside the statistics."""
         return 0.0
 
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """None: these data leave one solution."""
+        return []
+
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Frequencies, mode by mode."""
         n = len(self.frequency)

@@ -143,6 +143,10 @@ class TraceProblem:
             found[f"the same traces at {factor:g} times the amplitude"] = self._real(self.predict(effects, moved, values)[0])
         return found
 
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """None: these data leave one solution."""
+        return []
+
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Magnitudes of the lowest harmonics against the frequency of the drive."""
         predicted = np.abs([self.predict(effects, base, values)[0] for _, effects, base, values in models])
