@@ -15,10 +15,12 @@ from femnl.types.readout import Array
 
 N_DRAWS = 4000
 """Simulated sets of residuals that calibrate the p-value."""
-N_SHAPES = {0: 1, 1: 64, 2: 128, 3: 128}
+N_SHAPES = {0: 1, 1: 128, 2: 128, 3: 128}
 """Trial shapes of an effect with that many parameters that only shape it."""
 SECANT = 0.05
 """Part of the misfit that an effect's tangent spans where the misfit is large."""
+CHORD = 0.02
+"""Part of its range at which the size of a strength is tried that has no slope at zero."""
 VISIBLE = 1e-6
 """Part of an effect's tangent that must be left beside the model's own for the data to see it."""
 TAIL = 20
@@ -77,6 +79,9 @@ def _effect_looks(solution: Solution, own: Array, effect: Effect) -> list[Look]:
         zero = shape | {knob.name: 0.0 for knob, _, _ in strengths}
         tangents = np.stack([_tangent(wider, base, values, zero, knob.name, steps, b, solution.residuals) for knob, _, b in strengths])
         basis = _beside(own, tangents)
+        if len(basis) == 0:  # of second order, or not to be seen at all
+            tangents = np.stack([_chord(wider, base, values, zero, knob.name, a, b, solution.residuals) for knob, a, b in strengths])
+            basis = _beside(own, tangents)
         if len(basis) == 0:
             continue
         free = tangents - (tangents @ own) @ own.T
@@ -116,6 +121,21 @@ def _tangent(
         step = min(step * float(np.clip(target / max(size, 1e-300), 1e-4, 1e4)), 0.01 * high)
     steps[name] = used
     return np.asarray(change / used)
+
+
+def _chord(
+    model: Extended,
+    base: dict[str, float],
+    values: list[dict[str, float]],
+    zero: dict[str, float],
+    name: str,
+    low: float,
+    high: float,
+    at: Array,
+) -> Array:
+    """Return the change of the residuals per strength at a finite strength."""
+    step = CHORD * (high - max(low, 0.0))
+    return np.asarray((model.residuals(model.pack(base, [*values, zero | {name: step}])) - at) / step)
 
 
 def _beside(own: Array, tangents: Array) -> Array:

@@ -19,8 +19,8 @@ MOST = 7
 """Effects that are fitted at each step, those that the residuals point to most."""
 FEWEST, FAINT = 4, 0.01
 """Effects that are fitted in any case, and the part of the excess of χ² that any other must promise to take up."""
-SHAPES = 3
-"""Trial shapes of an effect from which it is fitted."""
+SHAPES, ALIKE = 4, 0.98
+"""Trial shapes of an effect from which it is fitted, and the square of the cosine from which on two are the same to the data."""
 BEAM = 2
 """Sets of causes that are extended at each step."""
 LARGEST = 3
@@ -113,10 +113,21 @@ def _grown(parent: Candidate, library: list[Effect]) -> Iterable[Solution]:
     excess = parent.solution.chi2 - parent.solution.degrees
     promising = [name for i, name in enumerate(best) if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)]
     for effect in [e for e in library if e.name in promising and e.name not in mine]:
-        yield min((_extend(parent, effect, look.values) for look in best[effect.name][:SHAPES]), key=lambda s: s.chi2)
+        yield min((_extend(parent, effect, look.values) for look in _unlike(best[effect.name])), key=lambda s: s.chi2)
     for effect in library:
         if effect.name not in mine and not any(knob.strength for knob in effect.parameters):
             yield _replaced(parent, effect)
+
+
+def _unlike(found: list[Look]) -> list[Look]:
+    """Return the best looks of one effect that do not all point the same way, as mirror images and neighbours do."""
+    kept: list[Look] = []
+    for look in found:
+        if all(np.sum((look.basis @ other.basis.T) ** 2) < ALIKE * len(look.basis) for other in kept):
+            kept.append(look)
+        if len(kept) == SHAPES:
+            break
+    return kept
 
 
 def _replaced(parent: Candidate, effect: Effect) -> Solution:
@@ -143,7 +154,7 @@ def _extend(parent: Candidate, effect: Effect, values: dict[str, float]) -> Solu
         start = start | {name: start[name] / 3 for name in limits}
     if (others := model.problem.alike(base)) and not earlier:
         starts = [vector, *(model.pack(other, [start]) for other in others)]
-        vector = min((fit(model, other, most=ROUGH) for other in starts), key=lambda s: s.chi2).vector
+        return min((fit(model, other) for other in starts), key=lambda s: s.chi2)
     return fit(model, vector)
 
 

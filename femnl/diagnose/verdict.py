@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femnl.diagnose.fit import held_out
+from femnl.diagnose.fit import Solution, covariance, fit, held_out
 from femnl.diagnose.search import FALSE_ALARMS, PER_CAUSE, Candidate
 from femnl.types.diagnosis import Verdict
 
@@ -16,6 +16,8 @@ CONTRADICTED = 1.05
 """Ratio of the best set's held-out χ² to a rival's from which on prediction contradicts evidence."""
 SCATTERED = 1e3
 """Largest deviations of unknown cause, in σ, that are allowed for."""
+ITERATIONS = 12
+"""Iterations of the fits that leave a block out."""
 RIVALS = 3
 """Rivals, besides the best, whose held-out prediction is computed."""
 
@@ -49,7 +51,7 @@ def judge(found: list[Candidate]) -> Judgement:
     rivals = [c for c in viable[1:] if share[c.names] > (1 - CLEAR) / 2 or _ties(c, best)]
     if not rivals and len(viable) > 1 and _contradicted(best, viable[1 : 1 + RIVALS]):
         rivals = viable[1 : 1 + RIVALS]
-    if not rivals and held_out(best.solution) >= held_out(base.solution):
+    if not rivals and held_out(best.solution) >= held_out(base.solution) and _density(best.solution) <= _density(base.solution):
         # Evidence speaks for a set that predicts unseen data no better than the base model: that explains nothing.
         if len(viable) == 1:
             return Judgement("unexplained", base, (), share)
@@ -73,6 +75,24 @@ def _scatter(base: Candidate) -> float:
 def _ties(candidate: Candidate, best: Candidate) -> bool:
     fewer = candidate.solution.vector.size <= best.solution.vector.size
     return fewer and candidate.solution.chi2 - best.solution.chi2 < TIE
+
+
+def _density(solution: Solution) -> float:
+    """Logarithm of the density that fits without each block predict for it, their own uncertainty included.
+
+    A cause that acts on one block alone, as a frame does on one mode, is uncertain there without it, and not wrong.
+    """
+    blocks = solution.model.problem.blocks
+    low, high = solution.model.bounds
+    total = 0.0
+    for block in np.unique(blocks[blocks >= 0]):
+        out = blocks == block
+        other = fit(solution.model, solution.vector, ~out, ITERATIONS)
+        slopes = other.jacobian[out]
+        spread = np.eye(int(out.sum())) + slopes @ covariance(other.jacobian[~out], high - low) @ slopes.T
+        misfit = other.residuals[out]
+        total -= 0.5 * float(misfit @ np.linalg.solve(spread, misfit) + np.linalg.slogdet(spread)[1])
+    return total
 
 
 def _contradicted(best: Candidate, others: list[Candidate]) -> bool:
