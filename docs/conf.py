@@ -52,7 +52,7 @@ def keep_figures(block: Any, variables: dict[str, Any], settings: dict[str, Any]
             drawn.add(id(value))
             paths.append(next(variables["image_path_iterator"]))
             value.savefig(paths[-1], dpi=150)
-    return figure_rst(paths, settings["src_dir"])
+    return str(figure_rst(paths, settings["src_dir"]))
 
 
 def setup(app: Sphinx) -> None:
