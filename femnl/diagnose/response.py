@@ -26,8 +26,6 @@ SETTLED = 1e-6
 """Relative change of a squared amplitude at which they end."""
 FAINT = 1e-6
 """Squared amplitude, in that of one linewidth of stiffening, from which on a resonance of any order acts."""
-SOFTEST = 5.0
-"""Bounds, in simulated ones, of an α that softens, which prior knowledge holds against."""
 
 
 class ResponseProblem:
@@ -58,9 +56,6 @@ class ResponseProblem:
         )
         self.start = np.array([f0, w, slope[0] / scale, *self._scales, *(fitted[f"phase{name}"] for name in names)])
         self.softens = ratio * self.simulated_alpha < 0
-        if self.softens:
-            self.base += (Knob("alpha", "m^-2", -SOFTEST * self.simulated_alpha, SOFTEST * self.simulated_alpha),)
-            self.start = np.append(self.start, -self.simulated_alpha)
         self._names = names
         strongest = slope[0] / scale * self.sweeps.reference
         recorded = "time" in dataset and bool(np.isfinite(dataset["time"].values).all())
@@ -80,7 +75,7 @@ class ResponseProblem:
             **({"time": float(np.ptp(self._time))} if recorded else {}),
         }
         label = film.modes.label[self.mode] or str(self.mode + 1)
-        soft = "response: the sweeps soften, which the geometry alone cannot do: α is free within what is known of it"
+        soft = "response: the sweeps soften, which the geometry alone cannot do; in their metres α is as large as simulated, but negative"
         self.notes = (
             *(f"response: {note}" for note in self.sweeps.notes),
             *([soft] if self.softens else []),
@@ -89,26 +84,18 @@ class ResponseProblem:
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Every sweep is a block of its own; prior knowledge of α, where it is fitted, belongs to none."""
-        known = [-1] if self.softens else []
+        """Every sweep is a block of its own, and so is the simulated α where sweeps soften."""
+        known = [len(self.sweeps.spans)] if self.softens else []
         return np.concatenate([self.sweeps.sweep, self.sweeps.sweep, known]).astype(np.int64)
 
     def _whole(self, points: ComplexArray, alpha: float = 0.0) -> Array:
-        """Return real and imaginary parts of (n_points,), and what α deviates from the simulated one where it is fitted."""
+        """Return real and imaginary parts of (n_points,), and what the film's own α deviates from the simulated one where sweeps soften."""
         return np.concatenate([points.real, points.imag, [alpha] if self.softens else []])
 
     def predict(self, effects: Sequence[Effect], base: Values, values: Sequence[Values], instead: Sweeps | None = None) -> ComplexArray:
         """Return the voltage (n,) [V] of the state that each point of a sweep is on, or would be on with other drives."""
         data = instead or self.sweeps
-        first = np.array([span.start for span in data.spans])
-        drive = data.drive[first] * data.reference
-        frequency = np.full(len(first), base["frequency"])
-        silent = np.zeros(len(data.frequency), complex)
-        alpha = base.get("alpha", self.simulated_alpha)
-        plain = Oscillator(
-            frequency, base["linewidth"], alpha, 0.0, 0.0, drive, base["peak"], self._time, np.asarray(data.frequency), silent
-        )
-        mode = apply("oscillator", plain, effects, values)
+        mode, _ = self._mode(effects, base, values, data)
         force = mode.force[data.sweep]
         linear = np.maximum(mode.peak * force, np.finfo(float).tiny)
         gains = np.array([base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"]) for name in self._names])[data.position]
@@ -118,6 +105,19 @@ class ResponseProblem:
             signal = Signal(gains * linear * b, linear * np.abs(b), volts, self.wavelength, self._largest)
             both.append(apply("signal", signal, effects, values).voltage)
         return self._followed(np.stack(both), mode.alpha)
+
+    def _mode(self, effects: Sequence[Effect], base: Values, values: Sequence[Values], data: Sweeps) -> tuple[Oscillator, float]:
+        """Return the mode with its effects, and the α [m⁻²] that the geometry must supply.
+
+        Only α A² shows in sweeps, so that α as observed sets the metres; where it is negative, effects must have lowered the film's own.
+        """
+        first = np.array([span.start for span in data.spans])
+        drive, frequency = data.drive[first] * data.reference, np.full(len(first), base["frequency"])
+        alpha, silent = -self.simulated_alpha if self.softens else self.simulated_alpha, np.zeros(len(data.frequency), complex)
+        driven = np.asarray(data.frequency)
+        plain = Oscillator(frequency, base["linewidth"], alpha, 0.0, 0.0, drive, base["peak"], self._time, driven, silent)
+        mode = apply("oscillator", plain, effects, values)
+        return (replace(mode, alpha=alpha), 2 * alpha - mode.alpha) if self.softens else (mode, self.simulated_alpha)
 
     def _states(self, mode: Oscillator, data: Sweeps, linear: Array) -> list[ComplexArray]:
         """Return b = A/(A₁F) on the low and on the high sheet, continued past its fold.
@@ -157,7 +157,8 @@ class ResponseProblem:
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (V − V_predicted)/σ of all real, then of all imaginary parts."""
-        deviation = (base.get("alpha", self.simulated_alpha) / self.simulated_alpha - 1) / ALPHA_SD
+        _, own = self._mode(effects, base, values, self.sweeps)
+        deviation = (own / self.simulated_alpha - 1) / ALPHA_SD
         return self._whole((self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise, deviation)
 
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
@@ -177,8 +178,8 @@ class ResponseProblem:
         return {"the same sweeps at twice the drives": self._whole(volts)}
 
     def systematic(self, unit: str) -> float:
-        """Return how uncertain metres are through the simulated α, which scales as m⁻², unless it is itself fitted."""
-        powers = {} if self.softens else {"m/V": 1, "V/m": -1, "m^-1": -1, "m^-2": -2, "m^-4": -4}
+        """Return how uncertain metres are through the simulated α, which scales as m⁻²."""
+        powers = {"m/V": 1, "V/m": -1, "m^-1": -1, "m^-2": -2, "m^-4": -4}
         return abs(powers.get(unit, 0)) / 2 * ALPHA_SD
 
     def alike(self, base: dict[str, float]) -> list[dict[str, float]]:

@@ -1,0 +1,61 @@
+"""Sweeps with a second mode near by, and sweeps that soften, stepped in time by the slow flow."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from femnl import measurement
+from femnl.diagnose import diagnose
+from femnl.types.diagnosis import Diagnosis
+
+Complex = NDArray[np.complex128]
+F0, WIDTH, PEAK, PER_METRE, NOISE = 2.9324e6, 4.0, 1.75e-7, 2e5, 1.5e-5
+
+
+def sweeps(path: Path, alpha: float, coupling: float) -> Diagnosis:
+    """Diagnose up and down sweeps; a second mode crosses 6 Hz above resonance, coupling [Hz²] at one linewidth of stiffening."""
+    rng, drives, direction = np.random.default_rng(1), np.repeat([0.05, 0.1, 0.2, 0.4], 2), np.tile([1, -1], 4)
+    bend = 0.375 * F0 * alpha * (PEAK * drives.max()) ** 2
+    frequency = np.linspace(F0 - 10 * WIDTH + min(0.8 * bend, 0), F0 + 8 * WIDTH + max(0.8 * bend, 0), 161)
+    square, state = 8 * WIDTH / (3 * F0 * abs(alpha)), np.zeros(8, complex)
+    volts = np.empty((8, len(frequency)), complex)
+    for k in range(len(frequency)):
+        point = np.where(direction > 0, k, len(frequency) - 1 - k)
+        f = frequency[point]
+        cubic = np.asarray(0.375 * F0 * alpha - coupling / square / (F0 + 6 - f + 0.75j), np.complex128)
+
+        def rate(a: Complex, f: NDArray[np.float64] = f, cubic: Complex = cubic) -> Complex:
+            pull = 2 * (F0 + cubic * np.abs(a) ** 2 - f) / WIDTH
+            return np.asarray(-1j * (PEAK * drives - a * (pull + 1j)))
+
+        for _ in range(500):
+            h = 0.03
+            one = rate(state)
+            two = rate(state + h / 2 * one)
+            three = rate(state + h / 2 * two)
+            state = state + h / 6 * (one + 2 * two + 2 * three + rate(state + h * three))
+        volts[np.arange(8), point] = state
+    signal = PER_METRE * volts * np.exp(0.4j)
+    signal = signal + NOISE * (rng.standard_normal(signal.shape) + 1j * rng.standard_normal(signal.shape))
+    data = measurement.response(frequency, signal, noise_sd=NOISE, wavelength=632.8e-9, mode="2,2", drive=drives, direction=direction)
+    measurement.write(measurement.bundle({"sweeps": data}, geometry="square-270um"), path)
+    return diagnose(path)
+
+
+@pytest.mark.slow
+def test_a_wiggle_at_fixed_frequency_is_an_internal_resonance_with_its_place_width_and_order(tmp_path: Path) -> None:
+    found = sweeps(tmp_path / "response.nc", 2.3e10, 6.0)
+    assert (found.verdict, found.causes) == ("explained", ("internal_resonance",)), (found.where, found.alternatives)
+    for name, truth in (("coupling_square", 6.0), ("width", 1.5), ("order", 2.0)):
+        size = found.parameters["internal_resonance"][name]
+        assert abs(size.value - truth) < 4 * size.sd + 1e-3 * truth, size
+
+
+def test_sweeps_that_soften_show_a_quadratic_force(tmp_path: Path) -> None:
+    found = sweeps(tmp_path / "response.nc", -1.2e10, 0.0)
+    assert (found.verdict, found.causes) == ("explained", ("quadratic_stiffness",)), (found.where, found.alternatives)
+    kappa = found.parameters["quadratic_stiffness"]["kappa2"]
+    # (10/9) κ₂² must make up for the film's own α and for the negative one that is seen, which sets the metres.
+    assert 10 / 9 * kappa.value**2 == pytest.approx(2 * 2.75e10, rel=0.01)
