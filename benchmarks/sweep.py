@@ -16,7 +16,7 @@ from pathlib import Path
 from femnl.sweep import engine, open_store, read_sweep, run
 from femnl.sweep.point import Point, Record, Settings, attempt
 
-POINTS = 40
+POINTS = 20
 GEOMETRY = """
 name = "film"
 source = "a benchmark"

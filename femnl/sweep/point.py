@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from femnl.errors import FemnlError, GeometryError
 from femnl.geometry.schema import GeometryFile
 from femnl.geometry.tables import complaint
+from femnl.modes.dilution import dilution
 from femnl.predict import solve_modes, solve_nonlinearity
 from femnl.types.device import Model
 from femnl.types.mechanics import Modes, Nonlinearity
@@ -31,6 +32,7 @@ MODAL: dict[str, tuple[str, Callable[[Modes], tuple[Array, Array]]]] = {
     "frequency": ("Hz", lambda modes: (modes.frequency, modes.frequency_error)),
     "ratio": ("1", lambda modes: (modes.ratio, modes.ratio_error)),
     "effective_mass": ("kg", lambda modes: (modes.effective_mass, modes.effective_mass_error)),
+    "dilution": ("1", dilution),
 }
 GEOMETRIC: dict[str, tuple[str, Callable[[Nonlinearity], tuple[Array, Array]]]] = {
     "alpha": ("m^-2", lambda found: (found.alpha, found.alpha_error)),

@@ -100,7 +100,7 @@ def read_sweep(path: Path) -> Sweep:
     try:
         settings = _settings(spec)
         sweep = Sweep(model.name, tomllib.loads(model.text), settings, tuple(read_axis(table) for table in spec.axis), spec.sample)
-        _check(sweep, spec)
+        _check(sweep, spec, model.bending)
     except ParameterError as error:
         raise ParameterError(one_line(f"{path}: {error}")) from None
     return sweep
@@ -134,7 +134,7 @@ def _settings(spec: SpecFile) -> Settings:
     return Settings(spec.modes, spec.resolution, spec.symmetry, tuple(name for name in KEPT if name in spec.keep))
 
 
-def _check(sweep: Sweep, spec: SpecFile) -> None:
+def _check(sweep: Sweep, spec: SpecFile, bending: bool) -> None:
     """Refuse a sweep that cannot be meant, before any point is solved."""
     for path in sweep.paths:
         try:
@@ -142,6 +142,8 @@ def _check(sweep: Sweep, spec: SpecFile) -> None:
         except KeyError:
             known = sorted(_leaves(sweep.base))
             raise ParameterError(f"axis {path}: the geometry {spec.geometry} gives no such value; {suggest(path, known)}") from None
+    if "dilution" in spec.keep and not bending and "model.bending" not in sweep.paths:
+        raise ParameterError(f'keep = "dilution": {spec.geometry} has bending = false, which leaves nothing that loses energy; set it true')
     if len(set(sweep.paths)) < len(sweep.paths):
         twice = next(path for path in sweep.paths if sweep.paths.count(path) > 1)
         raise ParameterError(f"axis {twice}: two axes vary it; leave one of them out")
