@@ -30,6 +30,7 @@ from femnl.types.remainder import MOST, remainder
 Array = NDArray[np.float64]
 Membrane = Callable[[Cell], Array]
 
+SAFETY = 2.5  # on the remainder of the stretching energies
 SMOOTH = 0.05  # of the last difference between degrees, at least, what the in-plane displacement of smooth edges leaves
 PAIR_BYTES = 512  # of memory a triangle and pair of modes: 16 in-plane unknowns, 4 copies
 
@@ -57,7 +58,7 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False, membrane:
     k3, full = grades[0]
     scale = np.abs([k for k, _ in grades]) / np.array([m.effective_mass for m in modes.grades]) ** 2  # of mass-normalised shapes
     left = _left(modes, edge)
-    relative = remainder(list(scale), scale[0], left) / scale[0] if len(grades) > 1 else np.full(n, np.inf)
+    relative = remainder(list(scale), scale[0], left, SAFETY) / scale[0] if len(grades) > 1 else np.full(n, np.inf)
     k3_error = k3 * (relative + 4 * modes.peak_error)
     alpha = k3 / modes.stiffness
     alpha_error = alpha * (relative + 2 * (modes.peak_error + modes.frequency_error / modes.frequency))
@@ -97,7 +98,7 @@ def _tensor_error(modes: Modes, grades: list[tuple[Array, Array | None]], k3: Ar
     for m, (_, full) in zip(modes.grades, grades, strict=True):
         size = np.sqrt(m.effective_mass / modes.effective_mass)
         normal.append(np.einsum("ijkl,i,j,k,l->ijkl", np.empty(0) if full is None else full, *(1 / size,) * 4))
-    relative = remainder(normal, scale, left) / scale if len(normal) > 1 else np.full(scale.shape, np.inf)
+    relative = remainder(normal, scale, left, SAFETY) / scale if len(normal) > 1 else np.full(scale.shape, np.inf)
     four = sum(np.expand_dims(peak, tuple(a for a in range(4) if a != axis)) for axis in range(4))
     known = np.isfinite(four)
     return np.asarray(np.where(known, scale * relative + np.abs(normal[0]) * np.where(known, four, 0.0), np.inf))

@@ -13,6 +13,7 @@ from femnl.types.remainder import ROUNDING, remainder, settle
 Array = NDArray[np.float64]
 
 DEGENERATE = 1e-6  # relative difference of frequencies up to which shapes are turned to a canonical pair
+PEAK_SAFETY = 0.7  # on the remainder of a largest value: departures are the largest in whole triangles
 STEADY = 0.02  # of the last difference between degrees, what is taken to be left at least
 UNLIKE = 0.02  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike
 REENTRANT = 0.5  # of the last difference between degrees, what an inner corner may leave: it converges slowly in the degree
@@ -122,7 +123,7 @@ class Modes:
         Counterparts are turned to match, so what neighbours in frequency and of one symmetry mix by √(δf_i δf_j)/|f_i − f_j| is added.
         """
         last, *before = [m.departure for m in self.grades if m.departure is not None] or [np.full(len(self.frequency), np.nan)]
-        left = settle(last, before[0], 1.0, 0.0) if before else last
+        left = settle(last, before[0], PEAK_SAFETY, 0.0) if before else last
         return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) + (self._mixing if before else 0.0))
 
     @property

@@ -13,8 +13,8 @@ MOST = 3.0  # of the last difference, where three degrees do not show that they 
 ROUNDING = 1e-11  # relative, of coordinates and of solutions
 
 
-def remainder(values: Sequence[Array], scale: Array, least: float) -> Array:
-    """Error of the finest of three (or two) approximations: |Q₄ − Q₃| times what |Q₄ − Q₃| is of |Q₃ − Q₂|, and a safety of four.
+def remainder(values: Sequence[Array], scale: Array, least: float, safety: float = SAFETY) -> Array:
+    """Error of the finest of three (or two) approximations: |Q₄ − Q₃| times what |Q₄ − Q₃| is of |Q₃ − Q₂|, times a safety.
 
     Args: values: fine, coarse and coarsest, each of one shape; NaN where an approximation is missing. scale: their natural size.
         least: of the last difference, what is taken to be left however fast it fell.
@@ -23,7 +23,7 @@ def remainder(values: Sequence[Array], scale: Array, least: float) -> Array:
     """
     fine, coarse, *more = (value / scale for value in values)
     last = np.abs(fine - coarse)
-    left = settle(last, np.abs(coarse - more[0]), SAFETY, least) if more else last
+    left = settle(last, np.abs(coarse - more[0]), safety, least) if more else last
     return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) * np.abs(scale))
 
 
