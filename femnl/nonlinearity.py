@@ -30,7 +30,7 @@ from femnl.types.remainder import MOST, remainder
 Array = NDArray[np.float64]
 Membrane = Callable[[Cell], Array]
 
-SAFETY = 2.5  # on the remainder of the stretching energies
+SAFETY = 1.5  # on the remainder of stretching energies, to which that of the largest values is added
 SMOOTH = 0.05  # of the last difference between degrees, at least, what the in-plane displacement of smooth edges leaves
 PAIR_BYTES = 512  # of memory a triangle and pair of modes: 16 in-plane unknowns, 4 copies
 
