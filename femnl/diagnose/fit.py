@@ -50,18 +50,9 @@ class Solution:
         an effect is, is not known even to the order of magnitude: half of the prior of a strength is uniform in its logarithm over
         the decades of `DECADES`, or else the widest range that anyone cares to allow would decide between weak causes.
         """
-        low, high = self.model.bounds
-        width = high - low
-        sd = np.sqrt(np.diag(self.covariance))
-        log_prior = 0.0
-        for (owner, knob), value, s, w, a, b in zip(self.model.knobs, self.vector, sd, width, low, high, strict=True):
-            density = 1 / (max(value, a) * np.log(b / a)) if knob.log else 1 / w
-            if knob.strength and owner != "base" and not knob.log:
-                sides = 2 if a < 0 < b else 1
-                density = 0.5 / w + 0.5 / (sides * max(abs(value), s) * np.log(DECADES))
-            log_prior += float(np.log(density))
         _, log_volume = np.linalg.slogdet(self.covariance)
-        return float(-self.chi2 / 2 + log_prior + 0.5 * (self.vector.size * np.log(2 * np.pi) + log_volume))
+        peak = -self.chi2 / 2 + log_prior(self.model, self.vector, np.sqrt(np.diag(self.covariance)))
+        return float(peak + 0.5 * (self.vector.size * np.log(2 * np.pi) + log_volume))
 
     @property
     def free(self) -> NDArray[np.bool_]:
@@ -74,6 +65,19 @@ class Solution:
     def stuck(self) -> list[str]:
         """Names of the parameters of effects that ended at a bound."""
         return [f"{owner}.{knob.name}" for (owner, knob), f in zip(self.model.knobs, self.free, strict=True) if not f and owner != "base"]
+
+
+def log_prior(model: Extended, vector: Array, sd: Array) -> float:
+    """Return the logarithm of the density of all priors at a vector; a strength counts as at least its sd."""
+    low, high = model.bounds
+    total = 0.0
+    for (owner, knob), value, s, a, b in zip(model.knobs, vector, sd, low, high, strict=True):
+        density = 1 / (max(value, a) * np.log(b / a)) if knob.log else 1 / (b - a)
+        if knob.strength and owner != "base" and not knob.log:
+            sides = 2 if a < 0 < b else 1
+            density = 0.5 / (b - a) + 0.5 / (sides * max(abs(value), s) * np.log(DECADES))
+        total += float(np.log(density))
+    return total
 
 
 def tangent_steps(model: Extended, vector: Array, at: Array) -> Array:

@@ -1,5 +1,6 @@
 """Which causes, alone or together, explain what the base model leaves: ranked cheaply, fitted, compared."""
 
+import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ from femnl.diagnose.fit import Solution, fit
 from femnl.diagnose.problem import Extended, Problem
 from femnl.types.effect import Effect
 
+PROGRESS = logging.getLogger("femnl.progress")
 FALSE_ALARMS = 0.01
 """p-value below which the base model is not adequate."""
 HOPELESS = 1e-3
@@ -77,6 +79,7 @@ def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
     Greedy: sets grow by the effects that their residuals point to most, and no further once one of them explains the data.
     """
     model = Extended(problem)
+    PROGRESS.info("%s: fitting the base model", problem.kind)
     base = criticise(fit(model, problem.start), library)
     found = [base]
     if base.p_value >= FALSE_ALARMS:
@@ -113,10 +116,16 @@ def _grown(parent: Candidate, library: list[Effect]) -> Iterable[Solution]:
     excess = parent.solution.chi2 - parent.solution.degrees
     promising = [name for i, name in enumerate(best) if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)]
     for effect in [e for e in library if e.name in promising and e.name not in mine]:
+        _tell(parent, effect)
         yield min((_extend(parent, effect, look.values) for look in _unlike(best[effect.name])), key=lambda s: s.chi2)
     for effect in library:
         if effect.name not in mine and not any(knob.strength for knob in effect.parameters):
+            _tell(parent, effect)
             yield _replaced(parent, effect)
+
+
+def _tell(parent: Candidate, effect: Effect) -> None:
+    PROGRESS.info("%s: trying %s", parent.solution.model.problem.kind, " + ".join(sorted((*parent.names, effect.name))))
 
 
 def _unlike(found: list[Look]) -> list[Look]:
