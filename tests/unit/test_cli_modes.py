@@ -1,0 +1,47 @@
+"""`femnl modes`: a tolerance that is met, an even film for the holes, and errors of every number."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femnl.cli._main import run
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+def test_a_tolerance_holds_for_every_frequency_and_every_number_has_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["modes", "square-270um", "--no-bending", "-n", "3", "--tolerance", "1e-8", "--tensor", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    frequency = np.array([mode["frequency"] for mode in record["modes"]])
+    assert np.all(np.array(record["errors"]["frequency"]) <= 1e-8 * frequency)
+    np.testing.assert_allclose(frequency / frequency[0], np.sqrt([1, 2.5, 2.5]), rtol=2e-8)
+    assert set(record["errors"]) == {"frequency", "ratio", "effective_mass", "k3", "alpha", "tensor"}
+    assert np.shape(record["errors"]["tensor"]) == (3, 3, 3, 3)
+    assert all(np.all(np.isfinite(np.array(error))) for error in record["errors"].values())
+
+
+def test_holes_taken_as_an_even_film_cost_a_second_and_say_so(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["modes", "square-270um-perforated", "-n", "4", "--homogenised"]) == 0
+    out = capsys.readouterr().out
+    assert "an even film in the place of the holes" in out
+    assert "±" not in out
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--tolerance", "1e-6", "--resolution", "2"], "femnl: --resolution 2: a tolerance sets the resolution; give one of the two"),
+        (["--tolerance", "2"], "femnl: tolerance = 2: expected a relative error from 2e-11, where rounding sets in, to 0.1"),
+        (["--homogenised", "--tolerance", "1e-6"], "femnl: --homogenised: the even film has a mesh of its own; leave out --tolerance, "),
+        (["--homogenised"], "femnl: square-270um: holes: the homogenised film needs a rectangular array of at least two of them"),
+    ],
+)
+def test_contradictory_wishes_are_one_line(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["modes", "square-270um", *words]) == 2
+    assert capsys.readouterr().err.startswith(line)
