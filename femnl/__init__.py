@@ -10,7 +10,10 @@ __version__ = "0.1.0"
 _HOMES = {
     "load": "femnl.geometry",
     "solve_modes": "femnl.predict",
+    "solve_modes_to": "femnl.predict",
     "solve_nonlinearity": "femnl.predict",
+    "solve_homogenised": "femnl.lattice",
+    "solve_cell": "femnl.lattice",
     "harmonic_maps": "femnl.predict",
     "shape_at": "femnl.modes",
     "SineFringe": "femnl.optics",
