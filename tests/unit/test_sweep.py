@@ -212,7 +212,7 @@ class TestStore:
 
     def test_what_is_known_is_not_solved_again_and_a_larger_sweep_adds_to_it(self, tmp_path: Path) -> None:
         seen: list[Record] = []
-        for axes, new in ((STRESSES, 3), (STRESSES, 0), (STRESSES.replace('"1 GPa"', '"4 GPa", "1 GPa", "1 GPa"'), 1)):
+        for axes, new in ((STRESSES, 3), (STRESSES, 0), (STRESSES.replace('"1 GPa"', '"4 GPa", "4 GPa", "1 GPa"'), 1)):
             sweep = read_sweep(write(tmp_path, axes))
             with open_store(tmp_path / "s.jsonl", sweep.settings, None, False) as store:
                 before = len(seen)
@@ -233,6 +233,9 @@ class TestStore:
             run(sweep, store, made_up, seen.append)
         assert len(seen) == 1
         assert path.read_bytes() == whole
+        path.write_bytes(whole + last[:30] + b"x" * 10_000)
+        with open_store(path, sweep.settings, None, False):
+            assert path.read_bytes() == whole
 
     def test_a_damaged_line_is_named(self, tmp_path: Path) -> None:
         sweep, path = read_sweep(write(tmp_path, STRESSES)), tmp_path / "s.jsonl"
