@@ -5,11 +5,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from docutils import nodes
-from docutils.utils.math.latex2mathml import tex2mathml
 from matplotlib.figure import Figure
-from sphinx.application import Sphinx
-from sphinx_gallery.scrapers import figure_rst
+
+# Without types, and only there where the site is built.
+nodes, mathml = import_module("docutils.nodes"), import_module("docutils.utils.math.latex2mathml")
+figure_rst = import_module("sphinx_gallery.scrapers").figure_rst
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
 
@@ -55,25 +55,25 @@ def keep_figures(block: Any, variables: dict[str, Any], settings: dict[str, Any]
     return str(figure_rst(paths, settings["src_dir"]))
 
 
-def setup(app: Sphinx) -> None:
+def setup(app: Any) -> None:
     """Draw formulas as MathML, and take docstrings as they are written."""
     app.add_html_math_renderer("mathml", inline_renderers=(draw_formula, None), block_renderers=(draw_equation, None))
     app.connect("autodoc-process-docstring", lay_out)
 
 
-def draw_formula(writer: Any, node: nodes.math) -> None:
+def draw_formula(writer: Any, node: Any) -> None:
     """Write a formula within a line."""
-    writer.body.append(tex2mathml(node.astext()))
+    writer.body.append(mathml.tex2mathml(node.astext()))
     raise nodes.SkipNode
 
 
-def draw_equation(writer: Any, node: nodes.math_block) -> None:
+def draw_equation(writer: Any, node: Any) -> None:
     """Write a formula on a line of its own."""
-    writer.body.append(f'<div class="math">{tex2mathml(node.astext(), as_block=True)}</div>')
+    writer.body.append(f'<div class="math">{mathml.tex2mathml(node.astext(), as_block=True)}</div>')
     raise nodes.SkipNode
 
 
-def lay_out(app: Sphinx, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
+def lay_out(app: object, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
     """Keep |ξ| and * as they stand, and begin a line with each of Args, Returns, Raises, Valid and Source."""
     text = [line.replace("\\", r"\\").replace("|", r"\|").replace("*", r"\*").replace("_ ", r"\_ ") for line in lines]
     lines[:] = []

@@ -5,7 +5,7 @@ import logging
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from platformdirs import user_cache_path
@@ -42,8 +42,8 @@ def cached_nonlinearity(modes: Modes, edge: str, tensor: bool, solve: Callable[[
     def write(file: Path, found: Nonlinearity) -> None:
         none = np.empty(0)
         full, full_error = (none if part is None else part for part in (found.tensor, found.tensor_error))
-        bars = {"k3_error": found.k3_error, "alpha_error": found.alpha_error, "tensor_error": full_error}
-        np.savez(file, allow_pickle=False, k3=found.k3, alpha=found.alpha, tensor=full, **bars)
+        bars: dict[str, Any] = {"k3_error": found.k3_error, "alpha_error": found.alpha_error, "tensor_error": full_error}
+        np.savez(file, k3=found.k3, alpha=found.alpha, tensor=full, **bars)
 
     return kept(path, read, solve, write)
 
