@@ -8,6 +8,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
 from femnl import resources
 from femnl.plot.screen import need_offscreen
+from femnl.report.blind import blind
 from femnl.report.checks import check
 from femnl.report.mechanics import EDGES, Part, Row, alpha_table, describe_geometry, frequency_table, ratio_table, solve
 from femnl.report.numbers import plain, with_error
@@ -58,7 +59,14 @@ def write_report(
     checks = check(cases or resources.cases(), select, progress)
     progress("page")
     page = _template().render(
-        sections=sections, checks=checks, models=models, provenance=provenance(models), edges=EDGES, plain=plain, with_error=with_error
+        sections=sections,
+        checks=checks,
+        models=models,
+        blind=blind(cases or resources.cases()),
+        provenance=provenance(models),
+        edges=EDGES,
+        plain=plain,
+        with_error=with_error,
     )
     path = out / NAME
 

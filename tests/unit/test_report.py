@@ -1,5 +1,6 @@
 """The report: its numbers, what it says of a case that fails, and how it looks in a real browser."""
 
+import json
 import os
 import re
 import shutil
@@ -8,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
@@ -16,6 +18,7 @@ from femnl.errors import ParameterError
 from femnl.geometry import load
 from femnl.predict import solve_modes, solve_nonlinearity
 from femnl.report import Device, Drive, Published, write_report
+from femnl.report.blind import blind
 from femnl.report.numbers import plain, ppm, with_error
 from femnl.report.published import HEXAGON, SQUARE
 
@@ -262,3 +265,33 @@ def test_the_report_prints_on_pages_that_cut_no_table(browser: Browser, report: 
     assert page.evaluate("[...document.querySelectorAll('.scroll')].every(frame => frame.scrollWidth <= frame.clientWidth + 1)")
     assert page.pdf(prefer_css_page_size=True).startswith(b"%PDF")
     page.close()
+
+
+def _rate(k: int, n: int, low: float, high: float, *target: object) -> dict[str, Any]:
+    rate = {"n": n, "k": k, "rate": k / n, "interval": [low, high], "by_kind": {"map": {"n": n, "k": k, "rate": k / n}}}
+    return rate | ({"target": list(target)} if target else {})
+
+
+@pytest.mark.parametrize(
+    ("rate", "text"),
+    [
+        (_rate(0, 400, 0.0, 0.009, "at most", 0.02), "≤ 2 %: met"),
+        (_rate(0, 100, 0.0, 0.036, "at most", 0.02), "≤ 2 %: not decided by so few draws"),
+        (_rate(9, 100, 0.04, 0.16, "at most", 0.02), "≤ 2 %: missed"),
+        (_rate(90, 100, 0.82, 0.95, "at least", 0.97), "≥ 97 %: missed"),
+        (_rate(65, 100, 0.55, 0.74, "within", 0.68), "64 … 72 %: met"),
+        (_rate(50, 100, 0.4, 0.6, "within", 0.68), "64 … 72 %: missed"),
+    ],
+)
+def test_a_rate_of_the_blind_study_says_whether_it_meets_its_target(rate: dict[str, Any], text: str, tmp_path: Path) -> None:
+    board = {"seed": 7, "draws": 400, "rates": {"named": rate}, "limits": {"map: tilt": {"sigma": 5.2, "draws": 30, "slope": 1e-4}}}
+    (tmp_path / "blind.json").write_text(json.dumps(board), encoding="utf-8")
+    found = blind(tmp_path)
+    assert found is not None
+    assert found.rates[0][-1] == text
+    assert found.by_kind == [["named", f"{rate['k']} of {rate['n']}"]]
+    assert found.limits == [["map: tilt", "5.2", "30", "slope 1·10⁻⁴"]]
+
+
+def test_without_a_blind_study_the_page_says_nothing_of_it(tmp_path: Path) -> None:
+    assert blind(tmp_path) is None

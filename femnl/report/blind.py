@@ -1,0 +1,74 @@
+"""The blind study on the page: how often a hidden cause is named, as `make blind` counted it."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from femnl.report.numbers import plain
+
+NAME = "blind.json"
+"""File of the scoreboard beside the validation cases."""
+WORDS = {"at most": "≤", "at least": "≥"}
+HALF = 0.04
+"""How far from its target a rate may lie that should be met from both sides."""
+
+
+@dataclass(frozen=True)
+class Blind:
+    """Rates with their targets, rates by kind of measurement, limits of detection in σ, as rows of tables."""
+
+    draws: int
+    seed: int
+    rates: list[list[str]]
+    kinds: list[str]
+    by_kind: list[list[str]]
+    limits: list[list[str]]
+
+
+def blind(folder: Path) -> Blind | None:
+    """Read the scoreboard beside the validation cases; None where there is none."""
+    path = folder / NAME
+    if not path.is_file():
+        return None
+    board = json.loads(path.read_text(encoding="utf-8"))
+    kinds = sorted({kind for rate in board["rates"].values() for kind in rate["by_kind"]})
+    counted = {name: rate for name, rate in board["rates"].items() if rate["n"]}
+    return Blind(
+        board["draws"],
+        board["seed"],
+        [[name, f"{r['k']} of {r['n']}", _percent(r["rate"]), _interval(r), _target(r)] for name, r in counted.items()],
+        kinds,
+        [[name, *(_share(rate["by_kind"].get(kind)) for kind in kinds)] for name, rate in counted.items()],
+        [[name, plain(limit["sigma"], 3), str(limit["draws"]), _sizes(limit)] for name, limit in board["limits"].items()],
+    )
+
+
+def _percent(rate: float) -> str:
+    return f"{100 * rate:.3g} %"
+
+
+def _interval(rate: Mapping[str, Any]) -> str:
+    low, high = rate["interval"]
+    return f"{100 * low:.3g} … {100 * high:.3g} %"
+
+
+def _share(rate: Mapping[str, Any] | None) -> str:
+    return "–" if rate is None or not rate["n"] else f"{rate['k']} of {rate['n']}"
+
+
+def _target(rate: Mapping[str, Any]) -> str:
+    """The target, and whether the interval meets it, misses it, or is too wide to say."""
+    if "target" not in rate:
+        return "–"
+    word, goal = rate["target"]
+    low, high = rate["interval"]
+    if word == "within":
+        return f"{100 * (goal - HALF):.3g} … {100 * (goal + HALF):.3g} %: {'met' if abs(rate['rate'] - goal) <= HALF else 'missed'}"
+    met, missed = (high <= goal, low > goal) if word == "at most" else (low >= goal, high < goal)
+    return f"{WORDS[word]} {100 * goal:.3g} %: {'met' if met else 'missed' if missed else 'not decided by so few draws'}"
+
+
+def _sizes(limit: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {plain(value, 3)}" for name, value in limit.items() if name not in ("sigma", "draws")) or "–"
