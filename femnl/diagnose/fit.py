@@ -18,6 +18,8 @@ DECADES = 1e6
 AT_BOUND = 1e-12
 """Distance, in parts of the range, up to which a result counts as stuck at its bound, where the optimiser puts it exactly."""
 
+LOOSE = 0.05
+"""Part of its range below which the data know a parameter that shapes an effect."""
 FTOL, XTOL = 1e-7, 1e-9
 """Relative changes of χ² and of the parameters at which a fit ends."""
 
@@ -63,8 +65,11 @@ class Solution:
 
     @property
     def stuck(self) -> list[str]:
-        """Names of the parameters of effects that ended at a bound."""
-        return [f"{owner}.{knob.name}" for (owner, knob), f in zip(self.model.knobs, self.free, strict=True) if not f and owner != "base"]
+        """Names of the parameters of effects that ended at a bound; a shape that the data hardly know may end anywhere."""
+        low, high = self.model.bounds
+        known = np.sqrt(np.diag(self.covariance)) < LOOSE * (high - low)
+        found = zip(self.model.knobs, self.free, known, strict=True)
+        return [f"{owner}.{knob.name}" for (owner, knob), f, k in found if owner != "base" and not f and (knob.strength or k)]
 
 
 def log_prior(model: Extended, vector: Array, sd: Array) -> float:
