@@ -290,7 +290,7 @@ def test_a_rate_of_the_blind_study_says_whether_it_meets_its_target(rate: dict[s
     assert found is not None
     assert found.rates[0][-1] == text
     assert found.by_kind == [["named", f"{rate['k']} of {rate['n']}"]]
-    assert found.limits == [["map: tilt", "5.2", "30", "slope 1·10⁻⁴"]]
+    assert found.limits == [["map: tilt", "5.2", "30", "slope 0.0001"]]
 
 
 def test_without_a_blind_study_the_page_says_nothing_of_it(tmp_path: Path) -> None:
