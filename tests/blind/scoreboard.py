@@ -162,7 +162,7 @@ def _confusion(records: list[Record]) -> Any:
             answer = r["named"][0]
         table[names.index((r["causes"] or ["none"])[0]), columns.index(answer)] += 1
     share = table / np.maximum(table.sum(axis=1, keepdims=True), 1)
-    figure = new_figure(height=6.4)
+    figure = new_figure(height=0.2 * len(names) + 1.6)
     axes = figure.add_subplot()
     axes.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     for (i, j), n in np.ndenumerate(table):
@@ -193,7 +193,7 @@ def _detection(records: list[Record]) -> Any:
     axes.axvline(DETECTABLE, color="#999999", linewidth=0.7)
     axes.set_xscale("log")
     axes.set_yticks(range(len(alone)), [name.replace("_", " ") for name in alone])
-    axes.invert_yaxis()
+    axes.set_ylim(len(alone) - 0.4, -0.6)
     axes.set_xlabel("size of the effect in the data, in σ")
     figure.legend(loc="outside upper center", ncols=3)
     return figure

@@ -46,7 +46,7 @@ def finished(todo: list[Job], scheduler: str | None, workers: int) -> Iterator[t
         from distributed import as_completed as completed
 
         with Client(scheduler) as client:
-            remote = {client.submit(run, job, pure=False): job for job in todo}
+            remote = {client.submit(_on_worker, job, pure=False): job for job in todo}
             for future in completed(list(remote)):
                 yield remote[future], _outcome(remote[future], future)
         return
@@ -54,6 +54,14 @@ def finished(todo: list[Job], scheduler: str | None, workers: int) -> Iterator[t
         local = {pool.submit(run, job): job for job in todo}
         for done in as_completed(local):
             yield local[done], _outcome(local[done], done)
+
+
+def _on_worker(job: Job) -> dict[str, Any]:
+    """Run a draw; its file belongs to this worker alone, and xarray shall ask no cluster for a lock on it."""
+    import dask
+
+    with dask.config.set(scheduler="synchronous"):
+        return run(job)
 
 
 def _outcome(job: Job, future: Future[dict[str, Any]]) -> dict[str, Any]:
