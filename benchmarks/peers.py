@@ -116,14 +116,18 @@ def main(folder: Path) -> None:
 def _draw(path: Path, growth: list[tuple[str, int, dict[str, float | list[float]]]]) -> None:
     mpl.use("agg")
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import NullLocator
 
     figure, axes = plt.subplots(figsize=(5, 3.6), layout="constrained")
     for name in dict.fromkeys(name for name, _, _ in growth):
         holes, cost = np.array([(n, r["cpu"]) for which, n, r in growth if which == name], dtype=float).T
-        power = np.polyfit(np.log(holes), np.log(cost), 1)[0]
+        power = np.log(cost[-1] / cost[-2]) / np.log(holes[-1] / holes[-2])  # of the last step, where start-up counts least
         axes.loglog(holes, cost, "o-", label=f"{name}: N^{power:.2f}")
         sys.stdout.write(f"{name}: CPU time grows as N^{power:.2f} in the number of holes\n")
     axes.set(xlabel="holes", ylabel="CPU time (s)")
+    for axis, places in ((axes.xaxis, [n * n for n in GROWTH]), (axes.yaxis, (1, 2, 5, 10, 20, 50, 100))):
+        axis.set_minor_locator(NullLocator())
+        axis.set_ticks([float(place) for place in places], labels=[str(place) for place in places])
     axes.legend(frameon=False)
     figure.savefig(path, dpi=150)
     plt.close(figure)
