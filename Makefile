@@ -7,7 +7,7 @@ READY := .venv/.ready
 PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help env report test slow lint benchmarks lock
+.PHONY: help env report test slow blind fuzz lint docs benchmarks lowest lock
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -26,11 +26,28 @@ test: $(READY)  ## all tests but the slow studies
 slow: $(READY)  ## the slow studies
 	$(PYTEST) -m slow
 
+blind: $(READY)  ## hide causes in hundreds of files and count what the diagnosis names (hours; goes on where it stopped)
+	$(BIN)/python -m tests.blind.study build/blind
+	cp build/blind/scoreboard.json validation/blind.json
+
+fuzz: $(READY)  ## fuzz the readers for ten minutes (needs the extra fuzz)
+	$(BIN)/python -m pytest -m slow tests/robust/test_fuzz.py
+
 lint: $(READY)  ## ruff and mypy
 	@status=0; for check in "ruff check ." "ruff format --check ." mypy; do echo "$$check"; $(BIN)/$$check || status=1; done; exit $$status
 
+docs: $(READY)  ## build the documentation site, docs/_build/html
+	$(BIN)/python -m sphinx -q -W --keep-going docs docs/_build/html
+
 benchmarks: $(READY)  ## speed, memory and accuracy against peers
 	$(BIN)/python benchmarks/run.py
+
+lowest:  ## the tests with the lowest packages that pyproject.toml allows (needs uv)
+	mkdir -p build
+	uv pip compile pyproject.toml --extra test --extra fast --extra dask --resolution lowest-direct --python-version 3.11 --quiet --output-file build/lowest.txt
+	uv venv --quiet --clear --python 3.11 build/lowest
+	uv pip install --quiet --python build/lowest/bin/python -r build/lowest.txt
+	build/lowest/bin/python -m pytest -n auto --dist worksteal -m "not slow"
 
 lock:  ## pin the newest packages that pyproject.toml allows (needs uv)
 	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --upgrade --output-file requirements.lock
