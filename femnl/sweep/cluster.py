@@ -24,30 +24,38 @@ def on_cluster(points: Iterator[Point], settings: Settings, address: str, worker
     """
     for name in list(logging.root.manager.loggerDict):
         if name.split(".")[0] == "distributed":  # which tells of every step at levels of its own
-            logging.getLogger(name).setLevel(logging.ERROR)
-    with ExitStack() as stack:
-        where = (
-            stack.enter_context(LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None))
-            if address == "local"
-            else address
-        )
-        try:
-            client = stack.enter_context(Client(where, timeout=PATIENCE))
-        except (OSError, ValueError, TypeError) as error:
-            raise ParameterError(f"--scheduler {address}: no Dask scheduler answers ({error}); start one with `dask scheduler`") from error
-        _check_workers(client, address)
-        sent: dict[Future[Record], Point] = {}
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        with ExitStack() as stack:
+            yield from _solved(_connect(stack, address, workers), points, settings, address)
+    except OSError as error:
+        raise _gone(address) from error
 
-        def send(number: int) -> list[Future[Record]]:
-            futures = {client.submit(attempt, point, settings, pure=False): point for point in islice(points, number)}
-            sent.update(futures)
-            return list(futures)
 
-        finished = as_completed(send(AHEAD))
-        for future in finished:
-            point = sent.pop(future)
-            yield _record(future, point, settings, address)
-            finished.update(send(1))
+def _connect(stack: ExitStack, address: str, workers: int) -> Client:
+    where = address
+    if address == "local":
+        where = stack.enter_context(LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None))
+    try:
+        client: Client = stack.enter_context(Client(where, timeout=PATIENCE))
+    except (OSError, ValueError, TypeError) as error:
+        raise ParameterError(f"--scheduler {address}: no Dask scheduler answers ({error}); start one with `dask scheduler`") from error
+    return client
+
+
+def _solved(client: Client, points: Iterator[Point], settings: Settings, address: str) -> Iterator[Record]:
+    _check_workers(client, address)
+    sent: dict[Future[Record], Point] = {}
+
+    def send(number: int) -> list[Future[Record]]:
+        futures = {client.submit(attempt, point, settings, pure=False): point for point in islice(points, number)}
+        sent.update(futures)
+        return list(futures)
+
+    finished = as_completed(send(AHEAD))
+    for future in finished:
+        yield _record(future, sent.pop(future), settings, address)
+        finished.update(send(1))
 
 
 def _record(future: Future[Record], point: Point, settings: Settings, address: str) -> Record:
@@ -61,6 +69,10 @@ def _record(future: Future[Record], point: Point, settings: Settings, address: s
     if record["key"] != point.key(settings):
         raise ParameterError(f"--scheduler {address}: a worker has another version of femnl; install the same everywhere")
     return record
+
+
+def _gone(address: str) -> ParameterError:
+    return ParameterError(f"--scheduler {address}: the scheduler has gone; start it again and repeat the command, which goes on from here")
 
 
 def _version() -> int:

@@ -122,34 +122,41 @@ def test_a_sweep_on_processes_survives_a_killed_worker_and_a_killed_client(tmp_p
     survive(tmp_path, 8, ["--workers", "2"], start, oldest)
 
 
-@pytest.mark.parametrize("points", [10, pytest.param(120, marks=pytest.mark.slow)])
-def test_a_sweep_on_dask_survives_a_killed_worker_and_a_killed_client(points: int, tmp_path: Path, start: Starter) -> None:
-    note = tmp_path / "scheduler.json"
-    start(
-        "-m",
-        "distributed.cli.dask_scheduler",
-        "--host",
-        "127.0.0.1",
-        "--port",
-        "0",
-        "--no-dashboard",
-        "--scheduler-file",
-        str(note),
-        folder=tmp_path,
-    )
-    words = ("-m", "distributed.cli.dask_worker", "--scheduler-file", str(note), "--nthreads", "1", "--no-nanny", "--no-dashboard")
-    workers = [start(*words, "--name", str(k), folder=tmp_path) for k in range(2)]
+def cluster_of(workers: int, folder: Path, start: Starter) -> tuple[str, list[subprocess.Popen[str]]]:
+    """Start a scheduler and workers, each a process of its own; the scheduler's address and all processes, the scheduler first."""
+    note = folder / "scheduler.json"
+    words = ("--scheduler-file", str(note), "--no-dashboard")
+    processes = [start("-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", *words, folder=folder)]
+    for k in range(workers):
+        named = ("--nthreads", "1", "--no-nanny", "--name", str(k))
+        processes.append(start("-m", "distributed.cli.dask_worker", *words, *named, folder=folder))
     with patience() as pause:
         while not note.exists():
             pause()
-    address = json.loads(note.read_text())["address"]
+    return json.loads(note.read_text())["address"], processes
 
-    def one(client: subprocess.Popen[str]) -> int:
-        return workers[0].pid
 
-    survive(tmp_path, points, ["--scheduler", address], start, one)
-    assert workers[0].wait() == -signal.SIGKILL
-    assert workers[1].poll() is None
+@pytest.mark.parametrize("points", [10, pytest.param(120, marks=pytest.mark.slow)])
+def test_a_sweep_on_dask_survives_a_killed_worker_and_a_killed_client(points: int, tmp_path: Path, start: Starter) -> None:
+    address, (_, first, second) = cluster_of(2, tmp_path, start)
+    survive(tmp_path, points, ["--scheduler", address], start, lambda client: first.pid)
+    assert first.wait() == -signal.SIGKILL
+    assert second.poll() is None
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_dies_is_one_line_and_what_was_solved_stays(tmp_path: Path, start: Starter) -> None:
+    address, (scheduler, _) = cluster_of(1, tmp_path, start)
+    spec, store = sweep_file(tmp_path, 400), tmp_path / "sweep.jsonl"
+    client = start("-m", "femnl", "sweep", spec.name, "--scheduler", address, folder=tmp_path)
+    wait_for_records(store, 2)
+    scheduler.kill()
+    _, errors = client.communicate(timeout=60)
+    assert client.returncode == 2
+    assert errors.splitlines()[1:] == [
+        f"femnl: --scheduler {address}: the scheduler has gone; start it again and repeat the command, which goes on from here"
+    ]
+    assert len(records(store)) >= 2
 
 
 def test_a_point_that_kills_every_process_fails_alone(tmp_path: Path, start: Starter) -> None:
