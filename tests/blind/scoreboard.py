@@ -18,6 +18,8 @@ TOLD = 1e-3
 """Probability from which on an alternative counts as told."""
 FOUND = 0.95
 """Share of draws in which the limit of detection is found."""
+FEWEST = 20
+"""Draws below which no limit of detection is told."""
 TARGETS = {
     "false alarms": ("at most", 0.02),
     "cause named": ("at least", 0.97),
@@ -128,7 +130,7 @@ def _limits(records: list[Record]) -> dict[str, dict[str, float] | None]:
 
 def _logistic(x: np.ndarray[Any, Any], hit: np.ndarray[Any, Any]) -> float | None:
     """Return exp(x) where a + b x, fitted by likelihood with a weak prior on its steepness, says `FOUND`."""
-    if hit.min() == hit.max():
+    if hit.min() == hit.max() or len(hit) < FEWEST:
         return None
 
     def cost(v: np.ndarray[Any, Any]) -> float:

@@ -134,7 +134,7 @@ def _gradient(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
 CAUSES: dict[str, Callable[[np.random.Generator, SpectrumBench], Cause]] = {
     "added_mass": _particle,
     "aspect_ratio": _simple("elongation", 1e-4, 2e-2, signed=True),
-    "bending_stiffness": _simple("excess", 1e-13, 1e-11),
+    "bending_stiffness": _simple("excess", 1e-13, 2e-12),
     "frame_mode": _frame,
     "frequency_drift": _simple("rate", 1e-8, 9e-7, signed=True),
     "gas_loading": _simple("gas_density", 1e-2, 3.0),
