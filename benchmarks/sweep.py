@@ -17,7 +17,7 @@ from pathlib import Path
 from femnl.sweep import engine, open_store, read_sweep, run
 from femnl.sweep.point import Point, Record, Settings, attempt
 
-POINTS = 12
+POINTS = 24
 GEOMETRY = """
 name = "film"
 source = "a benchmark"
@@ -48,20 +48,20 @@ def in_process(points: Iterator[Point], settings: Settings) -> Iterator[Record]:
 def timed(name: str, solve: Callable[[Iterator[Point], Settings], Iterator[Record]], folder: Path) -> dict[str, float | str]:
     """Run the whole sweep; seconds between the first and the last record, and the seconds that the points took of them."""
     sweep = read_sweep(folder / "sweep.toml")
-    stamps: list[tuple[float, float]] = []
+    stamps: list[tuple[float, float, float]] = []
     load = os.getloadavg()[0]
-    begun, own = time.perf_counter(), time.process_time()
+    begun = time.perf_counter()
     with open_store(folder / f"{name}.jsonl", sweep.settings, None, False) as store:
-        run(sweep, store, solve, lambda record: stamps.append((time.perf_counter(), record["seconds"])))
-    (first, _), *rest = stamps
+        run(sweep, store, solve, lambda record: stamps.append((time.perf_counter(), time.process_time(), record["seconds"])))
+    (first, own, _), *rest = stamps
     return {
         "engine": name,
         "points": POINTS,
         "start": first - begun,
         "steady": stamps[-1][0] - first,
-        "in points": sum(seconds for _, seconds in rest),
+        "in points": sum(seconds for *_, seconds in rest),
         "points per second": len(rest) / (stamps[-1][0] - first),
-        "client CPU": (time.process_time() - own) / POINTS,
+        "client CPU": (stamps[-1][1] - own) / len(rest),
         "bytes a point": len(json.dumps(list(store.records.values()), ensure_ascii=False).encode()) / POINTS,
         "load before": load,
     }
@@ -88,8 +88,10 @@ def main(folder: Path) -> None:
         one, two = by[f"{kind}-1"], by[f"{kind}-2"]
         overhead = float(one["steady"]) / float(one["in points"]) - 1
         gain = float(two["points per second"]) / float(one["points per second"])
+        busy = float(two["in points"]) / float(two["steady"])
         sys.stdout.write(
-            f"{kind}: overhead {overhead:.1%} a point on one worker; two workers do {gain:.2f} times as many points a second\n"
+            f"{kind}: overhead {overhead:.1%} a point on one worker, {float(one['client CPU']) * 1e3:.1f} ms of the client's processor; "
+            f"two workers do {gain:.2f} times as many points a second, with {busy:.2f} points under way\n"
         )
 
 
