@@ -20,7 +20,8 @@ class Blind:
     """Rates with their targets, rates by kind of measurement, limits of detection in σ, as rows of tables."""
 
     draws: int
-    seed: int
+    seeds: str
+    note: str
     rates: list[list[str]]
     kinds: list[str]
     by_kind: list[list[str]]
@@ -37,7 +38,8 @@ def blind(folder: Path) -> Blind | None:
     counted = {name: rate for name, rate in board["rates"].items() if rate["n"]}
     return Blind(
         board["draws"],
-        board["seed"],
+        ", ".join(str(seed) for seed in board["seeds"]),
+        board.get("note", ""),
         [[name, f"{r['k']} of {r['n']}", _percent(r["rate"]), _interval(r), _target(r)] for name, r in counted.items()],
         kinds,
         [[name, *(_share(rate["by_kind"].get(kind)) for kind in kinds)] for name, rate in counted.items()],

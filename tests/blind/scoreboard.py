@@ -74,7 +74,7 @@ def score(records: list[Record], seed: int) -> dict[str, Any]:
         "68 % intervals hold": (pulls, lambda pair: abs(pair[1]) < 1),
         "gain within 10 % of the best": (measured, lambda r: r["gain"] > 0.9 * r["best_gain"]),
     }
-    board: dict[str, Any] = {"seed": seed, "draws": len(records), "failed": len(records) - len(good), "rates": {}}
+    board: dict[str, Any] = {"seeds": [seed], "draws": len(records), "failed": len(records) - len(good), "rates": {}}
     for name, (rows, hit) in rates.items():
         whole = list(rows)
         entry = _rate([hit(row) for row in whole])

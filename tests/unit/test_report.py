@@ -284,7 +284,7 @@ def _rate(k: int, n: int, low: float, high: float, *target: object) -> dict[str,
     ],
 )
 def test_a_rate_of_the_blind_study_says_whether_it_meets_its_target(rate: dict[str, Any], text: str, tmp_path: Path) -> None:
-    board = {"seed": 7, "draws": 400, "rates": {"named": rate}, "limits": {"map: tilt": {"sigma": 5.2, "draws": 30, "slope": 1e-4}}}
+    board = {"seeds": [7], "draws": 400, "rates": {"named": rate}, "limits": {"map: tilt": {"sigma": 5.2, "draws": 30, "slope": 1e-4}}}
     (tmp_path / "blind.json").write_text(json.dumps(board), encoding="utf-8")
     found = blind(tmp_path)
     assert found is not None
