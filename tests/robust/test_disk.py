@@ -1,6 +1,7 @@
 """Whatever befalls the disk or the process, a file is whole or as it was before: done to it for real, not imagined."""
 
 import os
+import random
 import resource
 import signal
 import subprocess
@@ -167,7 +168,11 @@ class TestCache:
             assert self.ask(3.0) == 2.0
             assert not caplog.text
 
-    @pytest.mark.parametrize("content", [b"", b"PK", b"\x89HDF\r\n\x1a\n" + bytes(5000), os.urandom(31), bytes(10**6)])
+    @pytest.mark.parametrize(
+        "content",
+        [b"", b"PK", b"\x89HDF\r\n\x1a\n" + bytes(5000), random.Random(4).randbytes(31), bytes(10**6)],
+        ids=["empty", "zip", "hdf5", "noise", "zeros"],
+    )
     def test_a_file_of_another_kind_is_solved_anew(self, content: bytes, caplog: pytest.LogCaptureFixture) -> None:
         self.path.parent.mkdir()
         self.path.write_bytes(content)
