@@ -38,7 +38,7 @@ def factorize(stiffness: csc_matrix) -> Solve:
 
 _INDEFINITE = (
     "the stiffness is not positive definite: part of the film is unsupported or under compression; "
-    "check the outline's free edges and the film stress"
+    "check the outline's free edges and the film stress, or raise the resolution"
 )
 
 

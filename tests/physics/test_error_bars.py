@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from femnl import predict
 from femnl.errors import ConvergenceError, ParameterError
+from femnl.geometry import load
 from femnl.mesh import mesh
 from femnl.predict import solve_modes, solve_modes_to, solve_nonlinearity
-from femnl.types.device import Model
+from femnl.types.device import Holes, Model
 from femnl.types.mechanics import Domain, Modes
 from femnl.types.remainder import MOST, remainder
 from tests.physics.error_battery import QUANTITIES, Film, films, measure, outline, stiff
@@ -125,3 +126,15 @@ def test_error_bars_come_without_lower_degrees_as_infinity() -> None:
     modes = replace(solve_modes(outline("square"), 2, resolution=0.5, cache=False), coarse=None)
     assert np.all(np.isinf(modes.frequency_error))
     assert np.all(np.isinf(solve_nonlinearity(modes, cache=False).alpha_error))
+
+
+def test_where_two_degrees_less_are_too_crude_the_error_is_the_whole_difference_to_one_less() -> None:
+    model = load("square-270um-perforated")
+    line = 8.56e-6 * (np.arange(10) - 4.5)
+    centres = np.stack(np.meshgrid(line, line), -1).reshape(-1, 2)
+    modes = solve_modes(replace(model, holes=Holes(centres, 0.6e-6)), 4, resolution=0.75, cache=False)
+    assert modes.coarse is not None
+    assert modes.coarse.coarse is None, "degree 2 has become able to solve this film; find another"
+    difference = np.abs(modes.frequency - modes.coarse.frequency)
+    assert np.all(modes.frequency_error >= difference)
+    assert np.all(modes.frequency_error < 1e-2 * modes.frequency)
