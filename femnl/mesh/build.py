@@ -182,7 +182,8 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
 def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> float:
     """Element size h: growing linearly with the distance from clamped edges, arcs, corners and holes.
 
-    Returns: about how many triangles that makes: ∫ dA / (h²√3/4), where every curve of length l adds ∫ l dx / (s + g x)² = l / (s g).
+    Returns: about how many triangles that makes: ∫ dA / (h²√3/4), where every curve of length l adds ∫ l dx / (s + g x)² = l / (s g),
+        and every corner of angle β ∫ βr dr / (s + g r)² = β (ln h/s − 1) / g².
     """
     field = gmsh.model.mesh.field
     layer = bending_length(model) * unit
@@ -213,12 +214,14 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
         if tags and width * unit < ELEMENTS_ACROSS * largest:
             grow_from_curves(width * unit / ELEMENTS_ACROSS / resolution, tags)
     ends = {t: np.array(gmsh.model.getValue(0, t, []))[:2] for _, t in gmsh.model.getEntities(0)}
-    for corner, size in singular_corners(model.outline, resolution, bending_length(model)):
+    for corner, angle, size in singular_corners(model.outline, resolution, bending_length(model)):
         near = [t for t, end in ends.items() if np.hypot(*(end - corner * unit)) < TOLERANCE]
         if near:
             distance = field.add("Distance")
             field.setNumbers(distance, "PointsList", near)
             grow(size * unit, distance)
+            fan = np.log(largest / (size * unit)) - 1 if size * unit < largest / np.e else 0.0
+            inverse_square.append(angle * (resolution / GROWTH) ** 2 * fan)
     wanted.append(field.add("MathEval"))
     field.setString(wanted[-1], "F", str(largest))
     smallest = field.add("Min")
