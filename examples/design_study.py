@@ -15,9 +15,10 @@ import xarray as xr
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 
+import femnl
 from femnl.plot.style import SEQUENTIAL, new_figure, panel_letters, style
 
-with xr.open_dataset(Path(__file__).with_name("design-study.nc"), engine="h5netcdf") as study:
+with xr.open_dataset(Path(femnl.__file__).parents[1] / "examples" / "design-study.nc", engine="h5netcdf") as study:
     study.load()
 radius, pitch = study["holes.radius"].values * 1e6, study["holes.pitch"].values * 1e6
 first, fourth = study.sel(mode=1), study.sel(mode=4)
