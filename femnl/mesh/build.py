@@ -220,7 +220,7 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
             distance = field.add("Distance")
             field.setNumbers(distance, "PointsList", near)
             grow(size * unit, distance)
-            fan = np.log(largest / (size * unit)) - 1 if size * unit < largest / np.e else 0.0
+            fan = max(np.log(largest / (size * unit)) - 1, 0.0)
             inverse_square.append(angle * (resolution / GROWTH) ** 2 * fan)
     wanted.append(field.add("MathEval"))
     field.setString(wanted[-1], "F", str(largest))
