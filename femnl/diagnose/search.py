@@ -25,6 +25,8 @@ SHAPES, ALIKE = 4, 0.98
 """Trial shapes of an effect from which it is fitted, and the square of the cosine from which on two are the same to the data."""
 BEAM = 2
 """Sets of causes that are extended at each step."""
+AGAIN = 3
+"""Sets whose earlier causes are sought anew where no set explains the data."""
 LARGEST = 3
 """Causes in the largest set."""
 ROUGH = 4
@@ -92,6 +94,11 @@ def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
                 names = tuple(sorted(effect.name for effect in solution.model.effects))
                 if names not in grown or solution.chi2 < grown[names].solution.chi2:
                     grown[names] = _judged(solution, library)
+        if not any(candidate.viable for candidate in grown.values()):
+            for candidate in sorted(grown.values(), key=lambda c: -c.weight)[:AGAIN]:
+                other = _sought_again(candidate.solution)
+                if other.chi2 < candidate.solution.chi2:
+                    grown[candidate.names] = _judged(other, library)
         found += grown.values()
         beam = sorted(grown.values(), key=lambda c: -c.weight)[:BEAM]
         if any(candidate.viable for candidate in grown.values()):
@@ -165,6 +172,23 @@ def _extend(parent: Candidate, effect: Effect, values: dict[str, float]) -> Solu
         starts = [vector, *(model.pack(other, [start]) for other in others)]
         return min((fit(model, other) for other in starts), key=lambda s: s.chi2)
     return fit(model, vector)
+
+
+def _sought_again(solution: Solution) -> Solution:
+    """Seek the shapes of the earlier effects anew beside the latest: they were found without it, and may be wrong."""
+    model = solution.model
+    base, values = model.split(solution.vector)
+    found = [solution]
+    for k, effect in enumerate(model.effects[:-1]):
+        if all(knob.strength for knob in effect.parameters):
+            continue
+        others = [i for i in range(len(values)) if i != k]
+        without = Extended(model.problem, tuple(model.effects[i] for i in others))
+        rest = fit(without, without.pack(base, [values[i] for i in others]))
+        start, kept = without.split(rest.vector)
+        ranked = sorted((look for look in looks(rest, [effect]) if look.gain > 0), key=lambda look: -look.gain)
+        found += [fit(model, model.pack(start, [*kept[:k], look.values, *kept[k:]])) for look in _unlike(ranked)]
+    return min(found, key=lambda s: s.chi2)
 
 
 def _centres(problem: Problem, effect: Effect) -> list[dict[str, float]]:
