@@ -186,7 +186,8 @@ def _sought_again(solution: Solution) -> Solution:
         without = Extended(model.problem, tuple(model.effects[i] for i in others))
         rest = fit(without, without.pack(base, [values[i] for i in others]))
         start, kept = without.split(rest.vector)
-        ranked = sorted((look for look in looks(rest, [effect]) if look.gain > 0), key=lambda look: -look.gain)
+        mine = [look for look in looks(rest, [effect]) if look.effect is not None and look.gain > 0]
+        ranked = sorted(mine, key=lambda look: -look.gain)
         found += [fit(model, model.pack(start, [*kept[:k], look.values, *kept[k:]])) for look in _unlike(ranked)]
     return min(found, key=lambda s: s.chi2)
 

@@ -62,3 +62,15 @@ def test_a_cause_that_the_library_lacks_is_called_unexplained(case: Case, tmp_pa
     found = diagnose(tmp_path / "file.nc", effects=[effect for effect in library().values() if effect.name not in case.causes])
     assert (found.verdict, found.causes) == ("unexplained", ()), (truth, found.causes)
     assert found.p_value < 0.01
+
+
+def test_a_particle_is_sought_anew_once_the_drift_beside_it_is_known(tmp_path: Path) -> None:
+    make(Case("spectrum", ("added_mass", "frequency_drift"), 3751252574), tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc")
+    assert (found.verdict, found.causes) == ("explained", ("added_mass", "frequency_drift")), found.where
+
+
+def test_a_particle_that_the_library_lacks_is_not_explained_by_others(tmp_path: Path) -> None:
+    make(Case("spectrum", ("added_mass",), 3652888188), tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc", effects=[effect for effect in library().values() if effect.name != "added_mass"])
+    assert (found.verdict, found.causes) == ("unexplained", ()), found.where
