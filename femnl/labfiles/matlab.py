@@ -9,9 +9,9 @@ Source: MathWorks, "MAT-File Versions" (mathworks.com/help/matlab/import_export/
 
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
@@ -27,7 +27,22 @@ from femnl.measurement import open_hdf5
 
 _NUMERIC = ("double", "single", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "logical")
 _HDF5 = b"MATLAB 7.3"
-_FAULTS = (MatReadError, ValueError, TypeError, KeyError, OSError, EOFError, IndexError, NotImplementedError, OverflowError, MemoryError)
+# What scipy's reader raises over damaged files, as fuzzing found; it alone runs where they are caught.
+_DAMAGE = (
+    MatReadError,
+    struct.error,
+    zlib.error,
+    ValueError,
+    TypeError,
+    KeyError,
+    IndexError,
+    OSError,
+    EOFError,
+    NotImplementedError,
+    OverflowError,
+    MemoryError,  # a damaged length
+)
+_Result = TypeVar("_Result")
 
 
 def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
@@ -47,15 +62,22 @@ def _column(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _read_5(path: Path, wanted: set[str]) -> dict[str, NDArray[Any]]:
+    listing = {str(name): (shape, str(kind)) for name, shape, kind in _undamaged(path, lambda: whosmat(str(path), appendmat=False))}
+    names = _allowed(path, wanted, {name: kind for name, (_, kind) in listing.items()})
+    if sum(8 * float(np.prod(listing[name][0], dtype=float)) for name in names) > LARGEST:
+        raise MeasurementError(f"{path}: variables {', '.join(names)} hold more than {LARGEST / 2**30:g} GiB; split the file")
+    found = _undamaged(path, lambda: loadmat(str(path), appendmat=False, variable_names=names))
+    if lost := [name for name in names if name not in found]:
+        raise MeasurementError(f"{path}: variable {lost[0]} is listed but cannot be read; save it again")
+    return {name: np.asarray(found[name]) for name in names}
+
+
+def _undamaged(path: Path, read: Callable[[], _Result]) -> _Result:
+    """Run scipy's reader, whose failures say that the file is damaged."""
     try:
-        listing = {str(name): (shape, kind) for name, shape, kind in whosmat(str(path), appendmat=False)}
-        names = _allowed(path, wanted, {name: kind for name, (_, kind) in listing.items()})
-        if sum(8 * float(np.prod(listing[name][0], dtype=float)) for name in names) > LARGEST:
-            raise MeasurementError(f"{path}: variables {', '.join(names)} hold more than {LARGEST / 2**30:g} GiB; split the file")
-        found = loadmat(str(path), appendmat=False, variable_names=names)
-    except (*_FAULTS, struct.error, zlib.error) as error:
-        raise MeasurementError(f"{path}: not a readable MATLAB file ({' '.join(str(error).split())[:100]}); save it again") from None
-    return {name: np.asarray(found[name]) for name in names if name in found}
+        return read()
+    except _DAMAGE as error:
+        raise MeasurementError(f"{path}: not a readable MATLAB file ({' '.join(str(error).split())[:100]}); save it again") from error
 
 
 def _read_73(path: Path, wanted: set[str]) -> dict[str, NDArray[Any]]:
