@@ -117,7 +117,8 @@ def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, .
     problem = best.solution.model.problem
     joint = problem.bought(best.solution) if isinstance(problem, JointProblem) else ()
     listed = [*((best,) if judged.verdict == "ambiguous" else ()), *judged.rivals]
-    listed += [c for c in sorted(found[1:], key=lambda c: -c.weight) if c not in listed and c is not best and share[c.names] > SHOWN]
+    if judged.verdict != "unexplained":  # where nothing explains the data, nothing is an alternative; the trials tell what was tried
+        listed += [c for c in sorted(found[1:], key=lambda c: -c.weight) if c not in listed and c is not best and share[c.names] > SHOWN]
     probability = {"adequate": base.p_value, "unexplained": 1 - base.p_value}.get(judged.verdict, share[best.names])
     forms = free_forms(base.solution) if judged.verdict == "unexplained" else ()
     return Diagnosis(
