@@ -32,7 +32,8 @@ def command(file: File, geometry: Geometry = None, out: Out = None, as_json: Jso
 
 def _show(found: Diagnosis) -> None:
     causes = f": {', '.join(found.causes)}" if found.causes else ""
-    console().print(f"[bold]{found.verdict}[/bold]{causes} (probability {found.probability:.3g}, p-value {found.p_value:.2g})")
+    p_value = f"{found.p_value:.2g}" if found.p_value else "below 1e-300"
+    console().print(f"[bold]{found.verdict}[/bold]{causes} (probability {found.probability:.3g}, p-value {p_value})")
     console().print(found.where)
     rows = [
         [owner, name, scientific(p.value, 6), scientific(p.sd, 2), p.unit]
