@@ -1,5 +1,6 @@
 """The order of the stages: from a device to its modes, their nonlinearity and what the readout shows of them."""
 
+import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -70,8 +71,13 @@ def solve_modes(
         try:
             coarse = align(solve_on_mesh(prestress.solve_prestress(domain, degree - 2), count + SPARE, degree - 2), fine)
         except ConvergenceError:
-            # Two degrees less may be too crude for the stress at a free edge, where it must not push. Errors are then the whole
-            # difference to one degree less, which is larger than what three degrees would leave.
+            # Two degrees less may be too crude for the stress at a free edge, where it must not push. Without them nothing shows that
+            # the degrees converge, and the error bars are as wide as where they do not.
+            logging.getLogger("femnl").warning(
+                "%s: degree %d is too crude for this mesh; error bars are wide, raise the resolution to narrow them",
+                model.name,
+                degree - 2,
+            )
             return replace(fine, coarse=middle)
         return replace(fine, coarse=replace(middle, coarse=coarse))
 

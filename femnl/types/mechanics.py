@@ -123,7 +123,7 @@ class Modes:
         Counterparts are turned to match, so what neighbours in frequency and of one symmetry mix by √(δf_i δf_j)/|f_i − f_j| is added.
         """
         last, *before = [m.departure for m in self.grades if m.departure is not None] or [np.full(len(self.frequency), np.nan)]
-        left = settle(last, before[0], PEAK_SAFETY, 0.0) if before else last
+        left = settle(last, before[0] if before else np.full(last.shape, np.nan), PEAK_SAFETY, 0.0)
         return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) + (self._mixing if before else 0.0))
 
     @property

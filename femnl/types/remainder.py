@@ -18,12 +18,12 @@ def remainder(values: Sequence[Array], scale: Array, least: float, safety: float
 
     Args: values: fine, coarse and coarsest, each of one shape; NaN where an approximation is missing. scale: their natural size.
         least: of the last difference, what is taken to be left however fast it fell.
-    Returns: absolute errors, infinite where there is nothing to compare with; with two approximations the difference itself.
+    Returns: absolute errors, infinite where there is nothing to compare with; two approximations do not show that they converge.
     Source: geometric convergence in the degree; held against references by tests/physics/test_error_bars.py.
     """
     fine, coarse, *more = (value / scale for value in values)
     last = np.abs(fine - coarse)
-    left = settle(last, np.abs(coarse - more[0]), safety, least) if more else last
+    left = settle(last, np.abs(coarse - more[0]) if more else np.full(last.shape, np.nan), safety, least)
     return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) * np.abs(scale))
 
 
