@@ -39,7 +39,7 @@ lint: $(READY)  ## ruff and mypy
 docs: $(READY)  ## build the documentation site, docs/_build/html
 	$(BIN)/python -m sphinx -q -W --keep-going docs docs/_build/html
 
-benchmarks: $(READY)  ## speed, memory and accuracy against peers
+benchmarks: $(READY)  ## speed, memory and accuracy against peers, into validation/benchmarks.json
 	$(BIN)/python benchmarks/run.py
 
 lowest:  ## the tests with the lowest packages that pyproject.toml allows (needs uv)
