@@ -150,13 +150,38 @@ def edges_by_local_number(space: Space, facets: Index) -> Iterator[Edges]:
         yield Edges(sides[present][:, chosen], tuple(int(e) for e in local[present]))
 
 
+@dataclass(frozen=True)
+class Kinks:
+    """Some edges: slopes ∂ₙw that jump across them (e, q, j), mean moments Mₙₙ (e, q, j), penalty σ (e, q), ds (e, q), unknowns (e, j)."""
+
+    edges: Edges
+    jump: Array
+    moment: Array
+    penalty: Array
+    ds: Array
+    dofs: Index
+
+    @property
+    def local(self) -> Array:
+        """∫ −M(w)[v] − M(v)[w] + σ[w][v] of each edge, (e, j, j)."""
+        one = np.ones_like(self.penalty)
+        moduli = as_matrix(np.stack([0 * one, self.penalty, -one], -1))
+        return local_matrices(np.stack([self.moment, self.jump], axis=2), moduli, self.ds)
+
+
 def slope_continuity(space: Space, facets: Index, rigidity: Callable[[Array], Array], poisson: float) -> Iterator[tuple[Array, Index]]:
-    """−{Mₙₙ(w)}[∂ₙv] − {Mₙₙ(v)}[∂ₙw] + σ[∂ₙw][∂ₙv] on interior facets, or with one side on facets where ∂ₙw is held at zero.
+    """Local matrices and unknowns of the interior penalty form on the given facets; see `kinks`."""
+    for found in kinks(space, facets, rigidity, poisson):
+        yield found.local, found.dofs
+
+
+def kinks(space: Space, facets: Index, rigidity: Callable[[Array], Array], poisson: float) -> Iterator[Kinks]:
+    """−{Mₙₙ(w)}[∂ₙv] − {Mₙₙ(v)}[∂ₙw] + σ[∂ₙw][∂ₙv] on interior facets, or with one side on facets where ∂ₙw is held.
 
     rigidity: D(x) [N m] at points (..., 2). The penalty σ = n_sides⁻¹·6 D(1+|ν|)·(p+1)(p+2)/2·mean|e|/|K| with p = degree − 2
     follows from the sharp trace inequality of polynomials on triangles (Warburton & Hesthaven, Comput. Methods Appl. Mech.
     Eng. 192, 2765 (2003)) and keeps the form coercive on stretched triangles; |K| counts as that of the most squeezed place of
-    a curved one. Yields local matrices and their unknowns.
+    a curved one. The normal points out of the first side.
     """
     p = space.degree - 2
     for edges in edges_by_local_number(space, facets):
@@ -180,10 +205,8 @@ def slope_continuity(space: Space, facets: Index, rigidity: Callable[[Array], Ar
         jump = np.concatenate([slopes[0]] + [-s for s in slopes[1:]], -1)
         mean = np.concatenate(moments, -1) / n
         sigma = 6 / n * flexural * (1 + abs(poisson)) * (p + 1) * (p + 2) / 2 * np.mean(ratios, axis=0)
-        one = np.ones_like(sigma)
-        moduli = as_matrix(np.stack([0 * one, sigma, -one], -1))
         dofs = np.concatenate([space.dofs[t] for t in edges.triangles], axis=1)
-        yield local_matrices(np.stack([mean, jump], axis=2), moduli, ds), dofs
+        yield Kinks(edges, jump, mean, sigma, ds, dofs)
 
 
 def _normal_moment(jet: Jet, normal: Array, rigidity: Array, poisson: float) -> Array:
