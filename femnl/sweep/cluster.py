@@ -12,12 +12,12 @@ from femnl.sweep.point import VERSION, Point, Record, Settings, attempt, failure
 
 AHEAD = 2000
 """Points that the scheduler holds at a time: enough for as many workers, few enough to be taken back at once."""
-PATIENCE = 10
-"""Seconds to wait for a scheduler."""
 
 
 def on_cluster(points: Iterator[Point], settings: Settings, address: str, workers: int) -> Iterator[Record]:
     """Solve points on the workers of a scheduler and return each record as it comes.
+
+    How long to wait for the scheduler is Dask's own setting, `distributed.comm.timeouts.connect`.
 
     Args: address: such as "tcp://host:8786", or "local" for a cluster of `workers` processes on this machine.
     Raises: ParameterError where there is no scheduler, where it goes, or where workers have another femnl.
@@ -37,7 +37,7 @@ def _connect(stack: ExitStack, address: str, workers: int) -> Client:
     if address == "local":
         where = stack.enter_context(LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None))
     try:
-        client: Client = stack.enter_context(Client(where, timeout=PATIENCE))
+        client: Client = stack.enter_context(Client(where))
     except (OSError, ValueError, TypeError) as error:
         raise ParameterError(f"--scheduler {address}: no Dask scheduler answers ({error}); start one with `dask scheduler`") from error
     return client

@@ -1,5 +1,6 @@
 """Error bars: upper estimates of true errors, and not far too large; tolerances that are met, or said to be out of reach."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -7,13 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl import predict
 from femnl.errors import ConvergenceError, ParameterError
 from femnl.geometry import load
-from femnl.mesh import mesh
 from femnl.predict import solve_modes, solve_modes_to, solve_nonlinearity
 from femnl.types.device import Holes, Model
-from femnl.types.mechanics import Domain, Modes
+from femnl.types.mechanics import Modes
 from femnl.types.remainder import MOST, remainder
 from tests.physics.error_battery import QUANTITIES, Film, films, measure, outline, stiff
 
@@ -105,14 +104,16 @@ def test_a_tolerance_below_rounding_is_refused() -> None:
         solve_modes_to(outline("square"), 1e-15)
 
 
-def test_a_tolerance_out_of_reach_says_how_far_it_came_and_why(monkeypatch: pytest.MonkeyPatch) -> None:
-    def small_machine(model: Model, symmetry: str, resolution: float) -> Domain:
-        if resolution > 0.7:
-            raise ParameterError("modes need 3 TiB of memory")
-        return mesh(model, symmetry, resolution)
+def test_a_tolerance_that_rounding_forbids_says_how_far_it_came() -> None:
+    with pytest.raises(ConvergenceError, match=r"stopped at a relative error of [3-5]\..e-10 \(mode 1\), which degree 6 .* no longer"):
+        solve_modes_to(stiff(outline("square"), 0.1), 1e-10, 1, cache=False)
 
-    monkeypatch.setattr(predict, "mesh", small_machine)
-    with pytest.raises(ConvergenceError, match=r"stopped at a relative error of .*e-\d+, because modes need 3 TiB of memory"):
+
+def test_a_tolerance_that_needs_more_memory_than_there_is_says_how_far_it_came(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Nothing of femnl is replaced, only what the system says of the machine: 6 MiB, enough for the first mesh.
+    said = {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 6 * 256}
+    monkeypatch.setattr(os, "sysconf", said.__getitem__)
+    with pytest.raises(ConvergenceError, match=r"stopped at a relative error of .*e-\d+, because .* and this machine has 0\.0059 GiB"):
         solve_modes_to(stiff(outline("square"), 0.1), 1e-10, 1, cache=False)
 
 

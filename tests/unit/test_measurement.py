@@ -1,5 +1,8 @@
 """Measurement files: what is written is what is read, whoever wrote it."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -11,7 +14,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from femnl import measurement
-from femnl.errors import MeasurementError
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 RNG = np.random.default_rng(20250219)
@@ -139,17 +141,20 @@ def test_repairs_stay_in_the_history_of_the_written_file(tmp_path: Path) -> None
     assert "left out: 1 of 2 (rows 1)" in back.attrs["history"]
 
 
-def test_a_failed_write_leaves_the_earlier_file_and_no_litter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "s.nc"
-    path.write_bytes(b"earlier")
-
-    def full(*_: object, **__: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(xr.DataTree, "to_netcdf", full)
-    with pytest.raises(MeasurementError, match=r"s\.nc: cannot be written \(No space left on device\)"):
-        measurement.write(measurement.bundle({"s": measurement.spectrum([1e6], [1.0])}), path)
-    assert path.read_bytes() == b"earlier"
+def test_a_failed_write_leaves_the_earlier_file_and_no_litter(tmp_path: Path) -> None:
+    (tmp_path / "s.nc").write_bytes(b"earlier")
+    program = (
+        "import resource\nfrom femnl import measurement\nfrom femnl.errors import MeasurementError\n"
+        "tree = measurement.bundle({'s': measurement.spectrum([1e6], [1.0])})\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"  # a disk with room for so many bytes of the file
+        "try:\n    measurement.write(tree, 's.nc')\nexcept MeasurementError as error:\n    print(error)\n"
+    )
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout == "s.nc: cannot be written (File too large); choose a folder that exists and has room\n"
+    assert done.stderr == ""
+    assert (tmp_path / "s.nc").read_bytes() == b"earlier"
     assert [child.name for child in tmp_path.iterdir()] == ["s.nc"]
 
 

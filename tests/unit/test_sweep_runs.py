@@ -14,9 +14,6 @@ import psutil
 import pytest
 import xarray as xr
 
-from femnl.errors import ParameterError
-from femnl.sweep import cluster
-from femnl.sweep.point import Settings
 from tests.unit.test_sweep import HEAD, PLAIN
 
 Starter = Callable[..., subprocess.Popen[str]]
@@ -205,9 +202,13 @@ def test_an_interrupt_ends_workers_and_says_that_the_sweep_goes_on(tmp_path: Pat
     assert not [child for child in children if child.is_running()]
 
 
-def test_a_scheduler_that_is_not_there_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
-    with pytest.raises(
-        ParameterError, match=r"^--scheduler tcp://127.0.0.1:9: no Dask scheduler answers \(.*\); start one with `dask scheduler`$"
-    ):
-        next(cluster.on_cluster(iter([]), Settings(), "tcp://127.0.0.1:9", 1))
+def test_a_scheduler_that_is_not_there_is_one_line_after_as_long_as_dask_is_told_to_wait(tmp_path: Path) -> None:
+    spec = sweep_file(tmp_path, 3)
+    told = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "1s", "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, "-m", "femnl", "sweep", spec.name, "--scheduler", "tcp://127.0.0.1:9"]
+    done = subprocess.run(command, cwd=tmp_path, env=os.environ | told, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    line = done.stderr.splitlines()[-1]
+    assert line.startswith("femnl: --scheduler tcp://127.0.0.1:9: no Dask scheduler answers (Timed out")
+    assert line.endswith("after 1 s); start one with `dask scheduler`")
+    assert "Traceback" not in done.stderr
