@@ -12,6 +12,7 @@ _HOMES = {
     "solve_modes": "femnl.predict",
     "solve_modes_to": "femnl.predict",
     "solve_nonlinearity": "femnl.predict",
+    "solve_inertia": "femnl.nonlinearity",
     "solve_homogenised": "femnl.lattice",
     "solve_cell": "femnl.lattice",
     "harmonic_maps": "femnl.predict",

@@ -17,7 +17,7 @@ from femnl.types.device import Model
 from femnl.types.mechanics import Modes, Nonlinearity
 
 SEAL = hashlib.sha256().digest_size  # bytes
-STAGES = ("types", "fem", "mesh", "modes", "prestress.py", "nonlinearity.py", "predict.py", "storage")
+STAGES = ("types", "fem", "mesh", "modes", "prestress.py", "nonlinearity", "predict.py", "storage")
 Result = TypeVar("Result")
 
 

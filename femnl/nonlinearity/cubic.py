@@ -1,34 +1,19 @@
-"""Geometric nonlinearity: the stretching that deflection causes, relaxed in plane, as cubic coefficients of the modes."""
+"""The cubic coefficients of the modes, in plane at rest."""
 
-from collections.abc import Callable
 from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from femnl.fem.elements import Space
-from femnl.fem.forms import (
-    Assembly,
-    Cell,
-    cells,
-    in_plane_strain,
-    local_matrices,
-    plane_stress,
-    slope,
-    stretch,
-    thickness,
-    vector_dofs,
-)
 from femnl.fem.memory import need_memory
 from femnl.fem.solvers import factorize
-from femnl.fem.supports import in_plane_supports
+from femnl.nonlinearity.stretching import Membrane, film_membrane, same_parity_only, stretching
 from femnl.types.device import Edge
 from femnl.types.mechanics import Modes, Nonlinearity
 from femnl.types.remainder import MOST, remainder
 
 Array = NDArray[np.float64]
-Membrane = Callable[[Cell], Array]
 
 SAFETY = 1.5  # on the remainder of stretching energies, to which that of the largest values is added
 SMOOTH = 0.05  # of the last difference between degrees, at least, what the in-plane displacement of smooth edges leaves
@@ -54,21 +39,15 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False, membrane:
     need_memory(
         PAIR_BYTES * modes.domain.mesh.nelements * len(pairs) + 32 * len(pairs) ** 2, f"couplings of {n} modes", "ask for fewer modes"
     )
-    grades = [_coefficients(m, edge, pairs, tensor, membrane or _membrane(m, edge)) for m in modes.grades]
+    grades = [_coefficients(m, edge, pairs, tensor, membrane or film_membrane(m, edge)) for m in modes.grades]
     k3, full = grades[0]
     scale = np.abs([k for k, _ in grades]) / np.array([m.effective_mass for m in modes.grades]) ** 2  # of mass-normalised shapes
-    left = _left(modes, edge)
+    left = in_plane_remainder(modes, edge)
     relative = remainder(list(scale), scale[0], left, SAFETY) / scale[0] if len(grades) > 1 else np.full(n, np.inf)
     k3_error = k3 * (relative + 4 * modes.peak_error)
     alpha = k3 / modes.stiffness
     alpha_error = alpha * (relative + 2 * (modes.peak_error + modes.frequency_error / modes.frequency))
     return Nonlinearity(edge, k3, alpha, k3_error, alpha_error, full, _tensor_error(modes, grades, k3, left) if tensor else None)
-
-
-def _membrane(modes: Modes, edge: Edge) -> Membrane:
-    model = modes.domain.model
-    moduli = plane_stress(model.film.young, 0.0 if edge == "paper" else model.film.poisson)
-    return lambda cell: thickness(model, cell.jet.point)[..., None, None] * moduli
 
 
 def _coefficients(modes: Modes, edge: Edge, pairs: list[tuple[int, int]], tensor: bool, membrane: Membrane) -> tuple[Array, Array | None]:
@@ -80,7 +59,7 @@ def _coefficients(modes: Modes, edge: Edge, pairs: list[tuple[int, int]], tensor
     return k3 * missing, _symmetrise(energies, position, n) if tensor else None
 
 
-def _left(modes: Modes, edge: Edge) -> float:
+def in_plane_remainder(modes: Modes, edge: Edge) -> float:
     """The part of the last difference between degrees that is taken to be left, by how smooth the in-plane displacement is.
 
     At an inner corner of the outline, and at corners of sliding edges other than 90°, it converges slowly in the degree.
@@ -112,31 +91,10 @@ def _symmetrise(energies: Array, position: dict[tuple[int, int], int], n: int) -
 
 def _strain_energies(modes: Modes, edge: Edge, pairs: list[tuple[int, int]], membrane: Membrane) -> Array:
     """G over the whole film for all combinations of pairs, (n_pairs, n_pairs) [N/m³]: ∫ h C m_P : m_Q − ∫ h C ε(u_P) : ε(u_Q)."""
-    domain, space = modes.domain, Space(modes.domain.mesh, modes.degree)
-    first, second = np.array(pairs).T
-    energies, loads = np.zeros((len(pairs), len(pairs))), np.zeros((2 * space.size, len(pairs)))
-    stiffness = Assembly(2 * space.size)
-    # The same points for all integrals: where h varies, G stays the energy of one discrete film.
-    for cell in cells(space, 4 * modes.degree - 4):
-        slopes = np.einsum("eqxj,nej->neqx", slope(cell.jet), modes.shapes[:, space.dofs[cell.triangles]], optimize=True)
-        moduli = membrane(cell)
-        strain = stretch(slopes[first], slopes[second])
-        stress = (strain[..., None, :] @ moduli)[..., 0, :] * cell.dx[..., None]
-        energies += strain.reshape(len(pairs), -1) @ stress.reshape(len(pairs), -1).T
-        basis, dofs = in_plane_strain(cell.jet), vector_dofs(space, cell.triangles)
-        np.add.at(loads, dofs, -np.einsum("eqcj,neqc->ejn", basis, stress, optimize=True))
-        stiffness.add(local_matrices(basis, moduli, cell.dx), dofs)
-    matrix = stiffness.matrix()
-    parities = [tuple(a * b for a, b in zip(modes.parity[i], modes.parity[j], strict=True)) for i, j in pairs]
-    for parity in set(parities):
-        members = [k for k, p in enumerate(parities) if p == parity]
-        supports = in_plane_supports(space, domain.wedge, edge, tuple(p > 0 for p in parity))
-        solve = factorize(csc_matrix(supports.T @ matrix @ supports))
-        energies[np.ix_(members, members)] -= loads[:, members].T @ (supports @ solve(supports.T @ loads[:, members]))
-    return _same_parity_only(energies, parities) * domain.copies
-
-
-def _same_parity_only(energies: Array, parities: list[tuple[int, ...]]) -> Array:
-    """Integrals over the wedge of odd products vanish over the whole film."""
-    same = np.array([[p == q for q in parities] for p in parities])
-    return np.where(same, energies, 0.0)
+    domain, film = modes.domain, stretching(modes, pairs, membrane)
+    energies = film.energies.copy()
+    for members, supports in film.sectors(domain.wedge, edge):
+        solve = factorize(csc_matrix(supports.T @ film.stiffness @ supports))
+        loads = film.loads[:, members]
+        energies[np.ix_(members, members)] -= loads.T @ (supports @ solve(supports.T @ loads))
+    return same_parity_only(energies, film.parities) * domain.copies
