@@ -33,12 +33,13 @@ def plane_stress(young: float, poisson: float) -> Array:
 
 
 def thickness(model: Model, point: Array) -> Array:
-    """Film thickness h(x) [m] at points (..., 2): thinned from below towards the holes where the film has a taper."""
+    """Thickness h(x) [m] of the suspended film at points (..., 2): graded as deposited, thinned from below towards the holes."""
     film: Film = model.film
-    if film.taper == 0:
-        return np.full(point.shape[:-1], film.thickness)
-    rim = cKDTree(model.holes.centres).query(point)[0] - model.holes.radius
-    return np.asarray(film.thickness - film.taper * np.clip(1 - rim / film.taper_length, 0, 1))
+    h = film.thickness + point @ np.asarray(film.gradient)
+    if film.taper > 0:
+        rim = cKDTree(model.holes.centres).query(point)[0] - model.holes.radius
+        h = h - film.taper * np.clip(1 - rim / film.taper_length, 0, 1)
+    return np.asarray(h)
 
 
 def deflection(jet: Jet) -> Array:
@@ -126,6 +127,8 @@ class Assembly:
 
     def matrix(self) -> csc_matrix:
         """The sum of what was added."""
+        if not self._parts:
+            return csc_matrix((self._size, self._size))
         data, rows, columns = (np.concatenate(part) for part in zip(*self._parts, strict=True))
         total = csc_matrix(coo_matrix((data, (rows, columns)), shape=(self._size, self._size)))
         total.sum_duplicates()
@@ -169,48 +172,67 @@ class Kinks:
         return local_matrices(np.stack([self.moment, self.jump], axis=2), moduli, self.ds)
 
 
-def slope_continuity(space: Space, facets: Index, rigidity: Callable[[Array], Array], poisson: float) -> Iterator[tuple[Array, Index]]:
-    """Local matrices and unknowns of the interior penalty form on the given facets; see `kinks`."""
-    for found in kinks(space, facets, rigidity, poisson):
-        yield found.local, found.dofs
+Bending = Callable[[Index, Array], Array]
 
 
-def kinks(space: Space, facets: Index, rigidity: Callable[[Array], Array], poisson: float) -> Iterator[Kinks]:
+def isotropic(rigidity: Callable[[Array], Array], poisson: float) -> Bending:
+    """h³/12 C (e, q, 3, 3) [N m] of a film with the flexural rigidity D(x) [N m] at points (e, q, 2)."""
+    moduli = plane_stress(1 - poisson**2, poisson)
+    return lambda _, point: rigidity(point)[..., None, None] * moduli
+
+
+def slope_continuity(
+    space: Space, facets: Index, bending: Bending, poisson: float, rotation: float = np.inf
+) -> Iterator[tuple[Array, Index]]:
     """−{Mₙₙ(w)}[∂ₙv] − {Mₙₙ(v)}[∂ₙw] + σ[∂ₙw][∂ₙv] on interior facets, or with one side on facets where ∂ₙw is held.
 
-    rigidity: D(x) [N m] at points (..., 2). The penalty σ = n_sides⁻¹·6 D(1+|ν|)·(p+1)(p+2)/2·mean|e|/|K| with p = degree − 2
-    follows from the sharp trace inequality of polynomials on triangles (Warburton & Hesthaven, Comput. Methods Appl. Mech.
-    Eng. 192, 2765 (2003)) and keeps the form coercive on stretched triangles; |K| counts as that of the most squeezed place of
-    a curved one. The normal points out of the first side.
+    bending: h³/12 C (e, q, 3, 3) [N m] of triangles (e,) at points (e, q, 2). poisson: the largest of the film.
+    rotation: k [N] of the springs that hold ∂ₙw, Mₙₙ = −k ∂ₙw; infinite where it is zero.
+
+    {M} = Σ ωᵢMᵢ weighs the sides by ωᵢ ∝ 1/Dᵢ, so that a stiff side leaves the soft one its slope (Ern, Stephansen & Zunino, IMA J.
+    Numer. Anal. 29, 235 (2009)). The penalty σ = Σ ωᵢ²·6 Dᵢ(1+|ν|)·(p+1)(p+2)/2·|e|/|K|ᵢ with p = degree − 2 follows from the sharp
+    trace inequality of polynomials on triangles (Warburton & Hesthaven, Comput. Methods Appl. Mech. Eng. 192, 2765 (2003)) and keeps
+    the form coercive on stretched triangles; |K| counts as that of the most squeezed place of a curved one. Springs turn the terms
+    into −θ, θσ with θ = k/(k + σ), and −Mₙₙ(w)Mₙₙ(v)/(k + σ), which is as stable for every k (Juntunen & Stenberg, Math. Comp. 78,
+    1353 (2009)). Yields local matrices and their unknowns.
     """
     p = space.degree - 2
     for edges in edges_by_local_number(space, facets):
-        moments, slopes, ratios = [], [], []
+        moments, slopes, ratios, rigid = [], [], [], []
         normal = np.empty(0)
         for side, (triangles, edge) in enumerate(zip(edges.triangles, edges.local, strict=True)):
-            points, weights = space.edge_points(edge, 2 * space.degree)
-            jet = space.jet(triangles, points, second=True)
-            start, end = VERTICES[list(EDGES[edge])]
-            along = np.einsum("eqxb,b->eqx", jet.jacobian, end - start)
-            length = np.linalg.norm(along, axis=-1)
-            if side == 0:
-                normal = np.stack([along[..., 1], -along[..., 0]], -1) / length[..., None]
-                inner = jet.jacobian @ (np.full(2, 1 / 3) - points)[None, :, :, None]
-                normal = -normal * np.sign(np.einsum("eqx,eqx->eq", normal, inner[..., 0]))[..., None]
-                ds, flexural = length * weights, rigidity(jet.point)
-            moments.append(_normal_moment(jet, normal, flexural, poisson))
+            jet, outward, ds = side_of_edge(space, triangles, edge, 2 * space.degree, second=True)
+            normal = outward if side == 0 else normal
+            moduli = bending(triangles, jet.point)
+            moments.append(_normal_moment(jet, normal, moduli))
             slopes.append(np.einsum("eqx,eqxj->eqj", normal, jet.gradient))
-            ratios.append(length / (space.least_determinant[triangles, None] / 2))
-        n = len(moments)
+            ratios.append(ds.sum(axis=-1, keepdims=True) / (space.least_determinant[triangles, None] / 2))
+            rigid.append(moduli[..., 0, 0])
+        soft = 1 / np.stack(rigid)
+        weight = soft / soft.sum(axis=0)
         jump = np.concatenate([slopes[0]] + [-s for s in slopes[1:]], -1)
-        mean = np.concatenate(moments, -1) / n
-        sigma = 6 / n * flexural * (1 + abs(poisson)) * (p + 1) * (p + 2) / 2 * np.mean(ratios, axis=0)
+        mean = np.concatenate([w[..., None] * m for w, m in zip(weight, moments, strict=True)], -1)
+        sigma = 6 * (1 + abs(poisson)) * (p + 1) * (p + 2) / 2 * np.sum(weight**2 * np.stack(rigid) * np.stack(ratios), axis=0)
+        share = 1 / (1 + sigma / rotation) if rotation > 0 else np.zeros_like(sigma)
+        moduli = as_matrix(np.stack([-1 / (rotation + sigma), share * sigma, -share], -1))
         dofs = np.concatenate([space.dofs[t] for t in edges.triangles], axis=1)
-        yield Kinks(edges, jump, mean, sigma, ds, dofs)
+        yield local_matrices(np.stack([mean, jump], axis=2), moduli, ds), dofs
 
 
-def _normal_moment(jet: Jet, normal: Array, rigidity: Array, poisson: float) -> Array:
-    """Mₙₙ = D[(1−ν) nᵀ∇∇w n + ν Δw], shape (e, q, j)."""
+def side_of_edge(space: Space, triangles: Index, edge: int, order: int, second: bool = False) -> tuple[Jet, Array, Array]:
+    """One edge of each triangle at quadrature points: the basis, the outward normal (e, q, 2) and the length element (e, q) [m]."""
+    points, weights = space.edge_points(edge, order)
+    jet = space.jet(triangles, points, second)
+    start, end = VERTICES[list(EDGES[edge])]
+    along = np.einsum("eqxb,b->eqx", jet.jacobian, end - start)
+    length = np.linalg.norm(along, axis=-1)
+    normal = np.stack([along[..., 1], -along[..., 0]], -1) / length[..., None]
+    inner = jet.jacobian @ (np.full(2, 1 / 3) - points)[None, :, :, None]
+    return jet, -normal * np.sign(np.einsum("eqx,eqx->eq", normal, inner[..., 0]))[..., None], length * weights
+
+
+def _normal_moment(jet: Jet, normal: Array, bending: Array) -> Array:
+    """Mₙₙ = nᵀ M n of M = h³/12 C ∇∇w, shape (e, q, j)."""
     nx, ny = normal[..., 0], normal[..., 1]
-    rows = np.stack([(1 - poisson) * nx**2 + poisson, (1 - poisson) * ny**2 + poisson, 2 * (1 - poisson) * nx * ny], -1)
-    return np.asarray(np.einsum("eqc,eqcj->eqj", rows * rigidity[..., None], jet.hessian))
+    rows = (np.stack([nx**2, ny**2, 2 * nx * ny], -1)[..., None, :] @ bending)[..., 0, :]
+    return np.asarray(np.einsum("eqc,eqcj->eqj", rows * np.array([1.0, 1.0, 2.0]), jet.hessian))

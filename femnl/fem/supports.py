@@ -1,5 +1,6 @@
-"""Which unknowns an edge or a mirror line leaves free."""
+"""Which unknowns an edge or a mirror line leaves free, and the springs of an edge that gives way."""
 
+from collections.abc import Iterator
 from typing import get_args
 
 import numpy as np
@@ -7,15 +8,19 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix
 
 from femnl.errors import ParameterError
-from femnl.fem.elements import STRAIGHT, Space
-from femnl.types.device import Edge
+from femnl.fem.elements import STRAIGHT, Jet, Space
+from femnl.fem.forms import Assembly, deflection, edges_by_local_number, local_matrices, side_of_edge, slope, vector_dofs
+from femnl.types.device import Clamp, Edge
 
 Array = NDArray[np.float64]
 
+RIGID_CLAMP = Clamp()
+TURN = np.array([[0.0, -1.0], [1.0, 0.0]])  # of a normal to the tangent
 
-def free_deflections(space: Space, parity: tuple[int, ...]) -> NDArray[np.int64]:
-    """Unknowns of w that are free: not on clamped edges, nor on mirror lines about which w is odd (parity −1)."""
-    held = [space.boundary_dofs("clamped")]
+
+def free_deflections(space: Space, parity: tuple[int, ...], clamp: Clamp = RIGID_CLAMP) -> NDArray[np.int64]:
+    """Unknowns of w that are free: not on edges held rigidly, nor on mirror lines about which w is odd (parity −1)."""
+    held = [space.boundary_dofs("clamped")] if np.isinf(clamp.deflection) else [np.empty(0, dtype=np.int64)]
     held += [space.boundary_dofs(f"mirror-{k}") for k, sign in enumerate(parity) if sign < 0]
     return np.setdiff1d(np.arange(space.size), np.concatenate(held))
 
@@ -26,15 +31,56 @@ def slope_held_facets(space: Space, parity: tuple[int, ...]) -> NDArray[np.int64
     return np.concatenate([space.boundary_facets(name) for name in names])
 
 
-def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, ...]) -> csc_matrix:
+def deflection_springs(space: Space, clamp: Clamp) -> csc_matrix:
+    """∫ k w v along the edge, (size, size) [N/m]; none where k is infinite and the edge held."""
+    springs = Assembly(space.size)
+    if np.isfinite(clamp.deflection):
+        for triangles, _, jet, ds in _edge(space):
+            springs.add(local_matrices(deflection(jet), np.eye(1), clamp.deflection * ds), space.dofs[triangles])
+    return springs.matrix()
+
+
+def slope_springs(space: Space, clamp: Clamp) -> csc_matrix:
+    """∫ k_θ ∂ₙw ∂ₙv along the edge, (size, size) [N/m]: the energy of the springs of a solved mode; none where k_θ is infinite."""
+    springs = Assembly(space.size)
+    if np.isfinite(clamp.rotation):
+        for triangles, normal, jet, ds in _edge(space):
+            across = np.einsum("eqx,eqxj->eqj", normal, slope(jet))
+            springs.add(local_matrices(across[:, :, None, :], np.eye(1), clamp.rotation * ds), space.dofs[triangles])
+    return springs.matrix()
+
+
+def in_plane_springs(space: Space, clamp: Clamp) -> csc_matrix:
+    """∫ (kₙ u·n v·n + kₛ u·t v·t) along the edge, (2·size, 2·size) [N/m]; none for a k that is infinite and its direction held."""
+    springs = Assembly(2 * space.size)
+    for stiffness, turn in ((clamp.normal, np.eye(2)), (clamp.shear, TURN)):
+        if np.isfinite(stiffness):
+            for triangles, normal, jet, ds in _edge(space):
+                along = normal @ turn.T
+                rows = np.concatenate([along[..., :1] * jet.value, along[..., 1:] * jet.value], axis=-1)[:, :, None, :]
+                springs.add(local_matrices(rows, np.eye(1), stiffness * ds), vector_dofs(space, triangles))
+    return springs.matrix()
+
+
+def _edge(space: Space) -> Iterator[tuple[NDArray[np.int64], Array, Jet, Array]]:
+    """The edge's triangles (e,), outward normals (e, q, 2), basis and length elements (e, q) [m] on it."""
+    for edges in edges_by_local_number(space, space.boundary_facets("clamped")):
+        jet, normal, ds = side_of_edge(space, edges.triangles[0], edges.local[0], 2 * space.degree)
+        yield edges.triangles[0], normal, jet, ds
+
+
+def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, ...], clamp: Clamp = RIGID_CLAMP) -> csc_matrix:
     """Columns that span the admissible in-plane displacements, (2·size, n_free).
 
-    Clamped outline: u = 0, or with `sliding` only u·n = 0. Mirror k: u·n = 0 where the load is even under it, else u·t = 0. A film
-    that could still move as a whole, as a disc turns on a sliding edge, is held at one point: no load of ours pushes it.
-    Raises: ParameterError where there is no such edge.
+    Clamped outline: u = 0, or with `sliding` only u·n = 0, and nothing in a direction in which springs hold it. Mirror k: u·n = 0
+    where the load is even under it, else u·t = 0. A film that could still move as a whole, as a disc turns on a sliding edge, is held
+    at one point: no load of ours pushes it.
+    Raises: ParameterError where there is no such edge, or where the edge is elastic and asked to be another.
     """
     if edge not in get_args(Edge):
         raise ParameterError(f'edge = "{edge}": expected {", ".join(get_args(Edge))}')
+    if edge != "clamped" and not clamp.rigid_in_plane:
+        raise ParameterError(f'edge = "{edge}": the geometry\'s table [clamp] says how the edge gives way in plane; use edge = "clamped"')
     held: dict[int, list[Array]] = {}
 
     def hold(dofs: NDArray[np.int64], directions: Array) -> None:
@@ -46,13 +92,18 @@ def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, 
         normal = np.array([-along[1], along[0]])
         if k < len(even):
             hold(space.boundary_dofs(f"mirror-{k}"), normal if even[k] else along)
-    if edge == "sliding":
-        for dofs, normals in _edge_normals(space):
-            hold(dofs, normals)
-    else:
+    sprung: list[tuple[NDArray[np.int64], Array]] = []
+    if edge != "sliding" and clamp.rigid_in_plane:
         for direction in np.eye(2):
             hold(space.boundary_dofs("clamped"), direction)
-    _hold_rigid_motion(space, held)
+    else:
+        for stiffness, turn in ((clamp.normal, np.eye(2)), (0.0 if edge == "sliding" else clamp.shear, TURN)):
+            for dofs, normals in _edge_normals(space) if stiffness > 0 else ():
+                if np.isinf(stiffness):
+                    hold(dofs, normals @ turn.T)
+                else:
+                    sprung.append((dofs, normals @ turn.T))
+    _hold_rigid_motion(space, held, sprung)
     anywhere = np.setdiff1d(np.arange(space.size), np.fromiter(held, dtype=np.int64))
     rows, columns, values = (
         [anywhere, anywhere + space.size],
@@ -70,13 +121,13 @@ def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, 
     return csc_matrix(coo_matrix(entries, shape=(2 * space.size, n)))
 
 
-def _hold_rigid_motion(space: Space, held: dict[int, list[Array]]) -> None:
-    """Hold one point in the direction of each rigid motion that the held directions leave free."""
-    if not held:
+def _hold_rigid_motion(space: Space, held: dict[int, list[Array]], sprung: list[tuple[NDArray[np.int64], Array]]) -> None:
+    """Hold one point in the direction of each rigid motion that neither the held directions nor the sprung ones resist."""
+    if not held and not sprung:
         return
     reach = np.abs(space.location).max()
-    dofs = np.repeat(list(held), [len(d) for d in held.values()])
-    directions = np.concatenate([np.asarray(d) for d in held.values()])
+    dofs = np.concatenate([np.repeat(dof, len(d)) for dof, d in held.items()] + [dofs for dofs, _ in sprung])
+    directions = np.concatenate([*map(np.asarray, held.values()), *(d for _, d in sprung)])
     x, y = space.location[dofs].T / reach
     rows = np.stack([directions[:, 0], directions[:, 1], x * directions[:, 1] - y * directions[:, 0]], 1)
     values, vectors = np.linalg.eigh(rows.T @ rows)

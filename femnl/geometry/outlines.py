@@ -1,6 +1,6 @@
 """The kinds of outline that a geometry file may name, and their segments."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,10 @@ class Square(Table):
     kind: Literal["square"]
     side: Length
 
+    def widened(self, width: float) -> Self:
+        """Return the outline with every side moved outwards by `width` [m]."""
+        return self.model_copy(update={"side": self.side + 2 * width})
+
     def outline(self, holes: Holes) -> Outline:
         """Return the outline, from the lower left corner."""
         return _rectangle(self.kind, self.side, self.side)
@@ -34,6 +38,10 @@ class Rectangle(Table):
     kind: Literal["rectangle"]
     width: Length
     height: Length
+
+    def widened(self, width: float) -> Self:
+        """Return the outline with every side moved outwards by `width` [m]."""
+        return self.model_copy(update={"width": self.width + 2 * width, "height": self.height + 2 * width})
 
     def outline(self, holes: Holes) -> Outline:
         """Return the outline, from the lower left corner."""
@@ -47,6 +55,10 @@ class RegularPolygon(Table):
     sides: Annotated[int, Field(ge=3, le=1000)]
     long_axis: Length
 
+    def widened(self, width: float) -> Self:
+        """Return the outline with every side moved outwards by `width` [m]."""
+        return self.model_copy(update={"long_axis": self.long_axis + 2 * width / np.cos(np.pi / self.sides)})
+
     def outline(self, holes: Holes) -> Outline:
         """Return the outline, from the corner on the x axis."""
         angle = 2 * np.pi * np.arange(self.sides) / self.sides
@@ -59,6 +71,10 @@ class Circle(Table):
 
     kind: Literal["circle"]
     diameter: Length
+
+    def widened(self, width: float) -> Self:
+        """Return the outline with every side moved outwards by `width` [m]."""
+        return self.model_copy(update={"diameter": self.diameter + 2 * width})
 
     def outline(self, holes: Holes) -> Outline:
         """Return four arcs, from the positive x axis."""
@@ -77,6 +93,25 @@ class Polygon(Table):
     kind: Literal["polygon"]
     points: Annotated[list[Position], Field(min_length=3, max_length=2000)]
     free: list[int] = Field(default_factory=list)
+
+    def widened(self, width: float) -> Self:
+        """Return the polygon with every edge moved outwards by `width` [m], so far that neighbours meet again.
+
+        Raises:
+            GeometryError: free edges, or edges so short that they vanish.
+        """
+        if self.free:
+            raise GeometryError("[overhang] an outline with free edges has no strip of frame all around; leave [overhang] or free out")
+        corners = np.array(self.points)
+        x, y = corners.T
+        along = np.roll(corners, -1, axis=0) - corners
+        along /= np.hypot(*along.T)[:, None] * np.sign(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+        outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
+        before = np.roll(outward, 1, axis=0)
+        moved = corners + width * (outward + before) / (1 + np.sum(outward * before, axis=1))[:, None]
+        if np.any(np.sum((np.roll(moved, -1, axis=0) - moved) * (np.roll(corners, -1, axis=0) - corners), axis=1) <= 0):
+            raise GeometryError(f"[overhang] width = {width * 1e6:.4g} um: an edge of the outline would vanish; lower width")
+        return self.model_copy(update={"points": moved.tolist()})
 
     def outline(self, holes: Holes) -> Outline:
         """Return the outline, counter-clockwise from point 1.
@@ -108,6 +143,10 @@ class Etched(Table):
 
     kind: Literal["etched"]
     etch_radius: Length
+
+    def widened(self, width: float) -> Self:
+        """Return the outline with every side moved outwards by `width` [m]."""
+        return self.model_copy(update={"etch_radius": self.etch_radius + width})
 
     def outline(self, holes: Holes) -> Outline:
         """Return the arcs of the union of discs.

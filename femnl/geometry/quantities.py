@@ -31,6 +31,9 @@ class Dimension:
 LENGTH = Dimension("a length", "m", "270 um", 1e-12, 1e3)
 PRESSURE = Dimension("a pressure", "Pa", "250 GPa", 1.0, 1e13)
 DENSITY = Dimension("a density", "kg/m^3", "3100 kg/m^3", 1e-3, 1e6)
+SPRING = Dimension("a force per length and displacement", "Pa", "20 GPa", 1.0, 1e18)
+TORSION = Dimension("a moment per length and angle", "N", "0.2 mN", 1e-15, 1e12)
+SLOPE = Dimension("a change of thickness by length", "m/m", "0.1 nm/um", 1e-12, 0.1)
 
 
 def to_si(value: Any, dimension: Dimension, sign: str = "positive") -> float:
@@ -96,3 +99,7 @@ Depth = Annotated[float, BeforeValidator(partial(to_si, dimension=LENGTH, sign="
 Coordinate = Annotated[float, BeforeValidator(partial(to_si, dimension=LENGTH, sign="any"))]
 Pressure = Annotated[float, BeforeValidator(partial(to_si, dimension=PRESSURE))]
 Density = Annotated[float, BeforeValidator(partial(to_si, dimension=DENSITY))]
+Spring = Annotated[float, BeforeValidator(partial(to_si, dimension=SPRING))]
+LooseSpring = Annotated[float, BeforeValidator(partial(to_si, dimension=SPRING, sign="not negative"))]
+Torsion = Annotated[float, BeforeValidator(partial(to_si, dimension=TORSION, sign="not negative"))]
+Slope = Annotated[float, BeforeValidator(partial(to_si, dimension=SLOPE, sign="any"))]

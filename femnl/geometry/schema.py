@@ -8,11 +8,12 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, mod
 from pydantic_core import PydanticCustomError
 
 from femnl.errors import GeometryError
+from femnl.geometry.edges import ClampTable, FilmTable, OverhangTable
 from femnl.geometry.holes import HolesTable, refuse_outside, refuse_overlap
 from femnl.geometry.outlines import OutlineTable
-from femnl.geometry.quantities import LENGTH, Density, Depth, Length, Pressure, refusal, to_si
+from femnl.geometry.quantities import LENGTH, Length, refusal, to_si
 from femnl.geometry.tables import Table, show
-from femnl.types.device import Edge, Film, Holes, Layer, Model, Stack
+from femnl.types.device import Edge, Holes, Layer, Model, Stack
 
 Thickness = float | Literal["film", "gap"] | None
 Indices = tuple[tuple[float, complex], ...]
@@ -30,28 +31,6 @@ table of reflectivity values; SiN from Luke et al. 2015 (the paper cites Philipp
 Schinke et al. 2015."""
 
 _COMPLEX = re.compile(r"\s*(\d{1,4}(?:\.\d{1,12})?)\s*-\s*(\d{1,4}(?:\.\d{1,12})?)\s*i\s*", re.ASCII)
-
-
-class FilmTable(Table):
-    """The film; see types.device.Film for the taper."""
-
-    thickness: Length
-    young: Pressure
-    poisson: Annotated[float, Field(ge=0, lt=0.5)]
-    density: Density
-    stress: Pressure
-    taper: Depth = 0.0
-    taper_length: Length | None = None
-
-    @model_validator(mode="after")
-    def _has_a_whole_taper(self) -> Self:
-        if self.taper >= self.thickness:
-            raise refusal("expected less than the thickness of the film, or nothing is left at a hole's rim", "taper")
-        if self.taper > 0 and self.taper_length is None:
-            raise refusal('a taper needs its length, write e.g. taper_length = "4 um"', "taper")
-        if self.taper == 0 and self.taper_length is not None:
-            raise refusal('there is no taper; write e.g. taper = "60 nm" or leave taper_length out', "taper_length")
-        return self
 
 
 def _indices(value: Any) -> Indices:
@@ -142,6 +121,8 @@ class GeometryFile(Table):
     holes: HolesTable | None = None
     film: FilmTable
     readout: ReadoutTable | None = None
+    clamp: ClampTable = ClampTable()
+    overhang: OverhangTable | None = None
     model: ModelTable = ModelTable()
 
     def build(self, text: str) -> Model:
@@ -155,9 +136,26 @@ class GeometryFile(Table):
         outline = self.outline.outline(holes)
         if outline.kind != "etched":  # the etch reaches further than the hole that it starts from
             refuse_outside(holes, outline)
-        f = self.film
-        if f.taper > 0 and not len(holes.centres):
-            raise GeometryError(f"[film] taper = {f.taper * 1e9:.4g} nm: there are no holes to thin the film around; write a table [holes]")
-        film = Film(f.thickness, f.young, f.poisson, f.density, f.stress, f.taper, f.taper_length or 0.0)
-        stack = self.readout.stack(f) if self.readout is not None else None
-        return Model(self.name, self.source, outline, holes, film, stack, self.model.bending, self.model.edge, text, tuple(self.assumed))
+        if self.film.taper > 0 and not len(holes.centres):
+            raise GeometryError(
+                f"[film] taper = {self.film.taper * 1e9:.4g} nm: there are no holes to thin the film around; write a table [holes]"
+            )
+        film = self.film.film(outline)
+        overhang = self.overhang.overhang(self.outline, holes, self.film) if self.overhang is not None else None
+        clamp = self.clamp.clamp()
+        if self.model.edge != "clamped" and not clamp.rigid_in_plane:
+            raise GeometryError(f'[model] edge = "{self.model.edge}": [clamp] says how the edge gives way in plane; leave one out')
+        return Model(
+            self.name,
+            self.source,
+            outline,
+            holes,
+            film,
+            self.readout.stack(self.film) if self.readout is not None else None,
+            self.model.bending,
+            self.model.edge,
+            text,
+            tuple(self.assumed),
+            clamp,
+            overhang,
+        )

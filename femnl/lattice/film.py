@@ -18,6 +18,7 @@ from femnl.fem.forms import (
     curvature,
     deflection,
     in_plane_strain,
+    isotropic,
     local_matrices,
     local_vectors,
     plane_stress,
@@ -26,7 +27,7 @@ from femnl.fem.forms import (
     vector_dofs,
 )
 from femnl.fem.solvers import factorize
-from femnl.fem.supports import in_plane_supports, slope_held_facets
+from femnl.fem.supports import deflection_springs, free_deflections, in_plane_springs, in_plane_supports, slope_held_facets
 from femnl.lattice.cell import Cell as LatticeCell
 from femnl.lattice.cell import solve_cell
 from femnl.mesh import bending_length
@@ -103,6 +104,8 @@ def solve_homogenised(model: Model, count: int, edge: Edge | None = None, tensor
 def _array(model: Model) -> tuple[float, Array]:
     """Pitch, and half the sides of the box of whole cells."""
     outline, centres = model.outline, model.holes.centres
+    if model.overhang is not None or any(model.film.gradient):
+        raise ParameterError(f"{model.name}: the homogenised film knows no overhang and no gradient of the thickness; solve the full film")
     if outline.kind not in ("square", "rectangle"):
         raise ParameterError(f'{model.name}: outline.kind = "{outline.kind}": the homogenised film needs a square or rectangle')
     columns = [np.unique(np.round(c, 12)) for c in centres.T]
@@ -149,8 +152,8 @@ def _relax(film: _Film, domain: Domain) -> Prestress:
         basis, dofs = in_plane_strain(cell.jet), vector_dofs(space, cell.triangles)
         np.add.at(load, dofs, -local_vectors(basis, film.tension(cell.jet.point), cell.dx))
         matrix.add(local_matrices(basis, film.membrane(cell.jet.point), cell.dx), dofs)
-    supports = in_plane_supports(space, domain.wedge, "clamped", (True, True))
-    solve = factorize(csc_matrix(supports.T @ matrix.matrix() @ supports))
+    supports = in_plane_supports(space, domain.wedge, "clamped", (True, True), domain.model.clamp)
+    solve = factorize(csc_matrix(supports.T @ (matrix.matrix() + in_plane_springs(space, domain.model.clamp)) @ supports))
     return Prestress(domain, DEGREE, supports @ solve(supports.T @ load))
 
 
@@ -172,7 +175,8 @@ class _Operators:
             stiffness.add(local, dofs)
         if self._bends:
             self._continue_slopes(stiffness, np.flatnonzero(domain.mesh.f2t[1] >= 0))
-        self._stiffness, self.mass = stiffness.matrix(), mass.matrix()
+        self._stiffness = csc_matrix(stiffness.matrix() + deflection_springs(self.space, domain.model.clamp))
+        self.mass = mass.matrix()
 
     def _stress(self, prestress: Prestress, cell: Cell) -> Array:
         """N = T + C ε(u) [N/m] as (xx, yy, xy)."""
@@ -181,14 +185,22 @@ class _Operators:
         point = cell.jet.point
         return np.asarray(self._film.tension(point) + np.einsum("eqcd,eqd->eqc", self._film.membrane(point), strain))
 
-    def _continue_slopes(self, assembly: Assembly, facets: NDArray[np.int64]) -> None:
-        for local, dofs in slope_continuity(self.space, facets, self._film.rigidity, self._film.model.film.poisson):
+    def _continue_slopes(self, assembly: Assembly, facets: NDArray[np.int64], rotation: float = np.inf) -> None:
+        poisson = self._film.model.film.poisson
+        bending = isotropic(self._film.rigidity, poisson)
+        for local, dofs in slope_continuity(self.space, facets, bending, poisson, rotation):
             assembly.add(local, dofs)
+
+    def free(self, parity: tuple[int, ...]) -> NDArray[np.int64]:
+        """Unknowns of deflections of the given parity that nothing holds."""
+        return free_deflections(self.space, parity, self._film.model.clamp)
 
     def stiffness(self, parity: tuple[int, ...]) -> csc_matrix:
         """K (size, size) for deflections of the given parity about the mirrors."""
         if not self._bends:
             return self._stiffness
-        edge = Assembly(self.space.size)
-        self._continue_slopes(edge, slope_held_facets(self.space, parity))
+        edge, facets = Assembly(self.space.size), slope_held_facets(self.space, parity)
+        clamped = np.isin(facets, self.space.boundary_facets("clamped"))
+        self._continue_slopes(edge, facets[~clamped])
+        self._continue_slopes(edge, facets[clamped], self._film.model.clamp.rotation)
         return csc_matrix(self._stiffness + edge.matrix())

@@ -17,7 +17,7 @@ from femnl.geometry import curves as exact
 from femnl.mesh.collect import Raw, assemble, check_unfolded, collect, double
 from femnl.mesh.corners import singular_corners
 from femnl.mesh.symmetry import EIGHTH, FULL, HALF, QUARTER, find_wedge, has_symmetry
-from femnl.types.device import Model
+from femnl.types.device import Model, Segment
 from femnl.types.mechanics import Domain
 
 Array = NDArray[np.float64]
@@ -56,6 +56,9 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Domai
         raw = double(_build(model, EIGHTH, resolution, 2)) if diagonal else _build(model, wedge, resolution, 1)
     result = assemble(raw)
     check_unfolded(model, result)
+    if model.overhang is not None:
+        outside = ~exact.contains(model.outline, result.p[:, result.t].mean(axis=1).T)
+        result = replace(result, _subdomains={"overhang": np.flatnonzero(outside)})
     return Domain(model, result, wedge, diagonal)
 
 
@@ -82,7 +85,8 @@ class _Curves:
     free: list[int]
     holes: list[int]
     mirrors: tuple[list[int], list[int]]
-    segment: dict[int, int]  # the outline's segment that a clamped or free edge is part of
+    rim: list[int]  # between film and overhang
+    segment: dict[int, int]  # the edge's segment that a clamped or free curve is part of
 
 
 def _build(model: Model, wedge: float, resolution: float, copies: int) -> Raw:
@@ -108,7 +112,7 @@ def _build(model: Model, wedge: float, resolution: float, copies: int) -> Raw:
 
 
 def _draw(model: Model, wedge: float, unit: float) -> None:
-    """The film's surface: outline, cut to the wedge, minus the holes that reach into it, in one boolean operation each."""
+    """The film's surface: edge, cut to the wedge, minus the holes that reach into it, split along the outline, one operation each."""
     occ = gmsh.model.occ
     points: dict[tuple[float, float], int] = {}
 
@@ -118,15 +122,18 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
             points[x, y] = occ.addPoint(x, y, 0)
         return points[x, y]
 
-    lines = []
-    for s in model.outline.segments:
-        if s.centre is None:
-            lines.append(occ.addLine(point(s.start), point(s.end)))
-            continue
-        pieces = int(np.ceil(exact.turn(s) / (np.pi / 2) - 1e-9))
-        stops = [point(s.start), *map(point, exact.point_at(s, np.arange(1, pieces) / pieces)), point(s.end)]
-        lines += [occ.addCircleArc(a, point(s.centre), b) for a, b in pairwise(stops)]
-    film = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines)]))]
+    def loop(segments: tuple[Segment, ...]) -> list[int]:
+        lines = []
+        for s in segments:
+            if s.centre is None:
+                lines.append(occ.addLine(point(s.start), point(s.end)))
+                continue
+            pieces = int(np.ceil(exact.turn(s) / (np.pi / 2) - 1e-9))
+            stops = [point(s.start), *map(point, exact.point_at(s, np.arange(1, pieces) / pieces)), point(s.end)]
+            lines += [occ.addCircleArc(a, point(s.centre), b) for a, b in pairwise(stops)]
+        return lines
+
+    film = [(2, occ.addPlaneSurface([occ.addCurveLoop(loop(model.edge_outline.segments))]))]
     if wedge < FULL:
         film, _ = occ.intersect(film, [(2, _wedge_surface(wedge))])
     near = model.holes.centres[_outside(model.holes.centres, wedge) < model.holes.radius]
@@ -134,7 +141,14 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
         radius = model.holes.radius * unit
         discs = [(2, occ.addDisk(x * unit, y * unit, 0, radius, radius)) for x, y in near]
         film, _ = occ.cut(film, discs)
+    if model.overhang is not None:
+        film, _ = occ.fragment(film, [(1, line) for line in loop(model.outline.segments)])
     occ.synchronize()
+    if model.overhang is not None:  # curves beyond the wedge, and the centres of arcs, bound nothing
+        faces = gmsh.model.getEntities(2)
+        bounding = {tag for _, tag in gmsh.model.getBoundary(faces, combined=False, oriented=False)}
+        occ.remove([(1, tag) for _, tag in gmsh.model.getEntities(1) if tag not in bounding], recursive=True)
+        occ.synchronize()
 
 
 def _outside(points: Array, wedge: float) -> Array:
@@ -161,7 +175,7 @@ def _wedge_surface(wedge: float) -> int:
 
 def _classify(model: Model, wedge: float, unit: float) -> _Curves:
     """Tell curves apart by where they lie."""
-    curves = _Curves([], [], [], ([], []), {})
+    curves, outline = _Curves([], [], [], ([], []), [], {}), model.edge_outline
     holes = cKDTree(model.holes.centres * unit) if len(model.holes.centres) else None
     for _, tag in gmsh.model.getEntities(1):
         low, high = gmsh.model.getParametrizationBounds(1, tag)
@@ -172,10 +186,12 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
             curves.mirrors[1].append(tag)
         elif holes is not None and np.all(np.abs(holes.query(where)[0] - model.holes.radius * unit) < TOLERANCE):
             curves.holes.append(tag)
+        elif model.overhang is not None and exact.distance(model.outline, where / unit).max() * unit < TOLERANCE:
+            curves.rim.append(tag)
         else:
-            distances = [exact.distance(replace(model.outline, segments=(s,)), where / unit).max() for s in model.outline.segments]
+            distances = [exact.distance(replace(outline, segments=(s,)), where / unit).max() for s in outline.segments]
             curves.segment[tag] = int(np.argmin(distances))
-            (curves.clamped if model.outline.segments[curves.segment[tag]].clamped else curves.free).append(tag)
+            (curves.clamped if outline.segments[curves.segment[tag]].clamped else curves.free).append(tag)
     return curves
 
 
@@ -207,14 +223,18 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
         grow_from_curves(2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / resolution, curves.holes, HOLE_GROWTH)
     if model.bending and curves.clamped:
         grow_from_curves(LAYER_SIZE * layer / resolution, curves.clamped)
+    if curves.rim:
+        strip = exact.distance(model.outline, np.array([model.edge_outline.segments[0].start]))[0] * unit
+        rim = strip / ELEMENTS_ACROSS
+        grow_from_curves((min(LAYER_SIZE * layer, rim) if model.bending else rim) / resolution, curves.rim)
     for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
         grow_from_curves(2 * np.pi * radius / ARC_SEGMENTS / resolution, arcs)
-    for index, width in enumerate(exact.widths(model.outline)):
+    for index, width in enumerate(exact.widths(model.edge_outline)):
         tags = [t for t, k in curves.segment.items() if k == index]
         if tags and width * unit < ELEMENTS_ACROSS * largest:
             grow_from_curves(width * unit / ELEMENTS_ACROSS / resolution, tags)
     ends = {t: np.array(gmsh.model.getValue(0, t, []))[:2] for _, t in gmsh.model.getEntities(0)}
-    for corner, angle, size in singular_corners(model.outline, resolution, bending_length(model)):
+    for corner, angle, size in singular_corners(model, resolution, bending_length(model)):
         near = [t for t, end in ends.items() if np.hypot(*(end - corner * unit)) < TOLERANCE]
         if near:
             distance = field.add("Distance")

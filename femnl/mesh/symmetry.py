@@ -34,7 +34,11 @@ def has_symmetry(model: Model, wedge: float) -> bool:
         return True
     angles = (0.0,) if wedge == HALF else (0.0, wedge)
     tolerance = 1e-6 * model.outline.length
-    return all(_is_mirrored(points, a, tolerance) for points in (_key_points(model.outline), model.holes.centres) for a in angles)
+    points = [_key_points(model.outline), model.holes.centres]
+    points += [] if model.overhang is None else [_key_points(model.overhang.outline)]
+    # A slope of the thickness is its own image where the film's thickness is everywhere, to the same part.
+    slope = np.array([model.film.gradient]) * model.outline.length**2 / model.film.thickness
+    return all(_is_mirrored(p, a, tolerance) for p in (*points, slope) for a in angles)
 
 
 def _key_points(outline: Outline) -> Array:

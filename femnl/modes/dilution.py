@@ -5,8 +5,10 @@ from numpy.typing import NDArray
 
 from femnl.errors import ParameterError
 from femnl.fem.elements import Space
-from femnl.fem.forms import cells, slope, thickness
+from femnl.fem.forms import cells, slope
+from femnl.fem.sheet import Sheet
 from femnl.fem.stress import relaxed_stress
+from femnl.fem.supports import deflection_springs, slope_springs
 from femnl.types.mechanics import STEADY, Modes
 from femnl.types.remainder import remainder
 
@@ -16,17 +18,18 @@ Array = NDArray[np.float64]
 def bending_share(modes: Modes) -> Array:
     """Part of the elastic energy of each mode that is stored in bending, clamped edges and rims of holes included.
 
-    s = 1 − ∫ N : ∇ξ⊗∇ξ / (m_eff ω²), which is ∂ ln ω² / ∂ ln D at a fixed tension N.
+    s = 1 − (∫ N : ∇ξ⊗∇ξ + ∮ k ξ² + k_θ (∂ₙξ)²) / (m_eff ω²), which is ∂ ln ω² / ∂ ln D at a fixed tension N and fixed springs.
 
     Args: modes: of any wedge. Returns: (n_modes,), NaN where a mode has no frequency.
     """
     domain, space, order = modes.domain, Space(modes.domain.mesh, modes.degree), 2 * modes.degree
-    tension = np.zeros(len(modes.frequency))
+    springs = deflection_springs(space, domain.model.clamp) + slope_springs(space, domain.model.clamp)
+    tension, sheet = np.einsum("ni,ni->n", modes.shapes, (springs @ modes.shapes.T).T), Sheet(domain)
     for cell, stress in zip(cells(space, order), relaxed_stress(modes.prestress, order), strict=True):
         slopes = np.einsum("eqxj,nej->neqx", slope(cell.jet), modes.shapes[:, space.dofs[cell.triangles]], optimize=True)
         xx, yy, xy = np.moveaxis(stress, -1, 0)
         energy = xx * slopes[..., 0] ** 2 + yy * slopes[..., 1] ** 2 + 2 * xy * slopes[..., 0] * slopes[..., 1]
-        tension += np.einsum("neq,eq->n", energy, thickness(domain.model, cell.jet.point) * cell.dx)
+        tension += np.einsum("neq,eq->n", energy, sheet.thickness(cell.triangles, cell.jet.point) * cell.dx)
     return np.asarray(1 - domain.copies * tension / modes.stiffness)
 
 

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.fem.elements import Space
-from femnl.fem.forms import cells, thickness
+from femnl.fem.forms import cells
+from femnl.fem.sheet import Sheet
 from femnl.modes.shapes import shape_at
 from femnl.types.mechanics import Domain, Modes
 from femnl.types.operators import DIRECTIONS, WEIGHTS, Projection
@@ -21,17 +22,18 @@ def project(modes: Modes) -> Projection:
     Returns: integrals over the whole film, see `Projection`.
     Valid: changes of the film that leave the new modes within the span of these ones.
     """
-    domain, space = modes.domain, Space(modes.domain.mesh, modes.degree)
+    domain, space, sheet = modes.domain, Space(modes.domain.mesh, modes.degree), Sheet(modes.domain)
     n, reach = len(modes.frequency), float(np.abs(modes.domain.mesh.p).max())
     slopes, masses = np.zeros((len(WEIGHTS), 4, n, n)), np.zeros((len(WEIGHTS), n, n))
     for cell in cells(space, 2 * modes.degree - 2):
         local = modes.shapes[:, space.dofs[cell.triangles]].transpose(1, 2, 0)
         value = (cell.jet.value @ local).reshape(-1, n)
         dx, dy = ((cell.jet.gradient[:, :, a] @ local).reshape(-1, n) for a in (0, 1))
-        volume = (thickness(domain.model, cell.jet.point) * cell.dx).ravel()
+        weights = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
+        volume, mass = weights.ravel(), (sheet.density(cell.triangles) * weights).ravel()
         for k, weight in enumerate(_weights(cell.jet.point.reshape(-1, 2).T / reach)):
             factor = (weight * volume)[:, None]
-            masses[k] += domain.model.film.density * value.T @ (factor * value)
+            masses[k] += value.T @ ((weight * mass)[:, None] * value)
             mixed = dx.T @ (factor * dy)
             slopes[k] += np.stack([dx.T @ (factor * dx), dy.T @ (factor * dy), mixed, mixed.T])
     whole_slopes, whole_masses = np.zeros((len(WEIGHTS), len(DIRECTIONS), n, n)), np.zeros_like(masses)

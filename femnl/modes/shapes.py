@@ -6,7 +6,8 @@ from scipy.spatial import cKDTree
 
 from femnl.errors import ParameterError
 from femnl.fem.elements import EDGES, VERTICES, Space, reference_basis
-from femnl.fem.forms import cells, thickness
+from femnl.fem.forms import cells
+from femnl.fem.sheet import Sheet
 from femnl.types.mechanics import Domain, Modes
 
 Array = NDArray[np.float64]
@@ -99,7 +100,7 @@ def canonical_turn(domain: Domain, space: Space, shapes: Array, parity: tuple[tu
     spread = np.zeros((len(shapes), len(shapes)))
     for cell in cells(space, space.degree + 2):  # a label needs no accuracy
         values = np.einsum("eqj,nej->neq", cell.jet.value, shapes[:, space.dofs[cell.triangles]])
-        weight = cell.dx * thickness(domain.model, cell.jet.point) * np.cosh(4 * cell.jet.point[..., 0] / reach)
+        weight = cell.dx * Sheet(domain).thickness(cell.triangles, cell.jet.point) * np.cosh(4 * cell.jet.point[..., 0] / reach)
         spread += np.einsum("neq,meq,eq->nm", values, values, weight, optimize=True)
     width, turn = np.zeros(len(shapes)), np.zeros_like(spread)
     for sector in set(parity):

@@ -45,8 +45,14 @@ def read_modes(path: Path, model: Model) -> Modes:
     if tree.attrs["femnl_modes"] != VERSION:
         raise ValueError(f"{path}: version {tree.attrs['femnl_modes']} where {VERSION} is read")
     stored = tree["mesh"].to_dataset()
+    overhang = {"overhang": stored["overhang"].values} if "overhang" in stored else None
     boundaries = {str(name).removeprefix("boundary_"): stored[name].values for name in stored if str(name).startswith("boundary_")}
-    mesh = MeshTri2(np.ascontiguousarray(stored.points.values), np.ascontiguousarray(stored.triangles.values), _boundaries=boundaries)
+    mesh = MeshTri2(
+        np.ascontiguousarray(stored.points.values),
+        np.ascontiguousarray(stored.triangles.values),
+        _boundaries=boundaries,
+        _subdomains=overhang,
+    )
     domain = Domain(model, mesh, float(tree.attrs["wedge"]))
     found: Modes | None = None
     for name in reversed(("modes", *GRADES)):
@@ -64,6 +70,8 @@ def _mesh_dataset(mesh: MeshTri2) -> xr.Dataset:
     }
     for name, facets in (mesh.boundaries or {}).items():
         data[f"boundary_{name}"] = ((f"facet_{name}",), np.asarray(facets, dtype=np.int64))
+    if mesh.subdomains:
+        data["overhang"] = (("triangle_overhang",), np.asarray(mesh.subdomains["overhang"], dtype=np.int64))
     return xr.Dataset(data)
 
 

@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 
 from femnl.fem.elements import Space, reference_basis
 from femnl.fem.elements import nodes as reference_nodes
-from femnl.fem.forms import in_plane_strain, plane_stress, thickness, vector_dofs
+from femnl.fem.forms import in_plane_strain, vector_dofs
+from femnl.fem.sheet import Sheet
 from femnl.types.mechanics import Modes, Surface
 
 Array = NDArray[np.float64]
@@ -14,7 +15,7 @@ Array = NDArray[np.float64]
 def unfold(modes: Modes) -> Surface:
     """Evaluate modes and relaxed stress at the nodes of the mesh and mirror them over the whole film.
 
-    The stress at a node is the mean over the triangles that meet there.
+    Thickness and stress at a node are means over the triangles that meet there.
     """
     domain = modes.domain
     space, plane = Space(domain.mesh, modes.degree), Space(domain.mesh, modes.prestress.degree)
@@ -22,7 +23,7 @@ def unfold(modes: Modes) -> Surface:
     local = reference_nodes(2)
     shapes = np.zeros((len(modes.shapes), nodes.size))
     shapes[:, nodes.dofs] = modes.shapes[:, space.dofs] @ reference_basis(modes.degree, local).T
-    stress, in_plane = _in_plane(modes, nodes, plane, local)
+    stress, in_plane, thickness = _in_plane(modes, nodes, plane, local)
     copies = _copies(domain.wedge, domain.copies)
     points = np.concatenate([nodes.location @ turn.T for turn, _, _ in copies])
     signs = [[_sign(parity, steps, mirrored) for parity in modes.parity] for _, steps, mirrored in copies]
@@ -30,26 +31,27 @@ def unfold(modes: Modes) -> Surface:
         points,
         _counter_clockwise(points, np.concatenate([nodes.dofs + k * nodes.size for k in range(len(copies))])),
         np.concatenate([shapes * np.array(sign)[:, None] for sign in signs], axis=1),
-        np.tile(thickness(domain.model, nodes.location), len(copies)),
+        np.tile(thickness, len(copies)),
         np.concatenate([_turn_stress(stress, turn) for turn, _, _ in copies]),
         np.concatenate([in_plane @ turn.T for turn, _, _ in copies]),
     )
 
 
-def _in_plane(modes: Modes, nodes: Space, plane: Space, local: Array) -> tuple[Array, Array]:
-    """Relaxed stress (n, 3) and in-plane displacement (n, 2) at the nodes."""
-    film = modes.domain.model.film
-    moduli = plane_stress(film.young, film.poisson)
-    jet = plane.jet(slice(None), local)
-    unknowns = modes.prestress.displacement[vector_dofs(plane, slice(None))]
-    values = film.stress * np.array([1.0, 1.0, 0.0]) + np.einsum("eqcj,ej->eqc", in_plane_strain(jet), unknowns) @ moduli
-    total, count = np.zeros((nodes.size, 3)), np.zeros(nodes.size)
-    np.add.at(total, nodes.dofs, values)
+def _in_plane(modes: Modes, nodes: Space, plane: Space, local: Array) -> tuple[Array, Array, Array]:
+    """Relaxed stress (n, 3), in-plane displacement (n, 2) and thickness (n,) at the nodes."""
+    sheet, every = Sheet(modes.domain), slice(None)
+    jet = plane.jet(every, local)
+    unknowns = modes.prestress.displacement[vector_dofs(plane, every)]
+    strain = np.einsum("eqcj,ej->eqc", in_plane_strain(jet), unknowns)
+    values = sheet.stress(every) + (strain[..., None, :] @ sheet.moduli(every))[..., 0, :]
+    total, count = np.zeros((nodes.size, 4)), np.zeros(nodes.size)
+    np.add.at(total, nodes.dofs, np.concatenate([values, sheet.thickness(every, jet.point)[..., None]], -1))
     np.add.at(count, nodes.dofs, 1)
     half = plane.dofs.shape[1]
     displacement = np.zeros((nodes.size, 2))
     displacement[nodes.dofs] = np.stack([unknowns[:, :half] @ jet.value[0].T, unknowns[:, half:] @ jet.value[0].T], -1)
-    return total / count[:, None], displacement
+    mean = total / count[:, None]
+    return mean[:, :3], displacement, mean[:, 3]
 
 
 def _copies(wedge: float, copies: int) -> list[tuple[Array, int, bool]]:

@@ -74,7 +74,8 @@ class Film:
     """The film: thickness [m], Young's modulus [Pa], Poisson's ratio, density [kg/m³], film stress before release [Pa].
 
     taper [m] and taper_length [m] describe a bottom thinned by the release etch: at distance d from the nearest hole's
-    rim the thickness is `thickness − taper·max(0, 1 − d/taper_length)`; taper = 0 is a film of even thickness.
+    rim the thickness is less by taper·max(0, 1 − d/taper_length). gradient: (∂h/∂x, ∂h/∂y) of the deposited film, whose thickness
+    is `thickness` at the origin. With neither the film is even.
     """
 
     thickness: float
@@ -84,6 +85,39 @@ class Film:
     stress: float
     taper: float = 0.0
     taper_length: float = 0.0
+    gradient: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Clamp:
+    """Springs along the edge that hold the film; infinite ones hold it rigidly.
+
+    A force per length of edge and displacement [Pa]: deflection out of plane, normal and shear in plane, across and along the edge.
+    rotation: a moment per length of edge and angle [N]; 0 is a hinge.
+    """
+
+    deflection: float = np.inf
+    rotation: float = np.inf
+    normal: float = np.inf
+    shear: float = np.inf
+
+    @property
+    def rigid(self) -> bool:
+        """Whether nothing gives way."""
+        return self == Clamp()
+
+    @property
+    def rigid_in_plane(self) -> bool:
+        """Whether nothing gives way in the plane of the film."""
+        return self.normal == self.shear == np.inf
+
+
+@dataclass(frozen=True)
+class Overhang:
+    """A strip around the suspended film that belongs to the frame, undercut: its outer rim, where it is clamped, and what it is made of."""
+
+    outline: Outline
+    film: Film
 
 
 @dataclass(frozen=True)
@@ -110,6 +144,8 @@ class Model:
     bending: whether the plate term D = Eh³/12(1−ν²) is kept. edge: in-plane condition of the outline for the
     nonlinearity: `clamped` u = v = 0; `sliding` normal displacement held and shear free; `paper` u = v = 0 with ν = 0 in
     the membrane strain, which is what the published closed formula of α assumes.
+    clamp: what the edge gives way; overhang: an undercut strip of the frame around the outline, if there is one, whose outer rim is
+    that edge.
     text: the TOML text that this model was read from, so that results can carry it. assumed: keys of that text, such as
     "holes.radius", whose values the source does not give.
     """
@@ -124,6 +160,13 @@ class Model:
     edge: Edge = "clamped"
     text: str = ""
     assumed: tuple[str, ...] = ()
+    clamp: Clamp = Clamp()
+    overhang: Overhang | None = None
+
+    @property
+    def edge_outline(self) -> Outline:
+        """Where film and frame end: the outline, or the outer rim of the overhang."""
+        return self.outline if self.overhang is None else self.overhang.outline
 
     def __repr__(self) -> str:
         """Name, outline, number of holes and film."""

@@ -224,4 +224,4 @@ def test_every_key_of_the_schema_has_an_example_for_messages() -> None:
         table = waiting.pop()
         keys.update(table.model_fields)
         waiting += table.__subclasses__()
-    assert keys - {"outline", "holes", "film", "readout", "model", "layers"} == set(EXAMPLES)
+    assert keys - {"outline", "holes", "film", "readout", "model", "layers", "clamp", "overhang"} == set(EXAMPLES)
