@@ -25,9 +25,9 @@ def singular_corners(model: Model, resolution: float, layer: float) -> Iterator[
     for k, angle in model.edge_outline.corners:
         if angle > np.pi / 2 + 1e-6:
             segment = model.edge_outline.segments[k]
-            side = np.linalg.norm(np.subtract(segment.end, segment.start))
+            side = float(np.linalg.norm(np.subtract(segment.end, segment.start)))
             film = side * (CORNER_ERROR / resolution**8) ** (angle / (2 * np.pi))
-            plate = layer * max(float(PLATE_ERROR / resolution**8) ** (angle / (2 * np.pi) if angle <= np.pi else 1.0), SMALLEST)
+            plate = layer * max((PLATE_ERROR / resolution**8) ** (angle / (2 * np.pi) if angle <= np.pi else 1.0), SMALLEST)
             yield np.array(segment.start), angle, float(max(film, plate))
     for k, angle in model.outline.corners if model.overhang is not None else ():
         segment = model.outline.segments[k]

@@ -15,14 +15,13 @@ from femnl.fem.forms import (
     deflection,
     in_plane_strain,
     local_matrices,
-    plane_stress,
     slope,
     stretch,
-    thickness,
     vector_dofs,
 )
-from femnl.fem.supports import in_plane_supports
-from femnl.types.device import Edge
+from femnl.fem.sheet import Sheet
+from femnl.fem.supports import in_plane_springs, in_plane_supports
+from femnl.types.device import Clamp, Edge
 from femnl.types.mechanics import Modes
 
 Array = NDArray[np.float64]
@@ -32,17 +31,16 @@ Membrane = Callable[[Cell], Array]
 
 def film_membrane(modes: Modes, edge: Edge) -> Membrane:
     """Stiffness h C [N/m] of the film at the points of a cell; without Poisson's ratio for the edge `paper`."""
-    model = modes.domain.model
-    moduli = plane_stress(model.film.young, 0.0 if edge == "paper" else model.film.poisson)
-    return lambda cell: thickness(model, cell.jet.point)[..., None, None] * moduli
+    sheet = Sheet(modes.domain, 0.0 if edge == "paper" else None)
+    return lambda cell: sheet.membrane(cell.triangles, cell.jet.point)
 
 
 @dataclass(frozen=True)
 class Stretching:
     """Integrals over the wedge of second-order strains m_P = ½ sym(∇ξᵢ⊗∇ξⱼ) of pairs P of modes, and the film in plane.
 
-    energies (n_pairs, n_pairs) ∫ h C m_P : m_Q; loads (2·size, n_pairs) −∫ h C m_P : ε(v); stiffness ∫ h C ε(u) : ε(v) [N/m];
-    parities: of each pair under the wedge's mirrors.
+    energies (n_pairs, n_pairs) ∫ h C m_P : m_Q; loads (2·size, n_pairs) −∫ h C m_P : ε(v); stiffness ∫ h C ε(u) : ε(v) with the springs
+    of the edge [N/m]; parities: of each pair under the wedge's mirrors. clamp: of the edge.
     """
 
     space: Space
@@ -50,12 +48,13 @@ class Stretching:
     loads: Array
     stiffness: csc_matrix
     parities: list[tuple[int, ...]]
+    clamp: Clamp
 
     def sectors(self, wedge: float, edge: Edge) -> Iterator[tuple[list[int], csc_matrix]]:
         """Pairs of one parity, and the in-plane displacements that the edge and the mirrors leave to them."""
         for parity in sorted(set(self.parities)):
             members = [k for k, p in enumerate(self.parities) if p == parity]
-            yield members, in_plane_supports(self.space, wedge, edge, tuple(p > 0 for p in parity))
+            yield members, in_plane_supports(self.space, wedge, edge, tuple(p > 0 for p in parity), self.clamp)
 
 
 def stretching(modes: Modes, pairs: list[tuple[int, int]], membrane: Membrane) -> Stretching:
@@ -75,7 +74,8 @@ def stretching(modes: Modes, pairs: list[tuple[int, int]], membrane: Membrane) -
         np.add.at(loads, dofs, -np.einsum("eqcj,neqc->ejn", basis, stress, optimize=True))
         stiffness.add(local_matrices(basis, moduli, cell.dx), dofs)
     parities = [tuple(a * b for a, b in zip(modes.parity[i], modes.parity[j], strict=True)) for i, j in pairs]
-    return Stretching(space, energies, loads, stiffness.matrix(), parities)
+    clamp = modes.domain.model.clamp
+    return Stretching(space, energies, loads, csc_matrix(stiffness.matrix() + in_plane_springs(space, clamp)), parities, clamp)
 
 
 def same_parity_only(energies: Array, parities: list[tuple[int, ...]]) -> Array:
@@ -86,8 +86,8 @@ def same_parity_only(energies: Array, parities: list[tuple[int, ...]]) -> Array:
 
 def in_plane_mass(modes: Modes, space: Space) -> csc_matrix:
     """Mass ∫ ρh u·v over the wedge, (2·size, 2·size) [kg]."""
-    model, mass = modes.domain.model, Assembly(space.size)
+    sheet, mass = Sheet(modes.domain), Assembly(space.size)
     for cell in cells(space, 2 * space.degree):
-        weight = model.film.density * thickness(model, cell.jet.point) * cell.dx
+        weight = sheet.density(cell.triangles) * sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
         mass.add(local_matrices(deflection(cell.jet), np.eye(1), weight), space.dofs[cell.triangles])
     return csc_matrix(block_diag([mass.matrix()] * 2))
