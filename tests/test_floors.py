@@ -12,7 +12,7 @@ FLOORS = (
     ("types", "errors", "resources"),
     ("geometry", "measurement", "fem"),
     ("mesh", "prestress", "modes", "nonlinearity", "resonator", "optics", "readout", "labfiles", "storage"),
-    ("predict", "effects", "lattice"),
+    ("predict", "effects", "lattice", "bow"),
     ("compare", "sweep", "fits", "calibration", "validation"),
     ("diagnose",),
     ("plot",),
