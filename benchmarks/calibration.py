@@ -1,7 +1,8 @@
 """Error of displacement calibrations against a known amplitude, z = 0.1 … 12: a Taylor expansion at one spot, and whole maps.
 
-Run `python -m benchmarks.calibration [FOLDER]`; it writes calibration.csv and calibration.png. The Taylor method gets exact harmonics of
-the best spot; the map fits get 25 × 25 points with noise of 1.5 % of the fringe and find placement, phase and working point as well.
+Run `python -m benchmarks.calibration [FOLDER]`; it writes calibration.csv, its summary, and calibration.png. The Taylor method gets exact
+harmonics of the best spot; the map fits get 25 × 25 points with noise of 1.5 % of the fringe and find placement, phase and working point
+as well.
 """
 
 import csv
@@ -78,7 +79,19 @@ def run(folder: Path) -> Path:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
+    with (folder / "calibration-summary.csv").open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows(summary(rows))
     return draw(rows, list(fringes), folder / "calibration.png")
+
+
+def summary(rows: list[Row]) -> list[tuple[str | float, ...]]:
+    """By fringe and method: median of |relative error| of the amplitude below and from z = 1 on, and the largest from there on."""
+    table: list[tuple[str | float, ...]] = [("data and method", "median, z < 1", "median, z ≥ 1", "largest, z ≥ 1")]
+    for pair in dict.fromkeys((row["fringe"], row["method"]) for row in rows):
+        own = [row for row in rows if (row["fringe"], row["method"]) == pair]
+        below, above = ([abs(float(r["relative_error"])) for r in own if (float(r["z"]) >= 1) == deep] for deep in (False, True))
+        table.append((f"{pair[0]}; {pair[1]}", float(np.median(below)), float(np.median(above)), max(above)))
+    return table
 
 
 def draw(rows: list[Row], labels: list[str], path: Path) -> Path:

@@ -57,11 +57,11 @@ def timed(name: str, solve: Callable[[Iterator[Point], Settings], Iterator[Recor
     return {
         "engine": name,
         "points": POINTS,
-        "start": first - begun,
-        "steady": stamps[-1][0] - first,
-        "in points": sum(seconds for *_, seconds in rest),
+        "start (s)": first - begun,
+        "steady (s)": stamps[-1][0] - first,
+        "in points (s)": sum(seconds for *_, seconds in rest),
         "points per second": len(rest) / (stamps[-1][0] - first),
-        "client CPU": (stamps[-1][1] - own) / len(rest),
+        "client CPU (s)": (stamps[-1][1] - own) / len(rest),
         "bytes a point": len(json.dumps(list(store.records.values()), ensure_ascii=False).encode()) / POINTS,
         "load before": load,
     }
@@ -86,12 +86,12 @@ def main(folder: Path) -> None:
     by = {row["engine"]: row for row in rows}
     for kind in ("processes", "dask"):
         one, two = by[f"{kind}-1"], by[f"{kind}-2"]
-        overhead = float(one["steady"]) / float(one["in points"]) - 1
+        overhead = float(one["steady (s)"]) / float(one["in points (s)"]) - 1
         gain = float(two["points per second"]) / float(one["points per second"])
-        busy = float(two["in points"]) / float(two["steady"])
+        busy = float(two["in points (s)"]) / float(two["steady (s)"])
         sys.stdout.write(
-            f"{kind}: overhead {overhead:.1%} a point on one worker, {float(one['client CPU']) * 1e3:.1f} ms of the client's processor; "
-            f"two workers do {gain:.2f} times as many points a second, with {busy:.2f} points under way\n"
+            f"{kind}: overhead {overhead:.1%} a point on one worker, {1e3 * float(one['client CPU (s)']):.1f} ms of the client's processor;"
+            f" two workers do {gain:.2f} times as many points a second, with {busy:.2f} points under way\n"
         )
 
 

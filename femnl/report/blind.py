@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from femnl.report.numbers import plain
+from femnl.report.picture import Picture, embed
+from femnl.report.scores import confusion_figure, detection_figure
 
 NAME = "blind.json"
 """File of the scoreboard beside the validation cases."""
@@ -17,7 +19,7 @@ HALF = 0.04
 
 @dataclass(frozen=True)
 class Blind:
-    """Rates with their targets, rates by kind of measurement, limits of detection in σ, as rows of tables."""
+    """Rates with their targets, rates by kind of measurement, limits of detection in σ, as rows of tables; and the figures."""
 
     draws: int
     seeds: str
@@ -26,6 +28,7 @@ class Blind:
     kinds: list[str]
     by_kind: list[list[str]]
     limits: list[list[str]]
+    pictures: list[Picture]
 
 
 def blind(folder: Path) -> Blind | None:
@@ -44,7 +47,24 @@ def blind(folder: Path) -> Blind | None:
         kinds,
         [[name, *(_share(rate["by_kind"].get(kind)) for kind in kinds)] for name, rate in counted.items()],
         [[name, plain(limit["sigma"], 3), str(limit["draws"]), _sizes(limit)] for name, limit in board["limits"].items()],
+        _pictures(board),
     )
+
+
+def _pictures(board: Mapping[str, Any]) -> list[Picture]:
+    """The figures; those that a scoreboard of an earlier kind has no numbers for are left out."""
+    pictures = []
+    if "confusion" in board:
+        caption = (
+            "Answers to files that hide one cause of at least 5σ, or none: how many got which; colours are shares of the row. A tie names "
+            "several sets of causes as equals."
+        )
+        pictures.append(embed(confusion_figure(board["confusion"]), "Confusion matrix of the blind study", caption))
+    if "detection" in board:
+        caption = "Each lone cause, hidden ever more weakly: its size in draws that named it and in draws that did not; the line is 5σ."
+        figure = detection_figure(board["detection"], board["limits"])
+        pictures.append(embed(figure, "Sizes at which the blind study named each cause, and at which it did not", caption))
+    return pictures
 
 
 def _percent(rate: float) -> str:

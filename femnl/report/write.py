@@ -8,15 +8,16 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
 from femnl import resources
 from femnl.plot.screen import need_offscreen
+from femnl.report.benchmarks import benchmarks
 from femnl.report.blind import blind
 from femnl.report.checks import check
-from femnl.report.mechanics import EDGES, Part, Row, alpha_table, describe_geometry, frequency_table, ratio_table, solve
+from femnl.report.mechanics import EDGES, Geometry, Part, Row, alpha_table, describe_geometry, frequency_table, ratio_table, solve
 from femnl.report.numbers import plain, with_error
 from femnl.report.provenance import provenance
 from femnl.report.published import DEVICES, Device
 from femnl.report.readout import Maps, Spectrum, maps, spectrum
+from femnl.report.shape import turning
 from femnl.storage import make_folder, write_whole
-from femnl.types.device import Model
 
 NAME = "index.html"
 
@@ -54,14 +55,17 @@ def write_report(
     """
     need_offscreen()
     make_folder(out)
-    models: list[Model] = []
-    sections = [_section(device, progress, cache, models) for device in devices]
+    solved = [solve(device, progress, cache) for device in devices]
+    models = [geometry.model for geometries in solved for geometry in geometries]
+    sections = [_section(device, geometries, progress) for device, geometries in zip(devices, solved, strict=True)]
     checks = check(cases or resources.cases(), select, progress)
     progress("page")
     page = _template().render(
         sections=sections,
         checks=checks,
         models=models,
+        shape=turning(solved[0][0].modes) if solved else None,
+        benchmarks=benchmarks(cases or resources.cases()),
         blind=blind(cases or resources.cases()),
         provenance=provenance(models),
         edges=EDGES,
@@ -77,9 +81,7 @@ def write_report(
     return path
 
 
-def _section(device: Device, progress: Callable[[str], None], cache: bool, models: list[Model]) -> Section:
-    geometries = solve(device, progress, cache)
-    models += [geometry.model for geometry in geometries]
+def _section(device: Device, geometries: list[Geometry], progress: Callable[[str], None]) -> Section:
     first, published = geometries[0], device.published
     stack, drives = first.model.stack, () if published is None else published.drives
     shown = [maps(first, stack, drive, progress) for drive in drives if stack is not None]

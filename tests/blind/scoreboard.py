@@ -1,7 +1,12 @@
-"""What the blind study says: rates with binomial intervals, the confusion matrix, and the limits of detection."""
+"""What the blind study says: rates with binomial intervals, the confusion matrix, and the limits of detection.
 
+Run `python -m tests.blind.scoreboard OUT STUDY … [--note WORDS]` to score the records of several studies as one.
+"""
+
+import argparse
+import json
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +15,11 @@ from scipy.optimize import minimize
 from scipy.stats import binomtest, kstest
 
 from femnl.plot.style import COLOURS, new_figure, style
+from femnl.report.scores import DETECTABLE, FOUND, confusion_figure, detection_figure
 
 Record = dict[str, Any]
-DETECTABLE = 5.0
-"""σ by which each cause must stand out to be counted on."""
 TOLD = 1e-3
 """Probability from which on an alternative counts as told."""
-FOUND = 0.95
-"""Share of draws in which the limit of detection is found."""
 FEWEST = 20
 """Draws below which no limit of detection is told."""
 TARGETS = {
@@ -50,7 +52,7 @@ def tied(record: Record, partners: dict[str, Record]) -> bool:
     return with_it is not None and with_it["verdict"] == "ambiguous" and told(with_it) and record["verdict"] in ("explained", "ambiguous")
 
 
-def score(records: list[Record], seed: int) -> dict[str, Any]:
+def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
     """Return every rate with its 95 % interval (Clopper and Pearson), overall and by kind."""
     good = [r for r in records if "error" not in r]
     by_task: dict[str, list[Record]] = defaultdict(list)
@@ -74,7 +76,7 @@ def score(records: list[Record], seed: int) -> dict[str, Any]:
         "68 % intervals hold": (pulls, lambda pair: abs(pair[1]) < 1),
         "gain within 10 % of the best": (measured, lambda r: r["gain"] > 0.9 * r["best_gain"]),
     }
-    board: dict[str, Any] = {"seeds": [seed], "draws": len(records), "failed": len(records) - len(good), "rates": {}}
+    board: dict[str, Any] = {"seeds": [*seeds], "draws": len(records), "failed": len(records) - len(good), "rates": {}}
     for name, (rows, hit) in rates.items():
         whole = list(rows)
         entry = _rate([hit(row) for row in whole])
@@ -85,6 +87,8 @@ def score(records: list[Record], seed: int) -> dict[str, Any]:
     p_values = [r["p_value"] for r in by_task["null"]]
     if p_values:
         board["p_value_uniform"] = {"n": len(p_values), "ks_p_value": float(kstest(p_values, "uniform").pvalue)}
+    board["confusion"] = _confusion(good)
+    board["detection"] = _detection(good)
     board["limits"] = {name: limit for name, limit in _limits(good).items() if limit is not None}
     board["seconds"] = {
         kind: {"median": float(np.median(own)), "largest": float(np.max(own))}
@@ -141,21 +145,21 @@ def _logistic(x: np.ndarray[Any, Any], hit: np.ndarray[Any, Any]) -> float | Non
     return float(np.exp(best.x[0] + np.log(FOUND / (1 - FOUND)) / np.exp(best.x[1])))
 
 
-def draw(records: list[Record], folder: Path) -> None:
+def draw(board: dict[str, Any], records: list[Record], folder: Path) -> None:
     """Write confusion.png, detection.png and p_values.png."""
-    good = [r for r in records if "error" not in r]
+    confusion_figure(board["confusion"]).savefig(folder / "confusion.png", dpi=200)
+    detection_figure(board["detection"], board["limits"]).savefig(folder / "detection.png", dpi=200)
     with style():
-        _confusion(good).savefig(folder / "confusion.png")
-        _detection(good).savefig(folder / "detection.png")
-        _uniform(good).savefig(folder / "p_values.png")
+        _uniform([r for r in records if "error" not in r]).savefig(folder / "p_values.png")
 
 
-def _confusion(records: list[Record]) -> Any:
+def _confusion(records: list[Record]) -> dict[str, Any]:
+    """How often each cause that can be detected, or none, got each answer: names of rows and columns, and the counts."""
     rows = [r for r in records if r["task"] in ("hidden", "null") and detectable(r)]
-    names = sorted({(r["causes"] or ["none"])[0] for r in rows} | {n for r in rows if len(r["named"]) == 1 for n in r["named"]} - {"none"})
-    names = [*[n for n in names if n != "none"], "none"]
+    taken = {name for r in rows if r["verdict"] == "explained" and len(r["named"]) == 1 for name in r["named"]}
+    names = [*sorted(taken | {name for r in rows for name in r["causes"]}), "none"]
     columns = [*names[:-1], "several", "tie with it", "tie without it", "unexplained", "adequate"]
-    table = np.zeros((len(names), len(columns)))
+    table = np.zeros((len(names), len(columns)), int)
     for r in rows:
         answer = {"unexplained": "unexplained", "adequate": "adequate"}.get(r["verdict"], "several")
         if r["verdict"] == "ambiguous":
@@ -163,42 +167,16 @@ def _confusion(records: list[Record]) -> Any:
         elif r["verdict"] == "explained" and len(r["named"]) == 1:
             answer = r["named"][0]
         table[names.index((r["causes"] or ["none"])[0]), columns.index(answer)] += 1
-    share = table / np.maximum(table.sum(axis=1, keepdims=True), 1)
-    figure = new_figure(height=0.2 * len(names) + 1.6)
-    axes = figure.add_subplot()
-    axes.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
-    for (i, j), n in np.ndenumerate(table):
-        if n:
-            axes.text(j, i, f"{n:.0f}", ha="center", va="center", fontsize=6.5, color="white" if share[i, j] > 0.6 else "#333333")
-    axes.set_xticks(range(len(columns)), [c.replace("_", " ") for c in columns], rotation=90)
-    axes.set_yticks(range(len(names)), [n.replace("_", " ") for n in names])
-    axes.set_xlabel("answer of the diagnosis")
-    axes.set_ylabel("hidden cause")
-    return figure
+    return {"hidden": names, "answers": columns, "draws": table.tolist()}
 
 
-def _detection(records: list[Record]) -> Any:
-    alone, limits = _alone(records), _limits(records)
-    figure = new_figure(height=0.24 * len(alone) + 1.0)
-    axes = figure.add_subplot()
-    for y, (name, rows) in enumerate(alone.items()):
-        cause = rows[0]["causes"][0]
-        for hit, colour in ((True, COLOURS[0]), (False, COLOURS[1])):
-            at = [r["sigma"][cause] for r in rows if told(r) == hit]
-            axes.plot(at, np.full(len(at), y), "|", color=colour, markersize=6)
-        limit = limits[name]
-        if limit is not None:
-            axes.plot([limit["sigma"]], [y], "k^", markersize=4)
-    axes.plot([], [], "|", color=COLOURS[0], label="named")
-    axes.plot([], [], "|", color=COLOURS[1], label="not named")
-    axes.plot([], [], "k^", label=f"named in {FOUND:.0%}")
-    axes.axvline(DETECTABLE, color="#999999", linewidth=0.7)
-    axes.set_xscale("log")
-    axes.set_yticks(range(len(alone)), [name.replace("_", " ") for name in alone])
-    axes.set_ylim(len(alone) - 0.4, -0.6)
-    axes.set_xlabel("size of the effect in the data, in σ")
-    figure.legend(loc="outside upper center", ncols=3)
-    return figure
+def _detection(records: list[Record]) -> dict[str, dict[str, list[float]]]:
+    """Sizes [σ] of each lone cause in the draws that named it, and in those that missed it."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for name, rows in _alone(records).items():
+        parts = {key: [r for r in rows if told(r) == hit] for key, hit in (("named", True), ("missed", False))}
+        found[name] = {key: sorted(float(f"{r['sigma'][r['causes'][0]]:.3g}") for r in part) for key, part in parts.items()}
+    return found
 
 
 def _uniform(records: list[Record]) -> Any:
@@ -212,3 +190,24 @@ def _uniform(records: list[Record]) -> Any:
     axes.set_ylabel("share of files without a cause")
     axes.legend()
     return figure
+
+
+def main() -> None:
+    """Score several studies as one."""
+    parser = argparse.ArgumentParser(description="score the records of several studies as one")
+    parser.add_argument("out", type=Path)
+    parser.add_argument("studies", type=Path, nargs="+")
+    parser.add_argument("--note", help="what a reader should know of them")
+    given = parser.parse_args()
+    lines = [line for study in given.studies for line in (study / "results.jsonl").read_text("utf-8").splitlines(keepends=True)]
+    records = [json.loads(line) for line in lines if line.endswith("\n")]  # a study that runs may be at its last one
+    seeds = dict.fromkeys(json.loads((study / "study.json").read_text("utf-8"))["seed"] for study in given.studies)
+    board = score(records, [*seeds])
+    board = {"seeds": board.pop("seeds"), **({"note": given.note} if given.note else {}), **board}
+    given.out.mkdir(parents=True, exist_ok=True)
+    (given.out / "scoreboard.json").write_text(json.dumps(board, indent=1, ensure_ascii=False), "utf-8")
+    draw(board, records, given.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -91,9 +91,9 @@ def main() -> None:
             os.fsync(file.fileno())
             sys.stderr.write(f"{count}/{len(todo)} {job.name}: {record.get('verdict', record.get('error'))} {record.get('named', '')}\n")
     records = [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
-    board = score(records, seed)
+    board = score(records, [seed])
     (given.folder / "scoreboard.json").write_text(json.dumps(board, indent=1, ensure_ascii=False), encoding="utf-8")
-    draw(records, given.folder)
+    draw(board, records, given.folder)
     sys.stdout.write(json.dumps(board, indent=1, ensure_ascii=False) + "\n")
 
 

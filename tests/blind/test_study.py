@@ -58,7 +58,7 @@ def test_the_scoreboard_counts_what_the_records_say() -> None:
         record("removed", ["gas_damping"], "explained", ["photothermal"], file="two"),
         record("removed", ["gas_damping"], "unexplained", [], file="three"),
     ]
-    rates = score(rows, seed=1)["rates"]
+    rates = score(rows, [1])["rates"]
     assert (rates["false alarms"]["k"], rates["false alarms"]["n"]) == (1, 2)
     assert (rates["cause named"]["k"], rates["cause named"]["n"]) == (2, 3)
     assert (rates["wrong cause explained"]["k"], rates["wrong cause explained"]["n"]) == (1, 5)

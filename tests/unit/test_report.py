@@ -1,103 +1,35 @@
-"""The report: its numbers, what it says of a case that fails, and how it looks in a real browser."""
+"""The report: its numbers, and what it says of a case that fails, of the blind study and of benchmarks."""
 
+import html
 import json
 import os
 import re
-import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
 
+from femnl import resources
 from femnl.errors import ParameterError
 from femnl.geometry import load
 from femnl.predict import solve_modes, solve_nonlinearity
-from femnl.report import Device, Drive, Published, write_report
+from femnl.report import write_report
+from femnl.report.benchmarks import benchmarks
 from femnl.report.blind import blind
 from femnl.report.numbers import plain, ppm, with_error
 from femnl.report.published import HEXAGON, SQUARE
-
-HOSTILE = "<script>window.hacked = 1</script>"
-GEOMETRY = f"""
-name = "square-100um"
-source = "made up {HOSTILE}"
-assumed = ["film.poisson"]
-[outline]
-kind = "square"
-side = "100 um"
-[film]
-thickness = "200 nm"
-young = "250 GPa"
-poisson = 0.23
-density = "3100 kg/m^3"
-stress = "1 GPa"
-[readout]
-gap = "3226.25 nm"
-"""
-CASES = {
-    "holds": "Case(claim='Two and two is four {hostile}', source='counting fingers', references=(Reference('sum', 4.0, relative=1e-9),), "
-    "compute=lambda: [(4.0, 1e-12)])",
-    "differs": "Case(claim='Two and two is five', source='a novel', references=(Reference('sum', 5.0, 'm', absolute=0.1),), "
-    "compute=lambda: [4.0])",
-    "corrects": "Case(claim='π is no 3', source='Archimedes of Syracuse', why='it was rounded too far', "
-    "references=(Reference('π', 3.14159265, absolute=1e-6, printed=3.0),), compute=lambda: [3.14159265358979])",
-    "breaks": "Case(claim='Nothing is divided by zero', source='counting fingers', references=(Reference('q', 1.0, relative=1e-3),), "
-    "compute=lambda: [1 / 0])",
-}
-PUBLISHED = Published(
-    source="made up",
-    frequency={"(1,1)": 4.0e6},
-    ratio={"(2,2)": 2.0},
-    ratio_kind="measured",
-    ideal=SQUARE.ideal,
-    alpha={"(1,1)": 4e10},
-    drives=(Drive("red", 632.8e-9, 4.0),),
-    highest=21,
-)
-
-
-@dataclass(frozen=True)
-class Written:
-    """A report, the geometry that it is about, and what it said while it was made."""
-
-    path: Path
-    geometry: Path
-    steps: list[str]
-
-    @property
-    def text(self) -> str:
-        """The page without its pictures."""
-        return re.sub(r'src="data:[^"]*"', 'src=""', self.path.read_text(encoding="utf-8"))
-
-
-@pytest.fixture(scope="session")
-def report(tmp_path_factory: pytest.TempPathFactory) -> Written:
-    """A report on one small device and four cases, of which one differs and one breaks."""
-    folder = tmp_path_factory.mktemp("report")
-    geometry = folder / "square-100um.toml"
-    geometry.write_text(GEOMETRY, encoding="utf-8")
-    cases = folder / "cases"
-    cases.mkdir()
-    for name, case in CASES.items():
-        source = f"from femnl.validation import Case, Reference\nCASE = {case.replace('{hostile}', HOSTILE)}\n"
-        (cases / f"{name}.py").write_text(source, encoding="utf-8")
-    steps: list[str] = []
-    device = Device("Square & small", (str(geometry),), PUBLISHED)
-    path = write_report(folder / "out", steps.append, cache=False, devices=[device], cases=cases)
-    return Written(path, geometry, steps)
+from tests.unit.report_page import CASES, HOSTILE, Written
 
 
 def test_the_report_is_one_file_that_refers_to_nothing_outside_it(report: Written) -> None:
     assert [path.name for path in report.path.parent.iterdir()] == ["index.html"]
-    page = report.path.read_text(encoding="utf-8")
+    page = re.sub(r"<script>.*?</script>", "", report.path.read_text(encoding="utf-8"), flags=re.DOTALL)  # which a browser watches
     links = re.findall(r'(?:src|href|url)\s*[=(]\s*["\']?([^"\'\s>)]+)', page)
     assert links
     assert all(link.startswith(("#", "data:")) for link in links)
+    assert not re.search(r"<script[^>]*\ssrc", report.path.read_text(encoding="utf-8"))
 
 
 def test_the_report_counts_what_agrees_and_names_what_does_not(report: Written) -> None:
@@ -190,83 +122,6 @@ def test_published_ideal_ratios_are_those_of_the_literature() -> None:
     assert SQUARE.ideal["(2,1)"] == pytest.approx(2.5**0.5)
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """A headless Chromium of the system."""
-    path = shutil.which("chromium") or shutil.which("chromium-browser")
-    if path is None:
-        pytest.skip("no chromium on the PATH")
-    switches = ("disable-gpu", "disable-background-networking", "disable-component-update", "disable-sync", "no-first-run", "no-sandbox")
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=path, args=[f"--{switch}" for switch in switches])
-        yield chromium
-        chromium.close()
-
-
-def opened(browser: Browser, report: Written, width: int, scheme: str) -> tuple[Page, list[str], list[str]]:
-    """The report in a window of a width: the page, what its console said, and what it fetched."""
-    page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme="dark" if scheme == "dark" else "light")
-    said: list[str] = []
-    fetched: list[str] = []
-    page.on("console", lambda message: said.append(message.text))
-    page.on("pageerror", lambda error: said.append(str(error)))
-    page.on("request", lambda request: fetched.append(request.url))
-    page.goto(report.path.as_uri())
-    return page, said, fetched
-
-
-@pytest.mark.browser
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [1280, 400])
-def test_a_browser_shows_the_report_without_errors_or_sideways_scrolling(
-    browser: Browser, report: Written, width: int, scheme: str
-) -> None:
-    page, said, fetched = opened(browser, report, width, scheme)
-    assert said == []
-    assert [url for url in fetched if not url.startswith("data:")] == [report.path.as_uri()]
-    assert page.evaluate("document.images.length") == 6
-    assert page.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 300 && image.alt)")
-    assert page.evaluate("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
-    # Whatever is wider than the window scrolls within its own frame, which the keyboard can reach.
-    frames = "[...document.querySelectorAll('table')].map(table => table.parentElement)"
-    assert page.evaluate(f"{frames}.every(frame => frame.className == 'scroll' && frame.tabIndex == 0)")
-    assert page.evaluate("typeof window.hacked") == "undefined"
-    page.close()
-
-
-@pytest.mark.browser
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_stands_out_from_its_background(browser: Browser, report: Written, scheme: str) -> None:
-    page, _, _ = opened(browser, report, 1280, scheme)
-    colours = page.evaluate(
-        "['body', 'figcaption', 'nav a', '.good', '.bad'].map(s => getComputedStyle(document.querySelector(s)).color)"
-        ".concat(getComputedStyle(document.body).backgroundColor)"
-    )
-    *inks, paper = [luminance(colour) for colour in colours]
-    assert (paper < 0.05) == (scheme == "dark")
-    for ink in inks:
-        assert (max(ink, paper) + 0.05) / (min(ink, paper) + 0.05) >= 4.5  # WCAG 2.1, AA
-    page.close()
-
-
-def luminance(colour: str) -> float:
-    """Relative luminance of an rgb(…) colour as WCAG 2.1 defines it."""
-    parts = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
-    linear = [part / 12.92 if part <= 0.03928 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-@pytest.mark.browser
-def test_the_report_prints_on_pages_that_cut_no_table(browser: Browser, report: Written) -> None:
-    page, _, _ = opened(browser, report, 1280, "dark")
-    page.emulate_media(media="print")
-    page.set_viewport_size({"width": 703, "height": 1000})  # A4 less its margins
-    assert page.evaluate("getComputedStyle(document.body).color") == "rgb(0, 0, 0)"
-    assert page.evaluate("[...document.querySelectorAll('.scroll')].every(frame => frame.scrollWidth <= frame.clientWidth + 1)")
-    assert page.pdf(prefer_css_page_size=True).startswith(b"%PDF")
-    page.close()
-
-
 def _rate(k: int, n: int, low: float, high: float, *target: object) -> dict[str, Any]:
     rate = {"n": n, "k": k, "rate": k / n, "interval": [low, high], "by_kind": {"map": {"n": n, "k": k, "rate": k / n}}}
     return rate | ({"target": list(target)} if target else {})
@@ -295,3 +150,38 @@ def test_a_rate_of_the_blind_study_says_whether_it_meets_its_target(rate: dict[s
 
 def test_without_a_blind_study_the_page_says_nothing_of_it(tmp_path: Path) -> None:
     assert blind(tmp_path) is None
+
+
+def test_the_figures_of_the_blind_study_count_the_draws_that_its_rates_count() -> None:
+    board = json.loads((resources.cases() / "blind.json").read_text(encoding="utf-8"))
+    found = blind(resources.cases())
+    assert found is not None
+    assert len(found.pictures) == 2
+    confusion, rates = board["confusion"], board["rates"]
+    none = dict(zip(confusion["answers"], confusion["draws"][confusion["hidden"].index("none")], strict=True))
+    assert sum(none.values()) == rates["false alarms"]["n"]
+    assert sum(none.values()) - none["adequate"] == rates["false alarms"]["k"]
+    strong = [sigma for draws in board["detection"].values() for part in draws.values() for sigma in part if sigma >= 5]
+    assert len(strong) == rates["cause named"]["n"]
+    assert sum(sigma >= 5 for draws in board["detection"].values() for sigma in draws["named"]) == rates["cause named"]["k"]
+
+
+def test_a_benchmark_says_on_which_machine_and_beside_what_it_ran(tmp_path: Path) -> None:
+    table = {"head": ["run", "time (s)"], "rows": [["femnl", 1.23456], ["none", None]]}
+    found = {"caption": "A race.", "command": "python -m benchmarks.race", "date": "2026-01-02", "seconds": 12.3, "cpu_seconds": 9.0}
+    machine = {"load_before": 2.5, "processor": "abacus", "system": "desk", "threads": "fingers: 10"}
+    (tmp_path / "benchmarks.json").write_text(json.dumps({"race": found | machine | {"tables": [table]}}), encoding="utf-8")
+    (race,) = benchmarks(tmp_path)
+    assert race.words == (
+        "python -m benchmarks.race, 2026-01-02: 12.3 s beside other programs (load 2.5 before it), 9 s of processor time in all processes; "
+        "abacus, desk, fingers: 10."
+    )
+    assert race.tables == [(["run", "time (s)"], [["femnl", "1.23"], ["none", "–"]])]
+    assert benchmarks(tmp_path / "none") == []
+
+
+def test_shipped_benchmarks_are_on_the_page(report: Written) -> None:
+    shipped = benchmarks(resources.cases())
+    assert shipped
+    for benchmark in shipped:
+        assert benchmark.words in html.unescape(report.text)
