@@ -5,7 +5,8 @@ which `femnl report` shows, up to date for those that were run and did not fail.
 
 A benchmark is a module NAME.py here with a `main` that `python -m benchmarks.NAME FOLDER` runs. The first line of its docstring is the
 caption. Each NAME*.csv that it leaves in FOLDER is a table: first its columns with their units, then its rows; empty or `nan` where there
-is nothing. What has more than 30 rows is data for a figure and is not kept. Modules without a `main` help the others.
+is nothing. What has more than 30 rows is data for a figure and is not kept, nor is a benchmark without tables. Modules without a `main`
+help the others.
 """
 
 import csv
@@ -104,7 +105,7 @@ def main() -> int:
         sys.stdout.flush()
         result = run(name, HERE.parent / "build" / "benchmarks" / name)
         failed += result is None
-        if result is not None:
+        if result is not None and result["tables"]:
             known = json.loads(KEPT.read_text("utf-8")) if KEPT.exists() else {}
             KEPT.write_text(json.dumps(dict(sorted((known | {name: result}).items())), indent=1, ensure_ascii=False) + "\n", "utf-8")
     return failed
