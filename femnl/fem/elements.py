@@ -1,8 +1,8 @@
 """Lagrange elements of degree 1 to 6 on curved triangles, evaluated with first and second derivatives.
 
 Numbering of unknowns and reference triangle are scikit-fem's; the tables here add the degrees and the second derivatives that
-its H1 elements lack, with the curvature of the mapping included, for whole meshes at once. A boundary edge whose middle lies
-beside its chord is an arc of a circle and is followed by a map of degree 4, so that geometry costs no accuracy.
+its H1 elements lack, with the curvature of the mapping included, for whole meshes at once. An edge between films or at their end
+whose middle lies beside its chord is an arc of a circle and is followed by a map of degree 4, so that geometry costs no accuracy.
 """
 
 from dataclasses import dataclass
@@ -176,9 +176,13 @@ class Space:
 
     @cached_property
     def _boundary(self) -> tuple[NDArray[np.int64], Array, Array, Array, NDArray[np.bool_]]:
-        """Facets with one triangle, their ends, where their middles lie off the chord, and whether that makes them arcs."""
+        """Facets where a film ends, their ends, where their middles lie off the chord, and whether that makes them arcs."""
         mesh = self.mesh
-        facets = np.flatnonzero(mesh.f2t[1] < 0)
+        ends = mesh.f2t[1] < 0
+        if mesh.subdomains:  # two films meet, too
+            kind = np.isin(np.arange(mesh.nelements), np.concatenate(list(mesh.subdomains.values())))
+            ends |= kind[mesh.f2t[0]] != kind[mesh.f2t[1]]
+        facets = np.flatnonzero(ends)
         start, end = (mesh.doflocs[:, mesh.facets[k, facets]].T for k in (0, 1))
         sagitta = mesh.doflocs[:, mesh.nvertices + facets].T - (start + end) / 2
         return facets, start, end, sagitta, np.linalg.norm(sagitta, axis=1) > STRAIGHT * np.linalg.norm(end - start, axis=1)
@@ -206,6 +210,12 @@ class Space:
             return _conical(order // 2 + 1)
         points, weights = get_quadrature(RefTri, order)
         return np.asarray(points).T, np.asarray(weights)
+
+    def measure(self, triangles: NDArray[np.int64] | slice, points: Array) -> tuple[Array, Array]:
+        """Where reference points (q, 2) of triangles are, (e, q, 2) [m], and |det ∂x/∂X| there, (e, q) [m²]."""
+        place = self.map_nodes[triangles]
+        first, second = (reference_basis(self.map_degree, points, d) @ place for d in FIRST)
+        return reference_basis(self.map_degree, points) @ place, np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
     def jet(self, triangles: NDArray[np.int64] | slice, points: Array, second: bool = False) -> Jet:
         """Evaluate on the given triangles at reference points (q, 2); see `Jet`."""

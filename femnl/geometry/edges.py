@@ -88,4 +88,4 @@ class OverhangTable(Table):
         """
         own = {key: value for key, value in self.model_dump(exclude={"width"}).items() if value is not None}
         made = Film(**({key: getattr(film, key) for key in ("thickness", "young", "poisson", "density", "stress")} | own))
-        return Overhang(outline.widened(self.width).outline(holes), made)
+        return Overhang(self.width, outline.widened(self.width).outline(holes), made)

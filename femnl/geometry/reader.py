@@ -78,7 +78,10 @@ def describe(model: Model) -> str:
     size = model.outline.size if model.outline.kind == "rectangle" else None
     extent = f"{size[0] * 1e6:.5g} × {size[1] * 1e6:.5g} µm" if size else f"{model.outline.length * 1e6:.5g} µm"
     holes = f"{n} hole{'s' * (n > 1)} of radius {model.holes.radius * 1e6:.4g} µm" if n else "no holes"
-    return f"{model.outline.kind}, {extent}, {holes}, film {film.thickness * 1e9:.5g} nm at {film.stress / 1e6:.5g} MPa"
+    held = "" if model.clamp.rigid else ", elastic clamp"
+    if model.overhang is not None:
+        held = f", overhang {model.overhang.width * 1e6:.4g} µm{held}"
+    return f"{model.outline.kind}, {extent}, {holes}, film {film.thickness * 1e9:.5g} nm at {film.stress / 1e6:.5g} MPa{held}"
 
 
 def _names() -> list[str]:

@@ -223,9 +223,8 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
         grow_from_curves(2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / resolution, curves.holes, HOLE_GROWTH)
     if model.bending and curves.clamped:
         grow_from_curves(LAYER_SIZE * layer / resolution, curves.clamped)
-    if curves.rim:
-        strip = exact.distance(model.outline, np.array([model.edge_outline.segments[0].start]))[0] * unit
-        rim = strip / ELEMENTS_ACROSS
+    if model.overhang is not None:
+        rim = model.overhang.width * unit / ELEMENTS_ACROSS
         grow_from_curves((min(LAYER_SIZE * layer, rim) if model.bending else rim) / resolution, curves.rim)
     for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
         grow_from_curves(2 * np.pi * radius / ARC_SEGMENTS / resolution, arcs)

@@ -17,7 +17,7 @@ from femnl.types.device import Model
 from femnl.types.mechanics import Modes, Nonlinearity
 
 SEAL = hashlib.sha256().digest_size  # bytes
-STAGES = ("types", "fem", "mesh", "modes", "prestress.py", "nonlinearity", "predict.py", "storage")
+STAGES = ("types", "fem", "mesh", "modes", "prestress.py", "nonlinearity", "lattice", "predict.py", "storage")
 Result = TypeVar("Result")
 
 
@@ -99,7 +99,7 @@ def key(model: Model, options: tuple[object, ...]) -> str:
     """A name for this device with these options, under the code as it is."""
     digest = hashlib.sha256(_code().encode())
     holes = np.ascontiguousarray(model.holes.centres)
-    for part in (model.outline, model.film, model.bending, model.holes.radius, holes.shape, options):
+    for part in (model.outline, model.film, model.clamp, model.overhang, model.bending, model.holes.radius, holes.shape, options):
         digest.update(repr(part).encode())
     digest.update(holes.tobytes())
     return digest.hexdigest()[:32]

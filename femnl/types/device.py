@@ -114,8 +114,9 @@ class Clamp:
 
 @dataclass(frozen=True)
 class Overhang:
-    """A strip around the suspended film that belongs to the frame, undercut: its outer rim, where it is clamped, and what it is made of."""
+    """An undercut strip of the frame around the suspended film: its width [m], its outer rim, where it is clamped, and its film."""
 
+    width: float
     outline: Outline
     film: Film
 
