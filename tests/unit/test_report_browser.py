@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,9 @@ from matplotlib import image
 from numpy.typing import NDArray
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from femnl.cli._main import run
+from femnl.errors import MissingLibraryError, ParameterError
+from femnl.report.paper import find_browser, print_page
 from tests.unit.report_page import Written
 
 QUIET = ("disable-background-networking", "disable-component-update", "disable-sync", "no-first-run", "no-sandbox")
@@ -104,8 +108,41 @@ def test_the_report_prints_on_pages_that_cut_no_table(browser: Browser, report: 
     assert page.locator("#shape img").is_visible()
     assert not page.locator("#shape-scene").is_visible()
     assert page.evaluate("[...document.querySelectorAll('.scroll')].every(frame => frame.scrollWidth <= frame.clientWidth + 1)")
-    assert page.pdf(prefer_css_page_size=True).startswith(b"%PDF")
     page.close()
+
+
+@pytest.mark.browser
+def test_the_report_is_printed_to_a_pdf_of_a4_pages_beside_it(report: Written, tmp_path: Path) -> None:
+    page = Path(shutil.copy(report.path, tmp_path))
+    try:
+        pdf = print_page(page, find_browser())
+    except MissingLibraryError as error:
+        pytest.skip(str(error))
+    content = pdf.read_bytes()
+    assert pdf == tmp_path / "index.pdf"
+    assert content.startswith(b"%PDF")
+    assert 4 <= len(re.findall(rb"/Type\s*/Page\b", content)) <= 30
+    for sides in re.findall(rb"/MediaBox\s*\[([^\]]*)\]", content):
+        assert [float(side) for side in sides.split()] == pytest.approx([0, 0, 594.96, 841.92], abs=1)
+
+
+@pytest.mark.browser
+def test_a_browser_that_prints_nothing_is_one_line_and_no_file(report: Written, tmp_path: Path) -> None:
+    page = Path(shutil.copy(report.path, tmp_path))
+    with pytest.raises(ParameterError, match=r"index\.pdf: .*true did not print it \(status 0\); print .* from a browser$"):
+        print_page(page, str(shutil.which("true")))
+    assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
+
+
+def test_without_a_browser_the_pdf_is_refused_before_anything_is_solved(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert run(["report", "--pdf", "--out", str(tmp_path / "report")]) == 2
+    assert capsys.readouterr().err == (
+        "femnl: a PDF is printed by Chromium or Chrome, and none is on the PATH; install one, or print the page from a browser\n"
+    )
+    assert not (tmp_path / "report").exists()
 
 
 def look(page: Page) -> NDArray[np.float64]:
