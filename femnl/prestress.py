@@ -8,7 +8,7 @@ from femnl.fem.elements import Space
 from femnl.fem.forms import Assembly, cells, in_plane_strain, local_matrices, local_vectors, vector_dofs
 from femnl.fem.sheet import Sheet
 from femnl.fem.solvers import factorize
-from femnl.fem.supports import in_plane_springs, in_plane_supports
+from femnl.fem.supports import in_plane_draw, in_plane_springs, in_plane_supports
 from femnl.types.device import Edge
 from femnl.types.mechanics import Domain, Prestress
 
@@ -16,9 +16,10 @@ Array = NDArray[np.float64]
 
 
 def solve_prestress(domain: Domain, degree: int, edge: Edge = "clamped") -> Prestress:
-    """Relax the film stress: find u with ∫ h (σ₀ I + C ε(u)) : ε(v) + ∮ k u·v ds = 0 for all v, u held where the edge is rigid.
+    """Relax the film stress: find u with ∫ h (σ₀ I + C ε(u)) : ε(v) + ∮ k (u − u₀)·v ds = 0 for all v, u held where the edge is rigid.
 
-    Springs of an elastic edge are at rest in the film as deposited, so that the film's whole pull σ₀h is what displaces them.
+    Springs of an elastic edge are at rest at u₀ = 0, the edge of the film as deposited, or `draw` inwards of it: the film's whole pull
+    displaces them.
 
     Args: domain: the meshed film. degree: polynomial degree of u, 1 to 4. edge: `clamped` u = 0 on the clamped part of the outline,
         or `sliding` u·n = 0 and no shear there, as on the mirror lines between the cells of a lattice.
@@ -28,7 +29,7 @@ def solve_prestress(domain: Domain, degree: int, edge: Edge = "clamped") -> Pres
     """
     space = Space(domain.mesh, degree)
     sheet, clamp = Sheet(domain), domain.model.clamp
-    load = np.zeros(2 * space.size)
+    load = in_plane_draw(space, clamp)
     assembly = Assembly(2 * space.size)
     for cell in cells(space, 2 * degree):
         strain, h = in_plane_strain(cell.jet), sheet.thickness(cell.triangles, cell.jet.point)

@@ -62,6 +62,15 @@ def in_plane_springs(space: Space, clamp: Clamp) -> csc_matrix:
     return springs.matrix()
 
 
+def in_plane_draw(space: Space, clamp: Clamp) -> Array:
+    """−∫ kₙ d v·n along the edge, (2·size,) [N]: the pull of springs that are at rest d inwards."""
+    load = np.zeros(2 * space.size)
+    for triangles, normal, jet, ds in _edge(space) if clamp.draw != 0 else ():
+        rows = np.concatenate([normal[..., :1] * jet.value, normal[..., 1:] * jet.value], axis=-1)
+        np.add.at(load, vector_dofs(space, triangles), -clamp.normal * clamp.draw * np.einsum("eq,eqj->ej", ds, rows))
+    return load
+
+
 def _edge(space: Space) -> Iterator[tuple[NDArray[np.int64], Array, Jet, Array]]:
     """The edge's triangles (e,), outward normals (e, q, 2), basis and length elements (e, q) [m] on it."""
     for edges in edges_by_local_number(space, space.boundary_facets("clamped")):

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from femnl.errors import GeometryError
 from femnl.geometry import curves
 from femnl.geometry.outlines import OutlineTable
-from femnl.geometry.quantities import Density, Depth, Length, LooseSpring, Pressure, Slope, Spring, Torsion, refusal
+from femnl.geometry.quantities import Coordinate, Density, Depth, Length, LooseSpring, Pressure, Slope, Spring, Torsion, refusal
 from femnl.geometry.tables import Table
 from femnl.types.device import Clamp, Film, Holes, Outline, Overhang
 
@@ -64,10 +64,19 @@ class ClampTable(Table):
     rotation: Torsion | None = None
     normal: Spring | None = None
     shear: LooseSpring | None = None
+    draw: Coordinate = 0.0
+
+    @model_validator(mode="after")
+    def _draws_with_springs(self) -> Self:
+        if self.draw != 0 and self.normal is None:
+            raise refusal('it needs springs that draw, write e.g. normal = "20 GPa"', "draw")
+        return self
 
     def clamp(self) -> Clamp:
         """Return the springs, infinite where the edge is rigid."""
-        return Clamp(*(np.inf if k is None else k for k in (self.deflection, self.rotation, self.normal, self.shear)))
+        springs = (self.deflection, self.rotation, self.normal, self.shear)
+        deflection, rotation, normal, shear = (np.inf if k is None else k for k in springs)
+        return Clamp(deflection, rotation, normal, shear, self.draw)
 
 
 class OverhangTable(Table):

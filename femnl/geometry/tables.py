@@ -17,6 +17,7 @@ EXAMPLES = {
     "deflection": '"20 GPa"',
     "density": '"3100 kg/m^3"',
     "diameter": '"270 um"',
+    "draw": '"10 nm"',
     "edge": '"clamped"',
     "etch_radius": '"10.88 um"',
     "free": "[2, 3]",

@@ -93,13 +93,15 @@ class Clamp:
     """Springs along the edge that hold the film; infinite ones hold it rigidly.
 
     A force per length of edge and displacement [Pa]: deflection out of plane, normal and shear in plane, across and along the edge.
-    rotation: a moment per length of edge and angle [N]; 0 is a hinge.
+    rotation: a moment per length of edge and angle [N]; 0 is a hinge. draw [m]: how far inwards of the film's edge as deposited the
+    normal springs are at rest, as a frame draws the edge with it that relaxes on release.
     """
 
     deflection: float = np.inf
     rotation: float = np.inf
     normal: float = np.inf
     shear: float = np.inf
+    draw: float = 0.0
 
     @property
     def rigid(self) -> bool:

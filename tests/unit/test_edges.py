@@ -42,6 +42,7 @@ def test_springs_are_read_in_their_units_and_what_is_left_out_is_rigid() -> None
     assert not clamp.rigid_in_plane
     assert device('[clamp]\nrotation = "0 N"\n').clamp.rigid_in_plane
     assert device().clamp.rigid
+    assert device('[clamp]\nnormal = "1 GPa"\ndraw = "-5 nm"\n').clamp.draw == -5e-9
 
 
 @pytest.mark.parametrize(
@@ -94,6 +95,7 @@ SPOILT = [
     ('[clamp]\nrotation = "1 Pa"', '[clamp] rotation = "1 Pa": expected a moment per length and angle, write e.g. "0.2 mN"'),
     ("[clamp]\nrotation = 1.0", "[clamp] rotation = 1.0: expected a moment per length and angle with its unit, in quotes"),
     ('[clamp]\nshear = "-1 GPa"', '[clamp] shear = "-1 GPa": expected a force per length and displacement that is not negative'),
+    ('[clamp]\ndraw = "5 nm"', '[clamp] draw = "5 nm": it needs springs that draw, write e.g. normal = "20 GPa"'),
     ('[clamp]\nnormals = "1 GPa"', '[clamp] normals = "1 GPa": unknown key, did you mean normal?'),
     ('clamp = "1 GPa"', '[film] clamp = "1 GPa": unknown key, expected one of'),
     ("[clamp]\nnormal = true", "[clamp] normal = true: expected a force per length and displacement with its unit"),
@@ -107,7 +109,7 @@ SPOILT = [
     ('gradient = ["1 m/m", "0 m/m"]', "from 1e-12 to 0.1 m/m, check the unit"),
     (
         'gradient = ["3 nm/um", "0 nm/um"]',
-        "[film] gradient = [0.003, 0]: nothing is left of the film at a corner of its box; lower gradient",
+        "[film] gradient = [0.003, 0]: nothing is left of the film at a corner of its box",
     ),
     ('[clamp]\nnormal = "1 GPa"\n[model]\nedge = "sliding"', '[model] edge = "sliding": [clamp] says how the edge gives way in plane'),
 ]
@@ -123,7 +125,8 @@ def test_a_spoilt_edge_is_refused_in_one_line(more: str, line: str) -> None:
 
 
 def test_outlines_without_room_for_an_overhang_are_refused_in_one_line() -> None:
-    points = '[["0 um", "0 um"], ["100 um", "0 um"], ["100 um", "100 um"], ["55 um", "100 um"], ["50 um", "60 um"], ["45 um", "100 um"], ["0 um", "100 um"]]'
+    corners = [(0, 0), (100, 0), (100, 100), (55, 100), (50, 60), (45, 100), (0, 100)]
+    points = str([[f"{x} um", f"{y} um"] for x, y in corners]).replace("'", '"')
     with pytest.raises(GeometryError, match=r"\[overhang\] width = 50 um: an edge of the outline would vanish; lower width"):
         device('[overhang]\nwidth = "50 um"\n', f'kind = "polygon"\npoints = {points}')
     with pytest.raises(GeometryError, match=r"\[overhang\] an outline with free edges has no strip of frame all around"):
@@ -149,7 +152,7 @@ def test_modes_with_an_overhang_survive_storage(tmp_path: Path) -> None:
     back = read_modes(tmp_path / "modes.nc", model)
     np.testing.assert_array_equal((back.domain.mesh.subdomains or {})["overhang"], (modes.domain.mesh.subdomains or {})["overhang"])
     alpha = [predict.solve_nonlinearity(m, cache=False).alpha for m in (modes, back)]
-    np.testing.assert_array_equal(*alpha)
+    np.testing.assert_array_equal(alpha[0], alpha[1])
     assert np.all(modes.frequency_error < 1e-3 * modes.frequency)
 
 
