@@ -1,8 +1,9 @@
 """The order of the stages: from a device to its modes, their nonlinearity and what the readout shows of them."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from femnl import nonlinearity, prestress
 from femnl.errors import ConvergenceError, MeasurementError, ParameterError
 from femnl.fem.elements import DEGREES
 from femnl.geometry import load, load_shipped, parse
+from femnl.lattice import obstacle, solve_condensed, strain_energies, tile
 from femnl.mesh import mesh
 from femnl.modes import align, shape_at
 from femnl.modes import solve_modes as solve_on_mesh
@@ -57,7 +59,8 @@ def solve_modes(
 ) -> Modes:
     """Modes of a device: mesh, relaxed film stress, prestressed modes, and the same at lower degrees to estimate errors.
 
-    Args: count: how many, by rising frequency. symmetry, resolution: of the mesh, see `femnl.mesh.mesh`. degree: of the elements.
+    Args: count: how many, by rising frequency. symmetry, resolution: of the mesh, see `femnl.mesh.mesh`; where symmetry is `auto`, a
+        rectangle with a rectangular array of holes is put together from condensed cells. degree: of the elements.
         cache: take an earlier solution of the same device, options and code from disk, and keep this one there.
     Returns: Modes with `coarse`, the solution of one degree less, which has that of two where it exists, and so with
         `frequency_error`, `ratio_error` and `effective_mass_error`.
@@ -65,11 +68,11 @@ def solve_modes(
     """
 
     def solve() -> Modes:
-        domain = mesh(model, symmetry, resolution)
-        fine = solve_on_mesh(prestress.solve_prestress(domain, degree), count, degree)
-        middle = align(solve_on_mesh(prestress.solve_prestress(domain, degree - 1), count + SPARE, degree - 1), fine)
+        at_degree = _road(model, symmetry, resolution)
+        fine = at_degree(count, degree)
+        middle = align(at_degree(count + SPARE, degree - 1), fine)
         try:
-            coarse = align(solve_on_mesh(prestress.solve_prestress(domain, degree - 2), count + SPARE, degree - 2), fine)
+            coarse = align(at_degree(count + SPARE, degree - 2), fine)
         except ConvergenceError:
             # Two degrees less may be too crude for the stress at a free edge, where it must not push. Without them nothing shows that
             # the degrees converge, and the error bars are as wide as where they do not.
@@ -82,6 +85,14 @@ def solve_modes(
         return replace(fine, coarse=replace(middle, coarse=coarse))
 
     return cached_modes(model, (count, symmetry, resolution, degree), solve) if cache else solve()
+
+
+def _road(model: Model, symmetry: str, resolution: float) -> Callable[[int, int], Modes]:
+    """The solution for a number of modes and a degree: in tiles that are condensed where the device has them, else on one mesh."""
+    if symmetry == "auto" and not obstacle(model):
+        return partial(solve_condensed, tile(model, resolution))
+    domain = mesh(model, symmetry, resolution)
+    return lambda count, degree: solve_on_mesh(prestress.solve_prestress(domain, degree), count, degree)
 
 
 def solve_modes_to(model: Model, tolerance: float, count: int = 10, symmetry: str = "auto", cache: bool = True) -> Modes:
@@ -128,7 +139,8 @@ def solve_nonlinearity(modes: Modes, edge: Edge | None = None, tensor: bool = Fa
     chosen = edge or modes.domain.model.edge
 
     def solve() -> Nonlinearity:
-        return nonlinearity.solve_nonlinearity(modes, chosen, tensor)
+        energies = partial(strain_energies, edge=chosen) if modes.domain.tiles else None
+        return nonlinearity.solve_nonlinearity(modes, chosen, tensor, energies)
 
     return cached_nonlinearity(modes, chosen, tensor, solve) if cache else solve()
 

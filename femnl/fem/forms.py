@@ -153,25 +153,6 @@ def edges_by_local_number(space: Space, facets: Index) -> Iterator[Edges]:
         yield Edges(sides[present][:, chosen], tuple(int(e) for e in local[present]))
 
 
-@dataclass(frozen=True)
-class Kinks:
-    """Some edges: slopes ∂ₙw that jump across them (e, q, j), mean moments Mₙₙ (e, q, j), penalty σ (e, q), ds (e, q), unknowns (e, j)."""
-
-    edges: Edges
-    jump: Array
-    moment: Array
-    penalty: Array
-    ds: Array
-    dofs: Index
-
-    @property
-    def local(self) -> Array:
-        """∫ −M(w)[v] − M(v)[w] + σ[w][v] of each edge, (e, j, j)."""
-        one = np.ones_like(self.penalty)
-        moduli = as_matrix(np.stack([0 * one, self.penalty, -one], -1))
-        return local_matrices(np.stack([self.moment, self.jump], axis=2), moduli, self.ds)
-
-
 Bending = Callable[[Index, Array], Array]
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +28,13 @@ from femnl.fem.forms import (
     vector_dofs,
 )
 from femnl.fem.solvers import factorize
-from femnl.fem.supports import deflection_springs, free_deflections, in_plane_springs, in_plane_supports, slope_held_facets
+from femnl.fem.supports import deflection_springs, free_deflections, in_plane_draw, in_plane_springs, in_plane_supports, slope_held_facets
 from femnl.lattice.cell import Cell as LatticeCell
 from femnl.lattice.cell import solve_cell
+from femnl.lattice.tiling import array
 from femnl.mesh import bending_length
 from femnl.modes import solve_pencil
-from femnl.nonlinearity import solve_nonlinearity
+from femnl.nonlinearity import solve_nonlinearity, strain_energies
 from femnl.types.device import Edge, Holes, Model
 from femnl.types.mechanics import Domain, Modes, Nonlinearity, Prestress
 
@@ -41,7 +43,6 @@ Array = NDArray[np.float64]
 DEGREE = 4
 QUARTER = np.pi / 2
 LAYER_SIZE, GROWTH, ACROSS = 1.0, 0.6, 8  # elements at the edge in bending lengths, what they gain per distance, and along half a side
-EVEN = 1e-6  # of the pitch, to which the holes must lie on their lattice
 
 
 @dataclass(frozen=True)
@@ -98,24 +99,16 @@ def solve_homogenised(model: Model, count: int, edge: Edge | None = None, tensor
     prestress = _relax(film, domain)
     modes = solve_pencil(_Operators(film, prestress), prestress, count)
     membrane = film.membrane
-    return modes, solve_nonlinearity(modes, edge or model.edge, tensor, lambda cell: membrane(cell.jet.point))
+    energies = partial(strain_energies, edge=edge or model.edge, membrane=lambda cell: membrane(cell.jet.point))
+    return modes, solve_nonlinearity(modes, edge or model.edge, tensor, energies)
 
 
 def _array(model: Model) -> tuple[float, Array]:
     """Pitch, and half the sides of the box of whole cells."""
-    outline, centres = model.outline, model.holes.centres
     if model.overhang is not None or any(model.film.gradient):
         raise ParameterError(f"{model.name}: the homogenised film knows no overhang and no gradient of the thickness; solve the full film")
-    if outline.kind not in ("square", "rectangle"):
-        raise ParameterError(f'{model.name}: outline.kind = "{outline.kind}": the homogenised film needs a square or rectangle')
-    columns = [np.unique(np.round(c, 12)) for c in centres.T]
-    steps = np.concatenate([np.diff(c) for c in columns])
-    if len(steps) == 0 or len(centres) != len(columns[0]) * len(columns[1]):
-        raise ParameterError(f"{model.name}: holes: the homogenised film needs a rectangular array of at least two of them")
-    pitch = float(steps.mean())
-    if np.abs(steps - pitch).max() > EVEN * pitch or any(abs(c[0] + c[-1]) > EVEN * pitch for c in columns):
-        raise ParameterError(f"{model.name}: holes: the homogenised film needs one pitch along x and y, and the array in the centre")
-    return pitch, np.array([len(c) * pitch / 2 for c in columns])
+    pitch, counts = array(model, "the homogenised film")
+    return pitch, np.array(counts) * pitch / 2
 
 
 def _mesh(model: Model, reach: Array) -> MeshTri2:
@@ -147,7 +140,7 @@ def _lines(half: float, box: float, layer: float) -> Array:
 def _relax(film: _Film, domain: Domain) -> Prestress:
     """Relax the two films' tension in plane, clamped at the outline."""
     space = Space(domain.mesh, DEGREE)
-    load, matrix = np.zeros(2 * space.size), Assembly(2 * space.size)
+    load, matrix = in_plane_draw(space, domain.model.clamp), Assembly(2 * space.size)
     for cell in cells(space, 2 * DEGREE):
         basis, dofs = in_plane_strain(cell.jet), vector_dofs(space, cell.triangles)
         np.add.at(load, dofs, -local_vectors(basis, film.tension(cell.jet.point), cell.dx))

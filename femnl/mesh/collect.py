@@ -14,6 +14,8 @@ from femnl.types.device import Model
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+JOIN = 1e-9  # of the largest coordinate, up to which corners are the same
+
 
 @dataclass(frozen=True)
 class Raw:
@@ -71,6 +73,25 @@ def assemble(raw: Raw) -> MeshTri2:
         middles[facet_of(raw.triangles[:, ends])] = raw.points[raw.triangles[:, 3 + local]]
     boundaries = {name: np.unique(facet_of(ends)) for name, ends in raw.edges.items()}
     return MeshTri2(np.ascontiguousarray(np.hstack([linear.p, middles.T])), linear.t, _boundaries=boundaries)
+
+
+def distinct(values: Array, apart: float) -> Index:
+    """Number values (n,) in their order, those that differ by less than `apart` alike."""
+    order = np.argsort(values)
+    numbers = np.empty(len(values), dtype=np.int64)
+    numbers[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > apart)]) if len(values) else order
+    return numbers
+
+
+def from_patches(patches: Array) -> MeshTri2:
+    """Join second-order triangles (m, 6, 2) [m], corners before middles, wherever their corners meet."""
+    corners = patches[:, :3].reshape(-1, 2)
+    key = np.stack([distinct(c, JOIN * np.abs(corners).max()) for c in corners.T], 1)
+    _, first, index = np.unique(key[:, 0] * (key[:, 1].max() + 1) + key[:, 1], return_index=True, return_inverse=True)
+    index = index.reshape(-1, 3)
+    middles = len(first) + np.arange(3 * len(patches)).reshape(-1, 3)
+    points = np.concatenate([corners[first], patches[:, 3:].reshape(-1, 2)])
+    return assemble(Raw(points, np.concatenate([index, middles], axis=1), {}))
 
 
 def check_unfolded(model: Model, result: MeshTri2) -> None:

@@ -1,12 +1,14 @@
 """Mode shapes as functions: their largest value, canonical pairs, labels, values at points."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from femnl.errors import ParameterError
 from femnl.fem.elements import EDGES, VERTICES, Space, reference_basis
-from femnl.fem.forms import cells
+from femnl.fem.forms import CHUNK
 from femnl.fem.sheet import Sheet
 from femnl.types.mechanics import Domain, Modes
 
@@ -88,6 +90,16 @@ def _within(place: Array, step: Array) -> Array:
     return np.asarray(np.clip(reach.min(axis=1), 0, 1))
 
 
+def walk(space: Space, shapes: Array, order: int) -> Iterator[tuple[slice, Array, Array, Array]]:
+    """Triangles of a mesh, chunk by chunk, at points of quadrature: which, where (e, q, 2), dx (e, q) and values (n, e, q) of shapes."""
+    points, weights = space.quadrature(order)
+    value = reference_basis(space.degree, points).T
+    for start in range(0, len(space.dofs), CHUNK):
+        some = slice(start, min(start + CHUNK, len(space.dofs)))
+        place, area = space.measure(some, points)
+        yield some, place, area * weights, shapes[:, space.dofs[some]] @ value
+
+
 def canonical_turn(domain: Domain, space: Space, shapes: Array, parity: tuple[tuple[int, ...], ...]) -> Array:
     """Turn a degenerate set of shapes so that ∫ h ξᵢ ξⱼ cosh(4x/R) is diagonal, R the film's reach; largest first.
 
@@ -98,10 +110,9 @@ def canonical_turn(domain: Domain, space: Space, shapes: Array, parity: tuple[tu
     """
     reach = np.abs(space.location).max()
     spread = np.zeros((len(shapes), len(shapes)))
-    for cell in cells(space, space.degree + 2):  # a label needs no accuracy
-        values = np.einsum("eqj,nej->neq", cell.jet.value, shapes[:, space.dofs[cell.triangles]])
-        weight = cell.dx * Sheet(domain).thickness(cell.triangles, cell.jet.point) * np.cosh(4 * cell.jet.point[..., 0] / reach)
-        spread += np.einsum("neq,meq,eq->nm", values, values, weight, optimize=True)
+    for triangles, point, dx, values in walk(space, shapes, space.degree + 2):  # a label needs no accuracy
+        weight = dx * Sheet(domain).thickness(triangles, point) * np.cosh(4 * point[..., 0] / reach)
+        spread += (values * weight).reshape(len(shapes), -1) @ values.reshape(len(shapes), -1).T
     width, turn = np.zeros(len(shapes)), np.zeros_like(spread)
     for sector in set(parity):
         members = [k for k, p in enumerate(parity) if p == sector]
@@ -122,14 +133,13 @@ def label_shapes(domain: Domain, space: Space, shapes: Array, parity: tuple[tupl
     orders = np.arange(1, highest + 1)
     overlap = np.zeros((len(shapes), highest, highest))
     norms, ideal_norms = np.zeros(len(shapes)), np.zeros((highest, highest))
-    for cell in cells(space, space.degree + 2):  # a label needs no accuracy
-        x, y = cell.jet.point[..., 0], cell.jet.point[..., 1]
-        along_x = np.sin(np.pi * orders[:, None, None] * (x / width + 0.5))
-        along_y = np.sin(np.pi * orders[:, None, None] * (y / height + 0.5))
-        values = np.einsum("eqj,nej->neq", cell.jet.value, shapes[:, space.dofs[cell.triangles]])
-        overlap += np.einsum("keq,aeq,beq,eq->kab", values, along_x, along_y, cell.dx, optimize=True)
-        norms += np.einsum("keq,keq,eq->k", values, values, cell.dx)
-        ideal_norms += np.einsum("aeq,aeq,beq,beq,eq->ab", along_x, along_x, along_y, along_y, cell.dx, optimize=True)
+    for _, point, dx, values in walk(space, shapes, space.degree + 2):  # a label needs no accuracy
+        x, y = point.reshape(-1, 2).T
+        along_x, along_y = (np.sin(np.pi * orders[:, None] * (z / extent + 0.5)) for z, extent in ((x, width), (y, height)))
+        weighted = values.reshape(len(shapes), -1) * dx.ravel()
+        overlap += ((weighted[:, None] * along_x).reshape(-1, len(x)) @ along_y.T).reshape(overlap.shape)
+        norms += np.sum(weighted * values.reshape(len(shapes), -1), axis=1)
+        ideal_norms += (along_x**2 * dx.ravel()) @ (along_y**2).T
     return tuple(_label(o, n, ideal_norms, p) for o, n, p in zip(overlap, norms, parity, strict=True))
 
 

@@ -1,6 +1,6 @@
 """Prestressed modes of the film, solved symmetry sector by symmetry sector, normalised, paired and labelled."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Protocol
 
@@ -12,10 +12,10 @@ from scipy.spatial import cKDTree
 from femnl.errors import ConvergenceError, ParameterError
 from femnl.fem.elements import Space
 from femnl.fem.memory import need_memory
+from femnl.fem.sheet import Sheet
 from femnl.fem.solvers import lowest_eigenpairs
-from femnl.fem.supports import free_deflections
-from femnl.modes.operators import Operators, mass_matrix
-from femnl.modes.shapes import canonical_turn, label_shapes, largest_departure, largest_value
+from femnl.modes.operators import Operators
+from femnl.modes.shapes import canonical_turn, label_shapes, largest_departure, largest_value, walk
 from femnl.types.mechanics import Domain, Modes, Prestress
 
 Array = NDArray[np.float64]
@@ -38,8 +38,6 @@ def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
         the mesh of a whole film pairs count as degenerate only where the discretisation splits ω² by less than 1e-6.
     Source: Kirchhoff plate in tension; validation cases `ideal_square`, `ideal_hexagon`, `ideal_l_shape`, `clamped_plate`.
     """
-    if count < 1:
-        raise ParameterError(f"count = {count}: expected at least one mode")
     need_memory(MODE_BYTES * prestress.domain.mesh.nelements * count, f"{count} modes", "ask for fewer modes or lower the resolution")
     return solve_pencil(Operators(prestress, degree), prestress, count)
 
@@ -54,25 +52,67 @@ class Pencil(Protocol):
         """K (size, size)."""
         ...
 
+    def free(self, parity: tuple[int, ...]) -> NDArray[np.int64]:
+        """Unknowns that nothing holds."""
+        ...
+
+
+class Source(Protocol):
+    """Where the modes of each parity come from."""
+
+    @property
+    def space(self) -> Space:
+        """Of the shapes."""
+        ...
+
+    def lowest(self, parity: tuple[int, ...], count: int) -> tuple[Array, Array]:
+        """ω² (count,) rising and shapes (count, size) with ∫ρhw² = 1 over the mesh of the lowest modes of a parity."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Assembled:
+    """Modes of assembled K and M."""
+
+    operators: Pencil
+
+    @property
+    def space(self) -> Space:
+        return self.operators.space
+
+    def lowest(self, parity: tuple[int, ...], count: int) -> tuple[Array, Array]:
+        free = self.operators.free(parity)
+        stiffness = csc_matrix(self.operators.stiffness(parity)[free][:, free])
+        values, vectors = lowest_eigenpairs(stiffness, csc_matrix(self.operators.mass[free][:, free]), count)
+        shapes = np.zeros((count, self.space.size))
+        shapes[:, free] = vectors.T
+        return values, shapes
+
 
 def solve_pencil(operators: Pencil, prestress: Prestress, count: int) -> Modes:
     """Solve K w = ω² M w for the lowest modes; see `solve_modes`."""
-    sectors = _solve_sectors(operators, prestress.domain, count)
-    values, shapes, parity = _settle_degenerate(operators.space, prestress.domain, sectors)
-    return _finish(operators.space, operators.mass, prestress, values[:count], shapes[:count], parity[:count])
+    return solve_sectors(_Assembled(operators), prestress, count)
 
 
-def _finish(
-    space: Space, mass: csc_matrix, prestress: Prestress, values: Array, shapes: Array, parity: tuple[tuple[int, ...], ...]
-) -> Modes:
-    """Modes of the given ω² and shapes, scaled to max|ξ| = 1 and labelled."""
-    shapes = shapes / np.array([largest_value(space, s) for s in shapes])[:, None]
-    effective = prestress.domain.copies * np.einsum("ni,ni->n", shapes, (mass @ shapes.T).T)
-    label = label_shapes(prestress.domain, space, shapes, parity)
-    return Modes(prestress, space.degree, np.sqrt(values) / (2 * np.pi), effective, shapes, parity, label)
+def solve_sectors(source: Source, prestress: Prestress, count: int) -> Modes:
+    """The lowest modes of all parities together; see `solve_modes`."""
+    if count < 1:
+        raise ParameterError(f"count = {count}: expected at least one mode")
+    sectors = _solve_sectors(source, prestress.domain, count)
+    values, shapes, parity = _settle_degenerate(source.space, prestress.domain, sectors)
+    found = _finish(source.space, prestress, values[:count], shapes[:count], 1.0, parity[:count])
+    return replace(found, label=label_shapes(prestress.domain, source.space, found.shapes, found.parity))
 
 
-def _solve_sectors(operators: Pencil, domain: Domain, count: int) -> Sectors:
+def _finish(space: Space, prestress: Prestress, values: Array, shapes: Array, norm: float, parity: tuple[tuple[int, ...], ...]) -> Modes:
+    """Modes of the given ω² and shapes, whose ∫ρhw² over the mesh is `norm`, scaled to max|ξ| = 1, without labels."""
+    largest = np.array([largest_value(space, s) for s in shapes])
+    label = (None,) * len(shapes)
+    effective = prestress.domain.copies * norm / largest**2
+    return Modes(prestress, space.degree, np.sqrt(values) / (2 * np.pi), effective, shapes / largest[:, None], parity, label)
+
+
+def _solve_sectors(source: Source, domain: Domain, count: int) -> Sectors:
     """ω², shapes and parities of at least the `count` lowest modes and of all that share a frequency with them.
 
     Sectors are asked for more until none can hide one.
@@ -83,10 +123,10 @@ def _solve_sectors(operators: Pencil, domain: Domain, count: int) -> Sectors:
     while ask:
         for parity, n in ask.items():
             if not (domain.diagonal and parity == ODD_IN_X):
-                found[parity] = _solve_sector(operators, parity, n)
+                found[parity] = source.lowest(parity, n)
         if domain.diagonal:
             odd, shapes = found[ODD_IN_Y]
-            found[ODD_IN_X] = odd, shapes[:, _exchange(operators.space)]
+            found[ODD_IN_X] = odd, shapes[:, _exchange(source.space)]
         highest = np.sort(np.concatenate([values for values, _ in found.values()]))[count - 1]
         ask = {p: 2 * len(v) for p, (v, _) in found.items() if v[-1] <= highest * (1 + DEGENERATE)}
     values = np.concatenate([v for v, _ in found.values()])
@@ -104,15 +144,6 @@ def _exchange(space: Space) -> NDArray[np.int64]:
     return np.asarray(image)
 
 
-def _solve_sector(operators: Pencil, parity: tuple[int, ...], count: int) -> tuple[Array, Array]:
-    free = free_deflections(operators.space, parity)
-    stiffness = csc_matrix(operators.stiffness(parity)[free][:, free])
-    values, vectors = lowest_eigenpairs(stiffness, csc_matrix(operators.mass[free][:, free]), count)
-    shapes = np.zeros((count, operators.space.size))
-    shapes[:, free] = vectors.T
-    return values, shapes
-
-
 def _settle_degenerate(space: Space, domain: Domain, sectors: Sectors) -> Sectors:
     """Turn and order modes that share a frequency as `canonical_turn` says."""
     values, shapes, parity = sectors
@@ -126,6 +157,15 @@ def _settle_degenerate(space: Space, domain: Domain, sectors: Sectors) -> Sector
             settled = dict(zip(members, (parity[k] for k in sources), strict=True))
             parity = tuple(settled.get(k, p) for k, p in enumerate(parity))
     return values, shapes, parity
+
+
+def _overlap(domain: Domain, space: Space, first: Array, second: Array) -> Array:
+    """∫ ρh a b over the mesh, (n, m), of shapes a (n, size) and b (m, size)."""
+    sheet, total = Sheet(domain), np.zeros((len(first), len(second)))
+    for triangles, point, dx, values in walk(space, np.concatenate([first, second]), 2 * space.degree):
+        weighted = values * (sheet.density(triangles) * sheet.thickness(triangles, point) * dx)
+        total += weighted[: len(first)].reshape(len(first), -1) @ values[len(first) :].reshape(len(second), -1).T
+    return total
 
 
 def align(coarse: Modes, fine: Modes) -> Modes:
@@ -143,14 +183,14 @@ def align(coarse: Modes, fine: Modes) -> Modes:
     shapes = coarse.shapes / np.sqrt(coarse.effective_mass)[:, None]
     target = fine.shapes / np.sqrt(fine.effective_mass)[:, None]
     carried = space.prolong(shapes, fine_space)
-    overlap = target @ (mass_matrix(domain, fine_space) @ carried.T) * domain.copies
+    overlap = _overlap(domain, fine_space, target, carried) * domain.copies
     near = np.abs(coarse.frequency[None, :] / fine.frequency[:, None] - 1) < CONFUSED[fine.degree - coarse.degree]
     alike = np.array([[p == q for q in coarse.parity] for p in fine.parity])
     left, _, right = np.linalg.svd(np.where(near & alike, overlap, 0.0), full_matrices=False)
     turn = left @ right
     square = np.einsum("ij,j,ij->i", turn, (2 * np.pi * coarse.frequency) ** 2, turn)
     lost = np.einsum("ij,ij->i", turn, overlap) < COUNTERPART
-    found = _finish(space, mass_matrix(domain, space), coarse.prestress, square, turn @ shapes, fine.parity)
+    found = _finish(space, coarse.prestress, square, turn @ shapes, 1 / domain.copies, fine.parity)
     sign = np.sign(np.einsum("ni,ni->n", found.shapes, turn @ shapes))  # opposite extrema may be equally large
     away = [largest_departure(fine_space, *pair) for pair in zip(target, turn @ carried, strict=True)]
     blank = np.where(lost, np.nan, 1.0)
@@ -159,5 +199,6 @@ def align(coarse: Modes, fine: Modes) -> Modes:
         frequency=found.frequency * blank,
         effective_mass=found.effective_mass * blank,
         shapes=found.shapes * sign[:, None],
+        label=fine.label,
         departure=np.asarray(away) * blank,
     )

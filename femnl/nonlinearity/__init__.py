@@ -1,7 +1,7 @@
 """Geometric nonlinearity: the stretching that deflection causes, relaxed in plane, as cubic coefficients of the modes."""
 
-from femnl.nonlinearity.cubic import in_plane_remainder, solve_nonlinearity
+from femnl.nonlinearity.cubic import Pairs, in_plane_remainder, solve_nonlinearity, strain_energies
 from femnl.nonlinearity.inertia import Inertia, respond, solve_inertia
 from femnl.nonlinearity.stretching import film_membrane
 
-__all__ = ["Inertia", "film_membrane", "in_plane_remainder", "respond", "solve_inertia", "solve_nonlinearity"]
+__all__ = ["Inertia", "Pairs", "film_membrane", "in_plane_remainder", "respond", "solve_inertia", "solve_nonlinearity", "strain_energies"]

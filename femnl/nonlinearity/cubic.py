@@ -1,5 +1,7 @@
 """The cubic coefficients of the modes, in plane at rest."""
 
+from collections.abc import Callable
+from functools import partial
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -14,13 +16,15 @@ from femnl.types.mechanics import Modes, Nonlinearity
 from femnl.types.remainder import MOST, remainder
 
 Array = NDArray[np.float64]
+Pairs = list[tuple[int, int]]
+Energies = Callable[[Modes, Pairs], Array]
 
 SAFETY = 1.5  # on the remainder of stretching energies, to which that of the largest values is added
 SMOOTH = 0.05  # of the last difference between degrees, at least, what the in-plane displacement of smooth edges leaves
 PAIR_BYTES = 512  # of memory a triangle and pair of modes: 16 in-plane unknowns, 4 copies
 
 
-def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False, membrane: Membrane | None = None) -> Nonlinearity:
+def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False, energies: Energies | None = None) -> Nonlinearity:
     """Cubic coefficients of the modes: k₃ = 2 ∫ h C E_ii : E_ii and α = k₃/k, and the tensor for all modes where asked.
 
     For modes i ≤ j the in-plane displacement u_ij relaxes the strain: ∫ h C (ε(u_ij) + ½ sym(∇ξᵢ⊗∇ξⱼ)) : ε(v) = 0 for all v;
@@ -28,7 +32,7 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False, membrane:
     −Σ tensor[i,j,k,l] q_j q_k q_l with tensor = (2/3)(G_ijkl + G_ikjl + G_iljk).
 
     Args: edge: in-plane condition of the outline, `clamped`, `sliding` or `paper` (see `Model`). tensor: all modes, not the diagonal.
-        membrane: h C (..., 3, 3) [N/m] at the points of a cell, for films that are not of one material; the film's by default.
+        energies: G of given modes and pairs, where another way to it than `strain_energies` is better.
     Returns: k3 [N/m³], alpha [m⁻²], the tensor, and upper estimates of their errors where the modes carry counterparts of lower degrees.
     Valid: slow motion against in-plane waves; amplitudes well below the outline's length.
     Source: von Kármán plate with quasi-static in-plane response; validation cases `duffing_table`, `duffing_sliding`,
@@ -39,7 +43,8 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False, membrane:
     need_memory(
         PAIR_BYTES * modes.domain.mesh.nelements * len(pairs) + 32 * len(pairs) ** 2, f"couplings of {n} modes", "ask for fewer modes"
     )
-    grades = [_coefficients(m, edge, pairs, tensor, membrane or film_membrane(m, edge)) for m in modes.grades]
+    solve = energies or partial(strain_energies, edge=edge)
+    grades = [_coefficients(m, pairs, tensor, solve) for m in modes.grades]
     k3, full = grades[0]
     scale = np.abs([k for k, _ in grades]) / np.array([m.effective_mass for m in modes.grades]) ** 2  # of mass-normalised shapes
     left = in_plane_remainder(modes, edge)
@@ -50,9 +55,9 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False, membrane:
     return Nonlinearity(edge, k3, alpha, k3_error, alpha_error, full, _tensor_error(modes, grades, k3, left) if tensor else None)
 
 
-def _coefficients(modes: Modes, edge: Edge, pairs: list[tuple[int, int]], tensor: bool, membrane: Membrane) -> tuple[Array, Array | None]:
+def _coefficients(modes: Modes, pairs: Pairs, tensor: bool, solve: Energies) -> tuple[Array, Array | None]:
     """k₃ of each mode and, where asked for, the tensor."""
-    n, energies = len(modes.frequency), _strain_energies(modes, edge, pairs, membrane)
+    n, energies = len(modes.frequency), solve(modes, pairs)
     position = {pair: k for k, pair in enumerate(pairs)}
     k3 = 2 * np.array([energies[position[i, i], position[i, i]] for i in range(n)])
     missing = np.where(np.isnan(modes.frequency), np.nan, 1.0)
@@ -89,9 +94,12 @@ def _symmetrise(energies: Array, position: dict[tuple[int, int], int], n: int) -
     return np.asarray(2 / 3 * (g + g.transpose(0, 2, 1, 3) + g.transpose(0, 3, 2, 1)))
 
 
-def _strain_energies(modes: Modes, edge: Edge, pairs: list[tuple[int, int]], membrane: Membrane) -> Array:
-    """G over the whole film for all combinations of pairs, (n_pairs, n_pairs) [N/m³]: ∫ h C m_P : m_Q − ∫ h C ε(u_P) : ε(u_Q)."""
-    domain, film = modes.domain, stretching(modes, pairs, membrane)
+def strain_energies(modes: Modes, pairs: Pairs, edge: Edge, membrane: Membrane | None = None) -> Array:
+    """G over the whole film for all combinations of pairs, (n_pairs, n_pairs) [N/m³]: ∫ h C m_P : m_Q − ∫ h C ε(u_P) : ε(u_Q).
+
+    Args: membrane: h C (..., 3, 3) [N/m] at the points of a cell, for films that are not of one material; the film's by default.
+    """
+    domain, film = modes.domain, stretching(modes, pairs, membrane or film_membrane(modes, edge))
     energies = film.energies.copy()
     for members, supports in film.sectors(domain.wedge, edge):
         solve = factorize(csc_matrix(supports.T @ film.stiffness @ supports))

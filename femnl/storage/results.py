@@ -12,7 +12,7 @@ from femnl.storage.atomic import write_whole
 from femnl.types.device import Model
 from femnl.types.mechanics import Domain, Modes, Nonlinearity, Prestress
 
-VERSION = "1.1"
+VERSION = "1.2"
 GRADES = ("coarse", "coarser")  # groups of the counterparts of lower degree
 
 
@@ -32,6 +32,7 @@ def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = No
         "edge": model.edge,
         "bending": int(model.bending),
         "wedge": modes.domain.wedge,
+        "tiles": modes.domain.tiles,
     }
     # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file, and says so on standard error.
     content = tree.to_netcdf(engine="h5netcdf")
@@ -53,7 +54,7 @@ def read_modes(path: Path, model: Model) -> Modes:
         _boundaries=boundaries,
         _subdomains=overhang,
     )
-    domain = Domain(model, mesh, float(tree.attrs["wedge"]))
+    domain = Domain(model, mesh, float(tree.attrs["wedge"]), tiles=float(tree.attrs["tiles"]))
     found: Modes | None = None
     for name in reversed(("modes", *GRADES)):
         if name in tree.children:

@@ -26,13 +26,15 @@ class Domain:
     mesh: quadratic (curved) triangles, coordinates in m; named boundaries `clamped`, `free` (film ends or holes) and,
     for a wedge, `mirror-0` on the x axis and `mirror-1` on the line at the angle `wedge` [rad]. wedge = 2π is the whole film,
     π the upper half, π/2 a quarter, π/4 an eighth, π/6 a twelfth. diagonal: the mesh of a quarter is its own image under
-    x ↔ y, so that modes odd in y are those odd in x, exchanged.
+    x ↔ y, so that modes odd in y are those odd in x, exchanged. tiles: where the mesh is made of the tiles of `femnl.lattice`, the
+    resolution of theirs; 0 elsewhere.
     """
 
     model: Model
     mesh: MeshTri2
     wedge: float
     diagonal: bool = False
+    tiles: float = 0.0
 
     def __repr__(self) -> str:
         """Device and number of triangles."""

@@ -1,0 +1,175 @@
+"""Films put together from condensed cells: against the same films without condensation, and against meshes of another kind."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import combinations_with_replacement
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from femnl import lattice, load, nonlinearity, storage
+from femnl.errors import ConvergenceError, ParameterError
+from femnl.fem.solvers import lowest_eigenpairs
+from femnl.lattice import condensed, solve_condensed, tile
+from femnl.lattice.relaxed import Frame, Relaxed
+from femnl.lattice.skeleton import summed
+from femnl.lattice.tile import Flexure
+from femnl.modes import solve_modes as solve_on_mesh
+from femnl.predict import solve_modes, solve_nonlinearity
+from femnl.prestress import solve_prestress
+from femnl.types.device import Clamp, Edge, Holes, Model, Outline, Segment
+
+Array = NDArray[np.float64]
+PITCH = 8.56e-6
+
+
+def film(n_x: int, n_y: int, margin: float = 6.6e-6, radius: float = 0.9e-6, bending: bool = True, taper: float = 0.0) -> Model:
+    """A rectangle with n_x × n_y holes in the film of the shipped device, tapered towards them where asked for."""
+    base: Model = load("square-270um-perforated")
+    half = np.array([n_x, n_y]) * PITCH / 2 + margin
+    corners = [(sx * half[0], sy * half[1]) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    sides = tuple(Segment(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True))
+    outline = Outline("rectangle", sides, (2 * half[0], 2 * half[1]), 2 * half.max())
+    places = [PITCH * (np.arange(n) - (n - 1) / 2) for n in (n_x, n_y)]
+    holes = Holes(np.stack(np.meshgrid(*places), -1).reshape(-1, 2), radius)
+    tapered = replace(base.film, taper=taper, taper_length=2e-6 if taper else 0.0)
+    found: Model = replace(base, outline=outline, holes=holes, bending=bending, film=tapered)
+    return found
+
+
+def uncondensed(model: Model, degree: int, count: int) -> Array:
+    """ω² of the tiles' elements put together with every inner unknown kept, of all parities."""
+    frame = Frame(tile(model), degree)
+    relaxed, skeleton = Relaxed(frame), frame.skeleton
+    first = skeleton.n_deflections + skeleton.n_slopes
+    numbers, stiff, heavy = [], [], []
+    for k, sides in enumerate(frame.sides):
+        flexure, tiles = Flexure(sides, model, relaxed.mean[k], degree), len(frame.tiling.kinds[k].shifts)
+        number = np.empty((tiles, flexure.bend.shape[0]), dtype=np.int64)
+        number[:, flexure.inner] = first + np.arange(tiles * len(flexure.inner)).reshape(tiles, -1)
+        first += tiles * len(flexure.inner)
+        number[:, sides.dofs] = skeleton.deflections[k]
+        number[:, sides.space.size :] = skeleton.n_deflections + skeleton.slopes[k]
+        numbers.append(number)
+        stiff.append(np.array([(flexure.bend + flexure.tension(s)).toarray() for s in relaxed.stress(k, slice(None))]))
+        heavy.append(flexure.inertia.toarray()[None])
+    stiffness, mass = summed(stiff, numbers, first), summed(heavy, numbers, first)
+    values = []
+    for parity in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        known = skeleton.free(parity)
+        at = np.flatnonzero(np.concatenate([known, np.ones(first - len(known), dtype=bool)]))
+        values.append(lowest_eigenpairs(csc_matrix(stiffness[at][:, at]), csc_matrix(mass[at][:, at]), count)[0])
+    return np.sort(np.concatenate(values))[:count]
+
+
+@pytest.mark.parametrize(
+    ("model", "degree"),
+    [(film(4, 2), 4), (film(3, 4), 3), (film(5, 3, taper=20e-9), 3), (film(4, 2, radius=1.8e-6), 2), (film(1, 5, margin=3e-6), 3)],
+    ids=["even", "odd by even", "odd, tapered", "large holes", "one row"],
+)
+def test_condensed_cells_have_the_frequencies_of_the_film_that_keeps_every_unknown(model: Model, degree: int) -> None:
+    found = (2 * np.pi * solve_condensed(tile(model), 6, degree).frequency) ** 2
+    np.testing.assert_allclose(found, uncondensed(model, degree, 6), rtol=1e-9)
+
+
+@pytest.mark.parametrize("model", [film(4, 4, bending=False), film(3, 5, bending=False, taper=20e-9)])
+def test_without_bending_condensed_cells_give_the_modes_of_the_mesh_that_they_make(model: Model) -> None:
+    tiling = tile(model)
+    found, known = solve_condensed(tiling, 5, 3), solve_on_mesh(solve_prestress(tiling.domain, 3), 5, 3)
+    np.testing.assert_allclose(found.frequency, known.frequency, rtol=1e-10)
+    np.testing.assert_allclose(found.effective_mass, known.effective_mass, rtol=1e-7)
+    sign = np.sign(np.sum(found.shapes * known.shapes, axis=1))
+    np.testing.assert_allclose(found.shapes * sign[:, None], known.shapes, atol=1e-6)
+    assert (found.label, found.parity) == (known.label, known.parity)
+
+
+@pytest.mark.parametrize("model", [film(4, 3), film(2, 5, taper=20e-9)])
+def test_the_stress_of_condensed_cells_is_that_of_the_mesh_that_they_make(model: Model) -> None:
+    tiling = tile(model)
+    found, known = Relaxed(Frame(tiling, 3)).prestress(), solve_prestress(tiling.domain, 3)
+    assert np.abs(found.displacement - known.displacement).max() < 1e-10 * np.abs(known.displacement).max()
+
+
+def test_what_the_basis_of_cells_misses_is_told_and_taken_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = film(3, 3)
+    known = uncondensed(model, 3, 14)
+    source = condensed.Condensed(Relaxed(Frame(tile(model), 3)))
+    plain, _ = source.lowest((-1, -1), 4)
+    missed = source.missed
+    source.extend()
+    better, _ = source.lowest((-1, -1), 4)
+    assert missed > 1e-6
+    assert source.missed < 1e-3 * missed
+    assert plain[-1] / better[-1] - 1 == pytest.approx(0, abs=0.1 * missed)  # mended to first order
+    np.testing.assert_allclose((2 * np.pi * solve_condensed(tile(model), 14, 3).frequency) ** 2, known, rtol=1e-9)
+    monkeypatch.setattr(condensed, "EXTENSIONS", 1)
+    with pytest.raises(ConvergenceError, match="condensed cells leave"):
+        solve_condensed(tile(model), 14, 3)
+
+
+@pytest.mark.parametrize("edge", ["clamped", "sliding", "paper"])
+@pytest.mark.parametrize("model", [film(4, 4), film(3, 2, taper=20e-9)])
+def test_condensed_stretching_is_that_of_the_mesh_that_cells_make(model: Model, edge: Edge) -> None:
+    modes, pairs = solve_condensed(tile(model), 4, 3), list(combinations_with_replacement(range(4), 2))
+    known = nonlinearity.strain_energies(modes, pairs, edge)
+    found = lattice.strain_energies(modes, pairs, edge)
+    assert np.abs(found - known).max() < 1e-8 * np.abs(known).max()
+    np.testing.assert_allclose(np.diagonal(found), np.diagonal(known), rtol=2e-7)
+
+
+@pytest.mark.parametrize("model", [film(5, 5), film(3, 4, bending=False)], ids=["with bending", "a membrane"])
+def test_tiled_and_meshed_films_differ_by_less_than_their_errors(model: Model) -> None:
+    tiled, meshed = solve_modes(model, 5, cache=False), solve_modes(model, 5, symmetry="quarter", cache=False)
+    assert tiled.domain.tiles == 1.0
+    assert meshed.domain.tiles == 0.0
+    np.testing.assert_array_less(np.abs(tiled.frequency - meshed.frequency), tiled.frequency_error + meshed.frequency_error)
+    np.testing.assert_array_less(np.abs(tiled.ratio - meshed.ratio)[1:], (tiled.ratio_error + meshed.ratio_error)[1:])
+    assert np.all(tiled.frequency_error < 1e-4 * tiled.frequency)
+    both = [solve_nonlinearity(m, cache=False) for m in (tiled, meshed)]
+    np.testing.assert_array_less(np.abs(both[0].alpha - both[1].alpha), both[0].alpha_error + both[1].alpha_error)
+
+
+def test_degenerate_pairs_of_a_tiled_square_are_degenerate() -> None:
+    modes = solve_condensed(tile(film(4, 4)), 3, 4)
+    assert modes.label == ("(1,1)", "(2,1)", "(1,2)")
+    assert modes.frequency[1] == pytest.approx(modes.frequency[2], rel=1e-10)
+
+
+def test_tiled_modes_read_back_have_the_same_nonlinearity(tmp_path: Path) -> None:
+    model = film(3, 3)
+    modes = solve_condensed(tile(model, 0.9), 2, 3)
+    storage.write_modes(tmp_path / "modes.nc", modes)
+    again = storage.read_modes(tmp_path / "modes.nc", model)
+    assert again.domain.tiles == 0.9
+    np.testing.assert_array_equal(solve_nonlinearity(again, cache=False).k3, solve_nonlinearity(modes, cache=False).k3)
+
+
+def test_modes_on_another_mesh_than_their_tiles_make_are_refused() -> None:
+    modes = solve_condensed(tile(film(3, 3)), 1, 2)
+    domain = replace(modes.domain, tiles=1.7)
+    moved = replace(modes, prestress=replace(modes.prestress, domain=domain))
+    with pytest.raises(ConvergenceError, match="mesh of another mesher"):
+        lattice.strain_energies(moved, [(0, 0)], "clamped")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m: replace(m, clamp=Clamp(rotation=0.0)), "rigid edge"),
+        (lambda m: replace(m, film=replace(m.film, gradient=(1e-4, 0.0))), "without gradient"),
+        (lambda m: replace(m, outline=replace(m.outline, kind="polygon")), "needs a square or rectangle"),
+        (lambda m: replace(m, holes=replace(m.holes, centres=m.holes.centres[1:])), "rectangular array"),
+        (lambda m: replace(m, holes=replace(m.holes, centres=m.holes.centres + 1e-7)), "array in the centre"),
+    ],
+)
+def test_films_that_have_no_tiles_say_why(change: Callable[[Model], Model], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        tile(change(film(3, 3)))
+
+
+@pytest.mark.parametrize("margin", [-1e-6, 0.0, 30e-6])
+def test_a_margin_that_makes_no_tile_is_told(margin: float) -> None:
+    assert "needs a margin" in lattice.obstacle(film(4, 4, margin=margin))
