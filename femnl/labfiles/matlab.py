@@ -77,7 +77,7 @@ def _undamaged(path: Path, read: Callable[[], _Result]) -> _Result:
     try:
         return read()
     except _DAMAGE as error:
-        raise MeasurementError(f"{path}: not a readable MATLAB file ({' '.join(str(error).split())[:100]}); save it again") from error
+        raise MeasurementError(f"{path}: damaged, or not a MATLAB file; save it again") from error
 
 
 def _read_73(path: Path, wanted: set[str]) -> dict[str, NDArray[Any]]:

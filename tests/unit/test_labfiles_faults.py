@@ -134,12 +134,12 @@ CASES: dict[str, tuple[str, Make, str]] = {
     "mat cut off": (
         "a.mat",
         _bytes(b"MATLAB 5.0 MAT-file" + b" " * 105 + b"\x00\x01IM" + b"\x0e\x00\x00\x00\xff"),
-        "not a readable MATLAB file",
+        "damaged, or not a MATLAB file; save it again",
     ),
     "mat garbage": (
         "a.mat",
         _bytes(b"MATLAB 5.0 MAT-file" + b" " * 105 + b"\x00\x01IM" + b"\x0e\0\0\0\xff\0\0\0" + bytes(range(64))),
-        "not a readable MATLAB file",
+        "damaged, or not a MATLAB file; save it again",
     ),
     "hdf5 of another make": ("a.h5", _hdf5(lambda file: file.create_dataset("x", data=[1.0])), "no demodulator record in it"),
     "hdf5 link": (
