@@ -34,6 +34,7 @@ class SpectrumProblem:
     """Residuals of measured eigenfrequencies; see `Problem`."""
 
     kind: Kind = "spectrum"
+    rugged = True
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         usable = np.isfinite(dataset["frequency"].values) & np.isfinite(dataset["frequency_sd"].values)
@@ -128,11 +129,11 @@ class SpectrumProblem:
         return {f"the frequency of mode {name}": frequency[[k]] / np.median(self.sd) for name, k in zip(names, missing, strict=True)}
 
     def _labelled(self, share: Array, plain: Array, misfit: Callable[[NDArray[np.int64]], Array]) -> NDArray[np.int64]:
-        """Return the changed mode of each measured one: by its share of the base mode; mixed pairs as they fit best."""
+        """Return the changed mode of each measured one: by rank; with labels by its share of that mode, mixed pairs as they fit best."""
+        if not self.label:
+            return self._order
         _, column = linear_sum_assignment(-share[self._order])
         chosen = np.asarray(column, dtype=np.int64)
-        if not self.label:
-            chosen = np.sort(chosen)[np.argsort(np.argsort(self.frequency, kind="stable"))]
         mixed = np.flatnonzero(share[self._order, chosen] < OWN)
         for a, b in combinations(mixed, 2):
             if abs(plain[self._order[a]] / plain[self._order[b]] - 1) < CLOSE:
