@@ -10,7 +10,7 @@ from scipy.stats.qmc import Sobol
 
 from femnl.diagnose.fit import Solution
 from femnl.diagnose.problem import Extended
-from femnl.types.effect import Effect
+from femnl.types.effect import Effect, Knob
 from femnl.types.readout import Array
 
 N_DRAWS = 4000
@@ -45,6 +45,11 @@ class Look:
     p_value: float
     values: dict[str, float]
 
+    @property
+    def whole(self) -> list[float]:
+        """Values of those parameters that are whole numbers."""
+        return [self.values[knob.name] for knob in (self.effect.parameters if self.effect else ()) if knob.whole]
+
 
 def looks(solution: Solution, library: list[Effect]) -> list[Look]:
     """Return every look at the residuals: each pattern of the problem, and each effect at each of its trial shapes."""
@@ -75,7 +80,7 @@ def _effect_looks(solution: Solution, own: Array, effect: Effect) -> list[Look]:
     found = []
     steps = {knob.name: 1e-6 * b for knob, _, b in strengths}
     for trial in trials:
-        shape = {k.name: float(a * (b / a) ** t if k.log else a + (b - a) * t) for (k, a, b), t in zip(shaping, trial, strict=True)}
+        shape = {k.name: _at(k, a, b, t) for (k, a, b), t in zip(shaping, trial, strict=True)}
         zero = shape | {knob.name: 0.0 for knob, _, _ in strengths}
         tangents = np.stack([_tangent(wider, base, values, zero, knob.name, steps, b, solution.residuals) for knob, _, b in strengths])
         basis = _beside(own, tangents)
@@ -94,6 +99,12 @@ def _effect_looks(solution: Solution, own: Array, effect: Effect) -> list[Look]:
         freely = float(np.sum((basis @ solution.residuals) ** 2))
         found.append(Look(effect.name, effect, basis, gain, float(_tail(np.array(freely), len(basis))), named))
     return found
+
+
+def _at(knob: Knob, low: float, high: float, part: float) -> float:
+    """Return the value at a part of a knob's prior."""
+    value = low * (high / low) ** part if knob.log else low + (high - low) * part
+    return float(np.rint(value) if knob.whole else value)
 
 
 def _tangent(

@@ -12,7 +12,6 @@ import xarray as xr
 
 from femnl import measurement
 from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.fit import held_out
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointProblem
 from femnl.diagnose.maps import MapProblem
@@ -166,7 +165,7 @@ def _described(forms: tuple[FreeForm, ...], before: Quality) -> str:
 
 
 def _quality(candidate: Candidate) -> Quality:
-    return Quality(candidate.solution.chi2 / candidate.solution.degrees, held_out(candidate.solution))
+    return Quality(candidate.solution.chi2 / candidate.solution.degrees, candidate.solution.unseen.chi2_reduced)
 
 
 def _against(candidate: Candidate) -> tuple[str, ...]:
@@ -187,7 +186,8 @@ def _parameters(candidate: Candidate) -> dict[str, dict[str, Parameter]]:
     found: dict[str, dict[str, Parameter]] = {"base": {}}
     for (owner, knob), value, s in zip(candidate.solution.model.knobs, candidate.solution.vector, sd, strict=True):
         common = abs(value) * candidate.solution.model.problem.systematic(knob.unit)
-        found.setdefault(owner, {})[knob.name] = Parameter(knob.name, float(value), float(np.hypot(s, common)), knob.unit)
+        number, spread = (np.rint(value), 0.0) if knob.whole else (value, np.hypot(s, common))
+        found.setdefault(owner, {})[knob.name] = Parameter(knob.name, float(number), float(spread), knob.unit)
     return found
 
 

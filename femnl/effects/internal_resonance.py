@@ -23,9 +23,9 @@ EFFECT = Effect(
     equation="f₀ → f₀ − g² (A/A_s)^{2(p−1)}/(f_j/p − f + iw/2), p = 2, 3; ⅜αf₀A_s² = linewidth; w that of the second mode over p",
     parameters=(
         Knob("coupling_square", "Hz^2", 0.0, 100.0, per="linewidth_square"),
-        Knob("offset", "Hz", -0.6, 0.6, strength=False, per="span"),
-        Knob("width", "Hz", 0.03, 30.0, strength=False, log=True, per="linewidth"),
-        Knob("order", "1", 1.5, 3.5, strength=False),
+        Knob("offset", "Hz", -0.5, 0.5, strength=False, per="span"),
+        Knob("width", "Hz", 0.2, 5.0, strength=False, log=True, per="linewidth"),
+        Knob("order", "1", 1.5, 3.5, strength=False, whole=True),
     ),
     changes={"oscillator": couple},
     source="Nayfeh & Mook (1979), section 6.5, the second mode slaved: averaging of q₁²q₂ (p = 2) and q₁³q₂ (p = 3)",

@@ -25,7 +25,8 @@ class Knob:
     """One parameter: its unit and prior, uniform on [low, high] or with `log` uniform in its logarithm.
 
     low and high count in `unit`, times the fact of the measurement that `per` names (such as "reach", half the size of the film in m).
-    Where `strength` is set, the effect vanishes as all its strengths go to 0; the other parameters only shape it.
+    Where `strength` is set, the effect vanishes as all its strengths go to 0; the other parameters only shape it. With `whole`,
+    it is the whole number nearest to a value in that range.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Knob:
     strength: bool = True
     log: bool = False
     per: str = ""
+    whole: bool = False
 
 
 @dataclass(frozen=True)
