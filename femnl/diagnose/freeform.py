@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.diagnose.fit import Solution, fit, held_out
+from femnl.diagnose.fit import Solution, fit, leave_out
 from femnl.diagnose.problem import Extended, Problem
 from femnl.measurement import CONTROLS
 from femnl.types.diagnosis import FreeForm, Quality
@@ -30,7 +30,7 @@ def free_forms(base: Solution) -> tuple[FreeForm, ...]:
         model = Extended(base.model.problem, (effect,))
         own, _ = base.model.split(base.vector)
         solution = fit(model, model.pack(own, [{knob.name: 0.0 for knob in effect.parameters}]))
-        quality = Quality(solution.chi2 / solution.degrees, held_out(solution, ITERATIONS))
+        quality = Quality(solution.chi2 / solution.degrees, leave_out(solution, ITERATIONS).chi2_reduced)
         found.append(FreeForm(effect.sentence, effect.equation, len(effect.parameters), quality))
     return tuple(sorted(found, key=lambda form: form.quality.heldout_chi2_reduced))
 

@@ -37,6 +37,7 @@ class JointProblem:
     def __init__(self, groups: Mapping[str, Problem], backwards: bool = False) -> None:
         self.groups = dict(groups)
         self.kind: Kind = next(iter(self.groups.values())).kind
+        self.rugged = any(group.rugged for group in self.groups.values())
         self._names = {group: self._named(group) for group in self.groups}
         merged: dict[str, Knob] = {}
         starts: dict[str, list[float]] = {}

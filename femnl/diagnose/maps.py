@@ -40,6 +40,7 @@ class MapProblem:
     """Residuals of the harmonics of a driven mode; see `Problem`."""
 
     kind: Kind = "map"
+    rugged = False
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         values = np.asarray(dataset["real"].values + 1j * dataset["imag"].values)

@@ -42,6 +42,7 @@ class OscillationProblem:
     """
 
     kind: Kind = "trace"
+    rugged = False
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         if dataset.sizes["step"] != 1:

@@ -21,10 +21,11 @@ class Problem(Protocol):
 
     base: parameters of the base model; start: their values before any fit. facts: numbers that scale priors (`Knob.per`), whose
     names effects may need. blocks (n_residuals,): the block of held-out data that each residual belongs to, −1 for prior
-    knowledge, which is never left out.
+    knowledge, which is never left out. rugged: whether effects act by jumps, so that they are sought from afar as well.
     """
 
     kind: Kind
+    rugged: bool
     base: tuple[Knob, ...]
     start: Array
     facts: Mapping[str, float]
@@ -98,7 +99,7 @@ class Extended:
         named: dict[str, dict[str, float]] = {"base": dict.fromkeys((knob.name for knob in self.problem.base), 0.0)}
         named |= {effect.name: {} for effect in self.effects}
         for (owner, knob), value in zip(self.knobs, vector, strict=True):
-            named[owner][knob.name] = float(value)
+            named[owner][knob.name] = float(np.rint(value) if knob.whole else value)
         return named["base"], [named[effect.name] for effect in self.effects]
 
     def pack(self, base: Values, values: Sequence[Values]) -> Array:

@@ -32,6 +32,7 @@ class ResponseProblem:
     """Residuals of driven sweeps; see `Problem`."""
 
     kind: Kind = "response"
+    rugged = False
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         self.sweeps = collect(dataset)

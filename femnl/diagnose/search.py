@@ -10,6 +10,7 @@ from scipy.stats import chi2
 from femnl.diagnose.criticism import Look, adequacy, looks
 from femnl.diagnose.fit import Solution, fit
 from femnl.diagnose.problem import Extended, Problem
+from femnl.diagnose.scan import scan
 from femnl.types.effect import Effect
 
 PROGRESS = logging.getLogger("femnl.progress")
@@ -31,6 +32,8 @@ LARGEST = 3
 """Causes in the largest set."""
 ROUGH = 4
 """Evaluations that every start gets where there are several."""
+REFINED = 2
+"""Starts found by scanning that are fitted to the end."""
 SEED, STEPS_BACK = 1e-4, 12
 """Least part of its range at which the fit of a strength starts, and how often a start is brought nearer to zero, by a third."""
 PER_CAUSE = 0.1
@@ -87,7 +90,7 @@ def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
     if base.p_value >= FALSE_ALARMS:
         return found
     beam = [base]
-    for _ in range(LARGEST):
+    for size in range(LARGEST):
         grown: dict[tuple[str, ...], Candidate] = {}
         for parent in beam:
             for solution in _grown(parent, library):
@@ -95,7 +98,8 @@ def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
                 if names not in grown or solution.chi2 < grown[names].solution.chi2:
                     grown[names] = _judged(solution, library)
         if not any(candidate.viable for candidate in grown.values()):
-            for candidate in sorted(grown.values(), key=lambda c: -c.weight)[:AGAIN]:
+            ranked = sorted(grown.values(), key=lambda c: -c.weight)
+            for candidate in ranked if problem.rugged and size == 0 else ranked[:AGAIN]:
                 other = _sought_again(candidate.solution)
                 if other.chi2 < candidate.solution.chi2:
                     grown[candidate.names] = _judged(other, library)
@@ -139,7 +143,7 @@ def _unlike(found: list[Look]) -> list[Look]:
     """Return the best looks of one effect that do not all point the same way, as mirror images and neighbours do."""
     kept: list[Look] = []
     for look in found:
-        if all(np.sum((look.basis @ other.basis.T) ** 2) < ALIKE * len(look.basis) for other in kept):
+        if all(look.whole != other.whole or np.sum((look.basis @ other.basis.T) ** 2) < ALIKE * len(look.basis) for other in kept):
             kept.append(look)
         if len(kept) == SHAPES:
             break
@@ -175,20 +179,26 @@ def _extend(parent: Candidate, effect: Effect, values: dict[str, float]) -> Solu
 
 
 def _sought_again(solution: Solution) -> Solution:
-    """Seek the shapes of the earlier effects anew beside the latest: they were found without it, and may be wrong."""
+    """Seek each effect anew beside the others: an earlier one was found without the latest, and tangents may have led astray."""
     model = solution.model
     base, values = model.split(solution.vector)
     found = [solution]
-    for k, effect in enumerate(model.effects[:-1]):
-        if all(knob.strength for knob in effect.parameters):
+    for k, effect in enumerate(model.effects):
+        rugged = model.problem.rugged
+        shaped = effect is not model.effects[-1] and not all(knob.strength for knob in effect.parameters)
+        if not (rugged or shaped):
             continue
         others = [i for i in range(len(values)) if i != k]
         without = Extended(model.problem, tuple(model.effects[i] for i in others))
         rest = fit(without, without.pack(base, [values[i] for i in others]))
         start, kept = without.split(rest.vector)
-        mine = [look for look in looks(rest, [effect]) if look.effect is not None and look.gain > 0]
-        ranked = sorted(mine, key=lambda look: -look.gain)
-        found += [fit(model, model.pack(start, [*kept[:k], look.values, *kept[k:]])) for look in _unlike(ranked)]
+        if shaped:
+            mine = [look for look in looks(rest, [effect]) if look.effect is not None and look.gain > 0]
+            ranked = sorted(mine, key=lambda look: -look.gain)
+            found += [fit(model, model.pack(start, [*kept[:k], look.values, *kept[k:]])) for look in _unlike(ranked)]
+        if rugged:
+            rough = [fit(model, model.pack(near, [*kept[:k], far, *kept[k:]]), most=ROUGH) for near, far in scan(rest, effect)]
+            found += [fit(model, s.vector) for s in sorted(rough, key=lambda s: s.chi2)[:REFINED]]
     return min(found, key=lambda s: s.chi2)
 
 

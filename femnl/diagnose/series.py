@@ -23,6 +23,7 @@ class SeriesProblem:
     """Residuals of frequencies and of 1/Q; see `Problem`."""
 
     kind: Kind = "series"
+    rugged = False
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         self.film = film.model.film

@@ -38,6 +38,7 @@ class TraceProblem:
     """
 
     kind: Kind = "trace"
+    rugged = False
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         self.film, self.wavelength = film, float(dataset.attrs["wavelength"])

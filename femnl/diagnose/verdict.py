@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femnl.diagnose.fit import Solution, covariance, fit, held_out
-from femnl.diagnose.search import FALSE_ALARMS, PER_CAUSE, Candidate
+from femnl.diagnose.fit import Unseen
+from femnl.diagnose.search import FALSE_ALARMS, HOPELESS, PER_CAUSE, Candidate
 from femnl.types.diagnosis import Verdict
 
 CLEAR = 0.95
@@ -16,10 +16,8 @@ CONTRADICTED = 1.05
 """Ratio of the best set's held-out χ² to a rival's from which on prediction contradicts evidence."""
 SCATTERED = 1e3
 """Largest deviations of unknown cause, in σ, that are allowed for."""
-ITERATIONS = 12
-"""Iterations of the fits that leave a block out."""
 RIVALS = 3
-"""Rivals, besides the best, whose held-out prediction is computed."""
+"""Rivals of the best, whose held-out prediction is computed as well."""
 
 
 @dataclass(frozen=True)
@@ -42,20 +40,21 @@ def judge(found: list[Candidate]) -> Judgement:
         return Judgement("adequate", base, (), share)
     scatter = _scatter(base)
     likely = [c for c in tried if c.viable and (len(c.names) == 1 or c.weight > scatter)]
-    viable = sorted(likely, key=lambda c: -c.weight)
+    # What fits all the data together, but not each part by what the others say, is bent to them and no cause.
+    viable = [c for c in sorted(likely, key=lambda c: -c.weight)[: 1 + RIVALS] if c.solution.unseen.p_value >= HOPELESS]
     if not viable:
         return Judgement("unexplained", base, (), share)
     best = viable[0]
     total = sum(share[c.names] for c in viable)
     share |= {c.names: share[c.names] / total for c in viable}
     rivals = [c for c in viable[1:] if share[c.names] > (1 - CLEAR) / 2 or _ties(c, best)]
-    if not rivals and len(viable) > 1 and _contradicted(best, viable[1 : 1 + RIVALS]):
-        rivals = viable[1 : 1 + RIVALS]
-    if not rivals and held_out(best.solution) >= held_out(base.solution) and _density(best.solution) <= _density(base.solution):
+    if not rivals and len(viable) > 1 and _contradicted(best, viable[1:]):
+        rivals = viable[1:]
+    if not rivals and not _predicts_better(best.solution.unseen, base.solution.unseen):
         # Evidence speaks for a set that predicts unseen data no better than the base model: that explains nothing.
         if len(viable) == 1:
             return Judgement("unexplained", base, (), share)
-        rivals = viable[1 : 1 + RIVALS]
+        rivals = viable[1:]
     if not rivals:
         return Judgement("explained", best, (), share)
     simplest = min([best, *rivals], key=lambda c: (len(c.names), c.solution.vector.size, -c.weight))
@@ -77,26 +76,12 @@ def _ties(candidate: Candidate, best: Candidate) -> bool:
     return fewer and candidate.solution.chi2 - best.solution.chi2 < TIE
 
 
-def _density(solution: Solution) -> float:
-    """Logarithm of the density that fits without each block predict for it, their own uncertainty included.
-
-    A cause that acts on one block alone, as a frame does on one mode, is uncertain there without it, and not wrong.
-    """
-    blocks = solution.model.problem.blocks
-    low, high = solution.model.bounds
-    total = 0.0
-    for block in np.unique(blocks[blocks >= 0]):
-        out = blocks == block
-        other = fit(solution.model, solution.vector, ~out, ITERATIONS)
-        slopes = other.jacobian[out]
-        spread = np.eye(int(out.sum())) + slopes @ covariance(other.jacobian[~out], high - low) @ slopes.T
-        misfit = other.residuals[out]
-        total -= 0.5 * float(misfit @ np.linalg.solve(spread, misfit) + np.linalg.slogdet(spread)[1])
-    return total
-
-
 def _contradicted(best: Candidate, others: list[Candidate]) -> bool:
-    return held_out(best.solution) > CONTRADICTED * min(held_out(c.solution) for c in others)
+    return best.solution.unseen.chi2_reduced > CONTRADICTED * min(c.solution.unseen.chi2_reduced for c in others)
+
+
+def _predicts_better(one: Unseen, other: Unseen) -> bool:
+    return one.chi2_reduced < other.chi2_reduced or one.density > other.density
 
 
 def measure_next(judged: Judgement, found: list[Candidate]) -> str:

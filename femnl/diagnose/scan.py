@@ -1,0 +1,58 @@
+"""Starts for an effect where tangents at zero lead astray: degenerate pairs that split, modes that exchange labels, poles."""
+
+import numpy as np
+from scipy.stats.qmc import Sobol
+
+from femnl.diagnose.fit import Solution
+from femnl.diagnose.problem import Extended
+from femnl.types.effect import Effect
+from femnl.types.readout import Array
+
+RAYS = 64
+"""Directions in the space of an effect's parameters, and trial shapes."""
+REACH = np.geomspace(1e-4, 1, 13)
+"""Parts of the largest strengths at which each ray is looked at."""
+STARTS = 6
+"""Best rays."""
+
+
+def scan(solution: Solution, effect: Effect) -> list[tuple[dict[str, float], dict[str, float]]]:
+    """Return the best starts with one more effect, base parameters and those of the effect, by its finite strengths along rays.
+
+    χ² at each is that of the residuals beside the model's own tangents: its parameters follow as far as they do so linearly.
+    """
+    wider = Extended(solution.model.problem, (*solution.model.effects, effect))
+    base, values = solution.model.split(solution.vector)
+    low, high = (side[-len(effect.parameters) :] for side in wider.bounds)
+    own, triangle = np.linalg.qr(solution.jacobian[:, solution.free])
+    found: list[tuple[float, Array, Array]] = []
+    for ray in _rays(effect, low, high):
+        tried = []
+        for part in REACH:
+            numbers = np.where([knob.strength for knob in effect.parameters], part * ray, ray)
+            mine = {knob.name: float(v) for knob, v in zip(effect.parameters, numbers, strict=True)}
+            residuals = wider.residuals(wider.pack(base, [*values, mine]))
+            along = own.T @ residuals
+            tried.append((float(residuals @ residuals - along @ along), numbers, along))
+        found.append(min(tried, key=lambda t: t[0]))
+    starts = []
+    for _, numbers, along in sorted(found, key=lambda t: t[0])[:STARTS]:
+        vector = solution.vector.copy()
+        vector[solution.free] -= np.linalg.solve(triangle, along)
+        bounds = solution.model.bounds
+        near, _ = solution.model.split(np.clip(vector, *bounds))
+        starts.append((near, {knob.name: float(v) for knob, v in zip(effect.parameters, numbers, strict=True)}))
+    return starts
+
+
+def _rays(effect: Effect, low: Array, high: Array) -> Array:
+    """Return values of the parameters at full reach (n, n_parameters): strengths in all directions, shapes all over their priors."""
+    strengths = np.array([knob.strength for knob in effect.parameters])
+    if strengths.all() and len(strengths) == 1:
+        return np.array([[side] for side in (low[0], high[0]) if side != 0])
+    parts = Sobol(len(effect.parameters), rng=np.random.default_rng(0)).random(RAYS)
+    placed = low + (high - low) * parts
+    logs = np.array([knob.log for knob in effect.parameters])
+    placed[:, logs] = low[logs] * (high[logs] / low[logs]) ** parts[:, logs]
+    placed[:, [knob.whole for knob in effect.parameters]] = np.rint(placed[:, [knob.whole for knob in effect.parameters]])
+    return placed
