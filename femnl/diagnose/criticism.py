@@ -195,7 +195,8 @@ def _p_values(residuals: Array, degrees: int, found: list[Look]) -> Array:
     columns = [_tail(np.sum((residuals @ look.basis.T) ** 2, axis=1), len(look.basis)) for look in found]
     columns.append(_tail(np.sum(residuals**2, axis=1), degrees))
     largest = np.abs(residuals).max(axis=1) * np.sqrt(n / degrees)
-    columns.append(-np.expm1(n * np.log1p(-2 * norm.sf(largest))))
+    with np.errstate(divide="ignore"):  # data without noise: the logarithm of 0 is what it should be
+        columns.append(-np.expm1(n * np.log1p(-2 * norm.sf(largest))))
     neighbours = np.abs(np.sum(residuals[:, 1:] * residuals[:, :-1], axis=1)) / np.sqrt(n)
     columns.append(2 * norm.sf(neighbours))
     return np.stack(columns, axis=1)

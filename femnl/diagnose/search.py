@@ -15,7 +15,7 @@ from femnl.types.effect import Effect
 
 PROGRESS = logging.getLogger("femnl.progress")
 FALSE_ALARMS = 0.01
-"""p-value below which the base model is not adequate."""
+"""p-value below which causes are sought beside the base model."""
 HOPELESS = 1e-3
 """p-value below which a set of causes does not explain the data."""
 MOST = 7

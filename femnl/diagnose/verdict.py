@@ -42,6 +42,8 @@ def judge(found: list[Candidate]) -> Judgement:
     likely = [c for c in tried if c.viable and (len(c.names) == 1 or c.weight > scatter)]
     # What fits all the data together, but not each part by what the others say, is bent to them and no cause.
     viable = [c for c in sorted(likely, key=lambda c: -c.weight)[: 1 + RIVALS] if c.solution.unseen.p_value >= HOPELESS]
+    if base.viable and all(c.weight <= base.weight for c in viable):
+        return Judgement("adequate", base, (), share)  # rare, but not too rare for chance, and no cause is worth its parameters
     if not viable:
         return Judgement("unexplained", base, (), share)
     best = viable[0]

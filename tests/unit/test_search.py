@@ -1,0 +1,172 @@
+"""How causes are sought, left out and judged, on problems small enough to see through."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from femnl.diagnose.fit import Solution, Unseen, fit, leave_out
+from femnl.diagnose.problem import Extended, Named, apply
+from femnl.diagnose.scan import scan
+from femnl.diagnose.search import search
+from femnl.diagnose.verdict import judge
+from femnl.types.comparison import Comparison
+from femnl.types.effect import Effect, Kind, Knob, Values
+from femnl.types.readout import Array
+
+BLOCKS = np.repeat(np.arange(4), 10)
+PLACE = np.linspace(-1, 1, len(BLOCKS))
+
+
+class Line:
+    """Data y(x) in units of their σ, against a constant that effects change at the stage "frequencies"."""
+
+    kind: Kind = "spectrum"
+
+    def __init__(self, data: Array, rugged: bool = False) -> None:
+        self.data, self.rugged = data, rugged
+        self.base: tuple[Knob, ...] = (Knob("level", "1", -100.0, 100.0),)
+        self.start = np.zeros(1)
+        self.facts: Mapping[str, float] = {}
+        self.notes: tuple[str, ...] = ()
+
+    @property
+    def blocks(self) -> NDArray[np.int64]:
+        return BLOCKS
+
+    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        return {}
+
+    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+        return np.asarray(self.data - apply("frequencies", np.full(len(BLOCKS), base["level"]), effects, values))
+
+    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        return {}
+
+    def systematic(self, unit: str) -> float:
+        return 0.0
+
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        return []
+
+    def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
+        return ()
+
+    def describe(self, residuals: Array) -> str:
+        return ""
+
+
+def effect(name: str, change: Callable[[float], Array], low: float = -10.0, whole: bool = False) -> Effect:
+    """One strength, or one whole number beside it, that adds a function of itself to the prediction."""
+
+    def act(value: Array, values: Values) -> Array:
+        return value + values["strength"] * change(values["power"]) if whole else value + change(values["strength"])
+
+    power = (Knob("power", "1", 0.5, 4.5, strength=False, whole=True),) if whole else ()
+    return Effect(name, "", (Knob("strength", "1", low, 10.0), *power), {"frequencies": act}, "", "", "")
+
+
+SLOPE = effect("slope", lambda s: s * PLACE)
+
+
+def solved(data: Array, *effects: Effect) -> Solution:
+    model = Extended(Line(data), effects)
+    return fit(model, model.pack({"level": 0.0}, [{"strength": 0.1}] * len(effects)))
+
+
+def test_the_density_of_unseen_blocks_is_that_of_the_full_matrices() -> None:
+    rng = np.random.default_rng(4)
+    found = leave_out(solved(3 + 2 * PLACE + rng.standard_normal(40), SLOPE), 20)
+    density, square = 0.0, 0.0
+    columns, prior = np.stack([np.ones(40), PLACE], axis=1), 12 * np.diag([200.0**-2, 20.0**-2])
+    data = 3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)
+    for block in range(4):
+        out = block == BLOCKS
+        best = np.linalg.lstsq(columns[~out], data[~out], rcond=None)[0]
+        known = np.linalg.inv(columns[~out].T @ columns[~out] + prior)
+        spread = np.eye(10) + columns[out] @ known @ columns[out].T
+        misfit = data[out] - columns[out] @ best
+        density -= 0.5 * (misfit @ np.linalg.solve(spread, misfit) + np.linalg.slogdet(spread)[1])
+        square += misfit @ misfit
+    assert found.density == pytest.approx(density, rel=1e-5)
+    assert found.chi2_reduced == pytest.approx(square / 40, rel=1e-5)
+
+
+def test_the_p_value_of_unseen_blocks_is_as_small_as_it_says_where_the_model_is_right() -> None:
+    rng = np.random.default_rng(8)
+    drawn = np.array([leave_out(solved(3 + 2 * PLACE + rng.standard_normal(40), SLOPE), 20).p_value for _ in range(400)])
+    for p in (0.05, 0.2, 0.5):
+        rate = 1 - (1 - p / 4) ** 4
+        assert abs(np.mean(drawn < p) - rate) < 3 * np.sqrt(rate * (1 - rate) / len(drawn))
+
+
+class Foreseen(Solution):
+    """A fit whose prediction of unseen data is given."""
+
+    given = Unseen(1.0, 0.0, 1.0)
+
+    @property
+    def unseen(self) -> Unseen:
+        return self.given
+
+
+def test_what_fits_all_data_but_predicts_no_part_from_the_others_explains_nothing() -> None:
+    data = 3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)
+    base, right = search(Line(data), [SLOPE])
+    assert judge([base, right]).verdict == "explained"
+
+    class Bent(Foreseen):
+        given = Unseen(4.0, right.solution.unseen.density, 1e-4)
+
+    bent = replace(right, solution=Bent(**vars_of(right.solution)))
+    assert judge([base, bent]).verdict == "unexplained"
+
+
+def vars_of(solution: Solution) -> dict[str, Any]:
+    return {field.name: getattr(solution, field.name) for field in fields(solution)}
+
+
+def test_scanning_finds_the_other_side_of_a_kink() -> None:
+    kinked = effect("kinked", lambda s: 20 * abs(s) * np.sign(PLACE) + 4 * s * PLACE**2)
+    data = 10 * np.sign(PLACE) - 2 * PLACE**2
+    assert solved(data, kinked).chi2 > 10, "tangents lead to the other side"
+    (near, far), *_ = scan(solved(data), kinked)
+    model = Extended(Line(data), (kinked,))
+    assert fit(model, model.pack(near, [far])).chi2 < 1e-6
+    assert min(c.solution.chi2 for c in search(Line(data, rugged=True), [kinked])) < 1e-6
+
+
+def test_a_whole_number_is_found_and_stays_one() -> None:
+    power = effect("power", lambda p: PLACE**p, whole=True)
+    found = search(Line(4 * PLACE**3 + np.random.default_rng(2).standard_normal(40) * 0.3), [power])
+    _, values = found[-1].solution.model.split(found[-1].solution.vector)
+    assert values[0]["power"] == 3
+    assert values[0]["strength"] == pytest.approx(4, abs=0.4)
+
+
+def test_a_fit_follows_a_curved_valley_to_its_end() -> None:
+    valley = Effect(
+        "valley",
+        "",
+        (Knob("x", "1", -3.0, 3.0), Knob("y", "1", -3.0, 9.0)),
+        {"frequencies": lambda v, k: v + np.where(BLOCKS < 2, 300 * (k["y"] - k["x"] ** 2), k["x"] - 2.5)},
+        "",
+        "",
+        "",
+    )
+    model = Extended(Line(np.zeros(40)), (valley,))
+    end = fit(model, model.pack({"level": 0.0}, [{"x": -2.5, "y": 6.25}]))
+    assert end.chi2 < 1e-6
+
+
+def test_a_rare_draw_of_noise_that_no_cause_is_worth_is_adequate() -> None:
+    for seed in range(200):
+        base, *others = search(Line(np.random.default_rng(seed).standard_normal(40)), [SLOPE])
+        if 1e-3 <= base.p_value < 0.01 and all(candidate.weight < base.weight for candidate in others):
+            break
+    assert others
+    assert judge([base, *others]).verdict == "adequate"
+    assert judge([replace(base, p_value=1e-5), *others]).verdict != "adequate"
