@@ -68,7 +68,10 @@ def command(
     cache: Cache = True,
     as_json: Json = False,
 ) -> None:
-    """Fit what was measured: responses, spectra, traces, and harmonic maps (all of a file with one amplitude)."""
+    """Fit what was measured: spectra, responses, ring-downs, traces and harmonic maps.
+
+    All maps of a file are fitted with one amplitude.
+    """
     index, how, part = check_mode(mode), _use(use), _part(held_out)
     tree = measurement.read(file)
     for repair in tree.attrs["repairs"]:

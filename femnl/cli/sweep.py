@@ -39,7 +39,7 @@ def command(
     retry: Retry = False,
     as_json: Json = False,
 ) -> None:
-    """Solve many devices that differ in a few values; a repeated command goes on where the last one stopped."""
+    """Solve many devices that differ in a few values; a repeated command goes on from there."""
     path = out or spec.with_suffix(".jsonl")
     suffix_of(path, (".jsonl",))
     if workers is not None and scheduler not in (None, "local"):

@@ -13,7 +13,10 @@ def command(
     names: Annotated[list[str] | None, typer.Argument(help="Cases to run; all of them where none is named.", show_default=False)] = None,
     as_json: Json = False,
 ) -> None:
-    """Run the validation cases and compare with published and independent numbers; status 1 where one differs."""
+    """Run the validation cases: femnl beside published and independent numbers.
+
+    The status is 1 where one differs.
+    """
     results = []
     for result in validation.run(resources.cases(), names or ()):
         results.append(result)
