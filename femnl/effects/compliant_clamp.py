@@ -14,48 +14,56 @@ ROUNDS = 8
 
 
 def loosen(system: ModalSystem, values: Values) -> ModalSystem:
-    """Replace the clamp w = 0 by w = −δ ∂w/∂n, which lengthens the film by atan(kδ)/k at each edge.
+    """Replace the clamp w = 0 by springs of T/δ per length, which lengthen the film by atan k(δ − ℓ)/k instead of −atan(kℓ)/k at each edge.
 
     On a rectangle it acts along x and y apart, each a function of the operator −∂² in that direction. What it does to all long waves
-    alike, L → L + 2δ, stays in the speed of waves.
+    alike, L → L + 2δ, stays in the speed of waves. The shear force of the layer at the edge, −Dw‴, stretches δ by 1 + 2ℓ²k².
     """
-    depth = float(np.cbrt(values["depth_cubed"]))
-    if depth == 0:
+    layer = system.bending_length
+    depth = float(layer + np.cbrt(values["depth_cubed"] - layer**3))
+    if values["depth_cubed"] == 0:
         return system
+    k2 = 2 * system.wavenumber**2 / (1 + np.sqrt(1 + 4 * layer**2 * system.wavenumber**2))  # of k² + ℓ²k⁴ = (ω/c)²
+    shear = 4 * depth * layer**2
     if system.box is None:
         width = 2 * system.projection.reach
-        k = system.wavenumber
-        factor = _lowered(np.sqrt(SPREAD) * k, width, depth) / (np.sqrt(SPREAD) * k) * (1 + 2 * depth / width)
-        return replace(system, stiffness=system.stiffness + np.diag(np.diag(system.stiffness) * (factor**2 - 1)))
-    root = np.sqrt(np.diag(system.stiffness))
-    along = system.projection.slopes[0, :2]
-    total = np.sqrt(np.diag(along.sum(axis=0)))
-    changed = np.zeros_like(system.stiffness)
+        common = (1 + 2 * depth / width) ** 2
+        low = _lowered(np.sqrt(SPREAD * k2), width, depth, layer) ** 2
+        loose = low / SPREAD * (1 - 2 * shear / (width + 2 * (depth - layer)) * k2 / common / (1 + low * (depth - layer) ** 2))
+        factor = (loose + layer**2 * loose**2) / (k2 + layer**2 * k2**2) * common
+        return replace(system, stiffness=system.stiffness + np.diag(np.diag(system.stiffness) * (factor - 1)))
+    root, along = np.sqrt(np.diag(system.stiffness)), system.projection.slopes[0, :2]
+    total = np.sqrt(np.diag(along.sum(axis=0)) / k2)
+    common = (1 + 2 * depth / np.sqrt(system.box[0] * system.box[1])) ** 2
+    before, after, moved = (np.zeros_like(system.stiffness) for _ in range(3))
     for slopes, width in zip(along, system.box, strict=True):
         # Shares of x and y in k², which holes change alike.
-        squares, waves = np.linalg.eigh(np.outer(system.wavenumber, system.wavenumber) * slopes / np.outer(total, total))
-        k = np.sqrt(np.maximum(squares, 0))
-        changed += (waves * (_lowered(k, width, depth) ** 2 - k**2)) @ waves.T
-    common = (1 + 2 * depth / np.sqrt(system.box[0] * system.box[1])) ** 2
-    per = np.outer(root, root) / np.outer(system.wavenumber, system.wavenumber)
-    stiffness = (system.stiffness + per * changed) * common
+        squares, waves = np.linalg.eigh(slopes / np.outer(total, total))
+        low = _lowered(np.sqrt(np.maximum(squares, 0)), width, depth, layer) ** 2
+        before += (waves * squares) @ waves.T
+        after += (waves * low) @ waves.T
+        moved += (waves * (shear * low / (1 + low * (depth - layer) ** 2) / (width + 2 * (depth - layer)))) @ waves.T
+    after -= moved * np.add.outer(np.diag(after), np.diag(after))
+    changed = (after + layer**2 * after @ after) - (before + layer**2 * before @ before)
+    stiffness = (system.stiffness + np.outer(root, root) / np.outer(system.wavenumber, system.wavenumber) * changed) * common
     return replace(system, stiffness=stiffness)
 
 
-def _lowered(k: Array, width: float, depth: float) -> Array:
-    """Solve k' L + 2 atan(k'δ) = kL."""
-    found = k / (1 + 2 * depth / width)
+def _lowered(k: Array, width: float, depth: float, layer: float) -> Array:
+    """Solve k' L + 2 atan k'(δ − ℓ) = kL − 2 atan kℓ."""
+    phase, more = k * width - 2 * np.arctan(k * layer), depth - layer
+    found = phase / (width + 2 * more)
     for _ in range(ROUNDS):
-        found = found - (found * width + 2 * np.arctan(found * depth) - k * width) / (width + 2 * depth / (1 + (found * depth) ** 2))
+        found = found - (found * width + 2 * np.arctan(found * more) - phase) / (width + 2 * more / (1 + (found * more) ** 2))
     return np.asarray(found)
 
 
 EFFECT = Effect(
     name="compliant_clamp",
-    equation="edge w = 0 → w = −δ ∂w/∂n, δ = T/spring constant per length: kL + 2 atan(kδ) = mπ, less 2δ/L of all modes; s = δ³",
+    equation="edge w = 0 → −δ ∂w/∂n, δ = T/springs per length: kL + 2 atan k(δ − ℓ) = mπ, less 2δ/L of all modes; s = (δ − ℓ)³ + ℓ³",
     parameters=(Knob("depth_cubed", "m^3", 0.0, 1e-14),),
     changes={"operators": loosen},
-    source="string between springs, e.g. Morse & Ingard (1968), section 4.1, along x and along y",
-    limits="an edge alike all around and without mass; on outlines other than rectangles the edge's direction is averaged over",
+    source="string between springs, e.g. Morse & Ingard (1968), section 4.1, along x and along y; a stiff one that cannot turn at its ends",
+    limits="an edge alike all around, without mass, that moves and does not turn; its direction is averaged over but on rectangles",
     sentence="the edge gives way, so that low modes reach further into it than high ones",
 )

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.polynomial.legendre import Legendre, leggauss
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.linalg import eigvalsh
+from scipy.linalg import eigh, eigvalsh
 from scipy.optimize import brentq
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import eigsh
@@ -282,3 +283,34 @@ def test_a_frame_far_from_a_mode_pulls_it_as_the_coupled_pair_does() -> None:
         Lines(np.array([film]), np.empty(0)), {"coupling_square": g**2, "frame_frequency": frame}
     )
     assert shift.frequency[0] == pytest.approx(eigvalsh([[film, g], [g, frame]])[1], abs=0.02)
+
+
+def stiff_string(layer: float, depth: float, n: int = 130) -> Array:
+    """(ω/c)² of a stiff string of length 1, layer ℓ, that springs 1/δ hold and nothing turns at its ends, by Legendre–Ritz."""
+    bubble = Legendre([2 / 3, 0, -2 / 3])
+    slopes = [Legendre([0.0]), *(bubble * Legendre.basis(j) for j in range(n))]
+    shapes = [Legendre([1.0]), *(slope.integ() for slope in slopes[1:])]
+    t, w = leggauss(2 * n)
+    v, s = np.array([f(t) for f in shapes]), 2 * np.array([f(t) for f in slopes])
+    c, e = 4 * np.array([f.deriv()(t) for f in slopes]), np.array([f(np.array([-1.0, 1.0])) for f in shapes])
+    scale = 1 / np.sqrt((v**2) @ w + 1e-3 * (c**2) @ w)[:, None]
+    v, s, c, e = v * scale, s * scale, c * scale, e * scale
+    return np.asarray(eigh((s * w / 2) @ s.T + layer**2 * (c * w / 2) @ c.T + e @ e.T / depth, (v * w / 2) @ v.T, eigvals_only=True)[:5])
+
+
+@pytest.mark.parametrize("depth", [4e-3, 2e-2])
+def test_a_compliant_clamp_holds_a_film_whose_stiffness_keeps_its_edge_from_turning(depth: float) -> None:
+    layer = 5e-3
+    clamped, loose = stiff_string(layer, 1e-6), stiff_string(layer, depth)
+    square = np.zeros((6, 3, 5, 5))
+    square[0, 0] = np.diag(clamped)
+    grid = np.linspace(-0.5, 0.5, 9)
+    projection = Projection(square, np.zeros((6, 5, 5)), 0.5, grid, grid, np.zeros((5, 9, 9)))
+    film = replace(FILM, thickness=1.0, density=FILM.stress)
+    system = ModalSystem(np.diag(clamped), np.eye(5), FILM.stress, film, projection, (1.0, 1e9), layer)
+    cubed = (depth - layer) ** 3 + layer**3
+    found = library()["compliant_clamp"].changes["operators"](system, {"depth_cubed": cubed})
+    shift = np.diag(found.stiffness) / clamped
+    exact = loose / clamped
+    # What it does to all alike stays in the speed of waves.
+    np.testing.assert_allclose(shift / shift[0], exact / exact[0], rtol=0.05 * np.ptp(exact))
