@@ -4,13 +4,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.polynomial.legendre import Legendre, leggauss
+from scipy.interpolate import make_interp_spline
+from scipy.linalg import eigh
+from scipy.special import jv
 
-from femnl import geometry
+from femnl import geometry, measurement
+from femnl.effects import library
 from femnl.optics import MultilayerFringe
-from tests.blind.lab import Case, causes, make
-from tests.blind.lab.film import membrane
-from tests.blind.lab.maps import WAVELENGTH, reflection
+from tests.blind.jobs import jobs
+from tests.blind.lab import KINDS, Case, causes, make
+from tests.blind.lab.film import Membrane, membrane
+from tests.blind.lab.maps import WAVELENGTH, bent, reflection
+from tests.blind.lab.record import COUNT, RATE, RecordBench
+from tests.blind.lab.response import ResponseBench
 from tests.blind.lab.spectrum import SpectrumBench
+from tests.blind.lab.trace import TraceBench
 
 HEXAGON = np.array([7.155339133926055, 18.131677865531, 18.131677865531, 32.4518575144, 32.4518575144, 37.491352876798])
 """Eigenvalues of −Δ on the regular hexagon of side 1, from the literature that the validation case of the ideal hexagon cites."""
@@ -37,11 +46,116 @@ def test_the_laboratory_s_stack_reflects_as_transfer_matrices_say() -> None:
     assert reflection(stack, gap + u) == pytest.approx(MultilayerFringe(stack, WAVELENGTH)(u), rel=1e-10)
 
 
-@pytest.mark.parametrize("kind", ["spectrum", "map", "series"])
+@pytest.mark.parametrize("kind", ["spectrum", "map", "series", "trace"])
 def test_causes_are_as_large_as_asked_for(kind: str, tmp_path: Path) -> None:
     for cause in causes(kind):
         sigma = make(Case(kind, (cause,), 5, size=(20.0, 20.1)), tmp_path / "file.nc")["sigma"][cause]
         assert sigma == pytest.approx(20, rel=0.35) or cause in ("multilayer_fringe", "finite_spot", "frame_mode"), cause
+
+
+UNHIDDEN = {("trace", name) for name in ("phase_tilt", "static_bow", "mode_admixture")}
+"""What one spot cannot show: the gap, the fringe and the amplitude there take it up."""
+
+
+def test_the_laboratory_hides_every_cause_in_every_kind_of_data_that_shows_it() -> None:
+    told = {(kind, effect.name) for effect in library().values() for kind in effect.kinds}
+    hidden = {({"record": "trace"}.get(kind, kind), cause) for kind in KINDS for cause in causes(kind)}
+    assert told - hidden == UNHIDDEN
+    assert {(kind, cause) for kind, cause in hidden if kind not in ("lasers", "device")} <= told
+
+
+def test_every_geometry_comes_up_and_no_round_repeats_another() -> None:
+    draws = jobs(seed=1, rounds=8)
+    assert {job.case.geometry for job in draws if job.case.kind == "map"} == {"square-270um", "rectangle", "hexagon-278um"}
+    assert {job.case.causes[0] for job in draws if job.task == "hidden" and job.case.kind == "device"} == set(causes("device"))
+    assert len({job.name for job in draws}) == len(draws)
+
+
+def stiff_string(layer: float, depth: float, n: int = 130) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """(ω/c)² of the lowest modes of a stiff string of length 1 that springs 1/δ hold and nothing turns at its ends, by Legendre–Ritz."""
+    bubble = Legendre([2 / 3, 0, -2 / 3])
+    slopes = [Legendre([0.0]), *(bubble * Legendre.basis(j) for j in range(n))]
+    shapes = [Legendre([1.0]), *(slope.integ() for slope in slopes[1:])]
+    t, w = leggauss(2 * n)
+    v, s, c, e = (
+        np.array([f(at) for f in rows]) * 2**d
+        for rows, at, d in ((shapes, t, 0), (slopes, t, 1), ([f.deriv() for f in slopes], t, 2), (shapes, np.array([-1.0, 1.0]), 0))
+    )
+    scale = 1 / np.sqrt((v**2) @ w + 1e-3 * (c**2) @ w)[:, None]
+    v, s, c, e = v * scale, s * scale, c * scale, e * scale
+    stiffness = (s * w / 2) @ s.T + layer**2 * (c * w / 2) @ c.T + e @ e.T / depth
+    return np.asarray(eigh(stiffness, (v * w / 2) @ v.T, eigvals_only=True)[:4])
+
+
+@pytest.mark.parametrize("depth", [5e-3, 3e-2])
+def test_an_edge_of_the_laboratory_that_gives_way_but_does_not_turn_does_so_exactly(depth: float) -> None:
+    layer = 1e-2
+    orders = np.array([(m, 0) for m in range(1, 5)])
+    length = 1 + 2 * (depth - layer)
+    none = np.zeros((4, 4))
+    film = Membrane(((none, none, none),), 1.0, 0.5, orders, (length, 1e9), None)
+    k2 = film.clamped(layer, depth)
+    assert k2 + layer**2 * k2**2 == pytest.approx(stiff_string(layer, depth), rel=5e-7)
+
+
+def test_a_force_of_second_order_bends_the_laboratory_s_motion_as_series_say() -> None:
+    # Nayfeh & Mook (1979), section 2.3: at rest −κ/2 and at twice the drive κ/6 of it.
+    series = np.fft.rfft(bent(0.02, 96)) / 96
+    assert series[0].real == pytest.approx(-0.01, rel=1e-3)
+    assert 2 * series[1] == pytest.approx(1, abs=1e-9)
+    assert 2 * series[2] == pytest.approx(0.02 / 6, rel=1e-3)
+
+
+def test_sweeps_of_the_laboratory_end_where_the_forces_of_both_modes_balance() -> None:
+    bench = ResponseBench("square-270um", ("internal_resonance",), np.random.default_rng(3))
+    base = bench.draw(np.random.default_rng(1)) | {"gain": 1.0, "phase": 0.0}
+    f0, w, alpha = base["frequency"], base["linewidth"], base["alpha"]
+    for order in (2.0, 3.0):
+        values = {"coupling_square": 0.3 * w**2, "offset": 2.0, "width": 0.6 * w, "order": order}
+        a = bench._swept([base], [{"internal_resonance": values}])[0]
+        square = 8 * w / (3 * f0 * alpha)
+        crossing = bench.frequency[[0, -1]].mean() + 2.0
+        pull = -values["coupling_square"] / (crossing - bench.frequency + 0.5j * values["width"]) * (np.abs(a) ** 2 / square) ** (order - 1)
+        left = a * (f0 * (1 + 0.375 * alpha * np.abs(a) ** 2) + pull - bench.frequency + 0.5j * w)
+        force = w / 2 * base["peak"] * bench.drives[:, None]
+        assert np.abs(left / force - 1).max() < 1e-3
+        assert np.abs(pull).max() > 0.1 * w
+
+
+def test_traces_of_the_laboratory_have_the_harmonics_of_bessel() -> None:
+    bench = TraceBench("square-270um", np.random.default_rng(2))
+    base = bench.draw(np.random.default_rng(3))
+    volts = bench._sampled(base, {})[0]
+    phase = 2 * np.pi * bench.frequency[0] * np.arange(bench.samples) / bench.rate + base["phase[0]"]
+    z = 4 * np.pi / WAVELENGTH * base["amplitude[0]"]
+    exact = np.cos(base["theta"]) * jv(0, z) * np.ones(bench.samples)
+    for n in range(1, 30):
+        # cos(z cos φ + θ) = Σ J_n(z) cos(nφ) cos(θ + nπ/2), twice for n > 0
+        exact += 2 * jv(n, z) * np.cos(n * phase) * np.cos(base["theta"] + n * np.pi / 2)
+    assert volts == pytest.approx(base["contrast"] * exact, abs=1e-12)
+
+
+def test_records_of_the_laboratory_follow_their_equation() -> None:
+    bench = RecordBench(np.random.default_rng(2))
+    base = bench.draw(np.random.default_rng(3))
+    hidden = {"quadratic_stiffness": {"kappa2": 0.3}, "nonlinear_damping": {"eta": 20.0}}
+    y = make_interp_spline(np.arange(COUNT) / RATE, bench._run([base], [hidden])[0], k=7)
+    t = (np.arange(200, 1700) + 0.5) / RATE
+    u = np.interp(2 * 8 * RATE * t, np.arange(len(bench.drive)), bench.drive)
+    square = (2 * np.pi * base["frequency"]) ** 2
+    force = square * ((u + base["offset"]) / base["stiffness"] - y(t) - 0.3 * y(t) ** 2 - base["alpha"] * y(t) ** 3)
+    loss = 2 * np.pi * base["linewidth"] * (1 + 20 * y(t) ** 2) * y(t, 1)
+    # What is left is the spline: ten samples a period.
+    assert np.std(y(t, 2) - force + loss) < 0.02 * np.std(force)
+
+
+def test_files_of_several_measurements_hold_one_motion(tmp_path: Path) -> None:
+    truth = make(Case("lasers", ("phase_tilt",), 3), tmp_path / "file.nc")
+    tree = measurement.read(tmp_path / "file.nc")
+    assert set(tree.children) == {"red", "green"}
+    assert tree["red"].attrs["drive_frequency"] == tree["green"].attrs["drive_frequency"]
+    assert "amplitude" in truth["base"]
+    assert truth["base"]["red.theta"] != truth["base"]["green.theta"]
 
 
 def test_a_uniform_change_of_all_frequencies_is_no_cause() -> None:

@@ -7,23 +7,36 @@ hidden in it: the truth is returned apart.
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from femnl import measurement
-from tests.blind.lab import maps, response, series, spectrum
+from tests.blind.lab import joint, maps, record, response, series, spectrum, trace
 from tests.blind.lab.bench import Bench, Cause, sized
 
 STRONG, WEAK = (6.0, 300.0), (0.7, 8.0)
 """Ranges of σ by which hidden and weakened causes stand out; drawn evenly in the logarithm."""
-KINDS: dict[str, ModuleType] = {"spectrum": spectrum, "response": response, "map": maps, "series": series}
+KINDS: dict[str, Any] = {
+    "spectrum": spectrum,
+    "response": response,
+    "map": maps,
+    "series": series,
+    "trace": trace,
+    "record": record,
+    "lasers": joint.Lasers,
+    "device": joint.Device,
+}
+"""What is in a file: one measurement, but maps under two lasers, and spectrum and sweeps of one device."""
 GEOMETRIES = {
     "spectrum": ("square-270um", "rectangle", "hexagon-278um"),
     "response": ("square-270um",),
     "map": ("square-270um", "rectangle", "hexagon-278um"),
     "series": ("square-270um",),
+    "trace": ("square-270um",),
+    "record": ("square-270um",),
+    "lasers": ("square-270um", "rectangle"),
+    "device": ("square-270um",),
 }
 
 
@@ -51,8 +64,8 @@ def make(case: Case, path: Path) -> dict[str, Any]:
     hidden = {name: KINDS[case.kind].CAUSES[name](rng, bench) for name in case.causes}
     wanted = {name: float(np.exp(rng.uniform(*np.log(case.size)))) for name in case.causes}
     hidden, found = sized(bench, base, hidden, wanted)
-    dataset = bench.measured(base, {name: cause.values for name, cause in hidden.items()}, rng)
-    measurement.write(measurement.bundle({case.kind: dataset}, geometry=case.geometry), path)
+    groups = bench.measured(base, {name: cause.values for name, cause in hidden.items()}, rng)
+    measurement.write(measurement.bundle(groups, geometry=case.geometry), path)
     return {"case": asdict(case), "base": base, "causes": {name: cause.values for name, cause in hidden.items()}, "sigma": found}
 
 

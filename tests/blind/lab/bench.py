@@ -40,8 +40,8 @@ class Bench(Protocol):
         """Data without noise for each base with each set of causes, in σ, (n_variants, n)."""
         ...
 
-    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> xr.Dataset:
-        """Data with noise, as the instrument rounds them."""
+    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
+        """Data with noise, as the instrument rounds them: the groups of a file."""
         ...
 
 

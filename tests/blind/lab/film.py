@@ -14,6 +14,7 @@ from skfem import Basis, BilinearForm, ElementTriP3, MeshTri, asm
 from skfem.models.poisson import laplace, mass
 
 from femnl import geometry
+from femnl.types.device import Model
 from tests.blind.lab.bench import Array
 
 
@@ -36,9 +37,11 @@ class Membrane:
         """k² of each mode."""
         return np.asarray(np.diag(self.slopes[0][0] + self.slopes[0][1]))
 
-    def clamped(self, layer: float) -> Array:
-        """k² of each mode with the boundary layer of a plate, which decays as e^{−qd}, q² = 1/ℓ² + k² + k_t² (t along the edge).
+    def clamped(self, layer: float, depth: float = 0.0) -> Array:
+        """k² of each mode with the boundary layer of a plate, which decays as e^{−qd}, q² = 1/ℓ² + k² + 2k_t² (t along the edge).
 
+        Where springs of T/δ per length hold the edge, which still does not turn, its shear force −Dw‴ is theirs: a wave
+        a sin(kd + φ) + (ak/q) cos φ e^{−qd} then has tan φ = k (δℓ²(k² + q²) − 1/q), with d counted from the edge.
         Exact but for the corners of a rectangle; on a polygon to the third order in ℓ, with k_t² = k²/2 on the average.
         """
         if self.space is not None:
@@ -48,7 +51,8 @@ class Membrane:
         for _ in range(20):
             along = k**2
             q = np.sqrt(layer**-2 + along + 2 * along[:, ::-1])
-            k = (np.pi * self.orders + 2 * np.arctan(k / q)) / (np.array(self.inner) + 2 * layer)
+            given = depth * layer**2 * (along + q**2)
+            k = (np.pi * self.orders - 2 * np.arctan(k * (given - 1 / q))) / (np.array(self.inner) + 2 * (layer - depth))
         return np.asarray(np.sum(k**2, axis=1))
 
     def at(self, x: Array, y: Array, count: int | None = None) -> Array:
@@ -66,9 +70,15 @@ class Membrane:
         return found
 
 
+@cache
+def device(name: str) -> Model:
+    """The device of that name."""
+    return geometry.load(name)
+
+
 def membrane(name: str, layer: float, stretch: float = 0.0, basis: int = 14) -> Membrane:
     """The film of a geometry, smaller by `layer` on every side, with sides stretched by ±stretch/2."""
-    outline = geometry.load(name).outline
+    outline = device(name).outline
     if outline.size is not None:
         width, height = outline.size
         sides = width * (1 + stretch / 2) - 2 * layer, height / (1 + stretch / 2) - 2 * layer

@@ -1,4 +1,7 @@
-"""Maps of harmonics: shapes of an ideal membrane smaller by ℓ on every side, v(t) sampled over a period, an FFT."""
+"""Maps of harmonics: shapes of an ideal membrane smaller by ℓ on every side, v(t) sampled over a period, an FFT.
+
+A restoring force of second order bends the motion itself: one period of the free oscillator, in time steps.
+"""
 
 from collections.abc import Callable
 from functools import cache, lru_cache
@@ -7,10 +10,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from femnl import geometry, measurement
+from femnl import measurement
 from femnl.types.device import Stack
 from tests.blind.lab.bench import Array, Cause, Values, sign
-from tests.blind.lab.film import Membrane, membrane
+from tests.blind.lab.film import Membrane, device, membrane
 
 WAVELENGTH = 632.8e-9
 SAMPLES, ORDERS = 96, 6
@@ -26,24 +29,29 @@ def _shapes(name: str, x: bytes, y: bytes) -> Array:
 
 @cache
 def _film(name: str) -> Membrane:
-    film = geometry.load(name).film
+    film = device(name).film
     return membrane(name, film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress)))
 
 
 @cache
 def _largest(name: str) -> Array:
+    """Value of each mode where it is largest."""
     x, y = np.meshgrid(*[np.linspace(-1, 1, 161) * _film(name).half] * 2)
-    return np.asarray(np.abs(_film(name).at(x.ravel(), y.ravel(), MODES)).max(axis=1))
+    values = _film(name).at(x.ravel(), y.ravel(), MODES)
+    return np.asarray(values[np.arange(MODES), np.argmax(np.abs(values), axis=1)])
 
 
 class MapBench:
     """Six harmonics over a film and a fifth beyond; see `Bench`."""
 
-    def __init__(self, name: str, rng: np.random.Generator, points: int = 41) -> None:
-        self.name, film = name, geometry.load(name).film
+    def __init__(
+        self, name: str, causes: tuple[str, ...], rng: np.random.Generator, points: int = 41, wavelength: float = WAVELENGTH
+    ) -> None:
+        self.wavelength, self.driven = wavelength, 0.5 if "crosstalk" in causes else None
+        self.name, film = name, device(name).film
         self.frequencies = np.sqrt(np.sort(_film(name).square)[:MODES] * film.stress / film.density) / (2 * np.pi)
         self.axis = np.linspace(-1.2, 1.2, points) * _film(name).half
-        self.noise, self.stack = 3e-4, geometry.load(name).stack
+        self.noise, self.stack = 3e-4, device(name).stack
         self.gap = self.stack.layers[self.stack.gap].thickness if self.stack else 0.0
         self.drive = float(self.frequencies[0] * (1 + 1e-3 * rng.uniform(-1, 1)))
         self.unit = {"amplitude": 1e-8, "contrast": 0.02, "theta": 1.0, "phase": 1.0, "x": 1e-6, "y": 1e-6}
@@ -64,13 +72,13 @@ class MapBench:
         rows = [self._harmonics(base, hidden).ravel() / self.noise for base, hidden in variants]
         return np.stack([np.concatenate([row.real, row.imag]) for row in rows])
 
-    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> xr.Dataset:
+    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
         """Quadratures with noise, to a microvolt."""
         values = self._harmonics(base, hidden)
         noise = rng.standard_normal((2, *values.shape))
         noisy = np.round(values + self.noise * (noise[0] + 1j * noise[1]), 6)
-        where = {"noise_sd": self.noise, "wavelength": WAVELENGTH, "drive_frequency": self.drive}
-        return measurement.harmonic_map(self.axis, self.axis, np.arange(1, ORDERS + 1), noisy, **where)
+        where = {"noise_sd": self.noise, "wavelength": self.wavelength, "drive_frequency": self.drive, "drive": self.driven}
+        return {"map": measurement.harmonic_map(self.axis, self.axis, np.arange(1, ORDERS + 1), noisy, **where)}
 
     def _harmonics(self, base: Values, hidden: dict[str, Values]) -> NDArray[np.complex128]:
         x, y = np.meshgrid(self.axis - base["x"], self.axis - base["y"])
@@ -97,22 +105,27 @@ class MapBench:
             values = values * (turns @ (share / share.sum()))
         if "detector_bandwidth" in hidden:
             values = values / (1 + 1j * order * omega * hidden["detector_bandwidth"]["time_constant"])
+        if "crosstalk" in hidden and self.driven is not None:
+            values = values + (order == 1) * self.driven * (hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"])
         return np.asarray(values)
 
     def _read(self, x: Array, y: Array, base: Values, hidden: dict[str, Values]) -> NDArray[np.complex128]:
         """Harmonics at points of the film, for a motion whose phase is zero."""
         shapes = _shapes(self.name, x.tobytes(), y.tobytes()).reshape(MODES, *x.shape)
-        shape = shapes[0]
+        shape, turn = shapes[0], 4 * np.pi / self.wavelength
         theta = np.full(x.shape, base["theta"])
         if "phase_tilt" in hidden:
-            theta = theta + hidden["phase_tilt"]["gradient_x"] * x + hidden["phase_tilt"]["gradient_y"] * y
+            theta = theta + turn * (hidden["phase_tilt"]["slope_x"] * x + hidden["phase_tilt"]["slope_y"] * y)
         if "static_bow" in hidden:
-            theta = theta + hidden["static_bow"]["depth"] * np.abs(shape)
+            theta = theta + turn * hidden["static_bow"]["depth"] * shape
         for k in range(1, 5):
             if "mode_admixture" in hidden:
                 shape = shape + hidden["mode_admixture"][f"e{k}"] * shapes[k]
         tau = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
         u = base["amplitude"] * shape[..., None] * np.cos(tau)
+        if "quadratic_stiffness" in hidden:
+            orbit = base["amplitude"] * bent(hidden["quadratic_stiffness"]["kappa2"] * base["amplitude"], SAMPLES)
+            u = u + shapes[0][..., None] * (orbit - base["amplitude"] * np.cos(tau))
         if "mechanical_overtones" in hidden:
             sung = hidden["mechanical_overtones"]
             for n in (2, 3):
@@ -127,35 +140,76 @@ class MapBench:
 
     def _lit(self, u: Array, theta: Array, base: Values, hidden: dict[str, Values]) -> Array:
         if "multilayer_fringe" not in hidden or self.stack is None:
-            return np.asarray(base["contrast"] * np.cos(4 * np.pi / WAVELENGTH * u + theta[..., None]))
-        gap = hidden["multilayer_fringe"]["gap"]
-        period = np.linspace(0, WAVELENGTH / 2, 512, endpoint=False)
-        whole = reflection(self.stack, gap + period)
-        first = 2 * abs(np.mean(whole * np.exp(4j * np.pi * period / WAVELENGTH)))
-        return np.asarray(base["contrast"] / first * (reflection(self.stack, gap + u) - whole.mean()))
+            return np.asarray(base["contrast"] * np.cos(4 * np.pi / self.wavelength * u + theta[..., None]))
+        # What turns a cosine widens or narrows the gap under the film.
+        gap = hidden["multilayer_fringe"]["gap"] + (theta - base["theta"])[..., None] * self.wavelength / (4 * np.pi)
+        return base["contrast"] * fringe(self.stack, gap + u, self.wavelength)
 
 
-def reflection(stack: Stack, gap: Array) -> Array:
+def fringe(stack: Stack, gap: Array, wavelength: float) -> Array:
+    """R of the stack less its mean over half a wavelength, in units of the first of its Fourier coefficients."""
+    period = np.linspace(0, wavelength / 2, 512, endpoint=False)
+    whole = reflection(stack, period, wavelength)
+    first = 2 * abs(np.mean(whole * np.exp(4j * np.pi * period / wavelength)))
+    return np.asarray((reflection(stack, gap, wavelength) - whole.mean()) / first)
+
+
+@lru_cache(maxsize=64)
+def bent(kappa: float, samples: int) -> Array:
+    """One period of ü + u + κu² = 0 in units of its first harmonic, whose phase is zero; κ in those units.
+
+    By Runge–Kutta steps from one turning point to the next: the way back is the way there.
+    """
+    start, half = 1.0, np.pi
+    for _ in range(8):
+        u, v = _orbit(kappa, start, half, samples)
+        half += v[samples // 2] / (u[samples // 2] * (1 + kappa * u[samples // 2]))  # where it turns, v = 0
+        start /= float(2 * np.mean(u * np.cos(2 * np.pi * np.arange(samples) / samples)))
+    return _orbit(kappa, start, half, samples)[0]
+
+
+def _orbit(kappa: float, start: float, half: float, samples: int) -> tuple[Array, Array]:
+    """Displacement and velocity at even steps of a period of twice `half`."""
+    steps = 8
+    h = 2 * half / samples / steps
+    state, kept = np.array([start, 0.0]), []
+
+    def rate(s: Array) -> Array:
+        return np.array([s[1], -s[0] * (1 + kappa * s[0])])
+
+    for n in range(samples // 2 * steps + 1):
+        if n % steps == 0:
+            kept.append(state)
+        one = rate(state)
+        two = rate(state + h / 2 * one)
+        three = rate(state + h / 2 * two)
+        state = state + h / 6 * (one + 2 * two + 2 * three + rate(state + h * three))
+    u, v = np.array(kept).T
+    back = slice(-2, 0, -1)
+    return np.concatenate([u, u[back]]), np.concatenate([v, -v[back]])
+
+
+def reflection(stack: Stack, gap: Array, wavelength: float = WAVELENGTH) -> Array:
     """R of the stack at normal incidence, layer by layer from the wafer up: r = (r₀ + r e^{−2ikd})/(1 + r₀ r e^{−2ikd})."""
-    index = [_index(layer.index) for layer in stack.layers]
+    index = [_index(layer.index, wavelength) for layer in stack.layers]
     inner = np.zeros(np.shape(gap), complex)
     for k in range(len(index) - 2, -1, -1):
         face = (index[k] - index[k + 1]) / (index[k] + index[k + 1])
         if k + 1 < len(index) - 1:
             depth = gap if k + 1 == stack.gap else stack.layers[k + 1].thickness
-            inner = inner * np.exp(-4j * np.pi / WAVELENGTH * index[k + 1] * depth)
+            inner = inner * np.exp(-4j * np.pi / wavelength * index[k + 1] * depth)
         inner = (face + inner) / (1 + face * inner)
     return np.asarray(np.abs(inner) ** 2)
 
 
-def _index(table: tuple[tuple[float, complex], ...]) -> complex:
+def _index(table: tuple[tuple[float, complex], ...], wavelength: float) -> complex:
     wavelengths, values = zip(*sorted(table, key=lambda row: row[0]), strict=True)
-    return complex(np.interp(WAVELENGTH, wavelengths, np.array(values)))
+    return complex(np.interp(wavelength, wavelengths, np.array(values)))
 
 
 def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> MapBench:
     """Prepare a measurement."""
-    return MapBench(name, rng)
+    return MapBench(name, causes, rng)
 
 
 def _vector(names: tuple[str, ...], size: float, most: float) -> Callable[[np.random.Generator, MapBench], Cause]:
@@ -175,16 +229,23 @@ def _stack(rng: np.random.Generator, bench: MapBench) -> Cause:
     return Cause({"gap": bench.gap + float(rng.uniform(-1, 1)) * WAVELENGTH / 4}, ())
 
 
+def _leak(rng: np.random.Generator, bench: MapBench) -> Cause:
+    turn = rng.uniform(-np.pi, np.pi)
+    return Cause({"real": 1e-5 * float(np.cos(turn)), "imag": 1e-5 * float(np.sin(turn))}, ("real", "imag"), 1e3)
+
+
 CAUSES: dict[str, Callable[[np.random.Generator, MapBench], Cause]] = {
+    "crosstalk": _leak,
     "detector_bandwidth": _one("time_constant", 3e-9, 20.0),
     "detector_saturation": _one("clipped", 0.05, 10.0),
     "finite_spot": _one("radius", 2e-6, 5.0),
     "mechanical_overtones": _vector(("cos2", "sin2", "cos3", "sin3"), 1e-9, 60.0),
     "mode_admixture": _vector(("e1", "e2", "e3", "e4"), 1e-3, 150.0),
     "multilayer_fringe": _stack,
-    "phase_tilt": _vector(("gradient_x", "gradient_y"), 10.0, 1000.0),
+    "phase_tilt": _vector(("slope_x", "slope_y"), 10.0 * WAVELENGTH / (4 * np.pi), 1000.0),
+    "quadratic_stiffness": lambda rng, bench: Cause({"kappa2": 3e3 * sign(rng)}, ("kappa2",), 60.0),
     "stage_rotation": lambda rng, bench: Cause({"angle": 1e-3 * sign(rng)}, ("angle",), 200.0),
     "stage_scale": _vector(("stretch_x", "stretch_y"), 1e-3, 100.0),
-    "static_bow": lambda rng, bench: Cause({"depth": 1e-2 * sign(rng)}, ("depth",), 200.0),
+    "static_bow": lambda rng, bench: Cause({"depth": 1e-2 * WAVELENGTH / (4 * np.pi) * sign(rng)}, ("depth",), 200.0),
     "trigger_jitter": _one("sd", 3e-9, 25.0),
 }

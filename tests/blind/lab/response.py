@@ -1,6 +1,10 @@
-"""Up and down sweeps of one mode, by time steps of its slow flow."""
+"""Up and down sweeps of one mode, by time steps of its slow flow and of that of a second mode which it may drive.
+
+A restoring force of second order enters through the frequency of the free oscillation, from the energy between its turning points.
+"""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -16,7 +20,12 @@ STEPS, STRIDE, SETTLED = 4000, 0.05, 1e-6
 """Most Runge–Kutta steps at each point of a sweep, in units of the amplitude's decay time, and the change in a step that ends them."""
 WAVELENGTH = 632.8e-9
 COARSE, TORN = 1e3, 2.0
+IMPLICIT = 3
+"""Rounds in which an implicit step is found."""
+CLIPPED = 2 * np.pi * (np.arange(720) + 0.5) / 720
+"""Phases at which a clipped signal is sampled."""
 """How much longer steps for tangents are than of closed forms, and the ratio of amplitudes of a point that has jumped."""
+Complex = NDArray[np.complex128]
 FIRST = 2 * np.pi * np.arange(64) / 64
 """Phases at which the signal of the fringe is sampled."""
 
@@ -24,7 +33,8 @@ FIRST = 2 * np.pi * np.arange(64) / 64
 class ResponseBench:
     """Eight sweeps; see `Bench`."""
 
-    def __init__(self, name: str, timed: bool, rng: np.random.Generator) -> None:
+    def __init__(self, name: str, causes: tuple[str, ...], rng: np.random.Generator) -> None:
+        timed, self.soft = "frequency_drift" in causes, "quadratic_stiffness" in causes
         self.mode, self.f0 = ("2,2", 2.9324e6) if rng.uniform() < 0.5 else ("1,1", 1.4661e6)
         film = SimulatedFilm(geometry.load(name), 12)
         self.alpha = float(film.alpha[film.modes.label.index(f"({self.mode})")])
@@ -39,7 +49,9 @@ class ResponseBench:
         worth = {"frequency": linewidth, "linewidth": linewidth, "peak": self.peak, "gain": self.gain, "phase": 1.0}
         self.unit = {name: COARSE * value for name, value in worth.items()}
         reach = 0.375 * self.f0 * self.alpha * (self.peak * self.drives.max()) ** 2
-        self.frequency = np.linspace(self.f0 - 8 * linewidth, self.f0 + 8 * linewidth + 0.8 * reach, self.points)
+        self.reach = 0.8 * reach
+        low, high = (self.reach, 0.0) if self.soft else (0.0, self.reach)
+        self.frequency = np.linspace(self.f0 - 8 * linewidth - low, self.f0 + 8 * linewidth + high, self.points)
 
     def draw(self, rng: np.random.Generator) -> Values:
         """Draw f₀, w [Hz], the linear peak [m/V], the gain [V/m], its phase, and the film's own α [m⁻²]."""
@@ -61,7 +73,7 @@ class ResponseBench:
         flat = volts.reshape(len(variants), -1)
         return np.concatenate([flat.real, flat.imag], axis=1)
 
-    def _swept(self, bases: list[Values], hidden: list[dict[str, Values]]) -> NDArray[np.complex128]:
+    def _swept(self, bases: list[Values], hidden: list[dict[str, Values]]) -> Complex:
         def knob(cause: str, name: str) -> Array:
             return np.array([h.get(cause, {}).get(name, 0.0) for h in hidden])[:, None]
 
@@ -69,15 +81,28 @@ class ResponseBench:
         if self.time is not None:
             f0 = f0 * (1 + knob("frequency_drift", "rate") * self.time)
         drive = peak * self.drives / (1 + knob("drive_compression", "kappa") * self.drives**2) + 0j
+        alpha = alpha + np.array([_softening(b, h, self.drives.max()) for b, h in zip(bases, hidden, strict=True)])[:, None]
         cubic = 0.75 * f0 / w * alpha
         quintic, loss = 0.625 * f0 / w * knob("quintic_stiffness", "alpha5"), knob("nonlinear_damping", "eta") / 4
-        state = np.zeros_like(drive)
+        order = np.array([round(h.get("internal_resonance", {}).get("order", 2)) for h in hidden])[:, None]
+        # Coupled as q₁ᵖq₂ to a mode at f_j, which moves at p times the drive; metres of it are free, so that both feel one coupling.
+        stiffening = 8 * w / (3 * f0 * np.abs(alpha))
+        coupling = 2 / w * np.sqrt(order * knob("internal_resonance", "coupling_square") / stiffening ** (order - 1))
+        crossing = self.frequency[[0, -1]].mean() + knob("internal_resonance", "offset")
+        leaves = order / 2 * knob("internal_resonance", "width") * 2 / w
+        state, other = np.zeros_like(drive), np.zeros_like(drive)
         motion = np.empty((len(bases), 8, self.points), complex)
         for k in range(self.points):
             point = np.where(self.direction > 0, k, self.points - 1 - k)
             detuning = 2 * (f0 - self.frequency[point]) / w
+            turn = order * 2 * (crossing - self.frequency[point]) / w + 1j * leaves
+            second = Second(turn, coupling, order) if np.any(coupling) else None
             for n in range(STEPS):
-                earlier, state = state, _step(state, STRIDE, detuning, cubic, quintic, loss, drive)
+                earlier = state
+                if second is None:
+                    state = _step(state, STRIDE, detuning, cubic, quintic, loss, drive)
+                else:
+                    state, other = second.step(state, other, STRIDE, detuning, cubic, quintic, loss, drive)
                 if n % 10 == 9 and np.abs(state - earlier).max() < SETTLED * np.abs(drive).max():
                     break
             motion[:, np.arange(8), point] = state
@@ -85,25 +110,50 @@ class ResponseBench:
         first = 2 * np.mean(np.sin(z[..., None] * np.cos(FIRST)) * np.cos(FIRST), axis=-1) / np.maximum(z, 1e-300)
         gain = np.array([b["gain"] * np.exp(1j * b["phase"]) for b in bases])[:, None, None]
         leak = (knob("crosstalk", "real") + 1j * knob("crosstalk", "imag"))[..., None]
-        return np.asarray(gain * motion * np.where(z > 1e-3, first, 1 - z**2 / 8) + leak * self.drives[:, None])
+        volts = gain * motion * np.where(z > 1e-3, first, 1 - z**2 / 8) + leak * self.drives[:, None]
+        for k, h in enumerate(hidden):
+            if "detector_saturation" in h:
+                limit = (1 - h["detector_saturation"]["part"]) * np.abs(volts[k]).max()
+                strong = np.abs(volts[k]) > limit
+                size = np.abs(volts[k][strong])
+                clipped = np.clip(size[:, None] * np.cos(CLIPPED), -limit, limit)
+                volts[k][strong] *= 2 * np.mean(clipped * np.cos(CLIPPED), axis=1) / size
+        return np.asarray(volts)
 
-    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> xr.Dataset:
+    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
         """Quadratures with noise, to a tenth of a microvolt."""
         volts = self._swept([base], [hidden])[0]
         noise = rng.standard_normal((2, *volts.shape))
         noisy = np.round(volts + self.noise * (noise[0] + 1j * noise[1]), 7)
         about = {"noise_sd": self.noise, "wavelength": WAVELENGTH}
-        return measurement.response(
-            self.frequency, noisy, mode=self.mode, drive=self.drives, direction=self.direction, x=6e-5, y=6e-5, time=self.time, **about
-        )
+        return {
+            "response": measurement.response(
+                self.frequency, noisy, mode=self.mode, drive=self.drives, direction=self.direction, x=6e-5, y=6e-5, time=self.time, **about
+            )
+        }
 
 
-def _step(
-    a: NDArray[np.complex128], h: float, delta: Array, cubic: Array, quintic: Array, loss: Array, drive: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
+def _softening(base: Values, hidden: dict[str, Values], drive: float) -> float:
+    """What a restoring force of second order adds to α: 8/3 of the shift of the free oscillation of k = 1, u + κ₂u², over A²."""
+    kappa = hidden.get("quadratic_stiffness", {}).get("kappa2", 0.0) * base["peak"] * drive
+    if kappa == 0:
+        return 0.0
+    shift = []
+    for size in (1.0, -1.0):  # from either turning point: what is odd in the amplitude drops out
+        ends = np.roots([kappa / 3 * size, 0.5, 0.0, -(0.5 + kappa / 3 * size)])
+        low = float(ends[np.argmin(np.abs(ends + 1))].real)
+        psi = np.pi * (np.arange(64) + 0.5) / 64
+        u = (1 + low) / 2 + (1 - low) / 2 * np.cos(psi)
+        # (1 − u)(u − low) is a factor of the energy that is left, and cancels against that of the substitution.
+        rest = 0.5 + kappa / 3 * size * (u + 1 + low)
+        shift.append(1 / np.mean(1 / np.sqrt(2 * rest)) - 1)
+    return float(8 / 3 * np.mean(shift) / (base["peak"] * drive) ** 2)
+
+
+def _step(a: Complex, h: float, delta: Array, cubic: Array, quintic: Array, loss: Array, drive: Complex) -> Complex:
     """One Runge–Kutta step of da/ds = −i (drive − a (δ + cubic|a|² + quintic|a|⁴ + i (1 + loss|a|²)))."""
 
-    def rate(a: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def rate(a: Complex) -> Complex:
         x = a.real**2 + a.imag**2
         return np.asarray(-1j * (drive - a * (delta + x * (cubic + quintic * x) + 1j * (1 + loss * x))))
 
@@ -113,9 +163,32 @@ def _step(
     return np.asarray(a + h / 6 * (one + 2 * two + 2 * three + rate(a + h * three)))
 
 
+@dataclass(frozen=True)
+class Second:
+    """A mode b at p times the drive: db/ds = i (b second + g aᵖ), and + i g a*^{p−1} b in da/ds; its amplitude counts so that g is one."""
+
+    turn: Complex
+    coupling: Array
+    power: Array
+
+    def step(
+        self, a: Complex, b: Complex, h: float, delta: Array, cubic: Array, quintic: Array, loss: Array, drive: Complex
+    ) -> tuple[Complex, Complex]:
+        """One step of the implicit midpoint rule, which keeps the fast turning of the second mode stable."""
+        last, other = a, b
+        for _ in range(IMPLICIT):
+            middle = (a + last) / 2
+            x = middle.real**2 + middle.imag**2
+            lower = self.coupling * np.where(self.power == 2, middle, middle**2)
+            own = 0.5j * h * (delta + x * (cubic + quintic * x) + 1j * (1 + loss * x))
+            last = (a * (1 + own) - 1j * h * (drive - np.conj(lower) * (b + other) / 2)) / (1 - own)
+            other = (b * (1 + 0.5j * h * self.turn) + 1j * h * lower * middle) / (1 - 0.5j * h * self.turn)
+        return np.asarray(last), np.asarray(other)
+
+
 def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> ResponseBench:
     """Prepare a measurement."""
-    return ResponseBench(name, "frequency_drift" in causes, rng)
+    return ResponseBench(name, causes, rng)
 
 
 def _strongest(bench: ResponseBench) -> float:
@@ -136,6 +209,23 @@ def _quintic(rng: np.random.Generator, bench: ResponseBench) -> Cause:
     return Cause({"alpha5": sign(rng) * 1e-3 * bench.alpha / _strongest(bench) ** 2}, ("alpha5",), 50.0)
 
 
+def _second_mode(rng: np.random.Generator, bench: ResponseBench) -> Cause:
+    # Where the stronger sweeps pass it, at a multiple of the drive.
+    crossing = bench.f0 + float(rng.uniform(0.0, 0.6)) * bench.reach
+    values = {
+        "coupling_square": 1e-2 * bench.linewidth**2,
+        "offset": crossing - float(bench.frequency[[0, -1]].mean()),
+        "width": bench.linewidth * float(np.exp(rng.uniform(np.log(0.2), np.log(3.0)))),
+        "order": float(rng.choice([2.0, 3.0])),
+    }
+    return Cause(values, ("coupling_square",), 300.0)
+
+
+def _bow(rng: np.random.Generator, bench: ResponseBench) -> Cause:
+    # Sweeps show it only where it makes them soften.
+    return Cause({"kappa2": float(sign(rng) * np.sqrt(0.9 * bench.alpha * (1 + rng.uniform(0.9, 1.6))))}, ())
+
+
 def _readout(rng: np.random.Generator, bench: ResponseBench) -> Cause:
     z = 4 * np.pi / WAVELENGTH * _strongest(bench)
     return Cause({"share": 0.1 / z**2}, ("share",), 30.0)
@@ -143,9 +233,12 @@ def _readout(rng: np.random.Generator, bench: ResponseBench) -> Cause:
 
 CAUSES: dict[str, Callable[[np.random.Generator, ResponseBench], Cause]] = {
     "crosstalk": _leak,
+    "detector_saturation": lambda rng, bench: Cause({"part": 0.02}, ("part",), 25.0),
     "drive_compression": lambda rng, bench: Cause({"kappa": 0.05}, ("kappa",), 100.0),
     "frequency_drift": lambda rng, bench: Cause({"rate": 1e-10 * sign(rng)}, ("rate",), 1e3),
+    "internal_resonance": _second_mode,
     "nonlinear_damping": _damping,
     "nonlinear_readout": _readout,
+    "quadratic_stiffness": _bow,
     "quintic_stiffness": _quintic,
 }

@@ -7,9 +7,9 @@ import xarray as xr
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from femnl import geometry, measurement
+from femnl import measurement
 from tests.blind.lab.bench import Array, Cause, Values, sign
-from tests.blind.lab.film import Membrane, membrane
+from tests.blind.lab.film import Membrane, device, membrane
 
 BENDING_SD = 0.03
 """Relative standard deviation of ℓ from film to film: what thickness, modulus and stress of a geometry are worth."""
@@ -23,9 +23,9 @@ class SpectrumBench:
     """A list of the lowest modes; see `Bench`."""
 
     def __init__(self, name: str, timed: bool, rng: np.random.Generator) -> None:
-        self.name, self.film = name, geometry.load(name).film
+        self.name, self.film = name, device(name).film
         self.count, self.sd = int(rng.integers(10, 15)), float(rng.choice([2.0, 3.0, 5.0]))
-        if geometry.load(name).outline.size is None:
+        if device(name).outline.size is None:
             self.sd *= POLYGON
         self.time = 600.0 * rng.permutation(self.count) if timed or rng.uniform() < 0.5 else None
         film = self.film
@@ -41,20 +41,21 @@ class SpectrumBench:
         """Frequencies over their σ, and what is known of ℓ."""
         return np.stack([np.append(self._lines(base, hidden)[0] / self.sd, base["bending"] / BENDING_SD) for base, hidden in variants])
 
-    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> xr.Dataset:
+    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
         """Frequencies with noise, labelled by their shapes where (m,n) has a meaning."""
         frequency, names = self._lines(base, hidden)
         noisy = np.round((frequency + self.sd * rng.standard_normal(self.count)) / DIGIT) * DIGIT
-        return measurement.spectrum(noisy, np.full(self.count, self.sd), names or None, self.time)
+        return {"spectrum": measurement.spectrum(noisy, np.full(self.count, self.sd), names or None, self.time)}
 
     def _lines(self, base: Values, hidden: dict[str, Values]) -> tuple[Array, list[str]]:
         film, c2 = self.film, base["speed"] ** 2
         density = film.stress / c2
         layer = base["bending"] * self.layer
         layer = float(np.sqrt(layer**2 + hidden.get("bending_stiffness", {}).get("excess", 0.0)))
-        modes = membrane(self.name, layer, hidden.get("aspect_ratio", {}).get("elongation", 0.0))
+        depth = _depth(hidden.get("compliant_clamp", {}).get("depth_cubed", 0.0), layer)
+        modes = membrane(self.name, layer - depth, hidden.get("aspect_ratio", {}).get("elongation", 0.0))
         k2 = modes.square
-        plate = modes.clamped(layer)
+        plate = modes.clamped(layer, depth)
         own = np.sqrt(c2 * (plate + layer**2 * plate**2)) * (1 - hidden.get("hole_dispersion", {}).get("beta_area", 0.0) * k2)
         stiffness = np.diag(own**2) + c2 * (modes.slopes[0][0] + modes.slopes[0][1] - np.diag(k2))
         mass = np.eye(len(k2))
@@ -80,6 +81,11 @@ class SpectrumBench:
         if "frequency_drift" in hidden and self.time is not None:
             frequency = frequency * (1 + hidden["frequency_drift"]["rate"] * self.time)
         return frequency, _names(modes, vectors)
+
+
+def _depth(cubed: float, layer: float) -> float:
+    """Depth δ of an edge that gives way, from (δ − ℓ)³ + ℓ³, which is what it does to frequencies alike on all sides of a square."""
+    return float(layer + np.cbrt(cubed - layer**3)) if cubed else 0.0
 
 
 def _names(modes: Membrane, vectors: Array) -> list[str]:
@@ -135,6 +141,7 @@ CAUSES: dict[str, Callable[[np.random.Generator, SpectrumBench], Cause]] = {
     "added_mass": _particle,
     "aspect_ratio": _simple("elongation", 1e-4, 2e-2, signed=True),
     "bending_stiffness": _simple("excess", 1e-13, 2e-12),
+    "compliant_clamp": _simple("depth_cubed", 1e-18, 2e-15),
     "frame_mode": _frame,
     "frequency_drift": _simple("rate", 1e-8, 9e-7, signed=True),
     "gas_loading": _simple("gas_density", 1e-2, 3.0),

@@ -1,0 +1,95 @@
+"""A record of drive and output of one oscillator: many small Runge–Kutta steps under a band-limited noise."""
+
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+
+from femnl import measurement
+from tests.blind.lab.bench import Array, Cause, Values, sign
+
+RATE, COUNT, SUBSTEPS = 610.0, 1800, 8
+"""Samples a second, samples, and time steps between two of them."""
+BAND = 150.0
+"""Highest frequency [Hz] of the drive."""
+ADC = 2e-5
+"""Step [V] of the converter."""
+
+
+class RecordBench:
+    """One record of ÿ + γ(1 + ηy²)ẏ + ω₀²(y + κ₂y² + αy³ + α₅y⁵) = ω₀²(u + u₀)/k; see `Bench`."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self.noise = float(rng.choice([1e-4, 3e-4]))
+        spectrum = np.fft.rfft(rng.standard_normal(COUNT))
+        spectrum[np.fft.rfftfreq(COUNT, 1 / RATE) > BAND] = 0
+        # Between the samples and half-way between the steps, exactly what the band allows; before the record it repeats itself.
+        fine = np.fft.irfft(np.pad(spectrum, (0, COUNT * SUBSTEPS + 1 - len(spectrum))), 2 * COUNT * SUBSTEPS) * 2 * SUBSTEPS
+        self.drive = 0.1 * fine / np.std(fine) * rng.uniform(0.8, 1.2)
+        self.size = 0.3
+        self.unit = {"frequency": 70.0, "linewidth": 10.0, "stiffness": 1.0, "offset": 0.01, "alpha": 4.0}
+
+    def draw(self, rng: np.random.Generator) -> Values:
+        """Draw f₀ and w [Hz], stiffness [V/V], offset [V] and α [V⁻²]."""
+        return {
+            "frequency": rng.uniform(60, 75),
+            "linewidth": rng.uniform(5, 12),
+            "stiffness": rng.uniform(0.8, 1.2),
+            "offset": rng.uniform(-2e-3, 2e-3),
+            "alpha": rng.uniform(2, 5),
+        }
+
+    def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
+        """The output over its σ; all variants are stepped side by side."""
+        return self._run([base for base, _ in variants], [hidden for _, hidden in variants]) / self.noise
+
+    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
+        """Output with noise, in steps of the converter; the drive as it was."""
+        output = self._run([base], [hidden])[0]
+        noisy = ADC * np.round((output + self.noise * rng.standard_normal(COUNT)) / ADC)
+        time = np.arange(COUNT) / RATE
+        return {"record": measurement.trace(time, noisy[None], drive_voltage=self.drive[None, :: 2 * SUBSTEPS], noise_sd=self.noise)}
+
+    def _run(self, bases: list[Values], hidden: list[dict[str, Values]]) -> Array:
+        def knob(cause: str, name: str) -> Array:
+            return np.array([h.get(cause, {}).get(name, 0.0) for h in hidden])
+
+        f0, width, stiffness, offset, alpha = (
+            np.array([base[name] for base in bases]) for name in ("frequency", "linewidth", "stiffness", "offset", "alpha")
+        )
+        square, gamma = (2 * np.pi * f0) ** 2, 2 * np.pi * width
+        kappa, quintic = knob("quadratic_stiffness", "kappa2"), knob("quintic_stiffness", "alpha5")
+        eta = knob("nonlinear_damping", "eta")
+
+        def rate(y: Array, v: Array, u: float) -> Array:
+            force = y * (1 + y * (kappa + y * (alpha + y**2 * quintic)))
+            return np.asarray(square * ((u + offset) / stiffness - force) - gamma * (1 + eta * y**2) * v)
+
+        h = 1 / (RATE * SUBSTEPS)
+        y, v = np.zeros(len(bases)), np.zeros(len(bases))
+        found = np.empty((len(bases), COUNT))
+        for n in range(-COUNT // 8 * SUBSTEPS, COUNT * SUBSTEPS):
+            if n >= 0 and n % SUBSTEPS == 0:
+                found[:, n // SUBSTEPS] = y
+            now, half, then = self.drive[2 * n], self.drive[2 * n + 1], self.drive[(2 * n + 2) % len(self.drive)]
+            a1 = rate(y, v, now)
+            y2, v2 = y + h / 2 * v, v + h / 2 * a1
+            a2 = rate(y2, v2, half)
+            y3, v3 = y + h / 2 * v2, v + h / 2 * a2
+            a3 = rate(y3, v3, half)
+            y4, v4 = y + h * v3, v + h * a3
+            a4 = rate(y4, v4, then)
+            y, v = y + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+        return found
+
+
+def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> RecordBench:
+    """Prepare a measurement; the device plays no part."""
+    return RecordBench(rng)
+
+
+CAUSES: dict[str, Callable[[np.random.Generator, RecordBench], Cause]] = {
+    "nonlinear_damping": lambda rng, bench: Cause({"eta": 0.1}, ("eta",), 300.0),
+    "quadratic_stiffness": lambda rng, bench: Cause({"kappa2": 1e-3 * sign(rng)}, ("kappa2",), 300.0),
+    "quintic_stiffness": lambda rng, bench: Cause({"alpha5": 0.3 * sign(rng)}, ("alpha5",), 30.0),
+}

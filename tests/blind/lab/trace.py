@@ -1,0 +1,133 @@
+"""Time traces at one spot of a film that is driven through its resonance: sampled, rounded, started by a trigger.
+
+The signal is made in time: a motion, its fringe, a clip, a low pass, an average over the errors of the trigger.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+
+from femnl import measurement
+from tests.blind.lab.bench import Array, Cause, Values, sign
+from tests.blind.lab.film import device
+from tests.blind.lab.maps import WAVELENGTH, bent, fringe
+
+PERIOD = 512
+"""Points of one period in which the signal is made before it is sampled."""
+HIGHEST = 160
+"""Harmonics of it that are kept: a sampler has a bandwidth."""
+ADC = 0.1 / 2**12
+"""Step [V] of the converter."""
+SHOTS, SHARE = np.polynomial.hermite_e.hermegauss(24)
+PHASE = 2 * np.pi * np.arange(PERIOD) / PERIOD
+
+
+class TraceBench:
+    """Traces at steps of the drive; see `Bench`."""
+
+    def __init__(self, name: str, rng: np.random.Generator) -> None:
+        self.f0, self.noise = 1.4661e6, float(rng.choice([3e-4, 6e-4]))
+        self.steps, self.samples = int(rng.integers(6, 10)), int(rng.integers(500, 800))
+        self.rate = self.f0 * rng.uniform(50, 70)
+        self.width = rng.uniform(3, 6)
+        self.frequency = self.f0 + np.linspace(-2.5, 2.5, self.steps) * self.width
+        self.start = rng.uniform(-np.pi, np.pi, self.steps)  # the trigger follows the drive's generator, and not the step before
+        self.stack = device(name).stack
+        self.gap = self.stack.layers[self.stack.gap].thickness if self.stack else 0.0
+        self.unit = {"contrast": 0.02, "theta": 1.0}
+        self.unit |= {f"amplitude[{i}]": 1e-8 for i in range(self.steps)} | {f"phase[{i}]": 1.0 for i in range(self.steps)}
+
+    def draw(self, rng: np.random.Generator) -> Values:
+        """Draw contrast [V], phase of the fringe [rad], and from a resonance amplitude [m] and phase [rad] at each step."""
+        largest = rng.uniform(2e-7, 5e-7)
+        linear = 1 / (1 + 2j * (self.frequency - self.f0) / self.width)
+        base = {"contrast": 0.02, "theta": rng.uniform(0.2, 1.35), "largest": largest}
+        base |= {f"amplitude[{i}]": float(largest * abs(a)) for i, a in enumerate(linear)}
+        return base | {f"phase[{i}]": float(np.angle(a) + p) for i, (a, p) in enumerate(zip(linear, self.start, strict=True))}
+
+    def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
+        """Every sample over its σ, less its mean, which says nothing."""
+        rows = []
+        for base, hidden in variants:
+            volts = self._sampled(base, hidden)
+            rows.append(((volts - volts.mean(axis=1, keepdims=True)) / self.noise).ravel())
+        return np.stack(rows)
+
+    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
+        """Samples with noise, in steps of the converter."""
+        volts = self._sampled(base, hidden)
+        noisy = ADC * np.round((volts + self.noise * rng.standard_normal(volts.shape)) / ADC)
+        sd = float(np.hypot(self.noise, ADC / np.sqrt(12)))
+        time = np.arange(self.samples) / self.rate
+        return {"trace": measurement.trace(time, noisy, drive_frequency=self.frequency, noise_sd=sd, wavelength=WAVELENGTH)}
+
+    def _sampled(self, base: Values, hidden: dict[str, Values]) -> Array:
+        time = np.arange(self.samples) / self.rate
+        rows = []
+        for i, f in enumerate(self.frequency):
+            series = np.fft.rfft(self._period(base[f"amplitude[{i}]"], base, hidden))[: HIGHEST + 1] / PERIOD
+            series[1:] *= 2
+            order, omega = np.arange(HIGHEST + 1), 2 * np.pi * f
+            if "trigger_jitter" in hidden:
+                late = np.exp(-1j * np.outer(order * omega, hidden["trigger_jitter"]["sd"] * SHOTS))
+                series = series * (late @ SHARE) / SHARE.sum()
+            series = series * np.exp(1j * order * base[f"phase[{i}]"])
+            if "crosstalk" in hidden:
+                series[1] += hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"]
+            if "detector_bandwidth" in hidden:
+                series = series / (1 + 1j * order * omega * hidden["detector_bandwidth"]["time_constant"])
+            turn = np.exp(1j * omega * time)
+            rows.append(np.polynomial.polynomial.polyval(turn, series).real)
+        return np.array(rows)
+
+    def _period(self, amplitude: float, base: Values, hidden: dict[str, Values]) -> Array:
+        """One period of the signal, whose motion has the phase zero."""
+        u = amplitude * np.cos(PHASE)
+        if "quadratic_stiffness" in hidden:
+            u = amplitude * bent(hidden["quadratic_stiffness"]["kappa2"] * amplitude, PERIOD)
+        if "mechanical_overtones" in hidden:
+            sung, swing = hidden["mechanical_overtones"], amplitude / base["largest"]
+            for n in (2, 3):
+                u = u + swing**n * (sung[f"cos{n}"] * np.cos(n * PHASE) + sung[f"sin{n}"] * np.sin(n * PHASE))
+        if "multilayer_fringe" in hidden and self.stack is not None:
+            v = fringe(self.stack, hidden["multilayer_fringe"]["gap"] + u, WAVELENGTH)
+        else:
+            v = np.cos(4 * np.pi / WAVELENGTH * u + base["theta"])
+        if "detector_saturation" in hidden:
+            limit = 1 - hidden["detector_saturation"]["clipped"]
+            v = np.clip(v, -limit, limit)
+        return np.asarray(base["contrast"] * v)
+
+
+def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> TraceBench:
+    """Prepare a measurement."""
+    return TraceBench(name, rng)
+
+
+def _one(knob: str, size: float, most: float) -> Callable[[np.random.Generator, TraceBench], Cause]:
+    return lambda rng, bench: Cause({knob: size}, (knob,), most)
+
+
+def _stack(rng: np.random.Generator, bench: TraceBench) -> Cause:
+    return Cause({"gap": bench.gap + float(rng.uniform(-1, 1)) * WAVELENGTH / 4}, ())
+
+
+def _vector(names: tuple[str, ...], size: float, most: float) -> Callable[[np.random.Generator, TraceBench], Cause]:
+    def draw(rng: np.random.Generator, bench: TraceBench) -> Cause:
+        direction = rng.standard_normal(len(names))
+        direction = size * direction / np.linalg.norm(direction)
+        return Cause(dict(zip(names, map(float, direction), strict=True)), names, most)
+
+    return draw
+
+
+CAUSES: dict[str, Callable[[np.random.Generator, TraceBench], Cause]] = {
+    "crosstalk": _vector(("real", "imag"), 1e-5, 1e3),
+    "detector_bandwidth": _one("time_constant", 3e-9, 20.0),
+    "detector_saturation": _one("clipped", 0.02, 20.0),
+    "mechanical_overtones": _vector(("cos2", "sin2", "cos3", "sin3"), 1e-9, 40.0),
+    "multilayer_fringe": _stack,
+    "quadratic_stiffness": lambda rng, bench: Cause({"kappa2": 3e3 * sign(rng)}, ("kappa2",), 60.0),
+    "trigger_jitter": _one("sd", 2e-9, 25.0),
+}
