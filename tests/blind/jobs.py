@@ -20,7 +20,7 @@ NULLS = 3
 """Files without a cause in every round, for each kind."""
 PAIRS = 4
 """Pairs of causes in every round, for each kind."""
-TURNS = {"lasers": 4, "device": 7}
+TURNS = {"lasers": 3, "device": 3}
 """Rounds in which files of several measurements, which take long to diagnose, hide every cause once; with one null and one pair each."""
 TIED = {frozenset(("stress_anisotropy", "aspect_ratio"))}
 """Pairs that are one cause to frequencies, never hidden together."""
