@@ -13,6 +13,7 @@ _HOMES = {
     "solve_modes_to": "femnl.predict",
     "solve_nonlinearity": "femnl.predict",
     "solve_inertia": "femnl.nonlinearity",
+    "solve_bands": "femnl.bands",
     "solve_bow": "femnl.bow",
     "solve_homogenised": "femnl.lattice",
     "solve_cell": "femnl.lattice",

@@ -12,7 +12,7 @@ FLOORS = (
     ("types", "errors", "resources"),
     ("geometry", "measurement", "fem"),
     ("mesh", "prestress", "modes", "nonlinearity", "resonator", "optics", "readout", "labfiles", "storage"),
-    ("effects", "lattice", "bow"),
+    ("effects", "lattice", "bow", "bands"),
     ("predict",),
     ("compare", "sweep", "fits", "calibration", "validation"),
     ("diagnose",),

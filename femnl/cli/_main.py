@@ -18,7 +18,7 @@ from femnl.cli._output import Progress, note
 from femnl.errors import FemnlError, ParameterError
 
 CHAPTERS = {
-    "A device": ("geometries", "mesh", "modes", "view"),
+    "A device": ("geometries", "mesh", "modes", "bands", "view"),
     "What a readout shows of it": ("maps", "sweep"),
     "Measurements": ("import", "show", "fit", "diagnose", "effects"),
     "Trust": ("validate", "report"),

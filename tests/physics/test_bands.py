@@ -1,0 +1,143 @@
+"""Bands against folded plane waves, standing waves of many cells, and the even film that long waves see."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix, diags_array
+
+from femnl import load
+from femnl.bands import Bands, Lattice, find_lattice, solve_bands
+from femnl.bands.spectrum import lowest_eigenvalues
+from femnl.errors import ConvergenceError, ParameterError
+from femnl.lattice import solve_cell
+from femnl.types.device import Holes, Model
+
+Array = NDArray[np.float64]
+
+PITCH = 8.56e-6
+LATTICES = [Lattice("square", PITCH), Lattice("hexagonal", PITCH)]
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    found: Model = load("square-270um-perforated")
+    return found
+
+
+def empty(model: Model) -> Model:
+    return replace(model, holes=Holes(np.empty((0, 2)), 0.0))
+
+
+def reciprocal(lattice: Lattice) -> Array:
+    """Vectors of the reciprocal lattice, the 81 around zero."""
+    basis = 2 * np.pi * np.linalg.inv(lattice.steps[:2]).T
+    return np.array([i * basis[0] + j * basis[1] for i, j in product(range(-4, 5), repeat=2)])
+
+
+@pytest.mark.parametrize("lattice", LATTICES, ids=lambda lattice: lattice.kind)
+def test_without_holes_bands_are_folded_plane_waves_each_as_often_as_they_meet(lattice: Lattice, model: Model) -> None:
+    film, wave = model.film, np.array([[0.0, 0.0], [0.1, 0.03], [0.5, 0.2], *list(lattice.points.values())[1:]])
+    wave[1:3] *= np.pi / PITCH
+    found = solve_bands(empty(model), 8, wave, lattice=lattice)
+    rigidity = film.young * film.thickness**3 / 12 / (1 - film.poisson**2)
+    for k, frequency, error in zip(wave, found.frequency, found.frequency_error, strict=True):
+        square = np.sum((k + reciprocal(lattice)) ** 2, axis=1)
+        omega = np.sqrt((film.stress * film.thickness * square + rigidity * square**2) / (film.density * film.thickness))
+        exact = np.sort(omega)[:8] / (2 * np.pi)
+        np.testing.assert_allclose(frequency, exact, rtol=5e-5)
+        assert np.all(np.abs(frequency - exact) <= error)
+        assert np.all(error <= 5e-4 * exact + 1e-3)
+
+
+def test_finer_cells_come_to_the_plane_waves_with_the_rate_of_their_degree(model: Model) -> None:
+    film, wave, errors = model.film, np.array([[0.3, 0.1]]) * np.pi / PITCH, []
+    for resolution in (0.5, 1.0):
+        found = solve_bands(empty(replace(model, bending=False)), 4, wave, lattice=LATTICES[0], resolution=resolution)
+        square = np.sort(np.sum((wave + reciprocal(LATTICES[0])) ** 2, axis=1))[:4]
+        errors.append(found.frequency[0] * 2 * np.pi / np.sqrt(square * film.stress / film.density) - 1)
+    rate = np.log2(errors[0][1:] / errors[1][1:])
+    np.testing.assert_allclose(rate, 8, atol=1.2)
+
+
+def test_bands_have_the_symmetry_of_the_lattice(model: Model) -> None:
+    lattice = Lattice("hexagonal", PITCH)
+    k, turn = np.array([0.31, 0.17]) * np.pi / PITCH, np.array([[0.5, -np.sqrt(0.75)], [np.sqrt(0.75), 0.5]])
+    wave = np.array([k, -k, turn @ k, k * [1, -1], k + reciprocal(lattice)[41]])
+    found = solve_bands(replace(model, holes=Holes(np.zeros((1, 2)), 2e-6)), 4, wave, lattice=lattice)
+    np.testing.assert_allclose(found.frequency[1:], np.tile(found.frequency[0], (4, 1)), rtol=1e-8)
+
+
+def test_long_waves_are_those_of_the_even_film(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("femnl.lattice.cell.WAVE_DEGREE", 4)  # standing waves as accurate as the travelling ones
+    cell, lattice = solve_cell(model, PITCH), find_lattice(model)
+    small = np.array([0.02, 0.04]) * np.pi / PITCH
+    long, quarter = np.array([[s, 0.0] for s in small]), np.pi / 2 / PITCH  # four cells a wave, as the cell's own standing waves
+    found = solve_bands(model, 2, np.concatenate([long, [[quarter, 0.0], [quarter, quarter]]]), lattice=lattice)
+    assert found.tension == pytest.approx(cell.tension, rel=1e-6)
+    assert found.mass == pytest.approx(cell.mass, rel=1e-9)
+    square = (2 * np.pi * found.frequency[:, 0]) ** 2
+    ratio = square[:2] / small**2
+    assert np.sqrt(ratio[0] + (ratio[0] - ratio[1]) / 3) == pytest.approx(found.speed, rel=1e-6)
+    assert (ratio[1] - ratio[0]) / (small[1] ** 2 - small[0] ** 2) * cell.mass == pytest.approx(cell.d_axis, rel=0.05)
+    along = cell.tension * quarter**2 + cell.d_axis * quarter**4
+    across = 2 * cell.tension * quarter**2 + 2 * (cell.d_axis + cell.d_mixed) * quarter**4
+    np.testing.assert_allclose(square[2:] * cell.mass, [along, across], rtol=1e-6)
+
+
+def test_holes_that_leave_narrow_bridges_open_a_gap(model: Model) -> None:
+    wide = replace(model, holes=replace(model.holes, radius=4e-6))
+    found = solve_bands(wide, 6, steps=3)
+    assert found.gaps
+    low, high = found.gaps[0]
+    assert not np.any((found.frequency > low) & (found.frequency < high))
+    assert [name for name, _ in found.corners] == ["Γ", "X", "M", "Γ"]
+    assert solve_bands(model, 3, steps=1).gaps == ()
+
+
+def test_gaps_are_free_of_waves_and_of_their_errors() -> None:
+    frequency, error = np.array([[0.0, 3.0, 7.0], [2.0, 4.0, 4.5]]), np.full((2, 3), 0.25)
+    bands = Bands(LATTICES[0], np.zeros((2, 2)), frequency, error, (), 1.0, 1.0)
+    assert bands.gaps == ((2.25, 2.75),)
+
+
+@pytest.mark.parametrize(("name", "kind"), [("square-270um-perforated", "square"), ("hexagon-278um-perforated", "hexagonal")])
+def test_the_lattice_of_shipped_devices_is_found(name: str, kind: str) -> None:
+    assert find_lattice(load(name)).kind == kind
+
+
+def test_paths_go_around_the_irreducible_part() -> None:
+    for lattice, names in zip(LATTICES, ("ΓXMΓ", "ΓMKΓ"), strict=True):
+        wave, corners = lattice.path(5)
+        assert "".join(name for name, _ in corners) == names
+        for name, place in corners:
+            np.testing.assert_allclose(wave[place], lattice.points[name])
+        lengths = np.linalg.norm(np.diff(wave, axis=0), axis=1)
+        assert lengths.max() < 1.3 * lengths.min()
+
+
+def test_every_copy_of_a_shared_eigenvalue_is_found() -> None:
+    values = np.concatenate([[1.0], np.full(6, 2.0), np.full(4, 3.0), np.arange(4.0, 60.0)])
+    matrix, mass = csc_matrix(diags_array(values)), csc_matrix(diags_array(np.ones(len(values))))
+    np.testing.assert_allclose(lowest_eigenvalues(matrix, mass, 10), values[:10], rtol=1e-10)
+    with pytest.raises(ConvergenceError, match="ask for fewer bands"):
+        lowest_eigenvalues(matrix, mass, 40)
+
+
+def test_requests_that_mean_nothing_are_refused(model: Model) -> None:
+    lattice = LATTICES[0]
+    with pytest.raises(ParameterError, match="count = 0, steps = 12"):
+        solve_bands(model, 0)
+    with pytest.raises(ParameterError, match="expected more than the diameter"):
+        solve_bands(model, 2, lattice=Lattice("square", 1.7e-6))
+    with pytest.raises(ParameterError, match="found an array of shape"):
+        solve_bands(model, 2, np.zeros(2), lattice=lattice)
+    with pytest.raises(ParameterError, match=r"resolution = 0\.1"):
+        solve_bands(model, 2, resolution=0.1)
+    with pytest.raises(ParameterError, match="0 of them make no lattice"):
+        find_lattice(empty(model))
+    crooked = np.array([[0, 0], [1, 0], [0, 1.2], [1, 1.3]]) * PITCH
+    with pytest.raises(ParameterError, match="on no square or hexagonal lattice"):
+        find_lattice(replace(model, holes=Holes(crooked, 1e-7)))
