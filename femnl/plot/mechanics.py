@@ -59,7 +59,7 @@ def view(modes: Modes, what: str, mode: int = 1, out: Path | None = None) -> Non
     else:
         add_film(plotter, surface, field, bar=True)
         add_outline(plotter, modes.domain.model.outline)
-        look_down(plotter, film_box(modes.domain.model.outline, 0.2))
+        look_down(plotter, film_box(modes.domain.model.edge_outline, 0.2))
         # The font of VTK has no µ.
         plotter.renderer.show_bounds(xtitle="x (um)", ytitle="y (um)", location="outer", show_zaxis=False, color=INK)
     plotter.show()
@@ -73,7 +73,7 @@ def film_figure(modes: Modes, what: str, mode: int = 1) -> Figure:
     surface = unfold(modes)
     field = film_field(modes, surface, what, mode)
     model = modes.domain.model
-    whole = film_box(model.outline)
+    whole = film_box(model.edge_outline)
     near = None if what == "shape" or (what != "mesh" and not len(model.holes.centres)) else close_up(model)
     aspect = min(max((whole[3] - whole[2]) / (whole[1] - whole[0]), 0.5), 1.6)
     single = near is None and what != "shape"
@@ -99,7 +99,7 @@ def film_figure(modes: Modes, what: str, mode: int = 1) -> Figure:
 def mode_gallery(modes: Modes, count: int = 10) -> Figure:
     """Draw the first mode shapes from above, each with its label and frequency, colours centred on zero."""
     surface = unfold(modes)
-    box = film_box(modes.domain.model.outline)
+    box = film_box(modes.domain.model.edge_outline)
     count = min(count, len(modes.frequency))
     rows, aspect = -(-count // COLUMNS), (box[3] - box[2]) / (box[1] - box[0])
     with style():
@@ -125,7 +125,7 @@ def close_up(model: Model) -> Box:
     distance = np.hypot(*marks.T)
     farthest = marks[distance >= 0.999 * distance.max()]
     x, y = farthest[np.argmax(farthest @ [1.0, 1.001])]  # of several the one to the upper right
-    left, right, bottom, top = film_box(model.outline, 0.01)
+    left, right, bottom, top = film_box(model.edge_outline, 0.01)
     x, y = float(np.clip(x, left + half, right - half)), float(np.clip(y, bottom + half, top - half))
     return x - half, x + half, y - half, y + half
 
