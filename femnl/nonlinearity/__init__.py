@@ -2,6 +2,17 @@
 
 from femnl.nonlinearity.cubic import Pairs, in_plane_remainder, solve_nonlinearity, strain_energies
 from femnl.nonlinearity.inertia import Inertia, respond, solve_inertia
+from femnl.nonlinearity.response import in_plane_response
 from femnl.nonlinearity.stretching import film_membrane
 
-__all__ = ["Inertia", "Pairs", "film_membrane", "in_plane_remainder", "respond", "solve_inertia", "solve_nonlinearity", "strain_energies"]
+__all__ = [
+    "Inertia",
+    "Pairs",
+    "film_membrane",
+    "in_plane_remainder",
+    "in_plane_response",
+    "respond",
+    "solve_inertia",
+    "solve_nonlinearity",
+    "strain_energies",
+]

@@ -11,8 +11,10 @@ from femnl.plot.screen import need_offscreen
 from femnl.report.benchmarks import benchmarks
 from femnl.report.blind import blind
 from femnl.report.checks import check
+from femnl.report.inplane import in_plane_figure
 from femnl.report.mechanics import EDGES, Geometry, Part, Row, alpha_table, describe_geometry, frequency_table, ratio_table, solve
 from femnl.report.numbers import plain, with_error
+from femnl.report.picture import Picture, embed
 from femnl.report.provenance import provenance
 from femnl.report.published import DEVICES, Device
 from femnl.report.readout import Maps, Spectrum, maps, spectrum
@@ -20,6 +22,10 @@ from femnl.report.shape import turning
 from femnl.storage import make_folder, write_whole
 
 NAME = "index.html"
+IN_PLANE = (
+    "The fundamental mode, deflected by 1 µm, stretches the film, which gives way in its own plane as far as its edge lets it: α is what "
+    "stretching remains. Displacements go as the square of the deflection."
+)
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,7 @@ class Section:
     frequencies: list[Row]
     ratios: tuple[Row, list[Row]] | None
     alphas: tuple[Row, list[Row]]
+    in_plane: Picture
     maps: list[Maps]
     spectrum: Spectrum | None
 
@@ -93,6 +100,7 @@ def _section(device: Device, geometries: list[Geometry], progress: Callable[[str
         [] if published is None else frequency_table(geometries, published),
         None if published is None else ratio_table(geometries, published),
         alpha_table(geometries, published),
+        embed(in_plane_figure(first.modes), f"In-plane response of {first.model.name}", IN_PLANE),
         shown,
         None if published is None or stack is None or not drives else spectrum(stack, drives[0], published),
     )
