@@ -69,7 +69,7 @@ def test_sweeps_are_told_apart_where_the_frequency_turns_back(order: str, tmp_pa
     sweeps = tree["measurement"].to_dataset()
     assert sweeps["direction"].values.tolist() == [1 if way == "up" else -1 for way in order.split()]
     f = sweeps["frequency"].values
-    np.testing.assert_array_equal(sweeps["real"].values[np.isfinite(f)], np.cos(f[np.isfinite(f)]))
+    np.testing.assert_allclose(sweeps["real"].values[np.isfinite(f)], np.cos(f[np.isfinite(f)]), rtol=0, atol=2e-16)  # of cos
     assert np.isfinite(f).sum() == F.size * len(runs)
 
 
