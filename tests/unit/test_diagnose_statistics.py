@@ -1,0 +1,199 @@
+"""The statistics under a verdict on straight lines, where each has a closed form: p-value, evidence, unseen data, order of effects."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.special import ndtr
+from scipy.stats import kstest, norm
+
+from femnl.diagnose.fit import DECADES, Solution, fit
+from femnl.diagnose.problem import Extended, Named, apply
+from femnl.diagnose.search import Candidate, applicable, criticise
+from femnl.diagnose.verdict import CLEAR, judge
+from femnl.effects import library
+from femnl.types.comparison import Comparison
+from femnl.types.effect import Effect, Kind, Knob, Values
+from femnl.types.readout import Array
+from femnl.types.scene import Placement
+
+N = 48
+X = np.linspace(-1, 1, N)
+BLOCKS = np.arange(N) * 4 // N
+HALF = 30.0
+"""Half of the range of every parameter."""
+
+
+class Level:
+    """Data in units of their σ, whose base model is a constant."""
+
+    kind: Kind = "spectrum"
+    rugged = False
+
+    def __init__(self, data: Array) -> None:
+        self.data = data
+        self.base: tuple[Knob, ...] = (Knob("level", "1", -HALF, HALF),)
+        self.start = np.zeros(1)
+        self.facts: Mapping[str, float] = {"time": 1.0}
+        self.notes: tuple[str, ...] = ()
+
+    @property
+    def blocks(self) -> NDArray[np.int64]:
+        return BLOCKS
+
+    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        return {"halves": np.sign(X)}
+
+    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+        return np.asarray(self.data - apply("frequencies", np.full(N, base["level"]), effects, values))
+
+    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        return {}
+
+    def systematic(self, unit: str) -> float:
+        return 0.0
+
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        return []
+
+    def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
+        return ()
+
+    def describe(self, residuals: Array) -> str:
+        return ""
+
+
+def wave(order: int) -> Effect:
+    """A cosine of that order of the place, of either sign."""
+    return Effect(
+        f"wave{order}",
+        "",
+        (Knob("size", "1", -HALF, HALF),),
+        {"frequencies": lambda value, values: value + values["size"] * np.cos(np.pi * order * (X + 1) / 2)},
+        "",
+        "",
+        "",
+    )
+
+
+WAVES = [wave(n) for n in (1, 2, 3, 5, 8, 13)]
+
+
+def solved(data: Array, *effects: Effect) -> Solution:
+    model = Extended(Level(data), effects)
+    return fit(model, model.pack({"level": 0.0}, [{"size": 0.1}] * len(effects)))
+
+
+def test_the_p_value_of_noise_is_uniform_however_many_looks_are_taken() -> None:
+    rng = np.random.default_rng(11)
+    p = [criticise(solved(rng.standard_normal(N)), WAVES).p_value for _ in range(60)]
+    assert kstest(p, "uniform").pvalue > 0.01
+
+
+def test_a_p_value_too_small_to_be_simulated_counts_every_look() -> None:
+    shape = np.cos(np.pi * (X + 1) / 2)
+    found = criticise(solved(6.0 * shape / np.linalg.norm(shape)), WAVES)
+    own = next(look for look in found.looks if look.name == "wave1")
+    # Six waves, one pattern, and χ², the largest outlier and the neighbours.
+    assert own.p_value == pytest.approx(2 * norm.sf(6), rel=1e-3)
+    assert found.p_value == pytest.approx(10 * own.p_value, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("deviation", "worst"),
+    [
+        (0.0 * X, "none"),
+        (1.6 * np.tile([1.0, -1.0], N // 2), "neighbours"),
+        (1.2 * np.repeat(np.tile([1.0, -1.0], N // 12), 6), "neighbours"),
+        (7.0 * (np.arange(N) == 30), "outlier"),
+        (-7.0 * (np.arange(N) == 30), "outlier"),
+    ],
+    ids=["noise", "alternating", "alike", "one high", "one low"],
+)
+def test_residuals_are_looked_at_from_both_sides(deviation: Array, worst: str) -> None:
+    noise = 0.6 * np.random.default_rng(2).standard_normal(N)
+    found = criticise(solved(noise + deviation), [])
+    assert (found.p_value < 1e-3) == (worst != "none")
+    if worst != "none":
+        assert found.worst == worst
+
+
+def test_evidence_is_the_integral_of_likelihood_times_prior() -> None:
+    data = 1.5 * np.cos(np.pi * (X + 1) / 2) + np.random.default_rng(3).standard_normal(N)
+    with_it, without = solved(data, WAVES[0]), solved(data)
+    level, size = np.linspace(-2, 2, 401), np.linspace(-1, 4, 801)
+    shape = np.cos(np.pi * (X + 1) / 2)
+    left = data[:, None, None] - level[:, None] - size * shape[:, None, None]
+    chi2 = np.sum(left**2, axis=0)
+    # Half of a strength's prior is uniform over its range, half uniform in its logarithm over the decades, of both signs.
+    # Nothing is left of the likelihood near zero, where that has no end.
+    prior = 0.5 / (2 * HALF) + 0.5 / (2 * np.maximum(np.abs(size), 0.1) * np.log(DECADES))
+    both = np.log(np.trapezoid(np.trapezoid(np.exp(-chi2 / 2) / (2 * HALF), level, axis=0) * prior, size))
+    alone = np.log(np.trapezoid(np.exp(-np.sum((data[:, None] - level) ** 2, axis=0) / 2) / (2 * HALF), level))
+    assert with_it.log_evidence == pytest.approx(both, abs=0.03)
+    assert without.log_evidence == pytest.approx(alone, abs=0.01)
+
+
+def test_unseen_data_are_predicted_by_the_others_alone() -> None:
+    data = np.random.default_rng(4).standard_normal(N) + 2 * X**3
+    found = solved(data, WAVES[0])
+    rows = np.column_stack([np.ones(N), np.cos(np.pi * (X + 1) / 2)])
+    hat = rows @ np.linalg.inv(rows.T @ rows) @ rows.T
+    left = data - hat @ data
+    # Leaving out a block b of a straight fit: (1 − H_bb)⁻¹ r_b.
+    apart = [np.linalg.solve(np.eye(N // 4) - hat[np.ix_(b, b)], left[b]) for b in np.arange(N).reshape(4, -1)]
+    assert found.unseen.chi2_reduced == pytest.approx(float(np.mean(np.concatenate(apart) ** 2)), rel=1e-3)
+    assert found.unseen.chi2_reduced > 1.05 * float(np.mean(left**2))
+
+
+def judged(base_p: float, *tried: tuple[Candidate, float]) -> str:
+    """Verdict on a base model and tried candidates, each with its p-value."""
+    noise = np.random.default_rng(5).standard_normal(N)
+    base = Candidate(solved(noise + 3 * np.cos(np.pi * (X + 1) / 2)), base_p, "chi-square", ())
+    return judge([base, *(replace(candidate, p_value=p) for candidate, p in tried)]).verdict
+
+
+def test_a_cause_is_said_to_explain_only_what_it_leaves_nothing_of() -> None:
+    noise = np.random.default_rng(5).standard_normal(N)
+    data = noise + 3 * np.cos(np.pi * (X + 1) / 2)
+    right = Candidate(solved(data, WAVES[0]), 0.5, "chi-square", ())
+    wrong = Candidate(solved(data, WAVES[1]), 0.5, "chi-square", ())
+    assert judged(0.5, (right, 0.5)) == "adequate"
+    assert judged(1e-9, (right, 0.5), (wrong, 1e-6)) == "explained"
+    assert judged(1e-9, (right, 1e-6), (wrong, 1e-6)) == "unexplained"
+    assert judged(1e-9) == "unexplained"
+
+
+def test_two_causes_that_do_as_well_are_a_tie_told_with_both() -> None:
+    noise = np.random.default_rng(5).standard_normal(N)
+    data = noise + 3 * np.cos(np.pi * (X + 1) / 2)
+    twin = replace(WAVES[0], name="twin")
+    base = Candidate(solved(data), 1e-9, "chi-square", ())
+    found = judge([base, *(Candidate(solved(data, e), 0.5, "chi-square", ()) for e in (WAVES[0], twin))])
+    assert found.verdict == "ambiguous"
+    assert {found.chosen.names, *(c.names for c in found.rivals)} == {("wave1",), ("twin",)}
+    assert all(share < CLEAR for share in found.share.values())
+
+
+def test_effects_need_what_the_measurement_must_have_recorded() -> None:
+    needy = replace(WAVES[0], needs=("laser_power",))
+    assert applicable(Level(np.zeros(N)), [needy, WAVES[1]]) == [WAVES[1]]
+
+
+def test_effects_run_in_the_order_of_the_list_and_a_stage_is_turned_before_it_is_stretched() -> None:
+    turn, scale = library()["stage_rotation"], library()["stage_scale"]
+    values = [{"angle": 0.3}, {"stretch_x": 0.1, "stretch_y": -0.1}]
+    here = Placement(np.array([1.0]), np.array([2.0]))
+    found = apply("placement", here, [turn, scale], values)
+    c, s = np.cos(0.3), np.sin(0.3)
+    np.testing.assert_allclose([found.x[0], found.y[0]], [1.1 * (c + 2 * s), 0.9 * (2 * c - s)], rtol=1e-14)
+    assert found.x[0] != apply("placement", here, [scale, turn], values[::-1]).x[0]
+
+
+def test_the_normal_tail_of_an_outlier_counts_every_datum() -> None:
+    found = criticise(solved(np.where(np.arange(N) == 20, 6.5, 0.0)), [])
+    size = np.abs(found.solution.residuals).max() * np.sqrt(N / found.solution.degrees)
+    assert found.worst == "outlier"
+    assert found.p_value == pytest.approx(4 * N * 2 * float(ndtr(-size)), rel=1e-3)
