@@ -16,7 +16,7 @@ PAGES = sorted((ROOT / "docs").rglob("*.md"))
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"# file: (\S+)\n")
-QUICK = ("index", "effect", "validation", "degeneracies", "import")  # the others solve devices
+QUICK = ("index", "effect", "validation", "report", "degeneracies", "import")  # the others solve devices
 
 
 @pytest.fixture(autouse=True)
