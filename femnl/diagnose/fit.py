@@ -1,5 +1,6 @@
 """Least squares with numerical tangents that suit any parameter, evidence by Laplace's method, and held-out prediction."""
 
+import hashlib
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
+from femnl.diagnose.ledger import LEDGER
 from femnl.diagnose.problem import Extended
 from femnl.types.readout import Array
 
@@ -143,6 +145,27 @@ def _moved(vector: Array, i: int, step: float, low: Array, high: Array) -> Array
 
 def fit(model: Extended, start: Array, keep: NDArray[np.bool_] | None = None, most: int = 100) -> Solution:
     """Minimise χ² from a start; with `keep` (n_residuals,) only over those residuals, though all are returned."""
+    ledger = LEDGER.get()
+    if ledger is None:
+        end, steps = _minimise(model, start, keep, most)
+    else:
+        end, steps = ledger.recall(_key(model, start, keep, most), lambda: _minimise(model, start, keep, most))
+    at = model.residuals(end)
+    slopes = jacobian_at(model, end, at, steps)
+    low, high = model.bounds
+    return Solution(model, end, at, slopes, covariance(slopes, high - low))
+
+
+def _key(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int) -> str:
+    """Name a fit by all that it depends on; residuals at its start stand for the data and the stages."""
+    digest = hashlib.sha256(repr((model.knobs, [effect.equation for effect in model.effects], most)).encode())
+    for part in (start, model.residuals(start), *model.bounds, *([] if keep is None else [keep])):
+        digest.update(np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()
+
+
+def _minimise(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int) -> tuple[Array, Array]:
+    """Return the minimum and the steps at which tangents are taken there."""
     low, high = model.bounds
     inside = INSIDE * (high - low)
     vector = np.clip(start, low + inside, high - inside)
@@ -177,11 +200,9 @@ def fit(model: Extended, start: Array, keep: NDArray[np.bool_] | None = None, mo
         # In curved valleys the dogleg creeps along; the reflective method follows them, but shies away from bounds.
         found = solve(found.x, method="trf", max_nfev=most - QUICK)
     end = place(found.x)
-    at = known(end)
     size = np.linalg.norm(np.asarray(found.jac), axis=0) / width
     final = np.where(size > 0, np.clip(TARGET / np.maximum(size, 1e-300), 1e-9 * (high - low), 0.01 * (high - low)), steps)
-    slopes = jacobian_at(model, end, at, final)
-    return Solution(model, end, at, slopes, covariance(slopes, high - low))
+    return end, final
 
 
 def covariance(slopes: Array, width: Array) -> Array:

@@ -14,6 +14,7 @@ from femnl import measurement
 from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointProblem
+from femnl.diagnose.ledger import remembered
 from femnl.diagnose.maps import MapProblem
 from femnl.diagnose.oscillation import OscillationProblem
 from femnl.diagnose.problem import Named, Problem
@@ -68,17 +69,20 @@ def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Ef
 
     Returns: the diagnosis, see `measurement-format.md`, "Diagnosis".
     Raises: MeasurementError, GeometryError, ConvergenceError.
-    Valid: noise normal, of the standard deviation that the file states or the data show.
+    Valid: noise normal, of the standard deviation that the file states or the data show. Fits are kept in the user's cache until all are
+        done: the same call after an interruption goes on where it stopped.
     """
     path = Path(path)
     tree = measurement.read(path)
     model = measured_device(tree.attrs, path, geometry)
     groups = {name: node.to_dataset() for name, node in tree.children.items()}
     problems = {name: pose(name, dataset, model) for name, dataset in groups.items()}
-    found = _searched(problems, list(library().values() if effects is None else effects))
-    problem = found[0].solution.model.problem
+    pool = list(library().values() if effects is None else effects)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    concluded = conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *problem.notes))
+    with remembered(digest, model, [effect.name for effect in pool]):
+        found = _searched(problems, pool)
+        problem = found[0].solution.model.problem
+        concluded = conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *problem.notes))
     return replace(concluded, geometry=geometry)
 
 

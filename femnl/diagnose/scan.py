@@ -14,6 +14,8 @@ REACH = np.geomspace(1e-4, 1, 13)
 """Parts of the largest strengths at which each ray is looked at."""
 STARTS = 6
 """Best rays."""
+BLIND = 1e-10
+"""Part of the strongest direction in the model's parameters below which a direction does not show in the data."""
 
 
 def scan(solution: Solution, effect: Effect) -> list[tuple[dict[str, float], dict[str, float]]]:
@@ -24,7 +26,10 @@ def scan(solution: Solution, effect: Effect) -> list[tuple[dict[str, float], dic
     wider = Extended(solution.model.problem, (*solution.model.effects, effect))
     base, values = solution.model.split(solution.vector)
     low, high = (side[-len(effect.parameters) :] for side in wider.bounds)
-    own, triangle = np.linalg.qr(solution.jacobian[:, solution.free])
+    width = np.subtract(*reversed(solution.model.bounds))
+    own, size, turned = np.linalg.svd(solution.jacobian * np.where(solution.free, width, 0), full_matrices=False)
+    seen = size > BLIND * size[0]
+    own, back = own[:, seen], (turned[seen] / size[seen, None]).T * width[:, None]
     found: list[tuple[float, Array, Array]] = []
     for ray in _rays(effect, low, high):
         tried = []
@@ -37,10 +42,7 @@ def scan(solution: Solution, effect: Effect) -> list[tuple[dict[str, float], dic
         found.append(min(tried, key=lambda t: t[0]))
     starts = []
     for _, numbers, along in sorted(found, key=lambda t: t[0])[:STARTS]:
-        vector = solution.vector.copy()
-        vector[solution.free] -= np.linalg.solve(triangle, along)
-        bounds = solution.model.bounds
-        near, _ = solution.model.split(np.clip(vector, *bounds))
+        near, _ = solution.model.split(np.clip(solution.vector - back @ along, *solution.model.bounds))
         starts.append((near, {knob.name: float(v) for knob, v in zip(effect.parameters, numbers, strict=True)}))
     return starts
 

@@ -1,0 +1,68 @@
+"""Finished fits of a diagnosis on disk, so that one that was interrupted goes on where it stopped."""
+
+import hashlib
+import json
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from platformdirs import user_cache_path
+
+from femnl.types.readout import Array
+
+
+class Ledger:
+    """A file of one line a fit, only ever added to; it is removed when the diagnosis is done."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._known: dict[str, tuple[Array, Array]] = {}
+        for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
+            try:
+                key, vector, steps = json.loads(line)
+                self._known[key] = np.array(vector, float), np.array(steps, float)
+            except (ValueError, TypeError):
+                continue  # torn by what ended the earlier run; that fit is made again
+        if self._known:
+            logging.getLogger("femnl.progress").info("going on after %d fits of an earlier run", len(self._known))
+
+    def recall(self, key: str, find: Callable[[], tuple[Array, Array]]) -> tuple[Array, Array]:
+        """Return what was kept under a key, or find it and add a line; numbers come back as they were, to the last bit."""
+        if key in self._known:
+            return self._known[key]
+        found = find()
+        line = json.dumps([key, *(values.tolist() for values in found)]) + "\n"
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(line)
+        except OSError as error:
+            logging.getLogger("femnl").warning("%s: a fit was not kept (%s); an interrupted diagnosis would start anew", self.path, error)
+        return found
+
+
+LEDGER: ContextVar[Ledger | None] = ContextVar("ledger", default=None)
+"""Of the diagnosis under way."""
+
+
+@contextmanager
+def remembered(*about: object) -> Iterator[None]:
+    """Keep the fits within, under what they depend on beside this code, until all are done."""
+    digest = hashlib.sha256(repr((_code(), *about)).encode()).hexdigest()[:32]
+    ledger = Ledger(user_cache_path("femnl") / f"diagnosis-{digest}.jsonl")
+    token = LEDGER.set(ledger)
+    try:
+        yield
+    finally:
+        LEDGER.reset(token)
+    ledger.path.unlink(missing_ok=True)
+
+
+@cache
+def _code() -> str:
+    """A digest of all source, so that a change of code never meets an old fit."""
+    return hashlib.sha256(b"".join(file.read_bytes() for file in sorted(Path(__file__).parents[1].rglob("*.py")))).hexdigest()
