@@ -15,9 +15,9 @@ from femnl.types.effect import Effect
 
 PROGRESS = logging.getLogger("femnl.progress")
 FALSE_ALARMS = 0.01
-"""p-value below which causes are sought beside the base model."""
+"""p-value below which causes are sought beside the base model, and below which several causes do not explain the data."""
 HOPELESS = 1e-3
-"""p-value below which a set of causes does not explain the data."""
+"""p-value below which a single cause does not explain the data."""
 MOST = 7
 """Effects that are fitted at each step, those that the residuals point to most."""
 FEWEST, FAINT = 4, 0.01
@@ -62,7 +62,12 @@ class Candidate:
     @property
     def viable(self) -> bool:
         """Whether the set explains the data: adequate, with no parameter at a bound."""
-        return self.p_value >= HOPELESS and not self.solution.stuck
+        return self.p_value >= self.least and not self.solution.stuck
+
+    @property
+    def least(self) -> float:
+        """p-value below which the set does not explain the data: one cause is given the benefit of the doubt, several fit much anyway."""
+        return HOPELESS if len(self.names) <= 1 else FALSE_ALARMS
 
 
 def applicable(problem: Problem, library: Iterable[Effect]) -> list[Effect]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femnl.diagnose.fit import Unseen
-from femnl.diagnose.search import FALSE_ALARMS, HOPELESS, PER_CAUSE, Candidate
+from femnl.diagnose.search import FALSE_ALARMS, PER_CAUSE, Candidate
 from femnl.types.diagnosis import Verdict
 
 CLEAR = 0.95
@@ -41,7 +41,7 @@ def judge(found: list[Candidate]) -> Judgement:
     scatter = _scatter(base)
     likely = [c for c in tried if c.viable and (len(c.names) == 1 or c.weight > scatter)]
     # What fits all the data together, but not each part by what the others say, is bent to them and no cause.
-    viable = [c for c in sorted(likely, key=lambda c: -c.weight)[: 1 + RIVALS] if c.solution.unseen.p_value >= HOPELESS]
+    viable = [c for c in sorted(likely, key=lambda c: -c.weight)[: 1 + RIVALS] if c.solution.unseen.p_value >= c.least]
     if base.viable and all(c.weight <= base.weight for c in viable):
         return Judgement("adequate", base, (), share)  # rare, but not too rare for chance, and no cause is worth its parameters
     if not viable:
