@@ -19,7 +19,7 @@ from tests.blind.jobs import Job, jobs, run
 from tests.blind.lab import KINDS
 from tests.blind.scoreboard import draw, score
 
-ROUNDS = 34
+ROUNDS = 10
 """Rounds of the full study: a hundred nulls of each kind."""
 
 
