@@ -153,6 +153,8 @@ def _pulls(case: Case, truth: dict[str, Any], found: Diagnosis) -> dict[str, flo
             if name != knob and not (owner != "base" and name.endswith(f".{knob}")):
                 continue
             whole = f"{owner}.{knob}"
+            if whole in FRINGE and case.kind == "trace":
+                continue  # without a drive, the other side of an extremum of the reflection is as good
             away = fitted.value - value
             if whole in TURNED:
                 away = abs(fitted.value) - abs(value) if case.kind == "trace" else fitted.value - turn * value
