@@ -19,6 +19,7 @@ _HOMES = {
     "solve_cell": "femnl.lattice",
     "harmonic_maps": "femnl.predict",
     "shape_at": "femnl.modes",
+    "dilution": "femnl.modes.dilution",
     "SineFringe": "femnl.optics",
     "MultilayerFringe": "femnl.optics",
     "SeriesFringe": "femnl.optics",

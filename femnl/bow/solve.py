@@ -20,6 +20,7 @@ from femnl.types.remainder import remainder
 
 Array = NDArray[np.float64]
 
+SHALLOW = 0.1  # of the film's length, how deep a bow may be
 SPARE = 3  # modes beyond those asked for in each symmetry, so that each flat mode finds its bowed one
 SAFETY = 1.5  # on the remainder of stretching energies, as for the flat film
 TRIANGLE_BYTES = 270_000  # of memory: three times what the deflection alone takes
@@ -84,6 +85,9 @@ def solve_bow(
         raise ParameterError("bow: give either its depth in m or a pressure in Pa")
     if not np.isfinite(depth if depth is not None else pressure or 0.0):
         raise ParameterError(f"bow: expected a finite number, found {depth if depth is not None else pressure}")
+    length = modes.domain.model.outline.length
+    if depth is not None and abs(depth) > SHALLOW * length:
+        raise ParameterError(f"bow: depth = {depth:g} m of a film of {length:g} m is not shallow; expected at most {SHALLOW:g} of that")
     if pressure is not None and not stressed:
         raise ParameterError("bow: a pressure stretches the film; stressed = False goes with a depth")
     if not 0 <= shape < len(modes.frequency):

@@ -7,6 +7,7 @@ import numpy as np
 import typer
 
 from femnl.cli._device import Bending, Cache, Count, EdgeOption, Geometry, Json, Resolution, Symmetry, load_device, suffix_of
+from femnl.cli._modes_more import More, bow_of
 from femnl.cli._output import console, note, print_json, scientific, table
 from femnl.errors import ParameterError
 from femnl.lattice import solve_homogenised
@@ -24,6 +25,11 @@ Homogenised = Annotated[
     bool, typer.Option("--homogenised", help="Take a rectangular array of holes as an even film: seconds for any number of holes.")
 ]
 Tensor = Annotated[bool, typer.Option("--tensor", help="Couplings between modes too: their full cubic tensor.")]
+Inertia = Annotated[bool, typer.Option("--inertia", help="What the film's inertia in its plane changes of α; of couplings with --tensor.")]
+Bow = Annotated[
+    str | None, typer.Option(help='A bow at rest: "100 nm" in the shape of mode 1, or "10 Pa" of pressure.', show_default=False)
+]
+Dilution = Annotated[bool, typer.Option("--dilution", help="Dissipation dilution: Q over that of bending alone.")]
 
 
 def command(
@@ -36,6 +42,9 @@ def command(
     resolution: Resolution = 1.0,
     tolerance: Tolerance = None,
     homogenised: Homogenised = False,
+    inertia: Inertia = False,
+    bow: Bow = None,
+    dilution: Dilution = False,
     out: Out = None,
     cache: Cache = True,
     as_json: Json = False,
@@ -44,18 +53,24 @@ def command(
     kind = suffix_of(out, (".nc", ".vtu")) if out else ""
     if out:
         need_room(out)
-    model = load_device(geometry, bending, edge)
+    rest, model = None if bow is None else bow_of(bow), load_device(geometry, bending, edge)
     if homogenised:
         if tolerance is not None or resolution != 1.0 or symmetry != "auto":
             raise ParameterError("--homogenised: the even film has a mesh of its own; leave out --tolerance, --resolution and --symmetry")
+        if inertia or bow is not None or dilution:
+            raise ParameterError(
+                "--homogenised: the even film tells nothing of --inertia, --bow or --dilution; solve the full film for them"
+            )
         modes, nonlinearity = solve_homogenised(model, count, tensor=tensor)
     else:
         modes = _solve(model, count, symmetry, resolution, tolerance, cache)
         nonlinearity = solve_nonlinearity(modes, tensor=tensor, cache=cache)
+    more = More.solve(modes, inertia, rest, dilution, tensor)
     if as_json:
-        print_json(_record(modes, nonlinearity))
+        print_json(_record(modes, nonlinearity) | more.record())
     else:
         _show(modes, nonlinearity)
+        more.show(modes, nonlinearity)
     if out:
         if kind == ".nc":
             write_modes(out, modes, nonlinearity)

@@ -43,7 +43,7 @@ def dilution(modes: Modes) -> tuple[Array, Array]:
     Raises: ParameterError where the model has no bending.
     Valid: small φ; static stress without loss; no gas, no radiation into the frame. In-plane motion adds no loss at small amplitude.
     Source: Yu, Purdy and Regal, Phys. Rev. Lett. 108, 083603 (2012); held against clamped circular plates by
-        tests/physics/test_dilution.py.
+        tests/physics/test_dilution.py and validation case `dissipation_dilution`.
     """
     if not modes.domain.model.bending:
         raise ParameterError(f"{modes.domain.model.name}: bending = false leaves nothing that loses energy; set bending = true")

@@ -243,6 +243,7 @@ def test_a_bow_of_an_odd_shape_pushes_odd_modes(device: Device) -> None:
         ({"depth": 1e-7, "pressure": 1.0}, "either its depth in m or a pressure"),
         ({"depth": float("nan")}, "expected a finite number, found nan"),
         ({"pressure": 1.0, "stressed": False}, "goes with a depth"),
+        ({"depth": 1e-4}, "is not shallow; expected at most 0.1 of that"),
         ({"depth": 1e-7, "shape": 4}, "shape = 4: expected 0 to 3"),
     ],
 )

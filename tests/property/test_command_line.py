@@ -9,7 +9,7 @@ from femnl.cli._main import run
 MANY = settings(
     derandomize=True, database=None, deadline=None, max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-COMMANDS = ["geometries", "effects", "show", "mesh", "import", "fit", "diagnose", "maps", "modes", "nonsense", "sweep", "view"]
+COMMANDS = ["bands", "geometries", "effects", "show", "mesh", "import", "fit", "diagnose", "maps", "modes", "nonsense", "sweep", "view"]
 OPTIONS = ["--json", "--out", "--z", "--count", "--symmetry", "--format", "--points", "--geometry", "--use", "--edge", "--mode", "-n", "--"]
 VALUES = [
     "",

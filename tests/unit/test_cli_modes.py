@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from femnl.cli._main import run
+from femnl.cli._modes_more import bow_of
 
 
 @pytest.fixture(autouse=True)
@@ -44,4 +45,45 @@ def test_holes_taken_as_an_even_film_cost_a_second_and_say_so(capsys: pytest.Cap
 )
 def test_contradictory_wishes_are_one_line(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["modes", "square-270um", *words]) == 2
+    assert capsys.readouterr().err.startswith(line)
+
+
+@pytest.mark.parametrize(("words", "meaning"), [("-100 nm", (-1e-7, None)), ("10 kPa", (None, 1e4)), ("1 mbar", (None, 100.0))])
+def test_a_bow_is_a_depth_or_a_pressure(words: str, meaning: tuple[float | None, float | None]) -> None:
+    assert bow_of(words) == pytest.approx(meaning)
+
+
+def test_inertia_a_bow_and_dilution_are_told_where_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["modes", "square-270um", "-n", "2", "--resolution", "0.4", "--inertia", "--bow", "200 nm", "--dilution", "--tensor"]
+    assert run(words) == 0
+    out = capsys.readouterr().out
+    for title in ("With in-plane inertia", "by in-plane inertia, %", "Bent at rest by 200 nm", "Dissipation dilution"):
+        assert title in out
+    assert run([*words, "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    alpha, k = record["modes"][0]["alpha"], np.array(record["bow"]["stiffness"])
+    assert record["bow"]["k2"][0] / k[0] == pytest.approx(3 * alpha * 200e-9, rel=1e-2)
+    assert -2e-3 < record["inertia"]["change"][0] < -5e-4
+    assert 140 < record["dilution"]["factor"][0] < 170
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--bow", "5 kg"], 'femnl: --bow "5 kg": expected the depth of the bow, such as "100 nm", or the pressure'),
+        (["--bow", "3"], 'femnl: --bow "3": expected the depth of the bow, such as "100 nm", or the pressure'),
+        (["--bow", "1 mm"], "femnl: bow: depth = 0.001 m of a film of 0.00027 m is not shallow"),
+        (["--dilution", "--no-bending"], "femnl: square-270um: bending = false leaves nothing that loses energy"),
+        (["--homogenised", "--inertia"], "femnl: --homogenised: the even film tells nothing of --inertia, --bow or --dilution"),
+    ],
+)
+def test_bows_and_losses_that_mean_nothing_are_one_line(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert (
+        run(
+            ["modes", "square-270um", "-n", "2", "--resolution", "0.6", *words]
+            if "--homogenised" not in words
+            else ["modes", "square-270um", *words]
+        )
+        == 2
+    )
     assert capsys.readouterr().err.startswith(line)

@@ -1,0 +1,108 @@
+"""What `femnl modes` tells beside frequencies and Duffing coefficients: in-plane inertia, a bow, dissipation dilution."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl import measurement
+from femnl.bow import Bowed, solve_bow
+from femnl.cli._output import console, scientific, table
+from femnl.errors import MeasurementError, ParameterError
+from femnl.modes.dilution import dilution
+from femnl.nonlinearity import Inertia, solve_inertia
+from femnl.types.mechanics import Modes, Nonlinearity
+
+DIGITS = 6
+
+
+@dataclass(frozen=True)
+class More:
+    """Results that were asked for, None for the others. quality: Q/Q_bend and its error."""
+
+    inertia: Inertia | None
+    bowed: Bowed | None
+    quality: tuple[NDArray[np.float64], NDArray[np.float64]] | None
+
+    @classmethod
+    def solve(cls, modes: Modes, inertia: bool, bow: tuple[float | None, float | None] | None, dilute: bool, tensor: bool) -> "More":
+        """Solve what the options ask for. bow: depth or pressure, see `bow_of`."""
+        return cls(
+            solve_inertia(modes, cross=tensor) if inertia else None,
+            solve_bow(modes, *bow) if bow is not None else None,
+            dilution(modes) if dilute else None,
+        )
+
+    def record(self) -> dict[str, Any]:
+        """As plain values for JSON, SI."""
+        found: dict[str, Any] = {}
+        if self.inertia is not None:
+            found["inertia"] = {name: getattr(self.inertia, name) for name in ("change", "change_error", "cross", "cross_error")}
+        if self.bowed is not None:
+            names = ("depth", "frequency", "stiffness", "k2", "k3", "alpha", "frequency_error", "k2_error", "k3_error", "alpha_error")
+            found["bow"] = {name: getattr(self.bowed, name) for name in names}
+        if self.quality is not None:
+            found["dilution"] = {"factor": self.quality[0], "error": self.quality[1]}
+        return found
+
+    def show(self, modes: Modes, nonlinearity: Nonlinearity) -> None:
+        """Print a table for each."""
+        names = [[str(k + 1), modes.label[k] or "–"] for k in range(len(modes.frequency))]
+        if self.inertia is not None:
+            rows = [
+                [*name, scientific(alpha * (1 + change) * 1e-12, DIGITS), f"{change * 100:.5f} %".replace("-", "−"), f"{error * 100:.0e} %"]
+                for name, alpha, change, error in zip(
+                    names, nonlinearity.alpha, self.inertia.change, self.inertia.change_error, strict=True
+                )
+            ]
+            title = "With in-plane inertia, which follows the stretching at twice the frequency"
+            console().print(table(title, ["mode", "label", "α (µm⁻²)", "change", "±"], rows))
+            if self.inertia.cross is not None:
+                cross = [
+                    [n[0], *(f"{c * 100:.4f}".replace("-", "−").replace("nan", "–") for c in r)]
+                    for n, r in zip(names, self.inertia.cross, strict=True)
+                ]
+                title = "Change of the cubic force on mode i per q_i q_j² by in-plane inertia, %"
+                console().print(table(title, ["i\\j", *(n[0] for n in names)], cross))
+        if self.bowed is not None:
+            self._show_bow(self.bowed, names)
+        if self.quality is not None:
+            rows = [[*name, f"{q:.1f}", f"{error / q:.0e}"] for name, q, error in zip(names, *self.quality, strict=True)]
+            console().print(
+                table("Dissipation dilution: Q over that of bending alone; ± is relative", ["mode", "label", "Q/Q_bend", "±"], rows)
+            )
+
+    @staticmethod
+    def _show_bow(bowed: Bowed, names: list[list[str]]) -> None:
+        rows = [
+            [
+                *name,
+                f"{bowed.frequency[k] / 1e6:.6f}",
+                scientific(bowed.alpha[k] * 1e-12, DIGITS - 1).replace("-", "−"),
+                scientific(bowed.k2[k], DIGITS - 1).replace("-", "−"),
+                scientific(bowed.k3[k], DIGITS - 1),
+                f"{bowed.frequency_error[k] / bowed.frequency[k]:.0e}",
+                f"{abs(bowed.alpha_error[k] / bowed.alpha[k]):.0e}",
+            ]
+            for k, name in enumerate(names)
+        ]
+        title = f"Bent at rest by {bowed.depth * 1e9:.6g} nm at most; α is that of motion at f; ± are relative"
+        console().print(table(title, ["mode", "label", "f (MHz)", "α (µm⁻²)", "k₂ (N/m²)", "k₃ (N/m³)", "±f", "±α"], rows))
+
+
+def bow_of(words: str) -> tuple[float | None, float | None]:
+    """The depth [m] or the pressure [Pa] that words such as "100 nm" or "10 Pa" mean.
+
+    Raises: ParameterError.
+    """
+    number = words.strip()[-1:].isdigit()  # what has no unit may be either
+    for place, unit in enumerate(() if number else ("m", "Pa")):
+        try:
+            value = measurement.quantity(words, unit, "--bow")[0]
+        except MeasurementError:
+            continue
+        return (value, None) if place == 0 else (None, value)
+    raise ParameterError(
+        f'--bow "{words}": expected the depth of the bow, such as "100 nm", or the pressure that makes it, such as "10 Pa"'
+    )
