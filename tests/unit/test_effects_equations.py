@@ -203,7 +203,7 @@ def test_a_straight_fringe_bends_as_its_first_harmonic() -> None:
     tau = 2 * np.pi * np.arange(256) / 256
     z = np.sqrt(share) * 4 * np.pi * amplitude / wavelength
     first = 2 * np.mean(np.sin(z[:, None] * np.cos(tau)) * np.cos(tau), axis=1)
-    plain = Signal(amplitude * 1e5 + 0j, amplitude, np.ones(3), wavelength, 1.0)
+    plain = Signal(np.asarray(amplitude * 1e5, np.complex128), amplitude, np.ones(3), wavelength, 1.0)
     found = changed("nonlinear_readout", "signal", plain, share=share)
     assert isinstance(found, Signal)
     np.testing.assert_allclose(found.voltage / plain.voltage, first / z, rtol=1e-10)

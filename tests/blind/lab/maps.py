@@ -104,7 +104,8 @@ class MapBench:
             turns = np.exp(-1j * order[..., None] * omega * hidden["trigger_jitter"]["sd"] * errors)
             values = values * (turns @ (share / share.sum()))
         if "detector_bandwidth" in hidden:
-            values = values / (1 + 1j * order * omega * hidden["detector_bandwidth"]["time_constant"])
+            lag = 1j * order * omega * hidden["detector_bandwidth"]["time_constant"]
+            values = values * np.exp(lag) / (1 + lag)  # the phase of the motion counts from behind the delay that all harmonics share
         if "crosstalk" in hidden and self.driven is not None:
             values = values + (order == 1) * self.driven * (hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"])
         return np.asarray(values)

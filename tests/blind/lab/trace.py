@@ -76,7 +76,8 @@ class TraceBench:
             if "crosstalk" in hidden:
                 series[1] += hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"]
             if "detector_bandwidth" in hidden:
-                series = series / (1 + 1j * order * omega * hidden["detector_bandwidth"]["time_constant"])
+                lag = 1j * order * omega * hidden["detector_bandwidth"]["time_constant"]
+                series = series * np.exp(lag) / (1 + lag)  # the trigger comes later by the delay that all harmonics share
             turn = np.exp(1j * omega * time)
             rows.append(np.polynomial.polynomial.polyval(turn, series).real)
         return np.array(rows)
