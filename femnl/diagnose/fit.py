@@ -157,9 +157,9 @@ def fit(model: Extended, start: Array, keep: NDArray[np.bool_] | None = None, mo
 
 
 def _key(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int) -> str:
-    """Name a fit by all that it depends on; residuals at its start stand for the data and the stages."""
+    """Name a fit by all that it depends on beside the file: a problem that is posed in two ways starts in two places."""
     digest = hashlib.sha256(repr((model.knobs, [effect.equation for effect in model.effects], most)).encode())
-    for part in (start, model.residuals(start), *model.bounds, *([] if keep is None else [keep])):
+    for part in (start, model.problem.start, *model.bounds, *([] if keep is None else [keep])):
         digest.update(np.ascontiguousarray(part).tobytes())
     return digest.hexdigest()
 
