@@ -17,6 +17,7 @@ from femnl.mesh import mesh
 from femnl.modes import solve_modes
 from femnl.modes.dilution import bending_share
 from femnl.nonlinearity import solve_nonlinearity
+from femnl.predict import solve_modes as solve_device
 from femnl.prestress import solve_prestress
 from femnl.types.device import Clamp, Film, Holes, Model, Overhang
 from femnl.types.mechanics import Modes, Prestress
@@ -299,3 +300,20 @@ def test_the_overhang_is_a_film_of_its_own(device: Device) -> None:
     areas = np.concatenate([cell.dx.sum(axis=1) for cell in cells(Space(domain.mesh, 4), 4)])
     assert 4 * areas[strip].sum() == pytest.approx(np.pi * (1.5**2 - 1), rel=1e-6)
     assert 4 * areas[~strip].sum() == pytest.approx(np.pi, rel=1e-6)
+
+
+@pytest.mark.parametrize("resolution", [0.6, 1.0])
+def test_error_bars_hold_where_edges_give_way_and_overhang(device: Device, resolution: float) -> None:
+    clamp, layer, rigidity = Clamp(deflection=3e8, rotation=1e5), 0.05, 64 * (1 - POISSON**2) / (1 - 0.1**2)
+    inner = elastic(device, layer=layer)
+    thick = undercut(inner, 0.2, replace(inner.film, thickness=4 * THICKNESS, stress=STRESS / 4, density=DENSITY / 2, poisson=0.1))
+    cases = [
+        (elastic(device, layer=0.1, clamp=clamp), [plate_on_springs(order, 0.1, clamp) for order in ORDERS]),
+        (thick, [two_plates(order, (layer, layer * np.sqrt(rigidity)), 2.0, 1.2, 0.1, rigidity) for order in ORDERS]),
+    ]
+    for model, exact in cases:
+        modes = solve_device(model, 4, resolution=resolution, cache=False)
+        found, known = np.sqrt(squares(modes)), np.sqrt(exact)
+        assert np.all(np.abs(found / known - 1) <= modes.frequency_error / modes.frequency)
+        assert np.all(np.abs(modes.ratio * known[0] / known - 1) <= (modes.ratio_error / modes.ratio) + 1e-15)
+        assert np.all(modes.frequency_error < 1e-3 * modes.frequency)
