@@ -1,8 +1,8 @@
-"""The paper's open number f22 − 2 f11 = 249 Hz of device J10: which film, holes and edge make it, and how plausible they are.
+"""The paper's open numbers: f22 − 2 f11 = 249 Hz of device J10, and the ten ratios of the hexagon; which film, holes and edge make them.
 
 Run `python -m benchmarks.open_numbers [FOLDER] [--full]`; it writes open_numbers.csv and open_numbers.png. The scans take the square
 with its 30 × 30 holes as an even film (`femnl.lattice`), and every number is scaled to the measured f11 = 1.466060 MHz of
-arXiv:2502.19191. `--full` solves the etched, tapered, perforated device itself, which takes minutes.
+arXiv:2502.19191. `--full` solves the etched, tapered, perforated devices themselves, which takes minutes.
 """
 
 import csv
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.ledge import Ledge, solve_ledge
+from benchmarks.measured import RATIOS
 from femnl import load, solve_modes
 from femnl.lattice import solve_homogenised
 from femnl.types.device import Clamp, Film, Holes, Model
@@ -131,6 +132,26 @@ def full(ledge: Ledge) -> None:
         sys.stdout.write(f"{name}: f22 − 2 f11 = {hertz:.0f} ± {error:.0f} Hz, f11 = {modes.frequency[0] / F11:.4f} of the measured\n")
 
 
+def hexagon(ledge: Ledge) -> None:
+    """How far the ten ratios of the hexagon are from those of films, holes and edges, root mean square."""
+    even, holes = load("hexagon-278um"), load("hexagon-278um-perforated")
+    film = tapered(even.film)
+    clamp = drawn(ledge, film.thickness, film.stress, PRIOR["stress of the oxide"][0])
+    cases = {
+        "even film": even,
+        "even film of 315 nm, as deposited": replace(even, film=replace(even.film, thickness=DEPOSITED)),
+        "even film of 402 nm": replace(even, film=replace(even.film, thickness=402e-9)),
+        "hinged edge": replace(even, clamp=Clamp(rotation=0.0)),
+        "holes": holes,
+        "holes, tapered": replace(holes, film=film),
+        "holes, tapered, on its ledge": replace(holes, film=film, clamp=clamp),
+    }
+    for name, model in cases.items():
+        modes = solve_modes(model, len(RATIOS), resolution=0.8)
+        away, error = modes.ratio[1:] / RATIOS[1:] - 1, (modes.ratio_error / modes.ratio).max()
+        sys.stdout.write(f"hexagon, {name}: {np.sqrt(np.mean(away**2)) * 1e6:.0f} ppm rms, the elements' own error {error * 1e6:.0f} ppm\n")
+
+
 def main(folder: Path, whole: bool) -> None:
     """Scan, print what comes closest and how plausible it is, and draw it."""
     device = load("square-270um-perforated")
@@ -165,6 +186,7 @@ def main(folder: Path, whole: bool) -> None:
     _draw(folder / "open_numbers.png", rows, even, taper)
     if whole:
         full(ledge)
+        hexagon(ledge)
 
 
 def _draw(path: Path, rows: list[tuple[str, float, float, float, float]], even: Array, taper: Array) -> None:
