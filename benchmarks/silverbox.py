@@ -20,6 +20,15 @@ from femnl.plot.style import COLOURS, new_figure, style
 
 Array = NDArray[np.float64]
 SAMPLING_RATE = 1e7 / 2**14
+HEAD = {
+    "seconds": "time (s)",
+    "fitted_mV": "error where fitted (mV)",
+    "held_out_mV": "held out (mV)",
+    "held_out_within_fitted_range_mV": "held out, amplitudes as fitted (mV)",
+    "frequency": "f₀ (Hz)",
+    "quality_factor": "Q",
+    "alpha": "α (V⁻²)",
+}
 # The record does not begin at rest: its unknown first state has decayed by e^-10 after 300 samples.
 WINDOW = 400
 TEST, FITTED = slice(300, 40_000), slice(41_000, 130_000)
@@ -64,7 +73,7 @@ def main() -> None:
     keys = dict.fromkeys(key for row in rows for key in row)
     with (folder / "silverbox.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, keys)
-        writer.writeheader()
+        writer.writerow({key: HEAD.get(key, key) for key in keys})
         writer.writerows(rows)
     lines = [f"{'model':36}{'drive':14}{'fitted':>10}{'held out':>10}{'inside':>10}{'time':>8}"]
     lines += [

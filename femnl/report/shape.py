@@ -42,10 +42,11 @@ def turning(modes: Modes) -> Shape:
     points, triangles, shapes = _surface(modes)
     size = np.ptp(points, axis=0)
     shades = mpl.colormaps[DIVERGING](np.linspace(0, 1, 11))
+    index = "u2" if len(points) < 2**16 else "u4"
     film = {
         "type": "mesh3d",
         **{axis: _packed(points[:, k] * 1e6, "f4") for k, axis in enumerate("xy")},
-        **{corner: _packed(triangles[:, k], "u4") for k, corner in enumerate("ijk")},
+        **{corner: _packed(triangles[:, k], index) for k, corner in enumerate("ijk")},
         "colorscale": [[k / 10, to_hex(shade)] for k, shade in enumerate(shades)],
         "cmin": -1,
         "cmax": 1,
