@@ -14,45 +14,49 @@ from pathlib import Path
 from typing import TypeVar
 
 from femnl.geometry import load
-from femnl.mesh import mesh
-from femnl.modes import align, solve_modes
+from femnl.lattice import solve_condensed, strain_energies, tile
+from femnl.modes import align
 from femnl.nonlinearity import solve_nonlinearity
-from femnl.predict import DEGREE
-from femnl.prestress import solve_prestress
-from femnl.types.mechanics import Modes
+from femnl.predict import DEGREE, SPARE
 
 T = TypeVar("T")
 DEVICE, COUNT = "square-270um-perforated", 10
+Rows = list[tuple[str, float, float]]
 
 
-def timed(name: str, rows: list[tuple[str, float]], stage: Callable[[], T]) -> T:
-    """Run a stage and note its wall time."""
-    start = time.perf_counter()
+def timed(name: str, rows: Rows, stage: Callable[[], T]) -> T:
+    """Run a stage and note its wall and processor time, that of processes which it starts included."""
+    start, used = time.perf_counter(), _cpu()
     result = stage()
-    rows.append((name, time.perf_counter() - start))
+    rows.append((name, time.perf_counter() - start, _cpu() - used))
     return result
+
+
+def _cpu() -> float:
+    own, others = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
+    return own.ru_utime + own.ru_stime + others.ru_utime + others.ru_stime
 
 
 def main(folder: Path) -> None:
     """Time the stages in this process, then the command in one of its own."""
-    rows: list[tuple[str, float]] = []
+    rows: Rows = []
     model = load(DEVICE)
-    domain = timed("mesh", rows, partial(mesh, model))
-    solved: dict[int, Modes] = {}
-    for degree in (DEGREE, DEGREE - 1):
-        prestress = timed(f"prestress, degree {degree}", rows, partial(solve_prestress, domain, degree))
-        solved[degree] = timed(f"modes, degree {degree}", rows, partial(solve_modes, prestress, COUNT, degree))
-    coarse = timed("counterparts of lower degree", rows, partial(align, solved[DEGREE - 1], solved[DEGREE]))
-    for modes in (solved[DEGREE], coarse):
-        timed(f"nonlinearity, degree {modes.degree}", rows, partial(solve_nonlinearity, modes, "clamped"))
+    tiling = timed("tiles", rows, partial(tile, model))
+    energies = partial(strain_energies, edge=model.edge)
+    finest = timed(f"stress and modes, degree {DEGREE}", rows, partial(solve_condensed, tiling, COUNT, DEGREE))
+    solved = [finest]
+    for degree in (DEGREE - 1, DEGREE - 2):
+        coarse = timed(f"stress and modes, degree {degree}", rows, partial(solve_condensed, tiling, COUNT + SPARE, degree))
+        solved.append(timed(f"counterparts of degree {degree}", rows, partial(align, coarse, finest)))
+    for modes in solved:
+        timed(f"k₃ and α, degree {modes.degree}", rows, partial(solve_nonlinearity, modes, model.edge, False, energies))
     command = [sys.executable, "-c", "from femnl.cli import main; main()", "modes", DEVICE, "--count", str(COUNT), "--no-cache", "--json"]
     timed("the whole command", rows, partial(subprocess.run, command, check=True, stdout=subprocess.DEVNULL))
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     with (folder / "perforated.csv").open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows([("stage", "seconds"), *rows, ("peak memory of the command, MiB", peak)])
-    unknowns = solved[DEGREE].shapes.shape[1]
-    sys.stdout.write(f"{DEVICE}: {domain.mesh.nelements} triangles and {unknowns} unknowns of w in a {domain.copies}th of the film\n")
-    sys.stdout.writelines(f"{name:32} {seconds:7.1f} s\n" for name, seconds in rows)
+        csv.writer(file).writerows([("stage", "wall time (s)", "processor time (s)"), *rows])
+    sys.stdout.write(f"{DEVICE}: {tiling.domain.mesh.nelements} triangles in {tiling.domain.copies} copies make the film\n")
+    sys.stdout.writelines(f"{name:32} {seconds:7.1f} s {used:7.1f} s CPU\n" for name, seconds, used in rows)
     sys.stdout.write(f"{'peak memory of the command':32} {peak:7.0f} MiB\n")
 
 

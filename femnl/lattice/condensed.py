@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from femnl.errors import ConvergenceError
+from femnl.fem.memory import need_memory
 from femnl.fem.solvers import lowest_eigenpairs
 from femnl.lattice.relaxed import Frame, Relaxed
 from femnl.lattice.skeleton import summed
@@ -16,6 +17,7 @@ from femnl.types.mechanics import Modes
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+ENTRY_BYTES = 150  # of memory an entry of the tiles' matrices, measured: these, their sum and its factors
 CHUNK = 2000  # tiles and modes at a time
 TAKEN = 10  # functions by which a basis is extended
 MISSED = 1e-8  # relative excess of ω² that is mended to first order, and from which the basis is extended
@@ -67,6 +69,8 @@ class Condensed:
 
     def _assemble(self) -> None:
         relaxed, skeleton = self._relaxed, self._relaxed.frame.skeleton
+        entries = sum(len(a) * f.basis.shape[1] ** 2 for a, f in zip(relaxed.amounts, self._flexures, strict=True))
+        need_memory(ENTRY_BYTES * entries, f"condensed cells on {entries:.2g} entries", "lower the resolution")
         first = skeleton.n_deflections + skeleton.n_slopes
         self._numbers, stiff, heavy = [], [], []
         for k, flexure in enumerate(self._flexures):

@@ -12,12 +12,14 @@ from scipy.sparse import csc_matrix
 
 from femnl import lattice, load, nonlinearity, storage
 from femnl.errors import ConvergenceError, ParameterError
+from femnl.fem.elements import Space
 from femnl.fem.solvers import lowest_eigenpairs
 from femnl.lattice import condensed, solve_condensed, tile
 from femnl.lattice.relaxed import Frame, Relaxed
 from femnl.lattice.skeleton import summed
 from femnl.lattice.tile import Flexure
 from femnl.modes import solve_modes as solve_on_mesh
+from femnl.modes.shapes import walk
 from femnl.predict import solve_modes, solve_nonlinearity
 from femnl.prestress import solve_prestress
 from femnl.types.device import Clamp, Edge, Holes, Model, Outline, Segment
@@ -130,6 +132,22 @@ def test_tiled_and_meshed_films_differ_by_less_than_their_errors(model: Model) -
     assert np.all(tiled.frequency_error < 1e-4 * tiled.frequency)
     both = [solve_nonlinearity(m, cache=False) for m in (tiled, meshed)]
     np.testing.assert_array_less(np.abs(both[0].alpha - both[1].alpha), both[0].alpha_error + both[1].alpha_error)
+
+
+@pytest.mark.parametrize("counts", [(2, 2), (3, 2), (1, 4), (3, 5)])
+def test_tiles_cover_a_quarter_of_the_film_once(counts: tuple[int, int]) -> None:
+    model = film(*counts)
+    domain = tile(model).domain
+    space = Space(domain.mesh, 4)
+    area = sum(float(np.sum(dx)) for _, _, dx, _ in walk(space, np.zeros((1, space.size)), 8))
+    width, height = model.outline.size or (0.0, 0.0)
+    assert 4 * area == pytest.approx(width * height - np.prod(counts) * np.pi * model.holes.radius**2, rel=1e-7)
+    ends = domain.mesh.p[:, domain.mesh.facets]
+    lengths = {name: float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=0)[f].sum()) for name, f in (domain.mesh.boundaries or {}).items()}
+    assert lengths["clamped"] == pytest.approx((width + height) / 2, rel=1e-12)
+    cut = model.holes.radius * (np.array(counts)[::-1] % 2 * counts)  # by holes on the mirror lines
+    assert lengths["mirror-0"] == pytest.approx(width / 2 - cut[0], rel=1e-9)
+    assert lengths["mirror-1"] == pytest.approx(height / 2 - cut[1], rel=1e-9)
 
 
 def test_degenerate_pairs_of_a_tiled_square_are_degenerate() -> None:
