@@ -20,6 +20,7 @@ from femnl.types.remainder import remainder
 
 Array = NDArray[np.float64]
 
+LEAST = 1e-12  # bow [m] whose k₂ is the least that errors of k₂ are measured by
 SHALLOW = 0.1  # of the film's length, how deep a bow may be
 SPARE = 3  # modes beyond those asked for in each symmetry, so that each flat mode finds its bowed one
 SAFETY = 1.5  # on the remainder of stretching energies, as for the flat film
@@ -103,7 +104,7 @@ def solve_bow(
         if len(grades) < 2:
             return np.full(len(peak), np.inf)
         normal = [np.asarray(getattr(grade, name)) / grade.mass ** (power / 2) for grade in grades]
-        usual = np.abs(3 * found.k3 * found.depth / found.mass**1.5) if name == "k2" else np.abs(normal[0])
+        usual = np.abs(3 * found.k3 * (abs(found.depth) + LEAST) / found.mass**1.5) if name == "k2" else np.abs(normal[0])
         own = remainder(normal[:3], usual, in_plane_remainder(modes, edge), SAFETY) * found.mass ** (power / 2)
         return np.asarray(own + np.abs(getattr(found, name)) * (power * peak + bows * bow))
 
@@ -152,7 +153,8 @@ def _bend(modes: Modes, edge: Edge, depth: float | None, pressure: float | None,
     k2 = copies * own * np.einsum("in,ni->n", loads, motions)
     flat, still, moved = _responses(film, tangent, parity, loads, square)
     k = mass * square
-    deepest = float(largest_value(film.space, rest[2 * film.space.size :]))
+    bent = rest[2 * film.space.size :]
+    deepest = float(largest_value(film.space, bent)) if np.any(bent) else 0.0
     k3, alpha = 2 * copies * (energies - flat), 2 * copies * (energies - 2 / 3 * still - moved / 3) / k
     return _Numbers(deepest, np.sqrt(square) / (2 * np.pi * modes.frequency), mass, k, k2, k3, alpha, w)
 

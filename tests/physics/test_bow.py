@@ -216,6 +216,15 @@ def test_newtons_method_on_the_whole_energy_finds_the_curve_of_a_film_under_pres
     assert found.k2[0] * abs(found.depth) > 0.1 * found.stiffness[0]  # a bow that counts
 
 
+def test_a_bow_of_nothing_leaves_the_flat_film(square: Modes) -> None:
+    flat = solve_nonlinearity(square, cache=False)
+    for found in (solve_bow(square, depth=0.0), solve_bow(square, pressure=0.0)):
+        assert found.depth == 0
+        np.testing.assert_allclose(found.frequency, square.frequency, rtol=1e-9)
+        np.testing.assert_allclose(found.alpha, flat.alpha, rtol=1e-8)
+        assert np.all(np.abs(found.k2) < 1e-9 * flat.k3 * 1e-6)
+
+
 def test_a_low_pressure_bends_the_square_as_prandtls_membrane(square: Modes) -> None:
     # w(0) = 0.0736713 pL²/T, Timoshenko & Goodier, Theory of Elasticity, section 109.
     assert solve_bow(square, pressure=1.0).depth == pytest.approx(0.0736713 * SIDE**2 / TENSION, rel=2e-6)
