@@ -1,5 +1,6 @@
 """The documentation site: `make docs` writes docs/_build/html without a network, and the pages need none either."""
 
+import logging
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -12,6 +13,9 @@ nodes, mathml = import_module("docutils.nodes"), import_module("docutils.utils.m
 figure_rst = import_module("sphinx_gallery.scrapers").figure_rst
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
+
+# A style for code that comes along with the theme makes every logger talk.
+logging.getLogger("femnl").setLevel(logging.WARNING)
 
 project = "femnl"
 author = "The femnl developers"
