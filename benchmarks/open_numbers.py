@@ -119,13 +119,14 @@ def full(ledge: Ledge) -> None:
     """The device itself: outline as etched, all holes, with the error bars of the elements."""
     etched = load("square-270um-etched")
     film = tapered(etched.film)
-    oxide = PRIOR["stress of the oxide"][0]
     cases = {
         "straight edges": load("square-270um-perforated"),
         "etched outline": etched,
         "etched outline, tapered": replace(etched, film=film),
-        "the same on its ledge": replace(etched, film=film, clamp=drawn(ledge, film.thickness, film.stress, oxide)),
     }
+    for oxide in (-280e6, -307e6):
+        clamp = drawn(ledge, film.thickness, film.stress, oxide)
+        cases[f"the same on its ledge, oxide at {oxide * 1e-6:.0f} MPa"] = replace(etched, film=film, clamp=clamp)
     for name, model in cases.items():
         modes = solve_modes(model, 4)
         hertz, error = (modes.ratio[3] - 2) * F11, modes.ratio_error[3] * F11
@@ -143,6 +144,8 @@ def hexagon(ledge: Ledge) -> None:
         "even film of 402 nm": replace(even, film=replace(even.film, thickness=402e-9)),
         "hinged edge": replace(even, clamp=Clamp(rotation=0.0)),
         "holes": holes,
+        "holes of 1.4 um": with_radius(holes, RADII[-1]),
+        "film of 315 nm, holes of 1.4 um": with_radius(replace(holes, film=replace(holes.film, thickness=DEPOSITED)), RADII[-1]),
         "holes, tapered": replace(holes, film=film),
         "holes, tapered, on its ledge": replace(holes, film=film, clamp=clamp),
     }
