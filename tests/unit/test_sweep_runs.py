@@ -193,12 +193,12 @@ def test_an_interrupt_ends_workers_and_says_that_the_sweep_goes_on(tmp_path: Pat
     children = psutil.Process(client.pid).children(recursive=True)
     assert children
     client.send_signal(signal.SIGINT)
-    _, errors = client.communicate(timeout=30)
+    _, errors = client.communicate(timeout=90)
     assert client.returncode in (130, -signal.SIGINT)
     assert f"{len(records(store))} of 400 points are kept; the same command goes on from here" in errors
     assert errors.endswith("femnl: interrupted; nothing was left half-written\n")
     assert "Traceback" not in errors
-    psutil.wait_procs(children, timeout=10)
+    psutil.wait_procs(children, timeout=30)
     assert not [child for child in children if child.is_running()]
 
 
