@@ -109,8 +109,9 @@ def test_a_p_value_too_small_to_be_simulated_counts_every_look() -> None:
         (1.2 * np.repeat(np.tile([1.0, -1.0], N // 12), 6), "neighbours"),
         (7.0 * (np.arange(N) == 30), "outlier"),
         (-7.0 * (np.arange(N) == 30), "outlier"),
+        (1.5 * np.random.default_rng(8).standard_normal(N), "chi-square"),
     ],
-    ids=["noise", "alternating", "alike", "one high", "one low"],
+    ids=["noise", "alternating", "alike", "one high", "one low", "all larger"],
 )
 def test_residuals_are_looked_at_from_both_sides(deviation: Array, worst: str) -> None:
     noise = 0.6 * np.random.default_rng(2).standard_normal(N)
