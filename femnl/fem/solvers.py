@@ -30,13 +30,13 @@ def factorize(stiffness: csc_matrix) -> Solve:
     try:
         factor = splu(csc_matrix(stiffness), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError as error:  # exactly singular
-        raise ConvergenceError(_INDEFINITE) from error
+        raise ConvergenceError(INDEFINITE) from error
     if np.any(factor.U.diagonal() <= 0):
-        raise ConvergenceError(_INDEFINITE)
+        raise ConvergenceError(INDEFINITE)
     return lambda right: np.asarray(factor.solve(np.asarray(right)))
 
 
-_INDEFINITE = (
+INDEFINITE = (
     "the stiffness is not positive definite: part of the film is unsupported or under compression; "
     "check the outline's free edges and the film stress, or raise the resolution"
 )
@@ -52,7 +52,7 @@ def _factorize_cholmod(stiffness: csc_matrix) -> Solve:
     try:
         cholmod.numeric(stored, factor)
     except ArithmeticError as error:
-        raise ConvergenceError(_INDEFINITE) from error
+        raise ConvergenceError(INDEFINITE) from error
 
     def solve(right: Array) -> Array:
         work = cvxopt.matrix(np.asarray(right, dtype=float))

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csc_matrix
 
+from femnl.errors import ConvergenceError
 from femnl.fem.elements import Space
 from femnl.fem.forms import (
     Assembly,
@@ -21,6 +22,7 @@ from femnl.fem.forms import (
     thickness,
     vector_dofs,
 )
+from femnl.fem.solvers import INDEFINITE
 from femnl.lattice.sides import Sides
 from femnl.types.device import Model
 
@@ -37,6 +39,15 @@ def all_triangles(space: Space, order: int, second: bool = False) -> Cell:
     points, weights = space.quadrature(order)
     jet = space.jet(slice(None), points, second)
     return Cell(slice(None), jet, np.abs(np.linalg.det(jet.jacobian)) * weights)
+
+
+def factor(matrix: Array) -> tuple[Array, bool]:
+    """Cholesky's factor of a symmetric matrix, for `cho_solve`. Raises: ConvergenceError where it is not positive definite."""
+    try:
+        found, lower = cho_factor(matrix)
+    except np.linalg.LinAlgError as error:
+        raise ConvergenceError(INDEFINITE) from error
+    return found, bool(lower)
 
 
 def gathered(local: Array, dofs: Index, size: int) -> csc_matrix:
@@ -65,7 +76,7 @@ class Membrane:
         whole = gathered(local_matrices(self._basis, self.modulus, cell.dx), self._dofs, self._size).toarray()
         self.edge = np.concatenate([sides.dofs, sides.dofs + space.size])
         self._inner = np.concatenate([sides.inner, sides.inner + space.size])
-        self._factor = cho_factor(whole[np.ix_(self._inner, self._inner)])
+        self._factor = factor(whole[np.ix_(self._inner, self._inner)])
         coupling = whole[np.ix_(self._inner, self.edge)]
         self.lift = np.zeros((self._size, len(self.edge)))
         self.lift[self.edge] = np.eye(len(self.edge))
@@ -126,7 +137,7 @@ class Flexure:
         edge = np.concatenate([sides.dofs, np.arange(space.size, self._size)])
         self.n_sides = len(edge)
         whole = (self.bend + self.tension(stress)).toarray()
-        self._factor = cho_factor(whole[np.ix_(self.inner, self.inner)])
+        self._factor = factor(whole[np.ix_(self.inner, self.inner)])
         basis = np.zeros((self._size, len(edge)))
         basis[edge] = np.eye(len(edge))
         basis[self.inner] = -cho_solve(self._factor, whole[np.ix_(self.inner, edge)])

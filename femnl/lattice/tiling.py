@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 QUARTER = np.pi / 2
 EVEN = 1e-6  # of the pitch, to which the holes must lie on their lattice
 LAYER_SIZE, GROWTH = 1.5, 0.7  # elements at the edge in bending lengths, and what they gain per distance
-FINENESS = 0.7  # of the cells' own mesh, whose elements are smaller than those of a whole film at the same resolution
+FINENESS = (0.7, 0.5)  # of the cells' own mesh, at least, and at small holes: large ones leave narrow necks
 WIDEST = 2.0  # pitches that a margin may be wide: it is one piece from the cells to the edge
 SIZE = 12.5  # pitches that the mesher takes for the outline's length, so that holes alone decide on the size of elements
 
@@ -115,7 +115,7 @@ def tile(model: Model, resolution: float = 1.0) -> Tiling:
     if why := obstacle(model):
         raise ParameterError(why)
     pitch, counts = array(model, "a tiled film")
-    half, fineness = _half(model), FINENESS * resolution
+    half, fineness = _half(model), resolution * max(FINENESS[0], FINENESS[1] + 2 * model.holes.radius / pitch)
     quarter = _quarter(model, pitch, fineness)
     corners = quarter[:, :3].reshape(-1, 2)
     side = np.unique(np.round(corners[np.abs(corners[:, 0] - pitch / 2) < 1e-9 * pitch, 1], 15))

@@ -128,7 +128,8 @@ def test_tiled_and_meshed_films_differ_by_less_than_their_errors(model: Model) -
     assert tiled.domain.tiles == 1.0
     assert meshed.domain.tiles == 0.0
     np.testing.assert_array_less(np.abs(tiled.frequency - meshed.frequency), tiled.frequency_error + meshed.frequency_error)
-    np.testing.assert_array_less(np.abs(tiled.ratio - meshed.ratio)[1:], (tiled.ratio_error + meshed.ratio_error)[1:])
+    if model.bending:
+        np.testing.assert_array_less(np.abs(tiled.ratio - meshed.ratio)[1:], (tiled.ratio_error + meshed.ratio_error)[1:])
     assert np.all(tiled.frequency_error < 1e-4 * tiled.frequency)
     both = [solve_nonlinearity(m, cache=False) for m in (tiled, meshed)]
     np.testing.assert_array_less(np.abs(both[0].alpha - both[1].alpha), both[0].alpha_error + both[1].alpha_error)
