@@ -16,7 +16,7 @@ DEGENERATE = 1e-6  # relative difference of frequencies up to which shapes are t
 PEAK_SAFETY = 0.7  # on the remainder of a largest value: departures are the largest in whole triangles
 STEADY = 0.02  # of the last difference between degrees, what is taken to be left at least
 UNLIKE = 0.02  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike
-REENTRANT = 0.5  # of the last difference between degrees, what an inner corner may leave: it converges slowly in the degree
+REENTRANT = 0.5  # of the last difference between degrees, what an inner or yielding corner may leave: it converges slowly in the degree
 
 
 @dataclass(frozen=True)
@@ -145,8 +145,11 @@ class Modes:
     def _remainder(self, values: list[Array], scale: Array) -> Array:
         if len(values) < 2:
             return np.full(len(scale), np.inf)
-        reentrant = any(angle > np.pi + 1e-6 for _, angle in self.domain.model.outline.corners)
-        return remainder(values[:3], scale, REENTRANT if reentrant else STEADY)
+        model = self.domain.model
+        reentrant = any(angle > np.pi + 1e-6 for _, angle in model.outline.corners)
+        # Springs in plane, and a strip of another film, leave the stress uneven at every corner.
+        uneven = len(model.outline.corners) > 0 and not (model.clamp.rigid_in_plane and model.overhang is None)
+        return remainder(values[:3], scale, REENTRANT if reentrant or uneven else STEADY)
 
     @property
     def stiffness(self) -> Array:

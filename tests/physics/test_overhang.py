@@ -117,3 +117,11 @@ def test_error_bars_hold_where_edges_give_way_and_overhang(device: Device, resol
         assert np.all(np.abs(found / known - 1) <= modes.frequency_error / modes.frequency)
         assert np.all(np.abs(modes.ratio * known[0] / known - 1) <= (modes.ratio_error / modes.ratio) + 1e-15)
         assert np.all(modes.frequency_error < 1e-3 * modes.frequency)
+
+
+@pytest.mark.parametrize("resolution", [0.6, 1.0])
+def test_error_bars_hold_where_corners_make_the_stress_uneven(device: Device, resolution: float) -> None:
+    model = elastic(device, SQUARE, clamp=Clamp(normal=1e8, shear=1e8))
+    known, modes = solve(model, 3, resolution=1.6), solve_device(model, 3, resolution=resolution, cache=False)
+    assert np.all(np.abs(modes.frequency - known.frequency) <= modes.frequency_error)
+    assert np.all(modes.frequency_error < 1e-5 * modes.frequency)
