@@ -96,7 +96,7 @@ def obstacle(model: Model) -> str:
     except ParameterError as error:
         return str(error)
     margin = _half(model) - np.array(counts) * pitch / 2
-    if np.any(margin <= 0) or np.any(margin > WIDEST * pitch):
+    if np.any(margin <= EVEN * pitch) or np.any(margin > WIDEST * pitch):
         return f"{model.name}: a tiled film needs a margin around the cells of its holes, of {WIDEST:g} pitches at most"
     if not (model.clamp.rigid and all(s.clamped for s in model.outline.segments)) or model.overhang or any(model.film.gradient):
         return f"{model.name}: a tiled film needs a rigid edge all around without overhang, and a film without gradient"

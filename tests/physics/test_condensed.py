@@ -192,3 +192,12 @@ def test_films_that_have_no_tiles_say_why(change: Callable[[Model], Model], mess
 @pytest.mark.parametrize("margin", [-1e-6, 0.0, 30e-6])
 def test_a_margin_that_makes_no_tile_is_told(margin: float) -> None:
     assert "needs a margin" in lattice.obstacle(film(4, 4, margin=margin))
+
+
+def test_an_array_that_ends_at_the_edge_and_more_modes_than_cells_are_solved_on_one_mesh() -> None:
+    flush = film(4, 4, margin=0.0)
+    assert "needs a margin" in lattice.obstacle(flush)
+    few, many = (solve_modes(film(3, 3), count, cache=False) for count in (4, 12))
+    assert few.domain.tiles
+    assert not many.domain.tiles
+    assert np.all(np.abs(few.frequency - many.frequency[:4]) < few.frequency_error + many.frequency_error[:4])
