@@ -56,6 +56,7 @@ class JointProblem:
         self._originals: dict[str, Effect] = {}
         self._places: dict[tuple[str, str], tuple[str, list[str]]] = {}
         self._kept: dict[object, tuple[Sequence[Effect], Array]] = {}
+        self.start = np.array([np.mean(starts[knob.name]) for knob in self.base])
         self.start = self._best_start(starts)
 
     def _named(self, group: str) -> dict[str, str]:
@@ -78,10 +79,9 @@ class JointProblem:
 
     def _best_start(self, starts: dict[str, list[float]]) -> Array:
         """Start shared parameters at the value of the measurement from which all are met best."""
-        mean = np.array([np.mean(starts[knob.name]) for knob in self.base])
         most = max(len(values) for values in starts.values())
         if all(np.ptp(values) <= APART * abs(np.mean(values)) for values in starts.values()):
-            return mean
+            return self.start
         tried = [np.array([starts[k.name][min(i, len(starts[k.name]) - 1)] for k in self.base]) for i in range(most)]
         return min((fit(Extended(self), start, most=ROUGH) for start in tried), key=lambda s: s.chi2).vector
 
