@@ -69,6 +69,31 @@ class Membrane:
         found[:, inside] = (basis.probes(here[:, inside]) @ values[:, order]).T
         return found
 
+    def held(self, x: Array, y: Array, count: int, layer: float) -> Array:
+        """The same of a plate whose clamped edge lies `layer` outside: a slope g at the membrane's edge becomes g (d − ℓ + ℓ e^{−d/ℓ})."""
+        normal, reach = self._sides()
+        place = np.stack([x, y])
+        away = reach[:, None] + layer - normal @ place
+        nearest = np.argmin(away, axis=0)
+        d, out = away[nearest, np.arange(len(x))], normal[nearest].T
+        deep = DEEP * layer
+        slope = self.at(*(place - out * np.maximum(deep + layer - d, 0)), count) / deep * (d < deep + layer)
+        beyond = slope * np.where(d < layer, d - layer, 0)
+        return np.asarray((self.at(x, y, count) + beyond + slope * layer * np.exp(-np.maximum(d, 0) / layer)) * (d > 0))
+
+    def _sides(self) -> tuple[Array, Array]:
+        """Outward unit normals (n, 2) of the membrane's sides and their distances from the middle (n,)."""
+        if self.space is None:
+            width, height = self.inner
+            return np.array([[1, 0], [-1, 0], [0, 1], [0, -1.0]]), np.array([width, width, height, height]) / 2
+        rows = _normals(self.space[0]) / np.array(self.inner)
+        size = np.linalg.norm(rows, axis=1)
+        return rows / size[:, None], 1 / size
+
+
+DEEP = 2.0
+"""Boundary layers inside the membrane's edge at which its slope is read off."""
+
 
 @cache
 def device(name: str) -> Model:

@@ -1,4 +1,4 @@
-"""Maps of harmonics: shapes of an ideal membrane smaller by ℓ on every side, v(t) sampled over a period, an FFT.
+"""Maps of harmonics: shapes of an ideal membrane smaller by ℓ on every side, with the layer of a plate at its edge; v(t) over a period, an FFT.
 
 A restoring force of second order bends the motion itself: one period of the free oscillator, in time steps.
 """
@@ -24,13 +24,17 @@ SPOT, WEIGHT = np.polynomial.hermite_e.hermegauss(4)
 @lru_cache(maxsize=32)
 def _shapes(name: str, x: bytes, y: bytes) -> Array:
     """Shapes of the lowest modes at points, each with a maximum of 1."""
-    return np.asarray(_film(name).at(np.frombuffer(x), np.frombuffer(y), MODES) / _largest(name)[:, None])
+    return np.asarray(_film(name).held(np.frombuffer(x), np.frombuffer(y), MODES, _layer(name)) / _largest(name)[:, None])
+
+
+def _layer(name: str) -> float:
+    film = device(name).film
+    return film.thickness * float(np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress)))
 
 
 @cache
 def _film(name: str) -> Membrane:
-    film = device(name).film
-    return membrane(name, film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress)))
+    return membrane(name, _layer(name))
 
 
 @cache
