@@ -10,10 +10,12 @@ from scipy.linalg import eigh
 from scipy.special import jv
 
 from femnl import geometry, measurement
+from femnl.diagnose.film import SimulatedFilm
 from femnl.effects import library
+from femnl.modes import shape_at
 from femnl.optics import MultilayerFringe
 from tests.blind.jobs import jobs
-from tests.blind.lab import KINDS, Case, causes, make
+from tests.blind.lab import KINDS, Case, causes, make, maps
 from tests.blind.lab.film import Membrane, membrane
 from tests.blind.lab.maps import WAVELENGTH, bent, reflection
 from tests.blind.lab.record import COUNT, RATE, RecordBench
@@ -170,3 +172,12 @@ def test_a_seed_draws_the_same_file_again(tmp_path: Path) -> None:
     case = Case("spectrum", ("added_mass",), 9)
     assert make(case, tmp_path / "one.nc") == make(case, tmp_path / "two.nc")
     assert make(Case("spectrum", ("added_mass",), 10), tmp_path / "three.nc") != make(case, tmp_path / "two.nc")
+
+
+@pytest.mark.parametrize("name", ["square-270um", "rectangle", "hexagon-278um"])
+def test_shapes_of_the_laboratory_have_the_layer_of_a_plate_at_its_edge(name: str) -> None:
+    film = SimulatedFilm(geometry.load(name), 12)
+    x, y = np.random.default_rng(1).uniform(-1, 1, (2, 2000)) * film.projection.reach
+    made = maps._shapes(name, x.tobytes(), y.tobytes())[0]
+    there = shape_at(film.modes, 0, x, y)
+    assert np.abs(made * np.sign(made @ there) - there).max() < 1e-3

@@ -77,7 +77,8 @@ class Membrane:
         nearest = np.argmin(away, axis=0)
         d, out = away[nearest, np.arange(len(x))], normal[nearest].T
         deep = DEEP * layer
-        slope = self.at(*(place - out * np.maximum(deep + layer - d, 0)), count) / deep * (d < deep + layer)
+        inner = place - out * np.maximum(deep + layer - d, 0)
+        slope = self.at(inner[0], inner[1], count) / deep * (d < deep + layer)
         beyond = slope * np.where(d < layer, d - layer, 0)
         return np.asarray((self.at(x, y, count) + beyond + slope * layer * np.exp(-np.maximum(d, 0) / layer)) * (d > 0))
 

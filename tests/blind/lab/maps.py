@@ -1,4 +1,4 @@
-"""Maps of harmonics: shapes of an ideal membrane smaller by ℓ on every side, with the layer of a plate at its edge; v(t) over a period, an FFT.
+"""Maps of harmonics: shapes of a membrane smaller by ℓ on every side with the layer of a plate at its edge; v(t) over a period, an FFT.
 
 A restoring force of second order bends the motion itself: one period of the free oscillator, in time steps.
 """
