@@ -39,11 +39,14 @@ def solve_condensed(tiling: Tiling, count: int, degree: int) -> Modes:
     """
     relaxed = Relaxed(Frame(tiling, degree))
     source, prestress = Condensed(relaxed), relaxed.prestress()
+    modes = solve_sectors(source, prestress, count)
     for _ in range(EXTENSIONS):
-        modes = solve_sectors(source, prestress, count)
         if source.missed <= MISSED:
             return modes
         source.extend()
+        modes = solve_sectors(source, prestress, count)
+    if source.missed <= MISSED:
+        return modes
     raise ConvergenceError(
         f"{tiling.model.name}: condensed cells leave {source.missed:.1e} of ω² in the highest mode; ask for fewer modes, or for "
         "symmetry quarter, which condenses nothing"
