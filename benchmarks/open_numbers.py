@@ -157,6 +157,7 @@ def hexagon(ledge: Ledge) -> None:
 
 def main(folder: Path, whole: bool) -> None:
     """Scan, print what comes closest and how plausible it is, and draw it."""
+    folder.mkdir(parents=True, exist_ok=True)
     device = load("square-270um-perforated")
     ledge = solve_ledge(tapered(device.film).thickness)
     rows = list(rigid_edges(device))

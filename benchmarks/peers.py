@@ -115,6 +115,7 @@ def one(task: str, name: str, n: int) -> None:
 
 def main(folder: Path) -> None:
     """Run all, print and write the tables, and draw the growth with the number of holes."""
+    folder.mkdir(parents=True, exist_ok=True)
     rows = []
     known = {bending: run(task, "reference", 30)["ratios"] for bending, task in ((True, PLATE), (False, MEMBRANE))}
     for task, runs in RUNS.items():

@@ -39,6 +39,7 @@ def _cpu() -> float:
 
 def main(folder: Path) -> None:
     """Time the stages in this process, then the command in one of its own."""
+    folder.mkdir(parents=True, exist_ok=True)
     rows: Rows = []
     model = load(DEVICE)
     tiling = timed("tiles", rows, partial(tile, model))

@@ -69,6 +69,7 @@ def timed(name: str, solve: Callable[[Iterator[Point], Settings], Iterator[Recor
 
 def main(folder: Path) -> None:
     """Measure and print; figures of a machine that others load are worth less than its load says."""
+    folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)
         (place / "film.toml").write_text(GEOMETRY, encoding="utf-8")
