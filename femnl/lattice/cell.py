@@ -20,7 +20,7 @@ from femnl.types.mechanics import Domain
 
 Array = NDArray[np.float64]
 
-DEGREE, RESOLUTION, WAVE_DEGREE = 4, 1.5, 3
+DEGREE, RESOLUTION = 4, 1.5
 LONG = 4  # cells per wavelength from which the dispersion is read
 BOTH = (1, 1)
 
@@ -115,7 +115,7 @@ def _standing(model: Model, pitch: float, rows: int, k: float) -> float:
     The uniform motion has no stiffness at all: a spring of k² times the film's mass lifts every ω² by as much.
     """
     domain = _cells(model, pitch, LONG, rows)
-    operators = Operators(solve_prestress(domain, WAVE_DEGREE), WAVE_DEGREE)
+    operators = Operators(solve_prestress(domain, DEGREE), DEGREE)
     lift = k**2 * model.film.stress / model.film.density
     stiffness = csc_matrix(operators.stiffness(BOTH) + lift * operators.mass)
     values, shapes = lowest_eigenpairs(stiffness, operators.mass, 6)
