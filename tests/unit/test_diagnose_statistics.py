@@ -1,23 +1,21 @@
 """The statistics under a verdict on straight lines, where each has a closed form: p-value, evidence, unseen data, order of effects."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.special import ndtr
 from scipy.stats import kstest, norm
 
 from femnl.diagnose.fit import DECADES, Solution, fit
-from femnl.diagnose.problem import Extended, Named, apply
+from femnl.diagnose.problem import Extended, apply
 from femnl.diagnose.search import Candidate, applicable, criticise
 from femnl.diagnose.verdict import CLEAR, judge
 from femnl.effects import library
-from femnl.types.comparison import Comparison
-from femnl.types.effect import Effect, Kind, Knob, Values
+from femnl.types.effect import Effect, Knob
 from femnl.types.readout import Array
 from femnl.types.scene import Placement
+from tests.unit.level import Level
 
 N = 48
 X = np.linspace(-1, 1, N)
@@ -26,43 +24,8 @@ HALF = 30.0
 """Half of the range of every parameter."""
 
 
-class Level:
-    """Data in units of their σ, whose base model is a constant."""
-
-    kind: Kind = "spectrum"
-    rugged = False
-
-    def __init__(self, data: Array) -> None:
-        self.data = data
-        self.base: tuple[Knob, ...] = (Knob("level", "1", -HALF, HALF),)
-        self.start = np.zeros(1)
-        self.facts: Mapping[str, float] = {"time": 1.0}
-        self.notes: tuple[str, ...] = ()
-
-    @property
-    def blocks(self) -> NDArray[np.int64]:
-        return BLOCKS
-
-    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        return {"halves": np.sign(X)}
-
-    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
-        return np.asarray(self.data - apply("frequencies", np.full(N, base["level"]), effects, values))
-
-    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        return {}
-
-    def systematic(self, unit: str) -> float:
-        return 0.0
-
-    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
-        return []
-
-    def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        return ()
-
-    def describe(self, residuals: Array) -> str:
-        return ""
+def level(data: Array) -> Level:
+    return Level(data, BLOCKS, HALF, {"halves": np.sign(X)})
 
 
 def wave(order: int) -> Effect:
@@ -82,7 +45,7 @@ WAVES = [wave(n) for n in (1, 2, 3, 5, 8, 13)]
 
 
 def solved(data: Array, *effects: Effect) -> Solution:
-    model = Extended(Level(data), effects)
+    model = Extended(level(data), effects)
     return fit(model, model.pack({"level": 0.0}, [{"size": 0.1}] * len(effects)))
 
 
@@ -180,7 +143,7 @@ def test_two_causes_that_do_as_well_are_a_tie_told_with_both() -> None:
 
 def test_effects_need_what_the_measurement_must_have_recorded() -> None:
     needy = replace(WAVES[0], needs=("laser_power",))
-    assert applicable(Level(np.zeros(N)), [needy, WAVES[1]]) == [WAVES[1]]
+    assert applicable(level(np.zeros(N)), [needy, WAVES[1]]) == [WAVES[1]]
 
 
 def test_effects_run_in_the_order_of_the_list_and_a_stage_is_turned_before_it_is_stretched() -> None:

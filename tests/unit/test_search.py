@@ -1,62 +1,27 @@
 """How causes are sought, left out and judged, on problems small enough to see through."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from femnl.diagnose.fit import Solution, Unseen, fit, leave_out
-from femnl.diagnose.problem import Extended, Named, apply
+from femnl.diagnose.problem import Extended
 from femnl.diagnose.scan import scan
 from femnl.diagnose.search import search
 from femnl.diagnose.verdict import judge
-from femnl.types.comparison import Comparison
-from femnl.types.effect import Effect, Kind, Knob, Values
+from femnl.types.effect import Effect, Knob, Values
 from femnl.types.readout import Array
+from tests.unit.level import Level
 
 BLOCKS = np.repeat(np.arange(4), 10)
 PLACE = np.linspace(-1, 1, len(BLOCKS))
 
 
-class Line:
-    """Data y(x) in units of their σ, against a constant that effects change at the stage "frequencies"."""
-
-    kind: Kind = "spectrum"
-
-    def __init__(self, data: Array, rugged: bool = False) -> None:
-        self.data, self.rugged = data, rugged
-        self.base: tuple[Knob, ...] = (Knob("level", "1", -100.0, 100.0),)
-        self.start = np.zeros(1)
-        self.facts: Mapping[str, float] = {}
-        self.notes: tuple[str, ...] = ()
-
-    @property
-    def blocks(self) -> NDArray[np.int64]:
-        return BLOCKS
-
-    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        return {}
-
-    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
-        return np.asarray(self.data - apply("frequencies", np.full(len(BLOCKS), base["level"]), effects, values))
-
-    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        return {}
-
-    def systematic(self, unit: str) -> float:
-        return 0.0
-
-    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
-        return []
-
-    def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        return ()
-
-    def describe(self, residuals: Array) -> str:
-        return ""
+def line(data: Array, rugged: bool = False) -> Level:
+    return Level(data, BLOCKS, 100.0, rugged=rugged)
 
 
 def effect(name: str, change: Callable[[float], Array], low: float = -10.0, whole: bool = False) -> Effect:
@@ -73,7 +38,7 @@ SLOPE = effect("slope", lambda s: s * PLACE)
 
 
 def solved(data: Array, *effects: Effect) -> Solution:
-    model = Extended(Line(data), effects)
+    model = Extended(line(data), effects)
     return fit(model, model.pack({"level": 0.0}, [{"strength": 0.1}] * len(effects)))
 
 
@@ -115,7 +80,7 @@ class Foreseen(Solution):
 
 def test_what_fits_all_data_but_predicts_no_part_from_the_others_explains_nothing() -> None:
     data = 3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)
-    base, right = search(Line(data), [SLOPE])
+    base, right = search(line(data), [SLOPE])
     assert judge([base, right]).verdict == "explained"
 
     class Bent(Foreseen):
@@ -134,14 +99,14 @@ def test_scanning_finds_the_other_side_of_a_kink() -> None:
     data = 10 * np.sign(PLACE) - 2 * PLACE**2
     assert solved(data, kinked).chi2 > 10, "tangents lead to the other side"
     (near, far), *_ = scan(solved(data), kinked)
-    model = Extended(Line(data), (kinked,))
+    model = Extended(line(data), (kinked,))
     assert fit(model, model.pack(near, [far])).chi2 < 1e-6
-    assert min(c.solution.chi2 for c in search(Line(data, rugged=True), [kinked])) < 1e-6
+    assert min(c.solution.chi2 for c in search(line(data, rugged=True), [kinked])) < 1e-6
 
 
 def test_a_whole_number_is_found_and_stays_one() -> None:
     power = effect("power", lambda p: PLACE**p, whole=True)
-    found = search(Line(4 * PLACE**3 + np.random.default_rng(2).standard_normal(40) * 0.3), [power])
+    found = search(line(4 * PLACE**3 + np.random.default_rng(2).standard_normal(40) * 0.3), [power])
     _, values = found[-1].solution.model.split(found[-1].solution.vector)
     assert values[0]["power"] == 3
     assert values[0]["strength"] == pytest.approx(4, abs=0.4)
@@ -157,14 +122,14 @@ def test_a_fit_follows_a_curved_valley_to_its_end() -> None:
         "",
         "",
     )
-    model = Extended(Line(np.zeros(40)), (valley,))
+    model = Extended(line(np.zeros(40)), (valley,))
     end = fit(model, model.pack({"level": 0.0}, [{"x": -2.5, "y": 6.25}]))
     assert end.chi2 < 1e-6
 
 
 def test_a_rare_draw_of_noise_that_no_cause_is_worth_is_adequate() -> None:
     for seed in range(200):
-        base, *others = search(Line(np.random.default_rng(seed).standard_normal(40)), [SLOPE])
+        base, *others = search(line(np.random.default_rng(seed).standard_normal(40)), [SLOPE])
         if 1e-3 <= base.p_value < 0.01 and all(candidate.weight < base.weight for candidate in others):
             break
     assert others

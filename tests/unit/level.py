@@ -1,0 +1,48 @@
+"""A problem small enough to see through: data in units of their σ, whose base model is a constant."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.diagnose.problem import Named, apply
+from femnl.types.comparison import Comparison
+from femnl.types.effect import Effect, Kind, Knob, Values
+from femnl.types.readout import Array
+
+
+class Level:
+    """Data (n,) in blocks (n,), with the level within ±half; effects change the prediction at the stage "frequencies"."""
+
+    kind: Kind = "spectrum"
+
+    def __init__(
+        self, data: Array, blocks: NDArray[np.int64], half: float, patterns: Mapping[str, Array] | None = None, rugged: bool = False
+    ) -> None:
+        self.data, self.blocks, self.rugged = data, blocks, rugged
+        self.base: tuple[Knob, ...] = (Knob("level", "1", -half, half),)
+        self.start = np.zeros(1)
+        self.facts: Mapping[str, float] = {"time": 1.0}
+        self.notes: tuple[str, ...] = ()
+        self._patterns = dict(patterns or {})
+
+    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        return self._patterns
+
+    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+        return np.asarray(self.data - apply("frequencies", np.full(len(self.data), base["level"]), effects, values))
+
+    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        return {}
+
+    def systematic(self, unit: str) -> float:
+        return 0.0
+
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        return []
+
+    def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
+        return ()
+
+    def describe(self, residuals: Array) -> str:
+        return ""
