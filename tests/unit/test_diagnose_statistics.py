@@ -7,9 +7,12 @@ import pytest
 from scipy.special import ndtr
 from scipy.stats import kstest, norm
 
+from femnl import load, measurement
+from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fit import DECADES, Solution, fit
 from femnl.diagnose.problem import Extended, apply
 from femnl.diagnose.search import Candidate, applicable, criticise
+from femnl.diagnose.spectrum import SpectrumProblem
 from femnl.diagnose.verdict import CLEAR, judge
 from femnl.effects import library
 from femnl.types.effect import Effect, Knob
@@ -161,3 +164,15 @@ def test_the_normal_tail_of_an_outlier_counts_every_datum() -> None:
     size = np.abs(found.solution.residuals).max() * np.sqrt(N / found.solution.degrees)
     assert found.worst == "outlier"
     assert found.p_value == pytest.approx(4 * N * 2 * float(ndtr(-size)), rel=1e-3)
+
+
+@pytest.mark.parametrize("anisotropy", [-1.4e-3, 1.4e-3])
+def test_modes_without_labels_are_the_lowest_even_where_a_pair_is_cut_in_half(anisotropy: float) -> None:
+    film = SimulatedFilm(load("hexagon-278um"), 48)
+    spectrum = measurement.spectrum(film.modes.frequency[:11], np.full(11, 1.0))
+    problem = SpectrumProblem(spectrum, film)
+    base = dict(zip((knob.name for knob in problem.base), problem.start, strict=True))
+    uneven = [library()["stress_anisotropy"]]
+    left = problem.residuals(uneven, base, [{"anisotropy": anisotropy}])[:11]
+    solved, _, _ = problem._solved(uneven, base, [{"anisotropy": anisotropy}])
+    np.testing.assert_allclose(problem.frequency - left, np.sort(solved)[:11], rtol=1e-12)
