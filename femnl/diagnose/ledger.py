@@ -34,7 +34,7 @@ class Ledger:
         """Return what was kept under a key, or find it and add a line; numbers come back as they were, to the last bit."""
         if key in self._known:
             return self._known[key]
-        found = find()
+        self._known[key] = found = find()
         line = json.dumps([key, *(values.tolist() for values in found)]) + "\n"
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)

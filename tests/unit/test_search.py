@@ -2,16 +2,22 @@
 
 from collections.abc import Callable
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from femnl import load, measurement
+from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fit import Solution, Unseen, fit, leave_out
+from femnl.diagnose.ledger import remembered
 from femnl.diagnose.problem import Extended
 from femnl.diagnose.scan import scan
 from femnl.diagnose.search import search
+from femnl.diagnose.spectrum import SpectrumProblem
 from femnl.diagnose.verdict import judge
+from femnl.effects import library
 from femnl.types.effect import Effect, Knob, Values
 from femnl.types.readout import Array
 from tests.unit.level import Level
@@ -113,18 +119,16 @@ def test_a_whole_number_is_found_and_stays_one() -> None:
 
 
 def test_a_fit_follows_a_curved_valley_to_its_end() -> None:
-    valley = Effect(
-        "valley",
-        "",
-        (Knob("x", "1", -3.0, 3.0), Knob("y", "1", -3.0, 9.0)),
-        {"frequencies": lambda v, k: v + np.where(BLOCKS < 2, 300 * (k["y"] - k["x"] ** 2), k["x"] - 2.5)},
-        "",
-        "",
-        "",
-    )
-    model = Extended(line(np.zeros(40)), (valley,))
-    end = fit(model, model.pack({"level": 0.0}, [{"x": -2.5, "y": 6.25}]))
-    assert end.chi2 < 1e-6
+    # Slopes of the stress act in second order on the pairs of a hexagon: what the data know is a circle of slopes.
+    film = SimulatedFilm(load("hexagon-278um"), 52)
+    problem = SpectrumProblem(measurement.spectrum(film.modes.frequency[:13], np.full(13, 20.0)), film)
+    model = Extended(problem, (library()["tension_gradient"],))
+    base = dict(zip((knob.name for knob in problem.base), problem.start, strict=True))
+    truth = model.pack(base, [{"slope_x": -0.0009, "slope_y": -0.0402, "bowl": -0.0069}])
+    problem.frequency = problem.frequency - problem.sd * model.residuals(truth)[:-1]
+    assert np.sum(model.residuals(truth) ** 2) < 1e-12
+    end = fit(model, model.pack(base, [{"slope_x": -0.0137, "slope_y": -0.0224, "bowl": -0.0074}]))
+    assert end.chi2 < 1e-3
 
 
 def test_a_rare_draw_of_noise_that_no_cause_is_worth_is_adequate() -> None:
@@ -135,3 +139,19 @@ def test_a_rare_draw_of_noise_that_no_cause_is_worth_is_adequate() -> None:
     assert others
     assert judge([base, *others]).verdict == "adequate"
     assert judge([replace(base, p_value=1e-5), *others]).verdict != "adequate"
+
+
+def test_kept_fits_are_those_of_the_blocks_that_they_leave_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    solution = solved(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40), SLOPE)
+    with remembered("a file"):
+        kept = leave_out(solution, 20)
+    assert kept == leave_out(solution, 20)
+
+
+def test_several_causes_are_held_to_a_higher_p_value_than_one() -> None:
+    base, one = search(line(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)), [SLOPE])
+    data = base.solution.model.problem.residuals((), {"level": 0.0}, ())
+    two = replace(one, solution=solved(data, SLOPE, effect("bend", lambda s: s * PLACE**2)))
+    for p, verdicts in ((0.005, (True, False)), (0.02, (True, True)), (5e-4, (False, False))):
+        assert tuple(replace(c, p_value=p).viable for c in (one, two)) == verdicts
