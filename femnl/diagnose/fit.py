@@ -215,22 +215,22 @@ def covariance(slopes: Array, width: Array) -> Array:
 def leave_out(solution: Solution, most: int) -> Unseen:
     """Predict each block of the data by a fit to the others; prior knowledge is never left out.
 
-    In r of a block with slopes J, the fit to the others and its covariance C leave S = 1 + J C Jᵀ: χ² = rᵀ S⁻¹ r, density −½ (χ² + ln|S|).
+    ln p(block | others) is by how much the logarithm of evidence falls from the others to all data: −½ of what χ² gains, and −½ of
+    what ln|C| loses, C the covariance of the parameters. Where the model is linear over the errors that the fit to the others leaves,
+    these are rᵀ S⁻¹ r and ln|S|, S = 1 + J C Jᵀ; where it bends over them, S, which knows one slope, would mistake that for a misfit.
     """
     blocks = solution.model.problem.blocks
     low, high = solution.model.bounds
+    units = np.outer(high - low, high - low)
     square, count, density, p_values = 0.0, 0, 0.0, []
     for block in np.unique(blocks[blocks >= 0]):
         out = blocks == block
         other = fit(solution.model, solution.vector, ~out, most)
-        misfit, slopes = other.residuals[out], other.jacobian[out] * (high - low)
-        known = covariance(other.jacobian[~out], high - low) / np.outer(high - low, high - low)
-        # By Woodbury's identity: a block may hold thousands of data, and a model has few parameters.
-        spread = np.eye(len(known)) + known @ (slopes.T @ slopes)
-        towards = slopes.T @ misfit
-        plain = float(misfit @ misfit)
-        chi2 = max(plain - float(towards @ np.linalg.solve(spread, known @ towards)), 0.0)
-        square, count = square + plain, count + len(misfit)
-        density -= 0.5 * (chi2 + float(np.linalg.slogdet(spread)[1]))
-        p_values.append(float(chdtrc(len(misfit), chi2)))
+        seen, unseen = other.residuals[~out], other.residuals[out]
+        known = covariance(other.jacobian[~out], high - low)
+        gained = np.linalg.slogdet(known / units)[1] - np.linalg.slogdet(solution.covariance / units)[1]
+        chi2 = max(solution.chi2 - float(seen @ seen), 0.0)
+        square, count = square + float(unseen @ unseen), count + len(unseen)
+        density -= 0.5 * (chi2 + float(gained))
+        p_values.append(float(chdtrc(len(unseen), chi2)))
     return Unseen(square / count, density, min(1.0, min(p_values) * len(p_values)))

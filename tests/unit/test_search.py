@@ -57,10 +57,10 @@ def test_the_density_of_unseen_blocks_is_that_of_the_full_matrices() -> None:
     for block in range(4):
         out = block == BLOCKS
         best = np.linalg.lstsq(columns[~out], data[~out], rcond=None)[0]
-        known = np.linalg.inv(columns[~out].T @ columns[~out] + prior)
-        spread = np.eye(10) + columns[out] @ known @ columns[out].T
+        known, known_before = (np.linalg.inv(columns[~out].T @ columns[~out] + p) for p in (0.0, prior))
+        spread, size = (np.eye(10) + columns[out] @ k @ columns[out].T for k in (known, known_before))
         misfit = data[out] - columns[out] @ best
-        density -= 0.5 * (misfit @ np.linalg.solve(spread, misfit) + np.linalg.slogdet(spread)[1])
+        density -= 0.5 * (misfit @ np.linalg.solve(spread, misfit) + np.linalg.slogdet(size)[1])
         square += misfit @ misfit
     assert found.density == pytest.approx(density, rel=1e-5)
     assert found.chi2_reduced == pytest.approx(square / 40, rel=1e-5)
@@ -72,6 +72,15 @@ def test_the_p_value_of_unseen_blocks_is_as_small_as_it_says_where_the_model_is_
     for p in (0.05, 0.2, 0.5):
         rate = 1 - (1 - p / 4) ** 4
         assert abs(np.mean(drawn < p) - rate) < 3 * np.sqrt(rate * (1 - rate) / len(drawn))
+
+
+def test_a_block_that_bends_over_what_the_others_leave_open_is_no_misfit() -> None:
+    def bent(s: float) -> Array:
+        return np.where(BLOCKS == 3, 10 * np.sin(3 * s * PLACE), s * PLACE)
+
+    rng = np.random.default_rng(5)
+    drawn = [leave_out(solved(3 + bent(0.5) + rng.standard_normal(40), effect("bent", bent)), 20).p_value for _ in range(50)]
+    assert min(drawn) > 0.01 / 50
 
 
 class Foreseen(Solution):
