@@ -7,6 +7,7 @@ import numpy as np
 
 from femnl.modes.projection import project
 from femnl.predict import solve_modes, solve_nonlinearity
+from femnl.prestress import solve_units
 from femnl.storage.projection import cached_projection
 from femnl.types.device import Model
 from femnl.types.mechanics import Modes
@@ -15,6 +16,9 @@ from femnl.types.readout import Array
 
 BENDING = (0.0, 1.0, 2.0, 4.0)
 """Bending lengths, in units of the geometry's own, at which the modes are solved; between them k² is a cubic in ℓ."""
+
+UNITS = 3
+"""Degree of the elements in which changes of the film stress relax around holes."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +35,13 @@ class SimulatedFilm:
 
     @cached_property
     def projection(self) -> Projection:
-        """Integrals of those modes."""
-        return cached_projection(self.model, ("projection", self.count), lambda: project(self.modes))
+        """Integrals of those modes; what changes of the film stress leave around holes is part of them."""
+
+        def solve() -> Projection:
+            relaxes = bool(np.any(self.modes.prestress.displacement))
+            return project(self.modes, solve_units(self.modes.domain, UNITS) if relaxes else None)
+
+        return cached_projection(self.model, ("projection", self.count), solve)
 
     @cached_property
     def alpha(self) -> Array:

@@ -12,7 +12,7 @@ from femnl.diagnose.fringes import harmonics
 from femnl.diagnose.problem import Named, apply
 from femnl.fits.maps import fit_map
 from femnl.measurement import noise_sd
-from femnl.modes import shape_at
+from femnl.modes import shape_at, shapes_at
 from femnl.types.comparison import Comparison, Images
 from femnl.types.effect import Effect, Kind, Knob, Values
 from femnl.types.readout import Array, ComplexArray
@@ -144,7 +144,7 @@ class MapProblem:
             if straight and np.isfinite(across).all() and np.isfinite(up).all():  # not turned, so still a grid
                 return self.film.projection.on_grid(across, up)[:, self._row, self._column]
             return self.film.projection.at(*here)
-        return np.stack([shape_at(self.film.modes, k, *here) for k in range(len(self.film.modes.frequency))])
+        return shapes_at(self.film.modes, *here)
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (V − V_predicted)/σ of all real, then of all imaginary parts."""

@@ -1,23 +1,36 @@
 """The relaxed film stress, evaluated where integrals need it."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from femnl.fem.elements import Space
 from femnl.fem.forms import cells, in_plane_strain, vector_dofs
 from femnl.fem.sheet import Sheet
-from femnl.types.mechanics import Prestress
+from femnl.types.mechanics import Domain, Prestress
+from femnl.types.operators import Units
 
 Array = NDArray[np.float64]
 
 
 def relaxed_stress(prestress: Prestress, order: int) -> list[Array]:
     """Film stress σ₀ I + C ε(u) at the quadrature points of `cells(…, order)`, chunk by chunk: (e, q, 3) [Pa] as (xx, yy, xy)."""
-    domain = prestress.domain
-    space, sheet = Space(domain.mesh, prestress.degree), Sheet(domain)
-    result = []
+    sheet = Sheet(prestress.domain)
+    strains = _strains(prestress.domain, prestress.degree, prestress.displacement[None], order)
+    return [sheet.stress(part) + (strain[0, ..., None, :] @ sheet.moduli(part))[..., 0, :] for part, strain in strains]
+
+
+def unit_stress(domain: Domain, units: Units, order: int) -> list[Array]:
+    """What is left of a film stress of 1 in each of `DIRECTIONS` (xy: in xy and in yx), as above: (3, e, q, 3) [1]."""
+    sheet, own = Sheet(domain), np.eye(3)[:, None, None]
+    strains = _strains(domain, units.degree, units.displacement, order)
+    return [own + (strain[..., None, :] @ sheet.moduli(part))[..., 0, :] for part, strain in strains]
+
+
+def _strains(domain: Domain, degree: int, displacements: Array, order: int) -> Iterator[tuple[slice, Array]]:
+    """ε of in-plane displacements (n, n_dofs) at the quadrature points of each chunk, (n, e, q, 3) as (xx, yy, 2xy)."""
+    space = Space(domain.mesh, degree)
     for cell in cells(space, order):
-        local = prestress.displacement[vector_dofs(space, cell.triangles)]
-        strain = np.einsum("eqcj,ej->eqc", in_plane_strain(cell.jet), local)
-        result.append(sheet.stress(cell.triangles) + (strain[..., None, :] @ sheet.moduli(cell.triangles))[..., 0, :])
-    return result
+        local = displacements[:, vector_dofs(space, cell.triangles)]
+        yield cell.triangles, np.einsum("eqcj,nej->neqc", in_plane_strain(cell.jet), local)

@@ -1,6 +1,6 @@
 """Mode shapes as functions: their largest value, canonical pairs, labels, values at points."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,30 +167,42 @@ def shape_at(modes: Modes, index: int, x: Array, y: Array) -> Array:
     Args: index: 0 for the fundamental mode.
     Raises: IndexError where there is no such mode; ParameterError where a point is not finite.
     """
+    return np.asarray(_values_at(modes, [index], x, y)[0])
+
+
+def shapes_at(modes: Modes, x: Array, y: Array) -> Array:
+    """Return ξ of every mode at points (x, y), (n_modes, *shape); as `shape_at`, at the cost of little more than one mode."""
+    return _values_at(modes, range(len(modes.frequency)), x, y)
+
+
+def _values_at(modes: Modes, chosen: Sequence[int], x: Array, y: Array) -> Array:
     points = np.stack(np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)), -1)
     if not np.all(np.isfinite(points)):
         raise ParameterError("x, y: expected finite numbers in m, found NaN or infinity among the points")
-    where, sign = _fold(modes.domain, points.reshape(-1, 2), modes.parity[index])
+    shapes, parity = modes.shapes[list(chosen)], np.array([modes.parity[k] for k in chosen])
+    where, flips = _fold(modes.domain, points.reshape(-1, 2), parity.shape[1])
     space = Space(modes.domain.mesh, modes.degree)
     triangle, reference = _locate(modes.domain, where)
     found = triangle >= 0
-    value = np.zeros(len(where))
+    value = np.zeros((len(shapes), len(where)))
     basis = reference_basis(modes.degree, reference[found])
-    value[found] = sign[found] * np.einsum("nj,nj->n", basis, modes.shapes[index][space.dofs[triangle[found]]])
-    return value.reshape(points.shape[:-1])
+    dofs = space.dofs[triangle[found]]
+    for row, shape, signs in zip(value, shapes, parity, strict=True):
+        row[found] = np.prod(signs ** flips[found], axis=1) * np.einsum("nj,nj->n", basis, shape[dofs])
+    return value.reshape(len(shapes), *points.shape[:-1])
 
 
-def _fold(domain: Domain, points: Array, parity: tuple[int, ...]) -> tuple[Array, Array]:
-    """Mirror points into the wedge; the sign that the shape takes with each mirroring."""
-    points, sign = points.copy(), np.ones(len(points))
+def _fold(domain: Domain, points: Array, mirrors: int) -> tuple[Array, NDArray[np.int64]]:
+    """Mirror points into the wedge; how often in each mirror, (n_points, mirrors)."""
+    points, flips = points.copy(), np.zeros((len(points), mirrors), dtype=np.int64)
     for _ in range(domain.copies):
-        for k, s in enumerate(parity):
+        for k in range(mirrors):
             angle = (0.0, domain.wedge)[k]
             normal = np.array([-np.sin(angle), np.cos(angle)]) * (1 if k == 0 else -1)
             beyond = points @ normal < 0
             points[beyond] -= 2 * (points[beyond] @ normal)[:, None] * normal
-            sign[beyond] *= s
-    return points, sign
+            flips[beyond, k] += 1
+    return points, flips
 
 
 def _locate(domain: Domain, points: Array) -> tuple[NDArray[np.int64], Array]:
