@@ -11,12 +11,13 @@ from femnl.diagnose import diagnose
 from femnl.effects import library
 from tests.blind.lab import Case, make
 
-SQUARE, HEXAGON = "square-270um", "hexagon-278um"
+SQUARE, HEXAGON, PERFORATED = "square-270um", "hexagon-278um", "perforated"
 HIDDEN = [
     Case("spectrum", ("added_mass",), 2, SQUARE, (30.0, 60.0)),
     Case("spectrum", ("frequency_drift",), 2, SQUARE, (10.0, 60.0)),
     Case("spectrum", ("shear_stress",), 2, SQUARE, (20.0, 60.0)),
     Case("spectrum", ("bending_stiffness",), 2, SQUARE, (20.0, 60.0)),
+    Case("holes", ("shear_stress",), 2, PERFORATED, (20.0, 60.0)),
     Case("response", ("nonlinear_damping",), 2, SQUARE, (20.0, 60.0)),
     pytest.param(Case("response", ("crosstalk",), 2, SQUARE, (20.0, 60.0)), marks=pytest.mark.slow),
     Case("map", ("phase_tilt",), 2, SQUARE, (20.0, 60.0)),

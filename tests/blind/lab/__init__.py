@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 
 from femnl import measurement
-from tests.blind.lab import joint, maps, record, response, series, spectrum, trace
+from tests.blind.lab import holes, joint, maps, record, response, series, spectrum, trace
 from tests.blind.lab.bench import Bench, Cause, sized
+from tests.blind.lab.film import device
 
 STRONG, WEAK = (6.0, 300.0), (0.7, 8.0)
 """Ranges of σ by which hidden and weakened causes stand out; drawn evenly in the logarithm."""
 KINDS: dict[str, Any] = {
     "spectrum": spectrum,
+    "holes": holes,
     "response": response,
     "map": maps,
     "series": series,
@@ -27,9 +29,10 @@ KINDS: dict[str, Any] = {
     "lasers": joint.Lasers,
     "device": joint.Device,
 }
-"""What is in a file: one measurement, but maps under two lasers, and spectrum and sweeps of one device."""
+"""What is in a file: one measurement (holes: a spectrum of a film with holes), but maps under two lasers, and spectrum and sweeps."""
 GEOMETRIES = {
     "spectrum": ("square-270um", "rectangle", "hexagon-278um"),
+    "holes": ("perforated",),
     "response": ("square-270um",),
     "map": ("square-270um", "rectangle", "hexagon-278um"),
     "series": ("square-270um",),
@@ -65,7 +68,7 @@ def make(case: Case, path: Path) -> dict[str, Any]:
     wanted = {name: float(np.exp(rng.uniform(*np.log(case.size)))) for name in case.causes}
     hidden, found = sized(bench, base, hidden, wanted)
     groups = bench.measured(base, {name: cause.values for name, cause in hidden.items()}, rng)
-    measurement.write(measurement.bundle(groups, geometry=case.geometry), path)
+    measurement.write(measurement.bundle(groups, geometry=case.geometry, model=device(case.geometry).text), path)
     return {"case": asdict(case), "base": base, "causes": {name: cause.values for name, cause in hidden.items()}, "sigma": found}
 
 

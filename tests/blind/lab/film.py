@@ -5,6 +5,7 @@ A clamped plate under tension is, up to third order in ℓ/L, a membrane that is
 
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -98,8 +99,9 @@ DEEP = 2.0
 
 @cache
 def device(name: str) -> Model:
-    """The device of that name."""
-    return geometry.load(name)
+    """The device of that name, of the laboratory or of femnl."""
+    own = Path(__file__).with_name(f"{name}.toml")
+    return geometry.load(str(own) if own.is_file() else name)
 
 
 def membrane(name: str, layer: float, stretch: float = 0.0, basis: int = 14) -> Membrane:

@@ -1,0 +1,227 @@
+"""Spectra of a square film with a lattice of holes: quadratic quadrilaterals around each hole, in the plane and out of it.
+
+The film relaxes in its plane under each component of the stress that it had before; its modes, slopes and bending follow from that.
+"""
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.sparse.linalg import eigsh, splu
+from skfem import Basis, BilinearForm, ElementQuad2, ElementVector, FacetBasis, LinearForm, MeshQuad, MeshQuad2, asm
+from skfem.helpers import ddot, sym_grad, trace
+from skfem.models.poisson import mass
+
+from tests.blind.lab import spectrum
+from tests.blind.lab.bench import Array, Cause
+from tests.blind.lab.film import Membrane
+from tests.blind.lab.spectrum import SpectrumBench
+
+SIDE, PITCH, COUNT, RADIUS, POISSON = 250e-6, 40e-6, 6, 5e-6, 0.23
+"""Those of `perforated.toml`."""
+KEPT = Path(__file__).parents[3] / "build" / f"blind-perforated-{zlib.crc32(Path(__file__).read_bytes()):08x}.npz"
+"""Where what the film's equations give is kept; without it, or where this file has changed, it is computed again."""
+AROUND, OUTWARDS, MODES = 56, 8, 60
+LOADS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""Stress before the release: xx, yy, xy."""
+
+
+def solved() -> dict[str, Array]:
+    """Integrals over the film and its modes, lengths in units of its side, of ∫φᵢφⱼ = δᵢⱼ × area.
+
+    loads (3, n, n): ∫ T:∇φᵢ∇φⱼ / area for the relaxed film of each load, graded (3, n, n): that of equal stresses times x, y and
+    x² + y²; edge (n,): ∮ √T_nn (∂φ/∂n)² / area of equal stresses;
+    bending (n,): ∫ (1 − ν) |∇∇φ|² + ν (Δφ)² / area; area; shapes (n_nodes, n) at nodes (2, n_nodes).
+    """
+    if not KEPT.is_file():
+        found = solve(AROUND, OUTWARDS)
+        KEPT.parent.mkdir(exist_ok=True)
+        with KEPT.open("wb") as file:
+            np.savez(file, allow_pickle=False, **found)
+    with np.load(KEPT) as kept:
+        return dict(kept)
+
+
+def mesh(around: int, outwards: int) -> MeshQuad2:
+    """Quadrilaterals between each hole and the sides of its cell; those at the hole follow its arc."""
+    radius, pitch = RADIUS / SIDE, PITCH / SIDE
+    side = np.linspace(-1, 1, around // 4 + 1)[:-1]
+    one = np.ones_like(side)
+    square = np.concatenate([[one, side], [-side, one], [-one, -side], [side, -one]], axis=1)
+    s = np.linspace(0, 1, outwards + 1)[:, None] ** 1.3
+    margin = (1 - COUNT * pitch) / pitch  # between the outer cells and the edge, which those cells take in
+    cells = []
+    for column in range(COUNT):
+        for row in range(COUNT):
+            ends = [(1 + margin * (n == 0), 1 + margin * (n == COUNT - 1)) for n in (column, row)]
+            outer = np.stack([np.where(part < 0, part * low, part * high) for part, (low, high) in zip(square, ends, strict=True)])
+            turn = np.arctan2(outer[1], outer[0])
+            rings = [(1 - s) * radius * f(turn) + s * pitch / 2 * part for f, part in zip((np.cos, np.sin), outer, strict=True)]
+            place = (np.array([column, row]) - (COUNT - 1) / 2) * pitch
+            cells.append(np.stack([ring.ravel() for ring in rings]) + place[:, None])
+    i, k = np.meshgrid(np.arange(around), np.arange(outwards))
+    corners = [(k + a) * around + (i + b) % around for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    first = np.stack([corner.ravel() for corner in corners])
+    centres = (np.arange(COUNT) - (COUNT - 1) / 2) * pitch
+    points = np.concatenate(cells, axis=1)
+    quads = np.concatenate([first + n * cells[0].shape[1] for n in range(len(cells))], axis=1)
+    _, kept, where = np.unique(np.round(points, 9), axis=1, return_index=True, return_inverse=True)
+    plain = MeshQuad2.from_mesh(MeshQuad(np.ascontiguousarray(points[:, kept]), np.ascontiguousarray(where.ravel()[quads])))
+    nodes = plain.doflocs.copy()
+    rest = nodes - centres[np.abs(nodes[:, :, None] - centres).argmin(axis=2)]
+    distance = np.hypot(*rest)
+    arc = distance < radius * (1 + 1e-9)
+    nodes[:, arc] += rest[:, arc] * (radius / distance[arc] - 1)
+    return MeshQuad2(np.ascontiguousarray(nodes), plain.t)
+
+
+def solve(around: int = AROUND, outwards: int = OUTWARDS) -> dict[str, Array]:
+    """Solve the film; see `solved`."""
+    cells = mesh(around, outwards)
+    outer = cells.facets_satisfying(lambda x: np.isclose(np.abs(x).max(axis=0), 0.5, atol=1e-9), boundaries_only=True)
+    flat, plane = Basis(cells, ElementQuad2(), intorder=6), Basis(cells, ElementVector(ElementQuad2()), intorder=6)
+    rim, rims = (FacetBasis(cells, element, facets=outer, intorder=6) for element in (ElementQuad2(), ElementVector(ElementQuad2())))
+    free = plane.complement_dofs(plane.get_dofs(outer))
+    stretch = splu(asm(_elastic, plane)[free][:, free].tocsc())
+    tensions, at_rim = [], np.zeros((2, 2, *rim.dx.shape))
+    for load in LOADS:
+        before = np.array([[load[0], load[2]], [load[2], load[1]]])[:, :, None, None]
+        moved = np.zeros(plane.N)
+        moved[free] = -stretch.solve(asm(_released, plane, before=before * np.ones(flat.dx.shape))[free])
+        tensions.append(before + _stress(sym_grad(_field(plane, moved))))
+        if load[2] == 0:
+            at_rim = at_rim + before + _stress(sym_grad(_field(rims, moved)))
+    x, y = _points(flat)
+    tensions += [weight * (tensions[0] + tensions[1]) for weight in (x, y, x**2 + y**2)]
+    stiff = [asm(_pull, flat, tension=tension) for tension in tensions]
+    inner, heavy, area = flat.complement_dofs(flat.get_dofs(outer)), asm(mass, flat), float(flat.dx.sum())
+    even = stiff[0] + stiff[1]
+    square, vectors = eigsh(even[inner][:, inner].tocsc(), MODES, heavy[inner][:, inner].tocsc(), sigma=0.0)
+    shapes = np.zeros((flat.N, MODES))
+    shapes[inner] = vectors * np.sqrt(area)
+    smooth = splu(heavy.tocsc())
+    slopes = [smooth.solve(asm(_slope, flat, along=np.full(flat.dx.shape, axis)) @ shapes) for axis in (0, 1)]
+    edge, bending = np.empty(MODES), np.empty(MODES)
+    ring = flat.get_dofs(outer).all()
+    ends = splu(asm(mass, rim)[ring][:, ring].tocsc())
+    normal = np.einsum("ij...,i...,j...", at_rim, rim.normals, rim.normals)
+    for k, shape in enumerate(shapes.T):
+        # What the edge pulls follows from the film's balance much better than from the slope there.
+        pull = np.zeros(flat.N)
+        pull[ring] = ends.solve(((even - square[k] * heavy) @ shape)[ring])
+        edge[k] = np.sum(rim.dx * _field(rim, pull) ** 2 / normal**1.5) / area
+        a, b = (_field(flat, slope[:, k]).grad for slope in slopes)
+        mixed = (a[1] + b[0]) / 2
+        bending[k] = np.sum(flat.dx * ((1 - POISSON) * (a[0] ** 2 + b[1] ** 2 + 2 * mixed**2) + POISSON * (a[0] + b[1]) ** 2)) / area
+    loads = np.array([shapes.T @ (matrix @ shapes) for matrix in stiff]) / area
+    known = {"loads": loads[:3], "graded": loads[3:], "edge": edge, "bending": bending, "area": np.array(area)}
+    return known | {"nodes": flat.doflocs, "shapes": shapes}
+
+
+def _field(space: Basis | FacetBasis, values: Array) -> Any:
+    """A function of the space at its points of quadrature."""
+    return space.interpolate(values)
+
+
+def _points(space: Basis) -> Any:
+    """Places of the points of quadrature."""
+    return space.global_coordinates()
+
+
+def _stress(strain: Any) -> Any:
+    """Plane stress of Young's modulus 1: how stiff the film is does not count where its edge is held."""
+    identity = np.eye(2)[:, :, None, None]
+    return ((1 - POISSON) * strain + POISSON * trace(strain) * identity) / (1 - POISSON**2)
+
+
+@BilinearForm
+def _elastic(u: Any, v: Any, w: Any) -> Any:
+    """∫ σ(u) : ε(v)."""
+    return ddot(_stress(sym_grad(u)), sym_grad(v))
+
+
+@LinearForm
+def _released(v: Any, w: Any) -> Any:
+    """∫ σ₀ : ε(v)."""
+    return ddot(w["before"], sym_grad(v))
+
+
+@BilinearForm
+def _pull(u: Any, v: Any, w: Any) -> Any:
+    """∫ T : ∇u ∇v."""
+    return np.einsum("ij...,i...,j...", w["tension"], u.grad, v.grad)
+
+
+@BilinearForm
+def _slope(u: Any, v: Any, w: Any) -> Any:
+    """∫ ∂ₐu v, a = x or y."""
+    return np.where(w["along"] == 0, u.grad[0], u.grad[1]) * v
+
+
+@dataclass(frozen=True)
+class Perforated(Membrane):
+    """The film with its holes; a point is taken for the nearest node."""
+
+    edge: Array
+    bending: Array
+    nodes: Array
+    shapes: Array
+
+    def clamped(self, layer: float, depth: float = 0.0) -> Array:
+        """k² of each mode where the clamp's boundary layer makes the film smaller by ℓ, less ℓ²k⁴, with its bending in place of that.
+
+        To first order what the edge's pull does over ℓ; to second as on a film without holes, (1 − x)⁻² of 1 + 2x.
+        """
+        part = layer * self.edge / self.square
+        grown = self.square * (1 + part + 0.75 * part**2)
+        return np.asarray(grown + layer**2 * (self.bending - grown**2))
+
+    def at(self, x: Array, y: Array, count: int | None = None) -> Array:
+        """Values of the lowest modes at the nodes nearest to points (n,)."""
+        nearest = [int(np.argmin(np.hypot(self.nodes[0] - a, self.nodes[1] - b))) for a, b in zip(x, y, strict=True)]
+        return np.asarray(self.shapes[nearest, :count].T)
+
+
+@cache
+def perforated() -> Perforated:
+    """The film, in m."""
+    known = solved()
+    xx, yy, xy = known["loads"] / SIDE**2
+    x, y, bowl = known["graded"] / np.array([SIDE, SIDE, 1.0])[:, None, None]
+    none = np.zeros_like(xx)
+    return Perforated(
+        slopes=((xx, yy, xy / 2), (x, none, none), (y, none, none), (bowl, none, none)),
+        area=float(known["area"]) * SIDE**2,
+        half=SIDE / 2,
+        orders=np.empty((0, 2), np.int64),
+        inner=(SIDE, SIDE),
+        space=None,
+        edge=known["edge"] / SIDE**3,
+        bending=known["bending"] / SIDE**4,
+        nodes=known["nodes"] * SIDE,
+        shapes=known["shapes"],
+    )
+
+
+class HolesBench(SpectrumBench):
+    """A list of the lowest modes of the film with its holes; see `Bench`."""
+
+    less = 2.0
+
+    def membrane(self, layer: float = 0.0, stretch: float = 0.0) -> Membrane:
+        """The one film there is."""
+        return perforated()
+
+
+def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> HolesBench:
+    """Prepare a measurement."""
+    return HolesBench(name, "frequency_drift" in causes, rng)
+
+
+RIGID = ("aspect_ratio", "compliant_clamp")
+"""What would need other meshes."""
+CAUSES: dict[str, Callable[[np.random.Generator, Any], Cause]] = {n: draw for n, draw in spectrum.CAUSES.items() if n not in RIGID}
