@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Sectors = tuple[Array, Array, tuple[tuple[int, ...], ...]]  # ω² (n,), mass-normalised shapes (n, size), parities
 
 ODD_IN_Y, ODD_IN_X = (-1, 1), (1, -1)  # parities about the x axis (mirror 0) and the y axis (mirror 1)
-MODE_BYTES = 320  # of memory a triangle and mode: 8 unknowns, 5 copies in the iteration
+MODE_BYTES = 20  # of memory a triangle and mode, times the square of the degree: half as many unknowns, 5 copies in the iteration
 CONFUSED = {1: 0.005, 2: 0.05}  # relative difference of frequencies up to which modes one or two degrees apart may be the same
 COUNTERPART = 0.9  # overlap of mass-normalised shapes from which they are the same mode
 DEGENERATE = 1e-6  # relative splitting of ω² up to which modes count as sharing a frequency
@@ -38,7 +38,9 @@ def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
         the mesh of a whole film pairs count as degenerate only where the discretisation splits ω² by less than 1e-6.
     Source: Kirchhoff plate in tension; validation cases `ideal_square`, `ideal_hexagon`, `ideal_l_shape`, `clamped_plate`.
     """
-    need_memory(MODE_BYTES * prestress.domain.mesh.nelements * count, f"{count} modes", "ask for fewer modes or lower the resolution")
+    need_memory(
+        MODE_BYTES * degree**2 * prestress.domain.mesh.nelements * count, f"{count} modes", "ask for fewer modes or lower the resolution"
+    )
     return solve_pencil(Operators(prestress, degree), prestress, count)
 
 
@@ -176,7 +178,7 @@ def align(coarse: Modes, fine: Modes) -> Modes:
     frequencies follow as Rayleigh quotients.
 
     Args: coarse: at least as many modes as `fine`; a few more make sure that the highest find their counterparts.
-    Returns: as many modes as `fine`, with `departure`; NaN in the place of modes without a counterpart.
+    Returns: as many modes as `fine`, with `departure` and `coupling`; NaN in the place of modes without a counterpart.
     """
     domain = fine.domain
     space, fine_space = Space(domain.mesh, coarse.degree), Space(domain.mesh, fine.degree)
@@ -188,12 +190,14 @@ def align(coarse: Modes, fine: Modes) -> Modes:
     alike = np.array([[p == q for q in coarse.parity] for p in fine.parity])
     left, _, right = np.linalg.svd(np.where(near & alike, overlap, 0.0), full_matrices=False)
     turn = left @ right
-    square = np.einsum("ij,j,ij->i", turn, (2 * np.pi * coarse.frequency) ** 2, turn)
+    square = turn @ ((2 * np.pi * coarse.frequency[:, None]) ** 2 * turn.T)
     lost = np.einsum("ij,ij->i", turn, overlap) < COUNTERPART
-    found = _finish(space, coarse.prestress, square, turn @ shapes, 1 / domain.copies, fine.parity)
+    found = _finish(space, coarse.prestress, np.diagonal(square), turn @ shapes, 1 / domain.copies, fine.parity)
+    together = (near.astype(int) @ near.T > 0) & np.array([[p == q for q in fine.parity] for p in fine.parity])
     sign = np.sign(np.einsum("ni,ni->n", found.shapes, turn @ shapes))  # opposite extrema may be equally large
     away = [largest_departure(fine_space, *pair) for pair in zip(target, turn @ carried, strict=True)]
     blank = np.where(lost, np.nan, 1.0)
+    coupling = square / (8 * np.pi**2 * np.sqrt(np.outer(fine.frequency, fine.frequency)))
     return replace(
         found,
         frequency=found.frequency * blank,
@@ -201,4 +205,5 @@ def align(coarse: Modes, fine: Modes) -> Modes:
         shapes=found.shapes * sign[:, None],
         label=fine.label,
         departure=np.asarray(away) * blank,
+        coupling=np.where(together & ~np.eye(len(target), dtype=bool), coupling, np.nan) * blank * blank[:, None],
     )

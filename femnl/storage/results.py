@@ -12,7 +12,7 @@ from femnl.storage.atomic import write_whole
 from femnl.types.device import Model
 from femnl.types.mechanics import Domain, Modes, Nonlinearity, Prestress
 
-VERSION = "1.2"
+VERSION = "1.3"
 GRADES = ("coarse", "coarser")  # groups of the counterparts of lower degree
 
 
@@ -91,6 +91,8 @@ def _modes_dataset(modes: Modes, nonlinearity: Nonlinearity | None) -> xr.Datase
         data["effective_mass_error"] = ("mode", modes.effective_mass_error, {"units": "kg"})
     if modes.departure is not None:
         data["departure"] = ("mode", modes.departure)
+    if modes.coupling is not None:
+        data["coupling"] = (("mode", "mode_j"), modes.coupling, {"units": "Hz"})
     if nonlinearity is not None:
         data["k3"] = ("mode", nonlinearity.k3, {"units": "N/m^3", "edge": nonlinearity.edge})
         data["alpha"] = ("mode", nonlinearity.alpha, {"units": "m^-2", "edge": nonlinearity.edge})
@@ -107,6 +109,6 @@ def _modes(data: xr.Dataset, domain: Domain) -> Modes:
     prestress = Prestress(domain, int(data.attrs["prestress_degree"]), data.displacement.values)
     parity = tuple(tuple(int(s) for s in row) for row in data.parity.values)
     label = tuple(str(text) or None for text in data.label.values)
-    departure = data.departure.values if "departure" in data else None
+    departure, coupling = (data[name].values if name in data else None for name in ("departure", "coupling"))
     numbers = (data.frequency.values, data.effective_mass.values, data.shapes.values)
-    return Modes(prestress, int(data.attrs["degree"]), *numbers, parity, label, departure=departure)
+    return Modes(prestress, int(data.attrs["degree"]), *numbers, parity, label, departure=departure, coupling=coupling)

@@ -8,14 +8,15 @@ from skfem import MeshTri2
 
 from femnl.types.arrays import freeze
 from femnl.types.device import Model
-from femnl.types.remainder import ROUNDING, remainder, settle
+from femnl.types.remainder import ROUNDING, SAFETY, remainder, settle, share_left, steps
 
 Array = NDArray[np.float64]
 
-DEGENERATE = 1e-6  # relative difference of frequencies up to which shapes are turned to a canonical pair
-PEAK_SAFETY = 0.7  # on the remainder of a largest value: departures are the largest in whole triangles
+DEGENERATE = 1e-6  # relative difference of frequencies up to which modes count as sharing one
+PEAK_PACE = 2.0  # on the share of the last difference that frequencies leave, which largest values leave at least
+PEAK_SAFETY = 1.0  # on the remainder of a largest value: departures are the largest in whole triangles
 STEADY = 0.02  # of the last difference between degrees, what is taken to be left at least
-UNLIKE = 0.02  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike
+UNLIKE = 0.01  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike
 REENTRANT = 0.5  # of the last difference between degrees, what an inner or yielding corner may leave: it converges slowly in the degree
 
 
@@ -71,6 +72,8 @@ class Modes:
     coarse: the same modes at one degree less on the same mesh, in the same order, which may in turn have theirs: what the errors
     are estimated from. departure (n_modes,), of such counterparts: how far the mass-normalised shape is from that of the finest
     modes, at most, in the triangles where that is largest, relative to its largest value; NaN where a mode has no counterpart.
+    coupling (n_modes, n_modes) [Hz], of counterparts that were turned to match: (aᵢ, K aⱼ)/(8π²√(fᵢfⱼ)) of their operator, which lets
+    neighbours in frequency mix; next to nothing where a symmetry of film and mesh keeps two modes apart, NaN where none were turned.
     """
 
     prestress: Prestress
@@ -82,6 +85,7 @@ class Modes:
     label: tuple[str | None, ...]
     coarse: "Modes | None" = None
     departure: Array | None = None
+    coupling: Array | None = None
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -114,28 +118,44 @@ class Modes:
     @property
     def ratio_error(self) -> Array:
         """Discretisation error of f/f₁, in the same way; it is less than that of f where all modes err alike."""
-        own = self._remainder([m.ratio for m in self.grades], self.ratio)
-        relative = self.frequency_error / self.frequency
-        return np.asarray(np.where(np.arange(len(own)) > 0, own + UNLIKE * self.ratio * (relative + relative[0]), 0.0))
+        inner = np.arange(len(self.frequency)) > 0
+        if self.coarse is None:
+            return np.where(inner, np.inf, 0.0)
+        # Low degrees may err so alike that their ratios seem to settle at once: these settle no faster than the frequencies do.
+        left = self._share_left(SAFETY, self._least)
+        own = remainder([m.ratio for m in self.grades[:3]], self.ratio, np.maximum(left, left[0]))
+        both = self.ratio * (self.frequency_error / self.frequency + self.frequency_error[0] / self.frequency[0])
+        return np.asarray(np.where(inner, np.minimum(own + UNLIKE * both, both), 0.0))
 
     @property
     def peak_error(self) -> Array:
         """Error of max|ξ| of the mass-normalised shapes, relative, in the same way; m_eff goes as its power −2.
 
-        Counterparts are turned to match, so what neighbours in frequency and of one symmetry mix by √(δf_i δf_j)/|f_i − f_j| is added.
+        Shapes settle no faster than frequencies do. Counterparts are turned to match: what neighbours in frequency still mix is added.
         """
-        last, *before = [m.departure for m in self.grades if m.departure is not None] or [np.full(len(self.frequency), np.nan)]
-        left = settle(last, before[0] if before else np.full(last.shape, np.nan), PEAK_SAFETY, 0.0)
-        return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) + (self._mixing if before else 0.0))
+        departures = [m.departure for m in self.grades if m.departure is not None]
+        if not departures:
+            return np.full(len(self.frequency), np.inf)
+        last, *before = departures
+        left = settle(last, before[0] if before else np.full(last.shape, np.nan), PEAK_SAFETY, self._share_left(PEAK_PACE, 0.0))
+        return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) + self._mixing)
+
+    def _share_left(self, safety: float, least: float) -> Array:
+        """The part of the last differences of the frequencies that is left."""
+        return share_left(*steps([m.frequency for m in self.grades[:3]], self.frequency), safety, least)
 
     @property
     def _mixing(self) -> Array:
-        """The angle by which errors of frequencies may mix each shape with its neighbours."""
-        f, error = self.frequency, self.frequency_error
+        """The angles cᵢⱼ/|fᵢ − fⱼ| by which couplings that the discretisation leaves mix each shape with its neighbours, summed."""
+        f, couplings = self.frequency, [m.coupling for m in self.grades if m.coupling is not None]
+        if not couplings:
+            return np.zeros(len(f))
         gap = np.abs(f[:, None] - f[None, :])
-        alike = np.array([[p == q for q in self.parity] for p in self.parity])
-        near = alike & (gap < 0.01 * f) & (gap > DEGENERATE * f)
-        return np.asarray(np.sum(np.minimum(np.sqrt(np.outer(error, error)) / np.where(near, gap, np.inf), 1.0), axis=1))
+        # What symmetry forbids is no sample of how couplings fall; shapes that share ω² up to DEGENERATE were turned to a canonical pair.
+        forbidden = ~(np.abs(couplings[0]) > ROUNDING * f)
+        known = [np.where(forbidden | (gap < DEGENERATE / 2 * f), np.nan, c) for c in couplings]
+        left = remainder([np.zeros_like(gap), *known][:3], np.sqrt(np.outer(f, f)), self._least)
+        return np.asarray(np.sum(np.minimum(np.where(np.isfinite(left), left, 0.0) / np.where(gap > 0, gap, np.inf), 1.0), axis=1))
 
     @property
     def effective_mass_error(self) -> Array:
@@ -145,11 +165,16 @@ class Modes:
     def _remainder(self, values: list[Array], scale: Array) -> Array:
         if len(values) < 2:
             return np.full(len(scale), np.inf)
+        return remainder(values[:3], scale, self._least)
+
+    @property
+    def _least(self) -> float:
+        """Of the last difference between degrees, what is left at least."""
         model = self.domain.model
         reentrant = any(angle > np.pi + 1e-6 for _, angle in model.outline.corners)
         # Springs in plane, and a strip of another film, leave the stress uneven at every corner.
         uneven = len(model.outline.corners) > 0 and not (model.clamp.rigid_in_plane and model.overhang is None)
-        return remainder(values[:3], scale, REENTRANT if reentrant or uneven else STEADY)
+        return REENTRANT if reentrant or uneven else STEADY
 
     @property
     def stiffness(self) -> Array:

@@ -13,7 +13,7 @@ MOST = 3.0  # of the last difference, where three degrees do not show that they 
 ROUNDING = 1e-11  # relative, of coordinates and of solutions
 
 
-def remainder(values: Sequence[Array], scale: Array, least: float, safety: float = SAFETY) -> Array:
+def remainder(values: Sequence[Array], scale: Array, least: float | Array, safety: float = SAFETY) -> Array:
     """Error of the finest of three (or two) approximations: |Q₄ − Q₃| times what |Q₄ − Q₃| is of |Q₃ − Q₂|, times a safety.
 
     Args: values: fine, coarse and coarsest, each of one shape; NaN where an approximation is missing. scale: their natural size.
@@ -21,20 +21,31 @@ def remainder(values: Sequence[Array], scale: Array, least: float, safety: float
     Returns: absolute errors, infinite where there is nothing to compare with; two approximations do not show that they converge.
     Source: geometric convergence in the degree; held against references by tests/physics/test_error_bars.py.
     """
-    fine, coarse, *more = (value / scale for value in values)
-    last = np.abs(fine - coarse)
-    left = settle(last, np.abs(coarse - more[0]) if more else np.full(last.shape, np.nan), safety, least)
+    left = settle(*steps(values, scale), safety, least)
     return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) * np.abs(scale))
 
 
-def settle(last: Array, before: Array, safety: float, least: float) -> Array:
+def steps(values: Sequence[Array], scale: Array) -> tuple[Array, Array]:
+    """Relative differences of the finest approximation to the next, and of that to the coarsest, NaN where there is none."""
+    fine, coarse, *more = (value / scale for value in values)
+    return np.abs(fine - coarse), np.abs(coarse - more[0]) if more else np.full(fine.shape, np.nan)
+
+
+def settle(last: Array, before: Array, safety: float, least: float | Array) -> Array:
     """What is left after relative differences `last` that followed on `before`: `safety` times what steady convergence leaves."""
-    if not np.any(np.isfinite(last)):
-        return np.full(last.shape, np.nan)
-    usual = np.sqrt(np.nanmean(last**2))
-    known = before[np.isfinite(before)]
-    pace = usual / np.sqrt(np.mean(known**2)) if np.any(known > 0) else 1.0
+    return np.asarray(share_left(last, before, safety, least) * np.maximum(last, SHARE * _usual(last)))
+
+
+def share_left(last: Array, before: Array, safety: float, least: float | Array) -> Array:
+    """The part of the last differences that is left, from `least` to `MOST`, which stands where there is none `before` them."""
+    pace = _usual(last) / _usual(before) if _usual(before) > 0 else 1.0
     with np.errstate(divide="ignore", invalid="ignore"):
         own = np.where(before > 0, last / before, np.where(last > 0, 1.0, 0.0))
     factor = np.clip(safety * np.maximum(pace, np.minimum(own, 1.0)), least, MOST)
-    return np.asarray(np.where(np.isnan(before), MOST, factor) * np.maximum(last, SHARE * usual))
+    return np.asarray(np.where(np.isnan(before), MOST, factor))
+
+
+def _usual(differences: Array) -> float:
+    """The root mean square of those that are known, NaN where none is."""
+    known = differences[np.isfinite(differences)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else np.nan

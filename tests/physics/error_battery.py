@@ -35,13 +35,15 @@ FILM = 'thickness = "1 um"\nyoung = "250 GPa"\npoisson = 0.23\ndensity = "1 kg/m
 
 @dataclass(frozen=True)
 class Film:
-    """One film of the battery; exact holds numbers known otherwise, by quantity, for the lowest modes."""
+    """One film of a battery; exact holds numbers known otherwise, by quantity, for the lowest modes."""
 
     name: str
     model: Model
     resolution: float = 1.0
     edge: Edge = "clamped"
     exact: dict[str, Array] = field(default_factory=dict)
+    symmetry: str = "auto"
+    count: int = COUNT
 
 
 def outline(kind: str) -> Model:
@@ -143,7 +145,7 @@ def bars(modes: Modes, duffing: Nonlinearity) -> dict[str, Array]:
 def reference(film: Film, like: Modes) -> dict[str, Array]:
     """What the film's numbers are, by closed forms where there are any, else by degree 6 on a finer mesh; in the order of `like`."""
     domain = mesh(film.model, resolution=film.resolution * FINER)
-    modes = solve_modes(solve_prestress(domain, REFERENCE_DEGREE), COUNT + 1, REFERENCE_DEGREE)
+    modes = solve_modes(solve_prestress(domain, REFERENCE_DEGREE), film.count + 2, REFERENCE_DEGREE)
     known = numbers(_ordered(modes, like), solve_nonlinearity(_ordered(modes, like), film.edge, tensor=True))
     for name, exact in film.exact.items():
         known[name] = np.concatenate([exact, known[name][len(exact) :]])
@@ -152,8 +154,13 @@ def reference(film: Film, like: Modes) -> dict[str, Array]:
 
 def _ordered(modes: Modes, like: Modes) -> Modes:
     """As many modes as `like`, the k-th of each symmetry in the place of its k-th: equal frequencies come in any order."""
+    if len(modes.parity[0]) != len(like.parity[0]):  # a whole film has no mirrors that tell them apart
+        return _taken(modes, list(range(len(like.parity))))
     members = {p: iter([k for k, q in enumerate(modes.parity) if q == p]) for p in set(like.parity)}
-    order = [next(members[p]) for p in like.parity]
+    return _taken(modes, [next(members[p]) for p in like.parity])
+
+
+def _taken(modes: Modes, order: list[int]) -> Modes:
     return replace(
         modes,
         frequency=modes.frequency[order],
@@ -166,7 +173,7 @@ def _ordered(modes: Modes, like: Modes) -> Modes:
 
 def measure(film: Film) -> dict[str, tuple[Array, Array]]:
     """Error bars and true errors of the film's numbers, relative, by quantity."""
-    modes = solve_with_errors(film.model, COUNT, resolution=film.resolution, cache=False)
+    modes = solve_with_errors(film.model, film.count, film.symmetry, film.resolution, cache=False)
     duffing = solve_nonlinearity(modes, film.edge, tensor=True)
     found, known, bar = numbers(modes, duffing), reference(film, modes), bars(modes, duffing)
     return {q: (bar[q] / np.abs(found[q]), np.abs(found[q] / known[q] - 1)) for q in QUANTITIES}

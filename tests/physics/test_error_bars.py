@@ -117,12 +117,6 @@ def test_a_tolerance_that_needs_more_memory_than_there_is_says_how_far_it_came(m
         solve_modes_to(stiff(outline("square"), 0.1), 1e-10, 1, cache=False)
 
 
-def test_neighbours_in_frequency_widen_the_error_bars_of_each_others_shapes() -> None:
-    modes = solve_modes(outline("rectangle"), 4, resolution=0.6, cache=False)
-    close = replace(modes, frequency=modes.frequency[[0, 1, 1, 3]] * [1, 1, 1 + 1e-5, 1], parity=(modes.parity[1],) * 4)
-    assert np.all(close.peak_error[1:3] > 100 * np.max(modes.frequency_error / modes.frequency))
-
-
 def test_error_bars_come_without_lower_degrees_as_infinity() -> None:
     modes = replace(solve_modes(outline("square"), 2, resolution=0.5, cache=False), coarse=None)
     assert np.all(np.isinf(modes.frequency_error))
