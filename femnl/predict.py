@@ -68,7 +68,7 @@ def solve_modes(
     """
 
     def solve() -> Modes:
-        at_degree = _road(model, symmetry, resolution, count)
+        at_degree = _road(model, symmetry, resolution, count, degree)
         fine = at_degree(count, degree)
         middle = align(at_degree(count + SPARE, degree - 1), fine)
         try:
@@ -87,11 +87,11 @@ def solve_modes(
     return cached_modes(model, (count, symmetry, resolution, degree), solve) if cache else solve()
 
 
-def _road(model: Model, symmetry: str, resolution: float, count: int) -> Callable[[int, int], Modes]:
-    """The solution for a number of modes and a degree: in tiles that are condensed where the device has them, else on one mesh."""
+def _road(model: Model, symmetry: str, resolution: float, count: int, highest: int) -> Callable[[int, int], Modes]:
+    """The solution for a number of modes and a degree up to the highest: in condensed tiles where the device has them, else on one mesh."""
     if symmetry == "auto" and count + SPARE <= len(model.holes.centres) and not obstacle(model):
         return partial(solve_condensed, tile(model, resolution))
-    domain = mesh(model, symmetry, resolution)
+    domain = mesh(model, symmetry, resolution, highest)
     return lambda count, degree: solve_on_mesh(prestress.solve_prestress(domain, degree), count, degree)
 
 

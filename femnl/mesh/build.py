@@ -33,15 +33,18 @@ ELEMENTS_ACROSS = 3  # elements across the narrowest place of a strip, such as a
 ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
 ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
 AROUND_HOLES = 3  # times the triangles along a straight line as long, measured: the film widens away from a hole
-BYTES = 90_000  # of memory a triangle, measured: factorised stiffness of the elements of degree 4
+# Of memory a triangle by the degree of the elements, for the factorised in-plane stiffness: 38, 81, 158, 284 kB at 6820 triangles
+# (peak resident memory, degrees 3 to 6), and the more the more triangles.
+BYTES = {3: 42_000, 4: 90_000, 5: 180_000, 6: 320_000}
 LAYER_SIZE = 1.5  # element size at clamped edges in units of the bending length ℓ = √(D/σh)
 
 
-def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Domain:
+def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: int = 4) -> Domain:
     """Mesh the film of a device, or the wedge that its mirror symmetry leaves.
 
     Args: symmetry: `auto` (a quarter or half where outline and holes allow, else the whole film), `full`, `half`, `quarter`,
-        `eighth` or `twelfth`. resolution: factor on the number of elements per length; 2 halves every element.
+        `eighth` or `twelfth`. resolution: factor on the number of elements per length; 2 halves every element. degree: of the
+        elements that are meant for it, by which their memory is foreseen.
     Returns: curved triangles with boundaries `clamped`, `free`, `mirror-0`, `mirror-1`, as present.
     Raises: ParameterError where the device lacks the symmetry asked for; GeometryError where meshing fails.
     """
@@ -53,7 +56,7 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Domai
     wedge = find_wedge(model, symmetry)
     diagonal = wedge == QUARTER and has_symmetry(model, EIGHTH)
     with _gmsh_session():
-        raw = double(_build(model, EIGHTH, resolution, 2)) if diagonal else _build(model, wedge, resolution, 1)
+        raw = double(_build(model, EIGHTH, resolution, degree, 2)) if diagonal else _build(model, wedge, resolution, degree, 1)
     result = assemble(raw)
     check_unfolded(model, result)
     if model.overhang is not None:
@@ -89,13 +92,14 @@ class _Curves:
     segment: dict[int, int]  # the edge's segment that a clamped or free curve is part of
 
 
-def _build(model: Model, wedge: float, resolution: float, copies: int) -> Raw:
+def _build(model: Model, wedge: float, resolution: float, degree: int, copies: int) -> Raw:
     unit = SCALE / model.outline.length
     try:
         _draw(model, wedge, unit)
         curves = _classify(model, wedge, unit)
         triangles = copies * _grade(model, curves, unit, resolution)
-        need_memory(BYTES * triangles, f"{model.name}: modes on {triangles:.2g} triangles", "lower the resolution")
+        what = f"{model.name}: modes of degree {degree} on {triangles:.2g} triangles"
+        need_memory(BYTES[max(degree, min(BYTES))] * triangles, what, "lower the resolution")
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
     except Exception as error:

@@ -1,11 +1,14 @@
 """What a mesh will need is foreseen before it is made, to within a factor that decides nothing."""
 
+import os
+
 import pytest
 
 from femnl.errors import ParameterError
 from femnl.fem.memory import need_memory
 from femnl.geometry import load
 from femnl.mesh import build
+from femnl.predict import solve_modes
 
 
 @pytest.mark.parametrize(
@@ -16,12 +19,22 @@ def test_the_number_of_triangles_is_foreseen(name: str, symmetry: str, resolutio
     foreseen = []
 
     def noted(amount: float, what: str, remedy: str) -> None:
-        foreseen.append(amount / build.BYTES)
+        foreseen.append(amount / build.BYTES[4])
         need_memory(amount, what, remedy)
 
     monkeypatch.setattr(build, "need_memory", noted)
     made = build.mesh(load(name), symmetry, resolution).mesh.nelements
     assert 0.6 < foreseen[0] / made < 1.6
+
+
+def test_a_degree_that_does_not_fit_is_refused_where_lower_ones_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    film, each = load("hexagon-278um"), 200_000  # of memory a triangle: enough for degree 5, not for 6
+    triangles = build.mesh(film).mesh.nelements
+    said = {"SC_PAGE_SIZE": 1, "SC_PHYS_PAGES": each * triangles}
+    monkeypatch.setattr(os, "sysconf", said.__getitem__)
+    assert build.mesh(film, degree=5).mesh.nelements == triangles
+    with pytest.raises(ParameterError, match=r"^hexagon-278um: modes of degree 6 on .* triangles need about .*; lower the resolution$"):
+        solve_modes(film, 1, cache=False, degree=6)
 
 
 def test_what_fits_is_let_through_and_what_does_not_names_size_and_remedy() -> None:
