@@ -67,6 +67,7 @@ def _climb(degree: int, local: Array, start: Array, directions: Array) -> Array:
     """
     place = np.broadcast_to(start, (len(local), 2))
     highest = np.full(len(local), -np.inf)
+    least = 1e-9 * np.abs(local).max(axis=1, keepdims=True)  # of a bend, which vanishes along edges where the function does
     for _ in range(STEPS):
         value, gx, gy, xx, xy, yy = (
             np.einsum("nj,nj->n", reference_basis(degree, place, d), local) for d in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
@@ -76,7 +77,7 @@ def _climb(degree: int, local: Array, start: Array, directions: Array) -> Array:
         bend = directions @ np.stack([xx, xy, xy, yy], -1).reshape(-1, 2, 2) @ directions.T
         values, vectors = np.linalg.eigh(bend)
         rise = np.einsum("nij,in->nj", vectors, slope)
-        step = np.einsum("nij,nj->ni", vectors, rise / np.maximum(np.abs(values), 1e-9 * value[:, None])) @ directions
+        step = np.einsum("nij,nj->ni", vectors, rise / np.maximum(np.abs(values), least)) @ directions
         place = place + step * _within(place, step)[:, None]
     return highest
 

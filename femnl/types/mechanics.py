@@ -16,7 +16,7 @@ DEGENERATE = 1e-6  # relative difference of frequencies up to which modes count 
 PEAK_PACE = 2.0  # on the share of the last difference that frequencies leave, which largest values leave at least
 PEAK_SAFETY = 1.0  # on the remainder of a largest value: departures are the largest in whole triangles
 STEADY = 0.02  # of the last difference between degrees, what is taken to be left at least
-UNLIKE = 0.01  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike
+UNLIKE = 0.03  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike
 REENTRANT = 0.5  # of the last difference between degrees, what an inner or yielding corner may leave: it converges slowly in the degree
 
 
@@ -123,7 +123,7 @@ class Modes:
             return np.where(inner, np.inf, 0.0)
         # Low degrees may err so alike that their ratios seem to settle at once: these settle no faster than the frequencies do.
         left = self._share_left(SAFETY, self._least)
-        own = remainder([m.ratio for m in self.grades[:3]], self.ratio, np.maximum(left, left[0]))
+        own = remainder([m.ratio for m in self.grades[:3]], self.ratio, np.maximum(left, left[0]), 1.0)
         both = self.ratio * (self.frequency_error / self.frequency + self.frequency_error[0] / self.frequency[0])
         return np.asarray(np.where(inner, np.minimum(own + UNLIKE * both, both), 0.0))
 

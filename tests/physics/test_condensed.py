@@ -95,6 +95,12 @@ def test_what_the_basis_of_cells_misses_is_told_and_taken_in() -> None:
     np.testing.assert_allclose((2 * np.pi * solve_condensed(tile(model), 14, 3).frequency) ** 2, known, rtol=1e-9)
 
 
+def test_tops_that_touch_a_mirror_where_the_shape_vanishes_are_found() -> None:
+    # Coarse triangles hold the antinode and reach the mirror, along which value, slope and bend are nil.
+    modes = solve_condensed(tile(film(3, 3, margin=3.6048537918959624e-06, radius=1.7840642417636783e-06, bending=False), 0.8), 9, 3)
+    assert np.all(np.isfinite(modes.effective_mass))
+
+
 def test_modes_too_short_for_the_cells_are_refused_with_what_is_left() -> None:
     with pytest.raises(ConvergenceError, match=r"condensed cells leave \d\.\de-0[78] of ω² in the highest mode; ask for fewer modes"):
         solve_condensed(tile(film(2, 2)), 40, 3)

@@ -1,0 +1,31 @@
+"""Error bars of small perforated films, whose low degrees err alike before their stress is resolved."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from femnl.predict import solve_modes
+from tests.physics.error_battery import QUANTITIES, Film, measure, reference
+from tests.physics.small_films import film, perforated
+
+Array = NDArray[np.float64]
+
+
+@pytest.mark.parametrize(("n_x", "n_y"), [(3, 4), (4, 4)])
+def test_ratios_of_a_tiny_array_without_bending_are_within_their_error_bars(n_x: int, n_y: int) -> None:
+    small = Film("array", film(n_x, n_y, bending=False))
+    modes = solve_modes(small.model, 6, cache=False)
+    error = np.abs(modes.ratio[1:] - reference(small, modes)["ratio"])
+    assert np.all(modes.ratio_error[1:] >= error)
+    assert np.median(modes.ratio_error[1:] / error) < 10
+    relative = modes.frequency_error / modes.frequency
+    assert np.all(modes.ratio_error[1:] / modes.ratio[1:] < 0.3 * (relative[1:] + relative[0]))  # modes do err alike, in part
+
+
+@pytest.mark.slow
+def test_99_in_100_error_bars_hold_on_thirty_perforated_films() -> None:
+    found = [measure(one) for one in perforated(30, 7)]
+    for quantity in QUANTITIES:
+        bars, errors = (np.concatenate([one[quantity][k] for one in found]) for k in (0, 1))
+        assert np.mean(bars >= errors) >= 0.99, quantity
+        assert np.median(bars / np.maximum(errors, 1e-13)) < (10 if quantity in ("f", "ratio") else 20), quantity
