@@ -39,6 +39,7 @@ class JointProblem:
         self.kind: Kind = next(iter(self.groups.values())).kind
         self.rugged = any(group.rugged for group in self.groups.values())
         self._names = {group: self._named(group) for group in self.groups}
+        self.jumps = tuple(dict.fromkeys(self._names[name][knob] for name, group in self.groups.items() for knob in group.jumps))
         merged: dict[str, Knob] = {}
         starts: dict[str, list[float]] = {}
         for group, problem in self.groups.items():

@@ -41,6 +41,7 @@ class MapProblem:
 
     kind: Kind = "map"
     rugged = False
+    jumps: tuple[str, ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         values = np.asarray(dataset["real"].values + 1j * dataset["imag"].values)

@@ -7,7 +7,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.problem import Named, apply
 from femnl.errors import MeasurementError
 from femnl.fits.oscillation import free_run, stages
@@ -43,8 +42,9 @@ class OscillationProblem:
 
     kind: Kind = "trace"
     rugged = False
+    jumps: tuple[str, ...] = ()
 
-    def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
+    def __init__(self, dataset: xr.Dataset) -> None:
         if dataset.sizes["step"] != 1:
             raise MeasurementError(f"trace: {dataset.sizes['step']} records of drive and output; diagnose them one file each")
         drive, output = dataset["drive_voltage"].values[0], dataset["voltage"].values[0]

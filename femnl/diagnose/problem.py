@@ -21,11 +21,13 @@ class Problem(Protocol):
 
     base: parameters of the base model; start: their values before any fit. facts: numbers that scale priors (`Knob.per`), whose
     names effects may need. blocks (n_residuals,): the block of held-out data that each residual belongs to, −1 for prior
-    knowledge, which is never left out. rugged: whether effects act by jumps, so that they are sought from afar as well.
+    knowledge, which is never left out. rugged: whether effects act by jumps, so that they are sought from afar as well. jumps: base
+    parameters that move jumps of the data themselves, at which a fit may stop short.
     """
 
     kind: Kind
     rugged: bool
+    jumps: tuple[str, ...]
     base: tuple[Knob, ...]
     start: Array
     facts: Mapping[str, float]

@@ -33,6 +33,7 @@ class ResponseProblem:
 
     kind: Kind = "response"
     rugged = False
+    jumps: tuple[str, ...] = ("peak",)
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         self.sweeps = collect(dataset)

@@ -39,11 +39,9 @@ SHOWN = 1e-6
 
 
 def pose_trace(dataset: xr.Dataset, film: SimulatedFilm) -> Problem:
-    """Harmonics of a fringe where the laser's wavelength is known, else one oscillator under its recorded drive."""
+    """Harmonics of a fringe, where the laser's wavelength is known."""
     if "wavelength" in dataset.attrs:
         return TraceProblem(dataset, film)
-    if "drive_voltage" in dataset:
-        return OscillationProblem(dataset, film)
     raise MeasurementError(
         "trace: neither wavelength nor drive_voltage is there: add the laser's wavelength [m], or the drive that was recorded"
     )
@@ -64,7 +62,7 @@ def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Ef
 
     Args:
         path: a measurement file, version 1.x.
-        geometry: name or path of a geometry to use instead of the file's own.
+        geometry: name or path of a geometry to use instead of the file's own; a record of drive and output needs none.
         effects: the causes to consider; the whole library unless given.
 
     Returns: the diagnosis, see `measurement-format.md`, "Diagnosis".
@@ -74,8 +72,9 @@ def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Ef
     """
     path = Path(path)
     tree = measurement.read(path)
-    model = measured_device(tree.attrs, path, geometry)
     groups = {name: node.to_dataset() for name, node in tree.children.items()}
+    bare = geometry is None and tree.attrs.keys().isdisjoint(("model", "geometry")) and all(map(_oscillates, groups.values()))
+    model = None if bare else measured_device(tree.attrs, path, geometry)
     problems = {name: pose(name, dataset, model) for name, dataset in groups.items()}
     pool = list(library().values() if effects is None else effects)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -102,8 +101,15 @@ def _searched(problems: dict[str, Problem], effects: list[Effect]) -> list[Candi
     return max((found, other), key=lambda candidates: max(candidate.weight for candidate in candidates))
 
 
-def pose(name: str, dataset: xr.Dataset, model: Model) -> Problem:
-    """Return the problem that a group of a measurement file poses."""
+def _oscillates(dataset: xr.Dataset) -> bool:
+    """Whether a group is a record of drive and output in volts, which tells of one oscillator and nothing of a film."""
+    return dataset.attrs["kind"] == "trace" and "wavelength" not in dataset.attrs and "drive_voltage" in dataset
+
+
+def pose(name: str, dataset: xr.Dataset, model: Model | None) -> Problem:
+    """Return the problem that a group of a measurement file poses; that of an oscillator's record needs no device."""
+    if model is None or _oscillates(dataset):
+        return OscillationProblem(dataset)
     kind = str(dataset.attrs["kind"])
     if kind not in PROBLEMS:
         raise MeasurementError(f"{name}: a diagnosis of kind {kind!r} is not available; known are {', '.join(PROBLEMS)}")

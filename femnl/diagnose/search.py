@@ -18,6 +18,8 @@ FALSE_ALARMS = 0.01
 """p-value below which causes are sought beside the base model, and below which several causes do not explain the data."""
 HOPELESS = 1e-3
 """p-value below which a single cause does not explain the data."""
+DOUBTFUL = 0.05
+"""p-value below which a set that explains the data may lack a cause that is too weak to rule it out."""
 MOST = 7
 """Effects that are fitted at each step, those that the residuals point to most."""
 FEWEST, FAINT = 4, 0.01
@@ -34,6 +36,10 @@ ROUGH = 4
 """Evaluations that every start gets where there are several."""
 REFINED = 2
 """Starts found by scanning that are fitted to the end."""
+FEW, MOSTLY = 0.01, 0.3
+"""Part of the residuals that hold this part of the excess of χ² where a fit stopped at a jump: points on the wrong side of it."""
+KICKS = (-0.03, -0.01, -0.003, 0.003, 0.01, 0.03)
+"""Relative changes of what moves a jump by which such a fit is led over it."""
 SEED, STEPS_BACK = 1e-4, 12
 """Least part of its range at which the fit of a strength starts, and how often a start is brought nearer to zero, by a third."""
 PER_CAUSE = 0.1
@@ -86,7 +92,7 @@ def criticise(solution: Solution, library: list[Effect]) -> Candidate:
 def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
     """Return the base model first, then every set of causes that was fitted.
 
-    Greedy: sets grow by the effects that their residuals point to most, and no further once one of them explains the data.
+    Greedy: sets grow by the effects that their residuals point to most, and no further once one of them explains the data well.
     """
     model = Extended(problem)
     PROGRESS.info("%s: fitting the base model", problem.kind)
@@ -110,7 +116,7 @@ def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
                     grown[candidate.names] = _judged(other, library)
         found += grown.values()
         beam = sorted(grown.values(), key=lambda c: -c.weight)[:BEAM]
-        if any(candidate.viable for candidate in grown.values()):
+        if any(candidate.viable and candidate.p_value >= DOUBTFUL for candidate in grown.values()):
             break
         beam = [c if c.looks else criticise(c.solution, library) for c in beam]
     return found
@@ -187,7 +193,7 @@ def _sought_again(solution: Solution) -> Solution:
     """Seek each effect anew beside the others: an earlier one was found without the latest, and tangents may have led astray."""
     model = solution.model
     base, values = model.split(solution.vector)
-    found = [solution]
+    found = [solution, *_over_jumps(solution)]
     for k, effect in enumerate(model.effects):
         rugged = model.problem.rugged
         shaped = effect is not model.effects[-1] and not all(knob.strength for knob in effect.parameters)
@@ -205,6 +211,17 @@ def _sought_again(solution: Solution) -> Solution:
             rough = [fit(model, model.pack(near, [*kept[:k], far, *kept[k:]]), most=ROUGH) for near, far in scan(rest, effect)]
             found += [fit(model, s.vector) for s in sorted(rough, key=lambda s: s.chi2)[:REFINED]]
     return min(found, key=lambda s: s.chi2)
+
+
+def _over_jumps(solution: Solution) -> list[Solution]:
+    """Fit from beyond the jumps of the data, where few points leave most of what is left."""
+    largest = np.sort(solution.residuals**2)[::-1][: max(1, int(FEW * len(solution.residuals)))]
+    if np.sum(largest) < MOSTLY * (solution.chi2 - solution.degrees):
+        return []
+    base, values = solution.model.split(solution.vector)
+    starts = [base | {name: base[name] * (1 + kick)} for name in solution.model.problem.jumps for kick in KICKS]
+    rough = [fit(solution.model, solution.model.pack(start, values), most=ROUGH) for start in starts]
+    return [fit(solution.model, s.vector) for s in sorted(rough, key=lambda s: s.chi2)[:REFINED]]
 
 
 def _centres(problem: Problem, effect: Effect) -> list[dict[str, float]]:

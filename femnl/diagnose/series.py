@@ -24,6 +24,7 @@ class SeriesProblem:
 
     kind: Kind = "series"
     rugged = False
+    jumps: tuple[str, ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         self.film = film.model.film

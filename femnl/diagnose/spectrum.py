@@ -35,6 +35,7 @@ class SpectrumProblem:
 
     kind: Kind = "spectrum"
     rugged = True
+    jumps: tuple[str, ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         usable = np.isfinite(dataset["frequency"].values) & np.isfinite(dataset["frequency_sd"].values)

@@ -39,6 +39,7 @@ class TraceProblem:
 
     kind: Kind = "trace"
     rugged = False
+    jumps: tuple[str, ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         self.film, self.wavelength = film, float(dataset.attrs["wavelength"])

@@ -24,7 +24,7 @@ EFFECT = Effect(
     parameters=(
         Knob("coupling_square", "Hz^2", 0.0, 100.0, per="linewidth_square"),
         Knob("offset", "Hz", -0.5, 0.5, strength=False, per="span"),
-        Knob("width", "Hz", 0.2, 5.0, strength=False, log=True, per="linewidth"),
+        Knob("width", "Hz", 0.1, 10.0, strength=False, log=True, per="linewidth"),
         Knob("order", "1", 1.5, 3.5, strength=False, whole=True),
     ),
     changes={"oscillator": couple},

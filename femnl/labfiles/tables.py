@@ -173,7 +173,9 @@ def _map(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
 
 
 def _trace(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
-    _need(columns, ("time", "voltage"), where)
+    _need(columns, ("voltage",), where)
+    if "time" not in columns:
+        raise MeasurementError(f'{where}: columns.time is missing; say which column holds it, or give time = {{ rate = "1 MHz" }}')
     steps = columns.get("drive_frequency")
     cuts = [0, *(np.flatnonzero(steps[1:] != steps[:-1]) + 1).tolist(), steps.size] if steps is not None else [0, columns["time"].size]
     lengths = np.diff(cuts)

@@ -20,6 +20,7 @@ class Level:
         self, data: Array, blocks: NDArray[np.int64], half: float, patterns: Mapping[str, Array] | None = None, rugged: bool = False
     ) -> None:
         self.data, self.blocks, self.rugged = data, blocks, rugged
+        self.jumps: tuple[str, ...] = ()
         self.base: tuple[Knob, ...] = (Knob("level", "1", -half, half),)
         self.start = np.zeros(1)
         self.facts: Mapping[str, float] = {"time": 1.0}

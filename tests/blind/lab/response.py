@@ -16,8 +16,11 @@ from tests.blind.lab.bench import Array, Cause, Values, sign
 
 ALPHA_SD = 0.2
 """Relative standard deviation of α from film to film, through Young's modulus."""
-STEPS, STRIDE, SETTLED = 4000, 0.05, 1e-6
-"""Most Runge–Kutta steps at each point of a sweep, in units of the amplitude's decay time, and the change in a step that ends them."""
+STEPS, STRIDE, SETTLED = 40_000, 0.05, 1e-6
+"""Most Runge–Kutta steps at each point of a sweep, in units of the amplitude's decay time, and the change in a step that ends them.
+
+Just past a fold a state lingers: a point that were taken there would be on no branch.
+"""
 WAVELENGTH = 632.8e-9
 COARSE, TORN = 1e3, 2.0
 IMPLICIT = 3
