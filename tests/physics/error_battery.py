@@ -144,12 +144,17 @@ def bars(modes: Modes, duffing: Nonlinearity) -> dict[str, Array]:
 
 def reference(film: Film, like: Modes) -> dict[str, Array]:
     """What the film's numbers are, by closed forms where there are any, else by degree 6 on a finer mesh; in the order of `like`."""
-    domain = mesh(film.model, resolution=film.resolution * FINER)
-    modes = solve_modes(solve_prestress(domain, REFERENCE_DEGREE), film.count + 2, REFERENCE_DEGREE)
-    known = numbers(_ordered(modes, like), solve_nonlinearity(_ordered(modes, like), film.edge, tensor=True))
+    modes = finer_modes(film, like)
+    known = numbers(modes, solve_nonlinearity(modes, film.edge, tensor=True))
     for name, exact in film.exact.items():
         known[name] = np.concatenate([exact, known[name][len(exact) :]])
     return known | {"ratio": known["f"][1:] / known["f"][0]}
+
+
+def finer_modes(film: Film, like: Modes) -> Modes:
+    """The film's modes by degree 6 on a finer mesh, in the order of `like`."""
+    domain = mesh(film.model, resolution=film.resolution * FINER)
+    return _ordered(solve_modes(solve_prestress(domain, REFERENCE_DEGREE), film.count + 2, REFERENCE_DEGREE), like)
 
 
 def _ordered(modes: Modes, like: Modes) -> Modes:

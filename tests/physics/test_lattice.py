@@ -103,6 +103,12 @@ def test_films_without_a_rectangular_array_are_refused(model: Model, message: st
         solve_homogenised(model, 1)
 
 
+def test_a_free_edge_is_refused(square: Model) -> None:
+    free = tuple(replace(s, clamped=k > 0) for k, s in enumerate(square.outline.segments))
+    with pytest.raises(ParameterError, match="held at all its edges, and one of this film's ends free; solve the full film"):
+        solve_homogenised(replace(square, outline=replace(square.outline, segments=free)), 1)
+
+
 def test_overlapping_holes_are_refused(square: Model) -> None:
     with pytest.raises(ParameterError, match="expected more than the diameter"):
         solve_cell(square, 1.7e-6)
