@@ -13,8 +13,8 @@ from femnl.types.remainder import ROUNDING, SAFETY, remainder, settle, share_lef
 Array = NDArray[np.float64]
 
 DEGENERATE = 1e-6  # relative difference of frequencies up to which modes count as sharing one
-PEAK_PACE = 2.0  # on the share of the last difference that frequencies leave, which largest values leave at least
-PEAK_SAFETY = 1.0  # on the remainder of a largest value: departures are the largest in whole triangles
+PEAK_SAFETY = 0.7  # on the remainder of a largest value: departures are the largest in whole triangles
+PEAK_UNEVEN = 1.5  # the same where holes make the stress uneven, and shapes settle less evenly
 STEADY = 0.02  # of the last difference between degrees, what is taken to be left at least
 UNLIKE = 0.03  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike
 REENTRANT = 0.5  # of the last difference between degrees, what an inner or yielding corner may leave: it converges slowly in the degree
@@ -122,7 +122,7 @@ class Modes:
         if self.coarse is None:
             return np.where(inner, np.inf, 0.0)
         # Low degrees may err so alike that their ratios seem to settle at once: these settle no faster than the frequencies do.
-        left = self._share_left(SAFETY, self._least)
+        left = share_left(*steps([m.frequency for m in self.grades[:3]], self.frequency), SAFETY, self._least)
         own = remainder([m.ratio for m in self.grades[:3]], self.ratio, np.maximum(left, left[0]), 1.0)
         both = self.ratio * (self.frequency_error / self.frequency + self.frequency_error[0] / self.frequency[0])
         return np.asarray(np.where(inner, np.minimum(own + UNLIKE * both, both), 0.0))
@@ -131,18 +131,15 @@ class Modes:
     def peak_error(self) -> Array:
         """Error of max|ξ| of the mass-normalised shapes, relative, in the same way; m_eff goes as its power −2.
 
-        Shapes settle no faster than frequencies do. Counterparts are turned to match: what neighbours in frequency still mix is added.
+        Counterparts are turned to match: what neighbours in frequency still mix is added.
         """
         departures = [m.departure for m in self.grades if m.departure is not None]
         if not departures:
             return np.full(len(self.frequency), np.inf)
         last, *before = departures
-        left = settle(last, before[0] if before else np.full(last.shape, np.nan), PEAK_SAFETY, self._share_left(PEAK_PACE, 0.0))
+        safety = PEAK_UNEVEN if len(self.domain.model.holes.centres) else PEAK_SAFETY
+        left = settle(last, before[0] if before else np.full(last.shape, np.nan), safety, 0.0)
         return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) + self._mixing)
-
-    def _share_left(self, safety: float, least: float) -> Array:
-        """The part of the last differences of the frequencies that is left."""
-        return share_left(*steps([m.frequency for m in self.grades[:3]], self.frequency), safety, least)
 
     @property
     def _mixing(self) -> Array:

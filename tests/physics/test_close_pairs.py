@@ -81,16 +81,17 @@ def test_modes_read_back_have_the_same_error_bars(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("quantity", SHAPES)
-def test_bars_of_sums_and_differences_hold_and_are_not_ten_times_too_large(quantity: str) -> None:
-    # Measured: all of 28 hold; medians of bar over error 5 (m_eff), 9 (k3), 10 (alpha).
+def test_bars_of_sums_and_differences_hold_and_are_near_the_errors(quantity: str) -> None:
+    # Measured on 13 of the 14 films: all hold; medians of bar over error 6 (m_eff), 10 (k3), 9 (alpha).
     bars, errors = pair(squares(), quantity)
     assert np.all(bars >= errors)
-    assert np.median(bars / errors) < 15
+    assert np.median(bars / errors) < 12
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("quantity", SHAPES)
 def test_bars_of_close_modes_that_mix_hold(quantity: str) -> None:
+    # Measured: all hold; medians 47 (m_eff), 70 (k3), 61 (alpha).
     bars, errors = pair(skewed(), quantity)
     assert np.all(bars >= errors)
     assert np.median(bars / errors) < 100
