@@ -34,15 +34,20 @@ FTOL, XTOL = 1e-7, 1e-9
 
 @dataclass(frozen=True)
 class Unseen:
-    """Prediction of data that no fit has seen: χ² per datum, logarithm of the density that fits without each block predict for it.
+    """Prediction of data that no fit has seen: χ² per datum, logarithms of the densities that fits without each block predict for it.
 
-    A cause that acts on one block alone, as a frame does on one mode, is uncertain there without it, and not wrong: density and
+    A cause that acts on one block alone, as a frame does on one mode, is uncertain there without it, and not wrong: densities and
     p_value, the smallest of any block times their number, count how uncertain the prediction is, chi2_reduced does not.
     """
 
     chi2_reduced: float
-    density: float
+    densities: tuple[float, ...]
     p_value: float
+
+    @property
+    def density(self) -> float:
+        """Logarithm of the density of all blocks."""
+        return sum(self.densities)
 
 
 @dataclass(frozen=True)
@@ -222,7 +227,7 @@ def leave_out(solution: Solution, most: int) -> Unseen:
     blocks = solution.model.problem.blocks
     low, high = solution.model.bounds
     units = np.outer(high - low, high - low)
-    square, count, density, p_values = 0.0, 0, 0.0, []
+    square, count, densities, p_values = 0.0, 0, [], []
     for block in np.unique(blocks[blocks >= 0]):
         out = blocks == block
         other = fit(solution.model, solution.vector, ~out, most)
@@ -231,6 +236,6 @@ def leave_out(solution: Solution, most: int) -> Unseen:
         gained = np.linalg.slogdet(known / units)[1] - np.linalg.slogdet(solution.covariance / units)[1]
         chi2 = max(solution.chi2 - float(seen @ seen), 0.0)
         square, count = square + float(unseen @ unseen), count + len(unseen)
-        density -= 0.5 * (chi2 + float(gained))
+        densities.append(-0.5 * (chi2 + float(gained)))
         p_values.append(float(chdtrc(len(unseen), chi2)))
-    return Unseen(square / count, density, min(1.0, min(p_values) * len(p_values)))
+    return Unseen(square / count, tuple(densities), min(1.0, min(p_values) * len(p_values)))

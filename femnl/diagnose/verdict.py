@@ -12,8 +12,8 @@ CLEAR = 0.95
 """Posterior probability from which on one set of causes is clearly preferred."""
 TIE = 4.0
 """Difference in χ² up to which a set with no more parameters does as well, whatever the priors' widths say."""
-CONTRADICTED = 1.05
-"""Ratio of the best set's held-out χ² to a rival's from which on prediction contradicts evidence."""
+CONTRADICTED = 2.0
+"""Standard errors by which a rival's logarithm of the density of unseen data must exceed the best set's to contradict the evidence."""
 SCATTERED = 1e3
 """Largest deviations of unknown cause, in σ, that are allowed for."""
 RIVALS = 3
@@ -79,7 +79,15 @@ def _ties(candidate: Candidate, best: Candidate) -> bool:
 
 
 def _contradicted(best: Candidate, others: list[Candidate]) -> bool:
-    return best.solution.unseen.chi2_reduced > CONTRADICTED * min(c.solution.unseen.chi2_reduced for c in others)
+    """Whether another set predicts unseen data clearly better: not in one block alone, as where chance struck, but on the whole.
+
+    Whether a cause more than in the best set is worth it, is for the evidence to say.
+    """
+    for other in (c for c in others if not set(best.names) < set(c.names)):
+        gains = np.subtract(other.solution.unseen.densities, best.solution.unseen.densities)
+        if np.sum(gains) > CONTRADICTED * np.sqrt(len(gains)) * np.std(gains, ddof=1):
+            return True
+    return False
 
 
 def _predicts_better(one: Unseen, other: Unseen) -> bool:

@@ -86,7 +86,7 @@ def test_a_block_that_bends_over_what_the_others_leave_open_is_no_misfit() -> No
 class Foreseen(Solution):
     """A fit whose prediction of unseen data is given."""
 
-    given = Unseen(1.0, 0.0, 1.0)
+    given = Unseen(1.0, (0.0,) * 4, 1.0)
 
     @property
     def unseen(self) -> Unseen:
@@ -99,7 +99,7 @@ def test_what_fits_all_data_but_predicts_no_part_from_the_others_explains_nothin
     assert judge([base, right]).verdict == "explained"
 
     class Bent(Foreseen):
-        given = Unseen(4.0, right.solution.unseen.density, 1e-4)
+        given = Unseen(4.0, right.solution.unseen.densities, 1e-4)
 
     bent = replace(right, solution=Bent(**vars_of(right.solution)))
     assert judge([base, bent]).verdict == "unexplained"
