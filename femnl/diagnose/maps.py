@@ -35,6 +35,9 @@ LARGER = (3.0, 9.0, 27.0, 81.0)
 STENCIL, WEIGHT = np.polynomial.hermite_e.hermegauss(5)
 """Gauss–Hermite points of the laser spot along each axis, in units of its sd."""
 
+KEPT = 32
+"""Places of the map at which shapes are kept: more than a spot has points, so that steps of all other parameters find them."""
+
 
 class MapProblem:
     """Residuals of the harmonics of a driven mode; see `Problem`."""
@@ -59,7 +62,7 @@ class MapProblem:
         self.noise, note = noise_sd(dataset)
         self.film, self.wavelength = film, float(dataset.attrs["wavelength"])
         self._exact = film.model.outline.size is None
-        self._shapes = lru_cache(maxsize=8)(self._shapes_at)
+        self._shapes = lru_cache(maxsize=KEPT)(self._shapes_at)
         drive = dataset.attrs.get("drive_frequency")
         self.mode, fitted, told = self._find_mode(dataset, None if drive is None else float(drive))
         self.frequency = float(film.modes.frequency[self.mode]) if drive is None else float(drive)
