@@ -22,6 +22,9 @@ DOUBTFUL = 0.05
 """p-value below which a set that explains the data may lack a cause that is too weak to rule it out."""
 MOST = 7
 """Effects that are fitted at each step, those that the residuals point to most."""
+TELLING = 2
+"""Effects whose looks are the least likely by chance, which are fitted however little they promise: what is of second order shows
+that it is there, but not how much it could take up."""
 FEWEST, FAINT = 4, 0.01
 """Effects that are fitted in any case, and the part of the excess of χ² that any other must promise to take up."""
 SHAPES, ALIKE = 4, 0.98
@@ -136,7 +139,8 @@ def _grown(parent: Candidate, library: list[Effect]) -> Iterable[Solution]:
         if look.effect is not None and look.gain > 0:
             best.setdefault(look.name, []).append(look)
     excess = parent.solution.chi2 - parent.solution.degrees
-    promising = [name for i, name in enumerate(best) if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)]
+    promising = {name for i, name in enumerate(best) if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)}
+    promising.update(sorted(best, key=lambda name: min(look.p_value for look in best[name]))[:TELLING])
     for effect in [e for e in library if e.name in promising and e.name not in mine]:
         _tell(parent, effect)
         yield min((_extend(parent, effect, look.values) for look in _unlike(best[effect.name])), key=lambda s: s.chi2)

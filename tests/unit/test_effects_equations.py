@@ -285,9 +285,9 @@ def test_the_fringe_of_a_stack_is_its_reflection_at_the_gap_that_the_film_leaves
 def test_other_modes_are_mixed_into_the_driven_one_in_their_order() -> None:
     shapes, swing = np.arange(1.0, 13.0).reshape(6, 2), np.array([1e-7, 2e-7]) * np.exp(0.3j)
     plain = Motion((swing * shapes[1])[None], np.zeros(2), np.zeros(2), np.zeros(2), shapes, np.arange(1.0, 7.0), 1, swing, 633e-9)
-    found = changed("mode_admixture", "motion", plain, e1=0.1, e2=0.2, e3=-0.3, e4=0.05)
+    found = changed("mode_admixture", "motion", plain, e1=0.1, e2=0.2, e3=-0.3, e4=0.05, e5=0.02)
     assert isinstance(found, Motion)
-    mixed = shapes[1] + 0.1 * shapes[0] + 0.2 * shapes[2] - 0.3 * shapes[3] + 0.05 * shapes[4]
+    mixed = shapes[1] + 0.1 * shapes[0] + 0.2 * shapes[2] - 0.3 * shapes[3] + 0.05 * shapes[4] + 0.02 * shapes[5]
     np.testing.assert_allclose(found.displacement, (swing * mixed)[None], rtol=1e-14)
 
 

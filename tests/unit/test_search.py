@@ -127,6 +127,16 @@ def test_a_whole_number_is_found_and_stays_one() -> None:
     assert values[0]["strength"] == pytest.approx(4, abs=0.4)
 
 
+def test_what_is_most_telling_is_fitted_however_little_its_tangent_promises() -> None:
+    # Nine effects that take up chance, and one of second order, whose secant at small strength promises next to nothing.
+    rng = np.random.default_rng(1)
+    rows = rng.standard_normal((9, 40))
+    weak = [effect(f"weak {k}", partial(np.multiply, row), low=-1.0) for k, row in enumerate(rows)]
+    square = effect("square", lambda s: (s / 8) ** 2 * np.sin(7 * PLACE), low=0.0)
+    found = search(line(3 + np.sin(7 * PLACE) + 1.2 * rng.standard_normal(40)), [*weak, square])
+    assert ("square",) in [candidate.names for candidate in found]
+
+
 def test_a_fit_follows_a_curved_valley_to_its_end() -> None:
     # Slopes of the stress act in second order on the pairs of a hexagon: what the data know is a circle of slopes.
     film = SimulatedFilm(load("hexagon-278um"), 52)
