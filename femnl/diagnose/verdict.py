@@ -39,7 +39,9 @@ def judge(found: list[Candidate]) -> Judgement:
     if base.p_value >= FALSE_ALARMS:
         return Judgement("adequate", base, (), share)
     scatter = _scatter(base)
-    likely = [c for c in tried if c.viable and (len(c.names) == 1 or c.weight > scatter)]
+    # A set is no explanation with a cause in it that the evidence does not ask for.
+    worth = [c for c in tried if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in tried)]
+    likely = [c for c in worth if c.viable and (len(c.names) == 1 or c.weight > scatter)]
     # What fits all the data together, but not each part by what the others say, is bent to them and no cause.
     viable = [c for c in sorted(likely, key=lambda c: -c.weight)[: 1 + RIVALS] if c.solution.unseen.p_value >= c.least]
     if base.viable and all(c.weight <= base.weight for c in viable):

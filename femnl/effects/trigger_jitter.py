@@ -17,7 +17,7 @@ def blur(harmonics: Harmonics, values: Values) -> Harmonics:
 EFFECT = Effect(
     name="trigger_jitter",
     equation="V_n → V_n e^{−(nωs)²/2}",
-    parameters=(Knob("sd", "s", 0.0, 0.15, per="period"),),
+    parameters=(Knob("sd", "s", 0.0, 0.3, per="period"),),
     changes={"harmonics": blur},
     source="characteristic function of a normal time error",
     limits="normal, independent from trace to trace",

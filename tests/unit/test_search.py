@@ -138,6 +138,22 @@ def test_what_is_most_telling_is_fitted_however_little_its_tangent_promises() ->
     assert ("square",) in [candidate.names for candidate in found]
 
 
+def test_a_cause_that_the_evidence_does_not_ask_for_saves_no_other() -> None:
+    data = 3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)
+    base, one = search(line(data), [SLOPE])
+
+    class Bent(Foreseen):
+        given = Unseen(4.0, one.solution.unseen.densities, 1e-4)
+
+    wider = solved(data, SLOPE, effect("bend", lambda s: s * PLACE**2))
+    two = replace(one, solution=wider)
+    assert two.viable
+    assert two.weight < one.weight
+    assert judge([base, one, two]).verdict == "explained"
+    bent = replace(one, solution=Bent(**vars_of(one.solution)))
+    assert judge([base, bent, two]).verdict == "unexplained"
+
+
 def test_a_fit_follows_a_curved_valley_to_its_end() -> None:
     # Slopes of the stress act in second order on the pairs of a hexagon: what the data know is a circle of slopes.
     film = SimulatedFilm(load("hexagon-278um"), 52)
