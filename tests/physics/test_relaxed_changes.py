@@ -1,5 +1,6 @@
 """What a change of the film stress leaves of itself around holes, and shapes that go on over them."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,6 +15,7 @@ from femnl.modes import shape_at, shapes_at
 from femnl.modes.projection import project
 from femnl.predict import solve_modes
 from femnl.prestress import solve_units
+from femnl.types.device import Holes
 from femnl.types.mechanics import Modes
 from femnl.types.operators import Projection
 from tests.blind.lab import holes
@@ -85,6 +87,15 @@ def test_quadrilaterals_split_the_modes_as_much_as_femnl_does() -> None:
         assert own == pytest.approx(theirs, abs=5e-3 * np.abs(own).max())
     unrelaxed = project(modes)
     assert np.abs(split(unrelaxed, mass, (1.005, 0.995, 0.0)) / split(unrelaxed, mass, (1.0, 1.0, 0.0)) - 1).max() > 1.02 * 1.92e-3
+
+
+@pytest.mark.parametrize("symmetry", ["eighth", "quarter", "full"])
+def test_shear_couples_the_first_mode_of_an_even_square_to_the_fourth_alike_from_any_wedge(symmetry: str) -> None:
+    modes = solve_modes(replace(parse(FILM), holes=Holes(np.empty((0, 2)), 0.0)), 4, symmetry, cache=False)
+    place = [int(np.argmin(np.abs(modes.frequency / modes.frequency[0] - r))) for r in (1, 2)]
+    # h ∫ ½(∂xξ₁₁∂yξ₂₂ + ∂yξ₁₁∂xξ₂₂) of cosines and sines is 16/9 h.
+    coupled = abs(project(modes).slopes[0, 2][place[0], place[1]])
+    assert coupled == pytest.approx(16 / 9 * modes.domain.model.film.thickness, rel=1e-6)
 
 
 def test_a_wedge_between_oblique_mirrors_is_refused() -> None:
