@@ -40,7 +40,7 @@ TURNED = ("phase_tilt.slope_x", "phase_tilt.slope_y", "quadratic_stiffness.kappa
 """Parameters that change their sign with the motion, of which a diagnosis gives the one within a quarter turn of the drive."""
 BASE = {
     "spectrum": ("speed",),
-    "holes": (),  # the laboratory's film is 2e-6 too stiff for that, alike for all modes
+    "holes": (),  # the laboratory's film is 1e-6 too stiff for that, alike for all modes
     "response": ("frequency", "linewidth"),
     "map": ("amplitude", "x", "y"),
     "series": ("frequency",),

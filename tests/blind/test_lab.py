@@ -14,9 +14,11 @@ from femnl.diagnose.film import SimulatedFilm
 from femnl.effects import library
 from femnl.modes import shape_at
 from femnl.optics import MultilayerFringe
+from femnl.predict import solve_modes
 from tests.blind.jobs import jobs
 from tests.blind.lab import KINDS, Case, causes, make, maps
-from tests.blind.lab.film import Membrane, membrane
+from tests.blind.lab.film import Membrane, device, membrane
+from tests.blind.lab.holes import HolesBench, perforated
 from tests.blind.lab.maps import WAVELENGTH, bent, reflection
 from tests.blind.lab.record import COUNT, RATE, RecordBench
 from tests.blind.lab.response import ResponseBench
@@ -46,6 +48,18 @@ def test_the_laboratory_s_stack_reflects_as_transfer_matrices_say() -> None:
     u = np.linspace(-2e-7, 2e-7, 9)
     gap = stack.layers[stack.gap].thickness
     assert reflection(stack, gap + u) == pytest.approx(MultilayerFringe(stack, WAVELENGTH)(u), rel=1e-10)
+
+
+def test_the_laboratory_s_film_with_holes_bends_as_femnl_s_does() -> None:
+    model, other = device("perforated"), perforated()
+    film = model.film
+    layer = film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress))
+    plate = other.clamped(layer)
+    theirs = np.sort(np.sqrt(film.stress / film.density * (plate + layer**2 * plate**2)))[:14] / (2 * np.pi)
+    ratio = theirs / solve_modes(model, 20, resolution=1.5).frequency[:14]
+    assert ratio.mean() == pytest.approx(1, abs=2e-6)
+    # c is free in a diagnosis, so that a common factor says nothing; the rest is to be well below the smallest noise, 2 Hz times `less`.
+    assert np.abs(theirs * (ratio / ratio.mean() - 1)).max() < 0.5 * 2.0 * HolesBench.less
 
 
 @pytest.mark.parametrize("kind", ["spectrum", "map", "series", "trace"])
