@@ -62,6 +62,7 @@ class SpectrumProblem:
             "reach": film.projection.reach,
             "mass": float(film.modes.effective_mass[0] * (film.speed / self.start[0]) ** 2),
             "frequency": float(self.frequency.min()),
+            "layer_square": film.bending_length**2,
             **({"time": float(np.ptp(self.time))} if len(self.time) and np.ptp(self.time) > 0 else {}),
         }
         known = "the geometry assumes its film, so ℓ is fitted without prior knowledge" if unknown else f"ℓ is known to {BENDING_SD:.0%}"

@@ -14,9 +14,9 @@ def stiffen(system: ModalSystem, values: Values) -> ModalSystem:
 EFFECT = Effect(
     name="bending_stiffness",
     equation="f² → (c/2π)² (k² + ℓ²k⁴), ℓ² = ℓ₀² + s, ℓ = √(D/T), ℓ₀ from the geometry",
-    parameters=(Knob("excess", "m²", 0.0, 1e-11),),
+    parameters=(Knob("excess", "m²", 0.0, 15.0, per="layer_square"),),
     changes={"operators": stiffen},
     source="Kirchhoff plate in tension, e.g. Timoshenko & Woinowsky-Krieger (1959)",
-    limits="ℓ ≪ wavelength; k depends on ℓ as the simulated film's does at up to four times its own ℓ",
+    limits="ℓ ≪ wavelength, and up to four times ℓ₀, as far as the simulated film's k is known",
     sentence="the film is stiffer in bending than its geometry says",
 )

@@ -120,6 +120,10 @@ def _simple(knob: str, low: float, most: float, signed: bool = False) -> Callabl
     return draw
 
 
+def _stiffness(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
+    return Cause({"excess": 1e-2 * bench.layer**2}, ("excess",), min(1e3, 2e-10 / bench.layer**2))
+
+
 def _particle(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
     modes = bench.membrane()
     size = modes.inner if len(modes.orders) else (modes.half, modes.half)
@@ -145,7 +149,7 @@ def _gradient(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
 CAUSES: dict[str, Callable[[np.random.Generator, SpectrumBench], Cause]] = {
     "added_mass": _particle,
     "aspect_ratio": _simple("elongation", 1e-4, 2e-2, signed=True),
-    "bending_stiffness": _simple("excess", 1e-13, 2e-12),
+    "bending_stiffness": _stiffness,
     "compliant_clamp": _simple("depth_cubed", 1e-18, 2e-15),
     "frame_mode": _frame,
     "frequency_drift": _simple("rate", 1e-8, 9e-7, signed=True),
