@@ -20,6 +20,8 @@ from femnl.types.scene import Oscillator, Signal
 
 ALPHA_SD = 0.2
 """Relative standard deviation of a simulated α: Young's modulus of a thin film is rarely known better."""
+MOVING = 0.3
+"""Part of the largest signal from which on the mode moves strongly."""
 ROUNDS = 12
 """Iterations of the amplitude under a quintic term or a resonance of higher order, small corrections of the cubic one."""
 SETTLED = 1e-6
@@ -63,7 +65,10 @@ class ResponseProblem:
         recorded = "time" in dataset and bool(np.isfinite(dataset["time"].values).all())
         kept = np.unique(self.sweeps.row)
         self._time = np.asarray(dataset["time"].values[kept], float) if recorded else np.arange(len(kept), dtype=float)
-        self._largest = float(np.abs(self.sweeps.voltage).max())
+        size = np.abs(self.sweeps.voltage)
+        self._largest = float(size.max())
+        moving = self.sweeps.frequency[size > MOVING * size.max()]
+        self._middle = float(moving.min() + moving.max()) / 2
         self.facts: Mapping[str, float] = {
             "curvature": strongest**-2,
             "curvature_square": strongest**-4,
@@ -72,7 +77,7 @@ class ResponseProblem:
             "frequency": f0,
             "linewidth": w,
             "linewidth_square": w**2,
-            "span": span,
+            "moving": float(np.ptp(moving)),
             **({"wavelength": self.wavelength} if self.wavelength else {}),
             **({"time": float(np.ptp(self._time))} if recorded else {}),
         }
@@ -117,7 +122,7 @@ class ResponseProblem:
         drive, frequency = data.drive[first] * data.reference, np.full(len(first), base["frequency"])
         alpha, silent = -self.simulated_alpha if self.softens else self.simulated_alpha, np.zeros(len(data.frequency), complex)
         driven = np.asarray(data.frequency)
-        plain = Oscillator(frequency, base["linewidth"], alpha, 0.0, 0.0, drive, base["peak"], self._time, driven, silent)
+        plain = Oscillator(frequency, base["linewidth"], alpha, 0.0, 0.0, drive, base["peak"], self._time, driven, self._middle, silent)
         mode = apply("oscillator", plain, effects, values)
         return (replace(mode, alpha=alpha), 2 * alpha - mode.alpha) if self.softens else (mode, self.simulated_alpha)
 

@@ -13,7 +13,7 @@ def couple(mode: Oscillator, values: Values) -> Oscillator:
     """
     if values["coupling_square"] == 0:
         return mode
-    crossing = (mode.driven.min() + mode.driven.max()) / 2 + values["offset"]
+    crossing = mode.middle + values["offset"]
     pull = -values["coupling_square"] / (crossing - mode.driven + 0.5j * values["width"])
     return replace(mode, pull=mode.pull + pull, order=values["order"])
 
@@ -23,12 +23,13 @@ EFFECT = Effect(
     equation="f₀ → f₀ − g² (A/A_s)^{2(p−1)}/(f_j/p − f + iw/2), p = 2, 3; ⅜αf₀A_s² = linewidth; w that of the second mode over p",
     parameters=(
         Knob("coupling_square", "Hz^2", 0.0, 100.0, per="linewidth_square"),
-        Knob("offset", "Hz", -0.5, 0.5, strength=False, per="span"),
-        Knob("width", "Hz", 0.1, 10.0, strength=False, log=True, per="linewidth"),
+        Knob("offset", "Hz", -0.5, 0.5, strength=False, per="moving"),
+        Knob("width", "Hz", 0.1, 5.0, strength=False, log=True, per="linewidth"),
         Knob("order", "1", 1.5, 3.5, strength=False, whole=True),
     ),
     changes={"oscillator": couple},
     source="Nayfeh & Mook (1979), section 6.5, the second mode slaved: averaging of q₁²q₂ (p = 2) and q₁³q₂ (p = 3)",
-    limits="a steady second mode that follows the first; no energy stored there; offset is f_j/p less the middle of the sweeps",
+    limits="a steady second mode that follows the first; no energy stored there; f_j/p lies among the drives that move the mode most, from "
+    "whose middle the offset counts; what is wider than five linewidths is nonlinear damping",
     sentence="the driven mode gives energy to another one near a multiple of its frequency",
 )

@@ -69,8 +69,8 @@ class Oscillator:
 
     frequency f₀ (n_sweeps,) and linewidth w [Hz]; alpha [m⁻²]; quintic α₅ [m⁻⁴]; damping η [m⁻²]; force F (n_sweeps,) in V of drive,
     peak A₁ [m/V]: the linear amplitude at resonance; time (n_sweeps,) [s]. For what depends on the frequency of the drive itself,
-    driven f (n_points,) [Hz]; pull Π (n_points,) [Hz], which a mode near p·f adds at the amplitude A_s that stiffens the mode
-    by one linewidth; order p.
+    driven f (n_points,) [Hz]; middle of those at which the mode moves strongly [Hz]; pull Π (n_points,) [Hz], which a mode near p·f adds
+    at the amplitude A_s that stiffens the mode by one linewidth; order p.
     """
 
     frequency: Array
@@ -82,6 +82,7 @@ class Oscillator:
     peak: float
     time: Array
     driven: Array
+    middle: float
     pull: ComplexArray
     order: float = 2.0
 

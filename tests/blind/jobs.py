@@ -28,12 +28,13 @@ TURNING = ("aspect_ratio", "shear_stress", "stress_anisotropy")
 """Causes that only differ in direction, which a hexagon does not know."""
 UNTOLD = {
     "added_mass": ("x", "y"),
-    "internal_resonance": ("order",),
+    "internal_resonance": ("order", "offset"),
     "mechanical_overtones": ("cos2", "sin2", "cos3", "sin3"),
     "mode_admixture": ("e1", "e2", "e3", "e4"),
     "tension_gradient": ("slope_x", "slope_y"),
 }
-"""Parameters that data give only up to a symmetry of the film or the sign of a mode, or that are no numbers but choices."""
+"""Parameters that data give only up to a symmetry of the film or the sign of a mode, that are no numbers but choices, or that count
+from where the data respond."""
 FRINGE = {"multilayer_fringe.gap": WAVELENGTH / 2}
 """Parameters that data give only up to a multiple of this."""
 TURNED = ("phase_tilt.slope_x", "phase_tilt.slope_y", "quadratic_stiffness.kappa2", "static_bow.depth")

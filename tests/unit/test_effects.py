@@ -13,7 +13,7 @@ N = np.arange(1.0, 7.0)
 CONTROL = {"time": 10 * N, "temperature": 290 + N, "laser_power": 1e-6 * N, "pressure": N}
 VALUES: dict[Stage, object] = {
     "frequencies": Lines(1e6 * N, 10 * N),
-    "oscillator": Oscillator(np.full(6, 3e6), 4.0, 2e10, 0.0, 0.0, 0.1 * N, 1e-7, N, 3e6 + N, np.zeros(6, complex)),
+    "oscillator": Oscillator(np.full(6, 3e6), 4.0, 2e10, 0.0, 0.0, 0.1 * N, 1e-7, N, 3e6 + N, 3e6 + 2.5, np.zeros(6, complex)),
     "signal": Signal(np.asarray(N * (1 + 2j), np.complex128), 1e-8 * N, 0.1 * N, 633e-9, float(np.sqrt(180))),
     "placement": Placement(1e-5 * N, 2e-5 * N),
     "harmonics": Harmonics(np.outer(N, N).astype(complex), np.arange(1, 7), 1.0),

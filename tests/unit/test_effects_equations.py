@@ -140,7 +140,7 @@ def test_a_particle_on_a_soft_place_rides_on_it() -> None:
 
 
 OSCILLATOR = Oscillator(
-    np.ones(3), 0.02, 0.0, 0.0, 0.0, np.array([0.1, 0.2, 0.4]), 1.0, np.array([30.0, 10.0, 20.0]), np.ones(3), np.zeros(3, complex)
+    np.ones(3), 0.02, 0.0, 0.0, 0.0, np.array([0.1, 0.2, 0.4]), 1.0, np.array([30.0, 10.0, 20.0]), np.ones(3), 1.0, np.zeros(3, complex)
 )
 
 STAGES: tuple[tuple[Stage, object], ...] = (("oscillator", OSCILLATOR), ("equation", Equation(0.0, 0.0, 0.0, 0.0)))

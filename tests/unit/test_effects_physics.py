@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import eigsh
 
+from femnl.diagnose.fringes import harmonics
 from femnl.effects import library
 from femnl.fits.response_model import sheets
 from femnl.geometry import load
@@ -153,7 +154,8 @@ def oscillator(frequency: Array, force: float, alpha: float) -> Oscillator:
     """The same in the terms of the stage."""
     width = GAMMA / (2 * np.pi)
     peak = force / (W0 * GAMMA)
-    return Oscillator(np.ones(1), width, alpha, 0.0, 0.0, np.ones(1), peak, np.zeros(1), frequency, np.zeros(len(frequency), complex))
+    silent = np.zeros(len(frequency), complex)
+    return Oscillator(np.ones(1), width, alpha, 0.0, 0.0, np.ones(1), peak, np.zeros(1), frequency, float(frequency.mean()), silent)
 
 
 def test_quadratic_stiffness_lowers_alpha_by_ten_ninths_of_its_square() -> None:
@@ -205,7 +207,7 @@ def test_internal_resonance_is_the_wiggle_that_two_coupled_modes_show(order: int
     strength = coupling**2 * order / 4 ** (order - 1) * square ** (order - 1) / (2 * second * 2 * np.pi * order * 2 * W0 * 2 * np.pi)
     values = {
         "coupling_square": strength,
-        "offset": crossing - frequency[[0, -1]].mean(),
+        "offset": crossing - plain.middle,
         "width": loss / (2 * np.pi * order),
         "order": order,
     }
@@ -231,6 +233,18 @@ def test_saturation_of_a_fringe_clips_the_voltage() -> None:
     assert library()["detector_saturation"].changes["fringe"](
         Fringe(np.array([0, 1 + 0j]), 1.0, None), {"clipped": 0.3}
     ).limit == pytest.approx(0.7)
+
+
+def test_a_detector_that_clips_nothing_leaves_the_fringe_of_a_stack_alone() -> None:
+    # Its overtones make it exceed the size of its first coefficient, from which a fringe's contrast is reckoned.
+    fringe = Fringe(np.array([0, 1, 0.3 * np.exp(0.4j), 0.1j]), 632.8e-9, None)
+    z = np.linspace(0, 3, 7)
+    u = (z * 632.8e-9 / (4 * np.pi)).astype(complex)
+    motion = Motion(u[None], np.full(7, 0.7), np.zeros(7), np.zeros(7), np.ones((1, 7)), np.ones(1), 0, u, 632.8e-9)
+    clip, orders = library()["detector_saturation"].changes["fringe"], np.arange(1, 5)
+    plain = harmonics(motion, fringe, orders)
+    np.testing.assert_allclose(harmonics(motion, clip(fringe, {"clipped": 0.0}), orders), plain, atol=1e-5)
+    assert np.abs(harmonics(motion, clip(fringe, {"clipped": 0.1}), orders) - plain).max() > 0.01
 
 
 def test_crosstalk_adds_the_drive_to_the_first_harmonic_only() -> None:
