@@ -9,7 +9,7 @@ from femnl.types.scene import Fringe, Signal
 
 
 def clip(fringe: Fringe, values: Values) -> Fringe:
-    """Clip the signal at ±(1 − s) of the fringe's contrast."""
+    """Clip the signal at ±(1 − s) of the fringe's largest value: where s = 0, no fringe is clipped."""
     return replace(fringe, limit=min(fringe.limit, 1 - values["clipped"]))
 
 
@@ -22,7 +22,7 @@ def clip_sweep(signal: Signal, values: Values) -> Signal:
 
 EFFECT = Effect(
     name="detector_saturation",
-    equation="|v − V₀| ≤ (1 − s) V_C; in sweeps, of the strongest signal",
+    equation="|v − V₀| ≤ (1 − s) max|f − V₀| of the fringe; in sweeps, of the strongest signal",
     parameters=(Knob("clipped", "1", 0.0, 0.8),),
     changes={"fringe": clip, "signal": clip_sweep},
     source="an amplifier between its rails; in sweeps its describing function, Gelb & Vander Velde (1968)",

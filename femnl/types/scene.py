@@ -156,7 +156,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Fringe:
-    """Stage `fringe`: v = V_C Re Σ_k c_k e^{ik(qu + θ)}, c (n_overtones + 1,), clipped at ±limit in units of V_C.
+    """Stage `fringe`: v = V_C Re Σ_k c_k e^{ik(qu + θ)}, c (n_overtones + 1,), clipped at ±limit in units of its largest value.
 
     stack: of the geometry, None where it gives none; wavelength [m], q = 4π/wavelength.
     """

@@ -139,9 +139,13 @@ class MapBench:
                 u = u + shapes[k][..., None] * swing
         v = self._lit(u, theta, base, hidden)
         if "detector_saturation" in hidden:
-            limit = base["contrast"] * (1 - hidden["detector_saturation"]["clipped"])
+            limit = base["contrast"] * self._top(hidden) * (1 - hidden["detector_saturation"]["clipped"])
             v = np.clip(v, -limit, limit)
         return np.asarray(2 / SAMPLES * np.moveaxis(np.fft.fft(v, axis=-1)[..., 1 : ORDERS + 1], -1, 0))
+
+    def _top(self, hidden: dict[str, Values]) -> float:
+        """Largest value of the fringe, in units of its contrast."""
+        return largest(self.stack, self.wavelength) if "multilayer_fringe" in hidden and self.stack is not None else 1.0
 
     def _lit(self, u: Array, theta: Array, base: Values, hidden: dict[str, Values]) -> Array:
         if "multilayer_fringe" not in hidden or self.stack is None:
@@ -157,6 +161,11 @@ def fringe(stack: Stack, gap: Array, wavelength: float) -> Array:
     whole = reflection(stack, period, wavelength)
     first = 2 * abs(np.mean(whole * np.exp(4j * np.pi * period / wavelength)))
     return np.asarray((reflection(stack, gap, wavelength) - whole.mean()) / first)
+
+
+def largest(stack: Stack, wavelength: float) -> float:
+    """Largest size of that fringe, at any gap."""
+    return float(np.abs(fringe(stack, np.linspace(0, wavelength / 2, 4096), wavelength)).max())
 
 
 @lru_cache(maxsize=64)

@@ -11,7 +11,7 @@ import xarray as xr
 from femnl import measurement
 from tests.blind.lab.bench import Array, Cause, Values, sign
 from tests.blind.lab.film import device
-from tests.blind.lab.maps import WAVELENGTH, bent, fringe
+from tests.blind.lab.maps import WAVELENGTH, bent, fringe, largest
 
 PERIOD = 512
 """Points of one period in which the signal is made before it is sampled."""
@@ -96,7 +96,8 @@ class TraceBench:
         else:
             v = np.cos(4 * np.pi / WAVELENGTH * u + base["theta"])
         if "detector_saturation" in hidden:
-            limit = 1 - hidden["detector_saturation"]["clipped"]
+            top = largest(self.stack, WAVELENGTH) if "multilayer_fringe" in hidden and self.stack is not None else 1.0
+            limit = top * (1 - hidden["detector_saturation"]["clipped"])
             v = np.clip(v, -limit, limit)
         return np.asarray(base["contrast"] * v)
 
