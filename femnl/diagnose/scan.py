@@ -1,5 +1,7 @@
 """Starts for an effect where tangents at zero lead astray: degenerate pairs that split, modes that exchange labels, poles."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.stats.qmc import Sobol
 
@@ -18,8 +20,17 @@ BLIND = 1e-10
 """Part of the strongest direction in the model's parameters below which a direction does not show in the data."""
 
 
-def scan(solution: Solution, effect: Effect) -> list[tuple[dict[str, float], dict[str, float]]]:
-    """Return the best starts with one more effect, base parameters and those of the effect, by its finite strengths along rays.
+@dataclass(frozen=True)
+class Start:
+    """Where a fit with one more effect may start: base parameters, those of the effect, and the χ² that is promised there."""
+
+    base: dict[str, float]
+    values: dict[str, float]
+    chi2: float
+
+
+def scan(solution: Solution, effect: Effect) -> list[Start]:
+    """Return the best starts with one more effect, best first, by its finite strengths along rays.
 
     χ² at each is that of the residuals beside the model's own tangents: its parameters follow as far as they do so linearly.
     """
@@ -41,9 +52,9 @@ def scan(solution: Solution, effect: Effect) -> list[tuple[dict[str, float], dic
             tried.append((float(residuals @ residuals - along @ along), numbers, along))
         found.append(min(tried, key=lambda t: t[0]))
     starts = []
-    for _, numbers, along in sorted(found, key=lambda t: t[0])[:STARTS]:
+    for promised, numbers, along in sorted(found, key=lambda t: t[0])[:STARTS]:
         near, _ = solution.model.split(np.clip(solution.vector - back @ along, *solution.model.bounds))
-        starts.append((near, {knob.name: float(v) for knob, v in zip(effect.parameters, numbers, strict=True)}))
+        starts.append(Start(near, {knob.name: float(v) for knob, v in zip(effect.parameters, numbers, strict=True)}, promised))
     return starts
 
 

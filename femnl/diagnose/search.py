@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.stats import chi2
@@ -29,8 +30,10 @@ FEWEST, FAINT = 4, 0.01
 """Effects that are fitted in any case, and the part of the excess of χ² that any other must promise to take up."""
 SHAPES, ALIKE = 4, 0.98
 """Trial shapes of an effect from which it is fitted, and the square of the cosine from which on two are the same to the data."""
-BEAM = 2
-"""Sets of causes that are extended at each step."""
+BEAM, PEERS = 2, 2.0
+"""Sets of causes that are extended at each step; single causes up to this ratio of what they and the best leave of χ² are, too."""
+PAIR = 1
+"""Step at which pairs of causes are sought."""
 AGAIN = 3
 """Sets whose earlier causes are sought anew where no set explains the data."""
 LARGEST = 3
@@ -39,6 +42,8 @@ ROUGH = 4
 """Evaluations that every start gets where there are several."""
 REFINED = 2
 """Starts found by scanning that are fitted to the end."""
+FAR = 8
+"""Evaluations that the starts of pairs get which are sought from afar, before the best are fitted."""
 FEW, MOSTLY = 0.01, 0.3
 """Part of the residuals that hold this part of the excess of χ² where a fit stopped at a jump: points on the wrong side of it."""
 KICKS = (-0.03, -0.01, -0.003, 0.003, 0.01, 0.03)
@@ -106,23 +111,75 @@ def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
     beam = [base]
     for size in range(LARGEST):
         grown: dict[tuple[str, ...], Candidate] = {}
-        for parent in beam:
-            for solution in _grown(parent, library):
-                names = tuple(sorted(effect.name for effect in solution.model.effects))
-                if names not in grown or solution.chi2 < grown[names].solution.chi2:
-                    grown[names] = _judged(solution, library)
-        if not any(candidate.viable for candidate in grown.values()):
+        parents = list(beam)
+        for parent in parents:  # which grow in number
+            _keep(grown, _grown(parent, library), library)
+            if parent is parents[-1] and size == PAIR and (problem.rugged or _settled(grown)):
+                parents += _partners(grown, found, parents, library)
+        if not _settled(grown):
             ranked = sorted(grown.values(), key=lambda c: -c.weight)
-            for candidate in ranked if problem.rugged and size == 0 else ranked[:AGAIN]:
-                other = _sought_again(candidate.solution)
-                if other.chi2 < candidate.solution.chi2:
-                    grown[candidate.names] = _judged(other, library)
+            if problem.rugged and size == PAIR:
+                others = _from_afar(found, library)
+            else:
+                others = [_sought_again(c.solution) for c in (ranked if problem.rugged and size == 0 else ranked[:AGAIN])]
+            _keep(grown, others, library)
         found += grown.values()
-        beam = sorted(grown.values(), key=lambda c: -c.weight)[:BEAM]
-        if any(candidate.viable and candidate.p_value >= DOUBTFUL for candidate in grown.values()):
+        beam = sorted(grown.values(), key=lambda c: -c.weight)
+        beam = [c for i, c in enumerate(beam) if i < BEAM or (size == 0 and _excess(c) < PEERS * _excess(beam[0]))]
+        if _settled(grown):
             break
         beam = [c if c.looks else criticise(c.solution, library) for c in beam]
     return found
+
+
+def _settled(grown: dict[tuple[str, ...], Candidate]) -> bool:
+    """Whether a set explains the data beyond doubt."""
+    return any(candidate.viable and candidate.p_value >= DOUBTFUL for candidate in grown.values())
+
+
+def _partners(
+    grown: dict[tuple[str, ...], Candidate], found: list[Candidate], parents: list[Candidate], library: list[Effect]
+) -> list[Candidate]:
+    """Return the causes of the best pair, alone, that have not been extended: another partner may do as well, or better."""
+    best = max(grown, key=lambda names: grown[names].weight, default=())
+    done = {parent.names for parent in parents}
+    alone = [c for c in found if len(c.names) == 1 and c.names[0] in best and c.names not in done]
+    return [c if c.looks else criticise(c.solution, library) for c in alone]
+
+
+def _keep(grown: dict[tuple[str, ...], Candidate], solutions: Iterable[Solution], library: list[Effect]) -> None:
+    """Criticise what was fitted, and keep the best of each set of causes."""
+    for solution in solutions:
+        names = tuple(sorted(effect.name for effect in solution.model.effects))
+        if names not in grown or solution.chi2 < grown[names].solution.chi2:
+            grown[names] = _judged(solution, library)
+
+
+def _excess(candidate: Candidate) -> float:
+    return max(candidate.solution.chi2 - candidate.solution.degrees, 0.0)
+
+
+def _from_afar(found: list[Candidate], library: list[Effect]) -> list[Solution]:
+    """Fit the pairs that promise most where one effect is sought from afar beside each other one."""
+    base, alone = found[0].solution, {c.names[0]: c.solution for c in found if len(c.names) == 1}
+    for effect in (e for e in library if e.name not in alone):
+        start = scan(base, effect)[0]
+        model = Extended(base.model.problem, (effect,))
+        alone[effect.name] = fit(model, model.pack(start.base, [start.values]))
+    rough: dict[tuple[str, str], Solution] = {}
+    for one, other in combinations(sorted(library, key=_shaped), 2):
+        single = alone[one.name]
+        _, own = single.model.split(single.vector)
+        model = Extended(base.model.problem, (one, other))
+        starts = [model.pack(start.base, [*own, start.values]) for start in scan(single, other)[:REFINED]]
+        rough[one.name, other.name] = min((fit(model, start, most=FAR) for start in starts), key=lambda s: s.chi2)
+    return [fit(s.model, s.vector) for s in sorted(rough.values(), key=lambda s: s.chi2)[:AGAIN]]
+
+
+def _shaped(effect: Effect) -> tuple[int, int]:
+    """How many parameters of an effect are no strengths, and how many are: of two, the one with more is sought beside the other."""
+    shapes = sum(not knob.strength for knob in effect.parameters)
+    return shapes, -len(effect.parameters)
 
 
 def _judged(solution: Solution, library: list[Effect]) -> Candidate:
@@ -212,7 +269,7 @@ def _sought_again(solution: Solution) -> Solution:
             ranked = sorted(mine, key=lambda look: -look.gain)
             found += [fit(model, model.pack(start, [*kept[:k], look.values, *kept[k:]])) for look in _unlike(ranked)]
         if rugged:
-            rough = [fit(model, model.pack(near, [*kept[:k], far, *kept[k:]]), most=ROUGH) for near, far in scan(rest, effect)]
+            rough = [fit(model, model.pack(s.base, [*kept[:k], s.values, *kept[k:]]), most=ROUGH) for s in scan(rest, effect)]
             found += [fit(model, s.vector) for s in sorted(rough, key=lambda s: s.chi2)[:REFINED]]
     return min(found, key=lambda s: s.chi2)
 

@@ -114,9 +114,9 @@ def test_scanning_finds_the_other_side_of_a_kink() -> None:
     kinked = effect("kinked", lambda s: 20 * abs(s) * np.sign(PLACE) + 4 * s * PLACE**2)
     data = 10 * np.sign(PLACE) - 2 * PLACE**2
     assert solved(data, kinked).chi2 > 10, "tangents lead to the other side"
-    (near, far), *_ = scan(solved(data), kinked)
+    start, *_ = scan(solved(data), kinked)
     model = Extended(line(data), (kinked,))
-    assert fit(model, model.pack(near, [far])).chi2 < 1e-6
+    assert fit(model, model.pack(start.base, [start.values])).chi2 < 1e-6
     assert min(c.solution.chi2 for c in search(line(data, rugged=True), [kinked])) < 1e-6
 
 
@@ -136,6 +136,20 @@ def test_what_is_most_telling_is_fitted_however_little_its_tangent_promises() ->
     square = effect("square", lambda s: (s / 8) ** 2 * np.sin(7 * PLACE), low=0.0)
     found = search(line(3 + np.sin(7 * PLACE) + 1.2 * rng.standard_normal(40)), [*weak, square])
     assert ("square",) in [candidate.names for candidate in found]
+
+
+def test_every_pair_that_does_as_well_as_the_best_is_found() -> None:
+    # big + small and both + small say the same; alone, like is worth more than both.
+    rng = np.random.default_rng(2)
+    big, small = PLACE, np.sin(7 * PLACE) - np.mean(np.sin(7 * PLACE) * PLACE) / np.mean(PLACE**2) * PLACE
+    rows = {"big": big, "small": small, "both": big + small, "like": big + 0.5 * np.cos(5 * PLACE)}
+    pool = [effect(name, partial(np.multiply, row), low=-30.0) for name, row in rows.items()]
+    found = search(line(3 + 9 * big + 2 * small + 0.5 * rng.standard_normal(40)), pool)
+    alone = sorted((c for c in found if len(c.names) == 1), key=lambda c: -c.weight)
+    assert [c.names for c in alone[:2]] == [("big",), ("like",)]
+    chi2 = {c.names: c.solution.chi2 for c in found}
+    assert chi2["both", "small"] == pytest.approx(chi2["big", "small"], rel=1e-6)
+    assert judge(found).verdict == "ambiguous"
 
 
 def test_a_cause_that_the_evidence_does_not_ask_for_saves_no_other() -> None:
