@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from numpy.polynomial.legendre import Legendre, leggauss
 from scipy.interpolate import make_interp_spline
 from scipy.linalg import eigh
@@ -17,6 +18,7 @@ from femnl.optics import MultilayerFringe
 from femnl.predict import solve_modes
 from tests.blind.jobs import jobs
 from tests.blind.lab import KINDS, Case, causes, make, maps
+from tests.blind.lab.bench import FOLLOWED, Array, Cause, Values, sizes
 from tests.blind.lab.film import Membrane, device, membrane
 from tests.blind.lab.holes import HolesBench, perforated
 from tests.blind.lab.maps import WAVELENGTH, bent, reflection
@@ -195,3 +197,26 @@ def test_shapes_of_the_laboratory_have_the_layer_of_a_plate_at_its_edge(name: st
     made = maps._shapes(name, x.tobytes(), y.tobytes())[0]
     there = shape_at(film.modes, 0, x, y)
     assert np.abs(made * np.sign(made @ there) - there).max() < 1e-3
+
+
+class Root:
+    """A base parameter b whose square a cause adds to: the cause can be had by the base alone, but not along its tangent."""
+
+    def __init__(self) -> None:
+        self.unit = {"b": 1.0}
+
+    def draw(self, rng: np.random.Generator) -> Values:
+        return {"b": 1.0}
+
+    def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
+        total = np.array([base["b"] ** 2 + hidden.get("more", {}).get("c", 0.0) for base, hidden in variants])
+        return 100 * np.stack([np.sqrt(total), total, total**2], axis=1)
+
+    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
+        return {}
+
+
+def test_a_cause_that_the_base_can_take_up_does_not_stand_out() -> None:
+    hidden = {"more": Cause({"c": 0.3}, ("c",))}
+    assert sizes(Root(), {"b": 1.0}, hidden)["more"] > 4
+    assert sizes(Root(), {"b": 1.0}, hidden, FOLLOWED)["more"] < 1.5

@@ -14,8 +14,12 @@ STEP = 1e-6
 SHARE = 1e-3
 """Relative change of the strength of another cause for a tangent."""
 
+BLIND, STEEP = 1e-7, 1e-3
+"""Parts of the strongest direction of tangents below which one does not show, and below which it is not followed."""
 ROUNDS, NEAR = 6, 0.25
 """Rounds in which a cause is scaled to the wanted size, and the logarithm of the factor that is near enough."""
+FOLLOWED = 4
+"""Steps along tangents that are taken to see what a cause leaves."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +56,11 @@ def scaled(cause: Cause, factor: float) -> Cause:
     return replace(cause, values=values, most=cause.most / factor)
 
 
-def sizes(bench: Bench, base: Values, hidden: dict[str, Cause]) -> dict[str, float]:
-    """By how many σ each cause moves the data beyond what base parameters and the strengths of the other causes could, to first order."""
+def sizes(bench: Bench, base: Values, hidden: dict[str, Cause], rounds: int = 0) -> dict[str, float]:
+    """By how many σ each cause moves the data beyond what base parameters and the strengths of the other causes could.
+
+    To first order; with rounds, those are moved so many times along their tangents, and what that leaves counts if it is less.
+    """
     whole = {name: cause.values for name, cause in hidden.items()}
     found = {}
     for name in hidden:
@@ -64,11 +71,22 @@ def sizes(bench: Bench, base: Values, hidden: dict[str, Cause]) -> dict[str, flo
         variants += [(base, rest | {k: scaled(cause, 1 - SHARE).values}) for k, cause in others.items() if cause.strengths]
         rows = bench.clean(variants)
         tangents = rows[2:] - rows[1]
-        tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-300)
-        basis, strength, _ = np.linalg.svd(tangents.T, full_matrices=False)
-        basis = basis[:, strength > 1e-7 * strength[0]]
-        change = rows[0] - rows[1]
-        found[name] = float(np.linalg.norm(change - basis @ (basis.T @ change)))
+        length = np.maximum(np.linalg.norm(tangents, axis=1), 1e-300)
+        length = np.maximum(np.linalg.norm(tangents, axis=1), 1e-300)
+        basis, strength, turn = np.linalg.svd((tangents / length[:, None]).T, full_matrices=False)
+        basis, change = basis[:, strength > BLIND * strength[0]], rows[0] - rows[1]
+        left = [float(np.linalg.norm(change - basis @ (basis.T @ change)))]
+        clear = strength > STEEP * strength[0]
+        steps, back = np.zeros(len(tangents)), (turn[clear] / strength[clear, None]).T / length[:, None]
+        strong = [k for k, cause in others.items() if cause.strengths]
+        for _ in range(rounds):
+            steps += back @ (basis[:, : len(back.T)].T @ change)
+            near = base | {knob: base[knob] + STEP * s * unit for (knob, unit), s in zip(bench.unit.items(), steps, strict=False)}
+            factors = np.maximum(1 - SHARE * steps[len(bench.unit) :], SHARE)
+            beside = rest | {k: scaled(others[k], factor).values for k, factor in zip(strong, factors, strict=True)}
+            change = rows[0] - bench.clean([(near, beside)])[0]
+            left.append(float(np.linalg.norm(change)))
+        found[name] = min(left)
     return found
 
 
@@ -85,7 +103,7 @@ def sized(bench: Bench, base: Values, hidden: dict[str, Cause], wanted: dict[str
         for name, f in factor.items():  # some effects are of second order in their strength
             if abs(np.log(f)) > NEAR:
                 power[name] = float(np.clip(np.log(found[name] / earlier[name]) / np.log(f), 0.5, 3.0))
-    return hidden, found
+    return hidden, sizes(bench, base, hidden, FOLLOWED)
 
 
 def sign(rng: np.random.Generator) -> float:
