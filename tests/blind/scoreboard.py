@@ -46,6 +46,14 @@ def detectable(record: Record) -> bool:
     return all(sigma >= DETECTABLE for sigma in record.get("sigma", {}).values())
 
 
+def wrong(record: Record) -> bool:
+    """Whether an explanation names a cause that is not there or lacks one that stands out."""
+    if record["verdict"] != "explained":
+        return False
+    lacking = [cause for cause in record["causes"] if cause not in record["named"]]
+    return not set(record["named"]) <= set(record["causes"]) or any(record["sigma"][cause] >= DETECTABLE for cause in lacking)
+
+
 def tied(record: Record, partners: dict[str, Record]) -> bool:
     """Whether the answer without the true cause is one that, with it, was told as its equal."""
     with_it = partners.get(record["file"])
@@ -70,7 +78,7 @@ def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
         "pair named": (strong.get("pair", []), told),
         "wrong cause explained": (
             caused,
-            lambda r: r["verdict"] == "explained" and r["named"] != r["causes"] and not (r["task"] == "removed" and tied(r, partners)),
+            lambda r: wrong(r) and not (r["task"] == "removed" and tied(r, partners)),
         ),
         "removed cause unexplained": (strong.get("removed", []), lambda r: r["verdict"] == "unexplained" or tied(r, partners)),
         "68 % intervals hold": (pulls, lambda pair: abs(pair[1]) < 1),

@@ -66,6 +66,17 @@ def test_the_scoreboard_counts_what_the_records_say() -> None:
     assert (rates["68 % intervals hold"]["k"], rates["gain within 10 % of the best"]["k"]) == (1, 1)
 
 
+def test_a_cause_that_does_not_stand_out_may_be_left_unnamed_but_no_other() -> None:
+    faint = {"gas_damping": 20.0, "photothermal": 3.0}
+    rows = [
+        record("pair", ["gas_damping", "photothermal"], "explained", ["gas_damping"], sigma=faint, file="one"),
+        record("pair", ["gas_damping", "photothermal"], "explained", ["photothermal"], sigma=faint, file="two"),
+        record("pair", ["gas_damping", "photothermal"], "explained", ["gas_damping", "gas_loading"], sigma=faint, file="three"),
+    ]
+    rates = score(rows, [1])["rates"]
+    assert (rates["wrong cause explained"]["k"], rates["wrong cause explained"]["n"]) == (2, 3)
+
+
 def test_a_draw_gives_a_line_that_json_takes() -> None:
     (job,) = [j for j in jobs(seed=3, rounds=1, kinds=("series",)) if j.task == "hidden" and j.case.causes == ("gas_damping",)]
     kept = json.loads(json.dumps(run(job)))
