@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,8 +21,10 @@ from femnl.readout import Fringe, harmonic_map
 from femnl.storage import cached_modes, cached_nonlinearity
 from femnl.types.device import Edge, Model
 from femnl.types.mechanics import Modes, Nonlinearity
-from femnl.types.readout import HarmonicMap
+from femnl.types.readout import Array, HarmonicMap
 
+Certified = Literal["frequency", "all"]
+"""Numbers that a tolerance is of: f and f/f₁, or m_eff, k₃ and α as well."""
 DEGREE = 4
 COARSE = 0.6  # resolution from which a tolerance is approached
 STEP = 8.0  # by which an error has to fall for a higher degree to pay, rather than smaller elements
@@ -95,12 +97,15 @@ def _road(model: Model, symmetry: str, resolution: float, count: int, highest: i
     return lambda count, degree: solve_on_mesh(prestress.solve_prestress(domain, degree), count, degree)
 
 
-def solve_modes_to(model: Model, tolerance: float, count: int = 10, symmetry: str = "auto", cache: bool = True) -> Modes:
-    """Modes of a device whose frequencies are known within a relative tolerance: degree and mesh follow from the error bars.
+def solve_modes_to(
+    model: Model, tolerance: float, count: int = 10, symmetry: str = "auto", cache: bool = True, of: Certified = "frequency"
+) -> Modes:
+    """Modes of a device whose numbers are known within a relative tolerance: degree and mesh follow from the error bars.
 
     A higher degree comes first, then smaller elements everywhere: at corners, clamped edges and holes most of all.
 
     Args: tolerance: of f and f/f₁ of every mode, 2e-11 to 0.1. count, symmetry, cache: as in `solve_modes`.
+        of: "all" asks the same of m_eff, k₃ and α.
     Raises: ParameterError; ConvergenceError that says how far it came and what stopped it.
     """
     if not 2e-11 <= tolerance <= 0.1:
@@ -113,7 +118,7 @@ def solve_modes_to(model: Model, tolerance: float, count: int = 10, symmetry: st
             if not np.isfinite(best):
                 raise
             raise ConvergenceError(f"tolerance = {tolerance:g}: stopped at a relative error of {best:.1e}, because {error}") from error
-        errors = modes.frequency_error / modes.frequency
+        errors = _relative_errors(modes, of, cache)
         worst = int(np.argmax(errors))
         excess = float(errors[worst]) / tolerance
         if excess <= 1:
@@ -129,6 +134,15 @@ def solve_modes_to(model: Model, tolerance: float, count: int = 10, symmetry: st
             degree += 1
         else:
             resolution *= float(np.clip(1.1 * excess ** (1 / (2 * degree - 2)), 1.3, 2.0))
+
+
+def _relative_errors(modes: Modes, of: Certified, cache: bool) -> Array:
+    """The largest relative error bar of each mode."""
+    bars = [modes.frequency_error / modes.frequency, modes.ratio_error / modes.ratio]
+    if of == "all":
+        found = solve_nonlinearity(modes, cache=cache)
+        bars += [modes.effective_mass_error / modes.effective_mass, found.k3_error / found.k3, found.alpha_error / found.alpha]
+    return np.asarray(np.max(bars, axis=0))
 
 
 def solve_nonlinearity(modes: Modes, edge: Edge | None = None, tensor: bool = False, cache: bool = True) -> Nonlinearity:

@@ -11,7 +11,7 @@ from femnl.cli._modes_more import More, bow_of
 from femnl.cli._output import console, note, print_json, scientific, table
 from femnl.errors import ParameterError
 from femnl.lattice import solve_homogenised
-from femnl.predict import solve_modes, solve_modes_to, solve_nonlinearity
+from femnl.predict import Certified, solve_modes, solve_modes_to, solve_nonlinearity
 from femnl.storage import need_room, write_modes, write_vtu
 from femnl.types.device import Model
 from femnl.types.mechanics import Modes, Nonlinearity
@@ -20,6 +20,10 @@ Out = Annotated[Path | None, typer.Option(help="Also write the modes to a file: 
 Tolerance = Annotated[
     float | None,
     typer.Option(help="Relative error of every f and f/f₁ to be reached; sets degree and resolution.", show_default=False),
+]
+Of = Annotated[
+    Certified | None,
+    typer.Option("--tolerance-of", help="What is to reach the tolerance: all takes in m_eff, α and k₃.", show_default="frequency"),
 ]
 Homogenised = Annotated[
     bool, typer.Option("--homogenised", help="Take a rectangular array of holes as an even film: seconds for any number of holes.")
@@ -41,6 +45,7 @@ def command(
     symmetry: Symmetry = "auto",
     resolution: Resolution = 1.0,
     tolerance: Tolerance = None,
+    tolerance_of: Of = None,
     homogenised: Homogenised = False,
     inertia: Inertia = False,
     bow: Bow = None,
@@ -55,7 +60,7 @@ def command(
         need_room(out)
     rest, model = None if bow is None else bow_of(bow), load_device(geometry, bending, edge)
     if homogenised:
-        if tolerance is not None or resolution != 1.0 or symmetry != "auto":
+        if tolerance is not None or tolerance_of is not None or resolution != 1.0 or symmetry != "auto":
             raise ParameterError("--homogenised: the even film has a mesh of its own; leave out --tolerance, --resolution and --symmetry")
         if inertia or bow is not None or dilution:
             raise ParameterError(
@@ -63,7 +68,7 @@ def command(
             )
         modes, nonlinearity = solve_homogenised(model, count, tensor=tensor)
     else:
-        modes = _solve(model, count, symmetry, resolution, tolerance, cache)
+        modes = _solve(model, count, symmetry, resolution, tolerance, tolerance_of, cache)
         nonlinearity = solve_nonlinearity(modes, tensor=tensor, cache=cache)
     more = More.solve(modes, inertia, rest, dilution, tensor)
     if as_json:
@@ -79,12 +84,14 @@ def command(
         note(f"wrote {out}")
 
 
-def _solve(model: Model, count: int, symmetry: str, resolution: float, tolerance: float | None, cache: bool) -> Modes:
+def _solve(model: Model, count: int, symmetry: str, resolution: float, tolerance: float | None, of: Certified | None, cache: bool) -> Modes:
     if tolerance is None:
+        if of is not None:
+            raise ParameterError(f"--tolerance-of {of}: there is no tolerance to reach; give one with --tolerance")
         return solve_modes(model, count, symmetry, resolution, cache)
     if resolution != 1.0:
         raise ParameterError(f"--resolution {resolution:g}: a tolerance sets the resolution; give one of the two")
-    return solve_modes_to(model, tolerance, count, symmetry, cache)
+    return solve_modes_to(model, tolerance, count, symmetry, cache, of or "frequency")
 
 
 def _record(modes: Modes, nonlinearity: Nonlinearity) -> dict[str, Any]:

@@ -91,6 +91,7 @@ def exact(modes: Modes) -> Array:
 def test_a_tolerance_is_met_in_truth(tolerance: float) -> None:
     modes = solve_modes_to(outline("square"), tolerance, 4, cache=False)
     assert np.all(modes.frequency_error <= tolerance * modes.frequency)
+    assert np.all(modes.ratio_error <= tolerance * modes.ratio)
     np.testing.assert_allclose(modes.frequency, exact(modes), rtol=tolerance)
 
 

@@ -15,8 +15,10 @@ from skfem.helpers import ddot, dot, grad, sym_grad
 
 from femnl import resources
 from femnl.mesh import mesh
+from femnl.predict import solve_modes_to, solve_nonlinearity
 from femnl.types.device import Model
 from femnl.validation import load
+from tests.physics.error_battery import outline
 
 Array = NDArray[np.float64]
 
@@ -159,6 +161,18 @@ def test_the_cubic_stiffness_of_the_square_is_that_of_legendre_polynomials(poiss
 def test_the_cubic_stiffness_of_higher_modes_is_that_of_legendre_polynomials(order: tuple[int, int]) -> None:
     m, n = order
     assert reference("duffing_table", f"C, square ({m},{n}), ν = 0.27") == pytest.approx(square_constant(m, n, 0.27), rel=2e-6)
+
+
+def test_a_tolerance_of_all_numbers_is_met_by_the_cubic_stiffness_too() -> None:
+    model, tolerance = outline("square"), 3e-6
+    exact = square_constant(1, 1, model.film.poisson) * model.film.young * model.film.thickness / (1 - model.film.poisson**2)
+    modes = solve_modes_to(model, tolerance, 2, cache=False, of="all")
+    found = solve_nonlinearity(modes, cache=False)
+    assert found.k3[0] == pytest.approx(exact, rel=tolerance)
+    assert found.alpha[0] == pytest.approx(exact / modes.stiffness[0], rel=tolerance)
+    assert np.all(modes.effective_mass_error <= tolerance * modes.effective_mass)
+    loose = solve_modes_to(model, tolerance, 2, cache=False)
+    assert solve_nonlinearity(loose, cache=False).k3_error[0] > tolerance * exact, "the tolerance of frequencies alone would do"
 
 
 @pytest.mark.parametrize("poisson", POISSON)

@@ -37,6 +37,7 @@ def test_holes_taken_as_an_even_film_cost_a_second_and_say_so(capsys: pytest.Cap
 @pytest.mark.parametrize(
     ("words", "line"),
     [
+        (["--tolerance-of", "all"], "femnl: --tolerance-of all: there is no tolerance to reach; give one with --tolerance"),
         (["--tolerance", "1e-6", "--resolution", "2"], "femnl: --resolution 2: a tolerance sets the resolution; give one of the two"),
         (["--tolerance", "2"], "femnl: tolerance = 2: expected a relative error from 2e-11, where rounding sets in, to 0.1"),
         (["--homogenised", "--tolerance", "1e-6"], "femnl: --homogenised: the even film has a mesh of its own; leave out --tolerance, "),
