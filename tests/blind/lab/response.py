@@ -214,7 +214,7 @@ def _quintic(rng: np.random.Generator, bench: ResponseBench) -> Cause:
 
 def _second_mode(rng: np.random.Generator, bench: ResponseBench) -> Cause:
     # Where the stronger sweeps pass it, at a multiple of the drive.
-    crossing = bench.f0 + float(rng.uniform(0.0, 0.6)) * bench.reach
+    crossing = bench.f0 + float(rng.uniform(0.0, 0.6)) * (-bench.reach if bench.soft else bench.reach)
     values = {
         "coupling_square": 1e-2 * bench.linewidth**2,
         "offset": crossing - float(bench.frequency[[0, -1]].mean()),
