@@ -212,9 +212,10 @@ def _minimise(model: Extended, start: Array, keep: NDArray[np.bool_] | None, mos
 
 def covariance(slopes: Array, width: Array) -> Array:
     """Return the covariance of the parameters from their Fisher information and that of their uniform priors, 12/width²."""
-    scaled = slopes * width
-    fisher = scaled.T @ scaled + 12 * np.eye(width.size)
-    return np.asarray(np.linalg.inv(fisher) * np.outer(width, width))
+    # By singular values: a Fisher matrix would square what the strongest direction exceeds the weakest by, and drown the prior's 12.
+    _, size, turned = np.linalg.svd(np.linalg.qr(slopes * width, mode="r"))
+    spread = turned.T / np.sqrt(np.pad(size, (0, width.size - size.size)) ** 2 + 12)
+    return np.asarray(spread @ spread.T * np.outer(width, width))
 
 
 def leave_out(solution: Solution, most: int) -> Unseen:

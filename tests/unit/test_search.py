@@ -11,7 +11,7 @@ import pytest
 
 from femnl import load, measurement
 from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.fit import Solution, Unseen, fit, leave_out
+from femnl.diagnose.fit import Solution, Unseen, covariance, fit, leave_out
 from femnl.diagnose.ledger import remembered
 from femnl.diagnose.problem import Extended
 from femnl.diagnose.scan import scan
@@ -150,6 +150,13 @@ def test_every_pair_that_does_as_well_as_the_best_is_found() -> None:
     chi2 = {c.names: c.solution.chi2 for c in found}
     assert chi2["both", "small"] == pytest.approx(chi2["big", "small"], rel=1e-6)
     assert judge(found).verdict == "ambiguous"
+
+
+def test_errors_of_parameters_stay_known_where_the_data_know_one_direction_far_better() -> None:
+    # Two parameters of which only the sum shows, 1e12 times as sharply as their priors: the difference keeps the priors' spread.
+    found = covariance(1e12 * np.ones((3, 2)), np.ones(2))
+    assert np.array([1, -1]) @ found @ np.array([1, -1]) == pytest.approx(2 / 12, rel=1e-6)
+    assert np.all(np.linalg.eigvalsh(covariance(1e12 * np.ones((1, 2)), np.ones(2))) > -1e-15)
 
 
 def test_a_cause_that_the_evidence_does_not_ask_for_saves_no_other() -> None:
