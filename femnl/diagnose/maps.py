@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fringes import harmonics
 from femnl.diagnose.problem import Named, apply
+from femnl.diagnose.spots import Axis, Finer, Grid
 from femnl.fits.maps import fit_map
 from femnl.measurement import noise_sd
 from femnl.modes import shape_at, shapes_at
@@ -32,11 +33,8 @@ STRAIGHT = 1.0
 """Modulation z up to which the first harmonic hardly bends."""
 LARGER = (3.0, 9.0, 27.0, 81.0)
 """Factors by which a faint motion may be larger."""
-STENCIL, WEIGHT = np.polynomial.hermite_e.hermegauss(5)
-"""Gauss–Hermite points of the laser spot along each axis, in units of its sd."""
-
-KEPT = 32
-"""Places of the map at which shapes are kept: more than a spot has points, so that steps of all other parameters find them."""
+KEPT = 4
+"""Places of the map at which shapes are kept: those of the last two tangents too, so that steps of all other parameters find theirs."""
 
 
 class MapProblem:
@@ -54,9 +52,9 @@ class MapProblem:
         across, up = np.meshgrid(*self._axes)
         flat = values.reshape(len(self.harmonic), -1)
         used = np.flatnonzero(np.isfinite(flat).any(axis=0))
-        self._x, self._y = across.ravel()[used], up.ravel()[used]
-        self._row, self._column = np.divmod(used, dataset.sizes["x"])
-        self._sizes = dataset.sizes["y"], dataset.sizes["x"]
+        sizes = dataset.sizes["y"], dataset.sizes["x"]
+        self._grid = Grid(across.ravel()[used], up.ravel()[used], *np.divmod(used, sizes[1]), sizes)
+        self._finer = Finer(Axis.beside(self._axes[0]), Axis.beside(self._axes[1]))
         self._present = np.isfinite(flat[:, used])
         self._values = np.where(self._present, flat[:, used], 0)
         self.noise, note = noise_sd(dataset)
@@ -84,7 +82,7 @@ class MapProblem:
             "wavelength": self.wavelength,
             "slope": abs(fitted["contrast"]) / self.drive,
             "period": 1 / self.frequency,
-            "spacing": float(np.ptp(self._x) / max(dataset.sizes["x"] - 1, 1)),
+            "spacing": float(np.ptp(self._grid.x) / max(dataset.sizes["x"] - 1, 1)),
             **({"stack": _gap(film)} if film.model.stack is not None else {}),
         }
         label = film.modes.label[self.mode] or str(self.mode + 1)
@@ -113,25 +111,27 @@ class MapProblem:
     @property
     def blocks(self) -> NDArray[np.int64]:
         """Tiles of the map, all harmonics together."""
-        tile = [np.minimum(TILES * (v - v.min()) / np.ptp(v), TILES - 1).astype(np.int64) for v in (self._x, self._y)]
+        tile = [np.minimum(TILES * (v - v.min()) / np.ptp(v), TILES - 1).astype(np.int64) for v in (self._grid.x, self._grid.y)]
         whole = np.broadcast_to(tile[0] * TILES + tile[1], self._present.shape)[self._present]
         return np.concatenate([whole, whole])
 
     def predict(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> ComplexArray:
         """Return V_n [V], (n_harmonics, n_points)."""
-        placement = apply("placement", Placement(self._x - base["x"], self._y - base["y"]), effects, values)
+        placement = self._placed(self._grid, effects, base, values)
         if placement.spot == 0:
-            voltage = self._read(placement.x, placement.y, effects, base, values)
+            voltage = self._read(placement, False, effects, base, values)
         else:
-            shares = np.outer(WEIGHT, WEIGHT) / WEIGHT.sum() ** 2
-            voltage = np.zeros(self._values.shape, complex)
-            for (i, j), share in np.ndenumerate(shares):
-                dx, dy = placement.spot * STENCIL[i], placement.spot * STENCIL[j]
-                voltage += share * self._read(placement.x + dx, placement.y + dy, effects, base, values)
+            wider = self._read(self._placed(self._finer.grid, effects, base, values), True, effects, base, values)
+            voltage = self._finer.average(wider, placement.spot, self._grid)
         return apply("harmonics", Harmonics(voltage, self.harmonic, self.frequency, self.drive), effects, values).values
 
-    def _read(self, x: Array, y: Array, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> ComplexArray:
-        shapes = self._shapes(x.tobytes(), y.tobytes())
+    def _placed(self, grid: Grid, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Placement:
+        """Return where on the film the points of a grid lie."""
+        return apply("placement", Placement(grid.x - base["x"], grid.y - base["y"]), effects, values)
+
+    def _read(self, placed: Placement, finer: bool, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> ComplexArray:
+        x, y = placed.x, placed.y
+        shapes = self._shapes(x.tobytes(), y.tobytes(), finer)
         swing = np.full(x.shape, base["amplitude"] * np.exp(1j * base["motion_phase"]))
         first, theta = (swing * shapes[self.mode])[None], np.full(x.shape, base["theta"])
         motion = Motion(first, theta, x, y, shapes, self.film.modes.frequency, self.mode, swing, self.wavelength)
@@ -139,16 +139,16 @@ class MapProblem:
         moved, lit = apply("motion", motion, effects, values), apply("fringe", fringe, effects, values)
         return base["contrast"] * harmonics(moved, lit, self.harmonic)
 
-    def _shapes_at(self, x: bytes, y: bytes) -> Array:
-        here = np.frombuffer(x), np.frombuffer(y)
-        if not self._exact:
-            across, up = np.full(self._sizes[1], np.nan), np.full(self._sizes[0], np.nan)
-            across[self._column], up[self._row] = here
-            straight = np.array_equal(across[self._column], here[0]) and np.array_equal(up[self._row], here[1])
-            if straight and np.isfinite(across).all() and np.isfinite(up).all():  # not turned, so still a grid
-                return self.film.projection.on_grid(across, up)[:, self._row, self._column]
-            return self.film.projection.at(*here)
-        return shapes_at(self.film.modes, *here)
+    def _shapes_at(self, x: bytes, y: bytes, finer: bool) -> Array:
+        here, grid = (np.frombuffer(x), np.frombuffer(y)), self._finer.grid if finer else self._grid
+        if self._exact:
+            return shapes_at(self.film.modes, *here)
+        across, up = np.full(grid.sizes[1], np.nan), np.full(grid.sizes[0], np.nan)
+        across[grid.column], up[grid.row] = here
+        straight = np.array_equal(across[grid.column], here[0]) and np.array_equal(up[grid.row], here[1])
+        if straight and np.isfinite(across).all() and np.isfinite(up).all():  # not turned, so still a grid
+            return self.film.projection.on_grid(across, up)[:, grid.row, grid.column]
+        return self.film.projection.at(*here)
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (V − V_predicted)/σ of all real, then of all imaginary parts."""
@@ -194,8 +194,8 @@ class MapProblem:
         return (Images("map", names, self.harmonic, *self._axes, self._on_grid(self._values), predicted, self.noise),)
 
     def _on_grid(self, volts: ComplexArray) -> ComplexArray:
-        whole = np.full((len(self.harmonic), *self._sizes), complex(np.nan, np.nan))
-        whole[:, self._row, self._column] = np.where(self._present, volts, complex(np.nan, np.nan))
+        whole = np.full((len(self.harmonic), *self._grid.sizes), complex(np.nan, np.nan))
+        whole[:, self._grid.row, self._grid.column] = np.where(self._present, volts, complex(np.nan, np.nan))
         return whole
 
     def describe(self, residuals: Array) -> str:
@@ -206,7 +206,7 @@ class MapProblem:
         by_order = power.sum(axis=1) / np.maximum(self._present.sum(axis=1), 1)
         k, p = int(np.argmax(by_order)), int(np.argmax(power.sum(axis=0)))
         rms = ", ".join(f"{n}: {np.sqrt(value):.2f}σ" for n, value in zip(self.harmonic, by_order, strict=True))
-        place = f"x = {self._x[p] * 1e6:.0f} µm, y = {self._y[p] * 1e6:.0f} µm"
+        place = f"x = {self._grid.x[p] * 1e6:.0f} µm, y = {self._grid.y[p] * 1e6:.0f} µm"
         return f"harmonic {self.harmonic[k]} deviates most, and most strongly near {place}; rms by harmonic {rms}"
 
 
