@@ -22,6 +22,8 @@ DECADES = 1e6
 AT_BOUND = 1e-12
 """Distance, in parts of the range, up to which a result counts as stuck at its bound, where the optimiser puts it exactly."""
 
+BESIDE, PUSHED = 1e-4, 2.0
+"""Distance from a bound, in parts of the range, and σ by which the data push beyond it, from which on a parameter is stuck there."""
 LOOSE = 0.05
 """Part of its range below which the data know a parameter that shapes an effect."""
 ITERATIONS = 12
@@ -96,11 +98,17 @@ class Solution:
 
     @property
     def stuck(self) -> list[str]:
-        """Names of the parameters of effects that ended at a bound; a shape that the data hardly know may end anywhere."""
+        """Names of the parameters of effects that ended at a bound, or that the data push against one.
+
+        A shape that the data hardly know may end anywhere, but not where χ² would fall clearly beyond its bound.
+        """
         low, high = self.model.bounds
-        known = np.sqrt(np.diag(self.covariance)) < LOOSE * (high - low)
-        found = zip(self.model.knobs, self.free, known, strict=True)
-        return [f"{owner}.{knob.name}" for (owner, knob), f, k in found if owner != "base" and not f and (knob.strength or k)]
+        sd = np.sqrt(np.diag(self.covariance))
+        push = -(self.jacobian.T @ self.residuals) * sd  # its square is what χ² would fall by
+        beside = np.where(push > 0, high - self.vector, self.vector - low) < BESIDE * (high - low)
+        pushed = beside & (np.abs(push) > PUSHED)
+        found = zip(self.model.knobs, self.free, sd < LOOSE * (high - low), pushed, strict=True)
+        return [f"{owner}.{knob.name}" for (owner, knob), f, k, p in found if owner != "base" and (p or (not f and (knob.strength or k)))]
 
 
 def log_prior(model: Extended, vector: Array, sd: Array) -> float:

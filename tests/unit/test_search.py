@@ -152,6 +152,21 @@ def test_every_pair_that_does_as_well_as_the_best_is_found() -> None:
     assert judge(found).verdict == "ambiguous"
 
 
+def test_a_shape_that_the_data_would_have_beyond_its_bound_is_stuck_however_little_they_know_it() -> None:
+    def act(value: Array, values: Values) -> Array:
+        return value + values["strength"] * (np.abs(PLACE) ** values["power"] + 1e-6 * values["idle"] * PLACE)
+
+    knobs = (Knob("power", "1", 0.5, 3.0, strength=False), Knob("idle", "1", 0.0, 5.0, strength=False))
+    bent = Effect("bent", "", (Knob("strength", "1", 0.0, 20.0), *knobs), {"frequencies": act}, "", "", "")
+    noise = np.random.default_rng(3).standard_normal(40)
+    for power, stuck in ((9.0, ["bent.power"]), (2.5, [])):
+        model = Extended(line(3 + 9 * np.abs(PLACE) ** power + noise), (bent,))
+        found = fit(model, model.pack({"level": 3.0}, [{"strength": 5.0, "power": 2.0, "idle": 5.0}]))
+        sd = np.sqrt(found.covariance[2, 2])
+        assert sd > 0.05 * 2.5, "the data hardly know it"
+        assert found.stuck == stuck
+
+
 def test_errors_of_parameters_stay_known_where_the_data_know_one_direction_far_better() -> None:
     # Two parameters of which only the sum shows, 1e12 times as sharply as their priors: the difference keeps the priors' spread.
     found = covariance(1e12 * np.ones((3, 2)), np.ones(2))
