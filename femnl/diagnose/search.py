@@ -35,7 +35,7 @@ BEAM, PEERS = 2, 2.0
 PAIR = 1
 """Step at which pairs of causes are sought."""
 AGAIN = 3
-"""Sets whose earlier causes are sought anew where no set explains the data."""
+"""Sets whose causes are sought anew, and pairs that are fitted from afar, where no set explains the data beyond doubt."""
 LARGEST = 3
 """Causes in the largest set."""
 ROUGH = 4
