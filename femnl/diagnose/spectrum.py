@@ -71,9 +71,7 @@ class SpectrumProblem:
     def _match(self) -> NDArray[np.int64]:
         """Return the base mode of each measured one: by label, else by rising frequency."""
         if not self.label:
-            order = np.empty(len(self.frequency), dtype=np.int64)
-            order[np.argsort(self.frequency, kind="stable")] = np.arange(len(self.frequency))
-            return order
+            return _ranks(self.frequency)
         names = self.film.modes.label
         found = []
         for name in self.label:
@@ -106,7 +104,7 @@ class SpectrumProblem:
             lines = apply("frequencies", Lines(frequency[chosen], self.time), effects, values)
             return np.asarray((self.frequency - lines.frequency) / self.sd)
 
-        chosen = self._labelled(share, plain, misfit)
+        chosen = self._labelled(frequency, share, plain, misfit)
         return np.append(misfit(chosen), (base["bending_length"] / self.film.bending_length - 1) / self._bending_sd)
 
     def _solved(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> tuple[Array, Array, Array]:
@@ -130,10 +128,12 @@ class SpectrumProblem:
         names = [self.film.modes.label[k] or f"({k + 1})" for k in missing]
         return {f"the frequency of mode {name}": frequency[[k]] / np.median(self.sd) for name, k in zip(names, missing, strict=True)}
 
-    def _labelled(self, share: Array, plain: Array, misfit: Callable[[NDArray[np.int64]], Array]) -> NDArray[np.int64]:
+    def _labelled(self, frequency: Array, share: Array, plain: Array, misfit: Callable[[NDArray[np.int64]], Array]) -> NDArray[np.int64]:
         """Return the changed mode of each measured one: by rank; with labels by its share of that mode, mixed pairs as they fit best."""
         if not self.label:
-            return self._order
+            # Ranks are those of one moment: two close modes may have been measured in the wrong order by a film that drifts.
+            moved = (self.frequency - self.sd * misfit(self._order)) / frequency[self._order]
+            return _ranks(self.frequency / moved)
         _, column = linear_sum_assignment(-share[self._order])
         chosen = np.asarray(column, dtype=np.int64)
         mixed = np.flatnonzero(share[self._order, chosen] < OWN)
@@ -168,3 +168,10 @@ class SpectrumProblem:
         names = self.label or [str(i + 1) for i in self._order]
         parts = [f"({names[i]}) by {deviation[i] * self.sd[i]:+.3g} Hz ({deviation[i]:+.1f}σ)" for i in worst]
         return f"modes {', '.join(parts)} deviate most from the simulated film; rms {np.sqrt(np.mean(deviation**2)):.3g}σ"
+
+
+def _ranks(frequency: Array) -> NDArray[np.int64]:
+    """The rank of each, from 0."""
+    order = np.empty(len(frequency), dtype=np.int64)
+    order[np.argsort(frequency, kind="stable")] = np.arange(len(frequency))
+    return order

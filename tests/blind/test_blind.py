@@ -18,6 +18,7 @@ HIDDEN = [
     Case("spectrum", ("shear_stress",), 2, SQUARE, (20.0, 60.0)),
     Case("spectrum", ("bending_stiffness",), 2, SQUARE, (20.0, 60.0)),
     Case("holes", ("shear_stress",), 2, PERFORATED, (20.0, 60.0)),
+    Case("holes", ("frequency_drift",), 525420673, PERFORATED),  # two modes without names are measured in the wrong order
     Case("response", ("nonlinear_damping",), 381253685),  # a sweep jumps just behind a point
     pytest.param(Case("response", ("crosstalk",), 2, SQUARE, (20.0, 60.0)), marks=pytest.mark.slow),
     Case("map", ("phase_tilt",), 2, SQUARE, (20.0, 60.0)),
