@@ -36,7 +36,8 @@ HIDDEN = [
 LACKING = [
     Case("spectrum", ("frequency_drift",), 2, SQUARE, (50.0, 100.0)),
     Case("series", ("gas_damping",), 2),
-    pytest.param(Case("response", ("nonlinear_damping",), 2, SQUARE, (50.0, 100.0)), marks=pytest.mark.slow),
+    # Up to 100σ, a compressed readout and quintic stiffness stand in for it.
+    pytest.param(Case("response", ("nonlinear_damping",), 2, SQUARE, (200.0, 300.0)), marks=pytest.mark.slow),
 ]
 
 
