@@ -72,7 +72,6 @@ def sizes(bench: Bench, base: Values, hidden: dict[str, Cause], rounds: int = 0)
         rows = bench.clean(variants)
         tangents = rows[2:] - rows[1]
         length = np.maximum(np.linalg.norm(tangents, axis=1), 1e-300)
-        length = np.maximum(np.linalg.norm(tangents, axis=1), 1e-300)
         basis, strength, turn = np.linalg.svd((tangents / length[:, None]).T, full_matrices=False)
         basis, change = basis[:, strength > BLIND * strength[0]], rows[0] - rows[1]
         left = [float(np.linalg.norm(change - basis @ (basis.T @ change)))]
