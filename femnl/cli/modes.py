@@ -61,7 +61,8 @@ def command(
     rest, model = None if bow is None else bow_of(bow), load_device(geometry, bending, edge)
     if homogenised:
         if tolerance is not None or tolerance_of is not None or resolution != 1.0 or symmetry != "auto":
-            raise ParameterError("--homogenised: the even film has a mesh of its own; leave out --tolerance, --resolution and --symmetry")
+            unfit = "--tolerance, --tolerance-of, --resolution and --symmetry"
+            raise ParameterError(f"--homogenised: the even film has a mesh of its own; leave out {unfit}")
         if inertia or bow is not None or dilution:
             raise ParameterError(
                 "--homogenised: the even film tells nothing of --inertia, --bow or --dilution; solve the full film for them"

@@ -41,6 +41,7 @@ def test_holes_taken_as_an_even_film_cost_a_second_and_say_so(capsys: pytest.Cap
         (["--tolerance", "1e-6", "--resolution", "2"], "femnl: --resolution 2: a tolerance sets the resolution; give one of the two"),
         (["--tolerance", "2"], "femnl: tolerance = 2: expected a relative error from 2e-11, where rounding sets in, to 0.1"),
         (["--homogenised", "--tolerance", "1e-6"], "femnl: --homogenised: the even film has a mesh of its own; leave out --tolerance, "),
+        (["--homogenised", "--tolerance-of", "all"], "femnl: --homogenised: the even film has a mesh of its own; leave out --tolerance, "),
         (["--homogenised"], "femnl: square-270um: holes: the homogenised film needs a rectangular array of at least two of them"),
     ],
 )
