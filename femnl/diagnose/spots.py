@@ -40,7 +40,8 @@ class Axis:
         gaps = np.diff(ordered)
         parts = np.clip(np.ceil(gaps / STEP).astype(np.int64), 1, MOST)
         inner = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(ordered[:-1], ordered[1:], parts, strict=True)]
-        before, after = (gaps[0] / parts[0], gaps[-1] / parts[-1]) if len(gaps) else (STEP, STEP)
+        # Beyond a map of closer points, steps as wide as any: it may cover a corner of the spot only.
+        before, after = (max(gap / n, STEP) for gap, n in ((gaps[0], parts[0]), (gaps[-1], parts[-1]))) if len(gaps) else (STEP, STEP)
         low = ordered[0] - before * np.arange(np.ceil(REACH / before), 0, -1)
         high = ordered[-1] + after * np.arange(1, np.ceil(REACH / after) + 1)
         place = len(low) + np.concatenate([[0], np.cumsum(parts)])

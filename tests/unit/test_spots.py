@@ -60,3 +60,11 @@ def test_the_average_over_a_map_is_taken_along_both_axes_at_its_own_points() -> 
     found = finer.average(volts, 3e-6, at)[0]
     np.testing.assert_allclose(found.real, (at.x - 5e-5) ** 2 + 9e-12, rtol=1e-3)
     np.testing.assert_allclose(found.imag, (at.y - 3e-5) ** 2 + 9e-12, rtol=1e-3)
+
+
+def test_a_map_of_very_close_points_needs_no_more_nodes_beyond_it_than_any_other() -> None:
+    points = np.linspace(0, 1e-6, 101)
+    axis = Axis.beside(points)
+    assert len(axis.nodes) < len(points) + 2 * (REACH / 2e-6 + 1)
+    found = axis.spread(4e-6) @ (axis.nodes / 1e-5) ** 2
+    np.testing.assert_allclose(found, (points / 1e-5) ** 2 + 0.16, rtol=0.05)
