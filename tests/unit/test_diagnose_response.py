@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl import measurement
+from femnl import load, measurement
 from femnl.diagnose import diagnose
+from femnl.diagnose.film import SimulatedFilm
+from femnl.diagnose.response import ResponseProblem
+from femnl.effects import library
 from femnl.types.diagnosis import Diagnosis
 
 Complex = NDArray[np.complex128]
@@ -59,3 +62,16 @@ def test_sweeps_that_soften_show_a_quadratic_force(tmp_path: Path) -> None:
     kappa = found.parameters["quadratic_stiffness"]["kappa2"]
     # (10/9) κ₂² must make up for the film's own α and for the negative one that is seen, which sets the metres.
     assert 10 / 9 * kappa.value**2 == pytest.approx(2 * 2.75e10, rel=0.01)
+
+
+def test_a_second_mode_is_sought_where_the_drives_move_the_film_strongly() -> None:
+    frequency = F0 + np.linspace(-60, 60, 241)
+    volts = PER_METRE * PEAK * 0.01 / (1 + 2j * (frequency - F0) / WIDTH)
+    data = measurement.response(frequency, volts[None], noise_sd=1e-9, wavelength=632.8e-9, mode="2,2", drive=[0.01], direction=[1])
+    problem = ResponseProblem(data, SimulatedFilm(load("square-270um"), 12))
+    # |1/(1 + 2iδ/w)| = 0.3 at δ = ½w √(0.3⁻² − 1).
+    assert problem.facts["moving"] == pytest.approx(WIDTH * np.sqrt(0.3**-2 - 1), abs=1.0)
+    base = dict(zip((knob.name for knob in problem.base), problem.start, strict=True))
+    couple = {"coupling_square": 0.5, "offset": 0.0, "width": 0.8, "order": 2.0}
+    mode, _ = problem._mode([library()["internal_resonance"]], base, [couple], problem.sweeps)
+    assert problem.sweeps.frequency[np.argmax(np.abs(mode.pull))] == pytest.approx(F0, abs=0.6)
