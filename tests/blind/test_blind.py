@@ -29,14 +29,17 @@ HIDDEN = [
     Case("series", ("gas_damping", "thermal_stress"), 2),
     # Alone, the particle is found in another place than beside the other cause.
     pytest.param(Case("spectrum", ("added_mass", "shear_stress"), 3600138708), marks=pytest.mark.slow),
-    pytest.param(Case("spectrum", ("added_mass", "compliant_clamp"), 702918795), marks=pytest.mark.slow),
+    Case("spectrum", ("added_mass", "compliant_clamp"), 702918795),
     # The fringe of the stack goes beyond the size of its first coefficient, and is clipped there.
     pytest.param(Case("trace", ("detector_saturation", "multilayer_fringe"), 1940870854), marks=pytest.mark.slow),
 ]
+ALIKE = "a compressed readout with quintic stiffness stands in for damping of 98σ"
 LACKING = [
     Case("spectrum", ("frequency_drift",), 2, SQUARE, (50.0, 100.0)),
     Case("series", ("gas_damping",), 2),
-    # Up to 100σ, a compressed readout and quintic stiffness stand in for it.
+    pytest.param(
+        Case("response", ("nonlinear_damping",), 2, SQUARE, (50.0, 100.0)), marks=[pytest.mark.slow, pytest.mark.xfail(reason=ALIKE)]
+    ),
     pytest.param(Case("response", ("nonlinear_damping",), 2, SQUARE, (200.0, 300.0)), marks=pytest.mark.slow),
 ]
 
