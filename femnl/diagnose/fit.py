@@ -11,10 +11,9 @@ from scipy.special import chdtrc
 
 from femnl.diagnose.ledger import LEDGER
 from femnl.diagnose.problem import Extended
+from femnl.diagnose.tangents import jacobian_at, steps_for, tangent_steps
 from femnl.types.readout import Array
 
-TARGET = 0.05
-"""Change of the whole residual vector, in σ, at which tangents are taken."""
 INSIDE = 1e-9
 """Distance from its bounds, in parts of the range, that a start keeps."""
 DECADES = 1e6
@@ -124,49 +123,27 @@ def log_prior(model: Extended, vector: Array, sd: Array) -> float:
     return total
 
 
-def tangent_steps(model: Extended, vector: Array, at: Array) -> Array:
-    """Return for each parameter a step that changes the residuals by about `TARGET` in all."""
-    low, high = model.bounds
-    steps = np.empty(vector.size)
-    for i, width in enumerate(high - low):
-        step = 1e-6 * width
-        for _ in range(6):
-            change = float(np.linalg.norm(model.residuals(_moved(vector, i, step, low, high)) - at))
-            if change > 0.2 * TARGET and change < 5 * TARGET:
-                break
-            # A jump, as where two modes exchange labels, must not shrink the step to nothing.
-            step = float(np.clip(step * np.clip(TARGET / max(change, 1e-300), 1e-4, 1e4), 1e-11 * width, 0.01 * width))
-        steps[i] = step
-    return steps
-
-
-def jacobian_at(model: Extended, vector: Array, at: Array, steps: Array) -> Array:
-    """Return the derivatives of the residuals, taken away from the nearer bound."""
-    low, high = model.bounds
-    columns = []
-    for i, step in enumerate(steps):
-        moved = _moved(vector, i, step, low, high)
-        columns.append((model.residuals(moved) - at) / (moved[i] - vector[i]))
-    return np.stack(columns, axis=1)
-
-
-def _moved(vector: Array, i: int, step: float, low: Array, high: Array) -> Array:
-    moved = vector.copy()
-    moved[i] += step if vector[i] + step <= high[i] else -step
-    return moved
-
-
 def fit(model: Extended, start: Array, keep: NDArray[np.bool_] | None = None, most: int = 100) -> Solution:
     """Minimise χ² from a start; with `keep` (n_residuals,) only over those residuals, though all are returned."""
-    ledger = LEDGER.get()
-    if ledger is None:
-        end, steps = _minimise(model, start, keep, most)
-    else:
-        end, steps = ledger.recall(_key(model, start, keep, most), lambda: _minimise(model, start, keep, most))
+    end, steps = _recalled(model, start, keep, most)
     at = model.residuals(end)
     slopes = jacobian_at(model, end, at, steps)
     low, high = model.bounds
     return Solution(model, end, at, slopes, covariance(slopes, high - low))
+
+
+def improve(model: Extended, start: Array, most: int) -> tuple[float, Array]:
+    """Return χ² and the vector of a fit that is to be ranked and carried on, without what only a result needs."""
+    end, _ = _recalled(model, start, None, most)
+    return float(np.sum(model.residuals(end) ** 2)), end
+
+
+def _recalled(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int) -> tuple[Array, Array]:
+    """Return what the ledger keeps of a fit, or make it."""
+    ledger = LEDGER.get()
+    if ledger is None:
+        return _minimise(model, start, keep, most)
+    return ledger.recall(_key(model, start, keep, most), lambda: _minimise(model, start, keep, most))
 
 
 def _key(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int) -> str:
@@ -214,8 +191,7 @@ def _minimise(model: Extended, start: Array, keep: NDArray[np.bool_] | None, mos
         found = solve(found.x, method="trf", max_nfev=most - QUICK)
     end = place(found.x)
     size = np.linalg.norm(np.asarray(found.jac), axis=0) / width
-    final = np.where(size > 0, np.clip(TARGET / np.maximum(size, 1e-300), 1e-9 * (high - low), 0.01 * (high - low)), steps)
-    return end, final
+    return end, steps_for(model, size, steps)
 
 
 def covariance(slopes: Array, width: Array) -> Array:

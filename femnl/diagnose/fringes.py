@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import jv, jvp
 
+from femnl.diagnose.problem import recent
 from femnl.types.readout import Array, ComplexArray
 from femnl.types.scene import Fringe, Motion
 
@@ -13,6 +14,8 @@ Orders = NDArray[np.int64]
 
 NODES = 32
 """Nodes a unit of z at which Bessel functions are tabulated; the interpolation errs by less than 1e-8."""
+PIECE, SAMPLES = 4096, 8
+"""Points whose harmonics are summed at a time, and samples of each; fewer points where there are more samples."""
 FAINT = 1e-6
 """Overtones of the fringe below this part of the first change no map that can be measured."""
 PHASES = 4096
@@ -24,40 +27,68 @@ def harmonics(motion: Motion, fringe: Fringe, harmonic: Orders) -> ComplexArray:
 
     A sinusoidal motion under a fringe without limits is summed over Bessel functions, any other sampled over a period.
     """
-    q = 4 * np.pi / fringe.wavelength
-    kept = np.flatnonzero(np.abs(fringe.coefficients) > FAINT * np.abs(fringe.coefficients[1:]).max())
+    return _harmonics(motion.displacement, motion.theta, fringe.coefficients, fringe.wavelength, fringe.limit, harmonic)
+
+
+@recent
+def _harmonics(
+    displacement: ComplexArray, theta: Array, coefficients: ComplexArray, wavelength: float, limit: float, harmonic: Orders
+) -> ComplexArray:
+    q = 4 * np.pi / wavelength
+    kept = np.flatnonzero(np.abs(coefficients) > FAINT * np.abs(coefficients[1:]).max())
     orders = kept[kept > 0]
-    if len(motion.displacement) == 1 and np.isinf(fringe.limit):
-        return _by_bessel(motion, fringe.coefficients[orders], orders, q, harmonic)
-    return _by_sampling(motion, fringe, orders, q, harmonic)
+    series = np.zeros(orders.max() + 1, complex)
+    series[orders] = coefficients[orders]
+    if len(displacement) == 1 and np.isinf(limit):
+        return _by_bessel(displacement[0], theta, series, orders, q, harmonic)
+    return _by_sampling(displacement, theta, series, orders, q, limit, harmonic)
 
 
-def _by_bessel(motion: Motion, coefficients: ComplexArray, orders: Orders, q: float, harmonic: Orders) -> ComplexArray:
-    amplitude, theta = np.abs(motion.displacement[0]), motion.theta if np.ptp(motion.theta) else motion.theta[:1]
-    quarter = 2 * np.array([1, 1j, -1, -1j])[harmonic % 4][:, None]
-    real = np.zeros((len(harmonic), len(amplitude)))
-    for k, c in zip(orders, coefficients, strict=True):
-        real += (quarter * c * np.exp(1j * k * theta)).real * _bessel(harmonic, k * q * amplitude)
-    return np.asarray(real * np.exp(1j * harmonic[:, None] * np.angle(motion.displacement[0])))
+def _by_bessel(swing: ComplexArray, theta: Array, series: ComplexArray, orders: Orders, q: float, harmonic: Orders) -> ComplexArray:
+    """Return 2 Σ_k Re(iⁿ c_k e^{ikθ}) J_n(kqA) e^{inφ}, piece by piece: what fits into the processor's cache costs a fraction."""
+    table = _table(tuple(harmonic.tolist()), int(np.ceil(orders.max() * q * np.abs(swing).max() / 32 + 1e-9)) * 32)
+    found = np.empty((len(harmonic), len(swing)), complex)
+    for start in range(0, len(swing), PIECE):
+        here = slice(start, start + PIECE)
+        amplitude, phase = np.abs(swing[here]), theta[here]
+        phase = phase if np.ptp(phase) else phase[:1]
+        real = np.zeros((len(harmonic), len(amplitude)))
+        for k in orders:
+            lit = 2 * series[k] * np.exp(1j * k * phase)
+            sides = np.stack([lit.real, -lit.imag, -lit.real, lit.imag])  # Re(iⁿ …)
+            real += sides[harmonic % 4] * _bessel(table, k * q * amplitude)
+        unit = np.asarray(np.where(amplitude > 0, swing[here], 1) / np.where(amplitude > 0, amplitude, 1), complex)
+        found[:, here] = real * _powers(unit, harmonic)
+    return found
 
 
-def _bessel(harmonic: Orders, argument: Array) -> Array:
+def _powers(unit: ComplexArray, harmonic: Orders) -> ComplexArray:
+    """Return uⁿ, (n_harmonics, n_points), by products."""
+    rows = np.ones((int(harmonic.max()) + 1, len(unit)), complex)
+    for n in range(1, len(rows)):
+        np.multiply(rows[n - 1], unit, out=rows[n])
+    return rows[harmonic]
+
+
+def _bessel(table: Array, argument: Array) -> Array:
     """Return J_n(z), (n_harmonics, n_points), from a table by cubic Hermite interpolation."""
-    value, slope = _table(tuple(harmonic.tolist()), int(np.ceil(argument.max() / 32 + 1e-9)) * 32)
     place = argument * NODES
-    left = place.astype(np.int64)
+    left = place.astype(np.intp)
     s = place - left
-    rest = 1 - s
-    low = value[:, left] * (1 + 2 * s) + slope[:, left] * s
-    high = value[:, left + 1] * (3 - 2 * s) - slope[:, left + 1] * rest
-    return np.asarray(low * rest**2 + high * s**2)
+    value, *others = (np.take(part, left, axis=1) for part in table)
+    for part in others:
+        value *= s
+        value += part
+    return value
 
 
 @lru_cache(maxsize=16)
-def _table(harmonic: tuple[int, ...], longest: int) -> tuple[Array, Array]:
-    """Return J_n and its change over one step of the table, (n_harmonics, n_nodes), up to z = longest."""
+def _table(harmonic: tuple[int, ...], longest: int) -> Array:
+    """Return the coefficients of J_n between nodes up to z = longest, highest power first, (4, n_harmonics, n_nodes)."""
     z, n = np.arange(longest * NODES + 2) / NODES, np.array(harmonic)[:, None]
-    return jv(n, z), jvp(n, z) / NODES
+    value, slope = jv(n, z), jvp(n, z) / NODES
+    rise, first, last = np.diff(value, axis=1), slope[:, :-1], slope[:, 1:]
+    return np.stack([first + last - 2 * rise, 3 * rise - 2 * first - last, first, value[:, :-1]])
 
 
 def _largest(series: ComplexArray) -> float:
@@ -65,17 +96,32 @@ def _largest(series: ComplexArray) -> float:
     return float(np.abs(np.fft.irfft(np.append(0, series[1:]), PHASES)).max() * PHASES / 2)
 
 
-def _by_sampling(motion: Motion, fringe: Fringe, orders: Orders, q: float, harmonic: Orders) -> ComplexArray:
-    reach = q * np.sum(np.abs(motion.displacement) * np.arange(1, len(motion.displacement) + 1)[:, None], axis=0).max()
-    sharp = 1 if np.isinf(fringe.limit) else 4  # a clipped signal has many harmonics that would be folded back
+def _by_sampling(
+    displacement: ComplexArray, theta: Array, series: ComplexArray, orders: Orders, q: float, limit: float, harmonic: Orders
+) -> ComplexArray:
+    reach = q * np.sum(np.abs(displacement) * np.arange(1, len(displacement) + 1)[:, None], axis=0).max()
+    sharp = 1 if np.isinf(limit) else 4  # a clipped signal has many harmonics that would be folded back
     n_samples = sharp * (32 + 2 * int(harmonic.max() + orders.max() * reach))
     tau = 2 * np.pi * np.arange(n_samples) / n_samples
-    u = sum(np.outer(np.cos(m * tau), part.real) - np.outer(np.sin(m * tau), part.imag) for m, part in enumerate(motion.displacement, 1))
-    turn = np.exp(1j * (q * u + motion.theta))
-    series = np.zeros(orders.max() + 1, complex)
-    series[orders] = fringe.coefficients[orders]
-    v = np.polynomial.polynomial.polyval(turn, series).real
-    if np.isfinite(fringe.limit):
-        top = fringe.limit * _largest(series)
-        v = np.clip(v, -top, top)
-    return np.asarray(2 / n_samples * np.exp(-1j * np.outer(harmonic, tau)) @ v)
+    overtones = np.outer(np.arange(1, len(displacement) + 1), tau)
+    swings, moves = np.hstack([np.cos(overtones).T, -np.sin(overtones).T]), np.vstack([displacement.real, displacement.imag])
+    angles = np.outer(harmonic, tau)
+    sums = 2 / n_samples * np.vstack([np.cos(angles), -np.sin(angles)])
+    top = limit * _largest(series) if np.isfinite(limit) else np.inf
+    found = np.empty((len(sums), moves.shape[1]))
+    step = max(1, PIECE * SAMPLES // n_samples)
+    for start in range(0, moves.shape[1], step):
+        here = slice(start, start + step)
+        v = _fringe_at(q * (swings @ moves[:, here]) + theta[here], series, orders)
+        found[:, here] = sums @ (v if np.isinf(top) else np.clip(v, -top, top))
+    return np.asarray(found[: len(harmonic)] + 1j * found[len(harmonic) :])
+
+
+def _fringe_at(phase: Array, series: ComplexArray, orders: Orders) -> Array:
+    """Return Re Σ_k c_k e^{ikφ}."""
+    if len(orders) == 1:
+        return np.asarray(np.abs(series[-1]) * np.cos(orders[0] * phase + np.angle(series[-1])))
+    turn = np.empty(phase.shape, complex)
+    np.cos(phase, out=turn.real)
+    np.sin(phase, out=turn.imag)
+    return np.asarray(np.polynomial.polynomial.polyval(turn, series).real)

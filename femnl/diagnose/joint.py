@@ -40,6 +40,7 @@ class JointProblem:
         self.rugged = any(group.rugged for group in self.groups.values())
         self._names = {group: self._named(group) for group in self.groups}
         self.jumps = tuple(dict.fromkeys(self._names[name][knob] for name, group in self.groups.items() for knob in group.jumps))
+        self.apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
         merged: dict[str, Knob] = {}
         starts: dict[str, list[float]] = {}
         for group, problem in self.groups.items():

@@ -36,6 +36,11 @@ LARGER = (3.0, 9.0, 27.0, 81.0)
 KEPT = 4
 """Places of the map at which shapes are kept: those of the last two tangents too, so that steps of all other parameters find theirs."""
 
+LITTLE = 1e-3
+"""Relative change of the amplitude that tells how the data answer to a motion of another shape."""
+UNEVEN = {"x": (1, 0), "y": (0, 1), "x²": (2, 0), "xy": (1, 1), "y²": (0, 2), "x³": (3, 0), "x²y": (2, 1), "xy²": (1, 2), "y³": (0, 3)}
+"""Smooth shapes by which the motion may deviate."""
+
 
 class MapProblem:
     """Residuals of the harmonics of a driven mode; see `Problem`."""
@@ -43,6 +48,7 @@ class MapProblem:
     kind: Kind = "map"
     rugged = False
     jumps: tuple[str, ...] = ()
+    apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         values = np.asarray(dataset["real"].values + 1j * dataset["imag"].values)
@@ -159,13 +165,17 @@ class MapProblem:
         return np.concatenate([kept.real, kept.imag])
 
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        """The gain and the phase of each harmonic."""
+        """The gain and the phase of each harmonic, and a motion that is larger or smaller here and there."""
         volts = self.predict(effects, base, values)
         found: dict[str, Array] = {}
         for k, n in enumerate(self.harmonic):
             only = np.zeros_like(volts)
             only[k] = volts[k]
             found |= {f"gain of harmonic {n}": self._real(only), f"phase of harmonic {n}": self._real(1j * only)}
+        moved = self.predict(effects, {**base, "amplitude": (1 + LITTLE) * base["amplitude"]}, values) - volts
+        x, y = (2 * (v - v.mean()) / np.ptp(v) for v in (self._grid.x, self._grid.y))
+        for name, powers in UNEVEN.items():
+            found[f"motion that varies as {name}"] = self._real(moved * x ** powers[0] * y ** powers[1])
         return found
 
     def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:

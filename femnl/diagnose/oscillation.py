@@ -43,6 +43,7 @@ class OscillationProblem:
     kind: Kind = "trace"
     rugged = False
     jumps: tuple[str, ...] = ()
+    apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
 
     def __init__(self, dataset: xr.Dataset) -> None:
         if dataset.sizes["step"] != 1:

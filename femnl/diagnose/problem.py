@@ -1,11 +1,11 @@
 """What the diagnosis needs to know of a measurement, whatever its kind: residuals in σ as a function of named parameters."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from femnl.types.comparison import Comparison
 from femnl.types.effect import Effect, Kind, Knob, Stage, Values
@@ -22,12 +22,14 @@ class Problem(Protocol):
     base: parameters of the base model; start: their values before any fit. facts: numbers that scale priors (`Knob.per`), whose
     names effects may need. blocks (n_residuals,): the block of held-out data that each residual belongs to, −1 for prior
     knowledge, which is never left out. rugged: whether effects act by jumps, so that they are sought from afar as well. jumps: base
-    parameters that move jumps of the data themselves, at which a fit may stop short.
+    parameters that move jumps of the data themselves, at which a fit may stop short. apart: groups of base parameters of which each
+    moves residuals of its own, unless an effect acts `across`, by the mask (n_residuals,) of those.
     """
 
     kind: Kind
     rugged: bool
     jumps: tuple[str, ...]
+    apart: tuple[Mapping[str, NDArray[np.bool_]], ...]
     base: tuple[Knob, ...]
     start: Array
     facts: Mapping[str, float]
@@ -73,6 +75,26 @@ def apply(stage: Stage, value: T, effects: Sequence[Effect], values: Sequence[Va
         if stage in effect.changes:
             value = effect.changes[stage](value, numbers)
     return value
+
+
+def recent(find: Callable[..., T], most: int = 12) -> Callable[..., T]:
+    """Return a pure function of arrays that keeps its latest results, which nobody may change.
+
+    Of the parameters that a fit moves in turn many act later, so that what comes before is asked for again and again.
+    """
+    kept: dict[tuple[object, ...], T] = {}
+
+    def found(*arguments: ArrayLike) -> T:
+        key = tuple((np.shape(a), np.asarray(a).tobytes()) for a in arguments)
+        if key not in kept:
+            if len(kept) == most:
+                del kept[next(iter(kept))]
+            kept[key] = find(*arguments)
+        else:
+            kept[key] = kept.pop(key)  # now the latest
+        return kept[key]
+
+    return found
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.problem import Named, apply
+from femnl.diagnose.problem import Named, apply, recent
 from femnl.errors import MeasurementError
 from femnl.fits.response import fit_response
 from femnl.fits.response_data import Sweeps, collect
@@ -24,6 +24,7 @@ MOVING = 0.3
 """Part of the largest signal from which on the mode moves strongly."""
 ROUNDS = 12
 """Iterations of the amplitude under a quintic term or a resonance of higher order, small corrections of the cubic one."""
+SIDES = np.arange(2)
 SETTLED = 1e-6
 """Relative change of a squared amplitude at which they end."""
 FAINT = 1e-6
@@ -61,6 +62,11 @@ class ResponseProblem:
         self.start = np.array([f0, w, slope[0] / scale, *self._scales, *(fitted[f"phase{name}"] for name in names)])
         self.softens = ratio * self.simulated_alpha < 0
         self._names = names
+        self._solved = recent(_on_sheets)
+        masks = [self._whole((1 + 1j) * (self.sweeps.position == p)) > 0 for p in range(n)]
+        self.apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = tuple(
+            {f"{name}{place}": mask for place, mask in zip(names, masks, strict=True)} for name in ("responsivity", "phase")
+        )
         strongest = slope[0] / scale * self.sweeps.reference
         recorded = "time" in dataset and bool(np.isfinite(dataset["time"].values).all())
         kept = np.unique(self.sweeps.row)
@@ -126,29 +132,14 @@ class ResponseProblem:
         mode = apply("oscillator", plain, effects, values)
         return (replace(mode, alpha=alpha), 2 * alpha - mode.alpha) if self.softens else (mode, self.simulated_alpha)
 
-    def _states(self, mode: Oscillator, data: Sweeps, linear: Array) -> list[ComplexArray]:
-        """Return b = A/(A₁F) on the low and on the high sheet, continued past its fold.
-
-        Terms of higher order than the cubic one are put to the amplitude at hand, round by round.
-        """
+    def _states(self, mode: Oscillator, data: Sweeps, linear: Array) -> ComplexArray:
+        """Return b = A/(A₁F) on the low and on the high sheet, continued past its fold, (2, n)."""
         f0, per = mode.frequency[data.sweep], 2 / mode.linewidth
         delta = per * (f0 - data.frequency)
-        cubic = per * 0.375 * f0 * mode.alpha * linear**2 + 0j
+        cubic = per * 0.375 * f0 * mode.alpha * linear**2 + 1j * np.maximum(mode.damping, 0) * linear**2 / 4
         fifth = per * 0.3125 * f0 * mode.quintic * linear**4
-        cubic += 1j * np.maximum(mode.damping, 0) * linear**2 / 4
-        square = np.where(mode.alpha == 0, np.inf, 8 * mode.linewidth / (3 * f0 * abs(mode.alpha)))
-        pulled = per * mode.pull * linear**2 / square
-        found, plain = [], cubic + pulled
-        for side, x in enumerate(sheets(delta, plain.real, plain.imag, continued=True).x):
-            a = plain
-            if np.any(fifth) or (np.any(pulled) and mode.order != 2):
-                for _ in range(ROUNDS):
-                    a = cubic + fifth * x + pulled * np.maximum(x * linear**2 / square, FAINT) ** (mode.order - 2)
-                    before, x = x, sheets(delta, a.real, a.imag, continued=True).x[side]
-                    if np.abs(x - before).max() < SETTLED * np.abs(x).max():
-                        break
-            found.append(np.asarray(1 / (delta + a.real * x + 1j * (1 + a.imag * x))))
-        return found
+        scale = linear**2 * (3 * f0 * abs(mode.alpha)) / (8 * mode.linewidth)
+        return self._solved(delta, cubic, fifth, per * mode.pull * scale, scale, mode.order)
 
     def _followed(self, both: ComplexArray, alpha: float) -> ComplexArray:
         """Return the sheet of each point: sweeps of known direction jump once, where the data say, others as they fit best."""
@@ -169,12 +160,14 @@ class ResponseProblem:
         return self._whole((self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise, deviation)
 
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        """Gain and phase of the sweeps at each drive."""
+        """Gain and phase of the sweeps at each drive, and what is beside them at all frequencies alike."""
         volts = self.predict(effects, base, values) / self.sweeps.noise
         found = {}
         for drive in np.unique(self.sweeps.drive):
             only = np.where(self.sweeps.drive == drive, volts, 0)
-            for name, part in (("gain", only), ("phase", 1j * only)):
+            flat = np.where(self.sweeps.drive == drive, 1 / self.sweeps.noise, 0j)
+            ways = {"gain": only, "phase": 1j * only, "real background": flat, "imaginary background": 1j * flat}
+            for name, part in ways.items():
                 found[f"{name} at a drive of {drive * self.sweeps.reference:.3g} V"] = self._whole(part)
         return found
 
@@ -225,6 +218,23 @@ class ResponseProblem:
         offset = self.sweeps.frequency[k] - self.start[0]
         drive = f"the drive of {worst * self.sweeps.reference:.3g} V deviates most"
         return f"{drive}, most strongly {offset:+.3g} Hz from resonance; rms by drive {table}"
+
+
+def _on_sheets(delta: Array, cubic: ComplexArray, fifth: Array, pulled: ComplexArray, scale: Array, order: float) -> ComplexArray:
+    """Return b = 1/(δ + i + a x), x = |b|², on the low and on the high sheet, continued past its fold, (2, n).
+
+    a(x) = cubic + fifth·x + pulled·(scale·x)^(order − 2) is put to the amplitude at hand, round by round.
+    """
+    a = cubic + pulled
+    x = sheets(delta, a.real, a.imag, continued=True).x
+    if np.any(fifth) or (np.any(pulled) and order != 2):
+        for _ in range(ROUNDS):
+            a = cubic + fifth * x + pulled * np.maximum(x * scale, FAINT) ** (order - 2)
+            # Both at once: row s of sheet s is the one that goes on from x[s].
+            before, x = x, sheets(delta, a.real, a.imag, continued=True).x[SIDES, SIDES]
+            if np.all(np.abs(x - before).max(axis=1) < SETTLED * np.abs(x).max(axis=1)):
+                break
+    return np.asarray(1 / (delta + a.real * x + 1j * (1 + a.imag * x)))
 
 
 def _mode(dataset: xr.Dataset, film: SimulatedFilm, frequency: float) -> int:

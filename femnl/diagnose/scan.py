@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats.qmc import Sobol
 
 from femnl.diagnose.fit import Solution
-from femnl.diagnose.problem import Extended
+from femnl.diagnose.problem import Extended, Problem
 from femnl.types.effect import Effect
 from femnl.types.readout import Array
 
@@ -18,6 +18,9 @@ STARTS = 6
 """Best rays."""
 BLIND = 1e-10
 """Part of the strongest direction in the model's parameters below which a direction does not show in the data."""
+
+PLACES = 24
+"""Places at which an effect that has no strength is looked at."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,13 @@ def scan(solution: Solution, effect: Effect) -> list[Start]:
         near, _ = solution.model.split(np.clip(solution.vector - back @ along, *solution.model.bounds))
         starts.append(Start(near, {knob.name: float(v) for knob, v in zip(effect.parameters, numbers, strict=True)}, promised))
     return starts
+
+
+def centres(problem: Problem, effect: Effect) -> list[dict[str, float]]:
+    """Return values for an effect that has no strength: evenly over its priors."""
+    facts, steps = problem.facts, (np.arange(PLACES) + 0.5) / PLACES
+    ranges = [(k.name, k.low * facts.get(k.per, 1.0), k.high * facts.get(k.per, 1.0)) for k in effect.parameters]
+    return [{name: float(a + (b - a) * t) for name, a, b in ranges} for t in steps]
 
 
 def _rays(effect: Effect, low: Array, high: Array) -> Array:

@@ -9,10 +9,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from femnl.diagnose.criticism import Look, adequacy, looks
-from femnl.diagnose.fit import Solution, fit
+from femnl.diagnose.fit import Solution, fit, improve
 from femnl.diagnose.problem import Extended, Problem
-from femnl.diagnose.scan import scan
+from femnl.diagnose.scan import centres, scan
 from femnl.types.effect import Effect
+from femnl.types.readout import Array
 
 PROGRESS = logging.getLogger("femnl.progress")
 FALSE_ALARMS = 0.01
@@ -34,8 +35,8 @@ BEAM, PEERS = 2, 2.0
 """Sets of causes that are extended at each step; single causes up to this ratio of what they and the best leave of χ² are, too."""
 PAIR = 1
 """Step at which pairs of causes are sought."""
-AGAIN = 3
-"""Sets whose causes are sought anew, and pairs that are fitted from afar, where no set explains the data beyond doubt."""
+AGAIN = (3, 3, 1)
+"""Sets of one, two and three whose causes are sought anew, or pairs that are fitted from afar, where no set explains the data well."""
 LARGEST = 3
 """Causes in the largest set."""
 ROUGH = 4
@@ -121,7 +122,8 @@ def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
             if problem.rugged and size == PAIR:
                 others = _from_afar(found, library)
             else:
-                others = [_sought_again(c.solution) for c in (ranked if problem.rugged and size == 0 else ranked[:AGAIN])]
+                few = len(ranked) if problem.rugged and size == 0 else AGAIN[size]
+                others = [_sought_again(c.solution) for c in ranked[:few]]
             _keep(grown, others, library)
         found += grown.values()
         beam = sorted(grown.values(), key=lambda c: -c.weight)
@@ -166,14 +168,23 @@ def _from_afar(found: list[Candidate], library: list[Effect]) -> list[Solution]:
         start = scan(base, effect)[0]
         model = Extended(base.model.problem, (effect,))
         alone[effect.name] = fit(model, model.pack(start.base, [start.values]))
-    rough: dict[tuple[str, str], Solution] = {}
+    rough: list[tuple[float, Array, Extended]] = []
     for one, other in combinations(sorted(library, key=_shaped), 2):
         single = alone[one.name]
         _, own = single.model.split(single.vector)
         model = Extended(base.model.problem, (one, other))
         starts = [model.pack(start.base, [*own, start.values]) for start in scan(single, other)[:REFINED]]
-        rough[one.name, other.name] = min((fit(model, start, most=FAR) for start in starts), key=lambda s: s.chi2)
-    return [fit(s.model, s.vector) for s in sorted(rough.values(), key=lambda s: s.chi2)[:AGAIN]]
+        rough.append((*min((improve(model, start, FAR) for start in starts), key=lambda found: found[0]), model))
+    return [fit(model, vector) for _, vector, model in sorted(rough, key=lambda found: found[0])[: AGAIN[PAIR]]]
+
+
+def _finished(model: Extended, starts: Iterable[Array], most: int = ROUGH) -> list[Solution]:
+    """Fit to the end from every start, or where there are many, from what the best come to after a few evaluations."""
+    chosen = list(starts)
+    if len(chosen) > REFINED:
+        rough = sorted((improve(model, start, most) for start in chosen), key=lambda found: found[0])
+        chosen = [vector for _, vector in rough[:REFINED]]
+    return [fit(model, start) for start in chosen]
 
 
 def _shaped(effect: Effect) -> tuple[int, int]:
@@ -200,7 +211,7 @@ def _grown(parent: Candidate, library: list[Effect]) -> Iterable[Solution]:
     promising.update(sorted(best, key=lambda name: min(look.p_value for look in best[name]))[:TELLING])
     for effect in [e for e in library if e.name in promising and e.name not in mine]:
         _tell(parent, effect)
-        yield min((_extend(parent, effect, look.values) for look in _unlike(best[effect.name])), key=lambda s: s.chi2)
+        yield _extend(parent, effect, [look.values for look in _unlike(best[effect.name])])
     for effect in library:
         if effect.name not in mine and not any(knob.strength for knob in effect.parameters):
             _tell(parent, effect)
@@ -223,31 +234,34 @@ def _unlike(found: list[Look]) -> list[Look]:
 
 
 def _replaced(parent: Candidate, effect: Effect) -> Solution:
-    """Fit with an effect that has no strength, from starts all over its priors."""
+    """Fit with an effect that has no strength, from where it leaves least beside all else as it is, of places all over its priors."""
     problem = parent.solution.model.problem
     base, earlier = parent.solution.model.split(parent.solution.vector)
     model = Extended(problem, (*parent.solution.model.effects, effect))
-    starts = [model.pack(base, [*earlier, v]) for v in _centres(problem, effect)]
-    rough = sorted((fit(model, start, most=ROUGH) for start in starts), key=lambda s: s.chi2)
-    return min((fit(model, s.vector) for s in rough[:2]), key=lambda s: s.chi2)
+    starts = [model.pack(base, [*earlier, v]) for v in centres(problem, effect)]
+    left = np.pad([np.sum(model.residuals(start) ** 2) for start in starts], 1, constant_values=np.inf)
+    lowest = np.flatnonzero((left[1:-1] <= left[:-2]) & (left[1:-1] < left[2:]))
+    return min(_finished(model, [starts[i] for i in lowest]), key=lambda s: s.chi2)
 
 
-def _extend(parent: Candidate, effect: Effect, values: dict[str, float]) -> Solution:
-    """Fit with one more effect, from where the look points or as far towards it as is no worse than without it."""
+def _extend(parent: Candidate, effect: Effect, shapes: list[dict[str, float]]) -> Solution:
+    """Fit with one more effect, from where looks point or as far towards that as is no worse than without it."""
     base, earlier = parent.solution.model.split(parent.solution.vector)
     model = Extended(parent.solution.model.problem, (*parent.solution.model.effects, effect))
     limits = {knob.name: knob.high * parent.solution.model.problem.facts.get(knob.per, 1.0) for knob in effect.parameters if knob.strength}
-    # What is of second order shows no slope at zero; a small start lets it grow.
-    start = values | {name: np.copysign(max(abs(values[name]), SEED * high), values[name]) for name, high in limits.items()}
-    for _ in range(STEPS_BACK):
-        vector = model.pack(base, [*earlier, start])
-        if np.sum(model.residuals(vector) ** 2) <= parent.solution.chi2:
-            break
-        start = start | {name: start[name] / 3 for name in limits}
-    if (others := model.problem.alike(base)) and not earlier:
-        starts = [vector, *(model.pack(other, [start]) for other in others)]
-        return min((fit(model, other) for other in starts), key=lambda s: s.chi2)
-    return fit(model, vector)
+    starts = []
+    for values in shapes:
+        # What is of second order shows no slope at zero; a small start lets it grow.
+        start = values | {name: np.copysign(max(abs(values[name]), SEED * high), values[name]) for name, high in limits.items()}
+        for _ in range(STEPS_BACK):
+            vector = model.pack(base, [*earlier, start])
+            if np.sum(model.residuals(vector) ** 2) <= parent.solution.chi2:
+                break
+            start = start | {name: start[name] / 3 for name in limits}
+        starts.append(vector)
+        if not earlier:
+            starts += [model.pack(other, [start]) for other in model.problem.alike(base)]
+    return min(_finished(model, starts, FAR), key=lambda s: s.chi2)
 
 
 def _sought_again(solution: Solution) -> Solution:
@@ -267,10 +281,9 @@ def _sought_again(solution: Solution) -> Solution:
         if shaped:
             mine = [look for look in looks(rest, [effect]) if look.effect is not None and look.gain > 0]
             ranked = sorted(mine, key=lambda look: -look.gain)
-            found += [fit(model, model.pack(start, [*kept[:k], look.values, *kept[k:]])) for look in _unlike(ranked)]
+            found += _finished(model, (model.pack(start, [*kept[:k], look.values, *kept[k:]]) for look in _unlike(ranked)), FAR)
         if rugged:
-            rough = [fit(model, model.pack(s.base, [*kept[:k], s.values, *kept[k:]]), most=ROUGH) for s in scan(rest, effect)]
-            found += [fit(model, s.vector) for s in sorted(rough, key=lambda s: s.chi2)[:REFINED]]
+            found += _finished(model, (model.pack(s.base, [*kept[:k], s.values, *kept[k:]]) for s in scan(rest, effect)))
     return min(found, key=lambda s: s.chi2)
 
 
@@ -281,12 +294,4 @@ def _over_jumps(solution: Solution) -> list[Solution]:
         return []
     base, values = solution.model.split(solution.vector)
     starts = [base | {name: base[name] * (1 + kick)} for name in solution.model.problem.jumps for kick in KICKS]
-    rough = [fit(solution.model, solution.model.pack(start, values), most=ROUGH) for start in starts]
-    return [fit(solution.model, s.vector) for s in sorted(rough, key=lambda s: s.chi2)[:REFINED]]
-
-
-def _centres(problem: Problem, effect: Effect) -> list[dict[str, float]]:
-    """Starts for an effect that has no strength: evenly over its priors."""
-    facts, steps = problem.facts, (np.arange(8) + 0.5) / 8
-    ranges = [(k.name, k.low * facts.get(k.per, 1.0), k.high * facts.get(k.per, 1.0)) for k in effect.parameters]
-    return [{name: float(a + (b - a) * t) for name, a, b in ranges} for t in steps]
+    return _finished(solution.model, (solution.model.pack(start, values) for start in starts))

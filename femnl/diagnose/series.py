@@ -25,6 +25,7 @@ class SeriesProblem:
     kind: Kind = "series"
     rugged = False
     jumps: tuple[str, ...] = ()
+    apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         self.film = film.model.film

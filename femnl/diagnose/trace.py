@@ -75,6 +75,11 @@ class TraceProblem:
             *(Knob(f"motion_phase[{i}]", "rad", p - 2 * np.pi, p + 2 * np.pi) for i, p in enumerate(sine.phase)),
         )
         self.start = np.concatenate([[contrast, theta], sine.amplitude, sine.phase])
+        steps_of = np.concatenate([np.tile(np.arange(self.n_steps), 2 * len(self.harmonic)), np.arange(len(self._left))])
+        masks = [steps_of == i for i in range(self.n_steps)]
+        self.apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = tuple(
+            {f"{name}[{i}]": mask for i, mask in enumerate(masks)} for name in ("amplitude", "motion_phase")
+        )
         stack = film.model.stack
         self.facts: Mapping[str, float] = {
             "wavelength": self.wavelength,

@@ -27,4 +27,5 @@ EFFECT = Effect(
     source="internal resonances, e.g. arXiv:1902.01270",
     limits="one mode for each overtone, the one nearest in frequency",
     sentence="the film itself moves at multiples of the drive",
+    across=True,  # U_n is that at the largest swing of all
 )

@@ -46,6 +46,7 @@ class Effect:
     name: as used in files. equation: in words a physicist reads. changes: by stage, see `Change`. needs: facts about the
     measurement without which the effect cannot be told, such as "time". replaces: base parameters that have no meaning beside it.
     shared: whether the measurements of one device have its parameters in common, as for film and stage; else each laser has its own.
+    across: whether what it does to one step, sweep or place depends on the motion at another.
     sentence: for the report, "the film …". source, limits: where the equation is from and how far it holds.
     """
 
@@ -59,6 +60,7 @@ class Effect:
     needs: tuple[str, ...] = ()
     replaces: tuple[str, ...] = ()
     shared: bool = True
+    across: bool = False
 
     @property
     def kinds(self) -> tuple[Kind, ...]:

@@ -21,6 +21,7 @@ class Level:
     ) -> None:
         self.data, self.blocks, self.rugged = data, blocks, rugged
         self.jumps: tuple[str, ...] = ()
+        self.apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
         self.base: tuple[Knob, ...] = (Knob("level", "1", -half, half),)
         self.start = np.zeros(1)
         self.facts: Mapping[str, float] = {"time": 1.0}

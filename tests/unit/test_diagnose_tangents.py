@@ -1,0 +1,82 @@
+"""Derivatives of residuals: parameters that are moved together give the same as one by one, whatever the effect."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from femnl import load, measurement
+from femnl.diagnose.film import SimulatedFilm
+from femnl.diagnose.problem import Extended, Problem, recent
+from femnl.diagnose.response import ResponseProblem
+from femnl.diagnose.search import applicable
+from femnl.diagnose.tangents import TARGET, jacobian_at, tangent_steps
+from femnl.diagnose.trace import TraceProblem
+from femnl.effects import library
+
+F0, WIDTH, STEPS, PLACES = 2.9324e6, 4.0, 4, (1.0, 0.6, -0.4)
+
+
+def traces() -> Problem:
+    """Four steps of a drive through a resonance, read by a sinusoidal fringe."""
+    rng, film = np.random.default_rng(2), SimulatedFilm(load("square-270um"), 12)
+    f0 = float(film.modes.frequency[0])
+    time, frequency = np.arange(600) / (60 * f0), f0 + np.linspace(-9, 9, STEPS)
+    u = 3e-7 / np.hypot(1, (frequency - f0) / 6)[:, None] * np.cos(2 * np.pi * frequency[:, None] * time)
+    volts = 0.02 * np.cos(4 * np.pi / 632.8e-9 * u + 0.8) + 5e-4 * rng.standard_normal(u.shape)
+    return TraceProblem(measurement.trace(time, volts, drive_frequency=frequency, noise_sd=5e-4, wavelength=632.8e-9), film)
+
+
+def sweeps() -> Problem:
+    """One sweep at each of three places, of different size and sign."""
+    rng, frequency = np.random.default_rng(3), F0 + np.linspace(-40, 40, 61)
+    volts = 2e-3 * np.array(PLACES)[:, None] / (1 + 2j * (frequency - F0) / WIDTH)
+    volts = volts + 1e-5 * (rng.standard_normal(volts.shape) + 1j * rng.standard_normal(volts.shape))
+    drive, x = np.full(3, 0.1), [0.0, 2e-5, 8e-5]
+    data = measurement.response(frequency, volts, noise_sd=1e-5, wavelength=632.8e-9, mode="2,2", drive=drive, direction=1, x=x, y=0.0)
+    return ResponseProblem(data, SimulatedFilm(load("square-270um"), 12))
+
+
+@pytest.mark.parametrize(("problem", "together"), [(traces(), STEPS), (sweeps(), len(PLACES))], ids=["trace", "response"])
+def test_what_is_moved_together_has_the_derivatives_of_each(problem: Problem, together: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    effects = applicable(problem, library().values())
+    assert len(effects) > 5
+    assert [len(group) for group in problem.apart] == [together, together]
+    base = dict(zip((knob.name for knob in problem.base), problem.start, strict=True))
+    for effect in effects:
+        model = Extended(problem, (effect,))
+        unit = {knob.name: problem.facts.get(knob.per, 1.0) for knob in effect.parameters}
+        part = {knob.name: 1e-3 if knob.strength else 0.4 for knob in effect.parameters}
+        small = {k.name: unit[k.name] * (part[k.name] * k.high + (not k.strength) * (1 - part[k.name]) * k.low) for k in effect.parameters}
+        vector = model.pack(base, [small])
+        at = model.residuals(vector)
+        steps = tangent_steps(model, vector, at)
+        whole = jacobian_at(model, vector, at, steps)
+        with monkeypatch.context() as alone:
+            alone.setattr(problem, "apart", ())
+            single = jacobian_at(model, vector, at, steps)
+            assert np.allclose(steps, tangent_steps(model, vector, at), rtol=1e-3), effect.name
+        assert np.all(np.linalg.norm(whole - single, axis=0) <= 1e-6 * np.linalg.norm(single, axis=0)), effect.name
+
+
+def test_steps_change_the_residuals_by_little_and_not_by_nothing() -> None:
+    problem = traces()
+    model = Extended(problem)
+    at = model.residuals(problem.start)
+    steps = tangent_steps(model, problem.start, at)
+    slopes = jacobian_at(model, problem.start, at, steps)
+    assert np.all(np.abs(np.linalg.norm(slopes, axis=0) * steps / TARGET) < 5.1)
+    assert np.all(np.abs(np.linalg.norm(slopes, axis=0) * steps / TARGET) > 0.19)
+
+
+def test_latest_results_are_kept_and_the_oldest_given_up() -> None:
+    asked: list[float] = []
+
+    def twice(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        asked.append(float(x[0]))
+        return 2 * x
+
+    kept = recent(twice, most=2)
+    for number in (1.0, 2.0, 1.0, 3.0, 1.0, 2.0):
+        assert kept(np.array([number]))[0] == 2 * number
+    assert asked == [1.0, 2.0, 3.0, 2.0]
+    assert kept(np.array([1.0, 2.0])).shape == (2,)
