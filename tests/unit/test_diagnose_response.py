@@ -9,9 +9,13 @@ from numpy.typing import NDArray
 from femnl import load, measurement
 from femnl.diagnose import diagnose
 from femnl.diagnose.film import SimulatedFilm
+from femnl.diagnose.fit import fit
+from femnl.diagnose.problem import Extended
 from femnl.diagnose.response import ResponseProblem
+from femnl.diagnose.search import FALSE_ALARMS, criticise
 from femnl.effects import library
 from femnl.types.diagnosis import Diagnosis
+from tests.blind.lab import Case, make
 
 Complex = NDArray[np.complex128]
 F0, WIDTH, PEAK, PER_METRE, NOISE = 2.9324e6, 4.0, 1.75e-7, 2e5, 1.5e-5
@@ -75,3 +79,16 @@ def test_a_second_mode_is_sought_where_the_drives_move_the_film_strongly() -> No
     couple = {"coupling_square": 0.5, "offset": 0.0, "width": 0.8, "order": 2.0}
     mode, _ = problem._mode([library()["internal_resonance"]], base, [couple], problem.sweeps)
     assert problem.sweeps.frequency[np.argmax(np.abs(mode.pull))] == pytest.approx(F0, abs=0.6)
+
+
+@pytest.mark.parametrize("causes", [(), ("crosstalk",)])
+def test_a_background_is_seen_without_any_cause_to_look_for(causes: tuple[str, ...], tmp_path: Path) -> None:
+    path = tmp_path / "response.nc"
+    make(Case("response", causes, 20261122, size=(11.9, 12.1)), path)
+    (group,) = measurement.read(path).children.values()
+    problem = ResponseProblem(group.to_dataset(), SimulatedFilm(load("square-270um"), 12))
+    found = criticise(fit(Extended(problem), problem.start), [])
+    assert (found.p_value < FALSE_ALARMS) == bool(causes), (found.p_value, found.worst)
+    assert abs(found.solution.chi2 / found.solution.degrees - 1) < 0.15  # χ² alone would hardly tell
+    if causes:
+        assert "background at a drive of" in found.worst
