@@ -249,7 +249,7 @@ def _extend(parent: Candidate, effect: Effect, shapes: list[dict[str, float]]) -
     base, earlier = parent.solution.model.split(parent.solution.vector)
     model = Extended(parent.solution.model.problem, (*parent.solution.model.effects, effect))
     limits = {knob.name: knob.high * parent.solution.model.problem.facts.get(knob.per, 1.0) for knob in effect.parameters if knob.strength}
-    starts = []
+    starts, elsewhere = [], []
     for values in shapes:
         # What is of second order shows no slope at zero; a small start lets it grow.
         start = values | {name: np.copysign(max(abs(values[name]), SEED * high), values[name]) for name, high in limits.items()}
@@ -260,8 +260,9 @@ def _extend(parent: Candidate, effect: Effect, shapes: list[dict[str, float]]) -
             start = start | {name: start[name] / 3 for name in limits}
         starts.append(vector)
         if not earlier:
-            starts += [model.pack(other, [start]) for other in model.problem.alike(base)]
-    return min(_finished(model, starts, FAR), key=lambda s: s.chi2)
+            elsewhere += [model.pack(other, [start]) for other in model.problem.alike(base)]
+    # What predicts alike is not told apart by a few evaluations.
+    return min([*_finished(model, starts, FAR), *(fit(model, start) for start in elsewhere)], key=lambda s: s.chi2)
 
 
 def _sought_again(solution: Solution) -> Solution:
