@@ -2,15 +2,17 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from skfem import MeshTri2
 
 from femnl.storage.atomic import write_whole
 from femnl.types.device import Model
 from femnl.types.mechanics import Domain, Modes, Nonlinearity, Prestress
+
+if TYPE_CHECKING:
+    import xarray as xr  # at run time where it is needed: to load it takes as long as to solve a film of condensed cells
 
 VERSION = "1.3"
 GRADES = ("coarse", "coarser")  # groups of the counterparts of lower degree
@@ -21,6 +23,8 @@ def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = No
 
     Groups: `/modes`, `/mesh` points, triangles and boundaries, `/coarse` the same modes at one degree less, `/coarser` at two.
     """
+    import xarray as xr
+
     tree = xr.DataTree.from_dict({"/modes": _modes_dataset(modes, nonlinearity), "/mesh": _mesh_dataset(modes.domain.mesh)})
     for name, lower in zip(GRADES, modes.grades[1:], strict=False):
         tree[name] = xr.DataTree(_modes_dataset(lower, None))
@@ -41,6 +45,8 @@ def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = No
 
 def read_modes(path: Path, model: Model) -> Modes:
     """Read modes of the given model back. Raises: OSError, KeyError or ValueError for a file that `write_modes` did not write."""
+    import xarray as xr
+
     with xr.open_datatree(path, engine="h5netcdf") as tree:
         tree.load()
     if tree.attrs["femnl_modes"] != VERSION:
@@ -64,7 +70,9 @@ def read_modes(path: Path, model: Model) -> Modes:
     return found
 
 
-def _mesh_dataset(mesh: MeshTri2) -> xr.Dataset:
+def _mesh_dataset(mesh: MeshTri2) -> "xr.Dataset":
+    import xarray as xr
+
     data: dict[str, Any] = {
         "points": (("axis", "node"), mesh.doflocs, {"units": "m"}),
         "triangles": (("corner", "triangle"), mesh.t),
@@ -76,7 +84,9 @@ def _mesh_dataset(mesh: MeshTri2) -> xr.Dataset:
     return xr.Dataset(data)
 
 
-def _modes_dataset(modes: Modes, nonlinearity: Nonlinearity | None) -> xr.Dataset:
+def _modes_dataset(modes: Modes, nonlinearity: Nonlinearity | None) -> "xr.Dataset":
+    import xarray as xr
+
     data: dict[str, Any] = {
         "frequency": ("mode", modes.frequency, {"units": "Hz"}),
         "frequency_error": ("mode", modes.frequency_error, {"units": "Hz"}),
@@ -105,7 +115,7 @@ def _modes_dataset(modes: Modes, nonlinearity: Nonlinearity | None) -> xr.Datase
     return xr.Dataset(data, attrs={"degree": modes.degree, "prestress_degree": modes.prestress.degree})
 
 
-def _modes(data: xr.Dataset, domain: Domain) -> Modes:
+def _modes(data: "xr.Dataset", domain: Domain) -> Modes:
     prestress = Prestress(domain, int(data.attrs["prestress_degree"]), data.displacement.values)
     parity = tuple(tuple(int(s) for s in row) for row in data.parity.values)
     label = tuple(str(text) or None for text in data.label.values)

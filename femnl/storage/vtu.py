@@ -1,8 +1,7 @@
-"""Meshes, modes and stress in formats that other programs open."""
+"""Meshes, modes and stress in formats that other programs open; meshio, which knows them all, is loaded when one is written."""
 
 from pathlib import Path
 
-import meshio
 import numpy as np
 
 from femnl.errors import ParameterError
@@ -14,6 +13,8 @@ from femnl.types.mechanics import Domain, Modes
 
 def write_vtu(path: Path, modes: Modes) -> None:
     """Write the whole film as quadratic triangles with every mode shape, the relaxed stress and the thickness at the nodes."""
+    import meshio
+
     surface = unfold(modes)
     names = [f"mode_{k + 1}" + (f"_{label}" if label else "") for k, label in enumerate(modes.label)]
     fields = dict(zip(names, surface.shapes, strict=True))
@@ -30,6 +31,8 @@ def write_mesh(path: Path, domain: Domain) -> None:
 
     Raises: ParameterError for a suffix that meshio does not write.
     """
+    import meshio
+
     check_suffix(path)
     points = domain.mesh.doflocs.T
     nodes = Space(domain.mesh, 2).dofs
@@ -39,5 +42,7 @@ def write_mesh(path: Path, domain: Domain) -> None:
 
 def check_suffix(path: Path) -> None:
     """Refuse a name whose suffix meshio does not know. Raises: ParameterError."""
+    import meshio
+
     if path.suffix not in meshio.extension_to_filetypes:
         raise ParameterError(f"{path}: meshio writes no files that end in '{path.suffix}'; use .vtu, .msh or .xdmf")
