@@ -30,7 +30,7 @@ that it is there, but not how much it could take up."""
 FEWEST, FAINT = 4, 0.01
 """Effects that are fitted in any case, and the part of the excess of χ² that any other must promise to take up."""
 SHAPES, ALIKE = 4, 0.98
-"""Trial shapes of an effect from which it is fitted, and the square of the cosine from which on two are the same to the data."""
+"""Trial shapes of an effect that are starts of its fit, and the square of the cosine from which on two are the same to the data."""
 BEAM, PEERS = 2, 2.0
 """Sets of causes that are extended at each step; single causes up to this ratio of what they and the best leave of χ² are, too."""
 PAIR = 1
@@ -39,12 +39,10 @@ AGAIN = (3, 3, 1)
 """Sets of one, two and three whose causes are sought anew, or pairs that are fitted from afar, where no set explains the data well."""
 LARGEST = 3
 """Causes in the largest set."""
-ROUGH = 4
-"""Evaluations that every start gets where there are several."""
+ROUGH, FAR = 4, 8
+"""Evaluations by which starts are ranked: where they differ in what a scan moved, and where in the shape of an effect or from afar."""
 REFINED = 2
-"""Starts found by scanning that are fitted to the end."""
-FAR = 8
-"""Evaluations that the starts of pairs get which are sought from afar, before the best are fitted."""
+"""Starts that are fitted to the end, the best by then."""
 FEW, MOSTLY = 0.01, 0.3
 """Part of the residuals that hold this part of the excess of χ² where a fit stopped at a jump: points on the wrong side of it."""
 KICKS = (-0.03, -0.01, -0.003, 0.003, 0.01, 0.03)

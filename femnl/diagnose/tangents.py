@@ -56,7 +56,8 @@ def _lanes(model: Extended, at: Array) -> Iterator[tuple[NDArray[np.int64], NDAr
     left = {(owner, knob.name): i for i, (owner, knob) in enumerate(model.knobs)}
     for group in () if any(effect.across for effect in model.effects) else model.problem.apart:
         masks = {left.pop(("base", name)): mask for name, mask in group.items() if ("base", name) in left}
-        yield np.array(list(masks)), np.stack(list(masks.values()))
+        if masks:  # an effect may have replaced them all
+            yield np.array(list(masks)), np.stack(list(masks.values()))
     for i in left.values():
         yield np.array([i]), np.ones((1, len(at)), dtype=bool)
 

@@ -1,5 +1,7 @@
 """Derivatives of residuals: parameters that are moved together give the same as one by one, whatever the effect."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -36,8 +38,11 @@ def sweeps() -> Problem:
     return ResponseProblem(data, SimulatedFilm(load("square-270um"), 12))
 
 
-@pytest.mark.parametrize(("problem", "together"), [(traces(), STEPS), (sweeps(), len(PLACES))], ids=["trace", "response"])
-def test_what_is_moved_together_has_the_derivatives_of_each(problem: Problem, together: int, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("posed", "together"), [(traces, STEPS), (sweeps, len(PLACES))])
+def test_what_is_moved_together_has_the_derivatives_of_each(
+    posed: Callable[[], Problem], together: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = posed()
     effects = applicable(problem, library().values())
     assert len(effects) > 5
     assert [len(group) for group in problem.apart] == [together, together]

@@ -23,11 +23,11 @@ Just past a fold a state lingers: a point that were taken there would be on no b
 """
 WAVELENGTH = 632.8e-9
 COARSE, TORN = 1e3, 2.0
+"""How much longer steps for tangents are than of closed forms, and the ratio of amplitudes of a point that has jumped."""
 IMPLICIT = 3
 """Rounds in which an implicit step is found."""
 CLIPPED = 2 * np.pi * (np.arange(720) + 0.5) / 720
 """Phases at which a clipped signal is sampled."""
-"""How much longer steps for tangents are than of closed forms, and the ratio of amplitudes of a point that has jumped."""
 Complex = NDArray[np.complex128]
 FIRST = 2 * np.pi * np.arange(64) / 64
 """Phases at which the signal of the fringe is sampled."""
