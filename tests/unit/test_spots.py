@@ -67,4 +67,4 @@ def test_a_map_of_very_close_points_needs_no_more_nodes_beyond_it_than_any_other
     axis = Axis.beside(points)
     assert len(axis.nodes) < len(points) + 2 * (REACH / 2e-6 + 1)
     found = axis.spread(4e-6) @ (axis.nodes / 1e-5) ** 2
-    np.testing.assert_allclose(found, (points / 1e-5) ** 2 + 0.16, rtol=0.05)
+    np.testing.assert_allclose(found, (points / 1e-5) ** 2 + 0.16, rtol=1e-5)
