@@ -208,6 +208,9 @@ def leave_out(solution: Solution, most: int) -> Unseen:
     ln p(block | others) is by how much the logarithm of evidence falls from the others to all data: −½ of what χ² gains, and −½ of
     what ln|C| loses, C the covariance of the parameters. Where the model is linear over the errors that the fit to the others leaves,
     these are rᵀ S⁻¹ r and ln|S|, S = 1 + J C Jᵀ; where it bends over them, S, which knows one slope, would mistake that for a misfit.
+    What the block's own noise adds to χ², which no parameters could follow, says nothing of how it is predicted; the rest, by which the
+    block and the others want other parameters (G. C. Chow, Econometrica 28, 591 (1960)), has as many degrees of freedom as parameters
+    that the block tells.
     """
     blocks = solution.model.problem.blocks
     low, high = solution.model.bounds
@@ -222,5 +225,8 @@ def leave_out(solution: Solution, most: int) -> Unseen:
         chi2 = max(solution.chi2 - float(seen @ seen), 0.0)
         square, count = square + float(unseen @ unseen), count + len(unseen)
         densities.append(-0.5 * (chi2 + float(gained)))
-        p_values.append(float(chdtrc(len(unseen), chi2)))
+        left, size, _ = np.linalg.svd(solution.jacobian[out] * (high - low), full_matrices=False)
+        told = left[:, size > np.sqrt(12)]  # better than the priors do
+        own = solution.residuals[out] - told @ (told.T @ solution.residuals[out])
+        p_values.append(float(chdtrc(max(told.shape[1], 1), max(chi2 - float(own @ own), 0.0))))
     return Unseen(square / count, tuple(densities), min(1.0, min(p_values) * len(p_values)))

@@ -84,6 +84,16 @@ def test_a_block_that_bends_over_what_the_others_leave_open_is_no_misfit() -> No
     assert min(drawn) > 0.01 / 50
 
 
+def test_noise_of_its_own_is_not_held_against_the_prediction_of_a_block_but_a_level_of_its_own_is() -> None:
+    noise = np.random.default_rng(6).standard_normal(40)
+    beside = 5.0 * np.array([1, -1, -1, 1, 0, 0, 1, -1, -1, 1])  # neither level nor slope
+    loud = leave_out(solved(3 + 2 * PLACE + noise + np.where(BLOCKS == 1, np.tile(beside, 4), 0), SLOPE), 20)
+    assert loud.chi2_reduced > 2
+    assert loud.p_value > 0.05
+    higher = leave_out(solved(3 + 2 * PLACE + noise + np.where(BLOCKS == 1, 2.5, 0), SLOPE), 20)
+    assert higher.p_value < 1e-4
+
+
 class Foreseen(Solution):
     """A fit whose prediction of unseen data is given."""
 
