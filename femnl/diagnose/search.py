@@ -45,7 +45,7 @@ REFINED = 2
 """Starts that are fitted to the end, the best by then."""
 FEW, MOSTLY = 0.01, 0.3
 """Part of the residuals that hold this part of the excess of χ² where a fit stopped at a jump: points on the wrong side of it."""
-KICKS = (-0.03, -0.01, -0.003, 0.003, 0.01, 0.03)
+KICKS = (-0.03, -0.01, -0.003, -0.001, 0.001, 0.003, 0.01, 0.03)
 """Relative changes of what moves a jump by which such a fit is led over it."""
 SEED, STEPS_BACK = 1e-4, 12
 """Least part of its range at which the fit of a strength starts, and how often a start is brought nearer to zero, by a third."""
