@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fringes import harmonics
+from femnl.diagnose.general import LITTLE, fringe_terms, overtones, uneven
 from femnl.diagnose.problem import Named, apply
 from femnl.diagnose.spots import Axis, Finer, Grid
 from femnl.fits.maps import fit_map
@@ -35,11 +36,8 @@ LARGER = (3.0, 9.0, 27.0, 81.0)
 """Factors by which a faint motion may be larger."""
 KEPT = 4
 """Places of the map at which shapes are kept: those of the last two tangents too, so that steps of all other parameters find theirs."""
-
-LITTLE = 1e-3
-"""Relative change of the amplitude that tells how the data answer to a motion of another shape."""
-UNEVEN = {"x": (1, 0), "y": (0, 1), "x²": (2, 0), "xy": (1, 1), "y²": (0, 2), "x³": (3, 0), "x²y": (2, 1), "xy²": (1, 2), "y³": (0, 3)}
-"""Smooth shapes by which the motion may deviate."""
+ASIDE = 0.02
+"""Part of half the film by which the map is moved to see how the data answer to wrong places and to blur."""
 
 
 class MapProblem:
@@ -165,18 +163,48 @@ class MapProblem:
         return np.concatenate([kept.real, kept.imag])
 
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        """The gain and the phase of each harmonic, and a motion that is larger or smaller here and there."""
-        volts = self.predict(effects, base, values)
+        """Each stage changed in free form.
+
+        Gain and phase of harmonics; motion, phase of the fringe and signal that vary; places that are wrong or blurred; more terms of
+        the fringe; motion at multiples of the drive, of every shape.
+        """
+        volts, plain = self.predict(effects, base, values), self.residuals(effects, base, values)
         found: dict[str, Array] = {}
         for k, n in enumerate(self.harmonic):
             only = np.zeros_like(volts)
             only[k] = volts[k]
             found |= {f"gain of harmonic {n}": self._real(only), f"phase of harmonic {n}": self._real(1j * only)}
-        moved = self.predict(effects, {**base, "amplitude": (1 + LITTLE) * base["amplitude"]}, values) - volts
-        x, y = (2 * (v - v.mean()) / np.ptp(v) for v in (self._grid.x, self._grid.y))
-        for name, powers in UNEVEN.items():
-            found[f"motion that varies as {name}"] = self._real(moved * x ** powers[0] * y ** powers[1])
+
+        def moved(name: str, step: float) -> Array:
+            return self.residuals(effects, {**base, name: base[name] + step}, values) - plain
+
+        swung, turned = moved("amplitude", LITTLE * base["amplitude"]), moved("theta", LITTLE)
+        for name, factor in uneven(self._grid.x, self._grid.y).items():
+            here = self._everywhere(factor)
+            for what, answer in (("motion", swung), ("phase of the fringe", turned), ("signal", self._real(volts))):
+                found[f"{what} that varies as {name}"] = here * answer
+        slopes = {}
+        for axis in ("x", "y"):
+            there, back = (moved(axis, side * ASIDE * self.facts["reach"]) for side in (1, -1))
+            found[f"blur along {axis}"], slopes[axis] = there + back, there - back
+        across, up = self._everywhere(self._grid.x), self._everywhere(self._grid.y)
+        # A turn and a shear: on their own, x moved with y and y moved with x are all but the same for most modes.
+        found |= {
+            "longer steps along x": across * slopes["x"],
+            "longer steps along y": up * slopes["y"],
+            "axes that are turned": up * slopes["x"] - across * slopes["y"],
+            "axes at no right angle": up * slopes["x"] + across * slopes["y"],
+        }
+        found |= fringe_terms(self, effects, base, values)
+        placed = self._placed(self._grid, effects, base, values)
+        shapes = self._shapes(placed.x.tobytes(), placed.y.tobytes(), False)
+        for name, answer in overtones(self, effects, base, values).items():
+            found |= {f"{name} as mode {j + 1}": self._everywhere(shape) * answer for j, shape in enumerate(shapes)}
         return found
+
+    def _everywhere(self, factor: Array) -> Array:
+        """Return a function of the place (n_points,) at every residual."""
+        return np.tile(np.broadcast_to(factor, self._present.shape)[self._present], 2)
 
     def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """The same map at other amplitudes of the motion."""

@@ -22,9 +22,12 @@ ALPHA_SD = 0.2
 """Relative standard deviation of a simulated α: Young's modulus of a thin film is rarely known better."""
 MOVING = 0.3
 """Part of the largest signal from which on the mode moves strongly."""
+LITTLE = 1e-4
+"""Part of the linewidth by which f₀ and w are moved where single sweeps may deviate."""
+SIDES = np.arange(2)
+"""Indices of the low and the high sheet."""
 ROUNDS = 12
 """Iterations of the amplitude under a quintic term or a resonance of higher order, small corrections of the cubic one."""
-SIDES = np.arange(2)
 SETTLED = 1e-6
 """Relative change of a squared amplitude at which they end."""
 FAINT = 1e-6
@@ -160,7 +163,7 @@ class ResponseProblem:
         return self._whole((self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise, deviation)
 
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        """Gain and phase of the sweeps at each drive, and what is beside them at all frequencies alike."""
+        """Gain and phase of the sweeps at each drive, what is beside them at all frequencies alike, f₀ and w of each sweep."""
         volts = self.predict(effects, base, values) / self.sweeps.noise
         found = {}
         for drive in np.unique(self.sweeps.drive):
@@ -169,6 +172,12 @@ class ResponseProblem:
             ways = {"gain": only, "phase": 1j * only, "real background": flat, "imaginary background": 1j * flat}
             for name, part in ways.items():
                 found[f"{name} at a drive of {drive * self.sweeps.reference:.3g} V"] = self._whole(part)
+        plain, step = self.residuals(effects, base, values), LITTLE * base["linewidth"]
+        for name in ("frequency", "linewidth"):
+            moved = self.residuals(effects, {**base, name: base[name] + step}, values) - plain
+            for k in np.unique(self.sweeps.sweep):
+                mine = np.where(self.sweeps.sweep == k, 1 + 1j, 0)
+                found[f"{name} of sweep {k + 1}"] = self._whole(mine) * moved
         return found
 
     def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fringes import harmonics
+from femnl.diagnose.general import fringe_terms, overtones
 from femnl.diagnose.problem import Named, apply
 from femnl.errors import MeasurementError
 from femnl.fits.spot import fit_spot
@@ -131,7 +132,7 @@ class TraceProblem:
         return np.concatenate([ratio.real, ratio.imag, np.zeros(len(self._left)) if rest is None else rest])
 
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        """The gain and the phase of each harmonic, and the noise beside the harmonics."""
+        """The gain and the phase of each harmonic, the noise beside them, terms of the fringe, and motion at multiples of the drive."""
         volts, _ = self.predict(effects, base, values)
         found: dict[str, Array] = {}
         for k, n in enumerate(self.harmonic):
@@ -140,7 +141,7 @@ class TraceProblem:
             found |= {f"gain of harmonic {n}": self._real(only), f"phase of harmonic {n}": self._real(1j * only)}
         if len(self._left):
             found["noise beside the harmonics"] = self._real(np.zeros_like(volts), np.ones(self.n_steps))
-        return found
+        return found | fringe_terms(self, effects, base, values) | overtones(self, effects, base, values)
 
     def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """The same traces at other amplitudes of the motion."""

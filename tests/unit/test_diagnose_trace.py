@@ -12,6 +12,10 @@ from scipy.interpolate import make_interp_spline
 from femnl import measurement
 from femnl.diagnose import diagnose
 from femnl.diagnose.film import SimulatedFilm
+from femnl.diagnose.fit import fit
+from femnl.diagnose.problem import Extended
+from femnl.diagnose.search import FALSE_ALARMS, criticise
+from femnl.diagnose.trace import TraceProblem
 from femnl.errors import MeasurementError
 from femnl.geometry import load
 from femnl.types.diagnosis import Diagnosis
@@ -86,6 +90,23 @@ def test_a_cause_hidden_in_traces_is_named_with_its_size(cause: str, parameter: 
     size = found.parameters[cause][parameter]
     assert abs(size.value - truth) < 4 * size.sd + 0.02 * abs(truth)
     assert found.gain > 1
+
+
+@pytest.mark.parametrize("deviation", ["", "term cos 3φ of the fringe", "cos motion at 2f"])
+def test_a_fringe_or_a_motion_of_another_form_is_seen_without_a_cause_to_look_for(deviation: str) -> None:
+    rng, time = np.random.default_rng(4), np.arange(SAMPLES) / (60 * fundamental())
+    frequency = fundamental() + np.linspace(-15, 15, STEPS)
+    amplitude = 4e-7 / np.hypot(1, (frequency - fundamental()) / 6)[:, None]
+    turn = 2 * np.pi * frequency[:, None] * time
+    u = amplitude * (np.cos(turn) + 2e-3 * (deviation == "cos motion at 2f") * np.cos(2 * turn))
+    phase = 4 * np.pi / WAVELENGTH * u + 0.8
+    volts = CONTRAST * (np.cos(phase) + 4e-3 * (deviation == "term cos 3φ of the fringe") * np.cos(3 * phase))
+    volts = volts + NOISE * rng.standard_normal(volts.shape)
+    trace = measurement.trace(time, volts, drive_frequency=frequency, noise_sd=NOISE, wavelength=WAVELENGTH)
+    problem = TraceProblem(trace, SimulatedFilm(load(GEOMETRY), 12))
+    found = criticise(fit(Extended(problem), problem.start), [])
+    assert (found.p_value < FALSE_ALARMS) == bool(deviation), (found.p_value, found.worst)
+    assert not deviation or found.worst == deviation
 
 
 def record(path: Path, quadratic: float) -> Diagnosis:
