@@ -1,5 +1,6 @@
 """What every kind of measurement of the laboratory gives, and by how many σ a cause stands out in it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -108,3 +109,19 @@ def sized(bench: Bench, base: Values, hidden: dict[str, Cause], wanted: dict[str
 def sign(rng: np.random.Generator) -> float:
     """Draw +1 or −1."""
     return float(rng.choice([-1.0, 1.0]))
+
+
+def one(knob: str, size: float, most: float) -> Callable[[np.random.Generator, Bench], Cause]:
+    """Draw a cause of one strength, of this size before it is scaled."""
+    return lambda rng, bench: Cause({knob: size}, (knob,), most)
+
+
+def vector(knobs: tuple[str, ...], size: float, most: float) -> Callable[[np.random.Generator, Bench], Cause]:
+    """Draw a cause of several strengths, of this size in all, in any direction."""
+
+    def draw(rng: np.random.Generator, bench: Bench) -> Cause:
+        direction = rng.standard_normal(len(knobs))
+        direction = size * direction / np.linalg.norm(direction)
+        return Cause(dict(zip(knobs, map(float, direction), strict=True)), knobs, most)
+
+    return draw

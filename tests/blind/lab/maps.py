@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from femnl import measurement
 from femnl.types.device import Stack
-from tests.blind.lab.bench import Array, Cause, Values, sign
+from tests.blind.lab.bench import Array, Cause, Values, one, sign, vector
 from tests.blind.lab.film import Membrane, device, membrane
 
 WAVELENGTH = 632.8e-9
@@ -228,19 +228,6 @@ def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> MapBe
     return MapBench(name, causes, rng)
 
 
-def _vector(names: tuple[str, ...], size: float, most: float) -> Callable[[np.random.Generator, MapBench], Cause]:
-    def draw(rng: np.random.Generator, bench: MapBench) -> Cause:
-        direction = rng.standard_normal(len(names))
-        direction = size * direction / np.linalg.norm(direction)
-        return Cause(dict(zip(names, map(float, direction), strict=True)), names, most)
-
-    return draw
-
-
-def _one(knob: str, size: float, most: float) -> Callable[[np.random.Generator, MapBench], Cause]:
-    return lambda rng, bench: Cause({knob: size}, (knob,), most)
-
-
 def _stack(rng: np.random.Generator, bench: MapBench) -> Cause:
     return Cause({"gap": bench.gap + float(rng.uniform(-1, 1)) * WAVELENGTH / 4}, ())
 
@@ -252,16 +239,16 @@ def _leak(rng: np.random.Generator, bench: MapBench) -> Cause:
 
 CAUSES: dict[str, Callable[[np.random.Generator, MapBench], Cause]] = {
     "crosstalk": _leak,
-    "detector_bandwidth": _one("time_constant", 3e-9, 20.0),
-    "detector_saturation": _one("clipped", 0.05, 10.0),
-    "finite_spot": _one("radius", 2e-6, 5.0),
-    "mechanical_overtones": _vector(("cos2", "sin2", "cos3", "sin3"), 1e-9, 60.0),
-    "mode_admixture": _vector(("e1", "e2", "e3", "e4"), 1e-3, 150.0),
+    "detector_bandwidth": one("time_constant", 3e-9, 20.0),
+    "detector_saturation": one("clipped", 0.05, 10.0),
+    "finite_spot": one("radius", 2e-6, 5.0),
+    "mechanical_overtones": vector(("cos2", "sin2", "cos3", "sin3"), 1e-9, 60.0),
+    "mode_admixture": vector(("e1", "e2", "e3", "e4"), 1e-3, 150.0),
     "multilayer_fringe": _stack,
-    "phase_tilt": _vector(("slope_x", "slope_y"), 10.0 * WAVELENGTH / (4 * np.pi), 1000.0),
+    "phase_tilt": vector(("slope_x", "slope_y"), 10.0 * WAVELENGTH / (4 * np.pi), 1000.0),
     "quadratic_stiffness": lambda rng, bench: Cause({"kappa2": 3e3 * sign(rng)}, ("kappa2",), 60.0),
     "stage_rotation": lambda rng, bench: Cause({"angle": 1e-3 * sign(rng)}, ("angle",), 200.0),
-    "stage_scale": _vector(("stretch_x", "stretch_y"), 1e-3, 100.0),
+    "stage_scale": vector(("stretch_x", "stretch_y"), 1e-3, 100.0),
     "static_bow": lambda rng, bench: Cause({"depth": 1e-2 * WAVELENGTH / (4 * np.pi) * sign(rng)}, ("depth",), 200.0),
-    "trigger_jitter": _one("sd", 3e-9, 25.0),
+    "trigger_jitter": one("sd", 3e-9, 25.0),
 }

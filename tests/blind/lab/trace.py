@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from femnl import measurement
-from tests.blind.lab.bench import Array, Cause, Values, sign
+from tests.blind.lab.bench import Array, Cause, Values, one, sign, vector
 from tests.blind.lab.film import device
 from tests.blind.lab.maps import WAVELENGTH, bent, fringe, largest
 
@@ -107,29 +107,16 @@ def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> Trace
     return TraceBench(name, rng)
 
 
-def _one(knob: str, size: float, most: float) -> Callable[[np.random.Generator, TraceBench], Cause]:
-    return lambda rng, bench: Cause({knob: size}, (knob,), most)
-
-
 def _stack(rng: np.random.Generator, bench: TraceBench) -> Cause:
     return Cause({"gap": bench.gap + float(rng.uniform(-1, 1)) * WAVELENGTH / 4}, ())
 
 
-def _vector(names: tuple[str, ...], size: float, most: float) -> Callable[[np.random.Generator, TraceBench], Cause]:
-    def draw(rng: np.random.Generator, bench: TraceBench) -> Cause:
-        direction = rng.standard_normal(len(names))
-        direction = size * direction / np.linalg.norm(direction)
-        return Cause(dict(zip(names, map(float, direction), strict=True)), names, most)
-
-    return draw
-
-
 CAUSES: dict[str, Callable[[np.random.Generator, TraceBench], Cause]] = {
-    "crosstalk": _vector(("real", "imag"), 1e-5, 1e3),
-    "detector_bandwidth": _one("time_constant", 3e-9, 20.0),
-    "detector_saturation": _one("clipped", 0.02, 20.0),
-    "mechanical_overtones": _vector(("cos2", "sin2", "cos3", "sin3"), 1e-9, 40.0),
+    "crosstalk": vector(("real", "imag"), 1e-5, 1e3),
+    "detector_bandwidth": one("time_constant", 3e-9, 20.0),
+    "detector_saturation": one("clipped", 0.02, 20.0),
+    "mechanical_overtones": vector(("cos2", "sin2", "cos3", "sin3"), 1e-9, 40.0),
     "multilayer_fringe": _stack,
     "quadratic_stiffness": lambda rng, bench: Cause({"kappa2": 3e3 * sign(rng)}, ("kappa2",), 60.0),
-    "trigger_jitter": _one("sd", 2e-9, 25.0),
+    "trigger_jitter": one("sd", 2e-9, 25.0),
 }
