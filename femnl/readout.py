@@ -159,3 +159,12 @@ def _orders(harmonic: ArrayLike) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     if orders.ndim != 1 or orders.size == 0 or np.any(orders < 0) or np.any(orders != np.round(orders)):
         raise ParameterError(f"harmonic = {harmonic!r} is not a list of whole numbers 0, 1, 2, …")
     return orders.astype(np.int64)
+
+
+def signal_phase(volts: ComplexArray) -> float:
+    """The phase ψ, in (−π/2, π/2], for which Re(V e^{−iψ}) holds most of Σ|V|²: ψ = ½ arg ΣV².
+
+    Args: complex amplitudes V [V], any shape; NaN is left out. Returns: ψ [rad]; with the sign of V kept as it is stored.
+    """
+    known = volts[np.isfinite(volts)]
+    return float(0.5 * np.angle(np.sum(known**2))) if known.size else 0.0

@@ -30,9 +30,10 @@ def overtones(problem: Problem, effects: Sequence[Effect], base: Values, values:
 
 
 def uneven(x: Array, y: Array) -> dict[str, Array]:
-    """Return the smooth functions `UNEVEN` of places (n,), by name; x and y run from −1 to 1."""
-    u, v = ((2 * c - c.min() - c.max()) / np.ptp(c) for c in (x, y))
-    return {name: u**p * v**q for name, (p, q) in UNEVEN.items()}
+    """Return the smooth functions `UNEVEN` of places (n,), by name, that vary over them; x and y run from −1 to 1."""
+    u, v = ((2 * c - c.min() - c.max()) / (np.ptp(c) or 1.0) for c in (x, y))
+    found = {name: u**p * v**q for name, (p, q) in UNEVEN.items()}
+    return {name: factor for name, factor in found.items() if np.ptp(factor)}
 
 
 def _answers(

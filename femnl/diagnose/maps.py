@@ -15,7 +15,8 @@ from femnl.diagnose.spots import Axis, Finer, Grid
 from femnl.fits.maps import fit_map
 from femnl.measurement import noise_sd
 from femnl.modes import shape_at, shapes_at
-from femnl.types.comparison import Comparison, Images
+from femnl.readout import signal_phase
+from femnl.types.comparison import Comparison, Curve, Curves, Images
 from femnl.types.effect import Effect, Kind, Knob, Values
 from femnl.types.readout import Array, ComplexArray
 from femnl.types.scene import Fringe, Harmonics, Motion, Placement
@@ -86,7 +87,6 @@ class MapProblem:
             "wavelength": self.wavelength,
             "slope": abs(fitted["contrast"]) / self.drive,
             "period": 1 / self.frequency,
-            "spacing": float(np.ptp(self._grid.x) / max(dataset.sizes["x"] - 1, 1)),
             **({"stack": _gap(film)} if film.model.stack is not None else {}),
         }
         label = film.modes.label[self.mode] or str(self.mode + 1)
@@ -115,7 +115,7 @@ class MapProblem:
     @property
     def blocks(self) -> NDArray[np.int64]:
         """Tiles of the map, all harmonics together."""
-        tile = [np.minimum(TILES * (v - v.min()) / np.ptp(v), TILES - 1).astype(np.int64) for v in (self._grid.x, self._grid.y)]
+        tile = [np.minimum(TILES * (v - v.min()) / (np.ptp(v) or 1.0), TILES - 1).astype(np.int64) for v in (self._grid.x, self._grid.y)]
         whole = np.broadcast_to(tile[0] * TILES + tile[1], self._present.shape)[self._present]
         return np.concatenate([whole, whole])
 
@@ -226,10 +226,18 @@ class MapProblem:
         return [base | {"amplitude": factor * base["amplitude"], "contrast": base["contrast"] / factor} for factor in factors]
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        """All harmonics on the grid of the map."""
+        """All harmonics on the grid of the map; along a single line, in the quadrature that holds each one's signal."""
         predicted = np.stack([self._on_grid(self.predict(effects, base, values)) for _, effects, base, values in models])
-        names = tuple(name for name, *_ in models)
-        return (Images("map", names, self.harmonic, *self._axes, self._on_grid(self._values), predicted, self.noise),)
+        names, measured = tuple(name for name, *_ in models), self._on_grid(self._values)
+        if 1 not in self._grid.sizes:
+            return (Images("map", names, self.harmonic, *self._axes, measured, predicted, self.noise),)
+        k = int(self._grid.sizes[0] > 1)
+        along, curves = self._axes[k], []
+        for n, data, model in zip(self.harmonic, measured, np.moveaxis(predicted, 1, 0), strict=True):
+            turn = np.exp(-1j * signal_phase(data))
+            lines = (model * turn).real.reshape(len(names), -1)
+            curves.append(Curve(f"{n}f", along, (data * turn).real.ravel(), np.full(along.shape, self.noise), lines))
+        return (Curves("map", "xy"[k], "m", "signal", "V", names, tuple(curves)),)
 
     def _on_grid(self, volts: ComplexArray) -> ComplexArray:
         whole = np.full((len(self.harmonic), *self._grid.sizes), complex(np.nan, np.nan))

@@ -5,8 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from femnl.plot.maps import signal_phase
 from femnl.plot.style import COLOURS, DIVERGING, INK, WIDTH, axis_label, new_figure, prefixed, scale_bar, style, symmetric_limit
+from femnl.readout import signal_phase
 from femnl.types.comparison import Comparison, Curves, Images
 
 Array = NDArray[np.float64]

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from femnl.measurement import amplitude
-from femnl.plot.maps import signal_phase
 from femnl.plot.style import DIVERGING, WIDTH, new_figure, prefixed, scale_bar, style, symmetric_limit
+from femnl.readout import signal_phase
 
 _LIMIT = 4.0  # standard deviations at which the colours of the residual end
 _ROW = 1.45  # inches

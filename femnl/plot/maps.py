@@ -9,15 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femnl.measurement import amplitude
 from femnl.plot.style import DIVERGING, INK, WIDTH, new_figure, prefixed, scale_bar, style, symmetric_limit
-
-
-def signal_phase(volts: NDArray[np.complex128]) -> float:
-    """The phase ψ, in (−π/2, π/2], for which Re(V e^{−iψ}) holds most of Σ|V|²: ψ = ½ arg ΣV².
-
-    Args: complex amplitudes V [V], any shape; NaN is left out. Returns: ψ [rad]; with the sign of V kept as it is stored.
-    """
-    known = volts[np.isfinite(volts)]
-    return float(0.5 * np.angle(np.sum(known**2))) if known.size else 0.0
+from femnl.readout import signal_phase
 
 
 def harmonic_map_figure(dataset: xr.Dataset, outline: ArrayLike | None = None, title: str | None = None) -> Figure:

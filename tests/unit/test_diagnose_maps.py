@@ -9,9 +9,10 @@ from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fit import fit
 from femnl.diagnose.maps import MapProblem
 from femnl.diagnose.problem import Extended
-from femnl.diagnose.search import FALSE_ALARMS, criticise
+from femnl.diagnose.search import FALSE_ALARMS, applicable, criticise
 from femnl.effects import library
 from femnl.geometry import load
+from femnl.types.comparison import Curves
 
 Array = NDArray[np.float64]
 FILM = SimulatedFilm(load("square-270um"), 12)
@@ -78,3 +79,24 @@ def test_what_deviates_a_little_at_any_stage_is_seen_without_a_cause_to_look_for
     assert abs(found.solution.chi2 / found.solution.degrees - 1) < 0.03
     if deviation:
         assert found.worst == deviation, (found.p_value, found.worst)
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_map_of_a_single_line_is_diagnosed_and_drawn_as_curves(axis: str) -> None:
+    along, across = np.linspace(-150e-6, 150e-6, 61), np.array([2e-5])
+    x, y = (along, across) if axis == "x" else (across, along)
+    tau, rng = 2 * np.pi * np.arange(128) / 128, np.random.default_rng(9)
+    there, above = np.meshgrid(x, y)
+    harmonics = np.moveaxis(np.fft.rfft(signal("", there, above, tau))[..., 1:7] / 64, -1, 0)
+    harmonics = harmonics + 1e-4 * (rng.standard_normal(harmonics.shape) + 1j * rng.standard_normal(harmonics.shape))
+    about = {"noise_sd": 1e-4, "wavelength": 632.8e-9, "drive_frequency": float(FILM.modes.frequency[0])}
+    posed = MapProblem(measurement.harmonic_map(x, y, np.arange(1, 7), harmonics, **about), FILM)
+    found = criticise(fit(Extended(posed), posed.start), applicable(posed, library().values()))
+    assert found.p_value > FALSE_ALARMS, found.worst
+    assert len(np.unique(posed.blocks)) == 3
+    base, _ = found.solution.model.split(found.solution.vector)
+    (drawn,) = posed.compare([("base model", (), base, ())])
+    assert isinstance(drawn, Curves)
+    assert (drawn.x, [curve.name for curve in drawn.curves]) == (axis, ["1f", "2f", "3f", "4f", "5f", "6f"])
+    away = np.concatenate([(curve.data - curve.predictions[0]) / curve.sd for curve in drawn.curves])
+    assert np.mean(away**2) == pytest.approx(1.0, abs=0.25)
