@@ -8,8 +8,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from femnl.measurement import amplitude
+from femnl.plot.comparison import comparison_figure
 from femnl.plot.style import DIVERGING, WIDTH, new_figure, prefixed, scale_bar, style, symmetric_limit
 from femnl.readout import signal_phase
+from femnl.types.comparison import Curve, Curves
 
 _LIMIT = 4.0  # standard deviations at which the colours of the residual end
 _ROW = 1.45  # inches
@@ -20,9 +22,12 @@ def map_fit_figure(dataset: xr.Dataset, prediction: NDArray[np.complex128], resi
 
     Args: dataset of kind `map`; prediction [V] and residual [standard deviations], both (n_harmonics, n_y, n_x), as in `MapFit`.
     Returns: the Figure, a row for each harmonic, a column each for data, prediction, and the residual in phase and in quadrature.
+        A single line of points is drawn as curves, with the residual in phase.
     """
     volts, harmonics = amplitude(dataset).values, dataset["harmonic"].values
     x, y = dataset["x"].values, dataset["y"].values
+    if 1 in (x.size, y.size):
+        return comparison_figure(_lines(volts, prediction, residual, harmonics, *((x, "x") if y.size == 1 else (y, "y"))))
     with style():
         figure = new_figure(WIDTH, _ROW * harmonics.size * min(max(float(np.ptp(y) / np.ptp(x)), 0.5), 1.5) + 0.8)
         panels = figure.subplots(harmonics.size, 4, squeeze=False)
@@ -42,6 +47,22 @@ def map_fit_figure(dataset: xr.Dataset, prediction: NDArray[np.complex128], resi
             axes.set_title(title)
         scale_bar(panels[-1, 0], float(np.ptp(x)))
     return figure
+
+
+def _lines(
+    volts: NDArray[np.complex128],
+    prediction: NDArray[np.complex128],
+    residual: NDArray[np.complex128],
+    harmonics: NDArray[np.int64],
+    along: NDArray[np.float64],
+    name: str,
+) -> Curves:
+    curves = []
+    for n, measured, fitted, left in zip(harmonics, volts, prediction, residual, strict=True):
+        turn = np.exp(-1j * signal_phase(measured))
+        data, model = ((v * turn).real.ravel() for v in (measured, fitted))
+        curves.append(Curve(f"{n}f", along, data, np.abs((measured - fitted) / left).ravel(), model[None]))
+    return Curves("map", name, "m", "signal", "V", ("the fit",), tuple(curves))
 
 
 def _panel(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64], limit: float) -> QuadMesh:

@@ -8,7 +8,7 @@ from matplotlib.ticker import FixedLocator
 from numpy.typing import ArrayLike, NDArray
 
 from femnl.measurement import amplitude
-from femnl.plot.style import DIVERGING, INK, WIDTH, new_figure, prefixed, scale_bar, style, symmetric_limit
+from femnl.plot.style import DIVERGING, INK, WIDTH, axis_label, new_figure, prefixed, scale_bar, style, symmetric_limit
 from femnl.readout import signal_phase
 
 
@@ -17,12 +17,15 @@ def harmonic_map_figure(dataset: xr.Dataset, outline: ArrayLike | None = None, t
 
     Args: dataset of kind `map` (x, y in m, amplitudes in V); outline: closed polyline (n, 2) of the membrane [m]; title.
     Returns: the Figure; each panel names n, its phase ψ_n, and has a colour bar of its own, as harmonics differ by orders of magnitude.
+        A single line of points is drawn as curves.
     """
     volts = amplitude(dataset).values
     harmonics = dataset["harmonic"].values
     columns = min(3, harmonics.size)
     rows = -(-harmonics.size // columns)
     x, y = dataset["x"].values, dataset["y"].values
+    if 1 in (x.size, y.size):
+        return _line_figure(volts, harmonics, *((x, "x") if y.size == 1 else (y, "y")), title)
     line = None if outline is None else np.asarray(outline, dtype=float)
     box = _box(x, y, line)
     panel = WIDTH / 3 if columns == 3 else WIDTH / 2.4
@@ -35,6 +38,31 @@ def harmonic_map_figure(dataset: xr.Dataset, outline: ArrayLike | None = None, t
         for axes in panels[harmonics.size :]:
             axes.set_axis_off()
         scale_bar(panels[0], box[1] - box[0])
+        if title:
+            figure.suptitle(title, fontsize=10)
+    return figure
+
+
+def _line_figure(
+    volts: NDArray[np.complex128], harmonics: NDArray[np.int64], along: NDArray[np.float64], name: str, title: str | None
+) -> Figure:
+    """The quadratures that hold the signals along a line: a panel each."""
+    columns = min(3, harmonics.size)
+    rows = -(-harmonics.size // columns)
+    step, length = prefixed(along, "m")
+    with style():
+        figure = new_figure(WIDTH / 3 * columns, 1.7 * rows + 0.3)
+        panels = figure.subplots(rows, columns, squeeze=False, sharex=True)
+        for axes, n, values in zip(panels.ravel(), harmonics, volts, strict=False):
+            phase = signal_phase(values)
+            signal = (values * np.exp(-1j * phase)).real.ravel()
+            divisor, unit = prefixed(signal, "V")
+            axes.plot(along / step, signal / divisor, ".-", markersize=3, linewidth=0.7)
+            axes.set_title(f"{n}f   {round(np.degrees(phase))}°".replace("-", "−"), fontsize=9)
+            axes.set_ylabel(axis_label("signal", unit))
+        for axes in panels.ravel()[harmonics.size :]:
+            axes.set_axis_off()
+        figure.supxlabel(axis_label(name, length), fontsize=9)
         if title:
             figure.suptitle(title, fontsize=10)
     return figure

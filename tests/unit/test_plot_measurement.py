@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from femnl import measurement
 from femnl.plot.describe import describe
+from femnl.plot.mapfit import map_fit_figure
 from femnl.plot.maps import harmonic_map_figure
 from femnl.plot.measurement import figure, figures
 from femnl.plot.style import prefixed, scale_bar, style
@@ -94,3 +95,19 @@ def test_the_scale_bar_is_as_long_as_it_says(width: float, text: str, length: fl
     scale_bar(axes, width)
     assert axes.texts[0].get_text() == text
     assert np.ptp(np.asarray(axes.lines[0].get_xdata(), dtype=float)) == pytest.approx(length)
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_a_map_of_a_single_line_is_drawn_as_curves_and_so_is_its_fit(axis: str) -> None:
+    volts = np.array([1e-3, 2e-4])[:, None] * np.cos(AXIS / 6e-5) * np.exp(0.3j)
+    shaped = volts[:, None, :] if axis == "x" else volts[:, :, None]
+    x, y = (AXIS, [1e-5]) if axis == "x" else ([1e-5], AXIS)
+    found = measurement.harmonic_map(x, y, [1, 2], shaped, noise_sd=1e-5, wavelength=632.8e-9)
+    for panel, expected in zip(harmonic_map_figure(found).axes, np.abs(volts) * np.sign(np.cos(AXIS / 6e-5)), strict=False):
+        (line,) = panel.lines
+        assert np.allclose(line.get_xdata(), AXIS * 1e6)
+        assert np.allclose(np.abs(line.get_ydata()), np.abs(expected) / np.abs(expected).max() * np.abs(line.get_ydata()).max())
+    fitted = map_fit_figure(found, 0.9 * shaped, 0.1 * shaped / 1e-5)
+    assert [axes.get_xlabel() for axes in fitted.axes] == [f"{axis} (µm)"] * 2
+    left = np.concatenate([line.get_ydata() for line in fitted.axes[1].lines if len(line.get_xdata()) == len(AXIS)])
+    assert np.allclose(np.abs(left), np.abs(0.1 * volts / 1e-5).ravel())
