@@ -109,5 +109,5 @@ def test_a_map_of_a_single_line_is_drawn_as_curves_and_so_is_its_fit(axis: str) 
         assert np.allclose(np.abs(line.get_ydata()), np.abs(expected) / np.abs(expected).max() * np.abs(line.get_ydata()).max())
     fitted = map_fit_figure(found, 0.9 * shaped, 0.1 * shaped / 1e-5)
     assert [axes.get_xlabel() for axes in fitted.axes] == [f"{axis} (µm)"] * 2
-    left = np.concatenate([line.get_ydata() for line in fitted.axes[1].lines if len(line.get_xdata()) == len(AXIS)])
+    left = np.concatenate([line.get_ydata() for line in fitted.axes[1].lines if np.size(line.get_xdata()) == len(AXIS)])
     assert np.allclose(np.abs(left), np.abs(0.1 * volts / 1e-5).ravel())
