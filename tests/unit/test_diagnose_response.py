@@ -19,6 +19,8 @@ from tests.blind.lab import Case, make
 
 Complex = NDArray[np.complex128]
 F0, WIDTH, PEAK, PER_METRE, NOISE = 2.9324e6, 4.0, 1.75e-7, 2e5, 1.5e-5
+SETTLED = 1e-8
+"""Relative change in a step of time at which a state counts as steady."""
 
 
 def sweeps(path: Path, alpha: float, coupling: float) -> Diagnosis:
@@ -37,12 +39,15 @@ def sweeps(path: Path, alpha: float, coupling: float) -> Diagnosis:
             pull = 2 * (F0 + cubic * np.abs(a) ** 2 - f) / WIDTH
             return np.asarray(-1j * (PEAK * drives - a * (pull + 1j)))
 
-        for _ in range(500):
+        for _ in range(20_000):  # just past a fold a state lingers
             h = 0.03
             one = rate(state)
             two = rate(state + h / 2 * one)
             three = rate(state + h / 2 * two)
-            state = state + h / 6 * (one + 2 * two + 2 * three + rate(state + h * three))
+            step = h / 6 * (one + 2 * two + 2 * three + rate(state + h * three))
+            state = state + step
+            if np.abs(step).max() < SETTLED * np.abs(state).max():
+                break
         volts[np.arange(8), point] = state
     signal = PER_METRE * volts * np.exp(0.4j)
     signal = signal + NOISE * (rng.standard_normal(signal.shape) + 1j * rng.standard_normal(signal.shape))
