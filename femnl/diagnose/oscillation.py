@@ -20,7 +20,7 @@ from femnl.types.scene import Equation
 BLOCKS = 6
 """Stretches of the record that are held out one by one."""
 SETTLED = 25.0
-"""Decay times after which what the record began with has died away: where a cubic force is strong, it is forgotten later than decay says."""
+"""Decay times after which what the record began with has died away: a strong cubic force remembers it for longer than decay says."""
 MOST = 20_000
 """Samples that are compared; all are simulated."""
 LINEAR = 0.003
