@@ -29,7 +29,9 @@ def nested(solution: Solution) -> tuple[float, float]:
     def likelihood(vector: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
         return float(-0.5 * np.sum(model.residuals(vector) ** 2)) + log_prior(model, vector, sd)
 
-    sampler = NestedSampler(likelihood, lambda u: start + u * (end - start), len(start), nlive=150, rstate=np.random.default_rng(1))
+    sampler = NestedSampler(
+        likelihood, lambda u: start + u * (end - start), len(start), nlive=150, sample="rslice", rstate=np.random.default_rng(1)
+    )
     sampler.run_nested(dlogz=0.1, print_progress=False)
     return float(sampler.results.logz[-1] + np.sum(np.log(end - start))), float(sampler.results.logzerr[-1])
 
