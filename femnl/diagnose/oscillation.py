@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from femnl.diagnose.problem import Named, apply
 from femnl.errors import MeasurementError
-from femnl.fits.oscillation import free_run, stages
-from femnl.fits.oscillator import fit_oscillator
+from femnl.fits.oscillation import free_run, predictable, stages, steps_needed
+from femnl.fits.oscillator import fit_oscillator, simulate_oscillator
 from femnl.measurement import noise_sd
 from femnl.types.comparison import Comparison, Curve, Curves
 from femnl.types.effect import Effect, Kind, Knob, Values
@@ -19,10 +19,10 @@ from femnl.types.scene import Equation
 
 BLOCKS = 6
 """Stretches of the record that are held out one by one."""
-SETTLED = 25.0
-"""Decay times after which what the record began with has died away: a strong cubic force remembers it for longer than decay says."""
 MOST = 20_000
 """Samples that are compared; all are simulated."""
+REMEMBERED = 0.1
+"""Part of σ by which a prediction may depend on what the record began with."""
 LINEAR = 0.003
 """Part of the residuals' size up to which a change follows their derivatives."""
 STEP = 1e-30
@@ -54,12 +54,21 @@ class OscillationProblem:
         cubic = fit_oscillator(drive, output, 1 / self._interval, ("offset", "cubic"))
         self.noise, note = noise_sd(dataset)
         frequency, width = cubic["frequency"], cubic["frequency"] / cubic["quality_factor"]
-        settled = int(np.ceil(SETTLED / (np.pi * width * self._interval)))
-        usable = np.flatnonzero(np.isfinite(output) & (np.arange(len(output)) >= min(settled, len(output) // 2)))
-        self._at = usable[:: -(-len(usable) // MOST)]
-        self._drive, self._held, self._output = drive, stages(drive, "band-limited"), np.asarray(output[self._at], float)
+        alpha, square = cubic["alpha"], (2 * np.pi * frequency) ** 2
+        terms = np.array([square / cubic["stiffness"], cubic["offset"], 2 * np.pi * width, 0, square, 0, square * alpha, 0])
+        steps = steps_needed(terms, float(np.nanmax(np.abs(output))), self._interval)
+        self._drive = stages(drive, self._interval, "band-limited", steps)
+        usable = np.isfinite(output) & predictable(len(output), np.pi * width * self._interval)
+        # Strong forces can be unstable on the way, and hand on what the record began with for longer: another begin shows how long.
+        other = np.where(np.arange(len(drive)) < np.argmax(usable) // 4, 0.0, drive)
+        runs = [free_run(terms[:, None], held)[0] for held in (self._drive, stages(other, self._interval, "band-limited", steps))]
+        remembered = np.flatnonzero(usable & (np.abs(runs[1] - runs[0]) > REMEMBERED * self.noise))
+        if len(remembered):
+            usable[: min(int(remembered[-1]) + 1, len(output) * 3 // 4)] = False
+        self._at = np.flatnonzero(usable)[:: -(-np.count_nonzero(usable) // MOST)]
+        self._output = np.asarray(output[self._at], float)
         self._known: list[tuple[Array, Array, Array]] = []
-        alpha, largest = cubic["alpha"], float(np.abs(self._output).max())
+        largest = float(np.abs(self._output).max())
         stiff = min(cubic["stiffness"] / 5, 5 * cubic["stiffness"]), max(cubic["stiffness"] / 5, 5 * cubic["stiffness"])
         self.base: tuple[Knob, ...] = (
             Knob("frequency", "Hz", frequency / 2, 2 * frequency),
@@ -70,11 +79,7 @@ class OscillationProblem:
         )
         self.start = np.array([frequency, width, cubic["stiffness"], cubic["offset"], alpha])
         self.facts: Mapping[str, float] = {"slope": 1 / largest, "curvature": largest**-2, "curvature_square": largest**-4}
-        left = []
-        for fit, cube in ((linear, 0.0), (cubic, alpha)):
-            square = fit["stiffness"] / fit["mass"]
-            terms = [square / fit["stiffness"], fit["offset"], fit["damping"] / fit["mass"], 0, square, 0, square * cube, 0]
-            left.append(float(np.std(self._run(np.array(terms)) - self._output)))
+        left = [float(np.std((simulate_oscillator(fit, drive, 1 / self._interval) - output)[self._at])) for fit in (linear, cubic)]
         self.notes: tuple[str, ...] = (
             f"trace: {note}",
             f"trace: a free run from the drive alone; a linear oscillator leaves {left[0]:.3g} V rms, and the cubic term of the base model "
@@ -106,7 +111,7 @@ class OscillationProblem:
                 return np.asarray(run + change)
         steps = STEP * np.maximum(np.abs(coefficients), coefficients[4])
         shifted = coefficients[:, None] + 1j * np.diag(steps)
-        found = free_run(shifted, self._held, self._interval)[:, self._at]
+        found = free_run(shifted, self._drive)[:, self._at]
         run, slopes = np.asarray(found[0].real), np.asarray((found.imag / steps[:, None]).T)
         self._known = [(coefficients, run, slopes), *self._known[: KEPT - 1]]
         return run

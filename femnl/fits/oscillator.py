@@ -1,15 +1,16 @@
 """Fit mass, damping and nonlinear stiffness of one oscillator to a long record of its drive and its motion."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import make_interp_spline
 from scipy.optimize import leastsq
 
 from femnl.errors import ConvergenceError, MeasurementError, ParameterError
 from femnl.fits.covariance import covariance
-from femnl.fits.oscillation import Array, Hold, free_run, stages
+from femnl.fits.oscillation import EDGE, SPLINE, Array, Drive, Hold, free_run, stages, steps_needed
 from femnl.types.fit import Fit, Parameter
 
 LINEAR = ("mass", "damping", "stiffness")
@@ -21,12 +22,11 @@ Numbers = NDArray[np.inexact]
 
 @dataclass(frozen=True)
 class _Record:
-    """Drive at the integrator's stages (STAGES, n), output at the chosen samples, which these are (n,), and their interval [s]."""
+    """The drive, the output at the chosen samples, and which of its samples (n,) these are."""
 
-    held: Array
+    drive: Drive
     output: Array
     chosen: NDArray[np.bool_]
-    interval: float
 
 
 def fit_oscillator(
@@ -48,7 +48,7 @@ def fit_oscillator(
         sampling_rate: [Hz].
         terms: which of `offset` u₀, `quadratic` k₂, `cubic` k₃, `nonlinear_damping` η to fit beside m, c and k; the rest is 0.
         hold: how u runs between samples, see `stages`.
-        fitted: the samples that are compared; all are simulated.
+        fitted: the samples that are compared; all are simulated. The last EDGE of a band-limited record never are, see `predictable`.
 
     Returns:
         mass, damping, stiffness and the terms in units of drive and output; derived frequency [Hz], quality_factor, and alpha = k₃/k.
@@ -68,17 +68,21 @@ def fit_oscillator(
         raise ParameterError(f"terms: {unknown[0]!r} is unknown; give some of {', '.join(TERMS)}")
     chosen = np.zeros(len(y), dtype=bool)
     chosen[fitted] = True
+    if hold == "band-limited":
+        chosen[-EDGE:] = False
     if u.shape != y.shape or u.ndim != 1 or not np.all(np.isfinite(u)) or np.count_nonzero(chosen & np.isfinite(y)) < 100:
         raise MeasurementError(
             f"drive {u.shape} and output {y.shape}: give two records of equal length, the drive without gaps, at least 100 samples fitted"
         )
     chosen &= np.isfinite(y)
-    record = _Record(stages(u, hold), y[chosen], chosen, 1 / sampling_rate)
-    names = list(LINEAR)
-    values = linear_start(u[chosen], y[chosen], record.interval)
-    for extra in ([], [term for term in TERMS if term in terms]):
-        names += extra
-        values = _descend(names, np.append(values, np.zeros(len(extra))), record)
+    interval, names = 1 / sampling_rate, [*LINEAR, *(term for term in TERMS if term in terms)]
+    record = _Record(stages(u, interval, hold), y[chosen], chosen)
+    linear = _descend(LINEAR, linear_start(u[chosen], y[chosen], interval), record)
+    starts = [np.append(linear, np.zeros(len(names) - len(linear)))]
+    if len(names) > len(linear):
+        starts.append(_equation_start(names, u, y, chosen, interval))
+        record = replace(record, drive=stages(u, interval, hold, _steps(names, starts[-1], y[chosen], interval)))
+    values = _descend(names, min(starts, key=lambda start: float(np.sum(_left(names, start, record) ** 2))), record)
     residual, slopes = _misfit(names, values, record)
     noise = float(np.std(residual))
     found, blind = covariance(slopes / noise, names, np.maximum(np.abs(values), np.finfo(float).tiny))
@@ -89,7 +93,7 @@ def fit_oscillator(
 
 
 def simulate_oscillator(fit: Fit, drive: ArrayLike, sampling_rate: float, *, hold: Hold = "band-limited") -> Array:
-    """Return the free run (n,) of a fitted oscillator under a drive (n,), from rest.
+    """Return the free run (n,) of a fitted oscillator under a drive (n,), from rest; where it begins and ends see `predictable`.
 
     Args:
         fit: from `fit_oscillator`.
@@ -98,9 +102,18 @@ def simulate_oscillator(fit: Fit, drive: ArrayLike, sampling_rate: float, *, hol
         hold: how u runs between samples.
     """
     names = [name for name in (*LINEAR, *TERMS) if name in fit.parameters]
-    values = np.array([fit[name] for name in names])
-    run = free_run(_coefficients(names, values[:, None]), stages(np.asarray(drive, dtype=float), hold), 1 / sampling_rate)
-    return np.asarray(run[0].real)
+    values, u, interval = np.array([fit[name] for name in names]), np.asarray(drive, dtype=float), 1 / sampling_rate
+    run, steps, needed = np.zeros(len(u)), 0, 1
+    while needed > steps:
+        steps = needed
+        run = free_run(_coefficients(names, values[:, None]), stages(u, interval, hold, steps))[0]
+        needed = _steps(names, values, run, interval)
+    return np.asarray(run)
+
+
+def _steps(names: Sequence[str], values: Array, output: Array, interval: float) -> int:
+    """Return the steps that a motion as large as the output needs from sample to sample."""
+    return steps_needed(_coefficients(names, values[:, None])[:, 0], float(np.abs(output).max()), interval)
 
 
 def _coefficients(names: Sequence[str], values: Numbers) -> Numbers:
@@ -116,22 +129,43 @@ def _misfit(names: Sequence[str], values: Array, record: _Record) -> tuple[Array
     """Return what the free run leaves of the fitted samples (n,), and its derivatives (n, k) by complex steps."""
     steps = STEP * np.where(values != 0, np.abs(values), 1.0)
     shifted = values[:, None] + 1j * np.diag(steps)
-    run = free_run(_coefficients(names, shifted), record.held, record.interval)[:, record.chosen]
+    run = free_run(_coefficients(names, shifted), record.drive)[:, record.chosen]
     return np.asarray(run[0].real - record.output), np.asarray((run.imag / steps[:, None]).T)
+
+
+def _left(names: Sequence[str], values: Array, record: _Record) -> Array:
+    """Return what the free run leaves of the fitted samples (n,)."""
+    run = free_run(_coefficients(names, values[:, None]), record.drive)
+    return np.asarray(run[0, record.chosen] - record.output)
 
 
 def _descend(names: Sequence[str], values: Array, record: _Record) -> Array:
     """Minimise the squared free-run error."""
 
     def residual(trial: Array) -> Array:
-        run = free_run(_coefficients(names, trial[:, None]), record.held, record.interval)
-        return np.asarray(run[0, record.chosen] - record.output)
+        return _left(names, trial, record)
 
     def slopes(trial: Array) -> Array:
         return _misfit(names, trial, record)[1]
 
     best, *_ = leastsq(residual, values, Dfun=slopes, full_output=True, ftol=CLOSE, xtol=CLOSE, gtol=CLOSE, maxfev=MAX_CALLS)
     return np.asarray(best)
+
+
+def _equation_start(names: Sequence[str], u: Array, y: Array, chosen: NDArray[np.bool_], interval: float) -> Array:
+    """Return the parameters that fulfil the equation at the samples best, with the derivatives of a spline through the output.
+
+    Noise of the derivatives biases them, so they serve only where the free run from them is the closest: under strong forces of third
+    order its error has many minima, and the linear oscillator lies behind a barrier.
+    """
+    time, known = np.arange(len(y)), np.isfinite(y)
+    motion = make_interp_spline(time, np.interp(time, time[known], y[known]), k=SPLINE)
+    x, v, a = (motion(time[chosen], order) / interval**order for order in range(3))
+    columns = dict(zip((*LINEAR, *TERMS), (a, v, x, -np.ones_like(x), x**3, x**2, x**2 * v), strict=True))
+    values = np.asarray(np.linalg.lstsq(np.column_stack([columns[name] for name in names]), u[chosen], rcond=None)[0], dtype=float)
+    if "nonlinear_damping" in names:
+        values[names.index("nonlinear_damping")] /= values[1]
+    return values
 
 
 def linear_start(u: Array, y: Array, interval: float) -> Array:

@@ -6,13 +6,11 @@ import numpy as np
 import xarray as xr
 
 from femnl.errors import MeasurementError
-from femnl.fits.oscillation import Array
+from femnl.fits.oscillation import Array, predictable
 from femnl.fits.oscillator import fit_oscillator, linear_start, simulate_oscillator
 from femnl.types.fit import Fit
 
 ORDER = ("offset", "cubic", "quadratic", "nonlinear_damping")
-SETTLED = 10.0
-"""Decay times after which what the record began with has died away (to e⁻¹⁰ of the amplitude)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +30,8 @@ class TermsFit:
 def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsFit]:
     """Fit the oscillator of a `trace` with its drive: linear, then with offset, k₃, k₂ and η added one after the other.
 
-    The record need not begin at rest: its first ten decay times are simulated but neither fitted nor counted.
+    The record need not begin at rest: its first decay times are simulated but neither fitted nor counted, nor are its last samples, see
+    `predictable`.
     Args: dataset of kind `trace`, one step, with `drive_voltage`; held_out: samples that no fit sees.
     Returns: the models by rising number of terms.
     Raises: MeasurementError without a drive, with several steps, or with fewer than 100 samples left to fit or to test.
@@ -44,17 +43,17 @@ def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsF
         )
     drive, output = dataset["drive_voltage"].values[0], dataset["voltage"].values[0]
     rate = float(1 / np.median(np.diff(dataset["time"].values)))
-    counted = np.isfinite(output)
-    mass, damping, _ = linear_start(drive[counted], output[counted], 1 / rate)
-    counted[: min(int(np.ceil(SETTLED * 2 * mass / damping * rate)), len(output) // 2)] = False
+    known = np.isfinite(output)
+    mass, damping, _ = linear_start(drive[known], output[known], 1 / rate)
+    counted = known & predictable(len(output), damping / mass / (2 * rate))
     test = np.zeros_like(counted)
     if held_out is not None:
         test[held_out] = True
     n_fitted, n_tested = (int(np.count_nonzero(part)) for part in (counted & ~test, counted & test))
     if n_fitted < 100 or (held_out is not None and n_tested < 100):
         raise MeasurementError(
-            f"trace: of {len(output)} samples {n_fitted} are left to fit and {n_tested} held out, after the first "
-            f"{np.count_nonzero(~counted)} in which the oscillator settles; both need 100"
+            f"trace: of {len(output)} samples {n_fitted} are left to fit and {n_tested} held out, without the "
+            f"{np.count_nonzero(~counted)} in which the oscillator settles or the drive's spline ends; both need 100"
         )
     models = []
     for count in range(len(ORDER) + 1):

@@ -22,7 +22,7 @@ from tests.blind.lab.bench import FOLLOWED, Array, Cause, Values, sizes
 from tests.blind.lab.film import Membrane, device, membrane
 from tests.blind.lab.holes import HolesBench, perforated
 from tests.blind.lab.maps import WAVELENGTH, bent, reflection
-from tests.blind.lab.record import COUNT, RATE, RecordBench
+from tests.blind.lab.record import COUNT, RATE, SUBSTEPS, RecordBench
 from tests.blind.lab.response import ResponseBench
 from tests.blind.lab.spectrum import SpectrumBench
 from tests.blind.lab.trace import TraceBench
@@ -159,7 +159,7 @@ def test_records_of_the_laboratory_follow_their_equation() -> None:
     hidden = {"quadratic_stiffness": {"kappa2": 0.3}, "nonlinear_damping": {"eta": 20.0}}
     y = make_interp_spline(np.arange(COUNT) / RATE, bench._run([base], [hidden])[0], k=7)
     t = (np.arange(200, 1700) + 0.5) / RATE
-    u = np.interp(2 * 8 * RATE * t, np.arange(len(bench.drive)), bench.drive)
+    u = np.interp(2 * SUBSTEPS * RATE * t, np.arange(len(bench.drive)), bench.drive)
     square = (2 * np.pi * base["frequency"]) ** 2
     force = square * ((u + base["offset"]) / base["stiffness"] - y(t) - 0.3 * y(t) ** 2 - base["alpha"] * y(t) ** 3)
     loss = 2 * np.pi * base["linewidth"] * (1 + 20 * y(t) ** 2) * y(t, 1)

@@ -143,7 +143,7 @@ def driven_record(path: str) -> None:
     drive = np.fft.irfft(spectrum, 1400) * np.where(np.arange(1400) < 800, 0.3, 0.2)
     k = (2 * np.pi * 60) ** 2
     coefficients = np.array([k, 0.01, 300.0, 0.0, k, 0.5 * k, 6.0 * k])[:, None]
-    output = free_run(coefficients, stages(drive, "band-limited"), 1e-3)[0].real + 1e-5 * rng.normal(size=1400)
+    output = free_run(coefficients, stages(drive, 1e-3, "band-limited"))[0].real + 1e-5 * rng.normal(size=1400)
     data = measurement.trace(np.arange(1200) * 1e-3, output[None, 200:], drive_voltage=drive[None, 200:])
     measurement.write(measurement.bundle({"box": data}), path)
 

@@ -5,26 +5,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.interpolate import make_interp_spline
 from scipy.signal import lfilter
 
 from femnl.errors import ConvergenceError, MeasurementError, ParameterError
-from femnl.fits.oscillation import Array, Hold, free_run, stages
+from femnl.fits.oscillation import EDGE, Array, Hold, free_run, stages
 from femnl.fits.oscillator import fit_oscillator, simulate_oscillator
+from tests.blind.lab.record import SUBSTEPS, RecordBench
 
 SILVERBOX = Path(__file__).parents[3] / "shared" / "data" / "silverbox" / "SNLS80mV.csv"
 RATE = 610.0
+LATE = slice(600, -EDGE)
 TRUTH = {"mass": 5.2e-6, "damping": 2.2e-4, "stiffness": 0.98, "offset": -0.005, "cubic": 3.9, "quadratic": -0.3, "nonlinear_damping": 4.0}
 
 
 def integrate(drive: Array, hold: Hold) -> Array:
-    """The record by scipy's solve_ivp, interval by interval."""
+    """The record by scipy's solve_ivp, interval by interval; a band-limited drive by its Fourier series."""
     p, state, out = TRUTH, np.zeros(2), np.zeros(len(drive))
-    spline = make_interp_spline(np.arange(len(drive)), drive, k=5)
+    series = np.fft.rfft(drive) / len(drive)
+    series[1:] *= 2
+    turn = 2j * np.pi / len(drive) * np.arange(len(series))
     for k in range(len(drive) - 1):
 
         def rate(t: float, s: Array, k: int = k) -> list[float]:
-            u = drive[k] if hold == "zero-order" else float(spline(k + t * RATE))
+            u = drive[k] if hold == "zero-order" else float(np.exp(turn * (k + t * RATE)).dot(series).real)
             pull = p["damping"] * (1 + p["nonlinear_damping"] * s[0] ** 2) * s[1]
             pull += p["stiffness"] * s[0] + p["quadratic"] * s[0] ** 2 + p["cubic"] * s[0] ** 3
             return [s[1], (u + p["offset"] - pull) / p["mass"]]
@@ -47,15 +50,15 @@ def test_the_free_run_meets_adaptive_integration(hold: Hold) -> None:
     p = TRUTH
     per_mass = {name: p[name] / p["mass"] for name in ("damping", "stiffness", "quadratic", "cubic")}
     coefficients = [1 / p["mass"], p["offset"], per_mass["damping"], p["nonlinear_damping"], *list(per_mass.values())[1:]]
-    run = free_run(np.array(coefficients)[:, None], stages(drive, hold), 1 / RATE)[0]
+    run = free_run(np.array(coefficients)[:, None], stages(drive, 1 / RATE, hold))[0]
     exact = integrate(drive, hold)
     # At first the two differ by what the offset does to a mass at rest, which the free run has behind it.
-    late = slice(1000, 1500)
+    late = slice(1000, 1500 - EDGE)
     assert np.max(np.abs(exact[late])) > 0.1
     error = np.max(np.abs(run - exact)[late])
     assert error < 3e-5 * np.max(np.abs(exact))
     if hold == "zero-order":
-        halved = free_run(np.array(coefficients)[:, None], stages(np.repeat(drive, 2), hold), 0.5 / RATE)[0, ::2]
+        halved = free_run(np.array(coefficients)[:, None], stages(drive, 1 / RATE, hold, 2))[0]
         # Eighth order: the error of a step falls by 2⁸ = 256.
         assert error / np.max(np.abs(halved - exact)[late]) > 150
 
@@ -72,13 +75,13 @@ def test_parameters_come_back_within_their_uncertainty(motion: tuple[Array, Arra
     rng = np.random.default_rng(2)
     output = exact + 1e-4 * rng.normal(size=len(exact))
     output[1200:1220] = np.nan
-    fit = fit_oscillator(drive, output, RATE, fitted=slice(600, None))
+    fit = fit_oscillator(drive, output, RATE, fitted=LATE)
     for name, truth in TRUTH.items():
         assert abs(fit[name] - truth) < 4 * fit.parameters[name].sd, name
         assert fit.parameters[name].sd < 0.1 * abs(truth), name
     assert fit["frequency"] == pytest.approx(np.sqrt(TRUTH["stiffness"] / TRUTH["mass"]) / (2 * np.pi), rel=1e-4)
     assert abs(fit["alpha"] - TRUTH["cubic"] / TRUTH["stiffness"]) < 4 * fit.parameters["alpha"].sd
-    rest = (simulate_oscillator(fit, drive, RATE) - output)[600:]
+    rest = (simulate_oscillator(fit, drive, RATE) - output)[LATE]
     assert np.nanstd(rest) == pytest.approx(1e-4, rel=0.1)
 
 
@@ -86,8 +89,8 @@ def test_a_missing_term_shows_in_what_is_left(motion: tuple[Array, Array]) -> No
     drive, output = motion
     errors = []
     for terms in ((), ("offset", "cubic"), tuple(TRUTH)[3:]):
-        fit = fit_oscillator(drive, output, RATE, terms, fitted=slice(600, None))
-        errors.append(np.std((simulate_oscillator(fit, drive, RATE) - output)[600:]))
+        fit = fit_oscillator(drive, output, RATE, terms, fitted=LATE)
+        errors.append(np.std((simulate_oscillator(fit, drive, RATE) - output)[LATE]))
     assert np.all(np.diff(errors) < 0)
     assert errors[2] < 1e-5 < 1e-3 < errors[1] < errors[0] / 3
 
@@ -104,6 +107,26 @@ def test_the_silverbox_falls_below_four_tenths_of_a_millivolt() -> None:
     # Published: about 14.1 mV for a linear model, a little more or less by the part fitted; below 0.4 mV for the best.
     assert error[1] == pytest.approx(14.1, abs=0.5)
     assert error[3] < 0.4
+
+
+def test_a_swing_three_times_as_stiff_as_a_small_one_is_fitted() -> None:
+    rng = np.random.default_rng([11, *b"record"])
+    bench = RecordBench(rng)
+    bench.drive *= 1.3
+    truth = bench.draw(rng) | {"alpha": 5.0}
+    output = bench.clean([(truth, {})])[0] * bench.noise
+    output += 1e-4 * rng.normal(size=len(output))
+    assert 3 * truth["alpha"] * np.max(np.abs(output)) ** 2 > 7
+    fit = fit_oscillator(bench.drive[:: 2 * SUBSTEPS], output, RATE, ("offset", "cubic"), fitted=LATE)
+    assert [fit[name] for name in ("frequency", "stiffness", "alpha")] == pytest.approx(
+        [truth[name] for name in ("frequency", "stiffness", "alpha")], rel=2e-4
+    )
+
+
+def test_noise_alone_ends_in_one_line_or_a_fit() -> None:
+    rng = np.random.default_rng(3)
+    with pytest.raises(ConvergenceError, match="does not ring"):
+        fit_oscillator(rng.normal(size=400), rng.normal(size=400), RATE)
 
 
 def test_records_that_cannot_be_fitted_are_refused_in_one_line() -> None:

@@ -8,7 +8,7 @@ import xarray as xr
 from femnl import measurement
 from tests.blind.lab.bench import Array, Cause, Values, sign
 
-RATE, COUNT, SUBSTEPS = 610.0, 1800, 8
+RATE, COUNT, SUBSTEPS = 610.0, 1800, 32
 """Samples a second, samples, and time steps between two of them."""
 BAND = 150.0
 """Highest frequency [Hz] of the drive."""
