@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.special import jv
 
 from femnl.errors import ConvergenceError, ParameterError
+from femnl.types.comparison import Curve, Curves, Images
 from femnl.types.readout import Array, ComplexArray, FourierSeries, HarmonicMap, PeriodicFringe
 
 Fringe = Callable[[Array], Array]
@@ -168,3 +169,17 @@ def signal_phase(volts: ComplexArray) -> float:
     """
     known = volts[np.isfinite(volts)]
     return float(0.5 * np.angle(np.sum(known**2))) if known.size else 0.0
+
+
+def along_line(images: Images) -> Curves:
+    """Turn harmonics over a grid of a single row or column into curves of the quadrature that holds each one's signal, see `signal_phase`.
+
+    Args: images with n_x = 1 or n_y = 1. Returns: a curve [V] for each harmonic against x or y, the data's sd, the models' predictions.
+    """
+    name, along = ("x", images.x) if images.y.size == 1 else ("y", images.y)
+    curves = []
+    for n, data, models in zip(images.harmonic, images.data, np.moveaxis(images.predictions, 1, 0), strict=True):
+        turn = np.exp(-1j * signal_phase(data))
+        predicted = (models * turn).real.reshape(len(images.models), -1)
+        curves.append(Curve(f"{n}f", along, (data * turn).real.ravel(), np.full(along.shape, images.noise), predicted))
+    return Curves(images.title, name, "m", "signal", "V", images.models, tuple(curves))

@@ -15,8 +15,8 @@ from femnl.diagnose.spots import Axis, Finer, Grid
 from femnl.fits.maps import fit_map
 from femnl.measurement import noise_sd
 from femnl.modes import shape_at, shapes_at
-from femnl.readout import signal_phase
-from femnl.types.comparison import Comparison, Curve, Curves, Images
+from femnl.readout import along_line
+from femnl.types.comparison import Comparison, Images
 from femnl.types.effect import Effect, Kind, Knob, Values
 from femnl.types.readout import Array, ComplexArray
 from femnl.types.scene import Fringe, Harmonics, Motion, Placement
@@ -229,15 +229,8 @@ class MapProblem:
         """All harmonics on the grid of the map; along a single line, in the quadrature that holds each one's signal."""
         predicted = np.stack([self._on_grid(self.predict(effects, base, values)) for _, effects, base, values in models])
         names, measured = tuple(name for name, *_ in models), self._on_grid(self._values)
-        if 1 not in self._grid.sizes:
-            return (Images("map", names, self.harmonic, *self._axes, measured, predicted, self.noise),)
-        k = int(self._grid.sizes[0] > 1)
-        along, curves = self._axes[k], []
-        for n, data, model in zip(self.harmonic, measured, np.moveaxis(predicted, 1, 0), strict=True):
-            turn = np.exp(-1j * signal_phase(data))
-            lines = (model * turn).real.reshape(len(names), -1)
-            curves.append(Curve(f"{n}f", along, (data * turn).real.ravel(), np.full(along.shape, self.noise), lines))
-        return (Curves("map", "xy"[k], "m", "signal", "V", names, tuple(curves)),)
+        images = Images("map", names, self.harmonic, *self._axes, measured, predicted, self.noise)
+        return (along_line(images) if 1 in self._grid.sizes else images,)
 
     def _on_grid(self, volts: ComplexArray) -> ComplexArray:
         whole = np.full((len(self.harmonic), *self._grid.sizes), complex(np.nan, np.nan))

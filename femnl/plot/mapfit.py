@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from femnl.measurement import amplitude
 from femnl.plot.comparison import comparison_figure
 from femnl.plot.style import DIVERGING, WIDTH, new_figure, prefixed, scale_bar, style, symmetric_limit
-from femnl.readout import signal_phase
-from femnl.types.comparison import Curve, Curves
+from femnl.readout import along_line, signal_phase
+from femnl.types.comparison import Images
 
 _LIMIT = 4.0  # standard deviations at which the colours of the residual end
 _ROW = 1.45  # inches
@@ -27,7 +27,9 @@ def map_fit_figure(dataset: xr.Dataset, prediction: NDArray[np.complex128], resi
     volts, harmonics = amplitude(dataset).values, dataset["harmonic"].values
     x, y = dataset["x"].values, dataset["y"].values
     if 1 in (x.size, y.size):
-        return comparison_figure(_lines(volts, prediction, residual, harmonics, *((x, "x") if y.size == 1 else (y, "y"))))
+        known = np.isfinite(residual)
+        noise = np.linalg.norm((volts - prediction)[known]) / np.linalg.norm(residual[known])
+        return comparison_figure(along_line(Images("map", ("the fit",), harmonics, x, y, volts, prediction[None], float(noise))))
     with style():
         figure = new_figure(WIDTH, _ROW * harmonics.size * min(max(float(np.ptp(y) / np.ptp(x)), 0.5), 1.5) + 0.8)
         panels = figure.subplots(harmonics.size, 4, squeeze=False)
@@ -47,22 +49,6 @@ def map_fit_figure(dataset: xr.Dataset, prediction: NDArray[np.complex128], resi
             axes.set_title(title)
         scale_bar(panels[-1, 0], float(np.ptp(x)))
     return figure
-
-
-def _lines(
-    volts: NDArray[np.complex128],
-    prediction: NDArray[np.complex128],
-    residual: NDArray[np.complex128],
-    harmonics: NDArray[np.int64],
-    along: NDArray[np.float64],
-    name: str,
-) -> Curves:
-    curves = []
-    for n, measured, fitted, left in zip(harmonics, volts, prediction, residual, strict=True):
-        turn = np.exp(-1j * signal_phase(measured))
-        data, model = ((v * turn).real.ravel() for v in (measured, fitted))
-        curves.append(Curve(f"{n}f", along, data, np.abs((measured - fitted) / left).ravel(), model[None]))
-    return Curves("map", name, "m", "signal", "V", ("the fit",), tuple(curves))
 
 
 def _panel(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64], limit: float) -> QuadMesh:
