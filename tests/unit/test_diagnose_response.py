@@ -12,7 +12,7 @@ from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fit import fit
 from femnl.diagnose.problem import Extended
 from femnl.diagnose.response import ResponseProblem
-from femnl.diagnose.search import FALSE_ALARMS, criticise
+from femnl.diagnose.search import FALSE_ALARMS, criticise, search
 from femnl.effects import library
 from femnl.types.diagnosis import Diagnosis
 from tests.blind.lab import Case, make
@@ -100,3 +100,12 @@ def test_what_one_drive_or_sweep_has_of_its_own_is_seen_without_a_cause_to_look_
     assert (found.p_value < FALSE_ALARMS) == bool(causes), (found.p_value, found.worst)
     assert abs(found.solution.chi2 / found.solution.degrees - 1) < 0.15  # χ² alone would hardly tell
     assert not causes or seen in found.worst
+
+
+def test_a_fit_is_led_over_jumps_that_a_thousandth_of_the_peak_moves(tmp_path: Path) -> None:
+    make(Case("response", ("drive_compression",), 2317476753), tmp_path / "file.nc")
+    data = measurement.read(tmp_path / "file.nc")["response"].to_dataset()
+    problem = ResponseProblem(data, SimulatedFilm(load("square-270um"), 12))
+    found = [candidate.solution for candidate in search(problem, [library()["drive_compression"]]) if candidate.names]
+    # Steps of three thousandths of the peak and more end at 1.22.
+    assert found[0].chi2 / found[0].degrees < 1.1

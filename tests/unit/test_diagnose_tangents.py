@@ -1,6 +1,7 @@
 """Derivatives of residuals: parameters that are moved together give the same as one by one, whatever the effect."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -61,6 +62,16 @@ def test_what_is_moved_together_has_the_derivatives_of_each(
             single = jacobian_at(model, vector, at, steps)
             assert np.allclose(steps, tangent_steps(model, vector, at), rtol=1e-3), effect.name
         assert np.all(np.linalg.norm(whole - single, axis=0) <= 1e-6 * np.linalg.norm(single, axis=0)), effect.name
+
+
+def test_an_effect_may_replace_all_parameters_of_a_group() -> None:
+    problem = sweeps()
+    gone = tuple(problem.apart[0])
+    effect = replace(library()["quintic_stiffness"], replaces=gone)
+    model = Extended(problem, (effect,))
+    vector = np.append(problem.start[[knob.name not in gone for knob in problem.base]], 1e10)
+    at = model.residuals(vector)
+    assert jacobian_at(model, vector, at, tangent_steps(model, vector, at)).shape == (len(at), len(problem.start) - len(gone) + 1)
 
 
 def test_steps_change_the_residuals_by_little_and_not_by_nothing() -> None:
