@@ -203,9 +203,11 @@ def _p_values(residuals: Array, degrees: int, found: list[Look]) -> Array:
 
 
 def _simulated(solution: Solution, found: list[Look], rng: np.random.Generator) -> Array:
-    """Draw residuals as white noise beside the model's tangents, and look at them."""
+    """Draw residuals as white noise beside the model's tangents, ranked as the data are, and look at them."""
     own, _ = np.linalg.qr(solution.jacobian[:, solution.free])
     noise = rng.standard_normal((N_DRAWS, len(solution.residuals)))
+    for ranked in solution.model.problem.ranked:
+        ranked.rank(solution.residuals, noise)
     return _p_values(noise - (noise @ own) @ own.T, solution.degrees, found)
 
 

@@ -41,6 +41,12 @@ class JointProblem:
         self._names = {group: self._named(group) for group in self.groups}
         self.jumps = tuple(dict.fromkeys(self._names[name][knob] for name, group in self.groups.items() for knob in group.jumps))
         self.apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
+        begins = np.cumsum([0, *(len(problem.blocks) for problem in self.groups.values())])
+        self.ranked = tuple(
+            replace(ranked, at=ranked.at + begin)
+            for begin, problem in zip(begins[:-1], self.groups.values(), strict=True)
+            for ranked in problem.ranked
+        )
         merged: dict[str, Knob] = {}
         starts: dict[str, list[float]] = {}
         for group, problem in self.groups.items():

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fringes import harmonics
 from femnl.diagnose.general import LITTLE, fringe_terms, overtones, uneven
-from femnl.diagnose.problem import Named, apply
+from femnl.diagnose.problem import Named, Ranked, apply
 from femnl.diagnose.spots import Axis, Finer, Grid
 from femnl.fits.maps import fit_map
 from femnl.measurement import noise_sd
@@ -48,6 +48,7 @@ class MapProblem:
     rugged = False
     jumps: tuple[str, ...] = ()
     apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
+    ranked: tuple[Ranked, ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         values = np.asarray(dataset["real"].values + 1j * dataset["imag"].values)

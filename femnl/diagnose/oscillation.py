@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from femnl.diagnose.problem import Named, apply
+from femnl.diagnose.problem import Named, Ranked, apply
 from femnl.errors import MeasurementError
 from femnl.fits.oscillation import free_run, predictable, stages, steps_needed
 from femnl.fits.oscillator import fit_oscillator, simulate_oscillator
@@ -44,6 +44,7 @@ class OscillationProblem:
     rugged = False
     jumps: tuple[str, ...] = ()
     apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
+    ranked: tuple[Ranked, ...] = ()
 
     def __init__(self, dataset: xr.Dataset) -> None:
         if dataset.sizes["step"] != 1:

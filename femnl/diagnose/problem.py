@@ -16,6 +16,22 @@ Named = tuple[str, Sequence[Effect], Values, Sequence[Values]]
 """A model to be shown: its name, its effects, the base parameters and those of each effect."""
 
 
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """Residuals (value − prediction)/sd, at these places, whose values have no names and go to the predictions by rising size."""
+
+    at: NDArray[np.int64]
+    value: Array
+    sd: Array
+
+    def rank(self, residuals: Array, noise: Array) -> None:
+        """Turn noise (m, n_residuals) into the residuals that it gives beside those of the model: close values change places."""
+        predicted = self.value - residuals[self.at] * self.sd
+        order = np.argsort(self.value, kind="stable")  # that of the predictions, too, whose pairs may be equal to the last digit
+        drawn = np.sort(predicted + self.sd * noise[:, self.at], axis=1)
+        noise[:, self.at[order]] = (drawn - predicted[order]) / self.sd[order]
+
+
 class Problem(Protocol):
     """One group of a measurement file with its base model.
 
@@ -23,13 +39,15 @@ class Problem(Protocol):
     names effects may need. blocks (n_residuals,): the block of held-out data that each residual belongs to, −1 for prior
     knowledge, which is never left out. rugged: whether effects act by jumps, so that they are sought from afar as well. jumps: base
     parameters that move jumps of the data themselves, at which a fit may stop short. apart: groups of base parameters of which each
-    moves residuals of its own, unless an effect acts `across`, by the mask (n_residuals,) of those.
+    moves residuals of its own, unless an effect acts `across`, by the mask (n_residuals,) of those. ranked: residuals whose data go to
+    predictions by rank.
     """
 
     kind: Kind
     rugged: bool
     jumps: tuple[str, ...]
     apart: tuple[Mapping[str, NDArray[np.bool_]], ...]
+    ranked: tuple[Ranked, ...]
     base: tuple[Knob, ...]
     start: Array
     facts: Mapping[str, float]

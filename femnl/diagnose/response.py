@@ -8,7 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.problem import Named, apply, recent
+from femnl.diagnose.problem import Named, Ranked, apply, recent
 from femnl.errors import MeasurementError
 from femnl.fits.response import fit_response
 from femnl.fits.response_data import Sweeps, collect
@@ -40,6 +40,7 @@ class ResponseProblem:
     kind: Kind = "response"
     rugged = False
     jumps: tuple[str, ...] = ("peak",)
+    ranked: tuple[Ranked, ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         self.sweeps = collect(dataset)

@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.problem import Named, apply
+from femnl.diagnose.problem import Named, Ranked, apply
 from femnl.errors import MeasurementError
 from femnl.measurement import CONTROLS, estimate_noise
 from femnl.types.comparison import Comparison, Curve, Curves
@@ -26,6 +26,7 @@ class SeriesProblem:
     rugged = False
     jumps: tuple[str, ...] = ()
     apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
+    ranked: tuple[Ranked, ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         self.film = film.model.film

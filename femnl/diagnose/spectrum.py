@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
 from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.problem import Named, apply, recent
+from femnl.diagnose.problem import Named, Ranked, apply, recent
 from femnl.errors import MeasurementError
 from femnl.types.comparison import Comparison, Curve, Curves
 from femnl.types.effect import Effect, Kind, Knob, Values
@@ -60,6 +60,7 @@ class SpectrumProblem:
             Knob("bending_length", "m", low * film.bending_length, high * film.bending_length),
         )
         self.start = np.array([film.speed * ratio, film.bending_length])
+        self.ranked: tuple[Ranked, ...] = () if self.label else (Ranked(np.arange(len(self.sd)), self.frequency, self.sd),)
         self.facts: Mapping[str, float] = {
             "reach": film.projection.reach,
             "mass": float(film.modes.effective_mass[0] * (film.speed / self.start[0]) ** 2),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fringes import harmonics
 from femnl.diagnose.general import fringe_terms, overtones
-from femnl.diagnose.problem import Named, apply
+from femnl.diagnose.problem import Named, Ranked, apply
 from femnl.errors import MeasurementError
 from femnl.fits.spot import fit_spot
 from femnl.fits.traces import decompose
@@ -41,6 +41,7 @@ class TraceProblem:
     kind: Kind = "trace"
     rugged = False
     jumps: tuple[str, ...] = ()
+    ranked: tuple[Ranked, ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         self.film, self.wavelength = film, float(dataset.attrs["wavelength"])

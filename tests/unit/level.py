@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.diagnose.problem import Named, apply
+from femnl.diagnose.problem import Named, Ranked, apply
 from femnl.types.comparison import Comparison
 from femnl.types.effect import Effect, Kind, Knob, Values
 from femnl.types.readout import Array
@@ -22,6 +22,7 @@ class Level:
         self.data, self.blocks, self.rugged = data, blocks, rugged
         self.jumps: tuple[str, ...] = ()
         self.apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
+        self.ranked: tuple[Ranked, ...] = ()
         self.base: tuple[Knob, ...] = (Knob("level", "1", -half, half),)
         self.start = np.zeros(1)
         self.facts: Mapping[str, float] = {"time": 1.0}

@@ -12,7 +12,7 @@ from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.fit import DECADES, Solution, fit
 from femnl.diagnose.problem import Extended, apply
 from femnl.diagnose.search import Candidate, applicable, criticise
-from femnl.diagnose.spectrum import SpectrumProblem
+from femnl.diagnose.spectrum import BENDING_SD, SpectrumProblem
 from femnl.diagnose.verdict import CLEAR, judge
 from femnl.effects import library
 from femnl.types.effect import Effect, Knob
@@ -55,6 +55,19 @@ def solved(data: Array, *effects: Effect) -> Solution:
 def test_the_p_value_of_noise_is_uniform_however_many_looks_are_taken() -> None:
     rng = np.random.default_rng(11)
     p = [criticise(solved(rng.standard_normal(N)), WAVES).p_value for _ in range(60)]
+    assert kstest(p, "uniform").pvalue > 0.01
+
+
+def test_the_p_value_of_noise_is_uniform_where_equal_frequencies_have_no_names() -> None:
+    rng, film = np.random.default_rng(12), SimulatedFilm(load("square-270um"), 14)
+    sd = np.full(12, 3.0)
+    p = []
+    for _ in range(300):
+        layer = film.bending_length * (1 + BENDING_SD * rng.standard_normal())
+        frequency = np.sort(film.frequency(film.speed, layer)[:12] + sd * rng.standard_normal(12))
+        problem = SpectrumProblem(measurement.spectrum(frequency, sd), film)
+        # Of each pair the higher value goes to the higher mode, so that pairs look split in one sense.
+        p.append(criticise(fit(Extended(problem), problem.start), [library()["shear_stress"]]).p_value)
     assert kstest(p, "uniform").pvalue > 0.01
 
 
