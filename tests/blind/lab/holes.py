@@ -26,7 +26,7 @@ SIDE, PITCH, COUNT, RADIUS, POISSON = 250e-6, 40e-6, 6, 5e-6, 0.23
 """Those of `perforated.toml`."""
 KEPT = Path(__file__).parents[3] / "build" / f"blind-perforated-{zlib.crc32(Path(__file__).read_bytes()):08x}.npz"
 """Where what the film's equations give is kept; without it, or where this file has changed, it is computed again."""
-AROUND, OUTWARDS, MODES = 72, 10, 60
+AROUND, OUTWARDS, MODES = 64, 16, 60
 LOADS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Stress before the release: xx, yy, xy."""
 
