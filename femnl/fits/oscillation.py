@@ -16,8 +16,8 @@ STAGES = DOP853.n_stages
 A, B, C = DOP853.A[:STAGES, :STAGES], DOP853.B, DOP853.C[:STAGES]
 # Decay times after which less than 1e-10 of what a record began with is left, where its forces are not unstable on the way.
 SETTLED = 24.0
-# A stretch starts from rest so many decay times before its first sample: twice, as strong forces of third order remember for longer.
-MEMORY = 2 * SETTLED
+# A stretch starts from rest so many decay times before its first sample: more, as strong forces of third order remember for longer.
+MEMORY = 1.5 * SETTLED
 # Numbers that an array operation handles in the time of its overhead: so wide may the stretches run side by side.
 WIDE = 500
 # Degree of the drive's spline: of a band up to half the Nyquist frequency it misses 4e-8 of the rms, up to two thirds 1e-5 (5: 4e-4, 5e-3).

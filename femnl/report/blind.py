@@ -13,6 +13,7 @@ from femnl.report.scores import confusion_figure, detection_figure
 NAME = "blind.json"
 """File of the scoreboard beside the validation cases."""
 WORDS = {"at most": "≤", "at least": "≥"}
+UNIFORM = "uniform p-values without a cause: Kolmogorov and Smirnov's p"
 HALF = 0.04
 """How far from its target a rate may lie that should be met from both sides."""
 
@@ -38,6 +39,7 @@ def blind(folder: Path) -> Blind | None:
         return None
     board = json.loads(path.read_text(encoding="utf-8"))
     kinds = sorted({kind for rate in board["rates"].values() for kind in rate["by_kind"]})
+    uniform = board.get("p_value_uniform", {}).get("by_kind", {})
     counted = {name: rate for name, rate in board["rates"].items() if rate["n"]}
     return Blind(
         board["draws"],
@@ -45,7 +47,10 @@ def blind(folder: Path) -> Blind | None:
         board.get("note", ""),
         [[name, f"{r['k']} of {r['n']}", _percent(r["rate"]), _interval(r), _target(r)] for name, r in counted.items()],
         kinds,
-        [[name, *(_share(rate["by_kind"].get(kind)) for kind in kinds)] for name, rate in counted.items()],
+        [
+            *([name, *(_share(rate["by_kind"].get(kind)) for kind in kinds)] for name, rate in counted.items()),
+            *([[UNIFORM, *(plain(uniform[kind]["ks_p_value"], 2) if kind in uniform else "–" for kind in kinds)]] if uniform else []),
+        ],
         [[name, plain(limit["sigma"], 3), str(limit["draws"]), _sizes(limit)] for name, limit in board["limits"].items()],
         _pictures(board),
     )

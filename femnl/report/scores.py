@@ -24,7 +24,7 @@ def confusion_figure(confusion: Mapping[str, Any]) -> Figure:
         axes.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
         for (i, j), n in np.ndenumerate(table):
             if n:
-                axes.text(j, i, str(n), ha="center", va="center", fontsize=7, color="white" if share[i, j] > 0.6 else INK)
+                axes.text(j, i, str(n), ha="center", va="center", fontsize=7 if n < 100 else 5, color="white" if share[i, j] > 0.6 else INK)
         axes.set_xticks(range(len(answers)), [_words(name) for name in answers], rotation=90, fontsize=7.5)
         axes.set_yticks(range(len(hidden)), [_words(name) for name in hidden], fontsize=7.5)
         axes.set_xticks(np.arange(len(answers)) - 0.5, minor=True)

@@ -94,7 +94,12 @@ def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
         board["rates"][name] = entry | ({"target": list(TARGETS[name])} if name in TARGETS else {})
     p_values = [r["p_value"] for r in by_task["null"]]
     if p_values:
-        board["p_value_uniform"] = {"n": len(p_values), "ks_p_value": float(kstest(p_values, "uniform").pvalue)}
+        board["p_value_uniform"] = _uniformity(p_values) | {
+            "by_kind": {
+                k: _uniformity([r["p_value"] for r in by_task["null"] if r["kind"] == k])
+                for k in sorted({r["kind"] for r in by_task["null"]})
+            }
+        }
     board["confusion"] = _confusion(good)
     board["detection"] = _detection(good)
     board["limits"] = {name: limit for name, limit in _limits(good).items() if limit is not None}
@@ -112,6 +117,11 @@ def _rate(hits: list[bool]) -> dict[str, Any]:
         return {"n": 0, "k": 0}
     low, high = binomtest(k, n).proportion_ci()
     return {"n": n, "k": k, "rate": k / n, "interval": [float(low), float(high)]}
+
+
+def _uniformity(p_values: list[float]) -> dict[str, Any]:
+    """What Kolmogorov and Smirnov say; kinds that err to either side can look uniform together."""
+    return {"n": len(p_values), "ks_p_value": float(kstest(p_values, "uniform").pvalue)}
 
 
 def _alone(records: list[Record]) -> dict[str, list[Record]]:

@@ -66,6 +66,18 @@ def test_the_scoreboard_counts_what_the_records_say() -> None:
     assert (rates["68 % intervals hold"]["k"], rates["gain within 10 % of the best"]["k"]) == (1, 1)
 
 
+def test_p_values_are_held_to_be_uniform_kind_by_kind() -> None:
+    # Small ones of one kind and large ones of another are uniform together.
+    rows = [
+        record("null", [], "adequate", []) | {"kind": kind, "p_value": (n + half) / 100}
+        for kind, half in (("map", 0), ("trace", 50))
+        for n in range(50)
+    ]
+    found = score(rows, [1])["p_value_uniform"]
+    assert found["ks_p_value"] > 0.9
+    assert all(found["by_kind"][kind]["ks_p_value"] < 1e-6 for kind in ("map", "trace"))
+
+
 def test_a_cause_that_does_not_stand_out_may_be_left_unnamed_but_no_other() -> None:
     faint = {"gas_damping": 20.0, "photothermal": 3.0}
     rows = [

@@ -17,7 +17,7 @@ from femnl.geometry import load
 from femnl.predict import solve_modes, solve_nonlinearity
 from femnl.report import write_report
 from femnl.report.benchmarks import benchmarks
-from femnl.report.blind import blind
+from femnl.report.blind import UNIFORM, blind
 from femnl.report.numbers import plain, ppm, with_error
 from femnl.report.published import HEXAGON, SQUARE
 from tests.unit.report_page import CASES, HOSTILE, Written
@@ -140,11 +140,12 @@ def _rate(k: int, n: int, low: float, high: float, *target: object) -> dict[str,
 )
 def test_a_rate_of_the_blind_study_says_whether_it_meets_its_target(rate: dict[str, Any], text: str, tmp_path: Path) -> None:
     board = {"seeds": [7], "draws": 400, "rates": {"named": rate}, "limits": {"map: tilt": {"sigma": 5.2, "draws": 30, "slope": 1e-4}}}
+    board |= {"p_value_uniform": {"n": 400, "ks_p_value": 0.5, "by_kind": {"map": {"n": 400, "ks_p_value": 0.0012}}}}
     (tmp_path / "blind.json").write_text(json.dumps(board), encoding="utf-8")
     found = blind(tmp_path)
     assert found is not None
     assert found.rates[0][-1] == text
-    assert found.by_kind == [["named", f"{rate['k']} of {rate['n']}"]]
+    assert found.by_kind == [["named", f"{rate['k']} of {rate['n']}"], [UNIFORM, "0.0012"]]
     assert found.limits == [["map: tilt", "5.2", "30", "slope 0.0001"]]
 
 
