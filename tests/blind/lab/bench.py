@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 Values = dict[str, float]
 STEP = 1e-6
 """Change of a base parameter, in parts of what it is worth, for a tangent."""
+FARTHEST = 10.0
+"""Units by which a base parameter may be moved: beyond, tangents say nothing and a film may not exist."""
 SHARE = 1e-3
 """Relative change of the strength of another cause for a tangent."""
 
@@ -81,7 +83,8 @@ def sizes(bench: Bench, base: Values, hidden: dict[str, Cause], rounds: int = 0)
         strong = [k for k, cause in others.items() if cause.strengths]
         for _ in range(rounds):
             steps += back @ (basis[:, : len(back.T)].T @ change)
-            near = base | {knob: base[knob] + STEP * s * unit for (knob, unit), s in zip(bench.unit.items(), steps, strict=False)}
+            moved = np.clip(STEP * steps, -FARTHEST, FARTHEST)
+            near = base | {knob: base[knob] + s * unit for (knob, unit), s in zip(bench.unit.items(), moved, strict=False)}
             factors = np.maximum(1 - SHARE * steps[len(bench.unit) :], SHARE)
             beside = rest | {k: scaled(others[k], factor).values for k, factor in zip(strong, factors, strict=True)}
             change = rows[0] - bench.clean([(near, beside)])[0]
