@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from femnl.diagnose.problem import Named, Ranked, apply
 from femnl.errors import MeasurementError
-from femnl.fits.oscillation import free_run, predictable, stages, steps_needed
+from femnl.fits.oscillation import SETTLED, free_run, predictable, stages, steps_needed
 from femnl.fits.oscillator import fit_oscillator, simulate_oscillator
 from femnl.measurement import noise_sd
 from femnl.types.comparison import Comparison, Curve, Curves
@@ -23,11 +23,6 @@ MOST = 20_000
 """Samples that are compared; all are simulated."""
 REMEMBERED = 0.1
 """Part of σ by which a prediction may depend on what the record began with."""
-LINEAR = 0.003
-"""Part of the residuals' size up to which a change follows their derivatives."""
-STEP = 1e-30
-KEPT = 4
-"""Runs that are kept with their derivatives."""
 DRAWN = 400
 """Samples that are drawn."""
 RANGES = {"kappa2": ("V^-1", 1.0, "slope"), "eta": ("V^-2", 100.0, "curvature"), "alpha5": ("V^-4", 1.0, "curvature_square")}
@@ -52,23 +47,24 @@ class OscillationProblem:
         drive, output = dataset["drive_voltage"].values[0], dataset["voltage"].values[0]
         self._interval = float(np.median(np.diff(dataset["time"].values)))
         linear = fit_oscillator(drive, output, 1 / self._interval, ("offset",))
-        cubic = fit_oscillator(drive, output, 1 / self._interval, ("offset", "cubic"))
+        cubic = fit_oscillator(drive, output, 1 / self._interval, ("offset", "cubic"), start=linear)
         self.noise, note = noise_sd(dataset)
         frequency, width = cubic["frequency"], cubic["frequency"] / cubic["quality_factor"]
         alpha, square = cubic["alpha"], (2 * np.pi * frequency) ** 2
         terms = np.array([square / cubic["stiffness"], cubic["offset"], 2 * np.pi * width, 0, square, 0, square * alpha, 0])
         steps = steps_needed(terms, float(np.nanmax(np.abs(output))), self._interval)
         self._drive = stages(drive, self._interval, "band-limited", steps)
-        usable = np.isfinite(output) & predictable(len(output), np.pi * width * self._interval)
+        decay, length = np.pi * width * self._interval, len(output)
+        usable = np.isfinite(output) & predictable(length, decay)
         # Strong forces can be unstable on the way, and hand on what the record began with for longer: another begin shows how long.
         other = np.where(np.arange(len(drive)) < np.argmax(usable) // 4, 0.0, drive)
         runs = [free_run(terms[:, None], held)[0] for held in (self._drive, stages(other, self._interval, "band-limited", steps))]
         remembered = np.flatnonzero(usable & (np.abs(runs[1] - runs[0]) > REMEMBERED * self.noise))
         if len(remembered):
-            usable[: min(int(remembered[-1]) + 1, len(output) * 3 // 4)] = False
+            usable[: min(int(remembered[-1]) + 1, length * 3 // 4)] = False
+        short = SETTLED / decay > length / 2 or (len(remembered) > 0 and remembered[-1] >= length * 3 // 4)
         self._at = np.flatnonzero(usable)[:: -(-np.count_nonzero(usable) // MOST)]
         self._output = np.asarray(output[self._at], float)
-        self._known: list[tuple[Array, Array, Array]] = []
         largest = float(np.abs(self._output).max())
         stiff = min(cubic["stiffness"] / 5, 5 * cubic["stiffness"]), max(cubic["stiffness"] / 5, 5 * cubic["stiffness"])
         self.base: tuple[Knob, ...] = (
@@ -85,6 +81,9 @@ class OscillationProblem:
             f"trace: {note}",
             f"trace: a free run from the drive alone; a linear oscillator leaves {left[0]:.3g} V rms, and the cubic term of the base model "
             f"lowers that to {left[1]:.3g} V; volts of the output stand for metres",
+            f"trace: {len(self._at)} of {length} samples are compared, from {self._at[0] * self._interval:.3g} s on; earlier ones may keep "
+            "motion from before the record"
+            + (", and in so short a record later ones, too: what deviates may come from there" if short else ""),
         )
 
     def pool(self, library: Iterable[Effect]) -> list[Effect]:
@@ -104,26 +103,14 @@ class OscillationProblem:
         """Stretches of the record."""
         return np.arange(len(self._at)) * BLOCKS // len(self._at)
 
-    def _run(self, coefficients: Array) -> Array:
-        """Return the output [V] at the samples compared; close to an earlier run, by its derivatives."""
-        for known, run, slopes in self._known:
-            change = slopes @ (coefficients - known)
-            if np.linalg.norm(change) <= LINEAR * np.linalg.norm(run - self._output):
-                return np.asarray(run + change)
-        steps = STEP * np.maximum(np.abs(coefficients), coefficients[4])
-        shifted = coefficients[:, None] + 1j * np.diag(steps)
-        found = free_run(shifted, self._drive)[:, self._at]
-        run, slopes = np.asarray(found[0].real), np.asarray((found.imag / steps[:, None]).T)
-        self._known = [(coefficients, run, slopes), *self._known[: KEPT - 1]]
-        return run
-
     def predict(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return the output [V] at the samples compared."""
         forces = apply("equation", Equation(0.0, base["alpha"], 0.0, 0.0), effects, values)
         square = (2 * np.pi * base["frequency"]) ** 2
         shares = np.array([1.0, forces.quadratic, forces.cubic, forces.quintic]) * square
         loss = [2 * np.pi * base["linewidth"], forces.damping]
-        return self._run(np.array([square / base["stiffness"], base["offset"], *loss, *shares]))
+        terms = np.array([square / base["stiffness"], base["offset"], *loss, *shares])
+        return np.asarray(free_run(terms[:, None], self._drive)[0, self._at])
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (output − free run)/σ."""

@@ -18,7 +18,11 @@ Named = tuple[str, Sequence[Effect], Values, Sequence[Values]]
 
 @dataclass(frozen=True, eq=False)
 class Ranked:
-    """Residuals (value − prediction)/sd, at these places, whose values have no names and go to the predictions by rising size."""
+    """Residuals (value − prediction)/sd, at these places, whose values have no names and go to the predictions by rising size.
+
+    Approximate where frequencies drift, since the order is that of the values as measured. Data of more than EXACT residuals
+    (`criticism`), as a spectrum joined with maps, are judged as if their frequencies had names.
+    """
 
     at: NDArray[np.int64]
     value: Array

@@ -1,10 +1,16 @@
 """Uncertainties of a least-squares fit from its Jacobian, parameters that the data do not determine named instead of inverted."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from femnl.types.fit import Parameter
 from femnl.types.readout import Array
+
+Complex = NDArray[np.complex128]
+STEP = 1e-30
+"""Imaginary step of derivatives, so small that it loses nothing."""
 
 BLIND = 1e-9
 """Eigenvalues of the scaled Fisher information below this are directions that the data do not see."""
@@ -47,6 +53,24 @@ def covariance(jacobian: Array, names: Sequence[str], unit: Array) -> tuple[Arra
     found[lost, :] = found[:, lost] = 0.0
     found[lost, lost] = np.inf
     return found, tuple(notes)
+
+
+def derived(derive: Callable[[Complex], Mapping[str, tuple[complex, str]]], values: Array, found: Array) -> dict[str, Parameter]:
+    """Return what follows from fitted parameters, with standard deviations to first order, infinite where an undetermined one enters.
+
+    Args:
+        derive: parameters (k,), complex for derivatives, → name → (value, unit).
+        values: the fitted parameters (k,).
+        found: their covariance (k, k), from `covariance`.
+    """
+    gradients = [derive(values + 1j * STEP * direction) for direction in np.eye(len(values))]
+    known = np.isfinite(np.diag(found))
+    result = {}
+    for name, (value, unit) in derive(values.astype(complex)).items():
+        gradient = np.array([complex(g[name][0]).imag for g in gradients]) / STEP
+        variance = np.inf if np.any(gradient[~known]) else gradient @ np.where(np.isfinite(found), found, 0.0) @ gradient
+        result[name] = Parameter(name, float(complex(value).real), float(np.sqrt(variance)), unit)
+    return result
 
 
 def strongest_correlation(found: Array, names: Sequence[str]) -> str:

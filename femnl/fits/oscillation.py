@@ -1,12 +1,16 @@
 """Free-run simulation of one oscillator under a sampled drive, fast enough to fit long records."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 from scipy.interpolate import make_interp_spline
+
+from femnl.errors import MeasurementError
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -16,10 +20,6 @@ STAGES = DOP853.n_stages
 A, B, C = DOP853.A[:STAGES, :STAGES], DOP853.B, DOP853.C[:STAGES]
 # Decay times after which less than 1e-10 of what a record began with is left, where its forces are not unstable on the way.
 SETTLED = 24.0
-# A stretch starts from rest so many decay times before its first sample: more, as strong forces of third order remember for longer.
-MEMORY = 1.5 * SETTLED
-# Numbers that an array operation handles in the time of its overhead: so wide may the stretches run side by side.
-WIDE = 500
 # Degree of the drive's spline: of a band up to half the Nyquist frequency it misses 4e-8 of the rms, up to two thirds 1e-5 (5: 4e-4, 5e-3).
 SPLINE = 13
 # Samples at the record's ends over which the spline feels that the drive is not known further, down to those parts.
@@ -27,15 +27,17 @@ EDGE = 32
 # Phase [rad] of the fastest swing by which one step may go on: it errs by less than 1e-5 of the amplitude.
 REACH = 1.0
 MOST = 8
+# Steps of Newton's method to the rest state.
+NEWTON = 8
 # What an oscillation that overflows on the way is taken for.
-DIVERGED = 1e6
+DIVERGED = 1e60
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
     """Drive at the times where the integrator asks for it.
 
-    held: (STAGES, n · steps) at the stages of each step; interval: between the n samples [s]; steps: from one sample to the next.
+    held: (n · steps, STAGES) at the stages of each step; interval: between the n samples [s]; steps: from one sample to the next.
     """
 
     held: Array
@@ -48,13 +50,19 @@ def stages(drive: Array, interval: float, hold: Hold, steps: int = 1) -> Drive:
 
     zero-order: u is constant from each sample to the next, as behind a digital-to-analogue converter. band-limited: u is the
     smooth signal through the samples, as where the drive was itself recorded through an anti-aliasing filter; spline of high degree.
+    Raises: MeasurementError for gaps, or fewer samples than the spline needs.
     """
+    if not np.all(np.isfinite(drive)):
+        missing = np.count_nonzero(~np.isfinite(drive))
+        raise MeasurementError(f"drive: {missing} of {len(drive)} samples are missing; give it without gaps, each acts on all that follows")
     if hold == "zero-order":
-        return Drive(np.broadcast_to(np.repeat(drive, steps), (STAGES, len(drive) * steps)), interval, steps)
+        return Drive(np.repeat(drive, STAGES * steps).reshape(-1, STAGES), interval, steps)
+    if len(drive) <= SPLINE:
+        raise MeasurementError(f"drive: {len(drive)} samples; a band-limited drive needs more than {SPLINE}")
     time = np.arange(len(drive))
     spline = make_interp_spline(time, drive, k=SPLINE)
     begin = np.arange(len(drive) * steps) / steps
-    return Drive(np.stack([spline(np.minimum(begin + c / steps, time[-1])) for c in C]), interval, steps)
+    return Drive(np.stack([spline(np.minimum(begin + c / steps, time[-1])) for c in C], axis=1), interval, steps)
 
 
 def steps_needed(coefficients: NDArray[np.inexact], largest: float, interval: float) -> int:
@@ -74,7 +82,7 @@ def predictable(n: int, decay: float) -> NDArray[np.bool_]:
 
     Args:
         n: samples of the record.
-        decay: amplitude's rate of decay γ/2 times the interval between samples.
+        decay: amplitude's rate of decay γ/2 times the interval between samples, positive.
     """
     found = np.ones(n, dtype=bool)
     found[: min(int(np.ceil(SETTLED / decay)), n // 2)] = False
@@ -83,42 +91,55 @@ def predictable(n: int, decay: float) -> NDArray[np.bool_]:
 
 
 def free_run(coefficients: NDArray[np.inexact], drive: Drive) -> NDArray[np.inexact]:
-    """Return the output (m, n) at the samples, from rest, for m oscillators under one drive at once.
+    """Return the output (m, n) at the samples, from rest, for m oscillators under one drive.
 
     ÿ = c₀ (u + c₁) − c₂ (1 + c₃ y²) ẏ − c₄ y − c₅ y² − c₆ y³ − c₇ y⁵
 
-    Steps of the eighth-order Dormand–Prince method; the record is cut into stretches that run side by side, each from
-    rest, long enough before its own samples for its start to be forgotten.
+    Steps of the eighth-order Dormand–Prince method, compiled at the first call. At rest the forces hold the offset: c₀ c₁ = c₄ y + ….
 
     Args:
         coefficients: (8, m), or (7, m) without the last; complex ones carry a derivative on the imaginary part.
         drive: from `stages`, with as many steps as the oscillators need.
     Valid: positive damping, one stable rest state.
     """
-    m, n, repeat = coefficients.shape[1], drive.held.shape[1] // drive.steps, drive.steps
-    decay = np.maximum(coefficients[2].real, 1e-9) * drive.interval / 2
-    memory = int(min(np.ceil(MEMORY / np.min(decay)), n))
-    count = max(1, round(np.sqrt(WIDE * n / (memory * m))))
-    length = -(-n // count)
-    padded = np.pad(drive.held, ((0, 0), (memory * repeat, (length * count - n) * repeat)))
-    first = np.arange(count) * length * repeat
-    state = np.zeros((2, m, count), dtype=coefficients.dtype)
-    out = np.empty((m, count, length), dtype=coefficients.dtype)
-    slopes = np.empty((STAGES, *state.shape), dtype=coefficients.dtype)
-    flat, weights, ends = slopes.reshape(STAGES, -1), drive.interval / repeat * A, drive.interval / repeat * B
-    gain, offset, damping, nonlinear, stiffness, quadratic, cubic, *fifth = coefficients[:, :, None]
-    with np.errstate(over="ignore", invalid="ignore"):
-        for step in range((memory + length) * repeat):
-            if step >= memory * repeat and step % repeat == 0:
-                out[:, :, step // repeat - memory] = state[0]
-            now = padded[:, first + step]
-            for i in range(STAGES):
-                y, v = state if i == 0 else state + (weights[i, :i] @ flat[:i]).reshape(state.shape)
-                slopes[i, 0] = v
-                pull = damping * (1 + nonlinear * y * y) * v + y * (stiffness + y * (quadratic + y * cubic))
-                for quintic in fifth:
-                    pull = pull + quintic * y**5
-                slopes[i, 1] = gain * (now[i] + offset) - pull
-            state = state + (ends @ flat).reshape(state.shape)
-    out = out.reshape(m, -1)[:, :n]
-    return np.where(np.isfinite(out), out, DIVERGED)
+    terms = np.zeros((8, coefficients.shape[1]), dtype=complex)
+    terms[: len(coefficients)] = coefficients
+    out = _compiled()(terms, drive.held, A, B, drive.interval / drive.steps, drive.steps)
+    out[~(np.abs(out) < DIVERGED)] = DIVERGED
+    return out if np.iscomplexobj(coefficients) else out.real
+
+
+@cache
+def _compiled() -> Callable[[Complex, Array, Array, Array, float, int], Complex]:
+    """Return `_steps` as machine code; numba loads where it is first needed."""
+    import numba
+
+    return numba.njit(error_model="numpy")(_steps)
+
+
+def _steps(coefficients: Complex, held: Array, a: Array, b: Array, h: float, repeat: int) -> Complex:
+    """Return the outputs (m, n); a, b: the method's tables; h: step [s]; repeat: steps from sample to sample."""
+    m, n, n_stages = coefficients.shape[1], len(held) // repeat, len(b)
+    out = np.empty((m, n), dtype=np.complex128)
+    y_slope, v_slope = np.empty(n_stages, dtype=np.complex128), np.empty(n_stages, dtype=np.complex128)
+    for k in range(m):
+        gain, offset, damping, nonlinear, stiffness, quadratic, cubic, quintic = coefficients[:, k]
+        y, v = gain * offset / stiffness, 0j
+        for _ in range(NEWTON):
+            left = gain * offset - y * (stiffness + y * (quadratic + y * (cubic + y * y * quintic)))
+            y += left / (stiffness + y * (2 * quadratic + y * (3 * cubic + 5 * y * y * quintic)))
+        for step in range(n * repeat):
+            if step % repeat == 0:
+                out[k, step // repeat] = y
+            for i in range(n_stages):
+                x, w = y, v
+                for j in range(i):
+                    x += h * a[i, j] * y_slope[j]
+                    w += h * a[i, j] * v_slope[j]
+                y_slope[i] = w
+                pull = x * (stiffness + x * (quadratic + x * (cubic + x * x * quintic)))
+                v_slope[i] = gain * (held[step, i] + offset) - damping * (1 + nonlinear * x * x) * w - pull
+            for i in range(n_stages):
+                y += h * b[i] * y_slope[i]
+                v += h * b[i] * v_slope[i]
+    return out

@@ -9,13 +9,12 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import leastsq
 
 from femnl.errors import ConvergenceError, MeasurementError, ParameterError
-from femnl.fits.covariance import covariance
+from femnl.fits.covariance import STEP, covariance, derived
 from femnl.fits.oscillation import EDGE, SPLINE, Array, Drive, Hold, free_run, stages, steps_needed
 from femnl.types.fit import Fit, Parameter
 
 LINEAR = ("mass", "damping", "stiffness")
 TERMS = ("offset", "cubic", "quadratic", "nonlinear_damping")
-STEP = 1e-30
 CLOSE, MAX_CALLS = 1e-7, 40
 Numbers = NDArray[np.inexact]
 
@@ -37,6 +36,7 @@ def fit_oscillator(
     *,
     hold: Hold = "band-limited",
     fitted: slice | NDArray[np.bool_] = slice(None),
+    start: Fit | None = None,
 ) -> Fit:
     """Fit an oscillator by the error of its free run: only the drive is given, never the measured output.
 
@@ -49,15 +49,17 @@ def fit_oscillator(
         terms: which of `offset` u₀, `quadratic` k₂, `cubic` k₃, `nonlinear_damping` η to fit beside m, c and k; the rest is 0.
         hold: how u runs between samples, see `stages`.
         fitted: the samples that are compared; all are simulated. The last EDGE of a band-limited record never are, see `predictable`.
+        start: a fit of the same record with fewer terms, where there is one; otherwise the linear oscillator is fitted first.
 
     Returns:
         mass, damping, stiffness and the terms in units of drive and output; derived frequency [Hz], quality_factor, and alpha = k₃/k.
         The scatter of what is left is taken for white noise, so the standard deviations hold as far as it is.
 
     Raises:
-        MeasurementError: records of different or too small length.
+        MeasurementError: records of different or too small length, a drive with gaps or constant.
         ParameterError: an unknown term.
-        ConvergenceError: the record shows no damped oscillation to start from.
+        ConvergenceError: the record shows no damped oscillation to start from, or the fit ends at one that
+            does not come to rest, or lies beyond half the sampling rate.
     Valid: at least about eight samples a period; one stable rest state.
     Source: the benchmark of Wigren and Schoukens (2013), Three free data sets for development and benchmarking in nonlinear system
         identification, European Control Conference.
@@ -70,19 +72,27 @@ def fit_oscillator(
     chosen[fitted] = True
     if hold == "band-limited":
         chosen[-EDGE:] = False
-    if u.shape != y.shape or u.ndim != 1 or not np.all(np.isfinite(u)) or np.count_nonzero(chosen & np.isfinite(y)) < 100:
-        raise MeasurementError(
-            f"drive {u.shape} and output {y.shape}: give two records of equal length, the drive without gaps, at least 100 samples fitted"
-        )
+    if u.shape != y.shape or u.ndim != 1 or np.count_nonzero(chosen & np.isfinite(y)) < 100:
+        raise MeasurementError(f"drive {u.shape} and output {y.shape}: give two records of equal length, with at least 100 samples fitted")
     chosen &= np.isfinite(y)
     interval, names = 1 / sampling_rate, [*LINEAR, *(term for term in TERMS if term in terms)]
     record = _Record(stages(u, interval, hold), y[chosen], chosen)
-    linear = _descend(LINEAR, linear_start(u[chosen], y[chosen], interval), record)
-    starts = [np.append(linear, np.zeros(len(names) - len(linear)))]
-    if len(names) > len(linear):
+    if start is None:
+        linear = _descend(LINEAR, linear_start(u[chosen], y[chosen], interval), record)
+        known = dict(zip(LINEAR, linear, strict=True))
+    else:
+        known = {name: start[name] for name in names if name in start.parameters}
+    starts = [np.array([known.get(name, 0.0) for name in names])]
+    if len(names) > len(LINEAR):
         starts.append(_equation_start(names, u, y, chosen, interval))
         record = replace(record, drive=stages(u, interval, hold, _steps(names, starts[-1], y[chosen], interval)))
-    values = _descend(names, min(starts, key=lambda start: float(np.sum(_left(names, start, record) ** 2))), record)
+    values = _descend(names, min(starts, key=lambda first: float(np.sum(_left(names, first, record) ** 2))), record)
+    damping, stiffness = values[1:3] / values[0]
+    if not (damping > 0 and 0 < stiffness < (np.pi / interval) ** 2):
+        raise ConvergenceError(
+            f"output: of mass 1, the oscillator that comes closest has damping {damping:.3g}/s and stiffness {stiffness:.3g}/s²: it does "
+            "not come to rest, or is faster than half the sampling rate; fit another part of the record, or other terms"
+        )
     residual, slopes = _misfit(names, values, record)
     noise = float(np.std(residual))
     found, blind = covariance(slopes / noise, names, np.maximum(np.abs(values), np.finfo(float).tiny))
@@ -100,6 +110,7 @@ def simulate_oscillator(fit: Fit, drive: ArrayLike, sampling_rate: float, *, hol
         drive: u (n,).
         sampling_rate: [Hz].
         hold: how u runs between samples.
+    Raises: MeasurementError for a drive with gaps, or a band-limited one too short for its spline.
     """
     names = [name for name in (*LINEAR, *TERMS) if name in fit.parameters]
     values, u, interval = np.array([fit[name] for name in names]), np.asarray(drive, dtype=float), 1 / sampling_rate
@@ -170,26 +181,24 @@ def _equation_start(names: Sequence[str], u: Array, y: Array, chosen: NDArray[np
 
 def linear_start(u: Array, y: Array, interval: float) -> Array:
     """Return mass, damping and stiffness of the linear recursion y₂ = a₁ y₁ + a₂ y₀ + b₂ u₂ + b₁ u₁ + b₀ u₀ + const."""
+    if np.ptp(u) == 0:
+        raise MeasurementError(f"drive: {u[0] + 0.0:g} all along; give the record of a drive that moves the oscillator")
     columns = np.column_stack([y[1:-1], y[:-2], u[2:], u[1:-1], u[:-2], np.ones(len(y) - 2)])
     a1, a2, *b, _ = np.linalg.lstsq(columns, y[2:], rcond=None)[0]
     root, rest = complex(np.roots([1.0, -a1, -a2])[0]), 1 - a1 - a2
-    if root.imag == 0 or abs(root) >= 1 or sum(b) / rest <= 0:
+    if root.imag == 0 or abs(root) >= 1:
         raise ConvergenceError(f"output: its linear recursion, with the root {root:.4g}, does not ring; fit another part of the record")
     pole, gain = np.log(root) / interval, sum(b) / rest
     return np.asarray(np.array([1.0, -2 * pole.real, abs(pole) ** 2]) / (gain * abs(pole) ** 2))
 
 
 def _derived(values: Array, found: Array, names: Sequence[str]) -> dict[str, Parameter]:
-    """Return frequency, quality factor and α with standard deviations to first order."""
+    """Return frequency, quality factor and α."""
 
     def derive(p: Numbers) -> dict[str, tuple[complex, str]]:
         mass, damping, stiffness = p[:3]
-        out = {"frequency": (np.sqrt(stiffness / mass) / (2 * np.pi), "Hz"), "quality_factor": (np.sqrt(stiffness * mass) / damping, "")}
+        turn = np.sqrt(stiffness / mass)
+        out = {"frequency": (turn / (2 * np.pi), "Hz"), "quality_factor": (turn * mass / damping, "")}
         return out | ({"alpha": (p[names.index("cubic")] / stiffness, "")} if "cubic" in names else {})
 
-    gradients = [derive(values + 1j * STEP * unit) for unit in np.eye(len(values))]
-    result = {}
-    for name, (value, unit) in derive(values.astype(complex)).items():
-        gradient = np.array([g[name][0].imag for g in gradients]) / STEP
-        result[name] = Parameter(name, float(value.real), float(np.sqrt(gradient @ found @ gradient)), unit)
-    return result
+    return derived(derive, values, found)

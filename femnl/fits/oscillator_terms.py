@@ -43,7 +43,7 @@ def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsF
         )
     drive, output = dataset["drive_voltage"].values[0], dataset["voltage"].values[0]
     rate = float(1 / np.median(np.diff(dataset["time"].values)))
-    known = np.isfinite(output)
+    known = np.isfinite(output) & np.isfinite(drive)
     mass, damping, _ = linear_start(drive[known], output[known], 1 / rate)
     counted = known & predictable(len(output), damping / mass / (2 * rate))
     test = np.zeros_like(counted)
@@ -55,9 +55,10 @@ def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsF
             f"trace: of {len(output)} samples {n_fitted} are left to fit and {n_tested} held out, without the "
             f"{np.count_nonzero(~counted)} in which the oscillator settles or the drive's spline ends; both need 100"
         )
-    models = []
+    models: list[TermsFit] = []
     for count in range(len(ORDER) + 1):
-        fit = fit_oscillator(drive, output, rate, ORDER[:count], fitted=counted & ~test)
+        earlier = models[-1].fit if models else None
+        fit = fit_oscillator(drive, output, rate, ORDER[:count], fitted=counted & ~test, start=earlier)
         error = simulate_oscillator(fit, drive, rate) - output
         fitted, tested = (float(np.sqrt(np.mean(error[part] ** 2))) if part.any() else np.nan for part in (counted & ~test, counted & test))
         models.append(TermsFit(ORDER[:count], fit, np.where(counted, error, np.nan), fitted, tested))

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femnl.errors import ParameterError
+from femnl.fits.covariance import derived
 from femnl.fits.response_data import Array, Complex, Sweeps
 from femnl.fits.response_model import Layout
 from femnl.resonator import critical_alpha
@@ -47,7 +48,13 @@ def parameters(
     out = {name: Parameter(name, float(v), float(s), UNITS[name.partition("[")[0]]) for name, v, s in zip(names, values, sd, strict=True)}
     index = {name: k for k, name in enumerate(names)}
 
-    def derive(x: Complex, amplitudes: Array | None) -> dict[str, tuple[complex, str]]:
+    calibration = None if responsivity is None else np.atleast_1d(np.asarray(responsivity, dtype=float))
+    if calibration is not None and (calibration.shape != (layout.n_positions,) or not layout.gain):
+        raise ParameterError(
+            f"responsivity: {calibration.size} values; give {layout.n_positions}, one for each position, and fit magnitudes"
+        )
+
+    def derive(x: Complex) -> dict[str, tuple[complex, str]]:
         f0, w, ratio = x[:3]
         result: dict[str, tuple[complex, str]] = {"drive": (sweeps.reference, "V"), "quality_factor": (f0 / w, "")}
         for p in range(layout.n_positions if layout.gain else 0):
@@ -57,9 +64,9 @@ def parameters(
             result[indexed("alpha_y", p, layout)] = ratio * alpha_c, "V²/V²"
         if force_per_volt is not None:
             peak = force_per_volt * sweeps.reference / (4 * np.pi**2 * f0 * w)
-        elif amplitudes is not None:
+        elif calibration is not None:
             # All positions see the same motion; their best common amplitude is the mean.
-            peak = np.mean([x[index[indexed("y_max", p, layout)]] * sweeps.reference / s for p, s in enumerate(amplitudes)])
+            peak = np.mean([x[index[indexed("y_max", p, layout)]] * sweeps.reference / s for p, s in enumerate(calibration)])
         else:
             return result
         result["alpha"] = ratio * complex(critical_alpha(f0, w, peak)), "m⁻²"
@@ -67,16 +74,4 @@ def parameters(
             result["eta"] = 4 * x[3] / peak**2, "m⁻²"
         return result
 
-    calibration = None if responsivity is None else np.atleast_1d(np.asarray(responsivity, dtype=float))
-    if calibration is not None and (calibration.shape != (layout.n_positions,) or not layout.gain):
-        raise ParameterError(
-            f"responsivity: {calibration.size} values; give {layout.n_positions}, one for each position, and fit magnitudes"
-        )
-    step = 1e-30
-    gradients = [derive(values + 1j * step * unit, calibration) for unit in np.eye(len(values))]
-    known = np.isfinite(np.diag(found))
-    for name, (value, unit) in derive(values.astype(complex), calibration).items():
-        gradient = np.array([complex(g[name][0]).imag / step for g in gradients])
-        variance = np.inf if np.any(gradient[~known]) else gradient @ np.where(np.isfinite(found), found, 0.0) @ gradient
-        out[name] = Parameter(name, float(complex(value).real), float(np.sqrt(variance)), unit)
-    return out
+    return out | derived(derive, values, found)

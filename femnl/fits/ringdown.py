@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import leastsq
 
 from femnl.errors import MeasurementError, ParameterError
-from femnl.fits.covariance import covariance
-from femnl.fits.ringdown_model import STEP, Array, Decay, Numbers, Signal, strongest
+from femnl.fits.covariance import covariance, derived
+from femnl.fits.ringdown_model import Array, Decay, Numbers, Signal, strongest
 from femnl.types.fit import Fit, Parameter
 
 UNITS = {
@@ -145,10 +145,4 @@ def _parameters(decay: Decay, values: Array, found: Array, frequency: float | No
             result["alpha"] = 8 / 3 * p["pull"] / (tone * square), unit
         return result
 
-    gradients = [derive(values + 1j * STEP * unit_step) for unit_step in np.eye(len(values))]
-    known = np.isfinite(np.diag(found))
-    for name, (value, unit_of) in derive(values.astype(complex)).items():
-        gradient = np.array([g[name][0].imag for g in gradients]) / STEP
-        variance = np.inf if np.any(gradient[~known]) else gradient @ np.where(np.isfinite(found), found, 0.0) @ gradient
-        out[name] = Parameter(name, float(value.real), float(np.sqrt(variance)), unit_of)
-    return out
+    return out | derived(derive, values, found)

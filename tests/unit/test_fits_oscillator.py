@@ -123,17 +123,36 @@ def test_a_swing_three_times_as_stiff_as_a_small_one_is_fitted() -> None:
     )
 
 
-def test_noise_alone_ends_in_one_line_or_a_fit() -> None:
-    rng = np.random.default_rng(3)
-    with pytest.raises(ConvergenceError, match="does not ring"):
-        fit_oscillator(rng.normal(size=400), rng.normal(size=400), RATE)
+def test_a_detector_of_opposite_sign_changes_the_sign_of_the_forces_alone(motion: tuple[Array, Array]) -> None:
+    drive, output = motion
+    fits = [fit_oscillator(drive, sign * output, RATE, ("offset", "cubic"), fitted=LATE) for sign in (1, -1)]
+    for name in ("frequency", "quality_factor", "alpha", "offset"):
+        assert fits[1][name] == pytest.approx(fits[0][name], rel=1e-6), name
+    assert fits[1]["stiffness"] == pytest.approx(-fits[0]["stiffness"], rel=1e-6)
 
 
-def test_records_that_cannot_be_fitted_are_refused_in_one_line() -> None:
-    drive = noise_drive(500)
+def test_a_start_from_fewer_terms_ends_where_a_fit_from_nothing_does(motion: tuple[Array, Array]) -> None:
+    drive, output = motion
+    linear = fit_oscillator(drive, output, RATE, (), fitted=LATE)
+    fits = [fit_oscillator(drive, output, RATE, ("offset", "cubic"), fitted=LATE, start=start) for start in (None, linear)]
+    assert [fits[1][name] for name in fits[0].parameters] == pytest.approx([fits[0][name] for name in fits[0].parameters], rel=1e-4)
+
+
+def test_records_that_cannot_be_fitted_are_refused_in_one_line(motion: tuple[Array, Array]) -> None:
+    drive, output = motion
+    gap = np.where(np.arange(len(drive)) == 70, np.nan, drive)
     with pytest.raises(ParameterError, match="terms: 'sextic' is unknown"):
-        fit_oscillator(drive, drive, RATE, ("sextic",))
+        fit_oscillator(drive, output, RATE, ("sextic",))
     with pytest.raises(MeasurementError, match="two records of equal length"):
-        fit_oscillator(drive, drive[:-1], RATE)
+        fit_oscillator(drive, output[:-1], RATE)
+    with pytest.raises(MeasurementError, match="drive: 1 of 1500 samples are missing"):
+        fit_oscillator(gap, output, RATE)
+    with pytest.raises(MeasurementError, match=r"drive: 0\.5 all along; give the record of a drive that moves"):
+        fit_oscillator(np.full_like(drive, 0.5), output, RATE)
     with pytest.raises(ConvergenceError, match="does not ring"):
         fit_oscillator(drive, lfilter([0.0, 1.0], [1.0, -0.9], drive), RATE)
+    with pytest.raises(ConvergenceError, match="does not come to rest, or is faster than half the sampling rate"):
+        fit_oscillator(drive, np.roll(drive, -1), RATE, ())
+    linear = fit_oscillator(drive, output, RATE, (), fitted=LATE)
+    with pytest.raises(MeasurementError, match="drive: 10 samples; a band-limited drive needs more than 13"):
+        simulate_oscillator(linear, drive[:10], RATE)
