@@ -46,7 +46,8 @@ def signal(deviation: str, across: Array, up: Array, tau: Array) -> Array:
     u = 3e-7 * (1 + uneven) * shapes[0] * np.cos(tau + 0.3) + overtone * np.sin(2 * (tau + 0.3))
     phase = 4 * np.pi / 632.8e-9 * u + 0.8 + 2e-3 * (deviation == "phase of the fringe that varies as y") * y[..., None]
     v = np.cos(phase) + 2e-3 * (deviation == "term cos 3φ of the fringe") * np.cos(3 * phase)
-    return np.asarray(0.02 * v * (1 + 4e-3 * (deviation == "signal that varies as y²") * y[..., None] ** 2))
+    hum = 2e-5 * np.cos(3 * tau) * (deviation == "constant in harmonic 3")
+    return np.asarray(hum + 0.02 * v * (1 + 4e-3 * (deviation == "signal that varies as y²") * y[..., None] ** 2))
 
 
 @pytest.mark.parametrize(
@@ -61,6 +62,7 @@ def signal(deviation: str, across: Array, up: Array, tau: Array) -> Array:
         "sin motion at 2f as mode 4",
         "axes that are turned",
         "blur along x",
+        "constant in harmonic 3",
     ],
 )
 def test_what_deviates_a_little_at_any_stage_is_seen_without_a_cause_to_look_for(deviation: str) -> None:
