@@ -166,8 +166,8 @@ class MapProblem:
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """Each stage changed in free form.
 
-        Gain and phase of harmonics, and constants added to them; motion, phase of the fringe and signal that vary; places that are wrong or blurred; more terms of
-        the fringe; motion at multiples of the drive, of every shape.
+        Gain and phase of harmonics, and constants added to them; motion, phase of the fringe and signal that vary; places that are wrong
+        or blurred; more terms of the fringe; motion at multiples of the drive, of every shape.
         """
         volts, plain = self.predict(effects, base, values), self.residuals(effects, base, values)
         found: dict[str, Array] = {}
@@ -175,7 +175,10 @@ class MapProblem:
             only, constant = np.zeros((2, *volts.shape), complex)
             only[k], constant[k] = volts[k], 1.0
             found |= {f"gain of harmonic {n}": self._real(only), f"phase of harmonic {n}": self._real(1j * only)}
-            found |= {f"constant in harmonic {n}": self._real(constant), f"constant in quadrature of harmonic {n}": self._real(1j * constant)}
+            found |= {
+                f"constant in harmonic {n}": self._real(constant),
+                f"constant in quadrature of harmonic {n}": self._real(1j * constant),
+            }
 
         def moved(name: str, step: float) -> Array:
             return self.residuals(effects, {**base, name: base[name] + step}, values) - plain

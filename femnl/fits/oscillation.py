@@ -13,7 +13,7 @@ from scipy.interpolate import make_interp_spline
 from femnl.errors import MeasurementError
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Numbers = NDArray[np.inexact]
 Hold = Literal["zero-order", "band-limited"]
 
 STAGES = DOP853.n_stages
@@ -65,7 +65,7 @@ def stages(drive: Array, interval: float, hold: Hold, steps: int = 1) -> Drive:
     return Drive(np.stack([spline(np.minimum(begin + c / steps, time[-1])) for c in C], axis=1), interval, steps)
 
 
-def steps_needed(coefficients: NDArray[np.inexact], largest: float, interval: float) -> int:
+def steps_needed(coefficients: Numbers, largest: float, interval: float) -> int:
     """Return how many steps from sample to sample follow the fastest swing of an oscillator (8,) or (7,) up to y = ±largest.
 
     At most MOST: what swings faster is not sampled.
@@ -90,7 +90,7 @@ def predictable(n: int, decay: float) -> NDArray[np.bool_]:
     return found
 
 
-def free_run(coefficients: NDArray[np.inexact], drive: Drive) -> NDArray[np.inexact]:
+def free_run(coefficients: Numbers, drive: Drive) -> Numbers:
     """Return the output (m, n) at the samples, from rest, for m oscillators under one drive.
 
     ÿ = c₀ (u + c₁) − c₂ (1 + c₃ y²) ẏ − c₄ y − c₅ y² − c₆ y³ − c₇ y⁵
@@ -102,29 +102,30 @@ def free_run(coefficients: NDArray[np.inexact], drive: Drive) -> NDArray[np.inex
         drive: from `stages`, with as many steps as the oscillators need.
     Valid: positive damping, one stable rest state.
     """
-    terms = np.zeros((8, coefficients.shape[1]), dtype=complex)
+    terms = np.zeros((8, coefficients.shape[1]), dtype=coefficients.dtype)
     terms[: len(coefficients)] = coefficients
-    out = _compiled()(terms, drive.held, A, B, drive.interval / drive.steps, drive.steps)
+    h = drive.interval / drive.steps
+    out = _compiled()(terms, drive.held, h * A, h * B, drive.steps)
     out[~(np.abs(out) < DIVERGED)] = DIVERGED
-    return out if np.iscomplexobj(coefficients) else out.real
+    return out
 
 
 @cache
-def _compiled() -> Callable[[Complex, Array, Array, Array, float, int], Complex]:
+def _compiled() -> Callable[[Numbers, Array, Array, Array, int], Numbers]:
     """Return `_steps` as machine code; numba loads where it is first needed."""
     import numba
 
     return numba.njit(error_model="numpy")(_steps)
 
 
-def _steps(coefficients: Complex, held: Array, a: Array, b: Array, h: float, repeat: int) -> Complex:
-    """Return the outputs (m, n); a, b: the method's tables; h: step [s]; repeat: steps from sample to sample."""
+def _steps(coefficients: Numbers, held: Array, a: Array, b: Array, repeat: int) -> Numbers:
+    """Return the outputs (m, n); a, b: the method's tables times the step; repeat: steps from sample to sample."""
     m, n, n_stages = coefficients.shape[1], len(held) // repeat, len(b)
-    out = np.empty((m, n), dtype=np.complex128)
-    y_slope, v_slope = np.empty(n_stages, dtype=np.complex128), np.empty(n_stages, dtype=np.complex128)
+    out = np.empty((m, n), dtype=coefficients.dtype)
+    y_slope, v_slope = np.empty(n_stages, dtype=coefficients.dtype), np.empty(n_stages, dtype=coefficients.dtype)
     for k in range(m):
         gain, offset, damping, nonlinear, stiffness, quadratic, cubic, quintic = coefficients[:, k]
-        y, v = gain * offset / stiffness, 0j
+        y, v = gain * offset / stiffness, 0.0 * gain
         for _ in range(NEWTON):
             left = gain * offset - y * (stiffness + y * (quadratic + y * (cubic + y * y * quintic)))
             y += left / (stiffness + y * (2 * quadratic + y * (3 * cubic + 5 * y * y * quintic)))
@@ -134,12 +135,12 @@ def _steps(coefficients: Complex, held: Array, a: Array, b: Array, h: float, rep
             for i in range(n_stages):
                 x, w = y, v
                 for j in range(i):
-                    x += h * a[i, j] * y_slope[j]
-                    w += h * a[i, j] * v_slope[j]
+                    x += a[i, j] * y_slope[j]
+                    w += a[i, j] * v_slope[j]
                 y_slope[i] = w
                 pull = x * (stiffness + x * (quadratic + x * (cubic + x * x * quintic)))
                 v_slope[i] = gain * (held[step, i] + offset) - damping * (1 + nonlinear * x * x) * w - pull
             for i in range(n_stages):
-                y += h * b[i] * y_slope[i]
-                v += h * b[i] * v_slope[i]
+                y += b[i] * y_slope[i]
+                v += b[i] * v_slope[i]
     return out

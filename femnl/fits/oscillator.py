@@ -10,13 +10,12 @@ from scipy.optimize import leastsq
 
 from femnl.errors import ConvergenceError, MeasurementError, ParameterError
 from femnl.fits.covariance import STEP, covariance, derived
-from femnl.fits.oscillation import EDGE, SPLINE, Array, Drive, Hold, free_run, stages, steps_needed
+from femnl.fits.oscillation import EDGE, SPLINE, Array, Drive, Hold, Numbers, free_run, stages, steps_needed
 from femnl.types.fit import Fit, Parameter
 
 LINEAR = ("mass", "damping", "stiffness")
 TERMS = ("offset", "cubic", "quadratic", "nonlinear_damping")
 CLOSE, MAX_CALLS = 1e-7, 40
-Numbers = NDArray[np.inexact]
 
 
 @dataclass(frozen=True)
