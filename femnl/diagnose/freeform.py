@@ -26,13 +26,18 @@ ITERATIONS = 4
 def free_forms(base: Solution) -> tuple[FreeForm, ...]:
     """Fit every free form that suits the problem of a base model's fit; the best predicting comes first."""
     found = []
-    for effect in extensions(base.model.problem):
-        model = Extended(base.model.problem, (effect,))
-        own, _ = base.model.split(base.vector)
-        solution = fit(model, model.pack(own, [{knob.name: 0.0 for knob in effect.parameters}]))
+    for solution in fitted_forms(base):
+        (effect,) = solution.model.effects
         quality = Quality(solution.chi2 / solution.degrees, leave_out(solution, ITERATIONS).chi2_reduced)
         found.append(FreeForm(effect.sentence, effect.equation, len(effect.parameters), quality))
     return tuple(sorted(found, key=lambda form: form.quality.heldout_chi2_reduced))
+
+
+def fitted_forms(base: Solution) -> list[Solution]:
+    """Return the fit of every free form that suits the problem of a base model's fit."""
+    own, _ = base.model.split(base.vector)
+    models = [Extended(base.model.problem, (effect,)) for effect in extensions(base.model.problem)]
+    return [fit(model, model.pack(own, [{knob.name: 0.0 for knob in model.effects[0].parameters}])) for model in models]
 
 
 def extensions(problem: Problem) -> list[Effect]:

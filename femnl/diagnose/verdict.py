@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femnl.diagnose.fit import Unseen
+from femnl.diagnose.freeform import fitted_forms
 from femnl.diagnose.search import FALSE_ALARMS, PER_CAUSE, Candidate
 from femnl.types.diagnosis import Verdict
 
@@ -38,10 +39,12 @@ def judge(found: list[Candidate]) -> Judgement:
     share = {c.names: float(s) for c, s in zip(found, shares / shares.sum(), strict=True)}
     if base.p_value >= FALSE_ALARMS:
         return Judgement("adequate", base, (), share)
-    scatter = _scatter(base)
     # A set is no explanation with a cause in it that the evidence does not ask for.
     worth = [c for c in tried if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in tried)]
-    likely = [c for c in worth if c.viable and (len(c.names) == 1 or c.weight > scatter)]
+    likely = [c for c in worth if c.viable]
+    if any(len(c.names) > 1 for c in likely):
+        unknown = max(_scatter(base), _smooth(base) - float(np.log(CLEAR / (1 - CLEAR))))
+        likely = [c for c in likely if len(c.names) == 1 or c.weight > unknown]
     # What fits all the data together, but not each part by what the others say, is bent to them and no cause.
     viable = [c for c in sorted(likely, key=lambda c: -c.weight)[: 1 + RIVALS] if c.solution.unseen.p_value >= c.least]
     if base.viable and all(c.weight <= base.weight for c in viable):
@@ -73,6 +76,14 @@ def _scatter(base: Candidate) -> float:
     chi2, d = base.solution.chi2, base.solution.degrees
     size = float(np.log(np.sqrt(np.pi / d) / np.log(SCATTERED)))
     return base.weight + (chi2 - d) / 2 - d / 2 * float(np.log(chi2 / d)) + size + 2 * float(np.log(PER_CAUSE))
+
+
+def _smooth(base: Candidate) -> float:
+    """Logarithm of evidence times prior odds of one unknown cause of the free form that suits best, which a combination must not be behind.
+
+    Several flexible causes together can imitate one that is missing, but with more parameters than its own form has.
+    """
+    return max((s.log_evidence for s in fitted_forms(base.solution)), default=-np.inf) + 2 * float(np.log(PER_CAUSE))
 
 
 def _ties(candidate: Candidate, best: Candidate) -> bool:
