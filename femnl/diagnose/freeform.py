@@ -19,6 +19,8 @@ OTHERS = range(1, 7)
 """Modes that a free shape is made of beside the driven one."""
 POWERS = range(1, 4)
 """Powers of the polynomials that a series or a readout may follow."""
+TOUCH = 0.01
+"""Part of their bounds by which the numbers of a form are moved to see whether it moves the data at all."""
 ITERATIONS = 4
 """Iterations of the fits that leave a block out; they start at the whole fit."""
 
@@ -34,10 +36,17 @@ def free_forms(base: Solution) -> tuple[FreeForm, ...]:
 
 
 def fitted_forms(base: Solution) -> list[Solution]:
-    """Return the fit of every free form that suits the problem of a base model's fit."""
+    """Return the fit of every free form that suits the problem of a base model's fit and moves its data."""
     own, _ = base.model.split(base.vector)
-    models = [Extended(base.model.problem, (effect,)) for effect in extensions(base.model.problem)]
-    return [fit(model, model.pack(own, [{knob.name: 0.0 for knob in model.effects[0].parameters}])) for model in models]
+    found = []
+    for effect in extensions(base.model.problem):
+        model = Extended(base.model.problem, (effect,))
+        start = model.pack(own, [{knob.name: 0.0 for knob in effect.parameters}])
+        moved = start.copy()
+        moved[-len(effect.parameters) :] = TOUCH * model.bounds[1][-len(effect.parameters) :]
+        if not np.array_equal(model.residuals(moved), base.residuals):
+            found.append(fit(model, start))
+    return found
 
 
 def extensions(problem: Problem) -> list[Effect]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femnl.diagnose.problem import Named, Ranked, apply
 from femnl.errors import MeasurementError
 from femnl.fits.oscillation import SETTLED, free_run, predictable, stages, steps_needed
-from femnl.fits.oscillator import fit_oscillator, simulate_oscillator
+from femnl.fits.oscillator import fit_oscillator, settled, simulate_oscillator
 from femnl.measurement import noise_sd
 from femnl.types.comparison import Comparison, Curve, Curves
 from femnl.types.effect import Effect, Kind, Knob, Values
@@ -21,6 +21,8 @@ BLOCKS = 6
 """Stretches of the record that are held out one by one."""
 MOST = 20_000
 """Samples that are compared; all are simulated."""
+LEAST = 100
+"""Samples without which there is nothing to compare."""
 REMEMBERED = 0.1
 """Part of σ by which a prediction may depend on what the record began with."""
 DRAWN = 400
@@ -46,8 +48,9 @@ class OscillationProblem:
             raise MeasurementError(f"trace: {dataset.sizes['step']} records of drive and output; diagnose them one file each")
         drive, output = dataset["drive_voltage"].values[0], dataset["voltage"].values[0]
         self._interval = float(np.median(np.diff(dataset["time"].values)))
-        linear = fit_oscillator(drive, output, 1 / self._interval, ("offset",))
-        cubic = fit_oscillator(drive, output, 1 / self._interval, ("offset", "cubic"), start=linear)
+        usable = settled(drive, output, 1 / self._interval)
+        linear = fit_oscillator(drive, output, 1 / self._interval, ("offset",), fitted=usable)
+        cubic = fit_oscillator(drive, output, 1 / self._interval, ("offset", "cubic"), fitted=usable, start=linear)
         self.noise, note = noise_sd(dataset)
         frequency, width = cubic["frequency"], cubic["frequency"] / cubic["quality_factor"]
         alpha, square = cubic["alpha"], (2 * np.pi * frequency) ** 2
@@ -61,8 +64,14 @@ class OscillationProblem:
         runs = [free_run(terms[:, None], held)[0] for held in (self._drive, stages(other, self._interval, "band-limited", steps))]
         remembered = np.flatnonzero(usable & (np.abs(runs[1] - runs[0]) > REMEMBERED * self.noise))
         if len(remembered):
-            usable[: min(int(remembered[-1]) + 1, length * 3 // 4)] = False
-        short = SETTLED / decay > length / 2 or (len(remembered) > 0 and remembered[-1] >= length * 3 // 4)
+            usable[: int(remembered[-1]) + 1] = False
+        left = np.count_nonzero(usable)
+        if left < LEAST:
+            raise MeasurementError(
+                f"trace: {left} of {length} samples do not depend on what the record began with, with the forces that come closest; "
+                f"{LEAST} are needed: give a longer record, or one of a weaker drive"
+            )
+        short = SETTLED / decay > length / 2
         self._at = np.flatnonzero(usable)[:: -(-np.count_nonzero(usable) // MOST)]
         self._output = np.asarray(output[self._at], float)
         largest = float(np.abs(self._output).max())
@@ -76,11 +85,11 @@ class OscillationProblem:
         )
         self.start = np.array([frequency, width, cubic["stiffness"], cubic["offset"], alpha])
         self.facts: Mapping[str, float] = {"slope": 1 / largest, "curvature": largest**-2, "curvature_square": largest**-4}
-        left = [float(np.std((simulate_oscillator(fit, drive, 1 / self._interval) - output)[self._at])) for fit in (linear, cubic)]
+        rms = [float(np.std((simulate_oscillator(fit, drive, 1 / self._interval) - output)[self._at])) for fit in (linear, cubic)]
         self.notes: tuple[str, ...] = (
             f"trace: {note}",
-            f"trace: a free run from the drive alone; a linear oscillator leaves {left[0]:.3g} V rms, and the cubic term of the base model "
-            f"lowers that to {left[1]:.3g} V; volts of the output stand for metres",
+            f"trace: a free run from the drive alone; a linear oscillator leaves {rms[0]:.3g} V rms, and the cubic term of the base model "
+            f"lowers that to {rms[1]:.3g} V; volts of the output stand for metres",
             f"trace: {len(self._at)} of {length} samples are compared, from {self._at[0] * self._interval:.3g} s on; earlier ones may keep "
             "motion from before the record"
             + (", and in so short a record later ones, too: what deviates may come from there" if short else ""),

@@ -52,8 +52,8 @@ def stages(drive: Array, interval: float, hold: Hold, steps: int = 1) -> Drive:
     smooth signal through the samples, as where the drive was itself recorded through an anti-aliasing filter; spline of high degree.
     Raises: MeasurementError for gaps, or fewer samples than the spline needs.
     """
-    if not np.all(np.isfinite(drive)):
-        missing = np.count_nonzero(~np.isfinite(drive))
+    missing = np.count_nonzero(~np.isfinite(drive))
+    if missing:
         raise MeasurementError(f"drive: {missing} of {len(drive)} samples are missing; give it without gaps, each acts on all that follows")
     if hold == "zero-order":
         return Drive(np.repeat(drive, STAGES * steps).reshape(-1, STAGES), interval, steps)

@@ -5,17 +5,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import make_interp_spline
+from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import leastsq
 
 from femnl.errors import ConvergenceError, MeasurementError, ParameterError
 from femnl.fits.covariance import STEP, covariance, derived
-from femnl.fits.oscillation import EDGE, SPLINE, Array, Drive, Hold, Numbers, free_run, stages, steps_needed
+from femnl.fits.oscillation import EDGE, Array, Drive, Hold, Numbers, free_run, predictable, stages, steps_needed
 from femnl.types.fit import Fit, Parameter
 
 LINEAR = ("mass", "damping", "stiffness")
 TERMS = ("offset", "cubic", "quadratic", "nonlinear_damping")
 CLOSE, MAX_CALLS = 1e-7, 40
+# Width of the Gaussian by which the equation is smoothed, and where it is cut off, in samples: below a seventh of the sampling rate it
+# leaves more than two thirds, and of noise near half that rate a thousandth.
+SMOOTH, REACH = 1.2, 10
 
 
 @dataclass(frozen=True)
@@ -85,7 +88,8 @@ def fit_oscillator(
     if len(names) > len(LINEAR):
         starts.append(_equation_start(names, u, y, chosen, interval))
         record = replace(record, drive=stages(u, interval, hold, _steps(names, starts[-1], y[chosen], interval)))
-    values = _descend(names, min(starts, key=lambda first: float(np.sum(_left(names, first, record) ** 2))), record)
+    ends = [_descend(names, values, record) for values in starts]
+    values = min(ends, key=lambda end: float(np.sum(_left(names, end, record) ** 2)))
     damping, stiffness = values[1:3] / values[0]
     if not (damping > 0 and 0 < stiffness < (np.pi / interval) ** 2):
         raise ConvergenceError(
@@ -119,6 +123,13 @@ def simulate_oscillator(fit: Fit, drive: ArrayLike, sampling_rate: float, *, hol
         run = free_run(_coefficients(names, values[:, None]), stages(u, interval, hold, steps))[0]
         needed = _steps(names, values, run, interval)
     return np.asarray(run)
+
+
+def settled(drive: Array, output: Array, sampling_rate: float) -> NDArray[np.bool_]:
+    """Return which samples (n,) are known and predicted by a free run, as far as the linear oscillator tells; see `predictable`."""
+    known = np.isfinite(output) & np.isfinite(drive)
+    mass, damping, _ = linear_start(drive[known], output[known], 1 / sampling_rate)
+    return known & predictable(len(output), damping / mass / (2 * sampling_rate))
 
 
 def _steps(names: Sequence[str], values: Array, output: Array, interval: float) -> int:
@@ -163,16 +174,29 @@ def _descend(names: Sequence[str], values: Array, record: _Record) -> Array:
 
 
 def _equation_start(names: Sequence[str], u: Array, y: Array, chosen: NDArray[np.bool_], interval: float) -> Array:
-    """Return the parameters that fulfil the equation at the samples best, with the derivatives of a spline through the output.
+    """Return the parameters that fulfil the equation best, smoothed by a Gaussian: its derivatives take the place of the output's.
 
-    Noise of the derivatives biases them, so they serve only where the free run from them is the closest: under strong forces of third
-    order its error has many minima, and the linear oscillator lies behind a barrier.
+    So noise is not differentiated, but it biases what it is multiplied with, and this serves as a start alone: under strong forces of third
+    order the error of a free run has many minima, and the linear oscillator lies behind a barrier.
     """
     time, known = np.arange(len(y)), np.isfinite(y)
-    motion = make_interp_spline(time, np.interp(time, time[known], y[known]), k=SPLINE)
-    x, v, a = (motion(time[chosen], order) / interval**order for order in range(3))
-    columns = dict(zip((*LINEAR, *TERMS), (a, v, x, -np.ones_like(x), x**3, x**2, x**2 * v), strict=True))
-    values = np.asarray(np.linalg.lstsq(np.column_stack([columns[name] for name in names]), u[chosen], rcond=None)[0], dtype=float)
+    whole = np.interp(time, time[known], y[known])
+
+    def smooth(values: Array, order: int = 0) -> Array:
+        return np.asarray(gaussian_filter1d(values, SMOOTH, order=order, truncate=REACH / SMOOTH)[inside] / interval**order)
+
+    inside = chosen & (time >= REACH) & (time < len(y) - REACH)
+    cube = whole**3
+    columns = {
+        "mass": smooth(whole, 2),
+        "damping": smooth(whole, 1),
+        "stiffness": smooth(whole),
+        "offset": -np.ones(np.count_nonzero(inside)),
+        "cubic": smooth(cube),
+        "quadratic": smooth(whole**2),
+        "nonlinear_damping": smooth(cube, 1) / 3,
+    }
+    values = np.asarray(np.linalg.lstsq(np.column_stack([columns[name] for name in names]), smooth(u), rcond=None)[0], dtype=float)
     if "nonlinear_damping" in names:
         values[names.index("nonlinear_damping")] /= values[1]
     return values

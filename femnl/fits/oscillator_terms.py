@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 
 from femnl.errors import MeasurementError
-from femnl.fits.oscillation import Array, predictable
-from femnl.fits.oscillator import fit_oscillator, linear_start, simulate_oscillator
+from femnl.fits.oscillation import Array
+from femnl.fits.oscillator import fit_oscillator, settled, simulate_oscillator
 from femnl.types.fit import Fit
 
 ORDER = ("offset", "cubic", "quadratic", "nonlinear_damping")
@@ -31,7 +31,7 @@ def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsF
     """Fit the oscillator of a `trace` with its drive: linear, then with offset, k₃, k₂ and η added one after the other.
 
     The record need not begin at rest: its first decay times are simulated but neither fitted nor counted, nor are its last samples, see
-    `predictable`.
+    `settled`.
     Args: dataset of kind `trace`, one step, with `drive_voltage`; held_out: samples that no fit sees.
     Returns: the models by rising number of terms.
     Raises: MeasurementError without a drive, with several steps, or with fewer than 100 samples left to fit or to test.
@@ -43,9 +43,7 @@ def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsF
         )
     drive, output = dataset["drive_voltage"].values[0], dataset["voltage"].values[0]
     rate = float(1 / np.median(np.diff(dataset["time"].values)))
-    known = np.isfinite(output) & np.isfinite(drive)
-    mass, damping, _ = linear_start(drive[known], output[known], 1 / rate)
-    counted = known & predictable(len(output), damping / mass / (2 * rate))
+    counted = settled(drive, output, rate)
     test = np.zeros_like(counted)
     if held_out is not None:
         test[held_out] = True
