@@ -7,24 +7,31 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from femnl.diagnose.problem import Named, Ranked, apply
+from femnl.diagnose.fit import fit
+from femnl.diagnose.problem import Extended, Named, Ranked, apply
 from femnl.errors import MeasurementError
-from femnl.fits.oscillation import SETTLED, free_run, predictable, stages, steps_needed
-from femnl.fits.oscillator import fit_oscillator, settled, simulate_oscillator
+from femnl.fits.oscillation import EDGE, Drive, Numbers, free_run, stages, steps_needed
+from femnl.fits.oscillator import LINEAR, begun, equation_start, fit_oscillator, settled, simulate_oscillator
 from femnl.measurement import noise_sd
 from femnl.types.comparison import Comparison, Curve, Curves
 from femnl.types.effect import Effect, Kind, Knob, Values
+from femnl.types.fit import Fit
 from femnl.types.readout import Array
 from femnl.types.scene import Equation
 
 BLOCKS = 6
 """Stretches of the record that are held out one by one."""
+LEAST = 100
+"""Samples that the linear oscillator is fitted to; where fewer have forgotten the begin, all are."""
 MOST = 20_000
 """Samples that are compared; all are simulated."""
-LEAST = 100
-"""Samples without which there is nothing to compare."""
-REMEMBERED = 0.1
-"""Part of σ by which a prediction may depend on what the record began with."""
+STEP = 1e-30
+HOPELESS = 0.3
+"""Part of the output's rms that is left where the base model has nothing to do with it."""
+FOLLOWED = 1.2
+"""Times σ that are left where the base model follows the record after all."""
+HORIZONS = 0.8 ** np.arange(15)[::-1]
+"""Parts of the record that the base model is fitted to one after the other: over a short time a strong motion has fewer minima."""
 DRAWN = 400
 """Samples that are drawn."""
 RANGES = {"kappa2": ("V^-1", 1.0, "slope"), "eta": ("V^-2", 100.0, "curvature"), "alpha5": ("V^-4", 1.0, "curvature_square")}
@@ -34,7 +41,7 @@ RANGES = {"kappa2": ("V^-1", 1.0, "slope"), "eta": ("V^-2", 100.0, "curvature"),
 class OscillationProblem:
     """Residuals of the free run ÿ + γ(1 + ηy²)ẏ + ω₀²(y + κ₂y² + αy³ + α₅y⁵) = ω₀²(u + u₀)/k; see `Problem`.
 
-    y is the output and u the drive, in V: the measured output never enters the simulation.
+    y is the output and u the drive, in V: the measured output never enters the simulation. What it begins with is fitted.
     """
 
     kind: Kind = "trace"
@@ -48,52 +55,74 @@ class OscillationProblem:
             raise MeasurementError(f"trace: {dataset.sizes['step']} records of drive and output; diagnose them one file each")
         drive, output = dataset["drive_voltage"].values[0], dataset["voltage"].values[0]
         self._interval = float(np.median(np.diff(dataset["time"].values)))
-        usable = settled(drive, output, 1 / self._interval)
-        linear = fit_oscillator(drive, output, 1 / self._interval, ("offset",), fitted=usable)
-        cubic = fit_oscillator(drive, output, 1 / self._interval, ("offset", "cubic"), fitted=usable, start=linear)
+        late = settled(drive, output, 1 / self._interval)
+        late = late if np.count_nonzero(late) >= LEAST else np.isfinite(output)
+        linear = fit_oscillator(drive, output, 1 / self._interval, ("offset",), fitted=late)
         self.noise, note = noise_sd(dataset)
-        frequency, width = cubic["frequency"], cubic["frequency"] / cubic["quality_factor"]
-        alpha, square = cubic["alpha"], (2 * np.pi * frequency) ** 2
-        terms = np.array([square / cubic["stiffness"], cubic["offset"], 2 * np.pi * width, 0, square, 0, square * alpha, 0])
-        steps = steps_needed(terms, float(np.nanmax(np.abs(output))), self._interval)
-        self._drive = stages(drive, self._interval, "band-limited", steps)
-        decay, length = np.pi * width * self._interval, len(output)
-        usable = np.isfinite(output) & predictable(length, decay)
-        # Strong forces can be unstable on the way, and hand on what the record began with for longer: another begin shows how long.
-        other = np.where(np.arange(len(drive)) < np.argmax(usable) // 4, 0.0, drive)
-        runs = [free_run(terms[:, None], held)[0] for held in (self._drive, stages(other, self._interval, "band-limited", steps))]
-        remembered = np.flatnonzero(usable & (np.abs(runs[1] - runs[0]) > REMEMBERED * self.noise))
-        if len(remembered):
-            usable[: int(remembered[-1]) + 1] = False
-        left = np.count_nonzero(usable)
-        if left < LEAST:
-            raise MeasurementError(
-                f"trace: {left} of {length} samples do not depend on what the record began with, with the forces that come closest; "
-                f"{LEAST} are needed: give a longer record, or one of a weaker drive"
-            )
-        short = SETTLED / decay > length / 2
+        begin = begun(output, self._interval)
+        (mass, damping, stiffness, offset, cubic), self._drive = self._nearest(drive, output, linear, begin)
+        frequency, width, alpha = np.sqrt(stiffness / mass) / (2 * np.pi), damping / mass / (2 * np.pi), cubic / stiffness
+        length = len(output)
+        usable = np.isfinite(output)
+        usable[:EDGE] = usable[length - EDGE :] = False  # the drive's spline ends there
         self._at = np.flatnonzero(usable)[:: -(-np.count_nonzero(usable) // MOST)]
         self._output = np.asarray(output[self._at], float)
         largest = float(np.abs(self._output).max())
-        stiff = min(cubic["stiffness"] / 5, 5 * cubic["stiffness"]), max(cubic["stiffness"] / 5, 5 * cubic["stiffness"])
+        stiff = sorted((stiffness / 5, 5 * stiffness))
         self.base: tuple[Knob, ...] = (
             Knob("frequency", "Hz", frequency / 2, 2 * frequency),
             Knob("linewidth", "Hz", width / 10, 10 * width),
             Knob("stiffness", "V/V", *stiff),
             Knob("offset", "V", -float(np.ptp(drive)), float(np.ptp(drive))),
+            Knob("begin", "V", -2 * largest, 2 * largest),
+            Knob("begin_speed", "V/s", -4 * np.pi * frequency * largest, 4 * np.pi * frequency * largest),
             Knob("alpha", "V^-2", -5 / largest**2 - abs(alpha), 5 / largest**2 + abs(alpha)),
         )
-        self.start = np.array([frequency, width, cubic["stiffness"], cubic["offset"], alpha])
+        self.start = np.array([frequency, width, stiffness, offset, *begin, alpha])
         self.facts: Mapping[str, float] = {"slope": 1 / largest, "curvature": largest**-2, "curvature_square": largest**-4}
-        rms = [float(np.std((simulate_oscillator(fit, drive, 1 / self._interval) - output)[self._at])) for fit in (linear, cubic)]
+        for part in HORIZONS:
+            self.start = fit(Extended(self), self.start, self._at < length * part).vector
+        base, _ = Extended(self).split(self.start)
+        left = self.noise * float(np.std(self.residuals((), base, ())))
+        moved = float(np.std(self._output))
+        if left > HOPELESS * moved:
+            raise MeasurementError(
+                f"trace: no oscillator with a cubic force follows the output: of {moved:.3g} V rms {left:.3g} V are left; check that drive and "
+                "output belong together and run at the same time, or give a record of a weaker drive"
+            )
+        # The derivative by the begin: in a chaotic motion it grows, and a model that is a little wrong follows that nowhere.
+        grown = float(np.abs(self._run(base, (), (), 1j * STEP).imag).max()) / STEP
+        if left > FOLLOWED * self.noise and grown * left > largest:
+            raise MeasurementError(
+                f"trace: with the forces that come closest the motion is chaotic: changes of its begin grow {grown:.2g} times, and the "
+                f"{left:.2g} V that are left to more than the motion; give a record of a weaker drive"
+            )
+        linearly = float(np.nanstd((simulate_oscillator(linear, drive, 1 / self._interval) - output)[late]))
         self.notes: tuple[str, ...] = (
             f"trace: {note}",
-            f"trace: a free run from the drive alone; a linear oscillator leaves {rms[0]:.3g} V rms, and the cubic term of the base model "
-            f"lowers that to {rms[1]:.3g} V; volts of the output stand for metres",
-            f"trace: {len(self._at)} of {length} samples are compared, from {self._at[0] * self._interval:.3g} s on; earlier ones may keep "
-            "motion from before the record"
-            + (", and in so short a record later ones, too: what deviates may come from there" if short else ""),
+            f"trace: a free run from the drive alone; a linear oscillator that begins at rest leaves {linearly:.3g} V rms, and the "
+            f"cubic term of the base model lowers that to {left:.3g} V; volts of the output stand for metres",
+            f"trace: {len(self._at)} of {length} samples are compared; y and its speed at the first one are fitted",
         )
+
+    def _nearest(self, drive: Array, output: Array, linear: Fit, begin: Array) -> tuple[Array, Drive]:
+        """Return mass, damping, stiffness, offset and cubic term that follow the record's first part best, and the drive in their steps."""
+        names = (*LINEAR, "offset", "cubic")
+        first = slice(EDGE, max(int(HORIZONS[0] * len(output)), 3 * EDGE))
+        found = []
+        for values in (
+            equation_start(names, drive, output, self._interval),
+            np.array([linear[name] if name != "cubic" else 0.0 for name in names]),
+        ):
+            mass, damping, stiffness, offset, cubic = values
+            if damping / mass > 0 and stiffness / mass > 0:  # noise turns the equation round where the forces are weak
+                terms = np.array([1 / mass, offset, damping / mass, 0, stiffness / mass, 0, cubic / mass, 0])
+                steps = steps_needed(terms, float(np.nanmax(np.abs(output))), self._interval)
+                held = stages(drive, self._interval, "band-limited", steps)
+                left = free_run(terms[:, None], held, begin[:, None])[0] - output
+                found.append((float(np.nansum(left[first] ** 2)), values, held))
+        _, values, held = min(found, key=lambda one: one[0])
+        return values, held
 
     def pool(self, library: Iterable[Effect]) -> list[Effect]:
         """Return the effects on the forces, with the ranges and units of their parameters in volts of the output."""
@@ -114,12 +143,18 @@ class OscillationProblem:
 
     def predict(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return the output [V] at the samples compared."""
+        return np.asarray(self._run(base, effects, values), float)
+
+    def _run(self, base: Values, effects: Sequence[Effect], values: Sequence[Values], shift: complex = 0.0) -> Numbers:
+        """Return the output [V] at the samples compared; from a begin that is shifted [V] where asked for."""
         forces = apply("equation", Equation(0.0, base["alpha"], 0.0, 0.0), effects, values)
         square = (2 * np.pi * base["frequency"]) ** 2
         shares = np.array([1.0, forces.quadratic, forces.cubic, forces.quintic]) * square
         loss = [2 * np.pi * base["linewidth"], forces.damping]
-        terms = np.array([square / base["stiffness"], base["offset"], *loss, *shares])
-        return np.asarray(free_run(terms[:, None], self._drive)[0, self._at])
+        begin = np.array([[base["begin"] + shift], [base["begin_speed"]]])
+        terms = np.array([square / base["stiffness"], base["offset"], *loss, *shares], dtype=begin.dtype)
+        run: Numbers = free_run(terms[:, None], self._drive, begin)[0, self._at]
+        return run
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (output − free run)/σ."""

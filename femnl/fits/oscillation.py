@@ -90,45 +90,53 @@ def predictable(n: int, decay: float) -> NDArray[np.bool_]:
     return found
 
 
-def free_run(coefficients: Numbers, drive: Drive) -> Numbers:
-    """Return the output (m, n) at the samples, from rest, for m oscillators under one drive.
+def free_run(coefficients: Numbers, drive: Drive, begin: Numbers | None = None) -> Numbers:
+    """Return the output (m, n) at the samples for m oscillators under one drive.
 
     ÿ = c₀ (u + c₁) − c₂ (1 + c₃ y²) ẏ − c₄ y − c₅ y² − c₆ y³ − c₇ y⁵
 
-    Steps of the eighth-order Dormand–Prince method, compiled at the first call. At rest the forces hold the offset: c₀ c₁ = c₄ y + ….
+    Steps of the eighth-order Dormand–Prince method, compiled at the first call.
 
     Args:
         coefficients: (8, m), or (7, m) without the last; complex ones carry a derivative on the imaginary part.
         drive: from `stages`, with as many steps as the oscillators need.
+        begin: y and ẏ (2, m) at the first sample; at rest unless given, where the forces hold the offset, c₀ c₁ = c₄ y + c₅ y² + ….
     Valid: positive damping, one stable rest state.
     """
     terms = np.zeros((8, coefficients.shape[1]), dtype=coefficients.dtype)
     terms[: len(coefficients)] = coefficients
     h = drive.interval / drive.steps
-    out = _compiled()(terms, drive.held, h * A, h * B, drive.steps)
+    out = _compiled()(terms, _rest(terms) if begin is None else begin, drive.held, h * A, h * B, drive.steps)
     out[~(np.abs(out) < DIVERGED)] = DIVERGED
     return out
 
 
+def _rest(terms: Numbers) -> Numbers:
+    """Return y and ẏ (2, m) at rest."""
+    gain, offset, _, _, stiffness, quadratic, cubic, quintic = terms
+    y = gain * offset / stiffness
+    for _ in range(NEWTON):
+        left = gain * offset - y * (stiffness + y * (quadratic + y * (cubic + y * y * quintic)))
+        y = y + left / (stiffness + y * (2 * quadratic + y * (3 * cubic + 5 * y * y * quintic)))
+    return np.stack([y, np.zeros_like(y)])
+
+
 @cache
-def _compiled() -> Callable[[Numbers, Array, Array, Array, int], Numbers]:
+def _compiled() -> Callable[[Numbers, Numbers, Array, Array, Array, int], Numbers]:
     """Return `_steps` as machine code; numba loads where it is first needed."""
     import numba
 
     return numba.njit(error_model="numpy")(_steps)
 
 
-def _steps(coefficients: Numbers, held: Array, a: Array, b: Array, repeat: int) -> Numbers:
+def _steps(coefficients: Numbers, begin: Numbers, held: Array, a: Array, b: Array, repeat: int) -> Numbers:
     """Return the outputs (m, n); a, b: the method's tables times the step; repeat: steps from sample to sample."""
     m, n, n_stages = coefficients.shape[1], len(held) // repeat, len(b)
     out = np.empty((m, n), dtype=coefficients.dtype)
     y_slope, v_slope = np.empty(n_stages, dtype=coefficients.dtype), np.empty(n_stages, dtype=coefficients.dtype)
     for k in range(m):
         gain, offset, damping, nonlinear, stiffness, quadratic, cubic, quintic = coefficients[:, k]
-        y, v = gain * offset / stiffness, 0.0 * gain
-        for _ in range(NEWTON):
-            left = gain * offset - y * (stiffness + y * (quadratic + y * (cubic + y * y * quintic)))
-            y += left / (stiffness + y * (2 * quadratic + y * (3 * cubic + 5 * y * y * quintic)))
+        y, v = begin[0, k], begin[1, k]
         for step in range(n * repeat):
             if step % repeat == 0:
                 out[k, step // repeat] = y
