@@ -87,8 +87,8 @@ class OscillationProblem:
         moved = float(np.std(self._output))
         if left > HOPELESS * moved:
             raise MeasurementError(
-                f"trace: no oscillator with a cubic force follows the output: of {moved:.3g} V rms {left:.3g} V are left; check that drive and "
-                "output belong together and run at the same time, or give a record of a weaker drive"
+                f"trace: no oscillator with a cubic force follows the output: of {moved:.3g} V rms {left:.3g} V are left; check that drive "
+                "and output belong together and run at the same time, or give a record of a weaker drive"
             )
         # The derivative by the begin: in a chaotic motion it grows, and a model that is a little wrong follows that nowhere.
         grown = float(np.abs(self._run(base, (), (), 1j * STEP).imag).max()) / STEP
