@@ -24,8 +24,9 @@ SETTLED = 24.0
 SPLINE = 13
 # Samples at the record's ends over which the spline feels that the drive is not known further, down to those parts.
 EDGE = 32
-# Phase [rad] of the fastest swing by which one step may go on: it errs by less than 1e-5 of the amplitude.
-REACH = 1.0
+# Phase [rad] of the fastest swing by which one step may go on: it errs by less than 1e-6 of the amplitude. By 1e-5, as at 1 rad, would not
+# do: strong motions multiply it.
+REACH = 0.7
 MOST = 8
 # Steps of Newton's method to the rest state.
 NEWTON = 8
