@@ -99,6 +99,9 @@ def solve_bow(
     found, peak = grades[0], modes.peak_error
     bow = peak[shape] if depth is not None else 0.0
 
+    rise = np.abs(found.rise - 1)
+    risen = np.multiply(rise, bow, out=np.zeros_like(rise), where=rise > 0)  # no rise is exact, even where the bow's error is not known
+
     def error(name: str, power: int, bows: int) -> Array:
         """Of a coefficient that goes with max|ξ| to a power, and with the depth to another."""
         if len(grades) < 2:
@@ -117,7 +120,7 @@ def solve_bow(
         found.k3,
         found.alpha,
         found.shapes,
-        modes.frequency_error * found.rise + modes.frequency * (error("rise", 0, 0) + 2 * np.abs(found.rise - 1) * bow),
+        modes.frequency_error * found.rise + modes.frequency * (error("rise", 0, 0) + 2 * risen),
         error("k2", 3, 1),
         error("k3", 4, 0),
         error("alpha", 2, 0),

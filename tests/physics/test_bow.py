@@ -225,6 +225,12 @@ def test_a_bow_of_nothing_leaves_the_flat_film(square: Modes) -> None:
         assert np.all(np.abs(found.k2) < 1e-9 * flat.k3 * 1e-6)
 
 
+def test_a_bow_of_nothing_has_infinite_bars_where_one_degree_was_solved(square: Modes) -> None:
+    # The rise is then zero to the last digit or nearly so, as rounding has it; neither times infinity may become no number.
+    found = solve_bow(replace(square, coarse=None), depth=0.0)
+    assert np.all(np.isinf(found.frequency_error))
+
+
 def test_a_low_pressure_bends_the_square_as_prandtls_membrane(square: Modes) -> None:
     # w(0) = 0.0736713 pL²/T, Timoshenko & Goodier, Theory of Elasticity, section 109.
     assert solve_bow(square, pressure=1.0).depth == pytest.approx(0.0736713 * SIDE**2 / TENSION, rel=2e-6)
