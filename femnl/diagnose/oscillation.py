@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from femnl.diagnose.fit import fit
 from femnl.diagnose.problem import Extended, Named, Ranked, apply
 from femnl.errors import MeasurementError
-from femnl.fits.oscillation import EDGE, Numbers, free_run, stages, steps_needed
-from femnl.fits.oscillator import fit_oscillator, settled, simulate_oscillator
+from femnl.fits.oscillation import EDGE, Drive, Numbers, free_run, stages, steps_needed
+from femnl.fits.oscillator import LINEAR, begun, equation_start, fit_oscillator, settled, simulate_oscillator
 from femnl.measurement import noise_sd
 from femnl.types.comparison import Comparison, Curve, Curves
 from femnl.types.effect import Effect, Kind, Knob, Values
+from femnl.types.fit import Fit
 from femnl.types.readout import Array
 from femnl.types.scene import Equation
 
@@ -58,32 +59,28 @@ class OscillationProblem:
         late = late if np.count_nonzero(late) >= LEAST else np.isfinite(output)
         linear = fit_oscillator(drive, output, 1 / self._interval, ("offset",), fitted=late)
         self.noise, note = noise_sd(dataset)
-        stiffness, frequency = linear["stiffness"], linear["frequency"]
-        width = frequency / linear["quality_factor"]
+        begin = begun(output, self._interval)
+        (mass, damping, stiffness, offset, cubic), self._drive = self._nearest(drive, output, linear, begin)
+        frequency, width, alpha = np.sqrt(stiffness / mass) / (2 * np.pi), damping / mass / (2 * np.pi), cubic / stiffness
         length = len(output)
         usable = np.isfinite(output)
         usable[:EDGE] = usable[length - EDGE :] = False  # the drive's spline ends there
         self._at = np.flatnonzero(usable)[:: -(-np.count_nonzero(usable) // MOST)]
         self._output = np.asarray(output[self._at], float)
         largest = float(np.abs(self._output).max())
-        low, high = sorted((stiffness / 5, 5 * stiffness))
+        stiff = sorted((stiffness / 5, 5 * stiffness))
         self.base: tuple[Knob, ...] = (
             Knob("frequency", "Hz", frequency / 2, 2 * frequency),
             Knob("linewidth", "Hz", width / 10, 10 * width),
-            Knob("stiffness", "V/V", low, high),
+            Knob("stiffness", "V/V", *stiff),
             Knob("offset", "V", -float(np.ptp(drive)), float(np.ptp(drive))),
             Knob("begin", "V", -2 * largest, 2 * largest),
             Knob("begin_speed", "V/s", -4 * np.pi * frequency * largest, 4 * np.pi * frequency * largest),
-            Knob("alpha", "V^-2", -5 / largest**2, 5 / largest**2),
+            Knob("alpha", "V^-2", -5 / largest**2 - abs(alpha), 5 / largest**2 + abs(alpha)),
         )
-        self.start = np.array([frequency, width, stiffness, linear["offset"], 0.0, 0.0, 0.0])
+        self.start = np.array([frequency, width, stiffness, offset, *begin, alpha])
         self.facts: Mapping[str, float] = {"slope": 1 / largest, "curvature": largest**-2, "curvature_square": largest**-4}
-        self._drive = stages(drive, self._interval, "band-limited")
         for part in HORIZONS:
-            base, _ = Extended(self).split(self.start)
-            steps = steps_needed(self._terms(base, (), ()), largest, self._interval)
-            if steps != self._drive.steps:
-                self._drive = stages(drive, self._interval, "band-limited", steps)
             self.start = fit(Extended(self), self.start, self._at < length * part).vector
         base, _ = Extended(self).split(self.start)
         left = self.noise * float(np.std(self.residuals((), base, ())))
@@ -108,6 +105,25 @@ class OscillationProblem:
             f"trace: {len(self._at)} of {length} samples are compared; y and its speed at the first one are fitted",
         )
 
+    def _nearest(self, drive: Array, output: Array, linear: Fit, begin: Array) -> tuple[Array, Drive]:
+        """Return mass, damping, stiffness, offset and cubic term that follow the record's first part best, and the drive in their steps."""
+        names = (*LINEAR, "offset", "cubic")
+        first = slice(EDGE, max(int(HORIZONS[0] * len(output)), 3 * EDGE))
+        found = []
+        for values in (
+            equation_start(names, drive, output, self._interval),
+            np.array([linear[name] if name != "cubic" else 0.0 for name in names]),
+        ):
+            mass, damping, stiffness, offset, cubic = values
+            if damping / mass > 0 and stiffness / mass > 0:  # noise turns the equation round where the forces are weak
+                terms = np.array([1 / mass, offset, damping / mass, 0, stiffness / mass, 0, cubic / mass, 0])
+                steps = steps_needed(terms, float(np.nanmax(np.abs(output))), self._interval)
+                held = stages(drive, self._interval, "band-limited", steps)
+                left = free_run(terms[:, None], held, begin[:, None])[0] - output
+                found.append((float(np.nansum(left[first] ** 2)), values, held))
+        _, values, held = min(found, key=lambda one: one[0])
+        return values, held
+
     def pool(self, library: Iterable[Effect]) -> list[Effect]:
         """Return the effects on the forces, with the ranges and units of their parameters in volts of the output."""
         found = []
@@ -131,19 +147,14 @@ class OscillationProblem:
 
     def _run(self, base: Values, effects: Sequence[Effect], values: Sequence[Values], shift: complex = 0.0) -> Numbers:
         """Return the output [V] at the samples compared; from a begin that is shifted [V] where asked for."""
-        begin = np.array([[base["begin"] + shift], [base["begin_speed"]]])
-        terms = self._terms(base, effects, values)[:, None].astype(begin.dtype)
-        run: Numbers = free_run(terms, self._drive, begin)[0, self._at]
-        return run
-
-    @staticmethod
-    def _terms(base: Values, effects: Sequence[Effect], values: Sequence[Values]) -> Array:
-        """Return the coefficients (8,) of `free_run`."""
         forces = apply("equation", Equation(0.0, base["alpha"], 0.0, 0.0), effects, values)
         square = (2 * np.pi * base["frequency"]) ** 2
         shares = np.array([1.0, forces.quadratic, forces.cubic, forces.quintic]) * square
         loss = [2 * np.pi * base["linewidth"], forces.damping]
-        return np.array([square / base["stiffness"], base["offset"], *loss, *shares])
+        begin = np.array([[base["begin"] + shift], [base["begin_speed"]]])
+        terms = np.array([square / base["stiffness"], base["offset"], *loss, *shares], dtype=begin.dtype)
+        run: Numbers = free_run(terms[:, None], self._drive, begin)[0, self._at]
+        return run
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (output − free run)/σ."""

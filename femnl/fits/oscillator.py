@@ -16,6 +16,8 @@ from femnl.types.fit import Fit, Parameter
 LINEAR = ("mass", "damping", "stiffness")
 TERMS = ("offset", "cubic", "quadratic", "nonlinear_damping")
 CLOSE, MAX_CALLS = 1e-7, 40
+# Samples through which the motion at the begin is found.
+FIRST = 6
 # Width of the Gaussian by which the equation is smoothed, and where it is cut off, in samples: below a seventh of the sampling rate it
 # leaves more than two thirds, and of noise near half that rate a thousandth.
 SMOOTH, REACH = 1.2, 10
@@ -86,7 +88,7 @@ def fit_oscillator(
         known = {name: start[name] for name in names if name in start.parameters}
     starts = [np.array([known.get(name, 0.0) for name in names])]
     if len(names) > len(LINEAR):
-        starts.append(_equation_start(names, u, y, interval, chosen))
+        starts.append(equation_start(names, u, y, interval, chosen))
         record = replace(record, drive=stages(u, interval, hold, _steps(names, starts[-1], y[chosen], interval)))
     ends = [_descend(names, values, record) for values in starts]
     values = min(ends, key=lambda end: float(np.sum(_left(names, end, record) ** 2)))
@@ -132,6 +134,12 @@ def settled(drive: Array, output: Array, sampling_rate: float) -> NDArray[np.boo
     return known & predictable(len(output), damping / mass / (2 * sampling_rate))
 
 
+def begun(output: Array, interval: float) -> Array:
+    """Return y and ẏ (2,) at the first sample of an output (n,), from the polynomial through the first ones that are known."""
+    first = np.flatnonzero(np.isfinite(output))[:FIRST]
+    return np.asarray(np.polynomial.polynomial.polyfit(interval * first, output[first], FIRST - 1)[:2])
+
+
 def _steps(names: Sequence[str], values: Array, output: Array, interval: float) -> int:
     """Return the steps that a motion as large as the output needs from sample to sample."""
     return steps_needed(_coefficients(names, values[:, None])[:, 0], float(np.abs(output).max()), interval)
@@ -173,13 +181,14 @@ def _descend(names: Sequence[str], values: Array, record: _Record) -> Array:
     return np.asarray(best)
 
 
-def _equation_start(names: Sequence[str], u: Array, y: Array, interval: float, chosen: NDArray[np.bool_]) -> Array:
+def equation_start(names: Sequence[str], u: Array, y: Array, interval: float, chosen: NDArray[np.bool_] | None = None) -> Array:
     """Return the parameters that fulfil the equation best, smoothed by a Gaussian: its derivatives take the place of the output's.
 
     So noise is not differentiated, but it biases what it is multiplied with, and this serves as a start alone: under strong forces of third
     order the error of a free run has many minima, and the linear oscillator lies behind a barrier.
     """
     time, known = np.arange(len(y)), np.isfinite(y)
+    chosen = known if chosen is None else chosen
     whole = np.interp(time, time[known], y[known])
 
     def smooth(values: Array, order: int = 0) -> Array:

@@ -44,9 +44,8 @@ def test_free_forms_of_what_a_record_knows_nothing_of_are_left_out() -> None:
     assert [solution.model.effects[0].sentence for solution in found] == ["restoring and damping forces of free form"]
 
 
-@pytest.mark.parametrize(("strength", "seed"), [(1.1, 1), (1.5, 2)])
-def test_the_base_model_of_a_strong_motion_that_does_not_begin_at_rest_finds_its_way(strength: float, seed: int) -> None:
-    problem = driven(strength, seed)
+def test_the_base_model_of_a_strong_motion_that_does_not_begin_at_rest_finds_its_way_in_noise() -> None:
+    problem = driven(1.1)
     found = fit(Extended(problem), problem.start)
     assert found.chi2 / found.degrees == pytest.approx(1.0, abs=0.15)
     base, _ = found.model.split(found.vector)
@@ -55,7 +54,7 @@ def test_the_base_model_of_a_strong_motion_that_does_not_begin_at_rest_finds_its
 
 def test_a_chaotic_record_is_refused() -> None:
     with pytest.raises(MeasurementError, match=r"the motion is chaotic: changes of its begin grow .* times"):
-        driven(2.0, seed=1)
+        driven(4.0, seed=2)
 
 
 def test_a_drive_that_belongs_to_another_output_is_refused() -> None:
