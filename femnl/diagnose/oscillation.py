@@ -53,8 +53,11 @@ class OscillationProblem:
     def __init__(self, dataset: xr.Dataset) -> None:
         if dataset.sizes["step"] != 1:
             raise MeasurementError(f"trace: {dataset.sizes['step']} records of drive and output; diagnose them one file each")
+        # The motion before the first known sample is not asked for.
+        dataset = dataset.isel(time=slice(int(np.argmax(np.isfinite(dataset["voltage"].values[0]))), None))
         drive, output = dataset["drive_voltage"].values[0], dataset["voltage"].values[0]
-        self._interval = float(np.median(np.diff(dataset["time"].values)))
+        self._time = dataset["time"].values
+        self._interval = float(np.median(np.diff(self._time)))
         late = settled(drive, output, 1 / self._interval)
         late = late if np.count_nonzero(late) >= LEAST else np.isfinite(output)
         linear = fit_oscillator(drive, output, 1 / self._interval, ("offset",), fitted=late)
@@ -81,7 +84,7 @@ class OscillationProblem:
         self.start = np.array([frequency, width, stiffness, offset, *begin, alpha])
         self.facts: Mapping[str, float] = {"slope": 1 / largest, "curvature": largest**-2, "curvature_square": largest**-4}
         for part in HORIZONS:
-            self.start = fit(Extended(self), self.start, self._at < length * part).vector
+            self.start = fit(Extended(self), self.start, np.arange(len(self._at)) < len(self._at) * part).vector
         base, _ = Extended(self).split(self.start)
         left = self.noise * float(np.std(self.residuals((), base, ())))
         moved = float(np.std(self._output))
@@ -185,7 +188,7 @@ class OscillationProblem:
         part = slice(max(middle - DRAWN // 2, 0), middle + DRAWN // 2)
         predicted = np.stack([self.predict(effects, base, values)[part] for _, effects, base, values in models])
         data = self._output[part]
-        curve = Curve("output", np.asarray(self._at[part] * self._interval, float), data, np.full(len(data), self.noise), predicted)
+        curve = Curve("output", np.asarray(self._time[self._at[part]], float), data, np.full(len(data), self.noise), predicted)
         return (Curves("trace", "time", "s", "output", "V", tuple(name for name, *_ in models), (curve,)),)
 
     def systematic(self, unit: str) -> float:
@@ -196,7 +199,7 @@ class OscillationProblem:
         """Say what the free run leaves, and where in the record most."""
         rms = [float(np.sqrt(np.mean(part**2))) for part in np.array_split(residuals, BLOCKS)]
         worst = int(np.argmax(rms))
-        times = self._at[[0, -1]] * self._interval
+        times = self._time[self._at[[0, -1]]]
         start, stop = (times[0] + (times[1] - times[0]) * part / BLOCKS for part in (worst, worst + 1))
         size = float(np.sqrt(np.mean(residuals**2)) * self.noise)
         return f"the free run leaves {size:.3g} V rms, most between {start:.3g} and {stop:.3g} s ({max(rms):.3g}σ against {min(rms):.3g}σ)"
