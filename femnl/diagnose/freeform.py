@@ -44,7 +44,7 @@ def fitted_forms(base: Solution) -> list[Solution]:
         start = model.pack(own, [{knob.name: 0.0 for knob in effect.parameters}])
         moved = start.copy()
         moved[-len(effect.parameters) :] = TOUCH * model.bounds[1][-len(effect.parameters) :]
-        if not np.array_equal(model.residuals(moved), base.residuals):
+        if not np.array_equal(model.residuals(moved), model.residuals(start)):
             found.append(fit(model, start))
     return found
 

@@ -93,6 +93,16 @@ def test_a_cause_that_the_library_lacks_is_called_unexplained(case: Case, tmp_pa
     assert found.p_value < 0.01
 
 
+def test_causes_that_only_together_do_what_one_smooth_form_does_explain_nothing(tmp_path: Path) -> None:
+    # A compressed readout and quintic stiffness leave no more than damping does: the form of a free force takes up as much alone.
+    make(Case("response", ("nonlinear_damping",), 1422042347), tmp_path / "file.nc")
+    pair = [library()[name] for name in ("nonlinear_readout", "quintic_stiffness")]
+    assert diagnose(tmp_path / "file.nc", effects=pair).verdict == "unexplained"
+    right = [*pair, library()["nonlinear_damping"]]
+    found = diagnose(tmp_path / "file.nc", effects=right)
+    assert (found.verdict, found.causes) == ("explained", ("nonlinear_damping",))
+
+
 def test_a_particle_is_sought_anew_once_the_drift_beside_it_is_known(tmp_path: Path) -> None:
     make(Case("spectrum", ("added_mass", "frequency_drift"), 3751252574), tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc")

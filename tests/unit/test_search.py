@@ -200,20 +200,6 @@ def test_a_cause_that_the_evidence_does_not_ask_for_saves_no_other() -> None:
     assert judge([base, bent, two]).verdict == "unexplained"
 
 
-def test_causes_that_only_together_do_what_one_smooth_form_does_explain_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    def half(name: str, side: int) -> Effect:
-        return effect(name, lambda s: 10 * s * np.maximum(side * PLACE, 0))
-
-    for other, verdict in ((4.0, "unexplained"), (-2.0, "explained")):
-        data = 3 + 40 * np.maximum(PLACE, 0) + 10 * other * np.maximum(-PLACE, 0) + np.random.default_rng(6).standard_normal(40)
-        found = search(line(data), [half("left", -1), half("right", 1)])
-        # A form that no cause of the library has, of one parameter: it suits the first data alone.
-        monkeypatch.setattr("femnl.diagnose.freeform.FORMS", (effect("free_form", lambda s: 10 * s * np.abs(PLACE)),))
-        assert judge(found).verdict == verdict
-        monkeypatch.setattr("femnl.diagnose.freeform.FORMS", ())
-        assert judge(found).verdict == "explained"
-
-
 def test_a_fit_follows_a_curved_valley_to_its_end() -> None:
     # Slopes of the stress act in second order on the pairs of a hexagon: what the data know is a circle of slopes.
     film = SimulatedFilm(load("hexagon-278um"), 52)
