@@ -132,12 +132,15 @@ _TERMS = (
     Knob("quintic", "1/V^4", -1.0, 1.0, per="curvature_square"),
     Knob("damping", "1/V^2", -10.0, 10.0, per="curvature"),
 )
+MASS = _form("a mass that varies smoothly over the film", "ρ → ρ(1 + Σ m_k φ_k)", _smooth(WEIGHTS[1:], 0.3), {"operators": _load})
+TENSION = _form("a tension that varies smoothly over the film", "σ → σ(1 + Σ t_k φ_k)", _smooth(WEIGHTS[1:], 0.3), {"operators": _tighten})
+FORCES = _form("restoring and damping forces of free form", "κ₂u², αu³, α₅u⁵, ηu²u̇ of any sign", _TERMS, {"equation": _move})
 FRINGE = _form("a fringe of free form", "c_k free, k = 2 … 6", _complex(ORDERS, 1.0), {"fringe": _ripple})
 FORMS = (
-    _form("a mass that varies smoothly over the film", "ρ → ρ(1 + Σ m_k φ_k)", _smooth(WEIGHTS[1:], 0.3), {"operators": _load}),
-    _form("a tension that varies smoothly over the film", "σ → σ(1 + Σ t_k φ_k)", _smooth(WEIGHTS[1:], 0.3), {"operators": _tighten}),
+    MASS,
+    TENSION,
     _form("restoring and damping forces of free form", "α₅u⁵, ηu²u̇ of any sign", _FORCES, {"oscillator": _force}),
-    _form("restoring and damping forces of free form", "κ₂u², αu³, α₅u⁵, ηu²u̇ of any sign", _TERMS, {"equation": _move}),
+    FORCES,
     _form("a readout of free form", "V → V(1 + Σ c_n (|V|/V_max)ⁿ), c complex", _complex(POWERS, 3.0), {"signal": _distort}),
     _form("a shape of free form", "ξ → ξ + Σ e_j ξ_j, e complex", _complex(OTHERS, 0.3), {"motion": _bend}),
     _form("a phase of the fringe that varies smoothly", "θ → θ + quadratic in x, y", _smooth(WEIGHTS[1:], 3.0), {"motion": _turn}),

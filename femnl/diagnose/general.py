@@ -1,19 +1,34 @@
-"""What may deviate in the harmonics of a fringe whatever the cause: stages that make them, changed a little in free form."""
+"""What may deviate whatever the cause, in films, forces and fringes: the stages that make them, changed a little in free form."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from femnl.diagnose.freeform import FRINGE
+from femnl.diagnose.freeform import FORCES, FRINGE, MASS, TENSION
 from femnl.diagnose.problem import Problem
 from femnl.types.effect import Effect, Knob, Values
 from femnl.types.readout import Array
 from femnl.types.scene import Motion
 
 LITTLE = 1e-3
-"""Relative size of the changes, at which residuals answer in proportion."""
+"""Size of the changes, in parts of their range, at which residuals answer in proportion."""
 UNEVEN = {"x": (1, 0), "y": (0, 1), "x²": (2, 0), "xy": (1, 1), "y²": (0, 2), "x³": (3, 0), "x²y": (2, 1), "xy²": (1, 2), "y³": (0, 3)}
 """Smooth functions of the place."""
+
+
+def smooth_film(problem: Problem, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    """Return how residuals answer to a mass and a tension that vary over the film, by their dependence on the place."""
+    found: dict[str, Array] = {}
+    for what, form in (("mass", MASS), ("tension", TENSION)):
+        names = {knob.name: f"{what} that varies as {knob.name}" for knob in form.parameters}
+        found |= _answers(problem, form, names, effects, base, values)
+    return found
+
+
+def forces(problem: Problem, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    """Return how residuals answer to restoring and damping forces of higher order, by what they are."""
+    names = {"quadratic": "force as u²", "cubic": "force as u³", "quintic": "force as u⁵", "damping": "damping as u²"}
+    return _answers(problem, FORCES, names, effects, base, values)
 
 
 def fringe_terms(problem: Problem, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
@@ -41,7 +56,8 @@ def _answers(
 ) -> dict[str, Array]:
     zero = dict.fromkeys(names, 0.0)
     plain = problem.residuals(effects, base, values)
-    return {name: problem.residuals((*effects, form), base, [*values, zero | {knob: LITTLE}]) - plain for knob, name in names.items()}
+    sizes = {knob.name: LITTLE * knob.high * problem.facts.get(knob.per, 1.0) for knob in form.parameters}
+    return {name: problem.residuals((*effects, form), base, [*values, zero | {knob: sizes[knob]}]) - plain for knob, name in names.items()}
 
 
 def _sing(motion: Motion, values: Values) -> Motion:

@@ -8,6 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.diagnose.fit import fit
+from femnl.diagnose.general import forces
 from femnl.diagnose.problem import Extended, Named, Ranked, apply
 from femnl.errors import MeasurementError
 from femnl.fits.oscillation import EDGE, Drive, Numbers, free_run, stages, steps_needed
@@ -164,11 +165,12 @@ class OscillationProblem:
         return np.asarray((self._output - self.predict(effects, base, values)) / self.noise)
 
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        """Powers of the output, and its slope."""
+        """Powers of the output, its slope, and forces of higher order."""
         output = self.predict(effects, base, values)
         unit = output / np.abs(output).max()
         found = {f"power {n} of the output": unit**n / self.noise for n in (0, 2, 3)}
-        return found | {"slope of the output": np.gradient(unit) / self.noise}
+        found["slope of the output"] = np.gradient(unit) / self.noise
+        return found | forces(self, effects, base, values)
 
     def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """The forces that the same record would show at other sizes of the motion, in parts of the linear one."""

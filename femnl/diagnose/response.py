@@ -24,6 +24,10 @@ MOVING = 0.3
 """Part of the largest signal from which on the mode moves strongly."""
 LITTLE = 1e-4
 """Part of the linewidth by which f₀ and w are moved where single sweeps may deviate."""
+STRONG = (2, 8, 32)
+"""Powers of a signal, in parts of the largest, with which gain and phase may deviate: smoothly, or of the strongest ones alone."""
+BEYOND = 4
+"""Power of the signal with which f₀ and w may: the next beyond the cubic force."""
 SIDES = np.arange(2)
 """Indices of the low and the high sheet."""
 ROUNDS = 12
@@ -164,9 +168,16 @@ class ResponseProblem:
         return self._whole((self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise, deviation)
 
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        """Gain and phase of the sweeps at each drive, what is beside them at all frequencies alike, f₀ and w of each sweep."""
+        """Gain and phase at each drive and of strong signals, what is beside them at all frequencies alike, f₀ and w by parts.
+
+        Parts are single sweeps, and strong motion.
+        """
         volts = self.predict(effects, base, values) / self.sweeps.noise
-        found = {}
+        share = np.asarray(np.abs(volts) * self.sweeps.noise / self._largest, float)
+        found: dict[str, Array] = {}
+        for power in STRONG:
+            strong = volts * share**power
+            found |= {f"gain as signal^{power}": self._whole(strong), f"phase as signal^{power}": self._whole(1j * strong)}
         for drive in np.unique(self.sweeps.drive):
             only = np.where(self.sweeps.drive == drive, volts, 0)
             flat = np.where(self.sweeps.drive == drive, 1 / self.sweeps.noise, 0j)
@@ -176,6 +187,7 @@ class ResponseProblem:
         plain, step = self.residuals(effects, base, values), LITTLE * base["linewidth"]
         for name in ("frequency", "linewidth"):
             moved = self.residuals(effects, {**base, name: base[name] + step}, values) - plain
+            found[f"{name} of strong motion"] = moved * self._whole((1 + 1j) * share**BEYOND)
             for k in np.unique(self.sweeps.sweep):
                 mine = np.where(self.sweeps.sweep == k, 1 + 1j, 0)
                 found[f"{name} of sweep {k + 1}"] = self._whole(mine) * moved

@@ -11,6 +11,7 @@ from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
 from femnl.diagnose.film import SimulatedFilm
+from femnl.diagnose.general import smooth_film
 from femnl.diagnose.problem import Named, Ranked, apply, recent
 from femnl.errors import MeasurementError
 from femnl.types.comparison import Comparison, Curve, Curves
@@ -93,11 +94,11 @@ class SpectrumProblem:
         return np.append(np.arange(len(self.frequency)), -1)
 
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        """Deviations in proportion to frequency squared and to the time of acquisition."""
+        """Deviations in proportion to frequency squared and to the time of acquisition, and a film that varies over the place."""
         found = {"rise with frequency": (self.frequency / self.frequency.max()) ** 2 * self.frequency / self.sd}
         if "time" in self.facts:
             found["order of acquisition"] = (self.time - self.time.mean()) / self.facts["time"] * self.frequency / self.sd
-        return {name: np.append(row, 0.0) for name, row in found.items()}
+        return {name: np.append(row, 0.0) for name, row in found.items()} | smooth_film(self, effects, base, values)
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (f − f_predicted)/σ of each mode, and the deviation of ℓ from the geometry's in units of its own σ."""

@@ -133,13 +133,16 @@ class TraceProblem:
         return np.concatenate([ratio.real, ratio.imag, np.zeros(len(self._left)) if rest is None else rest])
 
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        """The gain and the phase of each harmonic, the noise beside them, terms of the fringe, and motion at multiples of the drive."""
+        """Gain and phase of each harmonic, what the drive adds, the noise beside, terms of the fringe, and motion at multiples."""
         volts, _ = self.predict(effects, base, values)
         found: dict[str, Array] = {}
         for k, n in enumerate(self.harmonic):
             only = np.zeros_like(volts)
             only[k] = volts[k]
             found |= {f"gain of harmonic {n}": self._real(only), f"phase of harmonic {n}": self._real(1j * only)}
+        added = np.zeros_like(volts)
+        added[self.harmonic == 1] = 1.0
+        found |= {"constant at the drive": self._real(added), "constant in quadrature of the drive": self._real(1j * added)}
         if len(self._left):
             found["noise beside the harmonics"] = self._real(np.zeros_like(volts), np.ones(self.n_steps))
         return found | fringe_terms(self, effects, base, values) | overtones(self, effects, base, values)
