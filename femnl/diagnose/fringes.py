@@ -1,6 +1,7 @@
 """Harmonics of a fringe at many points at once, where each point has its own amplitude and its own phase of the fringe."""
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ PIECE, SAMPLES = 4096, 8
 FAINT = 1e-6
 """Overtones of the fringe below this part of the first change no map that can be measured."""
 PHASES = 4096
-"""Phases at which the largest value of a fringe is sought: of a cosine it is good to 3e-7."""
+"""Phases at which a fringe is tabulated: its largest value is good to 3e-7 of a cosine, between them it errs by (2πk/4096)⁴/384."""
 
 
 def harmonics(motion: Motion, fringe: Fringe, harmonic: Orders) -> ComplexArray:
@@ -50,14 +51,14 @@ def _by_bessel(swing: ComplexArray, theta: Array, series: ComplexArray, orders: 
     found = np.empty((len(harmonic), len(swing)), complex)
     for start in range(0, len(swing), PIECE):
         here = slice(start, start + PIECE)
-        amplitude, phase = np.abs(swing[here]), theta[here]
+        amplitude, unit = _polar(swing[here])
+        phase = theta[here]
         phase = phase if np.ptp(phase) else phase[:1]
         real = np.zeros((len(harmonic), len(amplitude)))
         for k in orders:
             lit = 2 * series[k] * np.exp(1j * k * phase)
             sides = np.stack([lit.real, -lit.imag, -lit.real, lit.imag])  # Re(iⁿ …)
             real += sides[harmonic % 4] * _bessel(table, k * q * amplitude)
-        unit = np.asarray(np.where(amplitude > 0, swing[here], 1) / np.where(amplitude > 0, amplitude, 1), complex)
         found[:, here] = real * _powers(unit, harmonic)
     return found
 
@@ -102,26 +103,63 @@ def _by_sampling(
     reach = q * np.sum(np.abs(displacement) * np.arange(1, len(displacement) + 1)[:, None], axis=0).max()
     sharp = 1 if np.isinf(limit) else 4  # a clipped signal has many harmonics that would be folded back
     n_samples = sharp * (32 + 2 * int(harmonic.max() + orders.max() * reach))
-    tau = 2 * np.pi * np.arange(n_samples) / n_samples
-    overtones = np.outer(np.arange(1, len(displacement) + 1), tau)
-    swings, moves = np.hstack([np.cos(overtones).T, -np.sin(overtones).T]), np.vstack([displacement.real, displacement.imag])
-    angles = np.outer(harmonic, tau)
-    sums = 2 / n_samples * np.vstack([np.cos(angles), -np.sin(angles)])
     top = limit * _largest(series) if np.isfinite(limit) else np.inf
-    found = np.empty((len(sums), moves.shape[1]))
-    step = max(1, PIECE * SAMPLES // n_samples)
-    for start in range(0, moves.shape[1], step):
-        here = slice(start, start + step)
-        v = _fringe_at(q * (swings @ moves[:, here]) + theta[here], series, orders)
-        found[:, here] = sums @ (v if np.isinf(top) else np.clip(v, -top, top))
+    tau = 2 * np.pi * np.arange(n_samples) / n_samples
+    angles = np.outer(harmonic, tau)
+    if len(displacement) == 1:  # counted from its turning point, the signal is even: half a period tells the whole
+        half = slice(n_samples // 2 + 1)
+        sums = 4 / n_samples * np.cos(angles[:, half])
+        sums[:, [0, -1]] /= 2
+        amplitude, unit = _polar(displacement[0])
+        return _sampled(np.cos(tau[half])[:, None], q * amplitude[None], theta, sums, _pieces(series), top) * _powers(unit, harmonic)
+    overtones = np.outer(np.arange(1, len(displacement) + 1), tau)
+    swings, moves = np.hstack([np.cos(overtones).T, -np.sin(overtones).T]), q * np.vstack([displacement.real, displacement.imag])
+    sums = 2 / n_samples * np.vstack([np.cos(angles), -np.sin(angles)])
+    found = _sampled(swings, moves, theta, sums, _pieces(series), top)
     return np.asarray(found[: len(harmonic)] + 1j * found[len(harmonic) :])
 
 
-def _fringe_at(phase: Array, series: ComplexArray, orders: Orders) -> Array:
-    """Return Re Σ_k c_k e^{ikφ}."""
-    if len(orders) == 1:
-        return np.asarray(np.abs(series[-1]) * np.cos(orders[0] * phase + np.angle(series[-1])))
-    turn = np.empty(phase.shape, complex)
-    np.cos(phase, out=turn.real)
-    np.sin(phase, out=turn.imag)
-    return np.asarray(np.polynomial.polynomial.polyval(turn, series).real)
+def _polar(swing: ComplexArray) -> tuple[Array, ComplexArray]:
+    """Return |A| and A/|A|, 1 where nothing moves."""
+    amplitude = np.abs(swing)
+    return amplitude, np.asarray(np.where(amplitude > 0, swing, 1) / np.where(amplitude > 0, amplitude, 1), complex)
+
+
+def _sampled(swings: Array, moves: Array, theta: Array, sums: Array, pieces: Array, top: float) -> Array:
+    """Return the sums (m, n_samples) over a fringe at the phases swings (n_samples, k) times moves (k, n_points) + θ, (m, n_points)."""
+    found, read = np.empty((len(sums), moves.shape[1])), _compiled()
+    step = max(1, PIECE * SAMPLES // len(swings))
+    for start in range(0, moves.shape[1], step):
+        here = slice(start, start + step)
+        v = swings @ moves[:, here] + theta[here]
+        read(v.ravel(), pieces, top)
+        found[:, here] = sums @ v
+    return found
+
+
+def _pieces(series: ComplexArray) -> Array:
+    """Return the coefficients of Re Σ_k c_k e^{ikφ} between `PHASES` nodes of φ over a period, lowest power first, (n_nodes, 4)."""
+    slopes = 2j * np.pi / PHASES * np.arange(len(series)) * series
+    value, slope = (np.fft.irfft(np.append(0, part[1:]), PHASES) * PHASES / 2 for part in (series, slopes))
+    rise, last = np.roll(value, -1) - value, np.roll(slope, -1)
+    return np.stack([value, slope, 3 * rise - 2 * slope - last, slope + last - 2 * rise], axis=1)
+
+
+def _read(phase: Array, pieces: Array, top: float) -> None:
+    """Put a fringe, clipped at ±top, in the place of its phase (n,), by cubic interpolation."""
+    nodes = len(pieces)
+    per = nodes / (2 * np.pi)
+    for i in range(len(phase)):
+        place = phase[i] * per
+        left = np.floor(place)
+        s, piece = place - left, pieces[int(left) % nodes]
+        v = piece[0] + s * (piece[1] + s * (piece[2] + s * piece[3]))
+        phase[i] = min(max(v, -top), top)
+
+
+@cache
+def _compiled() -> Callable[[Array, Array, float], None]:
+    """Return `_read` as machine code; numba loads where it is first needed."""
+    import numba
+
+    return numba.njit(error_model="numpy")(_read)
