@@ -16,6 +16,7 @@ from scipy.stats import binomtest, kstest
 
 from femnl.plot.style import COLOURS, new_figure, style
 from femnl.report.scores import DETECTABLE, FOUND, confusion_figure, detection_figure
+from tests.blind.lab import KINDS
 
 Record = dict[str, Any]
 TOLD = 1e-3
@@ -31,6 +32,19 @@ TARGETS = {
     "68 % intervals hold": ("within", 0.68),
     "gain within 10 % of the best": ("at least", 0.95),
 }
+
+
+WORDS = {
+    "false alarms": "false alarms on files without a cause",
+    "cause named": "cause named, alone or among equals",
+    "pair named": "both of two causes named",
+    "wrong cause explained": "wrong set called `explained`",
+    "removed cause unexplained": "cause that the library lacks called `unexplained`, or a tie",
+    "removed cause unexplained, or told by another within 5σ": "the same, or told by what fits less than 5σ worse",
+    "68 % intervals hold": "68 % intervals that hold the truth",
+    "gain within 10 % of the best": "gain within 10 % of that with the true cause known",
+}
+"""Rates as the table for README says them."""
 
 
 def told(record: Record) -> bool:
@@ -60,6 +74,16 @@ def tied(record: Record, partners: dict[str, Record]) -> bool:
     return with_it is not None and with_it["verdict"] == "ambiguous" and told(with_it) and record["verdict"] in ("explained", "ambiguous")
 
 
+def beside(record: Record, partners: dict[str, Record]) -> bool:
+    """Whether the answer without the true cause leaves less than 5σ more than the fit with it: no one could have told."""
+    with_it = partners.get(record["file"])
+    if with_it is None or record["verdict"] == "unexplained":
+        return False
+    left = {tuple(sorted(names)): chi2 for names, chi2, *_ in [*with_it["trials"], *record["trials"]]}
+    answer, truth = left.get(tuple(record["named"])), left.get(tuple(record["causes"]))
+    return answer is not None and truth is not None and answer - truth < DETECTABLE**2
+
+
 def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
     """Return every rate with its 95 % interval (Clopper and Pearson), overall and by kind."""
     good = [r for r in records if "error" not in r]
@@ -81,6 +105,10 @@ def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
             lambda r: wrong(r) and not (r["task"] == "removed" and tied(r, partners)),
         ),
         "removed cause unexplained": (strong.get("removed", []), lambda r: r["verdict"] == "unexplained" or tied(r, partners)),
+        "removed cause unexplained, or told by another within 5σ": (
+            strong.get("removed", []),
+            lambda r: r["verdict"] == "unexplained" or tied(r, partners) or beside(r, partners),
+        ),
         "68 % intervals hold": (pulls, lambda pair: abs(pair[1]) < 1),
         "gain within 10 % of the best": (measured, lambda r: r["gain"] > 0.9 * r["best_gain"]),
     }
@@ -109,6 +137,23 @@ def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
         for own in [[r["seconds"] for r in good if r["kind"] == kind]]
     }
     return board
+
+
+def table(board: dict[str, Any]) -> str:
+    """Return the rates by kind as a table in Markdown."""
+    kinds = [kind for kind in KINDS if kind in board["rates"]["false alarms"]["by_kind"]]
+    rows = [["", "all kinds", "95 % interval", *kinds], ["---"] * (len(kinds) + 3)]
+    for name, words in WORDS.items():
+        rate = board["rates"][name]
+        low, high = (100 * side for side in rate["interval"])
+        counts = [rate["by_kind"].get(kind, {"k": 0, "n": 0}) for kind in kinds]
+        rows.append([words, *(f"{r['k']} of {r['n']}" for r in [rate, *counts])])
+        rows[-1].insert(2, f"{low:.1f} … {high:.1f} %")
+    uniform = board["p_value_uniform"]
+    p_values = [uniform["ks_p_value"], *(uniform["by_kind"][kind]["ks_p_value"] for kind in kinds)]
+    rows.append(["p-value uniform without a cause (p of Kolmogorov and Smirnov)", *(f"{p:.2g}" for p in p_values)])
+    rows[-1].insert(2, "")
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
 def _rate(hits: list[bool]) -> dict[str, Any]:
@@ -224,6 +269,7 @@ def main() -> None:
     board = {"seeds": board.pop("seeds"), **({"note": given.note} if given.note else {}), **board}
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "scoreboard.json").write_text(json.dumps(board, indent=1, ensure_ascii=False), "utf-8")
+    (given.out / "table.md").write_text(table(board), "utf-8")
     draw(board, records, given.out)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.blind.jobs import jobs, run
 from tests.blind.lab import KINDS, causes
-from tests.blind.scoreboard import score
+from tests.blind.scoreboard import WORDS, score, table
 from tests.blind.study import plan
 
 
@@ -22,7 +22,13 @@ def record(task: str, hidden: list[str], verdict: str, named: list[str], **more:
         "p_value": 0.5,
         "gain": 2.0,
     }
-    answer = {"sigma": dict.fromkeys(hidden, 20.0), "truth": {name: {"x": 1.0} for name in hidden}, "best_gain": None, "alternatives": []}
+    answer = {
+        "sigma": dict.fromkeys(hidden, 20.0),
+        "truth": {name: {"x": 1.0} for name in hidden},
+        "best_gain": None,
+        "alternatives": [],
+        "trials": [],
+    }
     return about | answer | {"task": task, "causes": hidden, "verdict": verdict, "named": named, "pulls": {}, "seconds": 1.0} | more
 
 
@@ -64,6 +70,29 @@ def test_the_scoreboard_counts_what_the_records_say() -> None:
     assert (rates["wrong cause explained"]["k"], rates["wrong cause explained"]["n"]) == (1, 5)
     assert (rates["removed cause unexplained"]["k"], rates["removed cause unexplained"]["n"]) == (2, 2)
     assert (rates["68 % intervals hold"]["k"], rates["gain within 10 % of the best"]["k"]) == (1, 1)
+
+
+def test_an_answer_that_fits_nearly_as_well_as_the_cause_that_is_lacking_is_told_apart_from_one_that_does_not() -> None:
+    rows = []
+    for file, left, verdict, named in (
+        ("near", 120.0, "explained", ["photothermal"]),
+        ("far", 130.0, "explained", ["photothermal"]),
+        ("faint", 124.0, "adequate", []),
+    ):
+        trials = [[[], 124.0 if file == "faint" else 500.0], [["gas_damping"], 100.0]]
+        rows.append(record("hidden", ["gas_damping"], "explained", ["gas_damping"], file=file, trials=trials))
+        rows.append(record("removed", ["gas_damping"], verdict, named, file=file, trials=[[named, left]]))
+    rates = score(rows, [1])["rates"]
+    assert rates["removed cause unexplained"]["k"] == 0
+    assert rates["removed cause unexplained, or told by another within 5σ"]["k"] == 2
+
+
+def test_the_table_has_every_rate_by_kind() -> None:
+    rows = [record(task, ["gas_damping"], "explained", ["gas_damping"]) for task in ("hidden", "pair", "removed")]
+    rows[0] |= {"pulls": {"gas_damping.x": 0.5}, "best_gain": 2.0}
+    lines = table(score([*rows, record("null", [], "adequate", [])], [1])).splitlines()
+    assert len(lines) == 2 + len(WORDS) + 1
+    assert lines[3] == "| cause named, alone or among equals | 1 of 1 | 2.5 … 100.0 % | 1 of 1 |"
 
 
 def test_p_values_are_held_to_be_uniform_kind_by_kind() -> None:
