@@ -41,6 +41,8 @@ LARGEST = 3
 """Causes in the largest set."""
 ROUGH, FAR = 4, 8
 """Evaluations by which starts are ranked: where they differ in what a scan moved, and where in the shape of an effect or from afar."""
+ABSURD = 10.0
+"""Times what a set leaves of χ² from which on it is not worth a fit with a part of the model in another's place."""
 REFINED = 2
 """Starts that are fitted to the end, the best by then."""
 FEW, MOSTLY = 0.01, 0.3
@@ -213,7 +215,7 @@ def _grown(parent: Candidate, library: list[Effect]) -> Iterable[Solution]:
     for effect in library:
         if effect.name not in mine and not any(knob.strength for knob in effect.parameters):
             _tell(parent, effect)
-            yield _replaced(parent, effect)
+            yield from _replaced(parent, effect)
 
 
 def _tell(parent: Candidate, effect: Effect) -> None:
@@ -231,15 +233,17 @@ def _unlike(found: list[Look]) -> list[Look]:
     return kept
 
 
-def _replaced(parent: Candidate, effect: Effect) -> Solution:
-    """Fit with an effect that has no strength, from where it leaves least beside all else as it is, of places all over its priors."""
-    problem = parent.solution.model.problem
+def _replaced(parent: Candidate, effect: Effect) -> list[Solution]:
+    """Fit with an effect that has no strength, from the places all over its priors where it leaves least, unless absurdly much."""
     base, earlier = parent.solution.model.split(parent.solution.vector)
-    model = Extended(problem, (*parent.solution.model.effects, effect))
-    starts = [model.pack(base, [*earlier, v]) for v in centres(problem, effect)]
+    model = Extended(parent.solution.model.problem, (*parent.solution.model.effects, effect))
+    starts = [model.pack(base, [*earlier, v]) for v in centres(model.problem, effect)]
     left = np.pad([np.sum(model.residuals(start) ** 2) for start in starts], 1, constant_values=np.inf)
     lowest = np.flatnonzero((left[1:-1] <= left[:-2]) & (left[1:-1] < left[2:]))
-    return min(_finished(model, [starts[i] for i in lowest]), key=lambda s: s.chi2)
+    rough = sorted((improve(model, starts[i], ROUGH) for i in lowest), key=lambda found: found[0])
+    if rough[0][0] > ABSURD * parent.solution.chi2:
+        return []
+    return [min((fit(model, vector) for _, vector in rough[:REFINED]), key=lambda s: s.chi2)]
 
 
 def _extend(parent: Candidate, effect: Effect, shapes: list[dict[str, float]]) -> Solution:

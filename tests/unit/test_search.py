@@ -200,6 +200,16 @@ def test_a_cause_that_the_evidence_does_not_ask_for_saves_no_other() -> None:
     assert judge([base, bent, two]).verdict == "unexplained"
 
 
+@pytest.mark.parametrize(("size", "fitted"), [(1.0, True), (30.0, False)])
+def test_what_takes_the_place_of_a_part_is_not_fitted_where_it_leaves_absurdly_much(size: float, fitted: bool) -> None:
+    def act(value: Array, values: Values) -> Array:
+        return value + size * np.sin(20 * PLACE + values["turn"])
+
+    other = Effect("other", "", (Knob("turn", "1", 0.0, 3.0, strength=False),), {"frequencies": act}, "", "", "")
+    found = search(line(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)), [other])
+    assert any("other" in candidate.names for candidate in found) == fitted
+
+
 def test_a_fit_follows_a_curved_valley_to_its_end() -> None:
     # Slopes of the stress act in second order on the pairs of a hexagon: what the data know is a circle of slopes.
     film = SimulatedFilm(load("hexagon-278um"), 52)
