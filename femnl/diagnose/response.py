@@ -168,10 +168,7 @@ class ResponseProblem:
         return self._whole((self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise, deviation)
 
     def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
-        """Gain and phase at each drive and of strong signals, what is beside them at all frequencies alike, f₀ and w by parts.
-
-        Parts are single sweeps, and strong motion.
-        """
+        """Gain and phase at each drive and of strong signals, backgrounds, f₀ and w of each sweep and of strong motion."""
         volts = self.predict(effects, base, values) / self.sweeps.noise
         share = np.asarray(np.abs(volts) * self.sweeps.noise / self._largest, float)
         found: dict[str, Array] = {}
