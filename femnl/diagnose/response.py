@@ -174,7 +174,10 @@ class ResponseProblem:
         found: dict[str, Array] = {}
         for power in STRONG:
             strong = volts * share**power
-            found |= {f"gain as signal^{power}": self._whole(strong), f"phase as signal^{power}": self._whole(1j * strong)}
+            found |= {
+                f"gain as power {power} of the signal": self._whole(strong),
+                f"phase as power {power} of the signal": self._whole(1j * strong),
+            }
         for drive in np.unique(self.sweeps.drive):
             only = np.where(self.sweeps.drive == drive, volts, 0)
             flat = np.where(self.sweeps.drive == drive, 1 / self.sweeps.noise, 0j)
