@@ -31,8 +31,11 @@ HOPELESS = 0.3
 """Part of the output's rms that is left where the base model has nothing to do with it."""
 FOLLOWED = 1.2
 """Times σ that are left where the base model follows the record after all."""
-HORIZONS = 0.8 ** np.arange(15)[::-1]
-"""Parts of the record that the base model is fitted to one after the other: over a short time a strong motion has fewer minima."""
+HORIZONS = tuple(np.geomspace(first, 1, 15) for first in (0.03, 0.015, 0.06))
+"""Parts of the record that the base model is fitted to one after the other: over a short time a strong motion has fewer minima.
+
+Other parts are gone through where one leaves more than noise.
+"""
 DRAWN = 400
 """Samples that are drawn."""
 RANGES = {"kappa2": ("V^-1", 1.0, "slope"), "eta": ("V^-2", 100.0, "curvature"), "alpha5": ("V^-4", 1.0, "curvature_square")}
@@ -84,10 +87,8 @@ class OscillationProblem:
         )
         self.start = np.array([frequency, width, stiffness, offset, *begin, alpha])
         self.facts: Mapping[str, float] = {"slope": 1 / largest, "curvature": largest**-2, "curvature_square": largest**-4}
-        for part in HORIZONS:
-            self.start = fit(Extended(self), self.start, np.arange(len(self._at)) < len(self._at) * part).vector
+        left, self.start = self._followed()
         base, _ = Extended(self).split(self.start)
-        left = self.noise * float(np.std(self.residuals((), base, ())))
         moved = float(np.std(self._output))
         if left > HOPELESS * moved:
             raise MeasurementError(
@@ -112,7 +113,7 @@ class OscillationProblem:
     def _nearest(self, drive: Array, output: Array, linear: Fit, begin: Array) -> tuple[Array, Drive]:
         """Return mass, damping, stiffness, offset and cubic term that follow the record's first part best, and the drive in their steps."""
         names = (*LINEAR, "offset", "cubic")
-        first = slice(EDGE, max(int(HORIZONS[0] * len(output)), 3 * EDGE))
+        first = slice(EDGE, max(int(HORIZONS[0][0] * len(output)), 3 * EDGE))
         found = []
         for values in (
             equation_start(names, drive, output, self._interval),
@@ -127,6 +128,18 @@ class OscillationProblem:
                 found.append((float(np.nansum(left[first] ** 2)), values, held))
         _, values, held = min(found, key=lambda one: one[0])
         return values, held
+
+    def _followed(self) -> tuple[float, Array]:
+        """Return what the base model leaves [V rms], and its vector, where it follows the record over longer and longer parts."""
+        model, found = Extended(self), []
+        for parts in HORIZONS:
+            vector = self.start
+            for part in parts:
+                vector = fit(model, vector, np.arange(len(self._at)) < len(self._at) * part).vector
+            found.append((self.noise * float(np.std(model.residuals(vector))), vector))
+            if found[-1][0] <= FOLLOWED * self.noise:
+                break
+        return min(found, key=lambda one: one[0])
 
     def pool(self, library: Iterable[Effect]) -> list[Effect]:
         """Return the effects on the forces, with the ranges and units of their parameters in volts of the output."""
