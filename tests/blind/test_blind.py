@@ -55,11 +55,11 @@ def test_nothing_is_found_where_nothing_is_hidden(kind: str, tmp_path: Path) -> 
     assert (found.verdict, found.causes) == ("adequate", ()), (case, found.where)
 
 
-@pytest.mark.parametrize("seed", [1089697038, 4293950129, 864157137, 2255920397, 1082398657])
+@pytest.mark.parametrize("seed", [1089697038, 4293950129, 864157137, 2255920397, 1082398657, 2945608580, 1645960141])
 def test_a_strong_oscillator_alone_is_adequate(seed: int, tmp_path: Path) -> None:
     # What the record began with is 4σ after 10 decay times; a spline of degree 5 misses 0.3σ of the drive; a swing up to 0.86 V, three
     # times as stiff as a small one, needs three steps from sample to sample and starts from the equation itself; errors of 1e-5 of a
-    # step grow sixfold.
+    # step grow sixfold; two lose their way unless the first part is short enough, or other parts are gone through.
     make(Case("record", (), seed), tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc", effects=[])
     assert found.verdict == "adequate", found.where
