@@ -1,12 +1,12 @@
 """Harmonics of a fringe at many points at once, where each point has its own amplitude and its own phase of the fringe."""
 
-from collections.abc import Callable
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import jv, jvp
 
+from femnl.compiled import compiled
 from femnl.diagnose.problem import recent
 from femnl.types.readout import Array, ComplexArray
 from femnl.types.scene import Fringe, Motion
@@ -127,7 +127,7 @@ def _polar(swing: ComplexArray) -> tuple[Array, ComplexArray]:
 
 def _sampled(swings: Array, moves: Array, theta: Array, sums: Array, pieces: Array, top: float) -> Array:
     """Return the sums (m, n_samples) over a fringe at the phases swings (n_samples, k) times moves (k, n_points) + θ, (m, n_points)."""
-    found, read = np.empty((len(sums), moves.shape[1])), _compiled()
+    found, read = np.empty((len(sums), moves.shape[1])), compiled(_read)
     step = max(1, PIECE * SAMPLES // len(swings))
     for start in range(0, moves.shape[1], step):
         here = slice(start, start + step)
@@ -155,11 +155,3 @@ def _read(phase: Array, pieces: Array, top: float) -> None:
         s, piece = place - left, pieces[int(left) % nodes]
         v = piece[0] + s * (piece[1] + s * (piece[2] + s * piece[3]))
         phase[i] = min(max(v, -top), top)
-
-
-@cache
-def _compiled() -> Callable[[Array, Array, float], None]:
-    """Return `_read` as machine code; numba loads where it is first needed."""
-    import numba
-
-    return numba.njit(error_model="numpy")(_read)

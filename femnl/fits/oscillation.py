@@ -1,8 +1,6 @@
 """Free-run simulation of one oscillator under a sampled drive, fast enough to fit long records."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -10,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 from scipy.interpolate import make_interp_spline
 
+from femnl.compiled import compiled
 from femnl.errors import MeasurementError
 
 Array = NDArray[np.float64]
@@ -107,7 +106,7 @@ def free_run(coefficients: Numbers, drive: Drive, begin: Numbers | None = None) 
     terms = np.zeros((8, coefficients.shape[1]), dtype=coefficients.dtype)
     terms[: len(coefficients)] = coefficients
     h = drive.interval / drive.steps
-    out = _compiled()(terms, _rest(terms) if begin is None else begin, drive.held, h * A, h * B, drive.steps)
+    out: Numbers = compiled(_steps)(terms, _rest(terms) if begin is None else begin, drive.held, h * A, h * B, drive.steps)
     out[~(np.abs(out) < DIVERGED)] = DIVERGED
     return out
 
@@ -120,14 +119,6 @@ def _rest(terms: Numbers) -> Numbers:
         left = gain * offset - y * (stiffness + y * (quadratic + y * (cubic + y * y * quintic)))
         y = y + left / (stiffness + y * (2 * quadratic + y * (3 * cubic + 5 * y * y * quintic)))
     return np.stack([y, np.zeros_like(y)])
-
-
-@cache
-def _compiled() -> Callable[[Numbers, Numbers, Array, Array, Array, int], Numbers]:
-    """Return `_steps` as machine code; numba loads where it is first needed."""
-    import numba
-
-    return numba.njit(error_model="numpy")(_steps)
 
 
 def _steps(coefficients: Numbers, begin: Numbers, held: Array, a: Array, b: Array, repeat: int) -> Numbers:

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from femnl.compiled import compiled
 from femnl.types.resonator import Array
 
 MAX_STEPS = 4
@@ -26,56 +27,50 @@ def duffing_roots(detuning: ArrayLike, stiffening: ArrayLike, damping: ArrayLike
         is monic for any a; for three roots in terms of the values at the two folds, free of the discriminant's cancellation.
     """
     delta, a, d = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (detuning, stiffening, damping)))
-    p, q, s = a**2 + d**2, delta * a + d, delta**2 + 1
-    third = s / 3
-    spread = third**2 + 2 * q / 3
-    half = third**3 + third * q + p / 2
-    root = np.cbrt(half + np.copysign(np.sqrt(np.maximum(half**2 - spread**3, 0.0)), half))
-    single = _polish(1 / np.maximum(third + root + spread / root, 1.0), delta, a, d)
-    x = np.full((3, *delta.shape), np.nan)
-    x[0] = single
-    # 4q² − 3ps, multiplied out so that its large terms cancel exactly.
-    square = delta**2 * (a**2 - 3 * d**2) + 8 * delta * a * d + d**2 - 3 * a**2
-    folds = (square > 0) & (q < 0)
-    if folds.any():
-        x[:, folds] = _between_folds(single[folds], delta[folds], a[folds], d[folds], square[folds])
-    return x
+    x = np.full((3, delta.size), np.nan)
+    compiled(_solve)(x, delta.ravel(), a.ravel(), d.ravel())
+    return x.reshape(3, *delta.shape)
 
 
-def _between_folds(single: Array, delta: Array, a: Array, d: Array, square: Array) -> Array:
-    """Return three roots where the amplitude equation, which has two folds here, has the value 1 between them, else the single one."""
-    p, q = a**2 + d**2, delta * a + d
-    centre, reach = -2 * q / (3 * p), np.sqrt(square) / (3 * p)
-    upper = centre + reach
-    lower = (delta**2 + 1) / (3 * p * upper)
-    above, below = (fold * ((delta + a * fold) ** 2 + (1 + d * fold) ** 2) - 1 for fold in (lower, upper))
-    three = (above >= 0) & (below <= 0)
-    angle = np.arctan2(np.sqrt(np.maximum(-below, 0.0)), np.sqrt(np.maximum(above, 0.0))) * (2 / 3)
-    middle = centre + 2 * reach * np.cos(np.pi / 3 + angle)
-    high = centre + 2 * reach * np.cos(np.pi / 3 - angle)
-    x = np.full((3, len(p)), np.nan)
-    x[0] = single
-    x[:, three] = np.stack([1 / (p * middle * high), middle, high])[:, three]
-    x[:, three] = _polish(x[:, three], delta[three], a[three], d[three])
-    return x
+def _solve(x: Array, delta: Array, a: Array, d: Array) -> None:
+    """Write the roots (3, n) at every point."""
 
+    def polished(x: float, delta: float, a: float, d: float) -> float:
+        """Take Newton steps where they lower the residual x |D|² − 1, so that a root at a fold is left alone, until none gains much."""
+        real, imag = delta + a * x, 1 + d * x
+        square = real * real + imag * imag
+        left = x * square - 1
+        for _ in range(MAX_STEPS):
+            new = x - left / (square + 2 * x * (real * a + imag * d))
+            real, imag = delta + a * new, 1 + d * new
+            square = real * real + imag * imag
+            fresh = new * square - 1
+            if not (abs(fresh) < abs(left) and new > 0):
+                break
+            x, left = new, fresh
+            if abs(left) <= EXACT:
+                break
+        return x
 
-def _polish(x: Array, delta: Array, a: Array, d: Array) -> Array:
-    """Take Newton steps where they lower the residual, so that a root at a fold is left alone, until none gains much."""
-    residual, slope = _excess(x, delta, a, d)
-    for _ in range(MAX_STEPS):
-        with np.errstate(invalid="ignore", divide="ignore"):
-            new = x - residual / slope
-        fresh, fresh_slope = _excess(new, delta, a, d)
-        better = (np.abs(fresh) < np.abs(residual)) & (new > 0)
-        x, residual, slope = np.where(better, new, x), np.where(better, fresh, residual), np.where(better, fresh_slope, slope)
-        if not np.any(better & (np.abs(residual) > EXACT)):
-            break
-    return x
-
-
-def _excess(x: Array, delta: Array, a: Array, d: Array) -> tuple[Array, Array]:
-    """Return x |D|² − 1 and its derivative by x."""
-    real, imag = delta + a * x, 1 + d * x
-    square = real**2 + imag**2
-    return x * square - 1, square + 2 * x * (real * a + imag * d)
+    for i in range(len(delta)):
+        e, b, c = delta[i], a[i], d[i]
+        p, q, s = b * b + c * c, e * b + c, e * e + 1
+        third = s / 3
+        spread = third * third + 2 * q / 3
+        half = third * third * third + third * q + p / 2
+        root = np.cbrt(half + np.copysign(np.sqrt(max(half * half - spread * spread * spread, 0.0)), half))
+        x[0, i] = polished(1 / max(third + root + spread / root, 1.0), e, b, c)
+        # 4q² − 3ps, multiplied out so that its large terms cancel exactly.
+        square = e * e * (b * b - 3 * c * c) + 8 * e * b * c + c * c - 3 * b * b
+        if not (square > 0 and q < 0):
+            continue
+        centre, reach = -2 * q / (3 * p), np.sqrt(square) / (3 * p)
+        upper = centre + reach
+        lower = s / (3 * p * upper)
+        above = lower * ((e + b * lower) ** 2 + (1 + c * lower) ** 2) - 1
+        below = upper * ((e + b * upper) ** 2 + (1 + c * upper) ** 2) - 1
+        if above >= 0 and below <= 0:  # the equation has the value 1 between its folds, too
+            angle = np.arctan2(np.sqrt(-below), np.sqrt(above)) * (2 / 3)
+            middle = centre + 2 * reach * np.cos(np.pi / 3 + angle)
+            high = centre + 2 * reach * np.cos(np.pi / 3 - angle)
+            x[0, i], x[1, i], x[2, i] = polished(1 / (p * middle * high), e, b, c), polished(middle, e, b, c), polished(high, e, b, c)
