@@ -1,5 +1,6 @@
 """Starts for an effect where tangents at zero lead astray: degenerate pairs that split, modes that exchange labels, poles."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,9 @@ from femnl.types.readout import Array
 RAYS = 64
 """Directions in the space of an effect's parameters, and trial shapes."""
 REACH = np.geomspace(1e-4, 1, 13)
-"""Parts of the largest strengths at which each ray is looked at."""
+"""Parts of the largest strengths at which rays are looked at."""
+COARSE, BEST = 3, 16
+"""Every how many of those each ray is looked at first, and of how many rays those beside the best part are looked at, too."""
 STARTS = 6
 """Best rays."""
 BLIND = 1e-10
@@ -44,18 +47,26 @@ def scan(solution: Solution, effect: Effect) -> list[Start]:
     own, size, turned = np.linalg.svd(solution.jacobian * np.where(solution.free, width, 0), full_matrices=False)
     seen = size > BLIND * size[0]
     own, back = own[:, seen], (turned[seen] / size[seen, None]).T * width[:, None]
-    found: list[tuple[float, Array, Array]] = []
-    for ray in _rays(effect, low, high):
-        tried = []
-        for part in REACH:
-            numbers = np.where([knob.strength for knob in effect.parameters], part * ray, ray)
-            mine = {knob.name: float(v) for knob, v in zip(effect.parameters, numbers, strict=True)}
-            residuals = wider.residuals(wider.pack(base, [*values, mine]))
-            along = own.T @ residuals
-            tried.append((float(residuals @ residuals - along @ along), numbers, along))
-        found.append(min(tried, key=lambda t: t[0]))
+    strengths = np.array([knob.strength for knob in effect.parameters])
+
+    def promise(ray: Array, step: int) -> tuple[float, int, Array, Array]:
+        numbers = np.where(strengths, REACH[step] * ray, ray)
+        mine = {knob.name: float(v) for knob, v in zip(effect.parameters, numbers, strict=True)}
+        residuals = wider.residuals(wider.pack(base, [*values, mine]))
+        along = own.T @ residuals
+        return float(residuals @ residuals - along @ along), step, numbers, along
+
+    def best(ray: Array, steps: Iterable[int]) -> tuple[float, int, Array, Array]:
+        return min((promise(ray, step) for step in steps), key=lambda t: t[0])
+
+    rays = _rays(effect, low, high)
+    rough = sorted(((best(ray, range(0, len(REACH), COARSE)), ray) for ray in rays), key=lambda t: t[0][0])
+    found = []
+    for first, ray in rough[:BEST]:
+        beside = [first[1] + side for side in range(1 - COARSE, COARSE) if side != 0 and 0 <= first[1] + side < len(REACH)]
+        found.append(min(first, best(ray, beside), key=lambda t: t[0]))
     starts = []
-    for promised, numbers, along in sorted(found, key=lambda t: t[0])[:STARTS]:
+    for promised, _, numbers, along in sorted(found, key=lambda t: t[0])[:STARTS]:
         near, _ = solution.model.split(np.clip(solution.vector - back @ along, *solution.model.bounds))
         starts.append(Start(near, {knob.name: float(v) for knob, v in zip(effect.parameters, numbers, strict=True)}, promised))
     return starts
