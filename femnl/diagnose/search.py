@@ -9,9 +9,10 @@ import numpy as np
 from scipy.stats import chi2
 
 from femnl.diagnose.criticism import Look, adequacy, looks
+from femnl.diagnose.extension import FAR, REFINED, extended, replaced, sought_again, unlike
 from femnl.diagnose.fit import Solution, fit, improve
 from femnl.diagnose.problem import Extended, Problem
-from femnl.diagnose.scan import centres, scan
+from femnl.diagnose.scan import scan
 from femnl.types.effect import Effect
 from femnl.types.readout import Array
 
@@ -29,8 +30,6 @@ TELLING = 2
 that it is there, but not how much it could take up."""
 FEWEST, FAINT = 4, 0.01
 """Effects that are fitted in any case, and the part of the excess of χ² that any other must promise to take up."""
-SHAPES, ALIKE = 4, 0.98
-"""Trial shapes of an effect that are starts of its fit, and the square of the cosine from which on two are the same to the data."""
 BEAM, PEERS = 2, 2.0
 """Sets of causes that are extended at each step; single causes up to this ratio of what they and the best leave of χ² are, too."""
 PAIR = 1
@@ -39,18 +38,6 @@ AGAIN = (3, 3, 1)
 """Sets of one, two and three whose causes are sought anew, or pairs that are fitted from afar, where no set explains the data well."""
 LARGEST = 3
 """Causes in the largest set."""
-ROUGH, FAR = 4, 8
-"""Evaluations by which starts are ranked: where they differ in what a scan moved, and where in the shape of an effect or from afar."""
-ABSURD = 10.0
-"""Times what a set leaves of χ² from which on it is not worth a fit with a part of the model in another's place."""
-REFINED = 2
-"""Starts that are fitted to the end, the best by then."""
-FEW, MOSTLY = 0.01, 0.3
-"""Part of the residuals that hold this part of the excess of χ² where a fit stopped at a jump: points on the wrong side of it."""
-KICKS = (-0.03, -0.01, -0.003, -0.001, 0.001, 0.003, 0.01, 0.03)
-"""Relative changes of what moves a jump by which such a fit is led over it."""
-SEED, STEPS_BACK = 1e-4, 12
-"""Least part of its range at which the fit of a strength starts, and how often a start is brought nearer to zero, by a third."""
 PER_CAUSE = 0.1
 """Prior odds of one more cause."""
 
@@ -123,7 +110,7 @@ def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
                 others = _from_afar(found, library)
             else:
                 few = len(ranked) if problem.rugged and size == 0 else AGAIN[size]
-                others = [_sought_again(c.solution) for c in ranked[:few]]
+                others = [sought_again(c.solution) for c in ranked[:few]]
             _keep(grown, others, library)
         found += grown.values()
         beam = sorted(grown.values(), key=lambda c: -c.weight)
@@ -131,7 +118,26 @@ def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
         if _settled(grown):
             break
         beam = [c if c.looks else criticise(c.solution, library) for c in beam]
-    return found
+    return _simpler(found, library)
+
+
+def _simpler(found: list[Candidate], library: list[Effect]) -> list[Candidate]:
+    """Fit the best set that explains the data without each of its causes: what was found beside another may do without it."""
+    kept, (plain, _) = {candidate.names: candidate for candidate in found}, found[0].solution.model.split(found[0].solution.vector)
+    several = [candidate for candidate in found if candidate.viable and len(candidate.names) > 1]
+    todo = sorted(several, key=lambda c: c.weight)[-1:]
+    while todo:
+        model = todo[-1].solution.model
+        base, values = model.split(todo.pop().solution.vector)
+        for k, effect in enumerate(model.effects):
+            start = base | {name: plain[name] for name in effect.replaces}
+            fewer = Extended(model.problem, (*model.effects[:k], *model.effects[k + 1 :]))
+            names = tuple(sorted(effect.name for effect in fewer.effects))
+            before = kept.get(names)
+            _keep(kept, [fit(fewer, fewer.pack(start, [*values[:k], *values[k + 1 :]]))], library)
+            if kept[names] is not before and kept[names].viable and len(names) > 1:
+                todo.append(kept[names])
+    return list(kept.values())
 
 
 def _settled(grown: dict[tuple[str, ...], Candidate]) -> bool:
@@ -178,15 +184,6 @@ def _from_afar(found: list[Candidate], library: list[Effect]) -> list[Solution]:
     return [fit(model, vector) for _, vector, model in sorted(rough, key=lambda found: found[0])[: AGAIN[PAIR]]]
 
 
-def _finished(model: Extended, starts: Iterable[Array], most: int = ROUGH) -> list[Solution]:
-    """Fit to the end from every start, or where there are many, from what the best come to after a few evaluations."""
-    chosen = list(starts)
-    if len(chosen) > REFINED:
-        rough = sorted((improve(model, start, most) for start in chosen), key=lambda found: found[0])
-        chosen = [vector for _, vector in rough[:REFINED]]
-    return [fit(model, start) for start in chosen]
-
-
 def _shaped(effect: Effect) -> tuple[int, int]:
     """How many parameters of an effect are no strengths, and how many are: of two, the one with more is sought beside the other."""
     shapes = sum(not knob.strength for knob in effect.parameters)
@@ -211,90 +208,12 @@ def _grown(parent: Candidate, library: list[Effect]) -> Iterable[Solution]:
     promising.update(sorted(best, key=lambda name: min(look.p_value for look in best[name]))[:TELLING])
     for effect in [e for e in library if e.name in promising and e.name not in mine]:
         _tell(parent, effect)
-        yield _extend(parent, effect, [look.values for look in _unlike(best[effect.name])])
+        yield extended(parent.solution, effect, [look.values for look in unlike(best[effect.name])])
     for effect in library:
         if effect.name not in mine and not any(knob.strength for knob in effect.parameters):
             _tell(parent, effect)
-            yield from _replaced(parent, effect)
+            yield from replaced(parent.solution, effect)
 
 
 def _tell(parent: Candidate, effect: Effect) -> None:
     PROGRESS.info("%s: trying %s", parent.solution.model.problem.kind, " + ".join(sorted((*parent.names, effect.name))))
-
-
-def _unlike(found: list[Look]) -> list[Look]:
-    """Return the best looks of one effect that do not all point the same way, as mirror images and neighbours do."""
-    kept: list[Look] = []
-    for look in found:
-        if all(look.whole != other.whole or np.sum((look.basis @ other.basis.T) ** 2) < ALIKE * len(look.basis) for other in kept):
-            kept.append(look)
-        if len(kept) == SHAPES:
-            break
-    return kept
-
-
-def _replaced(parent: Candidate, effect: Effect) -> list[Solution]:
-    """Fit with an effect that has no strength, from the places all over its priors where it leaves least, unless absurdly much."""
-    base, earlier = parent.solution.model.split(parent.solution.vector)
-    model = Extended(parent.solution.model.problem, (*parent.solution.model.effects, effect))
-    starts = [model.pack(base, [*earlier, v]) for v in centres(model.problem, effect)]
-    left = np.pad([np.sum(model.residuals(start) ** 2) for start in starts], 1, constant_values=np.inf)
-    lowest = np.flatnonzero((left[1:-1] <= left[:-2]) & (left[1:-1] < left[2:]))
-    rough = sorted((improve(model, starts[i], ROUGH) for i in lowest), key=lambda found: found[0])
-    if rough[0][0] > ABSURD * parent.solution.chi2:
-        return []
-    return [min((fit(model, vector) for _, vector in rough[:REFINED]), key=lambda s: s.chi2)]
-
-
-def _extend(parent: Candidate, effect: Effect, shapes: list[dict[str, float]]) -> Solution:
-    """Fit with one more effect, from where looks point or as far towards that as is no worse than without it."""
-    base, earlier = parent.solution.model.split(parent.solution.vector)
-    model = Extended(parent.solution.model.problem, (*parent.solution.model.effects, effect))
-    limits = {knob.name: knob.high * parent.solution.model.problem.facts.get(knob.per, 1.0) for knob in effect.parameters if knob.strength}
-    starts, elsewhere = [], []
-    for values in shapes:
-        # What is of second order shows no slope at zero; a small start lets it grow.
-        start = values | {name: np.copysign(max(abs(values[name]), SEED * high), values[name]) for name, high in limits.items()}
-        for _ in range(STEPS_BACK):
-            vector = model.pack(base, [*earlier, start])
-            if np.sum(model.residuals(vector) ** 2) <= parent.solution.chi2:
-                break
-            start = start | {name: start[name] / 3 for name in limits}
-        starts.append(vector)
-        if not earlier:
-            elsewhere += [model.pack(other, [start]) for other in model.problem.alike(base)]
-    # What predicts alike is not told apart by a few evaluations.
-    return min([*_finished(model, starts, FAR), *(fit(model, start) for start in elsewhere)], key=lambda s: s.chi2)
-
-
-def _sought_again(solution: Solution) -> Solution:
-    """Seek each effect anew beside the others: an earlier one was found without the latest, and tangents may have led astray."""
-    model = solution.model
-    base, values = model.split(solution.vector)
-    found = [solution, *_over_jumps(solution)]
-    for k, effect in enumerate(model.effects):
-        rugged = model.problem.rugged
-        shaped = effect is not model.effects[-1] and not all(knob.strength for knob in effect.parameters)
-        if not (rugged or shaped):
-            continue
-        others = [i for i in range(len(values)) if i != k]
-        without = Extended(model.problem, tuple(model.effects[i] for i in others))
-        rest = fit(without, without.pack(base, [values[i] for i in others]))
-        start, kept = without.split(rest.vector)
-        if shaped:
-            mine = [look for look in looks(rest, [effect]) if look.effect is not None and look.gain > 0]
-            ranked = sorted(mine, key=lambda look: -look.gain)
-            found += _finished(model, (model.pack(start, [*kept[:k], look.values, *kept[k:]]) for look in _unlike(ranked)), FAR)
-        if rugged:
-            found += _finished(model, (model.pack(s.base, [*kept[:k], s.values, *kept[k:]]) for s in scan(rest, effect)))
-    return min(found, key=lambda s: s.chi2)
-
-
-def _over_jumps(solution: Solution) -> list[Solution]:
-    """Fit from beyond the jumps of the data, where few points leave most of what is left."""
-    largest = np.sort(solution.residuals**2)[::-1][: max(1, int(FEW * len(solution.residuals)))]
-    if np.sum(largest) < MOSTLY * (solution.chi2 - solution.degrees):
-        return []
-    base, values = solution.model.split(solution.vector)
-    starts = [base | {name: base[name] * (1 + kick)} for name in solution.model.problem.jumps for kick in KICKS]
-    return _finished(solution.model, (solution.model.pack(start, values) for start in starts))

@@ -113,6 +113,13 @@ def test_a_particle_is_sought_anew_once_the_drift_beside_it_is_known(tmp_path: P
     assert (found.verdict, found.causes) == ("explained", ("added_mass", "frequency_drift")), found.where
 
 
+def test_a_drift_that_was_only_found_beside_a_particle_is_told_alone(tmp_path: Path) -> None:
+    # It exchanges the ranks of frequencies without names: on its own the fit stops where some of them are still the wrong way round.
+    make(Case("holes", ("frequency_drift",), 3585140598, "perforated"), tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc")
+    assert (found.verdict, found.causes) == ("explained", ("frequency_drift",)), found.alternatives
+
+
 def test_a_particle_that_the_library_lacks_is_not_explained_by_others(tmp_path: Path) -> None:
     make(Case("spectrum", ("added_mass",), 3652888188), tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc", effects=[effect for effect in library().values() if effect.name != "added_mass"])

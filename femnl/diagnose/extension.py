@@ -1,0 +1,114 @@
+"""How a model is fitted with one more effect: from every place that promises much, over jumps, and again beside later ones."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from femnl.diagnose.criticism import Look, looks
+from femnl.diagnose.fit import Solution, fit, improve
+from femnl.diagnose.problem import Extended
+from femnl.diagnose.scan import centres, scan
+from femnl.types.effect import Effect
+from femnl.types.readout import Array
+
+SHAPES, ALIKE = 4, 0.98
+"""Trial shapes of an effect that are starts of its fit, and the square of the cosine from which on two are the same to the data."""
+ROUGH, FAR = 4, 8
+"""Evaluations by which starts are ranked: where they differ in what a scan moved, and where in the shape of an effect or from afar."""
+ABSURD = 10.0
+"""Times what a set leaves of χ² from which on it is not worth a fit with a part of the model in another's place."""
+REFINED = 2
+"""Starts that are fitted to the end, the best by then."""
+FEW, MOSTLY = 0.01, 0.3
+"""Part of the residuals that hold this part of the excess of χ² where a fit stopped at a jump: points on the wrong side of it."""
+KICKS = (-0.03, -0.01, -0.003, -0.001, 0.001, 0.003, 0.01, 0.03)
+"""Relative changes of what moves a jump by which such a fit is led over it."""
+SEED, STEPS_BACK = 1e-4, 12
+"""Least part of its range at which the fit of a strength starts, and how often a start is brought nearer to zero, by a third."""
+
+
+def extended(solution: Solution, effect: Effect, shapes: list[dict[str, float]]) -> Solution:
+    """Fit with one more effect, from where looks point or as far towards that as is no worse than without it."""
+    base, earlier = solution.model.split(solution.vector)
+    model = Extended(solution.model.problem, (*solution.model.effects, effect))
+    limits = {knob.name: knob.high * model.problem.facts.get(knob.per, 1.0) for knob in effect.parameters if knob.strength}
+    starts, elsewhere = [], []
+    for values in shapes:
+        # What is of second order shows no slope at zero; a small start lets it grow.
+        start = values | {name: np.copysign(max(abs(values[name]), SEED * high), values[name]) for name, high in limits.items()}
+        for _ in range(STEPS_BACK):
+            vector = model.pack(base, [*earlier, start])
+            if np.sum(model.residuals(vector) ** 2) <= solution.chi2:
+                break
+            start = start | {name: start[name] / 3 for name in limits}
+        starts.append(vector)
+        if not earlier:
+            elsewhere += [model.pack(other, [start]) for other in model.problem.alike(base)]
+    # What predicts alike is not told apart by a few evaluations.
+    return min([*_finished(model, starts, FAR), *(fit(model, start) for start in elsewhere)], key=lambda s: s.chi2)
+
+
+def replaced(solution: Solution, effect: Effect) -> list[Solution]:
+    """Fit with an effect that has no strength, from the places all over its priors where it leaves least, unless absurdly much."""
+    base, earlier = solution.model.split(solution.vector)
+    model = Extended(solution.model.problem, (*solution.model.effects, effect))
+    starts = [model.pack(base, [*earlier, v]) for v in centres(model.problem, effect)]
+    left = np.pad([np.sum(model.residuals(start) ** 2) for start in starts], 1, constant_values=np.inf)
+    lowest = np.flatnonzero((left[1:-1] <= left[:-2]) & (left[1:-1] < left[2:]))
+    rough = sorted((improve(model, starts[i], ROUGH) for i in lowest), key=lambda found: found[0])
+    if rough[0][0] > ABSURD * solution.chi2:
+        return []
+    return [min((fit(model, vector) for _, vector in rough[:REFINED]), key=lambda s: s.chi2)]
+
+
+def sought_again(solution: Solution) -> Solution:
+    """Seek each effect anew beside the others: an earlier one was found without the latest, and tangents may have led astray."""
+    model = solution.model
+    base, values = model.split(solution.vector)
+    found = [solution, *_over_jumps(solution)]
+    for k, effect in enumerate(model.effects):
+        rugged = model.problem.rugged
+        shaped = effect is not model.effects[-1] and not all(knob.strength for knob in effect.parameters)
+        if not (rugged or shaped):
+            continue
+        others = [i for i in range(len(values)) if i != k]
+        without = Extended(model.problem, tuple(model.effects[i] for i in others))
+        rest = fit(without, without.pack(base, [values[i] for i in others]))
+        start, kept = without.split(rest.vector)
+        if shaped:
+            mine = [look for look in looks(rest, [effect]) if look.effect is not None and look.gain > 0]
+            ranked = sorted(mine, key=lambda look: -look.gain)
+            found += _finished(model, (model.pack(start, [*kept[:k], look.values, *kept[k:]]) for look in unlike(ranked)), FAR)
+        if rugged:
+            found += _finished(model, (model.pack(s.base, [*kept[:k], s.values, *kept[k:]]) for s in scan(rest, effect)))
+    return min(found, key=lambda s: s.chi2)
+
+
+def unlike(found: list[Look]) -> list[Look]:
+    """Return the best looks of one effect that do not all point the same way, as mirror images and neighbours do."""
+    kept: list[Look] = []
+    for look in found:
+        if all(look.whole != other.whole or np.sum((look.basis @ other.basis.T) ** 2) < ALIKE * len(look.basis) for other in kept):
+            kept.append(look)
+        if len(kept) == SHAPES:
+            break
+    return kept
+
+
+def _finished(model: Extended, starts: Iterable[Array], most: int = ROUGH) -> list[Solution]:
+    """Fit to the end from every start, or where there are many, from what the best come to after a few evaluations."""
+    chosen = list(starts)
+    if len(chosen) > REFINED:
+        rough = sorted((improve(model, start, most) for start in chosen), key=lambda found: found[0])
+        chosen = [vector for _, vector in rough[:REFINED]]
+    return [fit(model, start) for start in chosen]
+
+
+def _over_jumps(solution: Solution) -> list[Solution]:
+    """Fit from beyond the jumps of the data, where few points leave most of what is left."""
+    largest = np.sort(solution.residuals**2)[::-1][: max(1, int(FEW * len(solution.residuals)))]
+    if np.sum(largest) < MOSTLY * (solution.chi2 - solution.degrees):
+        return []
+    base, values = solution.model.split(solution.vector)
+    starts = [base | {name: base[name] * (1 + kick)} for name in solution.model.problem.jumps for kick in KICKS]
+    return _finished(solution.model, (solution.model.pack(start, values) for start in starts))
