@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from femnl.errors import ParameterError
@@ -186,10 +187,9 @@ def _values_at(modes: Modes, chosen: Sequence[int], x: Array, y: Array) -> Array
     triangle, reference = _locate(modes.domain, where)
     found = triangle >= 0
     value = np.zeros((len(shapes), len(where)))
-    basis = reference_basis(modes.degree, reference[found])
-    dofs = space.dofs[triangle[found]]
-    for row, shape, signs in zip(value, shapes, parity, strict=True):
-        row[found] = np.prod(signs ** flips[found], axis=1) * np.einsum("nj,nj->n", basis, shape[dofs])
+    basis, dofs = reference_basis(modes.degree, reference[found]), space.dofs[triangle[found]]
+    rows = csr_array((basis.ravel(), dofs.ravel(), np.arange(len(dofs) + 1) * basis.shape[1]), shape=(len(dofs), space.size))
+    value[:, found] = (rows @ shapes.T).T * np.prod(parity[:, None] ** flips[found], axis=2)
     return value.reshape(len(shapes), *points.shape[:-1])
 
 

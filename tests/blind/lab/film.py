@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.tri import Triangulation, TriFinder
 from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
 from skfem import Basis, BilinearForm, ElementTriP3, MeshTri, asm
@@ -31,7 +32,7 @@ class Membrane:
     half: float
     orders: NDArray[np.int64]
     inner: tuple[float, float]
-    space: tuple[Basis, Array] | None
+    space: tuple[Basis, Array, TriFinder] | None
 
     @property
     def square(self) -> Array:
@@ -63,11 +64,15 @@ class Membrane:
             sides = zip((x, y), self.inner, self.orders[order].T, strict=True)
             one, two = (np.sin(np.outer(m, np.pi * (p / side + 0.5))) * (np.abs(p) <= side / 2) for p, side, m in sides)
             return np.asarray(2 * one * two)
-        basis, values = self.space
+        basis, values, cell_at = self.space
         here = np.stack([x / self.inner[0], y / self.inner[1]])
-        inside = np.all(_normals(basis) @ here <= 1 - 1e-12, axis=0)
-        found = np.zeros((len(order), len(x)))
-        found[:, inside] = (basis.probes(here[:, inside]) @ values[:, order]).T
+        cell = np.asarray(cell_at(*here), np.int64)
+        inside = cell >= 0
+        cell, found = cell[inside], np.zeros((len(order), len(x)))
+        place = basis.mapping.invF(here[:, inside, None], tind=cell)
+        for k, dofs in enumerate(basis.element_dofs[:, cell]):
+            shape = np.asarray(basis.elem.gbasis(basis.mapping, place, k, tind=cell)[0])[:, 0]
+            found[:, inside] += shape * values[np.ix_(dofs, order)].T
         return found
 
     def held(self, x: Array, y: Array, count: int, layer: float) -> Array:
@@ -160,7 +165,8 @@ def _polygon(corners: tuple[tuple[float, float], ...], count: int = 90) -> Membr
     space = Basis(mesh, ElementTriP3(), intorder=7)
     inner = space.complement_dofs(space.get_dofs())
     stiff, heavy = asm(laplace, space)[inner][:, inner], asm(mass, space)[inner][:, inner]
-    _, vectors = eigsh(stiff.tocsc(), count, heavy.tocsc(), sigma=0.0)
+    start = np.random.default_rng(0).standard_normal(len(inner))
+    _, vectors = eigsh(stiff.tocsc(), count, heavy.tocsc(), sigma=0.0, v0=start)
     area = float(space.dx.sum())
     shapes = np.zeros((space.N, count))
     shapes[inner] = vectors * np.sqrt(area)
@@ -171,7 +177,8 @@ def _polygon(corners: tuple[tuple[float, float], ...], count: int = 90) -> Membr
         return xx, yy, (xy + xy.T) / 2
 
     slopes = (three("1"), three("x"), three("y"), three("x² + y²"))
-    return Membrane(slopes, area, reach, np.empty((0, 2), np.int64), (1.0, 1.0), (space, shapes))
+    finder = Triangulation(mesh.p[0], mesh.p[1], mesh.t.T).get_trifinder()
+    return Membrane(slopes, area, reach, np.empty((0, 2), np.int64), (1.0, 1.0), (space, shapes, finder))
 
 
 def _form(weight: str, a: int, b: int) -> BilinearForm:

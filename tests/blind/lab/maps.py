@@ -23,7 +23,7 @@ SPOT = np.linspace(-3.6, 3.6, 13)
 WEIGHT = np.exp(-(SPOT**2) / 2)
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=700)  # every point of a spot at its place, beside, and for another size
 def _shapes(name: str, x: bytes, y: bytes) -> Array:
     """Shapes of the lowest modes at points, each with a maximum of 1."""
     return np.asarray(_film(name).held(np.frombuffer(x), np.frombuffer(y), MODES, _layer(name)) / _largest(name)[:, None])
