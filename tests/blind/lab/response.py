@@ -4,8 +4,9 @@ A restoring force of second order enters through the frequency of the free oscil
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import cache
 
+import numba
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -93,22 +94,15 @@ class ResponseBench:
         coupling = 2 / w * np.sqrt(order * knob("internal_resonance", "coupling_square") / stiffening ** (order - 1))
         crossing = self.frequency[[0, -1]].mean() + knob("internal_resonance", "offset")
         leaves = order / 2 * knob("internal_resonance", "width") * 2 / w
-        state, other = np.zeros_like(drive), np.zeros_like(drive)
+        state, other = np.zeros(drive.size, complex), np.zeros(drive.size, complex)
         motion = np.empty((len(bases), 8, self.points), complex)
         for k in range(self.points):
             point = np.where(self.direction > 0, k, self.points - 1 - k)
             detuning = 2 * (f0 - self.frequency[point]) / w
             turn = order * 2 * (crossing - self.frequency[point]) / w + 1j * leaves
-            second = Second(turn, coupling, order) if np.any(coupling) else None
-            for n in range(STEPS):
-                earlier = state
-                if second is None:
-                    state = _step(state, STRIDE, detuning, cubic, quintic, loss, drive)
-                else:
-                    state, other = second.step(state, other, STRIDE, detuning, cubic, quintic, loss, drive)
-                if n % 10 == 9 and np.abs(state - earlier).max() < SETTLED * np.abs(drive).max():
-                    break
-            motion[:, np.arange(8), point] = state
+            whole = np.broadcast_arrays(detuning, cubic, quintic, loss, drive, turn, coupling, order)
+            _compiled()(state, other, bool(np.any(coupling)), *(part.ravel() for part in whole))
+            motion[:, np.arange(8), point] = state.reshape(drive.shape)
         z = 4 * np.pi / WAVELENGTH * np.sqrt(np.maximum(knob("nonlinear_readout", "share"), 1e-12))[..., None] * np.abs(motion)
         first = 2 * np.mean(np.sin(z[..., None] * np.cos(FIRST)) * np.cos(FIRST), axis=-1) / np.maximum(z, 1e-300)
         gain = np.array([b["gain"] * np.exp(1j * b["phase"]) for b in bases])[:, None, None]
@@ -153,40 +147,57 @@ def _softening(base: Values, hidden: dict[str, Values], drive: float) -> float:
     return float(8 / 3 * np.mean(shift) / (base["peak"] * drive) ** 2)
 
 
-def _step(a: Complex, h: float, delta: Array, cubic: Array, quintic: Array, loss: Array, drive: Complex) -> Complex:
-    """One Runge–Kutta step of da/ds = −i (drive − a (δ + cubic|a|² + quintic|a|⁴ + i (1 + loss|a|²)))."""
-
-    def rate(a: Complex) -> Complex:
-        x = a.real**2 + a.imag**2
-        return np.asarray(-1j * (drive - a * (delta + x * (cubic + quintic * x) + 1j * (1 + loss * x))))
-
-    one = rate(a)
-    two = rate(a + h / 2 * one)
-    three = rate(a + h / 2 * two)
-    return np.asarray(a + h / 6 * (one + 2 * two + 2 * three + rate(a + h * three)))
+@cache
+def _compiled() -> Callable[..., None]:
+    """Return `_settle` as machine code."""
+    return numba.njit(error_model="numpy")(_settle)
 
 
-@dataclass(frozen=True)
-class Second:
-    """A mode b at p times the drive: db/ds = i (b second + g aᵖ), and + i g a*^{p−1} b in da/ds; its amplitude counts so that g is one."""
+def _settle(
+    a: Complex,
+    b: Complex,
+    coupled: bool,
+    delta: Array,
+    cubic: Array,
+    quintic: Array,
+    loss: Array,
+    drive: Complex,
+    turn: Complex,
+    coupling: Array,
+    power: NDArray[np.int64],
+) -> None:
+    """Step every a (n,) by da/ds = −i (drive − a (δ + cubic|a|² + quintic|a|⁴ + i (1 + loss|a|²))) until none changes any more.
 
-    turn: Complex
-    coupling: Array
-    power: Array
-
-    def step(
-        self, a: Complex, b: Complex, h: float, delta: Array, cubic: Array, quintic: Array, loss: Array, drive: Complex
-    ) -> tuple[Complex, Complex]:
-        """One step of the implicit midpoint rule, which keeps the fast turning of the second mode stable."""
-        last, other = a, b
-        for _ in range(IMPLICIT):
-            middle = (a + last) / 2
-            x = middle.real**2 + middle.imag**2
-            lower = self.coupling * np.where(self.power == 2, middle, middle**2)
-            own = 0.5j * h * (delta + x * (cubic + quintic * x) + 1j * (1 + loss * x))
-            last = (a * (1 + own) - 1j * h * (drive - np.conj(lower) * (b + other) / 2)) / (1 - own)
-            other = (b * (1 + 0.5j * h * self.turn) + 1j * h * lower * middle) / (1 - 0.5j * h * self.turn)
-        return np.asarray(last), np.asarray(other)
+    By Runge–Kutta steps; coupled to a mode b at p times the drive, db/ds = i (b turn + g aᵖ), and + i g a*^{p−1} b in da/ds, by the
+    implicit midpoint rule, which keeps the fast turning of that mode stable. The amplitude of b counts so that its own g is the same.
+    """
+    h, largest = STRIDE, np.abs(drive).max()
+    for n in range(STEPS):
+        change = 0.0
+        for i in range(len(a)):
+            before = a[i]
+            if coupled:
+                last, other = before, b[i]
+                for _ in range(IMPLICIT):
+                    middle = (before + last) / 2
+                    x = middle.real**2 + middle.imag**2
+                    lower = coupling[i] * (middle if power[i] == 2 else middle * middle)
+                    own = 0.5j * h * (delta[i] + x * (cubic[i] + quintic[i] * x) + 1j * (1 + loss[i] * x))
+                    last = (before * (1 + own) - 1j * h * (drive[i] - np.conj(lower) * (b[i] + other) / 2)) / (1 - own)
+                    other = (b[i] * (1 + 0.5j * h * turn[i]) + 1j * h * lower * middle) / (1 - 0.5j * h * turn[i])
+                a[i], b[i] = last, other
+            else:
+                rate, total = 0j, 0j
+                for stage in range(4):
+                    here = before + (0.0 if stage == 0 else h if stage == 3 else h / 2) * rate
+                    x = here.real**2 + here.imag**2
+                    rate = -1j * (drive[i] - here * (delta[i] + x * (cubic[i] + quintic[i] * x) + 1j * (1 + loss[i] * x)))
+                    total += rate if stage in (0, 3) else 2 * rate
+                a[i] = before + h / 6 * total
+            if n % 10 == 9:
+                change = max(change, abs(a[i] - before))
+        if n % 10 == 9 and change < SETTLED * largest:
+            return
 
 
 def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> ResponseBench:
