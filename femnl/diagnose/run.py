@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from threadpoolctl import threadpool_limits
 
 from femnl import measurement
 from femnl.diagnose.film import SimulatedFilm
@@ -78,7 +79,8 @@ def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Ef
     problems = {name: pose(name, dataset, model) for name, dataset in groups.items()}
     pool = list(library().values() if effects is None else effects)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    with remembered(digest, model, [effect.name for effect in pool]):
+    # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work they wait for each other.
+    with remembered(digest, model, [effect.name for effect in pool]), threadpool_limits(1, user_api="blas"):
         found = _searched(problems, pool)
         problem = found[0].solution.model.problem
         concluded = conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *problem.notes))
