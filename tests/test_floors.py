@@ -9,7 +9,7 @@ import pytest
 import femnl
 
 FLOORS = (
-    ("types", "errors", "resources"),
+    ("types", "errors", "resources", "compiled"),
     ("geometry", "measurement", "fem"),
     ("mesh", "prestress", "modes", "nonlinearity", "resonator", "optics", "readout", "labfiles", "storage"),
     ("effects", "lattice", "bow", "bands"),

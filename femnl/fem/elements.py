@@ -46,7 +46,7 @@ def _monomials(points: Array, degree: int, order: tuple[int, int]) -> Array:
         factor = np.ones(len(power))
         for step in range(order[axis]):
             factor = factor * (power - step)
-        columns.append(factor * np.vander(points[:, axis], degree + 1, increasing=True)[:, np.maximum(power - order[axis], 0)])
+        columns.append(factor * points[:, axis, None] ** np.maximum(power - order[axis], 0))
     return np.asarray(columns[0] * columns[1])
 
 
