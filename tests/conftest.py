@@ -1,5 +1,6 @@
-"""What many tests share: devices written as geometry files."""
+"""What many tests share: devices written as geometry files, and programs that can be interrupted."""
 
+import signal
 from collections.abc import Callable
 
 import pytest
@@ -8,6 +9,11 @@ from femnl import geometry
 from femnl.types.device import Model
 
 FILM = 'thickness = "1 um"\nyoung = "250 GPa"\npoisson = 0.23\ndensity = "3000 kg/m^3"\nstress = "1 GPa"'
+
+
+def pytest_configure() -> None:
+    """Let the programs that tests start be interrupted, as a user's are: a shell starts what runs in the background deaf to it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
