@@ -12,18 +12,16 @@ from femnl.errors import ParameterError
 from femnl.fem.memory import need_memory
 from femnl.fem.solvers import factorize, lowest_eigenpairs
 from femnl.modes.shapes import largest_value
-from femnl.nonlinearity import in_plane_remainder, respond
+from femnl.nonlinearity import energy_remainder, respond
 from femnl.types.arrays import freeze
 from femnl.types.device import Edge
 from femnl.types.mechanics import DEGENERATE, Modes
-from femnl.types.remainder import remainder
 
 Array = NDArray[np.float64]
 
 LEAST = 1e-12  # bow [m] whose k₂ is the least that errors of k₂ are measured by
 SHALLOW = 0.1  # of the film's length, how deep a bow may be
 SPARE = 3  # modes beyond those asked for in each symmetry, so that each flat mode finds its bowed one
-SAFETY = 1.5  # on the remainder of stretching energies, as for the flat film
 TRIANGLE_BYTES = 270_000  # of memory: three times what the deflection alone takes
 
 
@@ -108,7 +106,7 @@ def solve_bow(
             return np.full(len(peak), np.inf)
         normal = [np.asarray(getattr(grade, name)) / grade.mass ** (power / 2) for grade in grades]
         usual = np.abs(3 * found.k3 * (abs(found.depth) + LEAST) / found.mass**1.5) if name == "k2" else np.abs(normal[0])
-        own = remainder(normal[:3], usual, in_plane_remainder(modes, edge), SAFETY) * found.mass ** (power / 2)
+        own = energy_remainder(modes, edge, normal, usual) * found.mass ** (power / 2)
         return np.asarray(own + np.abs(getattr(found, name)) * (power * peak + bows * bow))
 
     return Bowed(

@@ -20,7 +20,7 @@ ARRIVED = 1e-12  # in reference coordinates, the step at which Newton's method e
 SAMPLES = 6  # points along an edge of a triangle at which shapes are searched for their maximum
 LATTICE = np.array([(a, b) for a in range(SAMPLES + 1) for b in range(SAMPLES + 1 - a)]) / SAMPLES
 BETWEEN = 0.05  # relative height by which the samples of the triangle with the maximum may miss it
-RIM = 8.0
+RIM = 3.0
 TOP = 1e-3  # relative height below the maximum up to which triangles count as holding it
 STEPS = 8  # of Newton's method towards a maximum
 

@@ -1,6 +1,6 @@
 """Geometric nonlinearity: the stretching that deflection causes, relaxed in plane, as cubic coefficients of the modes."""
 
-from femnl.nonlinearity.cubic import Pairs, in_plane_remainder, solve_nonlinearity, strain_energies
+from femnl.nonlinearity.cubic import Pairs, energy_remainder, solve_nonlinearity, strain_energies
 from femnl.nonlinearity.inertia import Inertia, respond, solve_inertia
 from femnl.nonlinearity.response import in_plane_response
 from femnl.nonlinearity.stretching import film_membrane
@@ -8,8 +8,8 @@ from femnl.nonlinearity.stretching import film_membrane
 __all__ = [
     "Inertia",
     "Pairs",
+    "energy_remainder",
     "film_membrane",
-    "in_plane_remainder",
     "in_plane_response",
     "respond",
     "solve_inertia",

@@ -1,6 +1,6 @@
 """The cubic coefficients of the modes, in plane at rest."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import combinations_with_replacement
 
@@ -13,14 +13,16 @@ from femnl.fem.solvers import factorize
 from femnl.nonlinearity.stretching import Membrane, film_membrane, same_parity_only, stretching
 from femnl.types.device import Edge
 from femnl.types.mechanics import Modes, Nonlinearity
-from femnl.types.remainder import MOST, remainder
+from femnl.types.remainder import remainder
 
 Array = NDArray[np.float64]
 Pairs = list[tuple[int, int]]
 Energies = Callable[[Modes, Pairs], Array]
 
-SAFETY = 1.5  # on the remainder of stretching energies, to which that of the largest values is added
+SAFETY = 1.2  # on the remainder of stretching energies, which err apart from the largest values
+UNEVEN = 2.6  # the same where holes make the stress uneven
 SMOOTH = 0.05  # of the last difference between degrees, at least, what the in-plane displacement of smooth edges leaves
+ROUGH = 2.5  # the same of others: an energy falls at least as 1/degree², which leaves 9/7 of the last difference, and a safety
 PAIR_BYTES = 512  # of memory a triangle and pair of modes: 16 in-plane unknowns, 4 copies
 
 
@@ -47,12 +49,12 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False, energies:
     grades = [_coefficients(m, pairs, tensor, solve) for m in modes.grades]
     k3, full = grades[0]
     scale = np.abs([k for k, _ in grades]) / np.array([m.effective_mass for m in modes.grades]) ** 2  # of mass-normalised shapes
-    left = in_plane_remainder(modes, edge)
-    relative = remainder(list(scale), scale[0], left, SAFETY) / scale[0] if len(grades) > 1 else np.full(n, np.inf)
-    k3_error = k3 * (relative + 4 * modes.peak_error)
+    relative = energy_remainder(modes, edge, list(scale), scale[0]) / scale[0]
+    k3_error = k3 * np.hypot(relative, 4 * modes.peak_error)
     alpha = k3 / modes.stiffness
-    alpha_error = alpha * (relative + 2 * (modes.peak_error + modes.frequency_error / modes.frequency))
-    return Nonlinearity(edge, k3, alpha, k3_error, alpha_error, full, _tensor_error(modes, grades, k3, left) if tensor else None)
+    parts = (relative, 2 * modes.peak_error, 2 * modes.frequency_error / modes.frequency)
+    alpha_error = alpha * np.linalg.norm(parts, axis=0)
+    return Nonlinearity(edge, k3, alpha, k3_error, alpha_error, full, _tensor_error(modes, edge, grades, k3) if tensor else None)
 
 
 def _coefficients(modes: Modes, pairs: Pairs, tensor: bool, solve: Energies) -> tuple[Array, Array | None]:
@@ -64,17 +66,20 @@ def _coefficients(modes: Modes, pairs: Pairs, tensor: bool, solve: Energies) -> 
     return k3 * missing, _symmetrise(energies, position, n) if tensor else None
 
 
-def in_plane_remainder(modes: Modes, edge: Edge) -> float:
-    """The part of the last difference between degrees that is taken to be left, by how smooth the in-plane displacement is.
+def energy_remainder(modes: Modes, edge: Edge, values: Sequence[Array], scale: Array) -> Array:
+    """What the discretisation leaves of stretching energies of mass-normalised shapes, by three degrees or two.
 
-    At an inner corner of the outline, and at corners of sliding edges other than 90°, it converges slowly in the degree.
+    At an inner corner of the outline, and at corners of sliding edges other than 90°, the in-plane displacement converges slowly.
+
+    Args: values: fine, coarse and coarsest. scale: their natural size.
     """
     angles = np.array([angle for _, angle in modes.domain.model.outline.corners])
     rough = np.any(angles > np.pi + 1e-6) or (edge == "sliding" and np.any(np.abs(angles - np.pi / 2) > 1e-6))
-    return MOST if rough else SMOOTH
+    safety = UNEVEN if len(modes.domain.model.holes.centres) else SAFETY
+    return remainder(values[:3], scale, ROUGH if rough else SMOOTH, safety) if len(values) > 1 else np.full(scale.shape, np.inf)
 
 
-def _tensor_error(modes: Modes, grades: list[tuple[Array, Array | None]], k3: Array, left: float) -> Array:
+def _tensor_error(modes: Modes, edge: Edge, grades: list[tuple[Array, Array | None]], k3: Array) -> Array:
     """Errors of the tensor's entries: of mass-normalised shapes, and of the four largest values that scale them."""
     peak, unit = modes.peak_error, np.abs(k3) ** 0.25
     scale = np.einsum("i,j,k,l->ijkl", unit, unit, unit, unit)
@@ -82,10 +87,10 @@ def _tensor_error(modes: Modes, grades: list[tuple[Array, Array | None]], k3: Ar
     for m, (_, full) in zip(modes.grades, grades, strict=True):
         size = np.sqrt(m.effective_mass / modes.effective_mass)
         normal.append(np.einsum("ijkl,i,j,k,l->ijkl", np.empty(0) if full is None else full, *(1 / size,) * 4))
-    relative = remainder(normal, scale, left, SAFETY) / scale if len(normal) > 1 else np.full(scale.shape, np.inf)
+    relative = energy_remainder(modes, edge, normal, scale) / scale
     four = sum(np.expand_dims(peak, tuple(a for a in range(4) if a != axis)) for axis in range(4))
     known = np.isfinite(four)
-    return np.asarray(np.where(known, scale * relative + np.abs(normal[0]) * np.where(known, four, 0.0), np.inf))
+    return np.asarray(np.where(known, np.hypot(scale * relative, normal[0] * np.where(known, four, 0.0)), np.inf))
 
 
 def _symmetrise(energies: Array, position: dict[tuple[int, int], int], n: int) -> Array:

@@ -10,12 +10,11 @@ from scipy.sparse.linalg import LinearOperator, minres
 
 from femnl.errors import ConvergenceError
 from femnl.fem.solvers import Solve, factorize
-from femnl.nonlinearity.cubic import SAFETY, in_plane_remainder
+from femnl.nonlinearity.cubic import energy_remainder
 from femnl.nonlinearity.stretching import film_membrane, in_plane_mass, same_parity_only, stretching
 from femnl.types.arrays import freeze
 from femnl.types.device import Edge
 from femnl.types.mechanics import DEGENERATE, Modes
-from femnl.types.remainder import remainder
 
 Array = NDArray[np.float64]
 
@@ -60,11 +59,10 @@ def solve_inertia(modes: Modes, edge: Edge | None = None, cross: bool = False) -
         held against a closed form and integration in time by tests/physics/test_inertia.py.
     """
     edge = edge or modes.domain.model.edge
-    grades, left = [_changes(m, edge, cross) for m in modes.grades], in_plane_remainder(modes, edge)
+    grades = [_changes(m, edge, cross) for m in modes.grades]
 
     def error(values: list[Array]) -> Array:
-        fine = values[0]
-        return remainder(values[:3], np.abs(fine), left, SAFETY) if len(values) > 1 else np.full(fine.shape, np.inf)
+        return energy_remainder(modes, edge, values, np.abs(values[0]))
 
     own = [np.diagonal(c) for c in grades]
     return Inertia(edge, own[0], error(own), grades[0] if cross else None, error(grades) if cross else None)

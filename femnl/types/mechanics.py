@@ -14,10 +14,10 @@ Array = NDArray[np.float64]
 
 DEGENERATE = 1e-6  # relative difference of frequencies up to which modes count as sharing one
 PEAK_SAFETY = 0.7  # on the remainder of a largest value: departures are the largest in whole triangles
-PEAK_UNEVEN = 1.5  # the same where holes make the stress uneven, and shapes settle less evenly
+PEAK_UNEVEN = 3.2  # the same where holes make the stress uneven, and shapes settle less evenly
 STEADY = 0.02  # of the last difference between degrees, what is taken to be left at least
 UNLIKE = 0.03  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike
-REENTRANT = 0.5  # of the last difference between degrees, what an inner or yielding corner may leave: it converges slowly in the degree
+REENTRANT = 0.5  # the same at an inner or yielding corner, or where a taper's foot kinks the film: that converges slowly in the degree
 
 
 @dataclass(frozen=True)
@@ -171,7 +171,8 @@ class Modes:
         reentrant = any(angle > np.pi + 1e-6 for _, angle in model.outline.corners)
         # Springs in plane, and a strip of another film, leave the stress uneven at every corner.
         uneven = len(model.outline.corners) > 0 and not (model.clamp.rigid_in_plane and model.overhang is None)
-        return REENTRANT if reentrant or uneven else STEADY
+        kinked = model.film.taper > 0 and not model.bending  # with it, the layers of bending leave more
+        return REENTRANT if reentrant or uneven or kinked else STEADY
 
     @property
     def stiffness(self) -> Array:

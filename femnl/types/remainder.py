@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-SAFETY = 4.0  # on the remainder that steady convergence would leave
-SHARE = 0.5  # of the root mean square difference of all numbers, which each is taken to have: one alone may vanish by chance
+SAFETY = 5.0  # on the remainder that steady convergence would leave
+SHARE = 0.4  # of the usual difference, and of the usual pace, which each number is taken to have at least: one alone may vanish by chance
 MOST = 3.0  # of the last difference, where three degrees do not show that they converge
 ROUNDING = 1e-11  # relative, of coordinates and of solutions
 
@@ -37,11 +37,15 @@ def settle(last: Array, before: Array, safety: float, least: float | Array) -> A
 
 
 def share_left(last: Array, before: Array, safety: float, least: float | Array) -> Array:
-    """The part of the last differences that is left, from `least` to `MOST`, which stands where there is none `before` them."""
-    pace = _usual(last) / _usual(before) if _usual(before) > 0 else 1.0
+    """The part of the last differences that is left, from `least` to `MOST`, which stands where there is none `before` them.
+
+    The pace is the geometric mean of a number's own and of what is usual among all: each alone is off by chance, either way.
+    """
+    usual = min(_usual(last) / _usual(before), 1.0) if _usual(before) > 0 else 1.0
     with np.errstate(divide="ignore", invalid="ignore"):
         own = np.where(before > 0, last / before, np.where(last > 0, 1.0, 0.0))
-    factor = np.clip(safety * np.maximum(pace, np.minimum(own, 1.0)), least, MOST)
+    pace = np.sqrt(usual * np.clip(own, SHARE * usual, 1.0))
+    factor = np.clip(safety * pace, least, MOST)
     return np.asarray(np.where(np.isnan(before), MOST, factor))
 
 
