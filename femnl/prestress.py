@@ -8,7 +8,7 @@ from scipy.sparse import csc_matrix
 
 from femnl.errors import ParameterError
 from femnl.fem.elements import Space
-from femnl.fem.forms import Assembly, cells, in_plane_strain, local_matrices, local_vectors, vector_dofs
+from femnl.fem.forms import Assembly, cells, in_plane_strain, local_matrices, local_vectors, quadrature_order, vector_dofs
 from femnl.fem.sheet import Sheet
 from femnl.fem.solvers import factorize
 from femnl.fem.supports import in_plane_draw, in_plane_springs, in_plane_supports
@@ -32,7 +32,7 @@ def solve_prestress(domain: Domain, degree: int, edge: Edge = "clamped") -> Pres
     Source: plane stress with the film stress as initial stress; checked by `validation/unit_cell.py`.
     """
     space, sheet, clamp = Space(domain.mesh, degree), Sheet(domain), domain.model.clamp
-    stiffness, loads = _in_plane(space, sheet, lambda triangles: sheet.stress(triangles)[None])
+    stiffness, loads = _in_plane(domain, space, sheet, lambda triangles: sheet.stress(triangles)[None])
     matrix = stiffness.matrix() + in_plane_springs(space, clamp)
     load = in_plane_draw(space, clamp) + loads[0]
     supports = in_plane_supports(space, domain.wedge, edge, (True, True), clamp)
@@ -50,7 +50,7 @@ def solve_units(domain: Domain, degree: int) -> Units:
             f"{domain.model.name}: a wedge of {np.degrees(domain.wedge):g}° holds even stresses alone; mesh a quarter or more"
         )
     space, sheet, clamp = Space(domain.mesh, degree), Sheet(domain), domain.model.clamp
-    stiffness, loads = _in_plane(space, sheet, lambda triangles: np.eye(3)[:, None, None])
+    stiffness, loads = _in_plane(domain, space, sheet, lambda triangles: np.eye(3)[:, None, None])
     matrix = stiffness.matrix() + in_plane_springs(space, clamp)
     found = np.empty_like(loads)
     for even, members in ((True, slice(0, 2)), (False, slice(2, 3))):  # shear is odd under both mirrors
@@ -59,10 +59,10 @@ def solve_units(domain: Domain, degree: int) -> Units:
     return Units(degree, found)
 
 
-def _in_plane(space: Space, sheet: Sheet, stresses: Callable[[slice], Array]) -> tuple[Assembly, Array]:
+def _in_plane(domain: Domain, space: Space, sheet: Sheet, stresses: Callable[[slice], Array]) -> tuple[Assembly, Array]:
     """Stiffness ∫ h C ε(u) : ε(v), and loads −∫ h s : ε(v) (n, 2·size) of stresses s (n, e, q, 3) [Pa]."""
     assembly, loads = Assembly(2 * space.size), None
-    for cell in cells(space, 2 * space.degree):
+    for cell in cells(space, quadrature_order(domain.model, 2 * space.degree)):
         strain, h = in_plane_strain(cell.jet), sheet.thickness(cell.triangles, cell.jet.point)
         dofs, given = vector_dofs(space, cell.triangles), stresses(cell.triangles)
         loads = np.zeros((len(given), 2 * space.size)) if loads is None else loads

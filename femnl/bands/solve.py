@@ -11,7 +11,7 @@ from femnl.bands.lattice import Lattice, find_lattice
 from femnl.bands.spectrum import lowest_eigenvalues
 from femnl.errors import ParameterError
 from femnl.fem.elements import Space
-from femnl.fem.forms import cells
+from femnl.fem.forms import cells, quadrature_order
 from femnl.fem.sheet import Sheet
 from femnl.fem.stress import relaxed_stress
 from femnl.prestress import solve_prestress
@@ -107,7 +107,7 @@ def _frequencies(cell: Periodic, wave: Array, count: int, lattice: Lattice, squa
 
 def _means(prestress: Prestress, lattice: Lattice) -> tuple[float, float]:
     """Mean tension [N/m] and mass [kg/m²] of the cell, holes counted as empty: those of waves that are long."""
-    domain, order = prestress.domain, 2 * prestress.degree
+    domain, order = prestress.domain, quadrature_order(prestress.domain.model, 2 * prestress.degree)
     space, sheet, tension, mass = Space(domain.mesh, prestress.degree), Sheet(domain), 0.0, 0.0
     for cell, stress in zip(cells(space, order), relaxed_stress(prestress, order), strict=True):
         h = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx

@@ -8,7 +8,19 @@ from scipy.sparse import block_diag, csc_matrix
 
 from femnl.errors import ConvergenceError
 from femnl.fem.elements import Space
-from femnl.fem.forms import Assembly, Cell, as_matrix, cells, in_plane_strain, local_matrices, local_vectors, slope, stretch, vector_dofs
+from femnl.fem.forms import (
+    Assembly,
+    Cell,
+    as_matrix,
+    cells,
+    in_plane_strain,
+    local_matrices,
+    local_vectors,
+    quadrature_order,
+    slope,
+    stretch,
+    vector_dofs,
+)
 from femnl.fem.solvers import factorize
 from femnl.fem.supports import in_plane_springs, in_plane_supports
 from femnl.modes.operators import Operators
@@ -139,7 +151,7 @@ class Film:
         raise ConvergenceError(f"the static deflection did not converge in {STEPS} steps of Newton's method; lower the load")
 
     def _cells(self) -> Iterator[Cell]:
-        return cells(self.space, 4 * self.space.degree - 4)
+        return cells(self.space, quadrature_order(self.domain.model, 4 * self.space.degree - 4))
 
     def _unknowns(self, cell: Cell) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """All unknowns of a cell's triangles, and those of w."""

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Strain = Callable[[Jet], Array]
 
+KINKED = 8  # orders of quadrature that a film with a taper takes beyond those that its elements ask for
 CHUNK = 2000  # triangles evaluated at a time, which bounds the memory of a mesh of any size
 
 
@@ -40,6 +41,15 @@ def thickness(model: Model, point: Array) -> Array:
         rim = cKDTree(model.holes.centres).query(point)[0] - model.holes.radius
         h = h - film.taper * np.clip(1 - rim / film.taper_length, 0, 1)
     return np.asarray(h)
+
+
+def quadrature_order(model: Model, order: int) -> int:
+    """The order by which polynomials of the given one are integrated over a film: beyond it where a taper's foot kinks the thickness.
+
+    The foot runs through triangles. By as few points as a smooth film takes, it costs up to 2e-5 of a frequency, much the same in all
+    degrees, so that their differences do not show it.
+    """
+    return order + KINKED if model.film.taper > 0 else order
 
 
 def deflection(jet: Jet) -> Array:

@@ -8,7 +8,17 @@ from scipy.sparse import csc_matrix
 
 from femnl.errors import ParameterError
 from femnl.fem.elements import Space
-from femnl.fem.forms import Assembly, cells, in_plane_strain, local_matrices, local_vectors, plane_stress, thickness, vector_dofs
+from femnl.fem.forms import (
+    Assembly,
+    cells,
+    in_plane_strain,
+    local_matrices,
+    local_vectors,
+    plane_stress,
+    quadrature_order,
+    thickness,
+    vector_dofs,
+)
 from femnl.fem.solvers import factorize, lowest_eigenpairs
 from femnl.fem.stress import relaxed_stress
 from femnl.fem.supports import in_plane_supports
@@ -63,7 +73,7 @@ def solve_cell(model: Model, pitch: float) -> Cell:
         raise ParameterError(f"pitch = {pitch:g} m: expected more than the diameter {2 * model.holes.radius:g} m of holes that are there")
     domain = _cells(model, pitch, 1, 1)
     prestress = solve_prestress(domain, DEGREE)
-    space, order, area = Space(domain.mesh, DEGREE), 2 * DEGREE, (pitch / 2) ** 2
+    space, order, area = Space(domain.mesh, DEGREE), quadrature_order(model, 2 * DEGREE), (pitch / 2) ** 2
     mass, tension = 0.0, 0.0
     for cell, stress in zip(cells(space, order), relaxed_stress(prestress, order), strict=True):
         h = thickness(domain.model, cell.jet.point)
@@ -98,7 +108,7 @@ def _stretched(domain: Domain, space: Space, strain: Array) -> float:
     film = domain.model.film
     moduli, energy = plane_stress(film.young, film.poisson), 0.0
     load, matrix = np.zeros(2 * space.size), Assembly(2 * space.size)
-    for cell in cells(space, 2 * space.degree):
+    for cell in cells(space, quadrature_order(domain.model, 2 * space.degree)):
         basis, dofs = in_plane_strain(cell.jet), vector_dofs(space, cell.triangles)
         weight = thickness(domain.model, cell.jet.point) * cell.dx
         energy += float(np.sum(weight) * strain @ moduli @ strain)

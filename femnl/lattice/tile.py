@@ -17,6 +17,7 @@ from femnl.fem.forms import (
     isotropic,
     local_matrices,
     plane_stress,
+    quadrature_order,
     slope,
     slope_continuity,
     thickness,
@@ -60,7 +61,7 @@ def gathered(local: Array, dofs: Index, size: int) -> csc_matrix:
 class Membrane:
     """In-plane response of a tile: ∫ hC ε(u) : ε(v), its inner unknowns eliminated.
 
-    Args: sides: of the tile. model: the film. poisson: of its response. order: of the quadrature.
+    Args: sides: of the tile. model: the film. poisson: of its response. order: of polynomials that are to be integrated exactly.
     Attributes: cell: the tile's triangles; modulus: hC (e, q, 3, 3) [N/m] in them; edge: unknowns (u_x, then u_y) on the sides;
         lift (2·size, n): displacements that go with those, at rest inside;
         stiffness (n, n) of them.
@@ -68,7 +69,7 @@ class Membrane:
 
     def __init__(self, sides: Sides, model: Model, poisson: float, order: int) -> None:
         space = sides.space
-        self.cell = cell = all_triangles(space, order)
+        self.cell = cell = all_triangles(space, quadrature_order(model, order))
         self.thickness = thickness(model, cell.jet.point)
         self.modulus = self.thickness[..., None, None] * plane_stress(model.film.young, poisson)
         self._basis, self._dofs = in_plane_strain(cell.jet), vector_dofs(space, cell.triangles)
@@ -113,7 +114,7 @@ class Flexure:
 
     def __init__(self, sides: Sides, model: Model, stress: Array, degree: int) -> None:
         space, bends, film = sides.space, model.bending, model.film
-        cell = all_triangles(space, 2 * degree, second=bends)
+        cell = all_triangles(space, quadrature_order(model, 2 * degree), second=bends)
         h = thickness(model, cell.jet.point)
         self.cell, self._weight, self._size = cell, h * cell.dx, space.size + len(sides.slope_place)
         self._dofs = space.dofs

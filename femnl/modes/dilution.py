@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from femnl.errors import ParameterError
 from femnl.fem.elements import Space
-from femnl.fem.forms import cells, slope
+from femnl.fem.forms import cells, quadrature_order, slope
 from femnl.fem.sheet import Sheet
 from femnl.fem.stress import relaxed_stress
 from femnl.fem.supports import deflection_springs, slope_springs
@@ -22,7 +22,8 @@ def bending_share(modes: Modes) -> Array:
 
     Args: modes: of any wedge. Returns: (n_modes,), NaN where a mode has no frequency.
     """
-    domain, space, order = modes.domain, Space(modes.domain.mesh, modes.degree), 2 * modes.degree
+    domain, space = modes.domain, Space(modes.domain.mesh, modes.degree)
+    order = quadrature_order(domain.model, 2 * modes.degree)
     springs = deflection_springs(space, domain.model.clamp) + slope_springs(space, domain.model.clamp)
     tension, sheet = np.einsum("ni,ni->n", modes.shapes, (springs @ modes.shapes.T).T), Sheet(domain)
     for cell, stress in zip(cells(space, order), relaxed_stress(modes.prestress, order), strict=True):

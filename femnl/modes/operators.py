@@ -13,6 +13,7 @@ from femnl.fem.forms import (
     curvature,
     deflection,
     local_matrices,
+    quadrature_order,
     slope,
     slope_continuity,
 )
@@ -38,7 +39,7 @@ class Operators:
         self.space = Space(domain.mesh, degree)
         self._domain, self._bends, self._sheet = domain, domain.model.bending, Sheet(domain)
         stiffness = Assembly(self.space.size)
-        order = 2 * degree
+        order = quadrature_order(domain.model, 2 * degree)
         for cell, stress in zip(cells(self.space, order, second=self._bends), relaxed_stress(prestress, order), strict=True):
             h, dofs = self._sheet.thickness(cell.triangles, cell.jet.point), self.space.dofs[cell.triangles]
             local = local_matrices(slope(cell.jet), as_matrix(stress), h * cell.dx)
@@ -74,7 +75,7 @@ class Operators:
 def mass_matrix(domain: Domain, space: Space) -> csc_matrix:
     """M of ∫ ρh w v over the mesh, (size, size) [kg]."""
     mass, sheet = Assembly(space.size), Sheet(domain)
-    for cell in cells(space, 2 * space.degree):
+    for cell in cells(space, quadrature_order(domain.model, 2 * space.degree)):
         weight = sheet.density(cell.triangles) * sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
         mass.add(local_matrices(deflection(cell.jet), np.eye(1), weight), space.dofs[cell.triangles])
     return mass.matrix()

@@ -8,7 +8,7 @@ from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
 
 from femnl.fem.elements import Space
-from femnl.fem.forms import as_matrix, cells
+from femnl.fem.forms import as_matrix, cells, quadrature_order
 from femnl.fem.sheet import Sheet
 from femnl.fem.stress import unit_stress
 from femnl.modes.shapes import shapes_at
@@ -32,7 +32,7 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
     Valid: changes of the film that leave the new modes within the span of these ones.
     """
     domain, space, sheet = modes.domain, Space(modes.domain.mesh, modes.degree), Sheet(modes.domain)
-    order = 2 * modes.degree - 2
+    order = quadrature_order(domain.model, 2 * modes.degree - 2)
     stresses = repeat(np.eye(3)[:, None, None]) if units is None else unit_stress(domain, units, order)
     n, reach = len(modes.frequency), float(np.abs(modes.domain.mesh.p).max())
     slopes, masses = np.zeros((len(WEIGHTS), 3, n, n)), np.zeros((len(WEIGHTS), n, n))

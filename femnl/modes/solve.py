@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from femnl.errors import ConvergenceError, ParameterError
 from femnl.fem.elements import Space
+from femnl.fem.forms import quadrature_order
 from femnl.fem.memory import need_memory
 from femnl.fem.sheet import Sheet
 from femnl.fem.solvers import lowest_eigenpairs
@@ -164,7 +165,8 @@ def _settle_degenerate(space: Space, domain: Domain, sectors: Sectors) -> Sector
 def _overlap(domain: Domain, space: Space, first: Array, second: Array) -> Array:
     """∫ ρh a b over the mesh, (n, m), of shapes a (n, size) and b (m, size)."""
     sheet, total = Sheet(domain), np.zeros((len(first), len(second)))
-    for triangles, point, dx, values in walk(space, np.concatenate([first, second]), 2 * space.degree):
+    order = quadrature_order(domain.model, 2 * space.degree)
+    for triangles, point, dx, values in walk(space, np.concatenate([first, second]), order):
         weighted = values * (sheet.density(triangles) * sheet.thickness(triangles, point) * dx)
         total += weighted[: len(first)].reshape(len(first), -1) @ values[len(first) :].reshape(len(second), -1).T
     return total

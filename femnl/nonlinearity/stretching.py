@@ -15,6 +15,7 @@ from femnl.fem.forms import (
     deflection,
     in_plane_strain,
     local_matrices,
+    quadrature_order,
     slope,
     stretch,
     vector_dofs,
@@ -64,7 +65,7 @@ def stretching(modes: Modes, pairs: list[tuple[int, int]], membrane: Membrane) -
     energies, loads = np.zeros((len(pairs), len(pairs))), np.zeros((2 * space.size, len(pairs)))
     stiffness = Assembly(2 * space.size)
     # The same points for all integrals: where h varies, G stays the energy of one discrete film.
-    for cell in cells(space, 4 * modes.degree - 4):
+    for cell in cells(space, quadrature_order(modes.domain.model, 4 * modes.degree - 4)):
         slopes = np.einsum("eqxj,nej->neqx", slope(cell.jet), modes.shapes[:, space.dofs[cell.triangles]], optimize=True)
         moduli = membrane(cell)
         strain = stretch(slopes[first], slopes[second])
@@ -87,7 +88,7 @@ def same_parity_only(energies: Array, parities: list[tuple[int, ...]]) -> Array:
 def in_plane_mass(modes: Modes, space: Space) -> csc_matrix:
     """Mass ∫ ρh u·v over the wedge, (2·size, 2·size) [kg]."""
     sheet, mass = Sheet(modes.domain), Assembly(space.size)
-    for cell in cells(space, 2 * space.degree):
+    for cell in cells(space, quadrature_order(modes.domain.model, 2 * space.degree)):
         weight = sheet.density(cell.triangles) * sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
         mass.add(local_matrices(deflection(cell.jet), np.eye(1), weight), space.dofs[cell.triangles])
     return csc_matrix(block_diag([mass.matrix()] * 2))
