@@ -88,6 +88,8 @@ def sizes(bench: Bench, base: Values, hidden: dict[str, Cause], rounds: int = 0)
             factors = np.maximum(1 - SHARE * steps[len(bench.unit) :], SHARE)
             beside = rest | {k: scaled(others[k], factor).values for k, factor in zip(strong, factors, strict=True)}
             change = rows[0] - bench.clean([(near, beside)])[0]
+            if not np.all(np.isfinite(change)):  # tangents led where the laboratory's equations have no motion
+                break
             left.append(float(np.linalg.norm(change)))
         found[name] = min(left)
     return found

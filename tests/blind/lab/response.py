@@ -17,6 +17,8 @@ from tests.blind.lab.bench import Array, Cause, Values, sign
 
 ALPHA_SD = 0.2
 """Relative standard deviation of α from film to film, through Young's modulus."""
+NARROWEST = 0.05
+"""Part of the linewidth below which it is not followed where base parameters move along their tangents, which know no zero."""
 STEPS, STRIDE, SETTLED = 40_000, 0.05, 1e-6
 """Most Runge–Kutta steps at each point of a sweep, in units of the amplitude's decay time, and the change in a step that ends them.
 
@@ -82,6 +84,7 @@ class ResponseBench:
             return np.array([h.get(cause, {}).get(name, 0.0) for h in hidden])[:, None]
 
         f0, w, peak, alpha = (np.array([b[name] for b in bases])[:, None] for name in ("frequency", "linewidth", "peak", "alpha"))
+        w = np.maximum(w, self.linewidth * NARROWEST)
         if self.time is not None:
             f0 = f0 * (1 + knob("frequency_drift", "rate") * self.time)
         drive = peak * self.drives / (1 + knob("drive_compression", "kappa") * self.drives**2) + 0j
