@@ -34,6 +34,8 @@ BEAM, PEERS = 2, 2.0
 """Sets of causes that are extended at each step; single causes up to this ratio of what they and the best leave of χ² are, too."""
 PAIR = 1
 """Step at which pairs of causes are sought."""
+NEARLY = 0.01
+"""Part of what the base model leaves beyond noise, up to which a set beside one that explains the data is fitted anew: perhaps its equal."""
 AGAIN = (3, 3, 1)
 """Sets of one, two and three whose causes are sought anew, or pairs that are fitted from afar, where no set explains the data well."""
 LARGEST = 3
@@ -112,6 +114,9 @@ def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
                 few = len(ranked) if problem.rugged and size == 0 else AGAIN[size]
                 others = [sought_again(c.solution) for c in ranked[:few]]
             _keep(grown, others, library)
+        else:
+            short = [c for c in grown.values() if not c.viable and _excess(c) < NEARLY * _excess(base)]
+            _keep(grown, [sought_again(c.solution) for c in short], library)
         found += grown.values()
         beam = sorted(grown.values(), key=lambda c: -c.weight)
         beam = [c for i, c in enumerate(beam) if i < BEAM or (size == 0 and _excess(c) < PEERS * _excess(beam[0]))]

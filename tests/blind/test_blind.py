@@ -120,6 +120,15 @@ def test_a_drift_that_was_only_found_beside_a_particle_is_told_alone(tmp_path: P
     assert (found.verdict, found.causes) == ("explained", ("frequency_drift",)), found.alternatives
 
 
+def test_an_equal_whose_fit_stopped_short_is_fitted_anew_and_told(tmp_path: Path) -> None:
+    # The pairs of a hexagon are split by unequal stress and by unequal sides alike; the fit of the former stopped 7 sigma short, of 240.
+    make(Case("spectrum", ("stress_anisotropy",), 3145238254, "hexagon-278um", size=(6.0, 300.0)), tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc")
+    told = {one.causes: one.probability for one in found.alternatives}
+    assert found.verdict == "ambiguous", found.causes
+    assert told[("stress_anisotropy",)] == pytest.approx(told[("aspect_ratio",)], rel=0.1)
+
+
 def test_a_particle_that_the_library_lacks_is_not_explained_by_others(tmp_path: Path) -> None:
     make(Case("spectrum", ("added_mass",), 3652888188), tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc", effects=[effect for effect in library().values() if effect.name != "added_mass"])
