@@ -35,7 +35,7 @@ BEAM, PEERS = 2, 2.0
 PAIR = 1
 """Step at which pairs of causes are sought."""
 NEARLY = 0.01
-"""Part of what the base model leaves beyond noise, up to which a set beside one that explains the data is fitted anew: perhaps its equal."""
+"""Part of what the base model leaves beyond noise, up to which a set beside one that explains the data is fitted anew: it may equal it."""
 AGAIN = (3, 3, 1)
 """Sets of one, two and three whose causes are sought anew, or pairs that are fitted from afar, where no set explains the data well."""
 LARGEST = 3
