@@ -39,6 +39,7 @@ WORDS = {
     "cause named": "cause named, alone or among equals",
     "pair named": "both of two causes named",
     "wrong cause explained": "wrong set called `explained`",
+    "wrong cause explained, 5σ worse than the truth": "the same, but for what fits less than 5σ worse than a cause that the library lacks",
     "removed cause unexplained": "cause that the library lacks called `unexplained`, or a tie",
     "removed cause unexplained, or told by another within 5σ": "the same, or told by what fits less than 5σ worse",
     "68 % intervals hold": "68 % intervals that hold the truth",
@@ -103,6 +104,10 @@ def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
         "wrong cause explained": (
             caused,
             lambda r: wrong(r) and not (r["task"] == "removed" and tied(r, partners)),
+        ),
+        "wrong cause explained, 5σ worse than the truth": (
+            caused,
+            lambda r: wrong(r) and not (r["task"] == "removed" and (tied(r, partners) or beside(r, partners))),
         ),
         "removed cause unexplained": (strong.get("removed", []), lambda r: r["verdict"] == "unexplained" or tied(r, partners)),
         "removed cause unexplained, or told by another within 5σ": (

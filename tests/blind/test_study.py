@@ -85,6 +85,8 @@ def test_an_answer_that_fits_nearly_as_well_as_the_cause_that_is_lacking_is_told
     rates = score(rows, [1])["rates"]
     assert rates["removed cause unexplained"]["k"] == 0
     assert rates["removed cause unexplained, or told by another within 5σ"]["k"] == 2
+    assert rates["wrong cause explained"]["k"] == 2
+    assert rates["wrong cause explained, 5σ worse than the truth"]["k"] == 1
 
 
 def test_the_table_has_every_rate_by_kind() -> None:
