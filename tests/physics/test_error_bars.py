@@ -72,6 +72,16 @@ def test_a_number_that_agrees_by_chance_takes_its_share_from_the_others() -> Non
     assert bar[0] >= 0.2 * bar[1] > 0
 
 
+def test_the_pace_of_a_number_that_settles_unlike_the_others_lies_halfway_in_the_logarithm() -> None:
+    # Nine that fall a hundredfold, and one as large that falls fourfold: the bar is 5 √(own × usual pace) of its last difference.
+    last, before = np.full(10, 1e-5), np.array([1e-3] * 9 + [4e-5])
+    values = [np.ones(10), 1 + last, 1 + last + before]
+    usual = 1e-5 / np.sqrt(np.mean(before**2))
+    bar = remainder(values, np.ones(10), 0.0)
+    assert bar[9] == pytest.approx(5 * np.sqrt(0.25 * usual) * 1e-5, rel=1e-4)
+    assert bar[0] == pytest.approx(5 * np.sqrt(0.01 * usual) * 1e-5, rel=1e-4)
+
+
 def test_missing_approximations_leave_an_infinite_or_a_cautious_bar() -> None:
     fine, coarse, coarsest = sequence(0.1)
     np.testing.assert_array_equal(remainder([fine, np.full(3, np.nan), coarsest], np.ones(3), 0.0), np.inf)
