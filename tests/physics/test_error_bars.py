@@ -69,7 +69,10 @@ def test_a_number_that_agrees_by_chance_takes_its_share_from_the_others() -> Non
     values = sequence(0.1)
     values[1][0] = values[0][0]
     bar = remainder(values, np.ones(3), 0.0)
-    assert bar[0] >= 0.2 * bar[1] > 0
+    last, before = (np.abs(np.subtract(*pair)) for pair in ((values[0], values[1]), (values[1], values[2])))
+    usual, pace = np.sqrt(np.mean(last**2)), np.sqrt(np.mean(last**2) / np.mean(before**2))
+    # 0.4 of the usual difference is left to it, at a pace between the usual one and 0.4 of that.
+    assert bar[0] == pytest.approx(5 * 0.4 * usual * pace * np.sqrt(0.4), rel=1e-4)
 
 
 def test_the_pace_of_a_number_that_settles_unlike_the_others_lies_halfway_in_the_logarithm() -> None:
