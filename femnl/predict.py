@@ -126,8 +126,8 @@ def solve_modes_to(
         stuck = errors[worst] > 0.8 * best
         if stuck and degree == DEGREES[-1]:
             raise ConvergenceError(
-                f"tolerance = {tolerance:g}: stopped at a relative error of {best:.1e} (mode {worst + 1}), which degree {degree} at "
-                f"resolution {resolution:.3g} no longer lowers; ask for no more than that"
+                f"tolerance = {tolerance:g}: stopped at a relative error of {errors[worst]:.1e} (mode {worst + 1}), which degree {degree} "
+                f"at resolution {resolution:.3g} no longer lowers; ask for no more than that"
             )
         best = min(best, float(errors[worst]))
         if (stuck or excess > STEP) and degree < DEGREES[-1]:
