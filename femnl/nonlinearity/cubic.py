@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Pairs = list[tuple[int, int]]
 Energies = Callable[[Modes, Pairs], Array]
 
-SAFETY = 1.2  # on the remainder of stretching energies, which err apart from the largest values
+SAFETY = 1.1  # on the remainder of stretching energies, which err apart from the largest values
 UNEVEN = 2.6  # the same where holes make the stress uneven
 SMOOTH = 0.05  # of the last difference between degrees, at least, what the in-plane displacement of smooth edges leaves
 ROUGH = 2.5  # the same of others: an energy falls at least as 1/degree², which leaves 9/7 of the last difference, and a safety

@@ -13,7 +13,7 @@ from femnl.types.remainder import ROUNDING, SAFETY, remainder, settle, share_lef
 Array = NDArray[np.float64]
 
 DEGENERATE = 1e-6  # relative difference of frequencies up to which modes count as sharing one
-PEAK_SAFETY = 0.7  # on the remainder of a largest value: departures are the largest in whole triangles
+PEAK_SAFETY = 0.68  # on the remainder of a largest value: departures are the largest in whole triangles
 PEAK_UNEVEN = 3.2  # the same where holes make the stress uneven, and shapes settle less evenly
 STEADY = 0.02  # of the last difference between degrees, what is taken to be left at least
 UNLIKE = 0.03  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 SAFETY = 5.0  # on the remainder that steady convergence would leave
-SHARE = 0.4  # of the usual difference, and of the usual pace, which each number is taken to have at least: one alone may vanish by chance
+SHARE = 0.43  # of the usual difference, and of the usual pace, which each number is taken to have at least: one alone may vanish by chance
 MOST = 3.0  # of the last difference, where three degrees do not show that they converge
 ROUNDING = 1e-11  # relative, of coordinates and of solutions
 
