@@ -46,21 +46,49 @@ def _harmonics(
 
 
 def _by_bessel(swing: ComplexArray, theta: Array, series: ComplexArray, orders: Orders, q: float, harmonic: Orders) -> ComplexArray:
-    """Return 2 Σ_k Re(iⁿ c_k e^{ikθ}) J_n(kqA) e^{inφ}, piece by piece: what fits into the processor's cache costs a fraction."""
+    """Return 2 Σ_k Re(iⁿ c_k e^{ikθ}) J_n(kqA) e^{inφ}."""
     table = _table(tuple(harmonic.tolist()), int(np.ceil(orders.max() * q * np.abs(swing).max() / 32 + 1e-9)) * 32)
+    amplitude, unit = _polar(swing)
+    phase = theta if np.ptp(theta) else theta[:1]
     found = np.empty((len(harmonic), len(swing)), complex)
-    for start in range(0, len(swing), PIECE):
-        here = slice(start, start + PIECE)
-        amplitude, unit = _polar(swing[here])
-        phase = theta[here]
-        phase = phase if np.ptp(phase) else phase[:1]
-        real = np.zeros((len(harmonic), len(amplitude)))
-        for k in orders:
-            lit = 2 * series[k] * np.exp(1j * k * phase)
-            sides = np.stack([lit.real, -lit.imag, -lit.real, lit.imag])  # Re(iⁿ …)
-            real += sides[harmonic % 4] * _bessel(table, k * q * amplitude)
-        found[:, here] = real * _powers(unit, harmonic)
+    compiled(_sum)(found, NODES * q * amplitude, unit, np.exp(1j * np.outer(orders, phase)), table, orders, 2 * series[orders], harmonic)
     return found
+
+
+def _sum(
+    found: ComplexArray,
+    place: Array,
+    unit: ComplexArray,
+    turns: ComplexArray,
+    table: Array,
+    orders: Orders,
+    lit: ComplexArray,
+    harmonic: Orders,
+) -> None:
+    """Sum the terms lit_k e^{ikθ} of a fringe at each point, with J_n from the table by cubic Hermite interpolation.
+
+    place (n_points,): argument of the Bessel functions of the first order, in nodes; turns: e^{ikθ}
+    (n_orders, n_points), or (n_orders, 1) of all alike.
+    """
+    summed, quarter, each = np.empty(len(harmonic)), harmonic % 4, int(turns.shape[1] > 1)
+    for i in range(len(place)):
+        summed[:] = 0.0
+        for j in range(len(orders)):
+            at = orders[j] * place[i]
+            left = int(at)
+            s, term = at - left, lit[j] * turns[j, i * each]
+            sides = term.real, -term.imag, -term.real, term.imag  # Re(iⁿ …)
+            for h in range(len(harmonic)):
+                value = table[left, h, 0] + s * (table[left, h, 1] + s * (table[left, h, 2] + s * table[left, h, 3]))
+                summed[h] += sides[quarter[h]] * value
+        power, n = 1.0 + 0.0j, 0
+        for h in range(len(harmonic)):
+            if harmonic[h] < n:  # not in rising order
+                power, n = 1.0 + 0.0j, 0
+            for _ in range(harmonic[h] - n):
+                power *= unit[i]
+            n = harmonic[h]
+            found[h, i] = summed[h] * power
 
 
 def _powers(unit: ComplexArray, harmonic: Orders) -> ComplexArray:
@@ -71,25 +99,14 @@ def _powers(unit: ComplexArray, harmonic: Orders) -> ComplexArray:
     return rows[harmonic]
 
 
-def _bessel(table: Array, argument: Array) -> Array:
-    """Return J_n(z), (n_harmonics, n_points), from a table by cubic Hermite interpolation."""
-    place = argument * NODES
-    left = place.astype(np.intp)
-    s = place - left
-    value, *others = (np.take(part, left, axis=1) for part in table)
-    for part in others:
-        value *= s
-        value += part
-    return value
-
-
 @lru_cache(maxsize=16)
 def _table(harmonic: tuple[int, ...], longest: int) -> Array:
-    """Return the coefficients of J_n between nodes up to z = longest, highest power first, (4, n_harmonics, n_nodes)."""
+    """Return the coefficients of J_n between nodes up to z = longest, lowest power first, (n_nodes, n_harmonics, 4)."""
     z, n = np.arange(longest * NODES + 2) / NODES, np.array(harmonic)[:, None]
     value, slope = jv(n, z), jvp(n, z) / NODES
     rise, first, last = np.diff(value, axis=1), slope[:, :-1], slope[:, 1:]
-    return np.stack([first + last - 2 * rise, 3 * rise - 2 * first - last, first, value[:, :-1]])
+    cubic = np.stack([value[:, :-1], first, 3 * rise - 2 * first - last, first + last - 2 * rise])
+    return np.ascontiguousarray(cubic.transpose(2, 1, 0))
 
 
 def _largest(series: ComplexArray) -> float:
