@@ -54,7 +54,7 @@ class SpectrumProblem:
         # Where ℓ is known, no fit may leave its prior for what only another cause could do.
         low, high = (0.0, 4.0) if unknown else (1 - FARTHEST * BENDING_SD, 1 + FARTHEST * BENDING_SD)
         self._order = self._match()
-        self._eigen = recent(_eigen)
+        self._eigen = recent(_eigen if self.label else _squares)
         ratio = float(np.median(self.frequency / film.modes.frequency[self._order]))
         self.base: tuple[Knob, ...] = (
             Knob("speed", "m/s", 0.3 * film.speed * ratio, 3 * film.speed * ratio),
@@ -112,7 +112,10 @@ class SpectrumProblem:
         return np.append(misfit(chosen), (base["bending_length"] / self.film.bending_length - 1) / self._bending_sd)
 
     def _solved(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> tuple[Array, Array, Array]:
-        """Return the frequencies of the changed modes, the share (base, changed) of each base mode in them, and its own frequency."""
+        """Return the frequencies of the changed modes, the share (base, changed) of each base mode in them, and its own frequency.
+
+        Where nothing has a label the shares are left out.
+        """
         plain = self.film.frequency(base["speed"], base["bending_length"])
         # The geometry states its stress and assumes its density, so that c is carried by the density.
         film = replace(self.film.model.film, density=self.film.model.film.stress / base["speed"] ** 2)
@@ -182,6 +185,15 @@ def _eigen(stiffness: Array, mass: Array) -> tuple[Array, Array]:
         return square, turned / np.sqrt(own)[:, None]
     square, vectors = eigh(stiffness, mass, check_finite=False)
     return np.asarray(square), np.asarray(vectors)
+
+
+def _squares(stiffness: Array, mass: Array) -> tuple[Array, Array]:
+    """Return ω² alone, and no vectors (n, 0): what has no labels goes by rank, and the vectors cost twice as much as the squares."""
+    root = np.sqrt(np.diag(mass))
+    none, scaled = np.empty((len(root), 0)), np.outer(root, root)
+    if np.count_nonzero(mass) == len(root):
+        return np.linalg.eigvalsh(stiffness / scaled), none
+    return np.asarray(eigh(stiffness, mass, eigvals_only=True, check_finite=False)), none
 
 
 def _ranks(frequency: Array) -> NDArray[np.int64]:
