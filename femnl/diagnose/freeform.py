@@ -11,7 +11,7 @@ from femnl.measurement import CONTROLS
 from femnl.types.diagnosis import FreeForm, Quality
 from femnl.types.effect import Change, Effect, Knob, Stage, Values
 from femnl.types.operators import WEIGHTS
-from femnl.types.scene import Equation, Fringe, Harmonics, ModalSystem, Motion, Oscillator, Points, Signal
+from femnl.types.scene import Equation, Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Points, Signal
 
 ORDERS = range(2, 7)
 """Overtones of a fringe, and harmonics of the drive, that are free."""
@@ -19,6 +19,8 @@ OTHERS = range(1, 7)
 """Modes that a free shape is made of beside the driven one."""
 POWERS = range(1, 4)
 """Powers of the polynomials that a series or a readout may follow."""
+DISPERSIONS = (-1, 1, 2)
+"""Powers of frequency of which a dispersion is made."""
 TOUCH = 0.01
 """Part of their bounds by which the numbers of a form are moved to see whether it moves the data at all."""
 ITERATIONS = 4
@@ -36,17 +38,22 @@ def free_forms(base: Solution) -> tuple[FreeForm, ...]:
 
 
 def fitted_forms(base: Solution) -> list[Solution]:
-    """Return the fit of every free form that suits the problem of a base model's fit and moves its data."""
+    """Return the fit of every free form that suits the problem of a base model's fit and moves its data.
+
+    Of the expansions of one form, shorter or longer, the one of the largest evidence.
+    """
     own, _ = base.model.split(base.vector)
-    found = []
+    found: dict[str, Solution] = {}
     for effect in extensions(base.model.problem):
         model = Extended(base.model.problem, (effect,))
         start = model.pack(own, [{knob.name: 0.0 for knob in effect.parameters}])
         moved = start.copy()
         moved[-len(effect.parameters) :] = TOUCH * model.bounds[1][-len(effect.parameters) :]
         if not np.array_equal(model.residuals(moved), model.residuals(start)):
-            found.append(fit(model, start))
-    return found
+            solution, known = fit(model, start), found.get(effect.sentence)
+            if known is None or solution.log_evidence > known.log_evidence:
+                found[effect.sentence] = solution
+    return list(found.values())
 
 
 def extensions(problem: Problem) -> list[Effect]:
@@ -56,6 +63,21 @@ def extensions(problem: Problem) -> list[Effect]:
 
 def _form(sentence: str, equation: str, knobs: tuple[Knob, ...], changes: Mapping[Stage, Change]) -> Effect:
     return Effect("free_form", equation, knobs, changes, "expansion in smooth functions", "a description, not a cause", sentence)
+
+
+def _shorter(form: Effect, *parts: tuple[str, str]) -> tuple[Effect, ...]:
+    """Return the form and expansions of it with fewer terms: the equation, and names of the parameters that are left."""
+    absent = dict.fromkeys((knob.name for knob in form.parameters), 0.0)
+
+    def padded(change: Change) -> Change:
+        return lambda value, values: change(value, {**absent, **values})
+
+    changes = {stage: padded(change) for stage, change in form.changes.items()}
+    found = [form]
+    for equation, names in parts:
+        kept = tuple(knob for knob in form.parameters if knob.name in names.split())
+        found.append(replace(form, equation=equation, parameters=kept, changes=changes))
+    return tuple(found)
 
 
 def _complex(numbers: range, half: float, per: str = "") -> tuple[Knob, ...]:
@@ -80,6 +102,12 @@ def _tighten(system: ModalSystem, values: Values) -> ModalSystem:
         if k:
             system = system.stretched(k, values[name] * stress, values[name] * stress)
     return system
+
+
+def _disperse(lines: Lines, values: Values) -> Lines:
+    """Change each frequency by powers of its ratio to the lowest."""
+    ratio = lines.frequency / lines.frequency.min()
+    return replace(lines, frequency=lines.frequency * (1 + sum(values[f"power{n}"] * ratio**n for n in DISPERSIONS)))
 
 
 def _force(mode: Oscillator, values: Values) -> Oscillator:
@@ -137,11 +165,28 @@ TENSION = _form("a tension that varies smoothly over the film", "σ → σ(1 + �
 FORCES = _form("restoring and damping forces of free form", "κ₂u², αu³, α₅u⁵, ηu²u̇ of any sign", _TERMS, {"equation": _move})
 FRINGE = _form("a fringe of free form", "c_k free, k = 2 … 6", _complex(ORDERS, 1.0), {"fringe": _ripple})
 FORMS = (
-    MASS,
-    TENSION,
-    _form("restoring and damping forces of free form", "α₅u⁵, ηu²u̇ of any sign", _FORCES, {"oscillator": _force}),
+    *_shorter(MASS, ("ρ → ρ(1 + m_x x + m_y y)", "x y")),
+    *_shorter(TENSION, ("σ → σ(1 + t_x x + t_y y)", "x y")),
+    *_shorter(
+        _form(
+            "a dispersion of free form",
+            "f → f(1 + Σ d_n (f/f₁)ⁿ), n = −1, 1, 2",
+            tuple(Knob(f"power{n}", "1", -0.3, 0.3) for n in DISPERSIONS),
+            {"frequencies": _disperse},
+        ),
+        *((f"f → f(1 + d (f/f₁)^{n})", f"power{n}") for n in DISPERSIONS),
+    ),
+    *_shorter(
+        _form("restoring and damping forces of free form", "α₅u⁵, ηu²u̇ of any sign", _FORCES, {"oscillator": _force}),
+        ("α₅u⁵ of any sign", "quintic"),
+        ("ηu²u̇ of any sign", "damping"),
+    ),
     FORCES,
-    _form("a readout of free form", "V → V(1 + Σ c_n (|V|/V_max)ⁿ), c complex", _complex(POWERS, 3.0), {"signal": _distort}),
+    *_shorter(
+        _form("a readout of free form", "V → V(1 + Σ c_n (|V|/V_max)ⁿ), c complex", _complex(POWERS, 3.0), {"signal": _distort}),
+        ("V → V(1 + c (|V|/V_max)²), c real", "real2"),
+        ("V → V(1 + c (|V|/V_max)²), c complex", "real2 imag2"),
+    ),
     _form("a shape of free form", "ξ → ξ + Σ e_j ξ_j, e complex", _complex(OTHERS, 0.3), {"motion": _bend}),
     _form("a phase of the fringe that varies smoothly", "θ → θ + quadratic in x, y", _smooth(WEIGHTS[1:], 3.0), {"motion": _turn}),
     FRINGE,

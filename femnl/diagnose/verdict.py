@@ -6,7 +6,7 @@ import numpy as np
 
 from femnl.diagnose.fit import Unseen
 from femnl.diagnose.freeform import fitted_forms
-from femnl.diagnose.search import FALSE_ALARMS, PER_CAUSE, Candidate
+from femnl.diagnose.search import DOUBTFUL, FALSE_ALARMS, PER_CAUSE, Candidate
 from femnl.types.diagnosis import Verdict
 
 CLEAR = 0.95
@@ -42,9 +42,9 @@ def judge(found: list[Candidate]) -> Judgement:
     # A set is no explanation with a cause in it that the evidence does not ask for.
     worth = [c for c in tried if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in tried)]
     likely = [c for c in worth if c.viable]
-    if any(len(c.names) > 1 for c in likely):
-        unknown = max(_scatter(base), _smooth(base) - float(np.log(CLEAR / (1 - CLEAR))))
-        likely = [c for c in likely if len(c.names) == 1 or c.weight > unknown]
+    if any(len(c.names) > 1 or c.p_value < DOUBTFUL for c in likely):
+        smooth = _smooth(base) - float(np.log(CLEAR / (1 - CLEAR)))
+        likely = [c for c in likely if c.weight > smooth and (len(c.names) == 1 or c.weight > _scatter(base))]
     # What fits all the data together, but not each part by what the others say, is bent to them and no cause.
     viable = [c for c in sorted(likely, key=lambda c: -c.weight)[: 1 + RIVALS] if c.solution.unseen.p_value >= c.least]
     if base.viable and all(c.weight <= base.weight for c in viable):
@@ -79,9 +79,9 @@ def _scatter(base: Candidate) -> float:
 
 
 def _smooth(base: Candidate) -> float:
-    """Logarithm of evidence times prior odds of one unknown cause of the free form that suits best, which a combination must not be behind.
+    """Logarithm of evidence times prior odds of one unknown cause of the free form that suits best, which no set may be far behind.
 
-    Several flexible causes together can imitate one that is missing, but with more parameters than its own form has.
+    Several causes together, or one that fits badly, can imitate a cause that is missing, but not as simply as its own form.
     """
     return max((s.log_evidence for s in fitted_forms(base.solution)), default=-np.inf) + 2 * float(np.log(PER_CAUSE))
 

@@ -97,14 +97,26 @@ def test_a_cause_that_the_library_lacks_is_called_unexplained(case: Case, tmp_pa
     assert found.p_value < 0.01
 
 
-def test_causes_that_only_together_do_what_one_smooth_form_does_explain_nothing(tmp_path: Path) -> None:
-    # A compressed readout and quintic stiffness leave no more than damping does: the form of a free force takes up as much alone.
-    make(Case("response", ("nonlinear_damping",), 1422042347), tmp_path / "file.nc")
-    pair = [library()[name] for name in ("nonlinear_readout", "quintic_stiffness")]
+@pytest.mark.parametrize(
+    ("case", "together"),
+    [
+        # A compressed readout and quintic stiffness leave no more than damping does: a free force takes up as much alone.
+        (Case("response", ("nonlinear_damping",), 1422042347), ("nonlinear_readout", "quintic_stiffness")),
+        # Damping and quintic stiffness in just one ratio do what a readout of one number does.
+        (Case("response", ("nonlinear_readout",), 2451172232), ("nonlinear_damping", "quintic_stiffness")),
+        # A layer that bends and a mode of the frame do what one power of the frequency does.
+        (Case("holes", ("gas_loading",), 2782844655, PERFORATED), ("bending_stiffness", "frame_mode")),
+    ],
+    ids=lambda value: value.causes[0] if isinstance(value, Case) else None,
+)
+def test_causes_that_only_together_do_what_one_smooth_form_does_explain_nothing(
+    case: Case, together: tuple[str, ...], tmp_path: Path
+) -> None:
+    make(case, tmp_path / "file.nc")
+    pair = [library()[name] for name in together]
     assert diagnose(tmp_path / "file.nc", effects=pair).verdict == "unexplained"
-    right = [*pair, library()["nonlinear_damping"]]
-    found = diagnose(tmp_path / "file.nc", effects=right)
-    assert (found.verdict, found.causes) == ("explained", ("nonlinear_damping",))
+    found = diagnose(tmp_path / "file.nc", effects=[*pair, *(library()[name] for name in case.causes)])
+    assert (found.verdict, found.causes) == ("explained", case.causes)
 
 
 def test_a_particle_is_sought_anew_once_the_drift_beside_it_is_known(tmp_path: Path) -> None:
