@@ -23,6 +23,8 @@ FEW, MOSTLY = 0.01, 0.3
 """Part of the residuals that hold this part of the excess of χ² where a fit stopped at a jump: points on the wrong side of it."""
 KICKS = (-0.03, -0.01, -0.003, -0.001, 0.001, 0.003, 0.01, 0.03)
 """Relative changes of what moves a jump by which such a fit is led over it."""
+PARTS = np.geomspace(1 / 200, 1, 120)
+"""Parts of their range at which parameters that move data of their own are sought."""
 SEED, STEPS_BACK = 1e-4, 12
 """Least part of its range at which the fit of a strength starts, and how often a start is brought nearer to zero, by a third."""
 
@@ -65,7 +67,7 @@ def sought_again(solution: Solution) -> Solution:
     """Seek each effect anew beside the others: an earlier one was found without the latest, and tangents may have led astray."""
     model = solution.model
     base, values = model.split(solution.vector)
-    found = [solution, *_over_jumps(solution)]
+    found = [solution, *_over_jumps(solution), *_from_all_over(solution)]
     for k, effect in enumerate(model.effects):
         rugged = model.problem.rugged
         shaped = effect is not model.effects[-1] and not all(knob.strength for knob in effect.parameters)
@@ -112,3 +114,30 @@ def _over_jumps(solution: Solution) -> list[Solution]:
     base, values = solution.model.split(solution.vector)
     starts = [base | {name: base[name] * (1 + kick)} for name in solution.model.problem.jumps for kick in KICKS]
     return _finished(solution.model, (solution.model.pack(start, values) for start in starts))
+
+
+def _from_all_over(solution: Solution) -> list[Solution]:
+    """Fit from where parameters that move data of their own suit these best, sought over all their range, angles turned by half or not.
+
+    Without the effects each of them may have come to rest in a valley of its own, as the amplitude at a step of a trace whose harmonics
+    are worn down: a small one looks much like a large one, and no tangent leads from the one to the other.
+    """
+    model, problem = solution.model, solution.model.problem
+    places = {knob.name: i for i, (owner, knob) in enumerate(model.knobs) if owner == "base"}
+    mine = [(places[name], mask) for group in problem.apart for name, mask in group.items() if name in places]
+    if not mine or any(effect.across for effect in model.effects):
+        return []
+    low, high = model.bounds
+    angle = np.array([knob.unit == "rad" for _, knob in model.knobs])
+    moved, masks = np.array([i for i, _ in mine]), np.stack([mask for _, mask in mine])
+    swept, turned = moved[~angle[moved]], moved[angle[moved]]
+    start, least = solution.vector.copy(), masks @ solution.residuals**2
+    for part in PARTS:
+        for turn in (0.0, np.pi):
+            trial = solution.vector.copy()
+            trial[swept] = low[swept] + part * (high - low)[swept]
+            trial[turned] += np.where(trial[turned] + turn <= high[turned], turn, -turn)
+            left = masks @ model.residuals(trial) ** 2
+            better = left < least
+            start[moved[better]], least = trial[moved[better]], np.minimum(left, least)
+    return [] if np.array_equal(start, solution.vector) else [fit(model, start)]
