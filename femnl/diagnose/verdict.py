@@ -6,7 +6,7 @@ import numpy as np
 
 from femnl.diagnose.fit import Unseen
 from femnl.diagnose.freeform import fitted_forms
-from femnl.diagnose.search import DOUBTFUL, FALSE_ALARMS, PER_CAUSE, Candidate
+from femnl.diagnose.search import DOUBTFUL, FALSE_ALARMS, HOPELESS, PER_CAUSE, Candidate
 from femnl.types.diagnosis import Verdict
 
 CLEAR = 0.95
@@ -52,9 +52,10 @@ def judge(found: list[Candidate]) -> Judgement:
     if not viable:
         return Judgement("unexplained", base, (), share)
     best = viable[0]
-    total = sum(share[c.names] for c in viable)
-    share |= {c.names: share[c.names] / total for c in viable}
-    rivals = [c for c in viable[1:] if share[c.names] > (1 - CLEAR) / 2 or _ties(c, best)]
+    doubted = [c for c in worth if c not in viable and _doubted(c, best)]
+    total = sum(share[c.names] for c in (*viable, *doubted))
+    share |= {c.names: share[c.names] / total for c in (*viable, *doubted)}
+    rivals = [c for c in viable[1:] if share[c.names] > (1 - CLEAR) / 2 or _ties(c, best)] + doubted
     if not rivals and len(viable) > 1 and _contradicted(best, viable[1:]):
         rivals = viable[1:]
     if not rivals and not _predicts_better(best.solution.unseen, base.solution.unseen):
@@ -89,6 +90,16 @@ def _smooth(base: Candidate) -> float:
 def _ties(candidate: Candidate, best: Candidate) -> bool:
     fewer = candidate.solution.vector.size <= best.solution.vector.size
     return fewer and candidate.solution.chi2 - best.solution.chi2 < TIE
+
+
+def _doubted(candidate: Candidate, best: Candidate) -> bool:
+    """Whether a set was ruled out by a fit that is rare but not too rare for chance, and one more cause mends that at hardly any gain.
+
+    Several causes are held to a higher p-value than one because they fit much anyway: more causes still cannot be the clearer for it.
+    """
+    fewer = set(candidate.names) < set(best.names) and not candidate.solution.stuck
+    likely = min(candidate.p_value, candidate.solution.unseen.p_value if fewer else 0.0) >= HOPELESS
+    return likely and best.weight - candidate.weight < float(np.log(CLEAR / (1 - CLEAR)))
 
 
 def _contradicted(best: Candidate, others: list[Candidate]) -> bool:
