@@ -124,7 +124,8 @@ def _from_all_over(solution: Solution) -> list[Solution]:
     """
     model, problem = solution.model, solution.model.problem
     places = {knob.name: i for i, (owner, knob) in enumerate(model.knobs) if owner == "base"}
-    mine = [(places[name], mask) for group in problem.apart for name, mask in group.items() if name in places]
+    lanes = [lane for group in problem.apart if len(group) > 1 for lane in group.items()]
+    mine = [(places[name], mask) for name, mask in lanes if name in places]
     if not mine or any(effect.across for effect in model.effects):
         return []
     low, high = model.bounds

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from femnl.compiled import compiled
 from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.problem import Named, Ranked, apply, recent
 from femnl.errors import MeasurementError
@@ -151,15 +152,10 @@ class ResponseProblem:
 
     def _followed(self, both: ComplexArray, alpha: float) -> ComplexArray:
         """Return the sheet of each point: sweeps of known direction jump once, where the data say, others as they fit best."""
-        cost = np.abs(self.sweeps.voltage - both) ** 2
-        chosen = np.argmin(cost, axis=0)
-        first, last = (1, 0) if alpha >= 0 else (0, 1)
-        for span, directed in zip(self.sweeps.spans, self.sweeps.direction, strict=True):
-            if directed:
-                gain = cost[first, span] - cost[last, span]
-                jump = int(np.argmin(np.concatenate([[0.0], np.cumsum(gain)])))
-                chosen[span] = np.where(np.arange(len(gain)) < jump, first, last)
-        return np.asarray(both[chosen, np.arange(both.shape[1])])
+        found = np.empty(both.shape[1], complex)
+        spans = np.array([(s.start, s.stop, d != 0) for s, d in zip(self.sweeps.spans, self.sweeps.direction, strict=True)], np.int64)
+        compiled(_follow)(found, self.sweeps.voltage, both, spans, int(alpha >= 0))
+        return found
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (V − V_predicted)/σ of all real, then of all imaginary parts."""
@@ -240,6 +236,22 @@ class ResponseProblem:
         offset = self.sweeps.frequency[k] - self.start[0]
         drive = f"the drive of {worst * self.sweeps.reference:.3g} V deviates most"
         return f"{drive}, most strongly {offset:+.3g} Hz from resonance; rms by drive {table}"
+
+
+def _follow(found: ComplexArray, measured: ComplexArray, both: ComplexArray, spans: NDArray[np.int64], first: int) -> None:
+    """Put in place the sheet (2, n) of each point; spans (n_sweeps, 3): start, stop, and whether a sweep begins on the first sheet."""
+    last = 1 - first
+    for k in range(len(spans)):
+        start, stop = spans[k, 0], spans[k, 1]
+        jump, left, least = start, 0.0, 0.0
+        for i in range(start, stop):
+            gain = abs(measured[i] - both[first, i]) ** 2 - abs(measured[i] - both[last, i]) ** 2
+            found[i] = both[first if gain <= 0 else last, i]
+            left += gain
+            if left < least:
+                jump, least = i + 1, left
+        if spans[k, 2]:
+            found[start:jump], found[jump:stop] = both[first, start:jump], both[last, jump:stop]
 
 
 def _on_sheets(delta: Array, cubic: ComplexArray, fifth: Array, pulled: ComplexArray, scale: Array, order: float) -> ComplexArray:
