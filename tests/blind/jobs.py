@@ -103,6 +103,8 @@ IMPOSSIBLE = {
     ("bending_stiffness", "hexagon-278um"),  # the film of that geometry is assumed, so that its bending length is fitted freely
     ("hole_dispersion", "hexagon-278um"),  # and takes that up, too
     ("compliant_clamp", "hexagon-278um"),  # the laboratory's edge gives way on rectangles alone
+    ("multilayer_fringe", "perforated"),  # that geometry has no stack
+    ("finite_spot", "perforated"),  # over a hole there is no film that a spot could average
 }
 
 

@@ -23,6 +23,7 @@ HIDDEN = [
     pytest.param(Case("response", ("crosstalk",), 2, SQUARE, (20.0, 60.0)), marks=pytest.mark.slow),
     Case("map", ("phase_tilt",), 2, SQUARE, (20.0, 60.0)),
     pytest.param(Case("map", ("multilayer_fringe",), 2, SQUARE), marks=pytest.mark.slow),
+    Case("map", ("stage_rotation", "static_bow"), 30, PERFORATED),
     pytest.param(Case("spectrum", ("added_mass",), 3, HEXAGON, (30.0, 60.0)), marks=pytest.mark.slow),
     Case("series", ("gas_damping",), 2),
     Case("series", ("thermal_stress",), 2),
@@ -49,9 +50,9 @@ LACKING = [
 ]
 
 
-@pytest.mark.parametrize("kind", ["spectrum", "response", "map", "series"])
-def test_nothing_is_found_where_nothing_is_hidden(kind: str, tmp_path: Path) -> None:
-    case = Case(kind, (), 1)
+@pytest.mark.parametrize(("kind", "geometry"), [*((k, SQUARE) for k in ("spectrum", "response", "map", "series")), ("map", PERFORATED)])
+def test_nothing_is_found_where_nothing_is_hidden(kind: str, geometry: str, tmp_path: Path) -> None:
+    case = Case(kind, (), 1, geometry)
     make(case, tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc")
     assert (found.verdict, found.causes) == ("adequate", ()), (case, found.where)

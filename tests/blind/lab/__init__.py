@@ -34,7 +34,7 @@ GEOMETRIES = {
     "spectrum": ("square-270um", "rectangle", "hexagon-278um"),
     "holes": ("perforated",),
     "response": ("square-270um",),
-    "map": ("square-270um", "rectangle", "hexagon-278um"),
+    "map": ("square-270um", "rectangle", "hexagon-278um", "perforated"),
     "series": ("square-270um",),
     "trace": ("square-270um",),
     "record": ("square-270um",),

@@ -4,13 +4,14 @@ The film relaxes in its plane under each component of the stress that it had bef
 """
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh, splu
 from skfem import Basis, BilinearForm, ElementQuad2, ElementVector, FacetBasis, LinearForm, MeshQuad, MeshQuad2, asm
 from skfem.helpers import ddot, sym_grad, trace
@@ -24,7 +25,7 @@ from tests.blind.lab.spectrum import SpectrumBench
 
 SIDE, PITCH, COUNT, RADIUS, POISSON = 250e-6, 40e-6, 6, 5e-6, 0.23
 """Those of `perforated.toml`."""
-KEPT = Path(__file__).parents[3] / "build" / f"blind-perforated-{zlib.crc32(Path(__file__).read_bytes()):08x}.npz"
+KEPT = Path(__file__).parents[3] / "build"
 """Where what the film's equations give is kept; without it, or where this file has changed, it is computed again."""
 AROUND, OUTWARDS, MODES = 64, 16, 60
 LOADS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -38,31 +39,44 @@ def solved() -> dict[str, Array]:
     x² + y²; edge (n,): ∮ √T_nn (∂φ/∂n)² / area of equal stresses;
     bending (n,): ∫ (1 − ν) |∇∇φ|² + ν (Δφ)² / area; area; shapes (n_nodes, n) at nodes (2, n_nodes).
     """
-    if not KEPT.is_file():
-        found = solve(AROUND, OUTWARDS)
-        KEPT.parent.mkdir(exist_ok=True)
-        write_whole(KEPT, lambda path: np.savez(path, allow_pickle=False, **found))
-    with np.load(KEPT) as kept:
-        return dict(kept)
+    return kept("film", solve)
 
 
-def mesh(around: int, outwards: int) -> MeshQuad2:
+def kept(name: str, solve: Callable[[], dict[str, Array]]) -> dict[str, Array]:
+    """Return what is kept under a name, or solve it."""
+    path = KEPT / f"blind-perforated-{name}-{zlib.crc32(Path(__file__).read_bytes()):08x}.npz"
+    if not path.is_file():
+        found = solve()
+        path.parent.mkdir(exist_ok=True)
+        write_whole(path, lambda path: np.savez(path, allow_pickle=False, **found))
+    with np.load(path) as file:
+        return dict(file)
+
+
+def rings(outwards: int) -> Array:
+    """Parts of the way from the hole to the side of its cell at which nodes lie, (outwards + 1,)."""
+    return np.asarray(np.linspace(0, 1, outwards + 1) ** 1.3)
+
+
+def cell(column: int, row: int, around: int, outwards: int, side: float) -> Array:
+    """Corners of the quadrilaterals of one cell, (2, outwards + 1, around), in units of the side; the outer cells take in the margin."""
+    radius, pitch = RADIUS / side, PITCH / side
+    t = np.linspace(-1, 1, around // 4 + 1)[:-1]
+    one = np.ones_like(t)
+    square = np.concatenate([[one, t], [-t, one], [-one, -t], [t, -one]], axis=1)
+    s, margin = rings(outwards)[:, None], (1 - COUNT * pitch) / pitch
+    ends = [(1 + margin * (n == 0), 1 + margin * (n == COUNT - 1)) for n in (column, row)]
+    outer = np.stack([np.where(part < 0, part * low, part * high) for part, (low, high) in zip(square, ends, strict=True)])
+    turn = np.arctan2(outer[1], outer[0])
+    place = (np.array([column, row]) - (COUNT - 1) / 2) * pitch
+    found = [(1 - s) * radius * f(turn) + s * pitch / 2 * part for f, part in zip((np.cos, np.sin), outer, strict=True)]
+    return np.stack(found) + place[:, None, None]
+
+
+def mesh(around: int, outwards: int, side: float = SIDE) -> MeshQuad2:
     """Quadrilaterals between each hole and the sides of its cell; those at the hole follow its arc."""
-    radius, pitch = RADIUS / SIDE, PITCH / SIDE
-    side = np.linspace(-1, 1, around // 4 + 1)[:-1]
-    one = np.ones_like(side)
-    square = np.concatenate([[one, side], [-side, one], [-one, -side], [side, -one]], axis=1)
-    s = np.linspace(0, 1, outwards + 1)[:, None] ** 1.3
-    margin = (1 - COUNT * pitch) / pitch  # between the outer cells and the edge, which those cells take in
-    cells = []
-    for column in range(COUNT):
-        for row in range(COUNT):
-            ends = [(1 + margin * (n == 0), 1 + margin * (n == COUNT - 1)) for n in (column, row)]
-            outer = np.stack([np.where(part < 0, part * low, part * high) for part, (low, high) in zip(square, ends, strict=True)])
-            turn = np.arctan2(outer[1], outer[0])
-            rings = [(1 - s) * radius * f(turn) + s * pitch / 2 * part for f, part in zip((np.cos, np.sin), outer, strict=True)]
-            place = (np.array([column, row]) - (COUNT - 1) / 2) * pitch
-            cells.append(np.stack([ring.ravel() for ring in rings]) + place[:, None])
+    radius, pitch = RADIUS / side, PITCH / side
+    cells = [cell(column, row, around, outwards, side).reshape(2, -1) for column in range(COUNT) for row in range(COUNT)]
     i, k = np.meshgrid(np.arange(around), np.arange(outwards))
     corners = [(k + a) * around + (i + b) % around for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
     first = np.stack([corner.ravel() for corner in corners])
@@ -79,36 +93,66 @@ def mesh(around: int, outwards: int) -> MeshQuad2:
     return MeshQuad2(np.ascontiguousarray(nodes), plain.t)
 
 
-def solve(around: int = AROUND, outwards: int = OUTWARDS) -> dict[str, Array]:
-    """Solve the film; see `solved`."""
-    cells = mesh(around, outwards)
+@dataclass(frozen=True)
+class Relaxed:
+    """A film on its mesh, with the tension (2, 2, n_cells, n_points) that each load leaves, and that at the edge of all together."""
+
+    flat: Basis
+    rim: FacetBasis
+    outer: NDArray[np.int64]
+    tensions: list[Array]
+    at_rim: Array
+
+    def modes(self, stiffness: Any, count: int) -> tuple[Array, Array]:
+        """k² of the lowest modes and their values (N, count) at the nodes."""
+        flat = self.flat
+        inner, heavy = flat.complement_dofs(flat.get_dofs(self.outer)), asm(mass, flat)
+        square, vectors = eigsh(stiffness[inner][:, inner].tocsc(), count, heavy[inner][:, inner].tocsc(), sigma=0.0)
+        shapes = np.zeros((flat.N, count))
+        shapes[inner] = vectors * np.sqrt(float(flat.dx.sum()))
+        return square, shapes
+
+
+def relaxed(cells: MeshQuad2, loads: Sequence[tuple[float, float, float]]) -> Relaxed:
+    """Let the film go in its plane under each stress that it may have had before."""
     outer = cells.facets_satisfying(lambda x: np.isclose(np.abs(x).max(axis=0), 0.5, atol=1e-9), boundaries_only=True)
     flat, plane = Basis(cells, ElementQuad2(), intorder=6), Basis(cells, ElementVector(ElementQuad2()), intorder=6)
     rim, rims = (FacetBasis(cells, element, facets=outer, intorder=6) for element in (ElementQuad2(), ElementVector(ElementQuad2())))
     free = plane.complement_dofs(plane.get_dofs(outer))
     stretch = splu(asm(_elastic, plane)[free][:, free].tocsc())
     tensions, at_rim = [], np.zeros((2, 2, *rim.dx.shape))
-    for load in LOADS:
+    for load in loads:
         before = np.array([[load[0], load[2]], [load[2], load[1]]])[:, :, None, None]
         moved = np.zeros(plane.N)
         moved[free] = -stretch.solve(asm(_released, plane, before=before * np.ones(flat.dx.shape))[free])
         tensions.append(before + _stress(sym_grad(_field(plane, moved))))
         if load[2] == 0:
             at_rim = at_rim + before + _stress(sym_grad(_field(rims, moved)))
+    return Relaxed(flat, rim, outer, tensions, at_rim)
+
+
+def shapes(side: float, count: int) -> dict[str, Array]:
+    """k² and values at the nodes of the lowest modes of a film of that side [m] under equal stresses, as in `solved`."""
+    film = relaxed(mesh(AROUND, OUTWARDS, side), [(1.0, 1.0, 0.0)])
+    square, values = film.modes(asm(_pull, film.flat, tension=film.tensions[0]), count)
+    return {"square": square, "area": np.array(float(film.flat.dx.sum())), "nodes": film.flat.doflocs, "shapes": values}
+
+
+def solve(around: int = AROUND, outwards: int = OUTWARDS) -> dict[str, Array]:
+    """Solve the film; see `solved`."""
+    film = relaxed(mesh(around, outwards), LOADS)
+    flat, rim, tensions = film.flat, film.rim, [*film.tensions]
     x, y = _points(flat)
     tensions += [weight * (tensions[0] + tensions[1]) for weight in (x, y, x**2 + y**2)]
     stiff = [asm(_pull, flat, tension=tension) for tension in tensions]
-    inner, heavy, area = flat.complement_dofs(flat.get_dofs(outer)), asm(mass, flat), float(flat.dx.sum())
-    even = stiff[0] + stiff[1]
-    square, vectors = eigsh(even[inner][:, inner].tocsc(), MODES, heavy[inner][:, inner].tocsc(), sigma=0.0)
-    shapes = np.zeros((flat.N, MODES))
-    shapes[inner] = vectors * np.sqrt(area)
+    heavy, area, even = asm(mass, flat), float(flat.dx.sum()), stiff[0] + stiff[1]
+    square, shapes = film.modes(even, MODES)
     smooth = splu(heavy.tocsc())
     slopes = [smooth.solve(asm(_slope, flat, along=np.full(flat.dx.shape, axis)) @ shapes) for axis in (0, 1)]
     edge, bending = np.empty(MODES), np.empty(MODES)
-    ring = flat.get_dofs(outer).all()
+    ring = flat.get_dofs(film.outer).all()
     ends = splu(asm(mass, rim)[ring][:, ring].tocsc())
-    normal = np.einsum("ij...,i...,j...", at_rim, rim.normals, rim.normals)
+    normal = np.einsum("ij...,i...,j...", film.at_rim, rim.normals, rim.normals)
     for k, shape in enumerate(shapes.T):
         # What the edge pulls follows from the film's balance much better than from the slope there.
         pull = np.zeros(flat.N)

@@ -1,6 +1,7 @@
 """Maps of harmonics: shapes of a membrane smaller by ℓ on every side with the layer of a plate at its edge; v(t) over a period, an FFT.
 
-A restoring force of second order bends the motion itself: one period of the free oscillator, in time steps.
+Where the film has holes, nothing is read over them. A restoring force of second order bends the motion itself: one period of the free
+oscillator, in time steps.
 """
 
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from femnl import measurement
 from femnl.types.device import Stack
 from tests.blind.lab.bench import Array, Cause, Values, one, sign, vector
+from tests.blind.lab.drum import Drum, drum
 from tests.blind.lab.film import Membrane, device, membrane
 
 WAVELENGTH = 632.8e-9
@@ -21,6 +23,8 @@ MODES = 12
 SPOT = np.linspace(-3.6, 3.6, 13)
 """Points of the laser spot along each axis, in units of its sd: even steps, since the film's edge is a kink of the signal."""
 WEIGHT = np.exp(-(SPOT**2) / 2)
+HOLED = ("perforated",)
+"""Films with holes, over which nothing is read."""
 
 
 @lru_cache(maxsize=700)  # every point of a spot at its place, beside, and for another size
@@ -36,7 +40,7 @@ def _layer(name: str) -> float:
 
 @cache
 def _film(name: str) -> Membrane:
-    return membrane(name, _layer(name))
+    return membrane(name, _layer(name)) if name not in HOLED else drum(_layer(name))
 
 
 @cache
@@ -75,8 +79,9 @@ class MapBench:
 
     def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
         """Both quadratures over their σ."""
-        rows = [self._harmonics(base, hidden).ravel() / self.noise for base, hidden in variants]
-        return np.stack([np.concatenate([row.real, row.imag]) for row in rows])
+        rows = np.stack([self._harmonics(base, hidden).ravel() / self.noise for base, hidden in variants])
+        seen = np.where(np.isfinite(rows).all(axis=0), rows, 0)  # a point that comes to lie over a hole tells nothing
+        return np.concatenate([seen.real, seen.imag], axis=1)
 
     def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
         """Quadratures with noise, to a microvolt."""
@@ -114,7 +119,8 @@ class MapBench:
             values = values * np.exp(lag) / (1 + lag)  # the phase of the motion counts from behind the delay that all harmonics share
         if "crosstalk" in hidden and self.driven is not None:
             values = values + (order == 1) * self.driven * (hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"])
-        return np.asarray(values)
+        film = _film(self.name)
+        return np.asarray(np.where(film.over_hole(x, y), np.nan, values) if isinstance(film, Drum) else values)
 
     def _read(self, x: Array, y: Array, base: Values, hidden: dict[str, Values]) -> NDArray[np.complex128]:
         """Harmonics at points of the film, for a motion whose phase is zero."""
