@@ -1,5 +1,6 @@
 """Is a model adequate? One p-value for all the ways in which its residuals were looked at, and the causes that they point to."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.stats.qmc import Sobol
 
 from femnl.diagnose.fit import Solution
 from femnl.diagnose.problem import Extended
-from femnl.types.effect import Effect, Knob
+from femnl.types.effect import Effect, Knob, Values
 from femnl.types.readout import Array
 
 N_DRAWS = 4000
@@ -23,6 +24,8 @@ CHORD = 0.02
 """Part of its range at which the size of a strength is tried that has no slope at zero."""
 VISIBLE = 1e-6
 """Part of an effect's tangent that must be left beside the model's own for the data to see it."""
+SAME = 1e-6
+"""Largest difference of residuals up to which two places in a model predict the same."""
 TAIL = 20
 """Simulated sets in the tail below which the p-value is extrapolated."""
 CERTAIN = 1e-6
@@ -61,16 +64,25 @@ def looks(solution: Solution, library: list[Effect]) -> list[Look]:
         if len(basis):
             gain = float(np.sum((basis @ solution.residuals) ** 2))
             found.append(Look(name, None, basis, gain, float(_tail(np.array(gain), len(basis))), {}))
+    base, values = solution.model.split(solution.vector)
+    others = [other for other in problem.alike(base) if _same(solution, solution.model.pack(other, values))]
     for effect in library:
         if any(knob.strength for knob in effect.parameters):
-            found += _effect_looks(solution, own, effect)
+            here, *there = (_effect_looks(solution, own, effect, place, values) for place in (base, *others))
+            found += here
+            for elsewhere in there:  # what an effect does alike on either side is one look
+                found += [look for look, known in zip(elsewhere, here, strict=False) if not np.isclose(look.gain, known.gain, rtol=1e-6)]
     return found
 
 
-def _effect_looks(solution: Solution, own: Array, effect: Effect) -> list[Look]:
-    """Try the effect at small strength in each of its shapes."""
+def _same(solution: Solution, vector: Array) -> bool:
+    """Whether a model predicts at another vector what it does at its own, but for rounding."""
+    return bool(np.abs(solution.model.residuals(vector) - solution.residuals).max() < SAME)
+
+
+def _effect_looks(solution: Solution, own: Array, effect: Effect, base: Values, values: Sequence[Values]) -> list[Look]:
+    """Try the effect at small strength in each of its shapes, with those values of the base parameters and of the model's effects."""
     wider = Extended(solution.model.problem, (*solution.model.effects, effect))
-    base, values = solution.model.split(solution.vector)
     low, high = wider.bounds
     first = len(low) - len(effect.parameters)
     bounds = list(zip(effect.parameters, low[first:], high[first:], strict=True))
@@ -109,8 +121,8 @@ def _at(knob: Knob, low: float, high: float, part: float) -> float:
 
 def _tangent(
     model: Extended,
-    base: dict[str, float],
-    values: list[dict[str, float]],
+    base: Values,
+    values: Sequence[Values],
     zero: dict[str, float],
     name: str,
     steps: dict[str, float],
@@ -136,8 +148,8 @@ def _tangent(
 
 def _chord(
     model: Extended,
-    base: dict[str, float],
-    values: list[dict[str, float]],
+    base: Values,
+    values: Sequence[Values],
     zero: dict[str, float],
     name: str,
     low: float,

@@ -15,6 +15,8 @@ SHAPES, ALIKE = 4, 0.98
 """Trial shapes of an effect that are starts of its fit, and the square of the cosine from which on two are the same to the data."""
 ROUGH, FAR = 4, 8
 """Evaluations by which starts are ranked: where they differ in what a scan moved, and where in the shape of an effect or from afar."""
+SAME = 1e-9
+"""Relative difference of χ² up to which two starts predict the same."""
 ABSURD = 10.0
 """Times what a set leaves of χ² from which on it is not worth a fit with a part of the model in another's place."""
 REFINED = 2
@@ -44,8 +46,10 @@ def extended(solution: Solution, effect: Effect, shapes: list[dict[str, float]])
                 break
             start = start | {name: start[name] / 3 for name in limits}
         starts.append(vector)
-        if not earlier:
-            elsewhere += [model.pack(other, [start]) for other in model.problem.alike(base)]
+        left = np.sum(model.residuals(vector) ** 2)
+        others = [model.pack(other, [*earlier, start]) for other in model.problem.alike(base)]
+        # What the effects do not change leads nowhere else.
+        elsewhere += [other for other in others if abs(np.sum(model.residuals(other) ** 2) - left) > SAME * left]
     # What predicts alike is not told apart by a few evaluations.
     return min([*_finished(model, starts, FAR), *(fit(model, start) for start in elsewhere)], key=lambda s: s.chi2)
 
@@ -54,10 +58,12 @@ def replaced(solution: Solution, effect: Effect) -> list[Solution]:
     """Fit with an effect that has no strength, from the places all over its priors where it leaves least, unless absurdly much."""
     base, earlier = solution.model.split(solution.vector)
     model = Extended(solution.model.problem, (*solution.model.effects, effect))
-    starts = [model.pack(base, [*earlier, v]) for v in centres(model.problem, effect)]
-    left = np.pad([np.sum(model.residuals(start) ** 2) for start in starts], 1, constant_values=np.inf)
-    lowest = np.flatnonzero((left[1:-1] <= left[:-2]) & (left[1:-1] < left[2:]))
-    rough = sorted((improve(model, starts[i], ROUGH) for i in lowest), key=lambda found: found[0])
+    lowest: list[Array] = []
+    for other in (base, *model.problem.alike(base)):
+        starts = [model.pack(other, [*earlier, v]) for v in centres(model.problem, effect)]
+        left = np.pad([np.sum(model.residuals(start) ** 2) for start in starts], 1, constant_values=np.inf)
+        lowest += [starts[i] for i in np.flatnonzero((left[1:-1] <= left[:-2]) & (left[1:-1] < left[2:]))]
+    rough = sorted((improve(model, start, ROUGH) for start in lowest), key=lambda found: found[0])
     if rough[0][0] > ABSURD * solution.chi2:
         return []
     return [min((fit(model, vector) for _, vector in rough[:REFINED]), key=lambda s: s.chi2)]

@@ -176,8 +176,16 @@ class JointProblem:
         return found
 
     def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """Those of all measurements together, as far as each of them has some."""
+        """Those of all measurements together, as far as each of them has some; and one map's motion the other way round.
+
+        What the electronics add to the phase of the motion under each laser is not known, so that phases do not tell whether two maps
+        show the film on the same side; causes that know up from down do.
+        """
         found = []
+        maps = [(group, problem) for group, problem in self.groups.items() if isinstance(problem, MapProblem)]
+        for group, turning in maps[1:]:
+            plain = {name: base[joint] for name, joint in self._names[group].items()}
+            found.append(base | {self._names[group][name]: value for name, value in turning.turned(plain).items()})
         own = {g: p.alike({name: base[joint] for name, joint in self._names[g].items()}) for g, p in self.groups.items()}
         for k in range(max(map(len, own.values()))):
             other = dict(base)
@@ -249,12 +257,11 @@ def _aligned(problem: Problem, first: Problem, backwards: bool) -> Array:
 
     backwards: all of them in antiphase to that, which an asymmetric fringe can tell.
     """
-    start = problem.start.copy()
-    if isinstance(problem, MapProblem):
-        theta, phase = ([knob.name for knob in problem.base].index(name) for name in ("theta", "motion_phase"))
-        reference = first.start[phase] if isinstance(first, MapProblem) else start[phase]
-        if (np.cos(start[phase] - reference) < 0) != backwards:
-            middle = start.copy()
-            start[theta] = (-start[theta] - middle[theta] + np.pi) % (2 * np.pi) - np.pi + middle[theta]
-            start[phase] += np.pi if start[phase] <= middle[phase] else -np.pi
-    return start
+    if not isinstance(problem, MapProblem):
+        return problem.start
+    own = dict(zip((knob.name for knob in problem.base), problem.start.tolist(), strict=True))
+    phase = [knob.name for knob in problem.base].index("motion_phase")
+    reference = first.start[phase] if isinstance(first, MapProblem) else own["motion_phase"]
+    if (np.cos(own["motion_phase"] - reference) < 0) != backwards:
+        own |= problem.turned(own)
+    return np.array(list(own.values()))

@@ -230,6 +230,13 @@ class MapProblem:
         factors = [factor for factor in LARGER if depth * factor < STRAIGHT]
         return [base | {"amplitude": factor * base["amplitude"], "contrast": base["contrast"] / factor} for factor in factors]
 
+    def turned(self, base: Values) -> dict[str, float]:
+        """Return phases of motion and fringe at which the film is on the other side: under a cosine −θ and antiphase are the same."""
+        names = [knob.name for knob in self.base]
+        theta, phase = (self.start[names.index(name)] for name in ("theta", "motion_phase"))
+        mirrored = (-base["theta"] - theta + np.pi) % (2 * np.pi) - np.pi + theta
+        return {"theta": float(mirrored), "motion_phase": base["motion_phase"] + (np.pi if base["motion_phase"] <= phase else -np.pi)}
+
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """All harmonics on the grid of the map; along a single line, in the quadrature that holds each one's signal."""
         predicted = np.stack([self._on_grid(self.predict(effects, base, values)) for _, effects, base, values in models])

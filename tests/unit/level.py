@@ -12,9 +12,9 @@ from femnl.types.readout import Array
 
 
 class Level:
-    """Data (n,) in blocks (n,), with the level within ±half; effects change the prediction at the stage "frequencies"."""
+    """Data (n,) in blocks (n,), with the level within ±half; effects change the prediction at "placement", where no free form acts."""
 
-    kind: Kind = "spectrum"
+    kind: Kind = "map"
 
     def __init__(
         self, data: Array, blocks: NDArray[np.int64], half: float, patterns: Mapping[str, Array] | None = None, rugged: bool = False
@@ -33,7 +33,7 @@ class Level:
         return self._patterns
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
-        return np.asarray(self.data - apply("frequencies", np.full(len(self.data), base["level"]), effects, values))
+        return np.asarray(self.data - apply("placement", np.full(len(self.data), base["level"]), effects, values))
 
     def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         return {}

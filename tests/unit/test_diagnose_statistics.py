@@ -37,7 +37,7 @@ def wave(order: int) -> Effect:
         f"wave{order}",
         "",
         (Knob("size", "1", -HALF, HALF),),
-        {"frequencies": lambda value, values: value + values["size"] * np.cos(np.pi * order * (X + 1) / 2)},
+        {"placement": lambda value, values: value + values["size"] * np.cos(np.pi * order * (X + 1) / 2)},
         "",
         "",
         "",

@@ -38,7 +38,7 @@ def effect(name: str, change: Callable[[float], Array], low: float = -10.0, whol
         return value + values["strength"] * change(values["power"]) if whole else value + change(values["strength"])
 
     power = (Knob("power", "1", 0.5, 4.5, strength=False, whole=True),) if whole else ()
-    return Effect(name, "", (Knob("strength", "1", low, 10.0), *power), {"frequencies": act}, "", "", "")
+    return Effect(name, "", (Knob("strength", "1", low, 10.0), *power), {"placement": act}, "", "", "")
 
 
 SLOPE = effect("slope", lambda s: s * PLACE)
@@ -167,7 +167,7 @@ def test_a_shape_that_the_data_would_have_beyond_its_bound_is_stuck_however_litt
         return value + values["strength"] * (np.abs(PLACE) ** values["power"] + 1e-6 * values["idle"] * PLACE)
 
     knobs = (Knob("power", "1", 0.5, 3.0, strength=False), Knob("idle", "1", 0.0, 5.0, strength=False))
-    bent = Effect("bent", "", (Knob("strength", "1", 0.0, 20.0), *knobs), {"frequencies": act}, "", "", "")
+    bent = Effect("bent", "", (Knob("strength", "1", 0.0, 20.0), *knobs), {"placement": act}, "", "", "")
     noise = np.random.default_rng(3).standard_normal(40)
     for power, stuck in ((9.0, ["bent.power"]), (2.5, [])):
         model = Extended(line(3 + 9 * np.abs(PLACE) ** power + noise), (bent,))
@@ -205,7 +205,7 @@ def test_what_takes_the_place_of_a_part_is_not_fitted_where_it_leaves_absurdly_m
     def act(value: Array, values: Values) -> Array:
         return value + size * np.sin(20 * PLACE + values["turn"])
 
-    other = Effect("other", "", (Knob("turn", "1", 0.0, 3.0, strength=False),), {"frequencies": act}, "", "", "")
+    other = Effect("other", "", (Knob("turn", "1", 0.0, 3.0, strength=False),), {"placement": act}, "", "", "")
     found = search(line(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)), [other])
     assert any("other" in candidate.names for candidate in found) == fitted
 
