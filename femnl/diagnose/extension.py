@@ -50,6 +50,9 @@ def extended(solution: Solution, effect: Effect, shapes: list[dict[str, float]])
         others = [model.pack(other, [*earlier, start]) for other in model.problem.alike(base)]
         # What the effects do not change leads nowhere else.
         elsewhere += [other for other in others if abs(np.sum(model.residuals(other) ** 2) - left) > SAME * left]
+    if model.problem.rugged and len(effect.parameters) == 1:  # whose ray is short; tangents at zero may lead into a trap beside it
+        far = scan(solution, effect)[0]
+        elsewhere.append(model.pack(far.base, [*earlier, far.values]))
     # What predicts alike is not told apart by a few evaluations.
     return min([*_finished(model, starts, FAR), *(fit(model, start) for start in elsewhere)], key=lambda s: s.chi2)
 

@@ -11,6 +11,8 @@ from femnl.types.diagnosis import Verdict
 
 CLEAR = 0.95
 """Posterior probability from which on one set of causes is clearly preferred."""
+ODDS = float(np.log(CLEAR / (1 - CLEAR)))
+"""The same as the logarithm of odds."""
 TIE = 4.0
 """Difference in χ² up to which a set with no more parameters does as well, whatever the priors' widths say."""
 CONTRADICTED = 2.0
@@ -43,7 +45,7 @@ def judge(found: list[Candidate]) -> Judgement:
     worth = [c for c in tried if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in tried)]
     likely = [c for c in worth if c.viable]
     if any(len(c.names) > 1 or c.p_value < DOUBTFUL for c in likely):
-        smooth = _smooth(base) - float(np.log(CLEAR / (1 - CLEAR)))
+        smooth = _smooth(base) - ODDS
         likely = [c for c in likely if c.weight > smooth and (len(c.names) == 1 or c.weight > _scatter(base))]
     # What fits all the data together, but not each part by what the others say, is bent to them and no cause.
     viable = [c for c in sorted(likely, key=lambda c: -c.weight)[: 1 + RIVALS] if c.solution.unseen.p_value >= c.least]
@@ -52,7 +54,7 @@ def judge(found: list[Candidate]) -> Judgement:
     if not viable:
         return Judgement("unexplained", base, (), share)
     best = viable[0]
-    doubted = [c for c in worth if c not in viable and _doubted(c, best)]
+    doubted = [c for c in tried if c not in viable and _doubted(c, best)]
     total = sum(share[c.names] for c in (*viable, *doubted))
     share |= {c.names: share[c.names] / total for c in (*viable, *doubted)}
     rivals = [c for c in viable[1:] if share[c.names] > (1 - CLEAR) / 2 or _ties(c, best)] + doubted
@@ -93,13 +95,17 @@ def _ties(candidate: Candidate, best: Candidate) -> bool:
 
 
 def _doubted(candidate: Candidate, best: Candidate) -> bool:
-    """Whether a set was ruled out by a fit that is rare but not too rare for chance, and one more cause mends that at hardly any gain.
+    """Whether a set with fewer or more causes than the best may be the right one for all that chance and evidence say.
 
-    Several causes are held to a higher p-value than one because they fit much anyway: more causes still cannot be the clearer for it.
+    One with fewer, whose fit is rare but not too rare for chance: several causes are held to a higher p-value than one because they fit
+    much anyway, and more of them cannot be the clearer for it. One with more, where that of the best is doubtful.
     """
-    fewer = set(candidate.names) < set(best.names) and not candidate.solution.stuck
-    likely = min(candidate.p_value, candidate.solution.unseen.p_value if fewer else 0.0) >= HOPELESS
-    return likely and best.weight - candidate.weight < float(np.log(CLEAR / (1 - CLEAR)))
+    if best.weight - candidate.weight > ODDS or candidate.solution.stuck:
+        return False
+    names, own = set(candidate.names), set(best.names)
+    if names < own:
+        return min(candidate.p_value, candidate.solution.unseen.p_value) >= HOPELESS
+    return names > own and best.p_value < DOUBTFUL and min(candidate.p_value, candidate.solution.unseen.p_value) >= candidate.least
 
 
 def _contradicted(best: Candidate, others: list[Candidate]) -> bool:
