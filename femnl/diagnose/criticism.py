@@ -70,8 +70,10 @@ def looks(solution: Solution, library: list[Effect]) -> list[Look]:
         if any(knob.strength for knob in effect.parameters):
             here, *there = (_effect_looks(solution, own, effect, place, values) for place in (base, *others))
             found += here
-            for elsewhere in there:  # what an effect does alike on either side is one look
-                found += [look for look, known in zip(elsewhere, here, strict=False) if not np.isclose(look.gain, known.gain, rtol=1e-6)]
+            known = np.array([(look.gain, look.p_value) for look in here])
+            for look in (look for elsewhere in there for look in elsewhere):
+                if not np.isclose(known, (look.gain, look.p_value), rtol=1e-6, atol=0).all(axis=1).any():
+                    found.append(look)  # what an effect does alike on either side is one look
     return found
 
 
