@@ -21,7 +21,9 @@ class Ledger:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._known: dict[str, tuple[Array, Array]] = {}
-        for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else []:
+        text = path.read_text(encoding="utf-8") if path.is_file() else ""
+        self._end = "" if text.endswith("\n") or not text else "\n"  # of a torn line, which must not tear the next one, too
+        for line in text.splitlines():
             try:
                 key, vector, steps = json.loads(line)
                 self._known[key] = np.array(vector, float), np.array(steps, float)
@@ -39,7 +41,8 @@ class Ledger:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with self.path.open("a", encoding="utf-8") as file:
-                file.write(line)
+                file.write(self._end + line)
+                self._end = ""
         except OSError as error:
             logging.getLogger("femnl").warning("%s: a fit was not kept (%s); an interrupted diagnosis would start anew", self.path, error)
         return found

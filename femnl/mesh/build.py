@@ -21,6 +21,7 @@ from femnl.types.device import Model, Segment
 from femnl.types.mechanics import Domain
 
 Array = NDArray[np.float64]
+PROGRESS = logging.getLogger("femnl.progress")
 
 # gmsh's geometry kernel has absolute tolerances near 1e-7: it works on coordinates scaled to this many units per outline length.
 SCALE = 100.0
@@ -52,7 +53,7 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: 
         raise ParameterError(f"resolution = {resolution:g}: expected a number from 0.1 to 20")
     if not any(s.clamped for s in model.outline.segments):
         raise GeometryError(f"{model.name}: no edge of the outline is clamped, so that nothing holds the film; clamp at least one")
-    logging.getLogger("femnl.progress").info("%s: meshing", model.name)
+    PROGRESS.info("%s: meshing", model.name)
     wedge = find_wedge(model, symmetry)
     diagonal = wedge == QUARTER and has_symmetry(model, EIGHTH)
     with _gmsh_session():
@@ -98,6 +99,7 @@ def _build(model: Model, wedge: float, resolution: float, degree: int, copies: i
         _draw(model, wedge, unit)
         curves = _classify(model, wedge, unit)
         triangles = copies * _grade(model, curves, unit, resolution)
+        PROGRESS.info("%s: about %.3g triangles", model.name, triangles)
         what = f"{model.name}: modes of degree {degree} on {triangles:.2g} triangles"
         need_memory(BYTES[max(degree, min(BYTES))] * triangles, what, "lower the resolution")
         gmsh.model.mesh.generate(2)
