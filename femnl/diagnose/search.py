@@ -18,9 +18,9 @@ from femnl.types.readout import Array
 
 PROGRESS = logging.getLogger("femnl.progress")
 FALSE_ALARMS = 0.01
-"""p-value below which causes are sought beside the base model, and below which several causes do not explain the data."""
+"""p-value below which causes are sought beside the base model, and below which a set of causes does not explain the data."""
 HOPELESS = 1e-3
-"""p-value below which a single cause does not explain the data."""
+"""p-value that is rare, but not too rare for chance, for what the base model or one cause predicts of data that were left out."""
 DOUBTFUL = 0.05
 """p-value below which a set that explains the data may lack a cause that is too weak to rule it out."""
 MOST = 7
@@ -66,11 +66,11 @@ class Candidate:
     @property
     def viable(self) -> bool:
         """Whether the set explains the data: adequate, with no parameter at a bound."""
-        return self.p_value >= self.least and not self.solution.stuck
+        return self.p_value >= (FALSE_ALARMS if self.names else HOPELESS) and not self.solution.stuck
 
     @property
     def least(self) -> float:
-        """p-value below which the set does not explain the data: one cause is given the benefit of the doubt, several fit much anyway."""
+        """p-value of data left out below which the set does not explain them: one cause is given the benefit of the doubt."""
         return HOPELESS if len(self.names) <= 1 else FALSE_ALARMS
 
 
