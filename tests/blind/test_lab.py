@@ -236,3 +236,21 @@ def test_a_cause_that_the_base_can_take_up_does_not_stand_out() -> None:
     hidden = {"more": Cause({"c": 0.3}, ("c",))}
     assert sizes(Root(), {"b": 1.0}, hidden)["more"] > 4
     assert sizes(Root(), {"b": 1.0}, hidden, FOLLOWED)["more"] < 1.5
+
+
+class Spot(Root):
+    """A cause of a size and a place, beside one that moves nothing but what the place moves, too."""
+
+    def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
+        rows = []
+        for base, hidden in variants:
+            size, place = hidden.get("spot", {"size": 0.0, "place": 0.0}).values()
+            rows.append([100 * size * np.cos(place), 100 * size * np.sin(place) + hidden.get("more", {}).get("c", 0.0), base["b"]])
+        return np.array(rows)
+
+
+def test_a_cause_that_the_place_of_another_can_take_up_does_not_stand_out() -> None:
+    more, spot = Cause({"c": 6.0}, ("c",)), Cause({"size": 1.0, "place": 0.1}, ("size",))
+    found = sizes(Spot(), {"b": 1.0}, {"more": more, "spot": spot}, FOLLOWED)
+    assert found["more"] < 1e-6
+    assert found["spot"] == pytest.approx(100 * np.cos(0.1), rel=1e-6)

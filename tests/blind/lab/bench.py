@@ -15,7 +15,7 @@ STEP = 1e-6
 FARTHEST = 10.0
 """Units by which a base parameter may be moved: beyond, tangents say nothing and a film may not exist."""
 SHARE = 1e-3
-"""Relative change of the strength of another cause for a tangent."""
+"""Relative change of a strength of another cause for a tangent; what is no strength, as a place, changes by STEP."""
 
 BLIND, STEEP = 1e-7, 1e-3
 """Parts of the strongest direction of tangents below which one does not show, and below which it is not followed."""
@@ -60,18 +60,19 @@ def scaled(cause: Cause, factor: float) -> Cause:
 
 
 def sizes(bench: Bench, base: Values, hidden: dict[str, Cause], rounds: int = 0) -> dict[str, float]:
-    """By how many σ each cause moves the data beyond what base parameters and the strengths of the other causes could.
+    """By how many σ each cause moves the data beyond what base parameters and the other causes could, whatever their values.
 
-    To first order; with rounds, those are moved so many times along their tangents, and what that leaves counts if it is less.
+    To first order; with rounds, base and strengths are moved so many times along their tangents, and what that leaves counts if it is less.
     """
     whole = {name: cause.values for name, cause in hidden.items()}
     found = {}
     for name in hidden:
-        others = {k: cause for k, cause in hidden.items() if k != name}
-        rest = {k: cause.values for k, cause in others.items()}
+        rest = {k: values for k, values in whole.items() if k != name}
+        knobs = [(k, knob) for k, values in rest.items() for knob in values]
+        steps = np.array([-SHARE if knob in hidden[k].strengths else STEP for k, knob in knobs])
         variants = [(base, whole), (base, rest)]
         variants += [(base | {knob: base[knob] + STEP * unit}, rest) for knob, unit in bench.unit.items()]
-        variants += [(base, rest | {k: scaled(cause, 1 - SHARE).values}) for k, cause in others.items() if cause.strengths]
+        variants += [(base, rest | {k: rest[k] | {knob: rest[k][knob] * (1 + s)}}) for (k, knob), s in zip(knobs, steps, strict=True)]
         rows = bench.clean(variants)
         tangents = rows[2:] - rows[1]
         length = np.maximum(np.linalg.norm(tangents, axis=1), 1e-300)
@@ -79,14 +80,17 @@ def sizes(bench: Bench, base: Values, hidden: dict[str, Cause], rounds: int = 0)
         basis, change = basis[:, strength > BLIND * strength[0]], rows[0] - rows[1]
         left = [float(np.linalg.norm(change - basis @ (basis.T @ change)))]
         clear = strength > STEEP * strength[0]
-        steps, back = np.zeros(len(tangents)), (turn[clear] / strength[clear, None]).T / length[:, None]
-        strong = [k for k, cause in others.items() if cause.strengths]
+        taken, back = np.zeros(len(tangents)), (turn[clear] / strength[clear, None]).T / length[:, None]
+        strong = np.array([knob in hidden[k].strengths for k, knob in knobs], bool)
+        alone = np.array([len(hidden[k].strengths) == 1 for k, knob in knobs], bool)
         for _ in range(rounds):
-            steps += back @ (basis[:, : len(back.T)].T @ change)
-            moved = np.clip(STEP * steps, -FARTHEST, FARTHEST)
+            taken += back @ (basis[:, : len(back.T)].T @ change)
+            moved = np.clip(STEP * taken, -FARTHEST, FARTHEST)
             near = base | {knob: base[knob] + s * unit for (knob, unit), s in zip(bench.unit.items(), moved, strict=False)}
-            factors = np.maximum(1 - SHARE * steps[len(bench.unit) :], SHARE)
-            beside = rest | {k: scaled(others[k], factor).values for k, factor in zip(strong, factors, strict=True)}
+            factors = np.clip(1 + steps * taken[len(bench.unit) :], np.where(alone, SHARE, -FARTHEST), FARTHEST)
+            beside = {k: dict(values) for k, values in rest.items()}
+            for (k, knob), factor in zip(knobs, np.where(strong, factors, 1.0), strict=True):
+                beside[k][knob] *= float(factor)
             change = rows[0] - bench.clean([(near, beside)])[0]
             if not np.all(np.isfinite(change)):  # tangents led where the laboratory's equations have no motion
                 break
