@@ -9,10 +9,10 @@ from femnl.diagnose.freeform import fitted_forms
 from femnl.diagnose.search import DOUBTFUL, FALSE_ALARMS, HOPELESS, PER_CAUSE, Candidate
 from femnl.types.diagnosis import Verdict
 
-CLEAR = 0.95
-"""Posterior probability from which on one set of causes is clearly preferred."""
-ODDS = float(np.log(CLEAR / (1 - CLEAR)))
-"""The same as the logarithm of odds."""
+CLEAR = 0.99
+"""Posterior probability from which on one set of causes is told alone: a wrong one is to be told in less than one of a hundred files."""
+ODDS = float(np.log(19))
+"""Logarithm of odds up to which a set of causes is no less likely than another, for all that is known of priors."""
 TIE = 4.0
 """Difference in χ² up to which a set with no more parameters does as well, whatever the priors' widths say."""
 CONTRADICTED = 2.0
@@ -67,7 +67,8 @@ def judge(found: list[Candidate]) -> Judgement:
         rivals = viable[1:]
     if not rivals:
         return Judgement("explained", best, (), share)
-    simplest = min([best, *rivals], key=lambda c: (len(c.names), c.solution.vector.size, -c.weight))
+    near = [best, *(c for c in rivals if best.weight - c.weight < ODDS or _ties(c, best))]
+    simplest = min(near, key=lambda c: (len(c.names), c.solution.vector.size, -c.weight))
     return Judgement("ambiguous", simplest, tuple(c for c in (best, *rivals) if c is not simplest), share)
 
 

@@ -120,6 +120,32 @@ def vars_of(solution: Solution) -> dict[str, Any]:
     return {field.name: getattr(solution, field.name) for field in fields(solution)}
 
 
+class Weighed(Foreseen):
+    """A fit whose evidence is given, too."""
+
+    weight = 0.0
+
+    @property
+    def log_evidence(self) -> float:
+        return self.weight
+
+
+@pytest.mark.parametrize(("odds", "verdict", "causes"), [(10, "ambiguous", 1), (60, "ambiguous", 2), (400, "explained", 2)])
+def test_a_set_is_told_alone_from_99_percent_on_and_the_simplest_of_those_within_19_to_1_is_named(
+    odds: float, verdict: str, causes: int
+) -> None:
+    wave = effect("wave", lambda s: s * np.cos(5 * PLACE))
+    both = search(line(3 + 4 * PLACE + 3 * np.cos(5 * PLACE) + np.random.default_rng(4).standard_normal(40)), [SLOPE, wave])
+    base, best, one = (next(c for c in both if c.names == names) for names in ((), ("slope", "wave"), ("slope",)))
+
+    class Rival(Weighed):
+        weight = best.weight - np.log(odds) + np.log(10)
+        given = best.solution.unseen
+
+    found = judge([base, best, replace(one, p_value=0.5, solution=Rival(**vars_of(one.solution)))])
+    assert (found.verdict, len(found.chosen.names)) == (verdict, causes)
+
+
 def test_scanning_finds_the_other_side_of_a_kink() -> None:
     kinked = effect("kinked", lambda s: 20 * abs(s) * np.sign(PLACE) + 4 * s * PLACE**2)
     data = 10 * np.sign(PLACE) - 2 * PLACE**2
@@ -241,9 +267,10 @@ def test_kept_fits_are_those_of_the_blocks_that_they_leave_out(tmp_path: Path, m
     assert kept == leave_out(solution, 20)
 
 
-def test_several_causes_are_held_to_a_higher_p_value_than_one() -> None:
+def test_causes_are_held_to_a_higher_p_value_than_the_base_model_and_several_to_a_higher_one_of_what_was_left_out() -> None:
     base, one = search(line(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)), [SLOPE])
     data = base.solution.model.problem.residuals((), {"level": 0.0}, ())
     two = replace(one, solution=solved(data, SLOPE, effect("bend", lambda s: s * PLACE**2)))
-    for p, verdicts in ((0.005, (True, False)), (0.02, (True, True)), (5e-4, (False, False))):
-        assert tuple(replace(c, p_value=p).viable for c in (one, two)) == verdicts
+    for p, verdicts in ((0.005, (True, False, False)), (0.02, (True, True, True)), (5e-4, (False, False, False))):
+        assert tuple(replace(c, p_value=p).viable for c in (base, one, two)) == verdicts
+    assert base.least == one.least < two.least
