@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.special import expit, logit
 from scipy.stats import binomtest, kstest
 
 from femnl.plot.style import COLOURS, new_figure, style
@@ -21,6 +22,8 @@ from tests.blind.lab import KINDS
 Record = dict[str, Any]
 TOLD = 1e-3
 """Probability from which on an alternative counts as told."""
+LAPSE = 0.01
+"""Share of causes of any size that chance alone loses: sets are held to a p-value of a hundredth."""
 FEWEST = 20
 """Draws below which no limit of detection is told."""
 TARGETS = {
@@ -201,16 +204,16 @@ def _limits(records: list[Record]) -> dict[str, dict[str, float] | None]:
 
 
 def _logistic(x: np.ndarray[Any, Any], hit: np.ndarray[Any, Any]) -> float | None:
-    """Return exp(x) where a + b x, fitted by likelihood with a weak prior on its steepness, says `FOUND`."""
+    """Return exp(x) where a logistic curve that ends at 1 − `LAPSE` says `FOUND`; by likelihood, with a weak prior on its steepness."""
     if hit.min() == hit.max() or len(hit) < FEWEST:
         return None
 
     def cost(v: np.ndarray[Any, Any]) -> float:
-        t = np.exp(v[1]) * (x - v[0])
-        return float(np.sum(np.logaddexp(0, np.where(hit > 0, -t, t))) + 0.5 * (v[1] - 1.5) ** 2 + 0.02 * v[0] ** 2)
+        named = (1 - LAPSE) * expit(np.exp(v[1]) * (x - v[0]))
+        return float(-np.sum(np.log(np.where(hit > 0, named, 1 - named))) + 0.5 * (v[1] - 1.5) ** 2 + 0.02 * v[0] ** 2)
 
     best = minimize(cost, np.array([1.0, 1.5]), method="Nelder-Mead")
-    return float(np.exp(best.x[0] + np.log(FOUND / (1 - FOUND)) / np.exp(best.x[1])))
+    return float(np.exp(best.x[0] + logit(FOUND / (1 - LAPSE)) / np.exp(best.x[1])))
 
 
 def draw(board: dict[str, Any], records: list[Record], folder: Path) -> None:

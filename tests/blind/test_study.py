@@ -4,7 +4,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.special import expit, logit
 
 from tests.blind.jobs import jobs, run
 from tests.blind.lab import KINDS, causes
@@ -95,6 +97,25 @@ def test_the_table_has_every_rate_by_kind() -> None:
     lines = table(score([*rows, record("null", [], "adequate", [])], [1])).splitlines()
     assert len(lines) == 2 + len(WORDS) + 1
     assert lines[3] == "| cause named, alone or among equals | 1 of 1 | 2.5 … 100.0 % | 1 of 1 |"
+
+
+def test_the_limit_of_detection_is_where_95_percent_are_named_and_one_that_chance_lost_far_above_moves_it_little() -> None:
+    rng = np.random.default_rng(7)
+    size = np.exp(rng.uniform(np.log(0.7), np.log(300), 4000))
+    named = rng.random(4000) < 0.99 * expit(4 * np.log(size / 4))
+
+    def limit(draws: list[tuple[float, bool]]) -> float:
+        rows = [
+            record("hidden", ["x"], "explained" if hit else "adequate", ["x"] if hit else [], sigma={"x": s}, truth={"x": {"force": 3 * s}})
+            for s, hit in draws
+        ]
+        found = score([*rows, record("null", [], "adequate", [])], [1])["limits"]["series: x"]
+        assert found["force"] == pytest.approx(3 * found["sigma"])
+        return float(found["sigma"])
+
+    assert limit([*zip(size, named, strict=True)]) == pytest.approx(4 * np.exp(logit(0.95 / 0.99) / 4), rel=0.1)
+    few = [(float(s), bool(s > 4)) for s in np.geomspace(0.7, 300, 24)]
+    assert limit([*few, (280.0, False)]) < 1.5 * limit(few)
 
 
 def test_p_values_are_held_to_be_uniform_kind_by_kind() -> None:
