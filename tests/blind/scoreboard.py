@@ -204,16 +204,18 @@ def _limits(records: list[Record]) -> dict[str, dict[str, float] | None]:
 
 
 def _logistic(x: np.ndarray[Any, Any], hit: np.ndarray[Any, Any]) -> float | None:
-    """Return exp(x) where a logistic curve that ends at 1 − `LAPSE` says `FOUND`; by likelihood, with a weak prior on its steepness."""
+    """Return exp(x) where a logistic curve that ends at 1 − `LAPSE` says `FOUND`, if there were draws on either side."""
     if hit.min() == hit.max() or len(hit) < FEWEST:
         return None
 
+    # By likelihood, with a weak prior on the steepness.
     def cost(v: np.ndarray[Any, Any]) -> float:
         named = (1 - LAPSE) * expit(np.exp(v[1]) * (x - v[0]))
         return float(-np.sum(np.log(np.where(hit > 0, named, 1 - named))) + 0.5 * (v[1] - 1.5) ** 2 + 0.02 * v[0] ** 2)
 
     best = minimize(cost, np.array([1.0, 1.5]), method="Nelder-Mead")
-    return float(np.exp(best.x[0] + logit(FOUND / (1 - LAPSE)) / np.exp(best.x[1])))
+    limit = float(best.x[0] + logit(FOUND / (1 - LAPSE)) / np.exp(best.x[1]))
+    return float(np.exp(limit)) if x.min() < limit < x.max() else None
 
 
 def draw(board: dict[str, Any], records: list[Record], folder: Path) -> None:

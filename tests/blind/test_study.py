@@ -104,18 +104,22 @@ def test_the_limit_of_detection_is_where_95_percent_are_named_and_one_that_chanc
     size = np.exp(rng.uniform(np.log(0.7), np.log(300), 4000))
     named = rng.random(4000) < 0.99 * expit(4 * np.log(size / 4))
 
-    def limit(draws: list[tuple[float, bool]]) -> float:
+    def limit(draws: list[tuple[float, bool]]) -> float | None:
         rows = [
             record("hidden", ["x"], "explained" if hit else "adequate", ["x"] if hit else [], sigma={"x": s}, truth={"x": {"force": 3 * s}})
             for s, hit in draws
         ]
-        found = score([*rows, record("null", [], "adequate", [])], [1])["limits"]["series: x"]
-        assert found["force"] == pytest.approx(3 * found["sigma"])
-        return float(found["sigma"])
+        found = score([*rows, record("null", [], "adequate", [])], [1])["limits"].get("series: x")
+        assert found is None or found["force"] == pytest.approx(3 * found["sigma"])
+        return float(found["sigma"]) if found else None
 
     assert limit([*zip(size, named, strict=True)]) == pytest.approx(4 * np.exp(logit(0.95 / 0.99) / 4), rel=0.1)
     few = [(float(s), bool(s > 4)) for s in np.geomspace(0.7, 300, 24)]
-    assert limit([*few, (280.0, False)]) < 1.5 * limit(few)
+    alone, lost = limit(few), limit([*few, (280.0, False)])
+    assert alone is not None
+    assert lost is not None
+    assert lost < 1.5 * alone
+    assert limit([(s, s != 500) for s in np.linspace(250, 750, 25)]) is None, "no draw was weak enough to tell"
 
 
 def test_p_values_are_held_to_be_uniform_kind_by_kind() -> None:
