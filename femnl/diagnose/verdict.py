@@ -98,8 +98,8 @@ def _ties(candidate: Candidate, best: Candidate) -> bool:
 def _doubted(candidate: Candidate, best: Candidate) -> bool:
     """Whether a set with fewer or more causes than the best may be the right one for all that chance and evidence say.
 
-    One with fewer, whose fit is rare but not too rare for chance: several causes are held to a higher p-value than one because they fit
-    much anyway, and more of them cannot be the clearer for it. One with more, where that of the best is doubtful.
+    One with fewer, whose fit is rare but not too rare for chance: more causes fit more anyway, and are not the clearer for it. One with
+    more, where the fit of the best is doubtful.
     """
     if best.weight - candidate.weight > ODDS or candidate.solution.stuck:
         return False
