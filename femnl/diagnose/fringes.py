@@ -146,9 +146,12 @@ def _sampled(swings: Array, moves: Array, theta: Array, sums: Array, pieces: Arr
     """Return the sums (m, n_samples) over a fringe at the phases swings (n_samples, k) times moves (k, n_points) + θ, (m, n_points)."""
     found, read = np.empty((len(sums), moves.shape[1])), compiled(_read)
     step = max(1, PIECE * SAMPLES // len(swings))
+    room = np.empty(len(swings) * step)
     for start in range(0, moves.shape[1], step):
         here = slice(start, start + step)
-        v = swings @ moves[:, here] + theta[here]
+        v = room[: len(swings) * len(theta[here])].reshape(len(swings), -1)
+        np.matmul(swings, moves[:, here], out=v)
+        v += theta[here]
         read(v.ravel(), pieces, top)
         found[:, here] = sums @ v
     return found
@@ -164,11 +167,10 @@ def _pieces(series: ComplexArray) -> Array:
 
 def _read(phase: Array, pieces: Array, top: float) -> None:
     """Put a fringe, clipped at ±top, in the place of its phase (n,), by cubic interpolation."""
-    nodes = len(pieces)
-    per = nodes / (2 * np.pi)
+    last, per = len(pieces) - 1, len(pieces) / (2 * np.pi)
     for i in range(len(phase)):
         place = phase[i] * per
         left = np.floor(place)
-        s, piece = place - left, pieces[int(left) % nodes]
+        s, piece = place - left, pieces[int(left) & last]  # the number of pieces is a power of two
         v = piece[0] + s * (piece[1] + s * (piece[2] + s * piece[3]))
         phase[i] = min(max(v, -top), top)
