@@ -54,7 +54,7 @@ def extended(solution: Solution, effect: Effect, shapes: list[dict[str, float]])
         far = scan(solution, effect)[0]
         elsewhere.append(model.pack(far.base, [*earlier, far.values]))
     # What predicts alike is not told apart by a few evaluations.
-    return min([*_finished(model, starts, FAR), *(fit(model, start) for start in elsewhere)], key=lambda s: s.chi2)
+    return min([*_finished(model, starts, solution, FAR), *(fit(model, start, near=solution) for start in elsewhere)], key=lambda s: s.chi2)
 
 
 def replaced(solution: Solution, effect: Effect) -> list[Solution]:
@@ -66,10 +66,10 @@ def replaced(solution: Solution, effect: Effect) -> list[Solution]:
         starts = [model.pack(other, [*earlier, v]) for v in centres(model.problem, effect)]
         left = np.pad([np.sum(model.residuals(start) ** 2) for start in starts], 1, constant_values=np.inf)
         lowest += [starts[i] for i in np.flatnonzero((left[1:-1] <= left[:-2]) & (left[1:-1] < left[2:]))]
-    rough = sorted((improve(model, start, ROUGH) for start in lowest), key=lambda found: found[0])
+    rough = sorted((improve(model, start, ROUGH, solution) for start in lowest), key=lambda found: found[0])
     if rough[0][0] > ABSURD * solution.chi2:
         return []
-    return [min((fit(model, vector) for _, vector in rough[:REFINED]), key=lambda s: s.chi2)]
+    return [min((fit(model, vector, near=solution) for _, vector in rough[:REFINED]), key=lambda s: s.chi2)]
 
 
 def sought_again(solution: Solution) -> Solution:
@@ -84,14 +84,14 @@ def sought_again(solution: Solution) -> Solution:
             continue
         others = [i for i in range(len(values)) if i != k]
         without = Extended(model.problem, tuple(model.effects[i] for i in others))
-        rest = fit(without, without.pack(base, [values[i] for i in others]))
+        rest = fit(without, without.pack(base, [values[i] for i in others]), near=solution)
         start, kept = without.split(rest.vector)
         if shaped:
             mine = [look for look in looks(rest, [effect]) if look.effect is not None and look.gain > 0]
             ranked = sorted(mine, key=lambda look: -look.gain)
-            found += _finished(model, (model.pack(start, [*kept[:k], look.values, *kept[k:]]) for look in unlike(ranked)), FAR)
+            found += _finished(model, (model.pack(start, [*kept[:k], look.values, *kept[k:]]) for look in unlike(ranked)), solution, FAR)
         if rugged:
-            found += _finished(model, (model.pack(s.base, [*kept[:k], s.values, *kept[k:]]) for s in scan(rest, effect)))
+            found += _finished(model, (model.pack(s.base, [*kept[:k], s.values, *kept[k:]]) for s in scan(rest, effect)), solution)
     return min(found, key=lambda s: s.chi2)
 
 
@@ -106,13 +106,13 @@ def unlike(found: list[Look]) -> list[Look]:
     return kept
 
 
-def _finished(model: Extended, starts: Iterable[Array], most: int = ROUGH) -> list[Solution]:
+def _finished(model: Extended, starts: Iterable[Array], near: Solution, most: int = ROUGH) -> list[Solution]:
     """Fit to the end from every start, or where there are many, from what the best come to after a few evaluations."""
     chosen = list(starts)
     if len(chosen) > REFINED:
-        rough = sorted((improve(model, start, most) for start in chosen), key=lambda found: found[0])
+        rough = sorted((improve(model, start, most, near) for start in chosen), key=lambda found: found[0])
         chosen = [vector for _, vector in rough[:REFINED]]
-    return [fit(model, start) for start in chosen]
+    return [fit(model, start, near=near) for start in chosen]
 
 
 def _over_jumps(solution: Solution) -> list[Solution]:
@@ -122,7 +122,7 @@ def _over_jumps(solution: Solution) -> list[Solution]:
         return []
     base, values = solution.model.split(solution.vector)
     starts = [base | {name: base[name] * (1 + kick)} for name in solution.model.problem.jumps for kick in KICKS]
-    return _finished(solution.model, (solution.model.pack(start, values) for start in starts))
+    return _finished(solution.model, (solution.model.pack(start, values) for start in starts), solution)
 
 
 def _from_all_over(solution: Solution) -> list[Solution]:
@@ -150,4 +150,4 @@ def _from_all_over(solution: Solution) -> list[Solution]:
             left = masks @ model.residuals(trial) ** 2
             better = left < least
             start[moved[better]], least = trial[moved[better]], np.minimum(left, least)
-    return [] if np.array_equal(start, solution.vector) else [fit(model, start)]
+    return [] if np.array_equal(start, solution.vector) else [fit(model, start, near=solution)]

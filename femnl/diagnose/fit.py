@@ -11,7 +11,7 @@ from scipy.special import chdtrc
 
 from femnl.diagnose.ledger import LEDGER
 from femnl.diagnose.problem import Extended
-from femnl.diagnose.tangents import jacobian_at, steps_for, tangent_steps
+from femnl.diagnose.tangents import jacobian_at, steps_for, tangents
 from femnl.types.readout import Array
 
 INSIDE = 1e-9
@@ -123,46 +123,65 @@ def log_prior(model: Extended, vector: Array, sd: Array) -> float:
     return total
 
 
-def fit(model: Extended, start: Array, keep: NDArray[np.bool_] | None = None, most: int = 100) -> Solution:
-    """Minimise χ² from a start; with `keep` (n_residuals,) only over those residuals, though all are returned."""
-    end, steps = _recalled(model, start, keep, most)
+def fit(model: Extended, start: Array, keep: NDArray[np.bool_] | None = None, most: int = 100, near: Solution | None = None) -> Solution:
+    """Minimise χ² from a start; with `keep` (n_residuals,) only over those residuals, though all are returned.
+
+    near: a solution with parameters of this model, whose tangents tell what steps suit them.
+    """
+    end, steps = _recalled(model, start, keep, most, near)
     at = model.residuals(end)
     slopes = jacobian_at(model, end, at, steps)
     low, high = model.bounds
     return Solution(model, end, at, slopes, covariance(slopes, high - low))
 
 
-def improve(model: Extended, start: Array, most: int) -> tuple[float, Array]:
+def improve(model: Extended, start: Array, most: int, near: Solution) -> tuple[float, Array]:
     """Return χ² and the vector of a fit that is to be ranked and carried on, without what only a result needs."""
-    end, _ = _recalled(model, start, None, most)
+    end, _ = _recalled(model, start, None, most, near)
     return float(np.sum(model.residuals(end) ** 2)), end
 
 
-def _recalled(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int) -> tuple[Array, Array]:
+def _recalled(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int, near: Solution | None) -> tuple[Array, Array]:
     """Return what the ledger keeps of a fit, or make it."""
-    ledger = LEDGER.get()
+    ledger, first = LEDGER.get(), _first_steps(model, near)
     if ledger is None:
-        return _minimise(model, start, keep, most)
-    return ledger.recall(_key(model, start, keep, most), lambda: _minimise(model, start, keep, most))
+        return _minimise(model, start, keep, most, first)
+    return ledger.recall(_key(model, start, keep, most, first), lambda: _minimise(model, start, keep, most, first))
 
 
-def _key(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int) -> str:
+def _first_steps(model: Extended, near: Solution | None) -> Array:
+    """Return steps for tangents at the start of a fit: those of a solution nearby for the parameters that it has, too."""
+    sizes: dict[tuple[str, str], float] = {}
+    if near is not None:
+        norms = np.linalg.norm(near.jacobian, axis=0)
+        sizes = {(owner, knob.name): float(norm) for (owner, knob), norm in zip(near.model.knobs, norms, strict=True)}
+    return steps_for(model, np.array([sizes.get((owner, knob.name), 0.0) for owner, knob in model.knobs]))
+
+
+def _key(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array) -> str:
     """Name a fit by all that it depends on beside the file: a problem that is posed in two ways starts in two places."""
     digest = hashlib.sha256(repr((model.knobs, [effect.equation for effect in model.effects], most)).encode())
-    for part in (start, model.problem.start, *model.bounds, *([] if keep is None else [keep])):
+    for part in (start, first, model.problem.start, *model.bounds, *([] if keep is None else [keep])):
         digest.update(np.ascontiguousarray(part).tobytes())
     return digest.hexdigest()
 
 
-def _minimise(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int) -> tuple[Array, Array]:
+def _minimise(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array) -> tuple[Array, Array]:
     """Return the minimum and the steps at which tangents are taken there."""
     low, high = model.bounds
-    inside = INSIDE * (high - low)
-    vector = np.clip(start, low + inside, high - inside)
+    width = high - low
     chosen = slice(None) if keep is None else keep
+
+    # In parts of the ranges: the optimiser adds up steps of all parameters, and metres would count for nothing beside volts.
+    def place(part: Array) -> Array:
+        return np.asarray(np.clip(low + width * part, low, high))
+
+    start_part = np.clip((start - low) / width, INSIDE, 1 - INSIDE)
+    vector = place(start_part)
     at = model.residuals(vector)
-    steps = tangent_steps(model, vector, at)
-    latest = {vector.tobytes(): at}  # the optimiser asks for the tangents where it has just asked for the residuals
+    steps, slopes = tangents(model, vector, at, first)
+    # The optimiser asks for the tangents where it has just asked for the residuals, and for both where it starts.
+    latest, latest_slopes = {vector.tobytes(): at}, {vector.tobytes(): slopes}
 
     def known(v: Array) -> Array:
         if v.tobytes() not in latest:
@@ -170,20 +189,16 @@ def _minimise(model: Extended, start: Array, keep: NDArray[np.bool_] | None, mos
             latest[v.tobytes()] = model.residuals(v)
         return latest[v.tobytes()]
 
-    width = high - low
-
-    # In parts of the ranges: the optimiser adds up steps of all parameters, and metres would count for nothing beside volts.
-    def place(part: Array) -> Array:
-        return np.asarray(np.clip(low + width * part, low, high))
-
     def residuals(part: Array) -> Array:
         return known(place(part))[chosen]
 
     def jacobian(part: Array) -> Array:
         v = place(part)
-        return jacobian_at(model, v, known(v), steps)[chosen] * width
+        if v.tobytes() not in latest_slopes:
+            latest_slopes.clear()
+            latest_slopes[v.tobytes()] = jacobian_at(model, v, known(v), steps)
+        return latest_slopes[v.tobytes()][chosen] * width
 
-    start_part = np.clip((vector - low) / width, 0, 1)
     solve = partial(least_squares, residuals, jac=jacobian, bounds=(0, 1), x_scale="jac", xtol=XTOL, ftol=FTOL, gtol=1e-10)
     found = solve(start_part, method="dogbox", max_nfev=min(most, QUICK))
     if found.status == 0 and most > QUICK:
@@ -218,7 +233,7 @@ def leave_out(solution: Solution, most: int) -> Unseen:
     square, count, densities, p_values = 0.0, 0, [], []
     for block in np.unique(blocks[blocks >= 0]):
         out = blocks == block
-        other = fit(solution.model, solution.vector, ~out, most)
+        other = fit(solution.model, solution.vector, ~out, most, solution)
         seen, unseen = other.residuals[~out], other.residuals[out]
         known = covariance(other.jacobian[~out], high - low)
         gained = np.linalg.slogdet(known / units)[1] - np.linalg.slogdet(solution.covariance / units)[1]

@@ -50,7 +50,7 @@ def fitted_forms(base: Solution) -> list[Solution]:
         moved = start.copy()
         moved[-len(effect.parameters) :] = TOUCH * model.bounds[1][-len(effect.parameters) :]
         if not np.array_equal(model.residuals(moved), model.residuals(start)):
-            solution, known = fit(model, start), found.get(effect.sentence)
+            solution, known = fit(model, start, near=base), found.get(effect.sentence)
             if known is None or solution.log_evidence > known.log_evidence:
                 found[effect.sentence] = solution
     return list(found.values())

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -126,14 +127,14 @@ class Extended:
     problem: Problem
     effects: tuple[Effect, ...] = ()
 
-    @property
-    def knobs(self) -> list[tuple[str, Knob]]:
+    @cached_property
+    def knobs(self) -> tuple[tuple[str, Knob], ...]:
         """Every free parameter with the name of its owner, "base" or the effect."""
         gone = {name for effect in self.effects for name in effect.replaces}
         own = [("base", knob) for knob in self.problem.base if knob.name not in gone]
-        return own + [(effect.name, knob) for effect in self.effects for knob in effect.parameters]
+        return (*own, *((effect.name, knob) for effect in self.effects for knob in effect.parameters))
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest values, in the unit of each parameter."""
         unit = np.array([self.problem.facts.get(knob.per, 1.0) for _, knob in self.knobs])

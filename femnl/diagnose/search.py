@@ -132,14 +132,14 @@ def _simpler(found: list[Candidate], library: list[Effect]) -> list[Candidate]:
     several = [candidate for candidate in found if candidate.viable and len(candidate.names) > 1]
     todo = sorted(several, key=lambda c: c.weight)[-1:]
     while todo:
-        model = todo[-1].solution.model
-        base, values = model.split(todo.pop().solution.vector)
+        solution = todo.pop().solution
+        model, (base, values) = solution.model, solution.model.split(solution.vector)
         for k, effect in enumerate(model.effects):
             start = base | {name: plain[name] for name in effect.replaces}
             fewer = Extended(model.problem, (*model.effects[:k], *model.effects[k + 1 :]))
             names = tuple(sorted(effect.name for effect in fewer.effects))
             before = kept.get(names)
-            _keep(kept, [fit(fewer, fewer.pack(start, [*values[:k], *values[k + 1 :]]))], library)
+            _keep(kept, [fit(fewer, fewer.pack(start, [*values[:k], *values[k + 1 :]]), near=solution)], library)
             if kept[names] is not before and kept[names].viable and len(names) > 1:
                 todo.append(kept[names])
     return list(kept.values())
@@ -178,15 +178,15 @@ def _from_afar(found: list[Candidate], library: list[Effect]) -> list[Solution]:
     for effect in (e for e in library if e.name not in alone):
         start = scan(base, effect)[0]
         model = Extended(base.model.problem, (effect,))
-        alone[effect.name] = fit(model, model.pack(start.base, [start.values]))
-    rough: list[tuple[float, Array, Extended]] = []
+        alone[effect.name] = fit(model, model.pack(start.base, [start.values]), near=base)
+    rough: list[tuple[float, Array, Solution, Extended]] = []
     for one, other in combinations(sorted(library, key=_shaped), 2):
         single = alone[one.name]
         _, own = single.model.split(single.vector)
         model = Extended(base.model.problem, (one, other))
         starts = [model.pack(start.base, [*own, start.values]) for start in scan(single, other)[:REFINED]]
-        rough.append((*min((improve(model, start, FAR) for start in starts), key=lambda found: found[0]), model))
-    return [fit(model, vector) for _, vector, model in sorted(rough, key=lambda found: found[0])[: AGAIN[PAIR]]]
+        rough.append((*min((improve(model, start, FAR, single) for start in starts), key=lambda found: found[0]), single, model))
+    return [fit(model, vector, near=single) for _, vector, single, model in sorted(rough, key=lambda found: found[0])[: AGAIN[PAIR]]]
 
 
 def _shaped(effect: Effect) -> tuple[int, int]:

@@ -55,6 +55,7 @@ class SpectrumProblem:
         low, high = (0.0, 4.0) if unknown else (1 - FARTHEST * BENDING_SD, 1 + FARTHEST * BENDING_SD)
         self._order = self._match()
         self._eigen = recent(_eigen if self.label else _squares)
+        self._bare = recent(self._unchanged)
         ratio = float(np.median(self.frequency / film.modes.frequency[self._order]))
         self.base: tuple[Knob, ...] = (
             Knob("speed", "m/s", 0.3 * film.speed * ratio, 3 * film.speed * ratio),
@@ -116,17 +117,23 @@ class SpectrumProblem:
 
         Where nothing has a label the shares are left out.
         """
-        plain = self.film.frequency(base["speed"], base["bending_length"])
-        # The geometry states its stress and assumes its density, so that c is carried by the density.
-        film = replace(self.film.model.film, density=self.film.model.film.stress / base["speed"] ** 2)
-        mass = self.film.modes.effective_mass * film.density / self.film.model.film.density
-        stiffness, box = np.diag(mass * (2 * np.pi * plain) ** 2), self.film.model.outline.size
-        system = ModalSystem(
-            stiffness, np.diag(mass), film.stress, film, self.film.projection, box, base["bending_length"], self.film.layer
-        )
+        plain, mass, system = self._bare(base["speed"], base["bending_length"])
         system = apply("operators", system, effects, values)
         square, vectors = self._eigen(system.stiffness, system.mass)
         return np.sqrt(np.maximum(square, 0)) / (2 * np.pi), vectors**2 * mass[:, None], plain
+
+    def _unchanged(self, speed: float, bending_length: float) -> tuple[Array, Array, ModalSystem]:
+        """Return the frequencies and masses of the modes of the film that nothing changes, and its matrices."""
+        plain = self.film.frequency(speed, bending_length)
+        # The geometry states its stress and assumes its density, so that c is carried by the density.
+        film = replace(self.film.model.film, density=self.film.model.film.stress / speed**2)
+        mass = self.film.modes.effective_mass * film.density / self.film.model.film.density
+        stiffness, box = np.diag(mass * (2 * np.pi * plain) ** 2), self.film.model.outline.size
+        return (
+            plain,
+            mass,
+            ModalSystem(stiffness, np.diag(mass), film.stress, film, self.film.projection, box, bending_length, self.film.layer),
+        )
 
     def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """The next modes that were not measured; their pairs by rising frequency."""

@@ -11,33 +11,41 @@ from femnl.types.readout import Array
 TARGET = 0.05
 """Change of the whole residual vector, in σ, at which tangents are taken."""
 FIRST, LEAST, MOST = 1e-6, 1e-11, 0.01
-"""Steps that are tried first and allowed at all, in parts of the range."""
+"""Steps that are tried first, where nothing is known of them, and allowed at all, in parts of the range."""
 TRIES = 6
+"""How often a step is mended."""
 
 
-def tangent_steps(model: Extended, vector: Array, at: Array) -> Array:
-    """Return for each parameter a step that changes the residuals by about `TARGET` in all."""
+def tangents(model: Extended, vector: Array, at: Array, first: Array) -> tuple[Array, Array]:
+    """Return for each parameter a step that changes the residuals by about `TARGET` in all, and their derivatives with these steps.
+
+    first: the steps that are tried first.
+    """
     width = np.subtract(*model.bounds[::-1])
-    steps = np.empty(vector.size)
+    steps, slopes = first.copy(), np.zeros((len(at), vector.size))
     for place, mask in _lanes(model, at):
-        step, seeking = FIRST * width[place], np.ones(len(place), dtype=bool)
-        for _ in range(TRIES):
-            moved = _moved(model, vector, place[seeking], step[seeking])
-            change = np.linalg.norm(np.where(mask[seeking], model.residuals(moved) - at, 0.0), axis=1)
-            again = (change <= 0.2 * TARGET) | (change >= 5 * TARGET)
-            seeking[seeking] = again
-            if not again.any():
-                break
+        seeking = np.ones(len(place), dtype=bool)
+        for tries in range(TRIES, -1, -1):
+            mine, own = place[seeking], mask[seeking]
+            moved = _moved(model, vector, mine, steps[mine])
+            change = np.where(own, model.residuals(moved) - at, 0.0)
+            slopes[:, mine] = change.T / (moved - vector)[mine]
+            size = np.linalg.norm(change, axis=1)
+            again = (size <= 0.2 * TARGET) | (size >= 5 * TARGET)
             # A jump, as where two modes exchange labels, must not shrink the step to nothing.
-            factor = np.clip(TARGET / np.maximum(change[again], 1e-300), 1e-4, 1e4)
-            step[seeking] = np.clip(step[seeking] * factor, LEAST * width[place][seeking], MOST * width[place][seeking])
-        steps[place] = step
-    return steps
+            factor = np.where(again, np.clip(TARGET / np.maximum(size, 1e-300), 1e-4, 1e4), 1.0)
+            mended = np.clip(steps[mine] * factor, LEAST * width[mine], MOST * width[mine])
+            again &= mended != steps[mine]
+            if not again.any() or not tries:
+                break
+            steps[mine[again]], seeking[seeking] = mended[again], again
+    return steps, slopes
 
 
-def steps_for(model: Extended, size: Array, steps: Array) -> Array:
+def steps_for(model: Extended, size: Array, steps: Array | None = None) -> Array:
     """Return steps that change the residuals by about `TARGET` where their derivatives have these norms, the given ones where none."""
     width = np.subtract(*model.bounds[::-1])
+    steps = FIRST * width if steps is None else steps
     return np.asarray(np.where(size > 0, np.clip(TARGET / np.maximum(size, 1e-300), 1e-9 * width, MOST * width), steps))
 
 

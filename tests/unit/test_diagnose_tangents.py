@@ -12,11 +12,17 @@ from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.problem import Extended, Problem, recent
 from femnl.diagnose.response import ResponseProblem
 from femnl.diagnose.search import applicable
-from femnl.diagnose.tangents import TARGET, jacobian_at, tangent_steps
+from femnl.diagnose.tangents import TARGET, jacobian_at, steps_for, tangents
 from femnl.diagnose.trace import TraceProblem
 from femnl.effects import library
+from femnl.types.readout import Array
 
 F0, WIDTH, STEPS, PLACES = 2.9324e6, 4.0, 4, (1.0, 0.6, -0.4)
+
+
+def unknown(model: Extended) -> Array:
+    """First steps where nothing is known."""
+    return steps_for(model, np.zeros(len(model.knobs)))
 
 
 def traces() -> Problem:
@@ -55,12 +61,12 @@ def test_what_is_moved_together_has_the_derivatives_of_each(
         small = {k.name: unit[k.name] * (part[k.name] * k.high + (not k.strength) * (1 - part[k.name]) * k.low) for k in effect.parameters}
         vector = model.pack(base, [small])
         at = model.residuals(vector)
-        steps = tangent_steps(model, vector, at)
-        whole = jacobian_at(model, vector, at, steps)
+        steps, whole = tangents(model, vector, at, unknown(model))
+        assert np.array_equal(whole, jacobian_at(model, vector, at, steps)), effect.name
         with monkeypatch.context() as alone:
             alone.setattr(problem, "apart", ())
             single = jacobian_at(model, vector, at, steps)
-            assert np.allclose(steps, tangent_steps(model, vector, at), rtol=1e-3), effect.name
+            assert np.allclose(steps, tangents(model, vector, at, unknown(model))[0], rtol=1e-3), effect.name
         assert np.all(np.linalg.norm(whole - single, axis=0) <= 1e-6 * np.linalg.norm(single, axis=0)), effect.name
 
 
@@ -71,17 +77,19 @@ def test_an_effect_may_replace_all_parameters_of_a_group() -> None:
     model = Extended(problem, (effect,))
     vector = np.append(problem.start[[knob.name not in gone for knob in problem.base]], 1e10)
     at = model.residuals(vector)
-    assert jacobian_at(model, vector, at, tangent_steps(model, vector, at)).shape == (len(at), len(problem.start) - len(gone) + 1)
+    steps, slopes = tangents(model, vector, at, unknown(model))
+    assert jacobian_at(model, vector, at, steps).shape == slopes.shape == (len(at), len(problem.start) - len(gone) + 1)
 
 
 def test_steps_change_the_residuals_by_little_and_not_by_nothing() -> None:
     problem = traces()
     model = Extended(problem)
     at = model.residuals(problem.start)
-    steps = tangent_steps(model, problem.start, at)
-    slopes = jacobian_at(model, problem.start, at, steps)
-    assert np.all(np.abs(np.linalg.norm(slopes, axis=0) * steps / TARGET) < 5.1)
-    assert np.all(np.abs(np.linalg.norm(slopes, axis=0) * steps / TARGET) > 0.19)
+    low, high = model.bounds
+    for first in (unknown(model), 1e-9 * (high - low), 0.01 * (high - low)):
+        steps, slopes = tangents(model, problem.start, at, first)
+        assert np.all(np.abs(np.linalg.norm(slopes, axis=0) * steps / TARGET) < 5.1)
+        assert np.all(np.abs(np.linalg.norm(slopes, axis=0) * steps / TARGET) > 0.19)
 
 
 def test_latest_results_are_kept_and_the_oldest_given_up() -> None:
