@@ -1,5 +1,6 @@
 """`femnl diagnose FILE`: what the simulation gets wrong, and why."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -11,14 +12,19 @@ from femnl.diagnose import diagnose, record, write
 from femnl.report.diagnosis import write_diagnosis
 from femnl.types.diagnosis import Diagnosis
 
+MOST = 4
+"""Workers unless the user asks for more: the fits that do not wait for each other are about a dozen."""
 File = Annotated[Path, typer.Argument(help="A measurement file (.nc).", show_default=False)]
 Geometry = Annotated[str | None, typer.Option(help="Geometry to use instead of the file's own.", show_default=False)]
+Workers = Annotated[
+    int | None, typer.Option(min=1, help="Processes that fit side by side.", show_default=f"the processors at hand, at most {MOST}")
+]
 Out = Annotated[Path | None, typer.Option(help="Folder for diagnosis.json and report.html.", show_default="FILE-diagnosis")]
 
 
-def command(file: File, geometry: Geometry = None, out: Out = None, as_json: Json = False) -> None:
+def command(file: File, geometry: Geometry = None, workers: Workers = None, out: Out = None, as_json: Json = False) -> None:
     """Compare a measurement with the simulation, and name the physical cause of what deviates."""
-    found = diagnose(file, geometry)
+    found = diagnose(file, geometry, workers=workers or min(MOST, len(os.sched_getaffinity(0))))
     folder = out or (None if as_json else Path(f"{file.stem}-diagnosis"))
     if folder is not None:
         write(found, folder)

@@ -57,7 +57,7 @@ def extended(solution: Solution, effect: Effect, shapes: list[dict[str, float]])
     return min([*_finished(model, starts, solution, FAR), *(fit(model, start, near=solution) for start in elsewhere)], key=lambda s: s.chi2)
 
 
-def replaced(solution: Solution, effect: Effect) -> list[Solution]:
+def replaced(solution: Solution, effect: Effect) -> Solution | None:
     """Fit with an effect that has no strength, from the places all over its priors where it leaves least, unless absurdly much."""
     base, earlier = solution.model.split(solution.vector)
     model = Extended(solution.model.problem, (*solution.model.effects, effect))
@@ -68,8 +68,8 @@ def replaced(solution: Solution, effect: Effect) -> list[Solution]:
         lowest += [starts[i] for i in np.flatnonzero((left[1:-1] <= left[:-2]) & (left[1:-1] < left[2:]))]
     rough = sorted((improve(model, start, ROUGH, solution) for start in lowest), key=lambda found: found[0])
     if rough[0][0] > ABSURD * solution.chi2:
-        return []
-    return [min((fit(model, vector, near=solution) for _, vector in rough[:REFINED]), key=lambda s: s.chi2)]
+        return None
+    return min((fit(model, vector, near=solution) for _, vector in rough[:REFINED]), key=lambda s: s.chi2)
 
 
 def sought_again(solution: Solution) -> Solution:

@@ -14,13 +14,15 @@ from platformdirs import user_cache_path
 
 from femnl.types.readout import Array
 
+Found = tuple[Array, Array]
+
 
 class Ledger:
     """A file of one line a fit, only ever added to; it is removed when the diagnosis is done."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._known: dict[str, tuple[Array, Array]] = {}
+        self._known: dict[str, Found] = {}
         text = path.read_text(encoding="utf-8") if path.is_file() else ""
         self._end = "" if text.endswith("\n") or not text else "\n"  # of a torn line, which must not tear the next one, too
         for line in text.splitlines():
@@ -32,11 +34,15 @@ class Ledger:
         if self._known:
             logging.getLogger("femnl.progress").info("going on after %d fits of an earlier run", len(self._known))
 
-    def recall(self, key: str, find: Callable[[], tuple[Array, Array]]) -> tuple[Array, Array]:
-        """Return what was kept under a key, or find it and add a line; numbers come back as they were, to the last bit."""
-        if key in self._known:
-            return self._known[key]
-        self._known[key] = found = find()
+    def recall(self, key: str, find: Callable[[], Found]) -> Found:
+        """Return what was kept under a key, or find it and keep it; numbers come back as they were, to the last bit."""
+        if key not in self._known:
+            self.add(key, find())
+        return self._known[key]
+
+    def add(self, key: str, found: Found) -> None:
+        """Keep a fit: a line more."""
+        self._known[key] = found
         line = json.dumps([key, *(values.tolist() for values in found)]) + "\n"
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -45,7 +51,24 @@ class Ledger:
                 self._end = ""
         except OSError as error:
             logging.getLogger("femnl").warning("%s: a fit was not kept (%s); an interrupted diagnosis would start anew", self.path, error)
-        return found
+
+
+class Share(Ledger):
+    """What a helper knows of a ledger, and adds to it: the process that owns the file writes that."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._added: list[tuple[str, Found]] = []
+
+    def add(self, key: str, found: Found) -> None:
+        """Keep a fit until it is taken."""
+        self._known[key] = found
+        self._added.append((key, found))
+
+    def taken(self) -> list[tuple[str, Found]]:
+        """Hand over what was added since."""
+        added, self._added = self._added, []
+        return added
 
 
 LEDGER: ContextVar[Ledger | None] = ContextVar("ledger", default=None)

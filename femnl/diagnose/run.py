@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import xarray as xr
 from threadpoolctl import threadpool_limits
 
 from femnl import measurement
+from femnl.diagnose.crew import crew
 from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointProblem
@@ -58,49 +60,72 @@ PROBLEMS: dict[str, Callable[[xr.Dataset, SimulatedFilm], Problem]] = {
 VERSION = "1.0"
 
 
-def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Effect] | None = None) -> Diagnosis:
+def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Effect] | None = None, workers: int = 1) -> Diagnosis:
     """Say whether the simulation explains a measurement, and if not, which physical cause does.
 
     Args:
         path: a measurement file, version 1.x.
         geometry: name or path of a geometry to use instead of the file's own; a record of drive and output needs none.
         effects: the causes to consider; the whole library unless given.
+        workers: processes that fit side by side, this one among them. Others start where the base model does not explain the data;
+            a script that asks for them keeps what it runs under `if __name__ == "__main__"`.
 
-    Returns: the diagnosis, see `measurement-format.md`, "Diagnosis".
-    Raises: MeasurementError, GeometryError, ConvergenceError.
+    Returns: the diagnosis, see `measurement-format.md`, "Diagnosis"; the same whatever the workers.
+    Raises: MeasurementError, GeometryError, ConvergenceError, ParameterError.
     Valid: noise normal, of the standard deviation that the file states or the data show. Fits are kept in the user's cache until all are
         done: the same call after an interruption goes on where it stopped.
     """
+    if workers < 1:
+        raise ParameterError(f"workers: {workers} is none; give a whole number of at least 1")
     path = Path(path)
-    tree = measurement.read(path)
-    groups = {name: node.to_dataset() for name, node in tree.children.items()}
-    bare = geometry is None and tree.attrs.keys().isdisjoint(("model", "geometry")) and all(map(_oscillates, groups.values()))
-    model = None if bare else measured_device(tree.attrs, path, geometry)
-    problems = {name: pose(name, dataset, model) for name, dataset in groups.items()}
+    tree, model = _opened(path, geometry)
     pool = list(library().values() if effects is None else effects)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work they wait for each other.
     with remembered(digest, model, [effect.name for effect in pool]), threadpool_limits(1, user_api="blas"):
-        found = _searched(problems, pool)
+        found = _searched(partial(_posed, path, geometry, pool), workers)
         problem = found[0].solution.model.problem
         concluded = conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *problem.notes))
     return replace(concluded, geometry=geometry)
 
 
-def _searched(problems: dict[str, Problem], effects: list[Effect]) -> list[Candidate]:
+def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None]:
+    """Read a measurement, and the device that it is of; a record of an oscillator needs none."""
+    tree = measurement.read(path)
+    groups = [node.to_dataset() for node in tree.children.values()]
+    bare = geometry is None and tree.attrs.keys().isdisjoint(("model", "geometry")) and all(map(_oscillates, groups))
+    return tree, None if bare else measured_device(tree.attrs, path, geometry)
+
+
+def _posed(path: Path, geometry: str | None, effects: list[Effect], backwards: bool = False) -> tuple[Problem, list[Effect]]:
+    """Return the problem that a file poses, several measurements jointly, and those of the effects that may explain it.
+
+    backwards: see `JointProblem`.
+    """
+    tree, model = _opened(path, geometry)
+    problems = {name: pose(name, node.to_dataset(), model) for name, node in tree.children.items()}
+    if len(problems) > 1:
+        joint = JointProblem(problems, backwards=backwards)
+        return joint, joint.pool(effects)
+    ((_, problem),) = problems.items()
+    return problem, problem.pool(effects) if isinstance(problem, OscillationProblem) else applicable(problem, effects)
+
+
+def _searched(pose: Callable[..., tuple[Problem, list[Effect]]], workers: int) -> list[Candidate]:
     """Fit what may explain one measurement, or several jointly."""
-    if len(problems) == 1:
-        ((_, problem),) = problems.items()
-        pool = problem.pool(effects) if isinstance(problem, OscillationProblem) else applicable(problem, effects)
-        return search(problem, pool)
-    forwards = JointProblem(problems)
-    found = search(forwards, forwards.pool(effects))
-    if any(candidate.viable for candidate in found) or "wavelength" not in forwards.facts:
+    found = _side_by_side(pose, workers)
+    problem = found[0].solution.model.problem
+    if not isinstance(problem, JointProblem) or any(candidate.viable for candidate in found) or "wavelength" not in problem.facts:
         return found
     # Which way the film moves at a phase of the drive is not known, and two wavelengths together tell it.
-    backwards = JointProblem(problems, backwards=True)
-    other = search(backwards, backwards.pool(effects))
+    other = _side_by_side(partial(pose, backwards=True), workers)
     return max((found, other), key=lambda candidates: max(candidate.weight for candidate in candidates))
+
+
+def _side_by_side(pose: Callable[[], tuple[Problem, list[Effect]]], workers: int) -> list[Candidate]:
+    posed = pose()
+    with crew(posed, pose, workers) as run:
+        return search(*posed, run)
 
 
 def _oscillates(dataset: xr.Dataset) -> bool:

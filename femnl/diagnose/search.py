@@ -1,13 +1,16 @@
 """Which causes, alone or together, explain what the base model leaves: ranked cheaply, fitted, compared."""
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.stats import chi2
 
+from femnl.diagnose.crew import Job, in_turn
 from femnl.diagnose.criticism import Look, adequacy, looks
 from femnl.diagnose.extension import FAR, REFINED, extended, replaced, sought_again, unlike
 from femnl.diagnose.fit import Solution, fit, improve
@@ -17,6 +20,8 @@ from femnl.types.effect import Effect
 from femnl.types.readout import Array
 
 PROGRESS = logging.getLogger("femnl.progress")
+T = TypeVar("T")
+Run = Callable[[Sequence[Job[Any]]], list[Any]]
 FALSE_ALARMS = 0.01
 """p-value below which causes are sought beside the base model, and below which a set of causes does not explain the data."""
 HOPELESS = 1e-3
@@ -87,10 +92,11 @@ def criticise(solution: Solution, library: list[Effect]) -> Candidate:
     return Candidate(solution, p_value, worst, tuple(found))
 
 
-def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
+def search(problem: Problem, library: list[Effect], run: Run = in_turn) -> list[Candidate]:
     """Return the base model first, then every set of causes that was fitted.
 
     Greedy: sets grow by the effects that their residuals point to most, and no further once one of them explains the data well.
+    run: does jobs that do not wait for each other.
     """
     model = Extended(problem)
     PROGRESS.info("%s: fitting the base model", problem.kind)
@@ -101,22 +107,22 @@ def search(problem: Problem, library: list[Effect]) -> list[Candidate]:
     beam = [base]
     for size in range(LARGEST):
         grown: dict[tuple[str, ...], Candidate] = {}
-        parents = list(beam)
-        for parent in parents:  # which grow in number
-            _keep(grown, _grown(parent, library), library)
-            if parent is parents[-1] and size == PAIR and (problem.rugged or _settled(grown)):
-                parents += _partners(grown, found, parents, library)
+        parents, done = list(beam), list[Candidate]()
+        while parents:
+            _keep(grown, run(_growing(parents, library)), library)
+            done += parents
+            parents = _partners(grown, found, done, library) if size == PAIR and (problem.rugged or _settled(grown)) else []
         if not _settled(grown):
             ranked = sorted(grown.values(), key=lambda c: -c.weight)
             if problem.rugged and size == PAIR:
-                others = _from_afar(found, library)
+                others = _from_afar(found, library, run)
             else:
                 few = len(ranked) if problem.rugged and size == 0 else AGAIN[size]
-                others = [sought_again(c.solution) for c in ranked[:few]]
+                others = run(_seeking(ranked[:few]))
             _keep(grown, others, library)
         else:
             short = [c for c in grown.values() if not c.viable and _excess(c) < NEARLY * _excess(base)]
-            _keep(grown, [sought_again(c.solution) for c in short], library)
+            _keep(grown, run(_seeking(short)), library)
         found += grown.values()
         beam = sorted(grown.values(), key=lambda c: -c.weight)
         beam = [c for i, c in enumerate(beam) if i < BEAM or (size == 0 and _excess(c) < PEERS * _excess(beam[0]))]
@@ -160,9 +166,9 @@ def _partners(
     return [c if c.looks else criticise(c.solution, library) for c in alone]
 
 
-def _keep(grown: dict[tuple[str, ...], Candidate], solutions: Iterable[Solution], library: list[Effect]) -> None:
+def _keep(grown: dict[tuple[str, ...], Candidate], solutions: Iterable[Solution | None], library: list[Effect]) -> None:
     """Criticise what was fitted, and keep the best of each set of causes."""
-    for solution in solutions:
+    for solution in (solution for solution in solutions if solution is not None):
         names = tuple(sorted(effect.name for effect in solution.model.effects))
         if names not in grown or solution.chi2 < grown[names].solution.chi2:
             grown[names] = _judged(solution, library)
@@ -172,21 +178,32 @@ def _excess(candidate: Candidate) -> float:
     return max(candidate.solution.chi2 - candidate.solution.degrees, 0.0)
 
 
-def _from_afar(found: list[Candidate], library: list[Effect]) -> list[Solution]:
+def _from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[Solution]:
     """Fit the pairs that promise most where one effect is sought from afar beside each other one."""
     base, alone = found[0].solution, {c.names[0]: c.solution for c in found if len(c.names) == 1}
-    for effect in (e for e in library if e.name not in alone):
-        start = scan(base, effect)[0]
-        model = Extended(base.model.problem, (effect,))
-        alone[effect.name] = fit(model, model.pack(start.base, [start.values]), near=base)
-    rough: list[tuple[float, Array, Solution, Extended]] = []
-    for one, other in combinations(sorted(library, key=_shaped), 2):
-        single = alone[one.name]
-        _, own = single.model.split(single.vector)
-        model = Extended(base.model.problem, (one, other))
-        starts = [model.pack(start.base, [*own, start.values]) for start in scan(single, other)[:REFINED]]
-        rough.append((*min((improve(model, start, FAR, single) for start in starts), key=lambda found: found[0]), single, model))
-    return [fit(model, vector, near=single) for _, vector, single, model in sorted(rough, key=lambda found: found[0])[: AGAIN[PAIR]]]
+    rest = [effect for effect in library if effect.name not in alone]
+    alone |= zip((e.name for e in rest), run([_job("seeking", [e.name], base, partial(_alone, base, e)) for e in rest]), strict=True)
+    pairs = [(alone[one.name], other) for one, other in combinations(sorted(library, key=_shaped), 2)]
+    rough = run([_job("seeking", _names(single, other), base, partial(_roughly, single, other)) for single, other in pairs])
+    best = sorted(zip(rough, pairs, strict=True), key=lambda pair: pair[0][0])[: AGAIN[PAIR]]
+    return run([_job("trying", _names(single, other), base, partial(_paired, single, other, v)) for (_, v), (single, other) in best])
+
+
+def _alone(base: Solution, effect: Effect) -> Solution:
+    """Fit an effect from the best of the places all over its priors."""
+    start, model = scan(base, effect)[0], Extended(base.model.problem, (effect,))
+    return fit(model, model.pack(start.base, [start.values]), near=base)
+
+
+def _roughly(single: Solution, other: Effect) -> tuple[float, Array]:
+    """Return χ² and the vector to which a few evaluations lead from where another effect suits best beside one."""
+    model, (_, own) = Extended(single.model.problem, (*single.model.effects, other)), single.model.split(single.vector)
+    starts = [model.pack(start.base, [*own, start.values]) for start in scan(single, other)[:REFINED]]
+    return min((improve(model, start, FAR, single) for start in starts), key=lambda found: found[0])
+
+
+def _paired(single: Solution, other: Effect, vector: Array) -> Solution:
+    return fit(Extended(single.model.problem, (*single.model.effects, other)), vector, near=single)
 
 
 def _shaped(effect: Effect) -> tuple[int, int]:
@@ -201,24 +218,34 @@ def _judged(solution: Solution, library: list[Effect]) -> Candidate:
     return criticise(solution, library) if plain >= HOPELESS / 10 else Candidate(solution, plain, "chi-square", ())
 
 
-def _grown(parent: Candidate, library: list[Effect]) -> Iterable[Solution]:
-    """Fit the parent's model with one more effect, for each of those that its residuals point to."""
-    mine = {effect.name for effect in parent.solution.model.effects}
-    best: dict[str, list[Look]] = {}
-    for look in sorted(parent.looks, key=lambda look: -look.gain):
-        if look.effect is not None and look.gain > 0:
-            best.setdefault(look.name, []).append(look)
-    excess = parent.solution.chi2 - parent.solution.degrees
-    promising = {name for i, name in enumerate(best) if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)}
-    promising.update(sorted(best, key=lambda name: min(look.p_value for look in best[name]))[:TELLING])
-    for effect in [e for e in library if e.name in promising and e.name not in mine]:
-        _tell(parent, effect)
-        yield extended(parent.solution, effect, [look.values for look in unlike(best[effect.name])])
-    for effect in library:
-        if effect.name not in mine and not any(knob.strength for knob in effect.parameters):
-            _tell(parent, effect)
-            yield from replaced(parent.solution, effect)
+def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[Solution | None]]:
+    """Return the fits of each parent's model with one more effect, for each of those that its residuals point to."""
+    jobs: list[Job[Solution | None]] = []
+    for parent in parents:
+        solution, mine = parent.solution, {effect.name for effect in parent.solution.model.effects}
+        best: dict[str, list[Look]] = {}
+        for look in sorted(parent.looks, key=lambda look: -look.gain):
+            if look.effect is not None and look.gain > 0:
+                best.setdefault(look.name, []).append(look)
+        excess = solution.chi2 - solution.degrees
+        promising = {name for i, name in enumerate(best) if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)}
+        promising.update(sorted(best, key=lambda name: min(look.p_value for look in best[name]))[:TELLING])
+        for effect in [e for e in library if e.name in promising and e.name not in mine]:
+            shapes = [look.values for look in unlike(best[effect.name])]
+            jobs.append(_job("trying", _names(solution, effect), solution, partial(extended, solution, effect, shapes)))
+        others = [e for e in library if e.name not in mine and not any(knob.strength for knob in e.parameters)]
+        jobs += [_job("trying", _names(solution, e), solution, partial(replaced, solution, e)) for e in others]
+    return jobs
 
 
-def _tell(parent: Candidate, effect: Effect) -> None:
-    PROGRESS.info("%s: trying %s", parent.solution.model.problem.kind, " + ".join(sorted((*parent.names, effect.name))))
+def _seeking(candidates: list[Candidate]) -> list[Job[Solution]]:
+    """Return the fits that seek each cause of some sets anew."""
+    return [_job("seeking", c.names, c.solution, partial(sought_again, c.solution)) for c in candidates]
+
+
+def _names(solution: Solution, effect: Effect) -> list[str]:
+    return [*(own.name for own in solution.model.effects), effect.name]
+
+
+def _job(doing: str, names: Iterable[str], solution: Solution, find: Callable[[], T]) -> Job[T]:
+    return Job(f"{solution.model.problem.kind}: {doing} {' + '.join(sorted(names))}", find)

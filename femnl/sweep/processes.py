@@ -1,70 +1,28 @@
 """Workers in processes of this machine: one point at a time in each, and a death that costs that point alone."""
 
 import logging
-import os
-import signal
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
-from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 
+from femnl.processes import Worker, answer, one_thread
 from femnl.sweep.point import Point, Record, Settings, attempt, failure
 
 TRIES = 3
 """How often a point is begun whose process dies, before it counts as failed."""
-_CONTEXT = get_context("spawn")  # a fork would copy the state of meshers and solvers
-
-
-class _Worker:
-    """A process that solves what it is sent until its connection closes."""
-
-    def __init__(self, settings: Settings) -> None:
-        self.connection, theirs = _CONTEXT.Pipe()
-        self.process = _CONTEXT.Process(target=_serve, args=(theirs, settings), daemon=True)
-        # The process inherits the mask: an interrupt from the keyboard reaches the client alone, which ends its workers.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            self.process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        theirs.close()
-
-    def give(self, point: Point) -> bool:
-        """Send a point; whether the process is there to take it."""
-        try:
-            self.connection.send(point)
-        except BrokenPipeError:
-            return False
-        return True
-
-    def take(self) -> Record | None:
-        """Receive the record of the point sent last; None where the process has died."""
-        try:
-            record: Record = self.connection.recv()
-        except (EOFError, ConnectionResetError):
-            return None
-        return record
-
-    def stop(self) -> int:
-        """End the process at once; its exit code."""
-        self.process.kill()
-        self.process.join()
-        self.connection.close()
-        return self.process.exitcode or 0
 
 
 def on_processes(points: Iterator[Point], settings: Settings, workers: int) -> Iterator[Record]:
     """Solve points, `workers` at a time, and return each record as it comes."""
-    idle: list[_Worker] = []
-    busy: dict[Connection, tuple[_Worker, Point]] = {}
+    idle: list[Worker] = []
+    busy: dict[Connection, tuple[Worker, Point]] = {}
     again: list[Point] = []
     deaths: Counter[str] = Counter()
-    with _one_thread():
+    with one_thread():
         try:
             while True:
                 while len(busy) < workers and (point := again.pop() if again else next(points, None)) is not None:
-                    worker = idle.pop() if idle else _Worker(settings)
+                    worker = idle.pop() if idle else Worker(_serve, settings)
                     if worker.give(point):
                         busy[worker.connection] = worker, point
                     else:
@@ -74,7 +32,7 @@ def on_processes(points: Iterator[Point], settings: Settings, workers: int) -> I
                     return
                 for ready in wait(list(busy)):
                     worker, point = busy.pop(next(c for c in busy if c is ready))
-                    record = worker.take()
+                    record: Record | None = worker.take()
                     if record is not None:
                         idle.append(worker)
                         yield record
@@ -92,25 +50,4 @@ def on_processes(points: Iterator[Point], settings: Settings, workers: int) -> I
 
 
 def _serve(connection: Connection, settings: Settings) -> None:
-    """Answer every point that comes; the client's end closes the connection, and with it this process."""
-    try:
-        while True:
-            connection.send(attempt(connection.recv(), settings))
-    except (EOFError, ConnectionError):
-        return
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Processes that are started meanwhile use one thread each: side by side, more only slow them down."""
-    names = [f"{library}_NUM_THREADS" for library in ("OMP", "OPENBLAS", "MKL")]
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+    answer(connection, lambda point: attempt(point, settings))

@@ -1,0 +1,206 @@
+"""Fits that do not wait for each other, side by side: here, and in processes that pose the same problem."""
+
+import logging
+import pickle
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
+from multiprocessing.connection import Connection
+from threading import Thread
+from typing import Any, Generic, TypeVar
+
+from femnl.diagnose.ledger import LEDGER, Found, Share
+from femnl.diagnose.problem import Problem
+from femnl.errors import FemnlError
+from femnl.processes import Worker, answer, one_thread
+from femnl.types.effect import Effect
+
+PROGRESS, WARNINGS = logging.getLogger("femnl.progress"), logging.getLogger("femnl")
+T = TypeVar("T")
+Posed = tuple[Problem, list[Effect]]
+"""A problem, and the effects that may explain it."""
+SOON = 0.05
+"""Seconds after which it is looked again whether a helper is ready."""
+
+
+@dataclass(frozen=True)
+class Job(Generic[T]):
+    """Something to find, and the line of progress that says so."""
+
+    says: str
+    find: Callable[[], T]
+
+    def done(self) -> T:
+        """Say it and find it."""
+        PROGRESS.info(self.says)
+        return self.find()
+
+
+def in_turn(jobs: Sequence[Job[T]]) -> list[T]:
+    """Do one job after the other."""
+    return [job.done() for job in jobs]
+
+
+class Crew:
+    """This process and helpers, which start with the first jobs and take each as soon as they are there.
+
+    Problem and effects go by name, as each process has its own; what else jobs and results hold is sent. What a helper finds is what
+    this process would find, to the last bit, and its fits come into the ledger here.
+    """
+
+    def __init__(self, posed: Posed, pose: Callable[[], Posed], helpers: int) -> None:
+        self._names, self._pose, self._count = _Names(posed), pose, helpers
+        self._started, self._helpers = False, list[_Helper]()
+        self._threads: list[Thread] = []
+        self._fits: deque[tuple[str, Found]] = deque()
+
+    def run(self, jobs: Sequence[Job[T]]) -> list[T]:
+        """Do all jobs; return what they find, in their order."""
+        if self._count == 0 or len(jobs) < 2:
+            return in_turn(jobs)
+        if not self._started:
+            self._start()
+        todo, found = deque(enumerate(jobs)), dict[int, T]()
+        while todo:  # again, where a helper ended over its job
+            self._threads = [Thread(target=self._feed, args=(helper, todo, found), daemon=True) for helper in self._helpers]
+            for thread in self._threads:
+                thread.start()
+            while (mine := _next(todo.popleft)) is not None:
+                found[mine[0]] = mine[1].done()
+                self._keep()
+            for thread in self._threads:
+                thread.join()
+            self._keep()
+            for helper in [helper for helper in self._helpers if helper.dead]:
+                WARNINGS.warning("a helper ended (exit code %d); its fits are made here", helper.stop())
+                self._helpers.remove(helper)
+        return [found[i] for i in range(len(jobs))]
+
+    def _start(self) -> None:
+        ledger, self._started = LEDGER.get(), True
+        with one_thread():
+            self._helpers = [_Helper(self._pose, None if ledger is None else ledger.path) for _ in range(self._count)]
+
+    def _feed(self, helper: "_Helper", todo: "deque[tuple[int, Job[T]]]", found: dict[int, T]) -> None:
+        """Let a helper do jobs from the end of the list."""
+        while todo and not helper.dead:
+            if helper.ready(SOON) and (its := _next(todo.pop)) is not None:
+                PROGRESS.info(its[1].says)
+                answered = helper.ask(self._names.pack(its[1].find))
+                if answered is None:
+                    todo.append(its)
+                else:
+                    found[its[0]], fits = self._names.unpack(answered)
+                    self._fits.extend(fits)
+
+    def _keep(self) -> None:
+        """Put the fits of helpers into the ledger."""
+        ledger = LEDGER.get()
+        while (fit := _next(self._fits.popleft)) is not None:
+            if ledger is not None:
+                ledger.add(*fit)
+
+    def end(self) -> None:
+        """End the helpers at once."""
+        for helper in self._helpers:
+            helper.process.kill()
+        for thread in self._threads:
+            thread.join()
+        for helper in self._helpers:
+            helper.stop()
+        self._keep()
+
+
+@contextmanager
+def crew(posed: Posed, pose: Callable[[], Posed], workers: int) -> Iterator[Callable[[Sequence[Job[Any]]], list[Any]]]:
+    """Do jobs on so many processes, this one among them; `pose` poses the same problem in another."""
+    mine = Crew(posed, pose, workers - 1)
+    try:
+        yield mine.run
+    finally:
+        mine.end()
+
+
+class _Helper(Worker):
+    """A process that does jobs; it first says that it is ready."""
+
+    def __init__(self, pose: Callable[[], Posed], ledger: object) -> None:
+        super().__init__(_serve, pose, ledger)
+        self.dead, self._ready = False, False
+
+    def ready(self, seconds: float) -> bool:
+        """Whether it is there within some seconds."""
+        if not self._ready and self.connection.poll(seconds):
+            self._ready = self.take() is not None
+            self.dead = not self._ready
+        return self._ready
+
+    def ask(self, task: bytes) -> bytes | None:
+        """Return its answer, None where it has died."""
+        answered: bytes | None = self.take() if self.give(task) else None
+        self.dead = answered is None
+        return answered
+
+
+def _serve(connection: Connection, pose: Callable[[], Posed], path: Any) -> None:
+    """Do jobs, and return what each found with the fits that it made."""
+    share = None if path is None else Share(path)
+    LEDGER.set(share)
+    names = _Names(pose())
+
+    def do(task: bytes) -> bytes:
+        try:
+            found = names.unpack(task)()
+        except FemnlError as error:  # the same job fails in the process that asked, which tells the user
+            raise SystemExit(1) from error
+        return names.pack((found, [] if share is None else share.taken()))
+
+    connection.send(True)
+    answer(connection, do)
+
+
+def _next(take: Callable[[], T]) -> T | None:
+    """Take what is left; two threads may want the last."""
+    try:
+        return take()
+    except IndexError:
+        return None
+
+
+class _Names:
+    """What goes by name from one process to another, where it is another object."""
+
+    def __init__(self, posed: Posed) -> None:
+        problem, effects = posed
+        self._known: dict[str, object] = {"problem": problem, **{f"effect {effect.name}": effect for effect in effects}}
+        self._names = {id(thing): name for name, thing in self._known.items()}
+
+    def pack(self, thing: object) -> bytes:
+        """Return bytes that hold a thing."""
+        room = BytesIO()
+        pickler = _Pickler(room, pickle.HIGHEST_PROTOCOL)
+        pickler.names = self._names
+        pickler.dump(thing)
+        return room.getvalue()
+
+    def unpack(self, data: bytes) -> Any:
+        """Return the thing that bytes hold, with what is known here."""
+        unpickler = _Unpickler(BytesIO(data))
+        unpickler.known = self._known
+        return unpickler.load()
+
+
+class _Pickler(pickle.Pickler):
+    names: dict[int, str]
+
+    def persistent_id(self, thing: object) -> str | None:
+        return self.names.get(id(thing))
+
+
+class _Unpickler(pickle.Unpickler):
+    known: dict[str, object]
+
+    def persistent_load(self, name: str) -> object:
+        return self.known[name]

@@ -1,0 +1,176 @@
+"""Jobs that are done side by side: by whom, what they find, and what a death, an error or an interrupt costs."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from femnl import measurement
+from femnl.diagnose import diagnose, record
+from femnl.diagnose.crew import Job, crew
+from femnl.diagnose.fit import Solution, fit
+from femnl.diagnose.ledger import remembered
+from femnl.diagnose.problem import Extended, Problem
+from femnl.effects import library
+from femnl.errors import MeasurementError, ParameterError
+from femnl.types.effect import Effect, Knob, Values
+from femnl.types.readout import Array
+from tests.unit.level import Level
+
+BLOCKS = np.repeat(np.arange(4), 10)
+ORDERS = np.array([(1, 1), (1, 2), (2, 1), (2, 2), (1, 3), (3, 1), (2, 3), (3, 2)])
+FEW = ("stress_anisotropy", "tension_gradient", "frame_mode", "compliant_clamp")
+Run = Callable[[Sequence[Job[int]]], list[int]]
+
+
+def lift(value: Array, values: Values) -> Array:
+    return value + values["strength"] * np.linspace(-1, 1, len(value))
+
+
+SLOPE = Effect("slope", "", (Knob("strength", "1", -10.0, 10.0),), {"placement": lift}, "", "", "")
+
+
+def posed() -> tuple[Problem, list[Effect]]:
+    return Level(3 + 2 * np.linspace(-1, 1, 40) + np.random.default_rng(1).standard_normal(40), BLOCKS, 100.0), [SLOPE]
+
+
+def who(seconds: float = 0.1) -> int:
+    time.sleep(seconds)
+    return os.getpid()
+
+
+def die_unless(here: int) -> int:
+    if os.getpid() != here:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return who()
+
+
+def refuse_unless(here: int) -> int:
+    if os.getpid() != here:
+        raise MeasurementError("a fit that fails in a helper")
+    return who()
+
+
+def refuse() -> int:
+    raise MeasurementError("field: no fit can bear it; mend it")
+
+
+def shared(run: Run) -> set[int]:
+    """Do jobs until two processes have shared them, which takes as long as a helper takes to start."""
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        found = set(run([Job(f"job {k}", who) for k in range(4)]))
+        if len(found) == 2:
+            return found
+    raise AssertionError("no helper took a job within a minute")
+
+
+def test_jobs_come_back_in_their_order_and_processes_share_them() -> None:
+    with crew(posed(), posed, 2) as run:
+        assert os.getpid() in shared(run)
+        assert run([Job("", partial(pow, 2, k)) for k in range(20)]) == [2**k for k in range(20)]
+    with crew(posed(), posed, 1) as run:
+        assert set(run([Job("", who)] * 3)) == {os.getpid()}
+
+
+def test_results_of_a_helper_hold_the_problem_and_the_effects_of_the_process_that_asked() -> None:
+    problem, effects = posed()
+    base = fit(Extended(problem), problem.start)
+    model = Extended(problem, (SLOPE,))
+    alone = fit(model, model.pack({"level": 0.0}, [{"strength": 0.1}]), near=base)
+    with crew((problem, effects), posed, 2) as run:
+        shared(run)
+        found = run([Job("fit", partial(fit, model, alone.vector * 0, near=base)) for _ in range(50)])
+    assert len({id(solution.vector) for solution in found}) == 50
+    for solution in found:
+        assert isinstance(solution, Solution)
+        assert solution.model.problem is problem
+        assert solution.model.effects[0] is SLOPE
+        assert np.array_equal(solution.vector, found[0].vector)
+        assert np.array_equal(solution.jacobian, found[0].jacobian)
+        assert np.allclose(solution.vector, alone.vector, rtol=1e-6)
+
+
+def test_fits_of_a_helper_are_kept_in_the_ledger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    problem, effects = posed()
+    model = Extended(problem, (SLOPE,))
+    with remembered("a file"), crew((problem, effects), posed, 2) as run:
+        starts = [model.pack({"level": 0.0}, [{"strength": 0.1 * k}]) for k in range(40)]
+        shared(run)
+        run([Job("fit", partial(slowly, model, start)) for start in starts])
+        (kept,) = (tmp_path / "femnl").glob("diagnosis-*.jsonl")
+        assert len(kept.read_text(encoding="utf-8").splitlines()) == len(starts)
+
+
+def slowly(model: Extended, start: Array) -> int:
+    fit(model, start)
+    return who(0.02)
+
+
+@pytest.mark.parametrize("end", [die_unless, refuse_unless])
+def test_a_helper_that_ends_costs_nothing(end: Callable[[int], int], caplog: pytest.LogCaptureFixture) -> None:
+    here = os.getpid()
+    with crew(posed(), posed, 2) as run:
+        shared(run)
+        assert run([Job("", partial(end, here))] * 6) == [here] * 6
+        assert run([Job("", who)] * 3) == [here] * 3
+    assert [record.message for record in caplog.records if record.levelname == "WARNING"] == [
+        f"a helper ended (exit code {-9 if end is die_unless else 1}); its fits are made here"
+    ]
+
+
+def test_an_error_that_every_process_meets_is_raised_here() -> None:
+    with crew(posed(), posed, 2) as run:
+        shared(run)
+        with pytest.raises(MeasurementError, match="no fit can bear it"):
+            run([Job("", refuse)] * 4)
+
+
+def split(path: Path) -> Path:
+    """Frequencies of a square film that no few causes explain: unequal stress, and each mode off by 0.2 per mille on its own."""
+    rng = np.random.default_rng(3)
+    frequency = 1.11e6 * np.sqrt(ORDERS**2 @ (1 + 1e-3 * np.array([1, -1]))) * (1 + 2e-4 * rng.standard_normal(len(ORDERS)))
+    data = measurement.spectrum(frequency, np.full(len(ORDERS), 3.0), [f"{m},{n}" for m, n in ORDERS])
+    measurement.write(measurement.bundle({"spectrum": data}, geometry="square-270um"), path)
+    return path
+
+
+def test_a_diagnosis_says_the_same_whatever_the_workers(tmp_path: Path) -> None:
+    path, effects = split(tmp_path / "split.nc"), [library()[name] for name in FEW]
+    alone = record(diagnose(path, effects=effects))
+    assert alone["verdict"] == "unexplained"
+    assert record(diagnose(path, effects=effects, workers=2)) == alone
+    with pytest.raises(ParameterError, match="workers: 0 is none"):
+        diagnose(path, workers=0)
+
+
+def test_an_interrupt_ends_helpers_and_the_fits_are_kept(tmp_path: Path) -> None:
+    path, told = split(tmp_path / "split.nc"), tmp_path / "cache" / "femnl"
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, "-m", "femnl", "diagnose", path.name, "--workers", "2"]
+    client = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+    deadline, children = time.monotonic() + 120, list[psutil.Process]()
+    while not children and client.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+        if list(told.glob("diagnosis-*.jsonl")):
+            children = psutil.Process(client.pid).children(recursive=True)
+    time.sleep(0.5)
+    client.send_signal(signal.SIGINT)
+    _, errors = client.communicate(timeout=60)
+    assert children
+    assert client.returncode in (130, -signal.SIGINT)
+    assert errors.endswith("femnl: interrupted; nothing was left half-written\n")
+    assert "Traceback" not in errors
+    psutil.wait_procs(children, timeout=30)
+    assert not [child for child in children if child.is_running()]
+    (kept,) = told.glob("diagnosis-*.jsonl")
+    assert kept.read_text(encoding="utf-8")
