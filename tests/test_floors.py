@@ -9,7 +9,7 @@ import pytest
 import femnl
 
 FLOORS = (
-    ("types", "errors", "resources", "compiled"),
+    ("types", "errors", "resources", "compiled", "processes"),
     ("geometry", "measurement", "fem"),
     ("mesh", "prestress", "modes", "nonlinearity", "resonator", "optics", "readout", "labfiles", "storage"),
     ("effects", "lattice", "bow", "bands"),

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from femnl.compiled import compiled
 from femnl.fits.response_data import Array, Complex, Index, Sweeps
 from femnl.resonator import duffing_roots
 
@@ -90,17 +91,26 @@ def sheets(delta: Array, a: Array, d: Array, *, continued: bool) -> Sheets:
     Past its fold a sheet is `continued`, or else it joins the only state that is left.
     """
     roots = duffing_roots(delta, a, d)
-    single, three = roots[0], np.isfinite(roots[2])
-    real = np.stack([single, np.where(three, roots[2], single)])
-    if not continued:
-        return Sheets(real, np.zeros(real.shape, dtype=bool), single)
-    p, q = a**2 + d**2, delta * a + d
-    square = delta**2 * (a**2 - 3 * d**2) + 8 * delta * a * d + d**2 - 3 * a**2
-    # Below the critical stiffening no sheet ends.
-    ended = (np.abs(a) > STIFFEN) & (square > 0) & (q < 0) & ~three
-    centre = np.where(ended, -2 * q / (3 * np.where(ended, p, 1.0)), 0.0)
-    pair = np.stack([ended & (single > centre), ended & (single <= centre)])
-    return Sheets(np.where(pair, (3 * centre - single) / 2, real), pair, single)
+    single = roots[0]
+    real = np.stack([single, np.where(np.isfinite(roots[2]), roots[2], single)])
+    pair = np.zeros(real.shape, dtype=bool)
+    if continued:
+        here = (np.broadcast_to(v, single.shape).ravel() for v in (delta, a, d))
+        compiled(_continue)(real.reshape(2, -1), pair.reshape(2, -1), np.isfinite(roots[2]).ravel(), *here)
+    return Sheets(real, pair, single)
+
+
+def _continue(x: Array, pair: NDArray[np.bool_], three: NDArray[np.bool_], delta: Array, a: Array, d: Array) -> None:
+    """Continue x (2, n), where there are not three roots, on the sheet that has ended, and mark it in pair (2, n)."""
+    for i in range(len(delta)):
+        e, b, c = delta[i], a[i], d[i]
+        p, q = b * b + c * c, e * b + c
+        square = e * e * (b * b - 3 * c * c) + 8 * e * b * c + c * c - 3 * b * b
+        # Below the critical stiffening no sheet ends.
+        if abs(b) > STIFFEN and square > 0 and q < 0 and not three[i]:
+            centre, single = -2 * q / (3 * p), x[0, i]
+            ended = 0 if single > centre else 1
+            pair[ended, i], x[ended, i] = True, (3 * centre - single) / 2
 
 
 def fold(a: float, *, top: bool) -> tuple[float, float]:
