@@ -14,7 +14,7 @@ from femnl.diagnose.problem import Named, Ranked, apply
 from femnl.diagnose.spots import Axis, Finer, Grid
 from femnl.fits.maps import fit_map
 from femnl.measurement import noise_sd
-from femnl.modes import shape_at, shapes_at
+from femnl.modes import ShapeValues
 from femnl.readout import along_line
 from femnl.types.comparison import Comparison, Images
 from femnl.types.effect import Effect, Kind, Knob, Values
@@ -65,7 +65,7 @@ class MapProblem:
         self._values = np.where(self._present, flat[:, used], 0)
         self.noise, note = noise_sd(dataset)
         self.film, self.wavelength = film, float(dataset.attrs["wavelength"])
-        self._exact = film.model.outline.size is None
+        self._exact = ShapeValues(film.modes) if film.model.outline.size is None else None
         self._shapes = lru_cache(maxsize=KEPT)(self._shapes_at)
         drive = dataset.attrs.get("drive_frequency")
         self.mode, fitted, told = self._find_mode(dataset, None if drive is None else float(drive))
@@ -101,7 +101,7 @@ class MapProblem:
         coarse = dataset.isel(thin).isel(harmonic=np.flatnonzero(dataset["harmonic"].values >= 1)).assign_attrs(noise_sd=self.noise)
 
         def shape(k: int, x: Array, y: Array) -> Array:
-            return self.film.projection.at(x, y)[k] if not self._exact else shape_at(self.film.modes, k, x, y)
+            return np.asarray((self._exact or self.film.projection.at)(x, y)[k])
 
         power = float(np.mean(np.abs(self._values[self._present]) ** 2) / (2 * self.noise**2))
         fits = {}
@@ -146,8 +146,8 @@ class MapProblem:
 
     def _shapes_at(self, x: bytes, y: bytes, finer: bool) -> Array:
         here, grid = (np.frombuffer(x), np.frombuffer(y)), self._finer.grid if finer else self._grid
-        if self._exact:
-            return shapes_at(self.film.modes, *here)
+        if self._exact is not None:
+            return self._exact(*here)
         across, up = np.full(grid.sizes[1], np.nan), np.full(grid.sizes[0], np.nan)
         across[grid.column], up[grid.row] = here
         straight = np.array_equal(across[grid.column], here[0]) and np.array_equal(up[grid.row], here[1])

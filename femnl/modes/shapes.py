@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from femnl.errors import ParameterError
-from femnl.fem.elements import EDGES, VERTICES, Space, reference_basis
+from femnl.fem.elements import EDGES, VERTICES, Space, nodes, reference_basis
 from femnl.fem.forms import CHUNK
 from femnl.fem.sheet import Sheet
 from femnl.types.mechanics import Domain, Modes
@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 EDGE = 1e-9  # in reference coordinates, how far outside a triangle a point still counts as on its edge
 ARRIVED = 1e-12  # in reference coordinates, the step at which Newton's method ends
+NEIGHBOURS = 4  # triangles with the nearest centres that are tried first
 SAMPLES = 6  # points along an edge of a triangle at which shapes are searched for their maximum
 LATTICE = np.array([(a, b) for a in range(SAMPLES + 1) for b in range(SAMPLES + 1 - a)]) / SAMPLES
 BETWEEN = 0.05  # relative height by which the samples of the triangle with the maximum may miss it
@@ -169,28 +170,36 @@ def shape_at(modes: Modes, index: int, x: Array, y: Array) -> Array:
     Args: index: 0 for the fundamental mode.
     Raises: IndexError where there is no such mode; ParameterError where a point is not finite.
     """
-    return np.asarray(_values_at(modes, [index], x, y)[0])
+    return np.asarray(ShapeValues(modes, [index])(x, y)[0])
 
 
 def shapes_at(modes: Modes, x: Array, y: Array) -> Array:
     """Return ξ of every mode at points (x, y), (n_modes, *shape); as `shape_at`, at the cost of little more than one mode."""
-    return _values_at(modes, range(len(modes.frequency)), x, y)
+    return ShapeValues(modes)(x, y)
 
 
-def _values_at(modes: Modes, chosen: Sequence[int], x: Array, y: Array) -> Array:
-    points = np.stack(np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)), -1)
-    if not np.all(np.isfinite(points)):
-        raise ParameterError("x, y: expected finite numbers in m, found NaN or infinity among the points")
-    shapes, parity = modes.shapes[list(chosen)], np.array([modes.parity[k] for k in chosen])
-    where, flips = _fold(modes.domain, points.reshape(-1, 2), parity.shape[1])
-    space = Space(modes.domain.mesh, modes.degree)
-    triangle, reference = _locate(modes.domain, where)
-    found = triangle >= 0
-    value = np.zeros((len(shapes), len(where)))
-    basis, dofs = reference_basis(modes.degree, reference[found]), space.dofs[triangle[found]]
-    rows = csr_array((basis.ravel(), dofs.ravel(), np.arange(len(dofs) + 1) * basis.shape[1]), shape=(len(dofs), space.size))
-    value[:, found] = (rows @ shapes.T).T * np.prod(parity[:, None] ** flips[found], axis=2)
-    return value.reshape(len(shapes), *points.shape[:-1])
+class ShapeValues:
+    """ξ of some modes, all unless chosen, as a function of points that is prepared once and asked often; see `shapes_at`."""
+
+    def __init__(self, modes: Modes, chosen: Sequence[int] | None = None) -> None:
+        kept = list(range(len(modes.frequency)) if chosen is None else chosen)
+        self._domain, self._finder = modes.domain, Finder(modes.domain)
+        self._space, self._shapes = Space(modes.domain.mesh, modes.degree), modes.shapes[kept]
+        self._parity = np.array([modes.parity[k] for k in kept])
+
+    def __call__(self, x: Array, y: Array) -> Array:
+        """Return ξ at points (x, y) in m, which broadcast against each other, (n_chosen, *shape). Raises: ParameterError."""
+        points = np.stack(np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)), -1)
+        if not np.all(np.isfinite(points)):
+            raise ParameterError("x, y: expected finite numbers in m, found NaN or infinity among the points")
+        where, flips = _fold(self._domain, points.reshape(-1, 2), self._parity.shape[1])
+        triangle, reference = self._finder.locate(where)
+        found = triangle >= 0
+        value = np.zeros((len(self._shapes), len(where)))
+        basis, dofs = reference_basis(self._space.degree, reference[found]), self._space.dofs[triangle[found]]
+        rows = csr_array((basis.ravel(), dofs.ravel(), np.arange(len(dofs) + 1) * basis.shape[1]), shape=(len(dofs), self._space.size))
+        value[:, found] = (rows @ self._shapes.T).T * np.prod(self._parity[:, None] ** flips[found], axis=2)
+        return value.reshape(len(self._shapes), *points.shape[:-1])
 
 
 def _fold(domain: Domain, points: Array, mirrors: int) -> tuple[Array, NDArray[np.int64]]:
@@ -206,30 +215,58 @@ def _fold(domain: Domain, points: Array, mirrors: int) -> tuple[Array, NDArray[n
     return points, flips
 
 
-def _locate(domain: Domain, points: Array) -> tuple[NDArray[np.int64], Array]:
-    """The triangle that holds each point (−1: none) and the point's place in it, by Newton's method on the curved map."""
-    space = Space(domain.mesh, 2)
-    corners = space.map_nodes
-    centres = corners[:, :3].mean(axis=1)
-    reach = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
-    near = cKDTree(points).query_ball_point(centres, 1.05 * reach)
-    trial = np.repeat(np.arange(len(near)), [len(members) for members in near])
-    point = np.concatenate([np.array(members, dtype=np.int64) for members in near])
-    place = _invert(space.map_degree, corners[trial], points[point])
-    inside = np.all(place > -EDGE, axis=1) & (place.sum(axis=1) < 1 + EDGE)
-    triangle, reference = np.full(len(points), -1), np.zeros((len(points), 2))
-    triangle[point[inside]], reference[point[inside]] = trial[inside], place[inside]
-    return triangle, reference
+class Finder:
+    """Which triangle of a mesh holds a point, and where in it."""
+
+    def __init__(self, domain: Domain) -> None:
+        space = Space(domain.mesh, 2)
+        self._degree, self._nodes = space.map_degree, space.map_nodes
+        corners = self._nodes[:, :3]
+        self._centre = corners.mean(axis=1)
+        self._reach = 1.05 * np.linalg.norm(self._nodes - self._centre[:, None], axis=2).max(axis=1)
+        self._nearest = cKDTree(self._centre)
+        self._origin, sides = corners[:, 0], corners[:, 1:] - corners[:, :1]
+        self._inverse = np.linalg.inv(sides)
+        flat = self._origin[:, None] + nodes(self._degree) @ sides
+        self._bent = np.abs(self._nodes - flat).max(axis=(1, 2)) > ARRIVED * self._reach
+
+    def locate(self, points: Array) -> tuple[NDArray[np.int64], Array]:
+        """Return the triangle that holds each point (n, 2), −1 where none does, and the point's place in it (n, 2)."""
+        triangle, reference = np.full(len(points), -1), np.zeros((len(points), 2))
+
+        def settle(point: NDArray[np.int64], trial: NDArray[np.int64]) -> None:
+            near = np.linalg.norm(points[point] - self._centre[trial], axis=1) <= self._reach[trial]
+            point, trial = point[near], trial[near]
+            place = self._place(trial, points[point])
+            inside = np.all(place > -EDGE, axis=1) & (place.sum(axis=1) < 1 + EDGE)
+            triangle[point[inside]], reference[point[inside]] = trial[inside], place[inside]
+
+        farthest = float(self._reach.max())
+        away, near = map(np.asarray, self._nearest.query(points, NEIGHBOURS, distance_upper_bound=farthest))
+        for k in range(NEIGHBOURS):
+            left = np.flatnonzero((triangle < 0) & np.isfinite(away[:, k]))
+            settle(left, near[left, k])
+        left = np.flatnonzero((triangle < 0) & np.isfinite(away[:, -1]))  # beside an edge of the film, or the centre is far off
+        pairs = cKDTree(points[left]).sparse_distance_matrix(self._nearest, farthest, output_type="ndarray")
+        settle(left[pairs["i"]], pairs["j"])
+        return triangle, reference
+
+    def _place(self, triangle: NDArray[np.int64], points: Array) -> Array:
+        """Return reference coordinates of points (n, 2), each in its own triangle, by Newton's method where that is bent."""
+        place: Array = np.einsum("nx,nxr->nr", points - self._origin[triangle], self._inverse[triangle])
+        bent = self._bent[triangle]
+        if bent.any():
+            place[bent] = _invert(self._degree, self._nodes[triangle[bent]], points[bent], np.clip(place[bent], -2, 3))
+        return place
 
 
-def _invert(degree: int, nodes: Array, points: Array) -> Array:
-    """Reference coordinates of points (n, 2), each in its own triangle, whose map has the given degree and nodes."""
-    place = np.full((len(points), 2), 1 / 3)
+def _invert(degree: int, nodes: Array, points: Array, place: Array) -> Array:
+    """Reference coordinates of points (n, 2), each in its own triangle, whose map has the given degree and nodes, from a first guess."""
     for _ in range(8):
         value = np.einsum("nj,njx->nx", reference_basis(degree, place), nodes)
         jacobian = np.stack([np.einsum("nj,njx->nx", reference_basis(degree, place, d), nodes) for d in ((1, 0), (0, 1))], -1)
         step = np.linalg.solve(jacobian, (points - value)[..., None])[..., 0]
         place = np.clip(place + step, -2, 3)
-        if np.abs(step).max(initial=0) < ARRIVED:  # at once where the triangles are straight
+        if np.abs(step).max(initial=0) < ARRIVED:
             break
     return place
