@@ -22,6 +22,8 @@ SECANT = 0.05
 """Part of the misfit that an effect's tangent spans where the misfit is large."""
 CHORD = 0.02
 """Part of its range at which the size of a strength is tried that has no slope at zero."""
+LEAST, MOST = 1e-11, 0.01
+"""Steps of a strength at zero, in parts of its range."""
 VISIBLE = 1e-6
 """Part of an effect's tangent that must be left beside the model's own for the data to see it."""
 SAME = 1e-6
@@ -133,7 +135,8 @@ def _tangent(
 ) -> Array:
     """Return the derivative of the residuals by one strength at zero; the step that did is kept for the next shape.
 
-    An effect that grows as the square of its strength has none there: the larger the misfit, the longer the secant.
+    An effect that grows as the square of its strength has none there: the larger the misfit, the longer the secant. Where modes exchange
+    labels at once no step does: the direction of the jump is returned, and other shapes do not begin with the step that sought it.
     """
     step = steps[name]
     target = max(0.1, SECANT * max(float(at @ at) - len(at), 0.0) ** 0.5)
@@ -142,9 +145,11 @@ def _tangent(
         size = float(np.linalg.norm(change))
         used = step
         if 0.1 < size / target < 10:
+            steps[name] = used
             break
-        step = min(step * float(np.clip(target / max(size, 1e-300), 1e-4, 1e4)), 0.01 * high)
-    steps[name] = used
+        step = float(np.clip(step * np.clip(target / max(size, 1e-300), 1e-4, 1e4), LEAST * high, MOST * high))
+        if step == used:
+            break
     return np.asarray(change / used)
 
 

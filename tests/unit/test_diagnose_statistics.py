@@ -15,7 +15,7 @@ from femnl.diagnose.search import Candidate, applicable, criticise
 from femnl.diagnose.spectrum import BENDING_SD, SpectrumProblem
 from femnl.diagnose.verdict import CLEAR, judge
 from femnl.effects import library
-from femnl.types.effect import Effect, Knob
+from femnl.types.effect import Effect, Knob, Values
 from femnl.types.readout import Array
 from femnl.types.scene import Placement
 from tests.unit.level import Level
@@ -98,6 +98,24 @@ def test_residuals_are_looked_at_from_both_sides(deviation: Array, worst: str) -
     assert (found.p_value < 1e-3) == (worst != "none")
     if worst != "none":
         assert found.worst == worst
+
+
+def test_an_effect_that_jumps_is_seen_as_its_jump_and_leaves_the_steps_of_other_shapes_alone() -> None:
+    """As where a particle, however light, lets two modes exchange labels: in half of the places here, in long runs of trials."""
+
+    def act(value: Array, values: Values) -> Array:
+        jumps = 1e3 * (values["mass"] > 0) * np.sign(X) if values["place"] < 0.9 else 0.0
+        return np.asarray(value + values["mass"] * np.cos(np.pi * X) + jumps)
+
+    knobs = (Knob("mass", "1", 0.0, HALF), Knob("place", "1", 0.0, 1.0, strength=False))
+    effect = Effect("particle", "", knobs, {"placement": act}, "", "", "")
+    found = criticise(solved(np.random.default_rng(5).standard_normal(N)), [effect])
+    mine = [look for look in found.looks if look.effect is effect]
+    assert len(mine) == 128
+    cosine = np.cos(np.pi * X) - np.mean(np.cos(np.pi * X))
+    for look in mine:
+        expected = np.sign(X) if look.values["place"] < 0.9 else cosine
+        assert abs(look.basis[0] @ expected) / np.linalg.norm(expected) == pytest.approx(1, abs=1e-6)
 
 
 def test_evidence_is_the_integral_of_likelihood_times_prior() -> None:
