@@ -1,5 +1,6 @@
 """The statistics under a verdict on straight lines, where each has a closed form: p-value, evidence, unseen data, order of effects."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -98,6 +99,30 @@ def test_residuals_are_looked_at_from_both_sides(deviation: Array, worst: str) -
     assert (found.p_value < 1e-3) == (worst != "none")
     if worst != "none":
         assert found.worst == worst
+
+
+class Folded(Level):
+    """Data that tell the size of the level alone, as those of a fringe do of u and θ, so that a model may be on either side."""
+
+    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+        return np.asarray(self.data - np.abs(apply("placement", np.full(len(self.data), base["level"]), effects, values)))
+
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        return [{"level": -base["level"]}]
+
+
+@pytest.mark.parametrize(("low", "gains"), [(-HALF, (True,)), (0.0, (False, True))], ids=["either sign", "one sign"])
+def test_an_effect_is_looked_at_from_the_other_side_where_it_does_something_else_there(low: float, gains: tuple[bool, ...]) -> None:
+    def act(value: Array, values: Values) -> Array:
+        return np.asarray(value + values["size"] * X)
+
+    effect = Effect("slope", "", (Knob("size", "1", low, HALF),), {"placement": act}, "", "", "")
+    problem = Folded(10 - 2 * X + np.random.default_rng(6).standard_normal(N), BLOCKS, HALF)
+    found = criticise(fit(Extended(problem), np.array([8.0])), [effect])
+    mine = [look for look in found.looks if look.effect is effect]
+    # On the far side the same change needs the other sign.
+    assert tuple(look.gain > 10 for look in mine) == gains
+    assert mine[-1].values["size"] == pytest.approx(-2 if low < 0 else 2, abs=0.8)
 
 
 def test_an_effect_that_jumps_is_seen_as_its_jump_and_leaves_the_steps_of_other_shapes_alone() -> None:
