@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar
 
 from femnl.diagnose.ledger import LEDGER, Found, Share
 from femnl.diagnose.problem import Problem
-from femnl.errors import FemnlError
+from femnl.errors import FemnlError, ParameterError
 from femnl.processes import Worker, answer, one_thread
 from femnl.types.effect import Effect
 
@@ -21,8 +21,8 @@ PROGRESS, WARNINGS = logging.getLogger("femnl.progress"), logging.getLogger("fem
 T = TypeVar("T")
 Posed = tuple[Problem, list[Effect]]
 """A problem, and the effects that may explain it."""
-SOON = 0.05
-"""Seconds after which it is looked again whether a helper is ready."""
+SOON, EXIT = 0.05, 5.0
+"""Seconds after which it is looked again whether a helper is ready, and those that one may take to end."""
 
 
 @dataclass(frozen=True)
@@ -38,30 +38,39 @@ class Job(Generic[T]):
         return self.find()
 
 
+Run = Callable[[Sequence[Job[Any]]], list[Any]]
+"""Does jobs that do not wait for each other, and returns what they find, in their order."""
+
+
 def in_turn(jobs: Sequence[Job[T]]) -> list[T]:
     """Do one job after the other."""
     return [job.done() for job in jobs]
 
 
 class Crew:
-    """This process and helpers, which start with the first jobs and take each as soon as they are there.
+    """This process and helpers, which take jobs as soon as they are there.
 
     Problem and effects go by name, as each process has its own; what else jobs and results hold is sent. What a helper finds is what
     this process would find, to the last bit, and its fits come into the ledger here.
     """
 
     def __init__(self, posed: Posed, pose: Callable[[], Posed], helpers: int) -> None:
-        self._names, self._pose, self._count = _Names(posed), pose, helpers
-        self._started, self._helpers = False, list[_Helper]()
+        self._names = _Names(posed)
+        ledger = LEDGER.get()
+        try:
+            with one_thread():
+                self._helpers = [_Helper(pose, None if ledger is None else ledger.path) for _ in range(helpers)]
+        except (pickle.PicklingError, AttributeError) as error:
+            raise ParameterError(
+                f"effects: other processes cannot import one of them ({error}); define it in a module, or take workers = 1"
+            ) from error
         self._threads: list[Thread] = []
         self._fits: deque[tuple[str, Found]] = deque()
 
     def run(self, jobs: Sequence[Job[T]]) -> list[T]:
         """Do all jobs; return what they find, in their order."""
-        if self._count == 0 or len(jobs) < 2:
+        if not self._helpers or len(jobs) < 2:
             return in_turn(jobs)
-        if not self._started:
-            self._start()
         todo, found = deque(enumerate(jobs)), dict[int, T]()
         while todo:  # again, where a helper ended over its job
             self._threads = [Thread(target=self._feed, args=(helper, todo, found), daemon=True) for helper in self._helpers]
@@ -74,14 +83,10 @@ class Crew:
                 thread.join()
             self._keep()
             for helper in [helper for helper in self._helpers if helper.dead]:
+                helper.process.join(EXIT)  # it has closed its end and may be about to say why
                 WARNINGS.warning("a helper ended (exit code %d); its fits are made here", helper.stop())
                 self._helpers.remove(helper)
         return [found[i] for i in range(len(jobs))]
-
-    def _start(self) -> None:
-        ledger, self._started = LEDGER.get(), True
-        with one_thread():
-            self._helpers = [_Helper(self._pose, None if ledger is None else ledger.path) for _ in range(self._count)]
 
     def _feed(self, helper: "_Helper", todo: "deque[tuple[int, Job[T]]]", found: dict[int, T]) -> None:
         """Let a helper do jobs from the end of the list."""
@@ -114,7 +119,7 @@ class Crew:
 
 
 @contextmanager
-def crew(posed: Posed, pose: Callable[[], Posed], workers: int) -> Iterator[Callable[[Sequence[Job[Any]]], list[Any]]]:
+def crew(posed: Posed, pose: Callable[[], Posed], workers: int) -> Iterator[Run]:
     """Do jobs on so many processes, this one among them; `pose` poses the same problem in another."""
     mine = Crew(posed, pose, workers - 1)
     try:

@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from femnl.diagnose.crew import Job, Run, in_turn
 from femnl.diagnose.fit import Solution, fit, leave_out
 from femnl.diagnose.problem import Extended, Problem
 from femnl.measurement import CONTROLS
@@ -27,14 +29,21 @@ ITERATIONS = 4
 """Iterations of the fits that leave a block out; they start at the whole fit."""
 
 
-def free_forms(base: Solution) -> tuple[FreeForm, ...]:
-    """Fit every free form that suits the problem of a base model's fit; the best predicting comes first."""
-    found = []
-    for solution in fitted_forms(base):
-        (effect,) = solution.model.effects
-        quality = Quality(solution.chi2 / solution.degrees, leave_out(solution, ITERATIONS).chi2_reduced)
-        found.append(FreeForm(effect.sentence, effect.equation, len(effect.parameters), quality))
-    return tuple(sorted(found, key=lambda form: form.quality.heldout_chi2_reduced))
+def free_forms(base: Solution, run: Run = in_turn) -> tuple[FreeForm, ...]:
+    """Fit every free form that suits the problem of a base model's fit; the best predicting comes first. run: does their fits."""
+    sentences = dict.fromkeys(effect.sentence for effect in extensions(base.model.problem))
+    kind = base.model.problem.kind
+    found = run([Job(f"{kind}: extending freely: {sentence}", partial(_measured, base, sentence)) for sentence in sentences])
+    return tuple(sorted((form for form in found if form is not None), key=lambda form: form.quality.heldout_chi2_reduced))
+
+
+def _measured(base: Solution, sentence: str) -> FreeForm | None:
+    solution = _fitted(base, sentence)
+    if solution is None:
+        return None
+    (effect,) = solution.model.effects
+    quality = Quality(solution.chi2 / solution.degrees, leave_out(solution, ITERATIONS).chi2_reduced)
+    return FreeForm(effect.sentence, effect.equation, len(effect.parameters), quality)
 
 
 def fitted_forms(base: Solution) -> list[Solution]:
@@ -42,18 +51,24 @@ def fitted_forms(base: Solution) -> list[Solution]:
 
     Of the expansions of one form, shorter or longer, the one of the largest evidence.
     """
+    sentences = dict.fromkeys(effect.sentence for effect in extensions(base.model.problem))
+    return [solution for sentence in sentences if (solution := _fitted(base, sentence)) is not None]
+
+
+def _fitted(base: Solution, sentence: str) -> Solution | None:
+    """Return the fit of the form of a sentence, None where it does not move the data."""
     own, _ = base.model.split(base.vector)
-    found: dict[str, Solution] = {}
-    for effect in extensions(base.model.problem):
+    best: Solution | None = None
+    for effect in (e for e in extensions(base.model.problem) if e.sentence == sentence):
         model = Extended(base.model.problem, (effect,))
         start = model.pack(own, [{knob.name: 0.0 for knob in effect.parameters}])
         moved = start.copy()
         moved[-len(effect.parameters) :] = TOUCH * model.bounds[1][-len(effect.parameters) :]
         if not np.array_equal(model.residuals(moved), model.residuals(start)):
-            solution, known = fit(model, start, near=base), found.get(effect.sentence)
-            if known is None or solution.log_evidence > known.log_evidence:
-                found[effect.sentence] = solution
-    return list(found.values())
+            solution = fit(model, start, near=base)
+            if best is None or solution.log_evidence > best.log_evidence:
+                best = solution
+    return best
 
 
 def extensions(problem: Problem) -> list[Effect]:

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +14,7 @@ import xarray as xr
 from threadpoolctl import threadpool_limits
 
 from femnl import measurement
-from femnl.diagnose.crew import crew
+from femnl.diagnose.crew import Posed, Run, crew
 from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointProblem
@@ -67,8 +68,8 @@ def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Ef
         path: a measurement file, version 1.x.
         geometry: name or path of a geometry to use instead of the file's own; a record of drive and output needs none.
         effects: the causes to consider; the whole library unless given.
-        workers: processes that fit side by side, this one among them. Others start where the base model does not explain the data;
-            a script that asks for them keeps what it runs under `if __name__ == "__main__"`.
+        workers: processes that fit side by side, this one among them. A script that asks for more than one keeps what it runs under
+            `if __name__ == "__main__"`, and effects of its own in a module.
 
     Returns: the diagnosis, see `measurement-format.md`, "Diagnosis"; the same whatever the workers.
     Raises: MeasurementError, GeometryError, ConvergenceError, ParameterError.
@@ -82,10 +83,10 @@ def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Ef
     pool = list(library().values() if effects is None else effects)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work they wait for each other.
-    with remembered(digest, model, [effect.name for effect in pool]), threadpool_limits(1, user_api="blas"):
-        found = _searched(partial(_posed, path, geometry, pool), workers)
+    with remembered(digest, model, [effect.name for effect in pool]), threadpool_limits(1, user_api="blas"), ExitStack() as helpers:
+        found, run = _searched(partial(_posed, path, geometry, pool), workers, helpers)
         problem = found[0].solution.model.problem
-        concluded = conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *problem.notes))
+        concluded = conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *problem.notes), run)
     return replace(concluded, geometry=geometry)
 
 
@@ -97,7 +98,7 @@ def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None
     return tree, None if bare else measured_device(tree.attrs, path, geometry)
 
 
-def _posed(path: Path, geometry: str | None, effects: list[Effect], backwards: bool = False) -> tuple[Problem, list[Effect]]:
+def _posed(path: Path, geometry: str | None, effects: list[Effect], backwards: bool = False) -> Posed:
     """Return the problem that a file poses, several measurements jointly, and those of the effects that may explain it.
 
     backwards: see `JointProblem`.
@@ -111,21 +112,21 @@ def _posed(path: Path, geometry: str | None, effects: list[Effect], backwards: b
     return problem, problem.pool(effects) if isinstance(problem, OscillationProblem) else applicable(problem, effects)
 
 
-def _searched(pose: Callable[..., tuple[Problem, list[Effect]]], workers: int) -> list[Candidate]:
-    """Fit what may explain one measurement, or several jointly."""
-    found = _side_by_side(pose, workers)
+def _searched(pose: Callable[..., Posed], workers: int, helpers: ExitStack) -> tuple[list[Candidate], Run]:
+    """Fit what may explain one measurement, or several jointly; return what was fitted, and what does further jobs of that problem."""
+
+    def sought(pose: Callable[[], Posed]) -> tuple[list[Candidate], Run]:
+        posed = pose()
+        run = helpers.enter_context(crew(posed, pose, workers))
+        return search(*posed, run), run
+
+    found, run = sought(pose)
     problem = found[0].solution.model.problem
     if not isinstance(problem, JointProblem) or any(candidate.viable for candidate in found) or "wavelength" not in problem.facts:
-        return found
+        return found, run
     # Which way the film moves at a phase of the drive is not known, and two wavelengths together tell it.
-    other = _side_by_side(partial(pose, backwards=True), workers)
-    return max((found, other), key=lambda candidates: max(candidate.weight for candidate in candidates))
-
-
-def _side_by_side(pose: Callable[[], tuple[Problem, list[Effect]]], workers: int) -> list[Candidate]:
-    posed = pose()
-    with crew(posed, pose, workers) as run:
-        return search(*posed, run)
+    other = sought(partial(pose, backwards=True))
+    return max(((found, run), other), key=lambda one: max(candidate.weight for candidate in one[0]))
 
 
 def _oscillates(dataset: xr.Dataset) -> bool:
@@ -144,7 +145,7 @@ def pose(name: str, dataset: xr.Dataset, model: Model | None) -> Problem:
     return PROBLEMS[kind](dataset, SimulatedFilm(model, count))
 
 
-def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, ...]) -> Diagnosis:
+def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, ...], run: Run) -> Diagnosis:
     """Weigh what was fitted and put the verdict together."""
     judged = judge(found)
     base, best, share = found[0], judged.chosen, judged.share
@@ -156,7 +157,7 @@ def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, .
     if judged.verdict != "unexplained":  # where nothing explains the data, nothing is an alternative; the trials tell what was tried
         listed += [c for c in sorted(found[1:], key=lambda c: -c.weight) if c not in listed and c is not best and share[c.names] > SHOWN]
     probability = {"adequate": base.p_value, "unexplained": 1 - base.p_value}.get(judged.verdict, share[best.names])
-    forms = free_forms(base.solution) if judged.verdict == "unexplained" else ()
+    forms = free_forms(base.solution, run) if judged.verdict == "unexplained" else ()
     return Diagnosis(
         file=file,
         sha256=digest,

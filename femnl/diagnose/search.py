@@ -1,16 +1,16 @@
 """Which causes, alone or together, explain what the base model leaves: ranked cheaply, fitted, compared."""
 
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from scipy.stats import chi2
 
-from femnl.diagnose.crew import Job, in_turn
+from femnl.diagnose.crew import Job, Run, in_turn
 from femnl.diagnose.criticism import Look, adequacy, looks
 from femnl.diagnose.extension import FAR, REFINED, extended, replaced, sought_again, unlike
 from femnl.diagnose.fit import Solution, fit, improve
@@ -21,7 +21,7 @@ from femnl.types.readout import Array
 
 PROGRESS = logging.getLogger("femnl.progress")
 T = TypeVar("T")
-Run = Callable[[Sequence[Job[Any]]], list[Any]]
+Names = tuple[str, ...]
 FALSE_ALARMS = 0.01
 """p-value below which causes are sought beside the base model, and below which a set of causes does not explain the data."""
 HOPELESS = 1e-3
@@ -50,18 +50,26 @@ PER_CAUSE = 0.1
 
 
 @dataclass(frozen=True)
+class Pointer:
+    """An effect that residuals point to, and its parameters where the best looks that differ would start a fit."""
+
+    effect: Effect
+    shapes: tuple[dict[str, float], ...]
+
+
+@dataclass(frozen=True)
 class Candidate:
-    """A fitted set of causes: its p-value, the look that speaks most against it, and the looks at its residuals (if taken)."""
+    """A fitted set of causes: its p-value, the look that speaks most against it, and where its residuals point (None: not looked at)."""
 
     solution: Solution
     p_value: float
     worst: str
-    looks: tuple[Look, ...]
+    pointers: tuple[Pointer, ...] | None
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> Names:
         """Names of the causes, sorted."""
-        return tuple(sorted(effect.name for effect in self.solution.model.effects))
+        return _names(self.solution)
 
     @property
     def weight(self) -> float:
@@ -87,9 +95,22 @@ def applicable(problem: Problem, library: Iterable[Effect]) -> list[Effect]:
 def criticise(solution: Solution, library: list[Effect]) -> Candidate:
     """Look at the residuals in every way, the effects that the model lacks included."""
     mine = {effect.name for effect in solution.model.effects}
-    found = looks(solution, [effect for effect in library if effect.name not in mine])
+    others = [effect for effect in library if effect.name not in mine]
+    found = looks(solution, others)
     p_value, worst = adequacy(solution, found)
-    return Candidate(solution, p_value, worst, tuple(found))
+    return Candidate(solution, p_value, worst, tuple(_pointers(solution, found, others)))
+
+
+def _pointers(solution: Solution, found: list[Look], library: list[Effect]) -> list[Pointer]:
+    """Return the effects that promise most, and those whose looks are the least likely by chance."""
+    best: dict[str, list[Look]] = {}
+    for look in sorted(found, key=lambda look: -look.gain):
+        if look.effect is not None and look.gain > 0:
+            best.setdefault(look.name, []).append(look)
+    excess = solution.chi2 - solution.degrees
+    promising = {name for i, name in enumerate(best) if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)}
+    promising.update(sorted(best, key=lambda name: min(look.p_value for look in best[name]))[:TELLING])
+    return [Pointer(e, tuple(look.values for look in unlike(best[e.name]))) for e in library if e.name in promising]
 
 
 def search(problem: Problem, library: list[Effect], run: Run = in_turn) -> list[Candidate]:
@@ -106,12 +127,12 @@ def search(problem: Problem, library: list[Effect], run: Run = in_turn) -> list[
         return found
     beam = [base]
     for size in range(LARGEST):
-        grown: dict[tuple[str, ...], Candidate] = {}
+        grown: dict[Names, Candidate] = {}
         parents, done = list(beam), list[Candidate]()
         while parents:
-            _keep(grown, run(_growing(parents, library)), library)
+            _keep(grown, run(_growing(parents, library)), library, run)
             done += parents
-            parents = _partners(grown, found, done, library) if size == PAIR and (problem.rugged or _settled(grown)) else []
+            parents = _partners(grown, found, done, library, run) if size == PAIR and (problem.rugged or _settled(grown)) else []
         if not _settled(grown):
             ranked = sorted(grown.values(), key=lambda c: -c.weight)
             if problem.rugged and size == PAIR:
@@ -119,20 +140,20 @@ def search(problem: Problem, library: list[Effect], run: Run = in_turn) -> list[
             else:
                 few = len(ranked) if problem.rugged and size == 0 else AGAIN[size]
                 others = run(_seeking(ranked[:few]))
-            _keep(grown, others, library)
+            _keep(grown, others, library, run)
         else:
             short = [c for c in grown.values() if not c.viable and _excess(c) < NEARLY * _excess(base)]
-            _keep(grown, run(_seeking(short)), library)
+            _keep(grown, run(_seeking(short)), library, run)
         found += grown.values()
         beam = sorted(grown.values(), key=lambda c: -c.weight)
         beam = [c for i, c in enumerate(beam) if i < BEAM or (size == 0 and _excess(c) < PEERS * _excess(beam[0]))]
         if _settled(grown):
             break
-        beam = [c if c.looks else criticise(c.solution, library) for c in beam]
-    return _simpler(found, library)
+        beam = _looked_at(beam, library, run)
+    return _simpler(found, library, run)
 
 
-def _simpler(found: list[Candidate], library: list[Effect]) -> list[Candidate]:
+def _simpler(found: list[Candidate], library: list[Effect], run: Run) -> list[Candidate]:
     """Fit the best set that explains the data without each of its causes: what was found beside another may do without it."""
     kept, (plain, _) = {candidate.names: candidate for candidate in found}, found[0].solution.model.split(found[0].solution.vector)
     several = [candidate for candidate in found if candidate.viable and len(candidate.names) > 1]
@@ -145,33 +166,45 @@ def _simpler(found: list[Candidate], library: list[Effect]) -> list[Candidate]:
             fewer = Extended(model.problem, (*model.effects[:k], *model.effects[k + 1 :]))
             names = tuple(sorted(effect.name for effect in fewer.effects))
             before = kept.get(names)
-            _keep(kept, [fit(fewer, fewer.pack(start, [*values[:k], *values[k + 1 :]]), near=solution)], library)
+            _keep(kept, [fit(fewer, fewer.pack(start, [*values[:k], *values[k + 1 :]]), near=solution)], library, run)
             if kept[names] is not before and kept[names].viable and len(names) > 1:
                 todo.append(kept[names])
     return list(kept.values())
 
 
-def _settled(grown: dict[tuple[str, ...], Candidate]) -> bool:
+def _settled(grown: dict[Names, Candidate]) -> bool:
     """Whether a set explains the data beyond doubt."""
     return any(candidate.viable and candidate.p_value >= DOUBTFUL for candidate in grown.values())
 
 
 def _partners(
-    grown: dict[tuple[str, ...], Candidate], found: list[Candidate], parents: list[Candidate], library: list[Effect]
+    grown: dict[Names, Candidate], found: list[Candidate], parents: list[Candidate], library: list[Effect], run: Run
 ) -> list[Candidate]:
     """Return the causes of the best pair, alone, that have not been extended: another partner may do as well, or better."""
     best = max(grown, key=lambda names: grown[names].weight, default=())
     done = {parent.names for parent in parents}
     alone = [c for c in found if len(c.names) == 1 and c.names[0] in best and c.names not in done]
-    return [c if c.looks else criticise(c.solution, library) for c in alone]
+    return _looked_at(alone, library, run)
 
 
-def _keep(grown: dict[tuple[str, ...], Candidate], solutions: Iterable[Solution | None], library: list[Effect]) -> None:
-    """Criticise what was fitted, and keep the best of each set of causes."""
+def _looked_at(candidates: list[Candidate], library: list[Effect], run: Run) -> list[Candidate]:
+    """Criticise what has not been yet."""
+    todo = [c.solution for c in candidates if c.pointers is None]
+    fresh = iter(run([_job("looking at", _names(s), s, partial(criticise, s, library)) for s in todo]))
+    return [next(fresh) if c.pointers is None else c for c in candidates]
+
+
+def _keep(grown: dict[Names, Candidate], solutions: Iterable[Solution | None], library: list[Effect], run: Run) -> None:
+    """Criticise what was fitted, the best of each set of causes; where χ² alone rules it out, leave it at that."""
+    best: dict[Names, Solution] = {}
     for solution in (solution for solution in solutions if solution is not None):
-        names = tuple(sorted(effect.name for effect in solution.model.effects))
-        if names not in grown or solution.chi2 < grown[names].solution.chi2:
-            grown[names] = _judged(solution, library)
+        names = _names(solution)
+        known = best[names] if names in best else grown[names].solution if names in grown else None
+        if known is None or solution.chi2 < known.chi2:
+            best[names] = solution
+    plain = {names: Candidate(s, float(chi2.sf(s.chi2, s.degrees)), "chi-square", None) for names, s in best.items()}
+    worth = [c for c in plain.values() if c.p_value >= HOPELESS / 10]
+    grown |= plain | {c.names: c for c in _looked_at(worth, library, run)}
 
 
 def _excess(candidate: Candidate) -> float:
@@ -182,7 +215,7 @@ def _from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[
     """Fit the pairs that promise most where one effect is sought from afar beside each other one."""
     base, alone = found[0].solution, {c.names[0]: c.solution for c in found if len(c.names) == 1}
     rest = [effect for effect in library if effect.name not in alone]
-    alone |= zip((e.name for e in rest), run([_job("seeking", [e.name], base, partial(_alone, base, e)) for e in rest]), strict=True)
+    alone |= zip((e.name for e in rest), run([_job("seeking", (e.name,), base, partial(_alone, base, e)) for e in rest]), strict=True)
     pairs = [(alone[one.name], other) for one, other in combinations(sorted(library, key=_shaped), 2)]
     rough = run([_job("seeking", _names(single, other), base, partial(_roughly, single, other)) for single, other in pairs])
     best = sorted(zip(rough, pairs, strict=True), key=lambda pair: pair[0][0])[: AGAIN[PAIR]]
@@ -212,27 +245,14 @@ def _shaped(effect: Effect) -> tuple[int, int]:
     return shapes, -len(effect.parameters)
 
 
-def _judged(solution: Solution, library: list[Effect]) -> Candidate:
-    """Criticise a fit that has a chance; where χ² alone rules it out, leave it at that."""
-    plain = float(chi2.sf(solution.chi2, solution.degrees))
-    return criticise(solution, library) if plain >= HOPELESS / 10 else Candidate(solution, plain, "chi-square", ())
-
-
 def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[Solution | None]]:
     """Return the fits of each parent's model with one more effect, for each of those that its residuals point to."""
     jobs: list[Job[Solution | None]] = []
     for parent in parents:
-        solution, mine = parent.solution, {effect.name for effect in parent.solution.model.effects}
-        best: dict[str, list[Look]] = {}
-        for look in sorted(parent.looks, key=lambda look: -look.gain):
-            if look.effect is not None and look.gain > 0:
-                best.setdefault(look.name, []).append(look)
-        excess = solution.chi2 - solution.degrees
-        promising = {name for i, name in enumerate(best) if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)}
-        promising.update(sorted(best, key=lambda name: min(look.p_value for look in best[name]))[:TELLING])
-        for effect in [e for e in library if e.name in promising and e.name not in mine]:
-            shapes = [look.values for look in unlike(best[effect.name])]
-            jobs.append(_job("trying", _names(solution, effect), solution, partial(extended, solution, effect, shapes)))
+        solution, mine = parent.solution, parent.names
+        for pointer in parent.pointers or ():
+            find = partial(extended, solution, pointer.effect, list(pointer.shapes))
+            jobs.append(_job("trying", _names(solution, pointer.effect), solution, find))
         others = [e for e in library if e.name not in mine and not any(knob.strength for knob in e.parameters)]
         jobs += [_job("trying", _names(solution, e), solution, partial(replaced, solution, e)) for e in others]
     return jobs
@@ -243,9 +263,9 @@ def _seeking(candidates: list[Candidate]) -> list[Job[Solution]]:
     return [_job("seeking", c.names, c.solution, partial(sought_again, c.solution)) for c in candidates]
 
 
-def _names(solution: Solution, effect: Effect) -> list[str]:
-    return [*(own.name for own in solution.model.effects), effect.name]
+def _names(solution: Solution, *more: Effect) -> Names:
+    return tuple(sorted(effect.name for effect in (*solution.model.effects, *more)))
 
 
-def _job(doing: str, names: Iterable[str], solution: Solution, find: Callable[[], T]) -> Job[T]:
-    return Job(f"{solution.model.problem.kind}: {doing} {' + '.join(sorted(names))}", find)
+def _job(doing: str, names: Names, solution: Solution, find: Callable[[], T]) -> Job[T]:
+    return Job(f"{solution.model.problem.kind}: {doing} {' + '.join(names)}", find)

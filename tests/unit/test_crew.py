@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -151,6 +152,9 @@ def test_a_diagnosis_says_the_same_whatever_the_workers(tmp_path: Path) -> None:
     assert record(diagnose(path, effects=effects, workers=2)) == alone
     with pytest.raises(ParameterError, match="workers: 0 is none"):
         diagnose(path, workers=0)
+    local = replace(SLOPE, changes={"operators": lambda system, _: system})
+    with pytest.raises(ParameterError, match=r"effects: other processes cannot import one of them .*define it in a module"):
+        diagnose(path, effects=[local], workers=2)
 
 
 def test_an_interrupt_ends_helpers_and_the_fits_are_kept(tmp_path: Path) -> None:
