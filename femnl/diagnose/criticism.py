@@ -173,6 +173,9 @@ def _beside(own: Array, tangents: Array) -> Array:
     size = np.linalg.norm(tangents, axis=1, keepdims=True)
     unit = tangents / np.where(size > 0, size, 1)
     free = unit - (unit @ own) @ own.T
+    if len(free) == 1:  # most are, and a decomposition of so long a row takes longer than the predictions
+        strength = np.linalg.norm(free, axis=1)
+        return np.asarray(free[strength > np.sqrt(VISIBLE)] / strength)
     _, strength, right = np.linalg.svd(free, full_matrices=False)
     return np.asarray(right[strength > np.sqrt(VISIBLE)])
 

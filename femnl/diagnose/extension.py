@@ -72,27 +72,30 @@ def replaced(solution: Solution, effect: Effect) -> Solution | None:
     return min((fit(model, vector, near=solution) for _, vector in rough[:REFINED]), key=lambda s: s.chi2)
 
 
-def sought_again(solution: Solution) -> Solution:
-    """Seek each effect anew beside the others: an earlier one was found without the latest, and tangents may have led astray."""
-    model = solution.model
+def sought_beyond(solution: Solution) -> Solution | None:
+    """Fit from beyond the jumps of the data, and from where parameters that move data of their own suit these best."""
+    return min([*_over_jumps(solution), *_from_all_over(solution)], key=lambda s: s.chi2, default=None)
+
+
+def sought_again(solution: Solution, k: int) -> Solution | None:
+    """Seek effect k anew beside the others: an earlier one was found without the latest, and tangents may have led astray."""
+    model, effect = solution.model, solution.model.effects[k]
     base, values = model.split(solution.vector)
-    found = [solution, *_over_jumps(solution), *_from_all_over(solution)]
-    for k, effect in enumerate(model.effects):
-        rugged = model.problem.rugged
-        shaped = effect is not model.effects[-1] and not all(knob.strength for knob in effect.parameters)
-        if not (rugged or shaped):
-            continue
-        others = [i for i in range(len(values)) if i != k]
-        without = Extended(model.problem, tuple(model.effects[i] for i in others))
-        rest = fit(without, without.pack(base, [values[i] for i in others]), near=solution)
-        start, kept = without.split(rest.vector)
-        if shaped:
-            mine = [look for look in looks(rest, [effect]) if look.effect is not None and look.gain > 0]
-            ranked = sorted(mine, key=lambda look: -look.gain)
-            found += _finished(model, (model.pack(start, [*kept[:k], look.values, *kept[k:]]) for look in unlike(ranked)), solution, FAR)
-        if rugged:
-            found += _finished(model, (model.pack(s.base, [*kept[:k], s.values, *kept[k:]]) for s in scan(rest, effect)), solution)
-    return min(found, key=lambda s: s.chi2)
+    shaped = effect is not model.effects[-1] and not all(knob.strength for knob in effect.parameters)
+    if not (model.problem.rugged or shaped):
+        return None
+    others = [i for i in range(len(values)) if i != k]
+    without = Extended(model.problem, tuple(model.effects[i] for i in others))
+    rest = fit(without, without.pack(base, [values[i] for i in others]), near=solution)
+    start, kept = without.split(rest.vector)
+    found: list[Solution] = []
+    if shaped:
+        mine = [look for look in looks(rest, [effect]) if look.effect is not None and look.gain > 0]
+        ranked = sorted(mine, key=lambda look: -look.gain)
+        found += _finished(model, (model.pack(start, [*kept[:k], look.values, *kept[k:]]) for look in unlike(ranked)), solution, FAR)
+    if model.problem.rugged:
+        found += _finished(model, (model.pack(s.base, [*kept[:k], s.values, *kept[k:]]) for s in scan(rest, effect)), solution)
+    return min(found, key=lambda s: s.chi2, default=None)
 
 
 def unlike(found: list[Look]) -> list[Look]:

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from femnl.diagnose.crew import Job, Run, in_turn
 from femnl.diagnose.criticism import Look, adequacy, looks
-from femnl.diagnose.extension import FAR, REFINED, extended, replaced, sought_again, unlike
+from femnl.diagnose.extension import FAR, REFINED, extended, replaced, sought_again, sought_beyond, unlike
 from femnl.diagnose.fit import Solution, fit, improve
 from femnl.diagnose.problem import Extended, Problem
 from femnl.diagnose.scan import scan
@@ -258,9 +258,15 @@ def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[Soluti
     return jobs
 
 
-def _seeking(candidates: list[Candidate]) -> list[Job[Solution]]:
-    """Return the fits that seek each cause of some sets anew."""
-    return [_job("seeking", c.names, c.solution, partial(sought_again, c.solution)) for c in candidates]
+def _seeking(candidates: list[Candidate]) -> list[Job[Solution | None]]:
+    """Return the fits that seek each cause of some sets anew, and what else may have been missed."""
+    jobs: list[Job[Solution | None]] = []
+    for solution in (c.solution for c in candidates):
+        jobs.append(_job("seeking", _names(solution), solution, partial(sought_beyond, solution)))
+        for k, effect in enumerate(solution.model.effects):
+            doing = f"seeking {effect.name} again in"
+            jobs.append(_job(doing, _names(solution), solution, partial(sought_again, solution, k)))
+    return jobs
 
 
 def _names(solution: Solution, *more: Effect) -> Names:
