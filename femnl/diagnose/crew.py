@@ -54,9 +54,8 @@ class Crew:
     this process would find, to the last bit, and its fits come into the ledger here.
     """
 
-    def __init__(self, posed: Posed, pose: Callable[[], Posed], helpers: int) -> None:
-        self._names = _Names(posed)
-        ledger = LEDGER.get()
+    def __init__(self, pose: Callable[[], Posed], helpers: int) -> None:
+        self._pose, ledger = pose, LEDGER.get()
         try:
             with one_thread():
                 self._helpers = [_Helper(pose, None if ledger is None else ledger.path) for _ in range(helpers)]
@@ -66,6 +65,14 @@ class Crew:
             ) from error
         self._threads: list[Thread] = []
         self._fits: deque[tuple[str, Found]] = deque()
+
+    def posed(self) -> Posed:
+        """Pose the problem, here first: what that leaves on disk, as the modes of a film, helpers need not solve again."""
+        posed = self._pose()
+        self._names = _Names(posed)
+        for helper in self._helpers:
+            helper.give(True)
+        return posed
 
     def run(self, jobs: Sequence[Job[T]]) -> list[T]:
         """Do all jobs; return what they find, in their order."""
@@ -119,11 +126,11 @@ class Crew:
 
 
 @contextmanager
-def crew(posed: Posed, pose: Callable[[], Posed], workers: int) -> Iterator[Run]:
-    """Do jobs on so many processes, this one among them; `pose` poses the same problem in another."""
-    mine = Crew(posed, pose, workers - 1)
+def crew(pose: Callable[[], Posed], workers: int) -> Iterator[Crew]:
+    """Start so many processes, this one among them, which share the jobs of a problem; `pose` poses it in each."""
+    mine = Crew(pose, workers - 1)
     try:
-        yield mine.run
+        yield mine
     finally:
         mine.end()
 
@@ -153,6 +160,8 @@ def _serve(connection: Connection, pose: Callable[[], Posed], path: Any) -> None
     """Do jobs, and return what each found with the fits that it made."""
     share = None if path is None else Share(path)
     LEDGER.set(share)
+    if not _told(connection):
+        return
     names = _Names(pose())
 
     def do(task: bytes) -> bytes:
@@ -164,6 +173,14 @@ def _serve(connection: Connection, pose: Callable[[], Posed], path: Any) -> None
 
     connection.send(True)
     answer(connection, do)
+
+
+def _told(connection: Connection) -> bool:
+    """Wait for the word to begin; whether it came before the other end closed."""
+    try:
+        return bool(connection.recv())
+    except (EOFError, ConnectionError):
+        return False
 
 
 def _next(take: Callable[[], T]) -> T | None:

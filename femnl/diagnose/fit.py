@@ -217,6 +217,15 @@ def covariance(slopes: Array, width: Array) -> Array:
     return np.asarray(spread @ spread.T * np.outer(width, width))
 
 
+def held_out(solution: Solution, most: int) -> float:
+    """Return χ² per datum of all blocks, each predicted by a fit to the others; prior knowledge is never left out."""
+    model, blocks, square = solution.model, solution.model.problem.blocks, 0.0
+    for block in np.unique(blocks[blocks >= 0]):
+        end, _ = _recalled(model, solution.vector, blocks != block, most, solution)
+        square += float(np.sum(model.residuals(end)[blocks == block] ** 2))
+    return square / int(np.sum(blocks >= 0))
+
+
 def leave_out(solution: Solution, most: int) -> Unseen:
     """Predict each block of the data by a fit to the others; prior knowledge is never left out.
 

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from femnl.diagnose.crew import Job, Run, in_turn
-from femnl.diagnose.fit import Solution, fit, leave_out
+from femnl.diagnose.fit import Solution, fit, held_out
 from femnl.diagnose.problem import Extended, Problem
 from femnl.measurement import CONTROLS
 from femnl.types.diagnosis import FreeForm, Quality
@@ -42,7 +42,7 @@ def _measured(base: Solution, sentence: str) -> FreeForm | None:
     if solution is None:
         return None
     (effect,) = solution.model.effects
-    quality = Quality(solution.chi2 / solution.degrees, leave_out(solution, ITERATIONS).chi2_reduced)
+    quality = Quality(solution.chi2 / solution.degrees, held_out(solution, ITERATIONS))
     return FreeForm(effect.sentence, effect.equation, len(effect.parameters), quality)
 
 

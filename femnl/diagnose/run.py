@@ -116,9 +116,8 @@ def _searched(pose: Callable[..., Posed], workers: int, helpers: ExitStack) -> t
     """Fit what may explain one measurement, or several jointly; return what was fitted, and what does further jobs of that problem."""
 
     def sought(pose: Callable[[], Posed]) -> tuple[list[Candidate], Run]:
-        posed = pose()
-        run = helpers.enter_context(crew(posed, pose, workers))
-        return search(*posed, run), run
+        mine = helpers.enter_context(crew(pose, workers))
+        return search(*mine.posed(), mine.run), mine.run
 
     found, run = sought(pose)
     problem = found[0].solution.model.problem

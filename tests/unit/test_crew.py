@@ -5,7 +5,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -43,6 +44,13 @@ def posed() -> tuple[Problem, list[Effect]]:
     return Level(3 + 2 * np.linspace(-1, 1, 40) + np.random.default_rng(1).standard_normal(40), BLOCKS, 100.0), [SLOPE]
 
 
+@contextmanager
+def started(workers: int) -> Iterator[Run]:
+    with crew(posed, workers) as mine:
+        mine.posed()
+        yield mine.run
+
+
 def who(seconds: float = 0.1) -> int:
     time.sleep(seconds)
     return os.getpid()
@@ -75,21 +83,21 @@ def shared(run: Run) -> set[int]:
 
 
 def test_jobs_come_back_in_their_order_and_processes_share_them() -> None:
-    with crew(posed(), posed, 2) as run:
+    with started(2) as run:
         assert os.getpid() in shared(run)
         assert run([Job("", partial(pow, 2, k)) for k in range(20)]) == [2**k for k in range(20)]
-    with crew(posed(), posed, 1) as run:
+    with started(1) as run:
         assert set(run([Job("", who)] * 3)) == {os.getpid()}
 
 
 def test_results_of_a_helper_hold_the_problem_and_the_effects_of_the_process_that_asked() -> None:
-    problem, effects = posed()
-    base = fit(Extended(problem), problem.start)
-    model = Extended(problem, (SLOPE,))
-    alone = fit(model, model.pack({"level": 0.0}, [{"strength": 0.1}]), near=base)
-    with crew((problem, effects), posed, 2) as run:
-        shared(run)
-        found = run([Job("fit", partial(fit, model, alone.vector * 0, near=base)) for _ in range(50)])
+    with crew(posed, 2) as mine:
+        problem, _ = mine.posed()
+        base = fit(Extended(problem), problem.start)
+        model = Extended(problem, (SLOPE,))
+        alone = fit(model, model.pack({"level": 0.0}, [{"strength": 0.1}]), near=base)
+        shared(mine.run)
+        found = mine.run([Job("fit", partial(fit, model, alone.vector * 0, near=base)) for _ in range(50)])
     assert len({id(solution.vector) for solution in found}) == 50
     for solution in found:
         assert isinstance(solution, Solution)
@@ -102,12 +110,11 @@ def test_results_of_a_helper_hold_the_problem_and_the_effects_of_the_process_tha
 
 def test_fits_of_a_helper_are_kept_in_the_ledger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    problem, effects = posed()
-    model = Extended(problem, (SLOPE,))
-    with remembered("a file"), crew((problem, effects), posed, 2) as run:
+    with remembered("a file"), crew(posed, 2) as mine:
+        model = Extended(mine.posed()[0], (SLOPE,))
         starts = [model.pack({"level": 0.0}, [{"strength": 0.1 * k}]) for k in range(40)]
-        shared(run)
-        run([Job("fit", partial(slowly, model, start)) for start in starts])
+        shared(mine.run)
+        mine.run([Job("fit", partial(slowly, model, start)) for start in starts])
         (kept,) = (tmp_path / "femnl").glob("diagnosis-*.jsonl")
         assert len(kept.read_text(encoding="utf-8").splitlines()) == len(starts)
 
@@ -120,7 +127,7 @@ def slowly(model: Extended, start: Array) -> int:
 @pytest.mark.parametrize("end", [die_unless, refuse_unless])
 def test_a_helper_that_ends_costs_nothing(end: Callable[[int], int], caplog: pytest.LogCaptureFixture) -> None:
     here = os.getpid()
-    with crew(posed(), posed, 2) as run:
+    with started(2) as run:
         shared(run)
         assert run([Job("", partial(end, here))] * 6) == [here] * 6
         assert run([Job("", who)] * 3) == [here] * 3
@@ -130,7 +137,7 @@ def test_a_helper_that_ends_costs_nothing(end: Callable[[int], int], caplog: pyt
 
 
 def test_an_error_that_every_process_meets_is_raised_here() -> None:
-    with crew(posed(), posed, 2) as run:
+    with started(2) as run:
         shared(run)
         with pytest.raises(MeasurementError, match="no fit can bear it"):
             run([Job("", refuse)] * 4)
