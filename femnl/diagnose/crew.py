@@ -1,19 +1,18 @@
 """Fits that do not wait for each other, side by side: here, and in processes that pose the same problem."""
 
 import logging
-import pickle
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from io import BytesIO
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
 from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, Generic, TypeVar
 
 from femnl.diagnose.ledger import LEDGER, Found, Share
 from femnl.diagnose.problem import Problem
-from femnl.errors import FemnlError, ParameterError
+from femnl.errors import FemnlError
 from femnl.processes import Worker, answer, one_thread
 from femnl.types.effect import Effect
 
@@ -56,13 +55,8 @@ class Crew:
 
     def __init__(self, pose: Callable[[], Posed], helpers: int) -> None:
         self._pose, ledger = pose, LEDGER.get()
-        try:
-            with one_thread():
-                self._helpers = [_Helper(pose, None if ledger is None else ledger.path) for _ in range(helpers)]
-        except (pickle.PicklingError, AttributeError) as error:
-            raise ParameterError(
-                f"effects: other processes cannot import one of them ({error}); define it in a module, or take workers = 1"
-            ) from error
+        with one_thread():
+            self._helpers = [_Helper(pose, None if ledger is None else ledger.path) for _ in range(helpers)]
         self._threads: list[Thread] = []
         self._fits: deque[tuple[str, Found]] = deque()
 
@@ -100,11 +94,11 @@ class Crew:
         while todo and not helper.dead:
             if helper.ready(SOON) and (its := _next(todo.pop)) is not None:
                 PROGRESS.info(its[1].says)
-                answered = helper.ask(self._names.pack(its[1].find))
+                answered = helper.ask(self._names.named(its[1].find))
                 if answered is None:
                     todo.append(its)
                 else:
-                    found[its[0]], fits = self._names.unpack(answered)
+                    found[its[0]], fits = self._names.known(answered)
                     self._fits.extend(fits)
 
     def _keep(self) -> None:
@@ -149,9 +143,9 @@ class _Helper(Worker):
             self.dead = not self._ready
         return self._ready
 
-    def ask(self, task: bytes) -> bytes | None:
+    def ask(self, task: Any) -> Any:
         """Return its answer, None where it has died."""
-        answered: bytes | None = self.take() if self.give(task) else None
+        answered = self.take() if self.give(task) else None
         self.dead = answered is None
         return answered
 
@@ -164,12 +158,12 @@ def _serve(connection: Connection, pose: Callable[[], Posed], path: Any) -> None
         return
     names = _Names(pose())
 
-    def do(task: bytes) -> bytes:
+    def do(task: Any) -> Any:
         try:
-            found = names.unpack(task)()
+            found = names.known(task)()
         except FemnlError as error:  # the same job fails in the process that asked, which tells the user
             raise SystemExit(1) from error
-        return names.pack((found, [] if share is None else share.taken()))
+        return names.named((found, [] if share is None else share.taken()))
 
     connection.send(True)
     answer(connection, do)
@@ -191,38 +185,40 @@ def _next(take: Callable[[], T]) -> T | None:
         return None
 
 
+@dataclass(frozen=True)
+class _Name:
+    """Stands for the problem or an effect, which each process has as an object of its own."""
+
+    name: str
+
+
 class _Names:
-    """What goes by name from one process to another, where it is another object."""
+    """Puts names in the place of the problem and its effects, and these back."""
 
     def __init__(self, posed: Posed) -> None:
         problem, effects = posed
-        self._known: dict[str, object] = {"problem": problem, **{f"effect {effect.name}": effect for effect in effects}}
-        self._names = {id(thing): name for name, thing in self._known.items()}
+        self._things: dict[_Name, object] = {_Name("problem"): problem, **{_Name(f"effect {effect.name}"): effect for effect in effects}}
+        self._by_id = {id(thing): name for name, thing in self._things.items()}
 
-    def pack(self, thing: object) -> bytes:
-        """Return bytes that hold a thing."""
-        room = BytesIO()
-        pickler = _Pickler(room, pickle.HIGHEST_PROTOCOL)
-        pickler.names = self._names
-        pickler.dump(thing)
-        return room.getvalue()
+    def named(self, thing: Any) -> Any:
+        """Return a thing as it may be sent."""
+        return _mapped(thing, lambda part: self._by_id.get(id(part)))
 
-    def unpack(self, data: bytes) -> Any:
-        """Return the thing that bytes hold, with what is known here."""
-        unpickler = _Unpickler(BytesIO(data))
-        unpickler.known = self._known
-        return unpickler.load()
+    def known(self, thing: Any) -> Any:
+        """Return a thing that was sent as it is here."""
+        return _mapped(thing, lambda part: self._things[part] if isinstance(part, _Name) else None)
 
 
-class _Pickler(pickle.Pickler):
-    names: dict[int, str]
-
-    def persistent_id(self, thing: object) -> str | None:
-        return self.names.get(id(thing))
-
-
-class _Unpickler(pickle.Unpickler):
-    known: dict[str, object]
-
-    def persistent_load(self, name: str) -> object:
-        return self.known[name]
+def _mapped(thing: Any, find: Callable[[Any], Any]) -> Any:
+    """Replace what is found in calls, records, lists, tuples and tables of values; nothing that a record computed stays with it."""
+    if (other := find(thing)) is not None:
+        return other
+    if isinstance(thing, partial):
+        return partial(thing.func, *_mapped(thing.args, find), **_mapped(thing.keywords, find))
+    if isinstance(thing, (list, tuple)):
+        return type(thing)(_mapped(part, find) for part in thing)
+    if isinstance(thing, dict):
+        return {key: _mapped(part, find) for key, part in thing.items()}
+    if is_dataclass(thing) and not isinstance(thing, type):
+        return replace(thing, **{field.name: _mapped(getattr(thing, field.name), find) for field in fields(thing)})
+    return thing

@@ -84,10 +84,21 @@ def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Ef
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work they wait for each other.
     with remembered(digest, model, [effect.name for effect in pool]), threadpool_limits(1, user_api="blas"), ExitStack() as helpers:
-        found, run = _searched(partial(_posed, path, geometry, pool), workers, helpers)
+        found, run = _searched(partial(_posed, path, geometry, _sent(pool, workers)), workers, helpers)
         problem = found[0].solution.model.problem
         concluded = conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *problem.notes), run)
     return replace(concluded, geometry=geometry)
+
+
+def _sent(effects: list[Effect], workers: int) -> list[Effect | str]:
+    """Return effects as other processes may be told of them: those of the library by name."""
+    found: list[Effect | str] = [effect.name if library().get(effect.name) is effect else effect for effect in effects]
+    for effect in found:
+        if workers > 1 and isinstance(effect, Effect) and any("<" in getattr(c, "__qualname__", "") for c in effect.changes.values()):
+            raise ParameterError(
+                f"effects: {effect.name} is defined where other processes cannot import it; define it in a module, or take workers = 1"
+            )
+    return found
 
 
 def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None]:
@@ -98,11 +109,12 @@ def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None
     return tree, None if bare else measured_device(tree.attrs, path, geometry)
 
 
-def _posed(path: Path, geometry: str | None, effects: list[Effect], backwards: bool = False) -> Posed:
+def _posed(path: Path, geometry: str | None, chosen: list[Effect | str], backwards: bool = False) -> Posed:
     """Return the problem that a file poses, several measurements jointly, and those of the effects that may explain it.
 
-    backwards: see `JointProblem`.
+    chosen: effects, those of the library by name. backwards: see `JointProblem`.
     """
+    effects = [library()[effect] if isinstance(effect, str) else effect for effect in chosen]
     tree, model = _opened(path, geometry)
     problems = {name: pose(name, node.to_dataset(), model) for name, node in tree.children.items()}
     if len(problems) > 1:
