@@ -1,7 +1,8 @@
 """What many tests share: devices written as geometry files, and programs that can be interrupted."""
 
+import resource
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -25,3 +26,11 @@ def device() -> Callable[..., Model]:
         return geometry.parse('name = "device"\nsource = "a test"\n' + "\n".join(tables))
 
     return build
+
+
+@pytest.fixture
+def allow_memory() -> Iterator[Callable[[int], None]]:
+    """Allow this process so many bytes of memory, as `ulimit -m` does: a limit that Linux tells, but leaves to programs to keep."""
+    before = resource.getrlimit(resource.RLIMIT_RSS)
+    yield lambda size: resource.setrlimit(resource.RLIMIT_RSS, (size, before[1]))
+    resource.setrlimit(resource.RLIMIT_RSS, before)

@@ -1,8 +1,10 @@
 """What a mesh will need is foreseen before it is made, to within a factor that decides nothing."""
 
 import logging
-import os
 import re
+import subprocess
+import sys
+from collections.abc import Callable
 
 import pytest
 
@@ -24,11 +26,10 @@ def test_the_number_of_triangles_is_foreseen(name: str, symmetry: str, resolutio
     assert 0.6 < float(foreseen) / made < 1.6
 
 
-def test_a_degree_that_does_not_fit_is_refused_where_lower_ones_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_degree_that_does_not_fit_is_refused_where_lower_ones_do(allow_memory: Callable[[int], None]) -> None:
     film, each = load("hexagon-278um"), 200_000  # of memory a triangle: enough for degree 5, not for 6
     triangles = build.mesh(film).mesh.nelements
-    said = {"SC_PAGE_SIZE": 1, "SC_PHYS_PAGES": each * triangles}
-    monkeypatch.setattr(os, "sysconf", said.__getitem__)
+    allow_memory(each * triangles)
     assert build.mesh(film, degree=5).mesh.nelements == triangles
     with pytest.raises(ParameterError, match=r"^hexagon-278um: modes of degree 6 on .* triangles need about .*; lower the resolution$"):
         solve_modes(film, 1, cache=False, degree=6)
@@ -38,3 +39,12 @@ def test_what_fits_is_let_through_and_what_does_not_names_size_and_remedy() -> N
     need_memory(1e6, "ten modes", "ask for fewer")
     with pytest.raises(ParameterError, match=r"^ten modes need about 90,949 GiB of memory, and this machine has .* GiB; ask for fewer$"):
         need_memory(1e5 * 2**30 * 0.909494702, "ten modes", "ask for fewer")
+
+
+@pytest.mark.parametrize("kind", ["v", "d", "m"])
+def test_what_a_shell_allows_counts_as_the_memory_of_the_machine_does(kind: str) -> None:
+    words = 'from femnl.fem.memory import need_memory as n; n(1e9, "ten modes", "ask for fewer"); n(5e9, "two films", "ask for one")'
+    command = f"ulimit -{kind} 4000000; {sys.executable} -c '{words}'"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    line = "two films need about 4.7 GiB of memory, and this process may take 3.8 GiB; ask for one"
+    assert done.stderr.splitlines()[-1] == f"femnl.errors.ParameterError: {line}"
