@@ -29,7 +29,7 @@ class Worker:
         """Send a task; whether the process is there to take it."""
         try:
             self.connection.send(task)
-        except BrokenPipeError:
+        except ConnectionError:
             return False
         return True
 
@@ -37,7 +37,7 @@ class Worker:
         """Receive what the task sent last came to; None where the process has died."""
         try:
             return self.connection.recv()
-        except (EOFError, ConnectionResetError):
+        except (EOFError, ConnectionError):
             return None
 
     def stop(self) -> int:

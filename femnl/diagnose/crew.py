@@ -152,6 +152,8 @@ class _Helper(Worker):
 
 def _serve(connection: Connection, pose: Callable[[], Posed], path: Any) -> None:
     """Do jobs, and return what each found with the fits that it made."""
+    # The process that asked meets the same file, cache and fits, and says once what there is to say of them.
+    WARNINGS.setLevel(logging.CRITICAL)
     share = None if path is None else Share(path)
     LEDGER.set(share)
     if not _told(connection):

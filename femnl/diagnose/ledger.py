@@ -14,6 +14,7 @@ from platformdirs import user_cache_path
 
 from femnl.types.readout import Array
 
+WARNINGS = logging.getLogger("femnl")
 Found = tuple[Array, Array]
 
 
@@ -23,6 +24,7 @@ class Ledger:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._known: dict[str, Found] = {}
+        self._writable = True
         text = path.read_text(encoding="utf-8") if path.is_file() else ""
         self._end = "" if text.endswith("\n") or not text else "\n"  # of a torn line, which must not tear the next one, too
         for line in text.splitlines():
@@ -43,6 +45,8 @@ class Ledger:
     def add(self, key: str, found: Found) -> None:
         """Keep a fit: a line more."""
         self._known[key] = found
+        if not self._writable:
+            return
         line = json.dumps([key, *(values.tolist() for values in found)]) + "\n"
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,7 +54,16 @@ class Ledger:
                 file.write(self._end + line)
                 self._end = ""
         except OSError as error:
-            logging.getLogger("femnl").warning("%s: a fit was not kept (%s); an interrupted diagnosis would start anew", self.path, error)
+            self._writable = False
+            WARNINGS.warning("%s: fits are not kept (%s); an interrupted diagnosis would start anew", self.path, error)
+
+    def close(self) -> None:
+        """Remove the file: all is done."""
+        try:
+            if self.path.is_file():
+                self.path.unlink()
+        except OSError as error:
+            WARNINGS.warning("%s: cannot be removed (%s), though it is needed no longer", self.path, error)
 
 
 class Share(Ledger):
@@ -85,7 +98,7 @@ def remembered(*about: object) -> Iterator[None]:
         yield
     finally:
         LEDGER.reset(token)
-    ledger.path.unlink(missing_ok=True)
+    ledger.close()
 
 
 @cache

@@ -164,6 +164,20 @@ def test_a_diagnosis_says_the_same_whatever_the_workers(tmp_path: Path) -> None:
         diagnose(path, effects=[local], workers=2)
 
 
+def test_without_a_cache_a_diagnosis_is_made_all_the_same_and_each_warning_comes_once(tmp_path: Path) -> None:
+    path, cache = split(tmp_path / "split.nc"), tmp_path / "cache"
+    cache.mkdir()
+    (cache / "femnl").write_text("in the place of the folder", encoding="utf-8")
+    environment = os.environ | {"XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, "-m", "femnl", "diagnose", path.name, "--workers", "2", "--out", "page"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "page" / "diagnosis.json").is_file()
+    lines = [line for line in done.stderr.splitlines() if "not kept" in line]
+    assert all(line.startswith("femnl: ") for line in lines), "a helper says it, too"
+    assert sum("fits are not kept" in line for line in lines) == 1
+
+
 def test_an_interrupt_ends_helpers_and_the_fits_are_kept(tmp_path: Path) -> None:
     path, told = split(tmp_path / "split.nc"), tmp_path / "cache" / "femnl"
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(Path(__file__).parents[2])}
