@@ -129,11 +129,8 @@ class SpectrumProblem:
         film = replace(self.film.model.film, density=self.film.model.film.stress / speed**2)
         mass = self.film.modes.effective_mass * film.density / self.film.model.film.density
         stiffness, box = np.diag(mass * (2 * np.pi * plain) ** 2), self.film.model.outline.size
-        return (
-            plain,
-            mass,
-            ModalSystem(stiffness, np.diag(mass), film.stress, film, self.film.projection, box, bending_length, self.film.layer),
-        )
+        system = ModalSystem(stiffness, np.diag(mass), film.stress, film, self.film.projection, box, bending_length, self.film.layer)
+        return plain, mass, system
 
     def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """The next modes that were not measured; their pairs by rising frequency."""

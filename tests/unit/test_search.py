@@ -11,7 +11,7 @@ import pytest
 
 from femnl import load, measurement
 from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.fit import Solution, Unseen, covariance, fit, leave_out
+from femnl.diagnose.fit import Solution, Unseen, covariance, fit, held_out, leave_out
 from femnl.diagnose.ledger import remembered
 from femnl.diagnose.problem import Extended
 from femnl.diagnose.scan import scan
@@ -265,6 +265,11 @@ def test_kept_fits_are_those_of_the_blocks_that_they_leave_out(tmp_path: Path, m
     with remembered("a file"):
         kept = leave_out(solution, 20)
     assert kept == leave_out(solution, 20)
+
+
+def test_what_is_held_out_of_a_free_form_is_what_is_left_out_of_a_cause() -> None:
+    solution = solved(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40), SLOPE)
+    assert held_out(solution, 20) == pytest.approx(leave_out(solution, 20).chi2_reduced, rel=1e-12)
 
 
 def test_causes_are_held_to_a_higher_p_value_than_the_base_model_and_several_to_a_higher_one_of_what_was_left_out() -> None:
