@@ -64,7 +64,7 @@ def errors(fringe: PeriodicFringe, depth: float, seed: int) -> Iterator[tuple[st
 def run(folder: Path) -> Path:
     """Compare the methods on a sine and on the stack of the paper; write table and figure and return the figure's path."""
     stack = femnl.load("square-270um").stack
-    fringes = {
+    fringes: dict[str, femnl.SineFringe | femnl.MultilayerFringe] = {
         "data: a sine": femnl.SineFringe(WAVELENGTH, 0.0, 1.0, 0.6),
         "data: film, gap and wafer": femnl.MultilayerFringe(stack, WAVELENGTH),
     }

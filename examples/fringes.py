@@ -16,6 +16,6 @@ amplitude, wavelength = 446e-9, 632.8e-9
 stack = femnl.load("square-270um").stack
 orders = np.arange(1, 26)
 sine = femnl.SineFringe(wavelength, offset=0.0, contrast=1.0, phase=np.pi / 4)
-fringes = {"sine": sine, "stack of layers": femnl.MultilayerFringe(stack, wavelength)}
+fringes: dict[str, femnl.SineFringe | femnl.MultilayerFringe] = {"sine": sine, "stack of layers": femnl.MultilayerFringe(stack, wavelength)}
 strengths = {name: np.abs(harmonics(fringe, orders, amplitude)) for name, fringe in fringes.items()}
 figure = harmonic_spectrum_figure(orders, {name: values / values.max() for name, values in strengths.items()}, level=0.01)

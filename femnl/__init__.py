@@ -2,7 +2,24 @@
 
 import sys
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # what a type checker reads; at run time the names load when they are first used
+    from femnl.bands import solve_bands as solve_bands
+    from femnl.bow import solve_bow as solve_bow
+    from femnl.geometry import load as load
+    from femnl.lattice import solve_cell as solve_cell
+    from femnl.lattice import solve_homogenised as solve_homogenised
+    from femnl.modes import shape_at as shape_at
+    from femnl.modes.dilution import dilution as dilution
+    from femnl.nonlinearity import solve_inertia as solve_inertia
+    from femnl.optics import MultilayerFringe as MultilayerFringe
+    from femnl.optics import SeriesFringe as SeriesFringe
+    from femnl.optics import SineFringe as SineFringe
+    from femnl.predict import harmonic_maps as harmonic_maps
+    from femnl.predict import solve_modes as solve_modes
+    from femnl.predict import solve_modes_to as solve_modes_to
+    from femnl.predict import solve_nonlinearity as solve_nonlinearity
 
 __version__ = "0.1.0"
 

@@ -76,28 +76,28 @@ class MultilayerFringe:
     λ/2n; one period is computed by transfer matrices and kept as a Fourier series, which costs about 20 terms an evaluation.
 
     Args:
-        stack: layers with their indices; the first and the last are infinite.
+        stack: layers with their indices, as `Model.stack` gives them; the first and the last are infinite.
         wavelength: λ [m], one of those for which every layer of the stack gives an index.
         gain: volts per unit of reflectivity.
         offset: volts without reflected light.
 
     Raises:
-        ParameterError: a wavelength that the stack does not list, or a gap that absorbs.
+        ParameterError: no stack, a wavelength that the stack does not list, or a gap that absorbs.
 
     Valid: plane waves, coherent layers, gap + u > 0 (the film does not touch the wafer). Indices are never interpolated.
     Source: Byrnes, tmm; Sommer et al. 2025, supplement S6.
     """
 
-    stack: Stack
+    stack: Stack | None
     wavelength: float
     gain: float = 1.0
     offset: float = 0.0
 
     def __post_init__(self) -> None:
         _positive("wavelength", self.wavelength)
-        if not 0 < self.stack.gap < len(self.stack.layers) - 1:
-            raise ParameterError(f"gap = {self.stack.gap} is not an inner layer of the stack of {len(self.stack.layers)} layers")
-        gap = self._indices[self.stack.gap]
+        if not 0 < self._layers.gap < len(self._layers.layers) - 1:
+            raise ParameterError(f"gap = {self._layers.gap} is not an inner layer of the stack of {len(self._layers.layers)} layers")
+        gap = self._indices[self._layers.gap]
         if gap.imag != 0:
             raise ParameterError(f"the gap has the index {gap}: an absorbing gap gives no periodic fringe; use a real index")
 
@@ -108,7 +108,7 @@ class MultilayerFringe:
     @cached_property
     def fourier(self) -> FourierSeries:
         """Fourier series of f in u, period λ/2n of the gap."""
-        period = self.wavelength / (2 * self._indices[self.stack.gap].real)
+        period = self.wavelength / (2 * self._indices[self._layers.gap].real)
         n_samples = SAMPLES
         while True:
             reflectance = np.array([self.reflectance(u) for u in period * np.arange(n_samples) / n_samples])
@@ -124,16 +124,22 @@ class MultilayerFringe:
 
     def reflectance(self, u: float) -> float:
         """Return the power reflectivity R of the stack with the gap widened by u [m], by transfer matrices."""
-        thickness = [layer.thickness for layer in self.stack.layers]
-        thickness[self.stack.gap] += u
+        thickness = [layer.thickness for layer in self._layers.layers]
+        thickness[self._layers.gap] += u
         # tmm counts time as exp(−iωt), where absorption is n + ik.
         indices = [index.conjugate() for index in self._indices]
         return float(coh_tmm("s", indices, thickness, 0.0, self.wavelength)["R"])
 
+    @property
+    def _layers(self) -> Stack:
+        if self.stack is None:
+            raise ParameterError("stack = None: the geometry gives no stack of layers; add [readout] to it, or take a SineFringe")
+        return self.stack
+
     @cached_property
     def _indices(self) -> tuple[complex, ...]:
         """The index of every layer at the wavelength."""
-        return tuple(_index(layer.index, layer.material, self.wavelength) for layer in self.stack.layers)
+        return tuple(_index(layer.index, layer.material, self.wavelength) for layer in self._layers.layers)
 
 
 def _index(table: tuple[tuple[float, complex], ...], material: str, wavelength: float) -> complex:

@@ -6,7 +6,7 @@ import numpy as np
 
 from femnl.diagnose.criticism import Look, looks
 from femnl.diagnose.fit import Solution, fit, improve
-from femnl.diagnose.problem import Extended
+from femnl.diagnose.problem import Extended, scale_of
 from femnl.diagnose.scan import centres, scan
 from femnl.types.effect import Effect
 from femnl.types.readout import Array
@@ -35,7 +35,7 @@ def extended(solution: Solution, effect: Effect, shapes: list[dict[str, float]])
     """Fit with one more effect, from where looks point or as far towards that as is no worse than without it."""
     base, earlier = solution.model.split(solution.vector)
     model = Extended(solution.model.problem, (*solution.model.effects, effect))
-    limits = {knob.name: knob.high * model.problem.facts.get(knob.per, 1.0) for knob in effect.parameters if knob.strength}
+    limits = {knob.name: knob.high * scale_of(model.problem, knob) for knob in effect.parameters if knob.strength}
     starts, elsewhere = [], []
     for values in shapes:
         # What is of second order shows no slope at zero; a small start lets it grow.

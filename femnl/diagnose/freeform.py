@@ -72,8 +72,12 @@ def _fitted(base: Solution, sentence: str) -> Solution | None:
 
 
 def extensions(problem: Problem) -> list[Effect]:
-    """Return the free forms that suit a problem."""
-    return [effect for effect in (*FORMS, *_series(problem)) if problem.kind in effect.kinds]
+    """Return the free forms that suit a problem: those of its kind whose ranges it can scale."""
+    return [form for form in (*FORMS, *_series(problem)) if problem.kind in form.kinds and _scaled(form, problem)]
+
+
+def _scaled(form: Effect, problem: Problem) -> bool:
+    return all(not knob.per or knob.per in problem.facts for knob in form.parameters)
 
 
 def _form(sentence: str, equation: str, knobs: tuple[Knob, ...], changes: Mapping[Stage, Change]) -> Effect:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from femnl.diagnose.freeform import FORCES, FRINGE, MASS, TENSION
-from femnl.diagnose.problem import Problem
+from femnl.diagnose.problem import Problem, scale_of
 from femnl.types.effect import Effect, Knob, Values
 from femnl.types.readout import Array
 from femnl.types.scene import Motion
@@ -56,7 +56,7 @@ def _answers(
 ) -> dict[str, Array]:
     zero = dict.fromkeys(names, 0.0)
     plain = problem.residuals(effects, base, values)
-    sizes = {knob.name: LITTLE * knob.high * problem.facts.get(knob.per, 1.0) for knob in form.parameters}
+    sizes = {knob.name: LITTLE * knob.high * scale_of(problem, knob) for knob in form.parameters}
     return {name: problem.residuals((*effects, form), base, [*values, zero | {knob: sizes[knob]}]) - plain for knob, name in names.items()}
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femnl.diagnose.fit import fit
 from femnl.diagnose.general import forces
 from femnl.diagnose.problem import Extended, Named, Ranked, apply
-from femnl.errors import MeasurementError
+from femnl.errors import MeasurementError, ParameterError
 from femnl.fits.oscillation import EDGE, Drive, Numbers, free_run, stages, steps_needed
 from femnl.fits.oscillator import LINEAR, begun, equation_start, fit_oscillator, settled, simulate_oscillator
 from femnl.measurement import noise_sd
@@ -148,6 +148,11 @@ class OscillationProblem:
             if "equation" in effect.changes:
                 knobs = []
                 for knob in effect.parameters:
+                    if knob.name not in RANGES:
+                        raise ParameterError(
+                            f"effect {effect.name}: its parameter {knob.name} has no range in volts of a record; "
+                            f"an effect on the stage equation takes {', '.join(RANGES)}"
+                        )
                     unit, size, per = RANGES[knob.name]
                     knobs.append(replace(knob, unit=unit, low=-size if knob.low < 0 else 0.0, high=size, per=per))
                 found.append(replace(effect, parameters=tuple(knobs)))

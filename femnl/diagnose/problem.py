@@ -8,6 +8,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from femnl.errors import ParameterError
 from femnl.types.comparison import Comparison
 from femnl.types.effect import Effect, Kind, Knob, Stage, Values
 from femnl.types.readout import Array
@@ -92,6 +93,21 @@ class Problem(Protocol):
         ...
 
 
+def scale_of(problem: Problem, knob: Knob) -> float:
+    """Return the number that the range of a parameter counts in: the fact that its `per` names, 1 where it names none.
+
+    Raises: ParameterError where the measurement has no such fact.
+    """
+    if not knob.per:
+        return 1.0
+    if knob.per not in problem.facts:
+        known = ", ".join(sorted(problem.facts)) or "none"
+        raise ParameterError(
+            f"parameter {knob.name}: its range counts in '{knob.per}', which a {problem.kind} does not give; it gives: {known}"
+        )
+    return problem.facts[knob.per]
+
+
 def apply(stage: Stage, value: T, effects: Sequence[Effect], values: Sequence[Values]) -> T:
     """Let every effect that acts at a stage change its value, in the order of the list."""
     for effect, numbers in zip(effects, values, strict=True):
@@ -137,7 +153,7 @@ class Extended:
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest values, in the unit of each parameter."""
-        unit = np.array([self.problem.facts.get(knob.per, 1.0) for _, knob in self.knobs])
+        unit = np.array([scale_of(self.problem, knob) for _, knob in self.knobs])
         low, high = (np.array([getattr(knob, side) for _, knob in self.knobs]) for side in ("low", "high"))
         return low * unit, high * unit
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats.qmc import Sobol
 
 from femnl.diagnose.fit import Solution
-from femnl.diagnose.problem import Extended, Problem
+from femnl.diagnose.problem import Extended, Problem, scale_of
 from femnl.types.effect import Effect
 from femnl.types.readout import Array
 
@@ -74,8 +74,8 @@ def scan(solution: Solution, effect: Effect) -> list[Start]:
 
 def centres(problem: Problem, effect: Effect) -> list[dict[str, float]]:
     """Return values for an effect that has no strength: evenly over its priors."""
-    facts, steps = problem.facts, (np.arange(PLACES) + 0.5) / PLACES
-    ranges = [(k.name, k.low * facts.get(k.per, 1.0), k.high * facts.get(k.per, 1.0)) for k in effect.parameters]
+    steps = (np.arange(PLACES) + 0.5) / PLACES
+    ranges = [(k.name, k.low * scale_of(problem, k), k.high * scale_of(problem, k)) for k in effect.parameters]
     return [{name: float(a + (b - a) * t) for name, a, b in ranges} for t in steps]
 
 

@@ -7,9 +7,10 @@ from femnl.diagnose.fit import fit
 from femnl.diagnose.freeform import fitted_forms
 from femnl.diagnose.oscillation import OscillationProblem
 from femnl.diagnose.problem import Extended
-from femnl.errors import MeasurementError
+from femnl.errors import MeasurementError, ParameterError
 from femnl.fits.oscillation import EDGE
 from femnl.types.comparison import Curves
+from femnl.types.effect import Effect, Knob
 from tests.blind.lab.record import RecordBench
 
 
@@ -83,3 +84,9 @@ def test_a_drive_that_belongs_to_another_output_is_refused() -> None:
     record["voltage"] = record["voltage"].roll(time=40)
     with pytest.raises(MeasurementError, match="check that drive and output belong together"):
         OscillationProblem(record)
+
+
+def test_an_effect_whose_parameter_has_no_range_in_volts_is_refused() -> None:
+    odd = Effect("stiction", "", (Knob("delay", "s", 0.0, 1.0),), {"equation": lambda forces, values: forces}, "", "", "")
+    with pytest.raises(ParameterError, match=r"effect stiction: its parameter delay has no range in volts .* takes kappa2, eta, alpha5"):
+        driven(0.5).pool([odd])

@@ -100,6 +100,11 @@ def test_absorbing_gap_is_refused() -> None:
         MultilayerFringe(stack(between=1 - 0.01j), RED)
 
 
+def test_a_geometry_without_a_stack_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"the geometry gives no stack of layers; add \[readout\]"):
+        MultilayerFringe(None, RED)
+
+
 def test_gap_outside_the_stack_is_refused() -> None:
     with pytest.raises(ParameterError, match="gap = 3 is not an inner layer"):
         MultilayerFringe(Stack(stack().layers, gap=3), RED)

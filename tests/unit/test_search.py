@@ -19,6 +19,7 @@ from femnl.diagnose.search import search
 from femnl.diagnose.spectrum import SpectrumProblem
 from femnl.diagnose.verdict import judge
 from femnl.effects import library
+from femnl.errors import ParameterError
 from femnl.types.effect import Effect, Knob, Values
 from femnl.types.readout import Array
 from tests.unit.level import Level
@@ -279,3 +280,9 @@ def test_causes_are_held_to_a_higher_p_value_than_the_base_model_and_several_to_
     for p, verdicts in ((0.005, (True, False, False)), (0.02, (True, True, True)), (5e-4, (False, False, False))):
         assert tuple(replace(c, p_value=p).viable for c in (base, one, two)) == verdicts
     assert base.least == one.least < two.least
+
+
+def test_a_range_that_counts_in_what_the_measurement_does_not_give_is_refused() -> None:
+    odd = replace(SLOPE, parameters=(replace(SLOPE.parameters[0], per="reech"),))
+    with pytest.raises(ParameterError, match=r"parameter strength: its range counts in 'reech', .* it gives: time"):
+        _ = Extended(line(np.zeros(len(PLACE))), (odd,)).bounds
