@@ -24,7 +24,7 @@ from typing import Any
 RECORD = Path(__file__).parent / "record.json.xz"
 SEED = 20261123
 """Of the round of blind files."""
-SENTENCES = ("where", "measure_next", "file", "sha256", "says", "claim", "source", "remark")
+SENTENCES = ("where", "seconds", "measure_next", "file", "sha256", "says", "claim", "source", "remark")
 """Keys whose text may be written anew."""
 
 

@@ -74,7 +74,7 @@ def test_the_base_model_of_a_strong_motion_that_does_not_begin_at_rest_finds_its
 
 def test_a_chaotic_record_is_refused() -> None:
     with pytest.raises(MeasurementError, match=r"the motion is chaotic: changes of its begin grow .* times"):
-        driven(2.2, seed=5)
+        driven(2.2, seed=1)  # changes of the start grow 1e12 times: no processor rounds that away
 
 
 def test_a_drive_that_belongs_to_another_output_is_refused() -> None:
