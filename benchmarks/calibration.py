@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import femnl
-from femnl.fits.calibration import taylor_amplitude
-from femnl.fits.maps import fit_map
-from femnl.measurement import harmonic_map
+from femnl.core.readout import PeriodicFringe
+from femnl.fits.map.calibration import taylor_amplitude
+from femnl.fits.map.fit import fit_map
+from femnl.io.measurement import harmonic_map
+from femnl.optics.harmonics import harmonics
 from femnl.plot.style import COLOURS, new_figure, style
-from femnl.readout import harmonics
-from femnl.types.readout import PeriodicFringe
 
 Array = NDArray[np.float64]
 Row = dict[str, str | float]

@@ -19,11 +19,11 @@ from lmfit.minimizer import minimize
 from lmfit.parameter import Parameters
 from numpy.typing import NDArray
 
-from femnl.fits.response import fit_response
-from femnl.fits.response_data import collect
-from femnl.fits.response_misfit import Misfit
-from femnl.fits.response_model import STIFFEN, Layout
-from femnl.measurement import response
+from femnl.fits.response.fit import fit_response
+from femnl.fits.response.misfit import Misfit
+from femnl.io.measurement import response
+from femnl.observe.response.branches import STIFFEN, Layout
+from femnl.observe.response.sweeps import collect
 from femnl.resonator import duffing_roots
 
 Array = NDArray[np.float64]

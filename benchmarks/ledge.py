@@ -22,7 +22,7 @@ from skfem import (
 )
 from skfem.helpers import ddot, sym_grad, trace
 
-from femnl.fem.solvers import factorize
+from femnl.mechanics.fem.solvers import factorize
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from femnl import load, measurement, solve_modes
+from femnl import load, solve_modes
+from femnl.core.device import Clamp
+from femnl.core.diagnosis import Diagnosis
 from femnl.diagnose import diagnose
-from femnl.types.device import Clamp
-from femnl.types.diagnosis import Diagnosis
+from femnl.io import measurement
 
 SQUARE = Path(__file__).parents[2] / "shared" / "data" / "sin-square-rad9-21.nc"
 RATIOS = np.array([1.0, 1.5930, 1.5930, 2.1335, 2.1336, 2.2946, 2.5877, 2.7216, 2.9117, 2.9118])

@@ -1,7 +1,7 @@
 """The paper's open numbers: f22 − 2 f11 = 249 Hz of device J10, and the ten ratios of the hexagon; which film, holes and edge make them.
 
 Run `python -m benchmarks.open_numbers [FOLDER] [--full]`; it writes open_numbers.csv and open_numbers.png. The scans take the square
-with its 30 × 30 holes as an even film (`femnl.lattice`), and every number is scaled to the measured f11 = 1.466060 MHz of
+with its 30 × 30 holes as an even film (`femnl.mechanics.lattice`), and every number is scaled to the measured f11 = 1.466060 MHz of
 arXiv:2502.19191. `--full` solves the etched, tapered, perforated devices themselves, which takes minutes.
 """
 
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from benchmarks.ledge import Ledge, solve_ledge
 from benchmarks.measured import RATIOS
 from femnl import load, solve_modes
-from femnl.lattice import solve_homogenised
-from femnl.types.device import Clamp, Film, Holes, Model
+from femnl.core.device import Clamp, Film, Holes, Model
+from femnl.mechanics.lattice import solve_homogenised
 
 Array = NDArray[np.float64]
 

@@ -21,10 +21,10 @@ import numpy as np
 from benchmarks.peers_ngsolve import solve as solve_with_ngsolve
 from benchmarks.peers_plain import plain_scikit_fem
 from femnl import load
-from femnl.lattice import solve_condensed, solve_homogenised, strain_energies, tile
-from femnl.nonlinearity import solve_nonlinearity as solve_cubic
-from femnl.predict import solve_modes, solve_nonlinearity
-from femnl.types.device import Holes, Model
+from femnl.core.device import Holes, Model
+from femnl.mechanics.lattice import solve_condensed, solve_homogenised, strain_energies, tile
+from femnl.mechanics.nonlinearity import solve_nonlinearity as solve_cubic
+from femnl.pipeline import solve_modes, solve_nonlinearity
 
 COUNT = 12
 PITCH = 8.56e-6

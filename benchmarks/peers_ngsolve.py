@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from femnl.types.device import Model
+from femnl.core.device import Model
 
 Array = NDArray[np.float64]
 

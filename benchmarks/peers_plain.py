@@ -8,7 +8,7 @@ from scipy.sparse.linalg import eigsh, spsolve
 from skfem import Basis, BilinearForm, ElementTriP2, ElementVector, LinearForm, MeshTri
 from skfem.helpers import ddot, dot, eye, grad, sym_grad, trace
 
-from femnl.types.device import Model
+from femnl.core.device import Model
 
 
 def plain_scikit_fem(model: Model, count: int) -> list[float]:

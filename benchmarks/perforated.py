@@ -13,11 +13,11 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from femnl.geometry import load
-from femnl.lattice import solve_condensed, strain_energies, tile
-from femnl.modes import align
-from femnl.nonlinearity import solve_nonlinearity
-from femnl.predict import DEGREE, SPARE
+from femnl.device.geometry import load
+from femnl.mechanics.lattice import solve_condensed, strain_energies, tile
+from femnl.mechanics.modes import align
+from femnl.mechanics.nonlinearity import solve_nonlinearity
+from femnl.pipeline import DEGREE, SPARE
 
 T = TypeVar("T")
 DEVICE, COUNT = "square-270um-perforated", 10

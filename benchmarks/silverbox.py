@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from femnl.fits.oscillation import Hold
-from femnl.fits.oscillator import fit_oscillator, simulate_oscillator
+from femnl.fits.record.oscillator import fit_oscillator, simulate_oscillator
+from femnl.observe.record.free_run import Hold
 from femnl.plot.style import COLOURS, new_figure, style
 
 Array = NDArray[np.float64]

@@ -7,9 +7,9 @@ Where three motions are possible, the history decides: sweeping up, the amplitud
 
 import numpy as np
 
+from femnl.core.resonator import Resonator
 from femnl.plot.style import new_figure, style
 from femnl.resonator import critical_point, sweep
-from femnl.types.resonator import Resonator
 
 resonator = Resonator(frequency=1.466e6, quality_factor=10_000, alpha=6.9e9)
 force, _, _ = critical_point(resonator)

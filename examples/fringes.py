@@ -9,8 +9,8 @@ its overtones carry harmonics to n = 21 and beyond, as was measured.
 import numpy as np
 
 import femnl
+from femnl.optics.harmonics import harmonics
 from femnl.plot.spectrum import harmonic_spectrum_figure
-from femnl.readout import harmonics
 
 amplitude, wavelength = 446e-9, 632.8e-9
 stack = femnl.load("square-270um").stack

@@ -7,7 +7,7 @@ The centre of the film moves by 446 nm, most of a wavelength there and back. The
 
 import femnl
 from femnl import measurement
-from femnl.geometry.curves import polyline
+from femnl.device.geometry.curves import polyline
 from femnl.plot.maps import harmonic_map_figure
 
 model = femnl.load("square-270um")

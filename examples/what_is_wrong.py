@@ -20,7 +20,7 @@ amplitude, wavelength, noise = 397e-9, 632.8e-9, 2e-4
 device = femnl.load("square-270um")
 modes = femnl.solve_modes(device, 12)
 axis = np.linspace(-135e-6, 135e-6, 41)
-shape = femnl.modes.shape_at(modes, 0, axis[None, :], axis[:, None])
+shape = femnl.mechanics.modes.shape_at(modes, 0, axis[None, :], axis[:, None])
 
 # What a photodiode sees over one period, and its harmonics: nothing of the models that the diagnosis fits.
 time = 2 * np.pi * np.arange(128) / 128

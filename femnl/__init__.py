@@ -5,46 +5,51 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what a type checker reads; at run time the names load when they are first used
-    from femnl.bands import solve_bands as solve_bands
-    from femnl.bow import solve_bow as solve_bow
-    from femnl.geometry import load as load
-    from femnl.lattice import solve_cell as solve_cell
-    from femnl.lattice import solve_homogenised as solve_homogenised
-    from femnl.modes import shape_at as shape_at
-    from femnl.modes.dilution import dilution as dilution
-    from femnl.nonlinearity import solve_inertia as solve_inertia
-    from femnl.optics import MultilayerFringe as MultilayerFringe
-    from femnl.optics import SeriesFringe as SeriesFringe
-    from femnl.optics import SineFringe as SineFringe
-    from femnl.predict import harmonic_maps as harmonic_maps
-    from femnl.predict import solve_modes as solve_modes
-    from femnl.predict import solve_modes_to as solve_modes_to
-    from femnl.predict import solve_nonlinearity as solve_nonlinearity
+    from femnl.device import geometry as geometry
+    from femnl.device.geometry import load as load
+    from femnl.io import measurement as measurement
+    from femnl.mechanics.bands import solve_bands as solve_bands
+    from femnl.mechanics.lattice import solve_cell as solve_cell
+    from femnl.mechanics.lattice import solve_homogenised as solve_homogenised
+    from femnl.mechanics.modes import shape_at as shape_at
+    from femnl.mechanics.modes.dilution import dilution as dilution
+    from femnl.mechanics.nonlinearity import solve_inertia as solve_inertia
+    from femnl.mechanics.static_deflection import solve_bow as solve_bow
+    from femnl.optics.fringe import MultilayerFringe as MultilayerFringe
+    from femnl.optics.fringe import SeriesFringe as SeriesFringe
+    from femnl.optics.fringe import SineFringe as SineFringe
+    from femnl.pipeline import harmonic_maps as harmonic_maps
+    from femnl.pipeline import solve_modes as solve_modes
+    from femnl.pipeline import solve_modes_to as solve_modes_to
+    from femnl.pipeline import solve_nonlinearity as solve_nonlinearity
 
 __version__ = "0.1.0"
 
 # Heavy libraries load when a name is first used, so that the command line answers at once.
 _HOMES = {
-    "load": "femnl.geometry",
-    "solve_modes": "femnl.predict",
-    "solve_modes_to": "femnl.predict",
-    "solve_nonlinearity": "femnl.predict",
-    "solve_inertia": "femnl.nonlinearity",
-    "solve_bands": "femnl.bands",
-    "solve_bow": "femnl.bow",
-    "solve_homogenised": "femnl.lattice",
-    "solve_cell": "femnl.lattice",
-    "harmonic_maps": "femnl.predict",
-    "shape_at": "femnl.modes",
-    "dilution": "femnl.modes.dilution",
-    "SineFringe": "femnl.optics",
-    "MultilayerFringe": "femnl.optics",
-    "SeriesFringe": "femnl.optics",
+    "load": "femnl.device.geometry",
+    "solve_modes": "femnl.pipeline",
+    "solve_modes_to": "femnl.pipeline",
+    "solve_nonlinearity": "femnl.pipeline",
+    "solve_inertia": "femnl.mechanics.nonlinearity",
+    "solve_bands": "femnl.mechanics.bands",
+    "solve_bow": "femnl.mechanics.static_deflection",
+    "solve_homogenised": "femnl.mechanics.lattice",
+    "solve_cell": "femnl.mechanics.lattice",
+    "harmonic_maps": "femnl.pipeline",
+    "shape_at": "femnl.mechanics.modes",
+    "dilution": "femnl.mechanics.modes.dilution",
+    "SineFringe": "femnl.optics.fringe",
+    "MultilayerFringe": "femnl.optics.fringe",
+    "SeriesFringe": "femnl.optics.fringe",
 }
-__all__ = ["__version__", *_HOMES]
+_MODULES = {"geometry": "femnl.device.geometry", "measurement": "femnl.io.measurement"}
+__all__ = ["__version__", *_HOMES, *_MODULES]
 
 
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(_MODULES[name])
     if name not in _HOMES:
         raise AttributeError(f"module 'femnl' has no attribute '{name}'")
     return getattr(import_module(_HOMES[name]), name)
@@ -55,7 +60,7 @@ def __dir__() -> list[str]:
 
 
 # What a notebook shows as a picture, and who draws it; like the names above, only when it is needed.
-_PICTURED = (("femnl.types.device", "Model"), ("femnl.types.mechanics", "Modes"), ("femnl.types.readout", "HarmonicMap"))
+_PICTURED = (("femnl.core.device", "Model"), ("femnl.core.mechanics", "Modes"), ("femnl.core.readout", "HarmonicMap"))
 _PAINTER = "femnl.plot.notebook"
 
 

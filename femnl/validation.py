@@ -33,7 +33,7 @@ from typing import Any, Literal, TypeVar
 from rich.table import Table
 from rich.text import Text
 
-from femnl.errors import ParameterError
+from femnl.core.errors import ParameterError
 
 Values = Iterable[float | tuple[float, float]]
 SIGMAS = 3.0

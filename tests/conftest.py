@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from femnl import geometry
-from femnl.types.device import Model
+from femnl.core.device import Model
+from femnl.device import geometry
 
 FILM = 'thickness = "1 um"\nyoung = "250 GPa"\npoisson = 0.23\ndensity = "3000 kg/m^3"\nstress = "1 GPa"'
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from femnl import resources
+from femnl.core import resources
 from femnl.validation import Row, compare, find, load
 
 PATHS = find(resources.cases())

@@ -43,7 +43,7 @@ def test_the_wheel_works_away_from_the_repository(wheel: Path, tmp_path: Path) -
         command = [sys.executable, "-c", script, *words]
         return subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True, text=True).stdout
 
-    assert Path(run("import femnl.resources as r; print(r.geometries())").strip()) == site / "femnl" / "_geometries"
+    assert Path(run("import femnl.core.resources as r; print(r.geometries())").strip()) == site / "femnl" / "_geometries"
     assert "square-270um" in run("from femnl.cli import main; main()", "geometries")
     assert "agrees" in run("from femnl.cli import main; main()", "validate", "erratum_linewidths")
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import femnl
-from femnl import geometry
+from femnl.device import geometry
 from femnl.validation import Case, Reference
 
 SQUARE = """

@@ -5,7 +5,7 @@ from dataclasses import replace
 from math import pi, sqrt
 
 import femnl
-from femnl import geometry
+from femnl.device import geometry
 from femnl.validation import Case, Reference
 
 # Ω = ω a² √(ρh/D) of the first mode, by the tension T a²/D.

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from scipy.optimize import brentq
 from scipy.special import jv
 
-from femnl.optics import SineFringe
-from femnl.readout import harmonics_by_fft
+from femnl.optics.fringe import SineFringe
+from femnl.optics.harmonics import harmonics_by_fft
 from femnl.validation import Case, Reference
 
 RED, GREEN = 632.8e-9, 532e-9

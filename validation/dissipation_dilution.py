@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 import femnl
-from femnl import geometry
-from femnl.modes.dilution import dilution
+from femnl.device import geometry
+from femnl.mechanics.modes.dilution import dilution
 from femnl.validation import Case, Reference
 
 FILM = """

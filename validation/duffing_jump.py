@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.optimize import bisect
 
+from femnl.core.resonator import Resonator
 from femnl.resonator import branches, critical_alpha, critical_point
-from femnl.types.resonator import Resonator
 from femnl.validation import Case, Reference
 
 F0, W = 1.466060e6, 135.0

@@ -5,12 +5,12 @@ from math import pi
 
 import numpy as np
 
-from femnl import geometry
-from femnl.fem.stress import relaxed_stress
-from femnl.mesh import mesh
-from femnl.modes import solve_modes
-from femnl.prestress import solve_prestress
-from femnl.types.mechanics import Prestress
+from femnl.core.mechanics import Prestress
+from femnl.device import geometry
+from femnl.device.mesh import mesh
+from femnl.mechanics.fem.stress import relaxed_stress
+from femnl.mechanics.modes import solve_modes
+from femnl.mechanics.prestress import solve_prestress
 from femnl.validation import Case, Reference
 
 # Roots of βJ₁(β) = C J₀(β), and of βJ₁'(β) + C J₁(β) = 0 for one nodal diameter; C = k R/T.

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.optimize import bisect
 
+from femnl.core.resonator import Resonator
 from femnl.resonator import branches
-from femnl.types.resonator import Resonator
 from femnl.validation import Case, Reference
 
 MODE = Resonator(frequency=1.5e6, quality_factor=1e7, alpha=5.76e9)

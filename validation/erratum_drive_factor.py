@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from femnl.core.resonator import Resonator
 from femnl.resonator import branches, couple, integrate
-from femnl.types.resonator import Resonator
 from femnl.validation import Case, Reference
 
 FORCE = 1.0

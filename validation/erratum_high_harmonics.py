@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 import femnl
-from femnl.readout import harmonics_by_fft
+from femnl.optics.harmonics import harmonics_by_fft
 from femnl.validation import Case, Reference
 
 RED, DEPTH = 632.8e-9, 8.85

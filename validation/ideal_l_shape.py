@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from math import pi
 
 import femnl
-from femnl import geometry
+from femnl.device import geometry
 from femnl.validation import Case, Reference
 
 GEOMETRY = """

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 import femnl
-from femnl import geometry
-from femnl.bow import Film
-from femnl.types.mechanics import Modes
+from femnl.core.mechanics import Modes
+from femnl.device import geometry
+from femnl.mechanics.static_deflection import Film
 from femnl.validation import Case, Reference
 
 SQUARE = """

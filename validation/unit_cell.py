@@ -6,14 +6,14 @@ from math import pi, sqrt
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from femnl import geometry
-from femnl.fem.elements import Space
-from femnl.fem.forms import cells
-from femnl.fem.solvers import factorize
-from femnl.fem.stress import relaxed_stress
-from femnl.mesh import mesh
-from femnl.modes.operators import Operators
-from femnl.prestress import solve_prestress
+from femnl.device import geometry
+from femnl.device.mesh import mesh
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import cells
+from femnl.mechanics.fem.solvers import factorize
+from femnl.mechanics.fem.stress import relaxed_stress
+from femnl.mechanics.modes.operators import Operators
+from femnl.mechanics.prestress import solve_prestress
 from femnl.validation import Case, Reference
 
 PITCH, DEGREE, RESOLUTION = 8.56e-6, 4, 2.0

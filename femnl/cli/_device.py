@@ -6,11 +6,11 @@ from typing import Annotated, get_args
 
 import typer
 
-from femnl.errors import ParameterError
-from femnl.geometry import load
-from femnl.mesh import WEDGES
-from femnl.resources import geometries
-from femnl.types.device import Edge, Model
+from femnl.core.device import Edge, Model
+from femnl.core.errors import ParameterError
+from femnl.core.resources import geometries
+from femnl.device.geometry import load
+from femnl.device.mesh import WEDGES
 
 
 def _shipped(begun: str) -> list[str]:

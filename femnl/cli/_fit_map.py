@@ -6,14 +6,14 @@ from functools import partial
 import xarray as xr
 
 from femnl.cli._outcome import Outcome, record, show
-from femnl.errors import ParameterError
-from femnl.fits.maps import fit_map
-from femnl.modes import shape_at
-from femnl.optics import MultilayerFringe
+from femnl.core.device import Model
+from femnl.core.errors import ParameterError
+from femnl.core.readout import PeriodicFringe
+from femnl.fits.map.fit import fit_map
+from femnl.mechanics.modes import shape_at
+from femnl.optics.fringe import MultilayerFringe
+from femnl.pipeline import solve_modes
 from femnl.plot.mapfit import map_fit_figure
-from femnl.predict import solve_modes
-from femnl.types.device import Model
-from femnl.types.readout import PeriodicFringe
 
 FRINGES = ("sine", "multilayer", "free")
 OVERTONES = 5  # of a fringe whose form is fitted too; enough for the reflection of a film above a wafer

@@ -7,10 +7,10 @@ import xarray as xr
 
 from femnl.cli._outcome import Outcome, record, show, with_error
 from femnl.cli._output import note, table
-from femnl.errors import ParameterError
-from femnl.fits.linescan import FIELDS, fit_line_scan
-from femnl.fits.response import fit_response, predict_response
-from femnl.fits.response_misfit import Use
+from femnl.core.errors import ParameterError
+from femnl.fits.response.fit import fit_response, predict_response
+from femnl.fits.response.linescan import FIELDS, fit_line_scan
+from femnl.fits.response.misfit import Use
 from femnl.plot.linescan import line_scan_figure
 from femnl.plot.response import response_figure
 

@@ -9,15 +9,15 @@ import xarray as xr
 
 from femnl.cli._outcome import Outcome, record, show, with_error
 from femnl.cli._output import table
-from femnl.errors import MeasurementError
-from femnl.fits.film import fit_film
-from femnl.fits.peaks import find_peaks
-from femnl.fits.spectrum import label_peaks, to_spectrum
+from femnl.core.device import Model
+from femnl.core.errors import MeasurementError
+from femnl.core.mechanics import Modes
+from femnl.core.spectrum import Assignment, Peaks
+from femnl.fits.spectrum.film import fit_film
+from femnl.fits.spectrum.overview import label_peaks, to_spectrum
+from femnl.fits.spectrum.peaks import find_peaks
+from femnl.pipeline import solve_modes
 from femnl.plot.overview import film_figure, overview_figure
-from femnl.predict import solve_modes
-from femnl.types.device import Model
-from femnl.types.mechanics import Modes
-from femnl.types.spectrum import Assignment, Peaks
 
 _FIRST, _MOST = 10, 160  # simulated modes
 _BEYOND = 1.3  # of the highest frequency: as far the simulation goes, the stress of the film being uncertain

@@ -8,14 +8,14 @@ from rich.console import Group
 
 from femnl.cli._outcome import Outcome, record, show, with_error
 from femnl.cli._output import table
-from femnl.errors import MeasurementError
-from femnl.fits.oscillator_terms import TermsFit, fit_terms
-from femnl.fits.ringdown import fit_ringdown
-from femnl.fits.spot import fit_spot
-from femnl.fits.traces import decompose
+from femnl.core.errors import MeasurementError
+from femnl.core.readout import HarmonicSpectrum, PeriodicFringe
+from femnl.fits.decay.ringdown import fit_ringdown
+from femnl.fits.record.terms import TermsFit, fit_terms
+from femnl.fits.trace.decompose import decompose
+from femnl.fits.trace.spot import fit_spot
 from femnl.plot.decays import oscillator_figure, ringdown_figure
 from femnl.plot.harmonics import harmonics_figure
-from femnl.types.readout import HarmonicSpectrum, PeriodicFringe
 
 _WORDS = {"offset": "offset u₀", "cubic": "k₃ y³", "quadratic": "k₂ y²", "nonlinear_damping": "η y² ẏ"}
 

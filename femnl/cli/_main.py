@@ -15,7 +15,7 @@ import typer
 import femnl
 from femnl.cli._format import STYLES, chosen
 from femnl.cli._output import Progress, note
-from femnl.errors import FemnlError, ParameterError
+from femnl.core.errors import FemnlError, ParameterError
 
 CHAPTERS = {
     "A device": ("geometries", "mesh", "modes", "bands", "view"),

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl import measurement
-from femnl.bow import Bowed, solve_bow
 from femnl.cli._output import console, scientific, table
-from femnl.errors import MeasurementError, ParameterError
-from femnl.modes.dilution import dilution
-from femnl.nonlinearity import Inertia, solve_inertia
-from femnl.types.mechanics import Modes, Nonlinearity
+from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.io import measurement
+from femnl.mechanics.modes.dilution import dilution
+from femnl.mechanics.nonlinearity import Inertia, solve_inertia
+from femnl.mechanics.static_deflection import Bowed, solve_bow
 
 DIGITS = 6
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from rich.console import Group
 
 from femnl.cli._output import scientific, table
-from femnl.types.fit import Fit
+from femnl.core.fit import Fit
 
 
 @dataclass(frozen=True)

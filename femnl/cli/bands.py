@@ -6,11 +6,11 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from femnl.bands import Lattice, solve_bands
 from femnl.cli._device import Bending, Geometry, Json, load_device, suffix_of
 from femnl.cli._output import console, note, print_json, table
+from femnl.io.results import need_room
+from femnl.mechanics.bands import Lattice, solve_bands
 from femnl.plot.bands import draw_bands
-from femnl.storage import need_room
 
 FORMATS = (".png", ".pdf", ".svg")
 Out = Annotated[Path | None, typer.Option(help="Picture to write: .png, .pdf or .svg.", show_default=False)]

@@ -8,9 +8,9 @@ import typer
 
 from femnl.cli._device import Json
 from femnl.cli._output import console, note, print_json, scientific, table
+from femnl.core.diagnosis import Diagnosis
 from femnl.diagnose import diagnose, record, write
 from femnl.report.diagnosis import write_diagnosis
-from femnl.types.diagnosis import Diagnosis
 
 MOST = 4
 """Workers unless the user asks for more: the fits that do not wait for each other are about a dozen."""

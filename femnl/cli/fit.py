@@ -7,7 +7,6 @@ from typing import Annotated, get_args
 import typer
 import xarray as xr
 
-from femnl import measurement
 from femnl.cli._device import Cache, Json, check_mode
 from femnl.cli._fit_map import maps, readout
 from femnl.cli._fit_response import line_scan, response
@@ -15,10 +14,11 @@ from femnl.cli._fit_spectrum import film, overview
 from femnl.cli._fit_trace import harmonics, oscillator, ringdown
 from femnl.cli._outcome import Outcome
 from femnl.cli._output import console, note, print_json
-from femnl.errors import MeasurementError, ParameterError
-from femnl.fits.response_misfit import Use
-from femnl.predict import measured_device
-from femnl.storage import write_whole
+from femnl.core.errors import MeasurementError, ParameterError
+from femnl.fits.response.misfit import Use
+from femnl.io import measurement
+from femnl.io.results import write_whole
+from femnl.pipeline import measured_device
 
 USES: tuple[Use, ...] = get_args(Use)
 FITTED = ("response", "spectrum", "trace", "map")

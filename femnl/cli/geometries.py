@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from femnl.cli._output import console, print_json, table
-from femnl.geometry import shipped
+from femnl.device.geometry import shipped
 
 
 def command(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False) -> None:

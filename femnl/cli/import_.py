@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from femnl.cli._output import note
-from femnl.labfiles import import_file
+from femnl.io.labfiles import import_file
 
 Sources = Annotated[
     list[Path], typer.Argument(help="Lab file(s): CSV, MATLAB .mat, LabOne HDF5 or CSV, Gwyddion .gsf.", show_default=False)

@@ -8,17 +8,17 @@ import numpy as np
 import typer
 
 import femnl
-from femnl import measurement
 from femnl.cli._device import Bending, Cache, Geometry, check_mode, load_device, suffix_of
 from femnl.cli._output import note
-from femnl.errors import ParameterError
-from femnl.geometry.curves import polyline
-from femnl.optics import MultilayerFringe, SineFringe
+from femnl.core.device import Model
+from femnl.core.errors import ParameterError
+from femnl.device.geometry.curves import polyline
+from femnl.io import measurement
+from femnl.io.results import need_room, write_whole
+from femnl.optics.fringe import MultilayerFringe, SineFringe
+from femnl.optics.harmonics import Fringe
+from femnl.pipeline import harmonic_maps, solve_modes
 from femnl.plot.maps import harmonic_map_figure
-from femnl.predict import harmonic_maps, solve_modes
-from femnl.readout import Fringe
-from femnl.storage import need_room, write_whole
-from femnl.types.device import Model
 
 LARGEST_Z = 1000  # the amplitude is then 80 wavelengths, and no film moves so far
 

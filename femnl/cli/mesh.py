@@ -7,8 +7,8 @@ import typer
 
 from femnl.cli._device import Bending, Geometry, Json, Resolution, Symmetry, load_device
 from femnl.cli._output import console, note, print_json, table
-from femnl.mesh import mesh
-from femnl.storage import check_suffix, need_room, write_mesh
+from femnl.device.mesh import mesh
+from femnl.io.results import check_suffix, need_room, write_mesh
 
 Out = Annotated[Path | None, typer.Option(help="Write the mesh in any format of meshio: .vtu, .msh, .xdmf, …", show_default=False)]
 

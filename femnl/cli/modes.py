@@ -9,12 +9,12 @@ import typer
 from femnl.cli._device import Bending, Cache, Count, EdgeOption, Geometry, Json, Resolution, Symmetry, load_device, suffix_of
 from femnl.cli._modes_more import More, bow_of
 from femnl.cli._output import console, note, print_json, scientific, table
-from femnl.errors import ParameterError
-from femnl.lattice import solve_homogenised
-from femnl.predict import Certified, solve_modes, solve_modes_to, solve_nonlinearity
-from femnl.storage import need_room, write_modes, write_vtu
-from femnl.types.device import Model
-from femnl.types.mechanics import Modes, Nonlinearity
+from femnl.core.device import Model
+from femnl.core.errors import ParameterError
+from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.io.results import need_room, write_modes, write_vtu
+from femnl.mechanics.lattice import solve_homogenised
+from femnl.pipeline import Certified, solve_modes, solve_modes_to, solve_nonlinearity
 
 Out = Annotated[Path | None, typer.Option(help="Also write the modes to a file: .nc, or .vtu for ParaView.", show_default=False)]
 Tolerance = Annotated[

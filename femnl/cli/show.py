@@ -9,13 +9,13 @@ import typer
 import xarray as xr
 from numpy.typing import NDArray
 
-from femnl import measurement
 from femnl.cli._output import console, note, table
-from femnl.errors import GeometryError
-from femnl.geometry.curves import polyline
+from femnl.core.errors import GeometryError
+from femnl.device.geometry.curves import polyline
+from femnl.io import measurement
+from femnl.io.results import make_folder, write_whole
+from femnl.pipeline import measured_device
 from femnl.plot.measurement import figures
-from femnl.predict import measured_device
-from femnl.storage import make_folder, write_whole
 
 Out = Annotated[Path, typer.Option(help="Folder for the figures, one a measurement; it is made where missing.")]
 

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from femnl.cli._device import Json, suffix_of
 from femnl.cli._output import console, note, print_json, table
-from femnl.errors import ParameterError
+from femnl.core.errors import ParameterError
 from femnl.sweep import Report, costs, engine, need_room_for, open_store, read_sweep, run, write_tables
 
 EVERY = 60.0  # seconds between lines of progress where standard error is no terminal

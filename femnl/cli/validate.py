@@ -4,9 +4,10 @@ from typing import Annotated
 
 import typer
 
-from femnl import resources, validation
+from femnl import validation
 from femnl.cli._device import Json
 from femnl.cli._output import console, note, print_json
+from femnl.core import resources
 
 
 def command(

@@ -7,11 +7,11 @@ import typer
 
 from femnl.cli._device import Bending, Cache, Geometry, Resolution, Symmetry, check_mode, load_device, suffix_of
 from femnl.cli._output import note
-from femnl.errors import ParameterError
+from femnl.core.errors import ParameterError
+from femnl.io.results import need_room
+from femnl.pipeline import solve_modes
 from femnl.plot.film import WHAT
 from femnl.plot.mechanics import FORMATS, view
-from femnl.predict import solve_modes
-from femnl.storage import need_room
 
 What = Annotated[str, typer.Argument(help="mesh, stress, shape or thickness.")]
 Out = Annotated[Path | None, typer.Option(help="Picture to write: .png, .pdf or .svg; a window opens without it.", show_default=False)]

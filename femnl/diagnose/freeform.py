@@ -6,14 +6,14 @@ from functools import partial
 
 import numpy as np
 
-from femnl.diagnose.crew import Job, Run, in_turn
-from femnl.diagnose.fit import Solution, fit, held_out
-from femnl.diagnose.problem import Extended, Problem
-from femnl.measurement import CONTROLS
-from femnl.types.diagnosis import FreeForm, Quality
-from femnl.types.effect import Change, Effect, Knob, Stage, Values
-from femnl.types.operators import WEIGHTS
-from femnl.types.scene import Equation, Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Points, Signal
+from femnl.core.diagnosis import FreeForm, Quality
+from femnl.core.effect import Change, Effect, Knob, Stage, Values
+from femnl.core.operators import WEIGHTS
+from femnl.core.stages import Equation, Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Points, Signal
+from femnl.diagnose.least_squares import Solution, fit, held_out
+from femnl.diagnose.worker_pool import Job, Run, in_turn
+from femnl.io.measurement import CONTROLS
+from femnl.observe.model import Extended, Problem
 
 ORDERS = range(2, 7)
 """Overtones of a fringe, and harmonics of the drive, that are free."""
@@ -72,12 +72,8 @@ def _fitted(base: Solution, sentence: str) -> Solution | None:
 
 
 def extensions(problem: Problem) -> list[Effect]:
-    """Return the free forms that suit a problem: those of its kind whose ranges it can scale."""
-    return [form for form in (*FORMS, *_series(problem)) if problem.kind in form.kinds and _scaled(form, problem)]
-
-
-def _scaled(form: Effect, problem: Problem) -> bool:
-    return all(not knob.per or knob.per in problem.facts for knob in form.parameters)
+    """Return the free forms that suit a problem."""
+    return [form for form in (*FORMS, *_series(problem)) if problem.kind in form.kinds]
 
 
 def _form(sentence: str, equation: str, knobs: tuple[Knob, ...], changes: Mapping[Stage, Change]) -> Effect:

@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.diagnose.fit import Solution, fit
-from femnl.diagnose.maps import MapProblem
-from femnl.diagnose.problem import Extended, Named, Problem
+from femnl.core.comparison import Comparison
+from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.readout import Array
+from femnl.diagnose.least_squares import Solution, fit
+from femnl.diagnose.map import MapProblem
 from femnl.diagnose.response import ResponseProblem
-from femnl.types.comparison import Comparison
-from femnl.types.effect import Effect, Kind, Knob, Values
-from femnl.types.readout import Array
+from femnl.observe.model import Extended, Named, Problem
 
 Own = tuple[Sequence[Effect], Values, Sequence[Values]]
 """Effects, base parameters and those of each effect, as one measurement knows them."""

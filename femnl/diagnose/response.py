@@ -7,17 +7,18 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from femnl.compiled import compiled
-from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.problem import Named, Ranked, apply, recent
-from femnl.errors import MeasurementError
-from femnl.fits.response import fit_response
-from femnl.fits.response_data import Sweeps, collect
-from femnl.fits.response_model import sheets
-from femnl.types.comparison import Comparison, Curve, Curves
-from femnl.types.effect import Effect, Kind, Knob, Values
-from femnl.types.readout import Array, ComplexArray
-from femnl.types.scene import Oscillator, Signal
+from femnl.core.comparison import Comparison, Curve, Curves
+from femnl.core.compiled import compiled
+from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.errors import MeasurementError
+from femnl.core.memo import recent
+from femnl.core.readout import Array, ComplexArray
+from femnl.core.stages import Oscillator, Signal
+from femnl.fits.response.fit import fit_response
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.model import Named, Ranked, apply
+from femnl.observe.response.branches import sheets
+from femnl.observe.response.sweeps import Sweeps, collect
 
 ALPHA_SD = 0.2
 """Relative standard deviation of a simulated α: Young's modulus of a thin film is rarely known better."""

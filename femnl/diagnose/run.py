@@ -13,30 +13,30 @@ import numpy as np
 import xarray as xr
 from threadpoolctl import threadpool_limits
 
-from femnl import measurement
-from femnl.diagnose.crew import Posed, Run, crew
-from femnl.diagnose.film import SimulatedFilm
+from femnl.core.comparison import Comparison
+from femnl.core.device import Model
+from femnl.core.diagnosis import Alternative, Diagnosis, FreeForm, Quality, Trial, Verdict
+from femnl.core.effect import Effect
+from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.fit import Parameter
+from femnl.diagnose.checkpoint import remembered
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointProblem
-from femnl.diagnose.ledger import remembered
-from femnl.diagnose.maps import MapProblem
-from femnl.diagnose.oscillation import OscillationProblem
-from femnl.diagnose.problem import Named, Problem
+from femnl.diagnose.map import MapProblem
+from femnl.diagnose.record import OscillationProblem
 from femnl.diagnose.response import ResponseProblem
 from femnl.diagnose.search import Candidate, applicable, search
 from femnl.diagnose.series import SeriesProblem
 from femnl.diagnose.spectrum import SpectrumProblem
 from femnl.diagnose.trace import TraceProblem
 from femnl.diagnose.verdict import judge, measure_next
+from femnl.diagnose.worker_pool import Posed, Run, crew
 from femnl.effects import library
-from femnl.errors import MeasurementError, ParameterError
-from femnl.predict import measured_device
-from femnl.storage import write_whole
-from femnl.types.comparison import Comparison
-from femnl.types.device import Model
-from femnl.types.diagnosis import Alternative, Diagnosis, FreeForm, Quality, Trial, Verdict
-from femnl.types.effect import Effect
-from femnl.types.fit import Parameter
+from femnl.io import measurement
+from femnl.io.results import write_whole
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.model import Named, Problem
+from femnl.pipeline import measured_device
 
 SHOWN = 1e-6
 """Probability below which alternatives are not listed."""

@@ -10,14 +10,14 @@ from typing import TypeVar
 import numpy as np
 from scipy.stats import chi2
 
-from femnl.diagnose.crew import Job, Run, in_turn
-from femnl.diagnose.criticism import Look, adequacy, looks
-from femnl.diagnose.extension import FAR, REFINED, extended, replaced, sought_again, sought_beyond, unlike
-from femnl.diagnose.fit import Solution, fit, improve
-from femnl.diagnose.problem import Extended, Problem
-from femnl.diagnose.scan import scan
-from femnl.types.effect import Effect
-from femnl.types.readout import Array
+from femnl.core.effect import Effect
+from femnl.core.readout import Array
+from femnl.diagnose.adequacy import Look, adequacy, looks
+from femnl.diagnose.global_starts import scan
+from femnl.diagnose.least_squares import Solution, fit, improve
+from femnl.diagnose.multistart import FAR, REFINED, extended, replaced, sought_again, sought_beyond, unlike
+from femnl.diagnose.worker_pool import Job, Run, in_turn
+from femnl.observe.model import Extended, Problem
 
 PROGRESS = logging.getLogger("femnl.progress")
 T = TypeVar("T")

@@ -6,14 +6,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.problem import Named, Ranked, apply
-from femnl.errors import MeasurementError
-from femnl.measurement import CONTROLS, estimate_noise
-from femnl.types.comparison import Comparison, Curve, Curves
-from femnl.types.effect import Effect, Kind, Knob, Values
-from femnl.types.readout import Array
-from femnl.types.scene import Points
+from femnl.core.comparison import Comparison, Curve, Curves
+from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.errors import MeasurementError
+from femnl.core.readout import Array
+from femnl.core.stages import Points
+from femnl.io.measurement import CONTROLS, estimate_noise
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.model import Named, Ranked, apply
 
 BLOCKS = 4
 """Stretches of neighbouring points that are held out one by one."""

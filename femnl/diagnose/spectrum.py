@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.general import smooth_film
-from femnl.diagnose.problem import Named, Ranked, apply, recent
-from femnl.errors import MeasurementError
-from femnl.types.comparison import Comparison, Curve, Curves
-from femnl.types.effect import Effect, Kind, Knob, Values
-from femnl.types.readout import Array
-from femnl.types.scene import Lines, ModalSystem
+from femnl.core.comparison import Comparison, Curve, Curves
+from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.errors import MeasurementError
+from femnl.core.memo import recent
+from femnl.core.readout import Array
+from femnl.core.stages import Lines, ModalSystem
+from femnl.diagnose.score_directions import smooth_film
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.model import Named, Ranked, apply
 
 BENDING_SD = 0.03
 """Relative standard deviation of ℓ where the geometry gives thickness, modulus and stress: none of them is known better."""

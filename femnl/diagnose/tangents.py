@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.diagnose.problem import Extended
-from femnl.types.readout import Array
+from femnl.core.readout import Array
+from femnl.observe.model import Extended
 
 TARGET = 0.05
 """Change of the whole residual vector, in σ, at which tangents are taken."""

@@ -6,17 +6,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.fringes import harmonics
-from femnl.diagnose.general import fringe_terms, overtones
-from femnl.diagnose.problem import Named, Ranked, apply
-from femnl.errors import MeasurementError
-from femnl.fits.spot import fit_spot
-from femnl.fits.traces import decompose
-from femnl.types.comparison import Comparison, Curve, Curves
-from femnl.types.effect import Effect, Kind, Knob, Values
-from femnl.types.readout import Array, ComplexArray
-from femnl.types.scene import Fringe, Harmonics, Motion
+from femnl.core.comparison import Comparison, Curve, Curves
+from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.errors import MeasurementError
+from femnl.core.readout import Array, ComplexArray
+from femnl.core.stages import Fringe, Harmonics, Motion
+from femnl.diagnose.score_directions import fringe_terms, overtones
+from femnl.fits.trace.decompose import decompose
+from femnl.fits.trace.spot import fit_spot
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.model import Named, Ranked, apply
+from femnl.optics.sampled import harmonics
 
 MOST_HARMONICS, MOST_STEPS = 21, 12
 """Harmonics, as far as the sampling rate and the length of the record allow, and steps of the drive that are looked at."""

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femnl.diagnose.fit import Unseen
+from femnl.core.diagnosis import Verdict
 from femnl.diagnose.freeform import fitted_forms
+from femnl.diagnose.least_squares import Unseen
 from femnl.diagnose.search import DOUBTFUL, FALSE_ALARMS, HOPELESS, PER_CAUSE, Candidate
-from femnl.types.diagnosis import Verdict
 
 CLEAR = 0.99
 """Posterior probability from which on one set of causes is told alone: a wrong one is to be told in less than one of a hundred files."""

@@ -4,7 +4,7 @@ from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 
-from femnl.types.effect import Effect
+from femnl.core.effect import Effect
 
 __all__ = ["library"]
 

@@ -1,7 +1,7 @@
 """Sides that differ from those of the geometry by their ratio."""
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import ModalSystem
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import ModalSystem
 
 
 def stretch(system: ModalSystem, values: Values) -> ModalSystem:

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.readout import Array
-from femnl.types.scene import ModalSystem
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.readout import Array
+from femnl.core.stages import ModalSystem
 
 SPREAD = 0.75
 """Mean of cos⁴ + sin⁴ over all directions: the part of k² along the edge's normal where that varies."""

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Harmonics, Signal
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import Harmonics, Signal
 
 
 def leak(signal: Signal, values: Values) -> Signal:

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Harmonics
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import Harmonics
 
 
 def slow(harmonics: Harmonics, values: Values) -> Harmonics:

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Lines, Oscillator, Points
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import Lines, Oscillator, Points
 
 
 def drift(lines: Lines, values: Values) -> Lines:

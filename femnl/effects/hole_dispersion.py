@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import ModalSystem
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import ModalSystem
 
 
 def slow(system: ModalSystem, values: Values) -> ModalSystem:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Motion
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import Motion
 
 
 def sing(motion: Motion, values: Values) -> Motion:

@@ -1,7 +1,7 @@
 """Other modes that move with the driven one."""
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Motion
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import Motion
 
 
 def mix(motion: Motion, values: Values) -> Motion:

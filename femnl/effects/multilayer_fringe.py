@@ -5,11 +5,11 @@ from functools import cache
 
 import numpy as np
 
-from femnl.optics import MultilayerFringe
-from femnl.types.device import Stack
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.readout import ComplexArray
-from femnl.types.scene import Fringe
+from femnl.core.device import Stack
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.readout import ComplexArray
+from femnl.core.stages import Fringe
+from femnl.optics.fringe import MultilayerFringe
 
 
 @cache

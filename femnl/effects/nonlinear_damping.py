@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Equation, Oscillator
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import Equation, Oscillator
 
 
 def damp(mode: Oscillator, values: Values) -> Oscillator:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import j1
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Signal
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import Signal
 
 
 def bend(signal: Signal, values: Values) -> Signal:

@@ -1,7 +1,7 @@
 """A wafer that is tilted against the film."""
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Motion
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import Motion
 
 
 def tilt(motion: Motion, values: Values) -> Motion:

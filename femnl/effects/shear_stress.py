@@ -1,7 +1,7 @@
 """In-plane shear of the film stress."""
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import ModalSystem
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import ModalSystem
 
 
 def shear(system: ModalSystem, values: Values) -> ModalSystem:

@@ -1,7 +1,7 @@
 """A film that is bent at rest."""
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Motion
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import Motion
 
 
 def bow(motion: Motion, values: Values) -> Motion:

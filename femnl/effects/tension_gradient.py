@@ -1,7 +1,7 @@
 """Film stress that varies over the film."""
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import ModalSystem
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import ModalSystem
 
 
 def tilt(system: ModalSystem, values: Values) -> ModalSystem:

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Points
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import Points
 
 
 def relax(points: Points, values: Values) -> Points:

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.types.fit import Parameter
-from femnl.types.readout import Array
+from femnl.core.fit import Parameter
+from femnl.core.readout import Array
 
 Complex = NDArray[np.complex128]
 STEP = 1e-30

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from femnl.bands import Bands
+from femnl.io.results import write_whole
+from femnl.mechanics.bands import Bands
 from femnl.plot.style import COLOURS, INK, new_figure, prefixed, style
-from femnl.storage import write_whole
 
 DPI = 200
 

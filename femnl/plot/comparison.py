@@ -5,9 +5,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from femnl.core.comparison import Comparison, Curves, Images
+from femnl.optics.harmonics import signal_phase
 from femnl.plot.style import COLOURS, DIVERGING, INK, WIDTH, axis_label, new_figure, prefixed, scale_bar, style, symmetric_limit
-from femnl.readout import signal_phase
-from femnl.types.comparison import Comparison, Curves, Images
 
 Array = NDArray[np.float64]
 LINES = ("--", "-", ":")

@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import uniform_filter1d
 
-from femnl.fits.ringdown import predict_ringdown
-from femnl.fits.ringdown_model import blocks
+from femnl.core.fit import Fit
+from femnl.fits.decay.ringdown import predict_ringdown
+from femnl.observe.decay.model import blocks
 from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters, prefixed, style
-from femnl.types.fit import Fit
 
 _STRONG = 10.0  # noise of a block, below which its frequency says nothing
 _RUNNING = 400  # samples of the running mean of errors

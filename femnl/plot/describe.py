@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from femnl.measurement import KINDS, amplitude, noise_sd
+from femnl.io.measurement import KINDS, amplitude, noise_sd
 from femnl.plot.style import prefixed
 
 _FEW = 40
@@ -13,7 +13,7 @@ _FEW = 40
 def describe(tree: xr.DataTree) -> str:
     """Tell what is in a measurement file: its attributes, then for each group size, ranges, noise and what was repaired.
 
-    Args: tree: as from `femnl.measurement.read`. Returns: text of several lines.
+    Args: tree: as from `femnl.io.measurement.read`. Returns: text of several lines.
     """
     lines = [f"{key}: {tree.attrs[key]}" for key in ("title", "geometry", "sample", "source") if key in tree.attrs]
     for name, node in tree.children.items():

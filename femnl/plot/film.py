@@ -8,12 +8,12 @@ import pyvista as pv
 from matplotlib.colors import Normalize, PowerNorm
 from numpy.typing import NDArray
 
-from femnl.errors import ParameterError
-from femnl.geometry.curves import polyline
+from femnl.core.device import Outline
+from femnl.core.errors import ParameterError
+from femnl.core.mechanics import Modes, Surface
+from femnl.device.geometry.curves import polyline
 from femnl.plot.screen import need_offscreen
 from femnl.plot.style import DIVERGING, INK, SEQUENTIAL
-from femnl.types.device import Outline
-from femnl.types.mechanics import Modes, Surface
 
 Image = NDArray[np.uint8]
 Box = tuple[float, float, float, float]

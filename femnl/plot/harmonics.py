@@ -5,10 +5,10 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from femnl.core.fit import MotionFit
+from femnl.core.readout import HarmonicSpectrum
 from femnl.plot.spectrum import harmonic_spectrum_figure
 from femnl.plot.style import COLOURS, INK, SEQUENTIAL, axis_label, new_figure, panel_letters, prefixed, style
-from femnl.types.fit import MotionFit
-from femnl.types.readout import HarmonicSpectrum
 
 _FIRST = 5  # harmonics drawn as lines
 
@@ -16,7 +16,7 @@ _FIRST = 5  # harmonics drawn as lines
 def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None) -> Figure:
     """Draw |V_n| over drive frequency and harmonic, its first harmonics as lines, and with a fit the amplitude of motion.
 
-    Args: spectrum: from `femnl.fits.traces.decompose`; motion: from `femnl.fits.spot.fit_spot`.
+    Args: spectrum: from `femnl.fits.trace.decompose.decompose`; motion: from `femnl.fits.trace.spot.fit_spot`.
     Returns: the Figure; for a single step the spectrum of its harmonics, with the noise floor.
     """
     size = np.abs(spectrum.values[1:])

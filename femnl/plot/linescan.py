@@ -11,7 +11,7 @@ from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters
 def line_scan_figure(scan: xr.Dataset) -> Figure:
     """Draw α_y and α_y/α_c against the place along a line, as figure 2 (e), (f) of arXiv:2502.19191.
 
-    Args: scan: from `femnl.fits.linescan.fit_line_scan`. Returns: the Figure; the upper panel is left out where α_y was not seen.
+    Args: scan: from `femnl.fits.response.linescan.fit_line_scan`. Returns: the Figure; the upper panel is left out where α_y was not seen.
     """
     place, name = _along(scan)
     divisor, unit = prefixed(place, "m")

@@ -7,11 +7,11 @@ from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from femnl.measurement import amplitude
+from femnl.core.comparison import Images
+from femnl.io.measurement import amplitude
+from femnl.optics.harmonics import along_line, signal_phase
 from femnl.plot.comparison import comparison_figure
 from femnl.plot.style import DIVERGING, WIDTH, new_figure, prefixed, scale_bar, style, symmetric_limit
-from femnl.readout import along_line, signal_phase
-from femnl.types.comparison import Images
 
 _LIMIT = 4.0  # standard deviations at which the colours of the residual end
 _ROW = 1.45  # inches

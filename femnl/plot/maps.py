@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 from numpy.typing import ArrayLike, NDArray
 
-from femnl.measurement import amplitude
+from femnl.io.measurement import amplitude
+from femnl.optics.harmonics import signal_phase
 from femnl.plot.style import DIVERGING, INK, WIDTH, axis_label, new_figure, prefixed, scale_bar, style, symmetric_limit
-from femnl.readout import signal_phase
 
 
 def harmonic_map_figure(dataset: xr.Dataset, outline: ArrayLike | None = None, title: str | None = None) -> Figure:

@@ -17,7 +17,7 @@ _CLOSE = 0.035  # of the axis: labels of lines nearer than this share one place
 def figures(tree: xr.DataTree, outline: ArrayLike | None = None) -> dict[str, Figure]:
     """Draw every measurement of a file.
 
-    Args: tree: as from `femnl.measurement.read`; outline: closed polyline (n, 2) of the membrane [m], drawn into maps.
+    Args: tree: as from `femnl.io.measurement.read`; outline: closed polyline (n, 2) of the membrane [m], drawn into maps.
     Returns: group name → Figure.
     """
     return {name: figure(node.to_dataset(), outline) for name, node in tree.children.items()}

@@ -10,7 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from scipy.spatial import cKDTree
 
-from femnl.errors import ParameterError
+from femnl.core.device import Holes, Model
+from femnl.core.errors import ParameterError
+from femnl.core.mechanics import Modes
+from femnl.io.results import unfold
+from femnl.io.results.atomic import write_whole
 from femnl.plot.film import (
     PAPER,
     Box,
@@ -27,10 +31,6 @@ from femnl.plot.film import (
 )
 from femnl.plot.screen import need_window
 from femnl.plot.style import COLOURS, INK, WIDTH, new_figure, prefixed, scale_bar, style
-from femnl.storage import unfold
-from femnl.storage.atomic import write_whole
-from femnl.types.device import Holes, Model
-from femnl.types.mechanics import Modes
 
 COLUMNS = 5
 DPI = 200

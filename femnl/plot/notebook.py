@@ -6,14 +6,14 @@ from io import BytesIO
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
-from femnl.geometry.curves import polyline
-from femnl.measurement import harmonic_map
+from femnl.core.device import Model
+from femnl.core.mechanics import Modes
+from femnl.core.readout import HarmonicMap
+from femnl.device.geometry.curves import polyline
+from femnl.io.measurement import harmonic_map
 from femnl.plot.maps import harmonic_map_figure
 from femnl.plot.mechanics import mode_gallery
 from femnl.plot.style import INK, new_figure, style
-from femnl.types.device import Model
-from femnl.types.mechanics import Modes
-from femnl.types.readout import HarmonicMap
 
 MOST = 10  # modes shown
 

@@ -6,9 +6,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from femnl.measurement import amplitude
+from femnl.core.spectrum import Assignment, FilmFit, Peaks
+from femnl.io.measurement import amplitude
 from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters, prefixed, style
-from femnl.types.spectrum import Assignment, FilmFit, Peaks
 
 Array = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ def _spread(x: Array, gap: float) -> Array:
 def film_figure(film: FilmFit) -> Figure:
     """Draw how far each line of a spectrum lies from its simulated mode at the common scale, labels above.
 
-    Args: film: from `femnl.fits.film.fit_film`. Returns: the Figure.
+    Args: film: from `femnl.fits.spectrum.film.fit_film`. Returns: the Figure.
     """
     divisor, unit = prefixed(film.frequency, "Hz")
     with style():

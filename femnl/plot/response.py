@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from femnl.fits.response_misfit import Use
-from femnl.measurement import amplitude, noise_sd
+from femnl.fits.response.misfit import Use
+from femnl.io.measurement import amplitude, noise_sd
 from femnl.plot.style import COLOURS, INK, SEQUENTIAL, axis_label, new_figure, panel_letters, prefixed, style
 
 _NARROW = 0.02  # relative width below which frequencies are written as distance from the middle

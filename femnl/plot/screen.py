@@ -5,7 +5,7 @@ import subprocess
 import sys
 from functools import cache
 
-from femnl.errors import MissingLibraryError
+from femnl.core.errors import MissingLibraryError
 
 OFFSCREEN = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
 WINDOW = ("vtkXOpenGLRenderWindow",)

@@ -5,14 +5,14 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from femnl.core.comparison import Comparison, Images
+from femnl.core.diagnosis import Diagnosis
+from femnl.core.fit import Parameter
+from femnl.io.results import write_whole
 from femnl.plot.comparison import comparison_figure
 from femnl.report.numbers import plain, with_error
 from femnl.report.picture import Picture, embed
 from femnl.report.provenance import provenance
-from femnl.storage import write_whole
-from femnl.types.comparison import Comparison, Images
-from femnl.types.diagnosis import Diagnosis
-from femnl.types.fit import Parameter
 
 NAME = "report.html"
 SHOWN = 15

@@ -6,13 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-from femnl.geometry.curves import polyline
-from femnl.nonlinearity import in_plane_response
+from femnl.core.device import Edge
+from femnl.core.mechanics import Modes
+from femnl.device.geometry.curves import polyline
+from femnl.io.results import unfold
+from femnl.mechanics.nonlinearity import in_plane_response
 from femnl.plot.style import INK, SEQUENTIAL, new_figure, style
 from femnl.report.shape import FLAT
-from femnl.storage import unfold
-from femnl.types.device import Edge
-from femnl.types.mechanics import Modes
 
 DEFLECTION = 1e-6
 """Deflection of the mode [m] that the picture is for; displacements go as its square."""

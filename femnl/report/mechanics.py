@@ -4,14 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import get_args
 
-from femnl.geometry.reader import describe, load
+from femnl.core.device import Edge, Model
+from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.device.geometry.reader import describe, load
+from femnl.pipeline import solve_modes, solve_nonlinearity
 from femnl.plot.mechanics import film_figure, mode_gallery
-from femnl.predict import solve_modes, solve_nonlinearity
 from femnl.report.numbers import plain, ppm, with_error
 from femnl.report.picture import Picture, embed
 from femnl.report.published import Device, Published
-from femnl.types.device import Edge, Model
-from femnl.types.mechanics import Modes, Nonlinearity
 
 COUNT = 10
 EDGES: tuple[Edge, ...] = get_args(Edge)

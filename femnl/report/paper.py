@@ -5,8 +5,8 @@ import shutil
 import subprocess
 from pathlib import Path
 
-from femnl.errors import MissingLibraryError, ParameterError
-from femnl.storage import write_whole
+from femnl.core.errors import MissingLibraryError, ParameterError
+from femnl.io.results import write_whole
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "microsoft-edge")
 SECONDS = 300

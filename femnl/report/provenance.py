@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import femnl
-from femnl.types.device import Model
+from femnl.core.device import Model
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh", "cvxopt", "tmm", "xarray", "h5netcdf", "pyvista", "vtk", "matplotlib", "jinja2")
 

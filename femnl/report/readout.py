@@ -4,19 +4,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femnl import measurement
-from femnl.geometry.curves import polyline
-from femnl.optics import MultilayerFringe, SineFringe
+from femnl.core.device import Stack
+from femnl.core.readout import HarmonicMap
+from femnl.device.geometry.curves import polyline
+from femnl.io import measurement
+from femnl.optics.fringe import MultilayerFringe, SineFringe
+from femnl.optics.harmonics import Fringe, harmonics
+from femnl.pipeline import harmonic_maps
 from femnl.plot.maps import harmonic_map_figure
 from femnl.plot.spectrum import harmonic_spectrum_figure
-from femnl.predict import harmonic_maps
-from femnl.readout import Fringe, harmonics
 from femnl.report.mechanics import Geometry, Row, Say
 from femnl.report.numbers import plain
 from femnl.report.picture import Picture, embed
 from femnl.report.published import Drive, Published
-from femnl.types.device import Stack
-from femnl.types.readout import HarmonicMap
 
 HARMONICS = 6
 POINTS = 101

@@ -10,12 +10,12 @@ from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 from plotly.offline.offline import get_plotlyjs
 
-from femnl.geometry.curves import polyline
+from femnl.core.mechanics import Modes
+from femnl.device.geometry.curves import polyline
+from femnl.io.results import unfold
 from femnl.plot.mechanics import film_figure
 from femnl.plot.style import DIVERGING
 from femnl.report.picture import Picture, embed
-from femnl.storage import unfold
-from femnl.types.mechanics import Modes
 
 RELIEF = 0.22
 """Height of ξ = 1, in lengths of the film's longer side."""

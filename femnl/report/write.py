@@ -6,7 +6,8 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
-from femnl import resources
+from femnl.core import resources
+from femnl.io.results import make_folder, write_whole
 from femnl.plot.screen import need_offscreen
 from femnl.report.benchmarks import benchmarks
 from femnl.report.blind import blind
@@ -19,7 +20,6 @@ from femnl.report.provenance import provenance
 from femnl.report.published import DEVICES, Device
 from femnl.report.readout import Maps, Spectrum, maps, spectrum
 from femnl.report.shape import turning
-from femnl.storage import make_folder, write_whole
 
 NAME = "index.html"
 IN_PLANE = (

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag, expm
 
-from femnl.errors import ConvergenceError
+from femnl.core.errors import ConvergenceError
+from femnl.core.resonator import Array, Complex, CoupledModes
 from femnl.resonator.system import nonlinear_force, nonlinear_slopes, scaled
-from femnl.types.resonator import Array, Complex, CoupledModes
 
 # Enough samples for a product of five harmonics to be free of aliasing in the harmonics kept.
 DEGREE = 5

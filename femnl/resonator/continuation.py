@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femnl.errors import ConvergenceError, ParameterError
+from femnl.core.errors import ConvergenceError, ParameterError
+from femnl.core.resonator import Array, Complex, CoupledModes, PeriodicMotion, Resonator
 from femnl.resonator.balance import Balance
 from femnl.resonator.motion import integrate
 from femnl.resonator.slow import branches
 from femnl.resonator.system import couple
-from femnl.types.resonator import Array, Complex, CoupledModes, PeriodicMotion, Resonator
 
 MAX_POINTS = 20_000
 # Largest turn of the tangent, in radians, and change of the unknowns between neighbouring points of a curve.

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
-from femnl.errors import ConvergenceError
+from femnl.core.errors import ConvergenceError
+from femnl.core.resonator import Array, CoupledModes
 from femnl.resonator.system import scaled
-from femnl.types.resonator import Array, CoupledModes
 
 
 def integrate(

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femnl.types.resonator import Complex, Resonator
+from femnl.core.resonator import Complex, Resonator
 
 # Below this z the closed forms lose digits to cancellation; their series to z³ are then exact to 1e-13.
 SMALL = 1e-3

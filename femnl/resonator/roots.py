@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femnl.compiled import compiled
-from femnl.types.resonator import Array
+from femnl.core.compiled import compiled
+from femnl.core.resonator import Array
 
 MAX_STEPS = 4
 # Residual of the normalised equation below which another Newton step only moves rounding errors.

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
-from femnl.errors import ConvergenceError, ParameterError
+from femnl.core.errors import ConvergenceError, ParameterError
+from femnl.core.resonator import Array, Branches, Complex, Resonator
 from femnl.resonator.roots import duffing_roots
-from femnl.types.resonator import Array, Branches, Complex, Resonator
 
 CRITICAL = 32 * np.sqrt(3) / 27
 # A root of a quintic counts as real below this relative imaginary part: eigenvalues split by √ε at a fold.

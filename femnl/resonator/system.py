@@ -7,8 +7,8 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femnl.errors import ParameterError
-from femnl.types.resonator import Array, CoupledModes, Resonator
+from femnl.core.errors import ParameterError
+from femnl.core.resonator import Array, CoupledModes, Resonator
 
 
 def couple(

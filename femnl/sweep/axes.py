@@ -7,9 +7,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from femnl.errors import ParameterError
-from femnl.geometry.schema import GeometryFile
-from femnl.geometry.tables import complaint, show
+from femnl.core.errors import ParameterError
+from femnl.device.geometry.schema import GeometryFile
+from femnl.device.geometry.tables import complaint, show
 
 Tables = dict[str, Any]
 

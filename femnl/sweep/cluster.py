@@ -7,7 +7,7 @@ from itertools import islice
 
 from distributed import Client, Future, LocalCluster, as_completed
 
-from femnl.errors import ParameterError
+from femnl.core.errors import ParameterError
 from femnl.sweep.point import VERSION, Point, Record, Settings, attempt, failure
 
 AHEAD = 2000

@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 from pydantic_core import PydanticCustomError
 
-from femnl.geometry.quantities import DENSITY, LENGTH, PRESSURE, to_si
-from femnl.storage import write_whole
+from femnl.device.geometry.quantities import DENSITY, LENGTH, PRESSURE, to_si
+from femnl.io.results import write_whole
 from femnl.sweep.point import KEPT, Record
 from femnl.sweep.spec import Sweep
 from femnl.sweep.store import Store

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from femnl.errors import FemnlError, GeometryError
-from femnl.geometry.schema import GeometryFile
-from femnl.geometry.tables import complaint
-from femnl.modes.dilution import dilution
-from femnl.predict import solve_modes, solve_nonlinearity
-from femnl.types.device import Model
-from femnl.types.mechanics import Modes, Nonlinearity
+from femnl.core.device import Model
+from femnl.core.errors import FemnlError, GeometryError
+from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.device.geometry.schema import GeometryFile
+from femnl.device.geometry.tables import complaint
+from femnl.mechanics.modes.dilution import dilution
+from femnl.pipeline import solve_modes, solve_nonlinearity
 
 Array = NDArray[np.float64]
 Tables = dict[str, Any]
@@ -49,7 +49,7 @@ _ALONE = Lock()  # the mesher has one state a process, and a Dask worker may hav
 
 @dataclass(frozen=True)
 class Settings:
-    """How every point of a sweep is solved and what is kept of it; see `femnl.predict.solve_modes`."""
+    """How every point of a sweep is solved and what is kept of it; see `femnl.pipeline.solve_modes`."""
 
     modes: int = 6
     resolution: float = 1.0

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 from multiprocessing.connection import Connection, wait
 
-from femnl.processes import Worker, answer, one_thread
+from femnl.core.processes import Worker, answer, one_thread
 from femnl.sweep.point import Point, Record, Settings, attempt, failure
 
 TRIES = 3

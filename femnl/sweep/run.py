@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 
-from femnl.errors import MissingLibraryError
-from femnl.fem.memory import need_memory
+from femnl.core.errors import MissingLibraryError
+from femnl.mechanics.fem.memory import need_memory
 from femnl.sweep.point import Point, Record, Settings
 from femnl.sweep.processes import on_processes
 from femnl.sweep.spec import Sweep

@@ -10,11 +10,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from femnl.errors import ParameterError
-from femnl.fem.memory import need_memory
-from femnl.geometry import load
-from femnl.geometry.tables import one_line, suggest
-from femnl.mesh import WEDGES
+from femnl.core.errors import ParameterError
+from femnl.device.geometry import load
+from femnl.device.geometry.tables import one_line, suggest
+from femnl.device.mesh import WEDGES
+from femnl.mechanics.fem.memory import need_memory
 from femnl.sweep.axes import Axis, Range, check_axis, locate, put, read_axis
 from femnl.sweep.point import KEPT, Point, Settings, Tables
 from femnl.sweep.sample import draw

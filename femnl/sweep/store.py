@@ -11,8 +11,8 @@ from typing import IO, Any
 
 import numpy as np
 
-from femnl.errors import ParameterError
-from femnl.storage import need_room, write_whole
+from femnl.core.errors import ParameterError
+from femnl.io.results import need_room, write_whole
 from femnl.sweep.point import VERSION, Record, Settings
 
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from femnl.core.diagnosis import Diagnosis
 from femnl.diagnose import diagnose
 from femnl.effects import library
-from femnl.types.diagnosis import Diagnosis
 from tests.blind.lab import GEOMETRIES, KINDS, STRONG, WEAK, Case, causes, make
 from tests.blind.lab.maps import WAVELENGTH
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from dynesty.dynesty import NestedSampler
 
-from femnl import measurement
-from femnl.diagnose.fit import Solution, fit, log_prior
-from femnl.diagnose.problem import Extended
+from femnl.diagnose.least_squares import Solution, fit, log_prior
 from femnl.diagnose.run import pose
 from femnl.effects import library
-from femnl.predict import measured_device
+from femnl.io import measurement
+from femnl.observe.model import Extended
+from femnl.pipeline import measured_device
 from tests.blind.lab import Case, make
 
 pytestmark = pytest.mark.slow

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from femnl.core.fit import Parameter
 from femnl.diagnose import diagnose
-from femnl.types.fit import Parameter
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 pytestmark = [

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import femnl
-from femnl import measurement
 from femnl.diagnose import diagnose
+from femnl.io import measurement
 
 LASERS = {"red": (632.8e-9, 0.6), "green": (532e-9, 1.1)}  # wavelength [m], phase of the fringe at rest [rad]
 CONTRAST, NOISE = 20e-3, 2e-4  # V
@@ -42,10 +42,10 @@ def simulate(world: World, lasers: tuple[str, ...], path: Path) -> Path:
     modes = femnl.solve_modes(femnl.load("square-270um"), 12)
     axis = np.linspace(-135e-6, 135e-6, POINTS)
     x, y = np.meshgrid(axis, axis)
-    motion = world.fundamental * np.cos(TIMES)[:, None, None] * femnl.modes.shape_at(modes, 0, x, y)
+    motion = world.fundamental * np.cos(TIMES)[:, None, None] * femnl.mechanics.modes.shape_at(modes, 0, x, y)
     for n, size in enumerate(world.overtones, start=2):
         near = int(np.argmin(np.abs(modes.frequency - n * modes.frequency[0])))
-        motion = motion + size * np.cos(n * TIMES)[:, None, None] * femnl.modes.shape_at(modes, near, x, y)
+        motion = motion + size * np.cos(n * TIMES)[:, None, None] * femnl.mechanics.modes.shape_at(modes, near, x, y)
     groups = {}
     for laser in lasers:
         wavelength, theta = LASERS[laser]

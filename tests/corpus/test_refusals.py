@@ -8,8 +8,8 @@ import h5py
 import numpy as np
 import pytest
 
-from femnl import measurement
 from femnl.cli._main import run
+from femnl.io import measurement
 
 CASES = tomllib.loads(Path(__file__).with_name("refusals.toml").read_text(encoding="utf-8"))["case"]
 TEXTS = {

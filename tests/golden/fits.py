@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from femnl import measurement
-from femnl.fits.oscillation import free_run, stages
+from femnl.core.resonator import Resonator
+from femnl.io import measurement
+from femnl.observe.record.free_run import free_run, stages
 from femnl.resonator import duffing_roots, ring_down
-from femnl.types.resonator import Resonator
 from tests.blind.lab import Case, make
 
 DEVICE = "rectangle"

@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import iv, ivp, jv, jvp, kv, kvp, yv, yvp
 
-from femnl.fem.elements import Space
-from femnl.fem.forms import cells
-from femnl.fem.stress import relaxed_stress
-from femnl.mesh import mesh
-from femnl.modes import solve_modes
-from femnl.prestress import solve_prestress
-from femnl.types.device import Clamp, Model
-from femnl.types.mechanics import Modes, Prestress
+from femnl.core.device import Clamp, Model
+from femnl.core.mechanics import Modes, Prestress
+from femnl.device.mesh import mesh
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import cells
+from femnl.mechanics.fem.stress import relaxed_stress
+from femnl.mechanics.modes import solve_modes
+from femnl.mechanics.prestress import solve_prestress
 
 Array = NDArray[np.float64]
 Device = Callable[..., Model]

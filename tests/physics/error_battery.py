@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import jn_zeros
 
-from femnl import geometry
-from femnl.mesh import mesh
-from femnl.modes import solve_modes
-from femnl.nonlinearity import solve_nonlinearity
-from femnl.predict import solve_modes as solve_with_errors
-from femnl.prestress import solve_prestress
-from femnl.types.device import Edge, Holes, Model
-from femnl.types.mechanics import Modes, Nonlinearity
+from femnl.core.device import Edge, Holes, Model
+from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.device import geometry
+from femnl.device.mesh import mesh
+from femnl.mechanics.modes import solve_modes
+from femnl.mechanics.nonlinearity import solve_nonlinearity
+from femnl.mechanics.prestress import solve_prestress
+from femnl.pipeline import solve_modes as solve_with_errors
 
 Array = NDArray[np.float64]
 

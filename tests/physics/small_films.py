@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl import geometry
-from femnl.types.device import Holes, Model, Outline, Segment
+from femnl.core.device import Holes, Model, Outline, Segment
+from femnl.device import geometry
 from tests.physics.error_battery import FILM, Film, outline, pierced, stiff
 
 PITCH = 8.56e-6

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, diags_array
 
 from femnl import load
-from femnl.bands import Bands, Lattice, find_lattice, solve_bands
-from femnl.bands.spectrum import lowest_eigenvalues
-from femnl.errors import ConvergenceError, ParameterError
-from femnl.lattice import solve_cell
-from femnl.types.device import Holes, Model
+from femnl.core.device import Holes, Model
+from femnl.core.errors import ConvergenceError, ParameterError
+from femnl.mechanics.bands import Bands, Lattice, find_lattice, solve_bands
+from femnl.mechanics.bands.spectrum import lowest_eigenvalues
+from femnl.mechanics.lattice import solve_cell
 
 Array = NDArray[np.float64]
 

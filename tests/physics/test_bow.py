@@ -12,11 +12,11 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 from scipy.optimize import minimize_scalar
 
-from femnl.bow import Bowed, Film, solve_bow
-from femnl.errors import ConvergenceError, ParameterError
-from femnl.predict import solve_modes, solve_nonlinearity
-from femnl.types.device import Model
-from femnl.types.mechanics import Modes
+from femnl.core.device import Model
+from femnl.core.errors import ConvergenceError, ParameterError
+from femnl.core.mechanics import Modes
+from femnl.mechanics.static_deflection import Bowed, Film, solve_bow
+from femnl.pipeline import solve_modes, solve_nonlinearity
 
 Array = NDArray[np.float64]
 Device = Callable[..., Model]

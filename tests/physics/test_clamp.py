@@ -10,15 +10,15 @@ from scipy.special import jn_zeros, jv, jvp
 from skfem import Basis, BilinearForm, ElementTriP2, ElementVector, LinearForm, MeshTri
 from skfem.helpers import ddot, sym_grad, trace
 
-from femnl.errors import ParameterError
-from femnl.fem.elements import Space
-from femnl.fem.forms import cells
-from femnl.fem.stress import relaxed_stress
-from femnl.mesh import mesh
-from femnl.modes.dilution import bending_share
-from femnl.nonlinearity import solve_nonlinearity
-from femnl.prestress import solve_prestress
-from femnl.types.device import Clamp, Holes
+from femnl.core.device import Clamp, Holes
+from femnl.core.errors import ParameterError
+from femnl.device.mesh import mesh
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import cells
+from femnl.mechanics.fem.stress import relaxed_stress
+from femnl.mechanics.modes.dilution import bending_share
+from femnl.mechanics.nonlinearity import solve_nonlinearity
+from femnl.mechanics.prestress import solve_prestress
 from tests.physics.elastic_films import (
     ORDERS,
     POISSON,

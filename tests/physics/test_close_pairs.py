@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl import storage
-from femnl.predict import solve_modes, solve_nonlinearity
-from femnl.types.mechanics import Modes
+from femnl.core.mechanics import Modes
+from femnl.io import results as storage
+from femnl.pipeline import solve_modes, solve_nonlinearity
 from tests.physics.error_battery import Film, finer_modes, measure, outline, stiff
 from tests.physics.small_films import film, rectangle, skewed, sloped, squares, stretched
 

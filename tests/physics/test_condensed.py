@@ -10,19 +10,20 @@ import pytest
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from femnl import lattice, nonlinearity, storage
-from femnl.errors import ConvergenceError, ParameterError
-from femnl.fem.elements import Space
-from femnl.fem.solvers import lowest_eigenpairs
-from femnl.lattice import condensed, solve_condensed, tile
-from femnl.lattice.relaxed import Frame, Relaxed
-from femnl.lattice.skeleton import summed
-from femnl.lattice.tile import Flexure
-from femnl.modes import solve_modes as solve_on_mesh
-from femnl.modes.shapes import walk
-from femnl.predict import solve_modes, solve_nonlinearity
-from femnl.prestress import solve_prestress
-from femnl.types.device import Clamp, Edge, Model
+from femnl.core.device import Clamp, Edge, Model
+from femnl.core.errors import ConvergenceError, ParameterError
+from femnl.io import results as storage
+from femnl.mechanics import lattice, nonlinearity
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.solvers import lowest_eigenpairs
+from femnl.mechanics.lattice import condensed, solve_condensed, tile
+from femnl.mechanics.lattice.relaxed import Frame, Relaxed
+from femnl.mechanics.lattice.skeleton import summed
+from femnl.mechanics.lattice.tile import Flexure
+from femnl.mechanics.modes import solve_modes as solve_on_mesh
+from femnl.mechanics.modes.shapes import walk
+from femnl.mechanics.prestress import solve_prestress
+from femnl.pipeline import solve_modes, solve_nonlinearity
 from tests.physics.small_films import film
 
 Array = NDArray[np.float64]

@@ -7,11 +7,11 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import ive, ivp, jn_zeros, jv, jvp
 
-from femnl.errors import ParameterError
-from femnl.modes.dilution import bending_share, dilution
-from femnl.predict import solve_modes
-from femnl.types.device import Model
-from femnl.types.mechanics import Modes
+from femnl.core.device import Model
+from femnl.core.errors import ParameterError
+from femnl.core.mechanics import Modes
+from femnl.mechanics.modes.dilution import bending_share, dilution
+from femnl.pipeline import solve_modes
 
 Device = Callable[..., Model]
 POISSON = 0.23

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl.errors import ConvergenceError, ParameterError
-from femnl.geometry import load
-from femnl.predict import solve_modes, solve_modes_to, solve_nonlinearity
-from femnl.types.device import Holes, Model
-from femnl.types.mechanics import Modes
-from femnl.types.remainder import MOST, remainder
+from femnl.core.device import Holes, Model
+from femnl.core.discretisation_error import MOST, remainder
+from femnl.core.errors import ConvergenceError, ParameterError
+from femnl.core.mechanics import Modes
+from femnl.device.geometry import load
+from femnl.pipeline import solve_modes, solve_modes_to, solve_nonlinearity
 from tests.physics.error_battery import QUANTITIES, Film, films, measure, outline, stiff
 
 Array = NDArray[np.float64]

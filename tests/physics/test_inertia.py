@@ -11,13 +11,13 @@ from scipy.linalg import eigh
 from scipy.optimize import minimize_scalar
 from scipy.sparse import csc_matrix
 
-from femnl.errors import ConvergenceError
-from femnl.fem.solvers import factorize
-from femnl.nonlinearity import film_membrane, respond, solve_inertia, solve_nonlinearity
-from femnl.nonlinearity.stretching import in_plane_mass, stretching
-from femnl.predict import solve_modes
-from femnl.types.device import Edge, Model
-from femnl.types.mechanics import Modes
+from femnl.core.device import Edge, Model
+from femnl.core.errors import ConvergenceError
+from femnl.core.mechanics import Modes
+from femnl.mechanics.fem.solvers import factorize
+from femnl.mechanics.nonlinearity import film_membrane, respond, solve_inertia, solve_nonlinearity
+from femnl.mechanics.nonlinearity.stretching import in_plane_mass, stretching
+from femnl.pipeline import solve_modes
 
 Array = NDArray[np.float64]
 Device = Callable[..., Model]

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femnl import load, resources
-from femnl.errors import ParameterError
-from femnl.lattice import solve_cell, solve_homogenised
-from femnl.predict import solve_modes, solve_nonlinearity
-from femnl.types.device import Holes, Model, Outline
+from femnl import load
+from femnl.core import resources
+from femnl.core.device import Holes, Model, Outline
+from femnl.core.errors import ParameterError
+from femnl.mechanics.lattice import solve_cell, solve_homogenised
+from femnl.pipeline import solve_modes, solve_nonlinearity
 from femnl.validation import load as load_case
 
 PITCH = 8.56e-6

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import femnl
-from femnl.fits.mapmodel import Shape
-from femnl.fits.maps import fit_map
-from femnl.measurement import harmonic_map, read
-from femnl.modes import shape_at
-from femnl.optics import SineFringe
-from femnl.readout import harmonics
-from femnl.types.mechanics import Modes
-from femnl.types.readout import Array
+from femnl.core.mechanics import Modes
+from femnl.core.readout import Array
+from femnl.fits.map.fit import fit_map
+from femnl.io.measurement import harmonic_map, read
+from femnl.mechanics.modes import shape_at
+from femnl.observe.map.forward import Shape
+from femnl.optics.fringe import SineFringe
+from femnl.optics.harmonics import harmonics
 
 RED = 632.8e-9
 DATA = Path(__file__).parents[3] / "shared" / "data"

@@ -11,13 +11,13 @@ from scipy.special import jn_zeros, jv
 from skfem import MeshTri1, MeshTri2
 
 from femnl import load
-from femnl.errors import ConvergenceError, ParameterError
-from femnl.mesh import mesh
-from femnl.modes import align, shape_at, solve_modes
-from femnl.modes.operators import Operators
-from femnl.prestress import solve_prestress
-from femnl.types.device import Holes, Model, Outline, Segment
-from femnl.types.mechanics import Domain, Modes
+from femnl.core.device import Holes, Model, Outline, Segment
+from femnl.core.errors import ConvergenceError, ParameterError
+from femnl.core.mechanics import Domain, Modes
+from femnl.device.mesh import mesh
+from femnl.mechanics.modes import align, shape_at, solve_modes
+from femnl.mechanics.modes.operators import Operators
+from femnl.mechanics.prestress import solve_prestress
 
 Array = NDArray[np.float64]
 Device = Callable[..., Model]

@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 from skfem import MeshTri1, MeshTri2
 
-from femnl.mesh import mesh
-from femnl.modes import align, shape_at, solve_modes
-from femnl.nonlinearity import solve_nonlinearity
-from femnl.prestress import solve_prestress
-from femnl.types.device import Edge, Holes, Model
-from femnl.types.mechanics import Domain, Modes
+from femnl.core.device import Edge, Holes, Model
+from femnl.core.mechanics import Domain, Modes
+from femnl.device.mesh import mesh
+from femnl.mechanics.modes import align, shape_at, solve_modes
+from femnl.mechanics.nonlinearity import solve_nonlinearity
+from femnl.mechanics.prestress import solve_prestress
 
 Array = NDArray[np.float64]
 Device = Callable[..., Model]

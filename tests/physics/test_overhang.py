@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.special import jn_zeros
 
-from femnl.fem.elements import Space
-from femnl.fem.forms import cells
-from femnl.mesh import mesh
-from femnl.predict import solve_modes as solve_device
-from femnl.prestress import solve_prestress
-from femnl.types.device import Clamp, Film, Model, Overhang
+from femnl.core.device import Clamp, Film, Model, Overhang
+from femnl.device.mesh import mesh
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import cells
+from femnl.mechanics.prestress import solve_prestress
+from femnl.pipeline import solve_modes as solve_device
 from tests.physics.elastic_films import (
     CIRCLE,
     DENSITY,

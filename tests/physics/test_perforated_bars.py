@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl.mesh import mesh
-from femnl.modes import solve_modes as solve_at_degree
-from femnl.predict import solve_modes
-from femnl.prestress import solve_prestress
+from femnl.device.mesh import mesh
+from femnl.mechanics.modes import solve_modes as solve_at_degree
+from femnl.mechanics.prestress import solve_prestress
+from femnl.pipeline import solve_modes
 from tests.physics.error_battery import QUANTITIES, Film, finer_modes, measure
 from tests.physics.small_films import film, perforated
 

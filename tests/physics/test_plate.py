@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from skfem import MeshTri1, MeshTri2
 
-from femnl import resources
-from femnl.errors import ConvergenceError
-from femnl.mesh import mesh
-from femnl.mesh.build import bending_length
-from femnl.modes import shape_at, solve_modes
-from femnl.prestress import solve_prestress
-from femnl.types.device import Film, Model
-from femnl.types.mechanics import Domain, Modes
+from femnl.core import resources
+from femnl.core.device import Film, Model
+from femnl.core.errors import ConvergenceError
+from femnl.core.mechanics import Domain, Modes
+from femnl.device.mesh import mesh
+from femnl.device.mesh.build import bending_length
+from femnl.mechanics.modes import shape_at, solve_modes
+from femnl.mechanics.prestress import solve_prestress
 from femnl.validation import load
 
 Array = NDArray[np.float64]

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl.fem.elements import Space
-from femnl.fem.forms import cells, in_plane_strain, plane_stress, thickness, vector_dofs
-from femnl.fem.stress import relaxed_stress
-from femnl.mesh import mesh
-from femnl.prestress import solve_prestress
-from femnl.types.device import Edge, Holes, Model
-from femnl.types.mechanics import Prestress
+from femnl.core.device import Edge, Holes, Model
+from femnl.core.mechanics import Prestress
+from femnl.device.mesh import mesh
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import cells, in_plane_strain, plane_stress, thickness, vector_dofs
+from femnl.mechanics.fem.stress import relaxed_stress
+from femnl.mechanics.prestress import solve_prestress
 
 Array = NDArray[np.float64]
 Device = Callable[..., Model]

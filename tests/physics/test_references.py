@@ -13,10 +13,10 @@ from skfem import Basis, BilinearForm, ElementTriP4, ElementVector, Functional, 
 from skfem.assembly.form.form import FormExtraParams
 from skfem.helpers import ddot, dot, grad, sym_grad
 
-from femnl import resources
-from femnl.mesh import mesh
-from femnl.predict import solve_modes_to, solve_nonlinearity
-from femnl.types.device import Model
+from femnl.core import resources
+from femnl.core.device import Model
+from femnl.device.mesh import mesh
+from femnl.pipeline import solve_modes_to, solve_nonlinearity
 from femnl.validation import load
 from tests.physics.error_battery import outline
 

@@ -8,16 +8,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from femnl.errors import ParameterError
-from femnl.geometry import parse
-from femnl.mesh import mesh
-from femnl.modes import shape_at, shapes_at
-from femnl.modes.projection import project
-from femnl.predict import solve_modes
-from femnl.prestress import solve_units
-from femnl.types.device import Holes
-from femnl.types.mechanics import Modes
-from femnl.types.operators import Projection
+from femnl.core.device import Holes
+from femnl.core.errors import ParameterError
+from femnl.core.mechanics import Modes
+from femnl.core.operators import Projection
+from femnl.device.geometry import parse
+from femnl.device.mesh import mesh
+from femnl.mechanics.modes import shape_at, shapes_at
+from femnl.mechanics.modes.projection import project
+from femnl.mechanics.prestress import solve_units
+from femnl.pipeline import solve_modes
 from tests.blind.lab import holes
 from tests.blind.lab.film import device
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from femnl.errors import ParameterError
+from femnl.core.errors import ParameterError
+from femnl.core.resonator import Array, Complex, CoupledModes, Resonator
 from femnl.resonator import (
     balance,
     branches,
@@ -17,7 +18,6 @@ from femnl.resonator import (
     duffing_roots,
     sweep_modes,
 )
-from femnl.types.resonator import Array, Complex, CoupledModes, Resonator
 
 Force = Callable[[float, Array], Array]
 # All tests count time in 1/ω₀ and displacement in units of 1/√α, where the equations have no small or large numbers.

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femnl.core.resonator import Resonator
 from femnl.resonator import balance, branches, couple, critical_point, integrate, ring_down, sweep, sweep_modes
-from femnl.types.resonator import Resonator
 
 # Time counts in 1/ω₀ where F0 is used.
 F0 = 1 / (2 * np.pi)

@@ -9,17 +9,17 @@ from numpy.polynomial import Legendre
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from femnl.errors import ParameterError
-from femnl.fem.elements import Space
-from femnl.fem.forms import cells
-from femnl.fem.stress import relaxed_stress
-from femnl.mesh import has_symmetry, mesh
-from femnl.mesh.symmetry import EIGHTH, HALF, QUARTER
-from femnl.modes import solve_modes
-from femnl.predict import solve_modes as solve_device
-from femnl.prestress import solve_prestress
-from femnl.types.device import Holes, Model
-from femnl.types.mechanics import Modes
+from femnl.core.device import Holes, Model
+from femnl.core.errors import ParameterError
+from femnl.core.mechanics import Modes
+from femnl.device.mesh import has_symmetry, mesh
+from femnl.device.mesh.symmetry import EIGHTH, HALF, QUARTER
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import cells
+from femnl.mechanics.fem.stress import relaxed_stress
+from femnl.mechanics.modes import solve_modes
+from femnl.mechanics.prestress import solve_prestress
+from femnl.pipeline import solve_modes as solve_device
 
 Array = NDArray[np.float64]
 Device = Callable[..., Model]

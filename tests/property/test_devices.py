@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femnl.fem.elements import Space
-from femnl.geometry import curves, parse
-from femnl.mesh import mesh
-from femnl.predict import solve_modes
-from femnl.types.device import Model
+from femnl.core.device import Model
+from femnl.device.geometry import curves, parse
+from femnl.device.mesh import mesh
+from femnl.mechanics.fem.elements import Space
+from femnl.pipeline import solve_modes
 
 FEW = settings(derandomize=True, database=None, deadline=None, max_examples=12)
 FILM = (

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from femnl import measurement
-from femnl.errors import MeasurementError
+from femnl.core.errors import MeasurementError
+from femnl.io import measurement
 
 MANY = settings(derandomize=True, database=None, deadline=None, max_examples=30)
 VOLTS = st.floats(-1e3, 1e3) | st.just(np.nan)

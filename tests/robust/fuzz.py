@@ -16,10 +16,11 @@ import numpy as np
 
 atheris = import_module("atheris")  # without types, and only there where the fuzzers run
 
-with atheris.instrument_imports(include=["tomllib", "femnl.geometry", "femnl.measurement"]):
-    from femnl import geometry, measurement
-    from femnl.errors import GeometryError, MeasurementError
-    from femnl.measurement.contract import KINDS
+with atheris.instrument_imports(include=["tomllib", "femnl.device.geometry", "femnl.io.measurement"]):
+    from femnl.core.errors import GeometryError, MeasurementError
+    from femnl.device import geometry
+    from femnl.io import measurement
+    from femnl.io.measurement.contract import KINDS
 
     geometry.shipped()
 

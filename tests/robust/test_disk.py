@@ -14,11 +14,11 @@ from shutil import which
 import numpy as np
 import pytest
 
-from femnl import measurement
 from femnl.cli._main import run
-from femnl.errors import ParameterError
-from femnl.storage import write_whole
-from femnl.storage.cache import kept
+from femnl.core.errors import ParameterError
+from femnl.io import measurement
+from femnl.io.results import write_whole
+from femnl.io.results.cache import kept
 
 DRUM = ["modes", "circle", "--count", "1", "--resolution", "0.5"]
 

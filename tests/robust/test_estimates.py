@@ -8,11 +8,11 @@ from collections.abc import Callable
 
 import pytest
 
-from femnl.errors import ParameterError
-from femnl.fem.memory import need_memory
-from femnl.geometry import load
-from femnl.mesh import build
-from femnl.predict import solve_modes
+from femnl.core.errors import ParameterError
+from femnl.device.geometry import load
+from femnl.device.mesh import build
+from femnl.mechanics.fem.memory import need_memory
+from femnl.pipeline import solve_modes
 
 
 @pytest.mark.parametrize(
@@ -43,8 +43,10 @@ def test_what_fits_is_let_through_and_what_does_not_names_size_and_remedy() -> N
 
 @pytest.mark.parametrize("kind", ["v", "d", "m"])
 def test_what_a_shell_allows_counts_as_the_memory_of_the_machine_does(kind: str) -> None:
-    words = 'from femnl.fem.memory import need_memory as n; n(1e9, "ten modes", "ask for fewer"); n(5e9, "two films", "ask for one")'
+    words = (
+        'from femnl.mechanics.fem.memory import need_memory as n; n(1e9, "ten modes", "ask for fewer"); n(5e9, "two films", "ask for one")'
+    )
     command = f"ulimit -{kind} 4000000; {sys.executable} -c '{words}'"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     line = "two films need about 4.7 GiB of memory, and this process may take 3.8 GiB; ask for one"
-    assert done.stderr.splitlines()[-1] == f"femnl.errors.ParameterError: {line}"
+    assert done.stderr.splitlines()[-1] == f"femnl.core.errors.ParameterError: {line}"

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femnl import measurement, resources
+from femnl.core import resources
+from femnl.io import measurement
 
 SECONDS = 200  # for each reader: ten minutes together
 SLOWEST = 90  # seconds that one file may take: a damaged text may claim 4 GiB, which HDF5 clears before it looks

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femnl import measurement
 from femnl.cli._main import run
+from femnl.io import measurement
 
 EVIL = "<script>alert(1)</script>"
 

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.diagnose.problem import Named, Ranked, apply
-from femnl.types.comparison import Comparison
-from femnl.types.effect import Effect, Kind, Knob, Values
-from femnl.types.readout import Array
+from femnl.core.comparison import Comparison
+from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.readout import Array
+from femnl.observe.model import Named, Ranked, apply
 
 
 class Level:

@@ -5,7 +5,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from femnl import resources
+from femnl.core import resources
 from femnl.report import Device, Drive, Published, write_report
 from femnl.report.benchmarks import NAME as BENCHMARKS
 from femnl.report.blind import NAME as BLIND

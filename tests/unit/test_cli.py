@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 from scipy.special import jv
 
-from femnl import measurement
 from femnl.cli._main import run
+from femnl.io import measurement
 
 
 @pytest.fixture(autouse=True)

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femnl.bands import Bands, Lattice
 from femnl.cli._main import run
+from femnl.mechanics.bands import Bands, Lattice
 from femnl.plot.bands import bands_figure
 
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from femnl import measurement
 from femnl.cli._main import run
-from femnl.fits.oscillation import free_run, stages
-from femnl.geometry import load
-from femnl.predict import solve_modes
+from femnl.core.resonator import Resonator
+from femnl.device.geometry import load
+from femnl.io import measurement
+from femnl.observe.record.free_run import free_run, stages
+from femnl.pipeline import solve_modes
 from femnl.resonator import duffing_roots, ring_down
-from femnl.types.resonator import Resonator
 
 DEVICE = "rectangle"
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femnl.compiled import compiled
+from femnl.core.compiled import compiled
 
 
 def test_where_nothing_can_be_written_machine_code_is_made_anew(caplog: pytest.LogCaptureFixture) -> None:

@@ -15,16 +15,16 @@ import numpy as np
 import psutil
 import pytest
 
-from femnl import measurement
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.readout import Array
 from femnl.diagnose import diagnose, record
-from femnl.diagnose.crew import Job, crew
-from femnl.diagnose.fit import Solution, fit
-from femnl.diagnose.ledger import remembered
-from femnl.diagnose.problem import Extended, Problem
+from femnl.diagnose.checkpoint import remembered
+from femnl.diagnose.least_squares import Solution, fit
+from femnl.diagnose.worker_pool import Job, crew
 from femnl.effects import library
-from femnl.errors import MeasurementError, ParameterError
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.readout import Array
+from femnl.io import measurement
+from femnl.observe.model import Extended, Problem
 from tests.unit.level import Level
 
 BLOCKS = np.repeat(np.arange(4), 10)

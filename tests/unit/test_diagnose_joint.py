@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl import measurement
+from femnl.device.geometry import load
 from femnl.diagnose import diagnose
-from femnl.diagnose.film import SimulatedFilm
 from femnl.diagnose.joint import JointProblem
-from femnl.diagnose.problem import Extended
 from femnl.diagnose.run import pose
 from femnl.effects import library
-from femnl.geometry import load
-from femnl.optics import MultilayerFringe
+from femnl.io import measurement
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.model import Extended
+from femnl.optics.fringe import MultilayerFringe
 
 Array = NDArray[np.float64]
 MODEL = load("square-270um")

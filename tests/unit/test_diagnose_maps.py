@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl import measurement
-from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.fit import fit
-from femnl.diagnose.maps import MapProblem
-from femnl.diagnose.problem import Extended
+from femnl.core.comparison import Curves
+from femnl.device.geometry import load
+from femnl.diagnose.least_squares import fit
+from femnl.diagnose.map import MapProblem
 from femnl.diagnose.search import FALSE_ALARMS, applicable, criticise
 from femnl.effects import library
-from femnl.geometry import load
-from femnl.types.comparison import Curves
+from femnl.io import measurement
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.model import Extended
 
 Array = NDArray[np.float64]
 FILM = SimulatedFilm(load("square-270um"), 12)

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from femnl.diagnose.fit import fit
+from femnl.core.comparison import Curves
+from femnl.core.effect import Effect, Knob
+from femnl.core.errors import MeasurementError, ParameterError
 from femnl.diagnose.freeform import fitted_forms
-from femnl.diagnose.oscillation import OscillationProblem
-from femnl.diagnose.problem import Extended
-from femnl.errors import MeasurementError, ParameterError
-from femnl.fits.oscillation import EDGE
-from femnl.types.comparison import Curves
-from femnl.types.effect import Effect, Knob
+from femnl.diagnose.least_squares import fit
+from femnl.diagnose.record import OscillationProblem
+from femnl.observe.model import Extended
+from femnl.observe.record.free_run import EDGE
 from tests.blind.lab.record import RecordBench
 
 

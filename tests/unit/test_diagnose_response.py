@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl import load, measurement
+from femnl import load
+from femnl.core.diagnosis import Diagnosis
 from femnl.diagnose import diagnose
-from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.fit import fit
-from femnl.diagnose.problem import Extended
+from femnl.diagnose.least_squares import fit
 from femnl.diagnose.response import ResponseProblem
 from femnl.diagnose.search import FALSE_ALARMS, criticise, search
 from femnl.effects import library
-from femnl.types.diagnosis import Diagnosis
+from femnl.io import measurement
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.model import Extended
 from tests.blind.lab import Case, make
 
 Complex = NDArray[np.complex128]

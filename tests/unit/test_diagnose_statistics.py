@@ -8,18 +8,19 @@ import pytest
 from scipy.special import ndtr
 from scipy.stats import kstest, norm
 
-from femnl import load, measurement
-from femnl.diagnose.criticism import looks
-from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.fit import DECADES, Solution, fit
-from femnl.diagnose.problem import Extended, apply
+from femnl import load
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.readout import Array
+from femnl.core.stages import Placement
+from femnl.diagnose.adequacy import looks
+from femnl.diagnose.least_squares import DECADES, Solution, fit
 from femnl.diagnose.search import Candidate, applicable, criticise
 from femnl.diagnose.spectrum import BENDING_SD, SpectrumProblem
 from femnl.diagnose.verdict import CLEAR, judge
 from femnl.effects import library
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.readout import Array
-from femnl.types.scene import Placement
+from femnl.io import measurement
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.model import Extended, apply
 from tests.unit.level import Level
 
 N = 48

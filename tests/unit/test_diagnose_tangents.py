@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl import load, measurement
-from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.problem import Extended, Problem, recent
+from femnl import load
+from femnl.core.memo import recent
+from femnl.core.readout import Array
 from femnl.diagnose.response import ResponseProblem
 from femnl.diagnose.search import applicable
 from femnl.diagnose.tangents import TARGET, jacobian_at, steps_for, tangents
 from femnl.diagnose.trace import TraceProblem
 from femnl.effects import library
-from femnl.types.readout import Array
+from femnl.io import measurement
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.model import Extended, Problem
 
 F0, WIDTH, STEPS, PLACES = 2.9324e6, 4.0, 4, (1.0, 0.6, -0.4)
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from femnl import measurement
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.stages import Lines
 from femnl.diagnose import diagnose
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.scene import Lines
+from femnl.io import measurement
 
 
 def _threads() -> set[int]:

@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
-from femnl import measurement
+from femnl.core.diagnosis import Diagnosis
+from femnl.core.errors import MeasurementError
+from femnl.device.geometry import load
 from femnl.diagnose import diagnose
-from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.fit import fit
-from femnl.diagnose.problem import Extended
+from femnl.diagnose.least_squares import fit
 from femnl.diagnose.search import FALSE_ALARMS, criticise
 from femnl.diagnose.trace import TraceProblem
-from femnl.errors import MeasurementError
-from femnl.geometry import load
-from femnl.types.diagnosis import Diagnosis
+from femnl.io import measurement
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.model import Extended
 
 Array = NDArray[np.float64]
 GEOMETRY, WAVELENGTH, CONTRAST, NOISE = "square-270um", 632.8e-9, 0.02, 5e-4

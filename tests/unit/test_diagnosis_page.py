@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femnl import measurement
+from femnl.core.comparison import Curve, Curves, Images
+from femnl.core.diagnosis import Diagnosis
+from femnl.core.stages import Fringe, Motion
 from femnl.diagnose import diagnose
-from femnl.diagnose.fringes import harmonics
-from femnl.diagnose.maps import _upright
+from femnl.diagnose.map import _upright
 from femnl.effects import library
+from femnl.io import measurement
+from femnl.optics.sampled import harmonics
 from femnl.plot.comparison import comparison_figure
 from femnl.report.diagnosis import write_diagnosis
-from femnl.types.comparison import Curve, Curves, Images
-from femnl.types.diagnosis import Diagnosis
-from femnl.types.scene import Fringe, Motion
 
 SEED = 11
 

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femnl import predict
-from femnl.errors import GeometryError, ParameterError
-from femnl.geometry import curves, parse
-from femnl.geometry.reader import describe
-from femnl.lattice import solve_homogenised
-from femnl.mesh import mesh
-from femnl.storage.cache import key
-from femnl.storage.results import read_modes, write_modes
-from femnl.types.device import Clamp, Model
+from femnl import pipeline as predict
+from femnl.core.device import Clamp, Model
+from femnl.core.errors import GeometryError, ParameterError
+from femnl.device.geometry import curves, parse
+from femnl.device.geometry.reader import describe
+from femnl.device.mesh import mesh
+from femnl.io.results.cache import key
+from femnl.io.results.netcdf import read_modes, write_modes
+from femnl.mechanics.lattice import solve_homogenised
 
 DEVICE = """name = "test"
 source = "none"

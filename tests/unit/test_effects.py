@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from femnl.core.effect import STAGES, Effect, Stage
+from femnl.core.stages import Harmonics, Lines, Oscillator, Placement, Points, Signal
+from femnl.device.geometry import load
 from femnl.effects import library
-from femnl.geometry import load
-from femnl.types.effect import STAGES, Effect, Stage
-from femnl.types.scene import Harmonics, Lines, Oscillator, Placement, Points, Signal
 
 EFFECTS = list(library().values())
 N = np.arange(1.0, 7.0)

@@ -7,12 +7,12 @@ from numpy.polynomial.legendre import leggauss
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from femnl.core.effect import Stage
+from femnl.core.operators import Projection
+from femnl.core.stages import Equation, Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Placement, Points, Signal
+from femnl.device.geometry import load
 from femnl.effects import library
-from femnl.geometry import load
-from femnl.optics import MultilayerFringe
-from femnl.types.effect import Stage
-from femnl.types.operators import Projection
-from femnl.types.scene import Equation, Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Placement, Points, Signal
+from femnl.optics.fringe import MultilayerFringe
 
 Array = NDArray[np.float64]
 MODEL = load("square-270um")

@@ -12,15 +12,15 @@ from scipy.optimize import brentq
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import eigsh
 
-from femnl.diagnose.fringes import harmonics
+from femnl.core.operators import Projection
+from femnl.core.resonator import Resonator
+from femnl.core.stages import Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Points, Signal
+from femnl.device.geometry import load
 from femnl.effects import library
-from femnl.fits.response_model import sheets
-from femnl.geometry import load
+from femnl.observe.response.branches import sheets
+from femnl.optics.sampled import harmonics
 from femnl.resonator import couple
 from femnl.resonator.balance import Balance
-from femnl.types.operators import Projection
-from femnl.types.resonator import Resonator
-from femnl.types.scene import Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Points, Signal
 
 Array = NDArray[np.float64]
 FILM = load("square-270um").film
@@ -63,9 +63,9 @@ KINDS = {
     "compliant_clamp": {"spectrum"},
     "gas_loading": {"spectrum", "series"},
     "frequency_drift": {"spectrum", "response", "series"},
-    "quadratic_stiffness": {"response", "map", "trace"},
+    "quadratic_stiffness": {"response", "map", "trace", "record"},
     "internal_resonance": {"response"},
-    "nonlinear_damping": {"response", "trace"},
+    "nonlinear_damping": {"response", "record"},
     "crosstalk": {"response", "map", "trace"},
     "detector_saturation": {"response", "map", "trace"},
     "detector_bandwidth": {"map", "trace"},

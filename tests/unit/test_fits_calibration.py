@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from femnl.errors import ParameterError
-from femnl.fits.calibration import displacement, taylor_amplitude
-from femnl.fits.maps import fit_map
-from femnl.measurement import harmonic_map
-from femnl.optics import MultilayerFringe, SeriesFringe, SineFringe
-from femnl.readout import harmonics
-from femnl.types.device import Layer, Stack
-from femnl.types.readout import Array
+from femnl.core.device import Layer, Stack
+from femnl.core.errors import ParameterError
+from femnl.core.readout import Array
+from femnl.fits.map.calibration import displacement, taylor_amplitude
+from femnl.fits.map.fit import fit_map
+from femnl.io.measurement import harmonic_map
+from femnl.optics.fringe import MultilayerFringe, SeriesFringe, SineFringe
+from femnl.optics.harmonics import harmonics
 
 RED = 632.8e-9
 Q = 4 * np.pi / RED

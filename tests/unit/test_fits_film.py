@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from femnl.errors import MeasurementError
-from femnl.fits.film import fit_film
-from femnl.measurement import spectrum
-from femnl.types.device import Film
+from femnl.core.device import Film
+from femnl.core.errors import MeasurementError
+from femnl.fits.spectrum.film import fit_film
+from femnl.io.measurement import spectrum
 
 Array = NDArray[np.float64]
 FILM = Film(thickness=1e-7, young=2.5e11, poisson=0.23, density=3000.0, stress=1e9)

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from femnl.errors import MeasurementError, ParameterError
-from femnl.fits.mapmodel import Shape, flatten, predict, slopes
-from femnl.fits.maps import fit_map
-from femnl.measurement import harmonic_map, read
-from femnl.optics import MultilayerFringe, SineFringe
-from femnl.readout import harmonics
-from femnl.types.device import Layer, Stack
-from femnl.types.fit import MapFit
-from femnl.types.readout import Array, PeriodicFringe
+from femnl.core.device import Layer, Stack
+from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.fit import MapFit
+from femnl.core.readout import Array, PeriodicFringe
+from femnl.fits.map.fit import fit_map
+from femnl.io.measurement import harmonic_map, read
+from femnl.observe.map.forward import Shape, flatten, predict, slopes
+from femnl.optics.fringe import MultilayerFringe, SineFringe
+from femnl.optics.harmonics import harmonics
 
 RED, GREEN = 632.8e-9, 532e-9
 SIDE = 270e-6

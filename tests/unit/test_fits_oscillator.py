@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from femnl.errors import ConvergenceError, MeasurementError, ParameterError
-from femnl.fits.oscillation import EDGE, Array, Hold, free_run, stages
-from femnl.fits.oscillator import fit_oscillator, simulate_oscillator
+from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
+from femnl.fits.record.oscillator import fit_oscillator, simulate_oscillator
+from femnl.observe.record.free_run import EDGE, Array, Hold, free_run, stages
 from tests.blind.lab.record import SUBSTEPS, RecordBench
 
 SILVERBOX = Path(__file__).parents[3] / "shared" / "data" / "silverbox" / "SNLS80mV.csv"

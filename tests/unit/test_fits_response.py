@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from femnl.errors import MeasurementError, ParameterError
-from femnl.fits.linescan import fit_line_scan
-from femnl.fits.response import fit_response, predict_response
-from femnl.fits.response_data import collect
-from femnl.fits.response_misfit import Misfit, Use, rice
-from femnl.fits.response_model import STIFFEN, Layout, fold
-from femnl.measurement import response
+from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.fit import Fit
+from femnl.core.resonator import Array, Complex, Resonator
+from femnl.fits.response.fit import fit_response, predict_response
+from femnl.fits.response.linescan import fit_line_scan
+from femnl.fits.response.misfit import Misfit, Use, rice
+from femnl.io.measurement import response
+from femnl.observe.response.branches import STIFFEN, Layout, fold
+from femnl.observe.response.sweeps import collect
 from femnl.resonator import critical_alpha, duffing_roots, sweep
-from femnl.types.fit import Fit
-from femnl.types.resonator import Array, Complex, Resonator
 
 F0, Q, ALPHA = 2.932e6, 7.4e5, 2.3e10
 MODE = Resonator(F0, Q, alpha=ALPHA)

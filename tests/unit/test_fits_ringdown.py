@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from femnl.errors import MeasurementError, ParameterError
-from femnl.fits.ringdown import fit_ringdown, fit_ringdown_trace
-from femnl.fits.ringdown_model import Decay, Signal
-from femnl.measurement import trace
+from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.fit import Fit
+from femnl.core.resonator import Array, Complex, Resonator
+from femnl.fits.decay.ringdown import fit_ringdown, fit_ringdown_trace
+from femnl.io.measurement import trace
+from femnl.observe.decay.model import Decay, Signal
 from femnl.resonator import couple, integrate, ring_down
-from femnl.types.fit import Fit
-from femnl.types.resonator import Array, Complex, Resonator
 
 MODE = Resonator(2e4, 4000, alpha=3e10, nonlinear_damping=1.2e14)
 START, GAIN = 2e-7, 1e6

@@ -8,13 +8,13 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import binom, binomtest
 
-from femnl.errors import MeasurementError, ParameterError
-from femnl.fits.assignment import assign
-from femnl.fits.lines import line
-from femnl.fits.peaks import find_peaks
-from femnl.fits.spectrum import identify, to_spectrum
-from femnl.measurement import response
-from femnl.types.spectrum import Peaks
+from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.spectrum import Peaks
+from femnl.fits.spectrum.assignment import assign
+from femnl.fits.spectrum.lines import line
+from femnl.fits.spectrum.overview import identify, to_spectrum
+from femnl.fits.spectrum.peaks import find_peaks
+from femnl.io.measurement import response
 
 Array = NDArray[np.float64]
 NOISE = 1e-5

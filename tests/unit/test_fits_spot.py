@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import femnl
-from femnl.errors import ParameterError
-from femnl.fits.spot import fit_spot
-from femnl.fits.traces import decompose
-from femnl.measurement import trace as record
-from femnl.optics import MultilayerFringe, SineFringe
-from femnl.readout import trace
-from femnl.types.readout import Array, HarmonicSpectrum, PeriodicFringe
+from femnl.core.errors import ParameterError
+from femnl.core.readout import Array, HarmonicSpectrum, PeriodicFringe
+from femnl.fits.trace.decompose import decompose
+from femnl.fits.trace.spot import fit_spot
+from femnl.io.measurement import trace as record
+from femnl.optics.fringe import MultilayerFringe, SineFringe
+from femnl.optics.harmonics import trace
 
 RED, F = 632.8e-9, 1.466e6
 TIME = np.arange(1024) / 125e6

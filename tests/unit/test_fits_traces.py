@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from femnl.errors import MeasurementError, ParameterError
-from femnl.fits.traces import align, decompose, jitter_gain
-from femnl.measurement import trace as record
-from femnl.optics import SineFringe
-from femnl.readout import harmonics, trace
-from femnl.types.readout import Array, ComplexArray
+from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.readout import Array, ComplexArray
+from femnl.fits.trace.decompose import align, decompose, jitter_gain
+from femnl.io.measurement import trace as record
+from femnl.optics.fringe import SineFringe
+from femnl.optics.harmonics import harmonics, trace
 
 RED, F = 632.8e-9, 1.466e6
 FRINGE = SineFringe(RED, 0.1, 0.02, 0.6)

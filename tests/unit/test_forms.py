@@ -10,10 +10,10 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import spsolve
 from skfem import MeshTri1, MeshTri2
 
-from femnl.fem import forms
-from femnl.fem.elements import Space
-from femnl.mesh import mesh
-from femnl.types.device import Model
+from femnl.core.device import Model
+from femnl.device.mesh import mesh
+from femnl.mechanics.fem import forms
+from femnl.mechanics.fem.elements import Space
 
 Array = NDArray[np.float64]
 RIGIDITY, POISSON = 2.0, 0.23

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from femnl.diagnose.fringes import PIECE, harmonics
-from femnl.types.readout import Array, ComplexArray
-from femnl.types.scene import Fringe, Motion
+from femnl.core.readout import Array, ComplexArray
+from femnl.core.stages import Fringe, Motion
+from femnl.optics.sampled import PIECE, harmonics
 
 WAVELENGTH, SAMPLES = 632.8e-9, 2048
 ORDERS = np.array([1, 2, 3, 6, 4, 11])

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femnl import resources
-from femnl.errors import GeometryError
-from femnl.geometry import curves, load, parse, shipped
-from femnl.geometry.tables import EXAMPLES, Table
+from femnl.core import resources
+from femnl.core.errors import GeometryError
+from femnl.device.geometry import curves, load, parse, shipped
+from femnl.device.geometry.tables import EXAMPLES, Table
 
 SHIPPED = {
     "circle",

@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from femnl.errors import GeometryError
-from femnl.geometry import curves, load
-from femnl.geometry.outlines import Etched
-from femnl.types.device import Holes, Outline
+from femnl.core.device import Holes, Outline
+from femnl.core.errors import GeometryError
+from femnl.device.geometry import curves, load
+from femnl.device.geometry.outlines import Etched
 
 Array = NDArray[np.float64]
 NAMES = ["circle", "hexagon-278um", "rectangle", "square-270um-etched", "hexagon-278um-etched", "trampoline"]

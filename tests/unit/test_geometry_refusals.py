@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from femnl.errors import GeometryError
-from femnl.geometry import load, parse, shipped
+from femnl.core.errors import GeometryError
+from femnl.device.geometry import load, parse, shipped
 
 VALID = """name = "test"
 source = "none"

@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from femnl.fem.elements import Space
-from femnl.nonlinearity import in_plane_response, solve_nonlinearity
-from femnl.nonlinearity.stretching import film_membrane, stretching
-from femnl.predict import solve_modes
-from femnl.types.device import Edge, Model
-from femnl.types.mechanics import Modes
+from femnl.core.device import Edge, Model
+from femnl.core.mechanics import Modes
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.nonlinearity import in_plane_response, solve_nonlinearity
+from femnl.mechanics.nonlinearity.stretching import film_membrane, stretching
+from femnl.pipeline import solve_modes
 
 SIDE, NU = 100e-6, 0.23
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from platformdirs import user_cache_path
 
-from femnl import measurement
 from femnl.diagnose import diagnose, record
+from femnl.io import measurement
 
 ORDERS = np.array([(1, 1), (1, 2), (2, 1), (2, 2), (1, 3), (3, 1), (2, 3), (3, 2)])
 TORN = '["torn", [1.0, 2'

@@ -10,9 +10,9 @@ import pytest
 import scipy.io
 from numpy.typing import NDArray
 
-from femnl import measurement
-from femnl.errors import MeasurementError
-from femnl.labfiles import Spec, formats, import_file
+from femnl.core.errors import MeasurementError
+from femnl.io import measurement
+from femnl.io.labfiles import Spec, formats, import_file
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 F = np.linspace(1.4660e6, 1.4662e6, 21)

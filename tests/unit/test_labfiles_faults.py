@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from femnl.errors import MeasurementError
-from femnl.labfiles import Spec, import_file, read_spec
+from femnl.core.errors import MeasurementError
+from femnl.io.labfiles import Spec, import_file, read_spec
 
 Make = Callable[[Path], Spec | None]
 RESPONSE = Spec(kind="response", columns={"frequency": "f", "real": "x", "imag": "y"})

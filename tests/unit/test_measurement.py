@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from femnl import measurement
+from femnl.io import measurement
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 RNG = np.random.default_rng(20250219)
@@ -144,7 +144,7 @@ def test_repairs_stay_in_the_history_of_the_written_file(tmp_path: Path) -> None
 def test_a_failed_write_leaves_the_earlier_file_and_no_litter(tmp_path: Path) -> None:
     (tmp_path / "s.nc").write_bytes(b"earlier")
     program = (
-        "import resource\nfrom femnl import measurement\nfrom femnl.errors import MeasurementError\n"
+        "import resource\nfrom femnl import measurement\nfrom femnl.core.errors import MeasurementError\n"
         "tree = measurement.bundle({'s': measurement.spectrum([1e6], [1.0])})\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"  # a disk with room for so many bytes of the file
         "try:\n    measurement.write(tree, 's.nc')\nexcept MeasurementError as error:\n    print(error)\n"

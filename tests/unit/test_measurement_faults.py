@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 import pytest
 
-from femnl import measurement
-from femnl.errors import MeasurementError
+from femnl.core.errors import MeasurementError
+from femnl.io import measurement
 
 Damage = Callable[[h5py.File], Any]
 

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from skfem import MeshTri1, MeshTri2
 
 from femnl import load
-from femnl.errors import GeometryError, ParameterError
-from femnl.fem.elements import Space
-from femnl.fem.forms import cells
-from femnl.mesh import has_symmetry, mesh
-from femnl.mesh.build import bending_length
-from femnl.mesh.collect import check_unfolded
-from femnl.types.device import Film, Holes, Model, Outline, Segment
-from femnl.types.mechanics import Domain
+from femnl.core.device import Film, Holes, Model, Outline, Segment
+from femnl.core.errors import GeometryError, ParameterError
+from femnl.core.mechanics import Domain
+from femnl.device.mesh import has_symmetry, mesh
+from femnl.device.mesh.build import bending_length
+from femnl.device.mesh.collect import check_unfolded
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import cells
 
 Array = NDArray[np.float64]
 Device = Callable[..., Model]

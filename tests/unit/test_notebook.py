@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femnl import geometry
+from femnl.core.device import Model
+from femnl.core.fit import Fit, Parameter
+from femnl.core.mechanics import Modes
+from femnl.core.readout import HarmonicMap
+from femnl.device import geometry
+from femnl.pipeline import harmonic_maps, solve_modes
 from femnl.plot.notebook import picture
-from femnl.predict import harmonic_maps, solve_modes
-from femnl.types.device import Model
-from femnl.types.fit import Fit, Parameter
-from femnl.types.mechanics import Modes
-from femnl.types.readout import HarmonicMap
 
 ROOT = Path(__file__).parents[2]
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from femnl.errors import ParameterError
-from femnl.optics import MultilayerFringe, SeriesFringe, SineFringe
-from femnl.types.device import Layer, Stack
+from femnl.core.device import Layer, Stack
+from femnl.core.errors import ParameterError
+from femnl.optics.fringe import MultilayerFringe, SeriesFringe, SineFringe
 
 RED, GREEN = 632.8e-9, 532e-9
 

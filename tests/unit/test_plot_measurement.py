@@ -8,13 +8,13 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from femnl import measurement
+from femnl.io import measurement
+from femnl.optics.harmonics import signal_phase
 from femnl.plot.describe import describe
 from femnl.plot.mapfit import map_fit_figure
 from femnl.plot.maps import harmonic_map_figure
 from femnl.plot.measurement import figure, figures
 from femnl.plot.style import prefixed, scale_bar, style
-from femnl.readout import signal_phase
 
 RNG = np.random.default_rng(3)
 LINE = 1e-3 / (1 + 1j * np.linspace(-8, 8, 201))

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from femnl.errors import MissingLibraryError, ParameterError
-from femnl.geometry import parse
+from femnl.core.errors import MissingLibraryError, ParameterError
+from femnl.core.mechanics import Modes
+from femnl.device.geometry import parse
+from femnl.io.results import unfold
+from femnl.pipeline import solve_modes
 from femnl.plot import screen
 from femnl.plot.film import draw_flat, draw_raised, film_box, film_field
 from femnl.plot.mechanics import close_up, film_figure, mode_gallery, view
-from femnl.predict import solve_modes
-from femnl.storage import unfold
-from femnl.types.mechanics import Modes
 
 SIDE, RADIUS = 100e-6, 10e-6
 PLATE = """
@@ -125,7 +125,7 @@ def test_a_word_or_a_mode_that_cannot_be_drawn_is_refused_with_what_can(modes: M
 def test_a_missing_opengl_library_is_one_line_and_no_crash(tmp_path: Path) -> None:
     for name in ("libEGL.so.1", "libEGL.so", "libOSMesa.so.8", "libOSMesa.so"):
         (tmp_path / name).touch()  # found first, and not a library: as good as absent
-    script = "from femnl.errors import MissingLibraryError\nfrom femnl.plot.screen import need_offscreen\ntry:\n    need_offscreen()\n"
+    script = "from femnl.core.errors import MissingLibraryError\nfrom femnl.plot.screen import need_offscreen\ntry:\n    need_offscreen()\n"
     script += "except MissingLibraryError as error:\n    print(error)"
     environment = os.environ | {"LD_LIBRARY_PATH": str(tmp_path), "PYTHONPATH": str(Path(__file__).parents[2])}
     done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)

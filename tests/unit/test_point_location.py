@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from femnl import load
-from femnl.fem.elements import Space, reference_basis
-from femnl.mesh import mesh
-from femnl.modes.shapes import Finder
+from femnl.device.mesh import mesh
+from femnl.mechanics.fem.elements import Space, reference_basis
+from femnl.mechanics.modes.shapes import Finder
 
 INSIDE = np.array([(0.02, 0.02), (0.96, 0.02), (0.02, 0.96), (1 / 3, 1 / 3), (0.5, 0.49), (0.01, 0.5)])
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.special import jv
 
-from femnl.errors import ConvergenceError, ParameterError
-from femnl.optics import SeriesFringe, SineFringe
-from femnl.readout import harmonic_map, harmonics, harmonics_by_bessel, harmonics_by_fft, trace
-from femnl.types.readout import Array, FourierSeries
+from femnl.core.errors import ConvergenceError, ParameterError
+from femnl.core.readout import Array, FourierSeries
+from femnl.optics.fringe import SeriesFringe, SineFringe
+from femnl.optics.harmonics import harmonic_map, harmonics, harmonics_by_bessel, harmonics_by_fft, trace
 
 RED = 632.8e-9
 ORDERS = np.arange(61)

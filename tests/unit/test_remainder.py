@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femnl.types.remainder import remainder
+from femnl.core.discretisation_error import remainder
 
 
 def test_differences_that_do_not_fall_leave_three_times_the_last_one() -> None:

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from femnl import resources
-from femnl.errors import ParameterError
-from femnl.geometry import load
-from femnl.predict import solve_modes, solve_nonlinearity
+from femnl.core import resources
+from femnl.core.errors import ParameterError
+from femnl.device.geometry import load
+from femnl.pipeline import solve_modes, solve_nonlinearity
 from femnl.report import write_report
 from femnl.report.benchmarks import benchmarks
 from femnl.report.blind import UNIFORM, blind

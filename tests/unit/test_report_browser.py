@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from femnl.cli._main import run
-from femnl.errors import MissingLibraryError, ParameterError
+from femnl.core.errors import MissingLibraryError, ParameterError
 from femnl.report.paper import find_browser, print_page
 from tests.unit.report_page import Written
 

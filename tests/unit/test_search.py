@@ -9,19 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from femnl import load, measurement
-from femnl.diagnose.film import SimulatedFilm
-from femnl.diagnose.fit import Solution, Unseen, covariance, fit, held_out, leave_out
-from femnl.diagnose.ledger import remembered
-from femnl.diagnose.problem import Extended
-from femnl.diagnose.scan import scan
+from femnl import load
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.errors import ParameterError
+from femnl.core.readout import Array
+from femnl.diagnose.checkpoint import remembered
+from femnl.diagnose.global_starts import scan
+from femnl.diagnose.least_squares import Solution, Unseen, covariance, fit, held_out, leave_out
 from femnl.diagnose.search import search
 from femnl.diagnose.spectrum import SpectrumProblem
 from femnl.diagnose.verdict import judge
 from femnl.effects import library
-from femnl.errors import ParameterError
-from femnl.types.effect import Effect, Knob, Values
-from femnl.types.readout import Array
+from femnl.io import measurement
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.model import Extended
 from tests.unit.level import Level
 
 BLOCKS = np.repeat(np.arange(4), 10)

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from skfem import MeshTri1, MeshTri2
 
-from femnl.fem.elements import Space
-from femnl.modes.shapes import largest_value
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.modes.shapes import largest_value
 
 Array = NDArray[np.float64]
 

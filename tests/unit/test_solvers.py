@@ -6,8 +6,8 @@ from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix, diags_array, kronsum
 
-from femnl.errors import ConvergenceError
-from femnl.fem import solvers
+from femnl.core.errors import ConvergenceError
+from femnl.mechanics.fem import solvers
 
 SIZE = 60
 

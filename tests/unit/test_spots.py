@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from femnl.diagnose.spots import REACH, Axis, Finer, Grid
-from femnl.types.readout import Array
+from femnl.core.readout import Array
+from femnl.observe.map.spots import REACH, Axis, Finer, Grid
 
 WIDE = np.linspace(-1.6e-4, 1.6e-4, 41)
 

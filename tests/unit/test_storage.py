@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from femnl import storage
-from femnl.errors import ParameterError
-from femnl.mesh import mesh
-from femnl.modes import shape_at, solve_modes
-from femnl.nonlinearity import solve_nonlinearity
-from femnl.prestress import solve_prestress
-from femnl.storage.atomic import write_whole
-from femnl.types.device import Edge, Model
-from femnl.types.mechanics import Modes, Nonlinearity
+from femnl.core.device import Edge, Model
+from femnl.core.errors import ParameterError
+from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.device.mesh import mesh
+from femnl.io import results as storage
+from femnl.io.results.atomic import write_whole
+from femnl.mechanics.modes import shape_at, solve_modes
+from femnl.mechanics.nonlinearity import solve_nonlinearity
+from femnl.mechanics.prestress import solve_prestress
 
 SQUARE = 'kind = "square"\nside = "100 um"'
 HEXAGON = 'kind = "regular-polygon"\nsides = 6\nlong_axis = "100 um"'

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl.errors import ParameterError
-from femnl.fem.elements import Space
-from femnl.fem.supports import free_deflections, in_plane_supports, slope_held_facets
-from femnl.mesh import mesh
-from femnl.types.device import Edge, Model
-from femnl.types.mechanics import Domain
+from femnl.core.device import Edge, Model
+from femnl.core.errors import ParameterError
+from femnl.core.mechanics import Domain
+from femnl.device.mesh import mesh
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.supports import free_deflections, in_plane_supports, slope_held_facets
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from femnl.errors import MissingLibraryError, ParameterError
+from femnl.core.errors import MissingLibraryError, ParameterError
 from femnl.sweep import Sweep, collect, costs, engine, open_store, read_sweep, run, write_tables
 from femnl.sweep.point import Point, Record, Settings, attempt
 

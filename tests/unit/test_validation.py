@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from femnl.errors import ParameterError
+from femnl.core.errors import ParameterError
 from femnl.validation import Case, Reference, Row, compare, find, load, record, render, run
 
 CASE = """

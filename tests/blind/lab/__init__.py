@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from femnl import measurement
+from femnl.io import measurement
 from tests.blind.lab import holes, joint, maps, record, response, series, spectrum, trace
 from tests.blind.lab.bench import Bench, Cause, sized
 from tests.blind.lab.film import device

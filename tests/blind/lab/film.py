@@ -15,8 +15,8 @@ from scipy.sparse.linalg import eigsh
 from skfem import Basis, BilinearForm, ElementTriP3, MeshTri, asm
 from skfem.models.poisson import laplace, mass
 
-from femnl import geometry
-from femnl.types.device import Model
+from femnl.core.device import Model
+from femnl.device import geometry
 from tests.blind.lab.bench import Array
 
 

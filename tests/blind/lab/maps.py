@@ -11,8 +11,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from femnl import measurement
-from femnl.types.device import Stack
+from femnl.core.device import Stack
+from femnl.io import measurement
 from tests.blind.lab.bench import Array, Cause, Values, one, sign, vector
 from tests.blind.lab.drum import Drum, drum
 from tests.blind.lab.film import Membrane, device, membrane

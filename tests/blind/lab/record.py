@@ -7,7 +7,7 @@ import numba
 import numpy as np
 import xarray as xr
 
-from femnl import measurement
+from femnl.io import measurement
 from tests.blind.lab.bench import Array, Cause, Values, sign
 
 RATE, COUNT, SUBSTEPS = 610.0, 1800, 32

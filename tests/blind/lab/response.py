@@ -11,8 +11,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from femnl import geometry, measurement
-from femnl.diagnose.film import SimulatedFilm
+from femnl.device import geometry
+from femnl.io import measurement
+from femnl.observe.film import SimulatedFilm
 from tests.blind.lab.bench import Array, Cause, Values, sign
 
 ALPHA_SD = 0.2

@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 
-from femnl import geometry, measurement
+from femnl.device import geometry
+from femnl.io import measurement
 from tests.blind.lab.bench import Array, Cause, Values, sign
 
 

@@ -7,7 +7,7 @@ import xarray as xr
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from femnl import measurement
+from femnl.io import measurement
 from tests.blind.lab.bench import Array, Cause, Values, sign
 from tests.blind.lab.film import Membrane, device, membrane
 

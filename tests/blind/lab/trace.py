@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 
-from femnl import measurement
+from femnl.io import measurement
 from tests.blind.lab.bench import Array, Cause, Values, one, sign, vector
 from tests.blind.lab.film import device
 from tests.blind.lab.maps import WAVELENGTH, bent, fringe, largest

@@ -1,0 +1,178 @@
+"""The device as SI numbers: outline, holes, film, readout gap and the choices of the mechanical model."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.core.arrays import freeze
+
+Edge = Literal["clamped", "sliding", "paper"]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One piece of an outline, walked counter-clockwise: a straight line, or an arc where `centre` is given.
+
+    start, end, centre: (x, y) in m. An arc is shorter than a full turn and runs counter-clockwise from start to end
+    about its centre. `clamped` says whether the film is held there (True) or ends free (False).
+    """
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    centre: tuple[float, float] | None = None
+    clamped: bool = True
+
+    def direction(self, point: tuple[float, float]) -> NDArray[np.float64]:
+        """The direction in which the outline is walked at one of the ends; a vector of any length."""
+        if self.centre is None:
+            return np.subtract(self.end, self.start)
+        x, y = np.subtract(point, self.centre)
+        return np.array([-y, x])
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The closed boundary of the suspended film, counter-clockwise, origin at the centre of the membrane.
+
+    kind: the word of the geometry file. segments: consecutive, each starting where the last one ended.
+    size: (width, height) of the box, in m, whose ideal modes sin·sin give the labels (m,n); None where (m,n) has no meaning.
+    length: the length L in m that users quote for the device (side, diameter, long axis).
+    """
+
+    kind: str
+    segments: tuple[Segment, ...]
+    size: tuple[float, float] | None
+    length: float
+
+    @property
+    def corners(self) -> tuple[tuple[int, float], ...]:
+        """Segments that start at a corner, by their place in `segments`, with the corner's inner angle [rad]."""
+        found = []
+        for k, after in enumerate(self.segments):
+            incoming, outgoing = self.segments[k - 1].direction(self.segments[k - 1].end), after.direction(after.start)
+            turn = np.arctan2(incoming[0] * outgoing[1] - incoming[1] * outgoing[0], incoming @ outgoing)
+            if abs(turn) > 1e-6:
+                found.append((k, float(np.pi - turn)))
+        return tuple(found)
+
+
+@dataclass(frozen=True)
+class Holes:
+    """Round release holes: centres (n, 2) in m and one radius in m. n may be 0."""
+
+    centres: NDArray[np.float64]
+    radius: float
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+
+@dataclass(frozen=True)
+class Film:
+    """The film: thickness [m], Young's modulus [Pa], Poisson's ratio, density [kg/m³], film stress before release [Pa].
+
+    taper [m] and taper_length [m] describe a bottom thinned by the release etch: at distance d from the nearest hole's
+    rim the thickness is less by taper·max(0, 1 − d/taper_length). gradient: (∂h/∂x, ∂h/∂y) of the deposited film, whose thickness
+    is `thickness` at the origin. With neither the film is even.
+    """
+
+    thickness: float
+    young: float
+    poisson: float
+    density: float
+    stress: float
+    taper: float = 0.0
+    taper_length: float = 0.0
+    gradient: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Clamp:
+    """Springs along the edge that hold the film; infinite ones hold it rigidly.
+
+    A force per length of edge and displacement [Pa]: deflection out of plane, normal and shear in plane, across and along the edge.
+    rotation: a moment per length of edge and angle [N]; 0 is a hinge. draw [m]: how far inwards of the film's edge as deposited the
+    normal springs are at rest, as a frame draws the edge with it that relaxes on release.
+    """
+
+    deflection: float = np.inf
+    rotation: float = np.inf
+    normal: float = np.inf
+    shear: float = np.inf
+    draw: float = 0.0
+
+    @property
+    def rigid(self) -> bool:
+        """Whether nothing gives way."""
+        return self == Clamp()
+
+    @property
+    def rigid_in_plane(self) -> bool:
+        """Whether nothing gives way in the plane of the film."""
+        return self.normal == self.shear == np.inf
+
+
+@dataclass(frozen=True)
+class Overhang:
+    """An undercut strip of the frame around the suspended film: its width [m], its outer rim, where it is clamped, and its film."""
+
+    width: float
+    outline: Outline
+    film: Film
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of the optical stack: thickness [m] (inf for the outer media) and complex index n − ik by wavelength [m]."""
+
+    material: str
+    thickness: float
+    index: tuple[tuple[float, complex], ...]
+
+
+@dataclass(frozen=True)
+class Stack:
+    """The optical stack seen from the laser: outer medium, film, gap, wafer. The gap is the one layer that motion changes."""
+
+    layers: tuple[Layer, ...]
+    gap: int
+
+
+@dataclass(frozen=True)
+class Model:
+    """A device and how it is modelled, in SI units.
+
+    bending: whether the plate term D = Eh³/12(1−ν²) is kept. edge: in-plane condition of the outline for the
+    nonlinearity: `clamped` u = v = 0; `sliding` normal displacement held and shear free; `paper` u = v = 0 with ν = 0 in
+    the membrane strain, which is what the published closed formula of α assumes.
+    clamp: what the edge gives way; overhang: an undercut strip of the frame around the outline, if there is one, whose outer rim is
+    that edge.
+    text: the TOML text that this model was read from, so that results can carry it. assumed: keys of that text, such as
+    "holes.radius", whose values the source does not give.
+    """
+
+    name: str
+    source: str
+    outline: Outline
+    holes: Holes
+    film: Film
+    stack: Stack | None
+    bending: bool = True
+    edge: Edge = "clamped"
+    text: str = ""
+    assumed: tuple[str, ...] = ()
+    clamp: Clamp = Clamp()
+    overhang: Overhang | None = None
+
+    @property
+    def edge_outline(self) -> Outline:
+        """Where film and frame end: the outline, or the outer rim of the overhang."""
+        return self.outline if self.overhang is None else self.overhang.outline
+
+    def __repr__(self) -> str:
+        """Name, outline, number of holes and film."""
+        film, n = self.film, len(self.holes.centres)
+        size = f"{self.outline.kind} of {self.outline.length * 1e6:.5g} µm, {n or 'no'} hole{'s' * (n != 1)}"
+        return f"<Model {self.name}: {size}, film {film.thickness * 1e9:.5g} nm at {film.stress * 1e-6:.5g} MPa>"

@@ -1,0 +1,190 @@
+"""The values between the stages that a diagnosis runs for each kind of measurement; effects change them, see `types.effect`."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.core.device import Film, Stack
+from femnl.core.operators import Projection
+from femnl.core.readout import Array, ComplexArray
+
+
+@dataclass(frozen=True)
+class ModalSystem:
+    """Stage `operators`: K and M in the basis of the base modes. K x = ω² M x.
+
+    stiffness (n, n) [N/m]; mass (n, n) [kg]; stress [Pa]: the film stress that K stands for; film; projection: integrals for changes;
+    box: width and height [m] of a rectangular film, whose modes are sin·sin, None for any other outline; bending_length ℓ [m] that K
+    stands for; layer (p, n): coefficients of each mode's k² [rad²/m²] as a polynomial in ℓ, which the clamped edge makes it.
+    """
+
+    stiffness: Array
+    mass: Array
+    stress: float
+    film: Film
+    projection: Projection
+    box: tuple[float, float] | None = None
+    bending_length: float = 0.0
+    layer: Array = field(default_factory=lambda: np.empty((0, 0)))
+
+    @property
+    def speed(self) -> float:
+        """Speed of waves c = √(σ/ρ), in m/s."""
+        return float(np.sqrt(self.stress / self.film.density))
+
+    @property
+    def wavenumber(self) -> Array:
+        """K = ω/c of each base mode, (n,) [rad/m]."""
+        return np.asarray(np.sqrt(np.diag(self.stiffness) / np.diag(self.mass)) / self.speed)
+
+    def bent(self, bending_length: float) -> "ModalSystem":
+        """Change ℓ [m], with ω² = c²(k² + ℓ²k⁴)."""
+        before, after = self._square(self.bending_length), self._square(bending_length)
+        change = np.diag(np.diag(self.mass) * self.speed**2 * (after - before))
+        return replace(self, stiffness=self.stiffness + change, bending_length=bending_length)
+
+    def _square(self, length: float) -> Array:
+        """Return (ω/c)² of each mode at an ℓ [m]."""
+        k2 = length ** np.arange(len(self.layer)) @ self.layer if len(self.layer) else self.wavenumber**2
+        return np.asarray(k2 + length**2 * k2**2)
+
+    def stretched(self, weight: int, xx: float, yy: float, xy: float = 0.0) -> "ModalSystem":
+        """Add a film stress [Pa] with components xx, yy, xy times the weight of that index (see `WEIGHTS`)."""
+        slopes = self.projection.slopes[weight]
+        return replace(self, stiffness=self.stiffness + xx * slopes[0] + yy * slopes[1] + 2 * xy * slopes[2])
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Stage `frequencies`: what is read off for each measured mode, (n,) [Hz], and when [s] (empty where not recorded)."""
+
+    frequency: Array
+    time: Array
+
+
+@dataclass(frozen=True)
+class Oscillator:
+    """Stage `oscillator`: one driven mode, A [m] (f₀(1 + ⅜αA² + 5/16 α₅A⁴) + Π(A/A_s)^{2(p−1)} − f + i(w/2)(1 + ¼ηA²)) = (w/2) A₁ F.
+
+    frequency f₀ (n_sweeps,) and linewidth w [Hz]; alpha [m⁻²]; quintic α₅ [m⁻⁴]; damping η [m⁻²]; force F (n_sweeps,) in V of drive,
+    peak A₁ [m/V]: the linear amplitude at resonance; time (n_sweeps,) [s]. For what depends on the frequency of the drive itself,
+    driven f (n_points,) [Hz]; middle of those at which the mode moves strongly [Hz]; pull Π (n_points,) [Hz], which a mode near p·f adds
+    at the amplitude A_s that stiffens the mode by one linewidth; order p.
+    """
+
+    frequency: Array
+    linewidth: float
+    alpha: float
+    quintic: float
+    damping: float
+    force: Array
+    peak: float
+    time: Array
+    driven: Array
+    middle: float
+    pull: ComplexArray
+    order: float = 2.0
+
+
+@dataclass(frozen=True)
+class Equation:
+    """Stage `equation`: c (1 + ηy²) ẏ + k (y + κ₂y² + αy³ + α₅y⁵), the forces on one mode while it moves freely in time.
+
+    quadratic κ₂, cubic α, quintic α₅ and damping η in powers of 1/y, where y is what the record holds.
+    """
+
+    quadratic: float
+    cubic: float
+    quintic: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Stage `signal`: V (n,) [V] of each point, for |A| (n,) [m] at a drive (n,) [V]; wavelength [m], 0 where not recorded.
+
+    largest [V]: the strongest signal that was measured.
+    """
+
+    voltage: ComplexArray
+    amplitude: Array
+    drive: Array
+    wavelength: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Stage `placement`: the points of the simulated film (x, y) (n_points,) [m] that the laser meets, and the sd [m] of its spot."""
+
+    x: Array
+    y: Array
+    spot: float = 0.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Stage `motion`: u(t) = Σ_m Re(displacement_m e^{imωt}) at every point, and the phase θ of the fringe there.
+
+    displacement (n_orders, n_points) [m], orders from 1; theta (n_points,) [rad]; x, y (n_points,) [m] on the film; shapes
+    (n_modes, n_points): ξ of the lowest modes; frequencies (n_modes,) [Hz]; mode: the one that is driven; swing (n_points,) [m]: its
+    amplitude U e^{iφ} where |ξ| = 1, while each point was measured; wavelength [m].
+    """
+
+    displacement: ComplexArray
+    theta: Array
+    x: Array
+    y: Array
+    shapes: Array
+    frequencies: Array
+    mode: int
+    swing: ComplexArray
+    wavelength: float
+
+    def raised(self, order: int, added: ComplexArray) -> "Motion":
+        """Add the displacement (n_points,) [m] at a multiple of the drive."""
+        missing = max(order - len(self.displacement), 0)
+        displacement = np.concatenate([self.displacement, np.zeros((missing, len(self.x)))])
+        displacement[order - 1] += added
+        return replace(self, displacement=displacement)
+
+    def shifted(self, rest: Array) -> "Motion":
+        """Move the film by (n_points,) [m] at rest, which turns the fringe."""
+        return replace(self, theta=self.theta + 4 * np.pi / self.wavelength * rest)
+
+
+@dataclass(frozen=True)
+class Fringe:
+    """Stage `fringe`: v = V_C Re Σ_k c_k e^{ik(qu + θ)}, c (n_overtones + 1,), clipped at ±limit in units of its largest value.
+
+    stack: of the geometry, None where it gives none; wavelength [m], q = 4π/wavelength.
+    """
+
+    coefficients: ComplexArray
+    wavelength: float
+    stack: Stack | None
+    limit: float = np.inf
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """Stage `harmonics`: V_n (n_harmonics, n_points) [V] of the orders `harmonic`.
+
+    frequency of the drive [Hz], one or (n_points,); drive [V], 1 where not recorded.
+    """
+
+    values: ComplexArray
+    harmonic: NDArray[np.int64]
+    frequency: float | Array
+    drive: float = 1.0
+
+
+@dataclass(frozen=True)
+class Points:
+    """Stage `points`: frequency [Hz] and quality factor against the control variables that were recorded, each (n,)."""
+
+    frequency: Array
+    quality_factor: Array
+    control: dict[str, Array]
+    film: Film | None = None

@@ -1,0 +1,1 @@
+"""Devices: geometry files and meshes of them."""

@@ -1,0 +1,158 @@
+"""Release holes: lattices and lists of centres, and whether they leave a film between them and the outline."""
+
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+from scipy.spatial import cKDTree
+
+from femnl.core.device import Holes, Outline
+from femnl.core.errors import GeometryError
+from femnl.device.geometry import curves
+from femnl.device.geometry.quantities import Coordinate, Length, refusal
+from femnl.device.geometry.tables import Table
+
+Array = NDArray[np.float64]
+
+MOST = 100_000
+"""More holes than this are taken for a mistake."""
+TOUCHING = 1e-9
+"""A web of film narrower than this part of the hole's radius is rounding: the rims touch."""
+
+Position = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+Count = Annotated[int, Field(ge=1, le=MOST)]
+
+
+class Lattice(Table):
+    """What regular lattices share. Their middle lies at the origin, or at `offset` from it."""
+
+    pitch: Length
+    radius: Length
+    offset: Position = Field(default_factory=lambda: [0.0, 0.0])
+
+    @model_validator(mode="after")
+    def _leaves_film_between_holes(self) -> Self:
+        if self.pitch <= 2 * self.radius * (1 + TOUCHING):
+            raise refusal("holes overlap or touch, the pitch must exceed twice their radius; raise pitch or lower radius", "pitch")
+        return self
+
+
+class SquareLattice(Lattice):
+    """nx × ny holes in rows and columns."""
+
+    lattice: Literal["square"]
+    count: Annotated[list[Count], Field(min_length=2, max_length=2)]
+
+    def positions(self) -> Array:
+        """Return the centres (n, 2) [m], row by row from the lower left."""
+        nx, ny = self.count
+        _refuse_too_many(nx * ny, f"count = [{nx}, {ny}]")
+        x, y = (self.pitch * (np.arange(n) - (n - 1) / 2) for n in (nx, ny))
+        return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) + self.offset
+
+
+class HexagonalLattice(Lattice):
+    """Every hole has six nearest neighbours, two of them along x.
+
+    Either `rings`: a hexagon of that many rings around a middle hole, its corners along x as those of a hexagonal outline;
+    or `count`: ny rows of nx holes, every second row shifted by half a pitch.
+    """
+
+    lattice: Literal["hexagonal"]
+    rings: Annotated[int, Field(ge=0, le=MOST)] | None = None
+    count: Annotated[list[Count], Field(min_length=2, max_length=2)] | None = None
+
+    @model_validator(mode="after")
+    def _has_one_extent(self) -> Self:
+        if (self.rings is None) == (self.count is None):
+            raise refusal("give either rings = 15 (a hexagon) or count = [30, 30] (rows), not both, not neither")
+        return self
+
+    def positions(self) -> Array:
+        """Return the centres (n, 2) [m], row by row from below."""
+        if self.rings is not None:
+            _refuse_too_many(1 + 3 * self.rings * (self.rings + 1), f"rings = {self.rings}")
+            q, r = np.meshgrid(*2 * [np.arange(-self.rings, self.rings + 1)])
+            inside = np.abs(q + r) <= self.rings
+            x, y = (q + r / 2)[inside], r[inside]
+        else:
+            nx, ny = self.count or (0, 0)
+            _refuse_too_many(nx * ny, f"count = [{nx}, {ny}]")
+            column, row = np.meshgrid(np.arange(nx), np.arange(ny))
+            x, y = (column + row % 2 / 2).ravel(), row.ravel()
+            x, y = x - (x.min() + x.max()) / 2, y - (ny - 1) / 2
+        return self.pitch * np.stack([x, y * np.sqrt(3) / 2], axis=-1) + self.offset
+
+
+class HoleList(Table):
+    """Holes wherever the file says."""
+
+    lattice: Literal["list"]
+    centres: Annotated[list[Position], Field(min_length=1, max_length=MOST)]
+    radius: Length
+
+    def positions(self) -> Array:
+        """Return the centres (n, 2) [m], in the order of the file."""
+        return np.array(self.centres)
+
+
+HolesTable = Annotated[SquareLattice | HexagonalLattice | HoleList, Field(discriminator="lattice")]
+
+
+def refuse_overlap(holes: Holes) -> None:
+    """Refuse holes that overlap or touch each other.
+
+    Raises:
+        GeometryError: naming the first such pair.
+    """
+    if len(holes.centres) < 2:
+        return
+    gaps, nearest = (np.asarray(found) for found in cKDTree(holes.centres).query(holes.centres, k=2))
+    close = np.flatnonzero(gaps[:, 1] <= 2 * holes.radius * (1 + TOUCHING))
+    if len(close):
+        first, gap = int(close[0]), gaps[close[0], 1]
+        # Of coincident holes the nearest neighbour may be listed first.
+        second = int(nearest[first, 1] if nearest[first, 1] != first else nearest[first, 0])
+        verb = "overlap" if gap < 2 * holes.radius * (1 - TOUCHING) else "touch"
+        raise GeometryError(
+            f"[holes] {name(holes, first)} and {name(holes, second)} {verb}: their centres are {gap * 1e6:.4g} um apart and "
+            f"their radius is {holes.radius * 1e6:.4g} um; move them apart or lower radius"
+        )
+
+
+def refuse_outside(holes: Holes, outline: Outline) -> None:
+    """Refuse holes that lie outside the outline, cut it or touch it.
+
+    Raises:
+        GeometryError: naming the first such hole and counting the others.
+    """
+    if not len(holes.centres):
+        return
+    gaps = curves.distance(outline, holes.centres) * np.where(curves.contains(outline, holes.centres), 1, -1)
+    bad = np.flatnonzero(gaps <= holes.radius * (1 + TOUCHING))
+    if not len(bad):
+        return
+    depth = gaps[bad[0]] / holes.radius
+    verb = "lies outside" if depth <= TOUCHING - 1 else "cuts" if depth < 1 - TOUCHING else "touches"
+    others = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
+    raise GeometryError(
+        f"[holes] {name(holes, int(bad[0]))} of radius {holes.radius * 1e6:.4g} um {verb} the outline{others}; "
+        "use fewer holes, move them, lower radius or enlarge the outline"
+    )
+
+
+def name(holes: Holes, index: int) -> str:
+    """Return what messages call a hole: its number, counted from 1, and its position."""
+    return f"hole {index + 1} at {place(holes.centres[index])}"
+
+
+def place(point: Array) -> str:
+    """Return a point (2,) [m] as messages write it."""
+    x, y = np.round(point * 1e6, 9) + 0.0  # no −0
+    return f"({x:.6g}, {y:.6g}) um"
+
+
+def _refuse_too_many(number: int, cause: str) -> None:
+    if number > MOST:
+        raise GeometryError(f"[holes] {cause}: {number} holes, expected at most {MOST}")

@@ -1,0 +1,161 @@
+"""The tables of a geometry file, and the model that they make."""
+
+import re
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, model_validator
+from pydantic_core import PydanticCustomError
+
+from femnl.core.device import Edge, Holes, Layer, Model, Stack
+from femnl.core.errors import GeometryError
+from femnl.device.geometry.edges import ClampTable, FilmTable, OverhangTable
+from femnl.device.geometry.holes import HolesTable, refuse_outside, refuse_overlap
+from femnl.device.geometry.outlines import OutlineTable
+from femnl.device.geometry.quantities import LENGTH, Length, refusal, to_si
+from femnl.device.geometry.tables import Table, show
+
+Thickness = float | Literal["film", "gap"] | None
+Indices = tuple[tuple[float, complex], ...]
+LayerRow = tuple[str, Thickness, Indices]
+
+RED, GREEN = 632.8e-9, 532e-9
+PAPER_STACK: tuple[LayerRow, ...] = (
+    ("vacuum", None, ((RED, 1 + 0j), (GREEN, 1 + 0j))),
+    ("SiN", "film", ((RED, 2.0395 + 0j), (GREEN, 2.0559 + 0j))),
+    ("vacuum", "gap", ((RED, 1 + 0j), (GREEN, 1 + 0j))),
+    ("Si", None, ((RED, 3.8640 - 0.0158j), (GREEN, 4.1366 - 0.0338j))),
+)
+"""Material, thickness, and index n − ik by wavelength [m], from the laser down. Source: Sommer et al. 2025, supplement S6,
+table of reflectivity values; SiN from Luke et al. 2015 (the paper cites Philipp 1973, who gives 2.0105 and 2.0269), Si from
+Schinke et al. 2015."""
+
+_COMPLEX = re.compile(r"\s*(\d{1,4}(?:\.\d{1,12})?)\s*-\s*(\d{1,4}(?:\.\d{1,12})?)\s*i\s*", re.ASCII)
+
+
+def _indices(value: Any) -> Indices:
+    """Return index by wavelength from a table such as {"632.8 nm" = 2.0395, "532 nm" = "4.1366 - 0.0338i"}."""
+    if not isinstance(value, dict) or not value:
+        raise refusal('expected indices by wavelength, write e.g. index = {"632.8 nm" = 2.0395}')
+    table = {_wavelength(wavelength): _index(index) for wavelength, index in value.items()}
+    if len(table) < len(value):
+        raise refusal("two of these wavelengths are the same")
+    return tuple(table.items())
+
+
+def _wavelength(key: str) -> float:
+    try:
+        return to_si(key, LENGTH)
+    except PydanticCustomError as error:
+        raise refusal(f"wavelength {show(key)}: {error}") from None
+
+
+def _plain_name(value: str) -> str:
+    if not re.fullmatch(r"\w[\w .,+()-]{0,99}", value):
+        raise refusal("expected at most 100 letters, digits, spaces and . , _ + - ( ), a letter or digit first")
+    return value
+
+
+def _index(value: Any) -> complex:
+    if isinstance(value, float | int) and not isinstance(value, bool) and 0 < value < 100:
+        return complex(value)
+    if isinstance(value, str) and (match := _COMPLEX.fullmatch(value)) and float(match[1]) > 0:
+        return complex(float(match[1]), -float(match[2]))
+    raise refusal(f'{show(value)} is no refractive index n − ik, write e.g. 2.0395 or, where light is absorbed, "3.8640 - 0.0158i"')
+
+
+def _layer_thickness(value: Any) -> float | str:
+    return value if value in ("film", "gap") else to_si(value, LENGTH)
+
+
+class LayerTable(Table):
+    """One layer of the stack; thickness "film" and "gap" stand for those given elsewhere, and the outer media have none."""
+
+    material: str
+    thickness: Annotated[Thickness, BeforeValidator(_layer_thickness)] = None
+    index: Annotated[Indices, PlainValidator(_indices)]
+
+
+class ReadoutTable(Table):
+    """The optical stack from the laser down: `layers`, or that of the source paper."""
+
+    gap: Length
+    layers: list[LayerTable] | None = None
+
+    @model_validator(mode="after")
+    def _is_a_stack(self) -> Self:
+        if self.layers is None:
+            return self
+        thicknesses = [layer.thickness for layer in self.layers]
+        if len(thicknesses) < 3 or thicknesses[0] is not None or thicknesses[-1] is not None or None in thicknesses[1:-1]:
+            raise refusal("expected at least three layers, all with a thickness but the outer media, the first and the last")
+        if thicknesses.count("gap") != 1 or thicknesses.count("film") > 1:
+            raise refusal('expected one layer with thickness = "gap", and at most one with "film"')
+        wavelengths = [{w for w, _ in layer.index} for layer in self.layers]
+        if any(w != wavelengths[0] for w in wavelengths):
+            raise refusal("expected the index of every layer at the same wavelengths")
+        return self
+
+    def stack(self, film: FilmTable) -> Stack:
+        """Return the stack with the film and the gap put in."""
+        rows = PAPER_STACK if self.layers is None else [(layer.material, layer.thickness, layer.index) for layer in self.layers]
+        known = {"film": film.thickness, "gap": self.gap, None: np.inf}
+        layers = tuple(Layer(material, size if isinstance(size, float) else known[size], index) for material, size, index in rows)
+        return Stack(layers, [thickness for _, thickness, _ in rows].index("gap"))
+
+
+class ModelTable(Table):
+    """How the device is modelled; see types.device.Model."""
+
+    bending: bool = True
+    edge: Edge = "clamped"
+
+
+class GeometryFile(Table):
+    """A whole geometry file. `assumed` names the values, as "film.young", that the source does not give."""
+
+    name: Annotated[str, AfterValidator(_plain_name)]
+    source: str = ""
+    assumed: list[str] = Field(default_factory=list)
+    outline: OutlineTable
+    holes: HolesTable | None = None
+    film: FilmTable
+    readout: ReadoutTable | None = None
+    clamp: ClampTable = ClampTable()
+    overhang: OverhangTable | None = None
+    model: ModelTable = ModelTable()
+
+    def build(self, text: str) -> Model:
+        """Return the device in SI units.
+
+        Raises:
+            GeometryError: holes or an outline that cannot be made, in one line without the file's name.
+        """
+        holes = Holes(self.holes.positions(), self.holes.radius) if self.holes is not None else Holes(np.empty((0, 2)), 0.0)
+        refuse_overlap(holes)
+        outline = self.outline.outline(holes)
+        if outline.kind != "etched":  # the etch reaches further than the hole that it starts from
+            refuse_outside(holes, outline)
+        if self.film.taper > 0 and not len(holes.centres):
+            raise GeometryError(
+                f"[film] taper = {self.film.taper * 1e9:.4g} nm: there are no holes to thin the film around; write a table [holes]"
+            )
+        film = self.film.film(outline)
+        overhang = self.overhang.overhang(self.outline, holes, self.film) if self.overhang is not None else None
+        clamp = self.clamp.clamp()
+        if self.model.edge != "clamped" and not clamp.rigid_in_plane:
+            raise GeometryError(f'[model] edge = "{self.model.edge}": [clamp] says how the edge gives way in plane; leave one out')
+        return Model(
+            self.name,
+            self.source,
+            outline,
+            holes,
+            film,
+            self.readout.stack(self.film) if self.readout is not None else None,
+            self.model.bending,
+            self.model.edge,
+            text,
+            tuple(self.assumed),
+            clamp,
+            overhang,
+        )

@@ -1,0 +1,107 @@
+"""From gmsh's memory to scikit-fem's mesh."""
+
+from dataclasses import dataclass
+
+import gmsh
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri1, MeshTri2
+
+from femnl.core.device import Model
+from femnl.core.errors import GeometryError
+from femnl.mechanics.fem.elements import Space, nodes
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+JOIN = 1e-9  # of the largest coordinate, up to which corners are the same
+
+
+@dataclass(frozen=True)
+class Raw:
+    """Points (n, 2) [m], second-order triangles (m, 6) and, by the name of a boundary, the ends (k, 2) of the edges on it."""
+
+    points: Array
+    triangles: Index
+    edges: dict[str, Index]
+
+
+def collect(named: dict[str, list[int]], unit: float) -> Raw:
+    """Take the second-order mesh of the current gmsh model; `named`: curve tags by boundary."""
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    row = np.empty(int(tags.max()) + 1, dtype=np.int64)
+    row[tags] = np.arange(len(tags))
+    triangles = row[gmsh.model.mesh.getElementsByType(9)[1].reshape(-1, 6)]
+    edges = {}
+    for name, entities in named.items():
+        ends = [row[gmsh.model.mesh.getElements(1, tag)[2][0].reshape(-1, 3)[:, :2]] for tag in entities]
+        if ends:
+            edges[name] = np.concatenate(ends)
+    return Raw(coordinates.reshape(-1, 3)[:, :2] / unit, triangles, edges)
+
+
+def double(raw: Raw) -> Raw:
+    """Put the mesh of an eighth (mirrors: the x axis and the diagonal) and its image in the diagonal together to a quarter's."""
+    diagonal = np.unique(raw.edges["mirror-1"])
+    middle = np.abs(raw.points[:, 0] - raw.points[:, 1]) <= 1e-9 * np.abs(raw.points).max()
+    middle[diagonal] = True
+    image = np.arange(len(raw.points))
+    image[~middle] = len(raw.points) + np.arange(np.sum(~middle))
+    points = np.concatenate([raw.points, raw.points[~middle][:, ::-1]])
+    points[: len(raw.points)][middle] = points[: len(raw.points)][middle].mean(axis=1, keepdims=True)
+    edges = {name: np.concatenate([ends, image[ends]]) for name, ends in raw.edges.items() if not name.startswith("mirror")}
+    edges |= {"mirror-0": raw.edges["mirror-0"], "mirror-1": image[raw.edges["mirror-0"]]}
+    return Raw(points, np.concatenate([raw.triangles, image[raw.triangles]]), edges)
+
+
+def assemble(raw: Raw) -> MeshTri2:
+    """Make scikit-fem's mesh: vertices of each triangle sorted, middles of edges numbered by facet, boundaries named."""
+    corners = np.unique(raw.triangles[:, :3])
+    vertex = np.full(len(raw.points), -1)
+    vertex[corners] = np.arange(len(corners))
+    linear = MeshTri1(np.ascontiguousarray(raw.points[corners].T), np.ascontiguousarray(vertex[raw.triangles[:, :3]].T))
+    keys = np.sort(linear.facets.astype(np.int64), axis=0)
+    numbers = keys[0] * len(corners) + keys[1]
+    order = np.argsort(numbers)
+
+    def facet_of(ends: Index) -> Index:
+        low, high = np.sort(vertex[ends], axis=1).T
+        return np.asarray(order[np.searchsorted(numbers, low * len(corners) + high, sorter=order)])
+
+    middles = np.empty((keys.shape[1], 2))
+    for local, ends in enumerate(([0, 1], [1, 2], [0, 2])):  # gmsh's order of a triangle's edges
+        middles[facet_of(raw.triangles[:, ends])] = raw.points[raw.triangles[:, 3 + local]]
+    boundaries = {name: np.unique(facet_of(ends)) for name, ends in raw.edges.items()}
+    return MeshTri2(np.ascontiguousarray(np.hstack([linear.p, middles.T])), linear.t, _boundaries=boundaries)
+
+
+def distinct(values: Array, apart: float) -> Index:
+    """Number values (n,) in their order, those that differ by less than `apart` alike."""
+    order = np.argsort(values)
+    numbers = np.empty(len(values), dtype=np.int64)
+    numbers[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > apart)]) if len(values) else order
+    return numbers
+
+
+def from_patches(patches: Array) -> MeshTri2:
+    """Join second-order triangles (m, 6, 2) [m], corners before middles, wherever their corners meet."""
+    corners = patches[:, :3].reshape(-1, 2)
+    key = np.stack([distinct(c, JOIN * np.abs(corners).max()) for c in corners.T], 1)
+    _, first, index = np.unique(key[:, 0] * (key[:, 1].max() + 1) + key[:, 1], return_index=True, return_inverse=True)
+    index = index.reshape(-1, 3)
+    middles = len(first) + np.arange(3 * len(patches)).reshape(-1, 3)
+    points = np.concatenate([corners[first], patches[:, 3:].reshape(-1, 2)])
+    return assemble(Raw(points, np.concatenate([index, middles], axis=1), {}))
+
+
+def check_unfolded(model: Model, result: MeshTri2) -> None:
+    """Curved triangles beside small arcs can fold over: their Jacobian must keep one sign."""
+    space = Space(result, 2)
+    points = np.vstack([space.quadrature(8)[0], nodes(2)])
+    determinant = np.linalg.det(space.jet(slice(None), points).jacobian)
+    folded = np.flatnonzero(np.any(determinant * np.sign(determinant[:, :1]) <= 0, axis=1))
+    if len(folded):
+        x, y = space.location[space.dofs[folded[0], 0]]
+        raise GeometryError(
+            f"{model.name}: {len(folded)} curved elements fold over, the first at ({x:.4g}, {y:.4g}) m; raise the resolution"
+        )

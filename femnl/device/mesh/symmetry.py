@@ -1,0 +1,61 @@
+"""Mirror symmetry of a device and the wedge of it that suffices."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from femnl.core.device import Model, Outline
+from femnl.core.errors import ParameterError
+from femnl.device.geometry import curves
+
+Array = NDArray[np.float64]
+
+FULL, HALF, QUARTER, EIGHTH, TWELFTH = 2 * np.pi, np.pi, np.pi / 2, np.pi / 4, np.pi / 6
+WEDGES = {"full": FULL, "half": HALF, "quarter": QUARTER, "eighth": EIGHTH, "twelfth": TWELFTH}
+
+
+def find_wedge(model: Model, symmetry: str) -> float:
+    """Return the angle [rad] of the wedge that a word for the symmetry asks for; `auto` takes the smallest of quarter, half and full.
+
+    Raises: ParameterError where there is no such word, or where the device lacks that symmetry.
+    """
+    if symmetry == "auto":
+        return next(WEDGES[name] for name in ("quarter", "half", "full") if has_symmetry(model, WEDGES[name]))
+    if symmetry not in WEDGES:
+        raise ParameterError(f'symmetry = "{symmetry}": expected auto, {", ".join(WEDGES)}')
+    if not has_symmetry(model, WEDGES[symmetry]):
+        raise ParameterError(f'symmetry = "{symmetry}": outline and holes of {model.name} do not have it; use auto or full')
+    return WEDGES[symmetry]
+
+
+def has_symmetry(model: Model, wedge: float) -> bool:
+    """Whether the device maps onto itself under the mirror lines at angle 0 and, for wedges below π, at `wedge`."""
+    if wedge == FULL:
+        return True
+    angles = (0.0,) if wedge == HALF else (0.0, wedge)
+    tolerance = 1e-6 * model.outline.length
+    points = [_key_points(model.outline), model.holes.centres]
+    points += [] if model.overhang is None else [_key_points(model.overhang.outline)]
+    # A slope of the thickness is its own image where the film's thickness is everywhere, to the same part.
+    slope = np.array([model.film.gradient]) * model.outline.length**2 / model.film.thickness
+    return all(_is_mirrored(p, a, tolerance) for p in (*points, slope) for a in angles)
+
+
+def _key_points(outline: Outline) -> Array:
+    """Points that pin down an outline: for each segment its two ends, centre and middle, the clamped ones offset in z."""
+    rows = []
+    for s in outline.segments:
+        middle = curves.point_at(s, 0.5)
+        rows += [(*s.start, 1.0), (*middle, 2.0 + s.clamped)]
+    points = np.array(rows)
+    points[:, 2] *= outline.length
+    return points
+
+
+def _is_mirrored(points: Array, angle: float, tolerance: float) -> bool:
+    if len(points) == 0:
+        return True
+    c, s = np.cos(2 * angle), np.sin(2 * angle)
+    image = points.copy()
+    image[:, :2] = points[:, :2] @ np.array([[c, s], [s, -c]])
+    return bool(np.all(cKDTree(points).query(image)[0] < tolerance))

@@ -1,0 +1,247 @@
+"""Is a model adequate? One p-value for all the ways in which its residuals were looked at, and the causes that they point to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc, erfc
+from scipy.stats import norm
+from scipy.stats.qmc import Sobol
+
+from femnl.core.effect import Effect, Knob, Values
+from femnl.core.readout import Array
+from femnl.diagnose.least_squares import Solution
+from femnl.observe.model import Extended
+
+N_DRAWS = 4000
+"""Simulated sets of residuals that calibrate the p-value."""
+N_SHAPES = {0: 1, 1: 128, 2: 128, 3: 128}
+"""Trial shapes of an effect with that many parameters that only shape it."""
+SECANT = 0.05
+"""Part of the misfit that an effect's tangent spans where the misfit is large."""
+CHORD = 0.02
+"""Part of its range at which the size of a strength is tried that has no slope at zero."""
+LEAST, MOST = 1e-11, 0.01
+"""Steps of a strength at zero, in parts of its range."""
+VISIBLE = 1e-6
+"""Part of an effect's tangent that must be left beside the model's own for the data to see it."""
+SAME = 1e-6
+"""Largest difference of residuals up to which two places in a model predict the same."""
+TAIL = 20
+"""Simulated sets in the tail below which the p-value is extrapolated."""
+CERTAIN = 1e-6
+"""p-value, by Bonferroni's inequality, below which none is simulated."""
+EXACT = 5000
+"""Residuals up to which whole sets of them are drawn; beyond, only what the looks see of them."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """One direction (or a few) in which residuals may deviate: gain in χ² from going there, its p-value, and where a fit would start.
+
+    effect: None for a pattern. basis (q, n): orthonormal, free of the model's tangents. strengths, shape: linear estimate of the effect.
+    """
+
+    name: str
+    effect: Effect | None
+    basis: Array
+    gain: float
+    p_value: float
+    values: dict[str, float]
+
+    @property
+    def whole(self) -> list[float]:
+        """Values of those parameters that are whole numbers."""
+        return [self.values[knob.name] for knob in (self.effect.parameters if self.effect else ()) if knob.whole]
+
+
+def looks(solution: Solution, library: list[Effect]) -> list[Look]:
+    """Return every look at the residuals: each pattern of the problem, and each effect at each of its trial shapes."""
+    own, _ = np.linalg.qr(solution.jacobian[:, solution.free])
+    problem = solution.model.problem
+    found = []
+    for name, direction in problem.patterns(solution.model.effects, *solution.model.split(solution.vector)).items():
+        basis = _beside(own, direction[None])
+        if len(basis):
+            gain = float(np.sum((basis @ solution.residuals) ** 2))
+            found.append(Look(name, None, basis, gain, float(_tail(np.array(gain), len(basis))), {}))
+    base, values = solution.model.split(solution.vector)
+    others = [other for other in problem.alike(base) if _same(solution, solution.model.pack(other, values))]
+    for effect in library:
+        if any(knob.strength for knob in effect.parameters):
+            here, *there = (_effect_looks(solution, own, effect, place, values) for place in (base, *others))
+            found += here
+            known = np.array([(look.gain, look.p_value) for look in here])
+            for look in (look for elsewhere in there for look in elsewhere):
+                if not np.isclose(known, (look.gain, look.p_value), rtol=1e-6, atol=0).all(axis=1).any():
+                    found.append(look)  # what an effect does alike on either side is one look
+    return found
+
+
+def _same(solution: Solution, vector: Array) -> bool:
+    """Whether a model predicts at another vector what it does at its own, but for rounding."""
+    return bool(np.abs(solution.model.residuals(vector) - solution.residuals).max() < SAME)
+
+
+def _effect_looks(solution: Solution, own: Array, effect: Effect, base: Values, values: Sequence[Values]) -> list[Look]:
+    """Try the effect at small strength in each of its shapes, with those values of the base parameters and of the model's effects."""
+    wider = Extended(solution.model.problem, (*solution.model.effects, effect))
+    low, high = wider.bounds
+    first = len(low) - len(effect.parameters)
+    bounds = list(zip(effect.parameters, low[first:], high[first:], strict=True))
+    shaping = [(knob, a, b) for knob, a, b in bounds if not knob.strength]
+    strengths = [(knob, a, b) for knob, a, b in bounds if knob.strength]
+    trials = Sobol(len(shaping), rng=np.random.default_rng(0)).random(N_SHAPES[len(shaping)]) if shaping else np.zeros((1, 0))
+    found = []
+    steps = {knob.name: 1e-6 * b for knob, _, b in strengths}
+    for trial in trials:
+        shape = {k.name: _at(k, a, b, t) for (k, a, b), t in zip(shaping, trial, strict=True)}
+        zero = shape | {knob.name: 0.0 for knob, _, _ in strengths}
+        tangents = np.stack([_tangent(wider, base, values, zero, knob.name, steps, b, solution.residuals) for knob, _, b in strengths])
+        basis = _beside(own, tangents)
+        if len(basis) == 0:  # of second order, or not to be seen at all
+            tangents = np.stack([_chord(wider, base, values, zero, knob.name, a, b, solution.residuals) for knob, a, b in strengths])
+            basis = _beside(own, tangents)
+        if len(basis) == 0:
+            continue
+        free = tangents - (tangents @ own) @ own.T
+        known = np.diag([np.sqrt(12) / (b - a) for _, a, b in strengths])  # what the priors know of strengths that hardly show
+        estimate = -np.linalg.lstsq(np.vstack([free.T, known]), np.append(solution.residuals, np.zeros(len(known))), rcond=None)[0]
+        allowed = np.clip(estimate, [a for _, a, _ in strengths], [b for _, _, b in strengths])
+        rest = solution.residuals + allowed @ free
+        gain = max(solution.chi2 - float(rest @ rest), 0.0)
+        named = shape | {knob.name: float(s) for (knob, _, _), s in zip(strengths, allowed, strict=True)}
+        freely = float(np.sum((basis @ solution.residuals) ** 2))
+        found.append(Look(effect.name, effect, basis, gain, float(_tail(np.array(freely), len(basis))), named))
+    return found
+
+
+def _at(knob: Knob, low: float, high: float, part: float) -> float:
+    """Return the value at a part of a knob's prior."""
+    value = low * (high / low) ** part if knob.log else low + (high - low) * part
+    return float(np.rint(value) if knob.whole else value)
+
+
+def _tangent(
+    model: Extended,
+    base: Values,
+    values: Sequence[Values],
+    zero: dict[str, float],
+    name: str,
+    steps: dict[str, float],
+    high: float,
+    at: Array,
+) -> Array:
+    """Return the derivative of the residuals by one strength at zero; the step that did is kept for the next shape.
+
+    An effect that grows as the square of its strength has none there: the larger the misfit, the longer the secant. Where modes exchange
+    labels at once no step does: the direction of the jump is returned, and other shapes do not begin with the step that sought it.
+    """
+    step = steps[name]
+    target = max(0.1, SECANT * max(float(at @ at) - len(at), 0.0) ** 0.5)
+    for _ in range(5):
+        change = model.residuals(model.pack(base, [*values, zero | {name: step}])) - at
+        size = float(np.linalg.norm(change))
+        used = step
+        if 0.1 < size / target < 10:
+            steps[name] = used
+            break
+        step = float(np.clip(step * np.clip(target / max(size, 1e-300), 1e-4, 1e4), LEAST * high, MOST * high))
+        if step == used:
+            break
+    return np.asarray(change / used)
+
+
+def _chord(
+    model: Extended,
+    base: Values,
+    values: Sequence[Values],
+    zero: dict[str, float],
+    name: str,
+    low: float,
+    high: float,
+    at: Array,
+) -> Array:
+    """Return the change of the residuals per strength at a finite strength."""
+    step = CHORD * (high - max(low, 0.0))
+    return np.asarray((model.residuals(model.pack(base, [*values, zero | {name: step}])) - at) / step)
+
+
+def _beside(own: Array, tangents: Array) -> Array:
+    """Return an orthonormal basis of what the tangents reach that the model itself does not."""
+    size = np.linalg.norm(tangents, axis=1, keepdims=True)
+    unit = tangents / np.where(size > 0, size, 1)
+    free = unit - (unit @ own) @ own.T
+    if len(free) == 1:  # most are, and a decomposition of so long a row takes longer than the predictions
+        strength = np.linalg.norm(free, axis=1)
+        return np.asarray(free[strength > np.sqrt(VISIBLE)] / strength)
+    _, strength, right = np.linalg.svd(free, full_matrices=False)
+    return np.asarray(right[strength > np.sqrt(VISIBLE)])
+
+
+def adequacy(solution: Solution, found: list[Look]) -> tuple[float, str]:
+    """Return the calibrated p-value of a model, and the look that speaks most against it.
+
+    The statistic is the smallest p-value of all looks: χ², every pattern and effect, the largest outlier, and the correlation
+    of neighbours. Its distribution follows from residuals simulated by the model itself: what white noise leaves beside the tangents.
+    """
+    seen = _p_values(solution.residuals[None], solution.degrees, found)[0]
+    names = [*(look.name for look in found), "chi-square", "outlier", "neighbours"]
+    k = int(np.argmin(seen))
+    bound = float(seen[k]) * len(names)
+    if bound < CERTAIN:
+        return bound, names[k]
+    rng = np.random.default_rng(20)
+    drawn = _simulated(solution, found, rng) if len(solution.residuals) <= EXACT else _simulated_large(solution, found, rng)
+    smallest = np.sort(drawn.min(axis=1))
+    below = int(np.searchsorted(smallest, seen[k], side="right"))
+    if below >= TAIL:
+        return below / N_DRAWS, names[k]
+    # In the far tail the looks are as good as exclusive, so that p is proportional to the smallest p-value.
+    return float(min(1.0, seen[k] * TAIL / N_DRAWS / smallest[TAIL - 1])), names[k]
+
+
+def _tail(square: Array, degrees: int | NDArray[np.int64]) -> Array:
+    """Probability of a larger χ², by closed forms where there are any: it is asked for a million times."""
+    if np.ndim(degrees):
+        return np.stack([_tail(column, int(d)) for column, d in zip(square.T, np.asarray(degrees), strict=True)], axis=1)
+    if degrees == 1:
+        return np.asarray(erfc(np.sqrt(square / 2)))
+    return np.asarray(np.exp(-square / 2) if degrees == 2 else chdtrc(degrees, square))
+
+
+def _p_values(residuals: Array, degrees: int, found: list[Look]) -> Array:
+    """Return the p-values of every look, of χ², of the largest outlier and of the neighbours' correlation, (m, n_looks + 3)."""
+    n = residuals.shape[1]
+    columns = [_tail(np.sum((residuals @ look.basis.T) ** 2, axis=1), len(look.basis)) for look in found]
+    columns.append(_tail(np.sum(residuals**2, axis=1), degrees))
+    largest = np.abs(residuals).max(axis=1) * np.sqrt(n / degrees)
+    with np.errstate(divide="ignore"):  # data without noise: the logarithm of 0 is what it should be
+        columns.append(-np.expm1(n * np.log1p(-2 * norm.sf(largest))))
+    neighbours = np.abs(np.sum(residuals[:, 1:] * residuals[:, :-1], axis=1)) / np.sqrt(n)
+    columns.append(2 * norm.sf(neighbours))
+    return np.stack(columns, axis=1)
+
+
+def _simulated(solution: Solution, found: list[Look], rng: np.random.Generator) -> Array:
+    """Draw residuals as white noise beside the model's tangents, ranked as the data are, and look at them."""
+    own, _ = np.linalg.qr(solution.jacobian[:, solution.free])
+    noise = rng.standard_normal((N_DRAWS, len(solution.residuals)))
+    for ranked in solution.model.problem.ranked:
+        ranked.rank(solution.residuals, noise)
+    return _p_values(noise - (noise @ own) @ own.T, solution.degrees, found)
+
+
+def _simulated_large(solution: Solution, found: list[Look], rng: np.random.Generator) -> Array:
+    """The same for long data, drawn in the space that the looks span; outlier and neighbours are as good as independent of it."""
+    basis = np.concatenate([look.basis for look in found])
+    values, vectors = np.linalg.eigh(basis @ basis.T)
+    kept = values > 1e-10
+    drawn = rng.standard_normal((N_DRAWS, int(kept.sum())))
+    squares = (drawn @ (vectors[:, kept] * np.sqrt(values[kept])).T) ** 2
+    ends = np.cumsum([len(look.basis) for look in found])
+    sizes = np.diff(ends, prepend=0)
+    looked = _tail(np.add.reduceat(squares, ends - sizes, axis=1), sizes)
+    total = np.sum(drawn**2, axis=1) + rng.chisquare(solution.degrees - int(kept.sum()), N_DRAWS)
+    return np.column_stack([looked, _tail(total, solution.degrees), rng.uniform(size=(N_DRAWS, 2))])

@@ -1,0 +1,256 @@
+"""Least squares with numerical tangents that suit any parameter, evidence by Laplace's method, and held-out prediction."""
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.special import chdtrc
+
+from femnl.core.readout import Array
+from femnl.diagnose.checkpoint import LEDGER
+from femnl.diagnose.tangents import jacobian_at, steps_for, tangents
+from femnl.observe.model import Extended
+
+INSIDE = 1e-9
+"""Distance from its bounds, in parts of the range, that a start keeps."""
+DECADES = 1e6
+"""Ratio of the largest to the smallest strength that an effect may have."""
+AT_BOUND = 1e-12
+"""Distance, in parts of the range, up to which a result counts as stuck at its bound, where the optimiser puts it exactly."""
+
+BESIDE, PUSHED = 1e-4, 2.0
+"""Distance from a bound, in parts of the range, and σ by which the data push beyond it, from which on a parameter is stuck there."""
+LOOSE = 0.05
+"""Part of its range below which the data know a parameter that shapes an effect."""
+ITERATIONS = 12
+"""Iterations of the fits that leave a block out; they start at the whole fit."""
+QUICK = 20
+"""Evaluations after which a fit changes its method."""
+FTOL, XTOL = 1e-7, 1e-9
+"""Relative changes of χ² and of the parameters at which a fit ends."""
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """Prediction of data that no fit has seen: χ² per datum, logarithms of the densities that fits without each block predict for it.
+
+    A cause that acts on one block alone, as a frame does on one mode, is uncertain there without it, and not wrong: densities and
+    p_value, the smallest of any block times their number, count how uncertain the prediction is, chi2_reduced does not.
+    """
+
+    chi2_reduced: float
+    densities: tuple[float, ...]
+    p_value: float
+
+    @property
+    def density(self) -> float:
+        """Logarithm of the density of all blocks."""
+        return sum(self.densities)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A fitted model: vector, residuals (n,), jacobian (n, p), covariance with the priors' ranges (p, p)."""
+
+    model: Extended
+    vector: Array
+    residuals: Array
+    jacobian: Array
+    covariance: Array
+
+    @property
+    def chi2(self) -> float:
+        """χ², prior knowledge included."""
+        return float(self.residuals @ self.residuals)
+
+    @property
+    def degrees(self) -> int:
+        """Degrees of freedom left."""
+        return max(len(self.residuals) - self.vector.size, 1)
+
+    @property
+    def log_evidence(self) -> float:
+        """Logarithm of ∫ likelihood × prior by Laplace's method, up to a constant that all models of the problem share.
+
+        Base parameters have uniform priors, so that only their widths enter, which cancel unless an effect replaces them. How strong
+        an effect is, is not known even to the order of magnitude: half of the prior of a strength is uniform in its logarithm over
+        the decades of `DECADES`, or else the widest range that anyone cares to allow would decide between weak causes.
+        """
+        _, log_volume = np.linalg.slogdet(self.covariance)
+        peak = -self.chi2 / 2 + log_prior(self.model, self.vector, np.sqrt(np.diag(self.covariance)))
+        return float(peak + 0.5 * (self.vector.size * np.log(2 * np.pi) + log_volume))
+
+    @cached_property
+    def unseen(self) -> Unseen:
+        """How fits like this one predict data that they have not seen."""
+        return leave_out(self, ITERATIONS)
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Which parameters (p,) did not end at a bound, and so can still take up what the data show."""
+        low, high = self.model.bounds
+        near = AT_BOUND * (high - low)
+        return np.asarray((self.vector - low >= near) & (high - self.vector >= near))
+
+    @property
+    def stuck(self) -> list[str]:
+        """Names of the parameters of effects that ended at a bound, or that the data push against one.
+
+        A shape that the data hardly know may end anywhere, but not where χ² would fall clearly beyond its bound.
+        """
+        low, high = self.model.bounds
+        sd = np.sqrt(np.diag(self.covariance))
+        push = -(self.jacobian.T @ self.residuals) * sd  # its square is what χ² would fall by
+        beside = np.where(push > 0, high - self.vector, self.vector - low) < BESIDE * (high - low)
+        pushed = beside & (np.abs(push) > PUSHED)
+        found = zip(self.model.knobs, self.free, sd < LOOSE * (high - low), pushed, strict=True)
+        return [f"{owner}.{knob.name}" for (owner, knob), f, k, p in found if owner != "base" and (p or (not f and (knob.strength or k)))]
+
+
+def log_prior(model: Extended, vector: Array, sd: Array) -> float:
+    """Return the logarithm of the density of all priors at a vector; a strength counts as at least its sd."""
+    low, high = model.bounds
+    total = 0.0
+    for (owner, knob), value, s, a, b in zip(model.knobs, vector, sd, low, high, strict=True):
+        density = 1 / (max(value, a) * np.log(b / a)) if knob.log else 1 / (b - a)
+        if knob.strength and owner != "base" and not knob.log:
+            sides = 2 if a < 0 < b else 1
+            density = 0.5 / (b - a) + 0.5 / (sides * max(abs(value), s) * np.log(DECADES))
+        total += float(np.log(density))
+    return total
+
+
+def fit(model: Extended, start: Array, keep: NDArray[np.bool_] | None = None, most: int = 100, near: Solution | None = None) -> Solution:
+    """Minimise χ² from a start; with `keep` (n_residuals,) only over those residuals, though all are returned.
+
+    near: a solution with parameters of this model, whose tangents tell what steps suit them.
+    """
+    end, steps = _recalled(model, start, keep, most, near)
+    at = model.residuals(end)
+    slopes = jacobian_at(model, end, at, steps)
+    low, high = model.bounds
+    return Solution(model, end, at, slopes, covariance(slopes, high - low))
+
+
+def improve(model: Extended, start: Array, most: int, near: Solution) -> tuple[float, Array]:
+    """Return χ² and the vector of a fit that is to be ranked and carried on, without what only a result needs."""
+    end, _ = _recalled(model, start, None, most, near)
+    return float(np.sum(model.residuals(end) ** 2)), end
+
+
+def _recalled(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int, near: Solution | None) -> tuple[Array, Array]:
+    """Return what the ledger keeps of a fit, or make it."""
+    ledger, first = LEDGER.get(), _first_steps(model, near)
+    if ledger is None:
+        return _minimise(model, start, keep, most, first)
+    return ledger.recall(_key(model, start, keep, most, first), lambda: _minimise(model, start, keep, most, first))
+
+
+def _first_steps(model: Extended, near: Solution | None) -> Array:
+    """Return steps for tangents at the start of a fit: those of a solution nearby for the parameters that it has, too."""
+    sizes: dict[tuple[str, str], float] = {}
+    if near is not None:
+        norms = np.linalg.norm(near.jacobian, axis=0)
+        sizes = {(owner, knob.name): float(norm) for (owner, knob), norm in zip(near.model.knobs, norms, strict=True)}
+    return steps_for(model, np.array([sizes.get((owner, knob.name), 0.0) for owner, knob in model.knobs]))
+
+
+def _key(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array) -> str:
+    """Name a fit by all that it depends on beside the file: a problem that is posed in two ways starts in two places."""
+    digest = hashlib.sha256(repr((model.knobs, [effect.equation for effect in model.effects], most)).encode())
+    for part in (start, first, model.problem.start, *model.bounds, *([] if keep is None else [keep])):
+        digest.update(np.ascontiguousarray(part).tobytes())
+    return digest.hexdigest()
+
+
+def _minimise(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array) -> tuple[Array, Array]:
+    """Return the minimum and the steps at which tangents are taken there."""
+    low, high = model.bounds
+    width = high - low
+    chosen = slice(None) if keep is None else keep
+
+    # In parts of the ranges: the optimiser adds up steps of all parameters, and metres would count for nothing beside volts.
+    def place(part: Array) -> Array:
+        return np.asarray(np.clip(low + width * part, low, high))
+
+    start_part = np.clip((start - low) / width, INSIDE, 1 - INSIDE)
+    vector = place(start_part)
+    at = model.residuals(vector)
+    steps, slopes = tangents(model, vector, at, first)
+    # The optimiser asks for the tangents where it has just asked for the residuals, and for both where it starts.
+    latest, latest_slopes = {vector.tobytes(): at}, {vector.tobytes(): slopes}
+
+    def known(v: Array) -> Array:
+        if v.tobytes() not in latest:
+            latest.clear()
+            latest[v.tobytes()] = model.residuals(v)
+        return latest[v.tobytes()]
+
+    def residuals(part: Array) -> Array:
+        return known(place(part))[chosen]
+
+    def jacobian(part: Array) -> Array:
+        v = place(part)
+        if v.tobytes() not in latest_slopes:
+            latest_slopes.clear()
+            latest_slopes[v.tobytes()] = jacobian_at(model, v, known(v), steps)
+        return latest_slopes[v.tobytes()][chosen] * width
+
+    solve = partial(least_squares, residuals, jac=jacobian, bounds=(0, 1), x_scale="jac", xtol=XTOL, ftol=FTOL, gtol=1e-10)
+    found = solve(start_part, method="dogbox", max_nfev=min(most, QUICK))
+    if found.status == 0 and most > QUICK:
+        # In curved valleys the dogleg creeps along; the reflective method follows them, but shies away from bounds.
+        found = solve(found.x, method="trf", max_nfev=most - QUICK)
+    end = place(found.x)
+    size = np.linalg.norm(np.asarray(found.jac), axis=0) / width
+    return end, steps_for(model, size, steps)
+
+
+def covariance(slopes: Array, width: Array) -> Array:
+    """Return the covariance of the parameters from their Fisher information and that of their uniform priors, 12/width²."""
+    # By singular values: a Fisher matrix would square what the strongest direction exceeds the weakest by, and drown the prior's 12.
+    _, size, turned = np.linalg.svd(np.linalg.qr(slopes * width, mode="r"))
+    spread = turned.T / np.sqrt(np.pad(size, (0, width.size - size.size)) ** 2 + 12)
+    return np.asarray(spread @ spread.T * np.outer(width, width))
+
+
+def held_out(solution: Solution, most: int) -> float:
+    """Return χ² per datum of all blocks, each predicted by a fit to the others; prior knowledge is never left out."""
+    model, blocks, square = solution.model, solution.model.problem.blocks, 0.0
+    for block in np.unique(blocks[blocks >= 0]):
+        end, _ = _recalled(model, solution.vector, blocks != block, most, solution)
+        square += float(np.sum(model.residuals(end)[blocks == block] ** 2))
+    return square / int(np.sum(blocks >= 0))
+
+
+def leave_out(solution: Solution, most: int) -> Unseen:
+    """Predict each block of the data by a fit to the others; prior knowledge is never left out.
+
+    ln p(block | others) is by how much the logarithm of evidence falls from the others to all data: −½ of what χ² gains, and −½ of
+    what ln|C| loses, C the covariance of the parameters. Where the model is linear over the errors that the fit to the others leaves,
+    these are rᵀ S⁻¹ r and ln|S|, S = 1 + J C Jᵀ; where it bends over them, S, which knows one slope, would mistake that for a misfit.
+    What the block's own noise adds to χ², which no parameters could follow, says nothing of how it is predicted; the rest, by which the
+    block and the others want other parameters (G. C. Chow, Econometrica 28, 591 (1960)), has as many degrees of freedom as parameters
+    that the block tells.
+    """
+    blocks = solution.model.problem.blocks
+    low, high = solution.model.bounds
+    units = np.outer(high - low, high - low)
+    square, count, densities, p_values = 0.0, 0, [], []
+    for block in np.unique(blocks[blocks >= 0]):
+        out = blocks == block
+        other = fit(solution.model, solution.vector, ~out, most, solution)
+        seen, unseen = other.residuals[~out], other.residuals[out]
+        known = covariance(other.jacobian[~out], high - low)
+        gained = np.linalg.slogdet(known / units)[1] - np.linalg.slogdet(solution.covariance / units)[1]
+        chi2 = max(solution.chi2 - float(seen @ seen), 0.0)
+        square, count = square + float(unseen @ unseen), count + len(unseen)
+        densities.append(-0.5 * (chi2 + float(gained)))
+        left, size, _ = np.linalg.svd(solution.jacobian[out] * (high - low), full_matrices=False)
+        told = left[:, size > np.sqrt(12)]  # better than the priors do
+        own = solution.residuals[out] - told @ (told.T @ solution.residuals[out])
+        p_values.append(float(chdtrc(max(told.shape[1], 1), max(chi2 - float(own @ own), 0.0))))
+    return Unseen(square / count, tuple(densities), min(1.0, min(p_values) * len(p_values)))

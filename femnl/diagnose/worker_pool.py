@@ -1,0 +1,226 @@
+"""Fits that do not wait for each other, side by side: here, and in processes that pose the same problem."""
+
+import logging
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
+from multiprocessing.connection import Connection
+from threading import Thread
+from typing import Any, Generic, TypeVar
+
+from femnl.core.effect import Effect
+from femnl.core.errors import FemnlError
+from femnl.core.processes import Worker, answer, one_thread
+from femnl.diagnose.checkpoint import LEDGER, Found, Share
+from femnl.observe.model import Problem
+
+PROGRESS, WARNINGS = logging.getLogger("femnl.progress"), logging.getLogger("femnl")
+T = TypeVar("T")
+Posed = tuple[Problem, list[Effect]]
+"""A problem, and the effects that may explain it."""
+SOON, EXIT = 0.05, 5.0
+"""Seconds after which it is looked again whether a helper is ready, and those that one may take to end."""
+
+
+@dataclass(frozen=True)
+class Job(Generic[T]):
+    """Something to find, and the line of progress that says so."""
+
+    says: str
+    find: Callable[[], T]
+
+    def done(self) -> T:
+        """Say it and find it."""
+        PROGRESS.info(self.says)
+        return self.find()
+
+
+Run = Callable[[Sequence[Job[Any]]], list[Any]]
+"""Does jobs that do not wait for each other, and returns what they find, in their order."""
+
+
+def in_turn(jobs: Sequence[Job[T]]) -> list[T]:
+    """Do one job after the other."""
+    return [job.done() for job in jobs]
+
+
+class Crew:
+    """This process and helpers, which take jobs as soon as they are there.
+
+    Problem and effects go by name, as each process has its own; what else jobs and results hold is sent. What a helper finds is what
+    this process would find, to the last bit, and its fits come into the ledger here.
+    """
+
+    def __init__(self, pose: Callable[[], Posed], helpers: int) -> None:
+        self._pose, ledger = pose, LEDGER.get()
+        with one_thread():
+            self._helpers = [_Helper(pose, None if ledger is None else ledger.path) for _ in range(helpers)]
+        self._threads: list[Thread] = []
+        self._fits: deque[tuple[str, Found]] = deque()
+
+    def posed(self) -> Posed:
+        """Pose the problem, here first: what that leaves on disk, as the modes of a film, helpers need not solve again."""
+        posed = self._pose()
+        self._names = _Names(posed)
+        for helper in self._helpers:
+            helper.give(True)
+        return posed
+
+    def run(self, jobs: Sequence[Job[T]]) -> list[T]:
+        """Do all jobs; return what they find, in their order."""
+        if not self._helpers or len(jobs) < 2:
+            return in_turn(jobs)
+        todo, found = deque(enumerate(jobs)), dict[int, T]()
+        while todo:  # again, where a helper ended over its job
+            self._threads = [Thread(target=self._feed, args=(helper, todo, found), daemon=True) for helper in self._helpers]
+            for thread in self._threads:
+                thread.start()
+            while (mine := _next(todo.popleft)) is not None:
+                found[mine[0]] = mine[1].done()
+                self._keep()
+            for thread in self._threads:
+                thread.join()
+            self._keep()
+            for helper in [helper for helper in self._helpers if helper.dead]:
+                helper.process.join(EXIT)  # it has closed its end and may be about to say why
+                WARNINGS.warning("a helper ended (exit code %d); its fits are made here", helper.stop())
+                self._helpers.remove(helper)
+        return [found[i] for i in range(len(jobs))]
+
+    def _feed(self, helper: "_Helper", todo: "deque[tuple[int, Job[T]]]", found: dict[int, T]) -> None:
+        """Let a helper do jobs from the end of the list."""
+        while todo and not helper.dead:
+            if helper.ready(SOON) and (its := _next(todo.pop)) is not None:
+                PROGRESS.info(its[1].says)
+                answered = helper.ask(self._names.named(its[1].find))
+                if answered is None:
+                    todo.append(its)
+                else:
+                    found[its[0]], fits = self._names.known(answered)
+                    self._fits.extend(fits)
+
+    def _keep(self) -> None:
+        """Put the fits of helpers into the ledger."""
+        ledger = LEDGER.get()
+        while (fit := _next(self._fits.popleft)) is not None:
+            if ledger is not None:
+                ledger.add(*fit)
+
+    def end(self) -> None:
+        """End the helpers at once."""
+        for helper in self._helpers:
+            helper.process.kill()
+        for thread in self._threads:
+            thread.join()
+        for helper in self._helpers:
+            helper.stop()
+        self._keep()
+
+
+@contextmanager
+def crew(pose: Callable[[], Posed], workers: int) -> Iterator[Crew]:
+    """Start so many processes, this one among them, which share the jobs of a problem; `pose` poses it in each."""
+    mine = Crew(pose, workers - 1)
+    try:
+        yield mine
+    finally:
+        mine.end()
+
+
+class _Helper(Worker):
+    """A process that does jobs; it first says that it is ready."""
+
+    def __init__(self, pose: Callable[[], Posed], ledger: object) -> None:
+        super().__init__(_serve, pose, ledger)
+        self.dead, self._ready = False, False
+
+    def ready(self, seconds: float) -> bool:
+        """Whether it is there within some seconds."""
+        if not self._ready and self.connection.poll(seconds):
+            self._ready = self.take() is not None
+            self.dead = not self._ready
+        return self._ready
+
+    def ask(self, task: Any) -> Any:
+        """Return its answer, None where it has died."""
+        answered = self.take() if self.give(task) else None
+        self.dead = answered is None
+        return answered
+
+
+def _serve(connection: Connection, pose: Callable[[], Posed], path: Any) -> None:
+    """Do jobs, and return what each found with the fits that it made."""
+    # The process that asked meets the same file, cache and fits, and says once what there is to say of them.
+    WARNINGS.setLevel(logging.CRITICAL)
+    share = None if path is None else Share(path)
+    LEDGER.set(share)
+    if not _told(connection):
+        return
+    names = _Names(pose())
+
+    def do(task: Any) -> Any:
+        try:
+            found = names.known(task)()
+        except FemnlError as error:  # the same job fails in the process that asked, which tells the user
+            raise SystemExit(1) from error
+        return names.named((found, [] if share is None else share.taken()))
+
+    connection.send(True)
+    answer(connection, do)
+
+
+def _told(connection: Connection) -> bool:
+    """Wait for the word to begin; whether it came before the other end closed."""
+    try:
+        return bool(connection.recv())
+    except (EOFError, ConnectionError):
+        return False
+
+
+def _next(take: Callable[[], T]) -> T | None:
+    """Take what is left; two threads may want the last."""
+    try:
+        return take()
+    except IndexError:
+        return None
+
+
+@dataclass(frozen=True)
+class _Name:
+    """Stands for the problem or an effect, which each process has as an object of its own."""
+
+    name: str
+
+
+class _Names:
+    """Puts names in the place of the problem and its effects, and these back."""
+
+    def __init__(self, posed: Posed) -> None:
+        problem, effects = posed
+        self._things: dict[_Name, object] = {_Name("problem"): problem, **{_Name(f"effect {effect.name}"): effect for effect in effects}}
+        self._by_id = {id(thing): name for name, thing in self._things.items()}
+
+    def named(self, thing: Any) -> Any:
+        """Return a thing as it may be sent."""
+        return _mapped(thing, lambda part: self._by_id.get(id(part)))
+
+    def known(self, thing: Any) -> Any:
+        """Return a thing that was sent as it is here."""
+        return _mapped(thing, lambda part: self._things[part] if isinstance(part, _Name) else None)
+
+
+def _mapped(thing: Any, find: Callable[[Any], Any]) -> Any:
+    """Replace what is found in calls, records, lists, tuples and tables of values; nothing that a record computed stays with it."""
+    if (other := find(thing)) is not None:
+        return other
+    if isinstance(thing, partial):
+        return partial(thing.func, *_mapped(thing.args, find), **_mapped(thing.keywords, find))
+    if isinstance(thing, (list, tuple)):
+        return type(thing)(_mapped(part, find) for part in thing)
+    if isinstance(thing, dict):
+        return {key: _mapped(part, find) for key, part in thing.items()}
+    if is_dataclass(thing) and not isinstance(thing, type):
+        return replace(thing, **{field.name: _mapped(getattr(thing, field.name), find) for field in fields(thing)})
+    return thing

@@ -1,0 +1,63 @@
+"""What each term of an oscillator's equation buys: fits with more and more of them, judged on the part held out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from femnl.core.errors import MeasurementError
+from femnl.core.fit import Fit
+from femnl.fits.record.oscillator import fit_oscillator, settled, simulate_oscillator
+from femnl.observe.record.free_run import Array
+
+ORDER = ("offset", "cubic", "quadratic", "nonlinear_damping")
+
+
+@dataclass(frozen=True, eq=False)
+class TermsFit:
+    """One model: the terms beside m, c and k; its fit; free-run error [unit of the output] (n,), and its rms fitted and held out.
+
+    held_out is NaN where nothing was held out.
+    """
+
+    terms: tuple[str, ...]
+    fit: Fit
+    error: Array
+    fitted: float
+    held_out: float
+
+
+def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsFit]:
+    """Fit the oscillator of a `trace` with its drive: linear, then with offset, k₃, k₂ and η added one after the other.
+
+    The record need not begin at rest: its first decay times are simulated but neither fitted nor counted, nor are its last samples, see
+    `settled`.
+    Args: dataset of kind `trace`, one step, with `drive_voltage`; held_out: samples that no fit sees.
+    Returns: the models by rising number of terms.
+    Raises: MeasurementError without a drive, with several steps, or with fewer than 100 samples left to fit or to test.
+    """
+    if "drive_voltage" not in dataset or dataset.sizes["step"] != 1:
+        raise MeasurementError(
+            f"trace: an oscillator is fitted to one step with its drive_voltage, here are {dataset.sizes['step']} steps "
+            f"{'with' if 'drive_voltage' in dataset else 'without'} it"
+        )
+    drive, output = dataset["drive_voltage"].values[0], dataset["voltage"].values[0]
+    rate = float(1 / np.median(np.diff(dataset["time"].values)))
+    counted = settled(drive, output, rate)
+    test = np.zeros_like(counted)
+    if held_out is not None:
+        test[held_out] = True
+    n_fitted, n_tested = (int(np.count_nonzero(part)) for part in (counted & ~test, counted & test))
+    if n_fitted < 100 or (held_out is not None and n_tested < 100):
+        raise MeasurementError(
+            f"trace: of {len(output)} samples {n_fitted} are left to fit and {n_tested} held out, without the "
+            f"{np.count_nonzero(~counted)} in which the oscillator settles or the drive's spline ends; both need 100"
+        )
+    models: list[TermsFit] = []
+    for count in range(len(ORDER) + 1):
+        earlier = models[-1].fit if models else None
+        fit = fit_oscillator(drive, output, rate, ORDER[:count], fitted=counted & ~test, start=earlier)
+        error = simulate_oscillator(fit, drive, rate) - output
+        fitted, tested = (float(np.sqrt(np.mean(error[part] ** 2))) if part.any() else np.nan for part in (counted & ~test, counted & test))
+        models.append(TermsFit(ORDER[:count], fit, np.where(counted, error, np.nan), fitted, tested))
+    return models

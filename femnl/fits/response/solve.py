@@ -1,0 +1,144 @@
+"""The search for the least misfit of a response: starts in turn, states and parameters in turn, and a way off the folds."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import islice
+
+import numpy as np
+from scipy.optimize import least_squares, leastsq
+
+from femnl.core.errors import ConvergenceError, ParameterError
+from femnl.fits.response.implicit import refine
+from femnl.fits.response.misfit import Misfit, Use
+from femnl.fits.response.result import natural
+from femnl.fits.response.start import starts
+from femnl.observe.response.branches import Layout
+from femnl.observe.response.sweeps import Array, Sweeps
+
+Bounds = Mapping[str, tuple[float, float]]
+MAX_ROUNDS, MAX_CALLS, CLOSE = 10, 80, 1e-8
+# A start has led to the answer when χ² exceeds what noise makes by less than this many of its standard deviations.
+GOOD = 2.0
+# A model that does not describe the data never reaches the noise; so many starts that agree to this factor tell that none does better.
+SAME, AGREED = 1.001, 3
+# Steps of α_y/α_c, in standard deviations, that take a fit off a fold where it got stuck.
+KICKS = (0.3, -0.3, 1.0, -1.0, 3.0, -3.0)
+
+
+@dataclass
+class _Search:
+    """The best fit so far, and what each start reached."""
+
+    misfit: Misfit
+    low: Array
+    high: Array
+    cost: float = np.inf
+    theta: Array = field(default_factory=lambda: np.empty(0))
+    reached: list[float] = field(default_factory=list)
+
+    def descend(self, theta: Array, *, strict: bool) -> Misfit:
+        """Minimise from θ, with only states that exist (`strict`) or also their continuation past a fold; keep the result if better."""
+        tried = replace(self.misfit, strict=strict, last=None)
+        found = settle(tried, np.clip(theta, self.low, self.high), self.low, self.high)
+        cost = tried.cost(found)
+        self.reached[-1] = min(self.reached[-1], cost)
+        if cost < self.cost:
+            self.cost, self.misfit, self.theta = cost, tried, found
+        return tried
+
+    def start(self, theta: Array) -> None:
+        """Minimise from a new start: the continuation past folds helps across them, and what exists decides."""
+        self.reached.append(np.inf)
+        if self.descend(theta, strict=True).folded:
+            self.descend(theta, strict=False)
+            self.descend(self.theta if self.theta.size else theta, strict=True)
+
+    def leave_fold(self) -> None:
+        """Where the best fit has points past a fold, step the fold over them."""
+        if self.misfit.past_fold(self.theta):
+            slopes = self.misfit.jacobian(self.theta)
+            stuck, step = self.theta, np.zeros(len(self.theta))
+            step[2] = np.sqrt(max(np.linalg.pinv(slopes.T @ slopes)[2, 2], np.finfo(float).tiny))
+            for kick in KICKS:
+                self.descend(stuck + kick * step, strict=True)
+
+
+def solve(sweeps: Sweeps, layout: Layout, use: Use, bounds: Bounds) -> tuple[Misfit, Array]:
+    """Minimise the misfit from each start until one leaves only noise; return the best misfit, with its states, and θ."""
+    search = _Search(Misfit.of(sweeps, layout, use), *_limits(layout, bounds))
+    n_points = len(sweeps.frequency) * (2 if use == "complex" else 1)
+    noisy = n_points + GOOD * np.sqrt(2 * n_points)
+    for start in _all_starts(sweeps, layout, use):
+        candidates = [start, refine(sweeps, layout, start)] if use == "complex" else [start]
+        fresh = Misfit.of(sweeps, layout, use)
+        search.start(min((np.clip(candidate, search.low, search.high) for candidate in candidates), key=fresh.cost))
+        if search.cost < noisy or np.count_nonzero(np.array(search.reached) < SAME * search.cost) >= AGREED:
+            break
+    if not search.theta.size:  # no start, or none with a finite misfit
+        raise ConvergenceError(f"use = {use!r}: the points show no resonance to start from; choose another range or use='complex'")
+    search.leave_fold()
+    return search.misfit, search.theta
+
+
+def _all_starts(sweeps: Sweeps, layout: Layout, use: Use) -> Iterator[Array]:
+    """Yield starts; for a magnitude or a phase, what both quadratures say at a glance comes first, and what they say in full last.
+
+    Where the readout is linear, that is the answer; where it is not, it does no harm.
+    """
+    if use == "complex":
+        yield from starts(sweeps, use, layout)
+        return
+    full = replace(layout, gain=True, phase=True)
+
+    def shared(theta: Array) -> Array:
+        parts: list[Array | list[float]] = [
+            theta[: full.gains.start],
+            theta[full.gains] if layout.gain else [],
+            theta[full.phases.start :] if layout.phase else [],
+        ]
+        return np.concatenate(parts)
+
+    glance, free = Misfit.of(sweeps, full, "complex"), np.full(full.size, np.inf)
+    for first in islice(starts(sweeps, "complex", full), 1):
+        yield shared(settle(glance, refine(sweeps, full, first), -free, free))
+    yield from starts(sweeps, use, layout)
+    yield shared(solve(sweeps, full, "complex", {})[1])
+
+
+def settle(misfit: Misfit, theta: Array, low: Array, high: Array) -> Array:
+    """Minimise and choose the states in turn, until the choice stands."""
+    misfit.assign(theta)
+    for _ in range(MAX_ROUNDS):
+        theta = _descend(misfit, theta, low, high)
+        if not misfit.assign(theta):
+            break
+    return theta
+
+
+def _descend(misfit: Misfit, theta: Array, low: Array, high: Array) -> Array:
+    """Minimise with the states fixed."""
+    if np.isinf(low).all() and np.isinf(high).all():
+        slopes: Callable[[Array], Array] = misfit.jacobian
+        found, *_ = leastsq(misfit.residual, theta, Dfun=slopes, full_output=True, ftol=CLOSE, xtol=CLOSE, gtol=CLOSE, maxfev=MAX_CALLS)
+        return np.asarray(found)
+    margin = 1e-9 * np.minimum(high - low, 1.0)
+    start = np.clip(theta, low + margin, high - margin)
+    limits = (low, high)
+    result = least_squares(
+        misfit.residual, start, misfit.jacobian, limits, xtol=CLOSE, ftol=CLOSE, gtol=CLOSE, x_scale="jac", max_nfev=MAX_CALLS
+    )
+    return np.asarray(result.x)
+
+
+def _limits(layout: Layout, bounds: Bounds) -> tuple[Array, Array]:
+    """Turn bounds by name in SI into bounds of θ."""
+    names, _, _ = natural(layout, np.zeros(layout.size))
+    low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
+    if layout.damping:
+        low[3] = 0.0
+    for name, pair in bounds.items():
+        if name not in names or not pair[0] < pair[1]:
+            raise ParameterError(f"bounds[{name!r}] = {pair}: give (low, high) for one of {', '.join(names)}")
+        k = names.index(name)
+        low[k], high[k] = (layout.theta_of(k, value) for value in pair)
+    return low, high

@@ -1,0 +1,271 @@
+"""Lines of a wide sweep: found one after the other in what the lines before leave, and fitted together where they overlap."""
+
+from collections.abc import Iterable
+
+import numpy as np
+import xarray as xr
+
+from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.spectrum import Peaks
+from femnl.fits.spectrum.lines import REACH, Array, Cluster, Complex, fit_cluster, polynomials
+from femnl.fits.spectrum.scan import WIDEST, scan
+from femnl.io.measurement import amplitude, noise_sd
+
+_PASSES = 20
+_SMOOTH = 8  # degree of the background over the whole sweep
+_ROBUST = 12
+_SHARES = (0.5, 0.2, 0.08)  # of the widest line of a badly fitted group, tried as the widest one
+_ROUNDS = 2  # of fitting each group with the others taken off, in every pass
+_APART = 8.0  # linewidths that lines found in the same pass must lie apart
+_TOUCH = 3.0  # linewidths within which lines are fitted together
+_NARROWEST = 1e-3  # spacings of points, the narrowest line that a fit may try
+_UNSURE = 0.5  # of a linewidth; a larger standard deviation of it is told
+_BACKGROUND = 0.95  # of the widest linewidth: such a line is a bend of the background
+_FALSE = 1e-3  # probability that noise alone gives one line in the whole sweep
+
+
+def find_peaks(dataset: xr.Dataset, sweep: int = 0) -> Peaks:
+    """Find and fit the resonances of a wide sweep, wide and narrow ones, overlapping ones, on a sloping background.
+
+    V(f) = Σ_k A_k f_kγ_k/(f_k² − f² + i f γ_k) + smooth. Matched filters of all widths look for the strongest line in the residual;
+    it is fitted together with all lines that it touches, taken off, and the search goes on until nothing is left that noise would
+    not give once in a thousand sweeps. A line that does not pay for itself in the end is dropped.
+    Args: dataset of kind `response`, complex; sweep: which one.
+    Returns: Peaks. Raises: MeasurementError for fewer than 24 points, ParameterError for a sweep that is not there.
+    Valid: linear response, at most a small part of the points on lines.
+    """
+    if not 0 <= sweep < dataset.sizes["sweep"]:
+        raise ParameterError(f"sweep {sweep}: the measurement has sweeps 0 to {dataset.sizes['sweep'] - 1}; choose one of them")
+    f, volts = dataset["frequency"].values[sweep], amplitude(dataset).values[sweep]
+    known = np.isfinite(f) & np.isfinite(volts)
+    f, first = np.unique(f[known], return_index=True)
+    volts = volts[known][first]
+    if f.size < 24:
+        raise MeasurementError(f"response: sweep {sweep} has {f.size} points; a search for lines needs 24, take a finer sweep")
+    noise, sentence = noise_sd(dataset)
+    return _result(f, volts, _search(f, volts, noise), (sentence,))
+
+
+def threshold(n_points: int) -> float:
+    """The score that noise alone exceeds once in a thousand sweeps: −2 ln(10⁻³/n), n counting places and widths."""
+    return float(-2 * np.log(_FALSE / (4 * n_points)))
+
+
+def _search(f: Array, volts: Complex, noise: float) -> list[Cluster]:
+    """All lines of the sweep; the background is taken anew from what the lines leave."""
+    limit, widest = threshold(f.size), WIDEST * float(f[-1] - f[0])
+    clusters: list[Cluster] = []
+    for _ in range(_PASSES):
+        flat = volts - _background(f, volts - _sum(f, clusters))
+        found = _relax(f, flat, noise, clusters, np.empty((0, 2)), limit, widest)
+        found = _greedy(f, flat, noise, _drop_weak(f, flat, noise, found, limit, widest), limit, widest)
+        found = _rebuild(f, flat, noise, found, limit, widest)
+        if _settled(clusters, found):
+            return found
+        clusters = found
+    return clusters
+
+
+def _settled(before: list[Cluster], after: list[Cluster]) -> bool:
+    """Whether the lines are the same to a tenth of their standard deviation."""
+    old, new = (np.concatenate([np.empty(0), *(cluster.frequency for cluster in clusters)]) for clusters in (before, after))
+    sd = np.concatenate([np.empty(0), *(cluster.frequency_sd for cluster in after)])
+    order = np.argsort(new)
+    return old.size == new.size and bool(np.all(np.abs(np.sort(old) - new[order]) <= 0.1 * sd[order]))
+
+
+def _greedy(f: Array, flat: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float) -> list[Cluster]:
+    """Add the strongest lines of the residual, fit, drop what does not pay; until no line is won."""
+    for _ in range(_PASSES):
+        fresh = _fresh_lines(*scan(f, flat - _sum(f, clusters), noise, widest), limit)
+        if not len(fresh):
+            return clusters
+        found = _drop_weak(f, flat, noise, _relax(f, flat, noise, clusters, fresh, limit, widest), limit, widest)
+        if _table(found).shape[0] <= _table(clusters).shape[0]:
+            return clusters
+        clusters = found
+    return clusters
+
+
+def _rebuild(f: Array, flat: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float) -> list[Cluster]:
+    """Search groups that are fitted badly once more from nothing, with narrower lines first: a wide line may have swallowed others."""
+    kept = list(clusters)
+    for cluster in clusters:
+        if cluster.chi2 < cluster.n_points + limit + 4 * np.sqrt(2 * cluster.n_points):
+            continue
+        place = kept.index(cluster)
+        left = flat - _sum(f, kept[:place] + kept[place + 1 :])
+        inside = (f >= cluster.window[0]) & (f <= cluster.window[1])
+        tried = [cluster]
+        for share in _SHARES:
+            narrow = _greedy(f[inside], left[inside], noise, [], limit, share * float(cluster.linewidth.max()))
+            if narrow:
+                tried.append(_fit(f, left, noise, _table(narrow), widest, cluster.window))
+        kept[place] = min(tried, key=lambda other: other.chi2 + limit * other.frequency.size)
+    return (
+        _drop_weak(f, flat, noise, kept, limit, widest)
+        if any(one is not other for one, other in zip(kept, clusters, strict=True))
+        else clusters
+    )
+
+
+def _background(f: Array, volts: Complex) -> Complex:
+    """A smooth complex curve through what is left, with weights 1/(1 + (r/s)²) so that lines hardly pull it (s: median residual)."""
+    basis = np.polynomial.legendre.legvander(2 * (f - f[0]) / (f[-1] - f[0]) - 1, _SMOOTH).astype(complex)
+    curve: Complex = np.full(f.shape, np.median(volts.real) + 1j * np.median(volts.imag))
+    for _ in range(_ROBUST):
+        away = np.abs(volts - curve)
+        root = 1 / np.hypot(1.0, away / max(float(np.median(away)), 1e-300))
+        curve = np.asarray(basis @ np.linalg.lstsq(basis * root[:, None], volts * root, rcond=None)[0])
+    return curve
+
+
+def _sum(f: Array, clusters: Iterable[Cluster]) -> Complex:
+    """All lines of the clusters at f, in V."""
+    total: Complex = np.zeros(f.shape, dtype=complex)
+    for cluster in clusters:
+        total = total + cluster.lines(f)
+    return total
+
+
+def _fresh_lines(score: Array, centre: Array, width: Array, limit: float) -> Array:
+    """The strongest filters, each alone within its reach: (n, 2) of frequency and linewidth [Hz]."""
+    taken: list[tuple[float, float]] = []
+    for index in np.argsort(score)[::-1]:
+        if score[index] < limit or (taken and score[index] < 1e-2 * score.max()):
+            break
+        if all(abs(centre[index] - other) > _APART * max(width[index], breadth) for other, breadth in taken):
+            taken.append((float(centre[index]), float(width[index])))
+    return np.array(taken).reshape(-1, 2)
+
+
+def _table(clusters: list[Cluster]) -> Array:
+    rows = [np.column_stack([cluster.frequency, cluster.linewidth]) for cluster in clusters]
+    return np.vstack(rows) if rows else np.empty((0, 2))
+
+
+def _groups(table: Array) -> list[Array]:
+    """Lines that touch each other, directly or through others."""
+    order = np.argsort(table[:, 0] - _TOUCH * table[:, 1])
+    groups: list[list[int]] = []
+    edge = -np.inf
+    for index in order:
+        frequency, width = table[index]
+        if frequency - _TOUCH * width < edge:
+            groups[-1].append(int(index))
+        else:
+            groups.append([int(index)])
+        edge = max(edge, frequency + _TOUCH * width)
+    return [table[group] for group in groups]
+
+
+def _relax(f: Array, volts: Complex, noise: float, clusters: list[Cluster], fresh: Array, limit: float, widest: float) -> list[Cluster]:
+    """Fit every group of lines with all others taken off, until the tails that they lend each other have settled."""
+    new = {tuple(row) for row in fresh}
+    for _ in range(_ROUNDS):
+        for group in _groups(np.vstack([_table(clusters), np.array(sorted(new)).reshape(-1, 2)])):
+            others = [cluster for cluster in clusters if not np.isin(cluster.frequency, group[:, 0]).any()]
+            left = volts - _sum(f, others)
+            tried = [_fit(f, left, noise, start, widest, _window(f, group)) for start in _starts(group, new)]
+            clusters = [*others, min(tried, key=lambda cluster: cluster.chi2 + limit * cluster.frequency.size)]
+            new -= {tuple(row) for row in group}
+    return clusters
+
+
+def _starts(group: Array, fresh: set[tuple[float, ...]]) -> list[Array]:
+    """Starting points: the lines as found; and where a new one lies on an old one, the old one split in two."""
+    starts = [group]
+    new = [row for row in group if tuple(row) in fresh]
+    for row in new:
+        old = [other for other in group if tuple(other) not in fresh and abs(other[0] - row[0]) < 2 * max(other[1], row[1])]
+        if old:
+            near = min(old, key=lambda other: abs(other[0] - row[0]))
+            rest = [other for other in group if other is not row and not np.array_equal(other, near)]
+            width = near[1]
+            for gap, share in ((0.3, 0.7), (0.7, 0.9)):
+                starts.append(np.array([*rest, [near[0] - gap * width, share * width], [near[0] + gap * width, share * width]]))
+    return starts
+
+
+def _window(f: Array, table: Array) -> tuple[float, float]:
+    """The part of the sweep that lines reach, wide enough for as many points as the fit has unknowns."""
+    spacing = float(np.median(np.diff(f)))
+    reach = np.maximum(REACH * table[:, 1], 8 * spacing)
+    low, high = float(np.min(table[:, 0] - reach)), float(np.max(table[:, 0] + reach))
+    inside = (f >= low) & (f <= high)
+    while np.count_nonzero(inside) < min(6 + 4 * table.shape[0], f.size):
+        low, high = low - 4 * spacing, high + 4 * spacing
+        inside = (f >= low) & (f <= high)
+    return float(f[inside][0]), float(f[inside][-1])
+
+
+def _fit(f: Array, volts: Complex, noise: float, start: Array, widest: float, window: tuple[float, float]) -> Cluster:
+    inside = (f >= window[0]) & (f <= window[1])
+    narrowest = _NARROWEST * float(np.median(np.diff(f[inside])))
+    return fit_cluster(f[inside], volts[inside], noise, start, window, (narrowest, max(widest, 2 * narrowest)))
+
+
+def _significance(cluster: Cluster) -> Array:
+    """Fall of χ² that each line buys, from its height over its standard deviation (Wald)."""
+    return np.asarray((np.abs(cluster.amplitude) / np.maximum(cluster.amplitude_sd, 1e-300)) ** 2)
+
+
+def _gain(f: Array, volts: Complex, noise: float, cluster: Cluster, index: int, widest: float) -> float:
+    """Fall of χ² by line `index` of a cluster, other clusters taken off: its window is fitted without it."""
+    rest = np.delete(np.column_stack([cluster.frequency, cluster.linewidth]), index, axis=0)
+    if rest.shape[0]:
+        return _fit(f, volts, noise, rest, widest, cluster.window).chi2 - cluster.chi2
+    inside = (f >= cluster.window[0]) & (f <= cluster.window[1])
+    basis = polynomials(f[inside], cluster.window).astype(complex)
+    residual = volts[inside] - basis @ np.linalg.lstsq(basis, volts[inside], rcond=None)[0]
+    return float(np.sum(np.abs(residual) ** 2) / noise**2) - cluster.chi2
+
+
+def _drop_weak(f: Array, volts: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float) -> list[Cluster]:
+    """Take out, one after the other, lines that do not pay for themselves, and bends of the background."""
+    kept = list(clusters)
+    for cluster in clusters:
+        place = kept.index(cluster)
+        left = volts - _sum(f, kept[:place] + kept[place + 1 :])
+        while cluster.frequency.size:
+            worth = _significance(cluster)
+            # A line narrower than the spacing has no certain height, and yet its fall of χ² is certain.
+            for index in np.flatnonzero(worth < limit):
+                worth[index] = _gain(f, left, noise, cluster, int(index), widest)
+            worth[cluster.linewidth > _BACKGROUND * widest] = 0.0
+            weakest = int(np.argmin(worth))
+            if worth[weakest] >= limit:
+                break
+            rest = np.delete(np.column_stack([cluster.frequency, cluster.linewidth]), weakest, axis=0)
+            if not rest.shape[0]:
+                kept.pop(place)
+                break
+            kept[place] = cluster = _fit(f, left, noise, rest, widest, _window(f, rest))
+    return kept
+
+
+def _result(f: Array, volts: Complex, clusters: list[Cluster], notes: tuple[str, ...]) -> Peaks:
+    def gather(name: str) -> Array:
+        return np.concatenate([np.empty(0), *(getattr(cluster, name) for cluster in clusters)])
+
+    order = np.argsort(gather("frequency"))
+    frequency, linewidth = gather("frequency")[order], gather("linewidth")[order]
+    lines = _sum(f, clusters)
+    points = sum(cluster.n_points - 4 * cluster.frequency.size - 6 for cluster in clusters)
+    linewidth_sd = gather("linewidth_sd")[order]
+    narrow = np.count_nonzero(~(linewidth_sd < _UNSURE * linewidth))
+    if narrow:
+        notes = (*notes, f"the width of {narrow} lines is not told by these points; sweep them more finely")
+    return Peaks(
+        frequency=frequency,
+        frequency_sd=gather("frequency_sd")[order],
+        linewidth=linewidth,
+        linewidth_sd=linewidth_sd,
+        amplitude=np.concatenate([np.empty(0, dtype=complex), *(cluster.amplitude for cluster in clusters)])[order],
+        amplitude_sd=gather("amplitude_sd")[order],
+        points=f,
+        prediction=lines + _background(f, volts - lines),
+        band=(float(f[0]), float(f[-1])),
+        chi2_reduced=sum(cluster.chi2 for cluster in clusters) / points if points else 1.0,
+        notes=notes,
+    )

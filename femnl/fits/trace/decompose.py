@@ -1,0 +1,187 @@
+"""Time traces: harmonics with their noise floor at each drive frequency, and what the jitter of the trigger does to averages."""
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+from scipy.fft import next_fast_len, rfft
+from scipy.linalg import lstsq
+from scipy.optimize import minimize_scalar
+
+from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.fit import Fit, Parameter
+from femnl.core.readout import Array, ComplexArray, HarmonicSpectrum
+
+ILL_CONDITIONED = 1e5
+"""Ratio of singular values beyond which a record is too short to tell the harmonics apart."""
+FINE = 8
+"""Points of the padded spectrum of a drive per line width of its record."""
+ONE_TONE = 0.5
+"""Share of the power of a drive that one sine may leave: harmonics of its own and noise, but no second tone of equal strength."""
+
+
+def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
+    """Decompose recorded traces into harmonics of the drive by least squares.
+
+    v(t) = V_0 + Σ_n Re(V_n e^{2πinft}) with n to `n_harmonics`. The record need not hold a whole number of periods, and missing
+    samples are left out. Where the drive itself was recorded, phases count from it: V_n e^{−inφ_d}; else from t = 0.
+
+    Args:
+        traces: Dataset of kind `trace`; without `drive_frequency` it is found from `drive_voltage`.
+        n_harmonics: highest harmonic.
+
+    Returns:
+        The harmonics of each step; noise_sd from what the harmonics leave, values_sd from it.
+
+    Raises:
+        ParameterError: harmonics beyond half the sampling rate, or more unknowns than samples.
+        MeasurementError: a record too short to tell the harmonics apart.
+
+    Valid: white noise; a steady state during the record.
+    Source: Sommer et al. 2025, supplement S7, decomposition of the time traces.
+    """
+    time, voltage = traces["time"].values.astype(float), traces["voltage"].values
+    drive = traces["drive_voltage"].values if "drive_voltage" in traces else None
+    if "drive_frequency" in traces:
+        frequency = traces["drive_frequency"].values.astype(float)
+    elif drive is not None:
+        frequency = np.array([_drive_frequency(time, row) for row in drive])
+    else:
+        raise MeasurementError("trace: neither drive_frequency nor drive_voltage is there; add the frequency [Hz] of each step")
+    orders = np.arange(n_harmonics + 1)
+    values, sd = np.zeros((n_harmonics + 1, len(voltage)), complex), np.zeros((n_harmonics + 1, len(voltage)))
+    noise = np.zeros(len(voltage))
+    for i, (row, f) in enumerate(zip(voltage, frequency, strict=True)):
+        values[:, i], sd[:, i], noise[i] = _harmonics(time, row, float(f), n_harmonics)
+        if drive is not None:
+            phase = np.angle(_harmonics(time, drive[i], float(f), 1)[0][1])
+            values[:, i] *= np.exp(-1j * orders * phase)
+    return HarmonicSpectrum(frequency, orders, values, sd, noise)
+
+
+def _harmonics(time: Array, voltage: Array, frequency: float, n_harmonics: int) -> tuple[ComplexArray, Array, float]:
+    """Return V_n, their standard deviation per quadrature, and the noise per sample of one record."""
+    used = np.isfinite(voltage)
+    t, v = time[used], voltage[used]
+    n_unknown = 2 * n_harmonics + 1
+    if t.size <= n_unknown:
+        raise ParameterError(f"{t.size} samples cannot give {n_harmonics} harmonics: ask for fewer, or record longer")
+    interval = float(np.median(np.diff(time)))
+    if 2 * n_harmonics * frequency * interval >= 1:
+        highest = int(np.ceil(0.5 / (frequency * interval))) - 1
+        raise ParameterError(
+            f"harmonic {n_harmonics} of {frequency:g} Hz lies beyond half the sampling rate {1 / interval:g} Hz: ask for {highest} at most"
+        )
+    turns = 2 * np.pi * frequency * np.outer(t, np.arange(1, n_harmonics + 1))
+    design = np.column_stack([np.ones(t.size), np.cos(turns), -np.sin(turns)])
+    solution, _, _, singular = lstsq(design, v)
+    if singular[0] > ILL_CONDITIONED * singular[-1]:
+        periods = np.ptp(t) * frequency
+        raise MeasurementError(
+            f"a record of {periods:.2g} periods at {frequency:g} Hz cannot tell {n_harmonics} harmonics apart: record longer"
+        )
+    noise = float(np.sqrt(np.sum((v - design @ solution) ** 2) / (t.size - n_unknown)))
+    sd = noise * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))
+    cosine, sine = slice(1, n_harmonics + 1), slice(n_harmonics + 1, None)
+    values = np.concatenate([solution[:1], solution[cosine] + 1j * solution[sine]])
+    return values, np.concatenate([sd[:1], np.sqrt((sd[cosine] ** 2 + sd[sine] ** 2) / 2)]), noise
+
+
+def _drive_frequency(time: Array, drive: Array) -> float:
+    """Return the frequency [Hz] of the recorded drive: the peak of its spectrum, then the least misfit of one sine."""
+    used = np.isfinite(drive)
+    t, v = time[used], drive[used] - np.mean(drive[used])
+    interval, whole = float(np.median(np.diff(time))), np.where(used, drive - np.mean(drive[used]), 0.0)
+    n_padded = next_fast_len(FINE * time.size, real=True)
+    power = np.abs(rfft(whole * np.hanning(time.size), n_padded))
+    step = 1 / (n_padded * interval)
+
+    def misfit(f: float) -> float:
+        design = np.column_stack([np.ones(t.size), np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t)])
+        return float(np.sum((v - design @ lstsq(design, v)[0]) ** 2))
+
+    peak = float(np.argmax(power) * step)
+    found = minimize_scalar(
+        misfit, bounds=(peak - FINE * step / 2, peak + FINE * step / 2), method="bounded", options={"xatol": 1e-9 * peak}
+    )
+    left = float(found.fun / np.sum(v**2))
+    if left > ONE_TONE:
+        raise MeasurementError(
+            f"drive_voltage: the best sine, at {found.x:.6g} Hz, leaves {left:.0%} of its power, so it has no harmonics; "
+            "fit an oscillator (--as oscillator), or add the drive_frequency of each step"
+        )
+    return float(found.x)
+
+
+def jitter_gain(harmonic: ArrayLike, frequency: float, jitter: float) -> Array:
+    """Return by how much trigger jitter weakens harmonic n in an average, e^{−(nωs)²/2}, for delays of standard deviation s [s]."""
+    return np.asarray(np.exp(-((2 * np.pi * frequency * jitter * np.asarray(harmonic)) ** 2) / 2))
+
+
+def align(shots: HarmonicSpectrum) -> tuple[HarmonicSpectrum, Fit]:
+    """Average repeated records after undoing the delay of each, and measure the jitter of the trigger.
+
+    V_n of record j is M_n e^{−inωδ_j}: M and δ are found in turn, all harmonics together. A plain mean of the records would give
+    M_n e^{−(nωs)²/2}; the mean of the aligned ones gives M_n.
+
+    Args:
+        shots: harmonics of records taken at one and the same drive frequency.
+
+    Returns:
+        The aligned average as a spectrum of one step, and a fit with the parameter `jitter` s [s]: the spread of the delays
+        less what noise contributes to it.
+
+    Raises:
+        ParameterError: fewer than two records, or records at different frequencies.
+
+    Valid: delays within half a period of each other; noise well below the first harmonic of a single record.
+    """
+    n_shots, frequency = shots.values.shape[1], float(shots.drive_frequency[0])
+    if n_shots < 2 or np.ptp(shots.drive_frequency) > 1e-9 * frequency:
+        raise ParameterError(
+            f"align needs two or more records at one drive frequency, not {n_shots} at {np.unique(shots.drive_frequency).size}"
+        )
+    rate = np.asarray(2 * np.pi * frequency * shots.harmonic, np.float64)
+    weight = 1 / np.mean(shots.values_sd**2, axis=1)
+    model, delay = shots.values[:, 0], np.zeros(n_shots)
+    for _ in range(20):
+        before = delay
+        delay = np.array([_delay(model, values, weight, rate) for values in shots.values.T])
+        delay -= delay.mean()
+        model = np.mean(shots.values * np.exp(1j * np.outer(rate, delay)), axis=1)
+        if np.abs(delay - before).max() < 1e-9 / frequency:
+            break
+    blur = 1 / np.sum(weight * rate**2 * np.abs(model) ** 2)
+    spread = float(np.var(delay, ddof=1))
+    square, square_sd = spread - blur, spread * np.sqrt(2 / (n_shots - 1))
+    jitter = float(np.sqrt(max(square, 0)))
+    sd = float(square_sd / (2 * jitter)) if square > square_sd else float(np.sqrt(max(square, 0) + square_sd))
+    notes = (
+        () if square > 2 * square_sd else ("the delays scatter no more than noise explains: read the standard deviation as an upper limit",)
+    )
+    residual = (shots.values * np.exp(1j * np.outer(rate, delay)) - model[:, None]) * np.sqrt(weight)[:, None]
+    n_points, n_parameters = 2 * shots.values.size - n_shots, n_shots - 1 + 2 * len(model) - 1
+    chi2 = float(np.sum(np.abs(residual) ** 2) / (n_points - n_parameters))
+    average = HarmonicSpectrum(
+        shots.drive_frequency[:1],
+        shots.harmonic,
+        model[:, None],
+        np.sqrt(np.mean(shots.values_sd**2, axis=1, keepdims=True) / n_shots),
+        np.array([np.sqrt(np.mean(shots.noise_sd**2) / n_shots)]),
+    )
+    return average, Fit({"jitter": Parameter("jitter", jitter, sd, "s")}, np.array([[sd**2]]), chi2, n_points, n_parameters, notes)
+
+
+def _delay(model: ComplexArray, values: ComplexArray, weight: Array, rate: Array) -> float:
+    """Return the delay δ [s] that makes values closest to model·e^{−inωδ}: the best of a grid over one period, then refined."""
+    overlap = weight * np.conj(model) * values
+    period = 2 * np.pi / rate[1]
+    grid = period * (np.arange(16 * len(rate)) / (16 * len(rate)) - 0.5)
+    best = grid[np.argmax((np.exp(1j * np.outer(grid, rate)) @ overlap).real)]
+    width = period / (16 * len(rate))
+    found = minimize_scalar(
+        lambda delay: -float((np.exp(1j * rate * delay) @ overlap).real),
+        bounds=(best - width, best + width),
+        method="bounded",
+        options={"xatol": 1e-12 * period},
+    )
+    return float(found.x)

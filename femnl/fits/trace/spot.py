@@ -1,0 +1,200 @@
+"""Motion in metres at one spot, step by step of a drive, from the harmonics of recorded traces."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from femnl.core.errors import ParameterError
+from femnl.core.fit import Fit, MotionFit, Parameter
+from femnl.core.readout import Array, ComplexArray, FourierSeries, HarmonicSpectrum, PeriodicFringe
+from femnl.fits.covariance import covariance
+from femnl.optics.unit_fringe import Orders, cosine, real_part, unit_fringe
+
+DEEPEST, STEP = 30.0, 0.1
+"""Grid of the search in z = qU, in rad."""
+N_SEARCHED, N_ORDERS = 15, 8
+"""Steps of the drive, and harmonics, that decide on the fringe in the search."""
+WALL = 1e9
+"""Residual of motion beyond twice the grid, so that no step leads there."""
+
+
+def fit_spot(spectrum: HarmonicSpectrum, wavelength: float, fringe: PeriodicFringe | None = None) -> MotionFit:
+    """Fit the harmonics of all steps of a drive by one fringe and a motion U cos(ωt + φ) at each step.
+
+    V_n = V_C e^{inφ} Σ_k 2Re(c_k iⁿ e^{ikθ}) J_n(kqU): V_C and θ are shared, U and φ belong to a step. No smoothness along the
+    steps is assumed; the offset V_0 is not used.
+
+    Args:
+        spectrum: harmonics of the traces, from `decompose`.
+        wavelength: λ [m].
+        fringe: f(u); one cosine unless given.
+
+    Returns:
+        The motion at each step, with U ≥ 0, V_C > 0 for a cosine, and θ of a symmetric fringe in [0, π]; fit: `contrast`, `fringe_phase`.
+
+    Raises:
+        ParameterError: fewer than two harmonics, or a fringe without contrast.
+
+    Valid: sinusoidal motion with z below 30, and at least one step that bends the fringe (z > 1), else V_C and U are not told apart.
+    Source: Sommer et al. 2025, supplement S7, harmonics against drive frequency.
+    """
+    kept = spectrum.harmonic > 0
+    if kept.sum() < 2:
+        raise ParameterError(f"{int(kept.sum())} harmonics cannot tell motion from contrast: decompose the traces into two or more")
+    series = cosine(wavelength) if fringe is None else unit_fringe(fringe.fourier)
+    problem = _Spot(series, spectrum.harmonic[kept], spectrum.values[kept], spectrum.values_sd[kept])
+    optima = sorted((problem.refine(start, 10) for start in problem.starts()), key=lambda optimum: optimum[1])
+    best = min((problem.settle(vector) for vector, _ in optima[:2]), key=lambda optimum: optimum[1])[0]
+    return problem.report(problem.canonical(best))
+
+
+@dataclass(frozen=True)
+class _Spot:
+    """The parameter vector: V_C, θ, then U of every step, then φ of every step."""
+
+    series: FourierSeries
+    harmonic: Orders
+    values: ComplexArray
+    sd: Array
+
+    @property
+    def wavenumber(self) -> float:
+        return 2 * np.pi / self.series.period
+
+    def split(self, vector: Array) -> tuple[dict[str, float], Array, Array]:
+        """Return the fringe, U and φ."""
+        amplitude, phase = vector[2:].reshape(2, -1)
+        return {"contrast": float(vector[0]), "fringe_phase": float(vector[1])}, amplitude, phase
+
+    def predict(self, vector: Array) -> ComplexArray:
+        """Return V_n of every step."""
+        fringe, amplitude, phase = self.split(vector)
+        motion = real_part(self.series, self.harmonic, amplitude, fringe)["motion"]
+        return np.asarray(fringe["contrast"] * np.exp(1j * self.harmonic[:, None] * phase) * motion)
+
+    def residuals(self, vector: Array) -> Array:
+        if self.wavenumber * np.abs(self.split(vector)[1]).max() > 2 * DEEPEST:
+            return np.full(2 * self.values.size, WALL)
+        return _real((self.values - self.predict(vector)) / self.sd)
+
+    def jacobian(self, vector: Array) -> Array:
+        fringe, amplitude, phase = self.split(vector)
+        parts = real_part(self.series, self.harmonic, amplitude, fringe)
+        turn = np.exp(1j * self.harmonic[:, None] * phase) / self.sd
+        n_steps = amplitude.size
+        result = np.zeros((2 * self.values.size, vector.size))
+        result[:, 0] = -_real(turn * parts["motion"])
+        result[:, 1] = -_real(fringe["contrast"] * turn * parts["fringe_phase"])
+        blocks = result.reshape(len(self.harmonic), n_steps, 2, vector.size)
+        step = np.arange(n_steps)
+        by_phase = 1j * self.harmonic[:, None] * parts["motion"]
+        for column, slope in ((2 + step, parts["by_displacement"]), (2 + n_steps + step, by_phase)):
+            change = -fringe["contrast"] * turn * slope
+            blocks[:, step, 0, column], blocks[:, step, 1, column] = change.real, change.imag
+        return result
+
+    def refine(self, vector: Array, most: int) -> tuple[Array, float]:
+        """Return the nearest minimum of χ² and χ² there, or where `most` evaluations led."""
+        found = least_squares(
+            self.residuals, vector, self.jacobian, method="lm", x_scale="jac", xtol=1e-10, ftol=1e-12, gtol=1e-12, max_nfev=most
+        )
+        return found.x, float(2 * found.cost)
+
+    def settle(self, vector: Array) -> tuple[Array, float]:
+        """Return the minimum reached by turns of a search of every step's motion and a refinement of everything."""
+        best = self.refine(vector, 100)
+        for _ in range(5):
+            fringe = self.split(best[0])[0]
+            again = self.refine(self._with_motion(fringe["contrast"], fringe["fringe_phase"]), 100)
+            if again[1] >= best[1] * (1 - 1e-9):
+                break
+            best = again
+        return best
+
+    def starts(self) -> list[Array]:
+        """Return starting points: the best few of a grid over θ and V_C, with the motion of every step searched at each."""
+        symmetric = bool(np.abs(self.series.coefficients.imag).max() < 1e-9)
+        theta = np.arange(0, np.pi if symmetric else 2 * np.pi, np.pi / 32) + np.pi / 64
+        contrast = np.abs(self.values).max() * np.geomspace(0.6, 30, 40)
+        strength = np.argsort(np.sum(np.abs(self.values / self.sd) ** 2, axis=0))
+        steps = strength[np.unique(np.linspace(0, strength.size - 1, min(N_SEARCHED, strength.size)).astype(int))]
+        orders = np.arange(min(N_ORDERS, self.harmonic.size))
+        misfit = np.zeros((theta.size, contrast.size))
+        for i, angle in enumerate(theta):
+            overlap, norm, _ = self._match(float(angle), steps, orders)
+            misfit[i] = [np.sum(np.min(level**2 * norm - 2 * level * overlap, axis=1)) for level in contrast]
+        wrapped = np.pad(misfit, ((1, 1), (1, 1)), mode="edge")
+        around = np.min(
+            [wrapped[1 + a : wrapped.shape[0] - 1 + a, 1 + b : wrapped.shape[1] - 1 + b] for a in (-1, 0, 1) for b in (-1, 0, 1)], axis=0
+        )
+        rows, columns = np.nonzero(misfit <= around)
+        ranked = np.argsort(misfit[rows, columns])[:5]
+        return [self._with_motion(float(contrast[columns[r]]), float(theta[rows[r]])) for r in ranked]
+
+    def _with_motion(self, contrast: float, theta: float) -> Array:
+        """Return the parameters with the best motion of every step at the given fringe."""
+        steps = np.arange(self.values.shape[1])
+        overlap, norm, phase = self._match(theta, steps, np.arange(self.harmonic.size))
+        best = np.argmin(contrast**2 * norm - 2 * contrast * overlap, axis=1)
+        return np.concatenate([[contrast, theta], self._grid[best] / self.wavenumber, phase[steps, best]])
+
+    @property
+    def _grid(self) -> Array:
+        return np.arange(STEP, DEEPEST, STEP)
+
+    def _match(self, theta: float, steps: Orders, orders: Orders) -> tuple[Array, Array, Array]:
+        """Return for each step and z the largest overlap of data and unit fringe over φ, the norm of the fringe, and that φ."""
+        n = self.harmonic[orders]
+        fringe = {"contrast": 1.0, "fringe_phase": theta}
+        unit = real_part(self.series, n, self._grid / self.wavenumber, fringe)["motion"].T
+        weight = 1 / self.sd[np.ix_(orders, steps)] ** 2
+        phi = np.arange(0, 2 * np.pi, np.pi / (4 * n.max()))
+        turned = (weight * self.values[np.ix_(orders, steps)])[..., None] * np.exp(-1j * n[:, None, None] * phi)
+        met = unit @ turned.real.transpose(1, 0, 2)
+        return met.max(axis=2), (unit**2 @ weight).T, phi[met.argmax(axis=2)]
+
+    def canonical(self, vector: Array) -> Array:
+        """Return the equal solution with U ≥ 0, V_C > 0 for a cosine, θ of a symmetric fringe in [0, π], and φ in (−π, π]."""
+        fringe, amplitude, phase = self.split(vector)
+        contrast, theta = fringe["contrast"], fringe["fringe_phase"]
+        phase = phase + np.where(amplitude < 0, np.pi, 0.0)
+        if self.series.coefficients.size == 2 and contrast < 0:
+            contrast, theta = -contrast, theta + np.pi
+        if np.sin(theta) < 0 and np.abs(self.series.coefficients.imag).max() < 1e-9:
+            theta, phase = -theta, phase + np.pi
+        angles = np.pi - (np.pi - np.concatenate([[theta], phase])) % (2 * np.pi)
+        return np.concatenate([[contrast, angles[0]], np.abs(amplitude), angles[1:]])
+
+    def report(self, vector: Array) -> MotionFit:
+        """Put values, uncertainties, prediction and notes together."""
+        fringe, amplitude, phase = self.split(vector)
+        names = ["contrast", "fringe_phase", *(f"amplitude at step {i}" for i in range(amplitude.size))]
+        names += [f"phase at step {i}" for i in range(amplitude.size)]
+        unit = np.concatenate([[abs(vector[0]), 1.0], np.full(amplitude.size, 1e-9), np.ones(amplitude.size)])
+        found, notes = covariance(self.jacobian(vector), names, unit)
+        if np.abs(self.series.coefficients.imag).max() < 1e-9:
+            notes = (*notes, "θ cannot be told from −θ: the fringe is symmetric, and the other sign turns every phase of motion by π")
+        sd = np.sqrt(np.diag(found))
+        residuals = self.residuals(vector)
+        parameters = {
+            name: Parameter(name, fringe[name], float(sd[i]), unit)
+            for i, (name, unit) in enumerate((("contrast", "V"), ("fringe_phase", "rad")))
+        }
+        amplitude_sd, phase_sd = sd[2:].reshape(2, -1)
+        return MotionFit(
+            Fit(
+                parameters, found[:2, :2], float(residuals @ residuals) / (residuals.size - vector.size), residuals.size, vector.size, notes
+            ),
+            amplitude,
+            amplitude_sd,
+            phase,
+            phase_sd,
+            self.predict(vector),
+            (self.values - self.predict(vector)) / self.sd,
+        )
+
+
+def _real(values: ComplexArray) -> Array:
+    """Return real and imaginary parts side by side, flat."""
+    return np.ascontiguousarray(values).view(float).ravel()

@@ -1,0 +1,1 @@
+"""What is read and written: measurement files, files of instruments, results."""

@@ -1,0 +1,119 @@
+"""What a lab-file format is, and what all of them share."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from femnl.core.errors import MeasurementError
+from femnl.io.labfiles.spec import Spec
+from femnl.io.measurement import quantity, response
+
+LARGEST = 2**30  # bytes of a text file
+RMS = float(np.sqrt(2))  # amplitude over root mean square of a sine
+
+Sweep = tuple[NDArray[np.float64], NDArray[np.complex128]]
+Labels = dict[str, NDArray[np.float64] | None]
+Groups = dict[str, xr.Dataset]
+Read = Callable[[Sequence[Path], Spec], tuple[Groups, list[str]]]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of lab files: its name, whether a file is of it, and how to read files of it; the higher priority wins."""
+
+    name: str
+    recognise: Callable[[Path], bool]
+    read: Read
+    priority: int = 0
+
+
+def head(path: Path, size: int = 512) -> bytes:
+    """The first bytes of a file. Raises: MeasurementError if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(size)
+    except OSError as error:
+        raise MeasurementError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from None
+
+
+def text_lines(path: Path) -> list[str]:
+    """The lines of a text file of bounded size. Raises: MeasurementError if it is too large or not text."""
+    if path.stat().st_size > LARGEST:
+        raise MeasurementError(f"{path}: {path.stat().st_size / 2**30:.1f} GiB of text, more than {LARGEST / 2**30:g}; split it")
+    try:
+        return path.read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise MeasurementError(f"{path}: not UTF-8 text; export it as UTF-8") from None
+
+
+def scalar_values(spec: Spec, names: dict[str, str], where: str) -> dict[str, float]:
+    """Read the single numbers of the table [values] for the given names with their SI units."""
+    found = {}
+    for name, unit in names.items():
+        if name in spec.values:
+            value = spec.values[name]
+            if isinstance(value, list):
+                raise MeasurementError(f"{where}: values.{name} is a list; give one number for all")
+            found[name] = quantity(value, unit, f"{where}: values.{name}")[0]
+    return found
+
+
+def per_sweep(spec: Spec, name: str, unit: str, sweeps: int, where: str) -> NDArray[np.float64] | None:
+    """Read a value of the table [values] that may be given once or as a list, one for each sweep."""
+    if name not in spec.values:
+        return None
+    value = spec.values[name]
+    numbers = [quantity(one, unit, f"{where}: values.{name}")[0] for one in (value if isinstance(value, list) else [value])]
+    if len(numbers) not in (1, sweeps):
+        raise MeasurementError(f"{where}: values.{name} has {len(numbers)} entries for {sweeps} sweeps; give one, or one for each")
+    return np.broadcast_to(np.array(numbers), (sweeps,))
+
+
+def sweeps_to_response(sweeps: Sequence[Sweep], labels: Labels, spec: Spec, where: str) -> tuple[xr.Dataset, list[str]]:
+    """Build a `response` from sweeps as they were taken: direction from their order, points sorted, short sweeps filled with NaN.
+
+    Args: sweeps: (frequency [Hz], amplitude [V]) in the order taken; labels: per-sweep arrays that the files give; spec: fills the rest.
+    Returns: the Dataset and notes on what was found.
+    """
+    points = max(f.size for f, _ in sweeps)
+    frequency = np.full((len(sweeps), points), np.nan)
+    volts = np.full((len(sweeps), points), np.nan * (1 + 1j))
+    direction = np.zeros(len(sweeps))
+    for row, (f, v) in enumerate(sweeps):
+        known = np.isfinite(f)
+        f, v = f[known], v[known]
+        steps = np.diff(f)
+        direction[row] = 1 if np.all(steps >= 0) else -1 if np.all(steps <= 0) else 0
+        order = np.argsort(f, kind="stable")
+        frequency[row, : f.size], volts[row, : f.size] = f[order], v[order]
+    ups, downs = np.count_nonzero(direction > 0), np.count_nonzero(direction < 0)
+    notes = [f"{where}: {len(sweeps)} sweeps, {ups} up and {downs} down, by the order of their points"]
+    given: Labels = dict.fromkeys(("drive", "direction", "x", "y", "harmonic", "time"))
+    given |= {"direction": direction if np.all(direction) else None, **labels}
+    if given["direction"] is None:
+        notes.append(f"{where}: {np.count_nonzero(direction == 0)} sweeps are neither up nor down, so direction is left out")
+    for name, unit in (("drive", "V"), ("direction", ""), ("x", "m"), ("y", "m"), ("harmonic", ""), ("time", "s")):
+        if given[name] is None:
+            given[name] = per_sweep(spec, name, unit, len(sweeps), where)
+    harmonic = given.pop("harmonic")
+    scalars = scalar_values(spec, {"noise_sd": "V", "wavelength": "m"}, where)
+    mode = spec.values.get("mode")
+    dataset = response(
+        frequency,
+        volts,
+        harmonic=1 if harmonic is None else harmonic,
+        mode=None if mode is None else str(mode),
+        drive=given["drive"],
+        direction=given["direction"],
+        x=given["x"],
+        y=given["y"],
+        time=given["time"],
+        **scalars,
+    )
+    if harmonic is None:
+        notes.append(f"{where}: harmonic not given, taken as 1")
+    return dataset, notes

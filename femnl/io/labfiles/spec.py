@@ -1,0 +1,79 @@
+"""The small TOML file that says what the columns of a lab's file are."""
+
+import tomllib
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from femnl.core.errors import MeasurementError
+
+
+class Strict(BaseModel):
+    """Unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Column(Strict):
+    """Where a quantity comes from: a column by its heading or number (from 1), or an even clock of the given rate.
+
+    unit: of the column (default SI); round: a step such as "1 um" that read-back positions are rounded to.
+    """
+
+    column: str | int | None = None
+    unit: str | None = None
+    rate: str | None = None
+    round: str | None = None
+
+
+class File(Strict):
+    """Which harmonic and which part of the amplitude one of several files holds."""
+
+    name: str
+    harmonic: int = Field(ge=1)
+    part: Literal["real", "imag", "magnitude", "phase"] = "real"
+
+
+class Spec(Strict):
+    """What a lab's file holds.
+
+    kind: of measurement. columns: quantity → column; values: what the file does not hold, one number (or text with unit) or one a
+    sweep. rms: amplitudes are root mean square, so multiplied by √2. header, delimiter, decimal, skip: how a text table is written.
+    clockbase: rate of an instrument's time stamps. signal: which of several recorded signals. files: parts of a map.
+    """
+
+    kind: Literal["spectrum", "response", "map", "trace", "series"] | None = None
+    name: str = Field(default="measurement", pattern=r"^\w[\w.-]{0,59}$")
+    geometry: str | None = None
+    title: str | None = None
+    sample: str | None = None
+    columns: dict[str, Column | str | int] = {}
+    values: dict[str, float | str | list[float | str]] = {}
+    rms: bool | None = None
+    header: bool = True
+    delimiter: str | None = Field(default=None, min_length=1, max_length=1)
+    decimal: Literal[".", ","] = "."
+    skip: int = Field(default=0, ge=0)
+    clockbase: str | None = None
+    signal: str | None = None
+    files: list[File] = []
+
+    def column(self, quantity: str) -> Column:
+        """Where `quantity`, a key of `columns`, comes from."""
+        given = self.columns[quantity]
+        return given if isinstance(given, Column) else Column(column=given)
+
+
+def read_spec(path: Path) -> Spec:
+    """Read the TOML file. Raises: MeasurementError naming file and key."""
+    try:
+        return Spec.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise MeasurementError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise MeasurementError(f"{path}: not TOML ({error}); correct that place") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise MeasurementError(f"{path}: {key} = {str(first['input'])[:40]!r}: {first['msg']}; correct it or leave it out") from None

@@ -1,0 +1,28 @@
+"""Measurement files: read, checked, written and built; the contract between a lab and femnl."""
+
+from femnl.io.measurement.build import harmonic_map, response, series, spectrum, trace
+from femnl.io.measurement.contract import CONTROLS, KINDS, VERSION
+from femnl.io.measurement.files import bundle, read, write
+from femnl.io.measurement.hdf5_safety import open_hdf5
+from femnl.io.measurement.noise import amplitude, estimate_noise, noise_sd
+from femnl.io.measurement.units import quantity, to_si
+
+__all__ = [
+    "CONTROLS",
+    "KINDS",
+    "VERSION",
+    "amplitude",
+    "bundle",
+    "estimate_noise",
+    "harmonic_map",
+    "noise_sd",
+    "open_hdf5",
+    "quantity",
+    "read",
+    "response",
+    "series",
+    "spectrum",
+    "to_si",
+    "trace",
+    "write",
+]

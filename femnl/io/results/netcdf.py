@@ -1,0 +1,124 @@
+"""Solved modes as NetCDF: everything needed to evaluate shapes and nonlinearity again, in SI units."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from skfem import MeshTri2
+
+from femnl.core.device import Model
+from femnl.core.mechanics import Domain, Modes, Nonlinearity, Prestress
+from femnl.io.results.atomic import write_whole
+
+if TYPE_CHECKING:
+    import xarray as xr  # at run time where it is needed: to load it takes as long as to solve a film of condensed cells
+
+VERSION = "1.3"
+GRADES = ("coarse", "coarser")  # groups of the counterparts of lower degree
+
+
+def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = None) -> None:
+    """Write modes, and their nonlinearity where given, to one NetCDF-4 file; units are attributes of the datasets.
+
+    Groups: `/modes`, `/mesh` points, triangles and boundaries, `/coarse` the same modes at one degree less, `/coarser` at two.
+    """
+    import xarray as xr
+
+    tree = xr.DataTree.from_dict({"/modes": _modes_dataset(modes, nonlinearity), "/mesh": _mesh_dataset(modes.domain.mesh)})
+    for name, lower in zip(GRADES, modes.grades[1:], strict=False):
+        tree[name] = xr.DataTree(_modes_dataset(lower, None))
+    model = modes.domain.model
+    tree.attrs = {
+        "femnl_modes": VERSION,
+        "geometry": model.name,
+        "model": model.text,
+        "edge": model.edge,
+        "bending": int(model.bending),
+        "wedge": modes.domain.wedge,
+        "tiles": modes.domain.tiles,
+    }
+    # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file, and says so on standard error.
+    content = tree.to_netcdf(engine="h5netcdf")
+    write_whole(path, lambda file: file.write_bytes(content))
+
+
+def read_modes(path: Path, model: Model) -> Modes:
+    """Read modes of the given model back. Raises: OSError, KeyError or ValueError for a file that `write_modes` did not write."""
+    import xarray as xr
+
+    with xr.open_datatree(path, engine="h5netcdf") as tree:
+        tree.load()
+    if tree.attrs["femnl_modes"] != VERSION:
+        raise ValueError(f"{path}: version {tree.attrs['femnl_modes']} where {VERSION} is read")
+    stored = tree["mesh"].to_dataset()
+    overhang = {"overhang": stored["overhang"].values} if "overhang" in stored else None
+    boundaries = {str(name).removeprefix("boundary_"): stored[name].values for name in stored if str(name).startswith("boundary_")}
+    mesh = MeshTri2(
+        np.ascontiguousarray(stored.points.values),
+        np.ascontiguousarray(stored.triangles.values),
+        _boundaries=boundaries,
+        _subdomains=overhang,
+    )
+    domain = Domain(model, mesh, float(tree.attrs["wedge"]), tiles=float(tree.attrs["tiles"]))
+    found: Modes | None = None
+    for name in reversed(("modes", *GRADES)):
+        if name in tree.children:
+            found = replace(_modes(tree[name].to_dataset(), domain), coarse=found)
+    if found is None:
+        raise KeyError(f"{path}: holds no group modes")
+    return found
+
+
+def _mesh_dataset(mesh: MeshTri2) -> "xr.Dataset":
+    import xarray as xr
+
+    data: dict[str, Any] = {
+        "points": (("axis", "node"), mesh.doflocs, {"units": "m"}),
+        "triangles": (("corner", "triangle"), mesh.t),
+    }
+    for name, facets in (mesh.boundaries or {}).items():
+        data[f"boundary_{name}"] = ((f"facet_{name}",), np.asarray(facets, dtype=np.int64))
+    if mesh.subdomains:
+        data["overhang"] = (("triangle_overhang",), np.asarray(mesh.subdomains["overhang"], dtype=np.int64))
+    return xr.Dataset(data)
+
+
+def _modes_dataset(modes: Modes, nonlinearity: Nonlinearity | None) -> "xr.Dataset":
+    import xarray as xr
+
+    data: dict[str, Any] = {
+        "frequency": ("mode", modes.frequency, {"units": "Hz"}),
+        "frequency_error": ("mode", modes.frequency_error, {"units": "Hz"}),
+        "effective_mass": ("mode", modes.effective_mass, {"units": "kg"}),
+        "label": ("mode", np.array([label or "" for label in modes.label])),
+        "parity": (("mode", "mirror"), np.array(modes.parity, dtype=np.int64).reshape(len(modes.frequency), -1)),
+        "shapes": (("mode", "unknown"), modes.shapes),
+        "displacement": (("in_plane_unknown",), modes.prestress.displacement, {"units": "m"}),
+    }
+    if modes.coarse is not None:
+        data["frequency_error"] = ("mode", modes.frequency_error, {"units": "Hz"})
+        data["effective_mass_error"] = ("mode", modes.effective_mass_error, {"units": "kg"})
+    if modes.departure is not None:
+        data["departure"] = ("mode", modes.departure)
+    if modes.coupling is not None:
+        data["coupling"] = (("mode", "mode_j"), modes.coupling, {"units": "Hz"})
+    if nonlinearity is not None:
+        data["k3"] = ("mode", nonlinearity.k3, {"units": "N/m^3", "edge": nonlinearity.edge})
+        data["alpha"] = ("mode", nonlinearity.alpha, {"units": "m^-2", "edge": nonlinearity.edge})
+        data["k3_error"] = ("mode", nonlinearity.k3_error, {"units": "N/m^3"})
+        data["alpha_error"] = ("mode", nonlinearity.alpha_error, {"units": "m^-2"})
+        if nonlinearity.tensor is not None:
+            data["tensor"] = (("mode", "mode_j", "mode_k", "mode_l"), nonlinearity.tensor, {"units": "N/m^3"})
+        if nonlinearity.tensor_error is not None:
+            data["tensor_error"] = (("mode", "mode_j", "mode_k", "mode_l"), nonlinearity.tensor_error, {"units": "N/m^3"})
+    return xr.Dataset(data, attrs={"degree": modes.degree, "prestress_degree": modes.prestress.degree})
+
+
+def _modes(data: "xr.Dataset", domain: Domain) -> Modes:
+    prestress = Prestress(domain, int(data.attrs["prestress_degree"]), data.displacement.values)
+    parity = tuple(tuple(int(s) for s in row) for row in data.parity.values)
+    label = tuple(str(text) or None for text in data.label.values)
+    departure, coupling = (data[name].values if name in data else None for name in ("departure", "coupling"))
+    numbers = (data.frequency.values, data.effective_mass.values, data.shapes.values)
+    return Modes(prestress, int(data.attrs["degree"]), *numbers, parity, label, departure=departure, coupling=coupling)

@@ -1,0 +1,188 @@
+"""One cell of a lattice whose opposite sides are one: K and M of waves w = e^{ik·r} φ with φ periodic."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix, diags_array
+from scipy.spatial import cKDTree
+from skfem import MeshTri2
+
+from femnl.core.device import Clamp, Holes, Model, Outline, Segment
+from femnl.core.errors import ParameterError
+from femnl.core.mechanics import Domain, Prestress
+from femnl.device.mesh import from_patches
+from femnl.mechanics.bands.lattice import Lattice
+from femnl.mechanics.fem.elements import EDGES, Space
+from femnl.mechanics.fem.forms import Assembly, slope_continuity
+from femnl.mechanics.fem.memory import need_memory
+from femnl.mechanics.fem.sheet import Sheet
+from femnl.mechanics.modes.operators import Operators
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+JOIN = 1e-7  # of the pitch, up to which points are the same
+RAY = np.pi / 12  # angle between rays of the mesh at resolution 1
+ACROSS = 4  # triangles from the centre of a cell without a hole to its side
+BYTES = 90_000  # of memory a triangle, as of the modes of a film
+
+
+def cell_domain(model: Model, lattice: Lattice, resolution: float) -> Domain:
+    """The whole cell around a hole at the origin, or without one, with all of the lattice's mirrors; its sides are `clamped`.
+
+    Raises: ParameterError.
+    """
+    if not 0.3 <= resolution <= 10:
+        raise ParameterError(f"resolution = {resolution:g}: expected a number from 0.3 to 10")
+    corners = [(float(x), float(y)) for x, y in lattice.corners]
+    sides = tuple(Segment(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True))
+    holes = Holes(np.zeros((min(len(model.holes.centres), 1), 2)), model.holes.radius)
+    outline = Outline("rectangle" if lattice.turns == 4 else "regular-polygon", sides, None, 2 * float(np.abs(lattice.corners).max()))
+    film = replace(model.film, gradient=(0.0, 0.0))
+    device = replace(model, outline=outline, holes=holes, film=film, overhang=None, clamp=Clamp())
+    radius = model.holes.radius if len(model.holes.centres) else 0.0
+    patches, angles = _wedge(lattice, radius, resolution), 2 * np.pi / lattice.turns * np.arange(lattice.turns)
+    need_memory(BYTES * len(patches) * 2 * lattice.turns, "waves in one cell", "lower the resolution")
+    turns = [_turn(angle) @ flip for angle in angles for flip in (np.eye(2), np.diag([1.0, -1.0]))]
+    whole = from_patches(np.concatenate([patches @ turn.T for turn in turns]))
+    outer = np.flatnonzero(whole.f2t[1] < 0)
+    middle = whole.p[:, whole.facets[:, outer]].mean(axis=1).T
+    on_side = np.abs(middle @ lattice.steps.T).max(axis=1) / lattice.pitch**2 > 0.5 - JOIN
+    return Domain(device, replace(whole, _boundaries={"clamped": outer[on_side], "free": outer[~on_side]}), 2 * np.pi)
+
+
+def _wedge(lattice: Lattice, radius: float, resolution: float) -> Array:
+    """Second-order triangles (m, 6, 2) [m] between the x axis and the next mirror line."""
+    half = np.pi / lattice.turns
+    if radius == 0:
+        n = max(1, round(ACROSS * resolution))
+        corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, np.tan(half)]]) * lattice.pitch / 2 / n
+        grid = {(i, j): i * corners[1] + j * (corners[2] - corners[1]) for i in range(n + 1) for j in range(i + 1)}
+        up = [((i, j), (i + 1, j), (i + 1, j + 1)) for i in range(n) for j in range(i + 1)]
+        down = [((i, j), (i + 1, j + 1), (i, j + 1)) for i in range(n) for j in range(i)]
+        return np.array([_straight([grid[key] for key in keys]) for keys in up + down])
+    # Rays from the rim to the side, and rows across them that grow with the distance from the hole.
+    rays = np.linspace(0, half, max(1, round(half / RAY * resolution)) + 1)
+    growth = np.log(lattice.pitch / 2 / np.cos(half) / radius)
+    rows = np.expm1(growth * np.linspace(0, 1, max(1, round(growth / rays[1])) + 1)) / np.expm1(growth)
+    direction = np.stack([np.cos(rays), np.sin(rays)], -1)
+    reach = radius + rows[:, None] * (lattice.pitch / 2 / np.cos(rays) - radius)
+    grid = reach[..., None] * direction
+    patches = []
+    for i, j in product(range(len(rows) - 1), range(len(rays) - 1)):
+        patches += [
+            _straight([grid[i, j], grid[i + 1, j], grid[i + 1, j + 1]]),
+            _straight([grid[i, j], grid[i + 1, j + 1], grid[i, j + 1]]),
+        ]
+        if i == 0:  # the last edge is an arc of the rim
+            patches[-1][5] = radius * (direction[j] + direction[j + 1]) / np.linalg.norm(direction[j] + direction[j + 1])
+    return np.array(patches)
+
+
+def _straight(corners: list[Array]) -> Array:
+    return np.array([*corners, *((corners[a] + corners[b]) / 2 for a, b in EDGES)])
+
+
+def _turn(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def inner(domain: Domain) -> Domain:
+    """The same cell, whose sides hold nothing."""
+    return replace(domain, mesh=replace(domain.mesh, _boundaries={"free": (domain.mesh.boundaries or {})["free"]}))
+
+
+@dataclass(frozen=True)
+class Periodic:
+    """K and M of the cell as functions of the wave vector.
+
+    stiffness, mass (n, n): of the cell alone; place (n, 2) [m] of its unknowns, and which class of unknowns that are one by a step of
+    the lattice each is of; seams: slope continuity across the sides, on unknowns of their own at places of classes.
+    turned: U of real numbers: φ = U a makes φ(−r) the conjugate of φ(r), as every wave can be chosen in a cell that half a turn leaves
+    as it is, and K and M real.
+    """
+
+    stiffness: csc_matrix
+    mass: csc_matrix
+    place: Array
+    classes: Index
+    seams: tuple[tuple[csc_matrix, Array, Index], ...]
+    turned: csc_matrix
+
+    def at(self, wave: Array) -> tuple[csc_matrix, csc_matrix]:
+        """K and M (n_classes, n_classes) for a wave vector (2,) [rad/m]."""
+
+        def real(matrix: csc_matrix, place: Array, classes: Index) -> csc_matrix:
+            shift = diags_array(np.exp(1j * (place @ wave))) @ self.turned[classes]
+            return csc_matrix(shift.real.T @ matrix @ shift.real + shift.imag.T @ matrix @ shift.imag)
+
+        stiffness = real(self.stiffness, self.place, self.classes)
+        for seam in self.seams:
+            stiffness = csc_matrix(stiffness + real(*seam))
+        return stiffness, real(self.mass, self.place, self.classes)
+
+
+def periodic(domain: Domain, lattice: Lattice, prestress: Prestress, degree: int) -> Periodic:
+    """Put the operators of a cell together for waves. Args: domain, prestress: of `cell_domain`."""
+    operators = Operators(replace(prestress, domain=inner(domain)), degree)
+    place, find = operators.space.location, _finder(operators.space.location, lattice.pitch)
+    whole = np.concatenate([lattice.steps, -lattice.steps])
+    if lattice.turns == 4:
+        whole = np.concatenate([whole, [a + b for a in (whole[0], whole[2]) for b in (whole[1], whole[3])]])
+    images = np.stack([find(place + step) for step in whole] + [np.arange(len(place))])
+    first = np.where(images >= 0, images, len(place)).min(axis=0)
+    kept, classes = np.unique(first, return_inverse=True)
+    opposite = classes[find(-place[kept])]
+    seams = []
+    if domain.model.bending:
+        sheet = Sheet(domain)
+        for step in lattice.steps:
+            strip, facets = _strip(domain, step)
+            space = Space(strip, degree)
+            seam = Assembly(space.size)
+            for local, dofs in slope_continuity(space, facets, sheet.bending, sheet.largest_poisson):
+                seam.add(local, dofs)
+            here, there = find(space.location), find(space.location - step)
+            seams.append((seam.matrix(), space.location, classes[np.where(here >= 0, here, there)]))
+    return Periodic(operators.stiffness(()), operators.mass, place, classes, tuple(seams), _conjugate(opposite))
+
+
+def _finder(place: Array, pitch: float) -> Callable[[Array], Index]:
+    """A function that returns which of the places points are, −1 for none."""
+    tree = cKDTree(place)
+
+    def find(points: Array) -> Index:
+        distance, index = tree.query(points)
+        return np.where(np.asarray(distance) < JOIN * pitch, index, -1)
+
+    return find
+
+
+def _strip(domain: Domain, step: Array) -> tuple[MeshTri2, Index]:
+    """The triangles on both sides of the side that a step of the lattice crosses, and the facets on it."""
+    grid, pitch = domain.mesh, float(np.linalg.norm(step))
+    sides = np.asarray((grid.boundaries or {})["clamped"])
+    across = grid.p[:, grid.facets[:, sides]].mean(axis=1).T @ step / pitch**2
+    patches = np.asarray(grid.doflocs).T[Space(grid, 2).dofs]
+    here, there = (grid.f2t[0, sides[np.abs(across - place) < JOIN]] for place in (0.5, -0.5))
+    strip = from_patches(np.concatenate([patches[here], patches[there] + step]))
+    return strip, np.flatnonzero((strip.f2t[1] >= 0) & (np.abs(strip.p[:, strip.facets].mean(axis=1).T @ step / pitch**2 - 0.5) < JOIN))
+
+
+def _conjugate(opposite: Index) -> csc_matrix:
+    """U of `Periodic`, from the class at −r of each class."""
+    n = len(opposite)
+    own = np.arange(n)
+    rows, columns, values = [own[opposite == own]], [own[opposite == own]], [np.ones(np.sum(opposite == own), dtype=complex)]
+    low = own[own < opposite]
+    high, half = opposite[low], np.full(len(low), np.sqrt(0.5), dtype=complex)
+    for row, column, value in ((low, low, half), (low, high, 1j * half), (high, low, half), (high, high, -1j * half)):
+        rows.append(row)
+        columns.append(column)
+        values.append(value)
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    return csc_matrix(entries, shape=(n, n))

@@ -1,0 +1,118 @@
+"""Frequencies of waves in a film with a lattice of holes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from femnl.core.arrays import freeze
+from femnl.core.device import Model
+from femnl.core.discretisation_error import remainder
+from femnl.core.errors import ParameterError
+from femnl.core.mechanics import STEADY, Prestress
+from femnl.mechanics.bands.cell import Periodic, cell_domain, periodic
+from femnl.mechanics.bands.lattice import Lattice, find_lattice
+from femnl.mechanics.bands.spectrum import lowest_eigenvalues
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import cells, quadrature_order
+from femnl.mechanics.fem.sheet import Sheet
+from femnl.mechanics.fem.stress import relaxed_stress
+from femnl.mechanics.prestress import solve_prestress
+
+Array = NDArray[np.float64]
+
+DEGREES = (4, 3, 2)
+LONGEST = 0.05  # of π/pitch: the wave number that lifts stiffnesses of longer waves
+STILL = 1e-6  # of the lift, below which ω² is that of the film that moves as a whole
+
+
+@dataclass(frozen=True)
+class Bands:
+    """Frequencies of waves w = φ(r) e^{ik·r}, φ periodic, by rising frequency at each wave vector.
+
+    wave (n, 2) [rad/m]; frequency (n, n_bands) [Hz] and its discretisation error, an upper estimate; corners: names and places of the
+    wave vectors at which a path turns, none where the wave vectors were given. tension [N/m], mass [kg/m²]: of waves that are long.
+    """
+
+    lattice: Lattice
+    wave: Array
+    frequency: Array
+    frequency_error: Array
+    corners: tuple[tuple[str, int], ...]
+    tension: float
+    mass: float
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+    @property
+    def speed(self) -> float:
+        """√(T/μ) of waves that are long [m/s]."""
+        return float(np.sqrt(self.tension / self.mass))
+
+    @property
+    def gaps(self) -> tuple[tuple[float, float], ...]:
+        """Ranges of frequency [Hz] between bands in which no wave of these wave vectors lies, with their errors taken off."""
+        low = (self.frequency + self.frequency_error).max(axis=0)[:-1]
+        high = (self.frequency - self.frequency_error).min(axis=0)[1:]
+        return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True) if b > a)
+
+
+def solve_bands(
+    model: Model, count: int = 6, wave: Array | None = None, steps: int = 12, lattice: Lattice | None = None, resolution: float = 1.0
+) -> Bands:
+    """Bands of flexural waves in the film of a device, as if its lattice of holes had no edge.
+
+    One cell, stretched until its holes carry no traction and its mean strain is zero, with
+    ∫ N : ∇w⊗∇v* + D[(1−ν)∇∇w:∇∇v* + ν Δw Δv*] = ω² ∫ ρh w v*, w(r + R) = e^{ik·R} w(r) for every step R of the lattice.
+
+    Args: count: how many bands. wave: wave vectors (n, 2) [rad/m], a row of the lattice along x; by default a path around the
+        irreducible part, Γ–X–M–Γ or Γ–M–K–Γ, with `steps` of them on its first side. lattice: the device's holes' by default; has to
+        be given for a film with no holes or with one. resolution: of the mesh.
+    Returns: Bands.
+    Raises: ParameterError, GeometryError, ConvergenceError.
+    Valid: far from the edge; gradients of the thickness, overhangs and elastic edges are left out.
+    Source: Bloch's theorem; Brillouin, Wave Propagation in Periodic Structures (1946). Held against folded plane waves, standing waves of
+        many cells and the constants of the even film by tests/physics/test_bands.py.
+    """
+    if count < 1 or steps < 1:
+        raise ParameterError(f"count = {count}, steps = {steps}: expected at least one of each")
+    lattice = lattice or find_lattice(model)
+    if len(model.holes.centres) > 0 and not 2 * model.holes.radius < lattice.pitch:
+        raise ParameterError(f"pitch = {lattice.pitch:g} m: expected more than the diameter {2 * model.holes.radius:g} m of the holes")
+    places, corners = lattice.path(steps) if wave is None else (np.asarray(wave, dtype=float), ())
+    if places.ndim != 2 or places.shape[1] != 2 or not np.all(np.isfinite(places)):
+        raise ParameterError(f"wave: expected finite wave vectors (n, 2) in rad/m, found an array of shape {places.shape}")
+    domain = cell_domain(model, lattice, resolution)
+    tension, mass = 0.0, 0.0
+    found = []
+    for degree in DEGREES:
+        prestress = solve_prestress(domain, degree, "sliding")
+        if degree == DEGREES[0]:
+            tension, mass = _means(prestress, lattice)
+        cell = periodic(domain, lattice, prestress, degree)
+        found.append(np.array([_frequencies(cell, k, count, lattice, tension / mass) for k in places]))
+    scale = np.where(found[0] > 0, found[0], 1.0)
+    return Bands(lattice, places, found[0], remainder(found, scale, STEADY), corners, tension, mass)
+
+
+def _frequencies(cell: Periodic, wave: Array, count: int, lattice: Lattice, square: float) -> Array:
+    """Frequencies (count,) [Hz]. square: c² [m²/s²] of long waves; a spring of it times a wave number squared keeps K definite at rest."""
+    lift = square * max(float(wave @ wave), (LONGEST * np.pi / lattice.pitch) ** 2)
+    stiffness, mass = cell.at(wave)
+    values = lowest_eigenvalues(csc_matrix(stiffness + lift * mass), mass, count) - lift
+    return np.asarray(np.sqrt(np.where(values > STILL * lift, values, 0.0)) / (2 * np.pi))
+
+
+def _means(prestress: Prestress, lattice: Lattice) -> tuple[float, float]:
+    """Mean tension [N/m] and mass [kg/m²] of the cell, holes counted as empty: those of waves that are long."""
+    domain, order = prestress.domain, quadrature_order(prestress.domain.model, 2 * prestress.degree)
+    space, sheet, tension, mass = Space(domain.mesh, prestress.degree), Sheet(domain), 0.0, 0.0
+    for cell, stress in zip(cells(space, order), relaxed_stress(prestress, order), strict=True):
+        h = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
+        mass += float(np.sum(sheet.density(cell.triangles) * h))
+        tension += float(np.sum(stress[..., :2].mean(axis=-1) * h))
+    corners = lattice.corners
+    area = float(np.sum(corners[:, 0] * np.roll(corners[:, 1], -1) - corners[:, 1] * np.roll(corners[:, 0], -1))) / 2
+    return tension / area, mass / area

@@ -1,0 +1,256 @@
+"""Lagrange elements of degree 1 to 6 on curved triangles, evaluated with first and second derivatives.
+
+Numbering of unknowns and reference triangle are scikit-fem's; the tables here add the degrees and the second derivatives that
+its H1 elements lack, with the curvature of the mapping included, for whole meshes at once. An edge between films or at their end
+whose middle lies beside its chord is an arc of a circle and is followed by a map of degree 4, so that geometry costs no accuracy.
+"""
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import roots_jacobi
+from skfem import ElementH1, MeshTri2
+from skfem.assembly import Dofs
+from skfem.quadrature import get_quadrature
+from skfem.refdom import RefLine, RefTri
+
+from femnl.core.errors import ParameterError
+
+Array = NDArray[np.float64]
+
+DEGREES = (1, 2, 3, 4, 5, 6)
+ARC_DEGREE = 4  # of the map of triangles beside an arc
+TABULATED = 19  # highest order of scikit-fem's quadrature on triangles
+
+# Ends of the reference triangle's edges in scikit-fem's order. Vertices of every triangle are sorted, so that
+# both neighbours walk a shared edge from its lower to its higher vertex.
+EDGES = ((0, 1), (1, 2), (0, 2))
+VERTICES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+FIRST = ((1, 0), (0, 1))
+STRAIGHT = 1e-7  # sagitta over chord up to which an edge is straight
+
+
+@cache
+def _exponents(degree: int) -> NDArray[np.int64]:
+    return np.array([(a, n - a) for n in range(degree + 1) for a in range(n, -1, -1)])
+
+
+def _monomials(points: Array, degree: int, order: tuple[int, int]) -> Array:
+    """∂ₓᵃ∂ᵧᵇ of every monomial about the centroid at points (n, 2), for order (a, b); shape (n, n_monomials)."""
+    columns = []
+    points = points - 1 / 3
+    for axis in (0, 1):
+        power = _exponents(degree)[:, axis]
+        factor = np.ones(len(power))
+        for step in range(order[axis]):
+            factor = factor * (power - step)
+        columns.append(factor * points[:, axis, None] ** np.maximum(power - order[axis], 0))
+    return np.asarray(columns[0] * columns[1])
+
+
+@cache
+def nodes(degree: int) -> Array:
+    """Return the points (n_basis, 2) of the reference triangle to which the unknowns of the Lagrange element belong.
+
+    Vertices first, then along each edge from its lower to its higher vertex, then inside.
+    """
+    along = np.arange(1, degree)[:, None] / degree
+    edges = [VERTICES[a] + along * (VERTICES[b] - VERTICES[a]) for a, b in EDGES]
+    inside = [(i / degree, j / degree) for j in range(1, degree) for i in range(1, degree - j)]
+    return np.concatenate([VERTICES, *edges, np.array(inside).reshape(-1, 2)])
+
+
+def _numbering(mesh: MeshTri2, degree: int) -> Dofs:
+    """scikit-fem's numbering of the unknowns: those of vertices, then of edges, then inside."""
+    element = ElementH1()
+    element.refdom, element.nodal_dofs = RefTri, 1
+    element.facet_dofs, element.interior_dofs = degree - 1, (degree - 1) * (degree - 2) // 2
+    return Dofs(mesh, element)
+
+
+@cache
+def _coefficients(degree: int) -> Array:
+    return np.asarray(np.linalg.inv(_monomials(nodes(degree), degree, (0, 0))))
+
+
+def reference_basis(degree: int, points: Array, order: tuple[int, int] = (0, 0)) -> Array:
+    """Return ∂ₓᵃ∂ᵧᵇ φ_j of the Lagrange basis on the reference triangle at points (n, 2), shape (n, n_basis)."""
+    return np.asarray(_monomials(points, degree, order) @ _coefficients(degree))
+
+
+@dataclass(frozen=True)
+class Jet:
+    """Basis functions of some triangles at some points, up to second derivatives in x and y.
+
+    value (e, q, j); gradient (e, q, 2, j); hessian (e, q, 3, j) as (∂xx, ∂yy, ∂xy), no rows unless asked for;
+    point (e, q, 2) [m]; jacobian (e, q, 2, 2) = ∂x_a/∂X_b.
+    """
+
+    value: Array
+    gradient: Array
+    hessian: Array
+    point: Array
+    jacobian: Array
+
+
+def _inverse(matrices: Array) -> Array:
+    """Inverses of matrices (..., 2, 2)."""
+    (a, b), (c, d) = np.moveaxis(matrices, (-2, -1), (0, 1))
+    return np.asarray(np.moveaxis(np.array([[d, -b], [-c, a]]) / (a * d - b * c), (0, 1), (-2, -1)))
+
+
+def _along_arcs(start: Array, end: Array, sagitta: Array, fraction: Array) -> Array:
+    """Points (f, n, 2) at fractions (f,) of the angle of arcs (n, 2) whose middle lies `sagitta` from that of the chord."""
+    chord, height = end - start, np.linalg.norm(sagitta, axis=1)
+    half = 2 * np.arctan(2 * height / np.linalg.norm(chord, axis=1))
+    angle = np.multiply.outer(2 * fraction - 1, half)
+    along = np.sin(angle) / np.sin(half)
+    rise = 1 - 2 * np.sin(angle / 2) ** 2 / (1 - np.cos(half))
+    return np.asarray((start + end) / 2 + along[..., None] * chord / 2 + rise[..., None] * sagitta)
+
+
+def _conical(n: int) -> tuple[Array, Array]:
+    """Stroud's conical product of Gauss rules, exact to order 2n − 1 on the reference triangle."""
+    (along, first), (across, second) = roots_jacobi(n, 1, 0), roots_jacobi(n, 0, 0)
+    x, y = np.meshgrid((along + 1) / 2, (across + 1) / 2, indexing="ij")
+    return np.stack([x.ravel(), ((1 - x) * y).ravel()], 1), np.outer(first, second).ravel() / 8
+
+
+def _by_triangle(numbering: Dofs) -> NDArray[np.int64]:
+    return np.asarray(numbering.element_dofs, dtype=np.int64).T
+
+
+class Space:
+    """Scalar Lagrange functions of one degree on a mesh: numbering of unknowns and evaluation.
+
+    Args: mesh: quadratic triangles with sorted vertices. degree: 1 to 6.
+    Attributes: dofs (e, n_basis) unknowns of each triangle; size their number; location (size, 2) [m].
+    """
+
+    def __init__(self, mesh: MeshTri2, degree: int) -> None:
+        if degree not in DEGREES:
+            raise ParameterError(f"degree = {degree}: expected {DEGREES[0]} to {DEGREES[-1]}")
+        self.mesh = mesh
+        self.degree = degree
+        self._numbering = _numbering(mesh, degree)
+        self.dofs = _by_triangle(self._numbering)
+        self.size = int(self._numbering.N)
+
+    @cached_property
+    def location(self) -> Array:
+        """Where the unknowns are, (size, 2) [m]."""
+        location = np.empty((self.size, 2))
+        location[self.dofs] = reference_basis(self.map_degree, nodes(self.degree)) @ self.map_nodes
+        return location
+
+    @cached_property
+    def map_degree(self) -> int:
+        """Polynomial degree of the map from the reference triangle: 2, or up to `ARC_DEGREE` where a boundary is curved."""
+        return min(max(self.degree, 2), ARC_DEGREE) if np.any(self._boundary[-1]) else 2
+
+    @cached_property
+    def map_nodes(self) -> Array:
+        """Nodes (e, n, 2) [m] of the map from the reference triangle to each triangle, a polynomial of `map_degree`."""
+        degree = self.map_degree
+        place = np.asarray(self.mesh.doflocs).T[_by_triangle(_numbering(self.mesh, 2))]
+        if degree > 2:
+            numbering = self._numbering if self.degree == degree else _numbering(self.mesh, degree)
+            dofs, shared = _by_triangle(numbering), np.empty((int(numbering.N), 2))
+            shared[dofs] = reference_basis(2, nodes(degree)) @ place
+            facets, start, end, sagitta, arcs = self._boundary
+            on_arc = np.asarray(numbering.facet_dofs)[:, facets[arcs]]
+            shared[on_arc] = _along_arcs(start[arcs], end[arcs], sagitta[arcs], np.arange(1, degree) / degree)
+            place = shared[dofs]
+        return place
+
+    @cached_property
+    def least_determinant(self) -> Array:
+        """The smallest |det ∂x/∂X| [m²] of each triangle's map, (e,), found at points along its edges and inside."""
+        points = nodes(6)
+        determinants = [
+            np.abs(np.linalg.det(self.jet(slice(k, k + 2000), points).jacobian)).min(axis=1) for k in range(0, len(self.dofs), 2000)
+        ]
+        return np.concatenate(determinants)
+
+    @cached_property
+    def _boundary(self) -> tuple[NDArray[np.int64], Array, Array, Array, NDArray[np.bool_]]:
+        """Facets where a film ends, their ends, where their middles lie off the chord, and whether that makes them arcs."""
+        mesh = self.mesh
+        ends = mesh.f2t[1] < 0
+        if mesh.subdomains:  # two films meet, too
+            kind = np.isin(np.arange(mesh.nelements), np.concatenate(list(mesh.subdomains.values())))
+            ends |= kind[mesh.f2t[0]] != kind[mesh.f2t[1]]
+        facets = np.flatnonzero(ends)
+        start, end = (mesh.doflocs[:, mesh.facets[k, facets]].T for k in (0, 1))
+        sagitta = mesh.doflocs[:, mesh.nvertices + facets].T - (start + end) / 2
+        return facets, start, end, sagitta, np.linalg.norm(sagitta, axis=1) > STRAIGHT * np.linalg.norm(end - start, axis=1)
+
+    def boundary_facets(self, name: str) -> NDArray[np.int64]:
+        """Facets on the named boundary; empty where the mesh has no such boundary."""
+        return np.asarray((self.mesh.boundaries or {}).get(name, ()), dtype=np.int64)
+
+    def boundary_dofs(self, name: str) -> NDArray[np.int64]:
+        """Unknowns on the named boundary; empty where the mesh has no such boundary."""
+        facets = self.boundary_facets(name)
+        ends = np.asarray(self._numbering.nodal_dofs)[0, np.unique(self.mesh.facets[:, facets])]
+        between = np.asarray(self._numbering.facet_dofs)[:, facets].ravel() if self.degree > 1 else ends[:0]
+        return np.concatenate([ends, between]).astype(np.int64)
+
+    def facet_unknowns(self, facet: int) -> NDArray[np.int64]:
+        """Unknowns on one facet: its two ends, lower vertex first, then those between them in the same direction."""
+        numbering = self._numbering
+        ends = np.asarray(numbering.nodal_dofs)[0, self.mesh.facets[:, facet]]
+        return np.concatenate([ends, np.asarray(numbering.facet_dofs)[:, facet]]).astype(np.int64)
+
+    def quadrature(self, order: int) -> tuple[Array, Array]:
+        """Points (q, 2) and weights (q,) on the reference triangle, exact to the given polynomial order."""
+        if order > TABULATED:
+            return _conical(order // 2 + 1)
+        points, weights = get_quadrature(RefTri, order)
+        return np.asarray(points).T, np.asarray(weights)
+
+    def measure(self, triangles: NDArray[np.int64] | slice, points: Array) -> tuple[Array, Array]:
+        """Where reference points (q, 2) of triangles are, (e, q, 2) [m], and |det ∂x/∂X| there, (e, q) [m²]."""
+        place = self.map_nodes[triangles]
+        first, second = (reference_basis(self.map_degree, points, d) @ place for d in FIRST)
+        return reference_basis(self.map_degree, points) @ place, np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+
+    def jet(self, triangles: NDArray[np.int64] | slice, points: Array, second: bool = False) -> Jet:
+        """Evaluate on the given triangles at reference points (q, 2); see `Jet`."""
+        place = self.map_nodes[triangles]
+        gradient_ref = np.stack([reference_basis(self.degree, points, d) for d in FIRST])
+        jacobian = np.stack([reference_basis(self.map_degree, points, d) @ place for d in FIRST], -1)
+        inverse = _inverse(jacobian)  # inverse[b, x] = ∂X_b/∂x
+        gradient = np.einsum("eqbx,bqj->eqxj", inverse, gradient_ref, optimize=True)
+        hessian = self._hessian(points, place, inverse, gradient) if second else gradient[:, :, :0]
+        value = np.broadcast_to(reference_basis(self.degree, points), (len(place), len(points), self.dofs.shape[1]))
+        point = reference_basis(self.map_degree, points) @ place
+        return Jet(value, gradient, hessian, point, jacobian)
+
+    def _hessian(self, points: Array, place: Array, inverse: Array, gradient: Array) -> Array:
+        """∂²φ/∂x² = J⁻ᵀ (∂²φ/∂X² − Σ_x ∂φ/∂x ∂²x/∂X²) J⁻¹, as (∂xx, ∂yy, ∂xy)."""
+        orders = ((2, 0), (0, 2), (1, 1))
+        basis = np.stack([reference_basis(self.degree, points, d) for d in orders])
+        bend = np.stack([reference_basis(self.map_degree, points, d) @ place for d in orders], axis=2)
+        raw = basis.transpose(1, 0, 2)[None] - np.einsum("eqcx,eqxj->eqcj", bend, gradient, optimize=True)
+        a, b = inverse[:, :, 0, :], inverse[:, :, 1, :]  # ∂X/∂(x, y), ∂Y/∂(x, y)
+        pairs = ((0, 0), (1, 1), (0, 1))
+        turn = np.stack(
+            [np.stack([a[..., i] * a[..., j], b[..., i] * b[..., j], a[..., i] * b[..., j] + a[..., j] * b[..., i]], -1) for i, j in pairs],
+            axis=2,
+        )
+        return np.asarray(turn @ raw)
+
+    def prolong(self, values: Array, finer: "Space") -> Array:
+        """Carry functions (n, size) to a higher degree on the same mesh; exact, since the spaces are nested."""
+        carried = np.zeros((len(values), finer.size))
+        carried[:, finer.dofs] = values[:, self.dofs] @ reference_basis(self.degree, nodes(finer.degree)).T
+        return carried
+
+    def edge_points(self, edge: int, order: int) -> tuple[Array, Array]:
+        """Points (q, 2) on one edge of the reference triangle and their weights (q,) on [0, 1]."""
+        parameter, weights = get_quadrature(RefLine, order)
+        start, end = VERTICES[EDGES[edge][0]], VERTICES[EDGES[edge][1]]
+        return start + np.asarray(parameter).T * (end - start), np.asarray(weights)

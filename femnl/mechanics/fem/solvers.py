@@ -1,0 +1,81 @@
+"""The one place that picks the sparse direct solver and the eigenvalue solver."""
+
+import logging
+from collections.abc import Callable
+from importlib import import_module
+from importlib.util import find_spec
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh, splu
+
+from femnl.core.errors import ConvergenceError
+
+HAS_CHOLMOD = find_spec("cvxopt") is not None  # the optional extra `fast`
+
+Array = NDArray[np.float64]
+Solve = Callable[[Array], Array]
+
+
+def factorize(stiffness: csc_matrix) -> Solve:
+    """Factorise a symmetric positive definite matrix once; the returned function solves K x = b for b (n,) or (n, m).
+
+    CHOLMOD is used where cvxopt (the optional extra `fast`) is installed, otherwise SuperLU in its symmetric mode.
+    Raises: ConvergenceError where the matrix is not positive definite.
+    """
+    logging.getLogger("femnl.progress").info("solving for %s unknowns", f"{stiffness.shape[0]:,}")
+    if HAS_CHOLMOD:
+        return _factorize_cholmod(stiffness)
+    try:
+        factor = splu(csc_matrix(stiffness), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError as error:  # exactly singular
+        raise ConvergenceError(INDEFINITE) from error
+    if np.any(factor.U.diagonal() <= 0):
+        raise ConvergenceError(INDEFINITE)
+    return lambda right: np.asarray(factor.solve(np.asarray(right)))
+
+
+INDEFINITE = (
+    "the stiffness is not positive definite: part of the film is unsupported or under compression; "
+    "check the outline's free edges and the film stress, or raise the resolution"
+)
+
+
+def _factorize_cholmod(stiffness: csc_matrix) -> Solve:
+    cvxopt, cholmod = import_module("cvxopt"), import_module("cvxopt.cholmod")
+    lower = stiffness.tocoo()
+    keep = lower.row >= lower.col
+    stored = cvxopt.spmatrix(lower.data[keep], lower.row[keep].astype(int), lower.col[keep].astype(int), size=lower.shape)
+    cholmod.options["supernodal"] = 2
+    factor = cholmod.symbolic(stored)
+    try:
+        cholmod.numeric(stored, factor)
+    except ArithmeticError as error:
+        raise ConvergenceError(INDEFINITE) from error
+
+    def solve(right: Array) -> Array:
+        work = cvxopt.matrix(np.asarray(right, dtype=float))
+        cholmod.solve(factor, work)
+        return np.array(work).reshape(np.shape(right), order="C")
+
+    return solve
+
+
+def lowest_eigenpairs(stiffness: csc_matrix, mass: csc_matrix, count: int) -> tuple[Array, Array]:
+    """Return the `count` lowest solutions of K x = λ M x: λ (count,) rising, and x (n, count) with xᵀMx = 1.
+
+    Shift–invert Lanczos at zero, so K must be positive definite. Raises: ConvergenceError naming the knob.
+    """
+    n = stiffness.shape[0]
+    if count >= n - 1:
+        raise ConvergenceError(f"{count} modes were asked of a mesh with {n} unknowns: ask for fewer modes or raise the resolution")
+    solve = factorize(stiffness)
+    inverse = LinearOperator(stiffness.shape, matvec=solve, dtype=float)
+    start = np.random.default_rng(0).standard_normal(n)  # a fixed start makes reruns identical
+    try:
+        values, vectors = eigsh(stiffness, k=count, M=mass, sigma=0.0, OPinv=inverse, tol=1e-10, v0=start)
+    except ArpackNoConvergence as error:
+        raise ConvergenceError(f"the eigenvalue iteration found {len(error.eigenvalues)} of {count} modes: ask for fewer modes") from error
+    order = np.argsort(values)
+    return values[order], vectors[:, order]

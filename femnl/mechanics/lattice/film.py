@@ -1,0 +1,210 @@
+"""Modes of a perforated rectangle whose lattice of holes is replaced by an even film, with the margin without holes around it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+from skfem import MeshTri1, MeshTri2
+
+from femnl.core.device import Edge, Holes, Model
+from femnl.core.errors import ParameterError
+from femnl.core.mechanics import Domain, Modes, Nonlinearity, Prestress
+from femnl.device.mesh import bending_length
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import (
+    Assembly,
+    Cell,
+    as_matrix,
+    cells,
+    curvature,
+    deflection,
+    in_plane_strain,
+    isotropic,
+    local_matrices,
+    local_vectors,
+    plane_stress,
+    slope,
+    slope_continuity,
+    vector_dofs,
+)
+from femnl.mechanics.fem.solvers import factorize
+from femnl.mechanics.fem.supports import (
+    deflection_springs,
+    free_deflections,
+    in_plane_draw,
+    in_plane_springs,
+    in_plane_supports,
+    slope_held_facets,
+)
+from femnl.mechanics.lattice.cell import Cell as LatticeCell
+from femnl.mechanics.lattice.cell import solve_cell
+from femnl.mechanics.lattice.tiling import array
+from femnl.mechanics.modes import solve_pencil
+from femnl.mechanics.nonlinearity import solve_nonlinearity, strain_energies
+
+Array = NDArray[np.float64]
+
+DEGREE = 4
+QUARTER = np.pi / 2
+LAYER_SIZE, GROWTH, ACROSS = 1.0, 0.6, 8  # elements at the edge in bending lengths, what they gain per distance, and along half a side
+
+
+@dataclass(frozen=True)
+class _Film:
+    """Two films: the lattice's inside the box |x| < reach[0], |y| < reach[1], the bare one around it."""
+
+    model: Model
+    cell: LatticeCell
+    reach: Array
+
+    def choose(self, inside: Array | float, outside: Array | float) -> Callable[[Array], Array]:
+        """A field with one value on each side, by the place (..., 2) of points; sides do not share points of quadrature."""
+
+        def field(point: Array) -> Array:
+            within = np.all(np.abs(point) < self.reach, axis=-1)
+            return np.where(within.reshape(within.shape + (1,) * np.ndim(inside)), inside, outside)
+
+        return field
+
+    @property
+    def membrane(self) -> Callable[[Array], Array]:
+        film = self.model.film
+        return self.choose(self.cell.stiffness, film.thickness * plane_stress(film.young, film.poisson))
+
+    @property
+    def tension(self) -> Callable[[Array], Array]:
+        film, even = self.model.film, np.array([1.0, 1.0, 0.0])
+        return self.choose(self.cell.tension * even, film.stress * film.thickness * even)
+
+    @property
+    def mass(self) -> Callable[[Array], Array]:
+        return self.choose(self.cell.mass, self.model.film.density * self.model.film.thickness)
+
+    @property
+    def rigidity(self) -> Callable[[Array], Array]:
+        film = self.model.film
+        return self.choose((self.cell.d_axis + self.cell.d_mixed) / 2, film.young * film.thickness**3 / 12 / (1 - film.poisson**2))
+
+
+def solve_homogenised(model: Model, count: int, edge: Edge | None = None, tensor: bool = False) -> tuple[Modes, Nonlinearity]:
+    """Modes and their nonlinearity of a rectangle with a rectangular array of holes, the array taken as an even film.
+
+    ∫ N : ∇w⊗∇w + D κ : κ = ω² ∫ μ w², N = T + C ε(u), with T, C, D and μ of one cell inside the array and of the film around it.
+
+    Args: count: how many modes. edge: in-plane edge of the nonlinearity, the model's by default. tensor: see `solve_nonlinearity`.
+    Returns: Modes on a mesh without holes, whose max|ξ| knows no holes, and their Nonlinearity.
+    Raises: ParameterError for outlines that are no rectangle and holes that are no array about its centre.
+    Valid: waves long against the pitch. Measured against the full model by tests/physics/test_lattice.py.
+    Source: see `solve_cell`.
+    """
+    pitch, reach = _array(model)
+    film = _Film(model, solve_cell(model, pitch), reach)
+    domain = Domain(replace(model, holes=Holes(np.empty((0, 2)), 0.0)), _mesh(model, reach), QUARTER)
+    prestress = _relax(film, domain)
+    modes = solve_pencil(_Operators(film, prestress), prestress, count)
+    membrane = film.membrane
+    energies = partial(strain_energies, edge=edge or model.edge, membrane=lambda cell: membrane(cell.jet.point))
+    return modes, solve_nonlinearity(modes, edge or model.edge, tensor, energies)
+
+
+def _array(model: Model) -> tuple[float, Array]:
+    """Pitch, and half the sides of the box of whole cells."""
+    if model.overhang is not None or any(model.film.gradient):
+        raise ParameterError(f"{model.name}: the homogenised film knows no overhang and no gradient of the thickness; solve the full film")
+    if not all(s.clamped for s in model.outline.segments):
+        raise ParameterError(
+            f"{model.name}: the homogenised film is held at all its edges, and one of this film's ends free; solve the full film"
+        )
+    pitch, counts = array(model, "the homogenised film")
+    return pitch, np.array(counts) * pitch / 2
+
+
+def _mesh(model: Model, reach: Array) -> MeshTri2:
+    """A quarter in rows and columns of triangles, fine at the clamped edge, with a line on the border of the array."""
+    corners = np.array([s.start for s in model.outline.segments])
+    lines = [_lines(half, box, bending_length(model)) for half, box in zip(np.abs(corners).max(axis=0), reach, strict=True)]
+    grid = MeshTri2.from_mesh(MeshTri1.init_tensor(*lines))
+    x, y = grid.p
+    edges = {"mirror-0": (y, 0.0), "mirror-1": (x, 0.0), "right": (x, lines[0][-1]), "top": (y, lines[1][-1])}
+    found = {name: np.flatnonzero(np.all(along[grid.facets] == place, axis=0)) for name, (along, place) in edges.items()}
+    bounds = {"clamped": np.union1d(found.pop("right"), found.pop("top")), **found}
+    return MeshTri2(np.ascontiguousarray(grid.doflocs), grid.t, _boundaries=bounds)
+
+
+def _lines(half: float, box: float, layer: float) -> Array:
+    """Places from 0 to half, closer towards half, with one at the box."""
+    places, largest = [half], half / ACROSS
+    while places[-1] > 0:
+        size = min(largest, max(LAYER_SIZE * layer, half / 64) + GROWTH * (half - places[-1]))
+        places.append(places[-1] - size)
+        if places[-1] < box < places[-2]:
+            places[-1] = box
+    places[-1] = 0.0
+    if places[-2] < largest / 3:
+        del places[-2]
+    return np.array(places[::-1])
+
+
+def _relax(film: _Film, domain: Domain) -> Prestress:
+    """Relax the two films' tension in plane, clamped at the outline."""
+    space = Space(domain.mesh, DEGREE)
+    load, matrix = in_plane_draw(space, domain.model.clamp), Assembly(2 * space.size)
+    for cell in cells(space, 2 * DEGREE):
+        basis, dofs = in_plane_strain(cell.jet), vector_dofs(space, cell.triangles)
+        np.add.at(load, dofs, -local_vectors(basis, film.tension(cell.jet.point), cell.dx))
+        matrix.add(local_matrices(basis, film.membrane(cell.jet.point), cell.dx), dofs)
+    supports = in_plane_supports(space, domain.wedge, "clamped", (True, True), domain.model.clamp)
+    solve = factorize(csc_matrix(supports.T @ (matrix.matrix() + in_plane_springs(space, domain.model.clamp)) @ supports))
+    return Prestress(domain, DEGREE, supports @ solve(supports.T @ load))
+
+
+class _Operators:
+    """K and M of the two films."""
+
+    def __init__(self, film: _Film, prestress: Prestress) -> None:
+        domain = prestress.domain
+        self.space, self._film, self._bends = Space(domain.mesh, DEGREE), film, domain.model.bending
+        stiffness, mass = Assembly(self.space.size), Assembly(self.space.size)
+        poisson = film.model.film.poisson
+        bend = plane_stress(1.0, poisson) * (1 - poisson**2)
+        for cell in cells(self.space, 2 * DEGREE, second=self._bends):
+            dofs, point = self.space.dofs[cell.triangles], cell.jet.point
+            mass.add(local_matrices(deflection(cell.jet), np.eye(1), film.mass(point) * cell.dx), dofs)
+            local = local_matrices(slope(cell.jet), as_matrix(self._stress(prestress, cell)), cell.dx)
+            if self._bends:
+                local += local_matrices(curvature(cell.jet), bend, film.rigidity(point) * cell.dx)
+            stiffness.add(local, dofs)
+        if self._bends:
+            self._continue_slopes(stiffness, np.flatnonzero(domain.mesh.f2t[1] >= 0))
+        self._stiffness = csc_matrix(stiffness.matrix() + deflection_springs(self.space, domain.model.clamp))
+        self.mass = mass.matrix()
+
+    def _stress(self, prestress: Prestress, cell: Cell) -> Array:
+        """N = T + C ε(u) [N/m] as (xx, yy, xy)."""
+        local = prestress.displacement[vector_dofs(self.space, cell.triangles)]
+        strain = np.einsum("eqcj,ej->eqc", in_plane_strain(cell.jet), local)
+        point = cell.jet.point
+        return np.asarray(self._film.tension(point) + np.einsum("eqcd,eqd->eqc", self._film.membrane(point), strain))
+
+    def _continue_slopes(self, assembly: Assembly, facets: NDArray[np.int64], rotation: float = np.inf) -> None:
+        poisson = self._film.model.film.poisson
+        bending = isotropic(self._film.rigidity, poisson)
+        for local, dofs in slope_continuity(self.space, facets, bending, poisson, rotation):
+            assembly.add(local, dofs)
+
+    def free(self, parity: tuple[int, ...]) -> NDArray[np.int64]:
+        """Unknowns of deflections of the given parity that nothing holds."""
+        return free_deflections(self.space, parity, self._film.model.clamp)
+
+    def stiffness(self, parity: tuple[int, ...]) -> csc_matrix:
+        """K (size, size) for deflections of the given parity about the mirrors."""
+        if not self._bends:
+            return self._stiffness
+        edge, facets = Assembly(self.space.size), slope_held_facets(self.space, parity)
+        clamped = np.isin(facets, self.space.boundary_facets("clamped"))
+        self._continue_slopes(edge, facets[~clamped])
+        self._continue_slopes(edge, facets[clamped], self._film.model.clamp.rotation)
+        return csc_matrix(self._stiffness + edge.matrix())

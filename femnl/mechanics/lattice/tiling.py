@@ -1,0 +1,197 @@
+"""A perforated rectangle as tiles: cells of its lattice and pieces of the margin, one mesh for each kind of them."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import MeshTri2
+
+from femnl.core.device import Holes, Model, Outline, Segment
+from femnl.core.errors import ParameterError
+from femnl.core.mechanics import Domain
+from femnl.device.mesh import bending_length, from_patches, mesh
+
+Array = NDArray[np.float64]
+
+QUARTER = np.pi / 2
+EVEN = 1e-6  # of the pitch, to which the holes must lie on their lattice
+LAYER_SIZE, GROWTH = 1.5, 0.7  # elements at the edge in bending lengths, and what they gain per distance
+FINENESS = (0.7, 0.5)  # of the cells' own mesh, at least, and at small holes: large ones leave narrow necks
+WIDEST = 2.0  # pitches that a margin may be wide: it is one piece from the cells to the edge
+SIZE = 12.5  # pitches that the mesher takes for the outline's length, so that holes alone decide on the size of elements
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Tiles that are copies of each other: the mesh of the first, where it lies, and the shifts (n, 2) [m] of all from there."""
+
+    patches: Array
+    shifts: Array
+
+    @cached_property
+    def mesh(self) -> MeshTri2:
+        """The first tile, with the boundaries `free` (of a hole) and `side` (all else)."""
+        found = from_patches(self.patches)
+        low, high = found.p.min(axis=1), found.p.max(axis=1)
+        outer = np.flatnonzero(found.f2t[1] < 0)
+        ends = found.p[:, found.facets[:, outer]]
+        side = np.zeros(len(outer), dtype=bool)
+        for axis, places in enumerate(zip(low, high, strict=True)):
+            for place in places:
+                side |= np.all(np.abs(ends[axis] - place) < 1e-9 * (high - low).max(), axis=0)
+        return replace(found, _boundaries={"side": outer[side], "free": outer[~side]})
+
+
+@dataclass(frozen=True)
+class Tiling:
+    """A quarter of the film, x > 0 and y > 0, in tiles of the given resolution; `half` (2,) [m] are half its sides."""
+
+    model: Model
+    resolution: float
+    half: Array
+    kinds: tuple[Kind, ...]
+
+    @cached_property
+    def domain(self) -> Domain:
+        """The mesh of all tiles, kind by kind, tile by tile."""
+        patches = [(kind.patches[None] + kind.shifts[:, None, None]).reshape(-1, 6, 2) for kind in self.kinds]
+        whole = from_patches(np.concatenate(patches))
+        outer = np.flatnonzero(whole.f2t[1] < 0)
+        x, y = whole.p[:, whole.facets[:, outer]]
+        near = 1e-9 * self.half.max()
+        on = {
+            "mirror-0": np.all(np.abs(y) < near, axis=0),
+            "mirror-1": np.all(np.abs(x) < near, axis=0),
+            "clamped": np.all(np.abs(x - self.half[0]) < near, axis=0) | np.all(np.abs(y - self.half[1]) < near, axis=0),
+        }
+        on["free"] = ~np.any(list(on.values()), axis=0)
+        named = replace(whole, _boundaries={name: outer[found] for name, found in on.items()})
+        return Domain(self.model, named, QUARTER, tiles=self.resolution)
+
+
+def array(model: Model, what: str) -> tuple[float, tuple[int, int]]:
+    """Pitch [m], and the numbers of holes along x and y, of a rectangular array of holes in the centre of a rectangle.
+
+    Args: what: needs it, for the message. Raises: ParameterError where the device is no such thing.
+    """
+    outline, centres = model.outline, model.holes.centres
+    if outline.kind not in ("square", "rectangle"):
+        raise ParameterError(f'{model.name}: outline.kind = "{outline.kind}": {what} needs a square or rectangle')
+    columns = [np.unique(np.round(c, 12)) for c in centres.T]
+    steps = np.concatenate([np.diff(c) for c in columns])
+    if len(steps) == 0 or len(centres) != len(columns[0]) * len(columns[1]):
+        raise ParameterError(f"{model.name}: holes: {what} needs a rectangular array of at least two of them")
+    pitch = float(steps.mean())
+    if np.abs(steps - pitch).max() > EVEN * pitch or any(abs(c[0] + c[-1]) > EVEN * pitch for c in columns):
+        raise ParameterError(f"{model.name}: holes: {what} needs one pitch along x and y, and the array in the centre")
+    return pitch, (len(columns[0]), len(columns[1]))
+
+
+def obstacle(model: Model) -> str:
+    """Why a device cannot be cut into tiles; empty where it can."""
+    try:
+        pitch, counts = array(model, "a tiled film")
+    except ParameterError as error:
+        return str(error)
+    margin = _half(model) - np.array(counts) * pitch / 2
+    if np.any(margin <= EVEN * pitch) or np.any(margin > WIDEST * pitch):
+        return f"{model.name}: a tiled film needs a margin around the cells of its holes, of {WIDEST:g} pitches at most"
+    if not (model.clamp.rigid and all(s.clamped for s in model.outline.segments)) or model.overhang or any(model.film.gradient):
+        return f"{model.name}: a tiled film needs a rigid edge all around without overhang, and a film without gradient"
+    return ""
+
+
+def _half(model: Model) -> Array:
+    return np.asarray(np.abs([s.start for s in model.outline.segments]).max(axis=0))
+
+
+def tile(model: Model, resolution: float = 1.0) -> Tiling:
+    """Cut a quarter of the film into tiles.
+
+    Args: resolution: factor on the number of elements per length. Raises: ParameterError for devices that have no such tiles.
+    """
+    if why := obstacle(model):
+        raise ParameterError(why)
+    pitch, counts = array(model, "a tiled film")
+    half, fineness = _half(model), resolution * max(FINENESS[0], FINENESS[1] + 2 * model.holes.radius / pitch)
+    quarter = _quarter(model, pitch, fineness)
+    corners = quarter[:, :3].reshape(-1, 2)
+    side = np.unique(np.round(corners[np.abs(corners[:, 0] - pitch / 2) < 1e-9 * pitch, 1], 15))
+    along = [_stretches(pitch, n, edge) for n, edge in zip(counts, half, strict=True)]
+    layer, kinds = bending_length(model), []
+    for (name_x, starts_x), (name_y, starts_y) in product(along[0].items(), along[1].items()):
+        first = np.array([starts_x[0], starts_y[0]])
+        if "margin" in (name_x, name_y):
+            lines = [
+                _margin(half[k] - starts[0], layer, fineness, side[-1] / max(len(side) - 1, 1))
+                if name == "margin"
+                else _whole(side, pitch)
+                if name == "whole"
+                else side
+                for k, (name, starts) in enumerate(((name_x, starts_x), (name_y, starts_y)))
+            ]
+            patches = _grid(*lines)
+        else:
+            patches = _cell(quarter, pitch, name_x, name_y)
+        shifts = np.stack(np.meshgrid(starts_x, starts_y, indexing="ij"), -1).reshape(-1, 2) - first
+        kinds.append(Kind(patches + first, shifts))
+    return Tiling(model, resolution, half, tuple(kinds))
+
+
+def _stretches(pitch: float, n: int, edge: float) -> dict[str, Array]:
+    """Where tiles start along one axis, by what they are: half a cell at the centre if n is odd, whole cells, the margin."""
+    found: dict[str, Array] = {"half": np.zeros(1)} if n % 2 else {}
+    wholes = pitch * ((n % 2) / 2 + np.arange(n // 2, dtype=float))
+    if len(wholes):
+        found["whole"] = wholes
+    return found | {"margin": np.array([n * pitch / 2])}
+
+
+def _quarter(model: Model, pitch: float, resolution: float) -> Array:
+    """Triangles (m, 6, 2) of a quarter of a cell, x > 0 and y > 0, its own image under x ↔ y."""
+    reach = pitch / 2
+    corners = [(-reach, -reach), (reach, -reach), (reach, reach), (-reach, reach)]
+    sides = tuple(Segment(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True))
+    outline = Outline("rectangle", sides, None, SIZE * pitch)
+    cell = replace(model, outline=outline, holes=Holes(np.zeros((1, 2)), model.holes.radius), bending=False)
+    found = mesh(cell, "quarter", resolution).mesh
+    places = np.asarray(found.doflocs).T.copy()
+    for line in (0.0, reach):  # so that tiles meet exactly
+        places[np.abs(places - line) < 1e-9 * pitch] = line
+    return np.concatenate([places[found.t.T], places[found.nvertices + found.t2f.T]], axis=1)
+
+
+def _cell(quarter: Array, pitch: float, name_x: str, name_y: str) -> Array:
+    """A whole cell, or the half or quarter beside mirrors, with its lower left corner at the origin."""
+    patches = quarter
+    for axis, name in enumerate((name_x, name_y)):
+        if name == "whole":
+            flip = np.ones(2)
+            flip[axis] = -1
+            patches = np.concatenate([patches, patches * flip])
+    return np.asarray(patches + np.array([pitch / 2 if name == "whole" else 0.0 for name in (name_x, name_y)]))
+
+
+def _whole(side: Array, pitch: float) -> Array:
+    return np.concatenate([pitch / 2 - side[::-1], pitch / 2 + side[1:]])
+
+
+def _margin(width: float, layer: float, resolution: float, size: float) -> Array:
+    """Places from 0 to the width, closer towards the clamped edge there."""
+    places = [0.0]
+    while places[-1] < width:
+        finest = LAYER_SIZE * layer / resolution if layer else size
+        places.append(places[-1] + min(size, finest + GROWTH / resolution * places[-1]))
+    found = width - np.array(places[::-1]) * width / places[-1]
+    return np.asarray(found)
+
+
+def _grid(x: Array, y: Array) -> Array:
+    """Triangles (m, 6, 2) of rows and columns between the given places, each rectangle cut along its rising diagonal."""
+    corner = np.stack(np.meshgrid(x, y, indexing="ij"), -1)
+    a, b, c, d = corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]
+    triangles = np.concatenate([np.stack(t, -2).reshape(-1, 3, 2) for t in ((a, b, c), (a, d, c))])
+    middles = (triangles + np.roll(triangles, -1, axis=1)) / 2
+    return np.concatenate([triangles, middles[:, [0, 1, 2]]], axis=1)

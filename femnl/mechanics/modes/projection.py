@@ -1,0 +1,96 @@
+"""Integrals of the base modes over the whole film, which carry changes of tension and mass to a small dense problem."""
+
+from itertools import repeat
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator
+from scipy.spatial import cKDTree
+
+from femnl.core.device import Model
+from femnl.core.mechanics import Domain, Modes
+from femnl.core.operators import DIRECTIONS, WEIGHTS, Projection, Units
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import as_matrix, cells, quadrature_order
+from femnl.mechanics.fem.sheet import Sheet
+from femnl.mechanics.fem.stress import unit_stress
+from femnl.mechanics.modes.shapes import shapes_at
+
+Array = NDArray[np.float64]
+
+SHARE = np.array([1.0, 1.0, 0.5])  # of a stress, that the integrals of its direction stand for: of a shear, half in xy and half in yx
+NEIGHBOURS = 40  # points around one over a hole, from which it is bridged
+POINTS = 129  # of the grid along each axis on which shapes are tabulated
+
+
+def project(modes: Modes, units: Units | None = None) -> Projection:
+    """Project weighted slopes and masses onto the modes.
+
+    Args: modes: of any wedge; the copies that make up the film are summed with the signs that the modes take there.
+        units: how the film relaxes under each component of a film stress; None where an even film is clamped all around.
+    Returns: integrals over the whole film, see `Projection`; shapes on the grid go on smoothly over holes.
+    Valid: changes of the film that leave the new modes within the span of these ones.
+    """
+    domain, space, sheet = modes.domain, Space(modes.domain.mesh, modes.degree), Sheet(modes.domain)
+    order = quadrature_order(domain.model, 2 * modes.degree - 2)
+    stresses = repeat(np.eye(3)[:, None, None]) if units is None else unit_stress(domain, units, order)
+    n, reach = len(modes.frequency), float(np.abs(modes.domain.mesh.p).max())
+    slopes, masses = np.zeros((len(WEIGHTS), 3, n, n)), np.zeros((len(WEIGHTS), n, n))
+    for cell, stress in zip(cells(space, order), stresses, strict=units is not None):
+        local = modes.shapes[:, space.dofs[cell.triangles]].transpose(1, 2, 0)
+        value, slope = (cell.jet.value @ local).reshape(-1, n), cell.jet.gradient @ local[:, None]
+        pulled = ((as_matrix(stress) @ slope) * SHARE[:, None, None, None, None]).reshape(len(DIRECTIONS), -1, n)
+        weights = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
+        volume, mass = weights.ravel(), (sheet.density(cell.triangles) * weights).ravel()
+        for k, weight in enumerate(_weights(cell.jet.point.reshape(-1, 2).T / reach)):
+            masses[k] += value.T @ ((weight * mass)[:, None] * value)
+            slopes[k] += slope.reshape(-1, n).T @ (np.repeat(weight * volume, 2)[:, None] * pulled)
+    whole_slopes, whole_masses = np.zeros((len(WEIGHTS), len(DIRECTIONS), n, n)), np.zeros_like(masses)
+    for turn, sign in _images(domain, modes.parity):
+        signs = np.outer(sign, sign)
+        weights = _turned_weights(turn)
+        whole_masses += signs * np.tensordot(weights, masses, 1)
+        (a, b), (c, d) = turn
+        mix = np.array([[a * a, b * b, 2 * a * b], [c * c, d * d, 2 * c * d], [a * c, b * d, a * d + b * c]])
+        whole_slopes += signs * np.einsum("kl,cm,lmij->kcij", weights, mix, slopes)
+    cosine = -np.cos(np.linspace(0, np.pi, POINTS))  # dense at the edges, where the clamped film bends sharply
+    grid_x, grid_y = (half * cosine for half in np.abs(domain.mesh.p).max(axis=1)) if domain.wedge < np.pi else (reach * cosine,) * 2
+    shapes = shapes_at(modes, grid_x[None, :], grid_y[:, None])
+    if len(domain.model.holes.centres):
+        shapes = _over_holes(domain.model, grid_x, grid_y, shapes)
+    return Projection(whole_slopes, whole_masses, reach, grid_x, grid_y, shapes)
+
+
+def _over_holes(model: Model, grid_x: Array, grid_y: Array, shapes: Array) -> Array:
+    """Bridge holes by thin-plate splines through the nearest points of the grid that are on the film."""
+    x, y = np.meshgrid(grid_x, grid_y)
+    points, holes = np.stack([x.ravel(), y.ravel()], axis=1), model.holes
+    missing = cKDTree(holes.centres).query(points)[0] <= holes.radius
+    values = shapes.reshape(len(shapes), -1).T.copy()
+    if np.any(missing):
+        values[missing] = RBFInterpolator(points[~missing], values[~missing], NEIGHBOURS, kernel="thin_plate_spline")(points[missing])
+    return values.T.reshape(shapes.shape)
+
+
+def _weights(point: Array) -> Array:
+    x, y = point
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+
+
+def _turned_weights(turn: Array) -> Array:
+    """Each weight at the image R(x, y) of a point as a sum of the weights at the point, (6, 6)."""
+    probe = np.random.default_rng(0).uniform(-1, 1, (2, len(WEIGHTS)))
+    return np.asarray(np.linalg.solve(_weights(probe).T, _weights(turn @ probe).T).T)
+
+
+def _images(domain: Domain, parity: tuple[tuple[int, ...], ...]) -> list[tuple[Array, Array]]:
+    """The reflections and rotations (2, 2) that make the film of its wedge, each with the signs (n,) that the modes take."""
+    normals = [np.array([-np.sin(angle), np.cos(angle)]) for angle in (0.0, domain.wedge)][: len(parity[0])]
+    mirrors = [(np.eye(2) - 2 * np.outer(v, v), np.array([p[k] for p in parity], dtype=float)) for k, v in enumerate(normals)]
+    found = [(np.eye(2), np.ones(len(parity)))]
+    for turn, sign in found:  # grows while new images appear
+        for mirror, flip in mirrors:
+            image = mirror @ turn
+            if not any(np.allclose(image, known) for known, _ in found):
+                found.append((image, flip * sign))
+    return found

@@ -1,0 +1,166 @@
+"""The strain energy of the film in all its unknowns, in plane and out of it, and its derivatives."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import block_diag, csc_matrix
+
+from femnl.core.device import Edge
+from femnl.core.errors import ConvergenceError
+from femnl.core.mechanics import Modes
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import (
+    Assembly,
+    Cell,
+    as_matrix,
+    cells,
+    in_plane_strain,
+    local_matrices,
+    local_vectors,
+    quadrature_order,
+    slope,
+    stretch,
+    vector_dofs,
+)
+from femnl.mechanics.fem.solvers import factorize
+from femnl.mechanics.fem.supports import in_plane_springs, in_plane_supports
+from femnl.mechanics.modes.operators import Operators
+from femnl.mechanics.nonlinearity import film_membrane
+
+Array = NDArray[np.float64]
+Parity = tuple[int, ...]
+
+STEPS = 60  # of Newton's method
+SETTLED = 1e-16  # work of what the last step mends, over that of the load
+
+
+class Film:
+    """W(u, w) = ½ w·Kw + ∫ ½ h C E : E, E = ε(u) + ½ ∇w⊗∇w, about the flat relaxed film, whose tension, bending and edge are in K.
+
+    States are vectors (3·size,) of u_x, u_y and w at the unknowns of the modes' space. A state whose w is odd about a mirror is its
+    own image there with w reversed; its in-plane part is even. So about a bow of parity b, a motion with w of parity p has u of
+    parity b·p.
+    """
+
+    def __init__(self, modes: Modes, edge: Edge) -> None:
+        self.domain, self.edge = modes.domain, edge
+        self.space = Space(self.domain.mesh, modes.degree)
+        self._operators, self._membrane = Operators(modes.prestress, modes.degree), film_membrane(modes, edge)
+
+    @property
+    def mass(self) -> csc_matrix:
+        """Inertia of w, (size, size) [kg]."""
+        return self._operators.mass
+
+    @property
+    def inertia(self) -> csc_matrix:
+        """The same in the place of w, (3·size, 3·size): the film in its plane has none."""
+        return csc_matrix(block_diag([csc_matrix((2 * self.space.size,) * 2), self.mass]))
+
+    @property
+    def area(self) -> Array:
+        """∫ v of every unknown of w, (size,) [m²]: the load of a pressure of 1 Pa."""
+        load = np.zeros(self.space.size)
+        for cell in cells(self.space, self.space.degree):
+            np.add.at(load, self.space.dofs[cell.triangles], np.einsum("eqj,eq->ej", cell.jet.value, cell.dx))
+        return load
+
+    def admissible(self, parity: Parity, bow: Parity) -> csc_matrix:
+        """Columns that span the motions with w of a parity about a bow of a parity, (3·size, n_free)."""
+        free = self._operators.free(parity)
+        across = csc_matrix((np.ones(len(free)), (free, np.arange(len(free)))), shape=(self.space.size, len(free)))
+        even = tuple(a * b > 0 for a, b in zip(parity, bow, strict=True))
+        return csc_matrix(block_diag([self._supports(even), across]))
+
+    def _supports(self, even: tuple[bool, ...]) -> csc_matrix:
+        return in_plane_supports(self.space, self.domain.wedge, self.edge, even, self.domain.model.clamp)
+
+    def linear(self, parity: Parity) -> csc_matrix:
+        """K of deflections of a parity, and in plane the edge's springs, (3·size, 3·size)."""
+        springs = in_plane_springs(self.space, self.domain.model.clamp)
+        return csc_matrix(block_diag([springs, self._operators.stiffness(parity)]))
+
+    def stretching(self, state: Array, stressed: bool = True) -> tuple[Array, csc_matrix]:
+        """First and second derivative of ∫ ½ h C E : E. stressed: else the strain of the state itself counts as relaxed."""
+        force, tangent = np.zeros(3 * self.space.size), Assembly(3 * self.space.size)
+        for cell in self._cells():
+            dofs, w = self._unknowns(cell)
+            moduli = self._membrane(cell)
+            grad = np.einsum("eqxj,ej->eqx", slope(cell.jet), state[w])
+            rows = _strain_rows(cell, grad)
+            tangent.add(local_matrices(rows, moduli, cell.dx), dofs)
+            if stressed:
+                strain = np.einsum("eqcj,ej->eqc", in_plane_strain(cell.jet), state[dofs[:, : -w.shape[1]]]) + stretch(grad, grad)
+                stress = (strain[..., None, :] @ moduli)[..., 0, :]
+                np.add.at(force, dofs, local_vectors(rows, stress, cell.dx))
+                tangent.add(local_matrices(slope(cell.jet), as_matrix(stress), cell.dx), w)
+        return force, tangent.matrix()
+
+    def second_order(self, state: Array, motions: Array) -> tuple[Array, Array]:
+        """What motions x (n, 3·size) cause at second order about a state.
+
+        With E₁(y) = ε(u_y) + sym(∇w₀⊗∇w_y) and E₂(x, y) = ½ sym(∇w_x⊗∇w_y): the load (3·size, n), by unknowns y,
+        ∫ h C [E₁(y) : E₂(x, x) + 2 E₁(x) : E₂(x, y)], and ∫ h C E₂ : E₂ (n,), over the wedge.
+        """
+        loads, energies = np.zeros((3 * self.space.size, len(motions))), np.zeros(len(motions))
+        for cell in self._cells():
+            dofs, w = self._unknowns(cell)
+            moduli, half = self._membrane(cell), slope(cell.jet)
+            rest = _strain_rows(cell, np.einsum("eqxj,ej->eqx", half, state[w]))
+            for k, motion in enumerate(motions):
+                grad = np.einsum("eqxj,ej->eqx", half, motion[w])
+                moved = _strain_rows(cell, grad)[..., -w.shape[1] :]
+                first, second = np.einsum("eqcj,ej->eqc", rest, motion[dofs]), stretch(grad, grad)
+                stress, own = (np.einsum("eqcd,eqd->eqc", moduli, strain) for strain in (second, first))
+                np.add.at(loads[:, k], dofs, local_vectors(rest, stress, cell.dx))
+                np.add.at(loads[:, k], w, local_vectors(moved, own, cell.dx))
+                energies[k] += np.einsum("eqc,eqc,eq->", second, stress, cell.dx)
+        return loads, energies
+
+    def relax(self, deflection: Array, even: Parity) -> Array:
+        """The state of a given w (size,), relaxed in plane."""
+        size = self.space.size
+        state = np.concatenate([np.zeros(2 * size), deflection])
+        supports = self._supports(tuple(p > 0 for p in even))
+        force, tangent = self.stretching(state)
+        plane = tangent[: 2 * size, : 2 * size] + in_plane_springs(self.space, self.domain.model.clamp)
+        solve = factorize(csc_matrix(supports.T @ plane @ supports))
+        state[: 2 * size] = -(supports @ solve(supports.T @ force[: 2 * size]))
+        return state
+
+    def deflect(self, load: Array, parity: Parity, state: Array | None = None) -> Array:
+        """The state that carries a load (size,) [N per unknown] of w, by Newton's method from a nearby one, else from the flat film.
+
+        Raises: ConvergenceError.
+        """
+        size = self.space.size
+        state = np.zeros(3 * size) if state is None else state
+        force = np.concatenate([np.zeros(2 * size), load])
+        columns, linear = self.admissible(parity, parity), self.linear(parity)
+        for _ in range(STEPS):
+            pull, tangent = self.stretching(state)
+            rest = columns.T @ (force - pull - linear @ state)
+            try:
+                step = factorize(csc_matrix(columns.T @ (tangent + linear) @ columns))(rest)
+            except ConvergenceError as error:  # a step went so far that the film under it buckles
+                raise ConvergenceError(f"the static deflection did not converge, as {error}; lower the load") from error
+            state = state + columns @ step
+            if rest @ step <= SETTLED * abs(force @ state):
+                return state
+        raise ConvergenceError(f"the static deflection did not converge in {STEPS} steps of Newton's method; lower the load")
+
+    def _cells(self) -> Iterator[Cell]:
+        return cells(self.space, quadrature_order(self.domain.model, 4 * self.space.degree - 4))
+
+    def _unknowns(self, cell: Cell) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """All unknowns of a cell's triangles, and those of w."""
+        w = self.space.dofs[cell.triangles] + 2 * self.space.size
+        return np.concatenate([vector_dofs(self.space, cell.triangles), w], axis=1), w
+
+
+def _strain_rows(cell: Cell, grad: Array) -> Array:
+    """ε(u) + sym(∇w₀⊗∇w) of unknowns (u_x, u_y, w), rows (xx, yy, 2xy), for ∇w₀ = `grad` (e, q, 2)."""
+    dx, dy = cell.jet.gradient[:, :, 0], cell.jet.gradient[:, :, 1]
+    wx, wy = grad[..., :1], grad[..., 1:]
+    return np.concatenate([in_plane_strain(cell.jet), np.stack([wx * dx, wy * dy, wx * dy + wy * dx], axis=2)], axis=-1)

@@ -1,7 +1,0 @@
-"""Meshes of the film: gmsh is imported here and nowhere else."""
-
-from femnl.mesh.build import bending_length, mesh
-from femnl.mesh.collect import distinct, from_patches
-from femnl.mesh.symmetry import WEDGES, has_symmetry
-
-__all__ = ["WEDGES", "bending_length", "distinct", "from_patches", "has_symmetry", "mesh"]

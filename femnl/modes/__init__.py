@@ -1,6 +1,0 @@
-"""Prestressed modes: frequencies, effective masses, shapes and labels."""
-
-from femnl.modes.shapes import ShapeValues, shape_at, shapes_at
-from femnl.modes.solve import align, solve_modes, solve_pencil, solve_sectors
-
-__all__ = ["ShapeValues", "align", "shape_at", "shapes_at", "solve_modes", "solve_pencil", "solve_sectors"]

@@ -1,0 +1,1 @@
+"""Decays: free motion after the drive is switched off."""

@@ -1,0 +1,84 @@
+"""The simulated film that all measurements of a file share: its modes, their projection, and how frequencies follow ℓ."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from femnl.core.device import Model
+from femnl.core.mechanics import Modes
+from femnl.core.operators import Projection
+from femnl.core.readout import Array
+from femnl.io.results.projection import cached_projection
+from femnl.mechanics.modes.projection import project
+from femnl.mechanics.prestress import solve_units
+from femnl.pipeline import solve_modes, solve_nonlinearity
+
+BENDING = (0.0, 1.0, 2.0, 4.0)
+"""Bending lengths, in units of the geometry's own, at which the modes are solved; between them k² is a cubic in ℓ."""
+
+UNITS = 3
+"""Degree of the elements in which changes of the film stress relax around holes."""
+
+
+@dataclass(frozen=True)
+class SimulatedFilm:
+    """A device and its lowest modes, solved when first asked for and kept on disk."""
+
+    model: Model
+    count: int
+
+    @cached_property
+    def modes(self) -> Modes:
+        """The lowest modes of the device as its geometry says."""
+        return solve_modes(self.model, self.count)
+
+    @cached_property
+    def projection(self) -> Projection:
+        """Integrals of those modes; what changes of the film stress leave around holes is part of them."""
+
+        def solve() -> Projection:
+            relaxes = bool(np.any(self.modes.prestress.displacement))
+            return project(self.modes, solve_units(self.modes.domain, UNITS) if relaxes else None)
+
+        return cached_projection(self.model, ("projection", self.count), solve)
+
+    @cached_property
+    def alpha(self) -> Array:
+        """Simulated α of each mode, in m⁻²."""
+        return solve_nonlinearity(self.modes).alpha
+
+    @property
+    def bending_length(self) -> float:
+        """ℓ = √(D/T) of the geometry, in m; T is that of the film before release."""
+        film = self.model.film
+        return float(film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress)))
+
+    @property
+    def speed(self) -> float:
+        """C = √(σ/ρ) of the geometry, in m/s."""
+        return float(np.sqrt(self.model.film.stress / self.model.film.density))
+
+    @cached_property
+    def layer(self) -> Array:
+        """Coefficients of each mode's k² as a cubic in ℓ [m], (4, n), lowest power first; it moves through the clamped edge alone."""
+        lengths = np.array(BENDING) * self.bending_length
+        rows = [self.modes.frequency if factor == 1 else self._solved(factor) for factor in BENDING]
+        square = (2 * np.pi * np.array(rows) / self.speed) ** 2
+        k2 = 2 * square / (1 + np.sqrt(1 + 4 * lengths[:, None] ** 2 * square))  # of k² + ℓ²k⁴ = (ω/c)²
+        powers = np.arange(len(BENDING))
+        return np.asarray(np.linalg.solve(np.array(BENDING)[:, None] ** powers, k2) / self.bending_length ** powers[:, None])
+
+    def _solved(self, factor: float) -> Array:
+        film = replace(self.model.film, young=self.model.film.young * factor**2) if factor else self.model.film
+        modes = solve_modes(replace(self.model, film=film, bending=factor > 0), self.count)
+        names = dict(zip(modes.label, modes.frequency, strict=True))
+        known = [name for name in self.modes.label if name is not None]
+        if len(set(known)) == self.count and set(known) == set(names):
+            return np.array([names[name] for name in self.modes.label])
+        return modes.frequency
+
+    def frequency(self, speed: float, bending_length: float) -> Array:
+        """Return the frequency of every mode [Hz] at another c [m/s] and ℓ [m]."""
+        k2 = bending_length ** np.arange(len(BENDING)) @ self.layer
+        return np.asarray(speed / (2 * np.pi) * np.sqrt(k2 + bending_length**2 * k2**2))

@@ -1,0 +1,1 @@
+"""Harmonic maps: complex amplitudes of each harmonic over the film."""

@@ -1,0 +1,156 @@
+"""What the diagnosis needs to know of a measurement, whatever its kind: residuals in σ as a function of named parameters."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.core.comparison import Comparison
+from femnl.core.effect import Effect, Kind, Knob, Stage, Values
+from femnl.core.errors import ParameterError
+from femnl.core.readout import Array
+
+T = TypeVar("T")
+Named = tuple[str, Sequence[Effect], Values, Sequence[Values]]
+"""A model to be shown: its name, its effects, the base parameters and those of each effect."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ranked:
+    """Residuals (value − prediction)/sd, at these places, whose values have no names and go to the predictions by rising size.
+
+    Approximate where frequencies drift, since the order is that of the values as measured. Data of more than EXACT residuals
+    (`criticism`), as a spectrum joined with maps, are judged as if their frequencies had names.
+    """
+
+    at: NDArray[np.int64]
+    value: Array
+    sd: Array
+
+    def rank(self, residuals: Array, noise: Array) -> None:
+        """Turn noise (m, n_residuals) into the residuals that it gives beside those of the model: close values change places."""
+        predicted = self.value - residuals[self.at] * self.sd
+        order = np.argsort(self.value, kind="stable")  # that of the predictions, too, whose pairs may be equal to the last digit
+        drawn = np.sort(predicted + self.sd * noise[:, self.at], axis=1)
+        noise[:, self.at[order]] = (drawn - predicted[order]) / self.sd[order]
+
+
+class Problem(Protocol):
+    """One group of a measurement file with its base model.
+
+    base: parameters of the base model; start: their values before any fit. facts: numbers that scale priors (`Knob.per`), whose
+    names effects may need. blocks (n_residuals,): the block of held-out data that each residual belongs to, −1 for prior
+    knowledge, which is never left out. rugged: whether effects act by jumps, so that they are sought from afar as well. jumps: base
+    parameters that move jumps of the data themselves, at which a fit may stop short. apart: groups of base parameters of which each
+    moves residuals of its own, unless an effect acts `across`, by the mask (n_residuals,) of those. ranked: residuals whose data go to
+    predictions by rank.
+    """
+
+    kind: Kind
+    rugged: bool
+    jumps: tuple[str, ...]
+    apart: tuple[Mapping[str, NDArray[np.bool_]], ...]
+    ranked: tuple[Ranked, ...]
+    base: tuple[Knob, ...]
+    start: Array
+    facts: Mapping[str, float]
+    notes: tuple[str, ...]
+
+    @property
+    def blocks(self) -> NDArray[np.int64]:
+        """The block of each residual."""
+        ...
+
+    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        """Directions in the space of residuals to look at whatever the cause, by what they mean."""
+        ...
+
+    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+        """Return (data − prediction)/σ of the base model extended by effects, each with its values."""
+        ...
+
+    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+        """What measurements not yet made would give, in σ of the present ones, by a phrase that names each."""
+        ...
+
+    def systematic(self, unit: str) -> float:
+        """Relative standard deviation of parameters in this unit that no amount of data lowers."""
+        ...
+
+    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+        """Other values of the base parameters that predict about the same, and from which an effect may lead elsewhere."""
+        ...
+
+    def compare(self, models: Sequence["Named"]) -> tuple[Comparison, ...]:
+        """Set the data beside what each model predicts, ready to be drawn."""
+        ...
+
+    def describe(self, residuals: Array) -> str:
+        """Say in one sentence where the data deviate and how."""
+        ...
+
+
+def scale_of(problem: Problem, knob: Knob) -> float:
+    """Return the number that the range of a parameter counts in: the fact that its `per` names, 1 where it names none.
+
+    Raises: ParameterError where the measurement has no such fact.
+    """
+    if not knob.per:
+        return 1.0
+    if knob.per not in problem.facts:
+        known = ", ".join(sorted(problem.facts)) or "none"
+        raise ParameterError(
+            f"parameter {knob.name}: its range counts in '{knob.per}', which a {problem.kind} does not give; it gives: {known}"
+        )
+    return problem.facts[knob.per]
+
+
+def apply(stage: Stage, value: T, effects: Sequence[Effect], values: Sequence[Values]) -> T:
+    """Let every effect that acts at a stage change its value, in the order of the list."""
+    for effect, numbers in zip(effects, values, strict=True):
+        if stage in effect.changes:
+            value = effect.changes[stage](value, numbers)
+    return value
+
+
+@dataclass(frozen=True)
+class Extended:
+    """A problem's base model with some effects, as a function of one vector."""
+
+    problem: Problem
+    effects: tuple[Effect, ...] = ()
+
+    @cached_property
+    def knobs(self) -> tuple[tuple[str, Knob], ...]:
+        """Every free parameter with the name of its owner, "base" or the effect."""
+        gone = {name for effect in self.effects for name in effect.replaces}
+        own = [("base", knob) for knob in self.problem.base if knob.name not in gone]
+        return (*own, *((effect.name, knob) for effect in self.effects for knob in effect.parameters))
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest values, in the unit of each parameter."""
+        unit = np.array([scale_of(self.problem, knob) for _, knob in self.knobs])
+        low, high = (np.array([getattr(knob, side) for _, knob in self.knobs]) for side in ("low", "high"))
+        return low * unit, high * unit
+
+    def split(self, vector: Array) -> tuple[dict[str, float], list[dict[str, float]]]:
+        """Return the values of the base parameters (0 for replaced ones) and of each effect."""
+        named: dict[str, dict[str, float]] = {"base": dict.fromkeys((knob.name for knob in self.problem.base), 0.0)}
+        named |= {effect.name: {} for effect in self.effects}
+        for (owner, knob), value in zip(self.knobs, vector, strict=True):
+            named[owner][knob.name] = float(np.rint(value) if knob.whole else value)
+        return named["base"], [named[effect.name] for effect in self.effects]
+
+    def pack(self, base: Values, values: Sequence[Values]) -> Array:
+        """Return the vector of named values."""
+        owned = {"base": base} | {effect.name: own for effect, own in zip(self.effects, values, strict=True)}
+        return np.array([owned[owner][knob.name] for owner, knob in self.knobs])
+
+    def residuals(self, vector: Array) -> Array:
+        """Return the residuals in σ, prior knowledge included."""
+        base, values = self.split(vector)
+        return self.problem.residuals(self.effects, base, values)

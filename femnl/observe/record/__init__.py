@@ -1,0 +1,1 @@
+"""Records: drive and output of one oscillator, sampled in time."""

@@ -1,0 +1,1 @@
+"""Driven responses: sweeps over the frequency of the drive."""

@@ -1,0 +1,1 @@
+"""Readout of a displacement u: fringes f(u), and the harmonics that they make of motion."""

@@ -1,0 +1,176 @@
+"""Harmonics of a fringe at many points at once, where each point has its own amplitude and its own phase of the fringe."""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import jv, jvp
+
+from femnl.core.compiled import compiled
+from femnl.core.memo import recent
+from femnl.core.readout import Array, ComplexArray
+from femnl.core.stages import Fringe, Motion
+
+Orders = NDArray[np.int64]
+
+NODES = 32
+"""Nodes a unit of z at which Bessel functions are tabulated; the interpolation errs by less than 1e-8."""
+PIECE, SAMPLES = 4096, 8
+"""Points whose harmonics are summed at a time, and samples of each; fewer points where there are more samples."""
+FAINT = 1e-6
+"""Overtones of the fringe below this part of the first change no map that can be measured."""
+PHASES = 4096
+"""Phases at which a fringe is tabulated: its largest value is good to 3e-7 of a cosine, between them it errs by (2πk/4096)⁴/384."""
+
+
+def harmonics(motion: Motion, fringe: Fringe, harmonic: Orders) -> ComplexArray:
+    """Return V_n/V_C at every point, (n_harmonics, n_points), v(t) = Σ_n Re(V_n e^{inωt}).
+
+    A sinusoidal motion under a fringe without limits is summed over Bessel functions, any other sampled over a period.
+    """
+    return _harmonics(motion.displacement, motion.theta, fringe.coefficients, fringe.wavelength, fringe.limit, harmonic)
+
+
+@recent
+def _harmonics(
+    displacement: ComplexArray, theta: Array, coefficients: ComplexArray, wavelength: float, limit: float, harmonic: Orders
+) -> ComplexArray:
+    q = 4 * np.pi / wavelength
+    kept = np.flatnonzero(np.abs(coefficients) > FAINT * np.abs(coefficients[1:]).max())
+    orders = kept[kept > 0]
+    series = np.zeros(orders.max() + 1, complex)
+    series[orders] = coefficients[orders]
+    if len(displacement) == 1 and np.isinf(limit):
+        return _by_bessel(displacement[0], theta, series, orders, q, harmonic)
+    return _by_sampling(displacement, theta, series, orders, q, limit, harmonic)
+
+
+def _by_bessel(swing: ComplexArray, theta: Array, series: ComplexArray, orders: Orders, q: float, harmonic: Orders) -> ComplexArray:
+    """Return 2 Σ_k Re(iⁿ c_k e^{ikθ}) J_n(kqA) e^{inφ}."""
+    table = _table(tuple(harmonic.tolist()), int(np.ceil(orders.max() * q * np.abs(swing).max() / 32 + 1e-9)) * 32)
+    amplitude, unit = _polar(swing)
+    phase = theta if np.ptp(theta) else theta[:1]
+    found = np.empty((len(harmonic), len(swing)), complex)
+    compiled(_sum)(found, NODES * q * amplitude, unit, np.exp(1j * np.outer(orders, phase)), table, orders, 2 * series[orders], harmonic)
+    return found
+
+
+def _sum(
+    found: ComplexArray,
+    place: Array,
+    unit: ComplexArray,
+    turns: ComplexArray,
+    table: Array,
+    orders: Orders,
+    lit: ComplexArray,
+    harmonic: Orders,
+) -> None:
+    """Sum the terms lit_k e^{ikθ} of a fringe at each point, with J_n from the table by cubic Hermite interpolation.
+
+    place (n_points,): argument of the Bessel functions of the first order, in nodes; turns: e^{ikθ}
+    (n_orders, n_points), or (n_orders, 1) of all alike.
+    """
+    summed, quarter, each = np.empty(len(harmonic)), harmonic % 4, int(turns.shape[1] > 1)
+    for i in range(len(place)):
+        summed[:] = 0.0
+        for j in range(len(orders)):
+            at = orders[j] * place[i]
+            left = int(at)
+            s, term = at - left, lit[j] * turns[j, i * each]
+            sides = term.real, -term.imag, -term.real, term.imag  # Re(iⁿ …)
+            for h in range(len(harmonic)):
+                value = table[left, h, 0] + s * (table[left, h, 1] + s * (table[left, h, 2] + s * table[left, h, 3]))
+                summed[h] += sides[quarter[h]] * value
+        power, n = 1.0 + 0.0j, 0
+        for h in range(len(harmonic)):
+            if harmonic[h] < n:  # not in rising order
+                power, n = 1.0 + 0.0j, 0
+            for _ in range(harmonic[h] - n):
+                power *= unit[i]
+            n = harmonic[h]
+            found[h, i] = summed[h] * power
+
+
+def _powers(unit: ComplexArray, harmonic: Orders) -> ComplexArray:
+    """Return uⁿ, (n_harmonics, n_points), by products."""
+    rows = np.ones((int(harmonic.max()) + 1, len(unit)), complex)
+    for n in range(1, len(rows)):
+        np.multiply(rows[n - 1], unit, out=rows[n])
+    return rows[harmonic]
+
+
+@lru_cache(maxsize=16)
+def _table(harmonic: tuple[int, ...], longest: int) -> Array:
+    """Return the coefficients of J_n between nodes up to z = longest, lowest power first, (n_nodes, n_harmonics, 4)."""
+    z, n = np.arange(longest * NODES + 2) / NODES, np.array(harmonic)[:, None]
+    value, slope = jv(n, z), jvp(n, z) / NODES
+    rise, first, last = np.diff(value, axis=1), slope[:, :-1], slope[:, 1:]
+    cubic = np.stack([value[:, :-1], first, 3 * rise - 2 * first - last, first + last - 2 * rise])
+    return np.ascontiguousarray(cubic.transpose(2, 1, 0))
+
+
+def _largest(series: ComplexArray) -> float:
+    """Return the largest |Re Σ_k c_k e^{ikφ}| over all φ."""
+    return float(np.abs(np.fft.irfft(np.append(0, series[1:]), PHASES)).max() * PHASES / 2)
+
+
+def _by_sampling(
+    displacement: ComplexArray, theta: Array, series: ComplexArray, orders: Orders, q: float, limit: float, harmonic: Orders
+) -> ComplexArray:
+    reach = q * np.sum(np.abs(displacement) * np.arange(1, len(displacement) + 1)[:, None], axis=0).max()
+    sharp = 1 if np.isinf(limit) else 4  # a clipped signal has many harmonics that would be folded back
+    n_samples = sharp * (32 + 2 * int(harmonic.max() + orders.max() * reach))
+    top = limit * _largest(series) if np.isfinite(limit) else np.inf
+    tau = 2 * np.pi * np.arange(n_samples) / n_samples
+    angles = np.outer(harmonic, tau)
+    if len(displacement) == 1:  # counted from its turning point, the signal is even: half a period tells the whole
+        half = slice(n_samples // 2 + 1)
+        sums = 4 / n_samples * np.cos(angles[:, half])
+        sums[:, [0, -1]] /= 2
+        amplitude, unit = _polar(displacement[0])
+        return _sampled(np.cos(tau[half])[:, None], q * amplitude[None], theta, sums, _pieces(series), top) * _powers(unit, harmonic)
+    overtones = np.outer(np.arange(1, len(displacement) + 1), tau)
+    swings, moves = np.hstack([np.cos(overtones).T, -np.sin(overtones).T]), q * np.vstack([displacement.real, displacement.imag])
+    sums = 2 / n_samples * np.vstack([np.cos(angles), -np.sin(angles)])
+    found = _sampled(swings, moves, theta, sums, _pieces(series), top)
+    return np.asarray(found[: len(harmonic)] + 1j * found[len(harmonic) :])
+
+
+def _polar(swing: ComplexArray) -> tuple[Array, ComplexArray]:
+    """Return |A| and A/|A|, 1 where nothing moves."""
+    amplitude = np.abs(swing)
+    return amplitude, np.asarray(np.where(amplitude > 0, swing, 1) / np.where(amplitude > 0, amplitude, 1), complex)
+
+
+def _sampled(swings: Array, moves: Array, theta: Array, sums: Array, pieces: Array, top: float) -> Array:
+    """Return the sums (m, n_samples) over a fringe at the phases swings (n_samples, k) times moves (k, n_points) + θ, (m, n_points)."""
+    found, read = np.empty((len(sums), moves.shape[1])), compiled(_read)
+    step = max(1, PIECE * SAMPLES // len(swings))
+    room = np.empty(len(swings) * step)
+    for start in range(0, moves.shape[1], step):
+        here = slice(start, start + step)
+        v = room[: len(swings) * len(theta[here])].reshape(len(swings), -1)
+        np.matmul(swings, moves[:, here], out=v)
+        v += theta[here]
+        read(v.ravel(), pieces, top)
+        found[:, here] = sums @ v
+    return found
+
+
+def _pieces(series: ComplexArray) -> Array:
+    """Return the coefficients of Re Σ_k c_k e^{ikφ} between `PHASES` nodes of φ over a period, lowest power first, (n_nodes, 4)."""
+    slopes = 2j * np.pi / PHASES * np.arange(len(series)) * series
+    value, slope = (np.fft.irfft(np.append(0, part[1:]), PHASES) * PHASES / 2 for part in (series, slopes))
+    rise, last = np.roll(value, -1) - value, np.roll(slope, -1)
+    return np.stack([value, slope, 3 * rise - 2 * slope - last, slope + last - 2 * rise], axis=1)
+
+
+def _read(phase: Array, pieces: Array, top: float) -> None:
+    """Put a fringe, clipped at ±top, in the place of its phase (n,), by cubic interpolation."""
+    last, per = len(pieces) - 1, len(pieces) / (2 * np.pi)
+    for i in range(len(phase)):
+        place = phase[i] * per
+        left = np.floor(place)
+        s, piece = place - left, pieces[int(left) & last]  # the number of pieces is a power of two
+        v = piece[0] + s * (piece[1] + s * (piece[2] + s * piece[3]))
+        phase[i] = min(max(v, -top), top)
