@@ -24,7 +24,10 @@ from femnl.plot.style import COLOURS, new_figure, style
 Array = NDArray[np.float64]
 Row = dict[str, str | float]
 
-WAVELENGTH, SIDE, HARMONICS, NOISE = 632.8e-9, 270e-6, range(1, 7), 0.015
+WAVELENGTH = 632.8e-9
+SIDE = 270e-6
+HARMONICS = range(1, 7)
+NOISE = 0.015
 DEPTHS = np.concatenate([[0.1, 0.2, 0.3, 0.5, 0.7], np.arange(1.0, 12.1, 0.5)])
 METHODS = {
     "Taylor, one spot, 3f/1f": ("-", COLOURS[1]),
@@ -47,7 +50,8 @@ def errors(fringe: PeriodicFringe, depth: float, seed: int) -> Iterator[tuple[st
     odd, even = taylor_amplitude(harmonics(fringe, (1, 2, 3, 4), U), WAVELENGTH)
     yield "Taylor, one spot, 3f/1f", float(odd / U - 1), float("nan")
     yield "Taylor, one spot, 4f/2f", float(even / U - 1), float("nan")
-    axis, rng = np.linspace(-160e-6, 160e-6, 25), np.random.default_rng(seed)
+    axis = np.linspace(-160e-6, 160e-6, 25)
+    rng = np.random.default_rng(seed)
     V = harmonics(fringe, HARMONICS, U * shape(*np.meshgrid(axis, axis)), 0.3)
     noise = NOISE * abs(fringe.fourier.coefficients[1])
     V = V + noise * (rng.normal(size=V.shape) + 1j * rng.normal(size=V.shape))

@@ -30,7 +30,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Values = dict[str, float]
 NAMES = ("frequency", "linewidth", "alpha_ratio", "y_max")
-POINTS, RESTARTS = 201, 20
+POINTS = 201
+RESTARTS = 20
 # Restarts take a second each resonator: so many show what they do.
 SLOW = 200
 # A fit has succeeded when every parameter lies within this many standard deviations of the truth.
@@ -51,13 +52,20 @@ class Case:
 
 def draw(rng: np.random.Generator) -> Case:
     """Draw a resonator and simulate its sweep."""
-    f0, q, peak = 10 ** rng.uniform(5, 7.5), 10 ** rng.uniform(2.5, 6), 10 ** rng.uniform(-5, 0)
-    w, ratio = f0 / q, 10 ** rng.uniform(-2, np.log10(50)) * rng.choice([1, 1, 1, -1])
-    noise, phase, direction = 10 ** rng.uniform(-4, np.log10(0.05)) * peak, rng.uniform(-np.pi, np.pi), int(rng.choice([1, -1]))
-    shift, margin = w / 2 * STIFFEN * ratio, w * rng.uniform(3, 10, 2) + 0.05 * w * abs(ratio)
+    f0 = 10 ** rng.uniform(5, 7.5)
+    q = 10 ** rng.uniform(2.5, 6)
+    peak = 10 ** rng.uniform(-5, 0)
+    w = f0 / q
+    ratio = 10 ** rng.uniform(-2, np.log10(50)) * rng.choice([1, 1, 1, -1])
+    noise = 10 ** rng.uniform(-4, np.log10(0.05)) * peak
+    phase = rng.uniform(-np.pi, np.pi)
+    direction = int(rng.choice([1, -1]))
+    shift = w / 2 * STIFFEN * ratio
+    margin = w * rng.uniform(3, 10, 2) + 0.05 * w * abs(ratio)
     frequency = np.linspace(f0 + min(0, shift) - margin[0], f0 + max(0, shift) + margin[1], POINTS)
     delay = rng.uniform(-0.5, 0.5) / np.ptp(frequency)
-    delta, roots = 2 * (f0 - frequency) / w, duffing_roots(2 * (f0 - frequency) / w, STIFFEN * ratio)
+    delta = 2 * (f0 - frequency) / w
+    roots = duffing_roots(2 * (f0 - frequency) / w, STIFFEN * ratio)
     x = np.where(np.isfinite(roots[2]), roots[2], roots[0]) if direction * ratio > 0 else roots[0]
     clean = peak * np.exp(1j * phase - 2j * np.pi * (frequency - f0) * delay) / (delta + STIFFEN * ratio * x + 1j)
     voltage = clean + noise * (rng.normal(size=POINTS) + 1j * rng.normal(size=POINTS))
@@ -86,12 +94,17 @@ def with_femnl(case: Case) -> tuple[Values, Values]:
 
 def duffing(f: Array, f0: float, w: float, y_max: float, alpha: float, phi: float, tau: float, direction: int) -> Complex:
     """The response of arXiv:2502.19191, S2, by the closed roots of its cubic in |y|²."""
-    k, m, c = 0.375 * alpha * f0, f0 - f, (y_max * w / 2) ** 2
+    k = 0.375 * alpha * f0
+    m = f0 - f
+    c = (y_max * w / 2) ** 2
     if k == 0:
         y = y_max * w / 2 / (m + 0.5j * w)
     else:
-        a2, a1, a0 = 2 * m / k, (m**2 + w**2 / 4) / k**2, -c / k**2
-        p, q = a1 - a2**2 / 3, 2 * a2**3 / 27 - a2 * a1 / 3 + a0
+        a2 = 2 * m / k
+        a1 = (m**2 + w**2 / 4) / k**2
+        a0 = -c / k**2
+        p = a1 - a2**2 / 3
+        q = 2 * a2**3 / 27 - a2 * a1 / 3 + a0
         s = np.sqrt((q / 2) ** 2 + (p / 3) ** 3 + 0j)
         # Of the two signs, the one that does not cancel.
         u = np.where(np.abs(-q / 2 + s) > np.abs(-q / 2 - s), -q / 2 + s, -q / 2 - s) ** (1 / 3)
@@ -115,7 +128,8 @@ def with_lmfit(case: Case, start: Values) -> tuple[Values, Values, float]:
         return np.asarray(np.nan_to_num((case.voltage - model).view(float) / case.noise))
 
     result = minimize(residual, parameters, scale_covar=False)
-    p, e = result.params.valuesdict(), {name: item.stderr or np.nan for name, item in result.params.items()}
+    p = result.params.valuesdict()
+    e = {name: item.stderr or np.nan for name, item in result.params.items()}
     critical = 32 * np.sqrt(3) / 27 * p["w"] / (p["f0"] * p["y_max"] ** 2)
     values = {"frequency": p["f0"], "linewidth": p["w"], "alpha_ratio": p["alpha"] / critical, "y_max": p["y_max"]}
     return values, {"frequency": e["f0"], "linewidth": e["w"], "alpha_ratio": np.nan, "y_max": e["y_max"]}, float(result.redchi)
@@ -140,7 +154,9 @@ def poor(case: Case) -> Values:
 
 def restarted(case: Case) -> tuple[Values, Values]:
     """Fit from the usual guess, then from starts scattered about it, and keep the best; stop when it meets the noise."""
-    rng, first, best = np.random.default_rng(0), guess(case), None
+    rng = np.random.default_rng(0)
+    first = guess(case)
+    best = None
     span = float(np.ptp(case.frequency))
     for attempt in range(RESTARTS):
         start = dict(first)
@@ -180,7 +196,9 @@ def compare(count: int, seed: int = 1) -> list[dict[str, str | float]]:
     cases = [draw(rng) for _ in range(count)]
     rows: list[dict[str, str | float]] = []
     for name, method in METHODS.items():
-        pulls, inside, times = [], [], []
+        pulls = []
+        inside = []
+        times = []
         tried = cases[:SLOW] if method is restarted else cases
         for case in tried:
             begin = time.process_time()
@@ -215,7 +233,8 @@ def main() -> None:
         f"{1e3 * float(row['time_mean']):8.1f} ms{1e3 * float(row['time_median']):8.1f} ms"
         for row in rows
     ]
-    own, peer = rows[0], next(row for row in rows if row["method"] == "lmfit, restarted")
+    own = rows[0]
+    peer = next(row for row in rows if row["method"] == "lmfit, restarted")
     ratio = float(peer["time_mean"]) / float(own["time_mean"])
     last = f"lmfit, restarted until it meets the noise, takes {ratio:.0f} times as long and succeeds in {float(peer['success']):.1%}"
     sys.stdout.write("\n".join([head, *body, last, ""]))

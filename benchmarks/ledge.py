@@ -29,7 +29,9 @@ Array = NDArray[np.float64]
 YOUNG = np.array([250e9, 70e9, 160e9])  # film, oxide, silicon
 POISSON = np.array([0.23, 0.17, 0.22])
 OXIDE = 3.17e-6  # thickness, arXiv:2502.19191, supplement S1
-WIDE, DEEP, GROWTH = 30e-6, 30e-6, 1.25
+WIDE = 30e-6
+DEEP = 30e-6
+GROWTH = 1.25
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ def solve_ledge(thickness: float, layers: int = 4) -> Ledge:
     """Solve the cross-section. Args: thickness of the film on the ledge [m]; layers of elements across it."""
     step = thickness / layers
     across = np.concatenate([np.linspace(0, thickness, layers + 1), -OXIDE + _graded(OXIDE / 2, step), -_graded(OXIDE / 2, step)])
-    x, y = np.concatenate([-_graded(2 / 3 * WIDE, step), _graded(WIDE, step)]), np.concatenate([across, -OXIDE - _graded(DEEP, step)])
+    x = np.concatenate([-_graded(2 / 3 * WIDE, step), _graded(WIDE, step)])
+    y = np.concatenate([across, -OXIDE - _graded(DEEP, step)])
     mesh = MeshQuad.init_tensor(np.unique(x), np.unique(np.round(y, 15)))
     middle = mesh.p[:, mesh.t].mean(axis=1)
     mesh = mesh.restrict(np.flatnonzero((middle[1] < -OXIDE) | (middle[0] > 0)))
@@ -58,7 +61,8 @@ def solve_ledge(thickness: float, layers: int = 4) -> Ledge:
     material = np.where(middle[1] > 0, 0, np.where(middle[1] > -OXIDE, 1, 2))
     basis = Basis(mesh, ElementVector(ElementQuad2()), intorder=4)
     constant = basis.with_element(ElementQuad0())
-    young, poisson = YOUNG[material], POISSON[material]
+    young = YOUNG[material]
+    poisson = POISSON[material]
     lame = constant.interpolate(young * poisson / (1 + poisson) / (1 - 2 * poisson))
     shear = constant.interpolate(young / 2 / (1 + poisson))
 
@@ -72,12 +76,12 @@ def solve_ledge(thickness: float, layers: int = 4) -> Ledge:
     held = np.union1d(sides, basis.get_dofs(lambda p: p[1] < mesh.p[1].min() + 1e-12).all())
     free = np.setdiff1d(np.arange(basis.N), held)
     matrix = stiffness.assemble(basis, lame=lame, shear=shear)
-    solution = factorize(csc_matrix(matrix[free][:, free]))
+    result = factorize(csc_matrix(matrix[free][:, free]))
     oxide = compressed.assemble(basis, oxide=constant.interpolate((material == 1).astype(float)))
     moved = []
     for load in (pull, oxide):
         displacement = np.zeros(basis.N)
-        displacement[free] = solution(load[free])
+        displacement[free] = result(load[free])
         moved.append(-float(Functional(lambda w: w.u[0]).assemble(end, u=end.interpolate(displacement))) / thickness)
     return Ledge(1 / moved[0], moved[1])
 

@@ -35,7 +35,8 @@ def square_by_hand() -> None:
     device = load("square-700um")
     rigid, springy = (solve_modes(m, 11, resolution=0.6).frequency for m in (device, replace(device, clamp=Clamp(normal=3e10, shear=3e10))))
     places = [{(1, 1): 0, (1, 2): 1, (2, 1): 2, (2, 2): 3, (1, 3): 4, (3, 1): 5, (3, 2): 6, (2, 3): 7, (3, 3): 10}[m, n] for m, n in order]
-    even, weight = rigid[places], rigid[places] / data.frequency_sd.values
+    even = rigid[places]
+    weight = rigid[places] / data.frequency_sd.values
     squares = np.sum(order**2, axis=1)
     columns = {
         "speed and bending": np.stack([np.ones(len(order)), squares]),

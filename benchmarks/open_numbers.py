@@ -23,9 +23,15 @@ from femnl.mechanics.lattice import solve_homogenised
 
 Array = NDArray[np.float64]
 
-F11, MEASURED = 1.466060e6, 249.0
-DEPOSITED, LEFT, GAP = 315e-9, 183.75e-9, 3226.25e-9  # film as deposited and as read off by light, and the gap; supplement S1, S6
-OXIDE, REACH = 3.17e-6, 9.98e-6  # thickness of the oxide, and how far it was etched beyond the holes
+F11 = 1.466060e6
+MEASURED = 249.0
+# film as deposited and as read off by light, and the gap; supplement S1, S6
+DEPOSITED = 315e-9
+LEFT = 183.75e-9
+GAP = 3226.25e-9
+# thickness of the oxide, and how far it was etched beyond the holes
+OXIDE = 3.17e-6
+REACH = 9.98e-6
 RADII = (0.5e-6, 0.75e-6, 0.9e-6, 1.15e-6, 1.4e-6)
 THICKNESS = (60e-9, 102e-9, 140e-9, LEFT)
 DRAWN = np.array([0.0, 4e-9, 8e-9, 12e-9, 16e-9, 20e-9, 24e-9])  # of the edge, inwards
@@ -129,13 +135,15 @@ def full(ledge: Ledge) -> None:
         cases[f"the same on its ledge, oxide at {oxide * 1e-6:.0f} MPa"] = replace(etched, film=film, clamp=clamp)
     for name, model in cases.items():
         modes = solve_modes(model, 4)
-        hertz, error = (modes.ratio[3] - 2) * F11, modes.ratio_error[3] * F11
+        hertz = (modes.ratio[3] - 2) * F11
+        error = modes.ratio_error[3] * F11
         sys.stdout.write(f"{name}: f22 − 2 f11 = {hertz:.0f} ± {error:.0f} Hz, f11 = {modes.frequency[0] / F11:.4f} of the measured\n")
 
 
 def hexagon(ledge: Ledge) -> None:
     """How far the ten ratios of the hexagon are from those of films, holes and edges, root mean square."""
-    even, holes = load("hexagon-278um"), load("hexagon-278um-perforated")
+    even = load("hexagon-278um")
+    holes = load("hexagon-278um-perforated")
     film = tapered(even.film)
     clamp = drawn(ledge, film.thickness, film.stress, PRIOR["stress of the oxide"][0])
     cases = {
@@ -151,7 +159,8 @@ def hexagon(ledge: Ledge) -> None:
     }
     for name, model in cases.items():
         modes = solve_modes(model, len(RATIOS), resolution=0.8)
-        away, error = modes.ratio[1:] / RATIOS[1:] - 1, (modes.ratio_error / modes.ratio).max()
+        away = modes.ratio[1:] / RATIOS[1:] - 1
+        error = (modes.ratio_error / modes.ratio).max()
         sys.stdout.write(f"hexagon, {name}: {np.sqrt(np.mean(away**2)) * 1e6:.0f} ppm rms, the elements' own error {error * 1e6:.0f} ppm\n")
 
 
@@ -165,7 +174,8 @@ def main(folder: Path, whole: bool) -> None:
         csv.writer(file).writerows([("film", "thickness (nm)", "hole radius (um)", "taper (nm)", "f22 - 2 f11 (Hz)"), *rows])
     printed = [row for row in rows if row[0] == "bending" and row[1] > 180]
     wide = [row for row in printed if row[3] > 0]
-    low, high = min(row[4] for row in printed), max(row[4] for row in printed)
+    low = min(row[4] for row in printed)
+    high = max(row[4] for row in printed)
     thin = ", ".join(f"{row[1]:.0f} nm {row[0]}: {row[4]:.0f} Hz" for row in rows if row[2] == 0.9 and row[3] == 0)
     sys.stdout.write(f"rigid edges, holes of 0.9 um: {thin}\n")
     sys.stdout.write(f"rigid edges, films of the printed thickness, all radii, with and without taper: {low:.0f} … {high:.0f} Hz\n")

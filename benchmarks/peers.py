@@ -76,7 +76,9 @@ def homogenised(n: int) -> list[float]:
 
 
 Run = Callable[[int], list[float]]
-WHOLE, PLATE, MEMBRANE = "modes with bending, all of α and k₃", "modes with bending", "modes of the membrane"
+WHOLE = "modes with bending, all of α and k₃"
+PLATE = "modes with bending"
+MEMBRANE = "modes of the membrane"
 RUNS: dict[str, dict[str, Run]] = {
     WHOLE: {
         "femnl, one mesh, error bars": partial(whole, "quarter"),

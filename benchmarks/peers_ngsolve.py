@@ -22,16 +22,19 @@ UNIT = 1e6
 # Largest element (µm), grading and order: the cheapest tried that leave 1e-5 of the first six ratios. Of the membrane 4 and 8 µm, gradings
 # 0.5 and 0.9 and orders 2 and 3 were tried; of the plate, grading 0.9 and orders 3, which leaves 4e-5, and 4. On 64 holes finer gradings
 # of the plate (0.5 and 0.3) and order 5 cost more for what they leave.
-MEMBRANE, PLATE = (8.0, 0.5, 2), (8.0, 0.9, 4)
+MEMBRANE = (8.0, 0.5, 2)
+PLATE = (8.0, 0.9, 4)
 
 
 def solve(model: Model, count: int) -> list[float]:
     """Ratios f/f₁."""
-    ng, film = import_module("ngsolve"), model.film
+    ng = import_module("ngsolve")
+    film = model.film
     size, grading, order = PLATE if model.bending else MEMBRANE
     mesh = ng.Mesh(_geometry(model).GenerateMesh(maxh=size, grading=grading))
     mesh.Curve(order)
-    young, nu = film.young / film.stress / (1 - film.poisson**2), film.poisson
+    young = film.young / film.stress / (1 - film.poisson**2)
+    nu = film.poisson
 
     def stress(strain: Any) -> Any:
         return young * ((1 - nu) * strain + nu * ng.Trace(strain) * ng.Id(2))
@@ -63,7 +66,9 @@ def solve(model: Model, count: int) -> list[float]:
 
 def _geometry(model: Model) -> Any:
     """The quarter x > 0, y > 0."""
-    shapes, half, radius = import_module("netgen.geom2d"), model.outline.length / 2 * UNIT, model.holes.radius * UNIT
+    shapes = import_module("netgen.geom2d")
+    half = model.outline.length / 2 * UNIT
+    radius = model.holes.radius * UNIT
     names = {"left": "mirror_x", "bottom": "mirror_y", "right": "edge", "top": "edge"}
     film = shapes.Rectangle(pmin=(0, 0), pmax=(half, half), **names)
     for x, y in model.holes.centres * UNIT:
@@ -97,7 +102,8 @@ def _plate(space: Any, tension: Any, rigidity: float, nu: float, still: str) -> 
 
 def _lowest(inverse: Any, mass: Any, free_dofs: Any, count: int) -> list[float]:
     free = np.flatnonzero(np.array(list(free_dofs), dtype=bool))
-    right, left = inverse.CreateColVector(), inverse.CreateColVector()
+    right = inverse.CreateColVector()
+    left = inverse.CreateColVector()
     rows, columns, values = mass.COO()
     half = sp.coo_matrix((np.array(values), (np.array(rows), np.array(columns)))).tocsr()
     whole = half + half.T - sp.diags(half.diagonal()) if sp.triu(half, 1).nnz == 0 else half

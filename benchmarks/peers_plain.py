@@ -13,7 +13,9 @@ from femnl.core.device import Model
 
 def plain_scikit_fem(model: Model, count: int) -> list[float]:
     """Ratios f/f₁: boolean cut of all holes, quadratic elements on straight triangles, spsolve in plane, eigsh out of it."""
-    film, half, unit = model.film, model.outline.length / 2, 1e6
+    film = model.film
+    half = model.outline.length / 2
+    unit = 1e6
     gmsh.initialize(interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
     occ = gmsh.model.occ
@@ -34,7 +36,8 @@ def plain_scikit_fem(model: Model, count: int) -> list[float]:
     mesh = MeshTri(points.reshape(-1, 3)[used, :2].T / unit, numbered.reshape(-1, 3).T)
     mesh = mesh.with_boundaries({"edge": lambda x: np.max(np.abs(x), axis=0) > half * (1 - 1e-6)})
 
-    young, poisson = film.young / (1 - film.poisson**2), film.poisson
+    young = film.young / (1 - film.poisson**2)
+    poisson = film.poisson
     plane, flexure = (Basis(mesh, element, intorder=4) for element in (ElementVector(ElementTriP2()), ElementTriP2()))
 
     def stress(strain: Any) -> Any:
@@ -48,7 +51,8 @@ def plain_scikit_fem(model: Model, count: int) -> list[float]:
     def load(v: Any, _: Any) -> Any:
         return -film.stress * trace(grad(v))
 
-    matrix, right = stiffness.assemble(plane), load.assemble(plane)
+    matrix = stiffness.assemble(plane)
+    right = load.assemble(plane)
     free = np.setdiff1d(np.arange(plane.N), plane.get_dofs("edge").flatten())
     displacement = np.zeros(plane.N)
     displacement[free] = spsolve(matrix[free][:, free].tocsc(), right[free])

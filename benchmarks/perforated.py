@@ -20,20 +20,23 @@ from femnl.mechanics.nonlinearity import solve_nonlinearity
 from femnl.pipeline import DEGREE, SPARE
 
 T = TypeVar("T")
-DEVICE, COUNT = "square-270um-perforated", 10
+DEVICE = "square-270um-perforated"
+COUNT = 10
 Rows = list[tuple[str, float, float]]
 
 
 def timed(name: str, rows: Rows, stage: Callable[[], T]) -> T:
     """Run a stage and note its wall and processor time, that of processes which it starts included."""
-    start, used = time.perf_counter(), _cpu()
+    start = time.perf_counter()
+    used = _cpu()
     result = stage()
     rows.append((name, time.perf_counter() - start, _cpu() - used))
     return result
 
 
 def _cpu() -> float:
-    own, others = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
+    own = resource.getrusage(resource.RUSAGE_SELF)
+    others = resource.getrusage(resource.RUSAGE_CHILDREN)
     return own.ru_utime + own.ru_stime + others.ru_utime + others.ru_stime
 
 

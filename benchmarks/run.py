@@ -53,7 +53,9 @@ def run(name: str, folder: Path) -> dict[str, Any] | None:
     folder.mkdir(parents=True, exist_ok=True)
     for old in folder.glob(f"{name}*.csv"):
         old.unlink()
-    load, begun, used = os.getloadavg()[0], time.perf_counter(), _cpu()
+    load = os.getloadavg()[0]
+    begun = time.perf_counter()
+    used = _cpu()
     command = ["python", "-m", f"{HERE.name}.{name}"]
     if subprocess.run([sys.executable, *command[1:], str(folder)], cwd=HERE.parent, check=False).returncode:
         return None

@@ -31,7 +31,8 @@ HEAD = {
 }
 # The record does not begin at rest: its unknown first state has decayed by e^-10 after 300 samples.
 WINDOW = 400
-TEST, FITTED = slice(300, 40_000), slice(41_000, 130_000)
+TEST = slice(300, 40_000)
+FITTED = slice(41_000, 130_000)
 MODELS: tuple[tuple[str, tuple[str, ...], Hold], ...] = (
     ("linear, drive held between samples", (), "zero-order"),
     ("+ offset", ("offset",), "zero-order"),

@@ -86,7 +86,8 @@ def main(folder: Path) -> None:
         sys.stdout.write("".join(f"{v:>18}" if isinstance(v, str) else f"{v:18.3f}" for v in row.values()) + "\n")
     by = {row["engine"]: row for row in rows}
     for kind in ("processes", "dask"):
-        one, two = by[f"{kind}-1"], by[f"{kind}-2"]
+        one = by[f"{kind}-1"]
+        two = by[f"{kind}-2"]
         overhead = float(one["steady (s)"]) / float(one["in points (s)"]) - 1
         gain = float(two["points per second"]) / float(one["points per second"])
         busy = float(two["in points (s)"]) / float(two["steady (s)"])

@@ -9,7 +9,8 @@ from typing import Any
 from matplotlib.figure import Figure
 
 # Without types, and only there where the site is built.
-nodes, mathml = import_module("docutils.nodes"), import_module("docutils.utils.math.latex2mathml")
+nodes = import_module("docutils.nodes")
+mathml = import_module("docutils.utils.math.latex2mathml")
 figure_rst = import_module("sphinx_gallery.scrapers").figure_rst
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]

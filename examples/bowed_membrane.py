@@ -19,7 +19,7 @@ model = replace(femnl.load("square-270um"), bending=False)
 modes = replace(femnl.solve_modes(model, count=1), coarse=None)  # without error bars
 flat = femnl.solve_nonlinearity(modes).alpha[0]
 depth = np.linspace(0, 6e-6, 37)
-rows = [femnl.solve_bow(modes, depth=b) for b in depth]
+rows = [femnl.solve_static_deflection(modes, depth=b) for b in depth]
 
 with style():
     figure = new_figure(7.2, 2.9)

@@ -20,25 +20,30 @@ from femnl.plot.style import SEQUENTIAL, new_figure, panel_letters, style
 
 with xr.open_dataset(Path(femnl.__file__).parents[1] / "examples" / "design-study.nc", engine="h5netcdf") as study:
     study.load()
-radius, pitch = study["holes.radius"].values * 1e6, study["holes.pitch"].values * 1e6
-first, fourth = study.sel(mode=1), study.sel(mode=4)
+radius = study["holes.radius"].values * 1e6
+pitch = study["holes.pitch"].values * 1e6
+first = study.sel(mode=1)
+fourth = study.sel(mode=4)
 panels = (
     ("f₁₁ (MHz)", first.frequency / 1e6, first.frequency_error / 1e6),
     ("f₂₂/f₁₁", fourth.ratio, fourth.ratio_error),
     ("α₁₁ (10⁻³ µm⁻²)", first.alpha * 1e-9, first.alpha_error * 1e-9),
     ("Q₁₁ over Q of bending", first.dilution, first.dilution_error),
 )
-colours, scale = mpl.colormaps[SEQUENTIAL], LogNorm(pitch.min(), pitch.max() * 1.1)
+colours = mpl.colormaps[SEQUENTIAL]
+scale = LogNorm(pitch.min(), pitch.max() * 1.1)
 with style():
     figure = new_figure(height=5.2)
     axes = figure.subplots(2, 2, sharex=True).ravel()
     for panel, (name, value, error) in zip(axes, panels, strict=True):
         for one in np.unique(pitch):
-            row, colour = (pitch == one) & np.isfinite(value.values), colours(scale(one))
+            row = (pitch == one) & np.isfinite(value.values)
+            colour = colours(scale(one))
             panel.plot(radius[row], value[row], ".-", color=colour)
             panel.fill_between(radius[row], (value - error)[row], (value + error)[row], color=colour, alpha=0.15, linewidth=0)
         panel.set_ylabel(name)
-        low, high = float(value.min()), float(value.max())
+        low = float(value.min())
+        high = float(value.max())
         panel.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
     for panel in axes[2:]:
         panel.set_xlabel("radius of the holes (µm)")

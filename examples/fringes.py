@@ -12,7 +12,8 @@ import femnl
 from femnl.optics.harmonics import harmonics
 from femnl.plot.spectrum import harmonic_spectrum_figure
 
-amplitude, wavelength = 446e-9, 632.8e-9
+amplitude = 446e-9
+wavelength = 632.8e-9
 stack = femnl.load("square-270um").stack
 orders = np.arange(1, 26)
 sine = femnl.SineFringe(wavelength, offset=0.0, contrast=1.0, phase=np.pi / 4)

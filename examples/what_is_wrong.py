@@ -16,7 +16,9 @@ from femnl import measurement
 from femnl.diagnose import diagnose
 from femnl.plot.comparison import comparison_figure
 
-amplitude, wavelength, noise = 397e-9, 632.8e-9, 2e-4
+amplitude = 397e-9
+wavelength = 632.8e-9
+noise = 2e-4
 device = femnl.load("square-270um")
 modes = femnl.solve_modes(device, 12)
 axis = np.linspace(-135e-6, 135e-6, 41)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # what a type checker reads; at run time the names load when 
     from femnl.mechanics.modes import shape_at as shape_at
     from femnl.mechanics.modes.dilution import dilution as dilution
     from femnl.mechanics.nonlinearity import solve_inertia as solve_inertia
-    from femnl.mechanics.static_deflection import solve_bow as solve_bow
+    from femnl.mechanics.static_deflection import solve_static_deflection as solve_static_deflection
     from femnl.optics.fringe import MultilayerFringe as MultilayerFringe
     from femnl.optics.fringe import SeriesFringe as SeriesFringe
     from femnl.optics.fringe import SineFringe as SineFringe
@@ -33,7 +33,7 @@ _HOMES = {
     "solve_nonlinearity": "femnl.pipeline",
     "solve_inertia": "femnl.mechanics.nonlinearity",
     "solve_bands": "femnl.mechanics.bands",
-    "solve_bow": "femnl.mechanics.static_deflection",
+    "solve_static_deflection": "femnl.mechanics.static_deflection",
     "solve_homogenised": "femnl.mechanics.lattice",
     "solve_cell": "femnl.mechanics.lattice",
     "harmonic_maps": "femnl.pipeline",

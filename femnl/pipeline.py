@@ -110,7 +110,10 @@ def solve_modes_to(
     """
     if not 2e-11 <= tolerance <= 0.1:
         raise ParameterError(f"tolerance = {tolerance:g}: expected a relative error from 2e-11, where rounding sets in, to 0.1")
-    degree, resolution, best, earlier = DEGREE, COARSE, np.inf, None
+    degree = DEGREE
+    resolution = COARSE
+    best = np.inf
+    earlier = None
     while True:
         try:
             modes = solve_modes(model, count, symmetry, resolution, cache, degree)
@@ -131,7 +134,8 @@ def solve_modes_to(
                 f"tolerance = {tolerance:g}: stopped at a relative error of {max(best, moved):.1e} (mode {worst + 1}), which degree "
                 f"{degree} at resolution {resolution:.3g} no longer lowers; ask for no more than that"
             )
-        best, earlier = min(best, float(errors[worst])), modes.frequency
+        best = min(best, float(errors[worst]))
+        earlier = modes.frequency
         if (stuck or excess > STEP) and degree < DEGREES[-1]:
             degree += 1
         else:
@@ -171,7 +175,8 @@ def harmonic_maps(
     Returns: complex amplitudes, v(t) = Σ_n Re(V_n e^{inωt}), without noise.
     """
     corners = np.array([s.start for s in modes.domain.model.outline.segments])
-    low, high = modes.domain.mesh.p.min(), modes.domain.mesh.p.max()
+    low = modes.domain.mesh.p.min()
+    high = modes.domain.mesh.p.max()
     reach = max(np.abs(corners).max(), abs(low), abs(high)) * (1 + 2 * MARGIN)
     axis = np.linspace(-reach, reach, points)
     shape = shape_at(modes, index, axis[None, :], axis[:, None])

@@ -9,7 +9,8 @@ from femnl.optics.fringe import SineFringe
 from femnl.optics.harmonics import harmonics_by_fft
 from femnl.validation import Case, Reference
 
-RED, GREEN = 632.8e-9, 532e-9
+RED = 632.8e-9
+GREEN = 532e-9
 FITS = (("red, z = 8.85", 8.85, RED), ("green, z = 10.51", 10.51, GREEN), ("hexagon, z = 4.218", 4.218, RED))
 
 

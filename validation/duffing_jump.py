@@ -9,7 +9,8 @@ from femnl.core.resonator import Resonator
 from femnl.resonator import branches, critical_alpha, critical_point
 from femnl.validation import Case, Reference
 
-F0, W = 1.466060e6, 135.0
+F0 = 1.466060e6
+W = 135.0
 MODE = Resonator(frequency=F0, quality_factor=F0 / W, alpha=5.76e9)
 
 

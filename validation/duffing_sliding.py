@@ -13,8 +13,11 @@ MODEL = replace(femnl.load("rectangle"), bending=False)
 
 def closed_form(m: int, n: int) -> float:
     """k₃ = (m_film/4)(E/ρ)/(1−ν²)·[(p⁴+q⁴)(3−ν²)/16 + νp²q²/4] with p = mπ/Lx, q = nπ/Ly."""
-    film, (width, height) = MODEL.film, MODEL.outline.size or (0.0, 0.0)
-    p, q, nu = m * pi / width, n * pi / height, film.poisson
+    film = MODEL.film
+    (width, height) = MODEL.outline.size or (0.0, 0.0)
+    p = m * pi / width
+    q = n * pi / height
+    nu = film.poisson
     bracket = (p**4 + q**4) * (3 - nu**2) / 16 + nu * p**2 * q**2 / 4
     return float(film.young * film.thickness * width * height / 4 / (1 - nu**2) * bracket)
 

@@ -20,7 +20,8 @@ def constant(name: str, poisson: float, count: int = 1) -> tuple[dict[str, tuple
     """C of k₃ = C·Eh/((1−ν²)L²) with its error: by label, and of the first mode."""
     model = replace(femnl.load(name), bending=False)
     model = replace(model, film=replace(model.film, poisson=poisson))
-    film, length = model.film, SHAPES[name] * model.outline.length
+    film = model.film
+    length = SHAPES[name] * model.outline.length
     modes = femnl.solve_modes(model, count=count, resolution=2, cache=False)
     found = femnl.solve_nonlinearity(modes, edge="clamped")
     scale = film.young * film.thickness / (1 - poisson**2) / length**2

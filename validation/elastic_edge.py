@@ -33,7 +33,8 @@ bending = {bending}
 [clamp]
 {clamp}
 """
-CIRCLE, SQUARE = 'kind = "circle"\ndiameter = "2 m"', 'kind = "square"\nside = "1 m"'
+CIRCLE = 'kind = "circle"\ndiameter = "2 m"'
+SQUARE = 'kind = "square"\nside = "1 m"'
 
 
 def relaxed(outline: str, clamp: str, young: float = 1e12, bending: str = "false") -> Prestress:

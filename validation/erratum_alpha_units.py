@@ -22,7 +22,8 @@ def highest(frequency: float) -> complex:
 
 def compute() -> Iterator[float]:
     """Read α_y off the top of a simulated backbone, where A is 90° behind, and put it into the printed relation."""
-    f0, w = MODE.frequency, MODE.linewidth
+    f0 = MODE.frequency
+    w = MODE.linewidth
     top = bisect(lambda frequency: highest(frequency).real, f0, f0 + 100 * w, xtol=1e-9)
     y_max = RESPONSIVITY * abs(highest(top))
     alpha_y = 8 / 3 * (top / f0 - 1) / (y_max**2)

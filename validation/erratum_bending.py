@@ -15,7 +15,8 @@ def compute() -> Iterator[tuple[float, float]]:
     model = femnl.load("square-270um")
     for thickness in (model.film.thickness, THIN):
         modes = femnl.solve_modes(replace(model, film=replace(model.film, thickness=thickness)), count=4, cache=False)
-        ratio, error = modes.ratio[3], modes.ratio_error[3]
+        ratio = modes.ratio[3]
+        error = modes.ratio_error[3]
         if thickness != THIN:
             yield ratio, error
         yield (ratio - 2) * F11, error * F11

@@ -4,7 +4,8 @@ from math import sqrt
 
 from femnl.validation import Case, Reference
 
-RED, GREEN = 0.6328, 0.532
+RED = 0.6328
+GREEN = 0.532
 
 
 def philipp(wavelength: float) -> float:

@@ -8,7 +8,8 @@ import femnl
 from femnl.optics.harmonics import harmonics_by_fft
 from femnl.validation import Case, Reference
 
-RED, DEPTH = 632.8e-9, 8.85
+RED = 632.8e-9
+DEPTH = 8.85
 
 
 def compute() -> Iterator[float]:

@@ -2,8 +2,10 @@
 
 from femnl.validation import Case, Reference
 
-F11, F22 = 1.466060e6, 2.932369e6
-W11, W22 = 135.0, 3.95
+F11 = 1.466060e6
+F22 = 2.932369e6
+W11 = 135.0
+W22 = 3.95
 
 CASE = Case(
     claim="f22 − 2 f11 is 1.84 linewidths of (1,1) and 63 of (2,2)",

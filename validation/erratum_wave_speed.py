@@ -4,7 +4,9 @@ from math import sqrt
 
 from femnl.validation import Case, Reference
 
-STRESS, DENSITY, PRINTED = 1101.5e6, 3100.0, 559.0
+STRESS = 1101.5e6
+DENSITY = 3100.0
+PRINTED = 559.0
 
 CASE = Case(
     claim="√(σ/ρ) of the printed stress is 596 m/s: the printed 559 m/s is an effective speed",

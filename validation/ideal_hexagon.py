@@ -18,7 +18,8 @@ def compute() -> Iterator[tuple[float, float]]:
     """Solve the film without bending, and scale to side 1 and unit wave speed."""
     model = replace(femnl.load("hexagon-278um"), bending=False)
     modes = femnl.solve_modes(model, count=10, degree=6, cache=False)
-    side, speed = model.outline.length / 2, (model.film.stress / model.film.density) ** 0.5
+    side = model.outline.length / 2
+    speed = (model.film.stress / model.film.density) ** 0.5
     unit = 2 * pi * side / speed
     for f, error in zip(modes.frequency, modes.frequency_error, strict=True):
         yield (unit * f) ** 2, 2 * unit**2 * f * error

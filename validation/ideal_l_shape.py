@@ -27,7 +27,8 @@ bending = false
 def compute() -> Iterator[tuple[float, float]]:
     """Solve the whole film, whose wave speed is 1000 m/s."""
     modes = femnl.solve_modes(geometry.parse(GEOMETRY), count=1, resolution=2, cache=False)
-    frequency, error = modes.frequency[0], modes.frequency_error[0]
+    frequency = modes.frequency[0]
+    error = modes.frequency_error[0]
     yield (2 * pi * frequency / 1000) ** 2, 2 * (2 * pi / 1000) ** 2 * frequency * error
 
 

@@ -51,10 +51,16 @@ STEPS = np.array([0.01, 0.02, 0.03, 0.04])  # wanted k₃q²/k
 
 def ratio(modes: Modes, index: int) -> float:
     """The cubic coefficient of the static force–deflection curve of one mode over its k₃."""
-    film, parity, square = Film(modes, "clamped"), modes.parity[index], (2 * np.pi * modes.frequency[index]) ** 2
+    film = Film(modes, "clamped")
+    parity = modes.parity[index]
+    square = (2 * np.pi * modes.frequency[index]) ** 2
     alpha = femnl.solve_nonlinearity(modes, edge="clamped").alpha[index]
-    shape, size = modes.shapes[index], film.space.size
-    load, state, bend, squares = film.mass @ shape, np.zeros(3 * film.space.size), [], []
+    shape = modes.shapes[index]
+    size = film.space.size
+    load = film.mass @ shape
+    state = np.zeros(3 * film.space.size)
+    bend = []
+    squares = []
     for step in STEPS:
         force = square * np.sqrt(step / alpha) * (1 + step)
         state = film.deflect(force * load, parity, state)

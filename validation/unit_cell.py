@@ -16,7 +16,9 @@ from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.prestress import solve_prestress
 from femnl.validation import Case, Reference
 
-PITCH, DEGREE, RESOLUTION = 8.56e-6, 4, 2.0
+PITCH = 8.56e-6
+DEGREE = 4
+RESOLUTION = 2.0
 # Mean stress of the film, holes counted as empty, and wave speed, both over those without holes, by the holes' radius in µm.
 TABLE = {
     0.5: (0.97263, 0.99155),
@@ -54,7 +56,8 @@ def relaxed(radius: float) -> tuple[float, float]:
     model = geometry.parse(GEOMETRY.format(radius=radius))
     domain = mesh(model, "quarter", RESOLUTION)
     prestress = solve_prestress(domain, DEGREE, "sliding")
-    space, order = Space(domain.mesh, DEGREE), 2 * DEGREE
+    space = Space(domain.mesh, DEGREE)
+    order = 2 * DEGREE
     pairs = zip(cells(space, order), relaxed_stress(prestress, order), strict=True)
     quarter = (PITCH / 2) ** 2
     mean = sum(float(np.sum(stress[..., :2].mean(axis=-1) * cell.dx)) for cell, stress in pairs) / quarter / model.film.stress
@@ -62,7 +65,8 @@ def relaxed(radius: float) -> tuple[float, float]:
     stiffness = Operators(prestress, DEGREE).stiffness(())
     w = space.location[:, 0].copy()
     held = np.isclose(w, 0) | np.isclose(w, PITCH / 2)
-    free, fixed = np.flatnonzero(~held), np.flatnonzero(held)
+    free = np.flatnonzero(~held)
+    fixed = np.flatnonzero(held)
     w[free] = factorize(csc_matrix(stiffness[free][:, free]))(-stiffness[free][:, fixed] @ w[fixed])
     return mean, float(w @ stiffness @ w) / quarter / model.film.stress / model.film.thickness
 

@@ -14,7 +14,9 @@ from femnl.fits.response.misfit import Use
 from femnl.plot.linescan import line_scan_figure
 from femnl.plot.response import response_figure
 
-_MISFIT, _WIDE = 2.0, 0.05  # χ²/ν, and relative width from which on a sweep may hold many modes
+# χ²/ν, and relative width from which on a sweep may hold many modes
+_MISFIT = 2.0
+_WIDE = 0.05
 
 
 def response(name: str, dataset: xr.Dataset, use: Use, nonlinear_damping: bool) -> dict[str, Outcome]:

@@ -19,7 +19,9 @@ from femnl.fits.spectrum.peaks import find_peaks
 from femnl.pipeline import solve_modes
 from femnl.plot.overview import film_figure, overview_figure
 
-_FIRST, _MOST = 10, 160  # simulated modes
+# simulated modes
+_FIRST = 10
+_MOST = 160
 _BEYOND = 1.3  # of the highest frequency: as far the simulation goes, the stress of the film being uncertain
 
 

@@ -12,7 +12,7 @@ from femnl.core.mechanics import Modes, Nonlinearity
 from femnl.io import measurement
 from femnl.mechanics.modes.dilution import dilution
 from femnl.mechanics.nonlinearity import Inertia, solve_inertia
-from femnl.mechanics.static_deflection import Bowed, solve_bow
+from femnl.mechanics.static_deflection import Bowed, solve_static_deflection
 
 DIGITS = 6
 
@@ -30,7 +30,7 @@ class More:
         """Solve what the options ask for. bow: depth or pressure, see `bow_of`."""
         return cls(
             solve_inertia(modes, cross=tensor) if inertia else None,
-            solve_bow(modes, *bow) if bow is not None else None,
+            solve_static_deflection(modes, *bow) if bow is not None else None,
             dilution(modes) if dilute else None,
         )
 

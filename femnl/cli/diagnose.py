@@ -47,7 +47,8 @@ def _show(found: Diagnosis) -> None:
         for name, p in own.items()
     ]
     console().print(table("Parameters", ["of", "name", "value", "±", "unit"], rows))
-    before, after = found.before, found.after
+    before = found.before
+    after = found.after
     console().print(
         f"χ² per datum held out: {before.heldout_chi2_reduced:.4g} before, {after.heldout_chi2_reduced:.4g} after, gain {found.gain:.4g}"
     )

@@ -72,7 +72,9 @@ def command(
 
     All maps of a file are fitted with one amplitude.
     """
-    index, how, part = check_mode(mode), _use(use), _part(held_out)
+    index = check_mode(mode)
+    how = _use(use)
+    part = _part(held_out)
     tree = measurement.read(file)
     for repair in tree.attrs["repairs"]:
         note(f"repaired: {repair}")

@@ -52,7 +52,8 @@ def command(
         raise ParameterError(f"--z {z:g}: expected a positive modulation up to {LARGEST_Z}, such as 4.218")
     if not -np.pi <= theta <= np.pi:
         raise ParameterError(f"--theta {theta:g}: expected an angle in rad from −π to π, such as 0.785")
-    model, index = load_device(geometry, bending), check_mode(mode)
+    model = load_device(geometry, bending)
+    index = check_mode(mode)
     path = out or Path(f"{model.name}-mode-{mode}-maps.nc")
     suffix_of(path, (".nc",))  # the figure takes the same name with another ending
     need_room(path)

@@ -58,7 +58,8 @@ def command(
     kind = suffix_of(out, (".nc", ".vtu")) if out else ""
     if out:
         need_room(out)
-    rest, model = None if bow is None else bow_of(bow), load_device(geometry, bending, edge)
+    rest = None if bow is None else bow_of(bow)
+    model = load_device(geometry, bending, edge)
     if homogenised:
         if tolerance is not None or tolerance_of is not None or resolution != 1.0 or symmetry != "auto":
             unfit = "--tolerance, --tolerance-of, --resolution and --symmetry"
@@ -140,7 +141,8 @@ def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
     title = f"{model.name}, in-plane edge {nonlinearity.edge}, {'with' if model.bending else 'without'} bending; "
     title += "± are relative" if modes.coarse else "an even film in the place of the holes"
     if modes.coarse is None:
-        columns, rows = columns[:7], [row[:7] for row in rows]
+        columns = columns[:7]
+        rows = [row[:7] for row in rows]
     console().print(table(title, columns, rows))
     if nonlinearity.tensor is not None:
         n = len(modes.frequency)

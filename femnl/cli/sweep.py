@@ -119,7 +119,9 @@ def _duration(seconds: float) -> str:
 @contextmanager
 def _progress(report: Report) -> Iterator[Any]:
     """A bar on standard error, or a line now and then where that is no terminal; called with whether a point failed."""
-    failed, done, last = sum(report.failed.values()), report.points - report.missing, time.monotonic()
+    failed = sum(report.failed.values())
+    done = report.points - report.missing
+    last = time.monotonic()
     if sys.stderr.isatty():
         columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
@@ -135,7 +137,8 @@ def _progress(report: Report) -> Iterator[Any]:
 
     def write(bad: bool) -> None:
         nonlocal failed, done, last
-        failed, done = failed + bad, done + 1
+        failed = failed + bad
+        done = done + 1
         if time.monotonic() - last > EVERY:
             last = time.monotonic()
             note(f"{done} of {report.points} points, {failed} failed")

@@ -51,7 +51,8 @@ class Outline:
         """Segments that start at a corner, by their place in `segments`, with the corner's inner angle [rad]."""
         found = []
         for k, after in enumerate(self.segments):
-            incoming, outgoing = self.segments[k - 1].direction(self.segments[k - 1].end), after.direction(after.start)
+            incoming = self.segments[k - 1].direction(self.segments[k - 1].end)
+            outgoing = after.direction(after.start)
             turn = np.arctan2(incoming[0] * outgoing[1] - incoming[1] * outgoing[0], incoming @ outgoing)
             if abs(turn) > 1e-6:
                 found.append((k, float(np.pi - turn)))
@@ -173,6 +174,7 @@ class Model:
 
     def __repr__(self) -> str:
         """Name, outline, number of holes and film."""
-        film, n = self.film, len(self.holes.centres)
+        film = self.film
+        n = len(self.holes.centres)
         size = f"{self.outline.kind} of {self.outline.length * 1e6:.5g} µm, {n or 'no'} hole{'s' * (n != 1)}"
         return f"<Model {self.name}: {size}, film {film.thickness * 1e9:.5g} nm at {film.stress * 1e-6:.5g} MPa>"

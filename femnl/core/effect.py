@@ -22,10 +22,10 @@ Change = Callable[[Any, Values], Any]
 
 
 @dataclass(frozen=True)
-class Knob:
+class ParameterSpec:
     """One parameter: its unit and prior, uniform on [low, high] or with `log` uniform in its logarithm.
 
-    low and high count in `unit`, times the fact of the measurement that `per` names (such as "reach", half the size of the film in m).
+    low and high count in `unit`, times the fact of the measurement that `scale` names (such as "reach", half the size of the film in m).
     Where `strength` is set, the effect vanishes as all its strengths go to 0; the other parameters only shape it. With `whole`,
     it is the whole number nearest to a value in that range.
     """
@@ -36,7 +36,7 @@ class Knob:
     high: float
     strength: bool = True
     log: bool = False
-    per: str = ""
+    scale: str = ""
     whole: bool = False
 
 
@@ -53,7 +53,7 @@ class Effect:
 
     name: str
     equation: str
-    parameters: tuple[Knob, ...]
+    parameters: tuple[ParameterSpec, ...]
     changes: Mapping[Stage, Change]
     source: str
     limits: str
@@ -61,7 +61,7 @@ class Effect:
     needs: tuple[str, ...] = ()
     replaces: tuple[str, ...] = ()
     shared: bool = True
-    across: bool = False
+    couples_blocks: bool = False
 
     @property
     def kinds(self) -> tuple[Kind, ...]:

@@ -1,4 +1,4 @@
-"""Failures that users can mend: each names what is wrong, the value found, and which knob to turn."""
+"""Failures that users can mend: each names what is wrong, the value found, and which setting to change."""
 
 
 class FemnlError(Exception):

@@ -92,7 +92,8 @@ class Modes:
 
     def __repr__(self) -> str:
         """Device, number of modes, and the range of their frequencies."""
-        low, high = self.frequency.min(), self.frequency.max()
+        low = self.frequency.min()
+        high = self.frequency.max()
         return f"<Modes of {self.domain.model.name}: {len(self.frequency)}, from {low:.7g} Hz to {high:.7g} Hz, degree {self.degree}>"
 
     @property
@@ -144,7 +145,8 @@ class Modes:
     @property
     def _mixing(self) -> Array:
         """The angles cᵢⱼ/|fᵢ − fⱼ| by which couplings that the discretisation leaves mix each shape with its neighbours, summed."""
-        f, couplings = self.frequency, [m.coupling for m in self.grades if m.coupling is not None]
+        f = self.frequency
+        couplings = [m.coupling for m in self.grades if m.coupling is not None]
         if not couplings:
             return np.zeros(len(f))
         gap = np.abs(f[:, None] - f[None, :])

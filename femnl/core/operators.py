@@ -64,7 +64,8 @@ class Projection:
     def on_grid(self, x: Array, y: Array) -> Array:
         """Return ξ of every mode on the grid of rising axes x (n_x,), y (n_y,) [m], (n, n_y, n_x); as `at`, but faster."""
         inside = np.outer(np.abs(y) <= self.grid_y[-1], np.abs(x) <= self.grid_x[-1])
-        (along_y, along_x), table = self._spline.t, self._spline.c
+        (along_y, along_x) = self._spline.t
+        table = self._spline.c
         rows = BSpline(along_y, table, CUBIC)(y)
         return np.asarray(inside * BSpline(along_x, rows.swapaxes(0, 1), CUBIC)(x).transpose(2, 1, 0))
 

@@ -40,7 +40,8 @@ class ModalSystem:
 
     def bent(self, bending_length: float) -> "ModalSystem":
         """Change ℓ [m], with ω² = c²(k² + ℓ²k⁴)."""
-        before, after = self._square(self.bending_length), self._square(bending_length)
+        before = self._square(self.bending_length)
+        after = self._square(bending_length)
         change = np.diag(np.diag(self.mass) * self.speed**2 * (after - before))
         return replace(self, stiffness=self.stiffness + change, bending_length=bending_length)
 

@@ -9,10 +9,10 @@ from scipy.special import chdtrc, erfc
 from scipy.stats import norm
 from scipy.stats.qmc import Sobol
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.diagnose.least_squares import Solution
-from femnl.observe.model import Extended
+from femnl.diagnose.least_squares import FitResult
+from femnl.observe.model import ExtendedModel
 
 N_DRAWS = 4000
 """Simulated sets of residuals that calibrate the p-value."""
@@ -22,7 +22,8 @@ SECANT = 0.05
 """Part of the misfit that an effect's tangent spans where the misfit is large."""
 CHORD = 0.02
 """Part of its range at which the size of a strength is tried that has no slope at zero."""
-LEAST, MOST = 1e-11, 0.01
+LEAST = 1e-11
+MOST = 0.01
 """Steps of a strength at zero, in parts of its range."""
 VISIBLE = 1e-6
 """Part of an effect's tangent that must be left beside the model's own for the data to see it."""
@@ -37,7 +38,7 @@ EXACT = 5000
 
 
 @dataclass(frozen=True)
-class Look:
+class ScoreTest:
     """One direction (or a few) in which residuals may deviate: gain in χ² from going there, its p-value, and where a fit would start.
 
     effect: None for a pattern. basis (q, n): orthonormal, free of the model's tangents. strengths, shape: linear estimate of the effect.
@@ -53,78 +54,78 @@ class Look:
     @property
     def whole(self) -> list[float]:
         """Values of those parameters that are whole numbers."""
-        return [self.values[knob.name] for knob in (self.effect.parameters if self.effect else ()) if knob.whole]
+        return [self.values[spec.name] for spec in (self.effect.parameters if self.effect else ()) if spec.whole]
 
 
-def looks(solution: Solution, library: list[Effect]) -> list[Look]:
+def score_tests(result: FitResult, library: list[Effect]) -> list[ScoreTest]:
     """Return every look at the residuals: each pattern of the problem, and each effect at each of its trial shapes."""
-    own, _ = np.linalg.qr(solution.jacobian[:, solution.free])
-    problem = solution.model.problem
+    own, _ = np.linalg.qr(result.jacobian[:, result.free])
+    base_model = result.model.base_model
     found = []
-    for name, direction in problem.patterns(solution.model.effects, *solution.model.split(solution.vector)).items():
+    for name, direction in base_model.residual_directions(result.model.effects, *result.model.split(result.vector)).items():
         basis = _beside(own, direction[None])
         if len(basis):
-            gain = float(np.sum((basis @ solution.residuals) ** 2))
-            found.append(Look(name, None, basis, gain, float(_tail(np.array(gain), len(basis))), {}))
-    base, values = solution.model.split(solution.vector)
-    others = [other for other in problem.alike(base) if _same(solution, solution.model.pack(other, values))]
+            gain = float(np.sum((basis @ result.residuals) ** 2))
+            found.append(ScoreTest(name, None, basis, gain, float(_tail(np.array(gain), len(basis))), {}))
+    base, values = result.model.split(result.vector)
+    others = [other for other in base_model.equivalent_solutions(base) if _same(result, result.model.pack(other, values))]
     for effect in library:
-        if any(knob.strength for knob in effect.parameters):
-            here, *there = (_effect_looks(solution, own, effect, place, values) for place in (base, *others))
+        if any(spec.strength for spec in effect.parameters):
+            here, *there = (_effect_looks(result, own, effect, place, values) for place in (base, *others))
             found += here
-            known = np.array([(look.gain, look.p_value) for look in here])
-            for look in (look for elsewhere in there for look in elsewhere):
-                if not np.isclose(known, (look.gain, look.p_value), rtol=1e-6, atol=0).all(axis=1).any():
-                    found.append(look)  # what an effect does alike on either side is one look
+            known = np.array([(test.gain, test.p_value) for test in here])
+            for test in (test for elsewhere in there for test in elsewhere):
+                if not np.isclose(known, (test.gain, test.p_value), rtol=1e-6, atol=0).all(axis=1).any():
+                    found.append(test)  # what an effect does alike on either side is one look
     return found
 
 
-def _same(solution: Solution, vector: Array) -> bool:
+def _same(result: FitResult, vector: Array) -> bool:
     """Whether a model predicts at another vector what it does at its own, but for rounding."""
-    return bool(np.abs(solution.model.residuals(vector) - solution.residuals).max() < SAME)
+    return bool(np.abs(result.model.residuals(vector) - result.residuals).max() < SAME)
 
 
-def _effect_looks(solution: Solution, own: Array, effect: Effect, base: Values, values: Sequence[Values]) -> list[Look]:
+def _effect_looks(result: FitResult, own: Array, effect: Effect, base: Values, values: Sequence[Values]) -> list[ScoreTest]:
     """Try the effect at small strength in each of its shapes, with those values of the base parameters and of the model's effects."""
-    wider = Extended(solution.model.problem, (*solution.model.effects, effect))
+    wider = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     low, high = wider.bounds
     first = len(low) - len(effect.parameters)
     bounds = list(zip(effect.parameters, low[first:], high[first:], strict=True))
-    shaping = [(knob, a, b) for knob, a, b in bounds if not knob.strength]
-    strengths = [(knob, a, b) for knob, a, b in bounds if knob.strength]
+    shaping = [(spec, a, b) for spec, a, b in bounds if not spec.strength]
+    strengths = [(spec, a, b) for spec, a, b in bounds if spec.strength]
     trials = Sobol(len(shaping), rng=np.random.default_rng(0)).random(N_SHAPES[len(shaping)]) if shaping else np.zeros((1, 0))
     found = []
-    steps = {knob.name: 1e-6 * b for knob, _, b in strengths}
+    steps = {spec.name: 1e-6 * b for spec, _, b in strengths}
     for trial in trials:
         shape = {k.name: _at(k, a, b, t) for (k, a, b), t in zip(shaping, trial, strict=True)}
-        zero = shape | {knob.name: 0.0 for knob, _, _ in strengths}
-        tangents = np.stack([_tangent(wider, base, values, zero, knob.name, steps, b, solution.residuals) for knob, _, b in strengths])
+        zero = shape | {spec.name: 0.0 for spec, _, _ in strengths}
+        tangents = np.stack([_tangent(wider, base, values, zero, spec.name, steps, b, result.residuals) for spec, _, b in strengths])
         basis = _beside(own, tangents)
         if len(basis) == 0:  # of second order, or not to be seen at all
-            tangents = np.stack([_chord(wider, base, values, zero, knob.name, a, b, solution.residuals) for knob, a, b in strengths])
+            tangents = np.stack([_chord(wider, base, values, zero, spec.name, a, b, result.residuals) for spec, a, b in strengths])
             basis = _beside(own, tangents)
         if len(basis) == 0:
             continue
         free = tangents - (tangents @ own) @ own.T
         known = np.diag([np.sqrt(12) / (b - a) for _, a, b in strengths])  # what the priors know of strengths that hardly show
-        estimate = -np.linalg.lstsq(np.vstack([free.T, known]), np.append(solution.residuals, np.zeros(len(known))), rcond=None)[0]
+        estimate = -np.linalg.lstsq(np.vstack([free.T, known]), np.append(result.residuals, np.zeros(len(known))), rcond=None)[0]
         allowed = np.clip(estimate, [a for _, a, _ in strengths], [b for _, _, b in strengths])
-        rest = solution.residuals + allowed @ free
-        gain = max(solution.chi2 - float(rest @ rest), 0.0)
-        named = shape | {knob.name: float(s) for (knob, _, _), s in zip(strengths, allowed, strict=True)}
-        freely = float(np.sum((basis @ solution.residuals) ** 2))
-        found.append(Look(effect.name, effect, basis, gain, float(_tail(np.array(freely), len(basis))), named))
+        rest = result.residuals + allowed @ free
+        gain = max(result.chi2 - float(rest @ rest), 0.0)
+        named = shape | {spec.name: float(s) for (spec, _, _), s in zip(strengths, allowed, strict=True)}
+        freely = float(np.sum((basis @ result.residuals) ** 2))
+        found.append(ScoreTest(effect.name, effect, basis, gain, float(_tail(np.array(freely), len(basis))), named))
     return found
 
 
-def _at(knob: Knob, low: float, high: float, part: float) -> float:
-    """Return the value at a part of a knob's prior."""
-    value = low * (high / low) ** part if knob.log else low + (high - low) * part
-    return float(np.rint(value) if knob.whole else value)
+def _at(spec: ParameterSpec, low: float, high: float, part: float) -> float:
+    """Return the value at a part of a parameter's prior."""
+    value = low * (high / low) ** part if spec.log else low + (high - low) * part
+    return float(np.rint(value) if spec.whole else value)
 
 
 def _tangent(
-    model: Extended,
+    model: ExtendedModel,
     base: Values,
     values: Sequence[Values],
     zero: dict[str, float],
@@ -154,7 +155,7 @@ def _tangent(
 
 
 def _chord(
-    model: Extended,
+    model: ExtendedModel,
     base: Values,
     values: Sequence[Values],
     zero: dict[str, float],
@@ -180,20 +181,20 @@ def _beside(own: Array, tangents: Array) -> Array:
     return np.asarray(right[strength > np.sqrt(VISIBLE)])
 
 
-def adequacy(solution: Solution, found: list[Look]) -> tuple[float, str]:
+def adequacy(result: FitResult, found: list[ScoreTest]) -> tuple[float, str]:
     """Return the calibrated p-value of a model, and the look that speaks most against it.
 
     The statistic is the smallest p-value of all looks: χ², every pattern and effect, the largest outlier, and the correlation
     of neighbours. Its distribution follows from residuals simulated by the model itself: what white noise leaves beside the tangents.
     """
-    seen = _p_values(solution.residuals[None], solution.degrees, found)[0]
-    names = [*(look.name for look in found), "chi-square", "outlier", "neighbours"]
+    seen = _p_values(result.residuals[None], result.degrees, found)[0]
+    names = [*(test.name for test in found), "chi-square", "outlier", "neighbours"]
     k = int(np.argmin(seen))
     bound = float(seen[k]) * len(names)
     if bound < CERTAIN:
         return bound, names[k]
     rng = np.random.default_rng(20)
-    drawn = _simulated(solution, found, rng) if len(solution.residuals) <= EXACT else _simulated_large(solution, found, rng)
+    drawn = _simulated(result, found, rng) if len(result.residuals) <= EXACT else _simulated_large(result, found, rng)
     smallest = np.sort(drawn.min(axis=1))
     below = int(np.searchsorted(smallest, seen[k], side="right"))
     if below >= TAIL:
@@ -211,10 +212,10 @@ def _tail(square: Array, degrees: int | NDArray[np.int64]) -> Array:
     return np.asarray(np.exp(-square / 2) if degrees == 2 else chdtrc(degrees, square))
 
 
-def _p_values(residuals: Array, degrees: int, found: list[Look]) -> Array:
+def _p_values(residuals: Array, degrees: int, found: list[ScoreTest]) -> Array:
     """Return the p-values of every look, of χ², of the largest outlier and of the neighbours' correlation, (m, n_looks + 3)."""
     n = residuals.shape[1]
-    columns = [_tail(np.sum((residuals @ look.basis.T) ** 2, axis=1), len(look.basis)) for look in found]
+    columns = [_tail(np.sum((residuals @ test.basis.T) ** 2, axis=1), len(test.basis)) for test in found]
     columns.append(_tail(np.sum(residuals**2, axis=1), degrees))
     largest = np.abs(residuals).max(axis=1) * np.sqrt(n / degrees)
     with np.errstate(divide="ignore"):  # data without noise: the logarithm of 0 is what it should be
@@ -224,24 +225,24 @@ def _p_values(residuals: Array, degrees: int, found: list[Look]) -> Array:
     return np.stack(columns, axis=1)
 
 
-def _simulated(solution: Solution, found: list[Look], rng: np.random.Generator) -> Array:
+def _simulated(result: FitResult, found: list[ScoreTest], rng: np.random.Generator) -> Array:
     """Draw residuals as white noise beside the model's tangents, ranked as the data are, and look at them."""
-    own, _ = np.linalg.qr(solution.jacobian[:, solution.free])
-    noise = rng.standard_normal((N_DRAWS, len(solution.residuals)))
-    for ranked in solution.model.problem.ranked:
-        ranked.rank(solution.residuals, noise)
-    return _p_values(noise - (noise @ own) @ own.T, solution.degrees, found)
+    own, _ = np.linalg.qr(result.jacobian[:, result.free])
+    noise = rng.standard_normal((N_DRAWS, len(result.residuals)))
+    for ranked in result.model.base_model.ranked:
+        ranked.rank(result.residuals, noise)
+    return _p_values(noise - (noise @ own) @ own.T, result.degrees, found)
 
 
-def _simulated_large(solution: Solution, found: list[Look], rng: np.random.Generator) -> Array:
+def _simulated_large(result: FitResult, found: list[ScoreTest], rng: np.random.Generator) -> Array:
     """The same for long data, drawn in the space that the looks span; outlier and neighbours are as good as independent of it."""
-    basis = np.concatenate([look.basis for look in found])
+    basis = np.concatenate([test.basis for test in found])
     values, vectors = np.linalg.eigh(basis @ basis.T)
     kept = values > 1e-10
     drawn = rng.standard_normal((N_DRAWS, int(kept.sum())))
     squares = (drawn @ (vectors[:, kept] * np.sqrt(values[kept])).T) ** 2
-    ends = np.cumsum([len(look.basis) for look in found])
+    ends = np.cumsum([len(test.basis) for test in found])
     sizes = np.diff(ends, prepend=0)
     looked = _tail(np.add.reduceat(squares, ends - sizes, axis=1), sizes)
-    total = np.sum(drawn**2, axis=1) + rng.chisquare(solution.degrees - int(kept.sum()), N_DRAWS)
-    return np.column_stack([looked, _tail(total, solution.degrees), rng.uniform(size=(N_DRAWS, 2))])
+    total = np.sum(drawn**2, axis=1) + rng.chisquare(result.degrees - int(kept.sum()), N_DRAWS)
+    return np.column_stack([looked, _tail(total, result.degrees), rng.uniform(size=(N_DRAWS, 2))])

@@ -18,7 +18,7 @@ WARNINGS = logging.getLogger("femnl")
 Found = tuple[Array, Array]
 
 
-class Ledger:
+class Checkpoint:
     """A file of one line a fit, only ever added to; it is removed when the diagnosis is done."""
 
     def __init__(self, path: Path) -> None:
@@ -66,8 +66,8 @@ class Ledger:
             WARNINGS.warning("%s: cannot be removed (%s), though it is needed no longer", self.path, error)
 
 
-class Share(Ledger):
-    """What a helper knows of a ledger, and adds to it: the process that owns the file writes that."""
+class Share(Checkpoint):
+    """What a helper knows of a checkpoint, and adds to it: the process that owns the file writes that."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -80,11 +80,12 @@ class Share(Ledger):
 
     def taken(self) -> list[tuple[str, Found]]:
         """Hand over what was added since."""
-        added, self._added = self._added, []
+        added = self._added
+        self._added = []
         return added
 
 
-LEDGER: ContextVar[Ledger | None] = ContextVar("ledger", default=None)
+CHECKPOINT: ContextVar[Checkpoint | None] = ContextVar("checkpoint", default=None)
 """Of the diagnosis under way."""
 
 
@@ -92,13 +93,13 @@ LEDGER: ContextVar[Ledger | None] = ContextVar("ledger", default=None)
 def remembered(*about: object) -> Iterator[None]:
     """Keep the fits within, under what they depend on beside this code, until all are done."""
     digest = hashlib.sha256(repr((_code(), *about)).encode()).hexdigest()[:32]
-    ledger = Ledger(user_cache_path("femnl") / f"diagnosis-{digest}.jsonl")
-    token = LEDGER.set(ledger)
+    checkpoint = Checkpoint(user_cache_path("femnl") / f"diagnosis-{digest}.jsonl")
+    token = CHECKPOINT.set(checkpoint)
     try:
         yield
     finally:
-        LEDGER.reset(token)
-    ledger.close()
+        CHECKPOINT.reset(token)
+    checkpoint.close()
 
 
 @cache

@@ -7,13 +7,13 @@ from functools import partial
 import numpy as np
 
 from femnl.core.diagnosis import FreeForm, Quality
-from femnl.core.effect import Change, Effect, Knob, Stage, Values
+from femnl.core.effect import Change, Effect, ParameterSpec, Stage, Values
 from femnl.core.operators import WEIGHTS
 from femnl.core.stages import Equation, Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Points, Signal
-from femnl.diagnose.least_squares import Solution, fit, held_out
+from femnl.diagnose.least_squares import FitResult, fit, held_out
 from femnl.diagnose.worker_pool import Job, Run, in_turn
 from femnl.io.measurement import CONTROLS
-from femnl.observe.model import Extended, Problem
+from femnl.observe.model import ExtendedModel, MeasurementModel
 
 ORDERS = range(2, 7)
 """Overtones of a fringe, and harmonics of the drive, that are free."""
@@ -29,60 +29,60 @@ ITERATIONS = 4
 """Iterations of the fits that leave a block out; they start at the whole fit."""
 
 
-def free_forms(base: Solution, run: Run = in_turn) -> tuple[FreeForm, ...]:
+def free_forms(base: FitResult, run: Run = in_turn) -> tuple[FreeForm, ...]:
     """Fit every free form that suits the problem of a base model's fit; the best predicting comes first. run: does their fits."""
-    sentences = dict.fromkeys(effect.sentence for effect in extensions(base.model.problem))
-    kind = base.model.problem.kind
+    sentences = dict.fromkeys(effect.sentence for effect in extensions(base.model.base_model))
+    kind = base.model.base_model.kind
     found = run([Job(f"{kind}: extending freely: {sentence}", partial(_measured, base, sentence)) for sentence in sentences])
     return tuple(sorted((form for form in found if form is not None), key=lambda form: form.quality.heldout_chi2_reduced))
 
 
-def _measured(base: Solution, sentence: str) -> FreeForm | None:
-    solution = _fitted(base, sentence)
-    if solution is None:
+def _measured(base: FitResult, sentence: str) -> FreeForm | None:
+    result = _fitted(base, sentence)
+    if result is None:
         return None
-    (effect,) = solution.model.effects
-    quality = Quality(solution.chi2 / solution.degrees, held_out(solution, ITERATIONS))
+    (effect,) = result.model.effects
+    quality = Quality(result.chi2 / result.degrees, held_out(result, ITERATIONS))
     return FreeForm(effect.sentence, effect.equation, len(effect.parameters), quality)
 
 
-def fitted_forms(base: Solution) -> list[Solution]:
+def fitted_forms(base: FitResult) -> list[FitResult]:
     """Return the fit of every free form that suits the problem of a base model's fit and moves its data.
 
     Of the expansions of one form, shorter or longer, the one of the largest evidence.
     """
-    sentences = dict.fromkeys(effect.sentence for effect in extensions(base.model.problem))
-    return [solution for sentence in sentences if (solution := _fitted(base, sentence)) is not None]
+    sentences = dict.fromkeys(effect.sentence for effect in extensions(base.model.base_model))
+    return [result for sentence in sentences if (result := _fitted(base, sentence)) is not None]
 
 
-def _fitted(base: Solution, sentence: str) -> Solution | None:
+def _fitted(base: FitResult, sentence: str) -> FitResult | None:
     """Return the fit of the form of a sentence, None where it does not move the data."""
     own, _ = base.model.split(base.vector)
-    best: Solution | None = None
-    for effect in (e for e in extensions(base.model.problem) if e.sentence == sentence):
-        model = Extended(base.model.problem, (effect,))
-        start = model.pack(own, [{knob.name: 0.0 for knob in effect.parameters}])
+    best: FitResult | None = None
+    for effect in (e for e in extensions(base.model.base_model) if e.sentence == sentence):
+        model = ExtendedModel(base.model.base_model, (effect,))
+        start = model.pack(own, [{spec.name: 0.0 for spec in effect.parameters}])
         moved = start.copy()
         moved[-len(effect.parameters) :] = TOUCH * model.bounds[1][-len(effect.parameters) :]
         if not np.array_equal(model.residuals(moved), model.residuals(start)):
-            solution = fit(model, start, near=base)
-            if best is None or solution.log_evidence > best.log_evidence:
-                best = solution
+            result = fit(model, start, near=base)
+            if best is None or result.log_evidence > best.log_evidence:
+                best = result
     return best
 
 
-def extensions(problem: Problem) -> list[Effect]:
+def extensions(base_model: MeasurementModel) -> list[Effect]:
     """Return the free forms that suit a problem."""
-    return [form for form in (*FORMS, *_series(problem)) if problem.kind in form.kinds]
+    return [form for form in (*FORMS, *_series(base_model)) if base_model.kind in form.kinds]
 
 
-def _form(sentence: str, equation: str, knobs: tuple[Knob, ...], changes: Mapping[Stage, Change]) -> Effect:
-    return Effect("free_form", equation, knobs, changes, "expansion in smooth functions", "a description, not a cause", sentence)
+def _form(sentence: str, equation: str, specs: tuple[ParameterSpec, ...], changes: Mapping[Stage, Change]) -> Effect:
+    return Effect("free_form", equation, specs, changes, "expansion in smooth functions", "a description, not a cause", sentence)
 
 
 def _shorter(form: Effect, *parts: tuple[str, str]) -> tuple[Effect, ...]:
     """Return the form and expansions of it with fewer terms: the equation, and names of the parameters that are left."""
-    absent = dict.fromkeys((knob.name for knob in form.parameters), 0.0)
+    absent = dict.fromkeys((spec.name for spec in form.parameters), 0.0)
 
     def padded(change: Change) -> Change:
         return lambda value, values: change(value, {**absent, **values})
@@ -90,13 +90,13 @@ def _shorter(form: Effect, *parts: tuple[str, str]) -> tuple[Effect, ...]:
     changes = {stage: padded(change) for stage, change in form.changes.items()}
     found = [form]
     for equation, names in parts:
-        kept = tuple(knob for knob in form.parameters if knob.name in names.split())
+        kept = tuple(spec for spec in form.parameters if spec.name in names.split())
         found.append(replace(form, equation=equation, parameters=kept, changes=changes))
     return tuple(found)
 
 
-def _complex(numbers: range, half: float, per: str = "") -> tuple[Knob, ...]:
-    return tuple(Knob(f"{part}{n}", "1", -half, half, per=per) for n in numbers for part in ("real", "imag"))
+def _complex(numbers: range, half: float, per: str = "") -> tuple[ParameterSpec, ...]:
+    return tuple(ParameterSpec(f"{part}{n}", "1", -half, half, scale=per) for n in numbers for part in ("real", "imag"))
 
 
 def _number(values: Values, n: int) -> complex:
@@ -146,7 +146,8 @@ def _bend(motion: Motion, values: Values) -> Motion:
 
 def _turn(motion: Motion, values: Values) -> Motion:
     half = np.hypot(motion.x, motion.y).max() or 1.0
-    x, y = motion.x / half, motion.y / half
+    x = motion.x / half
+    y = motion.y / half
     added = sum(values[name] * power for name, power in zip(WEIGHTS[1:], (x, y, x * x, x * y, y * y), strict=True))
     return replace(motion, theta=motion.theta + added)
 
@@ -164,16 +165,19 @@ def _gain(harmonics: Harmonics, values: Values) -> Harmonics:
     return replace(harmonics, values=harmonics.values * factor[:, None])
 
 
-def _smooth(names: range | tuple[str, ...], half: float) -> tuple[Knob, ...]:
-    return tuple(Knob(str(name), "1", -half, half) for name in names)
+def _smooth(names: range | tuple[str, ...], half: float) -> tuple[ParameterSpec, ...]:
+    return tuple(ParameterSpec(str(name), "1", -half, half) for name in names)
 
 
-_FORCES = (Knob("quintic", "m^-4", -1.0, 1.0, per="curvature_square"), Knob("damping", "m^-2", -10.0, 10.0, per="curvature"))
+_FORCES = (
+    ParameterSpec("quintic", "m^-4", -1.0, 1.0, scale="curvature_square"),
+    ParameterSpec("damping", "m^-2", -10.0, 10.0, scale="curvature"),
+)
 _TERMS = (
-    Knob("quadratic", "1/V", -1.0, 1.0, per="slope"),
-    Knob("cubic", "1/V^2", -1.0, 1.0, per="curvature"),
-    Knob("quintic", "1/V^4", -1.0, 1.0, per="curvature_square"),
-    Knob("damping", "1/V^2", -10.0, 10.0, per="curvature"),
+    ParameterSpec("quadratic", "1/V", -1.0, 1.0, scale="slope"),
+    ParameterSpec("cubic", "1/V^2", -1.0, 1.0, scale="curvature"),
+    ParameterSpec("quintic", "1/V^4", -1.0, 1.0, scale="curvature_square"),
+    ParameterSpec("damping", "1/V^2", -10.0, 10.0, scale="curvature"),
 )
 MASS = _form("a mass that varies smoothly over the film", "ρ → ρ(1 + Σ m_k φ_k)", _smooth(WEIGHTS[1:], 0.3), {"operators": _load})
 TENSION = _form("a tension that varies smoothly over the film", "σ → σ(1 + Σ t_k φ_k)", _smooth(WEIGHTS[1:], 0.3), {"operators": _tighten})
@@ -186,7 +190,7 @@ FORMS = (
         _form(
             "a dispersion of free form",
             "f → f(1 + Σ d_n (f/f₁)ⁿ), n = −1, 1, 2",
-            tuple(Knob(f"power{n}", "1", -0.3, 0.3) for n in DISPERSIONS),
+            tuple(ParameterSpec(f"power{n}", "1", -0.3, 0.3) for n in DISPERSIONS),
             {"frequencies": _disperse},
         ),
         *((f"f → f(1 + d (f/f₁)^{n})", f"power{n}") for n in DISPERSIONS),
@@ -209,11 +213,11 @@ FORMS = (
 )
 
 
-def _series(problem: Problem) -> list[Effect]:
+def _series(base_model: MeasurementModel) -> list[Effect]:
     """A cubic of frequency and of 1/Q in each control variable that was varied."""
-    if problem.kind != "series":
+    if base_model.kind != "series":
         return []
-    return [_against(control) for control in CONTROLS if control in problem.facts]
+    return [_against(control) for control in CONTROLS if control in base_model.scales]
 
 
 def _against(control: str) -> Effect:
@@ -223,6 +227,6 @@ def _against(control: str) -> Effect:
         pull, loss = (1 + sum(values[f"{name}{n}"] * unit**n for n in POWERS) for name in ("pull", "loss"))
         return replace(points, frequency=points.frequency * pull, quality_factor=points.quality_factor / np.maximum(loss, 1e-3))
 
-    knobs = tuple(Knob(f"{name}{n}", "1", -half, half) for name, half in (("pull", 0.1), ("loss", 1.0)) for n in POWERS)
+    specs = tuple(ParameterSpec(f"{name}{n}", "1", -half, half) for name, half in (("pull", 0.1), ("loss", 1.0)) for n in POWERS)
     quantity = control.replace("_", " ")
-    return _form(f"a cubic dependence on {quantity}", f"f and 1/Q cubic in {quantity}", knobs, {"points": follow})
+    return _form(f"a cubic dependence on {quantity}", f"f and 1/Q cubic in {quantity}", specs, {"points": follow})

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison
-from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.effect import Effect, Kind, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.diagnose.least_squares import Solution, fit
-from femnl.diagnose.map import MapProblem
-from femnl.diagnose.response import ResponseProblem
-from femnl.observe.model import Extended, Named, Problem
+from femnl.diagnose.least_squares import FitResult, fit
+from femnl.diagnose.map import MapModel
+from femnl.diagnose.response import ResponseModel
+from femnl.observe.model import ExtendedModel, MeasurementModel, Named
 
 Own = tuple[Sequence[Effect], Values, Sequence[Values]]
 """Effects, base parameters and those of each effect, as one measurement knows them."""
@@ -31,48 +31,48 @@ APART = 1e-3
 """Relative difference of shared parameters from which on each measurement's own value is tried as the start of all."""
 
 
-class JointProblem:
-    """Residuals of all measurements of a file, see `Problem`; parameters of one of them are named "measurement.parameter"."""
+class JointModel:
+    """Residuals of all measurements of a file, see `MeasurementModel`; parameters of one of them are named "measurement.parameter"."""
 
-    def __init__(self, groups: Mapping[str, Problem], backwards: bool = False) -> None:
+    def __init__(self, groups: Mapping[str, MeasurementModel], backwards: bool = False) -> None:
         self.groups = dict(groups)
         self.kind: Kind = next(iter(self.groups.values())).kind
-        self.rugged = any(group.rugged for group in self.groups.values())
+        self.needs_global_search = any(group.needs_global_search for group in self.groups.values())
         self._names = {group: self._named(group) for group in self.groups}
-        self.jumps = tuple(dict.fromkeys(self._names[name][knob] for name, group in self.groups.items() for knob in group.jumps))
-        self.apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
-        begins = np.cumsum([0, *(len(problem.blocks) for problem in self.groups.values())])
+        self.jumps = tuple(dict.fromkeys(self._names[name][spec] for name, group in self.groups.items() for spec in group.jumps))
+        self.independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
+        begins = np.cumsum([0, *(len(base_model.blocks) for base_model in self.groups.values())])
         self.ranked = tuple(
             replace(ranked, at=ranked.at + begin)
-            for begin, problem in zip(begins[:-1], self.groups.values(), strict=True)
-            for ranked in problem.ranked
+            for begin, base_model in zip(begins[:-1], self.groups.values(), strict=True)
+            for ranked in base_model.ranked
         )
-        merged: dict[str, Knob] = {}
+        merged: dict[str, ParameterSpec] = {}
         starts: dict[str, list[float]] = {}
-        for group, problem in self.groups.items():
+        for group, base_model in self.groups.items():
             own = dict(
-                zip((knob.name for knob in problem.base), _aligned(problem, next(iter(self.groups.values())), backwards), strict=True)
+                zip((spec.name for spec in base_model.base), _aligned(base_model, next(iter(self.groups.values())), backwards), strict=True)
             )
-            for knob in problem.base:
-                name = self._names[group][knob.name]
-                known = merged.get(name, knob)
-                merged[name] = replace(knob, name=name, low=min(knob.low, known.low), high=max(knob.high, known.high))
-                starts.setdefault(name, []).append(own[knob.name])
+            for spec in base_model.base:
+                name = self._names[group][spec.name]
+                known = merged.get(name, spec)
+                merged[name] = replace(spec, name=name, low=min(spec.low, known.low), high=max(spec.high, known.high))
+                starts.setdefault(name, []).append(own[spec.name])
         self.base = tuple(merged.values())
-        self.facts: Mapping[str, float] = self._facts(list(self.groups))
-        self.notes: tuple[str, ...] = tuple(f"{group}: {note}" for group, problem in self.groups.items() for note in problem.notes)
+        self.scales: Mapping[str, float] = self._facts(list(self.groups))
+        self.notes: tuple[str, ...] = tuple(f"{group}: {note}" for group, base_model in self.groups.items() for note in base_model.notes)
         self._originals: dict[str, Effect] = {}
         self._places: dict[tuple[str, str], tuple[str, list[str]]] = {}
         self._kept: dict[object, tuple[Sequence[Effect], Array]] = {}
-        self.start = np.array([np.mean(starts[knob.name]) for knob in self.base])
+        self.start = np.array([np.mean(starts[spec.name]) for spec in self.base])
         self.start = self._best_start(starts)
 
     def _named(self, group: str) -> dict[str, str]:
         """Name the base parameters of a measurement: those that others share by their plain name."""
-        problem = self.groups[group]
-        names = {knob.name: f"{group}.{knob.name}" for knob in problem.base}
-        for name in _shareable(problem):
-            alike = [g for g, other in self.groups.items() if _shareable(other).get(name) == _shareable(problem)[name]]
+        base_model = self.groups[group]
+        names = {spec.name: f"{group}.{spec.name}" for spec in base_model.base}
+        for name in _shareable(base_model):
+            alike = [g for g, other in self.groups.items() if _shareable(other).get(name) == _shareable(base_model)[name]]
             sets = {_shareable(other)[name] for other in self.groups.values() if name in _shareable(other)}
             if len(alike) > 1:
                 names[name] = name if len(sets) == 1 else f"{'+'.join(alike)}.{name}"
@@ -81,7 +81,7 @@ class JointProblem:
     def _facts(self, groups: list[str], label: str = "") -> dict[str, float]:
         """The largest of each fact among some measurements, under a label."""
         found: dict[str, float] = {}
-        for name, value in ((n, v) for group in groups for n, v in self.groups[group].facts.items()):
+        for name, value in ((n, v) for group in groups for n, v in self.groups[group].scales.items()):
             found[label + name] = max(value, found.get(label + name, value))
         return found
 
@@ -91,13 +91,13 @@ class JointProblem:
         if all(np.ptp(values) <= APART * abs(np.mean(values)) for values in starts.values()):
             return self.start
         tried = [np.array([starts[k.name][min(i, len(starts[k.name]) - 1)] for k in self.base]) for i in range(most)]
-        return min((fit(Extended(self), start, most=ROUGH) for start in tried), key=lambda s: s.chi2).vector
+        return min((fit(ExtendedModel(self), start, most=ROUGH) for start in tried), key=lambda s: s.chi2).vector
 
     def pool(self, library: Iterable[Effect]) -> list[Effect]:
         """Return the effects that can show in any of the measurements, with their parameters here."""
         found = []
         for effect in library:
-            acting = [group for group, problem in self.groups.items() if _acts(effect, problem)]
+            acting = [group for group, base_model in self.groups.items() if _acts(effect, base_model)]
             if acting:
                 self._originals[effect.name] = effect
                 found.append(self._adapted(effect, acting))
@@ -107,20 +107,21 @@ class JointProblem:
         gone = tuple(self._names[g][name] for g in acting for name in effect.replaces if name in self._names[g])
         lasers: dict[object, list[str]] = {}
         for group in acting:
-            lasers.setdefault((self.groups[group].kind, self.groups[group].facts.get("wavelength")), []).append(group)
+            lasers.setdefault((self.groups[group].kind, self.groups[group].scales.get("wavelength")), []).append(group)
         if effect.shared or len(lasers) == 1:
             return replace(effect, replaces=gone)
-        knobs = []
+        specs = []
         for groups in lasers.values():
             label = "+".join(groups) + "."
-            self.facts = {**self.facts, **self._facts(groups, label)}
-            knobs += [replace(k, name=label + k.name, per=label + k.per if k.per else "") for k in effect.parameters]
+            self.scales = {**self.scales, **self._facts(groups, label)}
+            specs += [replace(k, name=label + k.name, scale=label + k.scale if k.scale else "") for k in effect.parameters]
             self._places |= {(effect.name, label + k.name): (k.name, groups) for k in effect.parameters}
-        return replace(effect, replaces=gone, parameters=tuple(knobs))
+        return replace(effect, replaces=gone, parameters=tuple(specs))
 
     def _own(self, group: str, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Own:
         """Return what the model of one measurement sees of all parameters."""
-        kept, numbers = [], []
+        kept = []
+        numbers = []
         for effect, joint in zip(effects, values, strict=True):
             if _acts(effect, self.groups[group]):
                 places = [(self._places.get((effect.name, name), (name, [group])), value) for name, value in joint.items()]
@@ -133,20 +134,20 @@ class JointProblem:
         """Blocks of the same number in measurements of one kind are left out together."""
         first: dict[Kind, int] = {}
         found = []
-        for problem in self.groups.values():
-            offset = first.setdefault(problem.kind, 1000 * len(first))
-            found.append(np.where(problem.blocks >= 0, problem.blocks + offset, -1))
+        for base_model in self.groups.values():
+            offset = first.setdefault(base_model.kind, 1000 * len(first))
+            found.append(np.where(base_model.blocks >= 0, base_model.blocks + offset, -1))
         return np.concatenate(found)
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return the residuals of all measurements, one after the other."""
         found = []
-        for group, problem in self.groups.items():
+        for group, base_model in self.groups.items():
             kept, own, numbers = self._own(group, effects, base, values)
             # A tangent moves one parameter, so that most measurements stand as they were.
             key = group, tuple(map(id, kept)), tuple(own.values()), tuple(tuple(n.values()) for n in numbers)
             if key not in self._kept:
-                self._kept[key] = kept, problem.residuals(kept, own, numbers)
+                self._kept[key] = kept, base_model.residuals(kept, own, numbers)
                 if len(self._kept) > MEMORY * len(self.groups):
                     del self._kept[next(iter(self._kept))]
             found.append(self._kept[key][1])
@@ -154,39 +155,39 @@ class JointProblem:
 
     def _spread(self, group: str, rows: dict[str, Array]) -> dict[str, Array]:
         """Set directions of one measurement among zeros for the others."""
-        sizes = {g: len(problem.blocks) for g, problem in self.groups.items()}
+        sizes = {g: len(base_model.blocks) for g, base_model in self.groups.items()}
         return {
             f"{group}: {name}": np.concatenate([row if g == group else np.zeros(n) for g, n in sizes.items()]) for name, row in rows.items()
         }
 
-    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """Those of each measurement."""
         found: dict[str, Array] = {}
-        for group, problem in self.groups.items():
+        for group, base_model in self.groups.items():
             own = self._own(group, effects, base, values)
-            found |= self._spread(group, problem.patterns(*own))
+            found |= self._spread(group, base_model.residual_directions(*own))
         return found
 
-    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """Those of each measurement."""
         found: dict[str, Array] = {}
-        for group, problem in self.groups.items():
+        for group, base_model in self.groups.items():
             own = self._own(group, effects, base, values)
-            found |= {f"{phrase} (as in {group})": row for phrase, row in problem.experiments(*own).items()}
+            found |= {f"{phrase} (as in {group})": row for phrase, row in base_model.candidate_measurements(*own).items()}
         return found
 
-    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Those of all measurements together, as far as each of them has some; and one map's motion the other way round.
 
         What the electronics add to the phase of the motion under each laser is not known, so that phases do not tell whether two maps
         show the film on the same side; causes that know up from down do.
         """
         found = []
-        maps = [(group, problem) for group, problem in self.groups.items() if isinstance(problem, MapProblem)]
+        maps = [(group, base_model) for group, base_model in self.groups.items() if isinstance(base_model, MapModel)]
         for group, turning in maps[1:]:
             plain = {name: base[joint] for name, joint in self._names[group].items()}
             found.append(base | {self._names[group][name]: value for name, value in turning.turned(plain).items()})
-        own = {g: p.alike({name: base[joint] for name, joint in self._names[g].items()}) for g, p in self.groups.items()}
+        own = {g: p.equivalent_solutions({name: base[joint] for name, joint in self._names[g].items()}) for g, p in self.groups.items()}
         for k in range(max(map(len, own.values()))):
             other = dict(base)
             for group, alike in own.items():
@@ -198,70 +199,70 @@ class JointProblem:
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Those of each measurement, by its name."""
         found = []
-        for group, problem in self.groups.items():
+        for group, base_model in self.groups.items():
             own = [(name, *self._own(group, effects, base, values)) for name, effects, base, values in models]
-            found += [replace(shown, title=f"{group}: {shown.title}") for shown in problem.compare(own)]
+            found += [replace(shown, title=f"{group}: {shown.title}") for shown in base_model.compare(own)]
         return tuple(found)
 
     def systematic(self, unit: str) -> float:
         """The largest of any measurement."""
-        return max(problem.systematic(unit) for problem in self.groups.values())
+        return max(base_model.systematic(unit) for base_model in self.groups.values())
 
     def describe(self, residuals: Array) -> str:
         """Say where the measurement that deviates most does so."""
-        ends = np.cumsum([len(problem.blocks) for problem in self.groups.values()])
+        ends = np.cumsum([len(base_model.blocks) for base_model in self.groups.values()])
         parts = dict(zip(self.groups, np.split(residuals, ends[:-1]), strict=True))
         rms = {group: float(np.sqrt(np.mean(part**2))) for group, part in parts.items()}
         worst = max(rms, key=lambda group: rms[group])
         table = ", ".join(f"{group}: {value:.2f}σ" for group, value in rms.items())
         return f"in {worst}, {self.groups[worst].describe(parts[worst])} (rms by measurement {table})"
 
-    def bought(self, solution: Solution) -> tuple[str, ...]:
+    def bought(self, result: FitResult) -> tuple[str, ...]:
         """Say what the joint fit knows of each shared parameter, beside what each measurement alone does."""
-        base, values = solution.model.split(solution.vector)
+        base, values = result.model.split(result.vector)
         alone = {}
-        for group, problem in self.groups.items():
-            acting, own, numbers = self._own(group, solution.model.effects, base, values)
-            model = Extended(problem, tuple(self._originals[effect.name] for effect in acting))
+        for group, base_model in self.groups.items():
+            acting, own, numbers = self._own(group, result.model.effects, base, values)
+            model = ExtendedModel(base_model, tuple(self._originals[effect.name] for effect in acting))
             alone[group] = fit(model, model.pack(own, numbers))
         notes = []
-        for k, (owner, knob) in enumerate(solution.model.knobs):
+        for k, (owner, spec) in enumerate(result.model.parameters):
             told = []
             for group, single in alone.items():
-                names = [(o, self._names[group][n.name] if o == "base" else n.name) for o, n in single.model.knobs]
-                if (owner, knob.name) in names:
-                    i = names.index((owner, knob.name))
+                names = [(o, self._names[group][n.name] if o == "base" else n.name) for o, n in single.model.parameters]
+                if (owner, spec.name) in names:
+                    i = names.index((owner, spec.name))
                     told.append(f"{group} {single.vector[i]:.6g} ± {np.sqrt(single.covariance[i, i]):.2g}")
             if len(told) > 1:
-                name = knob.name if owner == "base" else f"{owner}.{knob.name}"
-                value = f"{solution.vector[k]:.6g} ± {np.sqrt(solution.covariance[k, k]):.2g} {knob.unit}"
+                name = spec.name if owner == "base" else f"{owner}.{spec.name}"
+                value = f"{result.vector[k]:.6g} ± {np.sqrt(result.covariance[k, k]):.2g} {spec.unit}"
                 notes.append(f"joint: {name} {value}; alone {', '.join(told)}")
         return tuple(notes) or ("joint: the measurements have no parameter in common, so each is judged by itself",)
 
 
-def _acts(effect: Effect, problem: Problem) -> bool:
-    return problem.kind in effect.kinds and all(fact in problem.facts for fact in effect.needs)
+def _acts(effect: Effect, base_model: MeasurementModel) -> bool:
+    return base_model.kind in effect.kinds and all(fact in base_model.scales for fact in effect.needs)
 
 
-def _shareable(problem: Problem) -> dict[str, tuple[object, ...]]:
+def _shareable(base_model: MeasurementModel) -> dict[str, tuple[object, ...]]:
     """What other measurements may have in common with this one: parameters, and what must agree for it."""
-    if isinstance(problem, MapProblem):
-        return {"amplitude": ("map", problem.mode, problem.drive, problem.frequency)}
-    if isinstance(problem, ResponseProblem):
-        return dict.fromkeys(("linewidth", "peak"), ("response", problem.mode))
+    if isinstance(base_model, MapModel):
+        return {"amplitude": ("map", base_model.mode, base_model.drive, base_model.frequency)}
+    if isinstance(base_model, ResponseModel):
+        return dict.fromkeys(("linewidth", "peak"), ("response", base_model.mode))
     return {}
 
 
-def _aligned(problem: Problem, first: Problem, backwards: bool) -> Array:
+def _aligned(base_model: MeasurementModel, first: MeasurementModel, backwards: bool) -> Array:
     """Return the start with motion in phase with that of the first map: under a cosine −θ and antiphase are the same.
 
     backwards: all of them in antiphase to that, which an asymmetric fringe can tell.
     """
-    if not isinstance(problem, MapProblem):
-        return problem.start
-    own = dict(zip((knob.name for knob in problem.base), problem.start.tolist(), strict=True))
-    phase = [knob.name for knob in problem.base].index("motion_phase")
-    reference = first.start[phase] if isinstance(first, MapProblem) else own["motion_phase"]
+    if not isinstance(base_model, MapModel):
+        return base_model.start
+    own = dict(zip((spec.name for spec in base_model.base), base_model.start.tolist(), strict=True))
+    phase = [spec.name for spec in base_model.base].index("motion_phase")
+    reference = first.start[phase] if isinstance(first, MapModel) else own["motion_phase"]
     if (np.cos(own["motion_phase"] - reference) < 0) != backwards:
-        own |= problem.turned(own)
+        own |= base_model.turned(own)
     return np.array(list(own.values()))

@@ -10,9 +10,9 @@ from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
 from femnl.core.readout import Array
-from femnl.diagnose.checkpoint import LEDGER
+from femnl.diagnose.checkpoint import CHECKPOINT
 from femnl.diagnose.tangents import jacobian_at, steps_for, tangents
-from femnl.observe.model import Extended
+from femnl.observe.model import ExtendedModel
 
 INSIDE = 1e-9
 """Distance from its bounds, in parts of the range, that a start keeps."""
@@ -21,7 +21,8 @@ DECADES = 1e6
 AT_BOUND = 1e-12
 """Distance, in parts of the range, up to which a result counts as stuck at its bound, where the optimiser puts it exactly."""
 
-BESIDE, PUSHED = 1e-4, 2.0
+BESIDE = 1e-4
+PUSHED = 2.0
 """Distance from a bound, in parts of the range, and σ by which the data push beyond it, from which on a parameter is stuck there."""
 LOOSE = 0.05
 """Part of its range below which the data know a parameter that shapes an effect."""
@@ -29,12 +30,13 @@ ITERATIONS = 12
 """Iterations of the fits that leave a block out; they start at the whole fit."""
 QUICK = 20
 """Evaluations after which a fit changes its method."""
-FTOL, XTOL = 1e-7, 1e-9
+FTOL = 1e-7
+XTOL = 1e-9
 """Relative changes of χ² and of the parameters at which a fit ends."""
 
 
 @dataclass(frozen=True)
-class Unseen:
+class CrossValidation:
     """Prediction of data that no fit has seen: χ² per datum, logarithms of the densities that fits without each block predict for it.
 
     A cause that acts on one block alone, as a frame does on one mode, is uncertain there without it, and not wrong: densities and
@@ -52,10 +54,10 @@ class Unseen:
 
 
 @dataclass(frozen=True)
-class Solution:
+class FitResult:
     """A fitted model: vector, residuals (n,), jacobian (n, p), covariance with the priors' ranges (p, p)."""
 
-    model: Extended
+    model: ExtendedModel
     vector: Array
     residuals: Array
     jacobian: Array
@@ -84,9 +86,9 @@ class Solution:
         return float(peak + 0.5 * (self.vector.size * np.log(2 * np.pi) + log_volume))
 
     @cached_property
-    def unseen(self) -> Unseen:
+    def cross_validation(self) -> CrossValidation:
         """How fits like this one predict data that they have not seen."""
-        return leave_out(self, ITERATIONS)
+        return cross_validate(self, ITERATIONS)
 
     @property
     def free(self) -> NDArray[np.bool_]:
@@ -106,24 +108,26 @@ class Solution:
         push = -(self.jacobian.T @ self.residuals) * sd  # its square is what χ² would fall by
         beside = np.where(push > 0, high - self.vector, self.vector - low) < BESIDE * (high - low)
         pushed = beside & (np.abs(push) > PUSHED)
-        found = zip(self.model.knobs, self.free, sd < LOOSE * (high - low), pushed, strict=True)
-        return [f"{owner}.{knob.name}" for (owner, knob), f, k, p in found if owner != "base" and (p or (not f and (knob.strength or k)))]
+        found = zip(self.model.parameters, self.free, sd < LOOSE * (high - low), pushed, strict=True)
+        return [f"{owner}.{spec.name}" for (owner, spec), f, k, p in found if owner != "base" and (p or (not f and (spec.strength or k)))]
 
 
-def log_prior(model: Extended, vector: Array, sd: Array) -> float:
+def log_prior(model: ExtendedModel, vector: Array, sd: Array) -> float:
     """Return the logarithm of the density of all priors at a vector; a strength counts as at least its sd."""
     low, high = model.bounds
     total = 0.0
-    for (owner, knob), value, s, a, b in zip(model.knobs, vector, sd, low, high, strict=True):
-        density = 1 / (max(value, a) * np.log(b / a)) if knob.log else 1 / (b - a)
-        if knob.strength and owner != "base" and not knob.log:
+    for (owner, spec), value, s, a, b in zip(model.parameters, vector, sd, low, high, strict=True):
+        density = 1 / (max(value, a) * np.log(b / a)) if spec.log else 1 / (b - a)
+        if spec.strength and owner != "base" and not spec.log:
             sides = 2 if a < 0 < b else 1
             density = 0.5 / (b - a) + 0.5 / (sides * max(abs(value), s) * np.log(DECADES))
         total += float(np.log(density))
     return total
 
 
-def fit(model: Extended, start: Array, keep: NDArray[np.bool_] | None = None, most: int = 100, near: Solution | None = None) -> Solution:
+def fit(
+    model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None = None, most: int = 100, near: FitResult | None = None
+) -> FitResult:
     """Minimise χ² from a start; with `keep` (n_residuals,) only over those residuals, though all are returned.
 
     near: a solution with parameters of this model, whose tangents tell what steps suit them.
@@ -132,41 +136,42 @@ def fit(model: Extended, start: Array, keep: NDArray[np.bool_] | None = None, mo
     at = model.residuals(end)
     slopes = jacobian_at(model, end, at, steps)
     low, high = model.bounds
-    return Solution(model, end, at, slopes, covariance(slopes, high - low))
+    return FitResult(model, end, at, slopes, covariance(slopes, high - low))
 
 
-def improve(model: Extended, start: Array, most: int, near: Solution) -> tuple[float, Array]:
+def improve(model: ExtendedModel, start: Array, most: int, near: FitResult) -> tuple[float, Array]:
     """Return χ² and the vector of a fit that is to be ranked and carried on, without what only a result needs."""
     end, _ = _recalled(model, start, None, most, near)
     return float(np.sum(model.residuals(end) ** 2)), end
 
 
-def _recalled(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int, near: Solution | None) -> tuple[Array, Array]:
-    """Return what the ledger keeps of a fit, or make it."""
-    ledger, first = LEDGER.get(), _first_steps(model, near)
-    if ledger is None:
+def _recalled(model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, near: FitResult | None) -> tuple[Array, Array]:
+    """Return what the checkpoint keeps of a fit, or make it."""
+    checkpoint = CHECKPOINT.get()
+    first = _first_steps(model, near)
+    if checkpoint is None:
         return _minimise(model, start, keep, most, first)
-    return ledger.recall(_key(model, start, keep, most, first), lambda: _minimise(model, start, keep, most, first))
+    return checkpoint.recall(_key(model, start, keep, most, first), lambda: _minimise(model, start, keep, most, first))
 
 
-def _first_steps(model: Extended, near: Solution | None) -> Array:
+def _first_steps(model: ExtendedModel, near: FitResult | None) -> Array:
     """Return steps for tangents at the start of a fit: those of a solution nearby for the parameters that it has, too."""
     sizes: dict[tuple[str, str], float] = {}
     if near is not None:
         norms = np.linalg.norm(near.jacobian, axis=0)
-        sizes = {(owner, knob.name): float(norm) for (owner, knob), norm in zip(near.model.knobs, norms, strict=True)}
-    return steps_for(model, np.array([sizes.get((owner, knob.name), 0.0) for owner, knob in model.knobs]))
+        sizes = {(owner, spec.name): float(norm) for (owner, spec), norm in zip(near.model.parameters, norms, strict=True)}
+    return steps_for(model, np.array([sizes.get((owner, spec.name), 0.0) for owner, spec in model.parameters]))
 
 
-def _key(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array) -> str:
+def _key(model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array) -> str:
     """Name a fit by all that it depends on beside the file: a problem that is posed in two ways starts in two places."""
-    digest = hashlib.sha256(repr((model.knobs, [effect.equation for effect in model.effects], most)).encode())
-    for part in (start, first, model.problem.start, *model.bounds, *([] if keep is None else [keep])):
+    digest = hashlib.sha256(repr((model.parameters, [effect.equation for effect in model.effects], most)).encode())
+    for part in (start, first, model.base_model.start, *model.bounds, *([] if keep is None else [keep])):
         digest.update(np.ascontiguousarray(part).tobytes())
     return digest.hexdigest()
 
 
-def _minimise(model: Extended, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array) -> tuple[Array, Array]:
+def _minimise(model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array) -> tuple[Array, Array]:
     """Return the minimum and the steps at which tangents are taken there."""
     low, high = model.bounds
     width = high - low
@@ -181,7 +186,8 @@ def _minimise(model: Extended, start: Array, keep: NDArray[np.bool_] | None, mos
     at = model.residuals(vector)
     steps, slopes = tangents(model, vector, at, first)
     # The optimiser asks for the tangents where it has just asked for the residuals, and for both where it starts.
-    latest, latest_slopes = {vector.tobytes(): at}, {vector.tobytes(): slopes}
+    latest = {vector.tobytes(): at}
+    latest_slopes = {vector.tobytes(): slopes}
 
     def known(v: Array) -> Array:
         if v.tobytes() not in latest:
@@ -217,16 +223,18 @@ def covariance(slopes: Array, width: Array) -> Array:
     return np.asarray(spread @ spread.T * np.outer(width, width))
 
 
-def held_out(solution: Solution, most: int) -> float:
+def held_out(result: FitResult, most: int) -> float:
     """Return χ² per datum of all blocks, each predicted by a fit to the others; prior knowledge is never left out."""
-    model, blocks, square = solution.model, solution.model.problem.blocks, 0.0
+    model = result.model
+    blocks = result.model.base_model.blocks
+    square = 0.0
     for block in np.unique(blocks[blocks >= 0]):
-        end, _ = _recalled(model, solution.vector, blocks != block, most, solution)
+        end, _ = _recalled(model, result.vector, blocks != block, most, result)
         square += float(np.sum(model.residuals(end)[blocks == block] ** 2))
     return square / int(np.sum(blocks >= 0))
 
 
-def leave_out(solution: Solution, most: int) -> Unseen:
+def cross_validate(result: FitResult, most: int) -> CrossValidation:
     """Predict each block of the data by a fit to the others; prior knowledge is never left out.
 
     ln p(block | others) is by how much the logarithm of evidence falls from the others to all data: −½ of what χ² gains, and −½ of
@@ -236,21 +244,26 @@ def leave_out(solution: Solution, most: int) -> Unseen:
     block and the others want other parameters (G. C. Chow, Econometrica 28, 591 (1960)), has as many degrees of freedom as parameters
     that the block tells.
     """
-    blocks = solution.model.problem.blocks
-    low, high = solution.model.bounds
+    blocks = result.model.base_model.blocks
+    low, high = result.model.bounds
     units = np.outer(high - low, high - low)
-    square, count, densities, p_values = 0.0, 0, [], []
+    square = 0.0
+    count = 0
+    densities = []
+    p_values = []
     for block in np.unique(blocks[blocks >= 0]):
         out = blocks == block
-        other = fit(solution.model, solution.vector, ~out, most, solution)
-        seen, unseen = other.residuals[~out], other.residuals[out]
+        other = fit(result.model, result.vector, ~out, most, result)
+        seen = other.residuals[~out]
+        cross_validation = other.residuals[out]
         known = covariance(other.jacobian[~out], high - low)
-        gained = np.linalg.slogdet(known / units)[1] - np.linalg.slogdet(solution.covariance / units)[1]
-        chi2 = max(solution.chi2 - float(seen @ seen), 0.0)
-        square, count = square + float(unseen @ unseen), count + len(unseen)
+        gained = np.linalg.slogdet(known / units)[1] - np.linalg.slogdet(result.covariance / units)[1]
+        chi2 = max(result.chi2 - float(seen @ seen), 0.0)
+        square = square + float(cross_validation @ cross_validation)
+        count = count + len(cross_validation)
         densities.append(-0.5 * (chi2 + float(gained)))
-        left, size, _ = np.linalg.svd(solution.jacobian[out] * (high - low), full_matrices=False)
+        left, size, _ = np.linalg.svd(result.jacobian[out] * (high - low), full_matrices=False)
         told = left[:, size > np.sqrt(12)]  # better than the priors do
-        own = solution.residuals[out] - told @ (told.T @ solution.residuals[out])
+        own = result.residuals[out] - told @ (told.T @ result.residuals[out])
         p_values.append(float(chdtrc(max(told.shape[1], 1), max(chi2 - float(own @ own), 0.0))))
-    return Unseen(square / count, tuple(densities), min(1.0, min(p_values) * len(p_values)))
+    return CrossValidation(square / count, tuple(densities), min(1.0, min(p_values) * len(p_values)))

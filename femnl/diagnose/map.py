@@ -8,7 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison, Images
-from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.effect import Effect, Kind, ParameterSpec, Values
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Fringe, Harmonics, Motion, Placement
 from femnl.diagnose.score_directions import LITTLE, fringe_terms, overtones, uneven
@@ -41,19 +41,20 @@ ASIDE = 0.02
 """Part of half the film by which the map is moved to see how the data answer to wrong places and to blur."""
 
 
-class MapProblem:
-    """Residuals of the harmonics of a driven mode; see `Problem`."""
+class MapModel:
+    """Residuals of the harmonics of a driven mode; see `MeasurementModel`."""
 
     kind: Kind = "map"
-    rugged = False
+    needs_global_search = False
     jumps: tuple[str, ...] = ()
-    apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
+    independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
     ranked: tuple[Ranked, ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         values = np.asarray(dataset["real"].values + 1j * dataset["imag"].values)
         self.harmonic = dataset["harmonic"].values.astype(np.int64)
-        values, self.harmonic = values[self.harmonic >= 1], self.harmonic[self.harmonic >= 1]
+        values = values[self.harmonic >= 1]
+        self.harmonic = self.harmonic[self.harmonic >= 1]
         self._axes = np.asarray(dataset["x"].values, float), np.asarray(dataset["y"].values, float)
         across, up = np.meshgrid(*self._axes)
         flat = values.reshape(len(self.harmonic), -1)
@@ -64,7 +65,8 @@ class MapProblem:
         self._present = np.isfinite(flat[:, used])
         self._values = np.where(self._present, flat[:, used], 0)
         self.noise, note = noise_sd(dataset)
-        self.film, self.wavelength = film, float(dataset.attrs["wavelength"])
+        self.film = film
+        self.wavelength = float(dataset.attrs["wavelength"])
         self._exact = ShapeValues(film.modes) if film.model.outline.size is None else None
         self._shapes = lru_cache(maxsize=KEPT)(self._shapes_at)
         drive = dataset.attrs.get("drive_frequency")
@@ -73,17 +75,17 @@ class MapProblem:
         self.drive = float(dataset.attrs.get("drive", 1.0))
         z = self.wavelength / (4 * np.pi)
         reach = film.projection.reach
-        self.base: tuple[Knob, ...] = (
-            Knob("amplitude", "m", 0.0, 40 * z),
-            Knob("contrast", "V", -10 * abs(fitted["contrast"]), 10 * abs(fitted["contrast"])),
-            Knob("theta", "rad", fitted["fringe_phase"] - np.pi, fitted["fringe_phase"] + np.pi),
-            Knob("motion_phase", "rad", fitted["motion_phase"] - np.pi, fitted["motion_phase"] + np.pi),
-            Knob("x", "m", -0.3 * reach, 0.3 * reach),
-            Knob("y", "m", -0.3 * reach, 0.3 * reach),
+        self.base: tuple[ParameterSpec, ...] = (
+            ParameterSpec("amplitude", "m", 0.0, 40 * z),
+            ParameterSpec("contrast", "V", -10 * abs(fitted["contrast"]), 10 * abs(fitted["contrast"])),
+            ParameterSpec("theta", "rad", fitted["fringe_phase"] - np.pi, fitted["fringe_phase"] + np.pi),
+            ParameterSpec("motion_phase", "rad", fitted["motion_phase"] - np.pi, fitted["motion_phase"] + np.pi),
+            ParameterSpec("x", "m", -0.3 * reach, 0.3 * reach),
+            ParameterSpec("y", "m", -0.3 * reach, 0.3 * reach),
         )
         names = ("amplitude", "contrast", "fringe_phase", "motion_phase", "x", "y")
         self.start = np.array([fitted[name] for name in names])
-        self.facts: Mapping[str, float] = {
+        self.scales: Mapping[str, float] = {
             "reach": reach,
             "wavelength": self.wavelength,
             "slope": abs(fitted["contrast"]) / self.drive,
@@ -135,20 +137,25 @@ class MapProblem:
         return apply("placement", Placement(grid.x - base["x"], grid.y - base["y"]), effects, values)
 
     def _read(self, placed: Placement, finer: bool, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> ComplexArray:
-        x, y = placed.x, placed.y
+        x = placed.x
+        y = placed.y
         shapes = self._shapes(x.tobytes(), y.tobytes(), finer)
         swing = np.full(x.shape, base["amplitude"] * np.exp(1j * base["motion_phase"]))
-        first, theta = (swing * shapes[self.mode])[None], np.full(x.shape, base["theta"])
+        first = (swing * shapes[self.mode])[None]
+        theta = np.full(x.shape, base["theta"])
         motion = Motion(first, theta, x, y, shapes, self.film.modes.frequency, self.mode, swing, self.wavelength)
         fringe = Fringe(np.array([0, 1], complex), self.wavelength, self.film.model.stack)
-        moved, lit = apply("motion", motion, effects, values), apply("fringe", fringe, effects, values)
+        moved = apply("motion", motion, effects, values)
+        lit = apply("fringe", fringe, effects, values)
         return base["contrast"] * harmonics(moved, lit, self.harmonic)
 
     def _shapes_at(self, x: bytes, y: bytes, finer: bool) -> Array:
-        here, grid = (np.frombuffer(x), np.frombuffer(y)), self._finer.grid if finer else self._grid
+        here = (np.frombuffer(x), np.frombuffer(y))
+        grid = self._finer.grid if finer else self._grid
         if self._exact is not None:
             return self._exact(*here)
-        across, up = np.full(grid.sizes[1], np.nan), np.full(grid.sizes[0], np.nan)
+        across = np.full(grid.sizes[1], np.nan)
+        up = np.full(grid.sizes[0], np.nan)
         across[grid.column], up[grid.row] = here
         straight = np.array_equal(across[grid.column], here[0]) and np.array_equal(up[grid.row], here[1])
         if straight and np.isfinite(across).all() and np.isfinite(up).all():  # not turned, so still a grid
@@ -163,17 +170,19 @@ class MapProblem:
         kept = volts[self._present] / self.noise
         return np.concatenate([kept.real, kept.imag])
 
-    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """Each stage changed in free form.
 
         Gain and phase of harmonics, and constants added to them; motion, phase of the fringe and signal that vary; places that are wrong
         or blurred; more terms of the fringe; motion at multiples of the drive, of every shape.
         """
-        volts, plain = self.predict(effects, base, values), self.residuals(effects, base, values)
+        volts = self.predict(effects, base, values)
+        plain = self.residuals(effects, base, values)
         found: dict[str, Array] = {}
         for k, n in enumerate(self.harmonic):
             only, constant = np.zeros((2, *volts.shape), complex)
-            only[k], constant[k] = volts[k], 1.0
+            only[k] = volts[k]
+            constant[k] = 1.0
             found |= {f"gain of harmonic {n}": self._real(only), f"phase of harmonic {n}": self._real(1j * only)}
             found |= {
                 f"constant in harmonic {n}": self._real(constant),
@@ -183,16 +192,19 @@ class MapProblem:
         def moved(name: str, step: float) -> Array:
             return self.residuals(effects, {**base, name: base[name] + step}, values) - plain
 
-        swung, turned = moved("amplitude", LITTLE * base["amplitude"]), moved("theta", LITTLE)
+        swung = moved("amplitude", LITTLE * base["amplitude"])
+        turned = moved("theta", LITTLE)
         for name, factor in uneven(self._grid.x, self._grid.y).items():
             here = self._everywhere(factor)
             for what, answer in (("motion", swung), ("phase of the fringe", turned), ("signal", self._real(volts))):
                 found[f"{what} that varies as {name}"] = here * answer
         slopes = {}
         for axis in ("x", "y"):
-            there, back = (moved(axis, side * ASIDE * self.facts["reach"]) for side in (1, -1))
-            found[f"blur along {axis}"], slopes[axis] = there + back, there - back
-        across, up = self._everywhere(self._grid.x), self._everywhere(self._grid.y)
+            there, back = (moved(axis, side * ASIDE * self.scales["reach"]) for side in (1, -1))
+            found[f"blur along {axis}"] = there + back
+            slopes[axis] = there - back
+        across = self._everywhere(self._grid.x)
+        up = self._everywhere(self._grid.y)
         # A turn and a shear: on their own, x moved with y and y moved with x are all but the same for most modes.
         found |= {
             "longer steps along x": across * slopes["x"],
@@ -211,7 +223,7 @@ class MapProblem:
         """Return a function of the place (n_points,) at every residual."""
         return np.tile(np.broadcast_to(factor, self._present.shape)[self._present], 2)
 
-    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """The same map at other amplitudes of the motion."""
         return {
             f"the same map at {factor:g} times the amplitude": self._real(
@@ -224,7 +236,7 @@ class MapProblem:
         """Nothing beside the statistics."""
         return 0.0
 
-    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Of a faint motion, larger ones under less contrast: only its product with the contrast shows."""
         depth = 4 * np.pi / self.wavelength * base["amplitude"]
         factors = [factor for factor in LARGER if depth * factor < STRAIGHT]
@@ -232,7 +244,7 @@ class MapProblem:
 
     def turned(self, base: Values) -> dict[str, float]:
         """Return phases of motion and fringe at which the film is on the other side: under a cosine −θ and antiphase are the same."""
-        names = [knob.name for knob in self.base]
+        names = [spec.name for spec in self.base]
         theta, phase = (self.start[names.index(name)] for name in ("theta", "motion_phase"))
         mirrored = (-base["theta"] - theta + np.pi) % (2 * np.pi) - np.pi + theta
         return {"theta": float(mirrored), "motion_phase": base["motion_phase"] + (np.pi if base["motion_phase"] <= phase else -np.pi)}
@@ -240,7 +252,8 @@ class MapProblem:
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """All harmonics on the grid of the map; along a single line, in the quadrature that holds each one's signal."""
         predicted = np.stack([self._on_grid(self.predict(effects, base, values)) for _, effects, base, values in models])
-        names, measured = tuple(name for name, *_ in models), self._on_grid(self._values)
+        names = tuple(name for name, *_ in models)
+        measured = self._on_grid(self._values)
         images = Images("map", names, self.harmonic, *self._axes, measured, predicted, self.noise)
         return (along_line(images) if 1 in self._grid.sizes else images,)
 
@@ -255,7 +268,8 @@ class MapProblem:
         power = np.zeros(self._present.shape)
         power[self._present] = (residuals[:half] ** 2 + residuals[half:] ** 2) / 2
         by_order = power.sum(axis=1) / np.maximum(self._present.sum(axis=1), 1)
-        k, p = int(np.argmax(by_order)), int(np.argmax(power.sum(axis=0)))
+        k = int(np.argmax(by_order))
+        p = int(np.argmax(power.sum(axis=0)))
         rms = ", ".join(f"{n}: {np.sqrt(value):.2f}σ" for n, value in zip(self.harmonic, by_order, strict=True))
         place = f"x = {self._grid.x[p] * 1e6:.0f} µm, y = {self._grid.y[p] * 1e6:.0f} µm"
         return f"harmonic {self.harmonic[k]} deviates most, and most strongly near {place}; rms by harmonic {rms}"

@@ -8,7 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison, Curve, Curves
-from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.effect import Effect, Kind, ParameterSpec, Values
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit
 from femnl.core.readout import Array
@@ -17,7 +17,7 @@ from femnl.diagnose.least_squares import fit
 from femnl.diagnose.score_directions import forces
 from femnl.fits.record.oscillator import LINEAR, begun, equation_start, fit_oscillator, settled, simulate_oscillator
 from femnl.io.measurement import noise_sd
-from femnl.observe.model import Extended, Named, Ranked, apply
+from femnl.observe.model import ExtendedModel, Named, Ranked, apply
 from femnl.observe.record.free_run import EDGE, Drive, Numbers, free_run, stages, steps_needed
 
 BLOCKS = 6
@@ -42,16 +42,16 @@ RANGES = {"kappa2": ("V^-1", 1.0, "slope"), "eta": ("V^-2", 100.0, "curvature"),
 """Unit, size and scale of the effects' parameters where the output in volts stands for metres."""
 
 
-class OscillationProblem:
-    """Residuals of the free run ÿ + γ(1 + ηy²)ẏ + ω₀²(y + κ₂y² + αy³ + α₅y⁵) = ω₀²(u + u₀)/k; see `Problem`.
+class RecordModel:
+    """Residuals of the free run ÿ + γ(1 + ηy²)ẏ + ω₀²(y + κ₂y² + αy³ + α₅y⁵) = ω₀²(u + u₀)/k; see `MeasurementModel`.
 
     y is the output and u the drive, in V: the measured output never enters the simulation. What it begins with is fitted.
     """
 
     kind: Kind = "record"
-    rugged = False
+    needs_global_search = False
     jumps: tuple[str, ...] = ()
-    apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
+    independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
     ranked: tuple[Ranked, ...] = ()
 
     def __init__(self, dataset: xr.Dataset) -> None:
@@ -59,7 +59,8 @@ class OscillationProblem:
             raise MeasurementError(f"trace: {dataset.sizes['step']} records of drive and output; diagnose them one file each")
         # The motion before the first known sample is not asked for.
         dataset = dataset.isel(time=slice(int(np.argmax(np.isfinite(dataset["voltage"].values[0]))), None))
-        drive, output = dataset["drive_voltage"].values[0], dataset["voltage"].values[0]
+        drive = dataset["drive_voltage"].values[0]
+        output = dataset["voltage"].values[0]
         self._time = dataset["time"].values
         self._interval = float(np.median(np.diff(self._time)))
         late = settled(drive, output, 1 / self._interval)
@@ -68,7 +69,9 @@ class OscillationProblem:
         self.noise, note = noise_sd(dataset)
         begin = begun(output, self._interval)
         (mass, damping, stiffness, offset, cubic), self._drive = self._nearest(drive, output, linear, begin)
-        frequency, width, alpha = np.sqrt(stiffness / mass) / (2 * np.pi), damping / mass / (2 * np.pi), cubic / stiffness
+        frequency = np.sqrt(stiffness / mass) / (2 * np.pi)
+        width = damping / mass / (2 * np.pi)
+        alpha = cubic / stiffness
         length = len(output)
         usable = np.isfinite(output)
         usable[:EDGE] = usable[length - EDGE :] = False  # the drive's spline ends there
@@ -76,19 +79,19 @@ class OscillationProblem:
         self._output = np.asarray(output[self._at], float)
         largest = float(np.abs(self._output).max())
         stiff = sorted((stiffness / 5, 5 * stiffness))
-        self.base: tuple[Knob, ...] = (
-            Knob("frequency", "Hz", frequency / 2, 2 * frequency),
-            Knob("linewidth", "Hz", width / 10, 10 * width),
-            Knob("stiffness", "V/V", *stiff),
-            Knob("offset", "V", -float(np.ptp(drive)), float(np.ptp(drive))),
-            Knob("begin", "V", -2 * largest, 2 * largest),
-            Knob("begin_speed", "V/s", -4 * np.pi * frequency * largest, 4 * np.pi * frequency * largest),
-            Knob("alpha", "V^-2", -5 / largest**2 - abs(alpha), 5 / largest**2 + abs(alpha)),
+        self.base: tuple[ParameterSpec, ...] = (
+            ParameterSpec("frequency", "Hz", frequency / 2, 2 * frequency),
+            ParameterSpec("linewidth", "Hz", width / 10, 10 * width),
+            ParameterSpec("stiffness", "V/V", *stiff),
+            ParameterSpec("offset", "V", -float(np.ptp(drive)), float(np.ptp(drive))),
+            ParameterSpec("begin", "V", -2 * largest, 2 * largest),
+            ParameterSpec("begin_speed", "V/s", -4 * np.pi * frequency * largest, 4 * np.pi * frequency * largest),
+            ParameterSpec("alpha", "V^-2", -5 / largest**2 - abs(alpha), 5 / largest**2 + abs(alpha)),
         )
         self.start = np.array([frequency, width, stiffness, offset, *begin, alpha])
-        self.facts: Mapping[str, float] = {"slope": 1 / largest, "curvature": largest**-2, "curvature_square": largest**-4}
+        self.scales: Mapping[str, float] = {"slope": 1 / largest, "curvature": largest**-2, "curvature_square": largest**-4}
         left, self.start = self._followed()
-        base, _ = Extended(self).split(self.start)
+        base, _ = ExtendedModel(self).split(self.start)
         moved = float(np.std(self._output))
         if left > HOPELESS * moved:
             raise MeasurementError(
@@ -131,7 +134,8 @@ class OscillationProblem:
 
     def _followed(self) -> tuple[float, Array]:
         """Return what the base model leaves [V rms], and its vector, where it follows the record over longer and longer parts."""
-        model, found = Extended(self), []
+        model = ExtendedModel(self)
+        found = []
         for parts in HORIZONS:
             vector = self.start
             for part in parts:
@@ -146,16 +150,16 @@ class OscillationProblem:
         found = []
         for effect in library:
             if "equation" in effect.changes:
-                knobs = []
-                for knob in effect.parameters:
-                    if knob.name not in RANGES:
+                specs = []
+                for spec in effect.parameters:
+                    if spec.name not in RANGES:
                         raise ParameterError(
-                            f"effect {effect.name}: its parameter {knob.name} has no range in volts of a record; "
+                            f"effect {effect.name}: its parameter {spec.name} has no range in volts of a record; "
                             f"an effect on the stage equation takes {', '.join(RANGES)}"
                         )
-                    unit, size, per = RANGES[knob.name]
-                    knobs.append(replace(knob, unit=unit, low=-size if knob.low < 0 else 0.0, high=size, per=per))
-                found.append(replace(effect, parameters=tuple(knobs)))
+                    unit, size, per = RANGES[spec.name]
+                    specs.append(replace(spec, unit=unit, low=-size if spec.low < 0 else 0.0, high=size, scale=per))
+                found.append(replace(effect, parameters=tuple(specs)))
         return found
 
     @property
@@ -182,7 +186,7 @@ class OscillationProblem:
         """Return (output − free run)/σ."""
         return np.asarray((self._output - self.predict(effects, base, values)) / self.noise)
 
-    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """Powers of the output, its slope, and forces of higher order."""
         output = self.predict(effects, base, values)
         unit = output / np.abs(output).max()
@@ -190,15 +194,15 @@ class OscillationProblem:
         found["slope of the output"] = np.gradient(unit) / self.noise
         return found | forces(self, effects, base, values)
 
-    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """The forces that the same record would show at other sizes of the motion, in parts of the linear one."""
         forces = apply("equation", Equation(0.0, base["alpha"], 0.0, 0.0), effects, values)
-        y = 2 / self.facts["slope"] * np.linspace(-1, 1, 41)
+        y = 2 / self.scales["slope"] * np.linspace(-1, 1, 41)
         nonlinear = y**2 * (forces.quadratic + y * (forces.cubic + y**2 * forces.quintic))
         loss = base["linewidth"] / base["frequency"] * forces.damping * y**3
         return {"the same record at twice the output": np.concatenate([nonlinear, loss]) / self.noise}
 
-    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """None: these data leave one solution."""
         return []
 

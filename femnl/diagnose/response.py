@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison, Curve, Curves
 from femnl.core.compiled import compiled
-from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.effect import Effect, Kind, ParameterSpec, Values
 from femnl.core.errors import MeasurementError
 from femnl.core.memo import recent
 from femnl.core.readout import Array, ComplexArray
@@ -17,7 +17,7 @@ from femnl.core.stages import Oscillator, Signal
 from femnl.fits.response.fit import fit_response
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import Named, Ranked, apply
-from femnl.observe.response.branches import sheets
+from femnl.observe.response.branches import duffing_branches
 from femnl.observe.response.sweeps import Sweeps, collect
 
 ALPHA_SD = 0.2
@@ -40,11 +40,11 @@ FAINT = 1e-6
 """Squared amplitude, in that of one linewidth of stiffening, from which on a resonance of any order acts."""
 
 
-class ResponseProblem:
-    """Residuals of driven sweeps; see `Problem`."""
+class ResponseModel:
+    """Residuals of driven sweeps; see `MeasurementModel`."""
 
     kind: Kind = "response"
-    rugged = False
+    needs_global_search = False
     jumps: tuple[str, ...] = ("peak",)
     ranked: tuple[Ranked, ...] = ()
 
@@ -55,7 +55,9 @@ class ResponseProblem:
         self.wavelength = float(dataset.attrs.get("wavelength", 0.0))
         self.mode = _mode(dataset, film, fitted["frequency"])
         self.simulated_alpha = float(film.alpha[self.mode])
-        f0, w, n = fitted["frequency"], fitted["linewidth"], self.sweeps.n_positions
+        f0 = fitted["frequency"]
+        w = fitted["linewidth"]
+        n = self.sweeps.n_positions
         names = [""] if n == 1 else [f"[{p}]" for p in range(n)]
         slope = [fitted[f"y_max{name}"] for name in names]
         ratio = fitted[f"alpha_y{names[0]}"] / self.sweeps.reference**2
@@ -63,18 +65,18 @@ class ResponseProblem:
         span = self.sweeps.span
         self._scales = [float(scale * s / slope[0]) for s in slope]
         self.base = (
-            Knob("frequency", "Hz", f0 - span, f0 + span),
-            Knob("linewidth", "Hz", w / 20, 20 * w),
-            Knob("peak", "m/V", 0.0, 20 * slope[0] / scale),
-            *(Knob(f"responsivity{name}", "V/m", 0.0, 20 * s) for name, s in zip(names, self._scales, strict=True)),
-            *(Knob(f"phase{name}", "rad", fitted[f"phase{name}"] - np.pi, fitted[f"phase{name}"] + np.pi) for name in names),
+            ParameterSpec("frequency", "Hz", f0 - span, f0 + span),
+            ParameterSpec("linewidth", "Hz", w / 20, 20 * w),
+            ParameterSpec("peak", "m/V", 0.0, 20 * slope[0] / scale),
+            *(ParameterSpec(f"responsivity{name}", "V/m", 0.0, 20 * s) for name, s in zip(names, self._scales, strict=True)),
+            *(ParameterSpec(f"phase{name}", "rad", fitted[f"phase{name}"] - np.pi, fitted[f"phase{name}"] + np.pi) for name in names),
         )
         self.start = np.array([f0, w, slope[0] / scale, *self._scales, *(fitted[f"phase{name}"] for name in names)])
         self.softens = ratio * self.simulated_alpha < 0
         self._names = names
         self._solved = recent(_on_sheets)
         masks = [self._whole((1 + 1j) * (self.sweeps.position == p)) > 0 for p in range(n)]
-        self.apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = tuple(
+        self.independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = tuple(
             {f"{name}{place}": mask for place, mask in zip(names, masks, strict=True)} for name in ("responsivity", "phase")
         )
         strongest = slope[0] / scale * self.sweeps.reference
@@ -85,7 +87,7 @@ class ResponseProblem:
         self._largest = float(size.max())
         moving = self.sweeps.frequency[size > MOVING * size.max()]
         self._middle = float(moving.min() + moving.max()) / 2
-        self.facts: Mapping[str, float] = {
+        self.scales: Mapping[str, float] = {
             "curvature": strongest**-2,
             "curvature_square": strongest**-4,
             "slope": slope[0],
@@ -135,8 +137,10 @@ class ResponseProblem:
         Only α A² shows in sweeps, so that α as observed sets the metres; where it is negative, effects must have lowered the film's own.
         """
         first = np.array([span.start for span in data.spans])
-        drive, frequency = data.drive[first] * data.reference, np.full(len(first), base["frequency"])
-        alpha, silent = -self.simulated_alpha if self.softens else self.simulated_alpha, np.zeros(len(data.frequency), complex)
+        drive = data.drive[first] * data.reference
+        frequency = np.full(len(first), base["frequency"])
+        alpha = -self.simulated_alpha if self.softens else self.simulated_alpha
+        silent = np.zeros(len(data.frequency), complex)
         driven = np.asarray(data.frequency)
         plain = Oscillator(frequency, base["linewidth"], alpha, 0.0, 0.0, drive, base["peak"], self._time, driven, self._middle, silent)
         mode = apply("oscillator", plain, effects, values)
@@ -144,7 +148,8 @@ class ResponseProblem:
 
     def _states(self, mode: Oscillator, data: Sweeps, linear: Array) -> ComplexArray:
         """Return b = A/(A₁F) on the low and on the high sheet, continued past its fold, (2, n)."""
-        f0, per = mode.frequency[data.sweep], 2 / mode.linewidth
+        f0 = mode.frequency[data.sweep]
+        per = 2 / mode.linewidth
         delta = per * (f0 - data.frequency)
         cubic = per * 0.375 * f0 * mode.alpha * linear**2 + 1j * np.maximum(mode.damping, 0) * linear**2 / 4
         fifth = per * 0.3125 * f0 * mode.quintic * linear**4
@@ -164,7 +169,7 @@ class ResponseProblem:
         deviation = (own / self.simulated_alpha - 1) / ALPHA_SD
         return self._whole((self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise, deviation)
 
-    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """Gain and phase at each drive and of strong signals, backgrounds, f₀ and w of each sweep and of strong motion."""
         volts = self.predict(effects, base, values) / self.sweeps.noise
         share = np.asarray(np.abs(volts) * self.sweeps.noise / self._largest, float)
@@ -181,7 +186,8 @@ class ResponseProblem:
             ways = {"gain": only, "phase": 1j * only, "real background": flat, "imaginary background": 1j * flat}
             for name, part in ways.items():
                 found[f"{name} at a drive of {drive * self.sweeps.reference:.3g} V"] = self._whole(part)
-        plain, step = self.residuals(effects, base, values), LITTLE * base["linewidth"]
+        plain = self.residuals(effects, base, values)
+        step = LITTLE * base["linewidth"]
         for name in ("frequency", "linewidth"):
             moved = self.residuals(effects, {**base, name: base[name] + step}, values) - plain
             found[f"{name} of strong motion"] = moved * self._whole((1 + 1j) * share**BEYOND)
@@ -190,7 +196,7 @@ class ResponseProblem:
                 found[f"{name} of sweep {k + 1}"] = self._whole(mine) * moved
         return found
 
-    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """The same sweeps at twice the drives."""
         doubled = replace(self.sweeps, reference=2 * self.sweeps.reference)
         volts = self.predict(effects, base, values, doubled) / self.sweeps.noise
@@ -201,15 +207,17 @@ class ResponseProblem:
         powers = {"m/V": 1, "V/m": -1, "m^-1": -1, "m^-2": -2, "m^-4": -4}
         return abs(powers.get(unit, 0)) / 2 * ALPHA_SD
 
-    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """None: these data leave one solution."""
         return []
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Magnitude and phase of every sweep."""
-        data, names = self.sweeps, tuple(name for name, *_ in models)
+        data = self.sweeps
+        names = tuple(name for name, *_ in models)
         volts = np.stack([self.predict(effects, base, values) for _, effects, base, values in models])
-        size, noise = np.abs(data.voltage), np.full(data.voltage.shape, data.noise)
+        size = np.abs(data.voltage)
+        noise = np.full(data.voltage.shape, data.noise)
         phase = np.degrees(np.concatenate([np.unwrap(np.angle(data.voltage[s])) for s in data.spans]))
         near = phase + np.degrees(np.angle(volts * np.conj(data.voltage)))
         found = []
@@ -232,7 +240,8 @@ class ResponseProblem:
         n = len(self.sweeps.frequency)
         power = (residuals[:n] ** 2 + residuals[n : 2 * n] ** 2) / 2
         rms = {d: float(np.sqrt(power[self.sweeps.drive == d].mean())) for d in np.unique(self.sweeps.drive)}
-        worst, k = max(rms, key=lambda d: rms[d]), int(np.argmax(power))
+        worst = max(rms, key=lambda d: rms[d])
+        k = int(np.argmax(power))
         table = ", ".join(f"{d * self.sweeps.reference:.3g} V: {value:.2f}σ" for d, value in rms.items())
         offset = self.sweeps.frequency[k] - self.start[0]
         drive = f"the drive of {worst * self.sweeps.reference:.3g} V deviates most"
@@ -243,16 +252,21 @@ def _follow(found: ComplexArray, measured: ComplexArray, both: ComplexArray, spa
     """Put in place the sheet (2, n) of each point; spans (n_sweeps, 3): start, stop, and whether a sweep begins on the first sheet."""
     last = 1 - first
     for k in range(len(spans)):
-        start, stop = spans[k, 0], spans[k, 1]
-        jump, left, least = start, 0.0, 0.0
+        start = spans[k, 0]
+        stop = spans[k, 1]
+        jump = start
+        left = 0.0
+        least = 0.0
         for i in range(start, stop):
             gain = abs(measured[i] - both[first, i]) ** 2 - abs(measured[i] - both[last, i]) ** 2
             found[i] = both[first if gain <= 0 else last, i]
             left += gain
             if left < least:
-                jump, least = i + 1, left
+                jump = i + 1
+                least = left
         if spans[k, 2]:
-            found[start:jump], found[jump:stop] = both[first, start:jump], both[last, jump:stop]
+            found[start:jump] = both[first, start:jump]
+            found[jump:stop] = both[last, jump:stop]
 
 
 def _on_sheets(delta: Array, cubic: ComplexArray, fifth: Array, pulled: ComplexArray, scale: Array, order: float) -> ComplexArray:
@@ -261,12 +275,13 @@ def _on_sheets(delta: Array, cubic: ComplexArray, fifth: Array, pulled: ComplexA
     a(x) = cubic + fifth·x + pulled·(scale·x)^(order − 2) is put to the amplitude at hand, round by round.
     """
     a = cubic + pulled
-    x = sheets(delta, a.real, a.imag, continued=True).x
+    x = duffing_branches(delta, a.real, a.imag, continued=True).x
     if np.any(fifth) or (np.any(pulled) and order != 2):
         for _ in range(ROUNDS):
             a = cubic + fifth * x + pulled * np.maximum(x * scale, FAINT) ** (order - 2)
             # Both at once: row s of sheet s is the one that goes on from x[s].
-            before, x = x, sheets(delta, a.real, a.imag, continued=True).x[SIDES, SIDES]
+            before = x
+            x = duffing_branches(delta, a.real, a.imag, continued=True).x[SIDES, SIDES]
             if np.all(np.abs(x - before).max(axis=1) < SETTLED * np.abs(x).max(axis=1)):
                 break
     return np.asarray(1 / (delta + a.real * x + 1j * (1 + a.imag * x)))

@@ -21,41 +21,41 @@ from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Parameter
 from femnl.diagnose.checkpoint import remembered
 from femnl.diagnose.freeform import free_forms
-from femnl.diagnose.joint import JointProblem
-from femnl.diagnose.map import MapProblem
-from femnl.diagnose.record import OscillationProblem
-from femnl.diagnose.response import ResponseProblem
+from femnl.diagnose.joint import JointModel
+from femnl.diagnose.map import MapModel
+from femnl.diagnose.record import RecordModel
+from femnl.diagnose.response import ResponseModel
 from femnl.diagnose.search import Candidate, applicable, search
-from femnl.diagnose.series import SeriesProblem
-from femnl.diagnose.spectrum import SpectrumProblem
-from femnl.diagnose.trace import TraceProblem
+from femnl.diagnose.series import SeriesModel
+from femnl.diagnose.spectrum import SpectrumModel
+from femnl.diagnose.trace import TraceModel
 from femnl.diagnose.verdict import judge, measure_next
-from femnl.diagnose.worker_pool import Posed, Run, crew
+from femnl.diagnose.worker_pool import Posed, Run, worker_pool
 from femnl.effects import library
 from femnl.io import measurement
 from femnl.io.results import write_whole
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import Named, Problem
+from femnl.observe.model import MeasurementModel, Named
 from femnl.pipeline import measured_device
 
 SHOWN = 1e-6
 """Probability below which alternatives are not listed."""
 
 
-def pose_trace(dataset: xr.Dataset, film: SimulatedFilm) -> Problem:
+def pose_trace(dataset: xr.Dataset, film: SimulatedFilm) -> MeasurementModel:
     """Harmonics of a fringe, where the laser's wavelength is known."""
     if "wavelength" in dataset.attrs:
-        return TraceProblem(dataset, film)
+        return TraceModel(dataset, film)
     raise MeasurementError(
         "trace: neither wavelength nor drive_voltage is there: add the laser's wavelength [m], or the drive that was recorded"
     )
 
 
-PROBLEMS: dict[str, Callable[[xr.Dataset, SimulatedFilm], Problem]] = {
-    "spectrum": SpectrumProblem,
-    "map": MapProblem,
-    "response": ResponseProblem,
-    "series": SeriesProblem,
+PROBLEMS: dict[str, Callable[[xr.Dataset, SimulatedFilm], MeasurementModel]] = {
+    "spectrum": SpectrumModel,
+    "map": MapModel,
+    "response": ResponseModel,
+    "series": SeriesModel,
     "trace": pose_trace,
 }
 VERSION = "1.0"
@@ -85,8 +85,8 @@ def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Ef
     # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work they wait for each other.
     with remembered(digest, model, [effect.name for effect in pool]), threadpool_limits(1, user_api="blas"), ExitStack() as helpers:
         found, run = _searched(partial(_posed, path, geometry, _sent(pool, workers)), workers, helpers)
-        problem = found[0].solution.model.problem
-        concluded = conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *problem.notes), run)
+        base_model = found[0].result.model.base_model
+        concluded = conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *base_model.notes), run)
     return replace(concluded, geometry=geometry)
 
 
@@ -112,28 +112,28 @@ def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None
 def _posed(path: Path, geometry: str | None, chosen: list[Effect | str], backwards: bool = False) -> Posed:
     """Return the problem that a file poses, several measurements jointly, and those of the effects that may explain it.
 
-    chosen: effects, those of the library by name. backwards: see `JointProblem`.
+    chosen: effects, those of the library by name. backwards: see `JointModel`.
     """
     effects = [library()[effect] if isinstance(effect, str) else effect for effect in chosen]
     tree, model = _opened(path, geometry)
-    problems = {name: pose(name, node.to_dataset(), model) for name, node in tree.children.items()}
-    if len(problems) > 1:
-        joint = JointProblem(problems, backwards=backwards)
+    base_models = {name: pose(name, node.to_dataset(), model) for name, node in tree.children.items()}
+    if len(base_models) > 1:
+        joint = JointModel(base_models, backwards=backwards)
         return joint, joint.pool(effects)
-    ((_, problem),) = problems.items()
-    return problem, problem.pool(effects) if isinstance(problem, OscillationProblem) else applicable(problem, effects)
+    ((_, base_model),) = base_models.items()
+    return base_model, base_model.pool(effects) if isinstance(base_model, RecordModel) else applicable(base_model, effects)
 
 
 def _searched(pose: Callable[..., Posed], workers: int, helpers: ExitStack) -> tuple[list[Candidate], Run]:
     """Fit what may explain one measurement, or several jointly; return what was fitted, and what does further jobs of that problem."""
 
     def sought(pose: Callable[[], Posed]) -> tuple[list[Candidate], Run]:
-        mine = helpers.enter_context(crew(pose, workers))
+        mine = helpers.enter_context(worker_pool(pose, workers))
         return search(*mine.posed(), mine.run), mine.run
 
     found, run = sought(pose)
-    problem = found[0].solution.model.problem
-    if not isinstance(problem, JointProblem) or any(candidate.viable for candidate in found) or "wavelength" not in problem.facts:
+    base_model = found[0].result.model.base_model
+    if not isinstance(base_model, JointModel) or any(candidate.viable for candidate in found) or "wavelength" not in base_model.scales:
         return found, run
     # Which way the film moves at a phase of the drive is not known, and two wavelengths together tell it.
     other = sought(partial(pose, backwards=True))
@@ -145,10 +145,10 @@ def _oscillates(dataset: xr.Dataset) -> bool:
     return dataset.attrs["kind"] == "trace" and "wavelength" not in dataset.attrs and "drive_voltage" in dataset
 
 
-def pose(name: str, dataset: xr.Dataset, model: Model | None) -> Problem:
+def pose(name: str, dataset: xr.Dataset, model: Model | None) -> MeasurementModel:
     """Return the problem that a group of a measurement file poses; that of an oscillator's record needs no device."""
     if model is None or _oscillates(dataset):
-        return OscillationProblem(dataset)
+        return RecordModel(dataset)
     kind = str(dataset.attrs["kind"])
     if kind not in PROBLEMS:
         raise MeasurementError(f"{name}: a diagnosis of kind {kind!r} is not available; known are {', '.join(PROBLEMS)}")
@@ -159,16 +159,18 @@ def pose(name: str, dataset: xr.Dataset, model: Model | None) -> Problem:
 def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, ...], run: Run) -> Diagnosis:
     """Weigh what was fitted and put the verdict together."""
     judged = judge(found)
-    base, best, share = found[0], judged.chosen, judged.share
+    base = found[0]
+    best = judged.chosen
+    share = judged.share
     before = _quality(base)
     after = before if best is base else _quality(best)
-    problem = best.solution.model.problem
-    joint = problem.bought(best.solution) if isinstance(problem, JointProblem) else ()
+    base_model = best.result.model.base_model
+    joint = base_model.bought(best.result) if isinstance(base_model, JointModel) else ()
     listed = [*((best,) if judged.verdict == "ambiguous" else ()), *judged.rivals]
     if judged.verdict != "unexplained":  # where nothing explains the data, nothing is an alternative; the trials tell what was tried
         listed += [c for c in sorted(found[1:], key=lambda c: -c.weight) if c not in listed and c is not best and share[c.names] > SHOWN]
     probability = {"adequate": base.p_value, "unexplained": 1 - base.p_value}.get(judged.verdict, share[best.names])
-    forms = free_forms(base.solution, run) if judged.verdict == "unexplained" else ()
+    forms = free_forms(base.result, run) if judged.verdict == "unexplained" else ()
     return Diagnosis(
         file=file,
         sha256=digest,
@@ -183,9 +185,9 @@ def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, .
         after=after,
         measure_next=measure_next(judged, found),
         base_parameters=_parameters(base)["base"],
-        trials=tuple(Trial(c.names, c.solution.chi2, c.weight - base.weight, c.p_value, _against(c)) for c in found),
+        trials=tuple(Trial(c.names, c.result.chi2, c.weight - base.weight, c.p_value, _against(c)) for c in found),
         notes=(*notes, *joint),
-        sentences=tuple(effect.sentence for effect in best.solution.model.effects),
+        sentences=tuple(effect.sentence for effect in best.result.model.effects),
         comparisons=_compare(base, best),
         free_forms=forms,
     )
@@ -195,12 +197,12 @@ def _compare(base: Candidate, best: Candidate) -> tuple[Comparison, ...]:
     """The data beside the base model, and beside the one that the verdict rests on where it is another."""
     models = [_named(base, "base model")]
     models += [_named(best, " + ".join(best.names))] if best is not base else []
-    return base.solution.model.problem.compare(models)
+    return base.result.model.base_model.compare(models)
 
 
 def _named(candidate: Candidate, name: str) -> Named:
-    model = candidate.solution.model
-    return name, model.effects, *model.split(candidate.solution.vector)
+    model = candidate.result.model
+    return name, model.effects, *model.split(candidate.result.vector)
 
 
 def _described(forms: tuple[FreeForm, ...], before: Quality) -> str:
@@ -214,11 +216,11 @@ def _described(forms: tuple[FreeForm, ...], before: Quality) -> str:
 
 
 def _quality(candidate: Candidate) -> Quality:
-    return Quality(candidate.solution.chi2 / candidate.solution.degrees, candidate.solution.unseen.chi2_reduced)
+    return Quality(candidate.result.chi2 / candidate.result.degrees, candidate.result.cross_validation.chi2_reduced)
 
 
 def _against(candidate: Candidate) -> tuple[str, ...]:
-    reasons = [f"{name} ends at a bound" for name in candidate.solution.stuck]
+    reasons = [f"{name} ends at a bound" for name in candidate.result.stuck]
     if 0 < candidate.p_value < 1e-3 or candidate.p_value == 0:
         reasons.append(f"leaves a misfit ({candidate.worst})")
     return tuple(reasons)
@@ -227,16 +229,16 @@ def _against(candidate: Candidate) -> tuple[str, ...]:
 def _where(base: Candidate, verdict: Verdict) -> str:
     if verdict == "adequate":
         return "no deviation from the base model beyond noise"
-    return f"{base.solution.model.problem.describe(base.solution.residuals)}; most telling: {base.worst}"
+    return f"{base.result.model.base_model.describe(base.result.residuals)}; most telling: {base.worst}"
 
 
 def _parameters(candidate: Candidate) -> dict[str, dict[str, Parameter]]:
-    sd = np.sqrt(np.diag(candidate.solution.covariance))
+    sd = np.sqrt(np.diag(candidate.result.covariance))
     found: dict[str, dict[str, Parameter]] = {"base": {}}
-    for (owner, knob), value, s in zip(candidate.solution.model.knobs, candidate.solution.vector, sd, strict=True):
-        common = abs(value) * candidate.solution.model.problem.systematic(knob.unit)
-        number, spread = (np.rint(value), 0.0) if knob.whole else (value, np.hypot(s, common))
-        found.setdefault(owner, {})[knob.name] = Parameter(knob.name, float(number), float(spread), knob.unit)
+    for (owner, spec), value, s in zip(candidate.result.model.parameters, candidate.result.vector, sd, strict=True):
+        common = abs(value) * candidate.result.model.base_model.systematic(spec.unit)
+        number, spread = (np.rint(value), 0.0) if spec.whole else (value, np.hypot(s, common))
+        found.setdefault(owner, {})[spec.name] = Parameter(spec.name, float(number), float(spread), spec.unit)
     return found
 
 

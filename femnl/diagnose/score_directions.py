@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.core.stages import Motion
 from femnl.diagnose.freeform import FORCES, FRINGE, MASS, TENSION
-from femnl.observe.model import Problem, scale_of
+from femnl.observe.model import MeasurementModel, scale_of
 
 LITTLE = 1e-3
 """Size of the changes, in parts of their range, at which residuals answer in proportion."""
@@ -16,32 +16,32 @@ UNEVEN = {"x": (1, 0), "y": (0, 1), "x²": (2, 0), "xy": (1, 1), "y²": (0, 2), 
 """Smooth functions of the place."""
 
 
-def smooth_film(problem: Problem, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+def smooth_film(base_model: MeasurementModel, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
     """Return how residuals answer to a mass and a tension that vary over the film, by their dependence on the place."""
     found: dict[str, Array] = {}
     for what, form in (("mass", MASS), ("tension", TENSION)):
-        names = {knob.name: f"{what} that varies as {knob.name}" for knob in form.parameters}
-        found |= _answers(problem, form, names, effects, base, values)
+        names = {spec.name: f"{what} that varies as {spec.name}" for spec in form.parameters}
+        found |= _answers(base_model, form, names, effects, base, values)
     return found
 
 
-def forces(problem: Problem, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+def forces(base_model: MeasurementModel, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
     """Return how residuals answer to restoring and damping forces of higher order, by what they are."""
     names = {"quadratic": "force as u²", "cubic": "force as u³", "quintic": "force as u⁵", "damping": "damping as u²"}
-    return _answers(problem, FORCES, names, effects, base, values)
+    return _answers(base_model, FORCES, names, effects, base, values)
 
 
-def fringe_terms(problem: Problem, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+def fringe_terms(base_model: MeasurementModel, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
     """Return how residuals answer to terms of the fringe beyond the first, by what they are."""
     waves = {"real": "cos", "imag": "sin"}
-    names = {knob.name: f"term {waves[knob.name[:-1]]} {knob.name[-1]}φ of the fringe" for knob in FRINGE.parameters}
-    return _answers(problem, FRINGE, names, effects, base, values)
+    names = {spec.name: f"term {waves[spec.name[:-1]]} {spec.name[-1]}φ of the fringe" for spec in FRINGE.parameters}
+    return _answers(base_model, FRINGE, names, effects, base, values)
 
 
-def overtones(problem: Problem, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+def overtones(base_model: MeasurementModel, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
     """Return how residuals answer to motion at 2 and 3 times the drive, the same all over the film, by order and phase."""
-    names = {knob.name: f"{knob.name[:-1]} motion at {knob.name[-1]}f" for knob in OVERTONES.parameters}
-    return _answers(problem, OVERTONES, names, effects, base, values)
+    names = {spec.name: f"{spec.name[:-1]} motion at {spec.name[-1]}f" for spec in OVERTONES.parameters}
+    return _answers(base_model, OVERTONES, names, effects, base, values)
 
 
 def uneven(x: Array, y: Array) -> dict[str, Array]:
@@ -52,12 +52,14 @@ def uneven(x: Array, y: Array) -> dict[str, Array]:
 
 
 def _answers(
-    problem: Problem, form: Effect, names: dict[str, str], effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    base_model: MeasurementModel, form: Effect, names: dict[str, str], effects: Sequence[Effect], base: Values, values: Sequence[Values]
 ) -> dict[str, Array]:
     zero = dict.fromkeys(names, 0.0)
-    plain = problem.residuals(effects, base, values)
-    sizes = {knob.name: LITTLE * knob.high * scale_of(problem, knob) for knob in form.parameters}
-    return {name: problem.residuals((*effects, form), base, [*values, zero | {knob: sizes[knob]}]) - plain for knob, name in names.items()}
+    plain = base_model.residuals(effects, base, values)
+    sizes = {spec.name: LITTLE * spec.high * scale_of(base_model, spec) for spec in form.parameters}
+    return {
+        name: base_model.residuals((*effects, form), base, [*values, zero | {spec: sizes[spec]}]) - plain for spec, name in names.items()
+    }
 
 
 def _sing(motion: Motion, values: Values) -> Motion:
@@ -71,7 +73,7 @@ def _sing(motion: Motion, values: Values) -> Motion:
 OVERTONES = Effect(
     "overtones",
     "u → u + U Σ_n (a_n cos nτ + b_n sin nτ), n = 2, 3, everywhere",
-    tuple(Knob(f"{wave}{n}", "1", -1.0, 1.0) for n in (2, 3) for wave in ("cos", "sin")),
+    tuple(ParameterSpec(f"{wave}{n}", "1", -1.0, 1.0) for n in (2, 3) for wave in ("cos", "sin")),
     {"motion": _sing},
     "expansion in a Fourier series",
     "a description, not a cause",

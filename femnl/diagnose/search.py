@@ -12,12 +12,12 @@ from scipy.stats import chi2
 
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
-from femnl.diagnose.adequacy import Look, adequacy, looks
+from femnl.diagnose.adequacy import ScoreTest, adequacy, score_tests
 from femnl.diagnose.global_starts import scan
-from femnl.diagnose.least_squares import Solution, fit, improve
+from femnl.diagnose.least_squares import FitResult, fit, improve
 from femnl.diagnose.multistart import FAR, REFINED, extended, replaced, sought_again, sought_beyond, unlike
 from femnl.diagnose.worker_pool import Job, Run, in_turn
-from femnl.observe.model import Extended, Problem
+from femnl.observe.model import ExtendedModel, MeasurementModel
 
 PROGRESS = logging.getLogger("femnl.progress")
 T = TypeVar("T")
@@ -33,9 +33,11 @@ MOST = 7
 TELLING = 2
 """Effects whose looks are the least likely by chance, which are fitted however little they promise: what is of second order shows
 that it is there, but not how much it could take up."""
-FEWEST, FAINT = 4, 0.01
+FEWEST = 4
+FAINT = 0.01
 """Effects that are fitted in any case, and the part of the excess of χ² that any other must promise to take up."""
-BEAM, PEERS = 2, 2.0
+BEAM = 2
+PEERS = 2.0
 """Sets of causes that are extended at each step; single causes up to this ratio of what they and the best leave of χ² are, too."""
 PAIR = 1
 """Step at which pairs of causes are sought."""
@@ -61,7 +63,7 @@ class Pointer:
 class Candidate:
     """A fitted set of causes: its p-value, the look that speaks most against it, and where its residuals point (None: not looked at)."""
 
-    solution: Solution
+    result: FitResult
     p_value: float
     worst: str
     pointers: tuple[Pointer, ...] | None
@@ -69,17 +71,17 @@ class Candidate:
     @property
     def names(self) -> Names:
         """Names of the causes, sorted."""
-        return _names(self.solution)
+        return _names(self.result)
 
     @property
     def weight(self) -> float:
         """Logarithm of evidence times prior odds."""
-        return self.solution.log_evidence + len(self.names) * float(np.log(PER_CAUSE))
+        return self.result.log_evidence + len(self.names) * float(np.log(PER_CAUSE))
 
     @property
     def viable(self) -> bool:
         """Whether the set explains the data: adequate, with no parameter at a bound."""
-        return self.p_value >= (FALSE_ALARMS if self.names else HOPELESS) and not self.solution.stuck
+        return self.p_value >= (FALSE_ALARMS if self.names else HOPELESS) and not self.result.stuck
 
     @property
     def least(self) -> float:
@@ -87,58 +89,61 @@ class Candidate:
         return HOPELESS if len(self.names) <= 1 else FALSE_ALARMS
 
 
-def applicable(problem: Problem, library: Iterable[Effect]) -> list[Effect]:
+def applicable(base_model: MeasurementModel, library: Iterable[Effect]) -> list[Effect]:
     """Return the effects that can show in this measurement."""
-    return [effect for effect in library if problem.kind in effect.kinds and all(fact in problem.facts for fact in effect.needs)]
+    return [effect for effect in library if base_model.kind in effect.kinds and all(fact in base_model.scales for fact in effect.needs)]
 
 
-def criticise(solution: Solution, library: list[Effect]) -> Candidate:
+def criticise(result: FitResult, library: list[Effect]) -> Candidate:
     """Look at the residuals in every way, the effects that the model lacks included."""
-    mine = {effect.name for effect in solution.model.effects}
+    mine = {effect.name for effect in result.model.effects}
     others = [effect for effect in library if effect.name not in mine]
-    found = looks(solution, others)
-    p_value, worst = adequacy(solution, found)
-    return Candidate(solution, p_value, worst, tuple(_pointers(solution, found, others)))
+    found = score_tests(result, others)
+    p_value, worst = adequacy(result, found)
+    return Candidate(result, p_value, worst, tuple(_pointers(result, found, others)))
 
 
-def _pointers(solution: Solution, found: list[Look], library: list[Effect]) -> list[Pointer]:
+def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) -> list[Pointer]:
     """Return the effects that promise most, and those whose looks are the least likely by chance."""
-    best: dict[str, list[Look]] = {}
-    for look in sorted(found, key=lambda look: -look.gain):
-        if look.effect is not None and look.gain > 0:
-            best.setdefault(look.name, []).append(look)
-    excess = solution.chi2 - solution.degrees
+    best: dict[str, list[ScoreTest]] = {}
+    for test in sorted(found, key=lambda test: -test.gain):
+        if test.effect is not None and test.gain > 0:
+            best.setdefault(test.name, []).append(test)
+    excess = result.chi2 - result.degrees
     promising = {name for i, name in enumerate(best) if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)}
-    promising.update(sorted(best, key=lambda name: min(look.p_value for look in best[name]))[:TELLING])
-    return [Pointer(e, tuple(look.values for look in unlike(best[e.name]))) for e in library if e.name in promising]
+    promising.update(sorted(best, key=lambda name: min(test.p_value for test in best[name]))[:TELLING])
+    return [Pointer(e, tuple(test.values for test in unlike(best[e.name]))) for e in library if e.name in promising]
 
 
-def search(problem: Problem, library: list[Effect], run: Run = in_turn) -> list[Candidate]:
+def search(base_model: MeasurementModel, library: list[Effect], run: Run = in_turn) -> list[Candidate]:
     """Return the base model first, then every set of causes that was fitted.
 
     Greedy: sets grow by the effects that their residuals point to most, and no further once one of them explains the data well.
     run: does jobs that do not wait for each other.
     """
-    model = Extended(problem)
-    PROGRESS.info("%s: fitting the base model", problem.kind)
-    base = criticise(fit(model, problem.start), library)
+    model = ExtendedModel(base_model)
+    PROGRESS.info("%s: fitting the base model", base_model.kind)
+    base = criticise(fit(model, base_model.start), library)
     found = [base]
     if base.p_value >= FALSE_ALARMS:
         return found
     beam = [base]
     for size in range(LARGEST):
         grown: dict[Names, Candidate] = {}
-        parents, done = list(beam), list[Candidate]()
+        parents = list(beam)
+        done = list[Candidate]()
         while parents:
             _keep(grown, run(_growing(parents, library)), library, run)
             done += parents
-            parents = _partners(grown, found, done, library, run) if size == PAIR and (problem.rugged or _settled(grown)) else []
+            parents = (
+                _partners(grown, found, done, library, run) if size == PAIR and (base_model.needs_global_search or _settled(grown)) else []
+            )
         if not _settled(grown):
             ranked = sorted(grown.values(), key=lambda c: -c.weight)
-            if problem.rugged and size == PAIR:
+            if base_model.needs_global_search and size == PAIR:
                 others = _from_afar(found, library, run)
             else:
-                few = len(ranked) if problem.rugged and size == 0 else AGAIN[size]
+                few = len(ranked) if base_model.needs_global_search and size == 0 else AGAIN[size]
                 others = run(_seeking(ranked[:few]))
             _keep(grown, others, library, run)
         else:
@@ -155,18 +160,20 @@ def search(problem: Problem, library: list[Effect], run: Run = in_turn) -> list[
 
 def _simpler(found: list[Candidate], library: list[Effect], run: Run) -> list[Candidate]:
     """Fit the best set that explains the data without each of its causes: what was found beside another may do without it."""
-    kept, (plain, _) = {candidate.names: candidate for candidate in found}, found[0].solution.model.split(found[0].solution.vector)
+    kept = {candidate.names: candidate for candidate in found}
+    (plain, _) = found[0].result.model.split(found[0].result.vector)
     several = [candidate for candidate in found if candidate.viable and len(candidate.names) > 1]
     todo = sorted(several, key=lambda c: c.weight)[-1:]
     while todo:
-        solution = todo.pop().solution
-        model, (base, values) = solution.model, solution.model.split(solution.vector)
+        result = todo.pop().result
+        model = result.model
+        (base, values) = result.model.split(result.vector)
         for k, effect in enumerate(model.effects):
             start = base | {name: plain[name] for name in effect.replaces}
-            fewer = Extended(model.problem, (*model.effects[:k], *model.effects[k + 1 :]))
+            fewer = ExtendedModel(model.base_model, (*model.effects[:k], *model.effects[k + 1 :]))
             names = tuple(sorted(effect.name for effect in fewer.effects))
             before = kept.get(names)
-            _keep(kept, [fit(fewer, fewer.pack(start, [*values[:k], *values[k + 1 :]]), near=solution)], library, run)
+            _keep(kept, [fit(fewer, fewer.pack(start, [*values[:k], *values[k + 1 :]]), near=result)], library, run)
             if kept[names] is not before and kept[names].viable and len(names) > 1:
                 todo.append(kept[names])
     return list(kept.values())
@@ -189,31 +196,32 @@ def _partners(
 
 def _looked_at(candidates: list[Candidate], library: list[Effect], run: Run) -> list[Candidate]:
     """Criticise what has not been yet."""
-    todo = [c.solution for c in candidates if c.pointers is None]
+    todo = [c.result for c in candidates if c.pointers is None]
     fresh = iter(run([_job("looking at", _names(s), s, partial(criticise, s, library)) for s in todo]))
     return [next(fresh) if c.pointers is None else c for c in candidates]
 
 
-def _keep(grown: dict[Names, Candidate], solutions: Iterable[Solution | None], library: list[Effect], run: Run) -> None:
+def _keep(grown: dict[Names, Candidate], results: Iterable[FitResult | None], library: list[Effect], run: Run) -> None:
     """Criticise what was fitted, the best of each set of causes; where χ² alone rules it out, leave it at that."""
-    best: dict[Names, Solution] = {}
-    for solution in (solution for solution in solutions if solution is not None):
-        names = _names(solution)
-        known = best[names] if names in best else grown[names].solution if names in grown else None
-        if known is None or solution.chi2 < known.chi2:
-            best[names] = solution
+    best: dict[Names, FitResult] = {}
+    for result in (result for result in results if result is not None):
+        names = _names(result)
+        known = best[names] if names in best else grown[names].result if names in grown else None
+        if known is None or result.chi2 < known.chi2:
+            best[names] = result
     plain = {names: Candidate(s, float(chi2.sf(s.chi2, s.degrees)), "chi-square", None) for names, s in best.items()}
     worth = [c for c in plain.values() if c.p_value >= HOPELESS / 10]
     grown |= plain | {c.names: c for c in _looked_at(worth, library, run)}
 
 
 def _excess(candidate: Candidate) -> float:
-    return max(candidate.solution.chi2 - candidate.solution.degrees, 0.0)
+    return max(candidate.result.chi2 - candidate.result.degrees, 0.0)
 
 
-def _from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[Solution]:
+def _from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[FitResult]:
     """Fit the pairs that promise most where one effect is sought from afar beside each other one."""
-    base, alone = found[0].solution, {c.names[0]: c.solution for c in found if len(c.names) == 1}
+    base = found[0].result
+    alone = {c.names[0]: c.result for c in found if len(c.names) == 1}
     rest = [effect for effect in library if effect.name not in alone]
     alone |= zip((e.name for e in rest), run([_job("seeking", (e.name,), base, partial(_alone, base, e)) for e in rest]), strict=True)
     pairs = [(alone[one.name], other) for one, other in combinations(sorted(library, key=_shaped), 2)]
@@ -222,56 +230,59 @@ def _from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[
     return run([_job("trying", _names(single, other), base, partial(_paired, single, other, v)) for (_, v), (single, other) in best])
 
 
-def _alone(base: Solution, effect: Effect) -> Solution:
+def _alone(base: FitResult, effect: Effect) -> FitResult:
     """Fit an effect from the best of the places all over its priors."""
-    start, model = scan(base, effect)[0], Extended(base.model.problem, (effect,))
+    start = scan(base, effect)[0]
+    model = ExtendedModel(base.model.base_model, (effect,))
     return fit(model, model.pack(start.base, [start.values]), near=base)
 
 
-def _roughly(single: Solution, other: Effect) -> tuple[float, Array]:
+def _roughly(single: FitResult, other: Effect) -> tuple[float, Array]:
     """Return χ² and the vector to which a few evaluations lead from where another effect suits best beside one."""
-    model, (_, own) = Extended(single.model.problem, (*single.model.effects, other)), single.model.split(single.vector)
+    model = ExtendedModel(single.model.base_model, (*single.model.effects, other))
+    (_, own) = single.model.split(single.vector)
     starts = [model.pack(start.base, [*own, start.values]) for start in scan(single, other)[:REFINED]]
     return min((improve(model, start, FAR, single) for start in starts), key=lambda found: found[0])
 
 
-def _paired(single: Solution, other: Effect, vector: Array) -> Solution:
-    return fit(Extended(single.model.problem, (*single.model.effects, other)), vector, near=single)
+def _paired(single: FitResult, other: Effect, vector: Array) -> FitResult:
+    return fit(ExtendedModel(single.model.base_model, (*single.model.effects, other)), vector, near=single)
 
 
 def _shaped(effect: Effect) -> tuple[int, int]:
     """How many parameters of an effect are no strengths, and how many are: of two, the one with more is sought beside the other."""
-    shapes = sum(not knob.strength for knob in effect.parameters)
+    shapes = sum(not spec.strength for spec in effect.parameters)
     return shapes, -len(effect.parameters)
 
 
-def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[Solution | None]]:
+def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitResult | None]]:
     """Return the fits of each parent's model with one more effect, for each of those that its residuals point to."""
-    jobs: list[Job[Solution | None]] = []
+    jobs: list[Job[FitResult | None]] = []
     for parent in parents:
-        solution, mine = parent.solution, parent.names
+        result = parent.result
+        mine = parent.names
         for pointer in parent.pointers or ():
-            find = partial(extended, solution, pointer.effect, list(pointer.shapes))
-            jobs.append(_job("trying", _names(solution, pointer.effect), solution, find))
-        others = [e for e in library if e.name not in mine and not any(knob.strength for knob in e.parameters)]
-        jobs += [_job("trying", _names(solution, e), solution, partial(replaced, solution, e)) for e in others]
+            find = partial(extended, result, pointer.effect, list(pointer.shapes))
+            jobs.append(_job("trying", _names(result, pointer.effect), result, find))
+        others = [e for e in library if e.name not in mine and not any(spec.strength for spec in e.parameters)]
+        jobs += [_job("trying", _names(result, e), result, partial(replaced, result, e)) for e in others]
     return jobs
 
 
-def _seeking(candidates: list[Candidate]) -> list[Job[Solution | None]]:
+def _seeking(candidates: list[Candidate]) -> list[Job[FitResult | None]]:
     """Return the fits that seek each cause of some sets anew, and what else may have been missed."""
-    jobs: list[Job[Solution | None]] = []
-    for solution in (c.solution for c in candidates):
-        jobs.append(_job("seeking", _names(solution), solution, partial(sought_beyond, solution)))
-        for k, effect in enumerate(solution.model.effects):
+    jobs: list[Job[FitResult | None]] = []
+    for result in (c.result for c in candidates):
+        jobs.append(_job("seeking", _names(result), result, partial(sought_beyond, result)))
+        for k, effect in enumerate(result.model.effects):
             doing = f"seeking {effect.name} again in"
-            jobs.append(_job(doing, _names(solution), solution, partial(sought_again, solution, k)))
+            jobs.append(_job(doing, _names(result), result, partial(sought_again, result, k)))
     return jobs
 
 
-def _names(solution: Solution, *more: Effect) -> Names:
-    return tuple(sorted(effect.name for effect in (*solution.model.effects, *more)))
+def _names(result: FitResult, *more: Effect) -> Names:
+    return tuple(sorted(effect.name for effect in (*result.model.effects, *more)))
 
 
-def _job(doing: str, names: Names, solution: Solution, find: Callable[[], T]) -> Job[T]:
-    return Job(f"{solution.model.problem.kind}: {doing} {' + '.join(names)}", find)
+def _job(doing: str, names: Names, result: FitResult, find: Callable[[], T]) -> Job[T]:
+    return Job(f"{result.model.base_model.kind}: {doing} {' + '.join(names)}", find)

@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison, Curve, Curves
-from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.effect import Effect, Kind, ParameterSpec, Values
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
 from femnl.core.stages import Points
@@ -19,13 +19,13 @@ BLOCKS = 4
 """Stretches of neighbouring points that are held out one by one."""
 
 
-class SeriesProblem:
-    """Residuals of frequencies and of 1/Q; see `Problem`."""
+class SeriesModel:
+    """Residuals of frequencies and of 1/Q; see `MeasurementModel`."""
 
     kind: Kind = "series"
-    rugged = False
+    needs_global_search = False
     jumps: tuple[str, ...] = ()
-    apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
+    independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
     ranked: tuple[Ranked, ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
@@ -50,14 +50,14 @@ class SeriesProblem:
             raise MeasurementError(f"series: {self._used.sum()} usable points; a diagnosis needs at least 4")
         middle = {name: float(np.nanmedian(values)) for name, (values, _) in self._data.items()}
         self.base = tuple(
-            Knob(name, unit, 0.5 * middle[name], 2 * middle[name])
+            ParameterSpec(name, unit, 0.5 * middle[name], 2 * middle[name])
             for name, unit in (("frequency", "Hz"), ("quality_factor", "1"))
             if name in middle
         )
-        self.start = np.array([middle[knob.name] for knob in self.base])
+        self.start = np.array([middle[spec.name] for spec in self.base])
         # A control variable counts as recorded only where it was varied.
         varied = {name: float(np.ptp(v)) for name, v in self.control.items() if np.isfinite(v).all() and np.ptp(v) > 0}
-        self.facts: Mapping[str, float] = {**varied, **dict.fromkeys(middle, 1.0), **_inverse(varied)}
+        self.scales: Mapping[str, float] = {**varied, **dict.fromkeys(middle, 1.0), **_inverse(varied)}
         self.notes = tuple(notes)
 
     @property
@@ -77,12 +77,12 @@ class SeriesProblem:
         points = apply("points", Points(flat["frequency"], flat["quality_factor"], control, self.film), effects, values)
         return np.concatenate([(data - getattr(points, name)) / sd for name, (data, sd) in self._data.items()])
 
-    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """A slope and a bend of each quantity against each control variable."""
         found = {}
         sizes = [len(data) for data, _ in self._data.values()]
         for control, axis in self.control.items():
-            if control not in self.facts:
+            if control not in self.scales:
                 continue
             unit = 2 * (axis - axis.min()) / np.ptp(axis) - 1
             for k, (name, (_, sd)) in enumerate(self._data.items()):
@@ -92,7 +92,7 @@ class SeriesProblem:
                     found[f"{word} of {name} with {control}"] = np.concatenate(rows)[self._used]
         return found
 
-    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """Each control variable over its range with the others held, so that causes that moved together part."""
         found = {}
         for name in self.control:
@@ -104,18 +104,19 @@ class SeriesProblem:
         """Nothing beside the statistics."""
         return 0.0
 
-    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """None: these data leave one solution."""
         return []
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Each quantity against each control variable that was varied."""
-        count, names = len(self._used) // len(self._data), tuple(name for name, *_ in models)
+        count = len(self._used) // len(self._data)
+        names = tuple(name for name, *_ in models)
         away = np.full((len(models), len(self._used)), np.nan)
         away[:, self._used] = [self.residuals(effects, base, values) for _, effects, base, values in models]
         found = []
         for control, axis in self.control.items():
-            if control not in self.facts:
+            if control not in self.scales:
                 continue
             order = np.argsort(axis)
             for k, (name, (data, sd)) in enumerate(self._data.items()):

@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
 from femnl.core.comparison import Comparison, Curve, Curves
-from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.effect import Effect, Kind, ParameterSpec, Values
 from femnl.core.errors import MeasurementError
 from femnl.core.memo import recent
 from femnl.core.readout import Array
@@ -32,17 +32,18 @@ CLOSE = 0.01
 """Relative distance in frequency up to which two modes may exchange labels."""
 
 
-class SpectrumProblem:
-    """Residuals of measured eigenfrequencies; see `Problem`."""
+class SpectrumModel:
+    """Residuals of measured eigenfrequencies; see `MeasurementModel`."""
 
     kind: Kind = "spectrum"
-    rugged = True
+    needs_global_search = True
     jumps: tuple[str, ...] = ()
-    apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
+    independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         usable = np.isfinite(dataset["frequency"].values) & np.isfinite(dataset["frequency_sd"].values)
-        self.frequency, self.sd = dataset["frequency"].values[usable], dataset["frequency_sd"].values[usable]
+        self.frequency = dataset["frequency"].values[usable]
+        self.sd = dataset["frequency_sd"].values[usable]
         if len(self.frequency) < 3:
             raise MeasurementError(f"spectrum: {len(self.frequency)} usable modes; a diagnosis needs at least 3")
         self.label = [str(name) for name in dataset["label"].values[usable]] if "label" in dataset else []
@@ -58,13 +59,13 @@ class SpectrumProblem:
         self._eigen = recent(_eigen if self.label else _squares)
         self._bare = recent(self._unchanged)
         ratio = float(np.median(self.frequency / film.modes.frequency[self._order]))
-        self.base: tuple[Knob, ...] = (
-            Knob("speed", "m/s", 0.3 * film.speed * ratio, 3 * film.speed * ratio),
-            Knob("bending_length", "m", low * film.bending_length, high * film.bending_length),
+        self.base: tuple[ParameterSpec, ...] = (
+            ParameterSpec("speed", "m/s", 0.3 * film.speed * ratio, 3 * film.speed * ratio),
+            ParameterSpec("bending_length", "m", low * film.bending_length, high * film.bending_length),
         )
         self.start = np.array([film.speed * ratio, film.bending_length])
         self.ranked: tuple[Ranked, ...] = () if self.label else (Ranked(np.arange(len(self.sd)), self.frequency, self.sd),)
-        self.facts: Mapping[str, float] = {
+        self.scales: Mapping[str, float] = {
             "reach": film.projection.reach,
             "mass": float(film.modes.effective_mass[0] * (film.speed / self.start[0]) ** 2),
             "frequency": float(self.frequency.min()),
@@ -95,11 +96,11 @@ class SpectrumProblem:
         """Every mode is a block of its own; prior knowledge of ℓ belongs to none."""
         return np.append(np.arange(len(self.frequency)), -1)
 
-    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """Deviations in proportion to frequency squared and to the time of acquisition, and a film that varies over the place."""
         found = {"rise with frequency": (self.frequency / self.frequency.max()) ** 2 * self.frequency / self.sd}
-        if "time" in self.facts:
-            found["order of acquisition"] = (self.time - self.time.mean()) / self.facts["time"] * self.frequency / self.sd
+        if "time" in self.scales:
+            found["order of acquisition"] = (self.time - self.time.mean()) / self.scales["time"] * self.frequency / self.sd
         return {name: np.append(row, 0.0) for name, row in found.items()} | smooth_film(self, effects, base, values)
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
@@ -129,11 +130,12 @@ class SpectrumProblem:
         # The geometry states its stress and assumes its density, so that c is carried by the density.
         film = replace(self.film.model.film, density=self.film.model.film.stress / speed**2)
         mass = self.film.modes.effective_mass * film.density / self.film.model.film.density
-        stiffness, box = np.diag(mass * (2 * np.pi * plain) ** 2), self.film.model.outline.size
+        stiffness = np.diag(mass * (2 * np.pi * plain) ** 2)
+        box = self.film.model.outline.size
         system = ModalSystem(stiffness, np.diag(mass), film.stress, film, self.film.projection, box, bending_length, self.film.layer)
         return plain, mass, system
 
-    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """The next modes that were not measured; their pairs by rising frequency."""
         frequency, _, _ = self._solved(effects, base, values)
         missing = [k for k in range(max(self._order) + 1 + NEXT) if k not in self._order][:NEXT]
@@ -161,7 +163,7 @@ class SpectrumProblem:
         """Nothing beside the statistics."""
         return 0.0
 
-    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """None: these data leave one solution."""
         return []
 
@@ -195,7 +197,8 @@ def _eigen(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 def _squares(stiffness: Array, mass: Array) -> tuple[Array, Array]:
     """Return ω² alone, and no vectors (n, 0): what has no labels goes by rank, and the vectors cost twice as much as the squares."""
     root = np.sqrt(np.diag(mass))
-    none, scaled = np.empty((len(root), 0)), np.outer(root, root)
+    none = np.empty((len(root), 0))
+    scaled = np.outer(root, root)
     if np.count_nonzero(mass) == len(root):
         return np.linalg.eigvalsh(stiffness / scaled), none
     return np.asarray(eigh(stiffness, mass, eigvals_only=True, check_finite=False)), none

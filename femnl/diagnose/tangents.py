@@ -6,27 +6,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.readout import Array
-from femnl.observe.model import Extended
+from femnl.observe.model import ExtendedModel
 
 TARGET = 0.05
 """Change of the whole residual vector, in σ, at which tangents are taken."""
-FIRST, LEAST, MOST = 1e-6, 1e-11, 0.01
+FIRST = 1e-6
+LEAST = 1e-11
+MOST = 0.01
 """Steps that are tried first, where nothing is known of them, and allowed at all, in parts of the range."""
 TRIES = 6
 """How often a step is mended."""
 
 
-def tangents(model: Extended, vector: Array, at: Array, first: Array) -> tuple[Array, Array]:
+def tangents(model: ExtendedModel, vector: Array, at: Array, first: Array) -> tuple[Array, Array]:
     """Return for each parameter a step that changes the residuals by about `TARGET` in all, and their derivatives with these steps.
 
     first: the steps that are tried first.
     """
     width = np.subtract(*model.bounds[::-1])
-    steps, slopes = first.copy(), np.zeros((len(at), vector.size))
+    steps = first.copy()
+    slopes = np.zeros((len(at), vector.size))
     for place, mask in _lanes(model, at):
         seeking = np.ones(len(place), dtype=bool)
         for tries in range(TRIES, -1, -1):
-            mine, own = place[seeking], mask[seeking]
+            mine = place[seeking]
+            own = mask[seeking]
             moved = _moved(model, vector, mine, steps[mine])
             change = np.where(own, model.residuals(moved) - at, 0.0)
             slopes[:, mine] = change.T / (moved - vector)[mine]
@@ -38,18 +42,19 @@ def tangents(model: Extended, vector: Array, at: Array, first: Array) -> tuple[A
             again &= mended != steps[mine]
             if not again.any() or not tries:
                 break
-            steps[mine[again]], seeking[seeking] = mended[again], again
+            steps[mine[again]] = mended[again]
+            seeking[seeking] = again
     return steps, slopes
 
 
-def steps_for(model: Extended, size: Array, steps: Array | None = None) -> Array:
+def steps_for(model: ExtendedModel, size: Array, steps: Array | None = None) -> Array:
     """Return steps that change the residuals by about `TARGET` where their derivatives have these norms, the given ones where none."""
     width = np.subtract(*model.bounds[::-1])
     steps = FIRST * width if steps is None else steps
     return np.asarray(np.where(size > 0, np.clip(TARGET / np.maximum(size, 1e-300), 1e-9 * width, MOST * width), steps))
 
 
-def jacobian_at(model: Extended, vector: Array, at: Array, steps: Array) -> Array:
+def jacobian_at(model: ExtendedModel, vector: Array, at: Array, steps: Array) -> Array:
     """Return the derivatives of the residuals, taken away from the nearer bound."""
     slopes = np.zeros((len(at), vector.size))
     for place, mask in _lanes(model, at):
@@ -59,10 +64,10 @@ def jacobian_at(model: Extended, vector: Array, at: Array, steps: Array) -> Arra
     return slopes
 
 
-def _lanes(model: Extended, at: Array) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+def _lanes(model: ExtendedModel, at: Array) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
     """Yield the places of parameters that can be moved together, and the residuals (n_places, n) that each of them moves."""
-    left = {(owner, knob.name): i for i, (owner, knob) in enumerate(model.knobs)}
-    for group in () if any(effect.across for effect in model.effects) else model.problem.apart:
+    left = {(owner, spec.name): i for i, (owner, spec) in enumerate(model.parameters)}
+    for group in () if any(effect.couples_blocks for effect in model.effects) else model.base_model.independent_blocks:
         masks = {left.pop(("base", name)): mask for name, mask in group.items() if ("base", name) in left}
         if masks:  # an effect may have replaced them all
             yield np.array(list(masks)), np.stack(list(masks.values()))
@@ -70,7 +75,7 @@ def _lanes(model: Extended, at: Array) -> Iterator[tuple[NDArray[np.int64], NDAr
         yield np.array([i]), np.ones((1, len(at)), dtype=bool)
 
 
-def _moved(model: Extended, vector: Array, place: NDArray[np.int64], step: Array) -> Array:
+def _moved(model: ExtendedModel, vector: Array, place: NDArray[np.int64], step: Array) -> Array:
     moved = vector.copy()
     moved[place] += np.where(vector[place] + step <= model.bounds[1][place], step, -step)
     return moved

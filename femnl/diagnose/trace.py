@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison, Curve, Curves
-from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.effect import Effect, Kind, ParameterSpec, Values
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Fringe, Harmonics, Motion
@@ -18,9 +18,11 @@ from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import Named, Ranked, apply
 from femnl.optics.sampled import harmonics
 
-MOST_HARMONICS, MOST_STEPS = 21, 12
+MOST_HARMONICS = 21
+MOST_STEPS = 12
 """Harmonics, as far as the sampling rate and the length of the record allow, and steps of the drive that are looked at."""
-HIGHEST, SMOOTH = 128, 48
+HIGHEST = 128
+SMOOTH = 48
 """Harmonics that are predicted of a clipped and of a smooth signal: those beyond the measured ones are folded onto them by the
 sampling, or beat in what they leave."""
 PER_HARMONIC = 4
@@ -31,34 +33,37 @@ SHOWN = 6
 """Harmonics that are drawn."""
 
 
-class TraceProblem:
-    """Residuals of the harmonics of traces; see `Problem`.
+class TraceModel:
+    """Residuals of the harmonics of traces; see `MeasurementModel`.
 
     V_C and θ are common to all steps; amplitude and phase of the motion belong to a step, since nothing but the resonance, with its
     jumps, ties them to each other.
     """
 
     kind: Kind = "trace"
-    rugged = False
+    needs_global_search = False
     jumps: tuple[str, ...] = ()
     ranked: tuple[Ranked, ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
-        self.film, self.wavelength = film, float(dataset.attrs["wavelength"])
+        self.film = film
+        self.wavelength = float(dataset.attrs["wavelength"])
         steps = _chosen(dataset)
         traces = dataset.isel(step=steps)
         spectrum = decompose(traces, _harmonics_of(traces))
         sine = fit_spot(spectrum, self.wavelength)
         kept = spectrum.harmonic > 0
         self.harmonic = np.asarray(spectrum.harmonic[kept], np.int64)
-        self.frequency, self._values = spectrum.drive_frequency, spectrum.values[kept]
+        self.frequency = spectrum.drive_frequency
+        self._values = spectrum.values[kept]
         stated = dataset.attrs.get("noise_sd")
         left = float(np.sqrt(np.mean(spectrum.noise_sd**2)))
         noise = left if stated is None else float(stated)
         self._sd = spectrum.values_sd[kept] * (noise / spectrum.noise_sd)
         # What the harmonics leave of a record is noise of the size that the file states, or something else beats there.
         degrees = np.isfinite(traces["voltage"].values).sum(axis=1) - 2 * len(self.harmonic) - 1
-        self._degrees, self._noise = degrees, noise
+        self._degrees = degrees
+        self._noise = noise
         self._left = np.empty(0) if stated is None else spectrum.noise_sd
         self._orders = [np.arange(1, max(most, len(self.harmonic)) + 1) for most in (HIGHEST, SMOOTH)]
         times = _times(traces)
@@ -68,22 +73,23 @@ class TraceProblem:
         self._fold, self._beat = ([np.stack([step[part] for step in steps]) for steps in folded] for part in (0, 1))
         self.n_steps = len(self.frequency)
         self.mode = int(np.argmin(np.abs(film.modes.frequency - np.median(self.frequency))))
-        contrast, theta = sine.fit["contrast"], sine.fit["fringe_phase"]
+        contrast = sine.fit["contrast"]
+        theta = sine.fit["fringe_phase"]
         deepest = 40 * self.wavelength / (4 * np.pi)
-        self.base: tuple[Knob, ...] = (
-            Knob("contrast", "V", -10 * abs(contrast), 10 * abs(contrast)),
-            Knob("theta", "rad", theta - np.pi, theta + np.pi),
-            *(Knob(f"amplitude[{i}]", "m", 0.0, deepest) for i in range(self.n_steps)),
-            *(Knob(f"motion_phase[{i}]", "rad", p - 2 * np.pi, p + 2 * np.pi) for i, p in enumerate(sine.phase)),
+        self.base: tuple[ParameterSpec, ...] = (
+            ParameterSpec("contrast", "V", -10 * abs(contrast), 10 * abs(contrast)),
+            ParameterSpec("theta", "rad", theta - np.pi, theta + np.pi),
+            *(ParameterSpec(f"amplitude[{i}]", "m", 0.0, deepest) for i in range(self.n_steps)),
+            *(ParameterSpec(f"motion_phase[{i}]", "rad", p - 2 * np.pi, p + 2 * np.pi) for i, p in enumerate(sine.phase)),
         )
         self.start = np.concatenate([[contrast, theta], sine.amplitude, sine.phase])
         steps_of = np.concatenate([np.tile(np.arange(self.n_steps), 2 * len(self.harmonic)), np.arange(len(self._left))])
         masks = [steps_of == i for i in range(self.n_steps)]
-        self.apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = tuple(
+        self.independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = tuple(
             {f"{name}[{i}]": mask for i, mask in enumerate(masks)} for name in ("amplitude", "motion_phase")
         )
         stack = film.model.stack
-        self.facts: Mapping[str, float] = {
+        self.scales: Mapping[str, float] = {
             "wavelength": self.wavelength,
             "period": float(1 / np.median(self.frequency)),
             "slope": abs(contrast),
@@ -107,11 +113,13 @@ class TraceProblem:
         """Return V_n [V] as they are measured, (n_harmonics, n_steps), and the noise [V] per sample that they leave, (n_steps,)."""
         n = self.n_steps
         swing = np.array([base[f"amplitude[{i}]"] * np.exp(1j * base[f"motion_phase[{i}]"]) for i in range(n)])
-        shapes, zero = np.ones((len(self.film.modes.frequency), n)), np.zeros(n)
+        shapes = np.ones((len(self.film.modes.frequency), n))
+        zero = np.zeros(n)
         theta = np.full(n, base["theta"])
         motion = Motion(swing[None], theta, zero, zero, shapes, self.film.modes.frequency, self.mode, swing, self.wavelength)
         fringe = Fringe(np.array([0, 1], complex), self.wavelength, self.film.model.stack)
-        moved, lit = apply("motion", motion, effects, values), apply("fringe", fringe, effects, values)
+        moved = apply("motion", motion, effects, values)
+        lit = apply("fringe", fringe, effects, values)
         smooth = int(np.isinf(lit.limit))
         orders = self._orders[smooth]
         plain = Harmonics(base["contrast"] * harmonics(moved, lit, orders), orders, self.frequency)
@@ -132,7 +140,7 @@ class TraceProblem:
         ratio = (volts / self._sd).ravel()
         return np.concatenate([ratio.real, ratio.imag, np.zeros(len(self._left)) if rest is None else rest])
 
-    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """Gain and phase of each harmonic, what the drive adds, the noise beside, terms of the fringe, and motion at multiples."""
         volts, _ = self.predict(effects, base, values)
         found: dict[str, Array] = {}
@@ -147,7 +155,7 @@ class TraceProblem:
             found["noise beside the harmonics"] = self._real(np.zeros_like(volts), np.ones(self.n_steps))
         return found | fringe_terms(self, effects, base, values) | overtones(self, effects, base, values)
 
-    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """The same traces at other amplitudes of the motion."""
         found = {}
         for factor in (0.5, 2.0):
@@ -155,7 +163,7 @@ class TraceProblem:
             found[f"the same traces at {factor:g} times the amplitude"] = self._real(self.predict(effects, moved, values)[0])
         return found
 
-    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """None: these data leave one solution."""
         return []
 
@@ -196,7 +204,8 @@ def _times(traces: xr.Dataset) -> list[Array]:
 def _folding(time: Array, frequency: float, n_harmonics: int, highest: int) -> tuple[ComplexArray, Array]:
     """Return what the harmonics beyond the measured ones, as real then imaginary parts, add to those, and to the sum of squares left."""
     turns = 2 * np.pi * frequency * np.outer(time, np.arange(1, highest + 1))
-    cosine, sine = np.cos(turns), -np.sin(turns)
+    cosine = np.cos(turns)
+    sine = -np.sin(turns)
     low = np.column_stack([np.ones(len(time)), cosine[:, :n_harmonics], sine[:, :n_harmonics]])
     high = np.column_stack([cosine[:, n_harmonics:], sine[:, n_harmonics:]])
     solved, *_ = np.linalg.lstsq(low, high, rcond=None)

@@ -6,7 +6,7 @@ import numpy as np
 
 from femnl.core.diagnosis import Verdict
 from femnl.diagnose.freeform import fitted_forms
-from femnl.diagnose.least_squares import Unseen
+from femnl.diagnose.least_squares import CrossValidation
 from femnl.diagnose.search import DOUBTFUL, FALSE_ALARMS, HOPELESS, PER_CAUSE, Candidate
 
 CLEAR = 0.99
@@ -35,7 +35,8 @@ class Judgement:
 
 def judge(found: list[Candidate]) -> Judgement:
     """Weigh what was fitted; the first candidate is the base model."""
-    base, tried = found[0], found[1:]
+    base = found[0]
+    tried = found[1:]
     weights = np.array([c.weight for c in found])
     shares = np.exp(weights - weights.max())
     share = {c.names: float(s) for c, s in zip(found, shares / shares.sum(), strict=True)}
@@ -48,7 +49,7 @@ def judge(found: list[Candidate]) -> Judgement:
         smooth = _smooth(base) - ODDS
         likely = [c for c in likely if c.weight > smooth and (len(c.names) == 1 or c.weight > _scatter(base))]
     # What fits all the data together, but not each part by what the others say, is bent to them and no cause.
-    viable = [c for c in sorted(likely, key=lambda c: -c.weight)[: 1 + RIVALS] if c.solution.unseen.p_value >= c.least]
+    viable = [c for c in sorted(likely, key=lambda c: -c.weight)[: 1 + RIVALS] if c.result.cross_validation.p_value >= c.least]
     if base.viable and all(c.weight <= base.weight for c in viable):
         return Judgement("adequate", base, (), share)  # rare, but not too rare for chance, and no cause is worth its parameters
     if not viable:
@@ -60,7 +61,7 @@ def judge(found: list[Candidate]) -> Judgement:
     rivals = [c for c in viable[1:] if share[c.names] > (1 - CLEAR) / 2 or _ties(c, best)] + doubted
     if not rivals and len(viable) > 1 and _contradicted(best, viable[1:]):
         rivals = viable[1:]
-    if not rivals and not _predicts_better(best.solution.unseen, base.solution.unseen):
+    if not rivals and not _predicts_better(best.result.cross_validation, base.result.cross_validation):
         # Evidence speaks for a set that predicts unseen data no better than the base model: that explains nothing.
         if len(viable) == 1:
             return Judgement("unexplained", base, (), share)
@@ -68,7 +69,7 @@ def judge(found: list[Candidate]) -> Judgement:
     if not rivals:
         return Judgement("explained", best, (), share)
     near = [best, *(c for c in rivals if best.weight - c.weight < ODDS or _ties(c, best))]
-    simplest = min(near, key=lambda c: (len(c.names), c.solution.vector.size, -c.weight))
+    simplest = min(near, key=lambda c: (len(c.names), c.result.vector.size, -c.weight))
     return Judgement("ambiguous", simplest, tuple(c for c in (best, *rivals) if c is not simplest), share)
 
 
@@ -77,7 +78,8 @@ def _scatter(base: Candidate) -> float:
 
     Residuals of s times their σ, s with a uniform prior in its logarithm: χ²/2 − (d/2)(ln χ²/d + 1) over the base model.
     """
-    chi2, d = base.solution.chi2, base.solution.degrees
+    chi2 = base.result.chi2
+    d = base.result.degrees
     size = float(np.log(np.sqrt(np.pi / d) / np.log(SCATTERED)))
     return base.weight + (chi2 - d) / 2 - d / 2 * float(np.log(chi2 / d)) + size + 2 * float(np.log(PER_CAUSE))
 
@@ -87,12 +89,12 @@ def _smooth(base: Candidate) -> float:
 
     Several causes together, or one that fits badly, can imitate a cause that is missing, but not as simply as its own form.
     """
-    return max((s.log_evidence for s in fitted_forms(base.solution)), default=-np.inf) + 2 * float(np.log(PER_CAUSE))
+    return max((s.log_evidence for s in fitted_forms(base.result)), default=-np.inf) + 2 * float(np.log(PER_CAUSE))
 
 
 def _ties(candidate: Candidate, best: Candidate) -> bool:
-    fewer = candidate.solution.vector.size <= best.solution.vector.size
-    return fewer and candidate.solution.chi2 - best.solution.chi2 < TIE
+    fewer = candidate.result.vector.size <= best.result.vector.size
+    return fewer and candidate.result.chi2 - best.result.chi2 < TIE
 
 
 def _doubted(candidate: Candidate, best: Candidate) -> bool:
@@ -101,12 +103,13 @@ def _doubted(candidate: Candidate, best: Candidate) -> bool:
     One with fewer, whose fit is rare but not too rare for chance: more causes fit more anyway, and are not the clearer for it. One with
     more, where the fit of the best is doubtful.
     """
-    if best.weight - candidate.weight > ODDS or candidate.solution.stuck:
+    if best.weight - candidate.weight > ODDS or candidate.result.stuck:
         return False
-    names, own = set(candidate.names), set(best.names)
+    names = set(candidate.names)
+    own = set(best.names)
     if names < own:
-        return min(candidate.p_value, candidate.solution.unseen.p_value) >= HOPELESS
-    return names > own and best.p_value < DOUBTFUL and min(candidate.p_value, candidate.solution.unseen.p_value) >= candidate.least
+        return min(candidate.p_value, candidate.result.cross_validation.p_value) >= HOPELESS
+    return names > own and best.p_value < DOUBTFUL and min(candidate.p_value, candidate.result.cross_validation.p_value) >= candidate.least
 
 
 def _contradicted(best: Candidate, others: list[Candidate]) -> bool:
@@ -115,13 +118,13 @@ def _contradicted(best: Candidate, others: list[Candidate]) -> bool:
     Whether a cause more than in the best set is worth it, is for the evidence to say.
     """
     for other in (c for c in others if not set(best.names) < set(c.names)):
-        gains = np.subtract(other.solution.unseen.densities, best.solution.unseen.densities)
+        gains = np.subtract(other.result.cross_validation.densities, best.result.cross_validation.densities)
         if np.sum(gains) > CONTRADICTED * np.sqrt(len(gains)) * np.std(gains, ddof=1):
             return True
     return False
 
 
-def _predicts_better(one: Unseen, other: Unseen) -> bool:
+def _predicts_better(one: CrossValidation, other: CrossValidation) -> bool:
     return one.chi2_reduced < other.chi2_reduced or one.density > other.density
 
 
@@ -138,7 +141,7 @@ def measure_next(judged: Judgement, found: list[Candidate]) -> str:
         separation[phrase] = float(np.linalg.norm(predicted - _experiments(rival)[phrase]))
     names = [" + ".join(c.names) or "the base model" for c in (best, rival)]
     if judged.verdict in ("explained", "unexplained") and not judged.rivals:
-        apart = float(np.sqrt(max(rival.solution.chi2 - best.solution.chi2, 0.0)))
+        apart = float(np.sqrt(max(rival.result.chi2 - best.result.chi2, 0.0)))
         if judged.verdict == "explained":
             return f"nothing is left to separate: the next best explanation, {names[1]}, is {apart:.3g}σ worse on these data"
     phrase = max(separation, key=lambda key: separation[key])
@@ -149,6 +152,6 @@ def measure_next(judged: Judgement, found: list[Candidate]) -> str:
 
 
 def _experiments(candidate: Candidate) -> dict[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
-    model = candidate.solution.model
-    base, values = model.split(candidate.solution.vector)
-    return model.problem.experiments(model.effects, base, values)
+    model = candidate.result.model
+    base, values = model.split(candidate.result.vector)
+    return model.base_model.candidate_measurements(model.effects, base, values)

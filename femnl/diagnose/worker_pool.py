@@ -13,14 +13,16 @@ from typing import Any, Generic, TypeVar
 from femnl.core.effect import Effect
 from femnl.core.errors import FemnlError
 from femnl.core.processes import Worker, answer, one_thread
-from femnl.diagnose.checkpoint import LEDGER, Found, Share
-from femnl.observe.model import Problem
+from femnl.diagnose.checkpoint import CHECKPOINT, Found, Share
+from femnl.observe.model import MeasurementModel
 
-PROGRESS, WARNINGS = logging.getLogger("femnl.progress"), logging.getLogger("femnl")
+PROGRESS = logging.getLogger("femnl.progress")
+WARNINGS = logging.getLogger("femnl")
 T = TypeVar("T")
-Posed = tuple[Problem, list[Effect]]
+Posed = tuple[MeasurementModel, list[Effect]]
 """A problem, and the effects that may explain it."""
-SOON, EXIT = 0.05, 5.0
+SOON = 0.05
+EXIT = 5.0
 """Seconds after which it is looked again whether a helper is ready, and those that one may take to end."""
 
 
@@ -46,17 +48,18 @@ def in_turn(jobs: Sequence[Job[T]]) -> list[T]:
     return [job.done() for job in jobs]
 
 
-class Crew:
+class WorkerPool:
     """This process and helpers, which take jobs as soon as they are there.
 
     Problem and effects go by name, as each process has its own; what else jobs and results hold is sent. What a helper finds is what
-    this process would find, to the last bit, and its fits come into the ledger here.
+    this process would find, to the last bit, and its fits come into the checkpoint here.
     """
 
     def __init__(self, pose: Callable[[], Posed], helpers: int) -> None:
-        self._pose, ledger = pose, LEDGER.get()
+        self._pose = pose
+        checkpoint = CHECKPOINT.get()
         with one_thread():
-            self._helpers = [_Helper(pose, None if ledger is None else ledger.path) for _ in range(helpers)]
+            self._helpers = [_Helper(pose, None if checkpoint is None else checkpoint.path) for _ in range(helpers)]
         self._threads: list[Thread] = []
         self._fits: deque[tuple[str, Found]] = deque()
 
@@ -72,7 +75,8 @@ class Crew:
         """Do all jobs; return what they find, in their order."""
         if not self._helpers or len(jobs) < 2:
             return in_turn(jobs)
-        todo, found = deque(enumerate(jobs)), dict[int, T]()
+        todo = deque(enumerate(jobs))
+        found = dict[int, T]()
         while todo:  # again, where a helper ended over its job
             self._threads = [Thread(target=self._feed, args=(helper, todo, found), daemon=True) for helper in self._helpers]
             for thread in self._threads:
@@ -102,11 +106,11 @@ class Crew:
                     self._fits.extend(fits)
 
     def _keep(self) -> None:
-        """Put the fits of helpers into the ledger."""
-        ledger = LEDGER.get()
+        """Put the fits of helpers into the checkpoint."""
+        checkpoint = CHECKPOINT.get()
         while (fit := _next(self._fits.popleft)) is not None:
-            if ledger is not None:
-                ledger.add(*fit)
+            if checkpoint is not None:
+                checkpoint.add(*fit)
 
     def end(self) -> None:
         """End the helpers at once."""
@@ -120,9 +124,9 @@ class Crew:
 
 
 @contextmanager
-def crew(pose: Callable[[], Posed], workers: int) -> Iterator[Crew]:
+def worker_pool(pose: Callable[[], Posed], workers: int) -> Iterator[WorkerPool]:
     """Start so many processes, this one among them, which share the jobs of a problem; `pose` poses it in each."""
-    mine = Crew(pose, workers - 1)
+    mine = WorkerPool(pose, workers - 1)
     try:
         yield mine
     finally:
@@ -132,9 +136,10 @@ def crew(pose: Callable[[], Posed], workers: int) -> Iterator[Crew]:
 class _Helper(Worker):
     """A process that does jobs; it first says that it is ready."""
 
-    def __init__(self, pose: Callable[[], Posed], ledger: object) -> None:
-        super().__init__(_serve, pose, ledger)
-        self.dead, self._ready = False, False
+    def __init__(self, pose: Callable[[], Posed], checkpoint: object) -> None:
+        super().__init__(_serve, pose, checkpoint)
+        self.dead = False
+        self._ready = False
 
     def ready(self, seconds: float) -> bool:
         """Whether it is there within some seconds."""
@@ -155,7 +160,7 @@ def _serve(connection: Connection, pose: Callable[[], Posed], path: Any) -> None
     # The process that asked meets the same file, cache and fits, and says once what there is to say of them.
     WARNINGS.setLevel(logging.CRITICAL)
     share = None if path is None else Share(path)
-    LEDGER.set(share)
+    CHECKPOINT.set(share)
     if not _told(connection):
         return
     names = _Names(pose())
@@ -198,8 +203,11 @@ class _Names:
     """Puts names in the place of the problem and its effects, and these back."""
 
     def __init__(self, posed: Posed) -> None:
-        problem, effects = posed
-        self._things: dict[_Name, object] = {_Name("problem"): problem, **{_Name(f"effect {effect.name}"): effect for effect in effects}}
+        base_model, effects = posed
+        self._things: dict[_Name, object] = {
+            _Name("base_model"): base_model,
+            **{_Name(f"effect {effect.name}"): effect for effect in effects},
+        }
         self._by_id = {id(thing): name for name, thing in self._things.items()}
 
     def named(self, thing: Any) -> Any:

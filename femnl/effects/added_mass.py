@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -26,10 +26,10 @@ EFFECT = Effect(
     name="added_mass",
     equation="M → M + Δm ξ(x₀) ξ(x₀)ᵀ/(1 − ω²ΔmG); to first order Δf/f = −½ Δm ξ²(x₀)/m_eff",
     parameters=(
-        Knob("mass", "kg", 0.0, 0.05, per="mass"),
-        Knob("x", "m", -1.0, 1.0, strength=False, per="reach"),
-        Knob("y", "m", -1.0, 1.0, strength=False, per="reach"),
-        Knob("spread", "1", 0.0, 5.0, strength=False),
+        ParameterSpec("mass", "kg", 0.0, 0.05, scale="mass"),
+        ParameterSpec("x", "m", -1.0, 1.0, strength=False, scale="reach"),
+        ParameterSpec("y", "m", -1.0, 1.0, strength=False, scale="reach"),
+        ParameterSpec("spread", "1", 0.0, 5.0, strength=False),
     ),
     changes={"operators": load},
     source="Rayleigh's method, e.g. Hanay et al., Nat. Nanotechnol. 10, 339 (2015); the logarithm: Green's function of a membrane",

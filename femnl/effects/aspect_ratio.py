@@ -1,6 +1,6 @@
 """Sides that differ from those of the geometry by their ratio."""
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -13,7 +13,7 @@ def stretch(system: ModalSystem, values: Values) -> ModalSystem:
 EFFECT = Effect(
     name="aspect_ratio",
     equation="Lx → Lx(1 + e/2), Ly → Ly/(1 + e/2)",
-    parameters=(Knob("elongation", "1", -0.1, 0.1),),
+    parameters=(ParameterSpec("elongation", "1", -0.1, 0.1),),
     changes={"operators": stretch},
     source="membrane equation in scaled coordinates",
     limits="the bending layer at the edge does not change; in frequencies alone the same as stress_anisotropy",

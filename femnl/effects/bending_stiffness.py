@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -14,7 +14,7 @@ def stiffen(system: ModalSystem, values: Values) -> ModalSystem:
 EFFECT = Effect(
     name="bending_stiffness",
     equation="f² → (c/2π)² (k² + ℓ²k⁴), ℓ² = ℓ₀² + s, ℓ = √(D/T), ℓ₀ from the geometry",
-    parameters=(Knob("excess", "m²", 0.0, 15.0, per="layer_square"),),
+    parameters=(ParameterSpec("excess", "m²", 0.0, 15.0, scale="layer_square"),),
     changes={"operators": stiffen},
     source="Kirchhoff plate in tension, e.g. Timoshenko & Woinowsky-Krieger (1959)",
     limits="ℓ ≪ wavelength, and up to four times ℓ₀, as far as the simulated film's k is known",

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.core.stages import ModalSystem
 
@@ -32,7 +32,8 @@ def loosen(system: ModalSystem, values: Values) -> ModalSystem:
         loose = low / SPREAD * (1 - 2 * shear / (width + 2 * (depth - layer)) * k2 / common / (1 + low * (depth - layer) ** 2))
         factor = (loose + layer**2 * loose**2) / (k2 + layer**2 * k2**2) * common
         return replace(system, stiffness=system.stiffness + np.diag(np.diag(system.stiffness) * (factor - 1)))
-    root, along = np.sqrt(np.diag(system.stiffness)), system.projection.slopes[0, :2]
+    root = np.sqrt(np.diag(system.stiffness))
+    along = system.projection.slopes[0, :2]
     total = np.sqrt(np.diag(along.sum(axis=0)) / k2)
     common = (1 + 2 * depth / np.sqrt(system.box[0] * system.box[1])) ** 2
     before, after, moved = (np.zeros_like(system.stiffness) for _ in range(3))
@@ -51,7 +52,8 @@ def loosen(system: ModalSystem, values: Values) -> ModalSystem:
 
 def _lowered(k: Array, width: float, depth: float, layer: float) -> Array:
     """Solve k' L + 2 atan k'(δ − ℓ) = kL − 2 atan kℓ."""
-    phase, more = k * width - 2 * np.arctan(k * layer), depth - layer
+    phase = k * width - 2 * np.arctan(k * layer)
+    more = depth - layer
     found = phase / (width + 2 * more)
     for _ in range(ROUNDS):
         found = found - (found * width + 2 * np.arctan(found * more) - phase) / (width + 2 * more / (1 + (found * more) ** 2))
@@ -61,7 +63,7 @@ def _lowered(k: Array, width: float, depth: float, layer: float) -> Array:
 EFFECT = Effect(
     name="compliant_clamp",
     equation="edge w = 0 → −δ ∂w/∂n, δ = T/springs per length: kL + 2 atan k(δ − ℓ) = mπ, less 2δ/L of all modes; s = (δ − ℓ)³ + ℓ³",
-    parameters=(Knob("depth_cubed", "m^3", 0.0, 1e-14),),
+    parameters=(ParameterSpec("depth_cubed", "m^3", 0.0, 1e-14),),
     changes={"operators": loosen},
     source="string between springs, e.g. Morse & Ingard (1968), section 4.1, along x and along y; a stiff one that cannot turn at its ends",
     limits="an edge alike all around, without mass, that moves and does not turn; its direction is averaged over but on rectangles",

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Harmonics, Signal
 
 
@@ -20,7 +20,7 @@ def leak_first(harmonics: Harmonics, values: Values) -> Harmonics:
 EFFECT = Effect(
     name="crosstalk",
     equation="V → V + C V_drive",
-    parameters=(Knob("real", "V/V", -1.0, 1.0, per="slope"), Knob("imag", "V/V", -1.0, 1.0, per="slope")),
+    parameters=(ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope"), ParameterSpec("imag", "V/V", -1.0, 1.0, scale="slope")),
     changes={"signal": leak, "harmonics": leak_first},
     source="linear superposition",
     limits="flat over the resonance, a sinusoidal drive; where no drive is recorded, of 1 V",

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Harmonics
 
 
@@ -17,7 +17,7 @@ def slow(harmonics: Harmonics, values: Values) -> Harmonics:
 EFFECT = Effect(
     name="detector_bandwidth",
     equation="V_n → V_n e^{inωτ}/(1 + inωτ), corner frequency 1/2πτ",
-    parameters=(Knob("time_constant", "s", 0.0, 0.5, per="period"),),
+    parameters=(ParameterSpec("time_constant", "s", 0.0, 0.5, scale="period"),),
     changes={"harmonics": slow},
     source="first-order low pass",
     limits="one pole; its delay τ counts to the phase of the motion",

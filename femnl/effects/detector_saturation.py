@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Fringe, Signal
 
 
@@ -23,7 +23,7 @@ def clip_sweep(signal: Signal, values: Values) -> Signal:
 EFFECT = Effect(
     name="detector_saturation",
     equation="|v − V₀| ≤ (1 − s) max|f − V₀| of the fringe; in sweeps, of the strongest signal",
-    parameters=(Knob("clipped", "1", 0.0, 0.8),),
+    parameters=(ParameterSpec("clipped", "1", 0.0, 0.8),),
     changes={"fringe": clip, "signal": clip_sweep},
     source="an amplifier between its rails; in sweeps its describing function, Gelb & Vander Velde (1968)",
     limits="sharp and the same on both sides",

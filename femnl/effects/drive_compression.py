@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Oscillator
 
 
@@ -14,7 +14,7 @@ def compress(mode: Oscillator, values: Values) -> Oscillator:
 EFFECT = Effect(
     name="drive_compression",
     equation="F → V/(1 + κV²)",
-    parameters=(Knob("kappa", "V^-2", 0.0, 20.0, per="drive_square"),),
+    parameters=(ParameterSpec("kappa", "V^-2", 0.0, 20.0, scale="drive_square"),),
     changes={"oscillator": compress},
     source="third order of an amplifier or a piezo in compression",
     limits="the same at all frequencies",

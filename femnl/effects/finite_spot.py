@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Placement
 
 
@@ -16,7 +16,7 @@ def blur(placement: Placement, values: Values) -> Placement:
 EFFECT = Effect(
     name="finite_spot",
     equation="V_n → ∫ V_n(x + s) 2/(πw²) e^{−2s²/w²} d²s",
-    parameters=(Knob("radius", "m", 0.0, 1.5e-5),),
+    parameters=(ParameterSpec("radius", "m", 0.0, 1.5e-5),),
     changes={"placement": blur},
     source="Gaussian beam on a detector that adds up power",
     limits="spot smaller than the rings, about λ_ring/2",

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Lines
 
 
@@ -19,8 +19,8 @@ EFFECT = Effect(
     name="frame_mode",
     equation="f → f ± (√(Δ²/4 + g²) − |Δ|/2), the sign of Δ = f − f_frame; far away f + g²/Δ",
     parameters=(
-        Knob("coupling_square", "Hz²", 0.0, 1e8),
-        Knob("frame_frequency", "Hz", 0.8, 5.0, strength=False, log=True, per="frequency"),
+        ParameterSpec("coupling_square", "Hz²", 0.0, 1e8),
+        ParameterSpec("frame_frequency", "Hz", 0.8, 5.0, strength=False, log=True, scale="frequency"),
     ),
     changes={"frequencies": pull},
     source="two coupled oscillators, e.g. Jöckel et al., Appl. Phys. Lett. 99, 143109 (2011)",

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Lines, Oscillator, Points
 
 
@@ -25,7 +25,7 @@ def drift_points(points: Points, values: Values) -> Points:
 EFFECT = Effect(
     name="frequency_drift",
     equation="f → f (1 + r (t − t₀)), t₀ the first acquisition",
-    parameters=(Knob("rate", "1/s", -1e-6, 1e-6),),
+    parameters=(ParameterSpec("rate", "1/s", -1e-6, 1e-6),),
     changes={"frequencies": drift, "oscillator": drift_mode, "points": drift_points},
     source="first order in time of a drifting film stress",
     limits="a steady drift that is the same part of every frequency",

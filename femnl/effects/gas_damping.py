@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Points
 
 
@@ -14,7 +14,7 @@ def damp(points: Points, values: Values) -> Points:
 EFFECT = Effect(
     name="gas_damping",
     equation="1/Q → 1/Q₀ + c p",
-    parameters=(Knob("per_pressure", "1/Pa", 0.0, 1.0, per="per_pressure"),),
+    parameters=(ParameterSpec("per_pressure", "1/Pa", 0.0, 1.0, scale="per_pressure"),),
     changes={"points": damp},
     source="free molecular flow, e.g. Bao et al., J. Micromech. Microeng. 12, 341 (2002)",
     limits="mean free path long against the film and the gap",

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem, Points
 
 
@@ -16,7 +16,8 @@ def load(system: ModalSystem, values: Values) -> ModalSystem:
 
 def load_points(points: Points, values: Values) -> Points:
     """The same against pressure, where the density is that at the highest one."""
-    film, pressure = points.film, points.control.get("pressure")
+    film = points.film
+    pressure = points.control.get("pressure")
     if film is None or pressure is None:
         return points
     wavenumber = 2 * np.pi * points.frequency / np.sqrt(film.stress / film.density)
@@ -27,7 +28,7 @@ def load_points(points: Points, values: Values) -> Points:
 EFFECT = Effect(
     name="gas_loading",
     equation="ρh → ρh + 2ρ_g/k",
-    parameters=(Knob("gas_density", "kg/m³", 0.0, 10.0),),
+    parameters=(ParameterSpec("gas_density", "kg/m³", 0.0, 10.0),),
     changes={"operators": load, "points": load_points},
     source="Lamb, Proc. R. Soc. A 98, 205 (1920); potential flow on both sides",
     limits="wavelength long against the mean free path and short against that of sound; no wall near by",

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -18,7 +18,7 @@ def slow(system: ModalSystem, values: Values) -> ModalSystem:
 EFFECT = Effect(
     name="hole_dispersion",
     equation="f → f (1 − βa² k²), a the pitch of the holes",
-    parameters=(Knob("beta_area", "m²", 0.0, 5e-11),),
+    parameters=(ParameterSpec("beta_area", "m²", 0.0, 5e-11),),
     changes={"operators": slow},
     source="second order of Bloch waves in a periodic membrane",
     limits="wavelength long against the pitch; cannot be told from less bending stiffness",

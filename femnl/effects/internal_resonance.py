@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Oscillator
 
 
@@ -22,10 +22,10 @@ EFFECT = Effect(
     name="internal_resonance",
     equation="f₀ → f₀ − g² (A/A_s)^{2(p−1)}/(f_j/p − f + iw/2), p = 2, 3; ⅜αf₀A_s² = linewidth; w that of the second mode over p",
     parameters=(
-        Knob("coupling_square", "Hz^2", 0.0, 100.0, per="linewidth_square"),
-        Knob("offset", "Hz", -0.5, 0.5, strength=False, per="moving"),
-        Knob("width", "Hz", 0.1, 5.0, strength=False, log=True, per="linewidth"),
-        Knob("order", "1", 1.5, 3.5, strength=False, whole=True),
+        ParameterSpec("coupling_square", "Hz^2", 0.0, 100.0, scale="linewidth_square"),
+        ParameterSpec("offset", "Hz", -0.5, 0.5, strength=False, scale="moving"),
+        ParameterSpec("width", "Hz", 0.1, 5.0, strength=False, log=True, scale="linewidth"),
+        ParameterSpec("order", "1", 1.5, 3.5, strength=False, whole=True),
     ),
     changes={"oscillator": couple},
     source="Nayfeh & Mook (1979), section 6.5, the second mode slaved: averaging of q₁²q₂ (p = 2) and q₁³q₂ (p = 3)",

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Motion
 
 
@@ -22,10 +22,10 @@ def sing(motion: Motion, values: Values) -> Motion:
 EFFECT = Effect(
     name="mechanical_overtones",
     equation="u → u + Σ_n ξ_j (a_n cos nτ + b_n sin nτ), n = 2, 3, τ the phase of the motion",
-    parameters=tuple(Knob(f"{part}{n}", "m", -1e-7, 1e-7) for n in (2, 3) for part in ("cos", "sin")),
+    parameters=tuple(ParameterSpec(f"{part}{n}", "m", -1e-7, 1e-7) for n in (2, 3) for part in ("cos", "sin")),
     changes={"motion": sing},
     source="internal resonances, e.g. arXiv:1902.01270",
     limits="one mode for each overtone, the one nearest in frequency",
     sentence="the film itself moves at multiples of the drive",
-    across=True,  # U_n is that at the largest swing of all
+    couples_blocks=True,  # U_n is that at the largest swing of all
 )

@@ -1,6 +1,6 @@
 """Other modes that move with the driven one."""
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Motion
 
 
@@ -14,7 +14,7 @@ def mix(motion: Motion, values: Values) -> Motion:
 EFFECT = Effect(
     name="mode_admixture",
     equation="ξ → ξ + Σ e_j ξ_j, over the five lowest other modes",
-    parameters=tuple(Knob(f"e{i}", "1", -0.3, 0.3) for i in range(1, 6)),  # four would part the pair of (1,3) and (3,1)
+    parameters=tuple(ParameterSpec(f"e{i}", "1", -0.3, 0.3) for i in range(1, 6)),  # four would part the pair of (1,3) and (3,1)
     changes={"motion": mix},
     source="coupled modes, driven together",
     limits="in phase with the driven mode; five lowest others",

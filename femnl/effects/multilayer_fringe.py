@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from femnl.core.device import Stack
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import ComplexArray
 from femnl.core.stages import Fringe
 from femnl.optics.fringe import MultilayerFringe
@@ -33,7 +33,7 @@ def reflect(fringe: Fringe, values: Values) -> Fringe:
 EFFECT = Effect(
     name="multilayer_fringe",
     equation="f(u) = R(gap + u) of the stack, by transfer matrices",
-    parameters=(Knob("gap", "m", 0.94, 1.06, strength=False, per="stack"),),
+    parameters=(ParameterSpec("gap", "m", 0.94, 1.06, strength=False, scale="stack"),),
     changes={"fringe": reflect},
     source="Byrnes, arXiv:1603.02720 (tmm); Sommer et al., arXiv:2502.19191, S6",
     limits="plane waves; the gap is known modulo half a wavelength, and which way the film moves is taken from the drive's phase",

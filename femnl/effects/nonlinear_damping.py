@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Equation, Oscillator
 
 
@@ -19,7 +19,7 @@ def damp_record(forces: Equation, values: Values) -> Equation:
 EFFECT = Effect(
     name="nonlinear_damping",
     equation="γ u̇ → γ (1 + η u²) u̇",
-    parameters=(Knob("eta", "m^-2", 0.0, 400.0, per="curvature"),),
+    parameters=(ParameterSpec("eta", "m^-2", 0.0, 400.0, scale="curvature"),),
     changes={"oscillator": damp, "equation": damp_record},
     source="Lifshitz & Cross (2008), section 1.3; Eichler et al., Nat. Nanotechnol. 6, 339 (2011)",
     limits="first order of averaging: ηA² may be large, w ≪ f₀",

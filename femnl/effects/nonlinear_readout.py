@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import j1
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Signal
 
 
@@ -19,7 +19,7 @@ def bend(signal: Signal, values: Values) -> Signal:
 EFFECT = Effect(
     name="nonlinear_readout",
     equation="V → V 2J₁(z)/z, z² = s (4πA/λ)²",
-    parameters=(Knob("share", "1", 0.0, 20.0),),
+    parameters=(ParameterSpec("share", "1", 0.0, 20.0),),
     changes={"signal": bend},
     source="Sommer et al., arXiv:2502.19191, S7",
     limits="one cosine; s = ξ² at the spot where α is known",

@@ -1,6 +1,6 @@
 """A wafer that is tilted against the film."""
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Motion
 
 
@@ -12,7 +12,7 @@ def tilt(motion: Motion, values: Values) -> Motion:
 EFFECT = Effect(
     name="phase_tilt",
     equation="θ → θ + 4π(sx x + sy y)/λ",
-    parameters=(Knob("slope_x", "1", -1.5e-3, 1.5e-3), Knob("slope_y", "1", -1.5e-3, 1.5e-3)),
+    parameters=(ParameterSpec("slope_x", "1", -1.5e-3, 1.5e-3), ParameterSpec("slope_y", "1", -1.5e-3, 1.5e-3)),
     changes={"motion": tilt},
     source="gap d(x, y) linear in x and y, θ = 4πd/λ: in metres the same at every wavelength",
     limits="film and wafer flat",

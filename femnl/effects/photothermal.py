@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Points
 
 
@@ -17,9 +17,9 @@ EFFECT = Effect(
     name="photothermal",
     equation="f → f (1 + aP + bP²), 1/Q → (1 + gP)/Q",
     parameters=(
-        Knob("pull", "1/W", -0.5, 0.5, per="per_laser_power"),
-        Knob("bend", "1/W^2", -0.5, 0.5, per="per_laser_power_square"),
-        Knob("loss", "1/W", -0.9, 10.0, per="per_laser_power"),
+        ParameterSpec("pull", "1/W", -0.5, 0.5, scale="per_laser_power"),
+        ParameterSpec("bend", "1/W^2", -0.5, 0.5, scale="per_laser_power_square"),
+        ParameterSpec("loss", "1/W", -0.9, 10.0, scale="per_laser_power"),
     ),
     changes={"points": heat},
     source="Metzger & Karrai, Nature 432, 1002 (2004), to second order in the power",

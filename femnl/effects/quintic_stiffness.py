@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Equation, Oscillator
 
 
@@ -19,7 +19,7 @@ def stiffen_record(forces: Equation, values: Values) -> Equation:
 EFFECT = Effect(
     name="quintic_stiffness",
     equation="ω₀² (u + αu³) → ω₀² (u + αu³ + α₅u⁵)",
-    parameters=(Knob("alpha5", "m^-4", -1e-4, 1e-4, per="curvature_square"),),
+    parameters=(ParameterSpec("alpha5", "m^-4", -1e-4, 1e-4, scale="curvature_square"),),
     changes={"oscillator": stiffen, "equation": stiffen_record},
     source="first-order averaging, Nayfeh & Mook (1979), section 4.1",
     limits="a small correction of the cubic term",

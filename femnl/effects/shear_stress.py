@@ -1,6 +1,6 @@
 """In-plane shear of the film stress."""
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -12,7 +12,7 @@ def shear(system: ModalSystem, values: Values) -> ModalSystem:
 EFFECT = Effect(
     name="shear_stress",
     equation="σxy = s σ",
-    parameters=(Knob("shear", "1", 0.0, 0.1),),
+    parameters=(ParameterSpec("shear", "1", 0.0, 0.1),),
     changes={"operators": shear},
     source="membrane equation T : ∇∇w",
     limits="uniform shear; frequencies tell its size and not its sign",

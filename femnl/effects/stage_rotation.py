@@ -4,20 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Placement
 
 
 def turn(placement: Placement, values: Values) -> Placement:
     """Turn the positions on the film by the angle."""
-    c, s = np.cos(values["angle"]), np.sin(values["angle"])
+    c = np.cos(values["angle"])
+    s = np.sin(values["angle"])
     return replace(placement, x=c * placement.x + s * placement.y, y=c * placement.y - s * placement.x)
 
 
 EFFECT = Effect(
     name="stage_rotation",
     equation="x → R(β) x",
-    parameters=(Knob("angle", "rad", -0.4, 0.4),),
+    parameters=(ParameterSpec("angle", "rad", -0.4, 0.4),),
     changes={"placement": turn},
     source="geometry",
     limits="about the centre of the film",

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Placement
 
 
@@ -14,7 +14,7 @@ def scale(placement: Placement, values: Values) -> Placement:
 EFFECT = Effect(
     name="stage_scale",
     equation="x → (1 + sx) x, y → (1 + sy) y",
-    parameters=(Knob("stretch_x", "1", -0.2, 0.2), Knob("stretch_y", "1", -0.2, 0.2)),
+    parameters=(ParameterSpec("stretch_x", "1", -0.2, 0.2), ParameterSpec("stretch_y", "1", -0.2, 0.2)),
     changes={"placement": scale},
     source="calibration of the stage",
     limits="the same as a film of another size",

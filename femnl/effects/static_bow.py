@@ -1,6 +1,6 @@
 """A film that is bent at rest."""
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Motion
 
 
@@ -12,7 +12,7 @@ def bow(motion: Motion, values: Values) -> Motion:
 EFFECT = Effect(
     name="static_bow",
     equation="θ → θ + 4πb ξ₁/λ",
-    parameters=(Knob("depth", "m", -3e-7, 3e-7),),
+    parameters=(ParameterSpec("depth", "m", -3e-7, 3e-7),),
     changes={"motion": bow},
     source="static deflection b ξ₁, θ = 4πb/λ: in metres the same at every wavelength",
     limits="a bow of the shape of the fundamental mode",

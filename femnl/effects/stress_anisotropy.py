@@ -1,6 +1,6 @@
 """Film stress that differs along x and y."""
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -13,7 +13,7 @@ def stretch(system: ModalSystem, values: Values) -> ModalSystem:
 EFFECT = Effect(
     name="stress_anisotropy",
     equation="σx = σ(1 + a/2), σy = σ(1 − a/2)",
-    parameters=(Knob("anisotropy", "1", -0.2, 0.2),),
+    parameters=(ParameterSpec("anisotropy", "1", -0.2, 0.2),),
     changes={"operators": stretch},
     source="membrane equation T : ∇∇w",
     limits="uniform stress; in frequencies alone the same as a rectangle (aspect_ratio)",

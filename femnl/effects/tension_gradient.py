@@ -1,6 +1,6 @@
 """Film stress that varies over the film."""
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
 
@@ -15,7 +15,7 @@ def tilt(system: ModalSystem, values: Values) -> ModalSystem:
 EFFECT = Effect(
     name="tension_gradient",
     equation="σ → σ (1 + gx x/R + gy y/R + b (x² + y²)/R²)",
-    parameters=(Knob("slope_x", "1", -0.2, 0.2), Knob("slope_y", "1", -0.2, 0.2), Knob("bowl", "1", -0.2, 0.2)),
+    parameters=(ParameterSpec("slope_x", "1", -0.2, 0.2), ParameterSpec("slope_y", "1", -0.2, 0.2), ParameterSpec("bowl", "1", -0.2, 0.2)),
     changes={"operators": tilt},
     source="∫ δT |∇ξ|² of first-order perturbation theory, here to all orders within the base modes",
     limits="lowest orders of a smooth variation; in-plane equilibrium is not imposed",

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Points
 
 
@@ -15,7 +15,7 @@ def relax(points: Points, values: Values) -> Points:
 EFFECT = Effect(
     name="thermal_stress",
     equation="f² → f² (1 − s ΔT), s = E(α_film − α_wafer)/((1 − ν)σ₀), ΔT from the mean temperature",
-    parameters=(Knob("slope", "1/K", -0.5, 0.5, per="per_temperature"),),
+    parameters=(ParameterSpec("slope", "1/K", -0.5, 0.5, scale="per_temperature"),),
     changes={"points": relax},
     source="σ(T) = σ₀ − E(α_film − α_wafer)ΔT/(1 − ν)",
     limits="constants do not depend on temperature",

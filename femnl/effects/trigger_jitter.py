@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Harmonics
 
 
@@ -17,7 +17,7 @@ def blur(harmonics: Harmonics, values: Values) -> Harmonics:
 EFFECT = Effect(
     name="trigger_jitter",
     equation="V_n → V_n e^{−(nωs)²/2}",
-    parameters=(Knob("sd", "s", 0.0, 0.3, per="period"),),
+    parameters=(ParameterSpec("sd", "s", 0.0, 0.3, scale="period"),),
     changes={"harmonics": blur},
     source="characteristic function of a normal time error",
     limits="normal, independent from trace to trace",

@@ -31,7 +31,9 @@ def solve_prestress(domain: Domain, degree: int, edge: Edge = "clamped") -> Pres
     Raises: ConvergenceError where the film is not supported.
     Source: plane stress with the film stress as initial stress; checked by `validation/unit_cell.py`.
     """
-    space, sheet, clamp = Space(domain.mesh, degree), Sheet(domain), domain.model.clamp
+    space = Space(domain.mesh, degree)
+    sheet = Sheet(domain)
+    clamp = domain.model.clamp
     stiffness, loads = _in_plane(domain, space, sheet, lambda triangles: sheet.stress(triangles)[None])
     matrix = stiffness.matrix() + in_plane_springs(space, clamp)
     load = in_plane_draw(space, clamp) + loads[0]
@@ -49,7 +51,9 @@ def solve_units(domain: Domain, degree: int) -> Units:
         raise ParameterError(
             f"{domain.model.name}: a wedge of {np.degrees(domain.wedge):g}° holds even stresses alone; mesh a quarter or more"
         )
-    space, sheet, clamp = Space(domain.mesh, degree), Sheet(domain), domain.model.clamp
+    space = Space(domain.mesh, degree)
+    sheet = Sheet(domain)
+    clamp = domain.model.clamp
     stiffness, loads = _in_plane(domain, space, sheet, lambda triangles: np.eye(3)[:, None, None])
     matrix = stiffness.matrix() + in_plane_springs(space, clamp)
     found = np.empty_like(loads)
@@ -61,10 +65,13 @@ def solve_units(domain: Domain, degree: int) -> Units:
 
 def _in_plane(domain: Domain, space: Space, sheet: Sheet, stresses: Callable[[slice], Array]) -> tuple[Assembly, Array]:
     """Stiffness ∫ h C ε(u) : ε(v), and loads −∫ h s : ε(v) (n, 2·size) of stresses s (n, e, q, 3) [Pa]."""
-    assembly, loads = Assembly(2 * space.size), None
+    assembly = Assembly(2 * space.size)
+    loads = None
     for cell in cells(space, quadrature_order(domain.model, 2 * space.degree)):
-        strain, h = in_plane_strain(cell.jet), sheet.thickness(cell.triangles, cell.jet.point)
-        dofs, given = vector_dofs(space, cell.triangles), stresses(cell.triangles)
+        strain = in_plane_strain(cell.jet)
+        h = sheet.thickness(cell.triangles, cell.jet.point)
+        dofs = vector_dofs(space, cell.triangles)
+        given = stresses(cell.triangles)
         loads = np.zeros((len(given), 2 * space.size)) if loads is None else loads
         for load, stress in zip(loads, given, strict=True):
             np.add.at(load, dofs, -local_vectors(strain, h[..., None] * stress, cell.dx))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison
-from femnl.core.effect import Effect, Kind, Knob, Stage, Values
+from femnl.core.effect import Effect, Kind, ParameterSpec, Stage, Values
 from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
 
@@ -38,25 +38,25 @@ class Ranked:
         noise[:, self.at[order]] = (drawn - predicted[order]) / self.sd[order]
 
 
-class Problem(Protocol):
+class MeasurementModel(Protocol):
     """One group of a measurement file with its base model.
 
-    base: parameters of the base model; start: their values before any fit. facts: numbers that scale priors (`Knob.per`), whose
+    base: parameters of the base model; start: their values before any fit. facts: numbers that scale priors (`ParameterSpec.scale`), whose
     names effects may need. blocks (n_residuals,): the block of held-out data that each residual belongs to, −1 for prior
     knowledge, which is never left out. rugged: whether effects act by jumps, so that they are sought from afar as well. jumps: base
     parameters that move jumps of the data themselves, at which a fit may stop short. apart: groups of base parameters of which each
-    moves residuals of its own, unless an effect acts `across`, by the mask (n_residuals,) of those. ranked: residuals whose data go to
+    moves residuals of its own, unless an effect acts `couples_blocks`, by the mask (n_residuals,) of those. ranked: residuals whose data go to
     predictions by rank.
     """
 
     kind: Kind
-    rugged: bool
+    needs_global_search: bool
     jumps: tuple[str, ...]
-    apart: tuple[Mapping[str, NDArray[np.bool_]], ...]
+    independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...]
     ranked: tuple[Ranked, ...]
-    base: tuple[Knob, ...]
+    base: tuple[ParameterSpec, ...]
     start: Array
-    facts: Mapping[str, float]
+    scales: Mapping[str, float]
     notes: tuple[str, ...]
 
     @property
@@ -64,7 +64,7 @@ class Problem(Protocol):
         """The block of each residual."""
         ...
 
-    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """Directions in the space of residuals to look at whatever the cause, by what they mean."""
         ...
 
@@ -72,7 +72,7 @@ class Problem(Protocol):
         """Return (data − prediction)/σ of the base model extended by effects, each with its values."""
         ...
 
-    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         """What measurements not yet made would give, in σ of the present ones, by a phrase that names each."""
         ...
 
@@ -80,7 +80,7 @@ class Problem(Protocol):
         """Relative standard deviation of parameters in this unit that no amount of data lowers."""
         ...
 
-    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Other values of the base parameters that predict about the same, and from which an effect may lead elsewhere."""
         ...
 
@@ -93,19 +93,19 @@ class Problem(Protocol):
         ...
 
 
-def scale_of(problem: Problem, knob: Knob) -> float:
-    """Return the number that the range of a parameter counts in: the fact that its `per` names, 1 where it names none.
+def scale_of(base_model: MeasurementModel, spec: ParameterSpec) -> float:
+    """Return the number that the range of a parameter counts in: the fact that its `scale` names, 1 where it names none.
 
     Raises: ParameterError where the measurement has no such fact.
     """
-    if not knob.per:
+    if not spec.scale:
         return 1.0
-    if knob.per not in problem.facts:
-        known = ", ".join(sorted(problem.facts)) or "none"
+    if spec.scale not in base_model.scales:
+        known = ", ".join(sorted(base_model.scales)) or "none"
         raise ParameterError(
-            f"parameter {knob.name}: its range counts in '{knob.per}', which a {problem.kind} does not give; it gives: {known}"
+            f"parameter {spec.name}: its range counts in '{spec.scale}', which a {base_model.kind} does not give; it gives: {known}"
         )
-    return problem.facts[knob.per]
+    return base_model.scales[spec.scale]
 
 
 def apply(stage: Stage, value: T, effects: Sequence[Effect], values: Sequence[Values]) -> T:
@@ -117,40 +117,40 @@ def apply(stage: Stage, value: T, effects: Sequence[Effect], values: Sequence[Va
 
 
 @dataclass(frozen=True)
-class Extended:
+class ExtendedModel:
     """A problem's base model with some effects, as a function of one vector."""
 
-    problem: Problem
+    base_model: MeasurementModel
     effects: tuple[Effect, ...] = ()
 
     @cached_property
-    def knobs(self) -> tuple[tuple[str, Knob], ...]:
+    def parameters(self) -> tuple[tuple[str, ParameterSpec], ...]:
         """Every free parameter with the name of its owner, "base" or the effect."""
         gone = {name for effect in self.effects for name in effect.replaces}
-        own = [("base", knob) for knob in self.problem.base if knob.name not in gone]
-        return (*own, *((effect.name, knob) for effect in self.effects for knob in effect.parameters))
+        own = [("base", spec) for spec in self.base_model.base if spec.name not in gone]
+        return (*own, *((effect.name, spec) for effect in self.effects for spec in effect.parameters))
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest values, in the unit of each parameter."""
-        unit = np.array([scale_of(self.problem, knob) for _, knob in self.knobs])
-        low, high = (np.array([getattr(knob, side) for _, knob in self.knobs]) for side in ("low", "high"))
+        unit = np.array([scale_of(self.base_model, spec) for _, spec in self.parameters])
+        low, high = (np.array([getattr(spec, side) for _, spec in self.parameters]) for side in ("low", "high"))
         return low * unit, high * unit
 
     def split(self, vector: Array) -> tuple[dict[str, float], list[dict[str, float]]]:
         """Return the values of the base parameters (0 for replaced ones) and of each effect."""
-        named: dict[str, dict[str, float]] = {"base": dict.fromkeys((knob.name for knob in self.problem.base), 0.0)}
+        named: dict[str, dict[str, float]] = {"base": dict.fromkeys((spec.name for spec in self.base_model.base), 0.0)}
         named |= {effect.name: {} for effect in self.effects}
-        for (owner, knob), value in zip(self.knobs, vector, strict=True):
-            named[owner][knob.name] = float(np.rint(value) if knob.whole else value)
+        for (owner, spec), value in zip(self.parameters, vector, strict=True):
+            named[owner][spec.name] = float(np.rint(value) if spec.whole else value)
         return named["base"], [named[effect.name] for effect in self.effects]
 
     def pack(self, base: Values, values: Sequence[Values]) -> Array:
         """Return the vector of named values."""
         owned = {"base": base} | {effect.name: own for effect, own in zip(self.effects, values, strict=True)}
-        return np.array([owned[owner][knob.name] for owner, knob in self.knobs])
+        return np.array([owned[owner][spec.name] for owner, spec in self.parameters])
 
     def residuals(self, vector: Array) -> Array:
         """Return the residuals in σ, prior knowledge included."""
         base, values = self.split(vector)
-        return self.problem.residuals(self.effects, base, values)
+        return self.base_model.residuals(self.effects, base, values)

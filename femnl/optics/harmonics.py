@@ -93,7 +93,8 @@ def harmonics_by_fft(
         now = np.moveaxis(spectrum.real[..., orders], -1, 0) * np.where(orders == 0, 1, 2).reshape(-1, *(1,) * U.ndim)
         if before is not None and np.abs(now - before).max(initial=0.0) <= tolerance * np.abs(spectrum).max(initial=0.0):
             return np.asarray(now * turns)
-        before, n_samples = now, 2 * n_samples
+        before = now
+        n_samples = 2 * n_samples
     raise ConvergenceError(
         f"harmonics of f(u) still move by more than {tolerance:g} with {MOST_SAMPLES} samples a period: raise the tolerance or smooth f"
     )

@@ -15,7 +15,8 @@ Orders = NDArray[np.int64]
 
 NODES = 32
 """Nodes a unit of z at which Bessel functions are tabulated; the interpolation errs by less than 1e-8."""
-PIECE, SAMPLES = 4096, 8
+PIECE = 4096
+SAMPLES = 8
 """Points whose harmonics are summed at a time, and samples of each; fewer points where there are more samples."""
 FAINT = 1e-6
 """Overtones of the fringe below this part of the first change no map that can be measured."""
@@ -70,21 +71,26 @@ def _sum(
     place (n_points,): argument of the Bessel functions of the first order, in nodes; turns: e^{ikθ}
     (n_orders, n_points), or (n_orders, 1) of all alike.
     """
-    summed, quarter, each = np.empty(len(harmonic)), harmonic % 4, int(turns.shape[1] > 1)
+    summed = np.empty(len(harmonic))
+    quarter = harmonic % 4
+    each = int(turns.shape[1] > 1)
     for i in range(len(place)):
         summed[:] = 0.0
         for j in range(len(orders)):
             at = orders[j] * place[i]
             left = int(at)
-            s, term = at - left, lit[j] * turns[j, i * each]
+            s = at - left
+            term = lit[j] * turns[j, i * each]
             sides = term.real, -term.imag, -term.real, term.imag  # Re(iⁿ …)
             for h in range(len(harmonic)):
                 value = table[left, h, 0] + s * (table[left, h, 1] + s * (table[left, h, 2] + s * table[left, h, 3]))
                 summed[h] += sides[quarter[h]] * value
-        power, n = 1.0 + 0.0j, 0
+        power = 1.0 + 0.0j
+        n = 0
         for h in range(len(harmonic)):
             if harmonic[h] < n:  # not in rising order
-                power, n = 1.0 + 0.0j, 0
+                power = 1.0 + 0.0j
+                n = 0
             for _ in range(harmonic[h] - n):
                 power *= unit[i]
             n = harmonic[h]
@@ -102,9 +108,13 @@ def _powers(unit: ComplexArray, harmonic: Orders) -> ComplexArray:
 @lru_cache(maxsize=16)
 def _table(harmonic: tuple[int, ...], longest: int) -> Array:
     """Return the coefficients of J_n between nodes up to z = longest, lowest power first, (n_nodes, n_harmonics, 4)."""
-    z, n = np.arange(longest * NODES + 2) / NODES, np.array(harmonic)[:, None]
-    value, slope = jv(n, z), jvp(n, z) / NODES
-    rise, first, last = np.diff(value, axis=1), slope[:, :-1], slope[:, 1:]
+    z = np.arange(longest * NODES + 2) / NODES
+    n = np.array(harmonic)[:, None]
+    value = jv(n, z)
+    slope = jvp(n, z) / NODES
+    rise = np.diff(value, axis=1)
+    first = slope[:, :-1]
+    last = slope[:, 1:]
     cubic = np.stack([value[:, :-1], first, 3 * rise - 2 * first - last, first + last - 2 * rise])
     return np.ascontiguousarray(cubic.transpose(2, 1, 0))
 
@@ -130,7 +140,8 @@ def _by_sampling(
         amplitude, unit = _polar(displacement[0])
         return _sampled(np.cos(tau[half])[:, None], q * amplitude[None], theta, sums, _pieces(series), top) * _powers(unit, harmonic)
     overtones = np.outer(np.arange(1, len(displacement) + 1), tau)
-    swings, moves = np.hstack([np.cos(overtones).T, -np.sin(overtones).T]), q * np.vstack([displacement.real, displacement.imag])
+    swings = np.hstack([np.cos(overtones).T, -np.sin(overtones).T])
+    moves = q * np.vstack([displacement.real, displacement.imag])
     sums = 2 / n_samples * np.vstack([np.cos(angles), -np.sin(angles)])
     found = _sampled(swings, moves, theta, sums, _pieces(series), top)
     return np.asarray(found[: len(harmonic)] + 1j * found[len(harmonic) :])
@@ -144,7 +155,8 @@ def _polar(swing: ComplexArray) -> tuple[Array, ComplexArray]:
 
 def _sampled(swings: Array, moves: Array, theta: Array, sums: Array, pieces: Array, top: float) -> Array:
     """Return the sums (m, n_samples) over a fringe at the phases swings (n_samples, k) times moves (k, n_points) + θ, (m, n_points)."""
-    found, read = np.empty((len(sums), moves.shape[1])), compiled(_read)
+    found = np.empty((len(sums), moves.shape[1]))
+    read = compiled(_read)
     step = max(1, PIECE * SAMPLES // len(swings))
     room = np.empty(len(swings) * step)
     for start in range(0, moves.shape[1], step):
@@ -161,16 +173,20 @@ def _pieces(series: ComplexArray) -> Array:
     """Return the coefficients of Re Σ_k c_k e^{ikφ} between `PHASES` nodes of φ over a period, lowest power first, (n_nodes, 4)."""
     slopes = 2j * np.pi / PHASES * np.arange(len(series)) * series
     value, slope = (np.fft.irfft(np.append(0, part[1:]), PHASES) * PHASES / 2 for part in (series, slopes))
-    rise, last = np.roll(value, -1) - value, np.roll(slope, -1)
+    rise = np.roll(value, -1) - value
+    last = np.roll(slope, -1)
     return np.stack([value, slope, 3 * rise - 2 * slope - last, slope + last - 2 * rise], axis=1)
 
 
 def _read(phase: Array, pieces: Array, top: float) -> None:
     """Put a fringe, clipped at ±top, in the place of its phase (n,), by cubic interpolation."""
-    last, per = len(pieces) - 1, len(pieces) / (2 * np.pi)
+    last = len(pieces) - 1
+    per = len(pieces) / (2 * np.pi)
     for i in range(len(phase)):
         place = phase[i] * per
         left = np.floor(place)
-        s, piece = place - left, pieces[int(left) & last]  # the number of pieces is a power of two
+        # the number of pieces is a power of two
+        s = place - left
+        piece = pieces[int(left) & last]
         v = piece[0] + s * (piece[1] + s * (piece[2] + s * piece[3]))
         phase[i] = min(max(v, -top), top)

@@ -65,7 +65,8 @@ def real_part(series: FourierSeries, harmonic: Orders, displacement: Array, valu
     slope = np.stack([sample @ along for _, sample in samples.values()], axis=-1)
     if not few:
         spline = CubicHermiteSpline(nodes, value, slope)
-        value, slope = spline(displacement), spline(displacement, 1)
+        value = spline(displacement)
+        slope = spline(displacement, 1)
     return dict(zip(samples, value.T, strict=True)) | {"by_displacement": slope.T[0]}
 
 

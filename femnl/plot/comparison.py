@@ -51,8 +51,8 @@ def _curves(found: Curves) -> Figure:
             largest = max(largest, float(np.nanmax(np.abs(away))))
             axes.plot(x, away, ".", markersize=3, color=colour, label=curve.name)
     for name, line in zip(found.models, LINES, strict=False):
-        look = line if found.joined else ("_" if line == LINES[0] else "x")
-        left.plot([], [], look, color=INK, label=name)
+        test = line if found.joined else ("_" if line == LINES[0] else "x")
+        left.plot([], [], test, color=INK, label=name)
     left.plot([], [], ".", color=INK, label="measured")
     left.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     left.set_ylabel(axis_label(found.y, y_unit))
@@ -73,7 +73,8 @@ def _curves(found: Curves) -> Figure:
 
 def _zero(x: Array) -> float:
     """A round number near the middle of values that span a small part of their size, to be taken off; 0 otherwise."""
-    span, middle = float(np.ptp(x)), float(np.mean(x))
+    span = float(np.ptp(x))
+    middle = float(np.mean(x))
     if not 0 < span < 0.02 * abs(middle):
         return 0.0
     step = 10.0 ** np.floor(np.log10(span / 2))

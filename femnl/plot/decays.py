@@ -32,7 +32,8 @@ def ringdown_figure(time: ArrayLike, signal: ArrayLike, fit: Fit) -> Figure:
         size = np.abs(amplitude)
     else:
         kept = np.flatnonzero(np.isfinite(volts))[:: max(1, t.size // _THIN)]
-        places, size = t[kept], volts[kept]
+        places = t[kept]
+        size = volts[kept]
     model = np.sqrt(np.abs(predict_ringdown(fit, places)) ** 2 + (0.0 if whole else max(fit["floor"], 0.0)))
     divisor, unit = prefixed(t, "s")
     scale, volt = prefixed(size, "V")

@@ -64,7 +64,8 @@ def film_field(modes: Modes, surface: Surface, what: str, mode: int = 1) -> Fiel
 
 
 def _scale(values: NDArray[np.float64], power: float) -> Normalize:
-    low, high = float(values.min()), float(values.max())
+    low = float(values.min())
+    high = float(values.max())
     if high - low < 1e-3 * abs(high):  # an even film would otherwise show its rounding
         return Normalize(low - 0.05 * abs(high), high + 0.05 * abs(high))
     return PowerNorm(power, low, high)
@@ -73,7 +74,8 @@ def _scale(values: NDArray[np.float64], power: float) -> Normalize:
 def film_box(outline: Outline, margin: float = 0.02) -> Box:
     """Return the box of an outline with a margin in parts of its longer side."""
     line = polyline(outline)
-    (left, bottom), (right, top) = line.min(0), line.max(0)
+    (left, bottom) = line.min(0)
+    (right, top) = line.max(0)
     room = margin * max(right - left, top - bottom)
     return float(left - room), float(right + room), float(bottom - room), float(top + room)
 
@@ -159,7 +161,8 @@ def _grid(surface: Surface, field: Field, box: Box | None) -> pv.UnstructuredGri
     triangles = surface.triangles
     if box is not None:
         corners = surface.points[triangles]
-        (x0, y0), (x1, y1) = np.moveaxis(corners.min(1), -1, 0), np.moveaxis(corners.max(1), -1, 0)
+        (x0, y0) = np.moveaxis(corners.min(1), -1, 0)
+        (x1, y1) = np.moveaxis(corners.max(1), -1, 0)
         triangles = triangles[(x1 > box[0]) & (x0 < box[1]) & (y1 > box[2]) & (y0 < box[3])]
     points = np.column_stack([surface.points * METRE, np.zeros(len(surface.points))])
     grid = pv.UnstructuredGrid({pv.CellType.QUADRATIC_TRIANGLE: triangles}, points)

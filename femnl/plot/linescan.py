@@ -20,12 +20,14 @@ def line_scan_figure(scan: xr.Dataset) -> Figure:
         figure = new_figure(height=0.9 + 1.7 * len(drawn))
         panels = figure.subplots(len(drawn), 1, sharex=True, squeeze=False).ravel()
         for colour, axes, key in zip(COLOURS, panels, drawn, strict=False):
-            value, sd = scan[key].values, scan[f"{key}_sd"].values
+            value = scan[key].values
+            sd = scan[f"{key}_sd"].values
             axes.errorbar(place / divisor, value, sd, fmt="o", color=colour, ecolor=INK, elinewidth=0.8)
             if key == "alpha_y":
                 axes.set_yscale("log" if np.all(value > 0) else "linear")
                 axes.set_ylabel(r"$\alpha_y$ (V²/V²)")
-        mean, error = float(scan.attrs["alpha_ratio"]), float(scan.attrs["alpha_ratio_sd"])
+        mean = float(scan.attrs["alpha_ratio"])
+        error = float(scan.attrs["alpha_ratio_sd"])
         last = panels[-1]
         last.axhspan(mean - error, mean + error, color="#cccccc", zorder=0)
         last.axhline(mean, color=INK, linewidth=0.7)
@@ -39,7 +41,8 @@ def line_scan_figure(scan: xr.Dataset) -> Figure:
 
 def _along(scan: xr.Dataset) -> tuple[NDArray[np.float64], str]:
     """The coordinate along the line [m] and its name: x or y where only that changes, else the distance from the first place."""
-    x, y = scan["x"].values, scan["y"].values
+    x = scan["x"].values
+    y = scan["y"].values
     if np.ptp(y) == 0:
         return x, "x"
     return (y, "y") if np.ptp(x) == 0 else (np.hypot(x - x[0], y - y[0]), "distance")

@@ -24,8 +24,10 @@ def map_fit_figure(dataset: xr.Dataset, prediction: NDArray[np.complex128], resi
     Returns: the Figure, a row for each harmonic, a column each for data, prediction, and the residual in phase and in quadrature.
         A single line of points is drawn as curves, with the residual in phase.
     """
-    volts, harmonics = amplitude(dataset).values, dataset["harmonic"].values
-    x, y = dataset["x"].values, dataset["y"].values
+    volts = amplitude(dataset).values
+    harmonics = dataset["harmonic"].values
+    x = dataset["x"].values
+    y = dataset["y"].values
     if 1 in (x.size, y.size):
         known = np.isfinite(residual)
         noise = np.linalg.norm((volts - prediction)[known]) / np.linalg.norm(residual[known])

@@ -23,7 +23,8 @@ def harmonic_map_figure(dataset: xr.Dataset, outline: ArrayLike | None = None, t
     harmonics = dataset["harmonic"].values
     columns = min(3, harmonics.size)
     rows = -(-harmonics.size // columns)
-    x, y = dataset["x"].values, dataset["y"].values
+    x = dataset["x"].values
+    y = dataset["y"].values
     if 1 in (x.size, y.size):
         return _line_figure(volts, harmonics, *((x, "x") if y.size == 1 else (y, "y")), title)
     line = None if outline is None else np.asarray(outline, dtype=float)
@@ -70,11 +71,13 @@ def _line_figure(
 
 def _box(x: NDArray[np.float64], y: NDArray[np.float64], line: NDArray[np.float64] | None) -> tuple[float, float, float, float]:
     """Left, right, bottom and top [m] of what a panel shows: the pixels and the outline."""
-    half_x, half_y = _half_step(x), _half_step(y)
+    half_x = _half_step(x)
+    half_y = _half_step(y)
     box = [x[0] - half_x, x[-1] + half_x, y[0] - half_y, y[-1] + half_y]
     if line is not None:
         margin = 0.02 * float(np.ptp(line[:, 0]))
-        low, high = np.min(line, axis=0) - margin, np.max(line, axis=0) + margin
+        low = np.min(line, axis=0) - margin
+        high = np.max(line, axis=0) + margin
         box = [min(box[0], low[0]), max(box[1], high[0]), min(box[2], low[1]), max(box[3], high[1])]
     return float(box[0]), float(box[1]), float(box[2]), float(box[3])
 

@@ -102,7 +102,8 @@ def series_figure(dataset: xr.Dataset) -> Figure:
             if key == "frequency":
                 centre, unit_f = prefixed(np.nanmedian(values), "Hz")
                 middle = float(np.nanmedian(values))
-                values, sd = (values / middle - 1) * 1e6, None if sd is None else sd / middle * 1e6
+                values = (values / middle - 1) * 1e6
+                sd = None if sd is None else sd / middle * 1e6
                 axes.set_ylabel(f"(f − f̃)/f̃ (ppm)\nf̃ = {middle / centre:.7g} {unit_f}")
             else:
                 axes.set_ylabel("quality factor")

@@ -101,7 +101,8 @@ def mode_gallery(modes: Modes, count: int = 10) -> Figure:
     surface = unfold(modes)
     box = film_box(modes.domain.model.edge_outline)
     count = min(count, len(modes.frequency))
-    rows, aspect = -(-count // COLUMNS), (box[3] - box[2]) / (box[1] - box[0])
+    rows = -(-count // COLUMNS)
+    aspect = (box[3] - box[2]) / (box[1] - box[0])
     with style():
         figure = new_figure(WIDTH, rows * (0.92 * WIDTH / COLUMNS * min(max(aspect, 0.3), 2.0) + 0.45) + 0.1)
         panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
@@ -126,7 +127,8 @@ def close_up(model: Model) -> Box:
     farthest = marks[distance >= 0.999 * distance.max()]
     x, y = farthest[np.argmax(farthest @ [1.0, 1.001])]  # of several the one to the upper right
     left, right, bottom, top = film_box(model.edge_outline, 0.01)
-    x, y = float(np.clip(x, left + half, right - half)), float(np.clip(y, bottom + half, top - half))
+    x = float(np.clip(x, left + half, right - half))
+    y = float(np.clip(y, bottom + half, top - half))
     return x - half, x + half, y - half, y + half
 
 

@@ -19,7 +19,8 @@ def overview_figure(dataset: xr.Dataset, peaks: Peaks, assignment: Assignment | 
     Args: dataset of kind `response`; peaks of that sweep; assignment (adds labels and the lower panel).
     Returns: the Figure.
     """
-    f, volts = dataset["frequency"].values[sweep], amplitude(dataset).values[sweep]
+    f = dataset["frequency"].values[sweep]
+    volts = amplitude(dataset).values[sweep]
     divisor, unit = prefixed(f, "Hz")
     scale, volt = prefixed(np.abs(volts), "V")
     labels = [None] * peaks.frequency.size if assignment is None else list(assignment.best.label)

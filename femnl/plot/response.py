@@ -31,7 +31,8 @@ def response_figure(dataset: xr.Dataset, fitted: xr.DataArray | None = None, use
     Args: dataset of kind `response`; fitted (sweep, point) complex [V]; use: what was fitted, which is all that is drawn of the fit.
     Returns: the Figure, magnitude above phase.
     """
-    frequency, volts = dataset["frequency"].values, amplitude(dataset).values
+    frequency = dataset["frequency"].values
+    volts = amplitude(dataset).values
     middle = 0.5 * (np.nanmin(frequency) + np.nanmax(frequency))
     narrow = np.nanmax(frequency) - np.nanmin(frequency) < _NARROW * middle
     shift = middle if narrow else 0.0
@@ -89,10 +90,10 @@ def _degrees(volts: NDArray[np.complex128], use: Use) -> NDArray[np.float64]:
     return np.asarray(np.degrees(np.angle(volts**turn)) / turn)
 
 
-def _plot_phase(axes: Axes, x: NDArray[np.float64], degrees: NDArray[np.float64], look: dict[str, Any], half: float) -> None:
+def _plot_phase(axes: Axes, x: NDArray[np.float64], degrees: NDArray[np.float64], test: dict[str, Any], half: float) -> None:
     """Draw the phase in (−half, half], the line broken where it wraps."""
     jumps = np.flatnonzero(np.abs(np.diff(degrees)) > half) + 1
-    axes.plot(np.insert(x, jumps, np.nan), np.insert(degrees, jumps, np.nan), **look)
+    axes.plot(np.insert(x, jumps, np.nan), np.insert(degrees, jumps, np.nan), **test)
 
 
 def _key(dataset: xr.Dataset) -> tuple[list[str], str, NDArray[np.float64]]:
@@ -108,7 +109,8 @@ def _key(dataset: xr.Dataset) -> tuple[list[str], str, NDArray[np.float64]]:
 
 def _norm(numbers: NDArray[np.float64]) -> Normalize | None:
     """Colour scale where there are more sweeps than a legend holds; logarithmic over more than a decade."""
-    low, high = np.nanmin(numbers), np.nanmax(numbers)
+    low = np.nanmin(numbers)
+    high = np.nanmax(numbers)
     if np.unique(numbers).size <= _LEGEND or not low < high:
         return None
     return LogNorm(low, high) if low > 0 and high > 8 * low else Normalize(low, high)

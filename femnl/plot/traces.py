@@ -54,7 +54,8 @@ def _one_step(dataset: xr.Dataset) -> Figure:
 
 
 def _many_steps(dataset: xr.Dataset) -> Figure:
-    time, voltage = dataset["time"].values, dataset["voltage"].values
+    time = dataset["time"].values
+    voltage = dataset["voltage"].values
     divisor, unit = prefixed(time, "s")
     scale, volt = prefixed(voltage, "V")
     has_drive = "drive_frequency" in dataset.coords
@@ -63,7 +64,9 @@ def _many_steps(dataset: xr.Dataset) -> Figure:
     step_label = axis_label("drive frequency" if has_drive else "step", step_unit)
     result = new_figure(height=5.6)
     grid = result.add_gridspec(2, 2, height_ratios=(1, 1.5))
-    waves, picture, spectra = result.add_subplot(grid[0, :]), result.add_subplot(grid[1, 0]), result.add_subplot(grid[1, 1])
+    waves = result.add_subplot(grid[0, :])
+    picture = result.add_subplot(grid[1, 0])
+    spectra = result.add_subplot(grid[1, 1])
     shown = time - time[0] <= (_PERIODS / np.nanmin(steps) if has_drive else np.inf)
     for colour, index in zip(COLOURS, np.unique(np.linspace(0, len(steps) - 1, _WAVES).round().astype(int)), strict=False):
         _line(waves, time[shown] / divisor, voltage[index, shown] / scale, colour, f"{steps[index] / step_scale:.6g} {step_unit}".strip())
@@ -74,7 +77,8 @@ def _many_steps(dataset: xr.Dataset) -> Figure:
     waves.set_ylabel(axis_label("voltage", volt))
     order = np.argsort(steps, kind="stable")
     limit = symmetric_limit(voltage) / scale
-    x, rows = time / divisor, steps[order] / step_scale
+    x = time / divisor
+    rows = steps[order] / step_scale
     image = picture.pcolormesh(x, rows, voltage[order] / scale, cmap=DIVERGING, vmin=-limit, vmax=limit, shading="nearest", rasterized=True)
     picture.set_xlabel(axis_label("time", unit))
     picture.set_ylabel(step_label)

@@ -49,7 +49,8 @@ def in_plane_figure(modes: Modes, index: int = 0, edges: tuple[Edge, ...] = ("cl
 
 def _spread(points: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
     """Nodes that lie about evenly over the film: in each square of a grid the one nearest to its centre."""
-    low, width = points.min(axis=0), np.ptp(points, axis=0).max() / ARROWS
+    low = points.min(axis=0)
+    width = np.ptp(points, axis=0).max() / ARROWS
     cell = np.floor((points - low) / width).astype(np.int64)
     off = np.hypot(*((points - low) / width - cell - 0.5).T)
     order = np.lexsort((off, cell[:, 1], cell[:, 0]))

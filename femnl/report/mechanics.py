@@ -64,7 +64,8 @@ def solve(device: Device, say: Say, cache: bool) -> list[Geometry]:
 
 def describe_geometry(geometry: Geometry, say: Say) -> Part:
     """Write up one geometry: its table of modes and its pictures."""
-    model, modes = geometry.model, geometry.modes
+    model = geometry.model
+    modes = geometry.modes
     say(f"{model.name}: pictures")
     pictures = [
         embed(mode_gallery(modes, COUNT), f"First {COUNT} mode shapes of {model.name}", "Mode shapes ξ, largest value 1."),
@@ -78,7 +79,8 @@ def describe_geometry(geometry: Geometry, say: Say) -> Part:
 
 
 def _mode_rows(geometry: Geometry) -> list[Row]:
-    modes, duffing = geometry.modes, geometry.nonlinearity[geometry.model.edge]
+    modes = geometry.modes
+    duffing = geometry.nonlinearity[geometry.model.edge]
     return [
         (
             str(k + 1),
@@ -121,7 +123,8 @@ def _beside(geometry: Geometry, key: str, published: Published) -> list[str]:
     """The ratio of one mode and its difference to the published one; empty where this geometry has no such mode."""
     if key not in geometry.keys:
         return ["", ""]
-    k, modes = geometry.keys.index(key), geometry.modes
+    k = geometry.keys.index(key)
+    modes = geometry.modes
     known = published.ratio.get(key)
     return [with_error(modes.ratio[k], modes.ratio_error[k]), "" if known is None else ppm(modes.ratio[k], known)]
 
@@ -153,7 +156,9 @@ def _gap(geometry: Geometry) -> tuple[float, float]:
     """f(2,2) − 2 f(1,1) and its discretisation error [Hz]."""
     first, second = (geometry.keys.index(key) for key in ("(1,1)", "(2,2)"))
     modes = geometry.modes
-    f, ratio, error = modes.frequency[first], modes.ratio[second] / modes.ratio[first], modes.ratio_error
+    f = modes.frequency[first]
+    ratio = modes.ratio[second] / modes.ratio[first]
+    error = modes.ratio_error
     unlike = error[second] + ratio * error[first]
     return float(f * (ratio - 2)), float(f * unlike + abs(ratio - 2) * modes.frequency_error[first])
 

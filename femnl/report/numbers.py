@@ -19,7 +19,8 @@ def with_error(value: float, error: float | None) -> str:
     """A number and its error to one digit, both to the same decimal: 1.581372 ± 0.000002; without a finite error the number alone."""
     if error is None or not isfinite(error) or error <= 0 or not isfinite(value):
         return plain(value)
-    decimals, power = -floor(log10(error) + 1e-9), floor(log10(max(abs(value), error)))
+    decimals = -floor(log10(error) + 1e-9)
+    power = floor(log10(max(abs(value), error)))
     if power and not (0 <= decimals <= 12 and (value == 0 or abs(value) >= 1e-3)):
         return f"({with_error(value / 10.0**power, error / 10.0**power)})·10{str(power).translate(SUPERSCRIPT)}"
     if decimals > 12:

@@ -56,7 +56,8 @@ def maps(geometry: Geometry, stack: Stack, drive: Drive, say: Say) -> Maps:
     """Predict the maps of harmonics 1f to 6f of the fundamental mode for one published drive."""
     say(f"{geometry.model.name}: harmonic maps, {drive.laser}")
     amplitude = drive.z * drive.wavelength / (4 * np.pi)
-    pictures, results = [], []
+    pictures = []
+    results = []
     sine, multilayer = fringes(stack, drive.wavelength)
     kinds: dict[str, Fringe] = {"sine": sine, "multilayer": multilayer}
     for name, fringe in kinds.items():

@@ -16,7 +16,9 @@ FOUND = 0.95
 
 def confusion_figure(confusion: Mapping[str, Any]) -> Figure:
     """Draw how often each hidden cause (a row) got each answer (a column); colours are shares of the row."""
-    hidden, answers, table = confusion["hidden"], confusion["answers"], np.array(confusion["draws"])
+    hidden = confusion["hidden"]
+    answers = confusion["answers"]
+    table = np.array(confusion["draws"])
     share = table / np.maximum(table.sum(axis=1, keepdims=True), 1)
     with style():
         figure = new_figure(height=0.2 * len(hidden) + 1.7)

@@ -89,8 +89,10 @@ def write_report(
 
 
 def _section(device: Device, geometries: list[Geometry], progress: Callable[[str], None]) -> Section:
-    first, published = geometries[0], device.published
-    stack, drives = first.model.stack, () if published is None else published.drives
+    first = geometries[0]
+    published = device.published
+    stack = first.model.stack
+    drives = () if published is None else published.drives
     shown = [maps(first, stack, drive, progress) for drive in drives if stack is not None]
     return Section(
         device,

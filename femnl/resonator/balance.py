@@ -67,10 +67,13 @@ class Balance:
 
     def residual(self, x: Array, omega: float) -> tuple[Array, Array, Array]:
         """Return the residual, its Jacobian by the unknowns and its derivative by the (dimensionless) drive frequency."""
-        modes, n, size = self.modes, self.modes.count, self.size
+        modes = self.modes
+        n = self.modes.count
+        size = self.size
         rows = x.reshape(n, size)
         turned = rows @ self.derivative.T
-        q, slope = rows @ self.basis.T, turned @ self.basis.T
+        q = rows @ self.basis.T
+        slope = turned @ self.basis.T
         second = turned @ self.derivative.T
         by_q, by_v = nonlinear_slopes(modes, q, omega * slope)
         value = omega**2 * second + modes.omega[:, None] ** 2 * rows + omega * modes.damping[:, None] * turned
@@ -99,19 +102,23 @@ class Balance:
 
     def multipliers(self, x: Array, omega: float) -> Complex:
         """Return the Floquet multipliers (2n,) over one drive period, by the fourth-order Magnus expansion (Blanes et al. 2009)."""
-        modes, n = self.modes, self.modes.count
+        modes = self.modes
+        n = self.modes.count
         count = max(MIN_FLOQUET_STEPS, 24 * self.n_harmonics)
         nodes = (np.arange(count)[:, None] + 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3)).ravel() * (2 * np.pi / count)
         order = np.arange(self.n_harmonics + 1)
         spin = np.exp(1j * np.outer(order, nodes))
         coefficients = self.unpack(x) / self.length
-        q, v = (coefficients @ spin).real, (coefficients * 1j * order * omega @ spin).real
+        q = (coefficients @ spin).real
+        v = (coefficients * 1j * order * omega @ spin).real
         by_q, by_v = nonlinear_slopes(modes, q, v)
         a = np.zeros((len(nodes), 2 * n, 2 * n))
         a[:, :n, n:] = np.eye(n)
         a[:, n:, :n] = -np.moveaxis(by_q, 2, 0) - np.diag(modes.omega**2)
         a[:, n + np.arange(n), n + np.arange(n)] = -(by_v + modes.damping[:, None]).T
-        first, last, step = a[::2], a[1::2], 2 * np.pi / (count * omega)
+        first = a[::2]
+        last = a[1::2]
+        step = 2 * np.pi / (count * omega)
         exponent = step / 2 * (first + last) - np.sqrt(3) / 12 * step**2 * (first @ last - last @ first)
         product = np.eye(2 * n)
         for factor in expm(exponent):

@@ -35,7 +35,8 @@ def balance(resonator: Resonator, force: float, frequency: float, n_harmonics: i
     """
     states = branches(resonator, force, [frequency])
     equations = Balance.of(couple([resonator]), np.array([force]), n_harmonics)
-    omega, found = 2 * np.pi * frequency / equations.rate, list[Array]()
+    omega = 2 * np.pi * frequency / equations.rate
+    found = list[Array]()
     for amplitude in states.amplitude[0][np.isfinite(states.amplitude[0])]:
         square = resonator.quadratic * abs(amplitude) ** 2
         start = np.array([[-square / 2, amplitude, square / 6 * np.exp(2j * np.angle(amplitude))]])
@@ -67,7 +68,9 @@ def curve(modes: CoupledModes, force: ArrayLike, start: float, stop: float, n_ha
     width = float(np.min(equations.modes.damping))
     # In the arc length the frequency counts in line widths, so that frequency and displacement weigh alike.
     point = np.append(equations.solve(x, first), first / width)
-    points, tangent, step = [point], np.zeros_like(point), 0.05
+    points = [point]
+    tangent = np.zeros_like(point)
+    step = 0.05
     tangent[-1] = np.sign(last - first)
     while len(points) < MAX_POINTS:
         new, direction = _advance(equations, point, tangent, step, width)
@@ -78,7 +81,8 @@ def curve(modes: CoupledModes, force: ArrayLike, start: float, stop: float, n_ha
                 raise ConvergenceError(f"n_harmonics = {n_harmonics}: the curve is lost at {reached:.9g} Hz; keep more harmonics")
             continue
         step *= 1.3 if direction @ tangent > np.cos(MAX_TURN / 2) else 1.0
-        point, tangent = new, direction
+        point = new
+        tangent = direction
         points.append(point)
         travelled = (point[-1] * width - first) / (last - first)
         if travelled >= 1:
@@ -131,7 +135,8 @@ def sweep_modes(modes: CoupledModes, force: ArrayLike, frequency: ArrayLike, n_h
 
 def _linear_start(modes: CoupledModes, force: ArrayLike, frequency: float, n_harmonics: int) -> tuple[Balance, Array]:
     """Set up the balance and the linear response as its start."""
-    push, omega = np.atleast_1d(np.asarray(force, dtype=float)), 2 * np.pi * frequency
+    push = np.atleast_1d(np.asarray(force, dtype=float))
+    omega = 2 * np.pi * frequency
     if push.shape != (modes.count,) or not np.any(push) or n_harmonics < 1:
         raise ParameterError(
             f"force = {push}, n_harmonics = {n_harmonics}: give {modes.count} forces, not all zero, and at least one harmonic"
@@ -157,14 +162,16 @@ def _settle(equations: Balance, modes: CoupledModes, last: Array, omega: float) 
     push = equations.force * equations.length * equations.rate**2
     start = equations.unpack(last)
     order = np.arange(start.shape[1])
-    q, v = start.real.sum(axis=1), (start * 1j * order * 2 * np.pi * frequency).real.sum(axis=1)
+    q = start.real.sum(axis=1)
+    v = (start * 1j * order * 2 * np.pi * frequency).real.sum(axis=1)
     periods = int(np.ceil(2 * frequency / np.min(modes.damping)))
     samples = np.arange(len(equations.basis)) / len(equations.basis)
     for _ in range(MAX_BLOCKS):
         # One more period than the block is sampled; its first sample starts the next block at drive phase zero.
         time = np.concatenate([[0.0], (periods + samples) / frequency])
         displacement, velocity = integrate(modes, push, frequency, q, v, time, tolerance=SETTLING)
-        q, v = displacement[:, 1], velocity[:, 1]
+        q = displacement[:, 1]
+        v = velocity[:, 1]
         sampled = (displacement[:, 1:] @ equations.project.T / equations.length).ravel()
         try:
             x = equations.solve(sampled, omega)

@@ -34,16 +34,21 @@ def integrate(
     """
     t = np.asarray(time, dtype=float)
     start = np.concatenate([np.atleast_1d(displacement), np.atleast_1d(velocity)]).astype(float)
-    n, rate = modes.count, float(modes.omega[0])
+    n = modes.count
+    rate = float(modes.omega[0])
     start[n:] /= rate
     length = float(np.max(np.abs(start))) or float(np.max(np.abs(np.asarray(force)) / modes.omega**2))
     unit = scaled(modes, length, rate)
-    push, omega = np.atleast_1d(np.asarray(force, dtype=float)) / (length * rate**2), 2 * np.pi * frequency / rate
+    push = np.atleast_1d(np.asarray(force, dtype=float)) / (length * rate**2)
+    omega = 2 * np.pi * frequency / rate
 
-    stiffness, second, third = unit.omega**2, unit.quadratic.reshape(n, -1), unit.cubic.reshape(n, -1)
+    stiffness = unit.omega**2
+    second = unit.quadratic.reshape(n, -1)
+    third = unit.cubic.reshape(n, -1)
 
     def slope(tau: float, state: Array) -> Array:
-        q, v = state[:n], state[n:]
+        q = state[:n]
+        v = state[n:]
         square = q * q
         pairs = square if n == 1 else np.outer(q, q).ravel()
         triples = square * q if n == 1 else np.outer(pairs, q).ravel()

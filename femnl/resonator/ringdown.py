@@ -23,7 +23,8 @@ def ring_down(resonator: Resonator, amplitude: complex, time: ArrayLike) -> Comp
     Source: Nayfeh and Mook, Nonlinear Oscillations (1979), section 3.3.
     """
     t = np.asarray(time, dtype=float)
-    gamma, omega = resonator.damping, resonator.omega
+    gamma = resonator.damping
+    omega = resonator.omega
     square = abs(amplitude) ** 2
     z = resonator.nonlinear_damping * square / 4
     s = -np.expm1(-gamma * t)

@@ -37,24 +37,31 @@ def _solve(x: Array, delta: Array, a: Array, d: Array) -> None:
 
     def polished(x: float, delta: float, a: float, d: float) -> float:
         """Take Newton steps where they lower the residual x |D|² − 1, so that a root at a fold is left alone, until none gains much."""
-        real, imag = delta + a * x, 1 + d * x
+        real = delta + a * x
+        imag = 1 + d * x
         square = real * real + imag * imag
         left = x * square - 1
         for _ in range(MAX_STEPS):
             new = x - left / (square + 2 * x * (real * a + imag * d))
-            real, imag = delta + a * new, 1 + d * new
+            real = delta + a * new
+            imag = 1 + d * new
             square = real * real + imag * imag
             fresh = new * square - 1
             if not (abs(fresh) < abs(left) and new > 0):
                 break
-            x, left = new, fresh
+            x = new
+            left = fresh
             if abs(left) <= EXACT:
                 break
         return x
 
     for i in range(len(delta)):
-        e, b, c = delta[i], a[i], d[i]
-        p, q, s = b * b + c * c, e * b + c, e * e + 1
+        e = delta[i]
+        b = a[i]
+        c = d[i]
+        p = b * b + c * c
+        q = e * b + c
+        s = e * e + 1
         third = s / 3
         spread = third * third + 2 * q / 3
         half = third * third * third + third * q + p / 2
@@ -64,7 +71,8 @@ def _solve(x: Array, delta: Array, a: Array, d: Array) -> None:
         square = e * e * (b * b - 3 * c * c) + 8 * e * b * c + c * c - 3 * b * b
         if not (square > 0 and q < 0):
             continue
-        centre, reach = -2 * q / (3 * p), np.sqrt(square) / (3 * p)
+        centre = -2 * q / (3 * p)
+        reach = np.sqrt(square) / (3 * p)
         upper = centre + reach
         lower = s / (3 * p * upper)
         above = lower * ((e + b * lower) ** 2 + (1 + c * lower) ** 2) - 1
@@ -73,4 +81,6 @@ def _solve(x: Array, delta: Array, a: Array, d: Array) -> None:
             angle = np.arctan2(np.sqrt(-below), np.sqrt(above)) * (2 / 3)
             middle = centre + 2 * reach * np.cos(np.pi / 3 + angle)
             high = centre + 2 * reach * np.cos(np.pi / 3 - angle)
-            x[0, i], x[1, i], x[2, i] = polished(1 / (p * middle * high), e, b, c), polished(middle, e, b, c), polished(high, e, b, c)
+            x[0, i] = polished(1 / (p * middle * high), e, b, c)
+            x[1, i] = polished(middle, e, b, c)
+            x[2, i] = polished(high, e, b, c)

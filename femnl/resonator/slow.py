@@ -42,11 +42,9 @@ def critical_point(resonator: Resonator) -> tuple[float, float, float]:
     Source: Lifshitz and Cross (2008), Nonlinear dynamics of nanomechanical and micromechanical resonators, section 1.3.
     """
     omega = resonator.omega
-    a, b, d = (
-        0.75 * omega**2 * resonator.effective_alpha,
-        omega * resonator.damping,
-        omega * resonator.damping * resonator.nonlinear_damping / 4,
-    )
+    a = 0.75 * omega**2 * resonator.effective_alpha
+    b = omega * resonator.damping
+    d = omega * resonator.damping * resonator.nonlinear_damping / 4
     if abs(a) <= np.sqrt(3) * d or a == 0:
         raise ParameterError(
             f"alpha: an effective {resonator.effective_alpha:g} m⁻² never makes the response vertical with a nonlinear damping of "
@@ -102,7 +100,8 @@ def sweep(resonator: Resonator, force: float, frequency: ArrayLike) -> Complex:
     path = np.empty(len(states.frequency), dtype=complex)
     amplitude = 0j
     for point, (candidates, stable) in enumerate(zip(states.amplitude, states.stable, strict=True)):
-        attractors, saddles = candidates[stable], candidates[~stable & np.isfinite(candidates)]
+        attractors = candidates[stable]
+        saddles = candidates[~stable & np.isfinite(candidates)]
         nearest = attractors[np.argmin(np.abs(attractors - amplitude))]
         inside = saddles.size and np.abs(nearest - amplitude) < 0.25 * np.min(np.abs(saddles - nearest))
         if len(attractors) > 1 and not inside:
@@ -125,7 +124,8 @@ class _Flow:
     def of(cls, resonator: Resonator, force: float, omega: Array) -> "_Flow":
         """Normalise the resonator at the drive frequencies ω [rad/s]."""
         width = omega * resonator.damping
-        scale, stiff = force / width, resonator.omega**2 / width
+        scale = force / width
+        stiff = resonator.omega**2 / width
         return cls(
             scale,
             (resonator.omega**2 - omega**2) / width,
@@ -146,7 +146,10 @@ class _Flow:
 
     def quintic_roots(self) -> Array:
         """Return the real squared amplitudes (n, m) at each frequency, ascending, NaN behind them."""
-        a, c, d, delta = self.cubic, self.quintic, self.loss, self.detuning
+        a = self.cubic
+        c = self.quintic
+        d = self.loss
+        delta = self.detuning
         columns = [c**2, 2 * a * c, a**2 + d**2 + 2 * delta * c, 2 * (delta * a + d), delta**2 + 1, -np.ones_like(delta)]
         x = np.full((len(delta), 5), np.nan)
         for point, polynomial in enumerate(np.stack(columns, axis=1)):
@@ -157,7 +160,8 @@ class _Flow:
 
     def settle(self, point: int, amplitude: complex, attractors: Complex) -> complex:
         """Return the attractor [m] that the slow flow reaches from the given amplitude [m]."""
-        b, goal = np.array([amplitude / self.scale[point]]), attractors / self.scale[point]
+        b = np.array([amplitude / self.scale[point]])
+        goal = attractors / self.scale[point]
         near = REACHED * np.min(np.abs(np.subtract.outer(goal, goal))[~np.eye(len(goal), dtype=bool)])
 
         def rate(_time: float, state: Complex) -> Complex:

@@ -33,7 +33,8 @@ def couple(
     mass = np.full(n, np.nan) if effective_mass is None else np.asarray(effective_mass, dtype=float)
     if mass.shape != (n,) or ((quadratic or cubic) and not np.all(mass > 0)):
         raise ParameterError(f"effective_mass = {mass}: give one positive mass in kg for each of the {n} coupled modes")
-    second, third = np.zeros((n,) * 3), np.zeros((n,) * 4)
+    second = np.zeros((n,) * 3)
+    third = np.zeros((n,) * 4)
     for tensor, entries in ((second, quadratic or {}), (third, cubic or {})):
         for index, value in entries.items():
             if len(index) != tensor.ndim or len(set(index)) == 1 or not all(0 <= i < n for i in index):
@@ -68,14 +69,16 @@ def scaled(modes: CoupledModes, length: float, rate: float) -> CoupledModes:
 
 def nonlinear_force(modes: CoupledModes, q: Array, v: Array) -> Array:
     """Return the nonlinear terms of the left side (n, t) at displacements q and velocities v (n, t)."""
-    quintic, damping = modes.quintic[:, None], (modes.damping * modes.nonlinear_damping)[:, None]
+    quintic = modes.quintic[:, None]
+    damping = (modes.damping * modes.nonlinear_damping)[:, None]
     tangent = np.einsum("ijk,kt->ijt", modes.quadratic, q) + np.einsum("ijkl,klt->ijt", modes.cubic, q[:, None] * q)
     return np.asarray(np.einsum("ijt,jt->it", tangent, q) + quintic * q**5 + damping * q**2 * v)
 
 
 def nonlinear_slopes(modes: CoupledModes, q: Array, v: Array) -> tuple[Array, Array]:
     """Return the derivatives of `nonlinear_force` by displacement (n, n, t) and by the mode's own velocity (n, t)."""
-    quintic, damping = modes.quintic[:, None], (modes.damping * modes.nonlinear_damping)[:, None]
+    quintic = modes.quintic[:, None]
+    damping = (modes.damping * modes.nonlinear_damping)[:, None]
     stiffness = 2 * np.einsum("ijk,kt->ijt", modes.quadratic, q) + 3 * np.einsum("ijkl,klt->ijt", modes.cubic, q[:, None] * q)
     own = np.arange(modes.count)
     stiffness[own, own] += 5 * quintic * q**4 + 2 * damping * q * v

@@ -124,7 +124,8 @@ def locate(tables: Tables, path: str) -> tuple[Any, Any]:
     key: Any = None
     here: Any = tables
     for part in path.split("."):
-        holder, key = here, part
+        holder = here
+        key = part
         if isinstance(here, list) and part.isdecimal() and 1 <= int(part) <= len(here):
             key = int(part) - 1
         elif not isinstance(here, dict) or part not in here:

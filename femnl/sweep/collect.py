@@ -37,7 +37,8 @@ def collect(sweep: Sweep, store: Store) -> xr.Dataset:
 def write_tables(path: Path, sweep: Sweep, store: Store) -> tuple[Path, Path]:
     """Write what `collect` returns beside the store, as .nc and as .csv with a row a point."""
     data = collect(sweep, store)
-    netcdf, table = path.with_suffix(".nc"), path.with_suffix(".csv")
+    netcdf = path.with_suffix(".nc")
+    table = path.with_suffix(".csv")
     content = data.to_netcdf(engine="h5netcdf")
     write_whole(netcdf, lambda file: file.write_bytes(content))
     write_whole(table, lambda file: _write_csv(file, sweep, data))

@@ -37,7 +37,8 @@ def on_processes(points: Iterator[Point], settings: Settings, workers: int) -> I
                         idle.append(worker)
                         yield record
                         continue
-                    code, key = worker.stop(), point.key(settings)
+                    code = worker.stop()
+                    key = point.key(settings)
                     deaths[key] += 1
                     logging.getLogger("femnl").warning("a worker died (exit code %d) at %s", code, point.varied)
                     if deaths[key] < TRIES:

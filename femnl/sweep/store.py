@@ -20,7 +20,9 @@ class Store:
     """Records of solved and of failed points by their keys, open for more; one process at a time holds a store."""
 
     def __init__(self, path: Path, file: IO[bytes], seed: int, records: dict[str, Record]) -> None:
-        self.path, self.seed, self.records = path, seed, records
+        self.path = path
+        self.seed = seed
+        self.records = records
         self._file = file
 
     def add(self, record: Record) -> None:

@@ -78,7 +78,8 @@ def jobs(seed: int, rounds: int, kinds: tuple[str, ...] = tuple(KINDS)) -> list[
     found = []
     for k in range(rounds):
         for kind in kinds:
-            everything, turns = causes(kind), TURNS.get(kind, 1)
+            everything = causes(kind)
+            turns = TURNS.get(kind, 1)
             own = everything[k % turns :: turns]
             rng = np.random.default_rng([seed, k, *kind.encode()])
             pairs = [p for p in combinations(everything, 2) if frozenset(p) not in TIED]
@@ -152,11 +153,11 @@ def _pulls(case: Case, truth: dict[str, Any], found: Diagnosis) -> dict[str, flo
         known |= {(cause, name): value for name, value in values.items() if name not in UNTOLD.get(cause, ())}
     turn = np.sign(np.cos(truth["base"].get("phase", truth["base"].get("red.phase", 0.0))))
     pulls = {}
-    for (owner, knob), value in known.items():
+    for (owner, spec), value in known.items():
         for name, fitted in found.parameters.get(owner, {}).items():
-            if name != knob and not (owner != "base" and name.endswith(f".{knob}")):
+            if name != spec and not (owner != "base" and name.endswith(f".{spec}")):
                 continue
-            whole = f"{owner}.{knob}"
+            whole = f"{owner}.{spec}"
             if whole in FRINGE and case.kind == "trace":
                 continue  # without a drive, the other side of an extremum of the reflection is as good
             away = fitted.value - value

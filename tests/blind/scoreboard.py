@@ -84,7 +84,8 @@ def beside(record: Record, partners: dict[str, Record]) -> bool:
     if with_it is None or record["verdict"] == "unexplained":
         return False
     left = {tuple(sorted(names)): chi2 for names, chi2, *_ in [*with_it["trials"], *record["trials"]]}
-    answer, truth = left.get(tuple(record["named"])), left.get(tuple(record["causes"]))
+    answer = left.get(tuple(record["named"]))
+    truth = left.get(tuple(record["causes"]))
     return answer is not None and truth is not None and answer - truth < DETECTABLE**2
 
 
@@ -165,7 +166,8 @@ def table(board: dict[str, Any]) -> str:
 
 
 def _rate(hits: list[bool]) -> dict[str, Any]:
-    n, k = len(hits), sum(hits)
+    n = len(hits)
+    k = sum(hits)
     if n == 0:
         return {"n": 0, "k": 0}
     low, high = binomtest(k, n).proportion_ci()
@@ -196,7 +198,7 @@ def _limits(records: list[Record]) -> dict[str, dict[str, float] | None]:
         entry = None if limit is None else {"sigma": limit, "draws": len(rows)}
         if entry is not None:
             strongest = [max(r["truth"][cause].items(), key=lambda item: abs(item[1])) for r in rows]
-            if len({knob for knob, _ in strongest}) == 1:
+            if len({spec for spec, _ in strongest}) == 1:
                 per = np.median([abs(value) / s for (_, value), s in zip(strongest, sigma, strict=True)])
                 entry[strongest[0][0]] = float(per * entry["sigma"])
         found[name] = entry

@@ -26,7 +26,8 @@ ROUNDS = 10
 def plan(folder: Path, rounds: int, seed: int | None, kinds: tuple[str, ...]) -> tuple[int, list[Job], Path]:
     """Return the seed, the draws that are still to be made, and the file of results, whose torn last line is cut off."""
     folder.mkdir(parents=True, exist_ok=True)
-    note, results = folder / "study.json", folder / "results.jsonl"
+    note = folder / "study.json"
+    results = folder / "results.jsonl"
     if note.is_file():
         seed = int(json.loads(note.read_text(encoding="utf-8"))["seed"])
     elif seed is None:

@@ -11,7 +11,9 @@ from femnl.diagnose import diagnose
 from femnl.effects import library
 from tests.blind.lab import Case, make
 
-SQUARE, HEXAGON, PERFORATED = "square-270um", "hexagon-278um", "perforated"
+SQUARE = "square-270um"
+HEXAGON = "hexagon-278um"
+PERFORATED = "perforated"
 HIDDEN = [
     Case("spectrum", ("added_mass",), 2, SQUARE, (30.0, 60.0)),
     Case("spectrum", ("frequency_drift",), 2, SQUARE, (10.0, 60.0)),

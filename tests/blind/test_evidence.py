@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from dynesty.dynesty import NestedSampler
 
-from femnl.diagnose.least_squares import Solution, fit, log_prior
+from femnl.diagnose.least_squares import FitResult, fit, log_prior
 from femnl.diagnose.run import pose
 from femnl.effects import library
 from femnl.io import measurement
-from femnl.observe.model import Extended
+from femnl.observe.model import ExtendedModel
 from femnl.pipeline import measured_device
 from tests.blind.lab import Case, make
 
@@ -19,12 +19,13 @@ FAR = 8.0
 """Standard deviations around the best fit beyond which nothing is left of the likelihood, and nested sampling need not look."""
 
 
-def nested(solution: Solution) -> tuple[float, float]:
+def nested(result: FitResult) -> tuple[float, float]:
     """Return log ∫ likelihood × prior and its standard deviation, by nested sampling in the box that holds the likelihood."""
-    model = solution.model
+    model = result.model
     low, high = model.bounds
-    sd = np.sqrt(np.diag(solution.covariance))
-    start, end = np.maximum(low, solution.vector - FAR * sd), np.minimum(high, solution.vector + FAR * sd)
+    sd = np.sqrt(np.diag(result.covariance))
+    start = np.maximum(low, result.vector - FAR * sd)
+    end = np.minimum(high, result.vector + FAR * sd)
 
     def likelihood(vector: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
         return float(-0.5 * np.sum(model.residuals(vector) ** 2)) + log_prior(model, vector, sd)
@@ -49,10 +50,10 @@ def test_evidence_by_laplace_agrees_with_nested_sampling(kind: str, cause: str, 
     path = tmp_path / "file.nc"
     make(Case(kind, (cause,), 6, size=(10.0, 30.0)), path)
     tree = measurement.read(path)
-    problem = pose(kind, tree[kind].to_dataset(), measured_device(tree.attrs, path))
-    base = fit(Extended(problem), problem.start)
-    model = Extended(problem, (library()[cause],))
-    solution = fit(model, np.append(base.vector, list(start.values())))
-    value, error = nested(solution)
-    assert not solution.stuck
-    assert solution.log_evidence == pytest.approx(value, abs=0.3 + 3 * error)
+    base_model = pose(kind, tree[kind].to_dataset(), measured_device(tree.attrs, path))
+    base = fit(ExtendedModel(base_model), base_model.start)
+    model = ExtendedModel(base_model, (library()[cause],))
+    result = fit(model, np.append(base.vector, list(start.values())))
+    value, error = nested(result)
+    assert not result.stuck
+    assert result.log_evidence == pytest.approx(value, abs=0.3 + 3 * error)

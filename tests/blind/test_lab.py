@@ -55,7 +55,8 @@ def test_the_laboratory_s_stack_reflects_as_transfer_matrices_say() -> None:
 
 
 def test_the_laboratory_s_film_with_holes_bends_as_femnl_s_does() -> None:
-    model, other = device("perforated"), perforated()
+    model = device("perforated")
+    other = perforated()
     film = model.film
     layer = film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress))
     plate = other.clamped(layer)
@@ -68,12 +69,14 @@ def test_the_laboratory_s_film_with_holes_bends_as_femnl_s_does() -> None:
 
 def test_the_laboratory_s_film_with_holes_has_the_shapes_of_femnl_s_beside_the_holes() -> None:
     model = device("perforated")
-    film, half = model.film, SIDE / 2
+    film = model.film
+    half = SIDE / 2
     layer = film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress))
     other, x, y = drum(layer), *(part.ravel() for part in np.meshgrid(*[np.linspace(-half, half, 60)] * 2))
     seen = ~other.over_hole(x, y)
     assert 0.9 < seen.mean() < 0.95
-    theirs, modes = other.held(x[seen], y[seen], 4, layer), solve_modes(model, 4)
+    theirs = other.held(x[seen], y[seen], 4, layer)
+    modes = solve_modes(model, 4)
     for k in (0, 3):  # those between are one pair, of which any two are modes
         own = shape_at(modes, k, x[seen], y[seen])
         size = float(theirs[k] @ own / (own @ own))
@@ -117,7 +120,10 @@ def stiff_string(layer: float, depth: float, n: int = 130) -> np.ndarray[tuple[i
         for rows, at, d in ((shapes, t, 0), (slopes, t, 1), ([f.deriv() for f in slopes], t, 2), (shapes, np.array([-1.0, 1.0]), 0))
     )
     scale = 1 / np.sqrt((v**2) @ w + 1e-3 * (c**2) @ w)[:, None]
-    v, s, c, e = v * scale, s * scale, c * scale, e * scale
+    v = v * scale
+    s = s * scale
+    c = c * scale
+    e = e * scale
     stiffness = (s * w / 2) @ s.T + layer**2 * (c * w / 2) @ c.T + e @ e.T / depth
     return np.asarray(eigh(stiffness, (v * w / 2) @ v.T, eigvals_only=True)[:4])
 
@@ -144,7 +150,9 @@ def test_a_force_of_second_order_bends_the_laboratory_s_motion_as_series_say() -
 def test_sweeps_of_the_laboratory_end_where_the_forces_of_both_modes_balance() -> None:
     bench = ResponseBench("square-270um", ("internal_resonance",), np.random.default_rng(3))
     base = bench.draw(np.random.default_rng(1)) | {"gain": 1.0, "phase": 0.0}
-    f0, w, alpha = base["frequency"], base["linewidth"], base["alpha"]
+    f0 = base["frequency"]
+    w = base["linewidth"]
+    alpha = base["alpha"]
     for order in (2.0, 3.0):
         values = {"coupling_square": 0.3 * w**2, "offset": 2.0, "width": 0.6 * w, "order": order}
         a = bench._swept([base], [{"internal_resonance": values}])[0]
@@ -251,7 +259,8 @@ class Spot(Root):
 
 
 def test_a_cause_that_the_place_of_another_can_take_up_does_not_stand_out() -> None:
-    more, spot = Cause({"c": 6.0}, ("c",)), Cause({"size": 1.0, "place": 0.1}, ("size",))
+    more = Cause({"c": 6.0}, ("c",))
+    spot = Cause({"size": 1.0, "place": 0.1}, ("size",))
     found = sizes(Spot(), {"b": 1.0}, {"more": more, "spot": spot}, FOLLOWED)
     assert found["more"] < 1e-6
     assert found["spot"] == pytest.approx(100 * np.cos(0.1), rel=1e-6)

@@ -16,7 +16,9 @@ from femnl.diagnose import diagnose
 from femnl.io import measurement
 
 LASERS = {"red": (632.8e-9, 0.6), "green": (532e-9, 1.1)}  # wavelength [m], phase of the fringe at rest [rad]
-CONTRAST, NOISE = 20e-3, 2e-4  # V
+# V
+CONTRAST = 20e-3
+NOISE = 2e-4
 TIMES = 2 * np.pi * np.arange(128) / 128
 POINTS = 25
 SEED = 5

@@ -52,7 +52,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "folder.nc").mkdir()
     for name in ("pipe.toml", "pipe.nc"):
         os.mkfifo(folder / name)
-    axis, rng = np.linspace(-1e-4, 1e-4, 11), np.random.default_rng(0)
+    axis = np.linspace(-1e-4, 1e-4, 11)
+    rng = np.random.default_rng(0)
     for name, attributes in DEVICES.items():
         data = measurement.harmonic_map(axis, axis, [1, 2], rng.normal(size=(2, 11, 11)) + 0j, wavelength=632.8e-9)
         measurement.write(measurement.bundle({"map": data}, **attributes), folder / f"{name}.nc")

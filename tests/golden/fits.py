@@ -36,7 +36,8 @@ def wide_sweep(path: str) -> None:
 def line_of_responses(path: str) -> None:
     """Up-sweeps at α_y/α_c = 4 and five places, the shape a cosine."""
     rng = np.random.default_rng(8)
-    f0, w = 1e6, 100.0
+    f0 = 1e6
+    w = 100.0
     x = np.linspace(-100e-6, 100e-6, 5)
     f = f0 + np.linspace(-400, 700, 161)
     stiffening = 8 * np.sqrt(3) / 9 * 4

@@ -22,7 +22,10 @@ Device = Callable[..., Model]
 
 CIRCLE = 'kind = "circle"\ndiameter = "2 m"'
 SQUARE = 'kind = "square"\nside = "2 m"'
-POISSON, DENSITY, STRESS, THICKNESS = 0.3, 1000.0, 1e9, 0.01
+POISSON = 0.3
+DENSITY = 1000.0
+STRESS = 1e9
+THICKNESS = 0.01
 TENSION = STRESS * THICKNESS
 BESSEL = {"J": (jv, jvp, -1), "Y": (yv, yvp, -1), "I": (iv, ivp, 1), "K": (kv, kvp, 1)}  # with the sign of Δf/k²f
 ORDERS = (0, 1, 1, 2)
@@ -64,7 +67,9 @@ def traces(kind: str, order: int, wave: float, radius: float, film: tuple[float,
     """
     layer, poisson = film
     value, slope, sign = BESSEL[kind]
-    f, f1, f2 = value(order, wave * radius), wave * slope(order, wave * radius), wave**2 * slope(order, wave * radius, 2)
+    f = value(order, wave * radius)
+    f1 = wave * slope(order, wave * radius)
+    f2 = wave**2 * slope(order, wave * radius, 2)
     moment = f2 + poisson * (f1 / radius - order**2 * f / radius**2)
     force = f1 / layer**2 - sign * wave**2 * f1 + (1 - poisson) * order**2 / radius**2 * (f1 - f / radius)
     return np.array([f, f1, moment, force])

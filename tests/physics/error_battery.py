@@ -18,7 +18,9 @@ from femnl.pipeline import solve_modes as solve_with_errors
 Array = NDArray[np.float64]
 
 COUNT = 6
-REFERENCE_DEGREE, FINER = 6, 1.4  # of the references that are computed: another degree on another mesh
+# of the references that are computed: another degree on another mesh
+REFERENCE_DEGREE = 6
+FINER = 1.4
 QUANTITIES = ("f", "ratio", "m_eff", "k3", "alpha", "cross")
 OUTLINES = {
     "square": 'kind = "square"\nside = "1 m"',
@@ -180,5 +182,7 @@ def measure(film: Film) -> dict[str, tuple[Array, Array]]:
     """Error bars and true errors of the film's numbers, relative, by quantity."""
     modes = solve_with_errors(film.model, film.count, film.symmetry, film.resolution, cache=False)
     duffing = solve_nonlinearity(modes, film.edge, tensor=True)
-    found, known, bar = numbers(modes, duffing), reference(film, modes), bars(modes, duffing)
+    found = numbers(modes, duffing)
+    known = reference(film, modes)
+    bar = bars(modes, duffing)
     return {q: (bar[q] / np.abs(found[q]), np.abs(found[q] / known[q] - 1)) for q in QUANTITIES}

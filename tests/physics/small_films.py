@@ -26,11 +26,15 @@ def film(n_x: int, n_y: int, margin: float = 6.6e-6, radius: float = 0.9e-6, ben
 
 def perforated(count: int, seed: int) -> list[Film]:
     """Films with few holes of random size and margin, two in three in tiles, with and without bending in turn."""
-    rng, found = np.random.default_rng(seed), []
+    rng = np.random.default_rng(seed)
+    found = []
     for k in range(count):
-        tiled, bending = k % 3 < 2, k % 2 == 0
+        tiled = k % 3 < 2
+        bending = k % 2 == 0
         n_x, n_y = rng.integers(3 if tiled else 1, 6, 2)
-        radius, margin, resolution = rng.uniform(0.4e-6, 2.4e-6), rng.uniform(2e-6, 10e-6), float(rng.choice([0.8, 1.0, 1.3]))
+        radius = rng.uniform(0.4e-6, 2.4e-6)
+        margin = rng.uniform(2e-6, 10e-6)
+        resolution = float(rng.choice([0.8, 1.0, 1.3]))
         model = film(int(n_x), int(n_y), margin, radius, bending)
         if not tiled and rng.random() < 0.5:
             kind = str(rng.choice(["circle", "hexagon", "square"]))

@@ -39,7 +39,8 @@ def reciprocal(lattice: Lattice) -> Array:
 
 @pytest.mark.parametrize("lattice", LATTICES, ids=lambda lattice: lattice.kind)
 def test_without_holes_bands_are_folded_plane_waves_each_as_often_as_they_meet(lattice: Lattice, model: Model) -> None:
-    film, wave = model.film, np.array([[0.0, 0.0], [0.1, 0.03], [0.5, 0.2], *list(lattice.points.values())[1:]])
+    film = model.film
+    wave = np.array([[0.0, 0.0], [0.1, 0.03], [0.5, 0.2], *list(lattice.points.values())[1:]])
     wave[1:3] *= np.pi / PITCH
     found = solve_bands(empty(model), 8, wave, lattice=lattice)
     rigidity = film.young * film.thickness**3 / 12 / (1 - film.poisson**2)
@@ -53,7 +54,9 @@ def test_without_holes_bands_are_folded_plane_waves_each_as_often_as_they_meet(l
 
 
 def test_finer_cells_come_to_the_plane_waves_with_the_rate_of_their_degree(model: Model) -> None:
-    film, wave, errors = model.film, np.array([[0.3, 0.1]]) * np.pi / PITCH, []
+    film = model.film
+    wave = np.array([[0.3, 0.1]]) * np.pi / PITCH
+    errors = []
     for resolution in (0.5, 1.0):
         found = solve_bands(empty(replace(model, bending=False)), 4, wave, lattice=LATTICES[0], resolution=resolution)
         square = np.sort(np.sum((wave + reciprocal(LATTICES[0])) ** 2, axis=1))[:4]
@@ -64,16 +67,20 @@ def test_finer_cells_come_to_the_plane_waves_with_the_rate_of_their_degree(model
 
 def test_bands_have_the_symmetry_of_the_lattice(model: Model) -> None:
     lattice = Lattice("hexagonal", PITCH)
-    k, turn = np.array([0.31, 0.17]) * np.pi / PITCH, np.array([[0.5, -np.sqrt(0.75)], [np.sqrt(0.75), 0.5]])
+    k = np.array([0.31, 0.17]) * np.pi / PITCH
+    turn = np.array([[0.5, -np.sqrt(0.75)], [np.sqrt(0.75), 0.5]])
     wave = np.array([k, -k, turn @ k, k * [1, -1], k + reciprocal(lattice)[41]])
     found = solve_bands(replace(model, holes=Holes(np.zeros((1, 2)), 2e-6)), 4, wave, lattice=lattice)
     np.testing.assert_allclose(found.frequency[1:], np.tile(found.frequency[0], (4, 1)), rtol=1e-8)
 
 
 def test_long_waves_are_those_of_the_even_film(model: Model) -> None:
-    cell, lattice = solve_cell(model, PITCH), find_lattice(model)
+    cell = solve_cell(model, PITCH)
+    lattice = find_lattice(model)
     small = np.array([0.02, 0.04]) * np.pi / PITCH
-    long, quarter = np.array([[s, 0.0] for s in small]), np.pi / 2 / PITCH  # four cells a wave, as the cell's own standing waves
+    # four cells a wave, as the cell's own standing waves
+    long = np.array([[s, 0.0] for s in small])
+    quarter = np.pi / 2 / PITCH
     found = solve_bands(model, 2, np.concatenate([long, [[quarter, 0.0], [quarter, quarter]]]), lattice=lattice)
     assert found.tension == pytest.approx(cell.tension, rel=1e-6)
     assert found.mass == pytest.approx(cell.mass, rel=1e-9)
@@ -97,7 +104,8 @@ def test_holes_that_leave_narrow_bridges_open_a_gap(model: Model) -> None:
 
 
 def test_gaps_are_free_of_waves_and_of_their_errors() -> None:
-    frequency, error = np.array([[0.0, 3.0, 7.0], [2.0, 4.0, 4.5]]), np.full((2, 3), 0.25)
+    frequency = np.array([[0.0, 3.0, 7.0], [2.0, 4.0, 4.5]])
+    error = np.full((2, 3), 0.25)
     bands = Bands(LATTICES[0], np.zeros((2, 2)), frequency, error, (), 1.0, 1.0)
     assert bands.gaps == ((2.25, 2.75),)
 
@@ -119,7 +127,8 @@ def test_paths_go_around_the_irreducible_part() -> None:
 
 def test_every_copy_of_a_shared_eigenvalue_is_found() -> None:
     values = np.concatenate([[1.0], np.full(6, 2.0), np.full(4, 3.0), np.arange(4.0, 60.0)])
-    matrix, mass = csc_matrix(diags_array(values)), csc_matrix(diags_array(np.ones(len(values))))
+    matrix = csc_matrix(diags_array(values))
+    mass = csc_matrix(diags_array(np.ones(len(values))))
     np.testing.assert_allclose(lowest_eigenvalues(matrix, mass, 10), values[:10], rtol=1e-10)
     with pytest.raises(ConvergenceError, match="ask for fewer bands"):
         lowest_eigenvalues(matrix, mass, 40)

@@ -15,13 +15,18 @@ from scipy.optimize import minimize_scalar
 from femnl.core.device import Model
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.mechanics import Modes
-from femnl.mechanics.static_deflection import Bowed, Film, solve_bow
+from femnl.mechanics.static_deflection import Bowed, Film, solve_static_deflection
 from femnl.pipeline import solve_modes, solve_nonlinearity
 
 Array = NDArray[np.float64]
 Device = Callable[..., Model]
 
-SIDE, TENSION, MASS, YOUNG, POISSON = 1e-4, 200.0, 6e-4, 5e4, 0.3  # m, N/m, kg/m², N/m
+# m, N/m, kg/m², N/m
+SIDE = 1e-4
+TENSION = 200.0
+MASS = 6e-4
+YOUNG = 5e4
+POISSON = 0.3
 FILM = 'thickness = "200 nm"\nyoung = "250 GPa"\npoisson = 0.3\ndensity = "3000 kg/m^3"\nstress = "1 GPa"'
 BOW = 1.0e-6
 
@@ -50,7 +55,8 @@ class Sines:
     @classmethod
     def build(cls, highest: int) -> "Sines":
         orders = list(product(range(1, highest + 1, 2), repeat=2))
-        n, points = len(orders), 4 * highest
+        n = len(orders)
+        points = 4 * highest
         angle = (np.arange(points) + 0.5) * np.pi / points
         cosine, sine = (np.array([f(a * angle) for a in range(2 * highest + 1)]) for f in (np.cos, np.sin))
         size = (SIDE / points) ** 2 * np.outer(*(np.where(np.arange(2 * highest + 1) > 0, 2.0, 1.0),) * 2) / SIDE**2  # coefficients
@@ -60,7 +66,8 @@ class Sines:
         slopes = [(waves[p] * np.outer(cosine[p], sine[q]), waves[q] * np.outer(sine[p], cosine[q])) for p, q in orders]
         strains = np.empty((len(pairs), *a.shape, 3))
         for row, (i, j) in zip(strains, pairs, strict=True):
-            (ix, iy), (jx, jy) = slopes[i], slopes[j]
+            (ix, iy) = slopes[i]
+            (jx, jy) = slopes[j]
             for c, (field, basis) in enumerate(((ix * jx / 2, cosine), (iy * jy / 2, cosine), ((ix * jy + iy * jx) / 2, sine))):
                 row[..., c] = basis @ field @ basis.T * size
         plane = YOUNG / (1 - POISSON**2) * np.array([[1, POISSON, 0], [POISSON, 1, 0], [0, 0, (1 - POISSON) / 2]])
@@ -148,10 +155,12 @@ def test_the_sines_are_those_of_the_flat_square(sines: Sines) -> None:
 
 @pytest.mark.parametrize("stressed", [True, False])
 def test_a_deep_bow_has_the_frequency_and_coefficients_of_sine_series(stressed: bool, square: Modes, sines: Sines) -> None:
-    found, rest = solve_bow(square, depth=BOW, stressed=stressed), sines.bowed(BOW, stressed)
+    found = solve_static_deflection(square, depth=BOW, stressed=stressed)
+    rest = sines.bowed(BOW, stressed)
     omega, shape = rest.mode(0)
     load = np.einsum("ijk,j,k->i", rest.quadratic, shape, shape)
-    k, k2 = float(shape @ rest.stiffness @ shape), float(load @ shape)
+    k = float(shape @ rest.stiffness @ shape)
+    k2 = float(load @ shape)
     k3 = float(np.einsum("ijkl,i,j,k,l", rest.cubic, *(shape,) * 4))
     still, moved = (load @ np.linalg.solve(rest.stiffness - s * rest.mass, load) for s in (0.0, 4 * omega**2))
     exact = {"frequency": omega / 2 / np.pi, "stiffness": k, "k2": k2, "k3": k3, "alpha": (k3 - 4 / 3 * still - 2 / 3 * moved) / k}
@@ -165,7 +174,7 @@ def test_a_deep_bow_has_the_frequency_and_coefficients_of_sine_series(stressed: 
 
 
 def test_integration_in_time_finds_the_cubic_coefficient_of_the_bowed_film(square: Modes) -> None:
-    found = solve_bow(square, depth=BOW)
+    found = solve_static_deflection(square, depth=BOW)
     rest = Sines.build(3).bowed(BOW, True)
     assert rest.time_alpha(4e-8) == pytest.approx(found.alpha[0], rel=1e-3)
 
@@ -175,7 +184,8 @@ def test_a_small_bow_gives_the_expansion_of_the_flat_films_tensor(square: Modes)
     assert flat.tensor is not None
     errors = []
     for depth in (4e-7, 2e-7):
-        held, free = solve_bow(square, depth=depth), solve_bow(square, depth=depth, stressed=False)
+        held = solve_static_deflection(square, depth=depth)
+        free = solve_static_deflection(square, depth=depth, stressed=False)
         rise = np.array([(r.frequency / square.frequency) ** 2 - 1 for r in (held, free)]) * square.stiffness / depth**2
         own = np.array([[3.0], [2.0]]) * flat.k3[0]
         errors.append([*np.abs(rise[:, 0] / own[:, 0] - 1), abs(held.k2[0] / (3 * flat.k3[0] * depth) - 1)])
@@ -200,10 +210,15 @@ def uneven(device: Device) -> Modes:
 
 def test_newtons_method_on_the_whole_energy_finds_the_curve_of_a_film_under_pressure(uneven: Modes) -> None:
     pressure = 1e7
-    found, film, even = solve_bow(uneven, pressure=pressure), Film(uneven, "clamped"), (1, 1)
-    load, shape = pressure * film.area, found.shapes[0]
-    rest, size = film.deflect(load, even), film.space.size
-    pull, curve = film.mass @ shape / (shape @ film.mass @ shape), []
+    found = solve_static_deflection(uneven, pressure=pressure)
+    film = Film(uneven, "clamped")
+    even = (1, 1)
+    load = pressure * film.area
+    shape = found.shapes[0]
+    rest = film.deflect(load, even)
+    size = film.space.size
+    pull = film.mass @ shape / (shape @ film.mass @ shape)
+    curve = []
     for step in (-0.02, -0.01, 0.01, 0.02):
         force = step * found.stiffness[0] * np.sqrt(found.stiffness[0] / found.k3[0])
         state = film.deflect(load + force / film.domain.copies * pull, even, rest)
@@ -218,7 +233,7 @@ def test_newtons_method_on_the_whole_energy_finds_the_curve_of_a_film_under_pres
 
 def test_a_bow_of_nothing_leaves_the_flat_film(square: Modes) -> None:
     flat = solve_nonlinearity(square, cache=False)
-    for found in (solve_bow(square, depth=0.0), solve_bow(square, pressure=0.0)):
+    for found in (solve_static_deflection(square, depth=0.0), solve_static_deflection(square, pressure=0.0)):
         assert found.depth == 0
         np.testing.assert_allclose(found.frequency, square.frequency, rtol=1e-9)
         np.testing.assert_allclose(found.alpha, flat.alpha, rtol=1e-8)
@@ -227,14 +242,14 @@ def test_a_bow_of_nothing_leaves_the_flat_film(square: Modes) -> None:
 
 def test_a_bow_of_nothing_has_infinite_bars_where_one_degree_was_solved(square: Modes) -> None:
     # The rise is then zero to the last digit or nearly so, as rounding has it; neither times infinity may become no number.
-    found = solve_bow(replace(square, coarse=None), depth=0.0)
+    found = solve_static_deflection(replace(square, coarse=None), depth=0.0)
     assert np.all(np.isinf(found.frequency_error))
 
 
 def test_a_low_pressure_bends_the_square_as_prandtls_membrane(square: Modes) -> None:
     # w(0) = 0.0736713 pL²/T, Timoshenko & Goodier, Theory of Elasticity, section 109.
-    assert solve_bow(square, pressure=1.0).depth == pytest.approx(0.0736713 * SIDE**2 / TENSION, rel=2e-6)
-    assert solve_bow(square, pressure=-1.0).depth == pytest.approx(-0.0736713 * SIDE**2 / TENSION, rel=2e-6)
+    assert solve_static_deflection(square, pressure=1.0).depth == pytest.approx(0.0736713 * SIDE**2 / TENSION, rel=2e-6)
+    assert solve_static_deflection(square, pressure=-1.0).depth == pytest.approx(-0.0736713 * SIDE**2 / TENSION, rel=2e-6)
 
 
 def test_a_bow_of_an_odd_shape_pushes_odd_modes(device: Device) -> None:
@@ -242,7 +257,7 @@ def test_a_bow_of_an_odd_shape_pushes_odd_modes(device: Device) -> None:
     results: list[Bowed] = []
     for symmetry in ("quarter", "full"):
         modes = solve_modes(model, 3, symmetry, cache=False)
-        results.append(solve_bow(modes, depth=3e-7, shape=1))
+        results.append(solve_static_deflection(modes, depth=3e-7, shape=1))
     quarter, full = results
     np.testing.assert_allclose(quarter.frequency, full.frequency, rtol=1e-6)
     np.testing.assert_allclose(quarter.alpha, full.alpha, rtol=1e-4)
@@ -264,9 +279,9 @@ def test_a_bow_of_an_odd_shape_pushes_odd_modes(device: Device) -> None:
 )
 def test_bows_that_mean_nothing_are_refused(bow: dict[str, Any], message: str, square: Modes) -> None:
     with pytest.raises(ParameterError, match=message):
-        solve_bow(square, **bow)
+        solve_static_deflection(square, **bow)
 
 
 def test_a_pressure_that_newtons_method_cannot_follow_is_told(square: Modes) -> None:
     with pytest.raises(ConvergenceError, match="lower the load"):
-        solve_bow(square, pressure=1e30)
+        solve_static_deflection(square, pressure=1e30)

@@ -88,7 +88,8 @@ def test_stiff_springs_end_as_the_clamp_and_miss_it_as_one_over_their_stiffness(
 
 
 def test_springs_hold_no_energy_of_bending(device: Device) -> None:
-    clamp, step = Clamp(deflection=3e8, rotation=1e5), 1e-2
+    clamp = Clamp(deflection=3e8, rotation=1e5)
+    step = 1e-2
     shares = bending_share(solve(elastic(device, layer=0.1, clamp=clamp)))
     exact = []
     for order in ORDERS:
@@ -100,7 +101,8 @@ def test_springs_hold_no_energy_of_bending(device: Device) -> None:
 @pytest.mark.parametrize("symmetry", ["quarter", "half", "full"])
 @pytest.mark.parametrize(("shear", "draw"), [(0.0, 0.0), (1e9, 2e-3), (np.inf, -1e-3)])
 def test_a_disc_pulls_its_elastic_edge_in_by_an_even_strain(device: Device, symmetry: str, shear: float, draw: float) -> None:
-    stiffness, model = 2e9, elastic(device, clamp=Clamp(normal=2e9, shear=shear, draw=draw))
+    stiffness = 2e9
+    model = elastic(device, clamp=Clamp(normal=2e9, shear=shear, draw=draw))
     pull = (TENSION + stiffness * draw) / (stiffness + 1e11 * THICKNESS / (1 - POISSON))
     _, stress = everywhere(solve_prestress(mesh(model, symmetry, 0.3), 4))
     np.testing.assert_allclose(stress[:, 0], stiffness * (pull - draw) / THICKNESS, rtol=1e-7)
@@ -108,10 +110,12 @@ def test_a_disc_pulls_its_elastic_edge_in_by_an_even_strain(device: Device, symm
 
 
 def test_a_ring_with_an_elastic_edge_has_lames_stress(device: Device) -> None:
-    inner, stiffness = 0.3, 2e9
+    inner = 0.3
+    stiffness = 2e9
     model = replace(elastic(device, clamp=Clamp(normal=stiffness, shear=stiffness)), holes=Holes(np.zeros((1, 2)), inner))
     # u = a r + b/r with σᵣ(inner) = 0 and h σᵣ(1) = −k u(1)
-    wide, deviating = 1e11 / (1 - POISSON), 1e11 / (1 + POISSON)
+    wide = 1e11 / (1 - POISSON)
+    deviating = 1e11 / (1 + POISSON)
     matrix = [[wide, -deviating / inner**2], [THICKNESS * wide + stiffness, -THICKNESS * deviating + stiffness]]
     a, b = np.linalg.solve(matrix, [-STRESS, -TENSION])
     radius, stress = everywhere(solve_prestress(mesh(model, "auto", 2), 6))
@@ -170,7 +174,8 @@ def plain_ratio(stiffness: float, n: int) -> float:
     """f(2,2)/f(1,1) of the square film on normal and shear springs by scikit-fem's own elements on a plain grid, graded to the edges."""
     line = np.sin(np.pi / 2 * np.linspace(-1, 1, 2 * n + 1))
     grid = MeshTri.init_tensor(line, line)
-    plane, across = Basis(grid, ElementVector(ElementTriP2())), Basis(grid, ElementTriP2())
+    plane = Basis(grid, ElementVector(ElementTriP2()))
+    across = Basis(grid, ElementTriP2())
     rim = plane.boundary()
     shear = 1e11 / 2 / (1 + POISSON)
     wide = 1e11 * POISSON / (1 - POISSON**2)
@@ -195,7 +200,8 @@ def test_an_edge_that_moves_in_makes_tension_uneven_as_plain_elements_say(device
     # The corners hold the sides back, and f(2,2)/f(1,1) = 2 of the even film falls in first order of the motion.
     clamp = Clamp(normal=1e10, shear=1e10)
     modes = solve(elastic(device, SQUARE, clamp=clamp), resolution=2)
-    coarse, fine = plain_ratio(1e10, 12), plain_ratio(1e10, 24)
+    coarse = plain_ratio(1e10, 12)
+    fine = plain_ratio(1e10, 24)
     limit = fine + (fine - coarse) / 15  # of frequencies that converge in fourth order
     assert modes.ratio[3] - 2 == pytest.approx(limit - 2, rel=3e-4)
     assert modes.ratio[3] - 2 < -1e-3

@@ -46,7 +46,8 @@ def without_coupling(modes: Modes) -> Modes:
 )
 def test_a_film_whose_diagonal_mirror_is_broken_mixes_close_modes_and_says_so(skew: Film) -> None:
     modes = solve_modes(skew.model, 6, cache=False)
-    given, unmixed = modes.effective_mass_error, without_coupling(modes).effective_mass_error
+    given = modes.effective_mass_error
+    unmixed = without_coupling(modes).effective_mass_error
     error = np.abs(modes.effective_mass - finer_modes(skew, modes).effective_mass)
     assert np.all(given[PAIR] >= error[PAIR])
     assert np.any(unmixed[PAIR] < error[PAIR]), "these modes have come not to mix"

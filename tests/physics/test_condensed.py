@@ -32,11 +32,15 @@ Array = NDArray[np.float64]
 def uncondensed(model: Model, degree: int, count: int) -> Array:
     """ω² of the tiles' elements put together with every inner unknown kept, of all parities."""
     frame = Frame(tile(model), degree)
-    relaxed, skeleton = Relaxed(frame), frame.skeleton
+    relaxed = Relaxed(frame)
+    skeleton = frame.skeleton
     first = skeleton.n_deflections + skeleton.n_slopes
-    numbers, stiff, heavy = [], [], []
+    numbers = []
+    stiff = []
+    heavy = []
     for k, sides in enumerate(frame.sides):
-        flexure, tiles = Flexure(sides, model, relaxed.mean[k], degree), len(frame.tiling.kinds[k].shifts)
+        flexure = Flexure(sides, model, relaxed.mean[k], degree)
+        tiles = len(frame.tiling.kinds[k].shifts)
         number = np.empty((tiles, flexure.bend.shape[0]), dtype=np.int64)
         number[:, flexure.inner] = first + np.arange(tiles * len(flexure.inner)).reshape(tiles, -1)
         first += tiles * len(flexure.inner)
@@ -45,7 +49,8 @@ def uncondensed(model: Model, degree: int, count: int) -> Array:
         numbers.append(number)
         stiff.append(np.array([(flexure.bend + flexure.tension(s)).toarray() for s in relaxed.stress(k, slice(None))]))
         heavy.append(flexure.inertia.toarray()[None])
-    stiffness, mass = summed(stiff, numbers, first), summed(heavy, numbers, first)
+    stiffness = summed(stiff, numbers, first)
+    mass = summed(heavy, numbers, first)
     values = []
     for parity in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         known = skeleton.free(parity)
@@ -67,7 +72,8 @@ def test_condensed_cells_have_the_frequencies_of_the_film_that_keeps_every_unkno
 @pytest.mark.parametrize("model", [film(4, 4, bending=False), film(3, 5, bending=False, taper=20e-9)])
 def test_without_bending_condensed_cells_give_the_modes_of_the_mesh_that_they_make(model: Model) -> None:
     tiling = tile(model)
-    found, known = solve_condensed(tiling, 5, 3), solve_on_mesh(solve_prestress(tiling.domain, 3), 5, 3)
+    found = solve_condensed(tiling, 5, 3)
+    known = solve_on_mesh(solve_prestress(tiling.domain, 3), 5, 3)
     np.testing.assert_allclose(found.frequency, known.frequency, rtol=1e-10)
     np.testing.assert_allclose(found.effective_mass, known.effective_mass, rtol=1e-7)
     sign = np.sign(np.sum(found.shapes * known.shapes, axis=1))
@@ -78,7 +84,8 @@ def test_without_bending_condensed_cells_give_the_modes_of_the_mesh_that_they_ma
 @pytest.mark.parametrize("model", [film(4, 3), film(2, 5, taper=20e-9)])
 def test_the_stress_of_condensed_cells_is_that_of_the_mesh_that_they_make(model: Model) -> None:
     tiling = tile(model)
-    found, known = Relaxed(Frame(tiling, 3)).prestress(), solve_prestress(tiling.domain, 3)
+    found = Relaxed(Frame(tiling, 3)).prestress()
+    known = solve_prestress(tiling.domain, 3)
     assert np.abs(found.displacement - known.displacement).max() < 1e-10 * np.abs(known.displacement).max()
 
 
@@ -110,7 +117,8 @@ def test_modes_too_short_for_the_cells_are_refused_with_what_is_left() -> None:
 @pytest.mark.parametrize("edge", ["clamped", "sliding", "paper"])
 @pytest.mark.parametrize("model", [film(4, 4), film(3, 2, taper=20e-9)])
 def test_condensed_stretching_is_that_of_the_mesh_that_cells_make(model: Model, edge: Edge) -> None:
-    modes, pairs = solve_condensed(tile(model), 4, 3), list(combinations_with_replacement(range(4), 2))
+    modes = solve_condensed(tile(model), 4, 3)
+    pairs = list(combinations_with_replacement(range(4), 2))
     known = nonlinearity.strain_energies(modes, pairs, edge)
     found = lattice.strain_energies(modes, pairs, edge)
     assert np.abs(found - known).max() < 1e-8 * np.abs(known).max()
@@ -119,7 +127,8 @@ def test_condensed_stretching_is_that_of_the_mesh_that_cells_make(model: Model, 
 
 @pytest.mark.parametrize("model", [film(5, 5), film(3, 4, bending=False)], ids=["with bending", "a membrane"])
 def test_tiled_and_meshed_films_differ_by_less_than_their_errors(model: Model) -> None:
-    tiled, meshed = solve_modes(model, 5, cache=False), solve_modes(model, 5, symmetry="quarter", cache=False)
+    tiled = solve_modes(model, 5, cache=False)
+    meshed = solve_modes(model, 5, symmetry="quarter", cache=False)
     assert tiled.domain.tiles == 1.0
     assert meshed.domain.tiles == 0.0
     np.testing.assert_array_less(np.abs(tiled.frequency - meshed.frequency), tiled.frequency_error + meshed.frequency_error)

@@ -63,7 +63,8 @@ def test_bending_holds_the_part_of_energy_that_the_circular_plate_says(layer: fl
 def test_the_square_membrane_follows_the_published_formula_and_the_next_order_of_a_stiff_string(device: Device) -> None:
     # A clamped string has f = f₀ [1 + 2ε + (4 + n²π²/2) ε²], ε = ℓ/L (Fletcher, J. Acoust. Soc. Am. 36, 203 (1964)), so that
     # ∂ ln f²/∂ ln ℓ² = 2ε + (n²π² + 4) ε²: the formula of Yu, Purdy and Regal leaves 4ε² out.
-    layer, square_numbers = 0.004, np.array([2, 5, 5, 8])
+    layer = 0.004
+    square_numbers = np.array([2, 5, 5, 8])
     model = device('kind = "square"\nside = "100 um"', film=film(layer * 1e-4), model="bending = true")
     share = bending_share(solve_modes(model, 4, cache=False, degree=5))
     edge = 2 * layer

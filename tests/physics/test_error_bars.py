@@ -73,7 +73,8 @@ def test_a_number_that_agrees_by_chance_takes_its_share_from_the_others() -> Non
 
 def test_the_pace_of_a_number_that_settles_unlike_the_others_lies_halfway_in_the_logarithm() -> None:
     # Nine that fall a hundredfold, and one as large that falls fourfold: the bar is 5 √(own × usual pace) of its last difference.
-    last, before = np.full(10, 1e-5), np.array([1e-3] * 9 + [4e-5])
+    last = np.full(10, 1e-5)
+    before = np.array([1e-3] * 9 + [4e-5])
     values = [np.ones(10), 1 + last, 1 + last + before]
     usual = 1e-5 / np.sqrt(np.mean(before**2))
     bar = remainder(values, np.ones(10), 0.0)

@@ -39,14 +39,17 @@ def closed_form(modes: Modes) -> Array:
 
     div C m of sin px sin qy pushes along three waves: (2p, 0), (0, 2q), and (2p, 2q), all of them longitudinal.
     """
-    device, omega = modes.domain.model.film, 2 * np.pi * modes.frequency
+    device = modes.domain.model.film
+    omega = 2 * np.pi * modes.frequency
     width, height = modes.domain.model.outline.size or (0.0, 0.0)
-    nu, mass = device.poisson, device.density * device.thickness
+    nu = device.poisson
+    mass = device.density * device.thickness
     plane = device.young * device.thickness / (1 - nu**2)
     change = []
     for label, w in zip(modes.label, omega, strict=True):
         m, n = (int(order) for order in str(label).strip("()").split(","))
-        p, q = np.pi * m / width, np.pi * n / height
+        p = np.pi * m / width
+        q = np.pi * n / height
         waves = [
             (p**2 * (nu * q**2 - p**2) ** 2 / 2, p**2),
             (q**2 * (nu * p**2 - q**2) ** 2 / 2, q**2),
@@ -61,7 +64,8 @@ def closed_form(modes: Modes) -> Array:
 @pytest.mark.parametrize("stretch", [0.004, 0.2])
 def test_the_change_on_sliding_edges_is_that_of_three_longitudinal_waves(stretch: float, device: Device) -> None:
     modes = rectangle(device, stretch)
-    found, exact = solve_inertia(modes, "sliding"), closed_form(modes)
+    found = solve_inertia(modes, "sliding")
+    exact = closed_form(modes)
     np.testing.assert_allclose(found.change, exact, rtol=2e-6)
     assert np.all(np.abs(found.change - exact) < found.change_error)
     assert np.all(found.change_error < 1e-3 * np.abs(exact))
@@ -81,17 +85,19 @@ class Coupled:
     def __init__(self, modes: Modes, edge: Edge) -> None:
         pairs = [(0, 0), (0, 1), (1, 1)]
         whole = stretching(modes, pairs, film_membrane(modes, edge))
-        mass, copies = in_plane_mass(modes, whole.space), modes.domain.copies
-        stiff, heavy, loads = np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 3))
+        mass = in_plane_mass(modes, whole.space)
+        copies = modes.domain.copies
+        stiff = np.zeros((0, 0))
+        heavy = np.zeros((0, 0))
+        loads = np.zeros((0, 3))
         energies = np.zeros((3, 3))
         for members, supports in whole.sectors(modes.domain.wedge, edge):
-            k, m, f = (
-                csc_matrix(supports.T @ whole.stiffness @ supports),
-                supports.T @ mass @ supports,
-                supports.T @ whole.loads[:, members],
-            )
+            k = csc_matrix(supports.T @ whole.stiffness @ supports)
+            m = supports.T @ mass @ supports
+            f = supports.T @ whole.loads[:, members]
             energies[np.ix_(members, members)] = whole.energies[np.ix_(members, members)]
-            solve, basis = factorize(k), np.zeros((k.shape[0], 0))
+            solve = factorize(k)
+            basis = np.zeros((k.shape[0], 0))
             step = f
             for _ in range(2):  # moments of the response to each load
                 step = solve(m @ step if basis.size else step)
@@ -102,8 +108,10 @@ class Coupled:
             stiff = np.block([[stiff, np.zeros((len(stiff), len(zero)))], [np.zeros((len(zero), len(stiff))), basis.T @ k @ basis]])
             heavy = np.block([[heavy, np.zeros((len(heavy), len(zero)))], [np.zeros((len(zero), len(heavy))), basis.T @ m @ basis]])
         self.square, turn = eigh(stiff, heavy)
-        self.energies, self.loads = copies * energies, np.sqrt(copies) * turn.T @ loads
-        self.k, self.m = modes.stiffness[:2], modes.effective_mass[:2]
+        self.energies = copies * energies
+        self.loads = np.sqrt(copies) * turn.T @ loads
+        self.k = modes.stiffness[:2]
+        self.m = modes.effective_mass[:2]
         self.omega = 2 * np.pi * modes.frequency[:2]
 
     def forces(self, q: Array, u: Array) -> tuple[Array, Array]:
@@ -143,7 +151,9 @@ class Coupled:
 def test_integration_in_time_finds_the_changed_coefficients(device: Device) -> None:
     edge: Edge = "clamped"
     modes = rectangle(device, 0.05, edge)
-    film, still, moved = Coupled(modes, edge), solve_nonlinearity(modes, edge, tensor=True), solve_inertia(modes, edge, cross=True)
+    film = Coupled(modes, edge)
+    still = solve_nonlinearity(modes, edge, tensor=True)
+    moved = solve_inertia(modes, edge, cross=True)
     assert still.tensor is not None
     assert moved.cross is not None
     for mode, partner, weight in ((0, 0, 3 / 8), (0, 1, 3 / 4), (1, 0, 3 / 4)):
@@ -159,7 +169,8 @@ def test_integration_in_time_finds_the_changed_coefficients(device: Device) -> N
 
 
 def test_a_sum_of_modes_on_an_in_plane_resonance_is_told() -> None:
-    matrix, mass = csc_matrix(np.diag([1.0, 2.0])), csc_matrix(np.eye(2))
+    matrix = csc_matrix(np.diag([1.0, 2.0]))
+    mass = csc_matrix(np.eye(2))
     with pytest.raises(ConvergenceError, match="meets a resonance"):
         respond(matrix, mass, factorize(matrix), 2.0, np.ones(2))
     np.testing.assert_allclose(respond(matrix, mass, factorize(matrix), 1.5, np.ones(2)), [-2, 2], rtol=1e-10)

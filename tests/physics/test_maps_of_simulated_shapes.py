@@ -30,9 +30,12 @@ def shape_of(modes: Modes) -> Shape:
 
 def test_hexagon_at_the_depth_of_the_paper_gives_back_its_212_nanometres() -> None:
     shape = shape_of(femnl.solve_modes(femnl.load("hexagon-278um"), count=1))
-    U, axis, rng = 4.218 * RED / (4 * np.pi), np.linspace(-160e-6, 160e-6, 41), np.random.default_rng(3)
+    U = 4.218 * RED / (4 * np.pi)
+    axis = np.linspace(-160e-6, 160e-6, 41)
+    rng = np.random.default_rng(3)
     x, y = np.meshgrid(axis - 5e-6, axis + 7e-6)
-    c, s = np.cos(0.06), np.sin(0.06)
+    c = np.cos(0.06)
+    s = np.sin(0.06)
     V = harmonics(SineFringe(RED, 0.0, 0.02, 1.0), range(1, 7), U * shape(c * x + s * y, c * y - s * x), 0.3)
     V = V + 2e-4 * (rng.normal(size=V.shape) + 1j * rng.normal(size=V.shape))
     found = fit_map(harmonic_map(axis, axis, range(1, 7), V, noise_sd=2e-4, wavelength=RED), shape).fit

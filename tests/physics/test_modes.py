@@ -43,7 +43,8 @@ def perforated(model: Model, radius: float = 0.05) -> Model:
 
 def turned(model: Model, angle: float) -> Model:
     """The same film turned about the origin, so that no mirror line is left on the axes."""
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
 
     def turn(x: float, y: float) -> tuple[float, float]:
         return (c * x - s * y, s * x + c * y)
@@ -55,7 +56,8 @@ def turned(model: Model, angle: float) -> Model:
 
 @pytest.mark.parametrize("degree", [1, 2, 3])
 def test_square_membrane_eigenvalue_error_falls_as_h_to_twice_the_degree(device: Device, degree: int) -> None:
-    model, errors = device(SQUARE), []
+    model = device(SQUARE)
+    errors = []
     exact = 2 * (np.pi * wave_speed(model)) ** 2
     for level in (2, 3, 4):
         linear = MeshTri1.init_sqsymmetric().refined(level)
@@ -147,7 +149,8 @@ def test_pairs_of_the_square_are_products_of_sines_with_x_first(device: Device, 
     assert modes.label == expected
     x, y = np.random.default_rng(2).uniform(-0.5, 0.5, (2, 50))
     for index, label in enumerate(expected):
-        m, n = int(label[1]), int(label[3])
+        m = int(label[1])
+        n = int(label[3])
         ideal = np.sin(m * np.pi * (x + 0.5)) * np.sin(n * np.pi * (y + 0.5))
         shape = shape_at(modes, index, x, y)
         np.testing.assert_allclose(shape * np.sign(shape @ ideal), ideal, atol=1e-3)
@@ -216,7 +219,8 @@ def test_shapes_without_a_box_have_no_labels(device: Device) -> None:
 
 def test_shape_at_is_exactly_zero_outside_the_film_and_in_its_holes(device: Device) -> None:
     modes = solve(perforated(device(SQUARE)), 2, resolution=0.7)
-    x, y = np.array([0.51, 0.7, 0.0, 0.0, 0.15, 0.12, 1e9]), np.array([0.0, 0.7, -0.6, 0.0, 0.3, 0.0, 0.0])
+    x = np.array([0.51, 0.7, 0.0, 0.0, 0.15, 0.12, 1e9])
+    y = np.array([0.0, 0.7, -0.6, 0.0, 0.3, 0.0, 0.0])
     assert np.all(shape_at(modes, 0, x, y) == 0)
     assert shape_at(modes, 0, np.array(0.075), np.array(0.075)) > 0.5
 
@@ -276,7 +280,8 @@ def test_coarse_counterparts_bound_the_error_of_the_fine_modes(device: Device) -
 
 def test_a_mode_whose_pair_was_not_asked_for_finds_its_own_counterpart(device: Device) -> None:
     model = device('kind = "rectangle"\nwidth = "1.003 m"\nheight = "1 m"')
-    fine, coarse = solve(model, 2, degree=4), solve(model, 6, degree=2)
+    fine = solve(model, 2, degree=4)
+    coarse = solve(model, 6, degree=2)
     aligned = align(coarse, fine)
     assert aligned.label == fine.label == ("(1,1)", "(2,1)")
     np.testing.assert_allclose(aligned.frequency, coarse.frequency[:2], rtol=1e-12)
@@ -284,7 +289,8 @@ def test_a_mode_whose_pair_was_not_asked_for_finds_its_own_counterpart(device: D
 
 def test_counterparts_are_found_where_the_lower_degree_orders_modes_differently(device: Device) -> None:
     model = device('kind = "rectangle"\nwidth = "1.003 m"\nheight = "1 m"')
-    fine, coarse = solve(model, 3, degree=4), solve(model, 4, degree=2)
+    fine = solve(model, 3, degree=4)
+    coarse = solve(model, 4, degree=2)
     order = [0, 2, 1, 3]
     shuffled = replace(
         coarse,
@@ -319,7 +325,8 @@ def test_degrees_without_elements_or_curvature_are_refused_in_one_line(device: D
 
 def test_the_trampoline_flaps_its_slack_corners_before_its_middle_moves() -> None:
     modes = solve(load("trampoline"), 5)
-    corner, middle = np.array([49.0e-6, 49.0e-6]), np.zeros(2)
+    corner = np.array([49.0e-6, 49.0e-6])
+    middle = np.zeros(2)
     for index in range(4):
         (at_corner,), (at_middle,) = (shape_at(modes, index, where[:1], where[1:]) for where in (corner, middle))
         assert abs(at_corner) > 0.9

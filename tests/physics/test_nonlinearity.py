@@ -36,7 +36,8 @@ def uneven(device: Device) -> Model:
 
 @pytest.mark.parametrize("degree", [2, 3])
 def test_the_cubic_coefficients_error_falls_as_h_to_twice_the_degree(device: Device, degree: int) -> None:
-    model, errors = device(SQUARE), []
+    model = device(SQUARE)
+    errors = []
     film = model.film
     # With sliding edges u is a sum of cosines; at clamped corners it is not smooth, and the rate ends at theirs.
     bracket = (3 - film.poisson**2) / 8 + film.poisson / 4
@@ -79,7 +80,8 @@ def test_the_tensor_gives_k3_of_every_mixture_of_modes(uneven: Model, edge: Edge
 
 def test_wedge_and_whole_film_have_the_same_tensor(device: Device) -> None:
     model = device(SQUARE)
-    tensors, points = [], (np.array([0.13, -0.21, 0.3]), np.array([0.17, 0.11, -0.07]))
+    tensors = []
+    points = (np.array([0.13, -0.21, 0.3]), np.array([0.17, 0.11, -0.07]))
     signs = []
     for symmetry in ("full", "quarter"):
         modes = solve(model, 4, symmetry)

@@ -55,7 +55,8 @@ def test_film_and_overhang_of_different_stress_share_lames_displacement(device: 
     other = replace(inner.film, thickness=0.03, stress=2e9, young=4e10, poisson=0.1)
     model = undercut(inner, 0.5, other)
     # Inside u = a r, in the overhang u = c (r − R²/r) with R = 1.5, which does not move at its rim.
-    wide, deviating = other.young / (1 - other.poisson), other.young / (1 + other.poisson)
+    wide = other.young / (1 - other.poisson)
+    deviating = other.young / (1 + other.poisson)
     matrix = [[1, -(1 - 2.25)], [THICKNESS * 1e11 / (1 - POISSON), -other.thickness * (wide + 2.25 * deviating)]]
     a, c = np.linalg.solve(matrix, [0, other.thickness * other.stress - TENSION])
     radius, stress = everywhere(solve_prestress(mesh(model, "auto", 2), 6))
@@ -67,7 +68,8 @@ def test_film_and_overhang_of_different_stress_share_lames_displacement(device: 
 
 def two_plates(order: int, layers: tuple[float, float], density: float, rim: float, poisson: float, rigidity: float) -> float:
     """(ω/c)² of a disc of radius 1 within a clamped ring: one tension, two masses (1 and `density`), rigidities (1 and `rigidity`)."""
-    inner, outer = (layers[0], POISSON), (layers[1], poisson)
+    inner = (layers[0], POISSON)
+    outer = (layers[1], poisson)
 
     def miss(root: float) -> float:
         columns = []
@@ -104,7 +106,9 @@ def test_the_overhang_is_a_film_of_its_own(device: Device) -> None:
 
 @pytest.mark.parametrize("resolution", [0.6, 1.0])
 def test_error_bars_hold_where_edges_give_way_and_overhang(device: Device, resolution: float) -> None:
-    clamp, layer, rigidity = Clamp(deflection=3e8, rotation=1e5), 0.05, 64 * (1 - POISSON**2) / (1 - 0.1**2)
+    clamp = Clamp(deflection=3e8, rotation=1e5)
+    layer = 0.05
+    rigidity = 64 * (1 - POISSON**2) / (1 - 0.1**2)
     inner = elastic(device, layer=layer)
     thick = undercut(inner, 0.2, replace(inner.film, thickness=4 * THICKNESS, stress=STRESS / 4, density=DENSITY / 2, poisson=0.1))
     cases = [
@@ -113,7 +117,8 @@ def test_error_bars_hold_where_edges_give_way_and_overhang(device: Device, resol
     ]
     for model, exact in cases:
         modes = solve_device(model, 4, resolution=resolution, cache=False)
-        found, known = np.sqrt(squares(modes)), np.sqrt(exact)
+        found = np.sqrt(squares(modes))
+        known = np.sqrt(exact)
         assert np.all(np.abs(found / known - 1) <= modes.frequency_error / modes.frequency)
         assert np.all(np.abs(modes.ratio * known[0] / known - 1) <= (modes.ratio_error / modes.ratio) + 1e-15)
         assert np.all(modes.frequency_error < 1e-3 * modes.frequency)
@@ -122,6 +127,7 @@ def test_error_bars_hold_where_edges_give_way_and_overhang(device: Device, resol
 @pytest.mark.parametrize("resolution", [0.6, 1.0])
 def test_error_bars_hold_where_corners_make_the_stress_uneven(device: Device, resolution: float) -> None:
     model = elastic(device, SQUARE, clamp=Clamp(normal=1e8, shear=1e8))
-    known, modes = solve(model, 3, resolution=1.6), solve_device(model, 3, resolution=resolution, cache=False)
+    known = solve(model, 3, resolution=1.6)
+    modes = solve_device(model, 3, resolution=resolution, cache=False)
     assert np.all(np.abs(modes.frequency - known.frequency) <= modes.frequency_error)
     assert np.all(modes.frequency_error < 1e-5 * modes.frequency)

@@ -49,7 +49,8 @@ def spectral_frequency(layer: float, parity: tuple[int, int], size: int) -> floa
 
     Inverse iteration; each solve by conjugate gradients, preconditioned with the separable part, which is within a factor of two.
     """
-    (mx, ax, bx), (my, ay, by) = clamped_line(size, parity[0]), clamped_line(size, parity[1])
+    (mx, ax, bx) = clamped_line(size, parity[0])
+    (my, ay, by) = clamped_line(size, parity[1])
     bend = layer**2
 
     def stiffness(w: Array) -> Array:
@@ -63,22 +64,27 @@ def spectral_frequency(layer: float, parity: tuple[int, int], size: int) -> floa
     def solve(right: Array, w: Array) -> Array:
         r = right - stiffness(w)
         z = p = precondition(r)
-        product, goal = np.sum(r * z), 1e-28 * np.sum(right * precondition(right))
+        product = np.sum(r * z)
+        goal = 1e-28 * np.sum(right * precondition(right))
         while product > goal:
             step = stiffness(p)
             length = product / np.sum(p * step)
-            w, r = w + length * p, r - length * step
+            w = w + length * p
+            r = r - length * step
             z = precondition(r)
-            product, before = np.sum(r * z), product
+            before = product
+            product = np.sum(r * z)
             p = z + product / before * p
         return w
 
     w = np.outer(vx[:, 0], vy[:, 0])
-    last, square = np.inf, np.sum(w * stiffness(w))
+    last = np.inf
+    square = np.sum(w * stiffness(w))
     while abs(square - last) > 1e-13 * square:
         w = solve(mx @ w @ my, w / square)
         w /= np.sqrt(np.sum(w * (mx @ w @ my)))
-        last, square = square, np.sum(w * stiffness(w))
+        last = square
+        square = np.sum(w * stiffness(w))
     return float(np.sqrt(square))
 
 
@@ -136,7 +142,8 @@ def regular(model: Model, refine: int) -> Domain:
 
 @pytest.mark.parametrize(("degree", "refine"), [(2, (2, 3, 4)), (3, (1, 2, 3)), (4, (2, 3, 4))])
 def test_the_clamped_plates_eigenvalue_error_falls_as_twice_degree_minus_one(square: Model, degree: int, refine: tuple[int, ...]) -> None:
-    model, exact = replace(square, film=film(0.1)), spectral_frequency(0.1, (0, 0), 20) ** 2
+    model = replace(square, film=film(0.1))
+    exact = spectral_frequency(0.1, (0, 0), 20) ** 2
     errors = []
     for level in refine:
         modes = solve_modes(solve_prestress(regular(model, level), degree), 1, degree)
@@ -146,7 +153,8 @@ def test_the_clamped_plates_eigenvalue_error_falls_as_twice_degree_minus_one(squ
 
 
 def test_the_edge_layers_error_falls_as_the_sixth_power_of_its_elements(square: Model) -> None:
-    model, exact = replace(square, film=film(1e-2)), spectral_frequency(1e-2, (0, 0), 40)
+    model = replace(square, film=film(1e-2))
+    exact = spectral_frequency(1e-2, (0, 0), 40)
     errors = [abs(2 * np.pi * solve(model, 1, resolution=r).frequency[0] / exact - 1) for r in (0.5, 1.0, 2.0)]
     assert np.log2(errors[0] / errors[2]) / 2 == pytest.approx(6, abs=2.5)
     assert errors[2] < 3e-7

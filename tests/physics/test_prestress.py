@@ -39,7 +39,8 @@ def everywhere(prestress: Prestress) -> tuple[Array, Array, Array]:
 def polar(point: Array, stress: Array) -> tuple[Array, Array, Array]:
     """Radial, hoop and shear stress about the origin."""
     angle = np.arctan2(point[:, 1], point[:, 0])
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     xx, yy, xy = stress.T
     return c * c * xx + s * s * yy + 2 * c * s * xy, s * s * xx + c * c * yy - 2 * c * s * xy, c * s * (yy - xx) + (c * c - s * s) * xy
 
@@ -63,7 +64,8 @@ def test_a_small_hole_doubles_the_hoop_stress_at_its_rim_and_carries_no_traction
     radius = 0.01
     prestress = solve(replace(device(SQUARE), holes=Holes(np.array([[0.3, 0.2]]), radius)), "full", 2)
     domain = prestress.domain
-    space, moduli = Space(domain.mesh, 4), plane_stress(domain.model.film.young, domain.model.film.poisson)
+    space = Space(domain.mesh, 4)
+    moduli = plane_stress(domain.model.film.young, domain.model.film.poisson)
     for facet in space.boundary_facets("free"):
         triangle = np.array([domain.mesh.f2t[0, facet]])
         edge = int(np.flatnonzero(domain.mesh.t2f[:, triangle[0]] == facet)[0])

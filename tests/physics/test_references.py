@@ -39,7 +39,9 @@ class Hexagon:
     """
 
     def __init__(self, parity: tuple[int, int], n: int = 26, n_points: int = 90) -> None:
-        self.even_x, self.even_y, self.n = parity[1] > 0, parity[0] > 0, n
+        self.even_x = parity[1] > 0
+        self.even_y = parity[0] > 0
+        self.n = n
         along = np.sin(np.pi * (np.arange(n_points) + 0.5) / n_points / 2) ** 2
         self.top = np.stack([along / 2, 0 * along + HEIGHT], 1)
         self.left = np.stack([0 * along, along * HEIGHT], 1)
@@ -49,12 +51,15 @@ class Hexagon:
 
     def values(self, eigenvalue: float, points: Array, axis: int | None = None) -> Array:
         """All functions at points (m, 2), or their derivatives along x (0) or y (1): (m, 2n)."""
-        columns, k = [], eigenvalue**0.5
+        columns = []
+        k = eigenvalue**0.5
         first = (1.5 if self.even_y else 3.0) + 3 * np.arange(self.n)
         for corner, start, order in (((1, 0), 2 * np.pi / 3, first), ((0.5, HEIGHT), np.pi, 1.5 * (1 + np.arange(self.n)))):
             away = points - corner
-            r, phi = np.hypot(*away.T)[:, None], np.arctan2(away[:, 1], away[:, 0])[:, None] % (2 * np.pi)
-            bessel, angle = jv(order, k * r), order * (phi - start)
+            r = np.hypot(*away.T)[:, None]
+            phi = np.arctan2(away[:, 1], away[:, 0])[:, None] % (2 * np.pi)
+            bessel = jv(order, k * r)
+            angle = order * (phi - start)
             if axis is None:
                 columns.append(bessel * np.sin(angle))
             else:
@@ -77,11 +82,13 @@ class Hexagon:
 
     def eigenvalue(self, near: float) -> float:
         """The minimum of the miss near a guess, by parabolas through its square."""
-        centre, width = near, 2e-4 * near
+        centre = near
+        width = 2e-4 * near
         for _ in range(4):
             where = centre + width * np.linspace(-1, 1, 5)
             parabola = np.polyfit(where - centre, [self.fit(v)[0] ** 2 for v in where], 2)
-            centre, width = centre - parabola[1] / 2 / parabola[0], width / 20
+            centre = centre - parabola[1] / 2 / parabola[0]
+            width = width / 20
         return float(centre)
 
 
@@ -111,7 +118,8 @@ def test_the_effective_mass_of_the_hexagon_is_that_of_particular_solutions() -> 
     eigenvalue = reference("ideal_hexagon", "λ1")
     coefficients = hexagon.fit(eigenvalue)[1]
     nodes, weights = legendre.leggauss(60)
-    nodes, weights = (nodes + 1) / 2, weights / 2
+    nodes = (nodes + 1) / 2
+    weights = weights / 2
     u, v = (g.ravel() for g in np.meshgrid(nodes, nodes, indexing="ij"))
     shape = hexagon.values(eigenvalue, np.stack([u * (1 - v / 2), v * HEIGHT], 1)) @ coefficients
     area = np.outer(weights, weights).ravel() * (1 - v / 2) * HEIGHT
@@ -132,7 +140,9 @@ def in_plane_modes(n: int) -> tuple[Array, Array, Array, Array]:
 def square_constant(m: int, n: int, poisson: float, size: int = 28) -> float:
     """C of k₃ = C·Eh/((1−ν²)L²) for sin·sin on the clamped square: minimum of 2∫ C E : E over u, by Legendre polynomials."""
     f, df, x, weight = in_plane_modes(size)
-    even, odd = slice(0, None, 2), slice(1, None, 2)  # u_x is odd in x and even in y, u_y the other way round
+    # u_x is odd in x and even in y, u_y the other way round
+    even = slice(0, None, 2)
+    odd = slice(1, None, 2)
     wx = np.outer(m * np.pi * np.cos(m * np.pi * (x + 0.5)), np.sin(n * np.pi * (x + 0.5)))
     wy = np.outer(np.sin(m * np.pi * (x + 0.5)), n * np.pi * np.cos(n * np.pi * (x + 0.5)))
 
@@ -140,14 +150,16 @@ def square_constant(m: int, n: int, poisson: float, size: int = 28) -> float:
         return np.asarray(np.einsum("ia,jb->ijab", a, b).reshape(len(x) ** 2, -1))
 
     zero = np.zeros((len(x) ** 2, (size // 2) ** 2))
-    xx, yy = product(df[:, odd], f[:, even]), product(f[:, even], df[:, odd])
+    xx = product(df[:, odd], f[:, even])
+    yy = product(f[:, even], df[:, odd])
     xy = np.hstack([product(f[:, odd], df[:, even]), product(df[:, even], f[:, odd])])
     strain = np.stack([np.hstack([xx, zero]), np.hstack([zero, yy]), xy])
     stretch = np.stack([wx**2 / 2, wy**2 / 2, wx * wy]).reshape(3, -1)
     moduli = np.array([[1, poisson, 0], [poisson, 1, 0], [0, 0, (1 - poisson) / 2]])
     area = np.outer(weight, weight).ravel()
     stress = np.einsum("cd,dqj->cqj", moduli, strain * area[:, None]).reshape(-1, strain.shape[-1])
-    matrix, load = strain.reshape(stress.shape).T @ stress, stretch.ravel() @ stress
+    matrix = strain.reshape(stress.shape).T @ stress
+    load = stretch.ravel() @ stress
     alone = np.einsum("cq,cd,dq,q->", stretch, moduli, stretch, area)
     return float(2 * (alone - load @ np.linalg.solve(matrix, load)))
 
@@ -164,7 +176,8 @@ def test_the_cubic_stiffness_of_higher_modes_is_that_of_legendre_polynomials(ord
 
 
 def test_a_tolerance_of_all_numbers_is_met_by_the_cubic_stiffness_too() -> None:
-    model, tolerance = outline("square"), 3e-6
+    model = outline("square")
+    tolerance = 3e-6
     exact = square_constant(1, 1, model.film.poisson) * model.film.young * model.film.thickness / (1 - model.film.poisson**2)
     modes = solve_modes_to(model, tolerance, 2, cache=False, of="all")
     found = solve_nonlinearity(modes, cache=False)
@@ -179,15 +192,15 @@ def test_a_tolerance_of_all_numbers_is_met_by_the_cubic_stiffness_too() -> None:
 def test_the_cubic_stiffness_of_the_circle_is_that_of_its_radial_problem(poisson: float) -> None:
     # Minimum over u(r) of 4π∫ (e_r² + e_θ² + 2ν e_r e_θ) r dr with e_r = u′ + ½ξ′², e_θ = u/r and ξ = J₀(jr).
     nodes, weights = legendre.leggauss(60)
-    r, weight = (nodes + 1) / 2, weights / 2
+    r = (nodes + 1) / 2
+    weight = weights / 2
     powers = 2 * np.arange(16) + 1
-    u, du = (
-        r[:, None] ** powers - r[:, None] ** (powers + 2),
-        powers * r[:, None] ** (powers - 1) - (powers + 2) * r[:, None] ** (powers + 1),
-    )
+    u = r[:, None] ** powers - r[:, None] ** (powers + 2)
+    du = powers * r[:, None] ** (powers - 1) - (powers + 2) * r[:, None] ** (powers + 1)
     zero = jn_zeros(0, 1)[0]
     stretch = (zero * jv(1, zero * r)) ** 2 / 2
-    radial, hoop = np.column_stack([stretch, du]), np.column_stack([0 * r, u / r[:, None]])
+    radial = np.column_stack([stretch, du])
+    hoop = np.column_stack([0 * r, u / r[:, None]])
     area = 4 * np.pi * (weight * r)[:, None]
     form = (area * radial).T @ (radial + poisson * hoop) + (area * hoop).T @ (hoop + poisson * radial)
     constant = form[0, 0] - form[0, 1:] @ np.linalg.lstsq(form[1:, 1:], form[1:, 0], rcond=None)[0]

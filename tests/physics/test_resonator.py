@@ -26,7 +26,8 @@ F0 = 1 / (2 * np.pi)
 
 def shoot(force: Force, omega: float, state: Array, n_samples: int = 64) -> tuple[Array, Complex]:
     """Find the periodic orbit near `state` by Newton on the period map; return displacement samples and the multipliers."""
-    n, period = len(state), 2 * np.pi / omega
+    n = len(state)
+    period = 2 * np.pi / omega
 
     def period_map(start: Array) -> Array:
         times = np.linspace(0, period, n_samples + 1)
@@ -60,7 +61,8 @@ MODES = {
 @pytest.mark.parametrize("shift", [-0.02, 0.005, 0.03])
 def test_harmonic_balance_meets_time_integration_on_every_branch(name: str, shift: float) -> None:
     mode = MODES[name]
-    omega, force = 1 + (shift if name != "softening" else -shift), 0.006
+    omega = 1 + (shift if name != "softening" else -shift)
+    force = 0.006
 
     def rate(t: float, s: Array) -> Array:
         u, v = s
@@ -90,7 +92,8 @@ def test_coupled_modes_meet_time_integration(ratio: float) -> None:
         quadratic={(0, 0, 1): k2} if k2 else None,
         cubic={(0, 0, 1, 1): k3, (0, 0, 0, 1): k31},
     )
-    omega, force = 1.01, np.array([0.008, 0.0])
+    omega = 1.01
+    force = np.array([0.008, 0.0])
 
     def rate(t: float, s: Array) -> Array:
         # Forces from the potential K2 q₁²q₂ + (3/2) K3 q₁²q₂² + K31 q₁³q₂, and each mode's own terms.

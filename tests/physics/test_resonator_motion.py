@@ -57,7 +57,9 @@ def test_rotating_wave_error_falls_with_the_square_of_the_amplitude() -> None:
 
 def test_amplitude_carries_the_whole_force_and_alpha_four_pi_squared() -> None:
     # Errata of arXiv:2502.19191, S2: the linear peak is 𝓕/(4π² f₀ w), not half of it, and α = α_y (4π² y_max w f₀/𝓕)².
-    mode, force, gain = Resonator(1.5e6, 100, alpha=2e10), 7e5, 3e5
+    mode = Resonator(1.5e6, 100, alpha=2e10)
+    force = 7e5
+    gain = 3e5
     frequency = mode.frequency
 
     def steady(amplitude_force: float, drive: float) -> complex:
@@ -71,7 +73,8 @@ def test_amplitude_carries_the_whole_force_and_alpha_four_pi_squared() -> None:
     np.testing.assert_allclose(linear, small / (4 * np.pi**2 * mode.frequency * mode.linewidth), rtol=1e-4)
     # y = gain·A; at the driven state the Lorentzian form gives α_y, and with it α.
     drive = frequency + 0.5 * mode.linewidth
-    y, peak = gain * steady(force, drive), gain * force / small * linear
+    y = gain * steady(force, drive)
+    peak = gain * force / small * linear
     inverse = peak * mode.linewidth / 2 / y
     detuning = inverse / (inverse.imag / (mode.linewidth / 2))
     alpha_y = (detuning.real + drive - frequency) / (0.375 * frequency * abs(y) ** 2)
@@ -88,10 +91,12 @@ RINGING = {
 
 @pytest.mark.parametrize("name", RINGING)
 def test_ring_down_error_falls_with_the_square_of_the_amplitude(name: str) -> None:
-    mode, errors = RINGING[name], []
+    mode = RINGING[name]
+    errors = []
     for shrink in (1, 2, 4):
         # 1/Q falls with A², so that the decay keeps its shape while all small parameters vanish together.
-        start, scale = 0.1 / shrink, shrink**2
+        start = 0.1 / shrink
+        scale = shrink**2
         growth = {"quintic": mode.quintic * scale, "nonlinear_damping": mode.nonlinear_damping * scale}
         slow = replace(mode, quality_factor=mode.quality_factor * scale, **growth)
         time = np.linspace(0, 3 / slow.damping, 4000 * scale)

@@ -24,7 +24,11 @@ from femnl.pipeline import solve_modes as solve_device
 Array = NDArray[np.float64]
 Device = Callable[..., Model]
 
-THICKNESS, YOUNG, STRESS, DENSITY, POISSON = 0.01, 1e11, 1e9, 1000.0, 0.3
+THICKNESS = 0.01
+YOUNG = 1e11
+STRESS = 1e9
+DENSITY = 1000.0
+POISSON = 0.3
 INNER = 0.25
 SQUARE = 'kind = "square"\nside = "2 m"'
 

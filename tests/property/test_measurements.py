@@ -26,7 +26,8 @@ def axis(start: float, steps: list[float]) -> np.ndarray[tuple[int], np.dtype[np
 def datasets(draw: st.DrawFn) -> xr.Dataset:
     """A measurement of any kind with any numbers, gaps included."""
     kind = draw(st.sampled_from(["response", "harmonic_map", "trace", "series", "spectrum"]))
-    n, m = draw(SIZES), draw(SIZES)
+    n = draw(SIZES)
+    m = draw(SIZES)
     steps = st.lists(st.floats(1e-3, 1), min_size=m, max_size=m)
     if kind == "spectrum":
         frequency = draw(arrays.arrays(float, m, elements=st.floats(1, 1e9)))

@@ -27,7 +27,9 @@ def test_the_number_of_triangles_is_foreseen(name: str, symmetry: str, resolutio
 
 
 def test_a_degree_that_does_not_fit_is_refused_where_lower_ones_do(allow_memory: Callable[[int], None]) -> None:
-    film, each = load("hexagon-278um"), 200_000  # of memory a triangle: enough for degree 5, not for 6
+    # of memory a triangle: enough for degree 5, not for 6
+    film = load("hexagon-278um")
+    each = 200_000
     triangles = build.mesh(film).mesh.nelements
     allow_memory(each * triangles)
     assert build.mesh(film, degree=5).mesh.nelements == triangles

@@ -28,7 +28,9 @@ def solve(folder: Path, threads: int) -> str:
 
 
 def test_a_rerun_gives_the_same_bits_and_more_threads_the_same_numbers(tmp_path: Path) -> None:
-    first, again, threaded = solve(tmp_path, 1), solve(tmp_path, 1), solve(tmp_path, 2)
+    first = solve(tmp_path, 1)
+    again = solve(tmp_path, 1)
+    threaded = solve(tmp_path, 2)
     assert first == again
     one, two = (json.loads(text)["modes"] for text in (first, threaded))
     for name in ("frequency", "effective_mass", "k3", "alpha"):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison
-from femnl.core.effect import Effect, Kind, Knob, Values
+from femnl.core.effect import Effect, Kind, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.observe.model import Named, Ranked, apply
 
@@ -17,31 +17,38 @@ class Level:
     kind: Kind = "map"
 
     def __init__(
-        self, data: Array, blocks: NDArray[np.int64], half: float, patterns: Mapping[str, Array] | None = None, rugged: bool = False
+        self,
+        data: Array,
+        blocks: NDArray[np.int64],
+        half: float,
+        patterns: Mapping[str, Array] | None = None,
+        needs_global_search: bool = False,
     ) -> None:
-        self.data, self.blocks, self.rugged = data, blocks, rugged
+        self.data = data
+        self.blocks = blocks
+        self.needs_global_search = needs_global_search
         self.jumps: tuple[str, ...] = ()
-        self.apart: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
+        self.independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
         self.ranked: tuple[Ranked, ...] = ()
-        self.base: tuple[Knob, ...] = (Knob("level", "1", -half, half),)
+        self.base: tuple[ParameterSpec, ...] = (ParameterSpec("level", "1", -half, half),)
         self.start = np.zeros(1)
-        self.facts: Mapping[str, float] = {"time": 1.0}
+        self.scales: Mapping[str, float] = {"time": 1.0}
         self.notes: tuple[str, ...] = ()
         self._patterns = dict(patterns or {})
 
-    def patterns(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         return self._patterns
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         return np.asarray(self.data - apply("placement", np.full(len(self.data), base["level"]), effects, values))
 
-    def experiments(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
         return {}
 
     def systematic(self, unit: str) -> float:
         return 0.0
 
-    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         return []
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:

@@ -148,7 +148,8 @@ def test_fit_reports_the_parameters_of_a_response(capsys: pytest.CaptureFixture[
     simulated_response(tmp_path / "r.nc")
     assert run(["fit", "r.nc", "--json"]) == 0
     found = json.loads(lines(capsys)[0])["fits"]["sweep"]
-    frequency, width = found["parameters"]["frequency"], found["parameters"]["linewidth"]
+    frequency = found["parameters"]["frequency"]
+    width = found["parameters"]["linewidth"]
     assert abs(frequency["value"] - 1e6) < 4 * frequency["sd"]
     assert abs(width["value"] - 100) < 4 * width["sd"]
     assert found["chi2_reduced"] == pytest.approx(1, abs=0.3)

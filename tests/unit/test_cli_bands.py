@@ -30,7 +30,8 @@ def test_bands_are_told_at_the_corners_of_the_path_and_drawn(capsys: pytest.Capt
 def test_bands_as_json_are_in_si(capsys: pytest.CaptureFixture[str]) -> None:
     assert run([*QUICK, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
-    wave, frequency = np.array(record["wave"]), np.array(record["frequency"])
+    wave = np.array(record["wave"])
+    frequency = np.array(record["frequency"])
     assert frequency.shape == (len(wave), 2)
     assert record["corners"] == [["Γ", 0], ["X", 2], ["M", 4], ["Γ", 7]]
     assert wave[2].tolist() == pytest.approx([np.pi / 8.56e-6, 0])

@@ -53,7 +53,8 @@ def test_an_overview_gives_a_labelled_spectrum_that_the_film_is_fitted_to(fit: C
     modes = solve_modes(load(DEVICE), 10)
     known = [k for k in range(6) if k != 3]
     f = np.linspace(0.8 * modes.frequency[0], 0.5 * 1.05 * (modes.frequency[5] + modes.frequency[6]), 4000)
-    w, rng = 2e-3 * modes.frequency[0], np.random.default_rng(3)
+    w = 2e-3 * modes.frequency[0]
+    rng = np.random.default_rng(3)
     volts = 3e-4 * np.exp(1j * f / f[0]) + 1e-5 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
     for k in known:
         g = 1.05 * modes.frequency[k]
@@ -75,7 +76,8 @@ def test_an_overview_gives_a_labelled_spectrum_that_the_film_is_fitted_to(fit: C
 def test_an_overview_without_a_device_lists_lines_without_labels(
     fit: Callable[..., dict[str, Any]], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    f, rng = np.linspace(1e6, 2e6, 1000), np.random.default_rng(3)
+    f = np.linspace(1e6, 2e6, 1000)
+    rng = np.random.default_rng(3)
     volts = 1e-3 * 1.5e6 * 9e3 / (1.5e6**2 - f**2 + 9e3j * f) + 1e-5 * (rng.normal(size=1000) + 1j * rng.normal(size=1000))
     measurement.write(measurement.bundle({"wide": measurement.response(f, volts, noise_sd=1e-5)}), "s.nc")
     found = fit("s.nc", "--as", "overview")["wide"]
@@ -87,7 +89,9 @@ def test_an_overview_without_a_device_lists_lines_without_labels(
 
 def line_of_responses(path: str) -> None:
     """Up-sweeps at α_y/α_c = 4 and five places, the shape a cosine."""
-    rng, f0, w = np.random.default_rng(8), 1e6, 100.0
+    rng = np.random.default_rng(8)
+    f0 = 1e6
+    w = 100.0
     x = np.linspace(-100e-6, 100e-6, 5)
     f = f0 + np.linspace(-400, 700, 161)
     stiffening = 8 * np.sqrt(3) / 9 * 4
@@ -119,7 +123,8 @@ def test_a_line_scan_lists_every_place_and_finds_the_normalised_parameter_the_sa
 
 
 def test_ring_downs_and_their_envelopes_give_frequency_and_quality_factor(fit: Callable[..., dict[str, Any]]) -> None:
-    mode, rng = Resonator(1e5, 2000.0, alpha=1e9), np.random.default_rng(2)
+    mode = Resonator(1e5, 2000.0, alpha=1e9)
+    rng = np.random.default_rng(2)
     time = np.arange(40_000) / 1e6
     slow = 1e4 * ring_down(mode, 1e-6, time)
     volts = slow.real + 1e-4 * rng.normal(size=time.size)
@@ -163,7 +168,8 @@ def test_an_oscillator_is_fitted_term_by_term_and_judged_on_what_was_held_out(fi
 
 
 def test_harmonics_of_a_sweep_of_traces_are_drawn(fit: Callable[..., dict[str, Any]]) -> None:
-    rng, f = np.random.default_rng(1), 1e6 + np.linspace(-300, 300, 7)
+    rng = np.random.default_rng(1)
+    f = 1e6 + np.linspace(-300, 300, 7)
     time = np.arange(512) / 1e8
     volts = np.array([np.cos(2 * np.sin(2 * np.pi * g * time) + 0.5) for g in f]) + 1e-4 * rng.normal(size=(7, 512))
     measurement.write(measurement.bundle({"scope": measurement.trace(time, volts, drive_frequency=f)}), "t.nc")
@@ -225,7 +231,8 @@ def test_a_drive_of_many_tones_is_no_sine_with_harmonics(capsys: pytest.CaptureF
 
 
 def test_a_wide_sweep_read_as_one_mode_is_told_so(capsys: pytest.CaptureFixture[str]) -> None:
-    f, rng = np.linspace(1e6, 2e6, 600), np.random.default_rng(3)
+    f = np.linspace(1e6, 2e6, 600)
+    rng = np.random.default_rng(3)
     volts = sum(1e-3 * g * 9e3 / (g**2 - f**2 + 9e3j * f) for g in (1.2e6, 1.5e6, 1.8e6))
     volts = volts + 1e-5 * (rng.normal(size=600) + 1j * rng.normal(size=600))
     measurement.write(measurement.bundle({"wide": measurement.response(f, volts, noise_sd=1e-5)}), "s.nc")

@@ -63,7 +63,8 @@ def test_inertia_a_bow_and_dilution_are_told_where_asked_for(capsys: pytest.Capt
         assert title in out
     assert run([*words, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
-    alpha, k = record["modes"][0]["alpha"], np.array(record["bow"]["stiffness"])
+    alpha = record["modes"][0]["alpha"]
+    k = np.array(record["bow"]["stiffness"])
     assert record["bow"]["k2"][0] / k[0] == pytest.approx(3 * alpha * 200e-9, rel=1e-2)
     assert -2e-3 < record["inertia"]["change"][0] < -5e-4
     assert 140 < record["dilution"]["factor"][0] < 170

@@ -9,18 +9,20 @@ from numpy.typing import NDArray
 
 from femnl.device.geometry import load
 from femnl.diagnose import diagnose
-from femnl.diagnose.joint import JointProblem
+from femnl.diagnose.joint import JointModel
 from femnl.diagnose.run import pose
 from femnl.effects import library
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import Extended
+from femnl.observe.model import ExtendedModel
 from femnl.optics.fringe import MultilayerFringe
 
 Array = NDArray[np.float64]
 MODEL = load("square-270um")
 LASERS = {"red": 632.8e-9, "green": 532e-9}
-AMPLITUDE, NOISE, CONTRAST = 4e-7, 3e-4, 0.02
+AMPLITUDE = 4e-7
+NOISE = 3e-4
+CONTRAST = 0.02
 FEW = ["mechanical_overtones", "multilayer_fringe", "detector_saturation", "static_bow", "quadratic_stiffness"]
 
 
@@ -33,8 +35,10 @@ def film() -> SimulatedFilm:
 def maps(path: Path, *, overtone: float = 0.0, stack: bool = False, lasers: dict[str, float] = LASERS, points: int = 17) -> Path:
     """Write maps of the fundamental mode, sampled over a period; each laser has its own phases and noise."""
     rng = np.random.default_rng(3)
-    axis, tau = np.linspace(-150e-6, 150e-6, points), 2 * np.pi * np.arange(128) / 128
-    shapes, frequency = film().projection.on_grid(axis, axis), film().modes.frequency
+    axis = np.linspace(-150e-6, 150e-6, points)
+    tau = 2 * np.pi * np.arange(128) / 128
+    shapes = film().projection.on_grid(axis, axis)
+    frequency = film().modes.frequency
     second = shapes[np.argmin(np.abs(frequency - 2 * frequency[0]))]
     groups = {}
     for name, wavelength in lasers.items():
@@ -54,29 +58,31 @@ def maps(path: Path, *, overtone: float = 0.0, stack: bool = False, lasers: dict
     return path
 
 
-def joint(path: Path, backwards: bool = False) -> JointProblem:
+def joint(path: Path, backwards: bool = False) -> JointModel:
     """The problem that a file poses."""
     groups = {name: pose(name, node.to_dataset(), MODEL) for name, node in measurement.read(path).children.items()}
-    return JointProblem(groups, backwards)
+    return JointModel(groups, backwards)
 
 
 def test_two_maps_of_one_drive_share_the_amplitude_and_nothing_else(tmp_path: Path) -> None:
-    problem = joint(maps(tmp_path / "both.nc"))
+    base_model = joint(maps(tmp_path / "both.nc"))
     own = ("contrast", "theta", "motion_phase", "x", "y")
-    assert {knob.name for knob in problem.base} == {"amplitude", *(f"{laser}.{name}" for laser in LASERS for name in own)}
-    start = Extended(problem).split(problem.start)[0]
-    apart = [one.residuals([], {n: start[joined] for n, joined in problem._names[g].items()}, []) for g, one in problem.groups.items()]
-    np.testing.assert_array_equal(problem.residuals([], start, []), np.concatenate(apart))
+    assert {spec.name for spec in base_model.base} == {"amplitude", *(f"{laser}.{name}" for laser in LASERS for name in own)}
+    start = ExtendedModel(base_model).split(base_model.start)[0]
+    apart = [
+        one.residuals([], {n: start[joined] for n, joined in base_model._names[g].items()}, []) for g, one in base_model.groups.items()
+    ]
+    np.testing.assert_array_equal(base_model.residuals([], start, []), np.concatenate(apart))
 
 
 def test_effects_on_the_film_are_shared_and_those_of_a_detector_belong_to_its_laser(tmp_path: Path) -> None:
-    problem = joint(maps(tmp_path / "both.nc", points=9))
-    pool = {effect.name: effect for effect in problem.pool(library().values())}
-    assert [knob.name for knob in pool["mechanical_overtones"].parameters] == ["cos2", "sin2", "cos3", "sin3"]
-    assert [knob.name for knob in pool["detector_bandwidth"].parameters] == ["red.time_constant", "green.time_constant"]
+    base_model = joint(maps(tmp_path / "both.nc", points=9))
+    pool = {effect.name: effect for effect in base_model.pool(library().values())}
+    assert [spec.name for spec in pool["mechanical_overtones"].parameters] == ["cos2", "sin2", "cos3", "sin3"]
+    assert [spec.name for spec in pool["detector_bandwidth"].parameters] == ["red.time_constant", "green.time_constant"]
     assert pool["multilayer_fringe"].replaces == ("red.theta", "green.theta")
-    slow = Extended(problem, (pool["detector_bandwidth"],))
-    base = slow.split(np.zeros(len(slow.knobs)))[0] | Extended(problem).split(problem.start)[0]
+    slow = ExtendedModel(base_model, (pool["detector_bandwidth"],))
+    base = slow.split(np.zeros(len(slow.parameters)))[0] | ExtendedModel(base_model).split(base_model.start)[0]
     plain, red, green = (
         slow.residuals(slow.pack(base, [{"red.time_constant": a, "green.time_constant": b}])) for a, b in ((0, 0), (1e-8, 0), (0, 1e-8))
     )
@@ -114,7 +120,8 @@ def test_rings_of_the_stack_at_two_wavelengths_are_told_from_motion(tmp_path: Pa
 
 def test_measurements_that_share_nothing_are_judged_side_by_side(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
-    pressure, quality = np.geomspace(1, 100, 24), 5e5
+    pressure = np.geomspace(1, 100, 24)
+    quality = 5e5
     damped = 1 / (1 / quality + 4e-8 * pressure)
     still = measurement.series({"time": 60.0 * np.arange(24)}, 1.5e6 + 2 * rng.standard_normal(24), np.full(24, 2.0))
     gas = measurement.series({"pressure": pressure}, None, None, damped * (1 + 0.01 * rng.standard_normal(24)), 0.01 * damped)

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 from femnl.core.comparison import Curves
 from femnl.device.geometry import load
 from femnl.diagnose.least_squares import fit
-from femnl.diagnose.map import MapProblem
+from femnl.diagnose.map import MapModel
 from femnl.diagnose.search import FALSE_ALARMS, applicable, criticise
 from femnl.effects import library
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import Extended
+from femnl.observe.model import ExtendedModel
 
 Array = NDArray[np.float64]
 FILM = SimulatedFilm(load("square-270um"), 12)
@@ -20,25 +20,26 @@ AXIS = np.linspace(-150e-6, 150e-6, 13)
 BASE = {"amplitude": 3e-7, "contrast": 0.02, "theta": 0.8, "motion_phase": 0.3, "x": 0.0, "y": 0.0}
 
 
-def problem(x: Array, y: Array) -> MapProblem:
+def base_model(x: Array, y: Array) -> MapModel:
     """The problem that a map with these axes poses."""
     shape = FILM.projection.on_grid(x, y)[0]
     volts = np.array([shape, 0.1 * shape**2]) * np.exp(0.3j)
     about = {"noise_sd": 1e-4, "wavelength": 632.8e-9, "drive_frequency": float(FILM.modes.frequency[0])}
-    return MapProblem(measurement.harmonic_map(x, y, [1, 2], 0.02 * volts, **about), FILM)
+    return MapModel(measurement.harmonic_map(x, y, [1, 2], 0.02 * volts, **about), FILM)
 
 
 def test_a_stage_that_is_off_reads_the_film_where_it_is_not_told_to() -> None:
     values = {"stretch_x": 0.1, "stretch_y": -0.05}
-    moved = problem(AXIS, AXIS).predict([library()["stage_scale"]], BASE | {"x": 2e-5}, [values])
+    moved = base_model(AXIS, AXIS).predict([library()["stage_scale"]], BASE | {"x": 2e-5}, [values])
     # The film lies 20 µm to the right; seen from there, the steps are longer along x and shorter along y.
-    direct = problem(1.1 * AXIS, 0.95 * AXIS).predict([], BASE | {"x": 1.1 * 2e-5}, [])
+    direct = base_model(1.1 * AXIS, 0.95 * AXIS).predict([], BASE | {"x": 1.1 * 2e-5}, [])
     np.testing.assert_allclose(moved, direct, atol=1e-6 * np.abs(direct).max())
 
 
 def signal(deviation: str, across: Array, up: Array, tau: Array) -> Array:
     """v(t) of a driven film, (n_y, n_x, n_times), with one thing a little otherwise; across, up (n_y, n_x) in m."""
-    x, y = across / 150e-6, up / 150e-6
+    x = across / 150e-6
+    y = up / 150e-6
     turn = 5e-3 * (deviation == "axes that are turned")
     shapes = FILM.projection.at((across + turn * up).ravel(), (up - turn * across).ravel()).reshape(12, *across.shape)[..., None]
     uneven = 6e-3 * {"motion that varies as x": x, "motion that varies as x²": x**2}.get(deviation, 0 * x)[..., None]
@@ -68,35 +69,39 @@ def signal(deviation: str, across: Array, up: Array, tau: Array) -> Array:
 def test_what_deviates_a_little_at_any_stage_is_seen_without_a_cause_to_look_for(deviation: str) -> None:
     axis = np.linspace(-150e-6, 150e-6, 41)
     up, across = np.meshgrid(axis, axis, indexing="ij")
-    tau, noise, rng = 2 * np.pi * np.arange(128) / 128, 1e-4, np.random.default_rng(8)
+    tau = 2 * np.pi * np.arange(128) / 128
+    noise = 1e-4
+    rng = np.random.default_rng(8)
     sides = (-1.2e-6, 1.2e-6) if deviation == "blur along x" else (0.0,)
     volts = np.mean([signal(deviation, across + side, up, tau) for side in sides], axis=0)
     harmonics = np.moveaxis(np.fft.rfft(volts)[..., 1:7] / 64, -1, 0)
     harmonics = harmonics + noise * (rng.standard_normal(harmonics.shape) + 1j * rng.standard_normal(harmonics.shape))
     about = {"noise_sd": noise, "wavelength": 632.8e-9, "drive_frequency": float(FILM.modes.frequency[0])}
-    posed = MapProblem(measurement.harmonic_map(axis, axis, np.arange(1, 7), harmonics, **about), FILM)
-    found = criticise(fit(Extended(posed), posed.start), [])
+    posed = MapModel(measurement.harmonic_map(axis, axis, np.arange(1, 7), harmonics, **about), FILM)
+    found = criticise(fit(ExtendedModel(posed), posed.start), [])
     assert (found.p_value < FALSE_ALARMS) == bool(deviation), (found.p_value, found.worst)
     # χ² alone would not tell: the deviation is spread over twenty thousand data.
-    assert abs(found.solution.chi2 / found.solution.degrees - 1) < 0.03
+    assert abs(found.result.chi2 / found.result.degrees - 1) < 0.03
     if deviation:
         assert found.worst == deviation, (found.p_value, found.worst)
 
 
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_a_map_of_a_single_line_is_diagnosed_and_drawn_as_curves(axis: str) -> None:
-    along, across = np.linspace(-150e-6, 150e-6, 61), np.array([2e-5])
+    along = np.linspace(-150e-6, 150e-6, 61)
+    across = np.array([2e-5])
     x, y = (along, across) if axis == "x" else (across, along)
-    tau, rng = 2 * np.pi * np.arange(128) / 128, np.random.default_rng(9)
+    tau = 2 * np.pi * np.arange(128) / 128
+    rng = np.random.default_rng(9)
     there, above = np.meshgrid(x, y)
     harmonics = np.moveaxis(np.fft.rfft(signal("", there, above, tau))[..., 1:7] / 64, -1, 0)
     harmonics = harmonics + 1e-4 * (rng.standard_normal(harmonics.shape) + 1j * rng.standard_normal(harmonics.shape))
     about = {"noise_sd": 1e-4, "wavelength": 632.8e-9, "drive_frequency": float(FILM.modes.frequency[0])}
-    posed = MapProblem(measurement.harmonic_map(x, y, np.arange(1, 7), harmonics, **about), FILM)
-    found = criticise(fit(Extended(posed), posed.start), applicable(posed, library().values()))
+    posed = MapModel(measurement.harmonic_map(x, y, np.arange(1, 7), harmonics, **about), FILM)
+    found = criticise(fit(ExtendedModel(posed), posed.start), applicable(posed, library().values()))
     assert found.p_value > FALSE_ALARMS, found.worst
     assert len(np.unique(posed.blocks)) == 3
-    base, _ = found.solution.model.split(found.solution.vector)
+    base, _ = found.result.model.split(found.result.vector)
     (drawn,) = posed.compare([("base model", (), base, ())])
     assert isinstance(drawn, Curves)
     assert (drawn.x, [curve.name for curve in drawn.curves]) == (axis, ["1f", "2f", "3f", "4f", "5f", "6f"])

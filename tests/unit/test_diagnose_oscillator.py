@@ -4,24 +4,24 @@ import numpy as np
 import pytest
 
 from femnl.core.comparison import Curves
-from femnl.core.effect import Effect, Knob
+from femnl.core.effect import Effect, ParameterSpec
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.diagnose.freeform import fitted_forms
 from femnl.diagnose.least_squares import fit
-from femnl.diagnose.record import OscillationProblem
-from femnl.observe.model import Extended
+from femnl.diagnose.record import RecordModel
+from femnl.observe.model import ExtendedModel
 from femnl.observe.record.free_run import EDGE
 from tests.blind.lab.record import RecordBench
 
 
-def driven(strength: float, seed: int = 0) -> OscillationProblem:
+def driven(strength: float, seed: int = 0) -> RecordModel:
     """The problem of a record under this part of the common drive, of an oscillator that is stiff and rings for long."""
     rng = np.random.default_rng(seed)
     bench = RecordBench(rng)
     bench.drive *= strength * 0.1 / np.std(bench.drive)
     bench.noise = 3e-4
     truth = {"frequency": 67.5, "linewidth": 5.2, "stiffness": 0.98, "offset": 1.5e-3, "alpha": 4.3}
-    return OscillationProblem(bench.measured(truth, {}, rng)["record"])
+    return RecordModel(bench.measured(truth, {}, rng)["record"])
 
 
 def test_motion_that_the_record_began_with_is_fitted_and_no_sample_wasted() -> None:
@@ -30,10 +30,10 @@ def test_motion_that_the_record_began_with_is_fitted_and_no_sample_wasted() -> N
     truth = bench.draw(rng) | {"linewidth": 0.5}
     bench.drive *= 0.3
     record = bench.measured(truth, {}, rng)["record"].isel(time=slice(0, 600))
-    problem = OscillationProblem(record)
-    found = fit(Extended(problem), problem.start)
+    base_model = RecordModel(record)
+    found = fit(ExtendedModel(base_model), base_model.start)
     # The amplitude decays by exp(−π w t) = 0.2 over the whole record.
-    assert len(problem.blocks) == 600 - 2 * EDGE
+    assert len(base_model.blocks) == 600 - 2 * EDGE
     assert found.chi2 / found.degrees == pytest.approx(1.0, abs=0.2)
     base, _ = found.model.split(found.vector)
     for k, name in enumerate(("frequency", "linewidth", "stiffness", "offset")):
@@ -47,26 +47,26 @@ def test_a_record_whose_first_samples_are_lost_begins_at_the_first_that_is_known
     bench.drive *= 0.3
     record = bench.measured(truth, {}, rng)["record"]
     record["voltage"][:, :200] = np.nan
-    problem = OscillationProblem(record)
-    found = fit(Extended(problem), problem.start)
-    assert len(problem.blocks) == record.sizes["time"] - 200 - 2 * EDGE
+    base_model = RecordModel(record)
+    found = fit(ExtendedModel(base_model), base_model.start)
+    assert len(base_model.blocks) == record.sizes["time"] - 200 - 2 * EDGE
     assert found.chi2 / found.degrees == pytest.approx(1.0, abs=0.15)
     base, _ = found.model.split(found.vector)
-    (curves,) = problem.compare([("base", (), base, [])])
+    (curves,) = base_model.compare([("base", (), base, [])])
     assert isinstance(curves, Curves)
     assert set(curves.curves[0].x) < set(record["time"].values)
 
 
 def test_free_forms_of_what_a_record_knows_nothing_of_are_left_out() -> None:
-    problem = driven(0.5)
-    found = fitted_forms(fit(Extended(problem), problem.start))
-    assert [solution.model.effects[0].sentence for solution in found] == ["restoring and damping forces of free form"]
+    base_model = driven(0.5)
+    found = fitted_forms(fit(ExtendedModel(base_model), base_model.start))
+    assert [result.model.effects[0].sentence for result in found] == ["restoring and damping forces of free form"]
 
 
 @pytest.mark.parametrize(("strength", "seed"), [(1.1, 1), (1.5, 3)])
 def test_the_base_model_of_a_strong_motion_that_does_not_begin_at_rest_finds_its_way(strength: float, seed: int) -> None:
-    problem = driven(strength, seed)
-    found = fit(Extended(problem), problem.start)
+    base_model = driven(strength, seed)
+    found = fit(ExtendedModel(base_model), base_model.start)
     assert found.chi2 / found.degrees == pytest.approx(1.0, abs=0.15)
     base, _ = found.model.split(found.vector)
     assert base["alpha"] == pytest.approx(4.3, rel=2e-3)
@@ -83,10 +83,10 @@ def test_a_drive_that_belongs_to_another_output_is_refused() -> None:
     record = bench.measured(bench.draw(rng), {}, rng)["record"]
     record["voltage"] = record["voltage"].roll(time=40)
     with pytest.raises(MeasurementError, match="check that drive and output belong together"):
-        OscillationProblem(record)
+        RecordModel(record)
 
 
 def test_an_effect_whose_parameter_has_no_range_in_volts_is_refused() -> None:
-    odd = Effect("stiction", "", (Knob("delay", "s", 0.0, 1.0),), {"equation": lambda forces, values: forces}, "", "", "")
+    odd = Effect("stiction", "", (ParameterSpec("delay", "s", 0.0, 1.0),), {"equation": lambda forces, values: forces}, "", "", "")
     with pytest.raises(ParameterError, match=r"effect stiction: its parameter delay has no range in volts .* takes kappa2, eta, alpha5"):
         driven(0.5).pool([odd])

@@ -10,26 +10,33 @@ from femnl import load
 from femnl.core.diagnosis import Diagnosis
 from femnl.diagnose import diagnose
 from femnl.diagnose.least_squares import fit
-from femnl.diagnose.response import ResponseProblem
+from femnl.diagnose.response import ResponseModel
 from femnl.diagnose.search import FALSE_ALARMS, criticise, search
 from femnl.effects import library
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import Extended
+from femnl.observe.model import ExtendedModel
 from tests.blind.lab import Case, make
 
 Complex = NDArray[np.complex128]
-F0, WIDTH, PEAK, PER_METRE, NOISE = 2.9324e6, 4.0, 1.75e-7, 2e5, 1.5e-5
+F0 = 2.9324e6
+WIDTH = 4.0
+PEAK = 1.75e-7
+PER_METRE = 2e5
+NOISE = 1.5e-5
 SETTLED = 1e-8
 """Relative change in a step of time at which a state counts as steady."""
 
 
 def sweeps(path: Path, alpha: float, coupling: float) -> Diagnosis:
     """Diagnose up and down sweeps; a second mode crosses 6 Hz above resonance, coupling [Hz²] at one linewidth of stiffening."""
-    rng, drives, direction = np.random.default_rng(1), np.repeat([0.05, 0.1, 0.2, 0.4], 2), np.tile([1, -1], 4)
+    rng = np.random.default_rng(1)
+    drives = np.repeat([0.05, 0.1, 0.2, 0.4], 2)
+    direction = np.tile([1, -1], 4)
     bend = 0.375 * F0 * alpha * (PEAK * drives.max()) ** 2
     frequency = np.linspace(F0 - 10 * WIDTH + min(0.8 * bend, 0), F0 + 8 * WIDTH + max(0.8 * bend, 0), 161)
-    square, state = 8 * WIDTH / (3 * F0 * abs(alpha)), np.zeros(8, complex)
+    square = 8 * WIDTH / (3 * F0 * abs(alpha))
+    state = np.zeros(8, complex)
     volts = np.empty((8, len(frequency)), complex)
     for k in range(len(frequency)):
         point = np.where(direction > 0, k, len(frequency) - 1 - k)
@@ -78,13 +85,13 @@ def test_a_second_mode_is_sought_where_the_drives_move_the_film_strongly() -> No
     frequency = F0 + np.linspace(-60, 60, 241)
     volts = PER_METRE * PEAK * 0.01 / (1 + 2j * (frequency - F0) / WIDTH)
     data = measurement.response(frequency, volts[None], noise_sd=1e-9, wavelength=632.8e-9, mode="2,2", drive=[0.01], direction=[1])
-    problem = ResponseProblem(data, SimulatedFilm(load("square-270um"), 12))
+    base_model = ResponseModel(data, SimulatedFilm(load("square-270um"), 12))
     # |1/(1 + 2iδ/w)| = 0.3 at δ = ½w √(0.3⁻² − 1).
-    assert problem.facts["moving"] == pytest.approx(WIDTH * np.sqrt(0.3**-2 - 1), abs=1.0)
-    base = dict(zip((knob.name for knob in problem.base), problem.start, strict=True))
+    assert base_model.scales["moving"] == pytest.approx(WIDTH * np.sqrt(0.3**-2 - 1), abs=1.0)
+    base = dict(zip((spec.name for spec in base_model.base), base_model.start, strict=True))
     couple = {"coupling_square": 0.5, "offset": 0.0, "width": 0.8, "order": 2.0}
-    mode, _ = problem._mode([library()["internal_resonance"]], base, [couple], problem.sweeps)
-    assert problem.sweeps.frequency[np.argmax(np.abs(mode.pull))] == pytest.approx(F0, abs=0.6)
+    mode, _ = base_model._mode([library()["internal_resonance"]], base, [couple], base_model.sweeps)
+    assert base_model.sweeps.frequency[np.argmax(np.abs(mode.pull))] == pytest.approx(F0, abs=0.6)
 
 
 @pytest.mark.parametrize(
@@ -96,17 +103,17 @@ def test_what_one_drive_or_sweep_has_of_its_own_is_seen_without_a_cause_to_look_
     path = tmp_path / "response.nc"
     make(Case("response", causes, 20261122, size=(size, size + 0.1)), path)
     (group,) = measurement.read(path).children.values()
-    problem = ResponseProblem(group.to_dataset(), SimulatedFilm(load("square-270um"), 12))
-    found = criticise(fit(Extended(problem), problem.start), [])
+    base_model = ResponseModel(group.to_dataset(), SimulatedFilm(load("square-270um"), 12))
+    found = criticise(fit(ExtendedModel(base_model), base_model.start), [])
     assert (found.p_value < FALSE_ALARMS) == bool(causes), (found.p_value, found.worst)
-    assert abs(found.solution.chi2 / found.solution.degrees - 1) < 0.15  # χ² alone would hardly tell
+    assert abs(found.result.chi2 / found.result.degrees - 1) < 0.15  # χ² alone would hardly tell
     assert not causes or seen in found.worst
 
 
 def test_a_fit_is_led_over_jumps_that_a_thousandth_of_the_peak_moves(tmp_path: Path) -> None:
     make(Case("response", ("drive_compression",), 2317476753), tmp_path / "file.nc")
     data = measurement.read(tmp_path / "file.nc")["response"].to_dataset()
-    problem = ResponseProblem(data, SimulatedFilm(load("square-270um"), 12))
-    found = [candidate.solution for candidate in search(problem, [library()["drive_compression"]]) if candidate.names]
+    base_model = ResponseModel(data, SimulatedFilm(load("square-270um"), 12))
+    found = [candidate.result for candidate in search(base_model, [library()["drive_compression"]]) if candidate.names]
     # Steps of three thousandths of the peak and more end at 1.22.
     assert found[0].chi2 / found[0].degrees < 1.1

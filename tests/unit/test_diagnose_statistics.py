@@ -9,18 +9,18 @@ from scipy.special import ndtr
 from scipy.stats import kstest, norm
 
 from femnl import load
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.core.stages import Placement
-from femnl.diagnose.adequacy import looks
-from femnl.diagnose.least_squares import DECADES, Solution, fit
+from femnl.diagnose.adequacy import score_tests
+from femnl.diagnose.least_squares import DECADES, FitResult, fit
 from femnl.diagnose.search import Candidate, applicable, criticise
-from femnl.diagnose.spectrum import BENDING_SD, SpectrumProblem
+from femnl.diagnose.spectrum import BENDING_SD, SpectrumModel
 from femnl.diagnose.verdict import CLEAR, judge
 from femnl.effects import library
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import Extended, apply
+from femnl.observe.model import ExtendedModel, apply
 from tests.unit.level import Level
 
 N = 48
@@ -39,7 +39,7 @@ def wave(order: int) -> Effect:
     return Effect(
         f"wave{order}",
         "",
-        (Knob("size", "1", -HALF, HALF),),
+        (ParameterSpec("size", "1", -HALF, HALF),),
         {"placement": lambda value, values: value + values["size"] * np.cos(np.pi * order * (X + 1) / 2)},
         "",
         "",
@@ -50,8 +50,8 @@ def wave(order: int) -> Effect:
 WAVES = [wave(n) for n in (1, 2, 3, 5, 8, 13)]
 
 
-def solved(data: Array, *effects: Effect) -> Solution:
-    model = Extended(level(data), effects)
+def solved(data: Array, *effects: Effect) -> FitResult:
+    model = ExtendedModel(level(data), effects)
     return fit(model, model.pack({"level": 0.0}, [{"size": 0.1}] * len(effects)))
 
 
@@ -62,22 +62,24 @@ def test_the_p_value_of_noise_is_uniform_however_many_looks_are_taken() -> None:
 
 
 def test_the_p_value_of_noise_is_uniform_where_equal_frequencies_have_no_names() -> None:
-    rng, film = np.random.default_rng(12), SimulatedFilm(load("square-270um"), 14)
+    rng = np.random.default_rng(12)
+    film = SimulatedFilm(load("square-270um"), 14)
     sd = np.full(12, 3.0)
     p = []
     for _ in range(300):
         layer = film.bending_length * (1 + BENDING_SD * rng.standard_normal())
         frequency = np.sort(film.frequency(film.speed, layer)[:12] + sd * rng.standard_normal(12))
-        problem = SpectrumProblem(measurement.spectrum(frequency, sd), film)
+        base_model = SpectrumModel(measurement.spectrum(frequency, sd), film)
         # Of each pair the higher value goes to the higher mode, so that pairs look split in one sense.
-        p.append(criticise(fit(Extended(problem), problem.start), [library()["shear_stress"]]).p_value)
+        p.append(criticise(fit(ExtendedModel(base_model), base_model.start), [library()["shear_stress"]]).p_value)
     assert kstest(p, "uniform").pvalue > 0.01
 
 
 def test_a_p_value_too_small_to_be_simulated_counts_every_look() -> None:
     shape = np.cos(np.pi * (X + 1) / 2)
-    solution = solved(6.0 * shape / np.linalg.norm(shape))
-    found, own = criticise(solution, WAVES), next(look for look in looks(solution, WAVES) if look.name == "wave1")
+    result = solved(6.0 * shape / np.linalg.norm(shape))
+    found = criticise(result, WAVES)
+    own = next(test for test in score_tests(result, WAVES) if test.name == "wave1")
     # Six waves, one pattern, and χ², the largest outlier and the neighbours.
     assert own.p_value == pytest.approx(2 * norm.sf(6), rel=1e-3)
     assert found.p_value == pytest.approx(10 * own.p_value, rel=1e-12)
@@ -109,7 +111,7 @@ class Folded(Level):
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         return np.asarray(self.data - np.abs(apply("placement", np.full(len(self.data), base["level"]), effects, values)))
 
-    def alike(self, base: dict[str, float]) -> list[dict[str, float]]:
+    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         return [{"level": -base["level"]}]
 
 
@@ -118,11 +120,11 @@ def test_an_effect_is_looked_at_from_the_other_side_where_it_does_something_else
     def act(value: Array, values: Values) -> Array:
         return np.asarray(value + values["size"] * X)
 
-    effect = Effect("slope", "", (Knob("size", "1", low, HALF),), {"placement": act}, "", "", "")
-    problem = Folded(10 - 2 * X + np.random.default_rng(6).standard_normal(N), BLOCKS, HALF)
-    mine = [look for look in looks(fit(Extended(problem), np.array([8.0])), [effect]) if look.effect is effect]
+    effect = Effect("slope", "", (ParameterSpec("size", "1", low, HALF),), {"placement": act}, "", "", "")
+    base_model = Folded(10 - 2 * X + np.random.default_rng(6).standard_normal(N), BLOCKS, HALF)
+    mine = [test for test in score_tests(fit(ExtendedModel(base_model), np.array([8.0])), [effect]) if test.effect is effect]
     # On the far side the same change needs the other sign.
-    assert tuple(look.gain > 10 for look in mine) == gains
+    assert tuple(test.gain > 10 for test in mine) == gains
     assert mine[-1].values["size"] == pytest.approx(-2 if low < 0 else 2, abs=0.8)
 
 
@@ -133,20 +135,22 @@ def test_an_effect_that_jumps_is_seen_as_its_jump_and_leaves_the_steps_of_other_
         jumps = 1e3 * (values["mass"] > 0) * np.sign(X) if values["place"] < 0.9 else 0.0
         return np.asarray(value + values["mass"] * np.cos(np.pi * X) + jumps)
 
-    knobs = (Knob("mass", "1", 0.0, HALF), Knob("place", "1", 0.0, 1.0, strength=False))
-    effect = Effect("particle", "", knobs, {"placement": act}, "", "", "")
-    mine = [look for look in looks(solved(np.random.default_rng(5).standard_normal(N)), [effect]) if look.effect is effect]
+    specs = (ParameterSpec("mass", "1", 0.0, HALF), ParameterSpec("place", "1", 0.0, 1.0, strength=False))
+    effect = Effect("particle", "", specs, {"placement": act}, "", "", "")
+    mine = [test for test in score_tests(solved(np.random.default_rng(5).standard_normal(N)), [effect]) if test.effect is effect]
     assert len(mine) == 128
     cosine = np.cos(np.pi * X) - np.mean(np.cos(np.pi * X))
-    for look in mine:
-        expected = np.sign(X) if look.values["place"] < 0.9 else cosine
-        assert abs(look.basis[0] @ expected) / np.linalg.norm(expected) == pytest.approx(1, abs=1e-6)
+    for test in mine:
+        expected = np.sign(X) if test.values["place"] < 0.9 else cosine
+        assert abs(test.basis[0] @ expected) / np.linalg.norm(expected) == pytest.approx(1, abs=1e-6)
 
 
 def test_evidence_is_the_integral_of_likelihood_times_prior() -> None:
     data = 1.5 * np.cos(np.pi * (X + 1) / 2) + np.random.default_rng(3).standard_normal(N)
-    with_it, without = solved(data, WAVES[0]), solved(data)
-    level, size = np.linspace(-2, 2, 401), np.linspace(-1, 4, 801)
+    with_it = solved(data, WAVES[0])
+    without = solved(data)
+    level = np.linspace(-2, 2, 401)
+    size = np.linspace(-1, 4, 801)
     shape = np.cos(np.pi * (X + 1) / 2)
     left = data[:, None, None] - level[:, None] - size * shape[:, None, None]
     chi2 = np.sum(left**2, axis=0)
@@ -167,8 +171,8 @@ def test_unseen_data_are_predicted_by_the_others_alone() -> None:
     left = data - hat @ data
     # Leaving out a block b of a straight fit: (1 − H_bb)⁻¹ r_b.
     apart = [np.linalg.solve(np.eye(N // 4) - hat[np.ix_(b, b)], left[b]) for b in np.arange(N).reshape(4, -1)]
-    assert found.unseen.chi2_reduced == pytest.approx(float(np.mean(np.concatenate(apart) ** 2)), rel=1e-3)
-    assert found.unseen.chi2_reduced > 1.05 * float(np.mean(left**2))
+    assert found.cross_validation.chi2_reduced == pytest.approx(float(np.mean(np.concatenate(apart) ** 2)), rel=1e-3)
+    assert found.cross_validation.chi2_reduced > 1.05 * float(np.mean(left**2))
 
 
 def judged(base_p: float, *tried: tuple[Candidate, float]) -> str:
@@ -206,18 +210,20 @@ def test_effects_need_what_the_measurement_must_have_recorded() -> None:
 
 
 def test_effects_run_in_the_order_of_the_list_and_a_stage_is_turned_before_it_is_stretched() -> None:
-    turn, scale = library()["stage_rotation"], library()["stage_scale"]
+    turn = library()["stage_rotation"]
+    scale = library()["stage_scale"]
     values = [{"angle": 0.3}, {"stretch_x": 0.1, "stretch_y": -0.1}]
     here = Placement(np.array([1.0]), np.array([2.0]))
     found = apply("placement", here, [turn, scale], values)
-    c, s = np.cos(0.3), np.sin(0.3)
+    c = np.cos(0.3)
+    s = np.sin(0.3)
     np.testing.assert_allclose([found.x[0], found.y[0]], [1.1 * (c + 2 * s), 0.9 * (2 * c - s)], rtol=1e-14)
     assert found.x[0] != apply("placement", here, [scale, turn], values[::-1]).x[0]
 
 
 def test_the_normal_tail_of_an_outlier_counts_every_datum() -> None:
     found = criticise(solved(np.where(np.arange(N) == 20, 6.5, 0.0)), [])
-    size = np.abs(found.solution.residuals).max() * np.sqrt(N / found.solution.degrees)
+    size = np.abs(found.result.residuals).max() * np.sqrt(N / found.result.degrees)
     assert found.worst == "outlier"
     assert found.p_value == pytest.approx(4 * N * 2 * float(ndtr(-size)), rel=1e-3)
 
@@ -226,9 +232,9 @@ def test_the_normal_tail_of_an_outlier_counts_every_datum() -> None:
 def test_modes_without_labels_are_the_lowest_even_where_a_pair_is_cut_in_half(anisotropy: float) -> None:
     film = SimulatedFilm(load("hexagon-278um"), 48)
     spectrum = measurement.spectrum(film.modes.frequency[:11], np.full(11, 1.0))
-    problem = SpectrumProblem(spectrum, film)
-    base = dict(zip((knob.name for knob in problem.base), problem.start, strict=True))
+    base_model = SpectrumModel(spectrum, film)
+    base = dict(zip((spec.name for spec in base_model.base), base_model.start, strict=True))
     uneven = [library()["stress_anisotropy"]]
-    left = problem.residuals(uneven, base, [{"anisotropy": anisotropy}])[:11]
-    solved, _, _ = problem._solved(uneven, base, [{"anisotropy": anisotropy}])
-    np.testing.assert_allclose(problem.frequency - left, np.sort(solved)[:11], rtol=1e-12)
+    left = base_model.residuals(uneven, base, [{"anisotropy": anisotropy}])[:11]
+    solved, _, _ = base_model._solved(uneven, base, [{"anisotropy": anisotropy}])
+    np.testing.assert_allclose(base_model.frequency - left, np.sort(solved)[:11], rtol=1e-12)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Lines
 from femnl.diagnose import diagnose
 from femnl.io import measurement
@@ -22,7 +22,7 @@ def test_linear_algebra_takes_one_thread_while_causes_are_sought_and_as_many_as_
         seen.append(_threads())
         return lines
 
-    effect = Effect("spy", "", (Knob("strength", "1", 0.0, 1.0),), {"frequencies": spy}, "", "", "")
+    effect = Effect("spy", "", (ParameterSpec("strength", "1", 0.0, 1.0),), {"frequencies": spy}, "", "", "")
     data = measurement.spectrum(1e6 * np.arange(1, 6) + 0.0, np.full(5, 10.0))
     measurement.write(measurement.bundle({"spectrum": data}, geometry="square-270um"), tmp_path / "a.nc")
     diagnose(tmp_path / "a.nc", effects=[effect])  # loads what it needs

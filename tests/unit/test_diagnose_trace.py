@@ -15,14 +15,21 @@ from femnl.device.geometry import load
 from femnl.diagnose import diagnose
 from femnl.diagnose.least_squares import fit
 from femnl.diagnose.search import FALSE_ALARMS, criticise
-from femnl.diagnose.trace import TraceProblem
+from femnl.diagnose.trace import TraceModel
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import Extended
+from femnl.observe.model import ExtendedModel
 
 Array = NDArray[np.float64]
-GEOMETRY, WAVELENGTH, CONTRAST, NOISE = "square-270um", 632.8e-9, 0.02, 5e-4
-STEPS, SAMPLES, TAU, OVERTONE, LIMIT = 8, 600, 1.5e-8, 5e-9, 0.85
+GEOMETRY = "square-270um"
+WAVELENGTH = 632.8e-9
+CONTRAST = 0.02
+NOISE = 5e-4
+STEPS = 8
+SAMPLES = 600
+TAU = 1.5e-8
+OVERTONE = 5e-9
+LIMIT = 0.85
 
 
 @cache
@@ -57,7 +64,8 @@ def traces(cause: str, path: Path) -> Diagnosis:
     frequency = fundamental() + np.linspace(-15, 15, STEPS)
     rows = []
     for step, f in enumerate(frequency):
-        amplitude, phase = 4e-7 / np.hypot(1, (f - fundamental()) / 6), 2 * np.pi * f * time - 0.4 * step
+        amplitude = 4e-7 / np.hypot(1, (f - fundamental()) / 6)
+        phase = 2 * np.pi * f * time - 0.4 * step
         row = slowed(phase, amplitude, 2 * np.pi * f) if cause == "detector_bandwidth" else voltage(cause, phase, amplitude)
         if cause == "crosstalk":
             row = row + 3e-4 * np.cos(2 * np.pi * f * time + 1.0)
@@ -94,7 +102,8 @@ def test_a_cause_hidden_in_traces_is_named_with_its_size(cause: str, parameter: 
 
 @pytest.mark.parametrize("deviation", ["", "term cos 3φ of the fringe", "cos motion at 2f"])
 def test_a_fringe_or_a_motion_of_another_form_is_seen_without_a_cause_to_look_for(deviation: str) -> None:
-    rng, time = np.random.default_rng(4), np.arange(SAMPLES) / (60 * fundamental())
+    rng = np.random.default_rng(4)
+    time = np.arange(SAMPLES) / (60 * fundamental())
     frequency = fundamental() + np.linspace(-15, 15, STEPS)
     amplitude = 4e-7 / np.hypot(1, (frequency - fundamental()) / 6)[:, None]
     turn = 2 * np.pi * frequency[:, None] * time
@@ -103,19 +112,22 @@ def test_a_fringe_or_a_motion_of_another_form_is_seen_without_a_cause_to_look_fo
     volts = CONTRAST * (np.cos(phase) + 4e-3 * (deviation == "term cos 3φ of the fringe") * np.cos(3 * phase))
     volts = volts + NOISE * rng.standard_normal(volts.shape)
     trace = measurement.trace(time, volts, drive_frequency=frequency, noise_sd=NOISE, wavelength=WAVELENGTH)
-    problem = TraceProblem(trace, SimulatedFilm(load(GEOMETRY), 12))
-    found = criticise(fit(Extended(problem), problem.start), [])
+    base_model = TraceModel(trace, SimulatedFilm(load(GEOMETRY), 12))
+    found = criticise(fit(ExtendedModel(base_model), base_model.start), [])
     assert (found.p_value < FALSE_ALARMS) == bool(deviation), (found.p_value, found.worst)
     assert not deviation or found.worst == deviation
 
 
 def record(path: Path, quadratic: float) -> Diagnosis:
     """Diagnose a record of an oscillator with cubic stiffness under a noisy drive, by adaptive integration."""
-    rate, count, rng = 610.0, 2400, np.random.default_rng(1)
+    rate = 610.0
+    count = 2400
+    rng = np.random.default_rng(1)
     spectrum = np.fft.rfft(rng.normal(size=count))
     spectrum[np.fft.rfftfreq(count, 1 / rate) > 150] = 0
     drive = 0.1 * np.fft.irfft(spectrum, count)
-    spline, time = make_interp_spline(np.arange(count), drive, k=5), np.arange(count) / rate
+    spline = make_interp_spline(np.arange(count), drive, k=5)
+    time = np.arange(count) / rate
 
     def rates(t: float, s: Array) -> list[float]:
         y, v = s

@@ -95,7 +95,8 @@ def test_of_two_motions_that_read_the_same_the_one_near_the_drive_is_taken(phase
 
     def read(of: dict[str, float]) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]]:
         swing = np.array([of["amplitude"] * np.exp(1j * of["motion_phase"])])
-        one, place = np.ones((1, 1)), np.zeros(1)
+        one = np.ones((1, 1))
+        place = np.zeros(1)
         motion = Motion(swing[None], np.array([of["fringe_phase"]]), place, place, one, np.ones(1), 0, swing, 6e-7)
         return harmonics(motion, Fringe(np.array([0, 1], complex), 6e-7, None), np.arange(1, 7))
 

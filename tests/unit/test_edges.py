@@ -174,7 +174,8 @@ def test_an_etched_film_with_an_overhang_is_meshed_in_every_wedge(symmetry: str)
     domain = mesh(model, symmetry, 0.8)
     whole = curves.area(model.edge_outline) - 4 * np.pi * 4e-12
     corners = domain.mesh.p[:, domain.mesh.t]
-    (ax, ay), (bx, by) = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    (ax, ay) = corners[:, 1] - corners[:, 0]
+    (bx, by) = corners[:, 2] - corners[:, 0]
     area = np.abs(ax * by - ay * bx) / 2  # of straight triangles, which miss the arcs
     assert domain.copies * area.sum() == pytest.approx(whole, rel=0.01)
     strip = (domain.mesh.subdomains or {})["overhang"]

@@ -39,7 +39,7 @@ def test_an_effect_says_what_it_is_and_acts_at_stages_that_exist(effect: Effect)
     assert effect.sentence
     assert effect.kinds
     assert set(effect.changes) <= {stage for stages in STAGES.values() for stage in stages}
-    assert all((knob.low < knob.high and knob.low <= 0) or not knob.strength for knob in effect.parameters)
+    assert all((spec.low < spec.high and spec.low <= 0) or not spec.strength for spec in effect.parameters)
 
 
 @pytest.mark.parametrize(

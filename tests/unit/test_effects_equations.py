@@ -16,7 +16,9 @@ from femnl.optics.fringe import MultilayerFringe
 
 Array = NDArray[np.float64]
 MODEL = load("square-270um")
-FILM, WIDTH, HEIGHT = MODEL.film, 2.7e-4, 1.8e-4
+FILM = MODEL.film
+WIDTH = 2.7e-4
+HEIGHT = 1.8e-4
 REACH = WIDTH / 2
 ORDERS = [(1, 1), (1, 2), (2, 1), (2, 2)]
 T, W = leggauss(40)
@@ -33,8 +35,10 @@ def sines() -> tuple[Array, Array, Array]:
     """Modes sin·sin of the rectangle and their slopes, (n, y, x)."""
     found = []
     for m, n in ORDERS:
-        p, q = m * np.pi / WIDTH, n * np.pi / HEIGHT
-        along, across = p * (X + WIDTH / 2), q * (Y + HEIGHT / 2)
+        p = m * np.pi / WIDTH
+        q = n * np.pi / HEIGHT
+        along = p * (X + WIDTH / 2)
+        across = q * (Y + HEIGHT / 2)
         found.append((np.sin(along) * np.sin(across), p * np.cos(along) * np.sin(across), q * np.sin(along) * np.cos(across)))
     shape, slope_x, slope_y = (np.array(part) for part in zip(*found, strict=True))
     return shape, slope_x, slope_y
@@ -43,8 +47,10 @@ def sines() -> tuple[Array, Array, Array]:
 def system(bending_length: float = 0.0) -> ModalSystem:
     """Their stiffness and mass, with all integrals by quadrature."""
     shape, dx, dy = sines()
-    x, y = X / REACH, Y / REACH
-    slopes, masses = [], []
+    x = X / REACH
+    y = Y / REACH
+    slopes = []
+    masses = []
     for weight in (np.ones_like(x), x, y, x**2, x * y, y**2):
         pairs = [np.einsum("ixy,jxy,xy->ij", a, b, weight * AREA * FILM.thickness) for a, b in ((dx, dx), (dy, dy), (dx, dy))]
         slopes.append([pairs[0], pairs[1], (pairs[2] + pairs[2].T) / 2])
@@ -74,15 +80,20 @@ MIX = np.array([0.3, -1.0, 0.8, 0.5])
 )
 def test_a_stress_does_work_on_the_slopes_of_the_film(name: str, values: dict[str, float]) -> None:
     _, dx, dy = sines()
-    wx, wy = np.tensordot(MIX, dx, 1), np.tensordot(MIX, dy, 1)
+    wx = np.tensordot(MIX, dx, 1)
+    wy = np.tensordot(MIX, dy, 1)
     xx, yy, xy = (np.zeros_like(X) for _ in range(3))
     if name == "stress_anisotropy":
-        xx, yy = xx + 1 + values["anisotropy"] / 2, yy + 1 - values["anisotropy"] / 2
+        xx = xx + 1 + values["anisotropy"] / 2
+        yy = yy + 1 - values["anisotropy"] / 2
     elif name == "shear_stress":
-        xx, yy, xy = xx + 1, yy + 1, xy + values["shear"]
+        xx = xx + 1
+        yy = yy + 1
+        xy = xy + values["shear"]
     else:
         even = 1 + (values["slope_x"] * X + values["slope_y"] * Y) / REACH + values["bowl"] * (X**2 + Y**2) / REACH**2
-        xx, yy = even, even
+        xx = even
+        yy = even
     energy = FILM.thickness * FILM.stress * np.sum(AREA * (xx * wx**2 + yy * wy**2 + 2 * xy * wx * wy))
     found = changed(name, "operators", system(), **values)
     assert isinstance(found, ModalSystem)
@@ -102,7 +113,9 @@ def test_sides_in_another_ratio_change_the_waves_along_each() -> None:
 
 
 def test_bending_and_holes_change_the_frequency_of_a_wave_as_they_say() -> None:
-    layer, excess, beta = 8e-7, 3e-13, 1e-13
+    layer = 8e-7
+    excess = 3e-13
+    beta = 1e-13
     plain = system(layer)
     k2 = plain.wavenumber**2
     stiff = frequencies(changed("bending_stiffness", "operators", plain, excess=excess))
@@ -120,7 +133,9 @@ def test_gas_moves_with_a_wave_within_its_wavelength_over_two_pi_on_both_sides()
 
 
 def test_a_small_particle_lowers_each_mode_by_what_it_moves() -> None:
-    mass, x, y = 1e-16, 3e-5, -2e-5
+    mass = 1e-16
+    x = 3e-5
+    y = -2e-5
     shape = np.array([np.sin(m * np.pi * (x / WIDTH + 0.5)) * np.sin(n * np.pi * (y / HEIGHT + 0.5)) for m, n in ORDERS])
     light = system()
     found = changed("added_mass", "operators", light, mass=mass, x=x, y=y, spread=0.0)
@@ -128,7 +143,9 @@ def test_a_small_particle_lowers_each_mode_by_what_it_moves() -> None:
 
 
 def test_a_particle_on_a_soft_place_rides_on_it() -> None:
-    light, mass, spread = system(), 2e-13, 3.0
+    light = system()
+    mass = 2e-13
+    spread = 3.0
     compliance = spread / (2 * np.pi * FILM.stress * FILM.thickness)
     added = changed("added_mass", "operators", light, mass=mass, x=0.0, y=0.0, spread=spread)
     assert isinstance(added, ModalSystem)
@@ -147,7 +164,9 @@ STAGES: tuple[tuple[Stage, object], ...] = (("oscillator", OSCILLATOR), ("equati
 
 
 def test_damping_that_grows_takes_its_share_of_energy_in_each_period() -> None:
-    eta, amplitude, gamma = 2.0, 0.5, 1e-4
+    eta = 2.0
+    amplitude = 0.5
+    gamma = 1e-4
 
     def lost(eta: float) -> float:
         run = solve_ivp(
@@ -163,7 +182,8 @@ def test_damping_that_grows_takes_its_share_of_energy_in_each_period() -> None:
 
 
 def test_a_force_of_fifth_order_raises_the_free_oscillation_by_the_fourth_power() -> None:
-    alpha5, amplitude = 0.4, 0.1
+    alpha5 = 0.4
+    amplitude = 0.1
 
     def energy(u: Array | float) -> Array | float:
         return u**2 / 2 + alpha5 * u**6 / 6
@@ -179,7 +199,8 @@ def test_a_force_of_fifth_order_raises_the_free_oscillation_by_the_fourth_power(
 
 
 def test_all_frequencies_drift_from_the_first_acquisition_on() -> None:
-    time, rate = np.array([30.0, 10.0, 20.0]), 1e-4
+    time = np.array([30.0, 10.0, 20.0])
+    rate = 1e-4
     later = 1 + rate * np.array([20.0, 0.0, 10.0])
     lines = changed("frequency_drift", "frequencies", Lines(np.array([1.0, 2.0, 3.0]), time), rate=rate)
     sweeps = changed("frequency_drift", "oscillator", OSCILLATOR, rate=rate)
@@ -199,7 +220,9 @@ def test_a_drive_in_compression_gives_half_its_force_where_the_term_is_one() -> 
 
 
 def test_a_straight_fringe_bends_as_its_first_harmonic() -> None:
-    amplitude, wavelength, share = np.array([1e-8, 8e-8, 2e-7]), 633e-9, 0.7
+    amplitude = np.array([1e-8, 8e-8, 2e-7])
+    wavelength = 633e-9
+    share = 0.7
     tau = 2 * np.pi * np.arange(256) / 256
     z = np.sqrt(share) * 4 * np.pi * amplitude / wavelength
     first = 2 * np.mean(np.sin(z[:, None] * np.cos(tau)) * np.cos(tau), axis=1)
@@ -240,7 +263,9 @@ def test_the_spot_of_a_gaussian_beam_has_half_its_radius_as_standard_deviation()
 
 
 def test_harmonics_behind_a_low_pass_and_an_unsteady_trigger() -> None:
-    frequency, sd, tau = 1.5e6, 2e-8, 1.2e-8
+    frequency = 1.5e6
+    sd = 2e-8
+    tau = 1.2e-8
     plain = Harmonics(np.ones((3, 1), complex), np.array([1, 2, 3]), frequency)
     omega = 2 * np.pi * frequency * plain.harmonic
     late, share = hermegauss(40)
@@ -268,13 +293,15 @@ def low_passed(omega: float, tau: float) -> complex:
 
 def test_the_fringe_of_a_stack_is_its_reflection_at_the_gap_that_the_film_leaves() -> None:
     assert MODEL.stack is not None
-    wavelength, more = 632.8e-9, 4e-8
+    wavelength = 632.8e-9
+    more = 4e-8
     gap = MODEL.stack.layers[MODEL.stack.gap].thickness
     found = changed("multilayer_fringe", "fringe", Fringe(np.array([0, 1 + 0j]), wavelength, MODEL.stack), gap=gap + more)
     assert isinstance(found, Fringe)
     u = np.linspace(-2e-7, 2e-7, 33)
     turns = np.exp(4j * np.pi / wavelength * np.outer(u, np.arange(len(found.coefficients))))
-    v, exact = (turns @ found.coefficients).real, MultilayerFringe(MODEL.stack, wavelength)(u + more)
+    v = (turns @ found.coefficients).real
+    exact = MultilayerFringe(MODEL.stack, wavelength)(u + more)
     # Of the reflection, only its form counts: the contrast and its mean belong to the detector.
     scale, offset = np.polyfit(exact, v, 1)
     assert scale > 0
@@ -283,7 +310,8 @@ def test_the_fringe_of_a_stack_is_its_reflection_at_the_gap_that_the_film_leaves
 
 
 def test_other_modes_are_mixed_into_the_driven_one_in_their_order() -> None:
-    shapes, swing = np.arange(1.0, 13.0).reshape(6, 2), np.array([1e-7, 2e-7]) * np.exp(0.3j)
+    shapes = np.arange(1.0, 13.0).reshape(6, 2)
+    swing = np.array([1e-7, 2e-7]) * np.exp(0.3j)
     plain = Motion((swing * shapes[1])[None], np.zeros(2), np.zeros(2), np.zeros(2), shapes, np.arange(1.0, 7.0), 1, swing, 633e-9)
     found = changed("mode_admixture", "motion", plain, e1=0.1, e2=0.2, e3=-0.3, e4=0.05, e5=0.02)
     assert isinstance(found, Motion)

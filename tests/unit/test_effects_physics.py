@@ -17,7 +17,7 @@ from femnl.core.resonator import Resonator
 from femnl.core.stages import Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Points, Signal
 from femnl.device.geometry import load
 from femnl.effects import library
-from femnl.observe.response.branches import sheets
+from femnl.observe.response.branches import duffing_branches
 from femnl.optics.sampled import harmonics
 from femnl.resonator import couple
 from femnl.resonator.balance import Balance
@@ -91,7 +91,8 @@ def rectangle(box: tuple[float, float], n: int = 7) -> ModalSystem:
     """Ideal modes sin·sin of a rectangle with stiffness and mass in closed form."""
     orders = np.array([(p, q) for p in range(1, n + 1) for q in range(1, n + 1)])
     k2 = (np.pi * orders / np.array(box)) ** 2
-    area, h = box[0] * box[1] / 4, FILM.thickness
+    area = box[0] * box[1] / 4
+    h = FILM.thickness
     slopes = np.zeros((6, 3, len(k2), len(k2)))
     slopes[0, 0], slopes[0, 1] = (h * area * np.diag(k2[:, a]) for a in (0, 1))
     grid = np.linspace(-1, 1, 9)
@@ -111,12 +112,14 @@ def string(length: float, depth: float, n: int = 2000) -> Array:
         values = np.concatenate([np.repeat(element.ravel(), n), [ends, ends]])
         return csc_matrix((values, (np.append(rows.ravel(), [0, n]), np.append(columns.ravel(), [0, n]))))
 
-    k, m = joined(np.outer(step, step) / h, 1 / depth), joined((np.ones((2, 2)) + np.eye(2)) * h / 6, 0.0)
+    k = joined(np.outer(step, step) / h, 1 / depth)
+    m = joined((np.ones((2, 2)) + np.eye(2)) * h / 6, 0.0)
     return np.sort(eigsh(k, 7, m, sigma=0.0, return_eigenvectors=False))
 
 
 def test_a_compliant_clamp_lowers_modes_as_a_string_between_springs() -> None:
-    depth, box = 6e-6, (270e-6, 200e-6)
+    depth = 6e-6
+    box = (270e-6, 200e-6)
     system = rectangle(box)
     loose = library()["compliant_clamp"].changes["operators"](system, {"depth_cubed": depth**3})
     exact = np.add.outer(string(box[0], depth), string(box[1], depth)).ravel() * (1 + 2 * depth / np.sqrt(box[0] * box[1])) ** 2
@@ -130,24 +133,29 @@ def test_a_compliant_clamp_of_a_square_lowers_low_modes_most() -> None:
     system = rectangle((SIDE, SIDE))
     loose = library()["compliant_clamp"].changes["operators"](system, {"depth_cubed": 1e-15})
     shift = np.diag(loose.stiffness) / np.diag(system.stiffness) - 1
-    low, high = shift[0], shift[-1]
+    low = shift[0]
+    high = shift[-1]
     assert 0 < low < high
 
 
 def averaged(mode: Oscillator) -> NDArray[np.complex128]:
     """Amplitude on the low sheet, as the equation of the stage says, by iteration of its coefficient."""
-    per, f0 = 2 / mode.linewidth, mode.frequency[0]
-    linear, delta = mode.peak * mode.force[0], per * (f0 - mode.driven)
+    per = 2 / mode.linewidth
+    f0 = mode.frequency[0]
+    linear = mode.peak * mode.force[0]
+    delta = per * (f0 - mode.driven)
     square = 8 * mode.linewidth / (3 * f0 * abs(mode.alpha))
     x = np.zeros_like(delta)
     for _ in range(200):
         pulled = per * mode.pull * linear**2 / square * (x * linear**2 / square) ** (mode.order - 2)
         a = per * 0.375 * f0 * mode.alpha * linear**2 + pulled
-        x = sheets(delta, a.real, a.imag, continued=True).x[0]
+        x = duffing_branches(delta, a.real, a.imag, continued=True).x[0]
     return np.asarray(linear / (delta + a.real * x + 1j * (1 + a.imag * x)))
 
 
-W0, GAMMA = 2 * np.pi, 0.04  # f₀ = 1 Hz, w = 0.04/2π Hz
+# f₀ = 1 Hz, w = 0.04/2π Hz
+W0 = 2 * np.pi
+GAMMA = 0.04
 
 
 def oscillator(frequency: Array, force: float, alpha: float) -> Oscillator:
@@ -159,7 +167,8 @@ def oscillator(frequency: Array, force: float, alpha: float) -> Oscillator:
 
 
 def test_quadratic_stiffness_lowers_alpha_by_ten_ninths_of_its_square() -> None:
-    kappa, alpha = 1.0, 1.6
+    kappa = 1.0
+    alpha = 1.6
 
     def rate(amplitude: float) -> float:
         """Frequency of the free oscillation between the turning points a and b, 2π over its period, from its energy."""
@@ -168,7 +177,8 @@ def test_quadratic_stiffness_lowers_alpha_by_ten_ninths_of_its_square() -> None:
             return u**2 / 2 + kappa * u**3 / 3 + alpha * u**4 / 4
 
         low = brentq(lambda u: float(energy(u) - energy(amplitude)), -2 * amplitude, -0.5 * amplitude, xtol=1e-15)
-        middle, half = (amplitude + low) / 2, (amplitude - low) / 2
+        middle = (amplitude + low) / 2
+        half = (amplitude - low) / 2
         psi = np.pi * (np.arange(400) + 0.5) / 400
         u = middle + half * np.cos(psi)
         return float(1 / np.mean(half * np.sin(psi) / np.sqrt(2 * (energy(amplitude) - energy(u)))))
@@ -181,7 +191,8 @@ def test_quadratic_stiffness_lowers_alpha_by_ten_ninths_of_its_square() -> None:
 
 
 def test_quadratic_stiffness_moves_the_film_at_rest_and_at_twice_the_drive() -> None:
-    kappa, start = 0.05, [1.0, 0.0]
+    kappa = 0.05
+    start = [1.0, 0.0]
     rate = 1 - 5 / 12 * kappa**2
     t = np.linspace(0, 40 * 2 * np.pi / rate, 4001)[:-1]
     run = solve_ivp(lambda t, s: [s[1], -s[0] - kappa * s[0] ** 2], (0, t[-1]), start, "DOP853", rtol=1e-11, atol=1e-12, t_eval=t)
@@ -196,7 +207,11 @@ def test_quadratic_stiffness_moves_the_film_at_rest_and_at_twice_the_drive() -> 
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_internal_resonance_is_the_wiggle_that_two_coupled_modes_show(order: int) -> None:
-    alpha, coupling, force, crossing, loss = 0.3, {2: 8.0, 3: 150.0}[order], 0.02, 1.004, 0.15
+    alpha = 0.3
+    coupling = {2: 8.0, 3: 150.0}[order]
+    force = 0.02
+    crossing = 1.004
+    loss = 0.15
     frequency = np.array([0.99, 0.999, 1.002, 1.004, 1.006, 1.009, 1.015])
     second = 2 * np.pi * order * crossing
     tensors = {"quadratic": {(0, 0, 1): coupling}} if order == 2 else {"cubic": {(0, 0, 0, 1): coupling}}
@@ -241,7 +256,8 @@ def test_a_detector_that_clips_nothing_leaves_the_fringe_of_a_stack_alone() -> N
     z = np.linspace(0, 3, 7)
     u = (z * 632.8e-9 / (4 * np.pi)).astype(complex)
     motion = Motion(u[None], np.full(7, 0.7), np.zeros(7), np.zeros(7), np.ones((1, 7)), np.ones(1), 0, u, 632.8e-9)
-    clip, orders = library()["detector_saturation"].changes["fringe"], np.arange(1, 5)
+    clip = library()["detector_saturation"].changes["fringe"]
+    orders = np.arange(1, 5)
     plain = harmonics(motion, fringe, orders)
     np.testing.assert_allclose(harmonics(motion, clip(fringe, {"clipped": 0.0}), orders), plain, atol=1e-5)
     assert np.abs(harmonics(motion, clip(fringe, {"clipped": 0.1}), orders) - plain).max() > 0.01
@@ -255,7 +271,8 @@ def test_crosstalk_adds_the_drive_to_the_first_harmonic_only() -> None:
 
 
 def test_tilt_and_bow_turn_the_fringe_more_at_the_shorter_wavelength() -> None:
-    x, shapes = np.array([-1e-4, 2e-4]), np.array([[0.5, 1.0]])
+    x = np.array([-1e-4, 2e-4])
+    shapes = np.array([[0.5, 1.0]])
     for name, values, expected in (
         ("phase_tilt", {"slope_x": 1e-4, "slope_y": 0.0}, 1e-4 * x),
         ("static_bow", {"depth": 2e-8}, 2e-8 * shapes[0]),
@@ -277,7 +294,8 @@ def test_overtones_follow_the_power_of_the_swing_and_its_phase() -> None:
 
 def test_gas_against_pressure_loads_as_at_rest_in_that_gas() -> None:
     pressure = np.linspace(0, 100, 6)
-    wavenumber, speed = 2e4, np.sqrt(FILM.stress / FILM.density)
+    wavenumber = 2e4
+    speed = np.sqrt(FILM.stress / FILM.density)
     points = Points(np.full(6, wavenumber * speed / (2 * np.pi)), np.ones(6), {"pressure": pressure}, FILM)
     found = library()["gas_loading"].changes["points"](points, {"gas_density": 1.2e-3}).frequency
     z = np.linspace(0, 12 / wavenumber, 20001)
@@ -292,7 +310,9 @@ def test_gas_against_pressure_loads_as_at_rest_in_that_gas() -> None:
 
 
 def test_a_frame_far_from_a_mode_pulls_it_as_the_coupled_pair_does() -> None:
-    film, frame, g = 1.5e6, 1.49e6, 300.0
+    film = 1.5e6
+    frame = 1.49e6
+    g = 300.0
     shift = library()["frame_mode"].changes["frequencies"](
         Lines(np.array([film]), np.empty(0)), {"coupling_square": g**2, "frame_frequency": frame}
     )
@@ -305,17 +325,23 @@ def stiff_string(layer: float, depth: float, n: int = 130) -> Array:
     slopes = [Legendre([0.0]), *(bubble * Legendre.basis(j) for j in range(n))]
     shapes = [Legendre([1.0]), *(slope.integ() for slope in slopes[1:])]
     t, w = leggauss(2 * n)
-    v, s = np.array([f(t) for f in shapes]), 2 * np.array([f(t) for f in slopes])
-    c, e = 4 * np.array([f.deriv()(t) for f in slopes]), np.array([f(np.array([-1.0, 1.0])) for f in shapes])
+    v = np.array([f(t) for f in shapes])
+    s = 2 * np.array([f(t) for f in slopes])
+    c = 4 * np.array([f.deriv()(t) for f in slopes])
+    e = np.array([f(np.array([-1.0, 1.0])) for f in shapes])
     scale = 1 / np.sqrt((v**2) @ w + 1e-3 * (c**2) @ w)[:, None]
-    v, s, c, e = v * scale, s * scale, c * scale, e * scale
+    v = v * scale
+    s = s * scale
+    c = c * scale
+    e = e * scale
     return np.asarray(eigh((s * w / 2) @ s.T + layer**2 * (c * w / 2) @ c.T + e @ e.T / depth, (v * w / 2) @ v.T, eigvals_only=True)[:5])
 
 
 @pytest.mark.parametrize("depth", [4e-3, 2e-2])
 def test_a_compliant_clamp_holds_a_film_whose_stiffness_keeps_its_edge_from_turning(depth: float) -> None:
     layer = 5e-3
-    clamped, loose = stiff_string(layer, 1e-6), stiff_string(layer, depth)
+    clamped = stiff_string(layer, 1e-6)
+    loose = stiff_string(layer, depth)
     square = np.zeros((6, 3, 5, 5))
     square[0, 0] = np.diag(clamped)
     grid = np.linspace(-0.5, 0.5, 9)

@@ -14,7 +14,8 @@ from femnl.mechanics.fem.elements import DEGREES, Space, nodes, reference_basis
 
 Array = NDArray[np.float64]
 POINTS = np.array([[0.2, 0.3], [0.05, 0.9], [0.61, 0.22]])
-FIRST, SECOND = ((1, 0), (0, 1)), ((2, 0), (0, 2), (1, 1))
+FIRST = ((1, 0), (0, 1))
+SECOND = ((2, 0), (0, 2), (1, 1))
 
 
 def stretched() -> MeshTri2:
@@ -59,7 +60,8 @@ def test_polynomials_are_exact_on_straight_triangles_up_to_second_derivatives(de
     space = Space(stretched(), degree)
     field = polynomial(degree, (0, 0), *space.location.T)[space.dofs]
     jet = space.jet(slice(None), POINTS, second=True)
-    x, y = jet.point[..., 0], jet.point[..., 1]
+    x = jet.point[..., 0]
+    y = jet.point[..., 1]
     np.testing.assert_allclose(np.einsum("eqj,ej->eq", jet.value, field), polynomial(degree, (0, 0), x, y), rtol=1e-11, atol=1e-11)
     for row, order in enumerate(FIRST):
         np.testing.assert_allclose(np.einsum("eqj,ej->eq", jet.gradient[:, :, row], field), polynomial(degree, order, x, y), atol=1e-10)
@@ -73,7 +75,8 @@ def test_curved_triangles_hold_a_tilt_to_its_second_derivatives(curved: MeshTri2
     space = Space(curved, degree)
     field = polynomial(1, (0, 0), *space.location.T)[space.dofs]
     jet = space.jet(slice(None), POINTS, second=True)
-    x, y = jet.point[..., 0], jet.point[..., 1]
+    x = jet.point[..., 0]
+    y = jet.point[..., 1]
     for row, order in enumerate(FIRST):
         np.testing.assert_allclose(np.einsum("eqj,ej->eq", jet.gradient[:, :, row], field), polynomial(1, order, x, y), atol=1e-10)
     for row in range(len(SECOND)):
@@ -94,7 +97,8 @@ def test_derivatives_on_curved_triangles_match_finite_differences_of_the_mapped_
 
     def difference(quantity: Callable[[Array], Array]) -> Array:
         """Fourth-order central differences along both axes of the reference triangle, in the last axis."""
-        columns, step = [], 1e-3
+        columns = []
+        step = 1e-3
         for shift in step * np.eye(2):
             f = {k: quantity(POINTS + k * shift) for k in (-2, -1, 1, 2)}
             columns.append((8 * (f[1] - f[-1]) - (f[2] - f[-2])) / (12 * step))
@@ -137,7 +141,8 @@ def test_unknowns_of_a_facet_lie_on_it_in_order(curved: MeshTri2, degree: int) -
 
 @pytest.mark.parametrize("degree", [2, 3, 4, 6])
 def test_unknowns_of_a_round_edge_lie_on_its_circle_at_even_angles(curved: MeshTri2, degree: int) -> None:
-    space, even = Space(curved, degree), min(degree, 4)
+    space = Space(curved, degree)
+    even = min(degree, 4)
     for name, centre, radius in (("clamped", (0.0, 0.0), 1.0), ("free", (0.1, 0.2), 0.3)):
         for facet in space.boundary_facets(name):
             place = space.location[space.facet_unknowns(int(facet))] - centre
@@ -167,7 +172,8 @@ def test_the_area_beside_arcs_converges_with_the_degree_of_the_map(degree: int, 
 
 @pytest.mark.parametrize(("coarse", "fine"), [(1, 4), (2, 3), (3, 4)])
 def test_a_function_carried_to_a_higher_degree_is_the_same_function(curved: MeshTri2, coarse: int, fine: int) -> None:
-    low, high = Space(curved, coarse), Space(curved, fine)
+    low = Space(curved, coarse)
+    high = Space(curved, fine)
     field = np.random.default_rng(4).standard_normal((2, low.size))
     carried = low.prolong(field, high)
     before = np.einsum("eqj,nej->neq", low.jet(slice(None), POINTS).value, field[:, low.dofs])
@@ -177,7 +183,8 @@ def test_a_function_carried_to_a_higher_degree_is_the_same_function(curved: Mesh
 
 @pytest.mark.parametrize("order", [2, 5, 8, 12, 20])
 def test_quadrature_is_exact_to_its_order(order: int) -> None:
-    (points, weights), space = Space(stretched(), 1).quadrature(order), Space(stretched(), 1)
+    (points, weights) = Space(stretched(), 1).quadrature(order)
+    space = Space(stretched(), 1)
     for a in range(order + 1):
         for b in range(order + 1 - a):
             exact = 1 / ((a + b + 2) * (a + b + 1) * comb(a + b, a))  # ∫ XᵃYᵇ = a! b! / (a + b + 2)!

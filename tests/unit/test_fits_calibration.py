@@ -74,7 +74,8 @@ def test_displacement_of_every_point_is_found_without_the_mode_shape(layered: bo
     def odd_part(x: Array, y: Array) -> Array:
         return np.where((abs(x) < 1) & (abs(y) < 1), np.sin(np.pi * x) * np.cos(np.pi * y / 2), 0)
 
-    axis, rng = np.linspace(-1.1, 1.1, 41), np.random.default_rng(5)
+    axis = np.linspace(-1.1, 1.1, 41)
+    rng = np.random.default_rng(5)
     x, y = np.meshgrid(axis, axis)
     truth = 4e-7 * (even(x, y) + 0.1 * odd_part(x, y))
     V = harmonics(fringe, range(1, 7), truth, 0.3)

@@ -17,7 +17,8 @@ from femnl.observe.map.forward import Shape, flatten, predict, slopes
 from femnl.optics.fringe import MultilayerFringe, SineFringe
 from femnl.optics.harmonics import harmonics
 
-RED, GREEN = 632.8e-9, 532e-9
+RED = 632.8e-9
+GREEN = 532e-9
 SIDE = 270e-6
 DATA = Path(__file__).parents[3] / "shared" / "data"
 STACK = Stack(
@@ -62,7 +63,8 @@ def measured(
     rng = np.random.default_rng(seed)
     axis = np.linspace(-165e-6, 165e-6, n_points)
     dx, dy = np.meshgrid(axis - placed["x"], axis - placed["y"])
-    c, s = np.cos(placed["rotation"]), np.sin(placed["rotation"])
+    c = np.cos(placed["rotation"])
+    s = np.sin(placed["rotation"])
     xi = shape((c * dx + s * dy) / placed["scale"], (c * dy - s * dx) / placed["scale"])
     values = harmonics(fringe, harmonic, amplitude * xi, phase)
     values = values + noise * (rng.normal(size=values.shape) + 1j * rng.normal(size=values.shape))
@@ -254,7 +256,9 @@ def failures(seeds: range) -> list[int]:
             "rotation": rng.uniform(-0.12, 0.12),
         }
         shape = square(*[(1, 1), (2, 1), (2, 2)][rng.integers(3)])
-        fringe, noise, phase = sine(rng.uniform(0.1, np.pi - 0.1)), 0.02 * 10 ** rng.uniform(-2.3, -1), rng.uniform(-3, 3)
+        fringe = sine(rng.uniform(0.1, np.pi - 0.1))
+        noise = 0.02 * 10 ** rng.uniform(-2.3, -1)
+        phase = rng.uniform(-3, 3)
         found = fit_map(measured(fringe, U, seed, shape, noise=noise, phase=phase, placed=placed), shape).fit
         if abs(found["amplitude"] - U) > 5 * found.parameters["amplitude"].sd or found.chi2_reduced > 1.2:
             missed.append(seed)

@@ -20,7 +20,9 @@ TRUTH = {"mass": 5.2e-6, "damping": 2.2e-4, "stiffness": 0.98, "offset": -0.005,
 
 def integrate(drive: Array, hold: Hold) -> Array:
     """The record by scipy's solve_ivp, interval by interval; a band-limited drive by its Fourier series."""
-    p, state, out = TRUTH, np.zeros(2), np.zeros(len(drive))
+    p = TRUTH
+    state = np.zeros(2)
+    out = np.zeros(len(drive))
     series = np.fft.rfft(drive) / len(drive)
     series[1:] *= 2
     turn = 2j * np.pi / len(drive) * np.arange(len(series))
@@ -100,7 +102,8 @@ def test_the_silverbox_falls_below_four_tenths_of_a_millivolt() -> None:
     if not SILVERBOX.exists():
         pytest.skip("the Silverbox record is not beside the repository")
     drive, output = np.genfromtxt(SILVERBOX, delimiter=",", skip_header=1, usecols=(0, 1), max_rows=56_000).T
-    test, error = slice(300, 40_000), {}
+    test = slice(300, 40_000)
+    error = {}
     for terms in (("offset",), ("offset", "cubic", "quadratic")):
         fit = fit_oscillator(drive, output, 1e7 / 2**14, terms, fitted=slice(41_000, None))
         error[len(terms)] = 1e3 * float(np.sqrt(np.mean((simulate_oscillator(fit, drive, 1e7 / 2**14) - output)[test] ** 2)))

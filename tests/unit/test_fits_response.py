@@ -17,7 +17,9 @@ from femnl.observe.response.branches import STIFFEN, Layout, fold
 from femnl.observe.response.sweeps import collect
 from femnl.resonator import critical_alpha, duffing_roots, sweep
 
-F0, Q, ALPHA = 2.932e6, 7.4e5, 2.3e10
+F0 = 2.932e6
+Q = 7.4e5
+ALPHA = 2.3e10
 MODE = Resonator(F0, Q, alpha=ALPHA)
 # Force per drive voltage so that 1 V drives the mode to α_y/α_c = 10: α A² = 10 (32√3/27)/Q at the linear peak A = 𝓕/γω₀.
 PEAK = np.sqrt(10 * 32 * np.sqrt(3) / 27 / Q / ALPHA)
@@ -99,7 +101,8 @@ def test_a_magnitude_sweep_puts_the_fold_where_it_jumped() -> None:
     # Until it jumps, the high state follows the backbone whatever w is: the jump tells w.
     data = simulate(drives=(1.0,), noise=2e-3).isel(sweep=[0])
     fit = fit_response(data, "magnitude")
-    frequency, size = data["frequency"].values[0], np.hypot(data["real"].values[0], data["imag"].values[0])
+    frequency = data["frequency"].values[0]
+    size = np.hypot(data["real"].values[0], data["imag"].values[0])
     jump = int(np.argmax(-np.diff(size)))
     delta, _ = fold(STIFFEN * fit["alpha_ratio"], top=True)
     found = fit["frequency"] - fit["linewidth"] * delta / 2

@@ -14,7 +14,8 @@ from femnl.observe.decay.model import Decay, Signal
 from femnl.resonator import couple, integrate, ring_down
 
 MODE = Resonator(2e4, 4000, alpha=3e10, nonlinear_damping=1.2e14)
-START, GAIN = 2e-7, 1e6
+START = 2e-7
+GAIN = 1e6
 
 
 def pull(fit: Fit, name: str, truth: float) -> float:
@@ -64,7 +65,8 @@ def test_a_decay_integrated_in_time_gives_back_its_equation() -> None:
 def test_a_linear_decay_needs_no_nonlinear_terms() -> None:
     mode = Resonator(2e4, 4000)
     time, signal = record("voltage", 3, mode=mode)
-    free, plain = fit_ringdown(time, signal), fit_ringdown(time, signal, nonlinear=False)
+    free = fit_ringdown(time, signal)
+    plain = fit_ringdown(time, signal, nonlinear=False)
     assert abs(pull(free, "damping_ratio", 0)) < 4
     assert abs(pull(free, "pull", 0)) < 4
     assert abs(pull(plain, "quality_factor", 4000)) < 4

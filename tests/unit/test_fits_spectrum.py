@@ -36,7 +36,9 @@ def sweep(truth: Truth, seed: int, n: int = 4000, top: float = 4e6, with_noise: 
     volts = np.zeros(n, dtype=complex)
     for frequency, width, height in zip(truth.frequency, truth.linewidth, truth.height, strict=True):
         # The driven resonator itself, written out: m(ω₀² − ω² + iωγ)x = F, scaled to the height.
-        omega, omega0, gamma = 2 * np.pi * f, 2 * np.pi * frequency, 2 * np.pi * width
+        omega = 2 * np.pi * f
+        omega0 = 2 * np.pi * frequency
+        gamma = 2 * np.pi * width
         volts += height * np.exp(2j * np.pi * rng.uniform()) * omega0 * gamma / (omega0**2 - omega**2 + 1j * omega * gamma)
     u = 2 * (f - f[0]) / (f[-1] - f[0]) - 1
     volts += 5e-4 * ((1 + 0.5j) + (0.4 - 0.3j) * u + 0.2 * u**2) * np.exp(-2j * np.pi * f * 1e-7)
@@ -88,7 +90,8 @@ def test_noise_on_a_sloping_background_holds_no_line() -> None:
 
 def study(seeds: range) -> tuple[int, Array]:
     """How many random sweeps were read without a fault, and the deviations of their frequencies in standard deviations."""
-    good, pulls = 0, [np.empty(0)]
+    good = 0
+    pulls = [np.empty(0)]
     for seed in seeds:
         truth = random_truth(seed)
         found = find_peaks(sweep(truth, 1000 + seed))

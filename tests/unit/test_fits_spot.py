@@ -12,10 +12,12 @@ from femnl.io.measurement import trace as record
 from femnl.optics.fringe import MultilayerFringe, SineFringe
 from femnl.optics.harmonics import trace
 
-RED, F = 632.8e-9, 1.466e6
+RED = 632.8e-9
+F = 1.466e6
 TIME = np.arange(1024) / 125e6
 DETUNING = np.linspace(-4, 4, 31)
-AMPLITUDE, PHASE = 4.5e-7 / np.hypot(1, DETUNING), -np.pi / 2 - np.arctan(DETUNING)
+AMPLITUDE = 4.5e-7 / np.hypot(1, DETUNING)
+PHASE = -np.pi / 2 - np.arctan(DETUNING)
 """A resonance driven to z = 8.9."""
 
 

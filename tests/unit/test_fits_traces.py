@@ -11,11 +11,13 @@ from femnl.io.measurement import trace as record
 from femnl.optics.fringe import SineFringe
 from femnl.optics.harmonics import harmonics, trace
 
-RED, F = 632.8e-9, 1.466e6
+RED = 632.8e-9
+F = 1.466e6
 FRINGE = SineFringe(RED, 0.1, 0.02, 0.6)
 TIME = np.arange(1024) / 125e6
 """The oscilloscope of the paper: 1024 samples at 125 MSa/s, 12.01 periods."""
-U, PHI = 6.5e-7, 0.4
+U = 6.5e-7
+PHI = 0.4
 TRUTH = harmonics(FRINGE, np.arange(22), U, PHI)
 
 
@@ -85,7 +87,8 @@ def test_steady_trigger_is_reported_as_an_upper_limit() -> None:
 
 
 def test_stated_jitter_is_right_to_its_stated_error_over_many_draws() -> None:
-    s, z = 6e-9, []
+    s = 6e-9
+    z = []
     for seed in range(30):
         delay = s * np.random.default_rng(500 + seed).normal(size=30)
         shots = decompose(record(TIME, noisy(2e-3, seed, 30, delay), drive_frequency=np.full(30, F)), n_harmonics=8)

@@ -16,7 +16,8 @@ from femnl.mechanics.fem import forms
 from femnl.mechanics.fem.elements import Space
 
 Array = NDArray[np.float64]
-RIGIDITY, POISSON = 2.0, 0.23
+RIGIDITY = 2.0
+POISSON = 0.23
 
 
 def grid(stretch: float = 1.0, refine: int = 2, seed: int = 5) -> MeshTri2:
@@ -97,7 +98,8 @@ def test_moving_and_turning_in_plane_cost_no_energy(curved: MeshTri2, degree: in
     for cell in forms.cells(space, 2 * degree):
         stiffness = forms.local_matrices(forms.in_plane_strain(cell.jet), forms.plane_stress(1.0, 0.3), cell.dx)
         total.add(stiffness, forms.vector_dofs(space, cell.triangles))
-    matrix, still = total.matrix(), np.zeros_like(x)
+    matrix = total.matrix()
+    still = np.zeros_like(x)
     motions = [(still + 1, still), (still, still + 1)]
     if degree > 1:  # on curved triangles x and y themselves are quadratic
         motions.append((-y, x))
@@ -113,11 +115,13 @@ def test_the_plate_reproduces_a_polynomial_deflection_and_its_moment_exactly(deg
     space = Space(square, degree)
 
     def exact(point: Array) -> Array:
-        x, y = point[..., 0], point[..., 1]
+        x = point[..., 0]
+        y = point[..., 1]
         return np.asarray(y**2 * (1 + cubic * (x + y)))
 
     def curvature(point: Array) -> Array:
-        x, y = point[..., 0], point[..., 1]
+        x = point[..., 0]
+        y = point[..., 1]
         return np.stack([0 * x, 2 + cubic * (2 * x + 6 * y), 2 * cubic * y], -1)
 
     # Deflection and slope are given on the other three sides, through all unknowns of the triangles there.
@@ -125,7 +129,8 @@ def test_the_plate_reproduces_a_polynomial_deflection_and_its_moment_exactly(deg
     known = np.union1d(space.dofs[np.unique(square.f2t[0, other])].ravel(), space.boundary_dofs("clamped"))
     free = np.setdiff1d(np.arange(space.size), known)
     assert len(free) > 20
-    matrix, w = plate(space, held=True), exact(space.location)
+    matrix = plate(space, held=True)
+    w = exact(space.location)
     w[free] = spsolve(matrix[free][:, free], -matrix[free][:, known] @ w[known])
     np.testing.assert_allclose(w, exact(space.location), atol=1e-11)
     jet = space.jet(slice(None), np.array([[0.2, 0.3]]), second=True)

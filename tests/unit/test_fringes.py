@@ -7,9 +7,11 @@ from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Fringe, Motion
 from femnl.optics.sampled import PIECE, harmonics
 
-WAVELENGTH, SAMPLES = 632.8e-9, 2048
+WAVELENGTH = 632.8e-9
+SAMPLES = 2048
 ORDERS = np.array([1, 2, 3, 6, 4, 11])
-SINE, TERMS = np.array([0, 1], complex), np.array([0.4, 0.8 + 0.2j, 0, -0.1j, 0.03])
+SINE = np.array([0, 1], complex)
+TERMS = np.array([0.4, 0.8 + 0.2j, 0, -0.1j, 0.03])
 
 
 def motion(displacement: ComplexArray, theta: Array) -> Motion:
@@ -53,14 +55,16 @@ def test_harmonics_are_those_of_the_sampled_signal(n_orders: int, even: bool, co
 @pytest.mark.parametrize("largest", [5e-8, 2e-7])
 @pytest.mark.parametrize("n_orders", [1, 2])
 def test_a_clipped_signal_has_the_harmonics_of_its_samples(n_orders: int, largest: float) -> None:
-    displacement, theta = drawn(60, n_orders, largest), np.random.default_rng(6).uniform(-3, 3, 60)
+    displacement = drawn(60, n_orders, largest)
+    theta = np.random.default_rng(6).uniform(-3, 3, 60)
     found = harmonics(motion(displacement, theta), Fringe(TERMS, WAVELENGTH, None, limit=0.7), ORDERS)
     # Its harmonics fall as 1/n², and those beyond the samples are folded back; without the limit, the same are off by 0.2.
     np.testing.assert_allclose(found, sampled(displacement, theta, TERMS, 0.7, 64 * SAMPLES), atol=1e-4)
 
 
 def test_results_that_are_kept_belong_to_their_own_fringe() -> None:
-    displacement, theta = drawn(50, 1, 3e-7), np.full(50, 0.4)
+    displacement = drawn(50, 1, 3e-7)
+    theta = np.full(50, 0.4)
     for coefficients in (SINE, TERMS, SINE):
         found = harmonics(motion(displacement, theta), Fringe(coefficients, WAVELENGTH, None), ORDERS)
         np.testing.assert_allclose(found, sampled(displacement, theta, coefficients, np.inf), atol=2e-8)

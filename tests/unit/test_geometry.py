@@ -51,7 +51,8 @@ def test_the_named_devices_ship() -> None:
 
 @pytest.mark.parametrize("name", sorted(SHIPPED))
 def test_a_shipped_geometry_is_called_as_its_file_and_states_source_and_assumptions(name: str) -> None:
-    model, text = load(name), (resources.geometries() / f"{name}.toml").read_text(encoding="utf-8")
+    model = load(name)
+    text = (resources.geometries() / f"{name}.toml").read_text(encoding="utf-8")
     assert (model.name, model.text) == (name, text)
     assert model.source
     assert model.assumed

@@ -21,19 +21,23 @@ def etched(centres: Array, radius: float) -> Outline:
 def chain(seed: int, number: int, step: float) -> Array:
     """Centres of a random walk, every one nearer to its predecessor than `step`."""
     rng = np.random.default_rng(seed)
-    angle, length = rng.uniform(-0.4, 0.4, number).cumsum(), rng.uniform(0.6 * step, step, number)
+    angle = rng.uniform(-0.4, 0.4, number).cumsum()
+    length = rng.uniform(0.6 * step, step, number)
     return np.cumsum(length[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1), axis=0)
 
 
 def area_by_scan_lines(centres: Array, radius: float, lines: int) -> float:
     """Area of a union of discs: lengths of the merged intervals on horizontal lines, by the midpoint rule."""
-    low, high = centres[:, 1].min() - radius, centres[:, 1].max() + radius
-    spacing, total = (high - low) / lines, 0.0
+    low = centres[:, 1].min() - radius
+    high = centres[:, 1].max() + radius
+    spacing = (high - low) / lines
+    total = 0.0
     for y in low + spacing * (np.arange(lines) + 0.5):
         near = centres[np.abs(centres[:, 1] - y) < radius]
         half = np.sqrt(radius**2 - (near[:, 1] - y) ** 2)
         order = np.argsort(near[:, 0] - half)
-        begin, reach = (near[:, 0] - half)[order], np.maximum.accumulate((near[:, 0] + half)[order])
+        begin = (near[:, 0] - half)[order]
+        reach = np.maximum.accumulate((near[:, 0] + half)[order])
         total += spacing * (np.sum(reach - begin) - np.sum(np.maximum(reach[:-1] - begin[1:], 0)))
     return total
 
@@ -59,7 +63,8 @@ def test_the_area_of_irregular_discs_agrees_with_scan_lines(seed: int) -> None:
 
 
 def test_two_discs_have_the_area_of_two_less_their_lens() -> None:
-    radius, gap = 10.0, 13.0
+    radius = 10.0
+    gap = 13.0
     lens = 2 * radius**2 * np.arccos(gap / (2 * radius)) - gap / 2 * np.sqrt(4 * radius**2 - gap**2)
     outline = etched(np.array([[0.0, 0.0], [5.0, 12.0]]), radius)
     assert len(outline.segments) == 2
@@ -76,7 +81,8 @@ def test_one_hole_is_etched_to_a_circle() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_point_lies_in_the_etched_film_where_a_hole_is_nearer_than_the_etch_radius(seed: int) -> None:
     centres = chain(seed, 40, 14.0)
-    outline, rng = etched(centres, 10.0), np.random.default_rng(seed)
+    outline = etched(centres, 10.0)
+    rng = np.random.default_rng(seed)
     points = rng.uniform(centres.min(0) - 15, centres.max(0) + 15, (20_000, 2))
     gaps = np.asarray(cKDTree(centres).query(points)[0])
     np.testing.assert_array_equal(curves.contains(outline, points * 1e-6), gaps < 10)
@@ -84,7 +90,9 @@ def test_a_point_lies_in_the_etched_film_where_a_hole_is_nearer_than_the_etch_ra
 
 @pytest.mark.parametrize("name", NAMES)
 def test_area_and_contains_agree_on_random_points(name: str) -> None:
-    outline, rng, number = load(name).outline, np.random.default_rng(7), 40_000
+    outline = load(name).outline
+    rng = np.random.default_rng(7)
+    number = 40_000
     x0, y0, x1, y1 = curves.box(outline)
     points = rng.uniform([x0, y0], [x1, y1], (number, 2))
     share = curves.area(outline) / ((x1 - x0) * (y1 - y0))
@@ -107,7 +115,8 @@ def test_points_on_the_outline_are_at_no_distance_and_points_beside_it_change_si
 
 @pytest.mark.parametrize("name", NAMES)
 def test_distances_agree_with_a_fine_polyline(name: str) -> None:
-    outline, rng = load(name).outline, np.random.default_rng(3)
+    outline = load(name).outline
+    rng = np.random.default_rng(3)
     points = rng.uniform(-outline.length, outline.length, (500, 2))
     fine = np.concatenate([curves.point_at(s, np.linspace(0, 1, 2001)) for s in outline.segments])
     np.testing.assert_allclose(curves.distance(outline, points), cKDTree(fine).query(points)[0], atol=1e-4 * outline.length, rtol=1e-4)

@@ -12,7 +12,8 @@ from femnl.mechanics.nonlinearity import in_plane_response, solve_nonlinearity
 from femnl.mechanics.nonlinearity.stretching import film_membrane, stretching
 from femnl.pipeline import solve_modes
 
-SIDE, NU = 100e-6, 0.23
+SIDE = 100e-6
+NU = 0.23
 
 
 @pytest.fixture(scope="module")

@@ -30,8 +30,8 @@ def test_a_killed_diagnosis_goes_on_where_it_stopped_and_says_the_same(tmp_path:
         (folder / solved.name).symlink_to(solved)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     kept = lines_of_killed(path, folder, 5)
-    (ledger,) = folder.glob("diagnosis-*.jsonl")
-    with ledger.open("a", encoding="utf-8") as file:
+    (checkpoint,) = folder.glob("diagnosis-*.jsonl")
+    with checkpoint.open("a", encoding="utf-8") as file:
         file.write(TORN)
     later = lines_of_killed(path, folder, len(kept) + 6)
     assert later[: len(kept) + 1] == [*kept, TORN + "\n"], "a kept line was changed, or the torn one spoils another"
@@ -43,15 +43,16 @@ def test_a_killed_diagnosis_goes_on_where_it_stopped_and_says_the_same(tmp_path:
 
 
 def lines_of_killed(path: Path, folder: Path, count: int) -> list[str]:
-    """Kill a diagnosis once its ledger has so many lines, and return those that are whole."""
+    """Kill a diagnosis once its checkpoint has so many lines, and return those that are whole."""
     run = subprocess.Popen([sys.executable, "-c", f"from femnl.diagnose import diagnose; diagnose({str(path)!r})"])
-    deadline, lines = time.monotonic() + 120, list[str]()
+    deadline = time.monotonic() + 120
+    lines = list[str]()
     while run.poll() is None and time.monotonic() < deadline:
-        for ledger in folder.glob("diagnosis-*.jsonl"):
-            lines = ledger.read_text(encoding="utf-8").splitlines(keepends=True)
+        for checkpoint in folder.glob("diagnosis-*.jsonl"):
+            lines = checkpoint.read_text(encoding="utf-8").splitlines(keepends=True)
         if len(lines) >= count:
             run.kill()
         time.sleep(0.002)
     assert run.wait() == -9, "it ended before it could be killed"
-    (ledger,) = folder.glob("diagnosis-*.jsonl")
-    return [line for line in ledger.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")]
+    (checkpoint,) = folder.glob("diagnosis-*.jsonl")
+    return [line for line in checkpoint.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")]

@@ -95,7 +95,9 @@ def test_a_long_table_becomes_a_map_on_its_grid_with_gaps_as_missing(tmp_path: P
 @pytest.mark.parametrize("version", ["5", "7.3"])
 def test_matlab_variables_become_a_trace(version: str, tmp_path: Path) -> None:
     rng = np.random.default_rng(6)
-    volts, time, drive = rng.normal(size=(3, 40)), np.arange(40) * 1e-7, np.array([1e6, 1.1e6, 1.2e6])
+    volts = rng.normal(size=(3, 40))
+    time = np.arange(40) * 1e-7
+    drive = np.array([1e6, 1.1e6, 1.2e6])
     path = tmp_path / "scope.mat"
     if version == "5":
         scipy.io.savemat(path, {"U": volts * 1e3, "t": time, "fd": drive, "note": "ignored"}, do_compression=True)
@@ -119,7 +121,8 @@ def _matlab73(path: Path, variables: dict[str, NDArray[Any]]) -> None:
             stored = values.T
             if np.iscomplexobj(stored):
                 pair = np.zeros(stored.shape, dtype=[("real", "f8"), ("imag", "f8")])
-                pair["real"], pair["imag"] = stored.real, stored.imag
+                pair["real"] = stored.real
+                pair["imag"] = stored.imag
                 stored = pair
             file[name] = stored
             file[name].attrs["MATLAB_class"] = np.bytes_("double")

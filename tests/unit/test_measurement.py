@@ -170,7 +170,8 @@ def test_open_data_are_read_clean_with_named_dimensions(path: Path) -> None:
 
 @pytest.mark.parametrize(("kind", "slack"), [("response", 0.06), ("map", 0.06), ("trace", 0.06), ("series", 0.25)])
 def test_noise_estimated_from_the_data_is_the_noise_put_in(kind: str, slack: float) -> None:
-    sd, rng = 3e-4, np.random.default_rng(7)
+    sd = 3e-4
+    rng = np.random.default_rng(7)
     f = np.linspace(-10, 10, 801)
     line = 0.1 / (1 + 1j * (f[None] - np.array([[-1], [2], [0.5]])))
     axis = np.linspace(-1, 1, 91)

@@ -210,7 +210,8 @@ def test_a_missing_file_and_a_foreign_one_are_named_so(tmp_path: Path) -> None:
 
 
 def test_flipped_bytes_give_a_line_or_data_but_never_another_failure(tmp_path: Path) -> None:
-    path, rng = tmp_path / "file.nc", np.random.default_rng(11)
+    path = tmp_path / "file.nc"
+    rng = np.random.default_rng(11)
     _good(path)
     whole = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     for _ in range(60):

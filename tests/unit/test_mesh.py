@@ -54,7 +54,8 @@ def devices(device: Device) -> dict[str, Model]:
 
 def boundary_length(domain: Domain, name: str) -> float:
     """The length of a named boundary, along its quadratic edges."""
-    grid, total = domain.mesh, 0.0
+    grid = domain.mesh
+    total = 0.0
     space = Space(grid, 2)
     for facet in space.boundary_facets(name):
         triangle = np.array([grid.f2t[0, facet]])
@@ -197,7 +198,8 @@ def test_nine_hundred_holes_are_meshed_with_shapely_triangles() -> None:
     assert area(domain) == pytest.approx(270e-6**2 - 900 * np.pi * 0.81e-12, rel=1e-5)  # one hole more or less: 3.5e-5
     corners = np.asarray(domain.mesh.p)[:, domain.mesh.t]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=0)
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    first = corners[:, 1] - corners[:, 0]
+    second = corners[:, 2] - corners[:, 0]
     shape = 2 * 3**0.5 * np.abs(first[0] * second[1] - first[1] * second[0]) / np.sum(sides**2, axis=0)
     assert shape.min() > 0.3  # 1 for an equilateral triangle
 
@@ -219,8 +221,10 @@ def test_each_arc_is_divided_by_its_own_radius(device: Device) -> None:
     # A stadium of one large and one small half circle, joined by its common tangents.
     slope = np.arcsin(0.9 / 4)
     normal = np.array([np.sin(slope), np.cos(slope)])
-    large, small = np.array([-2.0, 0.0]), np.array([2.0, 0.0])
-    p, q = large + normal, small + 0.1 * normal
+    large = np.array([-2.0, 0.0])
+    small = np.array([2.0, 0.0])
+    p = large + normal
+    q = small + 0.1 * normal
     corners = [(p * [1, -1], q * [1, -1], None), (q * [1, -1], q, small), (q, p, None), (p, p * [1, -1], large)]
     segments = tuple(Segment(tuple(a), tuple(b), None if c is None else tuple(c)) for a, b, c in corners)
     domain = mesh(replace(device(SQUARE), outline=Outline("stadium", segments, None, 5.1)), "half", 1)

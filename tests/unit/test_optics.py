@@ -7,7 +7,8 @@ from femnl.core.device import Layer, Stack
 from femnl.core.errors import ParameterError
 from femnl.optics.fringe import MultilayerFringe, SeriesFringe, SineFringe
 
-RED, GREEN = 632.8e-9, 532e-9
+RED = 632.8e-9
+GREEN = 532e-9
 
 
 def stack(
@@ -35,8 +36,11 @@ def airy(film: complex, wafer: complex, thickness: float, gap: float, wavelength
 @pytest.mark.parametrize("seed", range(10))
 def test_transfer_matrices_agree_with_the_recursion_of_airy(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    film, wafer = rng.uniform(1.3, 3) - 1j * rng.uniform(0, 0.5), rng.uniform(1.3, 5) - 1j * rng.uniform(0, 2)
-    thickness, gap, u = rng.uniform(20e-9, 400e-9), rng.uniform(1e-6, 5e-6), rng.uniform(-6e-7, 6e-7)
+    film = rng.uniform(1.3, 3) - 1j * rng.uniform(0, 0.5)
+    wafer = rng.uniform(1.3, 5) - 1j * rng.uniform(0, 2)
+    thickness = rng.uniform(20e-9, 400e-9)
+    gap = rng.uniform(1e-6, 5e-6)
+    u = rng.uniform(-6e-7, 6e-7)
     fringe = MultilayerFringe(stack(film, wafer, thickness, gap), RED)
     assert fringe(u) == pytest.approx(airy(film, wafer, thickness, gap + u, RED), abs=2e-14)
 
@@ -54,8 +58,11 @@ def test_multilayer_fringe_repeats_after_half_a_wavelength_in_the_gap() -> None:
 
 
 def test_overtones_of_the_fringe_fall_by_the_product_of_the_two_mirrors() -> None:
-    film, wafer, d = 2.0395, 3.8640 - 0.0158j, 183.75e-9
-    fresnel, turn = (1 - film) / (1 + film), np.exp(-4j * np.pi * film * d / RED)
+    film = 2.0395
+    wafer = 3.8640 - 0.0158j
+    d = 183.75e-9
+    fresnel = (1 - film) / (1 + film)
+    turn = np.exp(-4j * np.pi * film * d / RED)
     mirror = -fresnel * (1 - turn) / (1 - fresnel**2 * turn)
     coefficients = MultilayerFringe(stack(film, wafer, d), RED).fourier.coefficients
     ratio = np.abs(coefficients[2:9] / coefficients[1:8])
@@ -69,7 +76,8 @@ def test_half_wave_film_vanishes() -> None:
 
 
 def test_quarter_wave_film_on_the_wafer_reflects_by_the_textbook_formula() -> None:
-    n, wafer = 2.0395, 3.864
+    n = 2.0395
+    wafer = 3.864
     fringe = MultilayerFringe(stack(film=n, wafer=wafer, thickness=RED / 4 / n, gap=RED / 2), RED)
     assert fringe(0.0) == pytest.approx(((wafer - n**2) / (wafer + n**2)) ** 2, abs=1e-14)
 

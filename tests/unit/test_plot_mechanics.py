@@ -18,7 +18,8 @@ from femnl.plot import screen
 from femnl.plot.film import draw_flat, draw_raised, film_box, film_field
 from femnl.plot.mechanics import close_up, film_figure, mode_gallery, view
 
-SIDE, RADIUS = 100e-6, 10e-6
+SIDE = 100e-6
+RADIUS = 10e-6
 PLATE = """
 name = "plate-with-a-hole"
 source = "made up"
@@ -66,7 +67,9 @@ def test_the_two_sides_of_an_antisymmetric_mode_are_red_and_blue_and_its_node_is
     image = draw_flat(modes, surface, film_field(modes, surface, "shape", index + 1), film_box(modes.domain.model.outline), 400).astype(int)
     here = np.argmin(np.hypot(surface.points[:, 0] - SIDE / 4, surface.points[:, 1]))
     sign = np.sign(surface.shapes[index][here])
-    left, middle, right = image[200, 104], image[100, 200], image[200, 296]
+    left = image[200, 104]
+    middle = image[100, 200]
+    right = image[200, 296]
     assert np.sign(right[0] - right[2]) == sign
     assert np.sign(left[0] - left[2]) == -sign
     assert middle.min() > 235

@@ -25,13 +25,18 @@ def random_series(rng: np.random.Generator) -> FourierSeries:
 def test_bessel_sums_and_fft_agree(seed: int) -> None:
     rng = np.random.default_rng(seed)
     series = random_series(rng)
-    U, phi, rest = rng.uniform(-6e-7, 6e-7, 5), rng.uniform(-np.pi, np.pi, 5), rng.uniform(-3e-7, 3e-7, 5)
+    U = rng.uniform(-6e-7, 6e-7, 5)
+    phi = rng.uniform(-np.pi, np.pi, 5)
+    rest = rng.uniform(-3e-7, 3e-7, 5)
     by_bessel = harmonics_by_bessel(series, ORDERS, U, phi, rest)
     assert np.abs(by_bessel - harmonics_by_fft(series, ORDERS, U, phi, rest)).max() < 1e-12
 
 
 def test_harmonics_of_the_sine_are_the_bessel_functions_of_the_paper() -> None:
-    z, contrast, theta, phi = 8.85, 0.2, 0.7, 0.4
+    z = 8.85
+    contrast = 0.2
+    theta = 0.7
+    phi = 0.4
     v = harmonics(SineFringe(RED, 0.1, contrast, theta), ORDERS, z * RED / 4 / np.pi, phi)
     assert v[0] == pytest.approx(0.1 + contrast * np.cos(theta) * jv(0, z), abs=1e-15)
     for n in ORDERS[1:]:
@@ -40,7 +45,9 @@ def test_harmonics_of_the_sine_are_the_bessel_functions_of_the_paper() -> None:
 
 
 def test_harmonics_of_a_power_series_are_the_binomial_sums_of_the_paper() -> None:
-    coefficients, U, phi = (0.2, 1.0, -0.5, 0.3, 0.7, -0.2), 0.8, 0.3
+    coefficients = (0.2, 1.0, -0.5, 0.3, 0.7, -0.2)
+    U = 0.8
+    phi = 0.3
     v = harmonics(SeriesFringe(coefficients), np.arange(8), U, phi)
     for n in range(8):
         terms = [
@@ -54,7 +61,8 @@ def test_harmonics_of_a_power_series_are_the_binomial_sums_of_the_paper() -> Non
 @pytest.mark.parametrize("seed", range(4))
 def test_energy_of_the_harmonics_is_the_mean_square_of_the_trace(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    series, U = random_series(rng), rng.uniform(1e-7, 5e-7)
+    series = random_series(rng)
+    U = rng.uniform(1e-7, 5e-7)
     v = harmonics(series, np.arange(200), U)
     samples = trace(series, np.arange(4096) / 4096, 1.0, U)
     assert np.mean(samples**2) == pytest.approx(v[0].real ** 2 + 0.5 * np.sum(np.abs(v[1:]) ** 2), rel=1e-13)
@@ -87,7 +95,10 @@ def test_static_displacement_is_a_shift_of_the_working_point() -> None:
 
 
 def test_trace_is_the_sum_of_its_harmonics() -> None:
-    series, U, phi, f = random_series(np.random.default_rng(3)), 3.3e-7, 0.6, 1.466e6
+    series = random_series(np.random.default_rng(3))
+    U = 3.3e-7
+    phi = 0.6
+    f = 1.466e6
     t = np.linspace(0, 3e-6, 50)
     summed = np.real(np.exp(2j * np.pi * f * np.outer(t, np.arange(100))) @ harmonics(series, np.arange(100), U, phi))
     assert trace(series, t, f, U, phi) == pytest.approx(summed, abs=1e-13)
@@ -105,7 +116,8 @@ def test_a_kink_in_f_is_named_and_yields_to_a_larger_tolerance() -> None:
 
 
 def test_harmonic_map_holds_the_harmonics_of_each_point() -> None:
-    x, y = np.linspace(-1, 1, 4), np.linspace(-1, 1, 3)
+    x = np.linspace(-1, 1, 4)
+    y = np.linspace(-1, 1, 3)
     shape = np.cos(y)[:, None] * np.cos(x)
     fringe = SineFringe(RED, 0.1, 0.2, 0.7)
     found = harmonic_map(fringe, [1, 3], shape, 4e-7, x, y, RED, phase=0.2)

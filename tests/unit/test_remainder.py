@@ -11,5 +11,6 @@ def test_differences_that_do_not_fall_leave_three_times_the_last_one() -> None:
 
 
 def test_two_approximations_alone_leave_three_times_their_difference() -> None:
-    fine, coarse = np.array([1.0, 2.0]), np.array([1.0, 2.0]) + 1e-4
+    fine = np.array([1.0, 2.0])
+    coarse = np.array([1.0, 2.0]) + 1e-4
     np.testing.assert_allclose(remainder([fine, coarse], np.ones(2), 0.1), 3e-4, rtol=1e-6)

@@ -158,7 +158,8 @@ def test_the_figures_of_the_blind_study_count_the_draws_that_its_rates_count() -
     found = blind(resources.cases())
     assert found is not None
     assert len(found.pictures) == 2
-    confusion, rates = board["confusion"], board["rates"]
+    confusion = board["confusion"]
+    rates = board["rates"]
     none = dict(zip(confusion["answers"], confusion["draws"][confusion["hidden"].index("none")], strict=True))
     assert sum(none.values()) == rates["false alarms"]["n"]
     assert sum(none.values()) - none["adequate"] == rates["false alarms"]["k"]

@@ -10,27 +10,27 @@ import numpy as np
 import pytest
 
 from femnl import load
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
 from femnl.diagnose.checkpoint import remembered
 from femnl.diagnose.global_starts import scan
-from femnl.diagnose.least_squares import Solution, Unseen, covariance, fit, held_out, leave_out
+from femnl.diagnose.least_squares import CrossValidation, FitResult, covariance, cross_validate, fit, held_out
 from femnl.diagnose.search import search
-from femnl.diagnose.spectrum import SpectrumProblem
+from femnl.diagnose.spectrum import SpectrumModel
 from femnl.diagnose.verdict import judge
 from femnl.effects import library
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import Extended
+from femnl.observe.model import ExtendedModel
 from tests.unit.level import Level
 
 BLOCKS = np.repeat(np.arange(4), 10)
 PLACE = np.linspace(-1, 1, len(BLOCKS))
 
 
-def line(data: Array, rugged: bool = False) -> Level:
-    return Level(data, BLOCKS, 100.0, rugged=rugged)
+def line(data: Array, needs_global_search: bool = False) -> Level:
+    return Level(data, BLOCKS, 100.0, needs_global_search=needs_global_search)
 
 
 def effect(name: str, change: Callable[[float], Array], low: float = -10.0, whole: bool = False) -> Effect:
@@ -39,23 +39,25 @@ def effect(name: str, change: Callable[[float], Array], low: float = -10.0, whol
     def act(value: Array, values: Values) -> Array:
         return value + values["strength"] * change(values["power"]) if whole else value + change(values["strength"])
 
-    power = (Knob("power", "1", 0.5, 4.5, strength=False, whole=True),) if whole else ()
-    return Effect(name, "", (Knob("strength", "1", low, 10.0), *power), {"placement": act}, "", "", "")
+    power = (ParameterSpec("power", "1", 0.5, 4.5, strength=False, whole=True),) if whole else ()
+    return Effect(name, "", (ParameterSpec("strength", "1", low, 10.0), *power), {"placement": act}, "", "", "")
 
 
 SLOPE = effect("slope", lambda s: s * PLACE)
 
 
-def solved(data: Array, *effects: Effect) -> Solution:
-    model = Extended(line(data), effects)
+def solved(data: Array, *effects: Effect) -> FitResult:
+    model = ExtendedModel(line(data), effects)
     return fit(model, model.pack({"level": 0.0}, [{"strength": 0.1}] * len(effects)))
 
 
 def test_the_density_of_unseen_blocks_is_that_of_the_full_matrices() -> None:
     rng = np.random.default_rng(4)
-    found = leave_out(solved(3 + 2 * PLACE + rng.standard_normal(40), SLOPE), 20)
-    density, square = 0.0, 0.0
-    columns, prior = np.stack([np.ones(40), PLACE], axis=1), 12 * np.diag([200.0**-2, 20.0**-2])
+    found = cross_validate(solved(3 + 2 * PLACE + rng.standard_normal(40), SLOPE), 20)
+    density = 0.0
+    square = 0.0
+    columns = np.stack([np.ones(40), PLACE], axis=1)
+    prior = 12 * np.diag([200.0**-2, 20.0**-2])
     data = 3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)
     for block in range(4):
         out = block == BLOCKS
@@ -71,7 +73,7 @@ def test_the_density_of_unseen_blocks_is_that_of_the_full_matrices() -> None:
 
 def test_the_p_value_of_unseen_blocks_is_as_small_as_it_says_where_the_model_is_right() -> None:
     rng = np.random.default_rng(8)
-    drawn = np.array([leave_out(solved(3 + 2 * PLACE + rng.standard_normal(40), SLOPE), 20).p_value for _ in range(400)])
+    drawn = np.array([cross_validate(solved(3 + 2 * PLACE + rng.standard_normal(40), SLOPE), 20).p_value for _ in range(400)])
     for p in (0.05, 0.2, 0.5):
         rate = 1 - (1 - p / 4) ** 4
         assert abs(np.mean(drawn < p) - rate) < 3 * np.sqrt(rate * (1 - rate) / len(drawn))
@@ -82,27 +84,27 @@ def test_a_block_that_bends_over_what_the_others_leave_open_is_no_misfit() -> No
         return np.where(BLOCKS == 3, 10 * np.sin(3 * s * PLACE), s * PLACE)
 
     rng = np.random.default_rng(5)
-    drawn = [leave_out(solved(3 + bent(0.5) + rng.standard_normal(40), effect("bent", bent)), 20).p_value for _ in range(50)]
+    drawn = [cross_validate(solved(3 + bent(0.5) + rng.standard_normal(40), effect("bent", bent)), 20).p_value for _ in range(50)]
     assert min(drawn) > 0.01 / 50
 
 
 def test_noise_of_its_own_is_not_held_against_the_prediction_of_a_block_but_a_level_of_its_own_is() -> None:
     noise = np.random.default_rng(6).standard_normal(40)
     beside = 5.0 * np.array([1, -1, -1, 1, 0, 0, 1, -1, -1, 1])  # neither level nor slope
-    loud = leave_out(solved(3 + 2 * PLACE + noise + np.where(BLOCKS == 1, np.tile(beside, 4), 0), SLOPE), 20)
+    loud = cross_validate(solved(3 + 2 * PLACE + noise + np.where(BLOCKS == 1, np.tile(beside, 4), 0), SLOPE), 20)
     assert loud.chi2_reduced > 2
     assert loud.p_value > 0.05
-    higher = leave_out(solved(3 + 2 * PLACE + noise + np.where(BLOCKS == 1, 2.5, 0), SLOPE), 20)
+    higher = cross_validate(solved(3 + 2 * PLACE + noise + np.where(BLOCKS == 1, 2.5, 0), SLOPE), 20)
     assert higher.p_value < 1e-4
 
 
-class Foreseen(Solution):
+class Foreseen(FitResult):
     """A fit whose prediction of unseen data is given."""
 
-    given = Unseen(1.0, (0.0,) * 4, 1.0)
+    given = CrossValidation(1.0, (0.0,) * 4, 1.0)
 
     @property
-    def unseen(self) -> Unseen:
+    def cross_validation(self) -> CrossValidation:
         return self.given
 
 
@@ -112,14 +114,14 @@ def test_what_fits_all_data_but_predicts_no_part_from_the_others_explains_nothin
     assert judge([base, right]).verdict == "explained"
 
     class Bent(Foreseen):
-        given = Unseen(4.0, right.solution.unseen.densities, 1e-4)
+        given = CrossValidation(4.0, right.result.cross_validation.densities, 1e-4)
 
-    bent = replace(right, solution=Bent(**vars_of(right.solution)))
+    bent = replace(right, result=Bent(**vars_of(right.result)))
     assert judge([base, bent]).verdict == "unexplained"
 
 
-def vars_of(solution: Solution) -> dict[str, Any]:
-    return {field.name: getattr(solution, field.name) for field in fields(solution)}
+def vars_of(result: FitResult) -> dict[str, Any]:
+    return {field.name: getattr(result, field.name) for field in fields(result)}
 
 
 class Weighed(Foreseen):
@@ -142,9 +144,9 @@ def test_a_set_is_told_alone_from_99_percent_on_and_the_simplest_of_those_within
 
     class Rival(Weighed):
         weight = best.weight - np.log(odds) + np.log(10)
-        given = best.solution.unseen
+        given = best.result.cross_validation
 
-    found = judge([base, best, replace(one, p_value=0.5, solution=Rival(**vars_of(one.solution)))])
+    found = judge([base, best, replace(one, p_value=0.5, result=Rival(**vars_of(one.result)))])
     assert (found.verdict, len(found.chosen.names)) == (verdict, causes)
 
 
@@ -153,15 +155,15 @@ def test_scanning_finds_the_other_side_of_a_kink() -> None:
     data = 10 * np.sign(PLACE) - 2 * PLACE**2
     assert solved(data, kinked).chi2 > 10, "tangents lead to the other side"
     start, *_ = scan(solved(data), kinked)
-    model = Extended(line(data), (kinked,))
+    model = ExtendedModel(line(data), (kinked,))
     assert fit(model, model.pack(start.base, [start.values])).chi2 < 1e-6
-    assert min(c.solution.chi2 for c in search(line(data, rugged=True), [kinked])) < 1e-6
+    assert min(c.result.chi2 for c in search(line(data, needs_global_search=True), [kinked])) < 1e-6
 
 
 def test_a_whole_number_is_found_and_stays_one() -> None:
     power = effect("power", lambda p: PLACE**p, whole=True)
     found = search(line(4 * PLACE**3 + np.random.default_rng(2).standard_normal(40) * 0.3), [power])
-    _, values = found[-1].solution.model.split(found[-1].solution.vector)
+    _, values = found[-1].result.model.split(found[-1].result.vector)
     assert values[0]["power"] == 3
     assert values[0]["strength"] == pytest.approx(4, abs=0.4)
 
@@ -179,13 +181,14 @@ def test_what_is_most_telling_is_fitted_however_little_its_tangent_promises() ->
 def test_every_pair_that_does_as_well_as_the_best_is_found() -> None:
     # big + small and both + small say the same; alone, like is worth more than both.
     rng = np.random.default_rng(2)
-    big, small = PLACE, np.sin(7 * PLACE) - np.mean(np.sin(7 * PLACE) * PLACE) / np.mean(PLACE**2) * PLACE
+    big = PLACE
+    small = np.sin(7 * PLACE) - np.mean(np.sin(7 * PLACE) * PLACE) / np.mean(PLACE**2) * PLACE
     rows = {"big": big, "small": small, "both": big + small, "like": big + 0.5 * np.cos(5 * PLACE)}
     pool = [effect(name, partial(np.multiply, row), low=-30.0) for name, row in rows.items()]
     found = search(line(3 + 9 * big + 2 * small + 0.5 * rng.standard_normal(40)), pool)
     alone = sorted((c for c in found if len(c.names) == 1), key=lambda c: -c.weight)
     assert [c.names for c in alone[:2]] == [("big",), ("like",)]
-    chi2 = {c.names: c.solution.chi2 for c in found}
+    chi2 = {c.names: c.result.chi2 for c in found}
     assert chi2["both", "small"] == pytest.approx(chi2["big", "small"], rel=1e-6)
     assert judge(found).verdict == "ambiguous"
 
@@ -194,11 +197,11 @@ def test_a_shape_that_the_data_would_have_beyond_its_bound_is_stuck_however_litt
     def act(value: Array, values: Values) -> Array:
         return value + values["strength"] * (np.abs(PLACE) ** values["power"] + 1e-6 * values["idle"] * PLACE)
 
-    knobs = (Knob("power", "1", 0.5, 3.0, strength=False), Knob("idle", "1", 0.0, 5.0, strength=False))
-    bent = Effect("bent", "", (Knob("strength", "1", 0.0, 20.0), *knobs), {"placement": act}, "", "", "")
+    specs = (ParameterSpec("power", "1", 0.5, 3.0, strength=False), ParameterSpec("idle", "1", 0.0, 5.0, strength=False))
+    bent = Effect("bent", "", (ParameterSpec("strength", "1", 0.0, 20.0), *specs), {"placement": act}, "", "", "")
     noise = np.random.default_rng(3).standard_normal(40)
     for power, stuck in ((9.0, ["bent.power"]), (2.5, [])):
-        model = Extended(line(3 + 9 * np.abs(PLACE) ** power + noise), (bent,))
+        model = ExtendedModel(line(3 + 9 * np.abs(PLACE) ** power + noise), (bent,))
         found = fit(model, model.pack({"level": 3.0}, [{"strength": 5.0, "power": 2.0, "idle": 5.0}]))
         sd = np.sqrt(found.covariance[2, 2])
         assert sd > 0.05 * 2.5, "the data hardly know it"
@@ -217,14 +220,14 @@ def test_a_cause_that_the_evidence_does_not_ask_for_saves_no_other() -> None:
     base, one = search(line(data), [SLOPE])
 
     class Bent(Foreseen):
-        given = Unseen(4.0, one.solution.unseen.densities, 1e-4)
+        given = CrossValidation(4.0, one.result.cross_validation.densities, 1e-4)
 
     wider = solved(data, SLOPE, effect("bend", lambda s: s * PLACE**2))
-    two = replace(one, solution=wider)
+    two = replace(one, result=wider)
     assert two.viable
     assert two.weight < one.weight
     assert judge([base, one, two]).verdict == "explained"
-    bent = replace(one, solution=Bent(**vars_of(one.solution)))
+    bent = replace(one, result=Bent(**vars_of(one.result)))
     assert judge([base, bent, two]).verdict == "unexplained"
 
 
@@ -233,7 +236,7 @@ def test_what_takes_the_place_of_a_part_is_not_fitted_where_it_leaves_absurdly_m
     def act(value: Array, values: Values) -> Array:
         return value + size * np.sin(20 * PLACE + values["turn"])
 
-    other = Effect("other", "", (Knob("turn", "1", 0.0, 3.0, strength=False),), {"placement": act}, "", "", "")
+    other = Effect("other", "", (ParameterSpec("turn", "1", 0.0, 3.0, strength=False),), {"placement": act}, "", "", "")
     found = search(line(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)), [other])
     assert any("other" in candidate.names for candidate in found) == fitted
 
@@ -241,11 +244,11 @@ def test_what_takes_the_place_of_a_part_is_not_fitted_where_it_leaves_absurdly_m
 def test_a_fit_follows_a_curved_valley_to_its_end() -> None:
     # Slopes of the stress act in second order on the pairs of a hexagon: what the data know is a circle of slopes.
     film = SimulatedFilm(load("hexagon-278um"), 52)
-    problem = SpectrumProblem(measurement.spectrum(film.modes.frequency[:13], np.full(13, 20.0)), film)
-    model = Extended(problem, (library()["tension_gradient"],))
-    base = dict(zip((knob.name for knob in problem.base), problem.start, strict=True))
+    base_model = SpectrumModel(measurement.spectrum(film.modes.frequency[:13], np.full(13, 20.0)), film)
+    model = ExtendedModel(base_model, (library()["tension_gradient"],))
+    base = dict(zip((spec.name for spec in base_model.base), base_model.start, strict=True))
     truth = model.pack(base, [{"slope_x": -0.0009, "slope_y": -0.0402, "bowl": -0.0069}])
-    problem.frequency = problem.frequency - problem.sd * model.residuals(truth)[:-1]
+    base_model.frequency = base_model.frequency - base_model.sd * model.residuals(truth)[:-1]
     assert np.sum(model.residuals(truth) ** 2) < 1e-12
     end = fit(model, model.pack(base, [{"slope_x": -0.0137, "slope_y": -0.0224, "bowl": -0.0074}]))
     assert end.chi2 < 1e-3
@@ -263,27 +266,27 @@ def test_a_rare_draw_of_noise_that_no_cause_is_worth_is_adequate() -> None:
 
 def test_kept_fits_are_those_of_the_blocks_that_they_leave_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    solution = solved(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40), SLOPE)
+    result = solved(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40), SLOPE)
     with remembered("a file"):
-        kept = leave_out(solution, 20)
-    assert kept == leave_out(solution, 20)
+        kept = cross_validate(result, 20)
+    assert kept == cross_validate(result, 20)
 
 
 def test_what_is_held_out_of_a_free_form_is_what_is_left_out_of_a_cause() -> None:
-    solution = solved(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40), SLOPE)
-    assert held_out(solution, 20) == pytest.approx(leave_out(solution, 20).chi2_reduced, rel=1e-12)
+    result = solved(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40), SLOPE)
+    assert held_out(result, 20) == pytest.approx(cross_validate(result, 20).chi2_reduced, rel=1e-12)
 
 
 def test_causes_are_held_to_a_higher_p_value_than_the_base_model_and_several_to_a_higher_one_of_what_was_left_out() -> None:
     base, one = search(line(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)), [SLOPE])
-    data = base.solution.model.problem.residuals((), {"level": 0.0}, ())
-    two = replace(one, solution=solved(data, SLOPE, effect("bend", lambda s: s * PLACE**2)))
+    data = base.result.model.base_model.residuals((), {"level": 0.0}, ())
+    two = replace(one, result=solved(data, SLOPE, effect("bend", lambda s: s * PLACE**2)))
     for p, verdicts in ((0.005, (True, False, False)), (0.02, (True, True, True)), (5e-4, (False, False, False))):
         assert tuple(replace(c, p_value=p).viable for c in (base, one, two)) == verdicts
     assert base.least == one.least < two.least
 
 
 def test_a_range_that_counts_in_what_the_measurement_does_not_give_is_refused() -> None:
-    odd = replace(SLOPE, parameters=(replace(SLOPE.parameters[0], per="reech"),))
+    odd = replace(SLOPE, parameters=(replace(SLOPE.parameters[0], scale="reech"),))
     with pytest.raises(ParameterError, match=r"parameter strength: its range counts in 'reech', .* it gives: time"):
-        _ = Extended(line(np.zeros(len(PLACE))), (odd,)).bounds
+        _ = ExtendedModel(line(np.zeros(len(PLACE))), (odd,)).bounds

@@ -18,7 +18,8 @@ def kinked(x: Array, sd: float) -> Array:
 
 @pytest.mark.parametrize("sd", [2e-7, 1e-6, 3e-6, 7e-6])
 def test_a_wave_is_damped_as_a_gaussian_damps_it(sd: float) -> None:
-    axis, k = Axis.beside(WIDE), 2 * np.pi / 5e-5
+    axis = Axis.beside(WIDE)
+    k = 2 * np.pi / 5e-5
     inner = np.abs(WIDE) < 1e-4
     step = np.diff(axis.nodes).max()
     damped = axis.spread(sd) @ np.cos(k * axis.nodes)
@@ -53,7 +54,8 @@ def test_without_a_spot_each_point_is_its_own_and_a_single_one_is_averaged_too()
 
 
 def test_the_average_over_a_map_is_taken_along_both_axes_at_its_own_points() -> None:
-    x, y = np.linspace(0, 1e-4, 21), np.linspace(0, 6e-5, 13)
+    x = np.linspace(0, 1e-4, 21)
+    y = np.linspace(0, 6e-5, 13)
     finer = Finer(Axis.beside(x), Axis.beside(y))
     at = Grid(x[[10, 9]], y[[6, 7]], np.array([6, 7]), np.array([10, 9]), (13, 21))
     volts = ((finer.grid.x - 5e-5) ** 2 + 1j * (finer.grid.y - 3e-5) ** 2)[None]

@@ -128,7 +128,8 @@ class TestCache:
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
     def test_second_call_reads_what_the_first_solved(self, device: Callable[..., Model]) -> None:
-        model, calls = device(SQUARE), []
+        model = device(SQUARE)
+        calls = []
 
         def count() -> Modes:
             calls.append(1)
@@ -145,7 +146,8 @@ class TestCache:
             calls.append(model)
             return solve(model)
 
-        plain, holed = device(SQUARE), device(SQUARE, HOLES)
+        plain = device(SQUARE)
+        holed = device(SQUARE, HOLES)
         thicker = replace(plain, film=replace(plain.film, thickness=2e-6))
         for model, options in ((plain, (6,)), (plain, (7,)), (holed, (6,)), (thicker, (6,)), (replace(plain, bending=True), (6,))):
             storage.cached_modes(model, options, partial(solve_and_count, model))
@@ -168,7 +170,8 @@ class TestCache:
 
     @pytest.mark.parametrize("tensor", [False, True])
     def test_nonlinearity_is_kept_for_these_modes_this_edge_and_this_extent_only(self, device: Callable[..., Model], tensor: bool) -> None:
-        modes, calls = solve(device(SQUARE)), []
+        modes = solve(device(SQUARE))
+        calls = []
 
         def count(edge: Edge) -> Nonlinearity:
             calls.append(edge)

@@ -60,7 +60,8 @@ def test_a_load_even_about_a_mirror_moves_nothing_across_it_and_an_odd_one_nothi
     space = Space(quarter.mesh, 3)
     x, y = space.location.T
     edge = np.isclose(x, 1) | np.isclose(y, 1)
-    on_x, on_y = np.isclose(y, 0), np.isclose(x, 0)
+    on_x = np.isclose(y, 0)
+    on_y = np.isclose(x, 0)
     ux, uy = held(space, quarter.wedge, "clamped", even)
     np.testing.assert_array_equal(ux, edge | (on_y if even[1] else False) | (False if even[0] else on_x))
     np.testing.assert_array_equal(uy, edge | (on_x if even[0] else False) | (False if even[1] else on_y))
@@ -94,7 +95,8 @@ def test_a_sliding_round_edge_moves_along_its_tangent_only(disc: Domain) -> None
     supports = in_plane_supports(space, disc.wedge, "sliding", ()).toarray()
     motion = np.stack([supports[rim], supports[rim + space.size]], -1)
     radius = np.linalg.norm(space.location[rim], axis=1)[:, None]
-    outwards, along = space.location[rim] / radius, space.location[rim][:, ::-1] * [-1, 1] / radius
+    outwards = space.location[rim] / radius
+    along = space.location[rim][:, ::-1] * [-1, 1] / radius
     assert np.abs(np.einsum("ncx,nx->nc", motion, outwards)).max() < 1e-9
     moved = np.sort(np.abs(np.einsum("ncx,nx->nc", motion, along)).sum(axis=1))
     np.testing.assert_allclose(moved, [0.0] + [1.0] * (len(rim) - 1), atol=1e-9)  # one point is held, or else the disc could turn

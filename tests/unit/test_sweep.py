@@ -223,7 +223,9 @@ class TestStore:
 
     @pytest.mark.parametrize("cut", [1, 40, 10_000])
     def test_a_line_that_a_crash_cut_off_costs_its_own_point_only(self, cut: int, tmp_path: Path) -> None:
-        sweep, path, seen = read_sweep(write(tmp_path, STRESSES)), tmp_path / "s.jsonl", list[Record]()
+        sweep = read_sweep(write(tmp_path, STRESSES))
+        path = tmp_path / "s.jsonl"
+        seen = list[Record]()
         with open_store(path, sweep.settings, None, False) as store:
             run(sweep, store, made_up, lambda record: None)
         whole = path.read_bytes()
@@ -238,7 +240,8 @@ class TestStore:
             assert path.read_bytes() == whole
 
     def test_a_damaged_line_is_named(self, tmp_path: Path) -> None:
-        sweep, path = read_sweep(write(tmp_path, STRESSES)), tmp_path / "s.jsonl"
+        sweep = read_sweep(write(tmp_path, STRESSES))
+        path = tmp_path / "s.jsonl"
         with open_store(path, sweep.settings, None, False) as store:
             run(sweep, store, made_up, lambda record: None)
         lines = path.read_bytes().splitlines(keepends=True)
@@ -292,13 +295,15 @@ class TestStore:
         # A pitch of 60 um puts the four holes 30 um from the axes, a radius of 35 um beyond each other.
         axes = '[[axis]]\nholes.radius = ["2 um", "35 um", "25 um"]\n'
         sweep = read_sweep(write(tmp_path, axes, GEOMETRY.replace("20 um", "60 um").replace("[1, 1]", "[2, 2]")))
-        path, seen = tmp_path / "s.jsonl", list[Record]()
+        path = tmp_path / "s.jsonl"
+        seen = list[Record]()
         for retry, new in ((False, 3), (False, 0), (True, 2)):
             with open_store(path, sweep.settings, None, retry) as store:
                 before = len(seen)
                 run(sweep, store, here, seen.append)
                 assert len(seen) - before == new
-                report, data = costs(sweep, store), collect(sweep, store)
+                report = costs(sweep, store)
+                data = collect(sweep, store)
         assert (report.points, report.solved, report.missing) == (3, 1, 0)
         assert sorted(report.failed.values()) == [1, 1]
         assert [bool(reason) for reason in data.error.values] == [False, True, True]

@@ -96,7 +96,8 @@ def finish(process: subprocess.Popen[str]) -> str:
 
 def survive(folder: Path, points: int, options: list[str], start: Starter, worker: Callable[[subprocess.Popen[str]], int]) -> None:
     """Sweep, kill one worker, kill the client, and repeat the command."""
-    spec, store = sweep_file(folder, points), folder / "sweep.jsonl"
+    spec = sweep_file(folder, points)
+    store = folder / "sweep.jsonl"
     command = ["-m", "femnl", "sweep", spec.name, *options]
     client = start(*command, folder=folder)
     wait_for_records(store, 1)
@@ -144,7 +145,8 @@ def test_a_sweep_on_dask_survives_a_killed_worker_and_a_killed_client(points: in
 @pytest.mark.slow
 def test_a_scheduler_that_dies_is_one_line_and_what_was_solved_stays(tmp_path: Path, start: Starter) -> None:
     address, (scheduler, _) = cluster_of(1, tmp_path, start)
-    spec, store = sweep_file(tmp_path, 400), tmp_path / "sweep.jsonl"
+    spec = sweep_file(tmp_path, 400)
+    store = tmp_path / "sweep.jsonl"
     client = start("-m", "femnl", "sweep", spec.name, "--scheduler", address, folder=tmp_path)
     wait_for_records(store, 2)
     scheduler.kill()
@@ -187,7 +189,8 @@ def test_a_point_that_kills_every_process_fails_alone(tmp_path: Path, start: Sta
 
 
 def test_an_interrupt_ends_workers_and_says_that_the_sweep_goes_on(tmp_path: Path, start: Starter) -> None:
-    spec, store = sweep_file(tmp_path, 400), tmp_path / "sweep.jsonl"
+    spec = sweep_file(tmp_path, 400)
+    store = tmp_path / "sweep.jsonl"
     client = start("-m", "femnl", "sweep", spec.name, "--workers", "1", folder=tmp_path)
     wait_for_records(store, 1)
     children = psutil.Process(client.pid).children(recursive=True)

@@ -17,17 +17,20 @@ def turn(segment: Segment) -> float:
     """Return the angle [rad] that an arc walks counter-clockwise, in (0, 2π); 0 for a line."""
     if segment.centre is None:
         return 0.0
-    (ax, ay), (bx, by) = np.subtract(segment.start, segment.centre), np.subtract(segment.end, segment.centre)
+    (ax, ay) = np.subtract(segment.start, segment.centre)
+    (bx, by) = np.subtract(segment.end, segment.centre)
     return float(np.arctan2(ax * by - ay * bx, ax * bx + ay * by) % (2 * np.pi))
 
 
 def point_at(segment: Segment, fraction: ArrayLike) -> Array:
     """Return points (..., 2) [m] at fractions of a segment's length, 0 at its start and 1 at its end."""
-    part, start = np.asarray(fraction, float)[..., None], np.asarray(segment.start)
+    part = np.asarray(fraction, float)[..., None]
+    start = np.asarray(segment.start)
     if segment.centre is None:
         return np.asarray(start + part * (np.asarray(segment.end) - start))
     centre = np.asarray(segment.centre)
-    spoke, angle = start - centre, part * turn(segment)
+    spoke = start - centre
+    angle = part * turn(segment)
     return np.asarray(centre + np.cos(angle) * spoke + np.sin(angle) * np.array([-spoke[1], spoke[0]]))
 
 
@@ -50,7 +53,8 @@ def box(outline: Outline) -> tuple[float, float, float, float]:
             extremes = np.asarray(s.centre) + radius(s) * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
             points.append(extremes[_on_arc(s, extremes)])
     every = np.concatenate(points)
-    (x0, y0), (x1, y1) = every.min(0), every.max(0)
+    (x0, y0) = every.min(0)
+    (x1, y1) = every.max(0)
     return float(x0), float(y0), float(x1), float(y1)
 
 
@@ -62,7 +66,8 @@ def contains(outline: Outline, points: Array) -> NDArray[np.bool_]:
     """
     turns = np.zeros(len(points))
     for s in outline.segments:
-        a, b = np.asarray(s.start) - points, np.asarray(s.end) - points
+        a = np.asarray(s.start) - points
+        b = np.asarray(s.end) - points
         side = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] + 0.0  # no −0, for which arctan2 would turn the other way than `side < 0` says
         turns += np.arctan2(side, np.sum(a * b, axis=1)) / (2 * np.pi)
         if s.centre is not None:
@@ -75,7 +80,8 @@ def distance(outline: Outline, points: Array) -> Array:
     """Return the distances (n,) [m] of points (n, 2) from an outline, without sign."""
     nearest = np.full(len(points), np.inf)
     for s in outline.segments:
-        start, chord = np.asarray(s.start), np.subtract(s.end, s.start)
+        start = np.asarray(s.start)
+        chord = np.subtract(s.end, s.start)
         if s.centre is None:
             along = np.clip((points - start) @ chord / (chord @ chord), 0, 1)
             gaps = np.hypot(*(points - start - along[:, None] * chord).T)
@@ -98,10 +104,12 @@ def widths(outline: Outline, samples: int = 9) -> Array:
     Valid: widths above a thousandth of the outline's length; nearer than that, an arc's polyline is its own neighbour.
     """
     loop = polyline(outline)
-    start, chord = loop[:-1], np.diff(loop, axis=0)
+    start = loop[:-1]
+    chord = np.diff(loop, axis=0)
     narrowest = []
     for s in outline.segments:
-        where, ahead = point_at(s, (np.arange(samples) + 0.5) / samples), point_at(s, (np.arange(samples) + 0.6) / samples)
+        where = point_at(s, (np.arange(samples) + 0.5) / samples)
+        ahead = point_at(s, (np.arange(samples) + 0.6) / samples)
         along = ahead - where
         inward = np.stack([-along[:, 1], along[:, 0]], 1) / np.hypot(*along.T)[:, None]
         # where + t·inward = start + f·chord
@@ -118,6 +126,7 @@ def widths(outline: Outline, samples: int = 9) -> Array:
 def _on_arc(segment: Segment, points: Array) -> NDArray[np.bool_]:
     """Return which points (n, 2) an arc's centre sees through the arc."""
     centre = np.asarray(segment.centre)
-    spoke, away = np.asarray(segment.start) - centre, points - centre
+    spoke = np.asarray(segment.start) - centre
+    away = points - centre
     angle = np.arctan2(spoke[0] * away[:, 1] - spoke[1] * away[:, 0], away @ spoke) % (2 * np.pi)
     return np.asarray(angle <= turn(segment))

@@ -75,13 +75,16 @@ class HexagonalLattice(Lattice):
             _refuse_too_many(1 + 3 * self.rings * (self.rings + 1), f"rings = {self.rings}")
             q, r = np.meshgrid(*2 * [np.arange(-self.rings, self.rings + 1)])
             inside = np.abs(q + r) <= self.rings
-            x, y = (q + r / 2)[inside], r[inside]
+            x = (q + r / 2)[inside]
+            y = r[inside]
         else:
             nx, ny = self.count or (0, 0)
             _refuse_too_many(nx * ny, f"count = [{nx}, {ny}]")
             column, row = np.meshgrid(np.arange(nx), np.arange(ny))
-            x, y = (column + row % 2 / 2).ravel(), row.ravel()
-            x, y = x - (x.min() + x.max()) / 2, y - (ny - 1) / 2
+            x = (column + row % 2 / 2).ravel()
+            y = row.ravel()
+            x = x - (x.min() + x.max()) / 2
+            y = y - (ny - 1) / 2
         return self.pitch * np.stack([x, y * np.sqrt(3) / 2], axis=-1) + self.offset
 
 
@@ -111,7 +114,8 @@ def refuse_overlap(holes: Holes) -> None:
     gaps, nearest = (np.asarray(found) for found in cKDTree(holes.centres).query(holes.centres, k=2))
     close = np.flatnonzero(gaps[:, 1] <= 2 * holes.radius * (1 + TOUCHING))
     if len(close):
-        first, gap = int(close[0]), gaps[close[0], 1]
+        first = int(close[0])
+        gap = gaps[close[0], 1]
         # Of coincident holes the nearest neighbour may be listed first.
         second = int(nearest[first, 1] if nearest[first, 1] != first else nearest[first, 0])
         verb = "overlap" if gap < 2 * holes.radius * (1 - TOUCHING) else "touch"

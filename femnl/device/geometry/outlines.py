@@ -131,7 +131,8 @@ class Polygon(Table):
         x, y = corners.T
         if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) < 0:
             # Walked backwards from point 1, the last edge comes first.
-            corners, clamped = np.roll(corners[::-1], 1, axis=0), clamped[::-1]
+            corners = np.roll(corners[::-1], 1, axis=0)
+            clamped = clamped[::-1]
         return Outline(self.kind, _loop(corners, clamped), None, float(np.ptp(corners, axis=0).max()))
 
 
@@ -191,7 +192,8 @@ def _is_centred_grid(centres: Array, tolerance: float) -> bool:
 
 def _refuse_crossings(corners: Array) -> None:
     """Refuse a polygon with edges of no length, or edges that meet anywhere but at their common corner."""
-    number, extent = len(corners), np.ptp(corners, axis=0).max()
+    number = len(corners)
+    extent = np.ptp(corners, axis=0).max()
     ends = np.roll(corners, -1, axis=0)
     short = np.flatnonzero(np.hypot(*(ends - corners).T) <= 1e-9 * extent)
     if len(short):

@@ -74,7 +74,8 @@ def shipped() -> list[tuple[str, str]]:
 
 def describe(model: Model) -> str:
     """Describe a device in one line."""
-    n, film = len(model.holes.centres), model.film
+    n = len(model.holes.centres)
+    film = model.film
     size = model.outline.size if model.outline.kind == "rectangle" else None
     extent = f"{size[0] * 1e6:.5g} × {size[1] * 1e6:.5g} µm" if size else f"{model.outline.length * 1e6:.5g} µm"
     holes = f"{n} hole{'s' * (n > 1)} of radius {model.holes.radius * 1e6:.4g} µm" if n else "no holes"

@@ -33,7 +33,8 @@ def union_of_discs(holes: Holes, radius: float) -> tuple[Segment, ...]:
     Raises:
         GeometryError: discs that do not hang together, or that leave pillars between them.
     """
-    centres, tree = holes.centres, cKDTree(holes.centres)
+    centres = holes.centres
+    tree = cKDTree(holes.centres)
     if tree.count_neighbors(tree, 2 * radius) > MOST_PAIRS:
         raise GeometryError(f"[outline] etch_radius = {radius * 1e6:.4g} um reaches over too many holes; lower it or take fewer holes")
     pairs = tree.query_pairs(2 * radius * (1 - SLIVER), output_type="ndarray")
@@ -60,13 +61,18 @@ def union_of_discs(holes: Holes, radius: float) -> tuple[Segment, ...]:
 
 def _open_arcs(centres: Array, pairs: NDArray[np.intp], radius: float) -> tuple[NDArray[np.intp], Array, Array]:
     """Return the uncovered arcs: disc, start and end angle of each, start < end < start + 2π."""
-    disc, step = pairs[:, 0], centres[pairs[:, 1]] - centres[pairs[:, 0]]
+    disc = pairs[:, 0]
+    step = centres[pairs[:, 1]] - centres[pairs[:, 0]]
     half = np.arccos(np.hypot(*step.T) / (2 * radius))
     begin = (np.arctan2(step[:, 1], step[:, 0]) - half) % (2 * np.pi)
     # Two turns of covered intervals, disc after disc on one line: gaps that end in the second turn have seen all neighbours.
-    disc, begin, half = np.tile(disc, 2), np.concatenate([begin, begin + 2 * np.pi]), np.tile(half, 2)
+    disc = np.tile(disc, 2)
+    begin = np.concatenate([begin, begin + 2 * np.pi])
+    half = np.tile(half, 2)
     order = np.lexsort([begin, disc])
-    disc, begin, end = disc[order], begin[order], (begin + 2 * half)[order]
+    end = (begin + 2 * half)[order]
+    begin = begin[order]
+    disc = disc[order]
     line = 8 * np.pi * disc
     reach = np.maximum.accumulate(end + line) - line
     gap = np.flatnonzero((disc[1:] == disc[:-1]) & (begin[1:] >= 2 * np.pi) & (begin[1:] - reach[:-1] > SLIVER))
@@ -88,7 +94,8 @@ def _loops(follower: NDArray[np.intp]) -> Iterator[list[int]]:
     """Follow the arcs around; each closed loop once."""
     seen = np.zeros(len(follower), dtype=bool)
     for first in range(len(follower)):
-        loop, arc = [], first
+        loop = []
+        arc = first
         while not seen[arc]:
             seen[arc] = True
             loop.append(arc)
@@ -110,6 +117,8 @@ def _refuse_pieces(holes: Holes, pairs: NDArray[np.intp], radius: float) -> None
 
 
 def _full_circle(centre: Array, radius: float) -> tuple[Segment, ...]:
-    x, y = float(centre[0]), float(centre[1])
-    right, left = (x + radius, y), (x - radius, y)
+    x = float(centre[0])
+    y = float(centre[1])
+    right = (x + radius, y)
+    left = (x - radius, y)
     return Segment(right, left, (x, y)), Segment(left, right, (x, y))

@@ -19,7 +19,8 @@ Thickness = float | Literal["film", "gap"] | None
 Indices = tuple[tuple[float, complex], ...]
 LayerRow = tuple[str, Thickness, Indices]
 
-RED, GREEN = 632.8e-9, 532e-9
+RED = 632.8e-9
+GREEN = 532e-9
 PAPER_STACK: tuple[LayerRow, ...] = (
     ("vacuum", None, ((RED, 1 + 0j), (GREEN, 1 + 0j))),
     ("SiN", "film", ((RED, 2.0395 + 0j), (GREEN, 2.0559 + 0j))),

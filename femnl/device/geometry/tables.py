@@ -80,7 +80,9 @@ def suggest(word: str, known: list[str]) -> str:
 def complaint(error: ValidationError) -> str:
     """Return the first error as one line: `[table] key = value: what was expected`."""
     first = error.errors(include_url=False)[0]
-    context, value, loc = first.get("ctx", {}), first["input"], list(first["loc"])
+    context = first.get("ctx", {})
+    value = first["input"]
+    loc = list(first["loc"])
     if len(loc) > 1 and loc[0] in _UNIONS:
         del loc[1]
     if first["type"] == "missing":
@@ -90,7 +92,8 @@ def complaint(error: ValidationError) -> str:
         return f"{_place(loc, table=loc[-1] not in EXAMPLES)} is missing: {_how_to_write(loc)}"
     if first["type"] == "union_tag_invalid":
         loc.append(context["discriminator"].strip("'"))
-        reason, value = suggest(context["tag"], context["expected_tags"].replace("'", "").split(", ")), value[loc[-1]]
+        reason = suggest(context["tag"], context["expected_tags"].replace("'", "").split(", "))
+        value = value[loc[-1]]
     elif first["type"] == "geometry":
         reason = context["reason"]
         if context["key"] is not None:

@@ -170,7 +170,8 @@ def _outside(points: Array, wedge: float) -> Array:
 
 def _wedge_surface(wedge: float) -> int:
     """A polygon that covers the angles 0 … wedge far beyond the outline."""
-    occ, far = gmsh.model.occ, 10 * SCALE
+    occ = gmsh.model.occ
+    far = 10 * SCALE
     if wedge == HALF:
         corners = [(far, 0.0), (far, far), (-far, far), (-far, 0.0)]
     else:
@@ -181,7 +182,8 @@ def _wedge_surface(wedge: float) -> int:
 
 def _classify(model: Model, wedge: float, unit: float) -> _Curves:
     """Tell curves apart by where they lie."""
-    curves, outline = _Curves([], [], [], ([], []), [], {}), model.edge_outline
+    curves = _Curves([], [], [], ([], []), [], {})
+    outline = model.edge_outline
     holes = cKDTree(model.holes.centres * unit) if len(model.holes.centres) else None
     for _, tag in gmsh.model.getEntities(1):
         low, high = gmsh.model.getParametrizationBounds(1, tag)
@@ -218,7 +220,8 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
         field.setString(wanted[-1], "F", f"min({largest}, {size} + {growth / resolution} * F{distance})")
 
     def grow_from_curves(size: float, tags: list[int], growth: float = GROWTH) -> None:
-        distance, lengths = field.add("Distance"), [gmsh.model.occ.getMass(1, t) for t in tags]
+        distance = field.add("Distance")
+        lengths = [gmsh.model.occ.getMass(1, t) for t in tags]
         inverse_square.append((AROUND_HOLES if tags == curves.holes else 1) * sum(lengths) * resolution / (size * growth))
         field.setNumbers(distance, "CurvesList", tags)
         # gmsh measures the distance to points along the curves: two an element hide the gaps between them.
@@ -267,7 +270,8 @@ def _arcs_by_radius(tags: list[int]) -> dict[float, list[int]]:
 
 def bending_length(model: Model) -> float:
     """Return ℓ = √(D/σh) [m], the width of the layer that bending makes at a clamped edge: 0 without bending, L at most."""
-    film, length = model.film, model.outline.length
+    film = model.film
+    length = model.outline.length
     if not model.bending:
         return 0.0
     squared = film.young * film.thickness**2 / 12 / (1 - film.poisson**2)

@@ -76,7 +76,7 @@ def assemble(raw: Raw) -> MeshTri2:
 
 
 def distinct(values: Array, apart: float) -> Index:
-    """Number values (n,) in their order, those that differ by less than `apart` alike."""
+    """Number values (n,) in their order, those that differ by less than `independent_blocks` alike."""
     order = np.argsort(values)
     numbers = np.empty(len(values), dtype=np.int64)
     numbers[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > apart)]) if len(values) else order

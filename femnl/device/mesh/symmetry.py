@@ -10,7 +10,11 @@ from femnl.device.geometry import curves
 
 Array = NDArray[np.float64]
 
-FULL, HALF, QUARTER, EIGHTH, TWELFTH = 2 * np.pi, np.pi, np.pi / 2, np.pi / 4, np.pi / 6
+FULL = 2 * np.pi
+HALF = np.pi
+QUARTER = np.pi / 2
+EIGHTH = np.pi / 4
+TWELFTH = np.pi / 6
 WEDGES = {"full": FULL, "half": HALF, "quarter": QUARTER, "eighth": EIGHTH, "twelfth": TWELFTH}
 
 
@@ -55,7 +59,8 @@ def _key_points(outline: Outline) -> Array:
 def _is_mirrored(points: Array, angle: float, tolerance: float) -> bool:
     if len(points) == 0:
         return True
-    c, s = np.cos(2 * angle), np.sin(2 * angle)
+    c = np.cos(2 * angle)
+    s = np.sin(2 * angle)
     image = points.copy()
     image[:, :2] = points[:, :2] @ np.array([[c, s], [s, -c]])
     return bool(np.all(cKDTree(points).query(image)[0] < tolerance))

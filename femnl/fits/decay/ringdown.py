@@ -63,11 +63,13 @@ def fit_ringdown(
     """
     if kind not in get_args(Signal):
         raise ParameterError(f"kind = {kind!r}: give one of {', '.join(get_args(Signal))}")
-    t, v = np.asarray(time, dtype=float), np.asarray(signal)
+    t = np.asarray(time, dtype=float)
+    v = np.asarray(signal)
     if t.shape != v.shape or t.ndim != 1 or np.count_nonzero(np.isfinite(v)) < 16:
         raise MeasurementError(f"time {t.shape} and signal {v.shape}: a ring-down needs both, of at least 16 samples")
     good = np.isfinite(t) & np.isfinite(v)
-    t, v = t[good] - t[good][0], v[good]
+    t = t[good] - t[good][0]
+    v = v[good]
     decay = Decay(t, v, kind, strongest(t, v) if kind == "voltage" else frequency or 0.0, nonlinear)
     values = decay.start()
     for _ in range(ROUNDS if kind == "magnitude" else 1):

@@ -9,7 +9,7 @@ from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, MapFit, Parameter
 from femnl.core.readout import Array, PeriodicFringe
 from femnl.fits.covariance import covariance, strongest_correlation
-from femnl.fits.map.residuals import MapProblem
+from femnl.fits.map.residuals import MapResiduals
 from femnl.observe.map.forward import REGISTRATION, UNITS, MapData, Shape, flatten
 from femnl.optics.unit_fringe import OVERTONE
 
@@ -61,7 +61,7 @@ def fit_map(
     """
     named = {"": maps} if isinstance(maps, xr.Dataset) else dict(maps)
     flat = [flatten(name, named[name], of) for name, of in _fringes(named, fringe).items()]
-    problem = MapProblem(flat, shape, tuple(registration), tuple(range(2, free_overtones + 1)))
+    problem = MapResiduals(flat, shape, tuple(registration), tuple(range(2, free_overtones + 1)))
     if unknown := set(registration) - set(REGISTRATION):
         raise ParameterError(f"registration = {sorted(unknown)} is not known: choose from {', '.join(REGISTRATION)}")
     coarse = problem.tabulated()
@@ -90,7 +90,7 @@ def _label(name: str, data: MapData) -> str:
     return f"{name}:{data.name}" if data.name else name
 
 
-def _canonical(problem: MapProblem, vector: Array) -> Array:
+def _canonical(problem: MapResiduals, vector: Array) -> Array:
     """Return one of the equal solutions: U > 0; V_C > 0 for a cosine; of ±θ the one near the fringe as given, else sin θ ≥ 0.
 
     V_C → −V_C, θ → θ + π turns even overtones round; θ → −θ, φ → φ + π their imaginary parts. Angles are put into (−π, π].
@@ -124,7 +124,7 @@ def _negate(values: dict[str, float], names: Sequence[str]) -> None:
         values[name] *= -1
 
 
-def _rival(problem: MapProblem, vector: Array, chi2: float, which: int, mirror: str) -> str:
+def _rival(problem: MapResiduals, vector: Array, chi2: float, which: int, mirror: str) -> str:
     """Say what another working point of the same V_C, |sin θ| and |cos θ| costs, everything else adapted."""
     sign, shift = MIRRORS[mirror]
     trials = []
@@ -153,7 +153,7 @@ def _next_amplitude(optima: list[tuple[Array, float]], best: tuple[Array, float]
     return f"the next best amplitude is {amplitude * 1e9:.2f} nm, Δχ² = {chi2 - best[1]:.3g}"
 
 
-def _report(problem: MapProblem, vector: Array, notes: tuple[str, ...]) -> MapFit:
+def _report(problem: MapResiduals, vector: Array, notes: tuple[str, ...]) -> MapFit:
     """Put values, uncertainties, prediction and notes together."""
     keys = [("amplitude", "amplitude"), *((_label(name, data), name) for data in problem.maps for name in problem.own)]
     names = [key for key, _ in keys]
@@ -172,7 +172,8 @@ def _report(problem: MapProblem, vector: Array, notes: tuple[str, ...]) -> MapFi
         for (label, name), value, s in zip(keys, vector, sd, strict=True)
     }
     for data in problem.maps:
-        q, theta = data.wavenumber, parameters[_label("fringe_phase", data)]
+        q = data.wavenumber
+        theta = parameters[_label("fringe_phase", data)]
         shift = _wrap(theta.value - (data.nominal or 0.0)) / q
         derived = [("modulation", q * vector[0], q * sd[0], "1"), ("working_point", shift, theta.sd / q, "m")]
         parameters |= {_label(name, data): Parameter(_label(name, data), float(value), float(s), unit) for name, value, s, unit in derived}

@@ -20,12 +20,13 @@ ROTATIONS = (-0.1, 0.0, 0.1)
 """Placements that the coarse search tries; the refinement follows on from there."""
 WALL = 1e9
 """Residual of impossible parameters."""
-TABLE, REACH = 257, 1.6
+TABLE = 257
+REACH = 1.6
 """Points along a side of the table of ξ, and its half side in parts of the farthest point of the map."""
 
 
 @dataclass(frozen=True)
-class MapProblem:
+class MapResiduals:
     """The layout of the parameter vector: U, then for each map V_C, θ, φ and those of its placement that are free."""
 
     maps: list[MapData]
@@ -120,7 +121,7 @@ class MapProblem:
         )
         return at(found.x), float(2 * found.cost)
 
-    def tabulated(self) -> "MapProblem":
+    def tabulated(self) -> "MapResiduals":
         """Return the same problem with ξ from a table about the map: quick where a finite-element shape is slow, and close to it."""
         half = REACH * max(max(np.abs(data.x).max(), np.abs(data.y).max(), data.spacing) for data in self.maps)
         axis = np.linspace(-half, half, TABLE)

@@ -102,6 +102,7 @@ def _gather(data: MapData, xi: Array) -> tuple[ComplexArray, Array]:
     """Return the sums of V_n and of ones over the classes of ξ, each point shared linearly between two neighbours."""
     position = (np.clip(xi, -1, 1) + 1) * (BINS - 1) / 2
     left = np.minimum(position.astype(int), BINS - 2)
-    share, point = position - left, np.arange(xi.size)
+    share = position - left
+    point = np.arange(xi.size)
     spread = csr_array((np.concatenate([1 - share, share]), (np.concatenate([left, left + 1]), np.tile(point, 2))), shape=(BINS, xi.size))
     return np.asarray(spread @ data.values.T).T, np.asarray(spread @ data.present.T.astype(float)).T

@@ -15,12 +15,14 @@ from femnl.observe.record.free_run import EDGE, Array, Drive, Hold, Numbers, fre
 
 LINEAR = ("mass", "damping", "stiffness")
 TERMS = ("offset", "cubic", "quadratic", "nonlinear_damping")
-CLOSE, MAX_CALLS = 1e-7, 40
+CLOSE = 1e-7
+MAX_CALLS = 40
 # Samples through which the motion at the begin is found.
 FIRST = 6
 # Width of the Gaussian by which the equation is smoothed, and where it is cut off, in samples: below a seventh of the sampling rate it
 # leaves more than two thirds, and of noise near half that rate a thousandth.
-SMOOTH, REACH = 1.2, 10
+SMOOTH = 1.2
+REACH = 10
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,8 @@ def fit_oscillator(
     Source: the benchmark of Wigren and Schoukens (2013), Three free data sets for development and benchmarking in nonlinear system
         identification, European Control Conference.
     """
-    u, y = np.asarray(drive, dtype=float), np.asarray(output, dtype=float)
+    u = np.asarray(drive, dtype=float)
+    y = np.asarray(output, dtype=float)
     unknown = [term for term in terms if term not in TERMS]
     if unknown:
         raise ParameterError(f"terms: {unknown[0]!r} is unknown; give some of {', '.join(TERMS)}")
@@ -79,7 +82,8 @@ def fit_oscillator(
     if u.shape != y.shape or u.ndim != 1 or np.count_nonzero(chosen & np.isfinite(y)) < 100:
         raise MeasurementError(f"drive {u.shape} and output {y.shape}: give two records of equal length, with at least 100 samples fitted")
     chosen &= np.isfinite(y)
-    interval, names = 1 / sampling_rate, [*LINEAR, *(term for term in TERMS if term in terms)]
+    interval = 1 / sampling_rate
+    names = [*LINEAR, *(term for term in TERMS if term in terms)]
     record = _Record(stages(u, interval, hold), y[chosen], chosen)
     if start is None:
         linear = _descend(LINEAR, linear_start(u[chosen], y[chosen], interval), record)
@@ -118,8 +122,12 @@ def simulate_oscillator(fit: Fit, drive: ArrayLike, sampling_rate: float, *, hol
     Raises: MeasurementError for a drive with gaps, or a band-limited one too short for its spline.
     """
     names = [name for name in (*LINEAR, *TERMS) if name in fit.parameters]
-    values, u, interval = np.array([fit[name] for name in names]), np.asarray(drive, dtype=float), 1 / sampling_rate
-    run, steps, needed = np.zeros(len(u)), 0, 1
+    values = np.array([fit[name] for name in names])
+    u = np.asarray(drive, dtype=float)
+    interval = 1 / sampling_rate
+    run = np.zeros(len(u))
+    steps = 0
+    needed = 1
     while needed > steps:
         steps = needed
         run = free_run(_coefficients(names, values[:, None]), stages(u, interval, hold, steps))[0]
@@ -187,7 +195,8 @@ def equation_start(names: Sequence[str], u: Array, y: Array, interval: float, ch
     So noise is not differentiated, but it biases what it is multiplied with, and this serves as a start alone: under strong forces of third
     order the error of a free run has many minima, and the linear oscillator lies behind a barrier.
     """
-    time, known = np.arange(len(y)), np.isfinite(y)
+    time = np.arange(len(y))
+    known = np.isfinite(y)
     chosen = known if chosen is None else chosen
     whole = np.interp(time, time[known], y[known])
 
@@ -217,10 +226,12 @@ def linear_start(u: Array, y: Array, interval: float) -> Array:
         raise MeasurementError(f"drive: {u[0] + 0.0:g} all along; give the record of a drive that moves the oscillator")
     columns = np.column_stack([y[1:-1], y[:-2], u[2:], u[1:-1], u[:-2], np.ones(len(y) - 2)])
     a1, a2, *b, _ = np.linalg.lstsq(columns, y[2:], rcond=None)[0]
-    root, rest = complex(np.roots([1.0, -a1, -a2])[0]), 1 - a1 - a2
+    root = complex(np.roots([1.0, -a1, -a2])[0])
+    rest = 1 - a1 - a2
     if root.imag == 0 or abs(root) >= 1:
         raise ConvergenceError(f"output: its linear recursion, with the root {root:.4g}, does not ring; fit another part of the record")
-    pole, gain = np.log(root) / interval, sum(b) / rest
+    pole = np.log(root) / interval
+    gain = sum(b) / rest
     return np.asarray(np.array([1.0, -2 * pole.real, abs(pole) ** 2]) / (gain * abs(pole) ** 2))
 
 

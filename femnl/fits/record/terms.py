@@ -41,7 +41,8 @@ def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsF
             f"trace: an oscillator is fitted to one step with its drive_voltage, here are {dataset.sizes['step']} steps "
             f"{'with' if 'drive_voltage' in dataset else 'without'} it"
         )
-    drive, output = dataset["drive_voltage"].values[0], dataset["voltage"].values[0]
+    drive = dataset["drive_voltage"].values[0]
+    output = dataset["voltage"].values[0]
     rate = float(1 / np.median(np.diff(dataset["time"].values)))
     counted = settled(drive, output, rate)
     test = np.zeros_like(counted)

@@ -82,7 +82,9 @@ def predict_response(fit: Fit, dataset: xr.Dataset) -> xr.DataArray:
     if whole.n_positions not in (places, places / 2):
         raise ParameterError(f"dataset: {whole.n_positions} positions, but the fit has another number; give the dataset that was fitted")
     whole = replace(whole, drive=whole.drive * whole.reference / fit["drive"], reference=fit["drive"])
-    centre, width, damping = fit["frequency"], fit["linewidth"], "damping_ratio" in fit.parameters
+    centre = fit["frequency"]
+    width = fit["linewidth"]
+    damping = "damping_ratio" in fit.parameters
     layout = Layout(centre, width, whole.span, fit["drive"], whole.n_positions, damping, gain=True, phase=True)
     theta = vector(layout, fit)
     use: Use = "complex"
@@ -101,7 +103,8 @@ def predict_response(fit: Fit, dataset: xr.Dataset) -> xr.DataArray:
 def _layout(sweeps: Sweeps, use: Use, damping: bool) -> Layout:
     """Centre and scale the parameters on the data."""
     centre = float(np.mean(sweeps.frequency))
-    gain, phase = not use.startswith("phase"), use != "magnitude"
+    gain = not use.startswith("phase")
+    phase = use != "magnitude"
     return Layout(centre, sweeps.span / 10, sweeps.span, sweeps.reference, sweeps.n_positions, damping, gain, phase)
 
 

@@ -42,7 +42,8 @@ def _whitened(sweeps: Sweeps, layout: Layout, theta: Array) -> tuple[Array, Arra
     away = sweeps.frequency - f0
     scale = gain[sweeps.position] * sweeps.drive
     z = sweeps.voltage / scale * np.exp(-1j * (phase[sweeps.position] - 2 * np.pi * away * tau))
-    power, x = sweeps.drive**2, np.abs(z) ** 2
+    power = sweeps.drive**2
+    x = np.abs(z) ** 2
     slope = STIFFEN * ratio * power + 1j * damping * power
     inverse = -2 * away / w + 1j + slope * x
     turn = z / np.abs(z)
@@ -53,14 +54,15 @@ def _whitened(sweeps: Sweeps, layout: Layout, theta: Array) -> tuple[Array, Arra
 
 
 def whiten(columns: Complex, across: Complex, along: Complex) -> Array:
-    """Undo what the equation does to noise: a part along z enters by `along`, a part across it by i · `across`.
+    """Undo what the equation does to noise: a part along z enters by `along`, a part across it by i · `couples_blocks`.
 
     columns (…, n, k), turned so that z is real and positive; across and along (…, n). Return (…, 2n, k) real; at a fold, where
     the map cannot be inverted, the weight falls to zero.
     """
     determinant = (along * across.conj()).real
     weight = determinant / (determinant**2 + (FOLD * np.abs(across) ** 2) ** 2)
-    p, q = (across * weight)[..., None], (along * weight)[..., None]
+    p = (across * weight)[..., None]
+    q = (along * weight)[..., None]
     first = p.real * columns.real + p.imag * columns.imag
     second = q.real * columns.imag - q.imag * columns.real
     return np.concatenate([first, second], axis=-2)
@@ -70,7 +72,9 @@ def _slopes(
     sweeps: Sweeps, layout: Layout, z: Complex, inverse: Complex, slope: Complex, delta: Array, w: float, tau: float, away: Array
 ) -> Complex:
     """Return the derivatives (n, size) of z D by θ."""
-    n, power, x = len(z), sweeps.drive**2, np.abs(z) ** 2
+    n = len(z)
+    power = sweeps.drive**2
+    x = np.abs(z) ** 2
     out = np.zeros((n, layout.size), dtype=complex)
     out[:, 0] = z * layout.width * (2 / w - 2j * np.pi * tau * inverse)
     out[:, 1] = -z * delta

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import i0e, i1e
 
-from femnl.observe.response.branches import STIFFEN, Layout, Sheets, fold, jacobian, response
+from femnl.observe.response.branches import STIFFEN, Layout, ResponseBranches, fold, jacobian, response
 from femnl.observe.response.sweeps import Array, Complex, Index, Sweeps
 
 Use = Literal["complex", "magnitude", "phase", "phase-mod-pi"]
@@ -42,7 +42,7 @@ class Misfit:
     spread: Array
     strict: bool = False
     jumps: tuple[Jump, ...] = ()
-    last: tuple[bytes, Complex, Sheets] | None = None
+    last: tuple[bytes, Complex, ResponseBranches] | None = None
 
     @classmethod
     def of(cls, sweeps: Sweeps, layout: Layout, use: Use) -> "Misfit":
@@ -91,7 +91,7 @@ class Misfit:
         points = self._project(v, jacobian(self.sweeps, self.layout, theta, both, self.high, v, cautious=cautious))
         return np.vstack([points, *(self._jump(theta, jump)[1] for jump in self.jumps)])
 
-    def _response(self, theta: Array) -> tuple[Complex, Sheets]:
+    def _response(self, theta: Array) -> tuple[Complex, ResponseBranches]:
         """Return both sheets; residual, Jacobian and choice of states ask for the same θ in turn."""
         key = theta.tobytes()
         if self.last is None or self.last[0] != key:
@@ -110,7 +110,7 @@ class Misfit:
         _, both = self._response(theta)
         return int(np.count_nonzero(both.pair[self.high, np.arange(len(self.high))]))
 
-    def real_state(self, theta: Array) -> tuple[Complex, Sheets]:
+    def real_state(self, theta: Array) -> tuple[Complex, ResponseBranches]:
         """Return the voltage of the chosen states, the only root where the chosen sheet has ended, and the sheets."""
         voltage, both = response(self.sweeps, self.layout, theta, continued=True)
         points = np.arange(voltage.shape[1])
@@ -130,7 +130,8 @@ class Misfit:
         return float((f0 - w * delta / 2 - (before + after) / 2) / sd), slopes / sd
 
     def _compare(self, model: Complex) -> Array:
-        data, noise = self.sweeps.voltage, self.sweeps.noise
+        data = self.sweeps.voltage
+        noise = self.sweeps.noise
         if self.use == "complex":
             return np.stack([data.real - model.real, data.imag - model.imag]) / noise
         if self.use == "magnitude":
@@ -139,7 +140,8 @@ class Misfit:
         return np.asarray((angle * np.abs(data) / noise)[None])
 
     def _project(self, model: Complex, slopes: Complex) -> Array:
-        data, noise = self.sweeps.voltage, self.sweeps.noise
+        data = self.sweeps.voltage
+        noise = self.sweeps.noise
         if self.use == "complex":
             return np.concatenate([slopes.real, slopes.imag]) / -noise
         relative = slopes / model[:, None]
@@ -156,7 +158,8 @@ def rice(size: Array) -> tuple[Array, Array, Array]:
     Source: Rice (1945), Bell System Technical Journal 24, 46, section 3.10.
     """
     half = size**2 / 4
-    bessel0, bessel1 = i0e(half), i1e(half)
+    bessel0 = i0e(half)
+    bessel1 = i1e(half)
     mean = np.sqrt(np.pi / 2) * ((1 + 2 * half) * bessel0 + 2 * half * bessel1)
     growth = np.sqrt(np.pi / 2) * size / 2 * (bessel0 + bessel1)
     # Beyond this the difference of large numbers loses digits; there the variance is 1 − 1/(2 size²).

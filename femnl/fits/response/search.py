@@ -14,11 +14,14 @@ DELAYS = np.linspace(-2, 2, 33)
 # Backbone slopes tried for magnitudes, as the shift of the strongest point over the span.
 SLOPES = np.concatenate([[0.0], *(sign * np.geomspace(1e-3, 1.5, 60) for sign in (1, -1))])
 # Widths over the span and α_y/α_c tried where whole responses are compared on COARSE points.
-WIDTHS, COARSE = np.geomspace(0.003, 0.5, 10), 100
+WIDTHS = np.geomspace(0.003, 0.5, 10)
+COARSE = 100
 RATIOS = np.array([0.0, *(sign * r for r in (0.5, 1.5, 4.0, 12.0, 40.0) for sign in (1, -1))])
 PHASES = np.arange(48) * (np.pi / 48)
 # Points used, rounds of weighting and starts handed on, where a start is searched on a grid.
-THINNED, ROUNDS, TRIED = 240, 4, 4
+THINNED = 240
+ROUNDS = 4
+TRIED = 4
 MAX_CALLS = 300
 # Signal to noise from which a phase is taken at its full weight.
 STRONG = 30.0
@@ -30,10 +33,13 @@ Start = tuple[float, float, float, float, complex, float]
 def search_backbone(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
     """Straighten the backbone by each slope β, g = f − β|V|², and fit the line drive = V (p₀ + p₁ g)."""
     kept = _thin(at)
-    f, drive = sweeps.frequency[kept], sweeps.drive[kept]
-    centre, peak = float(np.mean(f)), float(np.max(np.abs(sweeps.voltage[kept])))
+    f = sweeps.frequency[kept]
+    drive = sweeps.drive[kept]
+    centre = float(np.mean(f))
+    peak = float(np.max(np.abs(sweeps.voltage[kept])))
     v = sweeps.voltage[kept] * np.exp(2j * np.pi * (f - centre) * delay) / peak
-    slopes, square = SLOPES[:, None] * sweeps.span, np.abs(v) ** 2
+    slopes = SLOPES[:, None] * sweeps.span
+    square = np.abs(v) ** 2
     g = (f - centre) - slopes * square
     unit = np.ones_like(g)
     columns = np.stack([v * unit, 1j * v * unit, v * g, 1j * v * g, drive * unit], axis=-1)
@@ -43,14 +49,16 @@ def search_backbone(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
     for _round in range(ROUNDS):
         rows = whiten(columns, line, along)
         p, misfit = _least_squares(rows[..., :4], rows[..., 4], np.ones(rows.shape[1]))
-        first, second = p[0] + 1j * p[1], p[2] + 1j * p[3]
+        first = p[0] + 1j * p[1]
+        second = p[2] + 1j * p[3]
         line = first[:, None] + second[:, None] * g
         along = line - 2 * slopes * square * second[:, None]
     resonance = -first / second
     out = []
     for k in np.argsort(np.where(resonance.imag > 0, misfit, np.inf))[:TRIED]:
         if resonance[k].imag > 0:
-            w, f0 = 2 * resonance[k].imag, centre + resonance[k].real
+            w = 2 * resonance[k].imag
+            f0 = centre + resonance[k].real
             gain = -2 / (w * second[k])
             ratio = 2 * float(slopes[k, 0]) * abs(gain) ** 2 / (w * STIFFEN)
             out.append((f0, w, ratio, 0.0, peak * gain * np.exp(2j * np.pi * (centre - f0) * delay), delay))
@@ -60,11 +68,15 @@ def search_backbone(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
 def search_grid(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
     """Try whole responses over a grid of f₀, w and α_y/α_c, the gain by projection: slow, but deaf to noise."""
     kept = _thin(at, COARSE)
-    f, drive, v = sweeps.frequency[kept], sweeps.drive[kept], sweeps.voltage[kept]
-    centre, direction = float(np.mean(f)), np.array(sweeps.direction)[sweeps.sweep[kept]]
+    f = sweeps.frequency[kept]
+    drive = sweeps.drive[kept]
+    v = sweeps.voltage[kept]
+    centre = float(np.mean(f))
+    direction = np.array(sweeps.direction)[sweeps.sweep[kept]]
     v = v * np.exp(2j * np.pi * (f - centre) * delay)
     f0, w, ratio = (grid.ravel()[:, None] for grid in np.meshgrid(np.linspace(f.min(), f.max(), 40), sweeps.span * WIDTHS, RATIOS))
-    delta, a = 2 * (f0 - f) / w, STIFFEN * ratio * drive**2
+    delta = 2 * (f0 - f) / w
+    a = STIFFEN * ratio * drive**2
     roots = duffing_roots(delta, a)
     x = np.where(np.isfinite(roots[2]) & (direction * a >= 0), roots[2], roots[0])
     model = drive / (delta + a * x + 1j)
@@ -78,8 +90,11 @@ def search_grid(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
 def search_magnitude(sweeps: Sweeps, at: Mask) -> list[Start]:
     """Straighten the backbone by each slope β, g = f − β|V|², and fit the Lorentzian |V|² g² = C² drive² + 2 f₀ |V|² g − K |V|²."""
     kept = _thin(at)
-    f, v, drive = sweeps.frequency[kept], np.abs(sweeps.voltage[kept]), sweeps.drive[kept]
-    centre, peak = float(np.mean(f)), float(np.max(v))
+    f = sweeps.frequency[kept]
+    v = np.abs(sweeps.voltage[kept])
+    drive = sweeps.drive[kept]
+    centre = float(np.mean(f))
+    peak = float(np.max(v))
     square = np.maximum(v**2 - 2 * sweeps.noise**2, 0.0) / peak**2
     slopes = SLOPES[:, None] * sweeps.span
     g = (f - centre) - slopes * square
@@ -89,7 +104,8 @@ def search_magnitude(sweeps: Sweeps, at: Mask) -> list[Start]:
         # A noise n in |V| enters as 2 n |V| times the slope of the equation by |V|², which vanishes at a fold.
         weight = 1 / (np.sqrt(np.maximum(square, (sweeps.noise / peak) ** 2)) * slope)
         (force, f0, constant), misfit = _least_squares(columns, square * g**2, weight)
-        away, half2 = g - f0[:, None], np.maximum(constant - f0**2, 1e-12 * sweeps.span**2)[:, None]
+        away = g - f0[:, None]
+        half2 = np.maximum(constant - f0**2, 1e-12 * sweeps.span**2)[:, None]
         lorentz = away**2 + half2
         slope = np.hypot(lorentz - 2 * slopes * square * away, FOLD * lorentz)
     score = np.where((force > 0) & (constant > f0**2), misfit, np.inf)
@@ -106,11 +122,16 @@ def search_magnitude(sweeps: Sweeps, at: Mask) -> list[Start]:
 def search_phase(sweeps: Sweeps, at: Mask) -> list[Start]:
     """Fit f = f₀ − (w/2)(cot ψ − a sin² ψ), ψ = −arg b, which is linear and does not see π, for each phase and delay tried."""
     kept = _thin(at)
-    f, v, drive, span = sweeps.frequency[kept], sweeps.voltage[kept], sweeps.drive[kept], sweeps.span
-    centre, size = float(np.mean(f)), _certainty(sweeps, kept)
+    f = sweeps.frequency[kept]
+    v = sweeps.voltage[kept]
+    drive = sweeps.drive[kept]
+    span = sweeps.span
+    centre = float(np.mean(f))
+    size = _certainty(sweeps, kept)
     offset, tau = (grid.ravel() for grid in np.meshgrid(PHASES, DELAYS / 2 / span))
     psi = offset[:, None] - 2 * np.pi * np.outer(tau, f - centre) - np.angle(v)
-    sine, cosine = np.sin(psi), np.cos(psi)
+    sine = np.sin(psi)
+    cosine = np.cos(psi)
     columns = np.stack([sine**2, -sine * cosine, sine**4 * drive**2], axis=-1)
     slope = np.ones_like(psi)
     for _round in range(ROUNDS):
@@ -126,7 +147,8 @@ def search_phase(sweeps: Sweeps, at: Mask) -> list[Start]:
             continue
         coarse = np.array([f0[k], np.log(half[k]), stiff[k] / half[k], offset[k], tau[k] * span])
         fine, turn = _refine_phase(sweeps, kept, centre, coarse)
-        resonance, delay = centre + fine[0] * span, fine[4] / span
+        resonance = centre + fine[0] * span
+        delay = fine[4] / span
         gain = np.exp(1j * (fine[3] + turn + 2 * np.pi * (centre - resonance) * delay))
         out.append((resonance, 2 * np.exp(fine[1]) * span, fine[2] / STIFFEN, 0.0, complex(gain), delay))
     return out
@@ -134,14 +156,18 @@ def search_phase(sweeps: Sweeps, at: Mask) -> list[Start]:
 
 def _refine_phase(sweeps: Sweeps, kept: Index, centre: float, start: Array) -> tuple[Array, float]:
     """Refine (f₀, ln w/2, a, φ, τ), frequencies over the span, on the same equation; return also the half turn of φ."""
-    f, v, drive = (sweeps.frequency[kept] - centre) / sweeps.span, sweeps.voltage[kept], sweeps.drive[kept]
+    f = (sweeps.frequency[kept] - centre) / sweeps.span
+    v = sweeps.voltage[kept]
+    drive = sweeps.drive[kept]
     weight = _certainty(sweeps, kept)
 
     def angle(p: Array) -> Array:
         return np.asarray(p[3] - 2 * np.pi * p[4] * f - np.angle(v))
 
     def residual(p: Array) -> Array:
-        sine, cosine, a = np.sin(angle(p)), np.cos(angle(p)), p[2] * drive**2
+        sine = np.sin(angle(p))
+        cosine = np.cos(angle(p))
+        a = p[2] * drive**2
         slope = np.hypot(1 + 2 * a * sine**3 * cosine, FOLD)
         return np.asarray((sine**2 * (f - p[0]) * np.exp(-p[1]) + sine * cosine - a * sine**4) / slope * weight)
 
@@ -164,7 +190,8 @@ def _thin(at: Mask, count: int = THINNED) -> Index:
 
 def _least_squares(columns: Array, target: Array, weight: Array) -> tuple[Array, Array]:
     """Solve many small weighted problems, columns (s, p, k), by their normal equations; return (k, s) and the misfits (s,)."""
-    weighted, aim = columns * weight[..., None], target * weight
+    weighted = columns * weight[..., None]
+    aim = target * weight
     scale = np.linalg.norm(weighted, axis=1) + np.finfo(float).tiny
     weighted = weighted / scale[:, None]
     normal = weighted.swapaxes(1, 2) @ weighted + 1e-13 * np.eye(weighted.shape[2])

@@ -16,11 +16,14 @@ from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array, Sweeps
 
 Bounds = Mapping[str, tuple[float, float]]
-MAX_ROUNDS, MAX_CALLS, CLOSE = 10, 80, 1e-8
+MAX_ROUNDS = 10
+MAX_CALLS = 80
+CLOSE = 1e-8
 # A start has led to the answer when χ² exceeds what noise makes by less than this many of its standard deviations.
 GOOD = 2.0
 # A model that does not describe the data never reaches the noise; so many starts that agree to this factor tell that none does better.
-SAME, AGREED = 1.001, 3
+SAME = 1.001
+AGREED = 3
 # Steps of α_y/α_c, in standard deviations, that take a fit off a fold where it got stuck.
 KICKS = (0.3, -0.3, 1.0, -1.0, 3.0, -3.0)
 
@@ -43,7 +46,9 @@ class _Search:
         cost = tried.cost(found)
         self.reached[-1] = min(self.reached[-1], cost)
         if cost < self.cost:
-            self.cost, self.misfit, self.theta = cost, tried, found
+            self.cost = cost
+            self.misfit = tried
+            self.theta = found
         return tried
 
     def start(self, theta: Array) -> None:
@@ -57,7 +62,8 @@ class _Search:
         """Where the best fit has points past a fold, step the fold over them."""
         if self.misfit.past_fold(self.theta):
             slopes = self.misfit.jacobian(self.theta)
-            stuck, step = self.theta, np.zeros(len(self.theta))
+            stuck = self.theta
+            step = np.zeros(len(self.theta))
             step[2] = np.sqrt(max(np.linalg.pinv(slopes.T @ slopes)[2, 2], np.finfo(float).tiny))
             for kick in KICKS:
                 self.descend(stuck + kick * step, strict=True)
@@ -98,7 +104,8 @@ def _all_starts(sweeps: Sweeps, layout: Layout, use: Use) -> Iterator[Array]:
         ]
         return np.concatenate(parts)
 
-    glance, free = Misfit.of(sweeps, full, "complex"), np.full(full.size, np.inf)
+    glance = Misfit.of(sweeps, full, "complex")
+    free = np.full(full.size, np.inf)
     for first in islice(starts(sweeps, "complex", full), 1):
         yield shared(settle(glance, refine(sweeps, full, first), -free, free))
     yield from starts(sweeps, use, layout)
@@ -133,7 +140,8 @@ def _descend(misfit: Misfit, theta: Array, low: Array, high: Array) -> Array:
 def _limits(layout: Layout, bounds: Bounds) -> tuple[Array, Array]:
     """Turn bounds by name in SI into bounds of θ."""
     names, _, _ = natural(layout, np.zeros(layout.size))
-    low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
+    low = np.full(layout.size, -np.inf)
+    high = np.full(layout.size, np.inf)
     if layout.damping:
         low[3] = 0.0
     for name, pair in bounds.items():

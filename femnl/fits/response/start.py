@@ -68,8 +68,11 @@ def _delay(sweeps: Sweeps) -> float:
 
 def _linear_form(sweeps: Sweeps, at: Mask) -> tuple[Array, Array, Complex, float]:
     """Return the columns 1, f and |V|², scaled, the weights, drive/V and the centre of f."""
-    f, v, drive = sweeps.frequency[at], sweeps.voltage[at], sweeps.drive[at]
-    size, centre = np.abs(v), float(np.mean(f))
+    f = sweeps.frequency[at]
+    v = sweeps.voltage[at]
+    drive = sweeps.drive[at]
+    size = np.abs(v)
+    centre = float(np.mean(f))
     basis = np.column_stack([np.ones(len(f)), (f - centre) / sweeps.span, size**2 / np.max(size**2)])
     inverse = (drive / np.where(size > 0, v, 1.0)).astype(complex)
     weight: Array = size**2 / drive / np.max(size)

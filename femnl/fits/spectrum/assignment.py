@@ -29,9 +29,11 @@ class _Posterior:
     def __init__(self, frequency: Array, sd: Array, modes: Array, band: tuple[float, float], scale_sd: float) -> None:
         order = np.argsort(frequency)
         self.order = order
-        self.lines, self.spread = np.log(frequency[order]), (sd / frequency)[order]
+        self.lines = np.log(frequency[order])
+        self.spread = (sd / frequency)[order]
         self.modes = np.log(modes)
-        self.low, self.high = np.log(band[0]), np.log(band[1])
+        self.low = np.log(band[0])
+        self.high = np.log(band[1])
         self.scale_sd = scale_sd
         self.known: dict[Choice, float] = {}
 
@@ -54,7 +56,8 @@ class _Posterior:
             centre = mean[int(np.argmax(evidence))]
             inside = (self.modes + centre > self.low) & (self.modes + centre < self.high)
             inside[[mode for mode in choice if mode >= 0]] = True
-            count, spurious = int(np.count_nonzero(inside)), len(choice) - seen
+            count = int(np.count_nonzero(inside))
+            spurious = len(choice) - seen
             prior = betaln(seen + 1, count - seen + 1)
             stray = gammaln(spurious + 1) - (spurious + 1) * np.log(2) - spurious * np.log(self.high - self.low)
             self.known[choice] = float(logsumexp(evidence) - np.log(_MODEL_SD.size) + prior + stray)
@@ -147,7 +150,8 @@ def _greedy(away: Array) -> Choice:
     taken: set[int] = set()
     rows, columns = np.nonzero(np.isfinite(away))
     for place in np.argsort(away[rows, columns], kind="stable"):
-        line, mode = int(rows[place]), int(columns[place])
+        line = int(rows[place])
+        mode = int(columns[place])
         if choice[line] < 0 and mode not in taken:
             choice[line] = mode
             taken.add(mode)

@@ -33,7 +33,8 @@ def fit_film(dataset: xr.Dataset, labels: Sequence[str | None], simulated: Array
     Valid: bending small, so that all frequencies go as √σ; one film.
     Source of s: R. C. Paule and J. Mandel, J. Res. Natl. Bur. Stand. 87, 377 (1982).
     """
-    f, sd = dataset["frequency"].values, dataset["frequency_sd"].values
+    f = dataset["frequency"].values
+    sd = dataset["frequency_sd"].values
     g = np.asarray(simulated, dtype=float)
     known = [str(label or f"mode {number}") for number, label in enumerate(labels, start=1)]
     assignment: Assignment | None = None
@@ -42,7 +43,8 @@ def fit_film(dataset: xr.Dataset, labels: Sequence[str | None], simulated: Array
         mode = [plain.get(str(label).strip("()")) for label in dataset["label"].values]
     else:
         usable = np.isfinite(f)
-        f, sd = f[usable], sd[usable]
+        f = f[usable]
+        sd = sd[usable]
         assignment = assign(f, sd, known, g, ((1 - MARGIN) * f.min(), (1 + MARGIN) * f.max()))
         mode = list(assignment.best.mode)
     kept = [(line, index) for line, index in enumerate(mode) if index is not None and np.isfinite(f[line])]
@@ -50,11 +52,13 @@ def fit_film(dataset: xr.Dataset, labels: Sequence[str | None], simulated: Array
         raise MeasurementError("spectrum: none of its lines has a simulated mode; check the labels, or ask for another --geometry")
     kept.sort(key=lambda pair: float(f[pair[0]]))
     lines, modes = (np.array(column, dtype=int) for column in zip(*kept, strict=True))
-    shift, own = np.log(f[lines] / g[modes]), np.nan_to_num(sd[lines] / f[lines])
+    shift = np.log(f[lines] / g[modes])
+    own = np.nan_to_num(sd[lines] / f[lines])
     scatter = _scatter(shift, own)
     log_scale, error = _mean(shift, own**2 + scatter**2)
     chi2 = float(np.sum((shift - _mean(shift, np.maximum(own, 1e-12) ** 2)[0]) ** 2 / np.maximum(own, 1e-12) ** 2))
-    scale, degrees = float(np.exp(log_scale)), max(len(lines) - 1, 1)
+    scale = float(np.exp(log_scale))
+    degrees = max(len(lines) - 1, 1)
     speed = scale * float(np.sqrt(film.stress / film.density))
     named = (("scale", scale, 1, ""), ("wave_speed", speed, 1, "m/s"), ("stress", scale**2 * film.stress, 2, "Pa"))
     parameters = {name: Parameter(name, value, value * power * error, unit) for name, value, power, unit in named}

@@ -69,7 +69,10 @@ class _Problem:
     """
 
     def __init__(self, f: Array, volts: Complex, noise: float, start: Array, window: tuple[float, float]) -> None:
-        self.f, self.volts, self.noise, self.start = f, volts, noise, start
+        self.f = f
+        self.volts = volts
+        self.noise = noise
+        self.start = start
         self.basis = polynomials(f, window).astype(complex)
         self.last: tuple[bytes, tuple[Complex, Complex, Complex]] | None = None
 
@@ -97,7 +100,8 @@ class _Problem:
     def jacobian(self, unknowns: Array) -> Array:
         """Kaufman's Jacobian of `residual`."""
         orthonormal, coefficients, _ = self.solve(unknowns)
-        shifts, growths = [], []
+        shifts = []
+        growths = []
         for (frequency, width), (_, scale), amplitude in zip(self.parameters(unknowns), self.start, coefficients, strict=False):
             by_frequency, by_width = _derivatives(self.f, frequency, width)
             shifts.append(-amplitude * scale * by_frequency)

@@ -46,6 +46,7 @@ def to_spectrum(peaks: Peaks, assignment: Assignment | None = None) -> xr.Datase
     sure = np.isfinite(peaks.frequency_sd)
     kept = np.array([index for index in np.flatnonzero(sure) if assignment is None or labels[index] is not None], dtype=int)
     names = None if assignment is None else [str(labels[index]).strip("()") for index in kept]
-    quality, quality_sd = peaks.quality_factor[kept], peaks.quality_factor_sd[kept]
+    quality = peaks.quality_factor[kept]
+    quality_sd = peaks.quality_factor_sd[kept]
     known = np.where(np.isfinite(quality_sd), quality_sd, np.nan)
     return spectrum(peaks.frequency[kept], peaks.frequency_sd[kept], names, quality_factor=quality, quality_factor_sd=known)

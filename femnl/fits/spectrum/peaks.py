@@ -36,7 +36,8 @@ def find_peaks(dataset: xr.Dataset, sweep: int = 0) -> Peaks:
     """
     if not 0 <= sweep < dataset.sizes["sweep"]:
         raise ParameterError(f"sweep {sweep}: the measurement has sweeps 0 to {dataset.sizes['sweep'] - 1}; choose one of them")
-    f, volts = dataset["frequency"].values[sweep], amplitude(dataset).values[sweep]
+    f = dataset["frequency"].values[sweep]
+    volts = amplitude(dataset).values[sweep]
     known = np.isfinite(f) & np.isfinite(volts)
     f, first = np.unique(f[known], return_index=True)
     volts = volts[known][first]
@@ -53,7 +54,8 @@ def threshold(n_points: int) -> float:
 
 def _search(f: Array, volts: Complex, noise: float) -> list[Cluster]:
     """All lines of the sweep; the background is taken anew from what the lines leave."""
-    limit, widest = threshold(f.size), WIDEST * float(f[-1] - f[0])
+    limit = threshold(f.size)
+    widest = WIDEST * float(f[-1] - f[0])
     clusters: list[Cluster] = []
     for _ in range(_PASSES):
         flat = volts - _background(f, volts - _sum(f, clusters))
@@ -191,10 +193,12 @@ def _window(f: Array, table: Array) -> tuple[float, float]:
     """The part of the sweep that lines reach, wide enough for as many points as the fit has unknowns."""
     spacing = float(np.median(np.diff(f)))
     reach = np.maximum(REACH * table[:, 1], 8 * spacing)
-    low, high = float(np.min(table[:, 0] - reach)), float(np.max(table[:, 0] + reach))
+    low = float(np.min(table[:, 0] - reach))
+    high = float(np.max(table[:, 0] + reach))
     inside = (f >= low) & (f <= high)
     while np.count_nonzero(inside) < min(6 + 4 * table.shape[0], f.size):
-        low, high = low - 4 * spacing, high + 4 * spacing
+        low = low - 4 * spacing
+        high = high + 4 * spacing
         inside = (f >= low) & (f <= high)
     return float(f[inside][0]), float(f[inside][-1])
 
@@ -249,7 +253,8 @@ def _result(f: Array, volts: Complex, clusters: list[Cluster], notes: tuple[str,
         return np.concatenate([np.empty(0), *(getattr(cluster, name) for cluster in clusters)])
 
     order = np.argsort(gather("frequency"))
-    frequency, linewidth = gather("frequency")[order], gather("linewidth")[order]
+    frequency = gather("frequency")[order]
+    linewidth = gather("linewidth")[order]
     lines = _sum(f, clusters)
     points = sum(cluster.n_points - 4 * cluster.frequency.size - 6 for cluster in clusters)
     linewidth_sd = gather("linewidth_sd")[order]

@@ -39,7 +39,8 @@ def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
     Valid: white noise; a steady state during the record.
     Source: Sommer et al. 2025, supplement S7, decomposition of the time traces.
     """
-    time, voltage = traces["time"].values.astype(float), traces["voltage"].values
+    time = traces["time"].values.astype(float)
+    voltage = traces["voltage"].values
     drive = traces["drive_voltage"].values if "drive_voltage" in traces else None
     if "drive_frequency" in traces:
         frequency = traces["drive_frequency"].values.astype(float)
@@ -48,7 +49,8 @@ def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
     else:
         raise MeasurementError("trace: neither drive_frequency nor drive_voltage is there; add the frequency [Hz] of each step")
     orders = np.arange(n_harmonics + 1)
-    values, sd = np.zeros((n_harmonics + 1, len(voltage)), complex), np.zeros((n_harmonics + 1, len(voltage)))
+    values = np.zeros((n_harmonics + 1, len(voltage)), complex)
+    sd = np.zeros((n_harmonics + 1, len(voltage)))
     noise = np.zeros(len(voltage))
     for i, (row, f) in enumerate(zip(voltage, frequency, strict=True)):
         values[:, i], sd[:, i], noise[i] = _harmonics(time, row, float(f), n_harmonics)
@@ -61,7 +63,8 @@ def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
 def _harmonics(time: Array, voltage: Array, frequency: float, n_harmonics: int) -> tuple[ComplexArray, Array, float]:
     """Return V_n, their standard deviation per quadrature, and the noise per sample of one record."""
     used = np.isfinite(voltage)
-    t, v = time[used], voltage[used]
+    t = time[used]
+    v = voltage[used]
     n_unknown = 2 * n_harmonics + 1
     if t.size <= n_unknown:
         raise ParameterError(f"{t.size} samples cannot give {n_harmonics} harmonics: ask for fewer, or record longer")
@@ -81,7 +84,8 @@ def _harmonics(time: Array, voltage: Array, frequency: float, n_harmonics: int) 
         )
     noise = float(np.sqrt(np.sum((v - design @ solution) ** 2) / (t.size - n_unknown)))
     sd = noise * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))
-    cosine, sine = slice(1, n_harmonics + 1), slice(n_harmonics + 1, None)
+    cosine = slice(1, n_harmonics + 1)
+    sine = slice(n_harmonics + 1, None)
     values = np.concatenate([solution[:1], solution[cosine] + 1j * solution[sine]])
     return values, np.concatenate([sd[:1], np.sqrt((sd[cosine] ** 2 + sd[sine] ** 2) / 2)]), noise
 
@@ -89,8 +93,10 @@ def _harmonics(time: Array, voltage: Array, frequency: float, n_harmonics: int) 
 def _drive_frequency(time: Array, drive: Array) -> float:
     """Return the frequency [Hz] of the recorded drive: the peak of its spectrum, then the least misfit of one sine."""
     used = np.isfinite(drive)
-    t, v = time[used], drive[used] - np.mean(drive[used])
-    interval, whole = float(np.median(np.diff(time))), np.where(used, drive - np.mean(drive[used]), 0.0)
+    t = time[used]
+    v = drive[used] - np.mean(drive[used])
+    interval = float(np.median(np.diff(time)))
+    whole = np.where(used, drive - np.mean(drive[used]), 0.0)
     n_padded = next_fast_len(FINE * time.size, real=True)
     power = np.abs(rfft(whole * np.hanning(time.size), n_padded))
     step = 1 / (n_padded * interval)
@@ -135,14 +141,16 @@ def align(shots: HarmonicSpectrum) -> tuple[HarmonicSpectrum, Fit]:
 
     Valid: delays within half a period of each other; noise well below the first harmonic of a single record.
     """
-    n_shots, frequency = shots.values.shape[1], float(shots.drive_frequency[0])
+    n_shots = shots.values.shape[1]
+    frequency = float(shots.drive_frequency[0])
     if n_shots < 2 or np.ptp(shots.drive_frequency) > 1e-9 * frequency:
         raise ParameterError(
             f"align needs two or more records at one drive frequency, not {n_shots} at {np.unique(shots.drive_frequency).size}"
         )
     rate = np.asarray(2 * np.pi * frequency * shots.harmonic, np.float64)
     weight = 1 / np.mean(shots.values_sd**2, axis=1)
-    model, delay = shots.values[:, 0], np.zeros(n_shots)
+    model = shots.values[:, 0]
+    delay = np.zeros(n_shots)
     for _ in range(20):
         before = delay
         delay = np.array([_delay(model, values, weight, rate) for values in shots.values.T])
@@ -152,14 +160,16 @@ def align(shots: HarmonicSpectrum) -> tuple[HarmonicSpectrum, Fit]:
             break
     blur = 1 / np.sum(weight * rate**2 * np.abs(model) ** 2)
     spread = float(np.var(delay, ddof=1))
-    square, square_sd = spread - blur, spread * np.sqrt(2 / (n_shots - 1))
+    square = spread - blur
+    square_sd = spread * np.sqrt(2 / (n_shots - 1))
     jitter = float(np.sqrt(max(square, 0)))
     sd = float(square_sd / (2 * jitter)) if square > square_sd else float(np.sqrt(max(square, 0) + square_sd))
     notes = (
         () if square > 2 * square_sd else ("the delays scatter no more than noise explains: read the standard deviation as an upper limit",)
     )
     residual = (shots.values * np.exp(1j * np.outer(rate, delay)) - model[:, None]) * np.sqrt(weight)[:, None]
-    n_points, n_parameters = 2 * shots.values.size - n_shots, n_shots - 1 + 2 * len(model) - 1
+    n_points = 2 * shots.values.size - n_shots
+    n_parameters = n_shots - 1 + 2 * len(model) - 1
     chi2 = float(np.sum(np.abs(residual) ** 2) / (n_points - n_parameters))
     average = HarmonicSpectrum(
         shots.drive_frequency[:1],

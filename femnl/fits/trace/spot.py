@@ -11,9 +11,11 @@ from femnl.core.readout import Array, ComplexArray, FourierSeries, HarmonicSpect
 from femnl.fits.covariance import covariance
 from femnl.optics.unit_fringe import Orders, cosine, real_part, unit_fringe
 
-DEEPEST, STEP = 30.0, 0.1
+DEEPEST = 30.0
+STEP = 0.1
 """Grid of the search in z = qU, in rad."""
-N_SEARCHED, N_ORDERS = 15, 8
+N_SEARCHED = 15
+N_ORDERS = 8
 """Steps of the drive, and harmonics, that decide on the fringe in the search."""
 WALL = 1e9
 """Residual of motion beyond twice the grid, so that no step leads there."""
@@ -91,7 +93,8 @@ class _Spot:
         by_phase = 1j * self.harmonic[:, None] * parts["motion"]
         for column, slope in ((2 + step, parts["by_displacement"]), (2 + n_steps + step, by_phase)):
             change = -fringe["contrast"] * turn * slope
-            blocks[:, step, 0, column], blocks[:, step, 1, column] = change.real, change.imag
+            blocks[:, step, 0, column] = change.real
+            blocks[:, step, 1, column] = change.imag
         return result
 
     def refine(self, vector: Array, most: int) -> tuple[Array, float]:
@@ -157,12 +160,15 @@ class _Spot:
     def canonical(self, vector: Array) -> Array:
         """Return the equal solution with U ≥ 0, V_C > 0 for a cosine, θ of a symmetric fringe in [0, π], and φ in (−π, π]."""
         fringe, amplitude, phase = self.split(vector)
-        contrast, theta = fringe["contrast"], fringe["fringe_phase"]
+        contrast = fringe["contrast"]
+        theta = fringe["fringe_phase"]
         phase = phase + np.where(amplitude < 0, np.pi, 0.0)
         if self.series.coefficients.size == 2 and contrast < 0:
-            contrast, theta = -contrast, theta + np.pi
+            contrast = -contrast
+            theta = theta + np.pi
         if np.sin(theta) < 0 and np.abs(self.series.coefficients.imag).max() < 1e-9:
-            theta, phase = -theta, phase + np.pi
+            theta = -theta
+            phase = phase + np.pi
         angles = np.pi - (np.pi - np.concatenate([[theta], phase])) % (2 * np.pi)
         return np.concatenate([[contrast, angles[0]], np.abs(amplitude), angles[1:]])
 

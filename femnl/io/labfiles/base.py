@@ -85,12 +85,15 @@ def sweeps_to_response(sweeps: Sequence[Sweep], labels: Labels, spec: Spec, wher
     direction = np.zeros(len(sweeps))
     for row, (f, v) in enumerate(sweeps):
         known = np.isfinite(f)
-        f, v = f[known], v[known]
+        f = f[known]
+        v = v[known]
         steps = np.diff(f)
         direction[row] = 1 if np.all(steps >= 0) else -1 if np.all(steps <= 0) else 0
         order = np.argsort(f, kind="stable")
-        frequency[row, : f.size], volts[row, : f.size] = f[order], v[order]
-    ups, downs = np.count_nonzero(direction > 0), np.count_nonzero(direction < 0)
+        frequency[row, : f.size] = f[order]
+        volts[row, : f.size] = v[order]
+    ups = np.count_nonzero(direction > 0)
+    downs = np.count_nonzero(direction < 0)
     notes = [f"{where}: {len(sweeps)} sweeps, {ups} up and {downs} down, by the order of their points"]
     given: Labels = dict.fromkeys(("drive", "direction", "x", "y", "harmonic", "time"))
     given |= {"direction": direction if np.all(direction) else None, **labels}

@@ -62,7 +62,8 @@ def read_field(path: Path, unit: str) -> Field:
     left, top = (float(to_si(_number(header, name, path, 0.0), header.get("XYUnits", "m"), "m", place)) for name in ("XOffset", "YOffset"))
     placed = "XOffset" in header or "YOffset" in header
     if not placed:
-        left, top = -width / 2, -height / 2
+        left = -width / 2
+        top = -height / 2
     x = left + (np.arange(n_x) + 0.5) * width / n_x
     y = -(top + (np.arange(n_y) + 0.5) * height / n_y)
     return Field(x, y[::-1], to_si(values[::-1], header.get("ZUnits", unit), unit, f"{path}: ZUnits"), placed)
@@ -105,7 +106,8 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
         first = next(iter(parts.values()))
         if not (np.allclose(parts[role].x, first.x, rtol=1e-6, atol=0) and np.allclose(parts[role].y, first.y, rtol=1e-6, atol=0)):
             raise MeasurementError(f"{path}: its pixels do not lie where those of {paths[0].name} do; export all with the same extent")
-    where, notes = str(paths[0].parent), []
+    where = str(paths[0].parent)
+    notes = []
     if not first.placed:
         notes.append(f"{where}: no offsets in the files, the origin is taken in the middle of the image")
     harmonics = sorted({harmonic for harmonic, _ in parts})

@@ -71,7 +71,9 @@ def _by_field(path: Path, rows: list[list[str]]) -> dict[str, dict[str, NDArray[
     for number, row in enumerate(rows, start=2):
         if len(row) < 4:
             raise MeasurementError(f"{path}: line {number} has {len(row)} cells, not chunk, timestamp, size, fieldname, …; export it again")
-        chunk, size, name = row[0].strip(), _count(row[2], path, number), row[3].strip().lower()
+        chunk = row[0].strip()
+        size = _count(row[2], path, number)
+        name = row[3].strip().lower()
         if name in _FIELDS:
             if len(row) - 4 < size:
                 raise MeasurementError(f"{path}: line {number} announces {size} values of {name} and has {len(row) - 4}; export it again")

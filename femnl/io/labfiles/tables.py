@@ -100,7 +100,8 @@ def _complex(spec: Spec, columns: Columns, where: str) -> None:
     else:
         return
     values = values * (RMS if spec.rms else 1.0)
-    columns["real"], columns["imag"] = values.real, values.imag
+    columns["real"] = values.real
+    columns["imag"] = values.imag
 
 
 def _direct(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
@@ -129,7 +130,8 @@ def _need(columns: Columns, names: tuple[str, ...], where: str) -> None:
 
 def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[str]]:
     _need(columns, ("frequency", "real", "imag"), where)
-    frequency, volts = columns["frequency"], columns["real"] + 1j * columns["imag"]
+    frequency = columns["frequency"]
+    volts = columns["real"] + 1j * columns["imag"]
     keys = [columns[name] for name in ("sweep", *_PER_SWEEP) if name in columns]
     changes = np.logical_or.reduce([values[1:] != values[:-1] for values in keys]) if keys else np.zeros(frequency.size - 1, dtype=bool)
     cuts = _cuts(frequency, changes, turns="sweep" not in columns)
@@ -140,7 +142,9 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
 
 def _cuts(frequency: NDArray[np.float64], changes: NDArray[np.bool_], turns: bool) -> list[int]:
     """Where sweeps begin: at a change of what labels them, and (if `turns`) where the frequency turns back."""
-    cuts, heading, reached = [0], 0.0, 0
+    cuts = [0]
+    heading = 0.0
+    reached = 0
     steps = np.sign(np.nan_to_num(np.diff(frequency)))
     for index, (step, changed) in enumerate(zip(steps, changes, strict=True), start=1):
         if changed or (turns and heading * step < 0):

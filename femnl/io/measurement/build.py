@@ -18,7 +18,8 @@ def _build(kind: str, arrays: Mapping[str, ArrayLike | None], attributes: Mappin
     for key, given in arrays.items():
         if given is None:
             continue
-        item, values = spec[key], np.asarray(given)
+        item = spec[key]
+        values = np.asarray(given)
         expected = tuple(sizes.get(dim, n) for dim, n in zip(item.dims, values.shape, strict=False))
         if values.ndim != len(item.dims) or values.shape != expected:
             needs = ", ".join(f"{dim} = {sizes.get(dim, 'any')}" for dim in item.dims)

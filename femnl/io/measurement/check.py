@@ -33,7 +33,8 @@ def check(group: xr.Dataset, where: str) -> tuple[xr.Dataset, list[str]]:
     name = text(group.attrs.get("kind", ""))
     if name not in KINDS:
         raise MeasurementError(f"{where}: kind is {name!r}; give the group an attribute kind, one of {', '.join(KINDS)}")
-    kind, notes = KINDS[name], []
+    kind = KINDS[name]
+    notes = []
     found = {str(key): variable for key, variable in group.variables.items()}
     notes += [f"{where}/{stray}: not a dataset of kind {name}, left out" for stray in sorted(found.keys() - kind.datasets.keys())]
     arrays = {key: _values(found[key], kind.datasets[key], f"{where}/{key}", notes) for key in kind.datasets if key in found}

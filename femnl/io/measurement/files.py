@@ -63,7 +63,9 @@ def bundle(groups: Mapping[str, xr.Dataset], geometry: str | None = None, **attr
 
 
 def _collect(groups: Mapping[str, xr.Dataset], where: str) -> xr.DataTree:
-    root, notes, clean = groups["/"], [], {}
+    root = groups["/"]
+    notes = []
+    clean = {}
     for name, group in groups.items():
         if name == "/":
             notes += [f"{where}/{stray}: dataset outside a group, left out" for stray in root.variables]

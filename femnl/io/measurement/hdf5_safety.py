@@ -56,7 +56,8 @@ def _walk_heaps(path: Path) -> None:
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
         start = -1
         while (start := data.find(HEAP, start + 1)) >= 0:
-            at, end = start + 16, start + int.from_bytes(data[start + 8 : start + 16], "little")
+            at = start + 16
+            end = start + int.from_bytes(data[start + 8 : start + 16], "little")
             while at + 16 <= min(end, len(data)):
                 size = int.from_bytes(data[at + 8 : at + 16], "little")
                 step = size if data[at : at + 2] == b"\0\0" else 16 + size + -size % 8

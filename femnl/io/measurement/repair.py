@@ -64,7 +64,8 @@ def _mend_axis(dataset: xr.Dataset, axis: str, where: str, notes: list[str]) -> 
         values = dataset[axis].values
     repeated = np.flatnonzero(np.diff(values) == 0) + 1
     for index in repeated:
-        first, second = dataset.isel({axis: index - 1}), dataset.isel({axis: index})
+        first = dataset.isel({axis: index - 1})
+        second = dataset.isel({axis: index})
         if not first.equals(second):
             raise MeasurementError(f"{line}: value {values[index]:g} is given twice with different data; correct or delete one of them")
     if repeated.size:

@@ -23,7 +23,8 @@ def fit_shapes(
     sizes: dict[str, int] = {}
     shaped: dict[str, Array] = {}
     for key in sorted(arrays, key=lambda key: (len(kind.datasets[key].dims), -arrays[key].ndim)):
-        item, line = kind.datasets[key], f"{where}/{key}"
+        item = kind.datasets[key]
+        line = f"{where}/{key}"
         values = _fit(arrays[key], names.get(key, ()), item, sizes, line, notes)
         if not _fits(values.shape, item.dims, sizes) or 0 in values.shape:
             needs = ", ".join(f"{dim} = {sizes.get(dim, 'any')}" for dim in item.dims)

@@ -18,7 +18,8 @@ def unfold(modes: Modes) -> Surface:
     Thickness and stress at a node are means over the triangles that meet there.
     """
     domain = modes.domain
-    space, plane = Space(domain.mesh, modes.degree), Space(domain.mesh, modes.prestress.degree)
+    space = Space(domain.mesh, modes.degree)
+    plane = Space(domain.mesh, modes.prestress.degree)
     nodes = Space(domain.mesh, 2)
     local = reference_nodes(2)
     shapes = np.zeros((len(modes.shapes), nodes.size))
@@ -39,12 +40,14 @@ def unfold(modes: Modes) -> Surface:
 
 def _in_plane(modes: Modes, nodes: Space, plane: Space, local: Array) -> tuple[Array, Array, Array]:
     """Relaxed stress (n, 3), in-plane displacement (n, 2) and thickness (n,) at the nodes."""
-    sheet, every = Sheet(modes.domain), slice(None)
+    sheet = Sheet(modes.domain)
+    every = slice(None)
     jet = plane.jet(every, local)
     unknowns = modes.prestress.displacement[vector_dofs(plane, every)]
     strain = np.einsum("eqcj,ej->eqc", in_plane_strain(jet), unknowns)
     values = sheet.stress(every) + (strain[..., None, :] @ sheet.moduli(every))[..., 0, :]
-    total, count = np.zeros((nodes.size, 4)), np.zeros(nodes.size)
+    total = np.zeros((nodes.size, 4))
+    count = np.zeros(nodes.size)
     np.add.at(total, nodes.dofs, np.concatenate([values, sheet.thickness(every, jet.point)[..., None]], -1))
     np.add.at(count, nodes.dofs, 1)
     half = plane.dofs.shape[1]
@@ -60,7 +63,8 @@ def _copies(wedge: float, copies: int) -> list[tuple[Array, int, bool]]:
         return [(np.eye(2), 0, False)]
     result = []
     for steps in range(copies // 2):
-        c, s = np.cos(2 * wedge * steps), np.sin(2 * wedge * steps)
+        c = np.cos(2 * wedge * steps)
+        s = np.sin(2 * wedge * steps)
         rotation = np.array([[c, -s], [s, c]])
         result += [(rotation, steps, False), (rotation @ np.diag([1.0, -1.0]), steps, True)]
     return result

@@ -44,7 +44,8 @@ def cell_domain(model: Model, lattice: Lattice, resolution: float) -> Domain:
     film = replace(model.film, gradient=(0.0, 0.0))
     device = replace(model, outline=outline, holes=holes, film=film, overhang=None, clamp=Clamp())
     radius = model.holes.radius if len(model.holes.centres) else 0.0
-    patches, angles = _wedge(lattice, radius, resolution), 2 * np.pi / lattice.turns * np.arange(lattice.turns)
+    patches = _wedge(lattice, radius, resolution)
+    angles = 2 * np.pi / lattice.turns * np.arange(lattice.turns)
     need_memory(BYTES * len(patches) * 2 * lattice.turns, "waves in one cell", "lower the resolution")
     turns = [_turn(angle) @ flip for angle in angles for flip in (np.eye(2), np.diag([1.0, -1.0]))]
     whole = from_patches(np.concatenate([patches @ turn.T for turn in turns]))
@@ -87,7 +88,8 @@ def _straight(corners: list[Array]) -> Array:
 
 
 def _turn(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     return np.array([[c, -s], [s, c]])
 
 
@@ -129,7 +131,8 @@ class Periodic:
 def periodic(domain: Domain, lattice: Lattice, prestress: Prestress, degree: int) -> Periodic:
     """Put the operators of a cell together for waves. Args: domain, prestress: of `cell_domain`."""
     operators = Operators(replace(prestress, domain=inner(domain)), degree)
-    place, find = operators.space.location, _finder(operators.space.location, lattice.pitch)
+    place = operators.space.location
+    find = _finder(operators.space.location, lattice.pitch)
     whole = np.concatenate([lattice.steps, -lattice.steps])
     if lattice.turns == 4:
         whole = np.concatenate([whole, [a + b for a in (whole[0], whole[2]) for b in (whole[1], whole[3])]])
@@ -146,7 +149,8 @@ def periodic(domain: Domain, lattice: Lattice, prestress: Prestress, degree: int
             seam = Assembly(space.size)
             for local, dofs in slope_continuity(space, facets, sheet.bending, sheet.largest_poisson):
                 seam.add(local, dofs)
-            here, there = find(space.location), find(space.location - step)
+            here = find(space.location)
+            there = find(space.location - step)
             seams.append((seam.matrix(), space.location, classes[np.where(here >= 0, here, there)]))
     return Periodic(operators.stiffness(()), operators.mass, place, classes, tuple(seams), _conjugate(opposite))
 
@@ -164,7 +168,8 @@ def _finder(place: Array, pitch: float) -> Callable[[Array], Index]:
 
 def _strip(domain: Domain, step: Array) -> tuple[MeshTri2, Index]:
     """The triangles on both sides of the side that a step of the lattice crosses, and the facets on it."""
-    grid, pitch = domain.mesh, float(np.linalg.norm(step))
+    grid = domain.mesh
+    pitch = float(np.linalg.norm(step))
     sides = np.asarray((grid.boundaries or {})["clamped"])
     across = grid.p[:, grid.facets[:, sides]].mean(axis=1).T @ step / pitch**2
     patches = np.asarray(grid.doflocs).T[Space(grid, 2).dofs]
@@ -177,9 +182,12 @@ def _conjugate(opposite: Index) -> csc_matrix:
     """U of `Periodic`, from the class at −r of each class."""
     n = len(opposite)
     own = np.arange(n)
-    rows, columns, values = [own[opposite == own]], [own[opposite == own]], [np.ones(np.sum(opposite == own), dtype=complex)]
+    rows = [own[opposite == own]]
+    columns = [own[opposite == own]]
+    values = [np.ones(np.sum(opposite == own), dtype=complex)]
     low = own[own < opposite]
-    high, half = opposite[low], np.full(len(low), np.sqrt(0.5), dtype=complex)
+    high = opposite[low]
+    half = np.full(len(low), np.sqrt(0.5), dtype=complex)
     for row, column, value in ((low, low, half), (low, high, 1j * half), (high, low, half), (high, high, -1j * half)):
         rows.append(row)
         columns.append(column)

@@ -66,11 +66,13 @@ def find_lattice(model: Model) -> Lattice:
 
     Raises: ParameterError where they lie on no square or hexagonal lattice, or are less than four.
     """
-    centres, name = model.holes.centres, model.name
+    centres = model.holes.centres
+    name = model.name
     if len(centres) < 4:
         raise ParameterError(f"{name}: holes: {len(centres)} of them make no lattice; give a device with four or more, or a lattice")
     gaps, nearest = (np.asarray(found) for found in cKDTree(centres).query(centres, k=2))
-    pitch, first = float(gaps[:, 1].min()), int(np.argmin(gaps[:, 1]))
+    pitch = float(gaps[:, 1].min())
+    first = int(np.argmin(gaps[:, 1]))
     along = centres[nearest[first, 1]] - centres[first]
     for lattice in (Lattice("square", pitch), Lattice("hexagonal", pitch)):
         turn = np.array([[along[0], -along[1]], [along[1], along[0]]]) / pitch

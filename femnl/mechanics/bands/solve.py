@@ -85,7 +85,8 @@ def solve_bands(
     if places.ndim != 2 or places.shape[1] != 2 or not np.all(np.isfinite(places)):
         raise ParameterError(f"wave: expected finite wave vectors (n, 2) in rad/m, found an array of shape {places.shape}")
     domain = cell_domain(model, lattice, resolution)
-    tension, mass = 0.0, 0.0
+    tension = 0.0
+    mass = 0.0
     found = []
     for degree in DEGREES:
         prestress = solve_prestress(domain, degree, "sliding")
@@ -107,8 +108,12 @@ def _frequencies(cell: Periodic, wave: Array, count: int, lattice: Lattice, squa
 
 def _means(prestress: Prestress, lattice: Lattice) -> tuple[float, float]:
     """Mean tension [N/m] and mass [kg/m²] of the cell, holes counted as empty: those of waves that are long."""
-    domain, order = prestress.domain, quadrature_order(prestress.domain.model, 2 * prestress.degree)
-    space, sheet, tension, mass = Space(domain.mesh, prestress.degree), Sheet(domain), 0.0, 0.0
+    domain = prestress.domain
+    order = quadrature_order(prestress.domain.model, 2 * prestress.degree)
+    space = Space(domain.mesh, prestress.degree)
+    sheet = Sheet(domain)
+    tension = 0.0
+    mass = 0.0
     for cell, stress in zip(cells(space, order), relaxed_stress(prestress, order), strict=True):
         h = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
         mass += float(np.sum(sheet.density(cell.triangles) * h))

@@ -20,13 +20,15 @@ def lowest_eigenvalues(stiffness: csc_matrix, mass: csc_matrix, count: int) -> A
     A Lanczos iteration from one vector, as `lowest_eigenpairs` has, finds one eigenvector of each eigenvalue, and others by rounding
     alone; a block finds as many as it has columns. K is never multiplied by: its large entries would drown the longest waves.
 
-    Raises: ConvergenceError naming the knob.
+    Raises: ConvergenceError naming the setting.
     Source: Bathe, Finite Element Procedures (1996), section 11.6.
     """
-    n, columns = stiffness.shape[0], 2 * count + 8
+    n = stiffness.shape[0]
+    columns = 2 * count + 8
     if columns >= n:
         raise ConvergenceError(f"{count} bands were asked of a cell with {n} unknowns: ask for fewer bands or raise the resolution")
-    solve, last = factorize(stiffness), np.zeros(count)
+    solve = factorize(stiffness)
+    last = np.zeros(count)
     load = mass @ np.random.default_rng(0).standard_normal((n, columns))  # a fixed start makes reruns identical
     for _ in range(ROUNDS):
         moved = solve(load)
@@ -34,5 +36,6 @@ def lowest_eigenvalues(stiffness: csc_matrix, mass: csc_matrix, count: int) -> A
         values, turn = eigh(moved.T @ load, moved.T @ inertia)
         if np.all(np.abs(values[:count] - last) <= SETTLED * values[count - 1]):
             return np.asarray(values[:count])
-        last, load = values[:count], inertia @ turn
+        last = values[:count]
+        load = inertia @ turn
     raise ConvergenceError(f"the lowest {count} frequencies of the cell did not converge: ask for fewer bands or raise the resolution")

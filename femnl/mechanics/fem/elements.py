@@ -65,8 +65,10 @@ def nodes(degree: int) -> Array:
 def _numbering(mesh: MeshTri2, degree: int) -> Dofs:
     """scikit-fem's numbering of the unknowns: those of vertices, then of edges, then inside."""
     element = ElementH1()
-    element.refdom, element.nodal_dofs = RefTri, 1
-    element.facet_dofs, element.interior_dofs = degree - 1, (degree - 1) * (degree - 2) // 2
+    element.refdom = RefTri
+    element.nodal_dofs = 1
+    element.facet_dofs = degree - 1
+    element.interior_dofs = (degree - 1) * (degree - 2) // 2
     return Dofs(mesh, element)
 
 
@@ -103,7 +105,8 @@ def _inverse(matrices: Array) -> Array:
 
 def _along_arcs(start: Array, end: Array, sagitta: Array, fraction: Array) -> Array:
     """Points (f, n, 2) at fractions (f,) of the angle of arcs (n, 2) whose middle lies `sagitta` from that of the chord."""
-    chord, height = end - start, np.linalg.norm(sagitta, axis=1)
+    chord = end - start
+    height = np.linalg.norm(sagitta, axis=1)
     half = 2 * np.arctan(2 * height / np.linalg.norm(chord, axis=1))
     angle = np.multiply.outer(2 * fraction - 1, half)
     along = np.sin(angle) / np.sin(half)
@@ -113,7 +116,8 @@ def _along_arcs(start: Array, end: Array, sagitta: Array, fraction: Array) -> Ar
 
 def _conical(n: int) -> tuple[Array, Array]:
     """Stroud's conical product of Gauss rules, exact to order 2n − 1 on the reference triangle."""
-    (along, first), (across, second) = roots_jacobi(n, 1, 0), roots_jacobi(n, 0, 0)
+    (along, first) = roots_jacobi(n, 1, 0)
+    (across, second) = roots_jacobi(n, 0, 0)
     x, y = np.meshgrid((along + 1) / 2, (across + 1) / 2, indexing="ij")
     return np.stack([x.ravel(), ((1 - x) * y).ravel()], 1), np.outer(first, second).ravel() / 8
 
@@ -157,7 +161,8 @@ class Space:
         place = np.asarray(self.mesh.doflocs).T[_by_triangle(_numbering(self.mesh, 2))]
         if degree > 2:
             numbering = self._numbering if self.degree == degree else _numbering(self.mesh, degree)
-            dofs, shared = _by_triangle(numbering), np.empty((int(numbering.N), 2))
+            dofs = _by_triangle(numbering)
+            shared = np.empty((int(numbering.N), 2))
             shared[dofs] = reference_basis(2, nodes(degree)) @ place
             facets, start, end, sagitta, arcs = self._boundary
             on_arc = np.asarray(numbering.facet_dofs)[:, facets[arcs]]
@@ -235,7 +240,9 @@ class Space:
         basis = np.stack([reference_basis(self.degree, points, d) for d in orders])
         bend = np.stack([reference_basis(self.map_degree, points, d) @ place for d in orders], axis=2)
         raw = basis.transpose(1, 0, 2)[None] - np.einsum("eqcx,eqxj->eqcj", bend, gradient, optimize=True)
-        a, b = inverse[:, :, 0, :], inverse[:, :, 1, :]  # ∂X/∂(x, y), ∂Y/∂(x, y)
+        # ∂X/∂(x, y), ∂Y/∂(x, y)
+        a = inverse[:, :, 0, :]
+        b = inverse[:, :, 1, :]
         pairs = ((0, 0), (1, 1), (0, 1))
         turn = np.stack(
             [np.stack([a[..., i] * a[..., j], b[..., i] * b[..., j], a[..., i] * b[..., j] + a[..., j] * b[..., i]], -1) for i, j in pairs],
@@ -252,5 +259,6 @@ class Space:
     def edge_points(self, edge: int, order: int) -> tuple[Array, Array]:
         """Points (q, 2) on one edge of the reference triangle and their weights (q,) on [0, 1]."""
         parameter, weights = get_quadrature(RefLine, order)
-        start, end = VERTICES[EDGES[edge][0]], VERTICES[EDGES[edge][1]]
+        start = VERTICES[EDGES[edge][0]]
+        end = VERTICES[EDGES[edge][1]]
         return start + np.asarray(parameter).T * (end - start), np.asarray(weights)

@@ -69,7 +69,8 @@ def curvature(jet: Jet) -> Array:
 
 def in_plane_strain(jet: Jet) -> Array:
     """ε(u) of u = (u_x, u_y), rows (xx, yy, 2xy); columns first all of u_x, then all of u_y."""
-    dx, dy = jet.gradient[:, :, 0], jet.gradient[:, :, 1]
+    dx = jet.gradient[:, :, 0]
+    dy = jet.gradient[:, :, 1]
     zero = np.zeros_like(dx)
     rows = [np.concatenate(pair, -1) for pair in ((dx, zero), (zero, dy), (dy, dx))]
     return np.stack(rows, axis=2)
@@ -159,7 +160,8 @@ def edges_by_local_number(space: Space, facets: Index) -> Iterator[Edges]:
     sides = np.asarray(mesh.f2t[:, facets], dtype=np.int64)  # −1 beyond the film's edge
     number = np.where(sides >= 0, [np.argmax(mesh.t2f[:, side] == facets, axis=0) for side in sides], -1)
     for local in np.unique(number, axis=1).T:
-        chosen, present = np.all(number == local[:, None], axis=0), local >= 0
+        chosen = np.all(number == local[:, None], axis=0)
+        present = local >= 0
         yield Edges(sides[present][:, chosen], tuple(int(e) for e in local[present]))
 
 
@@ -189,7 +191,10 @@ def slope_continuity(
     """
     p = space.degree - 2
     for edges in edges_by_local_number(space, facets):
-        moments, slopes, ratios, rigid = [], [], [], []
+        moments = []
+        slopes = []
+        ratios = []
+        rigid = []
         normal = np.empty(0)
         for side, (triangles, edge) in enumerate(zip(edges.triangles, edges.local, strict=True)):
             jet, outward, ds = side_of_edge(space, triangles, edge, 2 * space.degree, second=True)
@@ -224,6 +229,7 @@ def side_of_edge(space: Space, triangles: Index, edge: int, order: int, second: 
 
 def _normal_moment(jet: Jet, normal: Array, bending: Array) -> Array:
     """Mₙₙ = nᵀ M n of M = h³/12 C ∇∇w, shape (e, q, j)."""
-    nx, ny = normal[..., 0], normal[..., 1]
+    nx = normal[..., 0]
+    ny = normal[..., 1]
     rows = (np.stack([nx**2, ny**2, 2 * nx * ny], -1)[..., None, :] @ bending)[..., 0, :]
     return np.asarray(np.einsum("eqc,eqcj->eqj", rows * np.array([1.0, 1.0, 2.0]), jet.hessian))

@@ -12,7 +12,7 @@ LIMITS = (resource.RLIMIT_AS, resource.RLIMIT_DATA, resource.RLIMIT_RSS)
 def need_memory(amount: float, what: str, remedy: str) -> None:
     """Refuse what cannot fit, before hours are spent on it.
 
-    Args: amount: estimate of the memory needed [bytes]. what: needs it, in the plural. remedy: the knob to turn.
+    Args: amount: estimate of the memory needed [bytes]. what: needs it, in the plural. remedy: the setting to turn.
     Raises: ParameterError where it is more than the memory of the machine, or than this process may take of it.
     """
     machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

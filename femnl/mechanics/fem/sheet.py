@@ -26,7 +26,8 @@ class Sheet:
             self._which[(domain.mesh.subdomains or {})["overhang"]] = 1
         self.largest_poisson = max(f.poisson for f in films)
         self._thickness = np.array([f.thickness for f in films])
-        self._density, self._stress = np.array([f.density for f in films]), np.array([f.stress for f in films])
+        self._density = np.array([f.density for f in films])
+        self._stress = np.array([f.stress for f in films])
         self._moduli = np.stack([plane_stress(f.young, f.poisson if poisson is None else poisson) for f in films])
 
     def _films(self, triangles: Index | slice) -> Index:
@@ -35,7 +36,8 @@ class Sheet:
 
     def thickness(self, triangles: Index | slice, point: Array) -> Array:
         """Thickness h (e, q) [m]."""
-        film, h = self._films(triangles), thickness(self._model, point)
+        film = self._films(triangles)
+        h = thickness(self._model, point)
         return np.where(film[:, None] > 0, self._thickness[film][:, None], h)
 
     def density(self, triangles: Index | slice) -> Array:

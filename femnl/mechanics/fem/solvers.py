@@ -43,7 +43,8 @@ INDEFINITE = (
 
 
 def _factorize_cholmod(stiffness: csc_matrix) -> Solve:
-    cvxopt, cholmod = import_module("cvxopt"), import_module("cvxopt.cholmod")
+    cvxopt = import_module("cvxopt")
+    cholmod = import_module("cvxopt.cholmod")
     lower = stiffness.tocoo()
     keep = lower.row >= lower.col
     stored = cvxopt.spmatrix(lower.data[keep], lower.row[keep].astype(int), lower.col[keep].astype(int), size=lower.shape)
@@ -65,7 +66,7 @@ def _factorize_cholmod(stiffness: csc_matrix) -> Solve:
 def lowest_eigenpairs(stiffness: csc_matrix, mass: csc_matrix, count: int) -> tuple[Array, Array]:
     """Return the `count` lowest solutions of K x = λ M x: λ (count,) rising, and x (n, count) with xᵀMx = 1.
 
-    Shift–invert Lanczos at zero, so K must be positive definite. Raises: ConvergenceError naming the knob.
+    Shift–invert Lanczos at zero, so K must be positive definite. Raises: ConvergenceError naming the setting.
     """
     n = stiffness.shape[0]
     if count >= n - 1:

@@ -23,7 +23,8 @@ def relaxed_stress(prestress: Prestress, order: int) -> list[Array]:
 
 def unit_stress(domain: Domain, units: Units, order: int) -> list[Array]:
     """What is left of a film stress of 1 in each of `DIRECTIONS` (xy: in xy and in yx), as above: (3, e, q, 3) [1]."""
-    sheet, own = Sheet(domain), np.eye(3)[:, None, None]
+    sheet = Sheet(domain)
+    own = np.eye(3)[:, None, None]
     strains = _strains(domain, units.degree, units.displacement, order)
     return [own + (strain[..., None, :] @ sheet.moduli(part))[..., 0, :] for part, strain in strains]
 

@@ -114,11 +114,9 @@ def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, 
                     sprung.append((dofs, normals @ turn.T))
     _hold_rigid_motion(space, held, sprung)
     anywhere = np.setdiff1d(np.arange(space.size), np.fromiter(held, dtype=np.int64))
-    rows, columns, values = (
-        [anywhere, anywhere + space.size],
-        [np.arange(len(anywhere)), np.arange(len(anywhere)) + len(anywhere)],
-        [np.ones(2 * len(anywhere))],
-    )
+    rows = [anywhere, anywhere + space.size]
+    columns = [np.arange(len(anywhere)), np.arange(len(anywhere)) + len(anywhere)]
+    values = [np.ones(2 * len(anywhere))]
     n = 2 * len(anywhere)
     for dof, directions in held.items():
         for direction in _admissible(directions):
@@ -163,12 +161,17 @@ def _edge_normals(space: Space) -> list[tuple[NDArray[np.int64], Array]]:
     """Unit normals of the clamped outline at its unknowns, facet by facet; a corner appears once for each side."""
     facets = space.boundary_facets("clamped")
     result = []
-    ends, middle = space.mesh.doflocs[:, space.mesh.facets[:, facets]], space.mesh.doflocs[:, space.mesh.nvertices + facets]
+    ends = space.mesh.doflocs[:, space.mesh.facets[:, facets]]
+    middle = space.mesh.doflocs[:, space.mesh.nvertices + facets]
     for k in range(len(facets)):
         dofs = space.facet_unknowns(int(facets[k]))
-        a, b, c = ends[:, 0, k], ends[:, 1, k], middle[:, k]
-        chord, sagitta = b - a, c - (a + b) / 2
-        along, rise = np.linalg.norm(chord), np.linalg.norm(sagitta)
+        a = ends[:, 0, k]
+        b = ends[:, 1, k]
+        c = middle[:, k]
+        chord = b - a
+        sagitta = c - (a + b) / 2
+        along = np.linalg.norm(chord)
+        rise = np.linalg.norm(sagitta)
         half = 2 * np.arctan(2 * rise / along) if rise > STRAIGHT * along else 0.0  # half the angle of the arc
         angle = half * (2 * np.array([0.0, 1.0, *np.linspace(0, 1, space.degree + 1)[1:-1]]) - 1)
         tangent = np.outer(np.cos(angle), chord / along) - np.outer(np.sin(angle), sagitta / max(rise, 1e-300))

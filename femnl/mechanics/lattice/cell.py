@@ -30,7 +30,8 @@ from femnl.mechanics.prestress import solve_prestress
 
 Array = NDArray[np.float64]
 
-DEGREE, RESOLUTION = 4, 1.5
+DEGREE = 4
+RESOLUTION = 1.5
 LONG = 4  # cells per wavelength from which the dispersion is read
 BOTH = (1, 1)
 
@@ -73,8 +74,11 @@ def solve_cell(model: Model, pitch: float) -> Cell:
         raise ParameterError(f"pitch = {pitch:g} m: expected more than the diameter {2 * model.holes.radius:g} m of holes that are there")
     domain = _cells(model, pitch, 1, 1)
     prestress = solve_prestress(domain, DEGREE)
-    space, order, area = Space(domain.mesh, DEGREE), quadrature_order(model, 2 * DEGREE), (pitch / 2) ** 2
-    mass, tension = 0.0, 0.0
+    space = Space(domain.mesh, DEGREE)
+    order = quadrature_order(model, 2 * DEGREE)
+    area = (pitch / 2) ** 2
+    mass = 0.0
+    tension = 0.0
     for cell, stress in zip(cells(space, order), relaxed_stress(prestress, order), strict=True):
         h = thickness(domain.model, cell.jet.point)
         mass += float(np.sum(model.film.density * h * cell.dx)) / area
@@ -88,7 +92,8 @@ def solve_cell(model: Model, pitch: float) -> Cell:
 
 def _cells(model: Model, pitch: float, n_x: int, n_y: int) -> Domain:
     """A quarter of n_x × n_y cells, all of whose straight sides are mirrors."""
-    x, y = n_x * pitch / 2, n_y * pitch / 2
+    x = n_x * pitch / 2
+    y = n_y * pitch / 2
     corners = [(-x, -y), (x, -y), (x, y), (-x, y)]
     sides = tuple(Segment(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True))
     rows = [pitch * (np.arange(n) - (n - 1) / 2) for n in (n_x, n_y)]
@@ -106,10 +111,13 @@ def _cells(model: Model, pitch: float, n_x: int, n_y: int) -> Domain:
 def _stretched(domain: Domain, space: Space, strain: Array) -> float:
     """∫ h C (ε + ε(u)) : (ε + ε(u)) over the quarter cell under a mean strain ε (xx, yy, 2xy), u periodic."""
     film = domain.model.film
-    moduli, energy = plane_stress(film.young, film.poisson), 0.0
-    load, matrix = np.zeros(2 * space.size), Assembly(2 * space.size)
+    moduli = plane_stress(film.young, film.poisson)
+    energy = 0.0
+    load = np.zeros(2 * space.size)
+    matrix = Assembly(2 * space.size)
     for cell in cells(space, quadrature_order(domain.model, 2 * space.degree)):
-        basis, dofs = in_plane_strain(cell.jet), vector_dofs(space, cell.triangles)
+        basis = in_plane_strain(cell.jet)
+        dofs = vector_dofs(space, cell.triangles)
         weight = thickness(domain.model, cell.jet.point) * cell.dx
         energy += float(np.sum(weight) * strain @ moduli @ strain)
         np.add.at(load, dofs, local_vectors(basis, np.broadcast_to(moduli @ strain, (*weight.shape, 3)), weight))

@@ -38,7 +38,8 @@ def solve_condensed(tiling: Tiling, count: int, degree: int) -> Modes:
         by tests/physics/test_condensed.py.
     """
     relaxed = Relaxed(Frame(tiling, degree))
-    source, prestress = Condensed(relaxed), relaxed.prestress()
+    source = Condensed(relaxed)
+    prestress = relaxed.prestress()
     modes = solve_sectors(source, prestress, count)
     for _ in range(EXTENSIONS):
         if source.missed <= MISSED:
@@ -64,20 +65,25 @@ class Condensed:
     """
 
     def __init__(self, relaxed: Relaxed) -> None:
-        self._relaxed, frame = relaxed, relaxed.frame
+        self._relaxed = relaxed
+        frame = relaxed.frame
         pairs = zip(frame.sides, relaxed.mean, strict=True)
         self._flexures = [Flexure(sides, frame.tiling.model, mean, frame.degree) for sides, mean in pairs]
         self.space = frame.numbering.space
         self._assemble()
 
     def _assemble(self) -> None:
-        relaxed, skeleton = self._relaxed, self._relaxed.frame.skeleton
+        relaxed = self._relaxed
+        skeleton = self._relaxed.frame.skeleton
         entries = sum(len(a) * f.basis.shape[1] ** 2 for a, f in zip(relaxed.amounts, self._flexures, strict=True))
         need_memory(ENTRY_BYTES * entries, f"condensed cells on {entries:.2g} entries", "lower the resolution")
         first = skeleton.n_deflections + skeleton.n_slopes
-        self._numbers, stiff, heavy = [], [], []
+        self._numbers = []
+        stiff = []
+        heavy = []
         for k, flexure in enumerate(self._flexures):
-            tiles, inner = len(relaxed.amounts[k]), flexure.basis.shape[1] - flexure.n_sides
+            tiles = len(relaxed.amounts[k])
+            inner = flexure.basis.shape[1] - flexure.n_sides
             own = first + np.arange(tiles * inner).reshape(tiles, inner)
             first += tiles * inner
             self._numbers.append(np.concatenate([skeleton.deflections[k], skeleton.n_deflections + skeleton.slopes[k], own], axis=1))
@@ -85,7 +91,8 @@ class Condensed:
             fields = [flexure.reduced(flexure.tension(field)) for field in relaxed.fields[k]]
             stiff.append(still + np.tensordot(relaxed.amounts[k], np.array(fields).reshape(-1, *still.shape), 1))
             heavy.append(flexure.reduced(flexure.inertia))
-        self._n, self.missed = first, 0.0
+        self._n = first
+        self.missed = 0.0
         self._stiffness, self._mass = (summed(blocks, self._numbers, first) for blocks in (stiff, heavy))
         self._corrections: list[list[Array]] = [[] for _ in self._flexures]
 
@@ -98,9 +105,12 @@ class Condensed:
         values, vectors = lowest_eigenpairs(csc_matrix(self._stiffness[at][:, at]), csc_matrix(self._mass[at][:, at]), count)
         whole = np.zeros((self._n, count))
         whole[at] = vectors
-        shapes, excess = np.zeros((count, self.space.size)), np.zeros(count)
+        shapes = np.zeros((count, self.space.size))
+        excess = np.zeros(count)
         for k, (flexure, numbers, dofs) in enumerate(zip(self._flexures, self._numbers, self._relaxed.frame.numbering.dofs, strict=True)):
-            n, size, step = dofs.shape[1], len(flexure.basis), max(CHUNK // count, 1)
+            n = dofs.shape[1]
+            size = len(flexure.basis)
+            step = max(CHUNK // count, 1)
             for start in range(0, len(numbers), step):
                 some = slice(start, start + step)
                 amounts = whole[numbers[some]].transpose(1, 0, 2)

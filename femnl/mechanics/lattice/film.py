@@ -49,7 +49,10 @@ Array = NDArray[np.float64]
 
 DEGREE = 4
 QUARTER = np.pi / 2
-LAYER_SIZE, GROWTH, ACROSS = 1.0, 0.6, 8  # elements at the edge in bending lengths, what they gain per distance, and along half a side
+# elements at the edge in bending lengths, what they gain per distance, and along half a side
+LAYER_SIZE = 1.0
+GROWTH = 0.6
+ACROSS = 8
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,8 @@ class _Film:
 
     @property
     def tension(self) -> Callable[[Array], Array]:
-        film, even = self.model.film, np.array([1.0, 1.0, 0.0])
+        film = self.model.film
+        even = np.array([1.0, 1.0, 0.0])
         return self.choose(self.cell.tension * even, film.stress * film.thickness * even)
 
     @property
@@ -136,7 +140,8 @@ def _mesh(model: Model, reach: Array) -> MeshTri2:
 
 def _lines(half: float, box: float, layer: float) -> Array:
     """Places from 0 to half, closer towards half, with one at the box."""
-    places, largest = [half], half / ACROSS
+    places = [half]
+    largest = half / ACROSS
     while places[-1] > 0:
         size = min(largest, max(LAYER_SIZE * layer, half / 64) + GROWTH * (half - places[-1]))
         places.append(places[-1] - size)
@@ -151,9 +156,11 @@ def _lines(half: float, box: float, layer: float) -> Array:
 def _relax(film: _Film, domain: Domain) -> Prestress:
     """Relax the two films' tension in plane, clamped at the outline."""
     space = Space(domain.mesh, DEGREE)
-    load, matrix = in_plane_draw(space, domain.model.clamp), Assembly(2 * space.size)
+    load = in_plane_draw(space, domain.model.clamp)
+    matrix = Assembly(2 * space.size)
     for cell in cells(space, 2 * DEGREE):
-        basis, dofs = in_plane_strain(cell.jet), vector_dofs(space, cell.triangles)
+        basis = in_plane_strain(cell.jet)
+        dofs = vector_dofs(space, cell.triangles)
         np.add.at(load, dofs, -local_vectors(basis, film.tension(cell.jet.point), cell.dx))
         matrix.add(local_matrices(basis, film.membrane(cell.jet.point), cell.dx), dofs)
     supports = in_plane_supports(space, domain.wedge, "clamped", (True, True), domain.model.clamp)
@@ -166,12 +173,16 @@ class _Operators:
 
     def __init__(self, film: _Film, prestress: Prestress) -> None:
         domain = prestress.domain
-        self.space, self._film, self._bends = Space(domain.mesh, DEGREE), film, domain.model.bending
-        stiffness, mass = Assembly(self.space.size), Assembly(self.space.size)
+        self.space = Space(domain.mesh, DEGREE)
+        self._film = film
+        self._bends = domain.model.bending
+        stiffness = Assembly(self.space.size)
+        mass = Assembly(self.space.size)
         poisson = film.model.film.poisson
         bend = plane_stress(1.0, poisson) * (1 - poisson**2)
         for cell in cells(self.space, 2 * DEGREE, second=self._bends):
-            dofs, point = self.space.dofs[cell.triangles], cell.jet.point
+            dofs = self.space.dofs[cell.triangles]
+            point = cell.jet.point
             mass.add(local_matrices(deflection(cell.jet), np.eye(1), film.mass(point) * cell.dx), dofs)
             local = local_matrices(slope(cell.jet), as_matrix(self._stress(prestress, cell)), cell.dx)
             if self._bends:
@@ -203,7 +214,8 @@ class _Operators:
         """K (size, size) for deflections of the given parity about the mirrors."""
         if not self._bends:
             return self._stiffness
-        edge, facets = Assembly(self.space.size), slope_held_facets(self.space, parity)
+        edge = Assembly(self.space.size)
+        facets = slope_held_facets(self.space, parity)
         clamped = np.isin(facets, self.space.boundary_facets("clamped"))
         self._continue_slopes(edge, facets[~clamped])
         self._continue_slopes(edge, facets[clamped], self._film.model.clamp.rotation)

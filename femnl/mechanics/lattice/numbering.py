@@ -16,9 +16,11 @@ class Numbering:
 
     def __init__(self, tiling: Tiling, spaces: list[Space], degree: int) -> None:
         self.space = Space(tiling.domain.mesh, degree)
-        self.dofs, start = [], 0
+        self.dofs = []
+        start = 0
         for kind, space in zip(tiling.kinds, spaces, strict=True):
-            n, tiles = len(space.dofs), len(kind.shifts)
+            n = len(space.dofs)
+            tiles = len(kind.shifts)
             whole = self.space.dofs[start : start + n * tiles].reshape(tiles, n, -1)
             turn = self._turns(kind, start)
             start += n * tiles
@@ -29,7 +31,9 @@ class Numbering:
 
     def _turns(self, kind: Kind, start: int) -> Index:
         """For each tile and triangle, the tile's node (tiles, e, n_basis) at each node of the whole mesh's triangle."""
-        mesh, tiles, n = self.space.mesh, len(kind.shifts), kind.mesh.nelements
+        mesh = self.space.mesh
+        tiles = len(kind.shifts)
+        n = kind.mesh.nelements
         own = kind.mesh.p[:, kind.mesh.t[:3]].transpose(2, 1, 0)  # (e, 3, 2)
         whole = mesh.p[:, mesh.t[:3, start : start + n * tiles]].transpose(2, 1, 0).reshape(tiles, n, 3, 2)
         away = (whole - kind.shifts[:, None, None])[:, :, :, None] - own[None, :, None]

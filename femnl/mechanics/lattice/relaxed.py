@@ -25,7 +25,8 @@ class Frame:
     """Elements of one degree on all tiles: `spaces` and `sides` of each kind, and the `skeleton` of what they share."""
 
     def __init__(self, tiling: Tiling, degree: int) -> None:
-        self.tiling, self.degree = tiling, degree
+        self.tiling = tiling
+        self.degree = degree
         self.spaces = [Space(kind.mesh, degree) for kind in tiling.kinds]
         self.sides = [Sides(space, tiling.model.bending) for space in self.spaces]
         self.skeleton = Skeleton(tiling, self.sides)
@@ -68,10 +69,13 @@ class Relaxed:
     """
 
     def __init__(self, frame: Frame) -> None:
-        self.frame, tiling = frame, frame.tiling
-        model, film = tiling.model, tiling.model.film
+        self.frame = frame
+        tiling = frame.tiling
+        model = tiling.model
+        film = tiling.model.film
         self._membranes = [Membrane(sides, model, film.poisson, 2 * frame.degree) for sides in frame.sides]
-        self._still, loads = [], []
+        self._still = []
+        loads = []
         for kind, membrane in zip(tiling.kinds, self._membranes, strict=True):
             initial = film.stress * membrane.thickness[..., None] * np.array([1.0, 1.0, 0.0])
             still, load = membrane.respond(membrane.load(initial[None]))
@@ -80,8 +84,11 @@ class Relaxed:
         in_plane = InPlane(frame.skeleton, self._membranes)
         moved = in_plane.solve(in_plane.gather(loads), frame.skeleton.free_in_plane("clamped", (1, 1)))[:, 0]
         self._edges = [moved[at] for at in in_plane.numbers]
-        moduli, even = plane_stress(film.young, film.poisson), film.stress * np.array([1.0, 1.0, 0.0])
-        self.mean, self.fields, self.amounts = [], [], []
+        moduli = plane_stress(film.young, film.poisson)
+        even = film.stress * np.array([1.0, 1.0, 0.0])
+        self.mean = []
+        self.fields = []
+        self.amounts = []
         for membrane, still, edges in zip(self._membranes, self._still, self._edges, strict=True):
             centre = edges.mean(axis=0)
             left, size, right = np.linalg.svd(edges - centre, full_matrices=False)
@@ -93,7 +100,8 @@ class Relaxed:
 
     def stress(self, kind: int, tiles: slice) -> Array:
         """σ (tiles, e, q, 3) [Pa] of some tiles of a kind."""
-        fields, mean = self.fields[kind], self.mean[kind]
+        fields = self.fields[kind]
+        mean = self.mean[kind]
         return np.asarray(mean + (self.amounts[kind][tiles] @ fields.reshape(len(fields), mean.size)).reshape(-1, *mean.shape))
 
     def prestress(self) -> Prestress:

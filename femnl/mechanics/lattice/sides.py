@@ -27,7 +27,8 @@ class Sides:
         self.place = space.location[self.dofs]
         self._facets = space.boundary_facets("side")
         start, end = (space.mesh.p[:, space.mesh.facets[k, self._facets]].T for k in (0, 1))
-        self._axis, self._length = np.argmin(np.abs(end - start), axis=1), np.linalg.norm(end - start, axis=1)
+        self._axis = np.argmin(np.abs(end - start), axis=1)
+        self._length = np.linalg.norm(end - start, axis=1)
         fraction = _gauss(space.degree) if slopes else np.empty(0)
         self.slope_place = (start[:, None] + (end - start)[:, None] * fraction[:, None]).reshape(-1, 2)
         self.slope_axis: Index = np.repeat(self._axis, len(fraction))
@@ -42,13 +43,18 @@ class Sides:
 
         Tiles that meet see one slope. M = D (∂²w/∂n² + ν ∂²w/∂t²) and σ as on a clamped edge, see `slope_continuity`.
         """
-        space, p, film = self.space, self.space.degree, model.film
+        space = self.space
+        p = self.space.degree
+        film = model.film
         whole = Assembly(space.size + len(self.slope_place))
         for edges in edges_by_local_number(space, self._facets):
-            (triangles,), (edge,) = edges.triangles, edges.local
+            (triangles,) = edges.triangles
+            (edge,) = edges.local
             at = np.searchsorted(self._facets, space.mesh.t2f[edge, triangles])
             points, weights = space.edge_points(edge, 2 * p)
-            jet, axis, row = space.jet(triangles, points, second=True), self._axis[at], np.arange(len(at))
+            jet = space.jet(triangles, points, second=True)
+            axis = self._axis[at]
+            row = np.arange(len(at))
             rigidity = film.young * thickness(model, jet.point) ** 3 / 12 / (1 - film.poisson**2)
             bend = jet.hessian[row, :, axis] + film.poisson * jet.hessian[row, :, 1 - axis]
             outward = self._outward(at)[:, None, None]
@@ -66,7 +72,8 @@ class Sides:
 
     def _outward(self, at: Index) -> Array:
         """1 where the outer normal of a side's edge points along its axis, −1 where it points against it."""
-        mesh, facets = self.space.mesh, self._facets[at]
+        mesh = self.space.mesh
+        facets = self._facets[at]
         away = mesh.p[:, mesh.facets[:, facets]].mean(axis=1) - mesh.p[:, mesh.t[:3, mesh.f2t[0, facets]]].mean(axis=1)
         return np.asarray(np.sign(away[self._axis[at], np.arange(len(at))]))
 

@@ -71,7 +71,9 @@ def _number(places: list[Array], marks: list[Index], shifts: list[Array]) -> tup
 
 def summed(blocks: list[Array], numbers: list[Index], size: int) -> csc_matrix:
     """The sum of the tiles' matrices (tiles or 1, n, n), kind by kind, at their unknowns (tiles, n)."""
-    data, rows, columns = [], [], []
+    data = []
+    rows = []
+    columns = []
     for block, at in zip(blocks, numbers, strict=True):
         shape = (len(at), at.shape[1], at.shape[1])
         data.append(np.broadcast_to(block, shape).ravel())

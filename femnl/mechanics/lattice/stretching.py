@@ -36,7 +36,8 @@ def strain_energies(modes: Modes, pairs: Pairs, edge: Edge) -> Array:
     poisson = 0.0 if edge == "paper" else model.film.poisson
     # The same points for all integrals: where h varies, G stays the energy of one discrete film.
     membranes = [Membrane(sides, model, poisson, 4 * frame.degree - 4) for sides in frame.sides]
-    energies, loads = np.zeros((len(pairs), len(pairs))), []
+    energies = np.zeros((len(pairs), len(pairs)))
+    loads = []
     for k, membrane in enumerate(membranes):
         shared, amounts = _common(modes.shapes[:, frame.numbering.dofs[k]])
         energy, load = _of_kind(frame.sides[k], membrane, shared)
@@ -65,7 +66,8 @@ def _common(shapes: Array) -> tuple[Array, Array]:
     """Few functions ψ (size, r) of which shapes (n, tiles, size), less a constant each, are sums; their amounts (n, tiles, r)."""
     n, tiles, size = shapes.shape
     flat = (shapes - shapes[..., :1]).reshape(-1, size).T
-    random, sketch = np.random.default_rng(0), SKETCH
+    random = np.random.default_rng(0)
+    sketch = SKETCH
     while True:
         if sketch >= min(flat.shape):
             frame = np.linalg.qr(flat)[0] if flat.shape[1] < size else np.eye(size)

@@ -72,7 +72,8 @@ class Membrane:
         self.cell = cell = all_triangles(space, quadrature_order(model, order))
         self.thickness = thickness(model, cell.jet.point)
         self.modulus = self.thickness[..., None, None] * plane_stress(model.film.young, poisson)
-        self._basis, self._dofs = in_plane_strain(cell.jet), vector_dofs(space, cell.triangles)
+        self._basis = in_plane_strain(cell.jet)
+        self._dofs = vector_dofs(space, cell.triangles)
         self._size = 2 * space.size
         whole = gathered(local_matrices(self._basis, self.modulus, cell.dx), self._dofs, self._size).toarray()
         self.edge = np.concatenate([sides.dofs, sides.dofs + space.size])
@@ -113,10 +114,14 @@ class Flexure:
     """
 
     def __init__(self, sides: Sides, model: Model, stress: Array, degree: int) -> None:
-        space, bends, film = sides.space, model.bending, model.film
+        space = sides.space
+        bends = model.bending
+        film = model.film
         cell = all_triangles(space, quadrature_order(model, 2 * degree), second=bends)
         h = thickness(model, cell.jet.point)
-        self.cell, self._weight, self._size = cell, h * cell.dx, space.size + len(sides.slope_place)
+        self.cell = cell
+        self._weight = h * cell.dx
+        self._size = space.size + len(sides.slope_place)
         self._dofs = space.dofs
         mass = gathered(local_matrices(deflection(cell.jet), np.eye(1), film.density * self._weight), space.dofs, self._size)
         bend = csc_matrix((self._size, self._size))
@@ -133,7 +138,8 @@ class Flexure:
             for local, dofs in slope_continuity(space, inside, isotropic(rigidity, film.poisson), film.poisson):
                 joints.add(local, dofs)
             bend = bend + joints.matrix() + sides.continuity(model)
-        self.bend, self.inertia = csc_matrix(bend), mass
+        self.bend = csc_matrix(bend)
+        self.inertia = mass
         self.inner = sides.inner
         edge = np.concatenate([sides.dofs, np.arange(space.size, self._size)])
         self.n_sides = len(edge)
@@ -174,7 +180,8 @@ class Flexure:
         n, q, _, j = gradient.shape
         slopes = (gradient.reshape(n, 2 * q, j) @ flat[self._dofs]).reshape(n, q, 2, *shapes.shape[1:])
         weighted = (stress * self._weight[..., None]).transpose(1, 2, 3, 0)[..., None]
-        x, y = slopes[:, :, 0], slopes[:, :, 1]
+        x = slopes[:, :, 0]
+        y = slopes[:, :, 1]
         xx, yy, xy = (weighted[:, :, c] for c in range(3))
         force = np.stack([xx * x + xy * y, xy * x + yy * y], axis=2).reshape(n, 2 * q, -1)
         local = gradient.reshape(n, 2 * q, j).transpose(0, 2, 1) @ force

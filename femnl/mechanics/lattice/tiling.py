@@ -17,7 +17,9 @@ Array = NDArray[np.float64]
 
 QUARTER = np.pi / 2
 EVEN = 1e-6  # of the pitch, to which the holes must lie on their lattice
-LAYER_SIZE, GROWTH = 1.5, 0.7  # elements at the edge in bending lengths, and what they gain per distance
+# elements at the edge in bending lengths, and what they gain per distance
+LAYER_SIZE = 1.5
+GROWTH = 0.7
 FINENESS = (0.7, 0.5)  # of the cells' own mesh, at least, and at small holes: large ones leave narrow necks
 WIDEST = 2.0  # pitches that a margin may be wide: it is one piece from the cells to the edge
 SIZE = 12.5  # pitches that the mesher takes for the outline's length, so that holes alone decide on the size of elements
@@ -34,7 +36,8 @@ class Kind:
     def mesh(self) -> MeshTri2:
         """The first tile, with the boundaries `free` (of a hole) and `side` (all else)."""
         found = from_patches(self.patches)
-        low, high = found.p.min(axis=1), found.p.max(axis=1)
+        low = found.p.min(axis=1)
+        high = found.p.max(axis=1)
         outer = np.flatnonzero(found.f2t[1] < 0)
         ends = found.p[:, found.facets[:, outer]]
         side = np.zeros(len(outer), dtype=bool)
@@ -76,7 +79,8 @@ def array(model: Model, what: str) -> tuple[float, tuple[int, int]]:
 
     Args: what: needs it, for the message. Raises: ParameterError where the device is no such thing.
     """
-    outline, centres = model.outline, model.holes.centres
+    outline = model.outline
+    centres = model.holes.centres
     if outline.kind not in ("square", "rectangle"):
         raise ParameterError(f'{model.name}: outline.kind = "{outline.kind}": {what} needs a square or rectangle')
     columns = [np.unique(np.round(c, 12)) for c in centres.T]
@@ -115,12 +119,14 @@ def tile(model: Model, resolution: float = 1.0) -> Tiling:
     if why := obstacle(model):
         raise ParameterError(why)
     pitch, counts = array(model, "a tiled film")
-    half, fineness = _half(model), resolution * max(FINENESS[0], FINENESS[1] + 2 * model.holes.radius / pitch)
+    half = _half(model)
+    fineness = resolution * max(FINENESS[0], FINENESS[1] + 2 * model.holes.radius / pitch)
     quarter = _quarter(model, pitch, fineness)
     corners = quarter[:, :3].reshape(-1, 2)
     side = np.unique(np.round(corners[np.abs(corners[:, 0] - pitch / 2) < 1e-9 * pitch, 1], 15))
     along = [_stretches(pitch, n, edge) for n, edge in zip(counts, half, strict=True)]
-    layer, kinds = bending_length(model), []
+    layer = bending_length(model)
+    kinds = []
     for (name_x, starts_x), (name_y, starts_y) in product(along[0].items(), along[1].items()):
         first = np.array([starts_x[0], starts_y[0]])
         if "margin" in (name_x, name_y):
@@ -191,7 +197,10 @@ def _margin(width: float, layer: float, resolution: float, size: float) -> Array
 def _grid(x: Array, y: Array) -> Array:
     """Triangles (m, 6, 2) of rows and columns between the given places, each rectangle cut along its rising diagonal."""
     corner = np.stack(np.meshgrid(x, y, indexing="ij"), -1)
-    a, b, c, d = corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]
+    a = corner[:-1, :-1]
+    b = corner[1:, :-1]
+    c = corner[1:, 1:]
+    d = corner[:-1, 1:]
     triangles = np.concatenate([np.stack(t, -2).reshape(-1, 3, 2) for t in ((a, b, c), (a, d, c))])
     middles = (triangles + np.roll(triangles, -1, axis=1)) / 2
     return np.concatenate([triangles, middles[:, [0, 1, 2]]], axis=1)

@@ -22,10 +22,12 @@ def bending_share(modes: Modes) -> Array:
 
     Args: modes: of any wedge. Returns: (n_modes,), NaN where a mode has no frequency.
     """
-    domain, space = modes.domain, Space(modes.domain.mesh, modes.degree)
+    domain = modes.domain
+    space = Space(modes.domain.mesh, modes.degree)
     order = quadrature_order(domain.model, 2 * modes.degree)
     springs = deflection_springs(space, domain.model.clamp) + slope_springs(space, domain.model.clamp)
-    tension, sheet = np.einsum("ni,ni->n", modes.shapes, (springs @ modes.shapes.T).T), Sheet(domain)
+    tension = np.einsum("ni,ni->n", modes.shapes, (springs @ modes.shapes.T).T)
+    sheet = Sheet(domain)
     for cell, stress in zip(cells(space, order), relaxed_stress(modes.prestress, order), strict=True):
         slopes = np.einsum("eqxj,nej->neqx", slope(cell.jet), modes.shapes[:, space.dofs[cell.triangles]], optimize=True)
         xx, yy, xy = np.moveaxis(stress, -1, 0)

@@ -37,11 +37,14 @@ class Operators:
         if domain.model.bending and degree < 2:
             raise ParameterError(f"degree = {degree}: bending needs 2 or more, as straight elements have no curvature")
         self.space = Space(domain.mesh, degree)
-        self._domain, self._bends, self._sheet = domain, domain.model.bending, Sheet(domain)
+        self._domain = domain
+        self._bends = domain.model.bending
+        self._sheet = Sheet(domain)
         stiffness = Assembly(self.space.size)
         order = quadrature_order(domain.model, 2 * degree)
         for cell, stress in zip(cells(self.space, order, second=self._bends), relaxed_stress(prestress, order), strict=True):
-            h, dofs = self._sheet.thickness(cell.triangles, cell.jet.point), self.space.dofs[cell.triangles]
+            h = self._sheet.thickness(cell.triangles, cell.jet.point)
+            dofs = self.space.dofs[cell.triangles]
             local = local_matrices(slope(cell.jet), as_matrix(stress), h * cell.dx)
             if self._bends:
                 local += local_matrices(curvature(cell.jet), self._sheet.moduli(cell.triangles), h**3 / 12 * cell.dx)
@@ -61,7 +64,8 @@ class Operators:
         facets = slope_held_facets(self.space, parity)
         if not self._bends or len(facets) == 0:
             return self._stiffness
-        edge, clamped = Assembly(self.space.size), np.isin(facets, self.space.boundary_facets("clamped"))
+        edge = Assembly(self.space.size)
+        clamped = np.isin(facets, self.space.boundary_facets("clamped"))
         self._add_slope_continuity(edge, facets[~clamped])
         self._add_slope_continuity(edge, facets[clamped], self._domain.model.clamp.rotation)
         return csc_matrix(self._stiffness + edge.matrix())
@@ -74,7 +78,8 @@ class Operators:
 
 def mass_matrix(domain: Domain, space: Space) -> csc_matrix:
     """M of ∫ ρh w v over the mesh, (size, size) [kg]."""
-    mass, sheet = Assembly(space.size), Sheet(domain)
+    mass = Assembly(space.size)
+    sheet = Sheet(domain)
     for cell in cells(space, quadrature_order(domain.model, 2 * space.degree)):
         weight = sheet.density(cell.triangles) * sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
         mass.add(local_matrices(deflection(cell.jet), np.eye(1), weight), space.dofs[cell.triangles])

@@ -31,21 +31,28 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
     Returns: integrals over the whole film, see `Projection`; shapes on the grid go on smoothly over holes.
     Valid: changes of the film that leave the new modes within the span of these ones.
     """
-    domain, space, sheet = modes.domain, Space(modes.domain.mesh, modes.degree), Sheet(modes.domain)
+    domain = modes.domain
+    space = Space(modes.domain.mesh, modes.degree)
+    sheet = Sheet(modes.domain)
     order = quadrature_order(domain.model, 2 * modes.degree - 2)
     stresses = repeat(np.eye(3)[:, None, None]) if units is None else unit_stress(domain, units, order)
-    n, reach = len(modes.frequency), float(np.abs(modes.domain.mesh.p).max())
-    slopes, masses = np.zeros((len(WEIGHTS), 3, n, n)), np.zeros((len(WEIGHTS), n, n))
+    n = len(modes.frequency)
+    reach = float(np.abs(modes.domain.mesh.p).max())
+    slopes = np.zeros((len(WEIGHTS), 3, n, n))
+    masses = np.zeros((len(WEIGHTS), n, n))
     for cell, stress in zip(cells(space, order), stresses, strict=units is not None):
         local = modes.shapes[:, space.dofs[cell.triangles]].transpose(1, 2, 0)
-        value, slope = (cell.jet.value @ local).reshape(-1, n), cell.jet.gradient @ local[:, None]
+        value = (cell.jet.value @ local).reshape(-1, n)
+        slope = cell.jet.gradient @ local[:, None]
         pulled = ((as_matrix(stress) @ slope) * SHARE[:, None, None, None, None]).reshape(len(DIRECTIONS), -1, n)
         weights = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
-        volume, mass = weights.ravel(), (sheet.density(cell.triangles) * weights).ravel()
+        volume = weights.ravel()
+        mass = (sheet.density(cell.triangles) * weights).ravel()
         for k, weight in enumerate(_weights(cell.jet.point.reshape(-1, 2).T / reach)):
             masses[k] += value.T @ ((weight * mass)[:, None] * value)
             slopes[k] += slope.reshape(-1, n).T @ (np.repeat(weight * volume, 2)[:, None] * pulled)
-    whole_slopes, whole_masses = np.zeros((len(WEIGHTS), len(DIRECTIONS), n, n)), np.zeros_like(masses)
+    whole_slopes = np.zeros((len(WEIGHTS), len(DIRECTIONS), n, n))
+    whole_masses = np.zeros_like(masses)
     for turn, sign in _images(domain, modes.parity):
         signs = np.outer(sign, sign)
         weights = _turned_weights(turn)
@@ -64,7 +71,8 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
 def _over_holes(model: Model, grid_x: Array, grid_y: Array, shapes: Array) -> Array:
     """Bridge holes by thin-plate splines through the nearest points of the grid that are on the film."""
     x, y = np.meshgrid(grid_x, grid_y)
-    points, holes = np.stack([x.ravel(), y.ravel()], axis=1), model.holes
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    holes = model.holes
     missing = cKDTree(holes.centres).query(points)[0] <= holes.radius
     values = shapes.reshape(len(shapes), -1).T.copy()
     if np.any(missing):

@@ -38,7 +38,8 @@ def largest_value(space: Space, shape: Array) -> float:
     bend = sum(np.abs(local @ reference_basis(space.degree, LATTICE, d).T).max(axis=1) for d in ((2, 0), (1, 1), (0, 2)))
     # From the nearest point of the lattice to the maximum the value rises by half the bend times the distance squared, at most.
     may = heights[near] + bend / (2 * SAMPLES) ** 2 >= heights.max()
-    near, local = near[may], local[may]
+    near = near[may]
+    local = local[may]
     sampled = local @ lattice
     start = np.argmax(np.abs(sampled), axis=1)
     sign = np.sign(sampled[np.arange(len(near)), start])
@@ -116,7 +117,8 @@ def canonical_turn(domain: Domain, space: Space, shapes: Array, parity: tuple[tu
     for triangles, point, dx, values in walk(space, shapes, space.degree + 2):  # a label needs no accuracy
         weight = dx * Sheet(domain).thickness(triangles, point) * np.cosh(4 * point[..., 0] / reach)
         spread += (values * weight).reshape(len(shapes), -1) @ values.reshape(len(shapes), -1).T
-    width, turn = np.zeros(len(shapes)), np.zeros_like(spread)
+    width = np.zeros(len(shapes))
+    turn = np.zeros_like(spread)
     for sector in set(parity):
         members = [k for k, p in enumerate(parity) if p == sector]
         width[members], vectors = np.linalg.eigh(spread[np.ix_(members, members)])
@@ -132,10 +134,12 @@ def label_shapes(domain: Domain, space: Space, shapes: Array, parity: tuple[tupl
     """
     if domain.model.outline.size is None or domain.copies > 4:
         return (None,) * len(shapes)
-    (width, height), highest = domain.model.outline.size, 3 + int(np.ceil(np.sqrt(2 * len(shapes))) * 1.5)
+    (width, height) = domain.model.outline.size
+    highest = 3 + int(np.ceil(np.sqrt(2 * len(shapes))) * 1.5)
     orders = np.arange(1, highest + 1)
     overlap = np.zeros((len(shapes), highest, highest))
-    norms, ideal_norms = np.zeros(len(shapes)), np.zeros((highest, highest))
+    norms = np.zeros(len(shapes))
+    ideal_norms = np.zeros((highest, highest))
     for _, point, dx, values in walk(space, shapes, space.degree + 2):  # a label needs no accuracy
         x, y = point.reshape(-1, 2).T
         along_x, along_y = (np.sin(np.pi * orders[:, None] * (z / extent + 0.5)) for z, extent in ((x, width), (y, height)))
@@ -155,7 +159,8 @@ def _label(overlap: Array, norm: float, ideal: Array, parity: tuple[int, ...]) -
         cosines[odd != (parity[1] > 0), :] = 0
     first, second = np.argsort(-np.abs(cosines), axis=None)[:2]
     names = [f"({k // len(overlap) + 1},{k % len(overlap) + 1})" for k in (first, second)]
-    a, b = cosines.flat[first], cosines.flat[second]
+    a = cosines.flat[first]
+    b = cosines.flat[second]
     if a**2 > 0.75:
         return names[0]
     if a**2 + b**2 > 0.75 and b**2 > 0.25:
@@ -183,8 +188,10 @@ class ShapeValues:
 
     def __init__(self, modes: Modes, chosen: Sequence[int] | None = None) -> None:
         kept = list(range(len(modes.frequency)) if chosen is None else chosen)
-        self._domain, self._finder = modes.domain, Finder(modes.domain)
-        self._space, self._shapes = Space(modes.domain.mesh, modes.degree), modes.shapes[kept]
+        self._domain = modes.domain
+        self._finder = Finder(modes.domain)
+        self._space = Space(modes.domain.mesh, modes.degree)
+        self._shapes = modes.shapes[kept]
         self._parity = np.array([modes.parity[k] for k in kept])
 
     def __call__(self, x: Array, y: Array) -> Array:
@@ -196,7 +203,8 @@ class ShapeValues:
         triangle, reference = self._finder.locate(where)
         found = triangle >= 0
         value = np.zeros((len(self._shapes), len(where)))
-        basis, dofs = reference_basis(self._space.degree, reference[found]), self._space.dofs[triangle[found]]
+        basis = reference_basis(self._space.degree, reference[found])
+        dofs = self._space.dofs[triangle[found]]
         rows = csr_array((basis.ravel(), dofs.ravel(), np.arange(len(dofs) + 1) * basis.shape[1]), shape=(len(dofs), self._space.size))
         value[:, found] = (rows @ self._shapes.T).T * np.prod(self._parity[:, None] ** flips[found], axis=2)
         return value.reshape(len(self._shapes), *points.shape[:-1])
@@ -220,26 +228,31 @@ class Finder:
 
     def __init__(self, domain: Domain) -> None:
         space = Space(domain.mesh, 2)
-        self._degree, self._nodes = space.map_degree, space.map_nodes
+        self._degree = space.map_degree
+        self._nodes = space.map_nodes
         corners = self._nodes[:, :3]
         self._centre = corners.mean(axis=1)
         self._reach = 1.05 * np.linalg.norm(self._nodes - self._centre[:, None], axis=2).max(axis=1)
         self._nearest = cKDTree(self._centre)
-        self._origin, sides = corners[:, 0], corners[:, 1:] - corners[:, :1]
+        self._origin = corners[:, 0]
+        sides = corners[:, 1:] - corners[:, :1]
         self._inverse = np.linalg.inv(sides)
         flat = self._origin[:, None] + nodes(self._degree) @ sides
         self._bent = np.abs(self._nodes - flat).max(axis=(1, 2)) > ARRIVED * self._reach
 
     def locate(self, points: Array) -> tuple[NDArray[np.int64], Array]:
         """Return the triangle that holds each point (n, 2), −1 where none does, and the point's place in it (n, 2)."""
-        triangle, reference = np.full(len(points), -1), np.zeros((len(points), 2))
+        triangle = np.full(len(points), -1)
+        reference = np.zeros((len(points), 2))
 
         def settle(point: NDArray[np.int64], trial: NDArray[np.int64]) -> None:
             near = np.linalg.norm(points[point] - self._centre[trial], axis=1) <= self._reach[trial]
-            point, trial = point[near], trial[near]
+            point = point[near]
+            trial = trial[near]
             place = self._place(trial, points[point])
             inside = np.all(place > -EDGE, axis=1) & (place.sum(axis=1) < 1 + EDGE)
-            triangle[point[inside]], reference[point[inside]] = trial[inside], place[inside]
+            triangle[point[inside]] = trial[inside]
+            reference[point[inside]] = place[inside]
 
         farthest = float(self._reach.max())
         away, near = map(np.asarray, self._nearest.query(points, NEIGHBOURS, distance_upper_bound=farthest))

@@ -22,7 +22,9 @@ from femnl.mechanics.modes.shapes import canonical_turn, label_shapes, largest_d
 Array = NDArray[np.float64]
 Sectors = tuple[Array, Array, tuple[tuple[int, ...], ...]]  # ω² (n,), mass-normalised shapes (n, size), parities
 
-ODD_IN_Y, ODD_IN_X = (-1, 1), (1, -1)  # parities about the x axis (mirror 0) and the y axis (mirror 1)
+# parities about the x axis (mirror 0) and the y axis (mirror 1)
+ODD_IN_Y = (-1, 1)
+ODD_IN_X = (1, -1)
 MODE_BYTES = 20  # of memory a triangle and mode, times the square of the degree: half as many unknowns, 5 copies in the iteration
 CONFUSED = {1: 0.005, 2: 0.05}  # relative difference of frequencies up to which modes one or two degrees apart may be the same
 COUNTERPART = 0.9  # overlap of mass-normalised shapes from which they are the same mode
@@ -164,7 +166,8 @@ def _settle_degenerate(space: Space, domain: Domain, sectors: Sectors) -> Sector
 
 def _overlap(domain: Domain, space: Space, first: Array, second: Array) -> Array:
     """∫ ρh a b over the mesh, (n, m), of shapes a (n, size) and b (m, size)."""
-    sheet, total = Sheet(domain), np.zeros((len(first), len(second)))
+    sheet = Sheet(domain)
+    total = np.zeros((len(first), len(second)))
     order = quadrature_order(domain.model, 2 * space.degree)
     for triangles, point, dx, values in walk(space, np.concatenate([first, second]), order):
         weighted = values * (sheet.density(triangles) * sheet.thickness(triangles, point) * dx)
@@ -183,7 +186,8 @@ def align(coarse: Modes, fine: Modes) -> Modes:
     Returns: as many modes as `fine`, with `departure` and `coupling`; NaN in the place of modes without a counterpart.
     """
     domain = fine.domain
-    space, fine_space = Space(domain.mesh, coarse.degree), Space(domain.mesh, fine.degree)
+    space = Space(domain.mesh, coarse.degree)
+    fine_space = Space(domain.mesh, fine.degree)
     shapes = coarse.shapes / np.sqrt(coarse.effective_mass)[:, None]
     target = fine.shapes / np.sqrt(fine.effective_mass)[:, None]
     carried = space.prolong(shapes, fine_space)

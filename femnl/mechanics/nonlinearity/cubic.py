@@ -59,7 +59,8 @@ def solve_nonlinearity(modes: Modes, edge: Edge, tensor: bool = False, energies:
 
 def _coefficients(modes: Modes, pairs: Pairs, tensor: bool, solve: Energies) -> tuple[Array, Array | None]:
     """k₃ of each mode and, where asked for, the tensor."""
-    n, energies = len(modes.frequency), solve(modes, pairs)
+    n = len(modes.frequency)
+    energies = solve(modes, pairs)
     position = {pair: k for k, pair in enumerate(pairs)}
     k3 = 2 * np.array([energies[position[i, i], position[i, i]] for i in range(n)])
     missing = np.where(np.isnan(modes.frequency), np.nan, 1.0)
@@ -81,7 +82,8 @@ def energy_remainder(modes: Modes, edge: Edge, values: Sequence[Array], scale: A
 
 def _tensor_error(modes: Modes, edge: Edge, grades: list[tuple[Array, Array | None]], k3: Array) -> Array:
     """Errors of the tensor's entries: of mass-normalised shapes, and of the four largest values that scale them."""
-    peak, unit = modes.peak_error, np.abs(k3) ** 0.25
+    peak = modes.peak_error
+    unit = np.abs(k3) ** 0.25
     scale = np.einsum("i,j,k,l->ijkl", unit, unit, unit, unit)
     normal = []
     for m, (_, full) in zip(modes.grades, grades, strict=True):
@@ -104,7 +106,8 @@ def strain_energies(modes: Modes, pairs: Pairs, edge: Edge, membrane: Membrane |
 
     Args: membrane: h C (..., 3, 3) [N/m] at the points of a cell, for films that are not of one material; the film's by default.
     """
-    domain, film = modes.domain, stretching(modes, pairs, membrane or film_membrane(modes, edge))
+    domain = modes.domain
+    film = stretching(modes, pairs, membrane or film_membrane(modes, edge))
     energies = film.energies.copy()
     for members, supports in film.sectors(domain.wedge, edge):
         solve = factorize(csc_matrix(supports.T @ film.stiffness @ supports))

@@ -18,7 +18,9 @@ from femnl.mechanics.nonlinearity.stretching import film_membrane, in_plane_mass
 
 Array = NDArray[np.float64]
 
-RESPONSE, SETTLED = 1e-15, 1e-7  # residual of a response, relative: where the iteration ends, in its own norms, and what is accepted
+# residual of a response, relative: where the iteration ends, in its own norms, and what is accepted
+RESPONSE = 1e-15
+SETTLED = 1e-7
 MOST_STEPS = 400
 
 
@@ -70,14 +72,18 @@ def solve_inertia(modes: Modes, edge: Edge | None = None, cross: bool = False) -
 
 def _changes(modes: Modes, edge: Edge, cross: bool) -> Array:
     """Relative changes of tensor[i,i,j,j], (n, n); only the diagonal where no cross coefficients are asked for."""
-    n, omega = len(modes.frequency), 2 * np.pi * modes.frequency
+    n = len(modes.frequency)
+    omega = 2 * np.pi * modes.frequency
     pairs = list(combinations_with_replacement(range(n), 2)) if cross else [(i, i) for i in range(n)]
     film = stretching(modes, pairs, film_membrane(modes, edge))
     mass = in_plane_mass(modes, film.space)
-    energies, rise = film.energies.copy(), np.zeros(len(pairs))  # ½ Σ± of S(s) − S(0), which needs no difference of large numbers
+    # ½ Σ± of S(s) − S(0), which needs no difference of large numbers
+    energies = film.energies.copy()
+    rise = np.zeros(len(pairs))
     for members, supports in film.sectors(modes.domain.wedge, edge):
         stiffness, inertia = (csc_matrix(supports.T @ m @ supports) for m in (film.stiffness, mass))
-        solve, loads = factorize(stiffness), supports.T @ film.loads[:, members]
+        solve = factorize(stiffness)
+        loads = supports.T @ film.loads[:, members]
         still = solve(loads)
         energies[np.ix_(members, members)] -= loads.T @ still
         for column, k in enumerate(members):

@@ -62,7 +62,8 @@ def stretching(modes: Modes, pairs: list[tuple[int, int]], membrane: Membrane) -
     """Integrate the second-order strains of pairs of modes. Args: membrane: h C (..., 3, 3) [N/m] at the points of a cell."""
     space = Space(modes.domain.mesh, modes.degree)
     first, second = np.array(pairs).T
-    energies, loads = np.zeros((len(pairs), len(pairs))), np.zeros((2 * space.size, len(pairs)))
+    energies = np.zeros((len(pairs), len(pairs)))
+    loads = np.zeros((2 * space.size, len(pairs)))
     stiffness = Assembly(2 * space.size)
     # The same points for all integrals: where h varies, G stays the energy of one discrete film.
     for cell in cells(space, quadrature_order(modes.domain.model, 4 * modes.degree - 4)):
@@ -71,7 +72,8 @@ def stretching(modes: Modes, pairs: list[tuple[int, int]], membrane: Membrane) -
         strain = stretch(slopes[first], slopes[second])
         stress = (strain[..., None, :] @ moduli)[..., 0, :] * cell.dx[..., None]
         energies += strain.reshape(len(pairs), -1) @ stress.reshape(len(pairs), -1).T
-        basis, dofs = in_plane_strain(cell.jet), vector_dofs(space, cell.triangles)
+        basis = in_plane_strain(cell.jet)
+        dofs = vector_dofs(space, cell.triangles)
         np.add.at(loads, dofs, -np.einsum("eqcj,neqc->ejn", basis, stress, optimize=True))
         stiffness.add(local_matrices(basis, moduli, cell.dx), dofs)
     parities = [tuple(a * b for a, b in zip(modes.parity[i], modes.parity[j], strict=True)) for i, j in pairs]
@@ -87,7 +89,8 @@ def same_parity_only(energies: Array, parities: list[tuple[int, ...]]) -> Array:
 
 def in_plane_mass(modes: Modes, space: Space) -> csc_matrix:
     """Mass ∫ ρh u·v over the wedge, (2·size, 2·size) [kg]."""
-    sheet, mass = Sheet(modes.domain), Assembly(space.size)
+    sheet = Sheet(modes.domain)
+    mass = Assembly(space.size)
     for cell in cells(space, quadrature_order(modes.domain.model, 2 * space.degree)):
         weight = sheet.density(cell.triangles) * sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
         mass.add(local_matrices(deflection(cell.jet), np.eye(1), weight), space.dofs[cell.triangles])

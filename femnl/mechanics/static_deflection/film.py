@@ -44,9 +44,11 @@ class Film:
     """
 
     def __init__(self, modes: Modes, edge: Edge) -> None:
-        self.domain, self.edge = modes.domain, edge
+        self.domain = modes.domain
+        self.edge = edge
         self.space = Space(self.domain.mesh, modes.degree)
-        self._operators, self._membrane = Operators(modes.prestress, modes.degree), film_membrane(modes, edge)
+        self._operators = Operators(modes.prestress, modes.degree)
+        self._membrane = film_membrane(modes, edge)
 
     @property
     def mass(self) -> csc_matrix:
@@ -83,7 +85,8 @@ class Film:
 
     def stretching(self, state: Array, stressed: bool = True) -> tuple[Array, csc_matrix]:
         """First and second derivative of ∫ ½ h C E : E. stressed: else the strain of the state itself counts as relaxed."""
-        force, tangent = np.zeros(3 * self.space.size), Assembly(3 * self.space.size)
+        force = np.zeros(3 * self.space.size)
+        tangent = Assembly(3 * self.space.size)
         for cell in self._cells():
             dofs, w = self._unknowns(cell)
             moduli = self._membrane(cell)
@@ -103,15 +106,18 @@ class Film:
         With E₁(y) = ε(u_y) + sym(∇w₀⊗∇w_y) and E₂(x, y) = ½ sym(∇w_x⊗∇w_y): the load (3·size, n), by unknowns y,
         ∫ h C [E₁(y) : E₂(x, x) + 2 E₁(x) : E₂(x, y)], and ∫ h C E₂ : E₂ (n,), over the wedge.
         """
-        loads, energies = np.zeros((3 * self.space.size, len(motions))), np.zeros(len(motions))
+        loads = np.zeros((3 * self.space.size, len(motions)))
+        energies = np.zeros(len(motions))
         for cell in self._cells():
             dofs, w = self._unknowns(cell)
-            moduli, half = self._membrane(cell), slope(cell.jet)
+            moduli = self._membrane(cell)
+            half = slope(cell.jet)
             rest = _strain_rows(cell, np.einsum("eqxj,ej->eqx", half, state[w]))
             for k, motion in enumerate(motions):
                 grad = np.einsum("eqxj,ej->eqx", half, motion[w])
                 moved = _strain_rows(cell, grad)[..., -w.shape[1] :]
-                first, second = np.einsum("eqcj,ej->eqc", rest, motion[dofs]), stretch(grad, grad)
+                first = np.einsum("eqcj,ej->eqc", rest, motion[dofs])
+                second = stretch(grad, grad)
                 stress, own = (np.einsum("eqcd,eqd->eqc", moduli, strain) for strain in (second, first))
                 np.add.at(loads[:, k], dofs, local_vectors(rest, stress, cell.dx))
                 np.add.at(loads[:, k], w, local_vectors(moved, own, cell.dx))
@@ -137,7 +143,8 @@ class Film:
         size = self.space.size
         state = np.zeros(3 * size) if state is None else state
         force = np.concatenate([np.zeros(2 * size), load])
-        columns, linear = self.admissible(parity, parity), self.linear(parity)
+        columns = self.admissible(parity, parity)
+        linear = self.linear(parity)
         for _ in range(STEPS):
             pull, tangent = self.stretching(state)
             rest = columns.T @ (force - pull - linear @ state)
@@ -161,6 +168,8 @@ class Film:
 
 def _strain_rows(cell: Cell, grad: Array) -> Array:
     """ε(u) + sym(∇w₀⊗∇w) of unknowns (u_x, u_y, w), rows (xx, yy, 2xy), for ∇w₀ = `grad` (e, q, 2)."""
-    dx, dy = cell.jet.gradient[:, :, 0], cell.jet.gradient[:, :, 1]
-    wx, wy = grad[..., :1], grad[..., 1:]
+    dx = cell.jet.gradient[:, :, 0]
+    dy = cell.jet.gradient[:, :, 1]
+    wx = grad[..., :1]
+    wy = grad[..., 1:]
     return np.concatenate([in_plane_strain(cell.jet), np.stack([wx * dx, wy * dy, wx * dy + wy * dx], axis=2)], axis=-1)

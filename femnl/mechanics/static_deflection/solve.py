@@ -52,7 +52,7 @@ class Bowed:
         freeze(self)
 
 
-def solve_bow(
+def solve_static_deflection(
     modes: Modes,
     depth: float | None = None,
     pressure: float | None = None,
@@ -94,7 +94,8 @@ def solve_bow(
     need_memory(TRIANGLE_BYTES * modes.domain.mesh.nelements, "the couplings of a bowed film", "lower the resolution")
     edge = edge or modes.domain.model.edge
     grades = [_bend(m, edge, depth, pressure, shape, stressed) for m in modes.grades]
-    found, peak = grades[0], modes.peak_error
+    found = grades[0]
+    peak = modes.peak_error
     bow = peak[shape] if depth is not None else 0.0
 
     rise = np.abs(found.rise - 1)
@@ -140,15 +141,19 @@ class _Numbers:
 
 
 def _bend(modes: Modes, edge: Edge, depth: float | None, pressure: float | None, shape: int, stressed: bool) -> _Numbers:
-    film, even = Film(modes, edge), tuple(abs(p) for p in modes.parity[0])
+    film = Film(modes, edge)
+    even = tuple(abs(p) for p in modes.parity[0])
     if depth is not None:
-        parity, rest = modes.parity[shape], film.relax(depth * modes.shapes[shape], even)
+        parity = modes.parity[shape]
+        rest = film.relax(depth * modes.shapes[shape], even)
     else:
-        parity, rest = even, film.deflect((pressure or 0.0) * film.area, even)
+        parity = even
+        rest = film.deflect((pressure or 0.0) * film.area, even)
     _, tangent = film.stretching(rest, stressed)
     square, motions = _bowed_modes(film, modes, parity, tangent)
     w = motions[:, 2 * film.space.size :]
-    copies, mass = film.domain.copies, film.domain.copies * np.einsum("ni,ni->n", w, (film.mass @ w.T).T)
+    copies = film.domain.copies
+    mass = film.domain.copies * np.einsum("ni,ni->n", w, (film.mass @ w.T).T)
     loads, energies = film.second_order(rest, motions)
     own = np.array([p == parity for p in modes.parity])  # else the integral over the film vanishes
     k2 = copies * own * np.einsum("in,ni->n", loads, motions)
@@ -156,14 +161,16 @@ def _bend(modes: Modes, edge: Edge, depth: float | None, pressure: float | None,
     k = mass * square
     bent = rest[2 * film.space.size :]
     deepest = float(largest_value(film.space, bent)) if np.any(bent) else 0.0
-    k3, alpha = 2 * copies * (energies - flat), 2 * copies * (energies - 2 / 3 * still - moved / 3) / k
+    k3 = 2 * copies * (energies - flat)
+    alpha = 2 * copies * (energies - 2 / 3 * still - moved / 3) / k
     return _Numbers(deepest, np.sqrt(square) / (2 * np.pi * modes.frequency), mass, k, k2, k3, alpha, w)
 
 
 def _bowed_modes(film: Film, modes: Modes, bow: Parity, tangent: csc_matrix) -> tuple[Array, Array]:
     """ω² (n,) of the bowed modes that follow from each flat one, and their motions (n, 3·size) with max|w| = 1."""
     size = film.space.size
-    square, motions = np.full(len(modes.frequency), np.nan), np.zeros((len(modes.frequency), 3 * size))
+    square = np.full(len(modes.frequency), np.nan)
+    motions = np.zeros((len(modes.frequency), 3 * size))
     for parity in sorted(set(modes.parity)):
         members = [k for k, p in enumerate(modes.parity) if p == parity and np.isfinite(modes.frequency[k])]
         if not members:
@@ -189,11 +196,14 @@ def _bowed_modes(film: Film, modes: Modes, bow: Parity, tangent: csc_matrix) -> 
 
 def _responses(film: Film, tangent: csc_matrix, bow: Parity, loads: Array, square: Array) -> tuple[Array, Array, Array]:
     """f·x for loads of second order: of the film in its plane alone, of the whole film at rest, and at twice each mode's frequency."""
-    size, columns = film.space.size, film.admissible(bow, bow)
+    size = film.space.size
+    columns = film.admissible(bow, bow)
     stiffness = csc_matrix(columns.T @ (tangent + film.linear(bow)) @ columns)
     n_plane = int(np.count_nonzero(np.diff(columns[: 2 * size].indptr)))
-    plane, pull = factorize(csc_matrix(stiffness[:n_plane, :n_plane])), columns.T @ loads
-    solve, mass = factorize(stiffness), csc_matrix(columns.T @ film.inertia @ columns)
+    plane = factorize(csc_matrix(stiffness[:n_plane, :n_plane]))
+    pull = columns.T @ loads
+    solve = factorize(stiffness)
+    mass = csc_matrix(columns.T @ film.inertia @ columns)
     flat = np.einsum("in,in->n", pull[:n_plane], plane(pull[:n_plane]))
     still = np.einsum("in,in->n", pull, solve(pull))
     moved = [

@@ -15,7 +15,8 @@ Signal = Literal["voltage", "complex", "magnitude"]
 STEP = 1e-30
 # Below this ln(1 + x)/x is taken from its series, which is then exact to 1e-16.
 SMALL = 1e-4
-BLOCKS, PERIODS = 400, 8
+BLOCKS = 400
+PERIODS = 8
 # Points this many times the typical noise are strong enough to follow their phase.
 STRONG = 5.0
 NOISE_ROUNDS = 20
@@ -51,7 +52,8 @@ class Decay:
     def polar(self, values: Numbers) -> tuple[Numbers, Numbers]:
         """Return |A| and arg A at the times."""
         p = dict(zip(self.names, values, strict=True))
-        gamma, d = p["decay_rate"], p.get("damping_ratio", 0.0)
+        gamma = p["decay_rate"]
+        d = p.get("damping_ratio", 0.0)
         s = -np.expm1(-gamma * self.time)
         size = p["amplitude"] * np.exp(-gamma * self.time / 2) / np.sqrt(1 + d * s)
         if self.kind == "magnitude":
@@ -84,7 +86,8 @@ class Decay:
 
     def noise(self, values: Array) -> float:
         """Return the noise [V] that explains what a fit leaves."""
-        rest, free = self.data - self.model(values), len(self.data) - len(values)
+        rest = self.data - self.model(values)
+        free = len(self.data) - len(values)
         noise = float(np.sqrt(np.sum(rest**2) / free))
         if self.kind == "magnitude":
             # The spread grows as σ where the signal is strong and as σ² where it is weak: the cube root converges for both.
@@ -108,7 +111,8 @@ class Decay:
         if self.kind != "magnitude":
             strong = power > STRONG**2 * max(floor, float(np.mean(power[-max(len(power) // 20, 3) :])), 1e-12 * square)
             strong[: max(8, len(power) // 50)] = True
-            angle, s = np.unwrap(np.angle(amplitude[strong])), -np.expm1(-gamma * time[strong])
+            angle = np.unwrap(np.angle(amplitude[strong]))
+            s = -np.expm1(-gamma * time[strong])
             columns = [np.ones_like(s), 2 * np.pi * time[strong], 2 * np.pi / gamma * s * _log_ratio(d * s)][: 3 if self.nonlinear else 2]
             weight = np.sqrt(power[strong])
             line = np.linalg.lstsq(np.stack(columns, axis=1) * weight[:, None], angle * weight, rcond=None)[0]

@@ -76,7 +76,8 @@ def flatten(name: str, dataset: xr.Dataset, fringe: PeriodicFringe | None) -> Ma
     used = np.flatnonzero(present.any(axis=0))
     if used.size == 0:
         raise MeasurementError(f"{where}: no point has a value; at least one must not be NaN")
-    x, y = dataset["x"].values.astype(float), dataset["y"].values.astype(float)
+    x = dataset["x"].values.astype(float)
+    y = dataset["y"].values.astype(float)
     across, up = np.meshgrid(x, y)
     noise, note = noise_sd(dataset)
     steps = [np.ptp(axis) / (axis.size - 1) for axis in (x, y) if axis.size > 1]
@@ -106,7 +107,8 @@ def _fringe_of(where: str, dataset: xr.Dataset, fringe: PeriodicFringe | None) -
 
 def locate(data: MapData, x: float, y: float, scale: float, rotation: float) -> tuple[Array, Array]:
     """Return the points of the simulated membrane [m] that lie under those of the map."""
-    c, s = np.cos(rotation), np.sin(rotation)
+    c = np.cos(rotation)
+    s = np.sin(rotation)
     return (c * (data.x - x) + s * (data.y - y)) / scale, (c * (data.y - y) - s * (data.x - x)) / scale
 
 
@@ -120,14 +122,17 @@ def predict(data: MapData, shape: Shape, values: dict[str, float]) -> ComplexArr
 def slopes(data: MapData, shape: Shape, values: dict[str, float]) -> dict[str, ComplexArray]:
     """Return the derivatives of V_n by every parameter, each (n_harmonics, n_points)."""
     across, up = locate(data, *(values[name] for name in REGISTRATION))
-    c, s, scale = np.cos(values["rotation"]), np.sin(values["rotation"]), values["scale"]
+    c = np.cos(values["rotation"])
+    s = np.sin(values["rotation"])
+    scale = values["scale"]
     xi = shape(across, up)
     step = 1e-3 * data.spacing
     slope_x = (shape(across + step, up) - shape(across - step, up)) / (2 * step)
     slope_y = (shape(across, up + step) - shape(across, up - step)) / (2 * step)
     parts = real_part(data.series, data.harmonic, values["amplitude"] * xi, values)
     turn = np.exp(1j * data.harmonic[:, None] * values["motion_phase"])
-    motion, by_displacement = parts.pop("motion"), values["contrast"] * turn * parts.pop("by_displacement")
+    motion = parts.pop("motion")
+    by_displacement = values["contrast"] * turn * parts.pop("by_displacement")
     by_xi = by_displacement * values["amplitude"]
     return {
         **{name: values["contrast"] * turn * part for name, part in parts.items()},

@@ -9,7 +9,8 @@ from scipy.linalg import eigh_tridiagonal
 
 from femnl.core.readout import Array, ComplexArray
 
-STEP, MOST = 2.1e-6, 4
+STEP = 2.1e-6
+MOST = 4
 """Distance [m] of the points of the finer grid, and how many of them there are at most for a point of the map along each axis."""
 REACH = 2.3e-5
 """How far [m] the finer grid goes beyond the map: three sd of the widest spot."""

@@ -16,7 +16,9 @@ Numbers = NDArray[np.inexact]
 Hold = Literal["zero-order", "band-limited"]
 
 STAGES = DOP853.n_stages
-A, B, C = DOP853.A[:STAGES, :STAGES], DOP853.B, DOP853.C[:STAGES]
+A = DOP853.A[:STAGES, :STAGES]
+B = DOP853.B
+C = DOP853.C[:STAGES]
 # Decay times after which less than 1e-10 of what a record began with is left, where its forces are not unstable on the way.
 SETTLED = 24.0
 # Degree of the drive's spline: of a band up to half the Nyquist frequency it misses 4e-8 of the rms, up to two thirds 1e-5 (5: 4e-4, 5e-3).
@@ -123,17 +125,22 @@ def _rest(terms: Numbers) -> Numbers:
 
 def _steps(coefficients: Numbers, begin: Numbers, held: Array, a: Array, b: Array, repeat: int) -> Numbers:
     """Return the outputs (m, n); a, b: the method's tables times the step; repeat: steps from sample to sample."""
-    m, n, n_stages = coefficients.shape[1], len(held) // repeat, len(b)
+    m = coefficients.shape[1]
+    n = len(held) // repeat
+    n_stages = len(b)
     out = np.empty((m, n), dtype=coefficients.dtype)
-    y_slope, v_slope = np.empty(n_stages, dtype=coefficients.dtype), np.empty(n_stages, dtype=coefficients.dtype)
+    y_slope = np.empty(n_stages, dtype=coefficients.dtype)
+    v_slope = np.empty(n_stages, dtype=coefficients.dtype)
     for k in range(m):
         gain, offset, damping, nonlinear, stiffness, quadratic, cubic, quintic = coefficients[:, k]
-        y, v = begin[0, k], begin[1, k]
+        y = begin[0, k]
+        v = begin[1, k]
         for step in range(n * repeat):
             if step % repeat == 0:
                 out[k, step // repeat] = y
             for i in range(n_stages):
-                x, w = y, v
+                x = y
+                w = v
                 for j in range(i):
                     x += a[i, j] * y_slope[j]
                     w += a[i, j] * v_slope[j]

@@ -73,7 +73,7 @@ class Layout:
 
 
 @dataclass(frozen=True)
-class Sheets:
+class ResponseBranches:
     """The squared amplitudes x of the low and the high state at every point, (2, n), and where they are only a continuation.
 
     Past a fold, where a sheet has ended, x is continued by the real part of the complex pair of roots, so that the misfit
@@ -85,7 +85,7 @@ class Sheets:
     single: Array
 
 
-def sheets(delta: Array, a: Array, d: Array, *, continued: bool) -> Sheets:
+def duffing_branches(delta: Array, a: Array, d: Array, *, continued: bool) -> ResponseBranches:
     """Return both sheets of the response at detunings δ (n,), stiffening a (n,) and nonlinear damping d (n,).
 
     Past its fold a sheet is `continued`, or else it joins the only state that is left.
@@ -97,20 +97,25 @@ def sheets(delta: Array, a: Array, d: Array, *, continued: bool) -> Sheets:
     if continued:
         here = (np.broadcast_to(v, single.shape).ravel() for v in (delta, a, d))
         compiled(_continue)(real.reshape(2, -1), pair.reshape(2, -1), np.isfinite(roots[2]).ravel(), *here)
-    return Sheets(real, pair, single)
+    return ResponseBranches(real, pair, single)
 
 
 def _continue(x: Array, pair: NDArray[np.bool_], three: NDArray[np.bool_], delta: Array, a: Array, d: Array) -> None:
     """Continue x (2, n), where there are not three roots, on the sheet that has ended, and mark it in pair (2, n)."""
     for i in range(len(delta)):
-        e, b, c = delta[i], a[i], d[i]
-        p, q = b * b + c * c, e * b + c
+        e = delta[i]
+        b = a[i]
+        c = d[i]
+        p = b * b + c * c
+        q = e * b + c
         square = e * e * (b * b - 3 * c * c) + 8 * e * b * c + c * c - 3 * b * b
         # Below the critical stiffening no sheet ends.
         if abs(b) > STIFFEN and square > 0 and q < 0 and not three[i]:
-            centre, single = -2 * q / (3 * p), x[0, i]
+            centre = -2 * q / (3 * p)
+            single = x[0, i]
             ended = 0 if single > centre else 1
-            pair[ended, i], x[ended, i] = True, (3 * centre - single) / 2
+            pair[ended, i] = True
+            x[ended, i] = (3 * centre - single) / 2
 
 
 def fold(a: float, *, top: bool) -> tuple[float, float]:
@@ -126,18 +131,22 @@ def fold(a: float, *, top: bool) -> tuple[float, float]:
     return float(np.copysign(r - size * x, -a)), x
 
 
-def response(sweeps: Sweeps, layout: Layout, theta: Array, *, continued: bool) -> tuple[Complex, Sheets]:
+def response(sweeps: Sweeps, layout: Layout, theta: Array, *, continued: bool) -> tuple[Complex, ResponseBranches]:
     """Return the voltage [V] on both sheets (2, n): y_max b e^{iφ − 2πi(f − f₀)τ} times the drive."""
     f0, w, ratio, damping, gain, phase, tau = layout.split(theta)
     power = sweeps.drive**2
-    delta, a, d = 2 * (f0 - sweeps.frequency) / w, STIFFEN * ratio * power, damping * power
-    both = sheets(delta, a, d, continued=continued)
+    delta = 2 * (f0 - sweeps.frequency) / w
+    a = STIFFEN * ratio * power
+    d = damping * power
+    both = duffing_branches(delta, a, d, continued=continued)
     b = 1 / (delta + a * both.x + 1j * (1 + d * both.x))
     turn = np.exp(1j * (phase[sweeps.position] - 2 * np.pi * (sweeps.frequency - f0) * tau))
     return gain[sweeps.position] * sweeps.drive * turn * b, both
 
 
-def jacobian(sweeps: Sweeps, layout: Layout, theta: Array, both: Sheets, high: Index, voltage: Complex, *, cautious: bool) -> Complex:
+def jacobian(
+    sweeps: Sweeps, layout: Layout, theta: Array, both: ResponseBranches, high: Index, voltage: Complex, *, cautious: bool
+) -> Complex:
     """Return dV/dθ (n, size) on the sheet chosen at each point (0 low, 1 high), by implicit differentiation.
 
     `cautious` limits each derivative to what stays true while the fit moves x by NOISY standard deviations, as a covariance needs.
@@ -145,12 +154,17 @@ def jacobian(sweeps: Sweeps, layout: Layout, theta: Array, both: Sheets, high: I
     x |D|² = 1 with D = δ + a x + i(1 + d x) gives x_p = −x ∂|D|²/∂p / (|D|² + x ∂|D|²/∂x), and V_p = −V b D_p.
     """
     f0, w, ratio, damping, _gain, _phase, tau = layout.split(theta)
-    power, n = sweeps.drive**2, len(sweeps.frequency)
-    delta, a, d = 2 * (f0 - sweeps.frequency) / w, STIFFEN * ratio * power, damping * power
+    power = sweeps.drive**2
+    n = len(sweeps.frequency)
+    delta = 2 * (f0 - sweeps.frequency) / w
+    a = STIFFEN * ratio * power
+    d = damping * power
     points = np.arange(n)
-    x, pair = both.x[high, points], both.pair[high, points]
+    x = both.x[high, points]
+    pair = both.pair[high, points]
     root = np.where(pair, both.single, x)
-    real, imag = delta + a * root, 1 + d * root
+    real = delta + a * root
+    imag = 1 + d * root
     square = real**2 + imag**2
     slope = square + 2 * root * (real * a + imag * d)
     # At a fold the slope is 0 and the derivative infinite over a vanishing range: a floor keeps one point from ruling a fit.
@@ -163,7 +177,8 @@ def jacobian(sweeps: Sweeps, layout: Layout, theta: Array, both: Sheets, high: I
     by = np.stack([-2 * root * real, -2 * root**2 * real, -2 * root**2 * imag]) / slope
     if pair.any():
         # x = −q/p − root/2 with p = a² + d², q = δa + d.
-        p, q = a**2 + d**2, delta * a + d
+        p = a**2 + d**2
+        q = delta * a + d
         p = np.where(pair, p, 1.0)
         outer = np.stack([-a / p, -(delta * p - 2 * a * q) / p**2, -(p - 2 * d * q) / p**2])
         by = np.where(pair, outer - by / 2, by)

@@ -72,7 +72,8 @@ def collect(dataset: xr.Dataset) -> Sweeps:
     if dataset.attrs.get("kind") != "response":
         raise MeasurementError(f"kind = {dataset.attrs.get('kind')!r}: a Duffing response is fitted to a measurement of kind 'response'")
     noise, sentence = noise_sd(dataset)
-    notes, count = [sentence], dataset.sizes["sweep"]
+    notes = [sentence]
+    count = dataset.sizes["sweep"]
     harmonic = _per_sweep(dataset, "harmonic", 1.0)
     if not np.any(harmonic == 1):
         raise MeasurementError(f"harmonic = {sorted(set(harmonic))}: none is the first, whose response the Duffing model describes")
@@ -80,14 +81,18 @@ def collect(dataset: xr.Dataset) -> Sweeps:
         notes.append(f"{np.count_nonzero(harmonic != 1)} sweeps of higher harmonics left out")
     if "drive" not in dataset and count > 1:
         notes.append("drive is not in the file: all sweeps are taken to have the same")
-    drive, direction = _per_sweep(dataset, "drive", 1.0), _per_sweep(dataset, "direction", np.nan)
+    drive = _per_sweep(dataset, "drive", 1.0)
+    direction = _per_sweep(dataset, "direction", np.nan)
     if not np.all(drive[harmonic == 1] > 0):
         raise MeasurementError(f"drive = {drive.min():g} V: drives must be positive; put a change of sign into the phase")
     place = np.stack([_per_sweep(dataset, "x", 0.0), _per_sweep(dataset, "y", 0.0)], axis=1)
     kept = np.flatnonzero(harmonic == 1)
     positions, position = np.unique(place[kept], axis=0, return_inverse=True)
-    frequency, voltage = dataset["frequency"].values, dataset["real"].values + 1j * dataset["imag"].values
-    pieces, start, missing = [], 0, 0
+    frequency = dataset["frequency"].values
+    voltage = dataset["real"].values + 1j * dataset["imag"].values
+    pieces = []
+    start = 0
+    missing = 0
     spans: list[slice] = []
     for s in kept:
         good = np.flatnonzero(np.isfinite(voltage[s]) & np.isfinite(frequency[s]))

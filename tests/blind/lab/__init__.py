@@ -16,7 +16,8 @@ from tests.blind.lab import holes, joint, maps, record, response, series, spectr
 from tests.blind.lab.bench import Bench, Cause, sized
 from tests.blind.lab.film import device
 
-STRONG, WEAK = (6.0, 300.0), (0.7, 8.0)
+STRONG = (6.0, 300.0)
+WEAK = (0.7, 8.0)
 """Ranges of σ by which hidden and weakened causes stand out; drawn evenly in the logarithm."""
 KINDS: dict[str, Any] = {
     "spectrum": spectrum,

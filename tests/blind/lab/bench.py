@@ -17,9 +17,11 @@ FARTHEST = 10.0
 SHARE = 1e-3
 """Relative change of a strength of another cause for a tangent; what is no strength, as a place, changes by STEP."""
 
-BLIND, STEEP = 1e-7, 1e-3
+BLIND = 1e-7
+STEEP = 1e-3
 """Parts of the strongest direction of tangents below which one does not show, and below which it is not followed."""
-ROUNDS, NEAR = 6, 0.25
+ROUNDS = 6
+NEAR = 0.25
 """Rounds in which a cause is scaled to the wanted size, and the logarithm of the factor that is near enough."""
 FOLLOWED = 4
 """Steps along tangents that are taken to see what a cause leaves."""
@@ -68,29 +70,31 @@ def sizes(bench: Bench, base: Values, hidden: dict[str, Cause], rounds: int = 0)
     found = {}
     for name in hidden:
         rest = {k: values for k, values in whole.items() if k != name}
-        knobs = [(k, knob) for k, values in rest.items() for knob in values]
-        steps = np.array([-SHARE if knob in hidden[k].strengths else STEP for k, knob in knobs])
+        specs = [(k, spec) for k, values in rest.items() for spec in values]
+        steps = np.array([-SHARE if spec in hidden[k].strengths else STEP for k, spec in specs])
         variants = [(base, whole), (base, rest)]
-        variants += [(base | {knob: base[knob] + STEP * unit}, rest) for knob, unit in bench.unit.items()]
-        variants += [(base, rest | {k: rest[k] | {knob: rest[k][knob] * (1 + s)}}) for (k, knob), s in zip(knobs, steps, strict=True)]
+        variants += [(base | {spec: base[spec] + STEP * unit}, rest) for spec, unit in bench.unit.items()]
+        variants += [(base, rest | {k: rest[k] | {spec: rest[k][spec] * (1 + s)}}) for (k, spec), s in zip(specs, steps, strict=True)]
         rows = bench.clean(variants)
         tangents = rows[2:] - rows[1]
         length = np.maximum(np.linalg.norm(tangents, axis=1), 1e-300)
         basis, strength, turn = np.linalg.svd((tangents / length[:, None]).T, full_matrices=False)
-        basis, change = basis[:, strength > BLIND * strength[0]], rows[0] - rows[1]
+        basis = basis[:, strength > BLIND * strength[0]]
+        change = rows[0] - rows[1]
         left = [float(np.linalg.norm(change - basis @ (basis.T @ change)))]
         clear = strength > STEEP * strength[0]
-        taken, back = np.zeros(len(tangents)), (turn[clear] / strength[clear, None]).T / length[:, None]
-        strong = np.array([knob in hidden[k].strengths for k, knob in knobs], bool)
-        alone = np.array([len(hidden[k].strengths) == 1 for k, knob in knobs], bool)
+        taken = np.zeros(len(tangents))
+        back = (turn[clear] / strength[clear, None]).T / length[:, None]
+        strong = np.array([spec in hidden[k].strengths for k, spec in specs], bool)
+        alone = np.array([len(hidden[k].strengths) == 1 for k, spec in specs], bool)
         for _ in range(rounds):
             taken += back @ (basis[:, : len(back.T)].T @ change)
             moved = np.clip(STEP * taken, -FARTHEST, FARTHEST)
-            near = base | {knob: base[knob] + s * unit for (knob, unit), s in zip(bench.unit.items(), moved, strict=False)}
+            near = base | {spec: base[spec] + s * unit for (spec, unit), s in zip(bench.unit.items(), moved, strict=False)}
             factors = np.clip(1 + steps * taken[len(bench.unit) :], np.where(alone, SHARE, -FARTHEST), FARTHEST)
             beside = {k: dict(values) for k, values in rest.items()}
-            for (k, knob), factor in zip(knobs, np.where(strong, factors, 1.0), strict=True):
-                beside[k][knob] *= float(factor)
+            for (k, spec), factor in zip(specs, np.where(strong, factors, 1.0), strict=True):
+                beside[k][spec] *= float(factor)
             change = rows[0] - bench.clean([(near, beside)])[0]
             if not np.all(np.isfinite(change)):  # tangents led where the laboratory's equations have no motion
                 break
@@ -101,14 +105,16 @@ def sizes(bench: Bench, base: Values, hidden: dict[str, Cause], rounds: int = 0)
 
 def sized(bench: Bench, base: Values, hidden: dict[str, Cause], wanted: dict[str, float]) -> tuple[dict[str, Cause], dict[str, float]]:
     """Scale every cause until it stands out by about the wanted σ, as far as is physical; return them and their σ."""
-    found, power = sizes(bench, base, hidden), dict.fromkeys(hidden, 1.0)
+    found = sizes(bench, base, hidden)
+    power = dict.fromkeys(hidden, 1.0)
     for _ in range(ROUNDS):
         factor = {name: (wanted[name] / found[name]) ** (1 / power[name]) for name in hidden}
         factor = {name: min(f, hidden[name].most) if hidden[name].strengths else 1.0 for name, f in factor.items()}
         if all(abs(np.log(f)) < NEAR for f in factor.values()):
             break
         hidden = {name: scaled(cause, factor[name]) for name, cause in hidden.items()}
-        earlier, found = found, sizes(bench, base, hidden)
+        earlier = found
+        found = sizes(bench, base, hidden)
         for name, f in factor.items():  # some effects are of second order in their strength
             if abs(np.log(f)) > NEAR:
                 power[name] = float(np.clip(np.log(found[name] / earlier[name]) / np.log(f), 0.5, 3.0))
@@ -120,17 +126,17 @@ def sign(rng: np.random.Generator) -> float:
     return float(rng.choice([-1.0, 1.0]))
 
 
-def one(knob: str, size: float, most: float) -> Callable[[np.random.Generator, Bench], Cause]:
+def one(spec: str, size: float, most: float) -> Callable[[np.random.Generator, Bench], Cause]:
     """Draw a cause of one strength, of this size before it is scaled."""
-    return lambda rng, bench: Cause({knob: size}, (knob,), most)
+    return lambda rng, bench: Cause({spec: size}, (spec,), most)
 
 
-def vector(knobs: tuple[str, ...], size: float, most: float) -> Callable[[np.random.Generator, Bench], Cause]:
+def vector(specs: tuple[str, ...], size: float, most: float) -> Callable[[np.random.Generator, Bench], Cause]:
     """Draw a cause of several strengths, of this size in all, in any direction."""
 
     def draw(rng: np.random.Generator, bench: Bench) -> Cause:
-        direction = rng.standard_normal(len(knobs))
+        direction = rng.standard_normal(len(specs))
         direction = size * direction / np.linalg.norm(direction)
-        return Cause(dict(zip(knobs, map(float, direction), strict=True)), knobs, most)
+        return Cause(dict(zip(specs, map(float, direction), strict=True)), specs, most)
 
     return draw

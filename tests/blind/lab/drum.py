@@ -13,7 +13,8 @@ from tests.blind.lab.bench import Array
 from tests.blind.lab.film import Membrane
 from tests.blind.lab.holes import AROUND, COUNT, OUTWARDS, PITCH, RADIUS, SIDE, cell, kept, rings, shapes
 
-MODES, CUBIC = 12, 3
+MODES = 12
+CUBIC = 3
 SECTORS = 8
 """Parts of a cell between which lines of the mesh have kinks: each side of its boundary has one in its middle, too."""
 RIM = 1e-6
@@ -62,8 +63,10 @@ def drum(layer: float) -> Drum:
     """The film, smaller by `layer` [m] on every side."""
     side = SIDE - 2 * layer
     known = kept(f"shapes-{1e9 * layer:.2f}", lambda: shapes(side, MODES))
-    tree, per = cKDTree(known["nodes"].T), AROUND // SECTORS
-    s, t = rings(OUTWARDS), np.linspace(-1, 1, 2 * per + 1)
+    tree = cKDTree(known["nodes"].T)
+    per = AROUND // SECTORS
+    s = rings(OUTWARDS)
+    t = np.linspace(-1, 1, 2 * per + 1)
     splines = []
     for column, row in product(range(COUNT), repeat=2):
         points = cell(column, row, AROUND, OUTWARDS, side)

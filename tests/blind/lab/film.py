@@ -68,7 +68,8 @@ class Membrane:
         here = np.stack([x / self.inner[0], y / self.inner[1]])
         cell = np.asarray(cell_at(*here), np.int64)
         inside = cell >= 0
-        cell, found = cell[inside], np.zeros((len(order), len(x)))
+        cell = cell[inside]
+        found = np.zeros((len(order), len(x)))
         place = basis.mapping.invF(here[:, inside, None], tind=cell)
         for k, dofs in enumerate(basis.element_dofs[:, cell]):
             shape = np.asarray(basis.elem.gbasis(basis.mapping, place, k, tind=cell)[0])[:, 0]
@@ -81,7 +82,8 @@ class Membrane:
         place = np.stack([x, y])
         away = reach[:, None] + layer - normal @ place
         nearest = np.argmin(away, axis=0)
-        d, out = away[nearest, np.arange(len(x))], normal[nearest].T
+        d = away[nearest, np.arange(len(x))]
+        out = normal[nearest].T
         deep = DEEP * layer
         inner = place - out * np.maximum(deep + layer - d, 0)
         slope = self.at(inner[0], inner[1], count) / deep * (d < deep + layer)
@@ -118,8 +120,10 @@ def membrane(name: str, layer: float, stretch: float = 0.0, basis: int = 14) -> 
         return _rectangle(sides, max(outline.size) / 2, basis)
     corners = np.array([s.start for s in outline.segments])
     apothem = float(np.min(np.linalg.norm((corners + np.roll(corners, -1, axis=0)) / 2, axis=1)))
-    found, factor = _polygon(tuple(map(tuple, corners))), 1 - layer / apothem
-    x, y = factor * (1 + stretch / 2), factor / (1 + stretch / 2)
+    found = _polygon(tuple(map(tuple, corners)))
+    factor = 1 - layer / apothem
+    x = factor * (1 + stretch / 2)
+    y = factor / (1 + stretch / 2)
     weights = (1.0, x, y, factor**2)  # the stretch of x² + y² is of second order
     slopes = tuple((w * s[0] / x**2, w * s[1] / y**2, w * s[2] / (x * y)) for w, s in zip(weights, found.slopes, strict=True))
     return replace(found, slopes=slopes, area=found.area * x * y, inner=(x, y))
@@ -128,8 +132,10 @@ def membrane(name: str, layer: float, stretch: float = 0.0, basis: int = 14) -> 
 def _rectangle(sides: tuple[float, float], half: float, basis: int) -> Membrane:
     m = np.arange(1, basis + 1)
     t, w = np.polynomial.legendre.leggauss(8 * basis)
-    t, w = t / 2, w / 2
-    value, slope = np.sin(np.outer(m, np.pi * (t + 0.5))), np.pi * m[:, None] * np.cos(np.outer(m, np.pi * (t + 0.5)))
+    t = t / 2
+    w = w / 2
+    value = np.sin(np.outer(m, np.pi * (t + 0.5)))
+    slope = np.pi * m[:, None] * np.cos(np.outer(m, np.pi * (t + 0.5)))
     table = {
         (p, a, b): 2 * (f * t**p * w) @ g.T for p in range(3) for a, f in enumerate((value, slope)) for b, g in enumerate((value, slope))
     }
@@ -144,7 +150,8 @@ def _rectangle(sides: tuple[float, float], half: float, basis: int) -> Membrane:
         mixed = product(px, py, 1, 0, 0, 1)
         return product(px, py, 1, 1, 0, 0), product(px, py, 0, 0, 1, 1), (mixed + mixed.T) / 2
 
-    x2, y2 = three(2, 0), three(0, 2)
+    x2 = three(2, 0)
+    y2 = three(0, 2)
     bowl = (x2[0] + y2[0], x2[1] + y2[1], x2[2] + y2[2])
     return Membrane((three(0, 0), three(1, 0), three(0, 1), bowl), sides[0] * sides[1], half, orders, sides, None)
 
@@ -164,7 +171,8 @@ def _polygon(corners: tuple[tuple[float, float], ...], count: int = 90) -> Membr
         mesh = mesh.refined(np.flatnonzero(distance < 0.25 * reach / 2**level))
     space = Basis(mesh, ElementTriP3(), intorder=7)
     inner = space.complement_dofs(space.get_dofs())
-    stiff, heavy = asm(laplace, space)[inner][:, inner], asm(mass, space)[inner][:, inner]
+    stiff = asm(laplace, space)[inner][:, inner]
+    heavy = asm(mass, space)[inner][:, inner]
     start = np.random.default_rng(0).standard_normal(len(inner))
     _, vectors = eigsh(stiff.tocsc(), count, heavy.tocsc(), sigma=0.0, v0=start)
     area = float(space.dx.sum())
@@ -194,6 +202,7 @@ def _form(weight: str, a: int, b: int) -> BilinearForm:
 def _normals(basis: Basis) -> Array:
     """Rows a with a·p ≤ 1 inside a convex polygon."""
     edge = basis.mesh.p[:, basis.mesh.facets[:, basis.mesh.boundary_facets()]]
-    a, b = edge[:, 0], edge[:, 1]
+    a = edge[:, 0]
+    b = edge[:, 1]
     rows = np.stack([b[1] - a[1], a[0] - b[0]]) / (a[0] * (b[1] - a[1]) + a[1] * (a[0] - b[0]))
     return np.asarray(np.unique(np.round(rows.T, 3), axis=0))

@@ -23,11 +23,17 @@ from tests.blind.lab.bench import Array, Cause
 from tests.blind.lab.film import Membrane
 from tests.blind.lab.spectrum import SpectrumBench
 
-SIDE, PITCH, COUNT, RADIUS, POISSON = 250e-6, 40e-6, 6, 5e-6, 0.23
+SIDE = 250e-6
+PITCH = 40e-6
+COUNT = 6
+RADIUS = 5e-6
+POISSON = 0.23
 """Those of `perforated.toml`."""
 KEPT = Path(__file__).parents[3] / "build"
 """Where what the film's equations give is kept; without it, or where this file has changed, it is computed again."""
-AROUND, OUTWARDS, MODES = 64, 16, 60
+AROUND = 64
+OUTWARDS = 16
+MODES = 60
 LOADS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Stress before the release: xx, yy, xy."""
 
@@ -60,11 +66,13 @@ def rings(outwards: int) -> Array:
 
 def cell(column: int, row: int, around: int, outwards: int, side: float) -> Array:
     """Corners of the quadrilaterals of one cell, (2, outwards + 1, around), in units of the side; the outer cells take in the margin."""
-    radius, pitch = RADIUS / side, PITCH / side
+    radius = RADIUS / side
+    pitch = PITCH / side
     t = np.linspace(-1, 1, around // 4 + 1)[:-1]
     one = np.ones_like(t)
     square = np.concatenate([[one, t], [-t, one], [-one, -t], [t, -one]], axis=1)
-    s, margin = rings(outwards)[:, None], (1 - COUNT * pitch) / pitch
+    s = rings(outwards)[:, None]
+    margin = (1 - COUNT * pitch) / pitch
     ends = [(1 + margin * (n == 0), 1 + margin * (n == COUNT - 1)) for n in (column, row)]
     outer = np.stack([np.where(part < 0, part * low, part * high) for part, (low, high) in zip(square, ends, strict=True)])
     turn = np.arctan2(outer[1], outer[0])
@@ -75,7 +83,8 @@ def cell(column: int, row: int, around: int, outwards: int, side: float) -> Arra
 
 def mesh(around: int, outwards: int, side: float = SIDE) -> MeshQuad2:
     """Quadrilaterals between each hole and the sides of its cell; those at the hole follow its arc."""
-    radius, pitch = RADIUS / side, PITCH / side
+    radius = RADIUS / side
+    pitch = PITCH / side
     cells = [cell(column, row, around, outwards, side).reshape(2, -1) for column in range(COUNT) for row in range(COUNT)]
     i, k = np.meshgrid(np.arange(around), np.arange(outwards))
     corners = [(k + a) * around + (i + b) % around for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
@@ -106,7 +115,8 @@ class Relaxed:
     def modes(self, stiffness: Any, count: int) -> tuple[Array, Array]:
         """k² of the lowest modes and their values (N, count) at the nodes."""
         flat = self.flat
-        inner, heavy = flat.complement_dofs(flat.get_dofs(self.outer)), asm(mass, flat)
+        inner = flat.complement_dofs(flat.get_dofs(self.outer))
+        heavy = asm(mass, flat)
         square, vectors = eigsh(stiffness[inner][:, inner].tocsc(), count, heavy[inner][:, inner].tocsc(), sigma=0.0)
         shapes = np.zeros((flat.N, count))
         shapes[inner] = vectors * np.sqrt(float(flat.dx.sum()))
@@ -116,11 +126,13 @@ class Relaxed:
 def relaxed(cells: MeshQuad2, loads: Sequence[tuple[float, float, float]]) -> Relaxed:
     """Let the film go in its plane under each stress that it may have had before."""
     outer = cells.facets_satisfying(lambda x: np.isclose(np.abs(x).max(axis=0), 0.5, atol=1e-9), boundaries_only=True)
-    flat, plane = Basis(cells, ElementQuad2(), intorder=6), Basis(cells, ElementVector(ElementQuad2()), intorder=6)
+    flat = Basis(cells, ElementQuad2(), intorder=6)
+    plane = Basis(cells, ElementVector(ElementQuad2()), intorder=6)
     rim, rims = (FacetBasis(cells, element, facets=outer, intorder=6) for element in (ElementQuad2(), ElementVector(ElementQuad2())))
     free = plane.complement_dofs(plane.get_dofs(outer))
     stretch = splu(asm(_elastic, plane)[free][:, free].tocsc())
-    tensions, at_rim = [], np.zeros((2, 2, *rim.dx.shape))
+    tensions = []
+    at_rim = np.zeros((2, 2, *rim.dx.shape))
     for load in loads:
         before = np.array([[load[0], load[2]], [load[2], load[1]]])[:, :, None, None]
         moved = np.zeros(plane.N)
@@ -141,15 +153,20 @@ def shapes(side: float, count: int) -> dict[str, Array]:
 def solve(around: int = AROUND, outwards: int = OUTWARDS) -> dict[str, Array]:
     """Solve the film; see `solved`."""
     film = relaxed(mesh(around, outwards), LOADS)
-    flat, rim, tensions = film.flat, film.rim, [*film.tensions]
+    flat = film.flat
+    rim = film.rim
+    tensions = [*film.tensions]
     x, y = _points(flat)
     tensions += [weight * (tensions[0] + tensions[1]) for weight in (x, y, x**2 + y**2)]
     stiff = [asm(_pull, flat, tension=tension) for tension in tensions]
-    heavy, area, even = asm(mass, flat), float(flat.dx.sum()), stiff[0] + stiff[1]
+    heavy = asm(mass, flat)
+    area = float(flat.dx.sum())
+    even = stiff[0] + stiff[1]
     square, shapes = film.modes(even, MODES)
     smooth = splu(heavy.tocsc())
     slopes = [smooth.solve(asm(_slope, flat, along=np.full(flat.dx.shape, axis)) @ shapes) for axis in (0, 1)]
-    edge, bending = np.empty(MODES), np.empty(MODES)
+    edge = np.empty(MODES)
+    bending = np.empty(MODES)
     ring = flat.get_dofs(film.outer).all()
     ends = splu(asm(mass, rim)[ring][:, ring].tocsc())
     normal = np.einsum("ij...,i...,j...", film.at_rim, rim.normals, rim.normals)

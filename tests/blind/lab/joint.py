@@ -22,21 +22,23 @@ class JointBench:
     """Benches side by side, base parameters named "measurement.parameter" but for those that they share; see `Bench`."""
 
     def __init__(self, parts: Mapping[str, Bench], shared: tuple[str, ...], acting: Callable[[str], tuple[str, ...]]) -> None:
-        self.parts, self.shared, self.acting = dict(parts), shared, acting
-        self.unit = {self._named(group, knob): unit for group, part in self.parts.items() for knob, unit in part.unit.items()}
+        self.parts = dict(parts)
+        self.shared = shared
+        self.acting = acting
+        self.unit = {self._named(group, spec): unit for group, part in self.parts.items() for spec, unit in part.unit.items()}
 
-    def _named(self, group: str, knob: str) -> str:
-        return knob if knob in self.shared else f"{group}.{knob}"
+    def _named(self, group: str, spec: str) -> str:
+        return spec if spec in self.shared else f"{group}.{spec}"
 
     def _own(self, group: str, base: Values, hidden: dict[str, Values]) -> tuple[Values, dict[str, Values]]:
-        own = {knob: base[self._named(group, knob)] for knob in self.knobs[group]}
+        own = {spec: base[self._named(group, spec)] for spec in self.parameters[group]}
         return own, {name: values for name, values in hidden.items() if name in self.acting(group)}
 
     def draw(self, rng: np.random.Generator) -> Values:
         """Draw the base parameters of each; what they share is that of the last."""
         drawn = {group: part.draw(rng) for group, part in self.parts.items()}
-        self.knobs = {group: tuple(own) for group, own in drawn.items()}
-        return {self._named(group, knob): value for group, own in drawn.items() for knob, value in own.items()}
+        self.parameters = {group: tuple(own) for group, own in drawn.items()}
+        return {self._named(group, spec): value for group, own in drawn.items() for spec, value in own.items()}
 
     def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
         """Data of all over their σ, one after the other."""

@@ -18,7 +18,8 @@ from tests.blind.lab.drum import Drum, drum
 from tests.blind.lab.film import Membrane, device, membrane
 
 WAVELENGTH = 632.8e-9
-SAMPLES, ORDERS = 96, 6
+SAMPLES = 96
+ORDERS = 6
 MODES = 12
 SPOT = np.linspace(-3.6, 3.6, 13)
 """Points of the laser spot along each axis, in units of its sd: even steps, since the film's edge is a kink of the signal."""
@@ -57,11 +58,14 @@ class MapBench:
     def __init__(
         self, name: str, causes: tuple[str, ...], rng: np.random.Generator, points: int = 41, wavelength: float = WAVELENGTH
     ) -> None:
-        self.wavelength, self.driven = wavelength, 0.5 if "crosstalk" in causes else None
-        self.name, film = name, device(name).film
+        self.wavelength = wavelength
+        self.driven = 0.5 if "crosstalk" in causes else None
+        self.name = name
+        film = device(name).film
         self.frequencies = np.sqrt(np.sort(_film(name).square)[:MODES] * film.stress / film.density) / (2 * np.pi)
         self.axis = np.linspace(-1.2, 1.2, points) * _film(name).half
-        self.noise, self.stack = 3e-4, device(name).stack
+        self.noise = 3e-4
+        self.stack = device(name).stack
         self.gap = self.stack.layers[self.stack.gap].thickness if self.stack else 0.0
         self.drive = float(self.frequencies[0] * (1 + 1e-3 * rng.uniform(-1, 1)))
         self.unit = {"amplitude": 1e-8, "contrast": 0.02, "theta": 1.0, "phase": 1.0, "x": 1e-6, "y": 1e-6}
@@ -95,11 +99,14 @@ class MapBench:
         x, y = np.meshgrid(self.axis - base["x"], self.axis - base["y"])
         if "stage_rotation" in hidden:
             turn = np.exp(-1j * hidden["stage_rotation"]["angle"]) * (x + 1j * y)
-            x, y = turn.real, turn.imag
+            x = turn.real
+            y = turn.imag
         if "stage_scale" in hidden:
-            x, y = x * (1 + hidden["stage_scale"]["stretch_x"]), y * (1 + hidden["stage_scale"]["stretch_y"])
+            x = x * (1 + hidden["stage_scale"]["stretch_x"])
+            y = y * (1 + hidden["stage_scale"]["stretch_y"])
         if "finite_spot" in hidden:
-            sd, total = hidden["finite_spot"]["radius"] / 2, WEIGHT.sum() ** 2
+            sd = hidden["finite_spot"]["radius"] / 2
+            total = WEIGHT.sum() ** 2
             values = sum(
                 a * b / total * self._read(x + sd * dx, y + sd * dy, base, hidden)
                 for a, dx in zip(WEIGHT, SPOT, strict=True)
@@ -125,7 +132,8 @@ class MapBench:
     def _read(self, x: Array, y: Array, base: Values, hidden: dict[str, Values]) -> NDArray[np.complex128]:
         """Harmonics at points of the film, for a motion whose phase is zero."""
         shapes = _shapes(self.name, x.tobytes(), y.tobytes()).reshape(MODES, *x.shape)
-        shape, turn = shapes[0], 4 * np.pi / self.wavelength
+        shape = shapes[0]
+        turn = 4 * np.pi / self.wavelength
         theta = np.full(x.shape, base["theta"])
         if "phase_tilt" in hidden:
             theta = theta + turn * (hidden["phase_tilt"]["slope_x"] * x + hidden["phase_tilt"]["slope_y"] * y)
@@ -182,7 +190,8 @@ def bent(kappa: float, samples: int) -> Array:
 
     By Runge–Kutta steps from one turning point to the next: the way back is the way there.
     """
-    start, half = 1.0, np.pi
+    start = 1.0
+    half = np.pi
     for _ in range(8):
         u, v = _orbit(kappa, start, half, samples)
         half += v[samples // 2] / (u[samples // 2] * (1 + kappa * u[samples // 2]))  # where it turns, v = 0
@@ -194,7 +203,8 @@ def _orbit(kappa: float, start: float, half: float, samples: int) -> tuple[Array
     """Displacement and velocity at even steps of a period of twice `half`."""
     steps = 8
     h = 2 * half / samples / steps
-    state, kept = np.array([start, 0.0]), []
+    state = np.array([start, 0.0])
+    kept = []
 
     def rate(s: Array) -> Array:
         return np.array([s[1], -s[0] * (1 + kappa * s[0])])

@@ -10,7 +10,9 @@ import xarray as xr
 from femnl.io import measurement
 from tests.blind.lab.bench import Array, Cause, Values, sign
 
-RATE, COUNT, SUBSTEPS = 610.0, 1800, 32
+RATE = 610.0
+COUNT = 1800
+SUBSTEPS = 32
 """Samples a second, samples, and time steps between two of them."""
 BAND = 150.0
 """Highest frequency [Hz] of the drive."""
@@ -57,14 +59,15 @@ class RecordBench:
         return {"record": measurement.trace(time, noisy[None], drive_voltage=self.drive[None, :: 2 * SUBSTEPS], noise_sd=self.noise)}
 
     def _run(self, bases: list[Values], hidden: list[dict[str, Values]], begin: float | Array = 0.0) -> Array:
-        def knob(cause: str, name: str) -> Array:
+        def spec(cause: str, name: str) -> Array:
             return np.array([h.get(cause, {}).get(name, 0.0) for h in hidden])
 
         f0, width, stiffness, offset, alpha = (
             np.array([base[name] for base in bases]) for name in ("frequency", "linewidth", "stiffness", "offset", "alpha")
         )
-        square, loss = (2 * np.pi * f0) ** 2, (2 * np.pi * width, knob("nonlinear_damping", "eta"))
-        forces = (square, square / stiffness, offset, knob("quadratic_stiffness", "kappa2"), alpha, knob("quintic_stiffness", "alpha5"))
+        square = (2 * np.pi * f0) ** 2
+        loss = (2 * np.pi * width, spec("nonlinear_damping", "eta"))
+        forces = (square, square / stiffness, offset, spec("quadratic_stiffness", "kappa2"), alpha, spec("quintic_stiffness", "alpha5"))
         return np.asarray(_compiled()(self.drive, np.stack([*forces, *loss], axis=1), np.zeros(len(bases)) + begin))
 
 
@@ -80,20 +83,25 @@ def _integrate(drive: Array, oscillators: Array, begin: Array) -> Array:
     found = np.empty((len(oscillators), COUNT))
     for k in range(len(oscillators)):
         square, gain, offset, kappa, alpha, quintic, gamma, eta = oscillators[k]
-        y, v = begin[k], 0.0
+        y = begin[k]
+        v = 0.0
         for n in range(-COUNT // 8 * SUBSTEPS, COUNT * SUBSTEPS):
             if n >= 0 and n % SUBSTEPS == 0:
                 found[k, n // SUBSTEPS] = y
             dy = dv = sum_y = sum_v = 0.0
             for stage in range(4):
                 reach = 0.0 if stage == 0 else h if stage == 3 else h / 2
-                x, w = y + reach * dy, v + reach * dv
+                x = y + reach * dy
+                w = v + reach * dv
                 u = drive[(2 * n + (stage + 1) // 2) % len(drive)]
                 force = x * (1 + x * (kappa + x * (alpha + x * x * quintic)))
-                dy, dv = w, gain * (u + offset) - square * force - gamma * (1 + eta * x * x) * w
+                dy = w
+                dv = gain * (u + offset) - square * force - gamma * (1 + eta * x * x) * w
                 weight = 1.0 if stage in (0, 3) else 2.0
-                sum_y, sum_v = sum_y + weight * dy, sum_v + weight * dv
-            y, v = y + h / 6 * sum_y, v + h / 6 * sum_v
+                sum_y = sum_y + weight * dy
+                sum_v = sum_v + weight * dv
+            y = y + h / 6 * sum_y
+            v = v + h / 6 * sum_v
     return found
 
 

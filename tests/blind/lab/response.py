@@ -20,13 +20,16 @@ ALPHA_SD = 0.2
 """Relative standard deviation of α from film to film, through Young's modulus."""
 NARROWEST = 0.05
 """Part of the linewidth below which it is not followed where base parameters move along their tangents, which know no zero."""
-STEPS, STRIDE, SETTLED = 40_000, 0.05, 1e-6
+STEPS = 40_000
+STRIDE = 0.05
+SETTLED = 1e-6
 """Most Runge–Kutta steps at each point of a sweep, in units of the amplitude's decay time, and the change in a step that ends them.
 
 Just past a fold a state lingers: a point that were taken there would be on no branch.
 """
 WAVELENGTH = 632.8e-9
-COARSE, TORN = 1e3, 2.0
+COARSE = 1e3
+TORN = 2.0
 """How much longer steps for tangents are than of closed forms, and the ratio of amplitudes of a point that has jumped."""
 IMPLICIT = 3
 """Rounds in which an implicit step is found."""
@@ -41,14 +44,16 @@ class ResponseBench:
     """Eight sweeps; see `Bench`."""
 
     def __init__(self, name: str, causes: tuple[str, ...], rng: np.random.Generator) -> None:
-        timed, self.soft = "frequency_drift" in causes, "quadratic_stiffness" in causes
+        timed = "frequency_drift" in causes
+        self.soft = "quadratic_stiffness" in causes
         self.mode, self.f0 = ("2,2", 2.9324e6) if rng.uniform() < 0.5 else ("1,1", 1.4661e6)
         film = SimulatedFilm(geometry.load(name), 12)
         self.alpha = float(film.alpha[film.modes.label.index(f"({self.mode})")])
         self.drives = np.repeat(np.array([0.05, 0.1, 0.2, 0.4]), 2)
         self.direction = np.tile([1, -1], 4)
         self.time = 120.0 * np.arange(8) if timed or rng.uniform() < 0.5 else None
-        self.noise, self.points = 1.5e-5, 81
+        self.noise = 1.5e-5
+        self.points = 81
         linewidth = self.linewidth = rng.uniform(3, 5)
         stretch = rng.uniform(3, 14)  # linewidths by which the strongest drive would move the resonance at full amplitude
         self.peak = float(np.sqrt(stretch * linewidth / (0.375 * self.f0 * self.alpha)) / self.drives.max())
@@ -81,24 +86,26 @@ class ResponseBench:
         return np.concatenate([flat.real, flat.imag], axis=1)
 
     def _swept(self, bases: list[Values], hidden: list[dict[str, Values]]) -> Complex:
-        def knob(cause: str, name: str) -> Array:
+        def spec(cause: str, name: str) -> Array:
             return np.array([h.get(cause, {}).get(name, 0.0) for h in hidden])[:, None]
 
         f0, w, peak, alpha = (np.array([b[name] for b in bases])[:, None] for name in ("frequency", "linewidth", "peak", "alpha"))
         w = np.maximum(w, self.linewidth * NARROWEST)
         if self.time is not None:
-            f0 = f0 * (1 + knob("frequency_drift", "rate") * self.time)
-        drive = peak * self.drives / (1 + knob("drive_compression", "kappa") * self.drives**2) + 0j
+            f0 = f0 * (1 + spec("frequency_drift", "rate") * self.time)
+        drive = peak * self.drives / (1 + spec("drive_compression", "kappa") * self.drives**2) + 0j
         alpha = alpha + np.array([_softening(b, h, self.drives.max()) for b, h in zip(bases, hidden, strict=True)])[:, None]
         cubic = 0.75 * f0 / w * alpha
-        quintic, loss = 0.625 * f0 / w * knob("quintic_stiffness", "alpha5"), knob("nonlinear_damping", "eta") / 4
+        quintic = 0.625 * f0 / w * spec("quintic_stiffness", "alpha5")
+        loss = spec("nonlinear_damping", "eta") / 4
         order = np.array([round(h.get("internal_resonance", {}).get("order", 2)) for h in hidden])[:, None]
         # Coupled as q₁ᵖq₂ to a mode at f_j, which moves at p times the drive; metres of it are free, so that both feel one coupling.
         stiffening = 8 * w / (3 * f0 * np.abs(alpha))
-        coupling = 2 / w * np.sqrt(order * knob("internal_resonance", "coupling_square") / stiffening ** (order - 1))
-        crossing = self.frequency[[0, -1]].mean() + knob("internal_resonance", "offset")
-        leaves = order / 2 * knob("internal_resonance", "width") * 2 / w
-        state, other = np.zeros(drive.size, complex), np.zeros(drive.size, complex)
+        coupling = 2 / w * np.sqrt(order * spec("internal_resonance", "coupling_square") / stiffening ** (order - 1))
+        crossing = self.frequency[[0, -1]].mean() + spec("internal_resonance", "offset")
+        leaves = order / 2 * spec("internal_resonance", "width") * 2 / w
+        state = np.zeros(drive.size, complex)
+        other = np.zeros(drive.size, complex)
         motion = np.empty((len(bases), 8, self.points), complex)
         for k in range(self.points):
             point = np.where(self.direction > 0, k, self.points - 1 - k)
@@ -107,10 +114,10 @@ class ResponseBench:
             whole = np.broadcast_arrays(detuning, cubic, quintic, loss, drive, turn, coupling, order)
             _compiled()(state, other, bool(np.any(coupling)), *(part.ravel() for part in whole))
             motion[:, np.arange(8), point] = state.reshape(drive.shape)
-        z = 4 * np.pi / WAVELENGTH * np.sqrt(np.maximum(knob("nonlinear_readout", "share"), 1e-12))[..., None] * np.abs(motion)
+        z = 4 * np.pi / WAVELENGTH * np.sqrt(np.maximum(spec("nonlinear_readout", "share"), 1e-12))[..., None] * np.abs(motion)
         first = 2 * np.mean(np.sin(z[..., None] * np.cos(FIRST)) * np.cos(FIRST), axis=-1) / np.maximum(z, 1e-300)
         gain = np.array([b["gain"] * np.exp(1j * b["phase"]) for b in bases])[:, None, None]
-        leak = (knob("crosstalk", "real") + 1j * knob("crosstalk", "imag"))[..., None]
+        leak = (spec("crosstalk", "real") + 1j * spec("crosstalk", "imag"))[..., None]
         volts = gain * motion * np.where(z > 1e-3, first, 1 - z**2 / 8) + leak * self.drives[:, None]
         for k, h in enumerate(hidden):
             if "detector_saturation" in h:
@@ -175,13 +182,15 @@ def _settle(
     By Runge–Kutta steps; coupled to a mode b at p times the drive, db/ds = i (b turn + g aᵖ), and + i g a*^{p−1} b in da/ds, by the
     implicit midpoint rule, which keeps the fast turning of that mode stable. The amplitude of b counts so that its own g is the same.
     """
-    h, largest = STRIDE, np.abs(drive).max()
+    h = STRIDE
+    largest = np.abs(drive).max()
     for n in range(STEPS):
         change = 0.0
         for i in range(len(a)):
             before = a[i]
             if coupled:
-                last, other = before, b[i]
+                last = before
+                other = b[i]
                 for _ in range(IMPLICIT):
                     middle = (before + last) / 2
                     x = middle.real**2 + middle.imag**2
@@ -189,9 +198,11 @@ def _settle(
                     own = 0.5j * h * (delta[i] + x * (cubic[i] + quintic[i] * x) + 1j * (1 + loss[i] * x))
                     last = (before * (1 + own) - 1j * h * (drive[i] - np.conj(lower) * (b[i] + other) / 2)) / (1 - own)
                     other = (b[i] * (1 + 0.5j * h * turn[i]) + 1j * h * lower * middle) / (1 - 0.5j * h * turn[i])
-                a[i], b[i] = last, other
+                a[i] = last
+                b[i] = other
             else:
-                rate, total = 0j, 0j
+                rate = 0j
+                total = 0j
                 for stage in range(4):
                     here = before + (0.0 if stage == 0 else h if stage == 3 else h / 2) * rate
                     x = here.real**2 + here.imag**2
@@ -214,7 +225,8 @@ def _strongest(bench: ResponseBench) -> float:
 
 
 def _leak(rng: np.random.Generator, bench: ResponseBench) -> Cause:
-    turn, slope = rng.uniform(-np.pi, np.pi), 1e-3 * bench.gain * bench.peak
+    turn = rng.uniform(-np.pi, np.pi)
+    slope = 1e-3 * bench.gain * bench.peak
     return Cause({"real": float(slope * np.cos(turn)), "imag": float(slope * np.sin(turn))}, ("real", "imag"), 300.0)
 
 

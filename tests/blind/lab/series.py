@@ -40,14 +40,16 @@ class SeriesBench:
         return np.stack(rows)
 
     def _points(self, base: Values, hidden: dict[str, Values]) -> tuple[Array, Array]:
-        f, loss = np.full(self.n, base["frequency"]), np.full(self.n, 1 / base["quality_factor"])
+        f = np.full(self.n, base["frequency"])
+        loss = np.full(self.n, 1 / base["quality_factor"])
         if "gas_damping" in hidden:
             loss = loss + hidden["gas_damping"]["per_pressure"] * self.control["pressure"]
         if "thermal_stress" in hidden:
             warm = self.control["temperature"] - self.control["temperature"].mean()
             f = f * np.sqrt(1 - hidden["thermal_stress"]["slope"] * warm)
         if "photothermal" in hidden:
-            power, heat = self.control["laser_power"], hidden["photothermal"]
+            power = self.control["laser_power"]
+            heat = hidden["photothermal"]
             f = f * (1 + heat["pull"] * power + heat["bend"] * power**2)
             loss = loss * (1 + heat["loss"] * power)
         if "gas_loading" in hidden:

@@ -25,8 +25,10 @@ class SpectrumBench:
     less = 1.0
 
     def __init__(self, name: str, timed: bool, rng: np.random.Generator) -> None:
-        self.name, self.film = name, device(name).film
-        self.count, self.sd = int(rng.integers(10, 15)), float(rng.choice([2.0, 3.0, 5.0]))
+        self.name = name
+        self.film = device(name).film
+        self.count = int(rng.integers(10, 15))
+        self.sd = float(rng.choice([2.0, 3.0, 5.0]))
         self.sd *= POLYGON if device(name).outline.size is None else self.less
         self.time = 600.0 * rng.permutation(self.count) if timed or rng.uniform() < 0.5 else None
         film = self.film
@@ -53,7 +55,8 @@ class SpectrumBench:
         return {"spectrum": measurement.spectrum(noisy, np.full(self.count, self.sd), names or None, self.time)}
 
     def _lines(self, base: Values, hidden: dict[str, Values]) -> tuple[Array, list[str]]:
-        film, c2 = self.film, base["speed"] ** 2
+        film = self.film
+        c2 = base["speed"] ** 2
         density = film.stress / c2
         layer = base["bending"] * self.layer
         layer = float(np.sqrt(layer**2 + hidden.get("bending_stiffness", {}).get("excess", 0.0)))
@@ -69,9 +72,9 @@ class SpectrumBench:
         if "shear_stress" in hidden:
             stiffness = stiffness + 2 * c2 * hidden["shear_stress"]["shear"] * modes.slopes[0][2]
         if "tension_gradient" in hidden:
-            for knob, (xx, yy, _) in zip(("slope_x", "slope_y", "bowl"), modes.slopes[1:], strict=True):
-                stiffness = stiffness + c2 * hidden["tension_gradient"][knob] / modes.half * (xx + yy) * (
-                    1 / modes.half if knob == "bowl" else 1
+            for spec, (xx, yy, _) in zip(("slope_x", "slope_y", "bowl"), modes.slopes[1:], strict=True):
+                stiffness = stiffness + c2 * hidden["tension_gradient"][spec] / modes.half * (xx + yy) * (
+                    1 / modes.half if spec == "bowl" else 1
                 )
         if "added_mass" in hidden:
             particle = hidden["added_mass"]
@@ -113,9 +116,9 @@ def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> Spect
     return SpectrumBench(name, "frequency_drift" in causes, rng)
 
 
-def _simple(knob: str, low: float, most: float, signed: bool = False) -> Callable[[np.random.Generator, SpectrumBench], Cause]:
+def _simple(spec: str, low: float, most: float, signed: bool = False) -> Callable[[np.random.Generator, SpectrumBench], Cause]:
     def draw(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
-        return Cause({knob: low * (sign(rng) if signed else 1)}, (knob,), most / low)
+        return Cause({spec: low * (sign(rng) if signed else 1)}, (spec,), most / low)
 
     return draw
 

@@ -27,8 +27,10 @@ class TraceBench:
     """Traces at steps of the drive; see `Bench`."""
 
     def __init__(self, name: str, rng: np.random.Generator) -> None:
-        self.f0, self.noise = 1.4661e6, float(rng.choice([3e-4, 6e-4]))
-        self.steps, self.samples = int(rng.integers(6, 10)), int(rng.integers(500, 800))
+        self.f0 = 1.4661e6
+        self.noise = float(rng.choice([3e-4, 6e-4]))
+        self.steps = int(rng.integers(6, 10))
+        self.samples = int(rng.integers(500, 800))
         self.rate = self.f0 * rng.uniform(50, 70)
         self.width = rng.uniform(3, 6)
         self.frequency = self.f0 + np.linspace(-2.5, 2.5, self.steps) * self.width
@@ -68,7 +70,8 @@ class TraceBench:
         for i, f in enumerate(self.frequency):
             series = np.fft.rfft(self._period(base[f"amplitude[{i}]"], base, hidden))[: HIGHEST + 1] / PERIOD
             series[1:] *= 2
-            order, omega = np.arange(HIGHEST + 1), 2 * np.pi * f
+            order = np.arange(HIGHEST + 1)
+            omega = 2 * np.pi * f
             if "trigger_jitter" in hidden:
                 late = np.exp(-1j * np.outer(order * omega, hidden["trigger_jitter"]["sd"] * SHOTS))
                 series = series * (late @ SHARE) / SHARE.sum()
@@ -88,7 +91,8 @@ class TraceBench:
         if "quadratic_stiffness" in hidden:
             u = amplitude * bent(hidden["quadratic_stiffness"]["kappa2"] * amplitude, PERIOD)
         if "mechanical_overtones" in hidden:
-            sung, swing = hidden["mechanical_overtones"], amplitude / base["largest"]
+            sung = hidden["mechanical_overtones"]
+            swing = amplitude / base["largest"]
             for n in (2, 3):
                 u = u + swing**n * (sung[f"cos{n}"] * np.cos(n * PHASE) + sung[f"sin{n}"] * np.sin(n * PHASE))
         if "multilayer_fringe" in hidden and self.stack is not None:

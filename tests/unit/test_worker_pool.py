@@ -15,16 +15,16 @@ import numpy as np
 import psutil
 import pytest
 
-from femnl.core.effect import Effect, Knob, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.readout import Array
 from femnl.diagnose import diagnose, record
 from femnl.diagnose.checkpoint import remembered
-from femnl.diagnose.least_squares import Solution, fit
-from femnl.diagnose.worker_pool import Job, crew
+from femnl.diagnose.least_squares import FitResult, fit
+from femnl.diagnose.worker_pool import Job, worker_pool
 from femnl.effects import library
 from femnl.io import measurement
-from femnl.observe.model import Extended, Problem
+from femnl.observe.model import ExtendedModel, MeasurementModel
 from tests.unit.level import Level
 
 BLOCKS = np.repeat(np.arange(4), 10)
@@ -37,16 +37,16 @@ def lift(value: Array, values: Values) -> Array:
     return value + values["strength"] * np.linspace(-1, 1, len(value))
 
 
-SLOPE = Effect("slope", "", (Knob("strength", "1", -10.0, 10.0),), {"placement": lift}, "", "", "")
+SLOPE = Effect("slope", "", (ParameterSpec("strength", "1", -10.0, 10.0),), {"placement": lift}, "", "", "")
 
 
-def posed() -> tuple[Problem, list[Effect]]:
+def posed() -> tuple[MeasurementModel, list[Effect]]:
     return Level(3 + 2 * np.linspace(-1, 1, 40) + np.random.default_rng(1).standard_normal(40), BLOCKS, 100.0), [SLOPE]
 
 
 @contextmanager
 def started(workers: int) -> Iterator[Run]:
-    with crew(posed, workers) as mine:
+    with worker_pool(posed, workers) as mine:
         mine.posed()
         yield mine.run
 
@@ -91,27 +91,27 @@ def test_jobs_come_back_in_their_order_and_processes_share_them() -> None:
 
 
 def test_results_of_a_helper_hold_the_problem_and_the_effects_of_the_process_that_asked() -> None:
-    with crew(posed, 2) as mine:
-        problem, _ = mine.posed()
-        base = fit(Extended(problem), problem.start)
-        model = Extended(problem, (SLOPE,))
+    with worker_pool(posed, 2) as mine:
+        base_model, _ = mine.posed()
+        base = fit(ExtendedModel(base_model), base_model.start)
+        model = ExtendedModel(base_model, (SLOPE,))
         alone = fit(model, model.pack({"level": 0.0}, [{"strength": 0.1}]), near=base)
         shared(mine.run)
         found = mine.run([Job("fit", partial(fit, model, alone.vector * 0, near=base)) for _ in range(50)])
-    assert len({id(solution.vector) for solution in found}) == 50
-    for solution in found:
-        assert isinstance(solution, Solution)
-        assert solution.model.problem is problem
-        assert solution.model.effects[0] is SLOPE
-        assert np.array_equal(solution.vector, found[0].vector)
-        assert np.array_equal(solution.jacobian, found[0].jacobian)
-        assert np.allclose(solution.vector, alone.vector, rtol=1e-6)
+    assert len({id(result.vector) for result in found}) == 50
+    for result in found:
+        assert isinstance(result, FitResult)
+        assert result.model.base_model is base_model
+        assert result.model.effects[0] is SLOPE
+        assert np.array_equal(result.vector, found[0].vector)
+        assert np.array_equal(result.jacobian, found[0].jacobian)
+        assert np.allclose(result.vector, alone.vector, rtol=1e-6)
 
 
 def test_fits_of_a_helper_are_kept_in_the_ledger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    with remembered("a file"), crew(posed, 2) as mine:
-        model = Extended(mine.posed()[0], (SLOPE,))
+    with remembered("a file"), worker_pool(posed, 2) as mine:
+        model = ExtendedModel(mine.posed()[0], (SLOPE,))
         starts = [model.pack({"level": 0.0}, [{"strength": 0.1 * k}]) for k in range(40)]
         shared(mine.run)
         mine.run([Job("fit", partial(slowly, model, start)) for start in starts])
@@ -119,7 +119,7 @@ def test_fits_of_a_helper_are_kept_in_the_ledger(tmp_path: Path, monkeypatch: py
         assert len(kept.read_text(encoding="utf-8").splitlines()) == len(starts)
 
 
-def slowly(model: Extended, start: Array) -> int:
+def slowly(model: ExtendedModel, start: Array) -> int:
     fit(model, start)
     return who(0.02)
 
@@ -153,7 +153,8 @@ def split(path: Path) -> Path:
 
 
 def test_a_diagnosis_says_the_same_whatever_the_workers(tmp_path: Path) -> None:
-    path, effects = split(tmp_path / "split.nc"), [library()[name] for name in FEW]
+    path = split(tmp_path / "split.nc")
+    effects = [library()[name] for name in FEW]
     alone = record(diagnose(path, effects=effects))
     assert alone["verdict"] == "unexplained"
     assert record(diagnose(path, effects=effects, workers=2)) == alone
@@ -165,7 +166,8 @@ def test_a_diagnosis_says_the_same_whatever_the_workers(tmp_path: Path) -> None:
 
 
 def test_without_a_cache_a_diagnosis_is_made_all_the_same_and_each_warning_comes_once(tmp_path: Path) -> None:
-    path, cache = split(tmp_path / "split.nc"), tmp_path / "cache"
+    path = split(tmp_path / "split.nc")
+    cache = tmp_path / "cache"
     cache.mkdir()
     (cache / "femnl").write_text("in the place of the folder", encoding="utf-8")
     environment = os.environ | {"XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(Path(__file__).parents[2])}
@@ -179,11 +181,13 @@ def test_without_a_cache_a_diagnosis_is_made_all_the_same_and_each_warning_comes
 
 
 def test_an_interrupt_ends_helpers_and_the_fits_are_kept(tmp_path: Path) -> None:
-    path, told = split(tmp_path / "split.nc"), tmp_path / "cache" / "femnl"
+    path = split(tmp_path / "split.nc")
+    told = tmp_path / "cache" / "femnl"
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(Path(__file__).parents[2])}
     command = [sys.executable, "-m", "femnl", "diagnose", path.name, "--workers", "2"]
     client = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
-    deadline, children = time.monotonic() + 120, list[psutil.Process]()
+    deadline = time.monotonic() + 120
+    children = list[psutil.Process]()
     while not children and client.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
         if list(told.glob("diagnosis-*.jsonl")):
