@@ -1,8 +1,10 @@
-"""Error of displacement calibrations against a known amplitude, z = 0.1 … 12: a Taylor expansion at one spot, and whole maps.
+"""Error of displacement calibrations against a known amplitude, z = 0.1 … 12.
 
-Run `python -m benchmarks.calibration [FOLDER]`; it writes calibration.csv, its summary, and calibration.png. The Taylor method gets exact
-harmonics of the best spot; the map fits get 25 × 25 points with noise of 1.5 % of the fringe and find placement, phase and working point
-as well.
+a Taylor expansion at one spot, and whole maps.
+
+Run `python -m benchmarks.calibration [FOLDER]`; it writes calibration.csv, its summary, and
+calibration.png. The Taylor method gets exact harmonics of the best spot; the map fits get 25 × 25
+points with noise of 1.5 % of the fringe and find placement, phase and working point as well.
 """
 
 import csv
@@ -66,7 +68,10 @@ def errors(fringe: PeriodicFringe, depth: float, seed: int) -> Iterator[tuple[st
 
 
 def run(folder: Path) -> Path:
-    """Compare the methods on a sine and on the stack of the paper; write table and figure and return the figure's path."""
+    """Compare the methods on a sine and on the stack of the paper.
+
+    Write table and figure and return the figure's path.
+    """
     stack = femnl.load("square-270um").stack
     fringes: dict[str, femnl.SineFringe | femnl.MultilayerFringe] = {
         "data: a sine": femnl.SineFringe(WAVELENGTH, 0.0, 1.0, 0.6),
@@ -90,11 +95,18 @@ def run(folder: Path) -> Path:
 
 def summary(rows: list[Row]) -> list[tuple[str | float, ...]]:
     """By fringe and method: median of |relative error| of the amplitude below and from z = 1 on, and the largest from there on."""
-    table: list[tuple[str | float, ...]] = [("data and method", "median, z < 1", "median, z ≥ 1", "largest, z ≥ 1")]
+    table: list[tuple[str | float, ...]] = [
+        ("data and method", "median, z < 1", "median, z ≥ 1", "largest, z ≥ 1")
+    ]
     for pair in dict.fromkeys((row["fringe"], row["method"]) for row in rows):
         own = [row for row in rows if (row["fringe"], row["method"]) == pair]
-        below, above = ([abs(float(r["relative_error"])) for r in own if (float(r["z"]) >= 1) == deep] for deep in (False, True))
-        table.append((f"{pair[0]}; {pair[1]}", float(np.median(below)), float(np.median(above)), max(above)))
+        below, above = (
+            [abs(float(r["relative_error"])) for r in own if (float(r["z"]) >= 1) == deep]
+            for deep in (False, True)
+        )
+        table.append(
+            (f"{pair[0]}; {pair[1]}", float(np.median(below)), float(np.median(above)), max(above))
+        )
     return table
 
 
@@ -106,12 +118,27 @@ def draw(rows: list[Row], labels: list[str], path: Path) -> Path:
         for panel, label in zip(panels, labels, strict=True):
             for method, (mark, colour) in METHODS.items():
                 points = [
-                    (row["z"], abs(float(row["relative_error"]))) for row in rows if (row["fringe"], row["method"]) == (label, method)
+                    (row["z"], abs(float(row["relative_error"])))
+                    for row in rows
+                    if (row["fringe"], row["method"]) == (label, method)
                 ]
                 if points:
                     line = mark in ("-", "--")
-                    panel.plot(*zip(*points, strict=True), mark, color=colour, label=method, linewidth=1.2 if line else 0, markersize=4)
-            panel.set(yscale="log", ylim=(1e-5, 10), xlim=(0, 12.3), xlabel="modulation depth z = 4πU/λ", title=label)
+                    panel.plot(
+                        *zip(*points, strict=True),
+                        mark,
+                        color=colour,
+                        label=method,
+                        linewidth=1.2 if line else 0,
+                        markersize=4,
+                    )
+            panel.set(
+                yscale="log",
+                ylim=(1e-5, 10),
+                xlim=(0, 12.3),
+                xlabel="modulation depth z = 4πU/λ",
+                title=label,
+            )
         panels[0].set_ylabel("|error of the amplitude| / amplitude")
         figure.legend(*panels[-1].get_legend_handles_labels(), loc="outside lower center", ncols=3)
         figure.savefig(path)

@@ -1,7 +1,8 @@
 """Diagnoses of eight sweeps, of a spectrum and of a map of 6 × 101 × 101 values against the whole library, on one and on two workers.
 
-Run `python -m benchmarks.diagnosis [FOLDER]`; it writes diagnosis.csv. Files are those of the virtual laboratory, with one cause each,
-which the library has or lacks; where it lacks it, sets of three causes are tried, too. The film's modes are solved beforehand.
+Run `python -m benchmarks.diagnosis [FOLDER]`; it writes diagnosis.csv. Files are those of the
+virtual laboratory, with one cause each, which the library has or lacks; where it lacks it, sets of
+three causes are tried, too. The film's modes are solved beforehand.
 """
 
 import csv
@@ -50,9 +51,27 @@ def main(folder: Path) -> None:
                 beside, two = timed(path, gone, 2)
                 if one != two:
                     raise SystemExit(f"{kind} {cause}: two workers find another diagnosis than one")
-                rows.append([kind, cause, "no" if gone else "yes", one["verdict"], alone, beside, alone / beside])
+                rows.append(
+                    [
+                        kind,
+                        cause,
+                        "no" if gone else "yes",
+                        one["verdict"],
+                        alone,
+                        beside,
+                        alone / beside,
+                    ]
+                )
     with (folder / "diagnosis.csv").open("w", newline="", encoding="utf-8") as file:
-        head = ["data", "cause in them", "in the library", "verdict", "one worker (s)", "two workers (s)", "gain of the second"]
+        head = [
+            "data",
+            "cause in them",
+            "in the library",
+            "verdict",
+            "one worker (s)",
+            "two workers (s)",
+            "gain of the second",
+        ]
         csv.writer(file).writerows([head, *rows])
 
 

@@ -1,10 +1,12 @@
 """Duffing fits of random resonators: femnl beside lmfit with a model as users write it, in one run.
 
-Run `python -m benchmarks.duffing_fit [FOLDER] [COUNT]`; it prints a table and writes duffing_fit.csv. Each resonator has f₀ of 0.1…30 MHz,
-Q of 300…10⁶, α_y/α_c of 0.01…50 (a quarter softening), noise of 0.01…5 % of y_max, any phase, a delay, one sweep up or down over
-the whole response. The lmfit model takes the closed cubic roots for all points at once, chooses the branch by the direction, and starts
-(a) from peak position, height and half width, (b) as (a) and then from random starts until the misfit is that of noise, 20 at most,
-(c) from values a factor of two off, (d) from the truth, which no user has. Times are processor times.
+Run `python -m benchmarks.duffing_fit [FOLDER] [COUNT]`; it prints a table and writes
+duffing_fit.csv. Each resonator has f₀ of 0.1…30 MHz, Q of 300…10⁶, α_y/α_c of 0.01…50 (a quarter
+softening), noise of 0.01…5 % of y_max, any phase, a delay, one sweep up or down over the whole
+response. The lmfit model takes the closed cubic roots for all points at once, chooses the branch by
+the direction, and starts (a) from peak position, height and half width, (b) as (a) and then from
+random starts until the misfit is that of noise, 20 at most, (c) from values a factor of two off,
+(d) from the truth, which no user has. Times are processor times.
 """
 
 import csv
@@ -67,32 +69,71 @@ def draw(rng: np.random.Generator) -> Case:
     delta = 2 * (f0 - frequency) / w
     roots = duffing_roots(2 * (f0 - frequency) / w, STIFFEN * ratio)
     x = np.where(np.isfinite(roots[2]), roots[2], roots[0]) if direction * ratio > 0 else roots[0]
-    clean = peak * np.exp(1j * phase - 2j * np.pi * (frequency - f0) * delay) / (delta + STIFFEN * ratio * x + 1j)
+    clean = (
+        peak
+        * np.exp(1j * phase - 2j * np.pi * (frequency - f0) * delay)
+        / (delta + STIFFEN * ratio * x + 1j)
+    )
     voltage = clean + noise * (rng.normal(size=POINTS) + 1j * rng.normal(size=POINTS))
-    truth = {"frequency": f0, "linewidth": w, "alpha_ratio": ratio, "y_max": peak, "phase": phase, "delay": delay}
-    return Case(frequency, voltage, direction, noise, truth, limits(frequency, clean, direction, noise, truth))
+    truth = {
+        "frequency": f0,
+        "linewidth": w,
+        "alpha_ratio": ratio,
+        "y_max": peak,
+        "phase": phase,
+        "delay": delay,
+    }
+    return Case(
+        frequency,
+        voltage,
+        direction,
+        noise,
+        truth,
+        limits(frequency, clean, direction, noise, truth),
+    )
 
 
 def limits(frequency: Array, clean: Complex, direction: int, noise: float, truth: Values) -> Values:
     """Return the Cramér–Rao standard deviations of NAMES at the truth."""
     sweeps = collect(response(frequency, clean, direction=direction, noise_sd=noise))
-    layout = Layout(truth["frequency"], truth["linewidth"], 1.0, 1.0, 1, damping=False, gain=True, phase=True)
-    theta = np.array([0.0, 0.0, truth["alpha_ratio"], np.log(truth["y_max"]), truth["phase"], truth["delay"]])
+    layout = Layout(
+        truth["frequency"], truth["linewidth"], 1.0, 1.0, 1, damping=False, gain=True, phase=True
+    )
+    theta = np.array(
+        [0.0, 0.0, truth["alpha_ratio"], np.log(truth["y_max"]), truth["phase"], truth["delay"]]
+    )
     misfit = Misfit.of(sweeps, layout, "complex")
     misfit.assign(theta)
     slopes = misfit.jacobian(theta, cautious=True)
     scale = np.linalg.norm(slopes, axis=0)
     sd = np.sqrt(np.diag(np.linalg.pinv(slopes.T @ slopes / np.outer(scale, scale)))) / scale
-    return dict(zip(NAMES, sd[:4] * [truth["linewidth"], truth["linewidth"], 1.0, truth["y_max"]], strict=True))
+    return dict(
+        zip(
+            NAMES,
+            sd[:4] * [truth["linewidth"], truth["linewidth"], 1.0, truth["y_max"]],
+            strict=True,
+        )
+    )
 
 
 def with_femnl(case: Case) -> tuple[Values, Values]:
     """Fit with femnl, which takes no start values."""
-    fit = fit_response(response(case.frequency, case.voltage, direction=case.direction, noise_sd=case.noise))
+    fit = fit_response(
+        response(case.frequency, case.voltage, direction=case.direction, noise_sd=case.noise)
+    )
     return {name: fit[name] for name in NAMES}, {name: fit.parameters[name].sd for name in NAMES}
 
 
-def duffing(f: Array, f0: float, w: float, y_max: float, alpha: float, phi: float, tau: float, direction: int) -> Complex:
+def duffing(
+    f: Array,
+    f0: float,
+    w: float,
+    y_max: float,
+    alpha: float,
+    phi: float,
+    tau: float,
+    direction: int,
+) -> Complex:
     """The response of arXiv:2502.19191, S2, by the closed roots of its cubic in |y|²."""
     k = 0.375 * alpha * f0
     m = f0 - f
@@ -111,7 +152,10 @@ def duffing(f: Array, f0: float, w: float, y_max: float, alpha: float, phi: floa
         turns = np.exp(2j * np.pi / 3 * np.arange(3))[:, None]
         x = u * turns - p / (3 * u * turns) - a2 / 3
         real = np.abs(x.imag) < 1e-6 * np.abs(x)
-        high, low = (reduce(np.where(real, x.real, fill), axis=0) for reduce, fill in ((np.max, -np.inf), (np.min, np.inf)))
+        high, low = (
+            reduce(np.where(real, x.real, fill), axis=0)
+            for reduce, fill in ((np.max, -np.inf), (np.min, np.inf))
+        )
         x2 = high if direction * alpha > 0 else low
         y = y_max * w / 2 / (m + k * x2 + 0.5j * w)
     return np.asarray(y * np.exp(1j * phi - 2j * np.pi * (f - f0) * tau))
@@ -131,8 +175,17 @@ def with_lmfit(case: Case, start: Values) -> tuple[Values, Values, float]:
     p = result.params.valuesdict()
     e = {name: item.stderr or np.nan for name, item in result.params.items()}
     critical = 32 * np.sqrt(3) / 27 * p["w"] / (p["f0"] * p["y_max"] ** 2)
-    values = {"frequency": p["f0"], "linewidth": p["w"], "alpha_ratio": p["alpha"] / critical, "y_max": p["y_max"]}
-    return values, {"frequency": e["f0"], "linewidth": e["w"], "alpha_ratio": np.nan, "y_max": e["y_max"]}, float(result.redchi)
+    values = {
+        "frequency": p["f0"],
+        "linewidth": p["w"],
+        "alpha_ratio": p["alpha"] / critical,
+        "y_max": p["y_max"],
+    }
+    return (
+        values,
+        {"frequency": e["f0"], "linewidth": e["w"], "alpha_ratio": np.nan, "y_max": e["y_max"]},
+        float(result.redchi),
+    )
 
 
 def guess(case: Case) -> Values:
@@ -142,18 +195,34 @@ def guess(case: Case) -> Values:
     wide = case.frequency[size > size[top] / np.sqrt(2)]
     width = max(float(np.ptp(wide)), float(case.frequency[1] - case.frequency[0]))
     phase = float(np.angle(case.voltage[top])) + np.pi / 2
-    return {"f0": case.frequency[top], "w": width, "y_max": size[top], "alpha": 0.0, "phi": phase, "tau": 0.0}
+    return {
+        "f0": case.frequency[top],
+        "w": width,
+        "y_max": size[top],
+        "alpha": 0.0,
+        "phi": phase,
+        "tau": 0.0,
+    }
 
 
 def poor(case: Case) -> Values:
     """Start a factor of two off in w, y_max and α, three linewidths off in f₀, one radian off in phase."""
     t = exact(case)
-    moved = {"f0": t["f0"] + 3 * t["w"], "w": 2 * t["w"], "y_max": t["y_max"] / 2, "alpha": 2 * t["alpha"], "phi": t["phi"] + 1}
+    moved = {
+        "f0": t["f0"] + 3 * t["w"],
+        "w": 2 * t["w"],
+        "y_max": t["y_max"] / 2,
+        "alpha": 2 * t["alpha"],
+        "phi": t["phi"] + 1,
+    }
     return {**t, **moved, "tau": 0.0}
 
 
 def restarted(case: Case) -> tuple[Values, Values]:
-    """Fit from the usual guess, then from starts scattered about it, and keep the best; stop when it meets the noise."""
+    """Fit from the usual guess, then from starts scattered about it, and keep the best.
+
+    Stop when it meets the noise.
+    """
     rng = np.random.default_rng(0)
     first = guess(case)
     best = None
@@ -161,9 +230,13 @@ def restarted(case: Case) -> tuple[Values, Values]:
     for attempt in range(RESTARTS):
         start = dict(first)
         if attempt:
-            # The peak of a driven Duffing lies ⅜ α f₀ y² from f₀: draw that shift, and a width from the step to the span.
+            # The peak of a driven Duffing lies ⅜ α f₀ y² from f₀: draw that shift, and a width from
+            # the step to the span.
             shift = rng.uniform(-1, 1) * span
-            start |= {"f0": first["f0"] - shift, "alpha": shift / (0.375 * first["f0"] * first["y_max"] ** 2)}
+            start |= {
+                "f0": first["f0"] - shift,
+                "alpha": shift / (0.375 * first["f0"] * first["y_max"] ** 2),
+            }
             start |= {"w": span * 10 ** rng.uniform(-2.3, -0.5), "phi": rng.uniform(-np.pi, np.pi)}
         values, sd, chi2 = with_lmfit(case, start)
         if best is None or chi2 < best[2]:
@@ -177,8 +250,22 @@ def restarted(case: Case) -> tuple[Values, Values]:
 def exact(case: Case) -> Values:
     """Start at the truth."""
     t = case.truth
-    alpha = t["alpha_ratio"] * 32 * np.sqrt(3) / 27 * t["linewidth"] / (t["frequency"] * t["y_max"] ** 2)
-    return {"f0": t["frequency"], "w": t["linewidth"], "y_max": t["y_max"], "alpha": alpha, "phi": t["phase"], "tau": t["delay"]}
+    alpha = (
+        t["alpha_ratio"]
+        * 32
+        * np.sqrt(3)
+        / 27
+        * t["linewidth"]
+        / (t["frequency"] * t["y_max"] ** 2)
+    )
+    return {
+        "f0": t["frequency"],
+        "w": t["linewidth"],
+        "y_max": t["y_max"],
+        "alpha": alpha,
+        "phi": t["phase"],
+        "tau": t["delay"],
+    }
 
 
 METHODS: dict[str, Callable[[Case], tuple[Values, Values]]] = {
@@ -209,10 +296,23 @@ def compare(count: int, seed: int = 1) -> list[dict[str, str | float]]:
             inside.append([abs(values[key] - case.truth[key]) < sd[key] for key in NAMES[:2]])
         worst = np.max(np.abs(pulls), axis=1)
         good = worst < SUCCESS
-        row: dict[str, str | float] = {"method": name, "resonators": len(tried), "success": float(np.mean(good))}
-        row |= {f"bias_{key}": float(b) for key, b in zip(NAMES, np.mean(np.array(pulls)[good], axis=0), strict=True)}
-        row |= {f"rms_{key}": float(b) for key, b in zip(NAMES, np.std(np.array(pulls)[good], axis=0), strict=True)}
-        row |= {f"coverage_{key}": float(b) for key, b in zip(NAMES[:2], np.mean(inside, axis=0), strict=True)}
+        row: dict[str, str | float] = {
+            "method": name,
+            "resonators": len(tried),
+            "success": float(np.mean(good)),
+        }
+        row |= {
+            f"bias_{key}": float(b)
+            for key, b in zip(NAMES, np.mean(np.array(pulls)[good], axis=0), strict=True)
+        }
+        row |= {
+            f"rms_{key}": float(b)
+            for key, b in zip(NAMES, np.std(np.array(pulls)[good], axis=0), strict=True)
+        }
+        row |= {
+            f"coverage_{key}": float(b)
+            for key, b in zip(NAMES[:2], np.mean(inside, axis=0), strict=True)
+        }
         row |= {"time_mean": float(np.mean(times)), "time_median": float(np.median(times))}
         rows.append(row)
     return rows
@@ -236,7 +336,10 @@ def main() -> None:
     own = rows[0]
     peer = next(row for row in rows if row["method"] == "lmfit, restarted")
     ratio = float(peer["time_mean"]) / float(own["time_mean"])
-    last = f"lmfit, restarted until it meets the noise, takes {ratio:.0f} times as long and succeeds in {float(peer['success']):.1%}"
+    last = (
+        f"lmfit, restarted until it meets the noise, takes {ratio:.0f} times as long and "
+        f"succeeds in {float(peer['success']):.1%}"
+    )
     sys.stdout.write("\n".join([head, *body, last, ""]))
 
 

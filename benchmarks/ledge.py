@@ -1,7 +1,10 @@
-"""How far the edge of a released film moves in its plane: plane strain of the film's end on the oxide that the etch left.
+"""How far the edge of a released film moves in its plane.
 
-The film lies on oxide with a vertical face, on silicon. Before the etch nothing pulls sideways; afterwards the suspended film pulls
-at its end, the film on the ledge pulls back, and the oxide, compressed since it grew, expands towards the gap.
+Plane strain of the film's end on the oxide that the etch left.
+
+The film lies on oxide with a vertical face, on silicon. Before the etch nothing pulls sideways;
+afterwards the suspended film pulls at its end, the film on the ledge pulls back, and the oxide,
+compressed since it grew, expands towards the gap.
 """
 
 from dataclasses import dataclass
@@ -36,7 +39,10 @@ GROWTH = 1.25
 
 @dataclass(frozen=True)
 class Ledge:
-    """normal [Pa]: force per length and displacement at the film's end; relaxation [m/Pa]: how far compressed oxide pushes it inwards."""
+    """normal [Pa]: force per length and displacement at the film's end.
+
+    relaxation [m/Pa]: how far compressed oxide pushes it inwards.
+    """
 
     normal: float
     relaxation: float
@@ -49,9 +55,18 @@ class Ledge:
 
 
 def solve_ledge(thickness: float, layers: int = 4) -> Ledge:
-    """Solve the cross-section. Args: thickness of the film on the ledge [m]; layers of elements across it."""
+    """Solve the cross-section.
+
+    Args: thickness of the film on the ledge [m]; layers of elements across it.
+    """
     step = thickness / layers
-    across = np.concatenate([np.linspace(0, thickness, layers + 1), -OXIDE + _graded(OXIDE / 2, step), -_graded(OXIDE / 2, step)])
+    across = np.concatenate(
+        [
+            np.linspace(0, thickness, layers + 1),
+            -OXIDE + _graded(OXIDE / 2, step),
+            -_graded(OXIDE / 2, step),
+        ]
+    )
     x = np.concatenate([-_graded(2 / 3 * WIDE, step), _graded(WIDE, step)])
     y = np.concatenate([across, -OXIDE - _graded(DEEP, step)])
     mesh = MeshQuad.init_tensor(np.unique(x), np.unique(np.round(y, 15)))
@@ -67,12 +82,23 @@ def solve_ledge(thickness: float, layers: int = 4) -> Ledge:
     shear = constant.interpolate(young / 2 / (1 + poisson))
 
     stiffness = BilinearForm(
-        lambda u, v, w: w.lame * trace(sym_grad(u)) * trace(sym_grad(v)) + 2 * w.shear * ddot(sym_grad(u), sym_grad(v))
+        lambda u, v, w: (
+            w.lame * trace(sym_grad(u)) * trace(sym_grad(v))
+            + 2 * w.shear * ddot(sym_grad(u), sym_grad(v))
+        )
     )
     compressed = LinearForm(lambda v, w: w.oxide * sym_grad(v)[0, 0])
-    end = FacetBasis(mesh, basis.elem, facets=mesh.facets_satisfying(lambda p: (np.abs(p[0]) < 1e-12) & (p[1] > 0), boundaries_only=True))
+    end = FacetBasis(
+        mesh,
+        basis.elem,
+        facets=mesh.facets_satisfying(
+            lambda p: (np.abs(p[0]) < 1e-12) & (p[1] > 0), boundaries_only=True
+        ),
+    )
     pull = LinearForm(lambda v, w: -v[0] / thickness).assemble(end)
-    sides = basis.get_dofs(lambda p: (p[0] > WIDE - 1e-12) | (p[0] < -2 / 3 * WIDE + 1e-12)).all("u^1")
+    sides = basis.get_dofs(lambda p: (p[0] > WIDE - 1e-12) | (p[0] < -2 / 3 * WIDE + 1e-12)).all(
+        "u^1"
+    )
     held = np.union1d(sides, basis.get_dofs(lambda p: p[1] < mesh.p[1].min() + 1e-12).all())
     free = np.setdiff1d(np.arange(basis.N), held)
     matrix = stiffness.assemble(basis, lame=lame, shear=shear)
@@ -82,7 +108,10 @@ def solve_ledge(thickness: float, layers: int = 4) -> Ledge:
     for load in (pull, oxide):
         displacement = np.zeros(basis.N)
         displacement[free] = result(load[free])
-        moved.append(-float(Functional(lambda w: w.u[0]).assemble(end, u=end.interpolate(displacement))) / thickness)
+        moved.append(
+            -float(Functional(lambda w: w.u[0]).assemble(end, u=end.interpolate(displacement)))
+            / thickness
+        )
     return Ledge(1 / moved[0], moved[1])
 
 

@@ -1,8 +1,12 @@
-"""The paper's open numbers: f22 − 2 f11 = 249 Hz of device J10, and the ten ratios of the hexagon; which film, holes and edge make them.
+"""The paper's open numbers: f22 − 2 f11 = 249 Hz of device J10, and the ten ratios of the hexagon.
 
-Run `python -m benchmarks.open_numbers [FOLDER] [--full]`; it writes open_numbers.csv and open_numbers.png. The scans take the square
-with its 30 × 30 holes as an even film (`femnl.mechanics.lattice`), and every number is scaled to the measured f11 = 1.466060 MHz of
-arXiv:2502.19191. `--full` solves the etched, tapered, perforated devices themselves, which takes minutes.
+Which film, holes and edge make them.
+
+Run `python -m benchmarks.open_numbers [FOLDER] [--full]`; it writes open_numbers.csv and
+open_numbers.png. The scans take the square with its 30 × 30 holes as an even film
+(`femnl.mechanics.lattice`), and every number is scaled to the measured f11 = 1.466060 MHz of
+arXiv:2502.19191. `--full` solves the etched, tapered, perforated devices themselves, which takes
+minutes.
 """
 
 import csv
@@ -36,8 +40,10 @@ RADII = (0.5e-6, 0.75e-6, 0.9e-6, 1.15e-6, 1.4e-6)
 THICKNESS = (60e-9, 102e-9, 140e-9, LEFT)
 DRAWN = np.array([0.0, 4e-9, 8e-9, 12e-9, 16e-9, 20e-9, 24e-9])  # of the edge, inwards
 PRIOR = {  # what is known of J10: mean and standard deviation
-    "radius of the holes": (0.9e-6, 0.25e-6),  # not given; 0.9 µm makes the etch reach the quoted 10 µm
-    "stress of the oxide": (-280e6, 60e6),  # grown near 1000 °C: (3.9 − 0.5)·10⁻⁶·980 K·E/(1 − ν) of the oxide
+    # not given; 0.9 µm makes the etch reach the quoted 10 µm
+    "radius of the holes": (0.9e-6, 0.25e-6),
+    # grown near 1000 °C: (3.9 − 0.5)·10⁻⁶·980 K·E/(1 − ν) of the oxide
+    "stress of the oxide": (-280e6, 60e6),
     "film at the edge": (240e-9, 10e-9),
     "taper": (74e-9, 10e-9),
     "stiffness of the ledge": (1.0, 0.1),
@@ -48,13 +54,16 @@ DRAWS = 4000
 def tapered(film: Film) -> Film:
     """The film that the etch leaves if it takes as much from above as from below, as the gap says.
 
-    The gap is larger than the oxide by what the etch took from below, on average over a cell: there it began at the rim of a hole and
-    came a distance d later, d/REACH of the time. What is missing beyond that was taken from above, everywhere.
+    The gap is larger than the oxide by what the etch took from below, on average over a cell: there
+    it began at the rim of a hole and came a distance d later, d/REACH of the time. What is missing
+    beyond that was taken from above, everywhere.
     """
     from_below = GAP - OXIDE
     edge = LEFT + from_below
     mean_distance = 0.3826 * 8.56e-6 - 0.9e-6  # from the rim of the nearest hole, over a cell
-    return replace(film, thickness=edge, taper=from_below / (1 - mean_distance / REACH), taper_length=REACH)
+    return replace(
+        film, thickness=edge, taper=from_below / (1 - mean_distance / REACH), taper_length=REACH
+    )
 
 
 def drawn(ledge: Ledge, thickness: float, stress: float, oxide: float) -> Clamp:
@@ -79,20 +88,42 @@ def rigid_edges(device: Model) -> Iterator[tuple[str, float, float, float, float
     for bending in (True, False):
         for thickness in THICKNESS if bending else THICKNESS[-1:]:
             for radius in RADII:
-                model = with_radius(replace(device, film=replace(device.film, thickness=thickness), bending=bending), radius)
-                yield "bending" if bending else "no bending", thickness * 1e9, round(radius * 1e6, 3), 0.0, detuning(model)
+                model = with_radius(
+                    replace(
+                        device, film=replace(device.film, thickness=thickness), bending=bending
+                    ),
+                    radius,
+                )
+                yield (
+                    "bending" if bending else "no bending",
+                    thickness * 1e9,
+                    round(radius * 1e6, 3),
+                    0.0,
+                    detuning(model),
+                )
     film = tapered(device.film)
     for radius in RADII:
         model = with_radius(replace(device, film=film), radius)
-        yield "bending", film.thickness * 1e9, round(radius * 1e6, 3), film.taper * 1e9, detuning(model)
+        yield (
+            "bending",
+            film.thickness * 1e9,
+            round(radius * 1e6, 3),
+            film.taper * 1e9,
+            detuning(model),
+        )
 
 
 def yielding_edges(device: Model, ledge: Ledge) -> Array:
-    """f22 − 2 f11 [Hz] where the edge moves inwards by `DRAWN`: springs of the ledge, at rest so that they end there."""
+    """f22 − 2 f11 [Hz] where the edge moves inwards by `DRAWN`.
+
+    Springs of the ledge, at rest so that they end there.
+    """
     found = []
     for inwards in DRAWN:
         pull = device.film.stress * LEFT * 0.9145  # of the relaxed film
-        clamp = Clamp(normal=ledge.normal, shear=ledge.shear, draw=float(inwards - pull / ledge.normal))
+        clamp = Clamp(
+            normal=ledge.normal, shear=ledge.shear, draw=float(inwards - pull / ledge.normal)
+        )
         found.append(detuning(replace(device, clamp=clamp)))
     return np.array(found)
 
@@ -104,10 +135,14 @@ def plausibility(device: Model, ledge: Ledge) -> tuple[float, float, float]:
     """
 
     def at(values: dict[str, float]) -> float:
-        film = replace(tapered(device.film), thickness=values["film at the edge"], taper=values["taper"])
+        film = replace(
+            tapered(device.film), thickness=values["film at the edge"], taper=values["taper"]
+        )
         stiff = Ledge(ledge.normal * values["stiffness of the ledge"], ledge.relaxation)
         clamp = drawn(stiff, film.thickness, film.stress, values["stress of the oxide"])
-        return detuning(with_radius(replace(device, film=film, clamp=clamp), values["radius of the holes"]))
+        return detuning(
+            with_radius(replace(device, film=film, clamp=clamp), values["radius of the holes"])
+        )
 
     centre = {name: mean for name, (mean, _) in PRIOR.items()}
     middle = at(centre)
@@ -132,12 +167,18 @@ def full(ledge: Ledge) -> None:
     }
     for oxide in (-280e6, -307e6):
         clamp = drawn(ledge, film.thickness, film.stress, oxide)
-        cases[f"the same on its ledge, oxide at {oxide * 1e-6:.0f} MPa"] = replace(etched, film=film, clamp=clamp)
+        cases[f"the same on its ledge, oxide at {oxide * 1e-6:.0f} MPa"] = replace(
+            etched, film=film, clamp=clamp
+        )
     for name, model in cases.items():
         modes = solve_modes(model, 4)
         hertz = (modes.ratio[3] - 2) * F11
         error = modes.ratio_error[3] * F11
-        sys.stdout.write(f"{name}: f22 − 2 f11 = {hertz:.0f} ± {error:.0f} Hz, f11 = {modes.frequency[0] / F11:.4f} of the measured\n")
+        sys.stdout.write(
+            f"{name}: f22 − 2 f11 = {hertz:.0f} ± {error:.0f} Hz, f11 = "
+            f"{modes.frequency[0] / F11:.4f} "
+            "of the measured\n"
+        )
 
 
 def hexagon(ledge: Ledge) -> None:
@@ -148,12 +189,16 @@ def hexagon(ledge: Ledge) -> None:
     clamp = drawn(ledge, film.thickness, film.stress, PRIOR["stress of the oxide"][0])
     cases = {
         "even film": even,
-        "even film of 315 nm, as deposited": replace(even, film=replace(even.film, thickness=DEPOSITED)),
+        "even film of 315 nm, as deposited": replace(
+            even, film=replace(even.film, thickness=DEPOSITED)
+        ),
         "even film of 402 nm": replace(even, film=replace(even.film, thickness=402e-9)),
         "hinged edge": replace(even, clamp=Clamp(rotation=0.0)),
         "holes": holes,
         "holes of 1.4 um": with_radius(holes, RADII[-1]),
-        "film of 315 nm, holes of 1.4 um": with_radius(replace(holes, film=replace(holes.film, thickness=DEPOSITED)), RADII[-1]),
+        "film of 315 nm, holes of 1.4 um": with_radius(
+            replace(holes, film=replace(holes.film, thickness=DEPOSITED)), RADII[-1]
+        ),
         "holes, tapered": replace(holes, film=film),
         "holes, tapered, on its ledge": replace(holes, film=film, clamp=clamp),
     }
@@ -161,7 +206,10 @@ def hexagon(ledge: Ledge) -> None:
         modes = solve_modes(model, len(RATIOS), resolution=0.8)
         away = modes.ratio[1:] / RATIOS[1:] - 1
         error = (modes.ratio_error / modes.ratio).max()
-        sys.stdout.write(f"hexagon, {name}: {np.sqrt(np.mean(away**2)) * 1e6:.0f} ppm rms, the elements' own error {error * 1e6:.0f} ppm\n")
+        sys.stdout.write(
+            f"hexagon, {name}: {np.sqrt(np.mean(away**2)) * 1e6:.0f} ppm rms, the elements' own "
+            f"error {error * 1e6:.0f} ppm\n"
+        )
 
 
 def main(folder: Path, whole: bool) -> None:
@@ -171,31 +219,57 @@ def main(folder: Path, whole: bool) -> None:
     ledge = solve_ledge(tapered(device.film).thickness)
     rows = list(rigid_edges(device))
     with (folder / "open_numbers.csv").open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows([("film", "thickness (nm)", "hole radius (um)", "taper (nm)", "f22 - 2 f11 (Hz)"), *rows])
+        csv.writer(file).writerows(
+            [
+                ("film", "thickness (nm)", "hole radius (um)", "taper (nm)", "f22 - 2 f11 (Hz)"),
+                *rows,
+            ]
+        )
     printed = [row for row in rows if row[0] == "bending" and row[1] > 180]
     wide = [row for row in printed if row[3] > 0]
     low = min(row[4] for row in printed)
     high = max(row[4] for row in printed)
-    thin = ", ".join(f"{row[1]:.0f} nm {row[0]}: {row[4]:.0f} Hz" for row in rows if row[2] == 0.9 and row[3] == 0)
+    thin = ", ".join(
+        f"{row[1]:.0f} nm {row[0]}: {row[4]:.0f} Hz"
+        for row in rows
+        if row[2] == 0.9 and row[3] == 0
+    )
     sys.stdout.write(f"rigid edges, holes of 0.9 um: {thin}\n")
-    sys.stdout.write(f"rigid edges, films of the printed thickness, all radii, with and without taper: {low:.0f} … {high:.0f} Hz\n")
-    sys.stdout.write("tapered: " + ", ".join(f"{row[4]:.0f} Hz at {row[2]:.2f} um" for row in wide) + "\n")
-    even, taper = (yielding_edges(replace(device, film=f), ledge) for f in (device.film, tapered(device.film)))
+    sys.stdout.write(
+        "rigid edges, films of the printed thickness, all radii, with and without taper: "
+        f"{low:.0f} … {high:.0f} Hz\n"
+    )
+    sys.stdout.write(
+        "tapered: " + ", ".join(f"{row[4]:.0f} Hz at {row[2]:.2f} um" for row in wide) + "\n"
+    )
+    even, taper = (
+        yielding_edges(replace(device, film=f), ledge) for f in (device.film, tapered(device.film))
+    )
     for name, curve in (("even", even), ("tapered", taper)):
         wanted = np.interp(-MEASURED, -curve, DRAWN)
         slope = (curve[0] - curve[-1]) / DRAWN[-1] * 1e-9
         sys.stdout.write(
-            f"{name} film: {slope:.0f} Hz less for every nm that the edge moves inwards; {MEASURED:.0f} Hz at {wanted * 1e9:.1f} nm\n"
+            f"{name} film: {slope:.0f} Hz less for every nm that the edge moves inwards; "
+            f"{MEASURED:.0f} Hz at "
+            f"{wanted * 1e9:.1f} nm\n"
         )
     film = tapered(device.film)
     sys.stdout.write(
-        f"film as the etch left it: {film.thickness * 1e9:.0f} nm at the edge, {film.taper * 1e9:.0f} nm less at the rims of holes\n"
-        f"ledge of oxide: {ledge.normal * 1e-9:.1f} GPa across, {ledge.shear * 1e-9:.1f} GPa along; oxide under -280 MPa pushes the edge "
+        f"film as the etch left it: {film.thickness * 1e9:.0f} nm at the edge, "
+        f"{film.taper * 1e9:.0f} "
+        "nm less "
+        "at the rims of holes\n"
+        f"ledge of oxide: {ledge.normal * 1e-9:.1f} GPa across, {ledge.shear * 1e-9:.1f} GPa "
+        "along; oxide under "
+        "-280 MPa "
+        "pushes the edge "
         f"{ledge.relaxation * 280e6 * 1e9:.1f} nm inwards\n"
     )
     mean, sd, below = plausibility(device, ledge)
     sys.stdout.write(
-        f"tapered film on its ledge, over what is known: {mean:.0f} ± {sd:.0f} Hz; {below:.0%} of it lies below {MEASURED:.0f} Hz\n"
+        f"tapered film on its ledge, over what is known: {mean:.0f} ± {sd:.0f} Hz; {below:.0%} "
+        "of it lies below "
+        f"{MEASURED:.0f} Hz\n"
     )
     _draw(folder / "open_numbers.png", rows, even, taper)
     if whole:
@@ -203,14 +277,22 @@ def main(folder: Path, whole: bool) -> None:
         hexagon(ledge)
 
 
-def _draw(path: Path, rows: list[tuple[str, float, float, float, float]], even: Array, taper: Array) -> None:
+def _draw(
+    path: Path, rows: list[tuple[str, float, float, float, float]], even: Array, taper: Array
+) -> None:
     mpl.use("agg")
     from matplotlib import pyplot as plt
 
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained", sharey=True)
     for film in dict.fromkeys((row[0], row[1], row[3] > 0) for row in rows):
-        radius, hertz = np.array([(row[2], row[4]) for row in rows if (row[0], row[1], row[3] > 0) == film]).T
-        name = "no bending" if film[0] == "no bending" else f"{film[1]:.0f} nm{', tapered' if film[2] else ''}"
+        radius, hertz = np.array(
+            [(row[2], row[4]) for row in rows if (row[0], row[1], row[3] > 0) == film]
+        ).T
+        name = (
+            "no bending"
+            if film[0] == "no bending"
+            else f"{film[1]:.0f} nm{', tapered' if film[2] else ''}"
+        )
         left.plot(radius, hertz, "s--" if film[2] else "o-", label=name)
     left.set(xlabel="hole radius (µm)", ylabel="f₂₂ − 2 f₁₁ (Hz)", title="rigid edges")
     right.plot(DRAWN * 1e9, even, "o-", label="even film")
@@ -219,8 +301,21 @@ def _draw(path: Path, rows: list[tuple[str, float, float, float, float]], even: 
     right.legend(frameon=False, fontsize="small")
     for axes in (left, right):
         axes.axhline(MEASURED, color="0.4", lw=1)
-        axes.annotate("measured", (0, MEASURED), xycoords=("axes fraction", "data"), xytext=(4, 3), textcoords="offset points", color="0.4")
-    figure.legend(*left.get_legend_handles_labels(), frameon=False, fontsize="small", title="rigid edges, film", loc="outside right center")
+        axes.annotate(
+            "measured",
+            (0, MEASURED),
+            xycoords=("axes fraction", "data"),
+            xytext=(4, 3),
+            textcoords="offset points",
+            color="0.4",
+        )
+    figure.legend(
+        *left.get_legend_handles_labels(),
+        frameon=False,
+        fontsize="small",
+        title="rigid edges, film",
+        loc="outside right center",
+    )
     figure.savefig(path, dpi=150)
     plt.close(figure)
 

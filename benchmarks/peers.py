@@ -1,7 +1,10 @@
-"""The perforated film of 900 holes by femnl and by its peers: time, peak memory and error of f/f₁, and what up to 10 000 holes cost.
+"""The perforated film of 900 holes by femnl and by its peers.
 
-Run `python -m benchmarks.peers [FOLDER]`; it writes peers.csv, peers_growth.csv and peers.png. All take twelve modes of the square of
-30 × 30 holes, each in a process of its own from its start to its end; nothing is cached. Processor time counts: others may use the machine.
+Time, peak memory and error of f/f₁, and what up to 10 000 holes cost.
+
+Run `python -m benchmarks.peers [FOLDER]`; it writes peers.csv, peers_growth.csv and peers.png. All
+take twelve modes of the square of 30 × 30 holes, each in a process of its own from its start to its
+end; nothing is cached. Processor time counts: others may use the machine.
 """
 
 import csv
@@ -40,7 +43,11 @@ def device(n: int = 30, bending: bool = True) -> Model:
     side = model.outline.length + (n - 30) * PITCH
     factor = side / model.outline.length
     segments = tuple(
-        replace(s, start=(s.start[0] * factor, s.start[1] * factor), end=(s.end[0] * factor, s.end[1] * factor))
+        replace(
+            s,
+            start=(s.start[0] * factor, s.start[1] * factor),
+            end=(s.end[0] * factor, s.end[1] * factor),
+        )
         for s in model.outline.segments
     )
     outline = replace(model.outline, segments=segments, size=(side, side), length=side)
@@ -67,7 +74,9 @@ def quick(n: int) -> list[float]:
 
 def modes_alone(bending: bool, n: int, resolution: float = 1.0, degree: int = QUICK) -> list[float]:
     """Modes by condensed cells of one degree."""
-    return [float(r) for r in solve_condensed(tile(device(n, bending), resolution), COUNT, degree).ratio]
+    return [
+        float(r) for r in solve_condensed(tile(device(n, bending), resolution), COUNT, degree).ratio
+    ]
 
 
 def homogenised(n: int) -> list[float]:
@@ -96,7 +105,9 @@ RUNS: dict[str, dict[str, Run]] = {
         "scikit-fem and scipy, plain": lambda n: plain_scikit_fem(device(n, bending=False), COUNT),
     },
 }
-REFERENCE = {bending: partial(modes_alone, bending, resolution=2.0, degree=5) for bending in (True, False)}
+REFERENCE = {
+    bending: partial(modes_alone, bending, resolution=2.0, degree=5) for bending in (True, False)
+}
 
 
 def run(task: str, name: str, n: int) -> dict[str, float | list[float]]:
@@ -112,24 +123,43 @@ def one(task: str, name: str, n: int) -> None:
     """What the process of one run does."""
     ratios = REFERENCE[task != MEMBRANE](n) if name == "reference" else RUNS[task][name](n)
     used = resource.getrusage(resource.RUSAGE_SELF)
-    sys.stdout.write(json.dumps({"ratios": ratios, "cpu": used.ru_utime + used.ru_stime, "peak": used.ru_maxrss / 1024}) + "\n")
+    sys.stdout.write(
+        json.dumps(
+            {"ratios": ratios, "cpu": used.ru_utime + used.ru_stime, "peak": used.ru_maxrss / 1024}
+        )
+        + "\n"
+    )
 
 
 def main(folder: Path) -> None:
     """Run all, print and write the tables, and draw the growth with the number of holes."""
     folder.mkdir(parents=True, exist_ok=True)
     rows = []
-    known = {bending: run(task, "reference", 30)["ratios"] for bending, task in ((True, PLATE), (False, MEMBRANE))}
+    known = {
+        bending: run(task, "reference", 30)["ratios"]
+        for bending, task in ((True, PLATE), (False, MEMBRANE))
+    }
     for task, runs in RUNS.items():
         for name in runs:
             if name.startswith("NGSolve") and not find_spec("ngsolve"):
                 continue
             found = run(task, name, 30)
-            error = float(np.abs(np.divide(found["ratios"], known[task != MEMBRANE])[:FEW] - 1).max())
+            error = float(
+                np.abs(np.divide(found["ratios"], known[task != MEMBRANE])[:FEW] - 1).max()
+            )
             rows.append((task, name, found["seconds"], found["cpu"], found["peak"], error))
-            sys.stdout.write("{:36}{:30}{:8.1f} s{:8.1f} s CPU{:8.0f} MiB  {:.1e}\n".format(*rows[-1]))
+            sys.stdout.write(
+                "{:36}{:30}{:8.1f} s{:8.1f} s CPU{:8.0f} MiB  {:.1e}\n".format(*rows[-1])
+            )
             sys.stdout.flush()
-    head = ("task", "by", "wall time (s)", "processor time (s)", "peak memory (MiB)", "largest error of f/f1, modes 1 to 6")
+    head = (
+        "task",
+        "by",
+        "wall time (s)",
+        "processor time (s)",
+        "peak memory (MiB)",
+        "largest error of f/f1, modes 1 to 6",
+    )
     _write(folder / "peers.csv", head, rows)
     growth = []
     for n in GROWTH:
@@ -137,7 +167,11 @@ def main(folder: Path) -> None:
         growth.append((n * n, found["seconds"], found["cpu"], found["peak"]))
         sys.stdout.write("{:8d} holes{:8.1f} s{:8.1f} s CPU{:8.0f} MiB\n".format(*growth[-1]))
         sys.stdout.flush()
-    _write(folder / "peers_growth.csv", ("holes", "wall time (s)", "processor time (s)", "peak memory (MiB)"), growth)
+    _write(
+        folder / "peers_growth.csv",
+        ("holes", "wall time (s)", "processor time (s)", "peak memory (MiB)"),
+        growth,
+    )
     _draw(folder / "peers.png", np.array(growth, dtype=float))
 
 
@@ -158,9 +192,19 @@ def _draw(path: Path, growth: np.ndarray) -> None:
     last = float(np.log(cost[-1] / cost[-2]) / np.log(holes[-1] / holes[-2]))
     sys.stdout.write(f"processor time grows as N^{power:.2f}, in the last step as N^{last:.2f}\n")
     figure, axes = plt.subplots(figsize=(5.2, 3.8), layout="constrained")
-    axes.loglog(holes, cost, "o-", color="C0", label=f"processor time, all: N^{power:.2f}, last step: N^{last:.2f}")
+    axes.loglog(
+        holes,
+        cost,
+        "o-",
+        color="C0",
+        label=f"processor time, all: N^{power:.2f}, last step: N^{last:.2f}",
+    )
     axes.loglog(holes, cost[-1] * (holes / holes[-1]) ** 1.2, "--", color="0.6", label="N^1.2")
-    axes.set(xlabel="holes", ylabel="processor time (s)", title="Twelve modes with bending, all of α and k₃")
+    axes.set(
+        xlabel="holes",
+        ylabel="processor time (s)",
+        title="Twelve modes with bending, all of α and k₃",
+    )
     other = axes.twinx()
     other.loglog(holes, peak / 1024, "s:", color="C1", label="peak memory (right)")
     other.set_ylabel("peak memory (GiB)")

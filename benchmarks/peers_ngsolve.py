@@ -1,8 +1,11 @@
-"""The perforated film with NGSolve, tuned: a quarter of it, its fastest way to such a geometry, the cheapest size and order found.
+"""The perforated film with NGSolve, tuned.
 
-Its sparse Cholesky solver serves scipy's eigsh, because its own Arnoldi iteration gave wrong high modes. Bending is its own plate element,
-that of Hellan, Herrmann and Johnson: moments with continuous normal component, here joined by slopes on the edges of triangles, so that
-they are eliminated in each (J. Pechstein and J. Schöberl, Numer. Math. 137, 713 (2017)).
+a quarter of it, its fastest way to such a geometry, the cheapest size and order found.
+
+Its sparse Cholesky solver serves scipy's eigsh, because its own Arnoldi iteration gave wrong high
+modes. Bending is its own plate element, that of Hellan, Herrmann and Johnson: moments with
+continuous normal component, here joined by slopes on the edges of triangles, so that they are
+eliminated in each (J. Pechstein and J. Schöberl, Numer. Math. 137, 713 (2017)).
 """
 
 from importlib import import_module
@@ -19,9 +22,10 @@ from femnl.core.device import Model
 Array = NDArray[np.float64]
 
 UNIT = 1e6
-# Largest element (µm), grading and order: the cheapest tried that leave 1e-5 of the first six ratios. Of the membrane 4 and 8 µm, gradings
-# 0.5 and 0.9 and orders 2 and 3 were tried; of the plate, grading 0.9 and orders 3, which leaves 4e-5, and 4. On 64 holes finer gradings
-# of the plate (0.5 and 0.3) and order 5 cost more for what they leave.
+# Largest element (µm), grading and order: the cheapest tried that leave 1e-5 of the first six
+# ratios. Of the membrane 4 and 8 µm, gradings 0.5 and 0.9 and orders 2 and 3 were tried; of the
+# plate, grading 0.9 and orders 3, which leaves 4e-5, and 4. On 64 holes finer gradings of the plate
+# (0.5 and 0.3) and order 5 cost more for what they leave.
 MEMBRANE = (8.0, 0.5, 2)
 PLATE = (8.0, 0.9, 4)
 
@@ -41,7 +45,9 @@ def solve(model: Model, count: int) -> list[float]:
 
     plane = ng.VectorH1(mesh, order=order, dirichletx="edge|mirror_x", dirichlety="edge|mirror_y")
     u, v = plane.TnT()
-    stiffness = ng.BilinearForm(ng.InnerProduct(stress(ng.Sym(ng.Grad(u))), ng.Sym(ng.Grad(v))) * ng.dx, symmetric=True).Assemble()
+    stiffness = ng.BilinearForm(
+        ng.InnerProduct(stress(ng.Sym(ng.Grad(u))), ng.Sym(ng.Grad(v))) * ng.dx, symmetric=True
+    ).Assemble()
     load = ng.LinearForm(-ng.Trace(ng.Grad(v)) * ng.dx).Assemble()
     moved = ng.GridFunction(plane)
     moved.vec.data = stiffness.mat.Inverse(plane.FreeDofs(), inverse="sparsecholesky") * load.vec
@@ -58,7 +64,9 @@ def solve(model: Model, count: int) -> list[float]:
             rigidity = film.young * film.thickness**2 / 12 / (1 - nu**2) / film.stress * UNIT**2
             inverse = _plate(space, tension, rigidity, nu, still)
         else:
-            form = ng.BilinearForm(ng.InnerProduct(tension * ng.grad(w), ng.grad(z)) * ng.dx, symmetric=True).Assemble()
+            form = ng.BilinearForm(
+                ng.InnerProduct(tension * ng.grad(w), ng.grad(z)) * ng.dx, symmetric=True
+            ).Assemble()
             inverse = form.mat.Inverse(space.FreeDofs(), inverse="sparsecholesky")
         squares += _lowest(inverse, mass.mat, space.FreeDofs(), count // 2)
     return [float(r) for r in np.sqrt(np.sort(squares)[:count] / np.min(squares))]
@@ -80,7 +88,10 @@ def _geometry(model: Model) -> Any:
 
 
 def _plate(space: Any, tension: Any, rigidity: float, nu: float, still: str) -> Any:
-    """The inverse of tension and bending; deflections come first among its unknowns, then moments and slopes, which are zero on `still`."""
+    """The inverse of tension and bending.
+
+    Deflections come first among its unknowns, then moments and slopes, which are zero on `still`.
+    """
     ng = import_module("ngsolve")
     moments = ng.Discontinuous(ng.HDivDiv(space.mesh, order=space.globalorder - 1))
     slopes = ng.NormalFacetFESpace(space.mesh, order=space.globalorder - 1, dirichlet=still)
@@ -89,15 +100,25 @@ def _plate(space: Any, tension: Any, rigidity: float, nu: float, still: str) -> 
     normal = ng.specialcf.normal(2)
     form = ng.BilinearForm(whole, symmetric=True, condense=True)
     # −∫ σ:D⁻¹τ + Σ_T (∫ σ:∇∇z − ∫_∂T σ_nn (∂z/∂n − b_n)) + the same with w and τ.
-    form += -ng.InnerProduct((s - nu / (1 + nu) * ng.Trace(s) * ng.Id(2)) / (rigidity * (1 - nu)), t) * ng.dx
+    form += (
+        -ng.InnerProduct((s - nu / (1 + nu) * ng.Trace(s) * ng.Id(2)) / (rigidity * (1 - nu)), t)
+        * ng.dx
+    )
     for moment, deflection, slope in ((s, z, b), (t, w, a)):
         form += ng.InnerProduct(moment, deflection.Operator("hesse")) * ng.dx
-        form += -(moment * normal) * normal * ((ng.grad(deflection) - slope) * normal) * ng.dx(element_boundary=True)
+        form += (
+            -(moment * normal)
+            * normal
+            * ((ng.grad(deflection) - slope) * normal)
+            * ng.dx(element_boundary=True)
+        )
     form += ng.InnerProduct(tension * ng.grad(w), ng.grad(z)) * ng.dx
     form.Assemble()
     schur = form.mat.Inverse(whole.FreeDofs(True), inverse="sparsecholesky")
     one = ng.IdentityMatrix(whole.ndof)
-    return (one + form.harmonic_extension) @ schur @ (one + form.harmonic_extension_trans) + form.inner_solve
+    return (one + form.harmonic_extension) @ schur @ (
+        one + form.harmonic_extension_trans
+    ) + form.inner_solve
 
 
 def _lowest(inverse: Any, mass: Any, free_dofs: Any, count: int) -> list[float]:
@@ -117,4 +138,6 @@ def _lowest(inverse: Any, mass: Any, free_dofs: Any, count: int) -> list[float]:
 
     # With the inverse at hand eigsh asks nothing of the first matrix but its shape.
     inverse_k = LinearOperator(heavy.shape, matvec=apply, dtype=float)
-    return list(eigsh(heavy, k=count, M=heavy, sigma=0.0, OPinv=inverse_k, return_eigenvectors=False))
+    return list(
+        eigsh(heavy, k=count, M=heavy, sigma=0.0, OPinv=inverse_k, return_eigenvectors=False)
+    )

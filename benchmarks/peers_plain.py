@@ -21,7 +21,10 @@ def plain_scikit_fem(model: Model, count: int) -> list[float]:
     occ = gmsh.model.occ
     square = occ.addRectangle(-half * unit, -half * unit, 0, 2 * half * unit, 2 * half * unit)
     radius = model.holes.radius * unit
-    occ.cut([(2, square)], [(2, occ.addDisk(x * unit, y * unit, 0, radius, radius)) for x, y in model.holes.centres])
+    occ.cut(
+        [(2, square)],
+        [(2, occ.addDisk(x * unit, y * unit, 0, radius, radius)) for x, y in model.holes.centres],
+    )
     occ.synchronize()
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 12)
     gmsh.option.setNumber("Mesh.MeshSizeMax", 1.7)
@@ -38,7 +41,10 @@ def plain_scikit_fem(model: Model, count: int) -> list[float]:
 
     young = film.young / (1 - film.poisson**2)
     poisson = film.poisson
-    plane, flexure = (Basis(mesh, element, intorder=4) for element in (ElementVector(ElementTriP2()), ElementTriP2()))
+    plane, flexure = (
+        Basis(mesh, element, intorder=4)
+        for element in (ElementVector(ElementTriP2()), ElementTriP2())
+    )
 
     def stress(strain: Any) -> Any:
         return young * ((1 - poisson) * strain + poisson * eye(trace(strain), 2))
@@ -61,7 +67,9 @@ def plain_scikit_fem(model: Model, count: int) -> list[float]:
 
     @BilinearForm
     def tension(u: Any, v: Any, _: Any) -> Any:
-        return film.stress * dot(grad(u), grad(v)) + np.einsum("ij...,i...,j...->...", stress(strained), grad(u), grad(v))
+        return film.stress * dot(grad(u), grad(v)) + np.einsum(
+            "ij...,i...,j...->...", stress(strained), grad(u), grad(v)
+        )
 
     @BilinearForm
     def mass(u: Any, v: Any, _: Any) -> Any:

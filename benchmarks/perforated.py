@@ -1,4 +1,6 @@
-"""Ten modes of the perforated 30 × 30 device with bending, k₃, α and error estimates: time of the command and of its stages.
+"""Ten modes of the perforated 30 × 30 device with bending, k₃, α and error estimates.
+
+Time of the command and of its stages.
 
 Run `python -m benchmarks.perforated [FOLDER]`; it writes perforated.csv.
 """
@@ -47,20 +49,51 @@ def main(folder: Path) -> None:
     model = load(DEVICE)
     tiling = timed("tiles", rows, partial(tile, model))
     energies = partial(strain_energies, edge=model.edge)
-    finest = timed(f"stress and modes, degree {DEGREE}", rows, partial(solve_condensed, tiling, COUNT, DEGREE))
+    finest = timed(
+        f"stress and modes, degree {DEGREE}", rows, partial(solve_condensed, tiling, COUNT, DEGREE)
+    )
     solved = [finest]
     for degree in (DEGREE - 1, DEGREE - 2):
-        coarse = timed(f"stress and modes, degree {degree}", rows, partial(solve_condensed, tiling, COUNT + SPARE, degree))
-        solved.append(timed(f"counterparts of degree {degree}", rows, partial(align, coarse, finest)))
+        coarse = timed(
+            f"stress and modes, degree {degree}",
+            rows,
+            partial(solve_condensed, tiling, COUNT + SPARE, degree),
+        )
+        solved.append(
+            timed(f"counterparts of degree {degree}", rows, partial(align, coarse, finest))
+        )
     for modes in solved:
-        timed(f"k₃ and α, degree {modes.degree}", rows, partial(solve_nonlinearity, modes, model.edge, False, energies))
-    command = [sys.executable, "-c", "from femnl.cli import main; main()", "modes", DEVICE, "--count", str(COUNT), "--no-cache", "--json"]
-    timed("the whole command", rows, partial(subprocess.run, command, check=True, stdout=subprocess.DEVNULL))
+        timed(
+            f"k₃ and α, degree {modes.degree}",
+            rows,
+            partial(solve_nonlinearity, modes, model.edge, False, energies),
+        )
+    command = [
+        sys.executable,
+        "-c",
+        "from femnl.cli import main; main()",
+        "modes",
+        DEVICE,
+        "--count",
+        str(COUNT),
+        "--no-cache",
+        "--json",
+    ]
+    timed(
+        "the whole command",
+        rows,
+        partial(subprocess.run, command, check=True, stdout=subprocess.DEVNULL),
+    )
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     with (folder / "perforated.csv").open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([("stage", "wall time (s)", "processor time (s)"), *rows])
-    sys.stdout.write(f"{DEVICE}: {tiling.domain.mesh.nelements} triangles in {tiling.domain.copies} copies make the film\n")
-    sys.stdout.writelines(f"{name:32} {seconds:7.1f} s {used:7.1f} s CPU\n" for name, seconds, used in rows)
+    sys.stdout.write(
+        f"{DEVICE}: {tiling.domain.mesh.nelements} triangles in {tiling.domain.copies} copies "
+        "make the film\n"
+    )
+    sys.stdout.writelines(
+        f"{name:32} {seconds:7.1f} s {used:7.1f} s CPU\n" for name, seconds, used in rows
+    )
     sys.stdout.write(f"{'peak memory of the command':32} {peak:7.0f} MiB\n")
 
 

@@ -1,12 +1,14 @@
 """Run the benchmarks of this folder, each in a process of its own, and keep what they found for the report.
 
-Run `python benchmarks/run.py [NAME …]` (all where none is named); it writes build/benchmarks/NAME/ and brings validation/benchmarks.json,
-which `femnl report` shows, up to date for those that were run and did not fail.
+Run `python benchmarks/run.py [NAME …]` (all where none is named); it writes build/benchmarks/NAME/
+and brings validation/benchmarks.json, which `femnl report` shows, up to date for those that were
+run and did not fail.
 
-A benchmark is a module NAME.py here with a `main` that `python -m benchmarks.NAME FOLDER` runs. The first line of its docstring is the
-caption. Each NAME*.csv that it leaves in FOLDER is a table: first its columns with their units, then its rows; empty or `nan` where there
-is nothing. What has more than 30 rows is data for a figure and is not kept, nor is a benchmark without tables. Modules without a `main`
-help the others.
+A benchmark is a module NAME.py here with a `main` that `python -m benchmarks.NAME FOLDER` runs. The
+first line of its docstring is the caption. Each NAME*.csv that it leaves in FOLDER is a table:
+first its columns with their units, then its rows; empty or `nan` where there is nothing. What has
+more than 30 rows is data for a figure and is not kept, nor is a benchmark without tables. Modules
+without a `main` help the others.
 """
 
 import csv
@@ -38,7 +40,10 @@ def machine() -> dict[str, str]:
     """Describe what the benchmarks run on."""
     information = Path("/proc/cpuinfo")
     lines = information.read_text("utf-8").splitlines() if information.exists() else []
-    model = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
+    model = next(
+        (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")),
+        platform.machine(),
+    )
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     threads = os.environ.get("OMP_NUM_THREADS", "not limited")
     return {
@@ -57,7 +62,9 @@ def run(name: str, folder: Path) -> dict[str, Any] | None:
     begun = time.perf_counter()
     used = _cpu()
     command = ["python", "-m", f"{HERE.name}.{name}"]
-    if subprocess.run([sys.executable, *command[1:], str(folder)], cwd=HERE.parent, check=False).returncode:
+    if subprocess.run(
+        [sys.executable, *command[1:], str(folder)], cwd=HERE.parent, check=False
+    ).returncode:
         return None
     return {
         "caption": _caption(name),
@@ -67,7 +74,11 @@ def run(name: str, folder: Path) -> dict[str, Any] | None:
         "cpu_seconds": round(_cpu() - used, 1),
         "load_before": round(load, 2),
         **machine(),
-        "tables": [table for path in sorted(folder.glob(f"{name}*.csv")) if (table := _table(path)) is not None],
+        "tables": [
+            table
+            for path in sorted(folder.glob(f"{name}*.csv"))
+            if (table := _table(path)) is not None
+        ],
     }
 
 
@@ -83,7 +94,11 @@ def _caption(name: str) -> str:
 def _table(path: Path) -> dict[str, list[Any]] | None:
     with path.open(newline="", encoding="utf-8") as file:
         head, *rows = csv.reader(file)
-    return {"head": head, "rows": [[_cell(text) for text in row] for row in rows]} if len(rows) <= LONGEST else None
+    return (
+        {"head": head, "rows": [[_cell(text) for text in row] for row in rows]}
+        if len(rows) <= LONGEST
+        else None
+    )
 
 
 def _cell(text: str) -> str | float | None:
@@ -109,7 +124,13 @@ def main() -> int:
         failed += result is None
         if result is not None and result["tables"]:
             known = json.loads(KEPT.read_text("utf-8")) if KEPT.exists() else {}
-            KEPT.write_text(json.dumps(dict(sorted((known | {name: result}).items())), indent=1, ensure_ascii=False) + "\n", "utf-8")
+            KEPT.write_text(
+                json.dumps(
+                    dict(sorted((known | {name: result}).items())), indent=1, ensure_ascii=False
+                )
+                + "\n",
+                "utf-8",
+            )
     return failed
 
 

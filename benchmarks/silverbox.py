@@ -1,8 +1,11 @@
-"""An electronic Duffing oscillator (the Silverbox benchmark): what each term of the equation buys, in mV of free-run error.
+"""An electronic Duffing oscillator (the Silverbox benchmark).
 
-Run `python -m benchmarks.silverbox [FOLDER]`; it reads ../shared/data/silverbox/SNLS80mV.csv beside the repository, fits on the
-multisine at the end of the record, tests on the arrow at its beginning, which reaches larger amplitudes, prints a table and writes
-silverbox.csv and silverbox.png. `inside` is the part of the arrow whose amplitudes the fit has seen.
+What each term of the equation buys, in mV of free-run error.
+
+Run `python -m benchmarks.silverbox [FOLDER]`; it reads ../shared/data/silverbox/SNLS80mV.csv beside
+the repository, fits on the multisine at the end of the record, tests on the arrow at its beginning,
+which reaches larger amplitudes, prints a table and writes silverbox.csv and silverbox.png. `inside`
+is the part of the arrow whose amplitudes the fit has seen.
 """
 
 import csv
@@ -49,7 +52,10 @@ def record() -> tuple[Array, Array]:
     """Read drive and output [V]."""
     path = Path(__file__).parents[2] / "shared" / "data" / "silverbox" / "SNLS80mV.csv"
     if not path.exists():
-        sys.exit("silverbox: ../shared/data/silverbox/SNLS80mV.csv is not beside the repository; put the benchmark's record there")
+        sys.exit(
+            "silverbox: ../shared/data/silverbox/SNLS80mV.csv is not beside the repository; put "
+            "the benchmark's record there"
+        )
     columns = np.genfromtxt(path, delimiter=",", skip_header=1, usecols=(0, 1))
     return columns[:, 0], columns[:, 1]
 
@@ -68,9 +74,21 @@ def main() -> None:
         error = simulate_oscillator(fit, drive, SAMPLING_RATE, hold=hold) - output
         errors[name, hold] = error
         row: dict[str, str | float] = {"model": name, "drive": hold, "seconds": seconds}
-        row |= {key: 1e3 * float(np.sqrt(np.mean(error[part] ** 2))) for key, part in (("fitted_mV", FITTED), ("held_out_mV", TEST))}
-        row["held_out_within_fitted_range_mV"] = 1e3 * float(np.sqrt(np.mean(error[300:30_000] ** 2)))
-        rows.append(row | {key: fit.parameters[key].value for key in ("frequency", "quality_factor", "alpha") if key in fit.parameters})
+        row |= {
+            key: 1e3 * float(np.sqrt(np.mean(error[part] ** 2)))
+            for key, part in (("fitted_mV", FITTED), ("held_out_mV", TEST))
+        }
+        row["held_out_within_fitted_range_mV"] = 1e3 * float(
+            np.sqrt(np.mean(error[300:30_000] ** 2))
+        )
+        rows.append(
+            row
+            | {
+                key: fit.parameters[key].value
+                for key in ("frequency", "quality_factor", "alpha")
+                if key in fit.parameters
+            }
+        )
     keys = dict.fromkeys(key for row in rows for key in row)
     with (folder / "silverbox.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, keys)
@@ -103,7 +121,13 @@ def draw(path: Path, output: Array, errors: dict[tuple[str, Hold], Array]) -> No
         for label, name, hold, colour in shown:
             running = np.sqrt(uniform_filter1d(errors[name, hold][: TEST.stop] ** 2, WINDOW))
             bottom.plot(time_of, 1e3 * running, color=colour, label=label)
-        bottom.set(yscale="log", ylabel="running r.m.s. error (mV)", xlabel="time (s)", xlim=(0, time_of[-1]), ylim=(0.1, 100))
+        bottom.set(
+            yscale="log",
+            ylabel="running r.m.s. error (mV)",
+            xlabel="time (s)",
+            xlim=(0, time_of[-1]),
+            ylim=(0.1, 100),
+        )
         bottom.legend(ncols=2, loc="upper left")
         figure.savefig(path)
 

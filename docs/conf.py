@@ -21,7 +21,12 @@ logging.getLogger("femnl").setLevel(logging.WARNING)
 project = "femnl"
 author = "The femnl developers"
 version = release = import_module("femnl").__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphinx_gallery.gen_gallery"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.viewcode",
+    "sphinx_gallery.gen_gallery",
+]
 myst_enable_extensions = ["dollarmath"]
 exclude_patterns = ["_build", "sg_execution_times.rst"]
 html_theme = "furo"
@@ -50,7 +55,10 @@ drawn: set[int] = set()
 
 
 def keep_figures(block: Any, variables: dict[str, Any], settings: dict[str, Any]) -> str:
-    """Save every new figure that an example leaves in a variable; femnl's figures belong to no window, where others look for them."""
+    """Save every new figure that an example leaves in a variable.
+
+    Femnl's figures belong to no window, where others look for them.
+    """
     paths = []
     for value in variables["example_globals"].values():
         if isinstance(value, Figure) and id(value) not in drawn:
@@ -62,7 +70,9 @@ def keep_figures(block: Any, variables: dict[str, Any], settings: dict[str, Any]
 
 def setup(app: Any) -> None:
     """Draw formulas as MathML, and take docstrings as they are written."""
-    app.add_html_math_renderer("mathml", inline_renderers=(draw_formula, None), block_renderers=(draw_equation, None))
+    app.add_html_math_renderer(
+        "mathml", inline_renderers=(draw_formula, None), block_renderers=(draw_equation, None)
+    )
     app.connect("autodoc-process-docstring", lay_out)
 
 
@@ -78,13 +88,26 @@ def draw_equation(writer: Any, node: Any) -> None:
     raise nodes.SkipNode
 
 
-def lay_out(app: object, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
+def lay_out(
+    app: object, what: str, name: str, value: object, options: object, lines: list[str]
+) -> None:
     """Keep |ξ| and * as they stand, and begin a line with each of Args, Returns, Raises, Valid and Source."""
-    text = [line.replace("\\", r"\\").replace("|", r"\|").replace("*", r"\*").replace("_ ", r"\_ ") for line in lines]
+    text = [
+        line.replace("\\", r"\\").replace("|", r"\|").replace("*", r"\*").replace("_ ", r"\_ ")
+        for line in lines
+    ]
     lines[:] = []
     for line in text:
         word = line.strip().split(":")[0]
-        if line.strip() and word in ("Args", "Returns", "Raises", "Valid", "Source", "Args, Returns, Source", "Args, Raises"):
+        if line.strip() and word in (
+            "Args",
+            "Returns",
+            "Raises",
+            "Valid",
+            "Source",
+            "Args, Returns, Source",
+            "Args, Raises",
+        ):
             lines += ["", f"**{word}.**{line.strip()[len(word) + 1 :]}"]
         else:
             lines.append(line.strip())

@@ -2,8 +2,9 @@
 Waves in a lattice of holes
 ===========================
 
-Far from the edge a perforated film carries waves, not modes. Long ones see an even film (dashed); short ones see each hole, and where the
-holes leave narrow bridges, bands of frequencies flatten and part.
+Far from the edge a perforated film carries waves, not modes. Long ones see an even film (dashed);
+short ones see each hole, and where the holes leave narrow bridges, bands of frequencies flatten and
+part.
 """
 
 from dataclasses import replace
@@ -19,12 +20,25 @@ with style():
     figure = new_figure(7.2, 3.2)
     panels = figure.subplots(1, 2, sharey=True)
     for axes, radius in zip(panels, (0.9e-6, 4.0e-6), strict=True):
-        bands = femnl.solve_bands(replace(model, holes=replace(model.holes, radius=radius)), count=5, steps=8, resolution=0.7)
+        bands = femnl.solve_bands(
+            replace(model, holes=replace(model.holes, radius=radius)),
+            count=5,
+            steps=8,
+            resolution=0.7,
+        )
         way = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(bands.wave, axis=0), axis=1))])
         axes.plot(way, bands.frequency / 1e6, color="C0")
-        axes.plot(way, bands.speed * np.linalg.norm(bands.wave, axis=1) / (2e6 * np.pi), "--", color="C1")
+        axes.plot(
+            way, bands.speed * np.linalg.norm(bands.wave, axis=1) / (2e6 * np.pi), "--", color="C1"
+        )
         for low, high in bands.gaps:
             axes.axhspan(low / 1e6, high / 1e6, color="#E9E4D6")
-        axes.set_xticks([way[place] for _, place in bands.corners], [name for name, _ in bands.corners])
-        axes.set(xlim=(0, way[-1]), ylim=(0, 100), title=f"radius {radius * 1e6:g} µm, long waves {bands.speed:.0f} m/s")
+        axes.set_xticks(
+            [way[place] for _, place in bands.corners], [name for name, _ in bands.corners]
+        )
+        axes.set(
+            xlim=(0, way[-1]),
+            ylim=(0, 100),
+            title=f"radius {radius * 1e6:g} µm, long waves {bands.speed:.0f} m/s",
+        )
     panels[0].set_ylabel("f (MHz)")

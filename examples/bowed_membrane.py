@@ -2,10 +2,11 @@
 A membrane that is bent at rest
 ===============================
 
-Pressure, gravity or a charge bend the film. It gets stiffer, and a force of second order appears that softens it at large motion: α falls,
-and in the end the stiffening resonance turns into a softening one. Dashed: k₃/k − (10/9)(k₂/k)² with k + 3k₃b² and 3k₃b, which is what a
-bow b in the mode's own shape does to that mode alone. Near 5 µm twice the frequency meets another mode, to which the bow couples it: the
-two exchange energy, and α says no more than that.
+Pressure, gravity or a charge bend the film. It gets stiffer, and a force of second order appears
+that softens it at large motion: α falls, and in the end the stiffening resonance turns into a
+softening one. Dashed: k₃/k − (10/9)(k₂/k)² with k + 3k₃b² and 3k₃b, which is what a bow b in the
+mode's own shape does to that mode alone. Near 5 µm twice the frequency meets another mode, to which
+the bow couples it: the two exchange energy, and α says no more than that.
 """
 
 from dataclasses import replace
@@ -27,8 +28,16 @@ with style():
     left.plot(depth * 1e6, [bowed.frequency[0] / 1e6 for bowed in rows], color="C0")
     left.set(xlabel="bow (µm)", ylabel="f (MHz)")
     right.axhline(0, color="#999999", linewidth=0.6)
-    right.plot(depth * 1e6, [bowed.alpha[0] * 1e-12 for bowed in rows], color="C0", label="all modes")
+    right.plot(
+        depth * 1e6, [bowed.alpha[0] * 1e-12 for bowed in rows], color="C0", label="all modes"
+    )
     rise = 1 + 3 * flat * depth**2
-    right.plot(depth * 1e6, (flat / rise - 10 * (flat * depth / rise) ** 2) * 1e-12, "--", color="C1", label="the mode alone")
+    right.plot(
+        depth * 1e6,
+        (flat / rise - 10 * (flat * depth / rise) ** 2) * 1e-12,
+        "--",
+        color="C1",
+        label="the mode alone",
+    )
     right.set(xlabel="bow (µm)", ylabel="α (µm⁻²)", ylim=(-0.004, 0.0075))
     right.legend()

@@ -2,9 +2,10 @@
 A study of 200 designs
 ======================
 
-How rows of holes that fill a square film of 100 µm set its frequencies, its nonlinearity and its losses: `femnl sweep` on
-`design-study.toml`, whose tables are read here. The few designs that the mesher refused at this coarse resolution
-are left out; the cloud around each line is the upper estimate of its discretisation error.
+How rows of holes that fill a square film of 100 µm set its frequencies, its nonlinearity and its
+losses: `femnl sweep` on `design-study.toml`, whose tables are read here. The few designs that the
+mesher refused at this coarse resolution are left out; the cloud around each line is the upper
+estimate of its discretisation error.
 """
 
 from pathlib import Path
@@ -18,7 +19,9 @@ from matplotlib.colors import LogNorm
 import femnl
 from femnl.plot.style import SEQUENTIAL, new_figure, panel_letters, style
 
-with xr.open_dataset(Path(femnl.__file__).parents[1] / "examples" / "design-study.nc", engine="h5netcdf") as study:
+with xr.open_dataset(
+    Path(femnl.__file__).parents[1] / "examples" / "design-study.nc", engine="h5netcdf"
+) as study:
     study.load()
 radius = study["holes.radius"].values * 1e6
 pitch = study["holes.pitch"].values * 1e6
@@ -40,7 +43,14 @@ with style():
             row = (pitch == one) & np.isfinite(value.values)
             colour = colours(scale(one))
             panel.plot(radius[row], value[row], ".-", color=colour)
-            panel.fill_between(radius[row], (value - error)[row], (value + error)[row], color=colour, alpha=0.15, linewidth=0)
+            panel.fill_between(
+                radius[row],
+                (value - error)[row],
+                (value + error)[row],
+                color=colour,
+                alpha=0.15,
+                linewidth=0,
+            )
         panel.set_ylabel(name)
         low = float(value.min())
         high = float(value.max())

@@ -2,7 +2,8 @@
 Up and down through a stiffening resonance
 ==========================================
 
-Where three motions are possible, the history decides: sweeping up, the amplitude follows the upper branch until it ends, and jumps.
+Where three motions are possible, the history decides: sweeping up, the amplitude follows the upper
+branch until it ends, and jumps.
 """
 
 import numpy as np

@@ -2,8 +2,8 @@
 Why the 21st harmonic is no mystery
 ===================================
 
-One sine has next to nothing above the 12th harmonic at this drive. The reflection of a film above a wafer is no sine:
-its overtones carry harmonics to n = 21 and beyond, as was measured.
+One sine has next to nothing above the 12th harmonic at this drive. The reflection of a film above a
+wafer is no sine: its overtones carry harmonics to n = 21 and beyond, as was measured.
 """
 
 import numpy as np
@@ -17,6 +17,11 @@ wavelength = 632.8e-9
 stack = femnl.load("square-270um").stack
 orders = np.arange(1, 26)
 sine = femnl.SineFringe(wavelength, offset=0.0, contrast=1.0, phase=np.pi / 4)
-fringes: dict[str, femnl.SineFringe | femnl.MultilayerFringe] = {"sine": sine, "stack of layers": femnl.MultilayerFringe(stack, wavelength)}
+fringes: dict[str, femnl.SineFringe | femnl.MultilayerFringe] = {
+    "sine": sine,
+    "stack of layers": femnl.MultilayerFringe(stack, wavelength),
+}
 strengths = {name: np.abs(harmonics(fringe, orders, amplitude)) for name, fringe in fringes.items()}
-figure = harmonic_spectrum_figure(orders, {name: values / values.max() for name, values in strengths.items()}, level=0.01)
+figure = harmonic_spectrum_figure(
+    orders, {name: values / values.max() for name, values in strengths.items()}, level=0.01
+)

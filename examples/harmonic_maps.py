@@ -2,7 +2,8 @@
 What an interferometer shows of a strongly driven membrane
 ==========================================================
 
-The centre of the film moves by 446 nm, most of a wavelength there and back. The rings are the readout's, not the membrane's.
+The centre of the film moves by 446 nm, most of a wavelength there and back. The rings are the
+readout's, not the membrane's.
 """
 
 import femnl
@@ -19,5 +20,7 @@ print(maps)
 # %%
 # The maps are a measurement like any other, and are drawn as one.
 
-dataset = measurement.harmonic_map(maps.x, maps.y, maps.harmonic, maps.values, wavelength=maps.wavelength)
+dataset = measurement.harmonic_map(
+    maps.x, maps.y, maps.harmonic, maps.values, wavelength=maps.wavelength
+)
 figure = harmonic_map_figure(dataset, polyline(model.outline))

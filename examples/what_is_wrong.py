@@ -2,8 +2,9 @@
 What does the simulation get wrong?
 ===================================
 
-Maps of a membrane over a wafer, read by the reflection of the whole stack, are handed to a diagnosis whose base model reads with one
-sine. It says what deviates, which cause explains it, and what that buys on parts of the map that no fit has seen.
+Maps of a membrane over a wafer, read by the reflection of the whole stack, are handed to a
+diagnosis whose base model reads with one sine. It says what deviates, which cause explains it, and
+what that buys on parts of the map that no fit has seen.
 """
 
 import tempfile
@@ -24,7 +25,8 @@ modes = femnl.solve_modes(device, 12)
 axis = np.linspace(-135e-6, 135e-6, 41)
 shape = femnl.mechanics.modes.shape_at(modes, 0, axis[None, :], axis[:, None])
 
-# What a photodiode sees over one period, and its harmonics: nothing of the models that the diagnosis fits.
+# What a photodiode sees over one period, and its harmonics: nothing of the models that the
+# diagnosis fits.
 time = 2 * np.pi * np.arange(128) / 128
 fringe = femnl.MultilayerFringe(device.stack, wavelength)
 volts = 0.05 * fringe(amplitude * shape * np.cos(time)[:, None, None])
@@ -34,11 +36,16 @@ harmonics += noise * (rng.normal(size=harmonics.shape) + 1j * rng.normal(size=ha
 
 with tempfile.TemporaryDirectory() as folder:
     path = Path(folder) / "maps.nc"
-    maps = measurement.harmonic_map(axis, axis, [1, 2, 3, 4], harmonics, noise_sd=noise, wavelength=wavelength)
+    maps = measurement.harmonic_map(
+        axis, axis, [1, 2, 3, 4], harmonics, noise_sd=noise, wavelength=wavelength
+    )
     measurement.write(measurement.bundle({"map": maps}, geometry="square-270um"), path)
     found = diagnose(path)
 
 print(found.verdict, found.causes, f"gain {found.gain:.3g}")
 print(found.where)
-print(f"amplitude {found.parameters['base']['amplitude'].value * 1e9:.2f} nm, put in {amplitude * 1e9:.0f} nm")
+print(
+    f"amplitude {found.parameters['base']['amplitude'].value * 1e9:.2f} nm, put in "
+    f"{amplitude * 1e9:.0f} nm"
+)
 figure = comparison_figure(found.comparisons[0])

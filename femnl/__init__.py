@@ -59,8 +59,13 @@ def __dir__() -> list[str]:
     return __all__
 
 
-# What a notebook shows as a picture, and who draws it; like the names above, only when it is needed.
-_PICTURED = (("femnl.core.device", "Model"), ("femnl.core.mechanics", "Modes"), ("femnl.core.readout", "HarmonicMap"))
+# What a notebook shows as a picture, and who draws it; like the names above, only when it is
+# needed.
+_PICTURED = (
+    ("femnl.core.device", "Model"),
+    ("femnl.core.mechanics", "Modes"),
+    ("femnl.core.readout", "HarmonicMap"),
+)
 _PAINTER = "femnl.plot.notebook"
 
 

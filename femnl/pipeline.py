@@ -1,4 +1,7 @@
-"""The order of the stages: from a device to its modes, their nonlinearity and what the readout shows of them."""
+"""The order of the stages.
+
+From a device to its modes, their nonlinearity and what the readout shows of them.
+"""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -28,44 +31,62 @@ Certified = Literal["frequency", "all"]
 DEGREE = 4
 COARSE = 0.6  # resolution from which a tolerance is approached
 STEP = 8.0  # by which an error has to fall for a higher degree to pay, rather than smaller elements
-SPARE = 4  # coarse modes beyond those asked for, so that the highest fine ones find their counterparts
+# Coarse modes beyond those asked for, so that the highest fine ones find their counterparts
+SPARE = 4
 GRID = 101
 MARGIN = 0.1
 
 
-def measured_device(attributes: Mapping[Any, Any], path: Path, geometry: str | None = None) -> Model:
-    """The device of a measurement file: the one asked for, else the file's attribute `model`, else the name or path in `geometry`.
+def measured_device(
+    attributes: Mapping[Any, Any], path: Path, geometry: str | None = None
+) -> Model:
+    """The device of a measurement file.
 
-    Args: attributes: of the file's root. path: of the file, from which a relative path counts. geometry: a name or path.
-    Raises: GeometryError; MeasurementError where the file says nothing of its device, or names a file outside its own folder.
+    The one asked for, else the file's attribute `model`, else the name or path in `geometry`.
+
+    Args: attributes: of the file's root. path: of the file, from which a relative path counts.
+    geometry: a name or path.
+    Raises: GeometryError; MeasurementError where the file says nothing of its device, or names a
+    file outside its own folder.
     """
     if geometry is not None:
         return load(geometry)
     if "model" in attributes:
         return parse(str(attributes["model"]), f"{path}: model")
     if "geometry" not in attributes:
-        raise MeasurementError(f"{path}: names no geometry; give one with --geometry, or set the file's attribute geometry")
+        raise MeasurementError(
+            f"{path}: names no geometry; give one with --geometry, or set the file's attribute "
+            "geometry"
+        )
     named = str(attributes["geometry"])
     if not named.endswith(".toml"):
         return load_shipped(named)
     beside = (path.parent / named).resolve()
     if not beside.is_relative_to(path.parent.resolve()):
         raise MeasurementError(
-            f"{path}: geometry {named!r} leaves the file's folder; put the geometry beside it, or give it with --geometry"
+            f"{path}: geometry {named!r} leaves the file's folder; put the geometry beside it, "
+            "or give it with --geometry"
         )
     return load(beside)
 
 
 def solve_modes(
-    model: Model, count: int = 10, symmetry: str = "auto", resolution: float = 1.0, cache: bool = True, degree: int = DEGREE
+    model: Model,
+    count: int = 10,
+    symmetry: str = "auto",
+    resolution: float = 1.0,
+    cache: bool = True,
+    degree: int = DEGREE,
 ) -> Modes:
     """Modes of a device: mesh, relaxed film stress, prestressed modes, and the same at lower degrees to estimate errors.
 
-    Args: count: how many, by rising frequency. symmetry, resolution: of the mesh, see `femnl.device.mesh.mesh`; where symmetry is `auto`, a
-        rectangle with a rectangular array of holes is put together from condensed cells. degree: of the elements.
-        cache: take an earlier solution of the same device, options and code from disk, and keep this one there.
-    Returns: Modes with `coarse`, the solution of one degree less, which has that of two where it exists, and so with
-        `frequency_error`, `ratio_error` and `effective_mass_error`.
+    Args: count: how many, by rising frequency. symmetry, resolution: of the mesh, see
+        `femnl.device.mesh.mesh`; where symmetry is `auto`, a rectangle with a rectangular array of
+        holes is put together from condensed cells. degree: of the elements.
+        cache: take an earlier solution of the same device, options and code from disk, and keep
+            this one there.
+    Returns: Modes with `coarse`, the solution of one degree less, which has that of two where it
+        exists, and so with `frequency_error`, `ratio_error` and `effective_mass_error`.
     Raises: ParameterError, GeometryError, ConvergenceError.
     """
 
@@ -76,10 +97,12 @@ def solve_modes(
         try:
             coarse = align(at_degree(count + SPARE, degree - 2), fine)
         except ConvergenceError:
-            # Two degrees less may be too crude for the stress at a free edge, where it must not push. Without them nothing shows that
-            # the degrees converge, and the error bars are as wide as where they do not.
+            # Two degrees less may be too crude for the stress at a free edge, where it must not
+            # push. Without them nothing shows that the degrees converge, and the error bars are as
+            # wide as where they do not.
             logging.getLogger("femnl").warning(
-                "%s: degree %d is too crude for this mesh; error bars are wide, raise the resolution to narrow them",
+                "%s: degree %d is too crude for this mesh; error bars are wide, raise the "
+                "resolution to narrow them",
                 model.name,
                 degree - 2,
             )
@@ -89,27 +112,45 @@ def solve_modes(
     return cached_modes(model, (count, symmetry, resolution, degree), solve) if cache else solve()
 
 
-def _road(model: Model, symmetry: str, resolution: float, count: int, highest: int) -> Callable[[int, int], Modes]:
-    """The solution for a number of modes and a degree up to the highest: in condensed tiles where the device has them, else on one mesh."""
+def _road(
+    model: Model, symmetry: str, resolution: float, count: int, highest: int
+) -> Callable[[int, int], Modes]:
+    """The solution for a number of modes and a degree up to the highest.
+
+    In condensed tiles where the device has them, else on one mesh.
+    """
     if symmetry == "auto" and count + SPARE <= len(model.holes.centres) and not obstacle(model):
         return partial(solve_condensed, tile(model, resolution))
     domain = mesh(model, symmetry, resolution, highest)
-    return lambda count, degree: solve_on_mesh(prestress.solve_prestress(domain, degree), count, degree)
+    return lambda count, degree: solve_on_mesh(
+        prestress.solve_prestress(domain, degree), count, degree
+    )
 
 
 def solve_modes_to(
-    model: Model, tolerance: float, count: int = 10, symmetry: str = "auto", cache: bool = True, of: Certified = "frequency"
+    model: Model,
+    tolerance: float,
+    count: int = 10,
+    symmetry: str = "auto",
+    cache: bool = True,
+    of: Certified = "frequency",
 ) -> Modes:
-    """Modes of a device whose numbers are known within a relative tolerance: degree and mesh follow from the error bars.
+    """Modes of a device whose numbers are known within a relative tolerance.
 
-    A higher degree comes first, then smaller elements everywhere: at corners, clamped edges and holes most of all.
+    Degree and mesh follow from the error bars.
 
-    Args: tolerance: of f and f/f₁ of every mode, 2e-11 to 0.1. count, symmetry, cache: as in `solve_modes`.
-        of: "all" asks the same of m_eff, k₃ and α.
+    A higher degree comes first, then smaller elements everywhere: at corners, clamped edges and
+    holes most of all.
+
+    Args: tolerance: of f and f/f₁ of every mode, 2e-11 to 0.1. count, symmetry, cache: as in
+        `solve_modes`. of: "all" asks the same of m_eff, k₃ and α.
     Raises: ParameterError; ConvergenceError that says how far it came and what stopped it.
     """
     if not 2e-11 <= tolerance <= 0.1:
-        raise ParameterError(f"tolerance = {tolerance:g}: expected a relative error from 2e-11, where rounding sets in, to 0.1")
+        raise ParameterError(
+            f"tolerance = {tolerance:g}: expected a relative error from 2e-11, where rounding "
+            "sets in, to 0.1"
+        )
     degree = DEGREE
     resolution = COARSE
     best = np.inf
@@ -120,7 +161,10 @@ def solve_modes_to(
         except ParameterError as error:
             if not np.isfinite(best):
                 raise
-            raise ConvergenceError(f"tolerance = {tolerance:g}: stopped at a relative error of {best:.1e}, because {error}") from error
+            raise ConvergenceError(
+                f"tolerance = {tolerance:g}: stopped at a relative error of {best:.1e}, "
+                f"because {error}"
+            ) from error
         errors = _relative_errors(modes, of, cache)
         worst = int(np.argmax(errors))
         excess = float(errors[worst]) / tolerance
@@ -128,11 +172,15 @@ def solve_modes_to(
             return modes
         stuck = errors[worst] > 0.8 * best
         if stuck and degree == DEGREES[-1]:
-            # Where rounding rules, a bar is small by luck: by how much the last mesh moved the frequencies is not.
+            # Where rounding rules, a bar is small by luck: by how much the last mesh moved the
+            # frequencies is not.
             moved = 0.0 if earlier is None else float(np.abs(modes.frequency / earlier - 1).max())
             raise ConvergenceError(
-                f"tolerance = {tolerance:g}: stopped at a relative error of {max(best, moved):.1e} (mode {worst + 1}), which degree "
-                f"{degree} at resolution {resolution:.3g} no longer lowers; ask for no more than that"
+                f"tolerance = {tolerance:g}: stopped at a relative error of "
+                f"{max(best, moved):.1e} (mode "
+                f"{worst + 1}), which degree "
+                f"{degree} at resolution {resolution:.3g} no longer lowers; ask for no more "
+                "than that"
             )
         best = min(best, float(errors[worst]))
         earlier = modes.frequency
@@ -147,14 +195,23 @@ def _relative_errors(modes: Modes, of: Certified, cache: bool) -> Array:
     bars = [modes.frequency_error / modes.frequency, modes.ratio_error / modes.ratio]
     if of == "all":
         found = solve_nonlinearity(modes, cache=cache)
-        bars += [modes.effective_mass_error / modes.effective_mass, found.k3_error / found.k3, found.alpha_error / found.alpha]
+        bars += [
+            modes.effective_mass_error / modes.effective_mass,
+            found.k3_error / found.k3,
+            found.alpha_error / found.alpha,
+        ]
     return np.asarray(np.max(bars, axis=0))
 
 
-def solve_nonlinearity(modes: Modes, edge: Edge | None = None, tensor: bool = False, cache: bool = True) -> Nonlinearity:
-    """Geometric Duffing coefficients k₃ and α of the modes; the in-plane edge is the model's unless one is given.
+def solve_nonlinearity(
+    modes: Modes, edge: Edge | None = None, tensor: bool = False, cache: bool = True
+) -> Nonlinearity:
+    """Geometric Duffing coefficients k₃ and α of the modes.
 
-    Args, Returns, Source: see `femnl.mechanics.nonlinearity.solve_nonlinearity`. cache: as in `solve_modes`.
+    The in-plane edge is the model's unless one is given.
+
+    Args, Returns, Source: see `femnl.mechanics.nonlinearity.solve_nonlinearity`. cache: as in
+    `solve_modes`.
     """
     chosen = edge or modes.domain.model.edge
 
@@ -166,12 +223,19 @@ def solve_nonlinearity(modes: Modes, edge: Edge | None = None, tensor: bool = Fa
 
 
 def harmonic_maps(
-    modes: Modes, index: int, fringe: Fringe, amplitude: float, wavelength: float, harmonics: int = 6, points: int = GRID
+    modes: Modes,
+    index: int,
+    fringe: Fringe,
+    amplitude: float,
+    wavelength: float,
+    harmonics: int = 6,
+    points: int = GRID,
 ) -> HarmonicMap:
     """Maps V_n(x, y) of harmonics 1…n of the drive when one mode moves by `amplitude` [m] where |ξ| = 1.
 
-    Args: index: 0 for the fundamental mode. fringe: f(u), u [m] → v [V]. wavelength: of the laser [m], recorded with the map.
-        points: along each axis of a square grid that covers the film and a tenth more on every side.
+    Args: index: 0 for the fundamental mode. fringe: f(u), u [m] → v [V]. wavelength: of the laser
+        [m], recorded with the map. points: along each axis of a square grid that covers the film
+        and a tenth more on every side.
     Returns: complex amplitudes, v(t) = Σ_n Re(V_n e^{inωt}), without noise.
     """
     corners = np.array([s.start for s in modes.domain.model.outline.segments])
@@ -180,4 +244,6 @@ def harmonic_maps(
     reach = max(np.abs(corners).max(), abs(low), abs(high)) * (1 + 2 * MARGIN)
     axis = np.linspace(-reach, reach, points)
     shape = shape_at(modes, index, axis[None, :], axis[:, None])
-    return harmonic_map(fringe, np.arange(1, harmonics + 1), shape, amplitude, axis, axis, wavelength)
+    return harmonic_map(
+        fringe, np.arange(1, harmonics + 1), shape, amplitude, axis, axis, wavelength
+    )

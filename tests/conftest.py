@@ -9,11 +9,17 @@ import pytest
 from femnl.core.device import Model
 from femnl.device import geometry
 
-FILM = 'thickness = "1 um"\nyoung = "250 GPa"\npoisson = 0.23\ndensity = "3000 kg/m^3"\nstress = "1 GPa"'
+FILM = (
+    'thickness = "1 um"\nyoung = "250 GPa"\npoisson = 0.23\ndensity = "3000 kg/m^3"\nstress '
+    '= "1 GPa"'
+)
 
 
 def pytest_configure() -> None:
-    """Let the programs that tests start be interrupted, as a user's are: a shell starts what runs in the background deaf to it."""
+    """Let the programs that tests start be interrupted, as a user's are.
+
+    a shell starts what runs in the background deaf to it.
+    """
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -21,8 +27,15 @@ def pytest_configure() -> None:
 def device() -> Callable[..., Model]:
     """Build a device from the tables of a geometry file; without bending unless asked for."""
 
-    def build(outline: str, holes: str = "", film: str = FILM, model: str = "bending = false") -> Model:
-        tables = [f"[outline]\n{outline}", f"[holes]\n{holes}" if holes else "", f"[film]\n{film}", f"[model]\n{model}"]
+    def build(
+        outline: str, holes: str = "", film: str = FILM, model: str = "bending = false"
+    ) -> Model:
+        tables = [
+            f"[outline]\n{outline}",
+            f"[holes]\n{holes}" if holes else "",
+            f"[film]\n{film}",
+            f"[model]\n{model}",
+        ]
         return geometry.parse('name = "device"\nsource = "a test"\n' + "\n".join(tables))
 
     return build
@@ -30,7 +43,10 @@ def device() -> Callable[..., Model]:
 
 @pytest.fixture
 def allow_memory() -> Iterator[Callable[[int], None]]:
-    """Allow this process so many bytes of memory, as `ulimit -m` does: a limit that Linux tells, but leaves to programs to keep."""
+    """Allow this process so many bytes of memory, as `ulimit -m` does.
+
+    a limit that Linux tells, but leaves to programs to keep.
+    """
     before = resource.getrlimit(resource.RLIMIT_RSS)
     yield lambda size: resource.setrlimit(resource.RLIMIT_RSS, (size, before[1]))
     resource.setrlimit(resource.RLIMIT_RSS, before)

@@ -1,4 +1,7 @@
-"""The documentation does what it says: every command, every line of Python and every example on it is run."""
+"""The documentation does what it says.
+
+Every command, every line of Python and every example on it is run.
+"""
 
 import re
 import runpy
@@ -16,7 +19,8 @@ PAGES = sorted((ROOT / "docs").rglob("*.md"))
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"# file: (\S+)\n")
-QUICK = ("index", "effect", "validation", "report", "degeneracies", "import")  # the others solve devices
+# The others solve devices
+QUICK = ("index", "effect", "validation", "report", "degeneracies", "import")
 
 
 @pytest.fixture(autouse=True)
@@ -25,7 +29,12 @@ def _own_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "page", [pytest.param(p, id=p.stem, marks=[] if p.stem in QUICK else [pytest.mark.slow]) for p in PAGES if "_build" not in p.parts]
+    "page",
+    [
+        pytest.param(p, id=p.stem, marks=[] if p.stem in QUICK else [pytest.mark.slow])
+        for p in PAGES
+        if "_build" not in p.parts
+    ],
 )
 def test_what_a_page_tells_to_do_can_be_done(page: Path, tmp_path: Path) -> None:
     variables: dict[str, object] = {}

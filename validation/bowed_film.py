@@ -38,14 +38,21 @@ def compute() -> Iterator[tuple[float, float] | float]:
 
 CASE = Case(
     claim="A bow makes a mode stiffer, gives it a quadratic coefficient and lowers α",
-    source="Galerkin's method with 25 odd sines, whose in-plane relaxation on sliding edges is exact wave by wave, and the quartic energy "
-    "that they leave (Sines in tests/physics/test_bow.py); depth: Timoshenko & Goodier, Theory of Elasticity (1970), section 109",
+    source="Galerkin's method with 25 odd sines, whose in-plane relaxation on sliding edges is "
+    "exact wave by wave, "
+    "and the "
+    "quartic energy "
+    "that they leave (Sines in tests/physics/test_bow.py); depth: Timoshenko & Goodier, Theory "
+    "of Elasticity (1970), "
+    "section 109",
     references=(
         Reference("f, bow 1 µm that stretches the film", 4431311.60853, "Hz", relative=1e-7),
         Reference("k₂, the same", 181291689.90, "N/m²", relative=1e-5),
         Reference("k₃, the same", 6.1031921051e13, "N/m³", relative=1e-5),
         Reference("α, the same", 2.46375023621e10, "m⁻²", relative=1e-5),
-        Reference("f, bow 1 µm of a film with the stress given", 4318264.10907, "Hz", relative=1e-7),
+        Reference(
+            "f, bow 1 µm of a film with the stress given", 4318264.10907, "Hz", relative=1e-7
+        ),
         Reference("k₂, the same", 179767002.579, "N/m²", relative=1e-5),
         Reference("k₃, the same", 6.0340873640e13, "N/m³", relative=1e-5),
         Reference("α, the same", 2.41953246852e10, "m⁻²", relative=1e-5),

@@ -37,17 +37,32 @@ def compute() -> Iterator[tuple[float, float]]:
         stretched = replace(model, film=replace(film, stress=tension * rigidity / film.thickness))
         modes = femnl.solve_modes(stretched, count=1, resolution=2, cache=False)
         yield unit * modes.frequency[0], unit * modes.frequency_error[0]
-    modes = femnl.solve_modes(replace(model, film=replace(film, stress=0.0)), count=6, resolution=3, cache=False)
+    modes = femnl.solve_modes(
+        replace(model, film=replace(film, stress=0.0)), count=6, resolution=3, cache=False
+    )
     yield from zip(unit * modes.frequency, unit * modes.frequency_error, strict=True)
 
 
 CASE = Case(
-    claim="One element is right from the clamped plate without tension to the film whose edge layer is 1/316 of its side",
-    source="Ritz with Legendre polynomials, recomputed in tests/physics/test_plate.py, and Argyris elements on graded meshes, to "
-    "the digits given; the first three digits without tension: Leissa, Vibration of Plates, NASA SP-160 (1969), section 4.1",
+    claim="One element is right from the clamped plate without tension to the film whose edge "
+    "layer is 1/316 of "
+    "its side",
+    source="Ritz with Legendre polynomials, recomputed in tests/physics/test_plate.py, and "
+    "Argyris elements "
+    "on graded "
+    "meshes, to "
+    "the digits given; the first three digits without tension: Leissa, Vibration of Plates, "
+    "NASA SP-160 (1969), "
+    "section 4.1",
     references=(
-        *(Reference(f"Ω1 at Ta²/D = {tension:g}", value, relative=1e-6) for tension, value in TENSION.items()),
-        *(Reference(f"Ω{k + 1} without tension", value, relative=1e-6) for k, value in enumerate(PLATE)),
+        *(
+            Reference(f"Ω1 at Ta²/D = {tension:g}", value, relative=1e-6)
+            for tension, value in TENSION.items()
+        ),
+        *(
+            Reference(f"Ω{k + 1} without tension", value, relative=1e-6)
+            for k, value in enumerate(PLATE)
+        ),
     ),
     compute=compute,
 )

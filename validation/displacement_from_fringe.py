@@ -11,7 +11,11 @@ from femnl.validation import Case, Reference
 
 RED = 632.8e-9
 GREEN = 532e-9
-FITS = (("red, z = 8.85", 8.85, RED), ("green, z = 10.51", 10.51, GREEN), ("hexagon, z = 4.218", 4.218, RED))
+FITS = (
+    ("red, z = 8.85", 8.85, RED),
+    ("green, z = 10.51", 10.51, GREEN),
+    ("hexagon, z = 4.218", 4.218, RED),
+)
 
 
 def compute() -> Iterator[float]:
@@ -29,7 +33,9 @@ def compute() -> Iterator[float]:
 
 CASE = Case(
     claim="A fringe swept z radians deep means a motion of U = zλ/4π",
-    source="arXiv:2502.19191, S7: fitted z = S′; the paper rounds to 446, 445 and 212 nm (its source text: 445.65 and 444.9 nm)",
+    source="arXiv:2502.19191, S7: fitted z = S′; the paper rounds to 446, 445 and 212 nm (its "
+    "source text: 445.65 and "
+    "444.9 nm)",
     references=tuple(
         Reference(f"U ({name})", value, "m", absolute=0.005e-9)
         for (name, _, _), value in zip(FITS, (445.66e-9, 444.94e-9, 212.40e-9), strict=True)

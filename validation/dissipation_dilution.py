@@ -44,9 +44,15 @@ def compute() -> Iterator[tuple[float, float]]:
 
 
 CASE = Case(
-    claim="Q/Q_bend of a square membrane is 1/(λ + λ²π²(m² + n²)/4), λ = 2ℓ/L: edge and antinodes of the bending film",
-    source="Yu, Purdy & Regal, Phys. Rev. Lett. 108, 083603 (2012), in which λ = √(Eh²/3σL²(1 − ν²)) is small; the next order in λ, "
+    claim="Q/Q_bend of a square membrane is 1/(λ + λ²π²(m² + n²)/4), λ = 2ℓ/L: edge and "
+    "antinodes of the "
+    "bending film",
+    source="Yu, Purdy & Regal, Phys. Rev. Lett. 108, 083603 (2012), in which λ = √(Eh²/3σL²(1 − "
+    "ν²)) is small; the next "
+    "order in λ, "
     "which it leaves out, is a share λ of it (Fletcher, J. Acoust. Soc. Am. 36, 203 (1964))",
-    references=tuple(Reference(f"Q/Q_bend ({m},{n})", formula(m, n), relative=BENDING) for m, n in ORDERS),
+    references=tuple(
+        Reference(f"Q/Q_bend ({m},{n})", formula(m, n), relative=BENDING) for m, n in ORDERS
+    ),
     compute=compute,
 )

@@ -33,8 +33,13 @@ def compute() -> Iterator[tuple[float, float]]:
 
 CASE = Case(
     claim="With edges that slide, k₃ of a rectangle follows the closed formula for every mode",
-    source="closed form: sin·sin shapes stretch a film with shear-free, normal-immovable edges in three cosines, which Airy's stress "
-    "function solves term by term (von Kármán; Chia, Nonlinear Analysis of Plates (1980), chapter 3)",
-    references=tuple(Reference(f"k₃({m},{n})", closed_form(m, n), "N/m³", relative=1e-5) for m, n in ORDERS),
+    source="closed form: sin·sin shapes stretch a film with shear-free, normal-immovable edges "
+    "in three cosines, which "
+    "Airy's stress "
+    "function solves term by term (von Kármán; Chia, Nonlinear Analysis of Plates (1980), "
+    "chapter 3)",
+    references=tuple(
+        Reference(f"k₃({m},{n})", closed_form(m, n), "N/m³", relative=1e-5) for m, n in ORDERS
+    ),
     compute=compute,
 )

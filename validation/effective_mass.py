@@ -18,8 +18,14 @@ def compute() -> Iterator[tuple[float, float]]:
 
 
 CASE = Case(
-    claim="The effective mass at the antinode is a quarter of the film's for a square, and 0.263689 of it for a hexagon",
-    source="square: ∫ sin² sin² in closed form; hexagon: method of particular solutions, recomputed in tests/physics/test_references.py",
-    references=(Reference("m_eff/m, square", 0.25, relative=1e-6), Reference("m_eff/m, hexagon", 0.263689, absolute=1e-6)),
+    claim="The effective mass at the antinode is a quarter of the film's for a square, and "
+    "0.263689 of it for "
+    "a hexagon",
+    source="square: ∫ sin² sin² in closed form; hexagon: method of particular solutions, "
+    "recomputed in tests/physics/test_references.py",
+    references=(
+        Reference("m_eff/m, square", 0.25, relative=1e-6),
+        Reference("m_eff/m, hexagon", 0.263689, absolute=1e-6),
+    ),
     compute=compute,
 )

@@ -32,8 +32,15 @@ def compute() -> Iterator[float]:
 
 CASE = Case(
     claim="α = α_y (4π² y_max w f₀/𝓕)² for a force per mass 𝓕 in m/s² and frequencies in Hz",
-    source="the paper's own Lorentzian form, A = 𝓕/(4π² w f₀) at resonance, by hand; arXiv:2502.19191, section on the Duffing resonator",
-    why="the printed relation leaves out the (2π)² by which its own Lorentzian form turns angular into ordinary frequencies",
-    references=(Reference("α/[α_y (y_max w f₀/𝓕)²]", (4 * np.pi**2) ** 2, relative=1e-6, printed=1.0),),
+    source="the paper's own Lorentzian form, A = 𝓕/(4π² w f₀) at resonance, by hand; "
+    "arXiv:2502.19191, "
+    "section on "
+    "the Duffing resonator",
+    why="the printed relation leaves out the (2π)² by which its own Lorentzian form turns "
+    "angular into ordinary "
+    "frequencies",
+    references=(
+        Reference("α/[α_y (y_max w f₀/𝓕)²]", (4 * np.pi**2) ** 2, relative=1e-6, printed=1.0),
+    ),
     compute=compute,
 )

@@ -22,9 +22,15 @@ def compute() -> Iterator[float]:
 
 
 CASE = Case(
-    claim="A force 𝓕 cos ωt drives u = ½A e^{iωt} + c.c. to |A| = 𝓕/ω₀γ at resonance, not half of it",
-    source="closed form of the linear driven oscillator; arXiv:2502.19191, section on the Duffing resonator, equation for A",
-    why="the equation carries 𝓕/2, which would be right for u = A e^{iωt} + c.c.; the Lorentzian forms that are fitted do not depend on it",
+    claim="A force 𝓕 cos ωt drives u = ½A e^{iωt} + c.c. to |A| = 𝓕/ω₀γ at resonance, not "
+    "half of it",
+    source="closed form of the linear driven oscillator; arXiv:2502.19191, section on the "
+    "Duffing resonator, "
+    "equation for A",
+    why="the equation carries 𝓕/2, which would be right for u = A e^{iωt} + c.c.; the "
+    "Lorentzian forms "
+    "that are "
+    "fitted do not depend on it",
     references=(
         Reference("|A| ω₀γ/𝓕, integrated in time", 1.0, relative=1e-8, printed=0.5),
         Reference("|A| ω₀γ/𝓕, rotating wave", 1.0, relative=1e-12, printed=0.5),

@@ -34,7 +34,9 @@ def compute() -> Iterator[tuple[float, float]]:
 
 CASE = Case(
     claim="The L-shaped membrane's first eigenvalue is right to 1e-8 in spite of its corner of 270°",
-    source="Betcke & Trefethen, SIAM Rev. 47, 469 (2005): λ1 = 9.6397238440219; one more digit from Trefethen's later computations",
+    source="Betcke & Trefethen, SIAM Rev. 47, 469 (2005): λ1 = 9.6397238440219; one more digit "
+    "from Trefethen's later "
+    "computations",
     references=(Reference("λ1", 9.639723844021941, relative=1e-8),),
     compute=compute,
 )

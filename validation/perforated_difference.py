@@ -23,8 +23,11 @@ def compute() -> Iterator[tuple[float, float]]:
 
 CASE = Case(
     claim="Relaxed holes add to f22 − 2 f11 instead of explaining the measured 249 Hz",
-    source="independent finite-element models of the perforated square (pitch 8.56 µm, 30 × 30 holes, straight edge of 270 µm), scaled to "
-    "the measured f11 = 1.466060 MHz of arXiv:2502.19191; given as about +970 Hz and about +107 Hz, read as ±2 %",
+    source="independent finite-element models of the perforated square (pitch 8.56 µm, 30 × 30 "
+    "holes, straight edge of 270 "
+    "µm), scaled to "
+    "the measured f11 = 1.466060 MHz of arXiv:2502.19191; given as about +970 Hz and about +107 "
+    "Hz, read as ±2 %",
     references=(
         Reference("f22 − 2 f11, bending, r = 0.9 µm", 970.0, "Hz", relative=0.02),
         Reference("f22 − 2 f11, no bending, r = 0.75 µm", 107.0, "Hz", relative=0.02),

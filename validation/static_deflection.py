@@ -82,11 +82,19 @@ def compute() -> Iterator[float]:
 
 
 CASE = Case(
-    claim="k₃ is the cubic coefficient of the static deflection under the mode's own load, in even and in perforated films",
-    source="Newton's method on the von Kármán energy in all unknowns (u, w), four loads, limit by a polynomial in q²",
+    claim="k₃ is the cubic coefficient of the static deflection under the mode's own load, in "
+    "even and in perforated films",
+    source="Newton's method on the von Kármán energy in all unknowns (u, w), four loads, limit "
+    "by a polynomial in q²",
     references=(
-        *(Reference(f"static/modal k₃, square {label}", 1.0, relative=1e-5) for label in ("(1,1)", "(2,1)", "(2,2)")),
-        *(Reference(f"static/modal k₃, perforated hexagon, mode {k}", 1.0, relative=1e-5) for k in (1, 2)),
+        *(
+            Reference(f"static/modal k₃, square {label}", 1.0, relative=1e-5)
+            for label in ("(1,1)", "(2,1)", "(2,2)")
+        ),
+        *(
+            Reference(f"static/modal k₃, perforated hexagon, mode {k}", 1.0, relative=1e-5)
+            for k in (1, 2)
+        ),
     ),
     compute=compute,
 )

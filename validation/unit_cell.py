@@ -19,7 +19,8 @@ from femnl.validation import Case, Reference
 PITCH = 8.56e-6
 DEGREE = 4
 RESOLUTION = 2.0
-# Mean stress of the film, holes counted as empty, and wave speed, both over those without holes, by the holes' radius in µm.
+# Mean stress of the film, holes counted as empty, and wave speed, both over those without holes, by
+# the holes' radius in µm.
 TABLE = {
     0.5: (0.97263, 0.99155),
     0.75: (0.93968, 0.98128),
@@ -60,8 +61,13 @@ def relaxed(radius: float) -> tuple[float, float]:
     order = 2 * DEGREE
     pairs = zip(cells(space, order), relaxed_stress(prestress, order), strict=True)
     quarter = (PITCH / 2) ** 2
-    mean = sum(float(np.sum(stress[..., :2].mean(axis=-1) * cell.dx)) for cell, stress in pairs) / quarter / model.film.stress
-    # Across the cell w rises from 0 to half a pitch; between, it is free to follow the uneven stress, but need not.
+    mean = (
+        sum(float(np.sum(stress[..., :2].mean(axis=-1) * cell.dx)) for cell, stress in pairs)
+        / quarter
+        / model.film.stress
+    )
+    # Across the cell w rises from 0 to half a pitch; between, it is free to follow the uneven
+    # stress, but need not.
     stiffness = Operators(prestress, DEGREE).stiffness(())
     w = space.location[:, 0].copy()
     held = np.isclose(w, 0) | np.isclose(w, PITCH / 2)
@@ -81,9 +87,15 @@ def compute() -> Iterator[float]:
 
 
 CASE = Case(
-    claim="Holes lower the mean stress of a film as the unit cell says, and ⟨σ⟩h is exactly the tension that long waves feel",
-    source="plane stress around the holes of a square lattice (pitch 8.56 µm, ν = 0.23, mean strain held at zero), extrapolated in the "
-    "number of a hole's segments, ±2e-5; sum rule: div σ = 0 with traction-free holes leaves a linear w without corrector",
+    claim="Holes lower the mean stress of a film as the unit cell says, and ⟨σ⟩h is exactly the "
+    "tension that long "
+    "waves feel",
+    source="plane stress around the holes of a square lattice (pitch 8.56 µm, ν = 0.23, mean "
+    "strain held at zero), "
+    "extrapolated in the "
+    "number of a hole's segments, ±2e-5; sum rule: div σ = 0 with traction-free holes leaves a "
+    "linear w without "
+    "corrector",
     references=tuple(
         reference
         for radius, (mean, speed) in TABLE.items()

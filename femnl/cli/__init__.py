@@ -15,7 +15,10 @@ LINE = "femnl: interrupted; nothing was left half-written\n"
 
 
 def main() -> None:
-    """Run femnl on the words of the command line and exit: 0 done, 2 the request cannot be met, 130 interrupted."""
+    """Run femnl on the words of the command line and exit.
+
+    0 done, 2 the request cannot be met, 130 interrupted.
+    """
     Thread(target=_stop_what_cannot_hear, args=(_signals(),), daemon=True).start()
     try:
         # Loaded here, so that an interrupt while libraries load is met like any other.

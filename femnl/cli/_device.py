@@ -20,19 +20,40 @@ def _shipped(begun: str) -> list[str]:
 
 Geometry = Annotated[
     str,
-    typer.Argument(help="A shipped name (see `femnl geometries`) or the path of a TOML file.", show_default=False, autocompletion=_shipped),
+    typer.Argument(
+        help="A shipped name (see `femnl geometries`) or the path of a TOML file.",
+        show_default=False,
+        autocompletion=_shipped,
+    ),
 ]
 Bending = Annotated[
-    bool | None, typer.Option("--bending/--no-bending", help="Keep or drop the plate term; else as the file says.", show_default=False)
+    bool | None,
+    typer.Option(
+        "--bending/--no-bending",
+        help="Keep or drop the plate term; else as the file says.",
+        show_default=False,
+    ),
 ]
 EdgeOption = Annotated[
-    str | None, typer.Option("--edge", help="In-plane edge of the nonlinearity: clamped, sliding or paper.", show_default=False)
+    str | None,
+    typer.Option(
+        "--edge",
+        help="In-plane edge of the nonlinearity: clamped, sliding or paper.",
+        show_default=False,
+    ),
 ]
-Symmetry = Annotated[str, typer.Option(help=f"Part of the film to mesh: auto, {', '.join(WEDGES)}.")]
+Symmetry = Annotated[
+    str, typer.Option(help=f"Part of the film to mesh: auto, {', '.join(WEDGES)}.")
+]
 Resolution = Annotated[float, typer.Option(help="Factor on the number of elements per length.")]
 Cache = Annotated[bool, typer.Option("--cache/--no-cache", help="Use solutions kept on disk.")]
 Count = Annotated[int, typer.Option("--count", "-n", help="How many modes.", min=1)]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object in SI units, full precision, and nothing else.")]
+Json = Annotated[
+    bool,
+    typer.Option(
+        "--json", help="Print one JSON object in SI units, full precision, and nothing else."
+    ),
+]
 
 
 def load_device(geometry: str, bending: bool | None = None, edge: str | None = None) -> Model:

@@ -16,31 +16,48 @@ from femnl.pipeline import solve_modes
 from femnl.plot.mapfit import map_fit_figure
 
 FRINGES = ("sine", "multilayer", "free")
-OVERTONES = 5  # of a fringe whose form is fitted too; enough for the reflection of a film above a wafer
+# Of a fringe whose form is fitted too; enough for the reflection of a film above a wafer
+OVERTONES = 5
 
 
-def maps(named: Mapping[str, xr.Dataset], device: Model, index: int, fringe: str, cache: bool) -> dict[str, Outcome]:
+def maps(
+    named: Mapping[str, xr.Dataset], device: Model, index: int, fringe: str, cache: bool
+) -> dict[str, Outcome]:
     """Fit maps with the simulated shape of one mode."""
     modes = solve_modes(device, max(10, index + 1), cache=cache)
     # The parameters of a single map go without its name.
     short = dict(named) if len(named) > 1 else {"": next(iter(named.values()))}
     fringes = {name: readout(fringe, device, dataset, FRINGES) for name, dataset in short.items()}
     known = {name: one for name, one in fringes.items() if one is not None} or None
-    found = fit_map(short, lambda x, y: shape_at(modes, index, x, y), known, free_overtones=OVERTONES if fringe == "free" else 1)
+    found = fit_map(
+        short,
+        lambda x, y: shape_at(modes, index, x, y),
+        known,
+        free_overtones=OVERTONES if fringe == "free" else 1,
+    )
     title = " and ".join(named)
     figures = {
-        f"{name}-fit".strip("-"): partial(map_fit_figure, dataset, found.prediction[name], found.residual[name])
+        f"{name}-fit".strip("-"): partial(
+            map_fit_figure, dataset, found.prediction[name], found.residual[name]
+        )
         for name, dataset in short.items()
     }
     return {title: Outcome(record(found.fit), show(title, found.fit), figures)}
 
 
-def readout(kind: str, device: Model, dataset: xr.Dataset, allowed: tuple[str, ...]) -> PeriodicFringe | None:
+def readout(
+    kind: str, device: Model, dataset: xr.Dataset, allowed: tuple[str, ...]
+) -> PeriodicFringe | None:
     """The fringe of that name, None where it is a sine or its form is to be fitted."""
     if kind not in allowed:
-        raise ParameterError(f"--fringe {kind}: a {dataset.attrs['kind']} takes one of {', '.join(allowed)}")
+        raise ParameterError(
+            f"--fringe {kind}: a {dataset.attrs['kind']} takes one of {', '.join(allowed)}"
+        )
     if kind != "multilayer":
         return None
     if device.stack is None:
-        raise ParameterError(f"{device.name}: its geometry gives no [readout] gap, which the multilayer fringe needs; use --fringe sine")
+        raise ParameterError(
+            f"{device.name}: its geometry gives no [readout] gap, which the multilayer fringe "
+            "needs; use --fringe sine"
+        )
     return MultilayerFringe(device.stack, float(dataset.attrs["wavelength"]))

@@ -19,20 +19,32 @@ _MISFIT = 2.0
 _WIDE = 0.05
 
 
-def response(name: str, dataset: xr.Dataset, use: Use, nonlinear_damping: bool) -> dict[str, Outcome]:
+def response(
+    name: str, dataset: xr.Dataset, use: Use, nonlinear_damping: bool
+) -> dict[str, Outcome]:
     """Fit all sweeps at once."""
     fit = fit_response(dataset, use, nonlinear_damping=nonlinear_damping)
     f = dataset["frequency"].values
     if fit.chi2_reduced > _MISFIT and np.nanmax(f) > (1 + _WIDE) * np.nanmin(f):
         note(f"{name}: one mode does not explain this wide sweep; --as overview finds its lines")
-    return {name: Outcome(record(fit), show(name, fit), {"fit": lambda: response_figure(dataset, predict_response(fit, dataset), use)})}
+    return {
+        name: Outcome(
+            record(fit),
+            show(name, fit),
+            {"fit": lambda: response_figure(dataset, predict_response(fit, dataset), use)},
+        )
+    }
 
 
-def line_scan(name: str, dataset: xr.Dataset, use: Use, nonlinear_damping: bool) -> dict[str, Outcome]:
+def line_scan(
+    name: str, dataset: xr.Dataset, use: Use, nonlinear_damping: bool
+) -> dict[str, Outcome]:
     """Fit every position on its own."""
     scan = fit_line_scan(dataset, use, nonlinear_damping=nonlinear_damping)
     if scan.sizes["position"] < 2:
-        raise ParameterError(f"--as line-scan: all sweeps of {name} were taken at one place; fit them without it")
+        raise ParameterError(
+            f"--as line-scan: all sweeps of {name} were taken at one place; fit them without it"
+        )
     fields = [key for key in FIELDS if key in scan]
     rows = []
     for place in range(scan.sizes["position"]):
@@ -43,10 +55,22 @@ def line_scan(name: str, dataset: xr.Dataset, use: Use, nonlinear_damping: bool)
                 row += with_error(float(at[key]), float(at[f"{key}_sd"]))
         rows.append([*row, f"{float(at['chi2_reduced']):.3g}"])
     named = {"alpha_ratio": "α_y/α_c", "alpha_y": "α_y (V²/V²)", "y_max": "y_max (V/V)"}
-    columns = ["x (µm)", "y (µm)", *(word for key in named if key in fields for word in (named[key], "±" + " " * len(key))), "χ²/ν"]
+    columns = [
+        "x (µm)",
+        "y (µm)",
+        *(word for key in named if key in fields for word in (named[key], "±" + " " * len(key))),
+        "χ²/ν",
+    ]
     mean, sd = with_error(scan.attrs["alpha_ratio"], scan.attrs["alpha_ratio_sd"])
-    verdict = f"  α_y/α_c = {mean} ± {sd} over all places at the drive {scan.attrs['drive']:g} V; they scatter about it with χ²/ν = "
-    values = {key: scan[key].values for key in ("x", "y", *(k for key in fields for k in (key, f"{key}_sd")), "chi2_reduced")}
+    verdict = (
+        f"  α_y/α_c = {mean} ± {sd} over all places at the drive {scan.attrs['drive']:g} "
+        "V; they scatter about it "
+        "with χ²/ν = "
+    )
+    values = {
+        key: scan[key].values
+        for key in ("x", "y", *(k for key in fields for k in (key, f"{key}_sd")), "chi2_reduced")
+    }
     whole = {key: scan.attrs[key] for key in ("alpha_ratio", "alpha_ratio_sd", "scatter", "drive")}
     title = f"{name}: {len(rows)} places, each fitted on its own"
     return {

@@ -22,17 +22,22 @@ from femnl.plot.overview import film_figure, overview_figure
 # simulated modes
 _FIRST = 10
 _MOST = 160
-_BEYOND = 1.3  # of the highest frequency: as far the simulation goes, the stress of the film being uncertain
+# Of the highest frequency: as far the simulation goes, the stress of the film being uncertain
+_BEYOND = 1.3
 
 
-def overview(name: str, dataset: xr.Dataset, device: Model | None, cache: bool) -> dict[str, Outcome]:
+def overview(
+    name: str, dataset: xr.Dataset, device: Model | None, cache: bool
+) -> dict[str, Outcome]:
     """Find the lines of every sweep, and give them to the modes of the device where there is one."""
     outcomes = {}
     for sweep in range(dataset.sizes["sweep"]):
         own = name if dataset.sizes["sweep"] == 1 else f"{name}, sweep {sweep + 1}"
         peaks = find_peaks(dataset, sweep)
         if peaks.frequency.size == 0:
-            raise MeasurementError(f"{own}: no line stands out of the noise; average longer or drive harder")
+            raise MeasurementError(
+                f"{own}: no line stands out of the noise; average longer or drive harder"
+            )
         found = None
         if device is not None:
             modes = _modes_up_to(device, peaks.band[1], cache)
@@ -51,13 +56,31 @@ def film(name: str, dataset: xr.Dataset, device: Model, cache: bool) -> dict[str
     modes = _modes_up_to(device, float(np.nanmax(dataset["frequency"].values)), cache)
     found = fit_film(dataset, modes.label, modes.frequency, device.film)
     rows = [
-        [label, f"{f / 1e6:.6f}", f"{g * found.fit['scale'] / 1e6:.6f}", f"{away * 1e6:.1f}", f"{sd / f * 1e6:.1f}"]
-        for label, f, g, away, sd in zip(found.label, found.frequency, found.simulated, found.deviation, found.frequency_sd, strict=True)
+        [
+            label,
+            f"{f / 1e6:.6f}",
+            f"{g * found.fit['scale'] / 1e6:.6f}",
+            f"{away * 1e6:.1f}",
+            f"{sd / f * 1e6:.1f}",
+        ]
+        for label, f, g, away, sd in zip(
+            found.label,
+            found.frequency,
+            found.simulated,
+            found.deviation,
+            found.frequency_sd,
+            strict=True,
+        )
     ]
     columns = ["mode", "f (MHz)", "simulated, scaled (MHz)", "away (ppm)", "± (ppm)"]
     said = [] if found.assignment is None else _said(found.assignment)
-    modes_record = {key: list(getattr(found, key)) for key in ("label", "frequency", "frequency_sd", "simulated", "deviation")}
-    chosen: dict[str, Any] = {} if found.assignment is None else {"assignment": _assignment_record(found.assignment)}
+    modes_record = {
+        key: list(getattr(found, key))
+        for key in ("label", "frequency", "frequency_sd", "simulated", "deviation")
+    }
+    chosen: dict[str, Any] = (
+        {} if found.assignment is None else {"assignment": _assignment_record(found.assignment)}
+    )
     return {
         name: Outcome(
             record(found.fit) | modes_record | chosen,
@@ -78,20 +101,45 @@ def _modes_up_to(device: Model, highest: float, cache: bool) -> Modes:
 
 
 def _overview_record(peaks: Peaks, found: Assignment | None) -> dict[str, Any]:
-    names = ("frequency", "frequency_sd", "linewidth", "linewidth_sd", "quality_factor", "quality_factor_sd", "amplitude_sd")
+    names = (
+        "frequency",
+        "frequency_sd",
+        "linewidth",
+        "linewidth_sd",
+        "quality_factor",
+        "quality_factor_sd",
+        "amplitude_sd",
+    )
     lines = {name: getattr(peaks, name) for name in names} | {"amplitude": np.abs(peaks.amplitude)}
-    result: dict[str, Any] = {"lines": lines, "band": peaks.band, "chi2_reduced": peaks.chi2_reduced, "notes": peaks.notes}
+    result: dict[str, Any] = {
+        "lines": lines,
+        "band": peaks.band,
+        "chi2_reduced": peaks.chi2_reduced,
+        "notes": peaks.notes,
+    }
     return result if found is None else result | {"assignment": _assignment_record(found)}
 
 
 def _assignment_record(found: Assignment) -> dict[str, Any]:
     kept = {key: value for key, value in asdict(found).items() if key not in ("best", "runner_up")}
-    rival = None if found.runner_up is None else {"label": found.runner_up.label, "probability": found.runner_up.probability}
-    return {"label": found.best.label, "probability": found.best.probability, "runner_up": rival} | kept
+    rival = (
+        None
+        if found.runner_up is None
+        else {"label": found.runner_up.label, "probability": found.runner_up.probability}
+    )
+    return {
+        "label": found.best.label,
+        "probability": found.best.probability,
+        "runner_up": rival,
+    } | kept
 
 
 def _overview_shown(name: str, peaks: Peaks, found: Assignment | None) -> list[Any]:
-    labels = ["–"] * peaks.frequency.size if found is None else [label or "none" for label in found.best.label]
+    labels = (
+        ["–"] * peaks.frequency.size
+        if found is None
+        else [label or "none" for label in found.best.label]
+    )
     away = np.full(peaks.frequency.size, np.nan) if found is None else found.deviation
     rows = []
     for k, label in enumerate(labels):
@@ -101,16 +149,27 @@ def _overview_shown(name: str, peaks: Peaks, found: Assignment | None) -> list[A
         rows.append([label, f, f_sd, q, q_sd, f"{abs(peaks.amplitude[k]) * 1e3:.4g}", ppm])
     title = f"{name}: {peaks.frequency.size} lines, χ²/ν = {peaks.chi2_reduced:.4g}"
     columns = ["mode", "f (Hz)", "±", "Q", "± ", "height (mV)", "away (ppm)"]
-    said = ["no device is named, so lines carry no labels; give --geometry"] if found is None else _said(found)
+    said = (
+        ["no device is named, so lines carry no labels; give --geometry"]
+        if found is None
+        else _said(found)
+    )
     return [table(title, columns, rows), *(f"  {sentence}" for sentence in [*said, *peaks.notes])]
 
 
 def _said(found: Assignment) -> list[str]:
     """Sentences on an assignment: how probable, what else, what is missing."""
     scale, sd = with_error(found.scale, found.scale_sd)
-    whole = f", {found.up_to_ambiguous:.3g} up to the modes named below that are hardly told apart" if found.ambiguous else ""
+    whole = (
+        f", {found.up_to_ambiguous:.3g} up to the modes named below that are hardly told apart"
+        if found.ambiguous
+        else ""
+    )
     said = [
-        f"probability of this assignment {found.best.probability:.3g}{whole}; measured over simulated frequency {scale} ± {sd}, "
+        f"probability of this assignment {found.best.probability:.3g}{whole}; measured over "
+        "simulated frequency "
+        f"{scale} "
+        f"± {sd}, "
         f"modes scatter by {found.model_sd * 1e6:.0f} ppm"
     ]
     if found.runner_up is not None:
@@ -119,8 +178,12 @@ def _said(found: Assignment) -> list[str]:
             for one, other in zip(found.best.label, found.runner_up.label, strict=True)
             if one != other
         ]
-        said.append(f"runner-up, probability {found.runner_up.probability:.2g}: {', '.join(changed)}")
+        said.append(
+            f"runner-up, probability {found.runner_up.probability:.2g}: {', '.join(changed)}"
+        )
     if found.missing:
         said.append(f"modes of this range without a line: {', '.join(found.missing)}")
-    said += [f"frequencies alone hardly tell apart: {', '.join(group)}" for group in found.ambiguous]
+    said += [
+        f"frequencies alone hardly tell apart: {', '.join(group)}" for group in found.ambiguous
+    ]
     return said

@@ -17,24 +17,52 @@ from femnl.fits.trace.spot import fit_spot
 from femnl.plot.decays import oscillator_figure, ringdown_figure
 from femnl.plot.harmonics import harmonics_figure
 
-_WORDS = {"offset": "offset u₀", "cubic": "k₃ y³", "quadratic": "k₂ y²", "nonlinear_damping": "η y² ẏ"}
+_WORDS = {
+    "offset": "offset u₀",
+    "cubic": "k₃ y³",
+    "quadratic": "k₂ y²",
+    "nonlinear_damping": "η y² ẏ",
+}
 
 
-def harmonics(name: str, dataset: xr.Dataset, count: int, fringe: PeriodicFringe | None) -> dict[str, Outcome]:
+def harmonics(
+    name: str, dataset: xr.Dataset, count: int, fringe: PeriodicFringe | None
+) -> dict[str, Outcome]:
     """Decompose into harmonics of the drive; with a wavelength, find the motion in metres too."""
     spectrum = decompose(dataset, count)
-    values = {"real": spectrum.values.real, "imag": spectrum.values.imag, "sd": spectrum.values_sd, "noise_sd": spectrum.noise_sd}
+    values = {
+        "real": spectrum.values.real,
+        "imag": spectrum.values.imag,
+        "sd": spectrum.values_sd,
+        "noise_sd": spectrum.noise_sd,
+    }
     found = {"drive_frequency": spectrum.drive_frequency, "harmonic": spectrum.harmonic, **values}
     if "wavelength" not in dataset.attrs:
-        return {name: Outcome(found, _harmonics_shown(name, spectrum), {"harmonics": partial(harmonics_figure, spectrum)})}
+        return {
+            name: Outcome(
+                found,
+                _harmonics_shown(name, spectrum),
+                {"harmonics": partial(harmonics_figure, spectrum)},
+            )
+        }
     motion = fit_spot(spectrum, float(dataset.attrs["wavelength"]), fringe)
-    steps = {key: getattr(motion, key) for key in ("amplitude", "amplitude_sd", "phase", "phase_sd")}
+    steps = {
+        key: getattr(motion, key) for key in ("amplitude", "amplitude_sd", "phase", "phase_sd")
+    }
     strongest = int(np.argmax(motion.amplitude))
     value, sd = with_error(motion.amplitude[strongest] * 1e9, motion.amplitude_sd[strongest] * 1e9)
-    said = f"  largest amplitude {value} ± {sd} nm, at step {strongest + 1} of {len(motion.amplitude)}"
+    said = (
+        f"  largest amplitude {value} ± {sd} nm, at step {strongest + 1} of {len(motion.amplitude)}"
+    )
     return {
-        name: Outcome(found, _harmonics_shown(name, spectrum), {"harmonics": partial(harmonics_figure, spectrum, motion)}),
-        f"{name}, motion": Outcome(record(motion.fit) | steps, [*show(f"{name}, motion", motion.fit), said], {}),
+        name: Outcome(
+            found,
+            _harmonics_shown(name, spectrum),
+            {"harmonics": partial(harmonics_figure, spectrum, motion)},
+        ),
+        f"{name}, motion": Outcome(
+            record(motion.fit) | steps, [*show(f"{name}, motion", motion.fit), said], {}
+        ),
     }
 
 
@@ -42,41 +70,75 @@ def _harmonics_shown(name: str, spectrum: HarmonicSpectrum) -> list[Group | str]
     strongest = int(np.argmax(np.abs(spectrum.values[1:]).max(axis=0)))
     rows = [
         [f"{n}", f"{abs(value) * 1e3:.4g}", f"{np.degrees(np.angle(value)):.1f}", f"{sd * 1e3:.2g}"]
-        for n, value, sd in zip(spectrum.harmonic, spectrum.values[:, strongest], spectrum.values_sd[:, strongest], strict=True)
+        for n, value, sd in zip(
+            spectrum.harmonic,
+            spectrum.values[:, strongest],
+            spectrum.values_sd[:, strongest],
+            strict=True,
+        )
     ]
-    title = f"{name}: harmonics at the strongest step, drive {spectrum.drive_frequency[strongest]:.9g} Hz"
+    title = (
+        f"{name}: harmonics at the strongest step, drive "
+        f"{spectrum.drive_frequency[strongest]:.9g} Hz"
+    )
     return [table(title, ["harmonic", "|V| (mV)", "phase (°)", "± (mV)"], rows)]
 
 
 def ringdown(name: str, dataset: xr.Dataset, *, envelope: bool) -> dict[str, Outcome]:
-    """Fit the decay in every step; an envelope is the magnitude of a signal demodulated at the step's drive frequency."""
+    """Fit the decay in every step.
+
+    An envelope is the magnitude of a signal demodulated at the step's drive frequency.
+    """
     outcomes = {}
     time = dataset["time"].values
     for step in range(dataset.sizes["step"]):
         own = name if dataset.sizes["step"] == 1 else f"{name}, step {step + 1}"
         signal = dataset["voltage"].values[step]
-        tone = float(dataset["drive_frequency"].values[step]) if envelope and "drive_frequency" in dataset.coords else None
+        tone = (
+            float(dataset["drive_frequency"].values[step])
+            if envelope and "drive_frequency" in dataset.coords
+            else None
+        )
         noise = dataset.attrs.get("noise_sd")
-        fit = fit_ringdown(time, signal, "magnitude" if envelope else "voltage", frequency=tone, noise_sd=noise)
-        outcomes[own] = Outcome(record(fit), show(own, fit), {"ring-down": partial(ringdown_figure, time, signal, fit)})
+        fit = fit_ringdown(
+            time, signal, "magnitude" if envelope else "voltage", frequency=tone, noise_sd=noise
+        )
+        outcomes[own] = Outcome(
+            record(fit), show(own, fit), {"ring-down": partial(ringdown_figure, time, signal, fit)}
+        )
     return outcomes
 
 
 def oscillator(name: str, dataset: xr.Dataset, held_out: slice | None) -> dict[str, Outcome]:
     """Fit the oscillator that turns the drive into the voltage, one term after the other."""
     if held_out is not None and not held_out.stop <= dataset.sizes["time"]:
-        raise MeasurementError(f"--held-out {held_out.start}:{held_out.stop}: {name} has only {dataset.sizes['time']} samples")
+        raise MeasurementError(
+            f"--held-out {held_out.start}:{held_out.stop}: {name} has only "
+            f"{dataset.sizes['time']} samples"
+        )
     models = fit_terms(dataset, held_out)
     rows = [
-        [_title(model), f"{model.fitted * 1e3:.4g}", "–" if np.isnan(model.held_out) else f"{model.held_out * 1e3:.4g}"] for model in models
+        [
+            _title(model),
+            f"{model.fitted * 1e3:.4g}",
+            "–" if np.isnan(model.held_out) else f"{model.held_out * 1e3:.4g}",
+        ]
+        for model in models
     ]
     errors = {_title(model): model.error for model in models}
-    steps = [{"terms": model.terms, "rms_fitted": model.fitted, "rms_held_out": model.held_out} | record(model.fit) for model in models]
+    steps = [
+        {"terms": model.terms, "rms_fitted": model.fitted, "rms_held_out": model.held_out}
+        | record(model.fit)
+        for model in models
+    ]
     title = f"{name}: rms error of the free run, which is given the drive alone"
     return {
         name: Outcome(
             {"models": steps},
-            [table(title, ["equation", "fitted (mV)", "held out (mV)"], rows), *show(f"{name}, {_title(models[-1])}", models[-1].fit)],
+            [
+                table(title, ["equation", "fitted (mV)", "held out (mV)"], rows),
+                *show(f"{name}, {_title(models[-1])}", models[-1].fit),
+            ],
             {"oscillator": partial(oscillator_figure, dataset, errors, held_out)},
         )
     }

@@ -33,7 +33,9 @@ def run(words: list[str]) -> int:
     chosen.set("text")
     logging.basicConfig(format="femnl: %(message)s", level=logging.WARNING)
     logging.getLogger("femnl.progress").addHandler(PROGRESS)
-    logging.getLogger("femnl.progress").setLevel(logging.INFO if sys.stderr.isatty() else logging.WARNING)
+    logging.getLogger("femnl.progress").setLevel(
+        logging.INFO if sys.stderr.isatty() else logging.WARNING
+    )
     command = typer.main.get_command(_app(words))
     try:
         status = command.main(words, prog_name="femnl", standalone_mode=False)
@@ -44,14 +46,27 @@ def run(words: list[str]) -> int:
         return _fail(str(error))
     except typer.TyperException as error:
         known = not isinstance(command, typer.core.TyperGroup) or words[0] in command.commands
-        return _fail(f"{error.format_message().rstrip('.')}; see femnl {words[0]} --help" if known else error.format_message())
+        return _fail(
+            f"{error.format_message().rstrip('.')}; see femnl {words[0]} --help"
+            if known
+            else error.format_message()
+        )
     except MemoryError:
-        return _fail("the memory is full; ask for fewer modes, a lower --resolution or fewer points, or close other programs")
+        return _fail(
+            "the memory is full; ask for fewer modes, a lower --resolution or fewer points, or "
+            "close other programs"
+        )
     except BrokenPipeError:  # the reader, such as `head`, has gone: what follows has no use
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except OSError as error:  # such as a disk that is full or a folder that was taken away meanwhile
-        return _fail(f"{error.filename or 'output'}: {error.strerror or error}; check the path, its permissions and the room on the disk")
+    # Such as a disk that is full or a folder that was taken away meanwhile
+    except OSError as error:
+        return _fail(
+            f"{error.filename or 'output'}: {error.strerror or error}; check the path, its "
+            "permissions and the "
+            "room on "
+            "the disk"
+        )
     return status if isinstance(status, int) else 0
 
 
@@ -65,9 +80,15 @@ class _Contents(typer.core.TyperGroup):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands by chapters, in the order of work; those in no chapter come last."""
-        rest = sorted(self.commands.keys() - {name for names in CHAPTERS.values() for name in names})
+        rest = sorted(
+            self.commands.keys() - {name for names in CHAPTERS.values() for name in names}
+        )
         for heading, names in {**CHAPTERS, "Other commands": rest}.items():
-            rows = [(name, self.commands[name].get_short_help_str(96)) for name in names if name in self.commands]
+            rows = [
+                (name, self.commands[name].get_short_help_str(96))
+                for name in names
+                if name in self.commands
+            ]
             if rows:
                 with formatter.section(heading):
                     formatter.write_dl(rows)
@@ -93,11 +114,21 @@ def _with_format(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _app(words: list[str]) -> typer.Typer:
-    """The command that was named, or all of them for the list of what there is; each is the function `command` of its file."""
-    app = typer.Typer(help=ABOUT, cls=_Contents, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
+    """The command that was named, or all of them for the list of what there is.
+
+    Each is the function `command` of its file.
+    """
+    app = typer.Typer(
+        help=ABOUT,
+        cls=_Contents,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
     app.callback()(_root)
     names = {
-        module.name.strip("_"): module.name for module in iter_modules(sys.modules[__package__].__path__) if not module.name.startswith("_")
+        module.name.strip("_"): module.name
+        for module in iter_modules(sys.modules[__package__].__path__)
+        if not module.name.startswith("_")
     }
     asked = next((word for word in words if not word.startswith("-")), None)
     for name in [asked] if asked in names else sorted(names):
@@ -111,5 +142,9 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def _root(version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Show the version.")) -> None:
+def _root(
+    version: bool = typer.Option(
+        False, "--version", callback=_version, is_eager=True, help="Show the version."
+    ),
+) -> None:
     """Finite elements for the mechanics and nonlinearity of stressed membranes."""

@@ -1,4 +1,7 @@
-"""What `femnl modes` tells beside frequencies and Duffing coefficients: in-plane inertia, a bow, dissipation dilution."""
+"""What `femnl modes` tells beside frequencies and Duffing coefficients.
+
+In-plane inertia, a bow, dissipation dilution.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -26,7 +29,14 @@ class More:
     quality: tuple[NDArray[np.float64], NDArray[np.float64]] | None
 
     @classmethod
-    def solve(cls, modes: Modes, inertia: bool, bow: tuple[float | None, float | None] | None, dilute: bool, tensor: bool) -> "More":
+    def solve(
+        cls,
+        modes: Modes,
+        inertia: bool,
+        bow: tuple[float | None, float | None] | None,
+        dilute: bool,
+        tensor: bool,
+    ) -> "More":
         """Solve what the options ask for. bow: depth or pressure, see `bow_of`."""
         return cls(
             solve_inertia(modes, cross=tensor) if inertia else None,
@@ -38,9 +48,23 @@ class More:
         """As plain values for JSON, SI."""
         found: dict[str, Any] = {}
         if self.inertia is not None:
-            found["inertia"] = {name: getattr(self.inertia, name) for name in ("change", "change_error", "cross", "cross_error")}
+            found["inertia"] = {
+                name: getattr(self.inertia, name)
+                for name in ("change", "change_error", "cross", "cross_error")
+            }
         if self.bowed is not None:
-            names = ("depth", "frequency", "stiffness", "k2", "k3", "alpha", "frequency_error", "k2_error", "k3_error", "alpha_error")
+            names = (
+                "depth",
+                "frequency",
+                "stiffness",
+                "k2",
+                "k3",
+                "alpha",
+                "frequency_error",
+                "k2_error",
+                "k3_error",
+                "alpha_error",
+            )
             found["bow"] = {name: getattr(self.bowed, name) for name in names}
         if self.quality is not None:
             found["dilution"] = {"factor": self.quality[0], "error": self.quality[1]}
@@ -51,9 +75,18 @@ class More:
         names = [[str(k + 1), modes.label[k] or "–"] for k in range(len(modes.frequency))]
         if self.inertia is not None:
             rows = [
-                [*name, scientific(alpha * (1 + change) * 1e-12, DIGITS), f"{change * 100:.5f} %".replace("-", "−"), f"{error * 100:.0e} %"]
+                [
+                    *name,
+                    scientific(alpha * (1 + change) * 1e-12, DIGITS),
+                    f"{change * 100:.5f} %".replace("-", "−"),
+                    f"{error * 100:.0e} %",
+                ]
                 for name, alpha, change, error in zip(
-                    names, nonlinearity.alpha, self.inertia.change, self.inertia.change_error, strict=True
+                    names,
+                    nonlinearity.alpha,
+                    self.inertia.change,
+                    self.inertia.change_error,
+                    strict=True,
                 )
             ]
             title = "With in-plane inertia, which follows the stretching at twice the frequency"
@@ -68,9 +101,16 @@ class More:
         if self.bowed is not None:
             self._show_bow(self.bowed, names)
         if self.quality is not None:
-            rows = [[*name, f"{q:.1f}", f"{error / q:.0e}"] for name, q, error in zip(names, *self.quality, strict=True)]
+            rows = [
+                [*name, f"{q:.1f}", f"{error / q:.0e}"]
+                for name, q, error in zip(names, *self.quality, strict=True)
+            ]
             console().print(
-                table("Dissipation dilution: Q over that of bending alone; ± is relative", ["mode", "label", "Q/Q_bend", "±"], rows)
+                table(
+                    "Dissipation dilution: Q over that of bending alone; ± is relative",
+                    ["mode", "label", "Q/Q_bend", "±"],
+                    rows,
+                )
             )
 
     @staticmethod
@@ -87,8 +127,17 @@ class More:
             ]
             for k, name in enumerate(names)
         ]
-        title = f"Bent at rest by {bowed.depth * 1e9:.6g} nm at most; α is that of motion at f; ± are relative"
-        console().print(table(title, ["mode", "label", "f (MHz)", "α (µm⁻²)", "k₂ (N/m²)", "k₃ (N/m³)", "±f", "±α"], rows))
+        title = (
+            f"Bent at rest by {bowed.depth * 1e9:.6g} nm at most; α is that of motion at f; "
+            "± are relative"
+        )
+        console().print(
+            table(
+                title,
+                ["mode", "label", "f (MHz)", "α (µm⁻²)", "k₂ (N/m²)", "k₃ (N/m³)", "±f", "±α"],
+                rows,
+            )
+        )
 
 
 def bow_of(words: str) -> tuple[float | None, float | None]:
@@ -104,5 +153,6 @@ def bow_of(words: str) -> tuple[float | None, float | None]:
             continue
         return (value, None) if place == 0 else (None, value)
     raise ParameterError(
-        f'--bow "{words}": expected the depth of the bow, such as "100 nm", or the pressure that makes it, such as "10 Pa"'
+        f'--bow "{words}": expected the depth of the bow, such as "100 nm", or the pressure that '
+        'makes it, such as "10 Pa"'
     )

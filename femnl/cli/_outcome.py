@@ -1,4 +1,7 @@
-"""What a fit hands to the command line: numbers for programs, tables for people, figures and files for a folder."""
+"""What a fit hands to the command line.
+
+Numbers for programs, tables for people, figures and files for a folder.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -25,15 +28,28 @@ class Outcome:
 
 def record(fit: Fit) -> dict[str, Any]:
     """A fit as a JSON object."""
-    parameters = {p.name: {"value": p.value, "sd": p.sd, "unit": p.unit} for p in fit.parameters.values()}
-    return {"parameters": parameters, "chi2_reduced": fit.chi2_reduced, "n_points": fit.n_points, "notes": fit.notes}
+    parameters = {
+        p.name: {"value": p.value, "sd": p.sd, "unit": p.unit} for p in fit.parameters.values()
+    }
+    return {
+        "parameters": parameters,
+        "chi2_reduced": fit.chi2_reduced,
+        "n_points": fit.n_points,
+        "notes": fit.notes,
+    }
 
 
 def show(name: str, fit: Fit) -> list[Group | str]:
     """A fit as a table under its name, and what there is to say of it."""
     rows = [[p.name, *with_error(p.value, p.sd), p.unit or "–"] for p in fit.parameters.values()]
-    title = f"{name}: {fit.n_points} numbers, {fit.n_parameters} free parameters, χ²/ν = {fit.chi2_reduced:.4g}"
-    return [table(title, ["parameter", "value", "±", "unit"], rows), *(f"  {sentence}" for sentence in fit.notes)]
+    title = (
+        f"{name}: {fit.n_points} numbers, {fit.n_parameters} free parameters, χ²/ν = "
+        f"{fit.chi2_reduced:.4g}"
+    )
+    return [
+        table(title, ["parameter", "value", "±", "unit"], rows),
+        *(f"  {sentence}" for sentence in fit.notes),
+    ]
 
 
 def with_error(value: float, sd: float) -> tuple[str, str]:

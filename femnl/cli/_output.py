@@ -18,7 +18,10 @@ SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class Printer:
-    """Standard output: tables in the chosen style; of a style for papers and programs, the words between them go to standard error."""
+    """Standard output: tables in the chosen style.
+
+    Of a style for papers and programs, the words between them go to standard error.
+    """
 
     def print(self, what: str | Table | Group) -> None:
         """Print a sentence, a table, or a table under its title."""
@@ -46,7 +49,10 @@ def note(text: str) -> None:
 
 
 class Progress(logging.Handler):
-    """The step that femnl works on, in the last line of a terminal; the next step, or a result, takes its place."""
+    """The step that femnl works on, in the last line of a terminal.
+
+    The next step, or a result, takes its place.
+    """
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show what the logger femnl.progress tells."""

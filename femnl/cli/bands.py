@@ -13,14 +13,23 @@ from femnl.mechanics.bands import Lattice, solve_bands
 from femnl.plot.bands import draw_bands
 
 FORMATS = (".png", ".pdf", ".svg")
-Out = Annotated[Path | None, typer.Option(help="Picture to write: .png, .pdf or .svg.", show_default=False)]
+Out = Annotated[
+    Path | None, typer.Option(help="Picture to write: .png, .pdf or .svg.", show_default=False)
+]
 
 
 def command(
     geometry: Geometry,
     count: Annotated[int, typer.Option("--count", "-n", help="How many bands.", min=1)] = 6,
-    steps: Annotated[int, typer.Option(help="Wave vectors along the first side of the path; the other sides as closely.", min=1)] = 12,
-    resolution: Annotated[float, typer.Option(help="Factor on the number of elements per length.")] = 1.0,
+    steps: Annotated[
+        int,
+        typer.Option(
+            help="Wave vectors along the first side of the path; the other sides as closely.", min=1
+        ),
+    ] = 12,
+    resolution: Annotated[
+        float, typer.Option(help="Factor on the number of elements per length.")
+    ] = 1.0,
     bending: Bending = None,
     out: Out = None,
     as_json: Json = False,
@@ -31,18 +40,44 @@ def command(
         need_room(out)
     bands = solve_bands(load_device(geometry, bending), count, steps=steps, resolution=resolution)
     if as_json:
-        names = ("wave", "frequency", "frequency_error", "corners", "tension", "mass", "speed", "gaps")
+        names = (
+            "wave",
+            "frequency",
+            "frequency_error",
+            "corners",
+            "tension",
+            "mass",
+            "speed",
+            "gaps",
+        )
         lattice = {"kind": bands.lattice.kind, "pitch": bands.lattice.pitch}
-        print_json({"geometry": geometry, "lattice": lattice, **{name: getattr(bands, name) for name in names}})
+        print_json(
+            {
+                "geometry": geometry,
+                "lattice": lattice,
+                **{name: getattr(bands, name) for name in names},
+            }
+        )
     else:
         rows = [
-            [name, *(f"{f / 1e6:.6f}" for f in bands.frequency[k]), f"{np.max(bands.frequency_error[k] / np.max(bands.frequency[k])):.0e}"]
+            [
+                name,
+                *(f"{f / 1e6:.6f}" for f in bands.frequency[k]),
+                f"{np.max(bands.frequency_error[k] / np.max(bands.frequency[k])):.0e}",
+            ]
             for name, k in bands.corners[:-1]
         ]
-        title = f"{geometry}: {_name(bands.lattice)}, long waves {bands.speed:.2f} m/s; f in MHz, ± of the row relative to its highest"
+        title = (
+            f"{geometry}: {_name(bands.lattice)}, long waves {bands.speed:.2f} m/s; f in "
+            "MHz, ± of the row "
+            "relative to "
+            "its highest"
+        )
         console().print(table(title, ["", *(f"band {k + 1}" for k in range(count)), "±"], rows))
         gaps = ", ".join(f"{low / 1e6:.6g} … {high / 1e6:.6g} MHz" for low, high in bands.gaps)
-        console().print(f"gaps along {'–'.join(name for name, _ in bands.corners)}: {gaps or 'none'}")
+        console().print(
+            f"gaps along {'–'.join(name for name, _ in bands.corners)}: {gaps or 'none'}"
+        )
     if out:
         draw_bands(bands, out)
         note(f"wrote {out}")

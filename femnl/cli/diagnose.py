@@ -13,16 +13,34 @@ from femnl.diagnose import diagnose, record, write
 from femnl.report.diagnosis import write_diagnosis
 
 MOST = 4
-"""Workers unless the user asks for more: the fits that do not wait for each other are about a dozen."""
+"""Workers unless the user asks for more: the fits that do not wait for each other are about a
+dozen.
+"""
 File = Annotated[Path, typer.Argument(help="A measurement file (.nc).", show_default=False)]
-Geometry = Annotated[str | None, typer.Option(help="Geometry to use instead of the file's own.", show_default=False)]
-Workers = Annotated[
-    int | None, typer.Option(min=1, help="Processes that fit side by side.", show_default=f"the processors at hand, at most {MOST}")
+Geometry = Annotated[
+    str | None, typer.Option(help="Geometry to use instead of the file's own.", show_default=False)
 ]
-Out = Annotated[Path | None, typer.Option(help="Folder for diagnosis.json and report.html.", show_default="FILE-diagnosis")]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        help="Processes that fit side by side.",
+        show_default=f"the processors at hand, at most {MOST}",
+    ),
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(help="Folder for diagnosis.json and report.html.", show_default="FILE-diagnosis"),
+]
 
 
-def command(file: File, geometry: Geometry = None, workers: Workers = None, out: Out = None, as_json: Json = False) -> None:
+def command(
+    file: File,
+    geometry: Geometry = None,
+    workers: Workers = None,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
     """Compare a measurement with the simulation, and name the physical cause of what deviates."""
     found = diagnose(file, geometry, workers=workers or min(MOST, len(os.sched_getaffinity(0))))
     folder = out or (None if as_json else Path(f"{file.stem}-diagnosis"))
@@ -39,7 +57,10 @@ def command(file: File, geometry: Geometry = None, workers: Workers = None, out:
 def _show(found: Diagnosis) -> None:
     causes = f": {', '.join(found.causes)}" if found.causes else ""
     p_value = f"{found.p_value:.2g}" if found.p_value else "below 1e-300"
-    console().print(f"[bold]{found.verdict}[/bold]{causes} (probability {found.probability:.3g}, p-value {p_value})")
+    console().print(
+        f"[bold]{found.verdict}[/bold]{causes} (probability {found.probability:.3g}, p-value "
+        f"{p_value})"
+    )
     console().print(found.where)
     rows = [
         [owner, name, scientific(p.value, 6), scientific(p.sd, 2), p.unit]
@@ -50,8 +71,11 @@ def _show(found: Diagnosis) -> None:
     before = found.before
     after = found.after
     console().print(
-        f"χ² per datum held out: {before.heldout_chi2_reduced:.4g} before, {after.heldout_chi2_reduced:.4g} after, gain {found.gain:.4g}"
+        f"χ² per datum held out: {before.heldout_chi2_reduced:.4g} before, "
+        f"{after.heldout_chi2_reduced:.4g} after, gain {found.gain:.4g}"
     )
     for other in found.alternatives[:5]:
-        console().print(f"also tried: {', '.join(other.causes)}, probability {other.probability:.2g}")
+        console().print(
+            f"also tried: {', '.join(other.causes)}, probability {other.probability:.2g}"
+        )
     console().print(found.measure_next)

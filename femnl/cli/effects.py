@@ -10,7 +10,23 @@ def command(as_json: Json = False) -> None:
     effects = library().values()
     if as_json:
         names = ("name", "equation", "kinds", "source", "limits", "sentence")
-        print_json({"effects": [{n: getattr(e, n) for n in names} | {"parameters": [vars(k) for k in e.parameters]} for e in effects]})
+        print_json(
+            {
+                "effects": [
+                    {n: getattr(e, n) for n in names}
+                    | {"parameters": [vars(k) for k in e.parameters]}
+                    for e in effects
+                ]
+            }
+        )
         return
-    rows = [[e.name, e.equation, ", ".join(f"{k.name} [{k.unit}]" for k in e.parameters), ", ".join(e.kinds)] for e in effects]
+    rows = [
+        [
+            e.name,
+            e.equation,
+            ", ".join(f"{k.name} [{k.unit}]" for k in e.parameters),
+            ", ".join(e.kinds),
+        ]
+        for e in effects
+    ]
     console().print(table("Effects", ["name", "equation", "parameters", "shows in"], rows))

@@ -22,8 +22,15 @@ from femnl.pipeline import measured_device
 
 USES: tuple[Use, ...] = get_args(Use)
 FITTED = ("response", "spectrum", "trace", "map")
-# What a measurement may be taken for where its kind alone does not say, and the kind that it must then have.
-MEANINGS = {"overview": "response", "line-scan": "response", "ring-down": "trace", "envelope": "trace", "oscillator": "trace"}
+# What a measurement may be taken for where its kind alone does not say, and the kind that it must
+# then have.
+MEANINGS = {
+    "overview": "response",
+    "line-scan": "response",
+    "ring-down": "trace",
+    "envelope": "trace",
+    "oscillator": "trace",
+}
 # What each option is for: a kind of measurement, or a meaning of one.
 APPLIES = {
     "use": ("response", "line-scan"),
@@ -39,18 +46,50 @@ As = Annotated[
     str | None,
     typer.Option(
         "--as",
-        help="Of a response: overview (find the lines of a wide sweep, name their modes), line-scan (every place on its own). "
+        help="Of a response: overview (find the lines of a wide sweep, name their modes), "
+        "line-scan (every "
+        "place on "
+        "its own). "
         "Of a trace: ring-down, envelope (of one), oscillator (with its drive).",
         show_default=False,
     ),
 ]
 UseOption = Annotated[str, typer.Option(help=f"Of a response: {', '.join(USES)}.")]
-Damping = Annotated[bool, typer.Option("--nonlinear-damping", help="Of a response: fit a damping that grows with the amplitude too.")]
-Fringe = Annotated[str, typer.Option(help="Of maps and traces: sine; multilayer, the geometry's stack; free, a fringe of any form (maps).")]
-HeldOut = Annotated[str | None, typer.Option(help="Of an oscillator: samples FIRST:END to test on, not to fit.", show_default=False)]
-Device = Annotated[str | None, typer.Option("--geometry", help="Device, where not the one the file names.", show_default=False)]
-Harmonics = Annotated[int, typer.Option("--harmonics", help="Of a trace: highest harmonic.", min=1, max=200)]
-Out = Annotated[Path | None, typer.Option(help="Folder for figures, and for the spectrum of an overview.", show_default=False)]
+Damping = Annotated[
+    bool,
+    typer.Option(
+        "--nonlinear-damping",
+        help="Of a response: fit a damping that grows with the amplitude too.",
+    ),
+]
+Fringe = Annotated[
+    str,
+    typer.Option(
+        help="Of maps and traces: sine; multilayer, the geometry's stack; free, a fringe of any "
+        "form (maps)."
+    ),
+]
+HeldOut = Annotated[
+    str | None,
+    typer.Option(
+        help="Of an oscillator: samples FIRST:END to test on, not to fit.", show_default=False
+    ),
+]
+Device = Annotated[
+    str | None,
+    typer.Option(
+        "--geometry", help="Device, where not the one the file names.", show_default=False
+    ),
+]
+Harmonics = Annotated[
+    int, typer.Option("--harmonics", help="Of a trace: highest harmonic.", min=1, max=200)
+]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        help="Folder for figures, and for the spectrum of an overview.", show_default=False
+    ),
+]
 
 
 def command(
@@ -79,7 +118,10 @@ def command(
     for repair in tree.attrs["repairs"]:
         note(f"repaired: {repair}")
     groups = _groups(tree, file, meaning)
-    _check_options(context, {meaning} if meaning else {str(dataset.attrs["kind"]) for dataset in groups.values()})
+    _check_options(
+        context,
+        {meaning} if meaning else {str(dataset.attrs["kind"]) for dataset in groups.values()},
+    )
     device = partial(measured_device, tree.attrs, file, geometry)
     has_device = geometry is not None or not {"model", "geometry"}.isdisjoint(tree.attrs)
     results: dict[str, Outcome] = {}
@@ -99,18 +141,32 @@ def command(
             results |= film(name, dataset, device(), cache)
         elif kind == "trace":
             moving = "wavelength" in dataset.attrs
-            results |= harmonics(name, dataset, n_harmonics, readout(fringe, device(), dataset, ("sine", "multilayer")) if moving else None)
+            results |= harmonics(
+                name,
+                dataset,
+                n_harmonics,
+                readout(fringe, device(), dataset, ("sine", "multilayer")) if moving else None,
+            )
     named = {name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] == "map"}
     if named:
         results |= maps(named, device(), index, fringe, cache)
     if as_json:
-        print_json({"file": str(file), "fits": {name: result.record for name, result in results.items()}})
+        print_json(
+            {"file": str(file), "fits": {name: result.record for name, result in results.items()}}
+        )
     else:
         for line in (line for result in results.values() for line in result.shown):
             console().print(line)
     if out is not None:
-        kept = {key: str(tree.attrs[key]) for key in ("title", "source", "sample") if key in tree.attrs}
-        _write(results, out, file.stem, kept | ({"geometry": device().name, "model": device().text} if has_device else {}))
+        kept = {
+            key: str(tree.attrs[key]) for key in ("title", "source", "sample") if key in tree.attrs
+        }
+        _write(
+            results,
+            out,
+            file.stem,
+            kept | ({"geometry": device().name, "model": device().text} if has_device else {}),
+        )
 
 
 def _groups(tree: xr.DataTree, file: Path, meaning: str | None) -> dict[str, xr.Dataset]:
@@ -123,8 +179,13 @@ def _groups(tree: xr.DataTree, file: Path, meaning: str | None) -> dict[str, xr.
     if not chosen:
         held = ", ".join(sorted({str(dataset.attrs["kind"]) for dataset in groups.values()}))
         if meaning:
-            raise ParameterError(f"--as {meaning}: takes a {MEANINGS[meaning]}, but {file} holds {held}")
-        raise MeasurementError(f"{file}: holds {held}; femnl fit takes {', '.join(FITTED)}, and femnl diagnose takes series too")
+            raise ParameterError(
+                f"--as {meaning}: takes a {MEANINGS[meaning]}, but {file} holds {held}"
+            )
+        raise MeasurementError(
+            f"{file}: holds {held}; femnl fit takes {', '.join(FITTED)}, and femnl diagnose "
+            "takes series too"
+        )
     return chosen
 
 
@@ -140,9 +201,17 @@ def _check_options(context: typer.Context, read_as: set[str]) -> None:
     for parameter in context.command.params:
         name = parameter.name or ""
         given = context.get_parameter_source(name)
-        if name in APPLIES and given is not None and given.name == "COMMANDLINE" and read_as.isdisjoint(APPLIES[name]):
+        if (
+            name in APPLIES
+            and given is not None
+            and given.name == "COMMANDLINE"
+            and read_as.isdisjoint(APPLIES[name])
+        ):
             kinds = " and ".join(sorted(read_as))
-            raise ParameterError(f"{parameter.opts[0]}: is for {' and '.join(APPLIES[name])}, and has no effect on {kinds}")
+            raise ParameterError(
+                f"{parameter.opts[0]}: is for {' and '.join(APPLIES[name])}, and has no effect "
+                f"on {kinds}"
+            )
 
 
 def _part(text: str | None) -> slice | None:
@@ -155,7 +224,9 @@ def _part(text: str | None) -> slice | None:
     return slice(int(first), int(end))
 
 
-def _write(results: dict[str, Outcome], folder: Path, stem: str, attributes: dict[str, str]) -> None:
+def _write(
+    results: dict[str, Outcome], folder: Path, stem: str, attributes: dict[str, str]
+) -> None:
     """Draw the figures and write the spectra that fits found, named after file and measurement."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, result in results.items():

@@ -8,7 +8,9 @@ from femnl.cli._output import console, print_json, table
 from femnl.device.geometry import shipped
 
 
-def command(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False) -> None:
+def command(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
     """List the geometries that ship with femnl."""
     found = shipped()
     if as_json:

@@ -9,10 +9,18 @@ from femnl.cli._output import note
 from femnl.io.labfiles import import_file
 
 Sources = Annotated[
-    list[Path], typer.Argument(help="Lab file(s): CSV, MATLAB .mat, LabOne HDF5 or CSV, Gwyddion .gsf.", show_default=False)
+    list[Path],
+    typer.Argument(
+        help="Lab file(s): CSV, MATLAB .mat, LabOne HDF5 or CSV, Gwyddion .gsf.", show_default=False
+    ),
 ]
 Dest = Annotated[Path, typer.Argument(help="Measurement file (.nc) to write.", show_default=False)]
-Spec = Annotated[Path | None, typer.Option(help="TOML that maps columns or variables to quantities and units.", show_default=False)]
+Spec = Annotated[
+    Path | None,
+    typer.Option(
+        help="TOML that maps columns or variables to quantities and units.", show_default=False
+    ),
+]
 
 
 def command(sources: Sources, dest: Dest, spec: Spec = None) -> None:

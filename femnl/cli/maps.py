@@ -26,11 +26,19 @@ Z = Annotated[float, typer.Option("--z", help="Modulation z = 4πU/λ at the ant
 Wavelength = Annotated[str, typer.Option(help='Of the laser, with its unit: "632.8 nm".')]
 Shown = Annotated[int, typer.Option(help="How many harmonics of the drive.", min=1, max=50)]
 Theta = Annotated[float, typer.Option(help="Working point θ of the sine fringe, in rad.")]
-Readout = Annotated[str, typer.Option("--fringe", help="sine, or multilayer for the reflection of the geometry's stack.")]
+Readout = Annotated[
+    str,
+    typer.Option(
+        "--fringe", help="sine, or multilayer for the reflection of the geometry's stack."
+    ),
+]
 Points = Annotated[int, typer.Option(help="Points along each axis of the map.", min=3, max=2001)]
 Out = Annotated[
     Path | None,
-    typer.Option(help="Measurement file to write; the figure beside it as .png.", show_default="GEOMETRY-mode-MODE-maps.nc"),
+    typer.Option(
+        help="Measurement file to write; the figure beside it as .png.",
+        show_default="GEOMETRY-mode-MODE-maps.nc",
+    ),
 ]
 
 
@@ -49,9 +57,13 @@ def command(
 ) -> None:
     """Predict the maps of the drive's harmonics for one mode, as a measurement file and a figure."""
     if not 0 < z <= LARGEST_Z:
-        raise ParameterError(f"--z {z:g}: expected a positive modulation up to {LARGEST_Z}, such as 4.218")
+        raise ParameterError(
+            f"--z {z:g}: expected a positive modulation up to {LARGEST_Z}, such as 4.218"
+        )
     if not -np.pi <= theta <= np.pi:
-        raise ParameterError(f"--theta {theta:g}: expected an angle in rad from −π to π, such as 0.785")
+        raise ParameterError(
+            f"--theta {theta:g}: expected an angle in rad from −π to π, such as 0.785"
+        )
     model = load_device(geometry, bending)
     index = check_mode(mode)
     path = out or Path(f"{model.name}-mode-{mode}-maps.nc")
@@ -59,27 +71,48 @@ def command(
     need_room(path)
     length, _ = measurement.quantity(wavelength, "m", f'--wavelength "{wavelength}"')
     if not 1e-7 < length < 1e-4:
-        raise ParameterError(f'--wavelength "{wavelength}": {length:g} m is no wavelength of light; write e.g. "632.8 nm"')
+        raise ParameterError(
+            f'--wavelength "{wavelength}": {length:g} m is no wavelength of light; write e.g. '
+            '"632.8 nm"'
+        )
     amplitude = z * length / (4 * np.pi)
     modes = solve_modes(model, max(10, mode), cache=cache)
     name = f"mode {modes.label[index] or mode}"
-    title = f"{model.name}, {name}, z = {z:g} at {length * 1e9:g} nm, U = {amplitude * 1e9:.4g} nm, {fringe} fringe"
+    title = (
+        f"{model.name}, {name}, z = {z:g} at {length * 1e9:g} nm, U = {amplitude * 1e9:.4g} "
+        f"nm, {fringe} fringe"
+    )
     readout = _fringe(model, fringe, length, theta)
     result = harmonic_maps(modes, index, readout, amplitude, length, harmonics, points)
-    dataset = measurement.harmonic_map(result.x, result.y, result.harmonic, result.values, wavelength=length)
-    attributes = {"title": title, "source": f"simulated by femnl {femnl.__version__}", "model": model.text}
+    dataset = measurement.harmonic_map(
+        result.x, result.y, result.harmonic, result.values, wavelength=length
+    )
+    attributes = {
+        "title": title,
+        "source": f"simulated by femnl {femnl.__version__}",
+        "model": model.text,
+    }
     measurement.write(measurement.bundle({"map": dataset}, geometry=model.name, **attributes), path)
     picture = path.with_suffix(".png")
-    write_whole(picture, partial(harmonic_map_figure(dataset, polyline(model.outline), title).savefig, dpi=200))
+    write_whole(
+        picture,
+        partial(harmonic_map_figure(dataset, polyline(model.outline), title).savefig, dpi=200),
+    )
     note(f"wrote {path} and {picture}")
 
 
 def _fringe(model: Model, kind: str, wavelength: float, theta: float) -> Fringe:
-    """The fringe that was asked for, with unit contrast: 1 V for the sine, 1 V per unit of reflectivity for the stack."""
+    """The fringe that was asked for, with unit contrast.
+
+    1 V for the sine, 1 V per unit of reflectivity for the stack.
+    """
     if kind == "sine":
         return SineFringe(wavelength, 0.0, 1.0, theta)
     if kind != "multilayer":
         raise ParameterError(f"--fringe {kind}: expected sine or multilayer")
     if model.stack is None:
-        raise ParameterError(f"{model.name}: its geometry gives no [readout] gap, which the multilayer fringe needs; use --fringe sine")
+        raise ParameterError(
+            f"{model.name}: its geometry gives no [readout] gap, which the multilayer fringe "
+            "needs; use --fringe sine"
+        )
     return MultilayerFringe(model.stack, wavelength)

@@ -10,7 +10,12 @@ from femnl.cli._output import console, note, print_json, table
 from femnl.device.mesh import mesh
 from femnl.io.results import check_suffix, need_room, write_mesh
 
-Out = Annotated[Path | None, typer.Option(help="Write the mesh in any format of meshio: .vtu, .msh, .xdmf, …", show_default=False)]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        help="Write the mesh in any format of meshio: .vtu, .msh, .xdmf, …", show_default=False
+    ),
+]
 
 
 def command(
@@ -29,9 +34,20 @@ def command(
     boundaries = {name: len(facets) for name, facets in (domain.mesh.boundaries or {}).items()}
     if as_json:
         counts = {"triangles": domain.mesh.nelements, "vertices": domain.mesh.nvertices}
-        print_json({"geometry": domain.model.name, "copies": domain.copies, **counts, "boundaries": boundaries})
+        print_json(
+            {
+                "geometry": domain.model.name,
+                "copies": domain.copies,
+                **counts,
+                "boundaries": boundaries,
+            }
+        )
     else:
-        parts = {"copies that make the film": domain.copies, "triangles": domain.mesh.nelements, "vertices": domain.mesh.nvertices}
+        parts = {
+            "copies that make the film": domain.copies,
+            "triangles": domain.mesh.nelements,
+            "vertices": domain.mesh.nvertices,
+        }
         rows = [[name, str(n)] for name, n in parts.items()]
         rows += [[f"edges on {name}", str(n)] for name, n in boundaries.items()]
         console().print(table(domain.model.name, ["mesh", "number"], rows))

@@ -6,7 +6,18 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from femnl.cli._device import Bending, Cache, Count, EdgeOption, Geometry, Json, Resolution, Symmetry, load_device, suffix_of
+from femnl.cli._device import (
+    Bending,
+    Cache,
+    Count,
+    EdgeOption,
+    Geometry,
+    Json,
+    Resolution,
+    Symmetry,
+    load_device,
+    suffix_of,
+)
 from femnl.cli._modes_more import More, bow_of
 from femnl.cli._output import console, note, print_json, scientific, table
 from femnl.core.device import Model
@@ -16,24 +27,54 @@ from femnl.io.results import need_room, write_modes, write_vtu
 from femnl.mechanics.lattice import solve_homogenised
 from femnl.pipeline import Certified, solve_modes, solve_modes_to, solve_nonlinearity
 
-Out = Annotated[Path | None, typer.Option(help="Also write the modes to a file: .nc, or .vtu for ParaView.", show_default=False)]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        help="Also write the modes to a file: .nc, or .vtu for ParaView.", show_default=False
+    ),
+]
 Tolerance = Annotated[
     float | None,
-    typer.Option(help="Relative error of every f and f/f₁ to be reached; sets degree and resolution.", show_default=False),
+    typer.Option(
+        help="Relative error of every f and f/f₁ to be reached; sets degree and resolution.",
+        show_default=False,
+    ),
 ]
 Of = Annotated[
     Certified | None,
-    typer.Option("--tolerance-of", help="What is to reach the tolerance: all takes in m_eff, α and k₃.", show_default="frequency"),
+    typer.Option(
+        "--tolerance-of",
+        help="What is to reach the tolerance: all takes in m_eff, α and k₃.",
+        show_default="frequency",
+    ),
 ]
 Homogenised = Annotated[
-    bool, typer.Option("--homogenised", help="Take a rectangular array of holes as an even film: seconds for any number of holes.")
+    bool,
+    typer.Option(
+        "--homogenised",
+        help="Take a rectangular array of holes as an even film: seconds for any number of holes.",
+    ),
 ]
-Tensor = Annotated[bool, typer.Option("--tensor", help="Couplings between modes too: their full cubic tensor.")]
-Inertia = Annotated[bool, typer.Option("--inertia", help="What the film's inertia in its plane changes of α; of couplings with --tensor.")]
+Tensor = Annotated[
+    bool, typer.Option("--tensor", help="Couplings between modes too: their full cubic tensor.")
+]
+Inertia = Annotated[
+    bool,
+    typer.Option(
+        "--inertia",
+        help="What the film's inertia in its plane changes of α; of couplings with --tensor.",
+    ),
+]
 Bow = Annotated[
-    str | None, typer.Option(help='A bow at rest: "100 nm" in the shape of mode 1, or "10 Pa" of pressure.', show_default=False)
+    str | None,
+    typer.Option(
+        help='A bow at rest: "100 nm" in the shape of mode 1, or "10 Pa" of pressure.',
+        show_default=False,
+    ),
 ]
-Dilution = Annotated[bool, typer.Option("--dilution", help="Dissipation dilution: Q over that of bending alone.")]
+Dilution = Annotated[
+    bool, typer.Option("--dilution", help="Dissipation dilution: Q over that of bending alone.")
+]
 
 
 def command(
@@ -61,12 +102,21 @@ def command(
     rest = None if bow is None else bow_of(bow)
     model = load_device(geometry, bending, edge)
     if homogenised:
-        if tolerance is not None or tolerance_of is not None or resolution != 1.0 or symmetry != "auto":
+        if (
+            tolerance is not None
+            or tolerance_of is not None
+            or resolution != 1.0
+            or symmetry != "auto"
+        ):
             unfit = "--tolerance, --tolerance-of, --resolution and --symmetry"
-            raise ParameterError(f"--homogenised: the even film has a mesh of its own; leave out {unfit}")
+            raise ParameterError(
+                f"--homogenised: the even film has a mesh of its own; leave out {unfit}"
+            )
         if inertia or bow is not None or dilution:
             raise ParameterError(
-                "--homogenised: the even film tells nothing of --inertia, --bow or --dilution; solve the full film for them"
+                "--homogenised: the even film tells nothing of --inertia, --bow or --dilution; "
+                "solve the full film "
+                "for them"
             )
         modes, nonlinearity = solve_homogenised(model, count, tensor=tensor)
     else:
@@ -86,18 +136,38 @@ def command(
         note(f"wrote {out}")
 
 
-def _solve(model: Model, count: int, symmetry: str, resolution: float, tolerance: float | None, of: Certified | None, cache: bool) -> Modes:
+def _solve(
+    model: Model,
+    count: int,
+    symmetry: str,
+    resolution: float,
+    tolerance: float | None,
+    of: Certified | None,
+    cache: bool,
+) -> Modes:
     if tolerance is None:
         if of is not None:
-            raise ParameterError(f"--tolerance-of {of}: there is no tolerance to reach; give one with --tolerance")
+            raise ParameterError(
+                f"--tolerance-of {of}: there is no tolerance to reach; give one with --tolerance"
+            )
         return solve_modes(model, count, symmetry, resolution, cache)
     if resolution != 1.0:
-        raise ParameterError(f"--resolution {resolution:g}: a tolerance sets the resolution; give one of the two")
+        raise ParameterError(
+            f"--resolution {resolution:g}: a tolerance sets the resolution; give one of the two"
+        )
     return solve_modes_to(model, tolerance, count, symmetry, cache, of or "frequency")
 
 
 def _record(modes: Modes, nonlinearity: Nonlinearity) -> dict[str, Any]:
-    columns = zip(modes.label, modes.frequency, modes.ratio, modes.effective_mass, nonlinearity.k3, nonlinearity.alpha, strict=True)
+    columns = zip(
+        modes.label,
+        modes.frequency,
+        modes.ratio,
+        modes.effective_mass,
+        nonlinearity.k3,
+        nonlinearity.alpha,
+        strict=True,
+    )
     names = ("label", "frequency", "ratio", "effective_mass", "k3", "alpha")
     record: dict[str, Any] = {
         "geometry": modes.domain.model.name,
@@ -137,8 +207,24 @@ def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
         ]
         for k in range(len(modes.frequency))
     ]
-    columns = ["mode", "label", "f (MHz)", "f/f₁", "m_eff (ng)", "α (µm⁻²)", "k₃ (N/m³)", "±f", "±f/f₁", "±m_eff", "±α", "±k₃"]
-    title = f"{model.name}, in-plane edge {nonlinearity.edge}, {'with' if model.bending else 'without'} bending; "
+    columns = [
+        "mode",
+        "label",
+        "f (MHz)",
+        "f/f₁",
+        "m_eff (ng)",
+        "α (µm⁻²)",
+        "k₃ (N/m³)",
+        "±f",
+        "±f/f₁",
+        "±m_eff",
+        "±α",
+        "±k₃",
+    ]
+    title = (
+        f"{model.name}, in-plane edge {nonlinearity.edge}, "
+        f"{'with' if model.bending else 'without'} bending; "
+    )
     title += "± are relative" if modes.coarse else "an even film in the place of the holes"
     if modes.coarse is None:
         columns = columns[:7]
@@ -146,7 +232,16 @@ def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
     console().print(table(title, columns, rows))
     if nonlinearity.tensor is not None:
         n = len(modes.frequency)
-        cross = [[str(i + 1), *(scientific(3 * nonlinearity.tensor[i, i, j, j], 4) for j in range(n))] for i in range(n)]
+        cross = [
+            [str(i + 1), *(scientific(3 * nonlinearity.tensor[i, i, j, j], 4) for j in range(n))]
+            for i in range(n)
+        ]
         for i in range(n):
             cross[i][i + 1] = scientific(nonlinearity.tensor[i, i, i, i], 4)
-        console().print(table("Cubic force on mode i per q_i q_j² (diagonal: q_i³), N/m³", ["i\\j", *map(str, np.arange(n) + 1)], cross))
+        console().print(
+            table(
+                "Cubic force on mode i per q_i q_j² (diagonal: q_i³), N/m³",
+                ["i\\j", *map(str, np.arange(n) + 1)],
+                cross,
+            )
+        )

@@ -12,8 +12,15 @@ from femnl.report.write import write_report
 
 
 def command(
-    out: Annotated[Path, typer.Option(help="Folder for index.html; it is made where missing.")] = Path("report"),
-    pdf: Annotated[bool, typer.Option("--pdf", help="Print it to index.pdf too, by a Chromium or Chrome on the PATH.")] = False,
+    out: Annotated[
+        Path, typer.Option(help="Folder for index.html; it is made where missing.")
+    ] = Path("report"),
+    pdf: Annotated[
+        bool,
+        typer.Option(
+            "--pdf", help="Print it to index.pdf too, by a Chromium or Chrome on the PATH."
+        ),
+    ] = False,
     cache: Cache = True,
 ) -> None:
     """Write the validation report: one page that needs no other file."""

@@ -17,7 +17,9 @@ from femnl.io.results import make_folder, write_whole
 from femnl.pipeline import measured_device
 from femnl.plot.measurement import figures
 
-Out = Annotated[Path, typer.Option(help="Folder for the figures, one a measurement; it is made where missing.")]
+Out = Annotated[
+    Path, typer.Option(help="Folder for the figures, one a measurement; it is made where missing.")
+]
 
 
 def command(
@@ -28,7 +30,11 @@ def command(
     tree = measurement.read(file)
     for repair in tree.attrs["repairs"]:
         note(f"repaired: {repair}")
-    rows = [[str(key), str(value)] for key, value in tree.attrs.items() if key not in ("repairs", "model")]
+    rows = [
+        [str(key), str(value)]
+        for key, value in tree.attrs.items()
+        if key not in ("repairs", "model")
+    ]
     console().print(table(str(file), ["attribute", "value"], rows))
     for name, node in tree.children.items():
         console().print(table(f"\n{name}", ["dataset", "shape", "range"], _rows(node.to_dataset())))
@@ -46,14 +52,22 @@ def _rows(dataset: xr.Dataset) -> list[list[str]]:
         if values.dtype.kind in "fi" and values.size > 1:
             span = f"{float(values.min()):.6g} … {float(values.max()):.6g}"
         else:
-            span = ", ".join(map(str, values.values.ravel()[:6])) + (" …" if values.size > 6 else "")
+            span = ", ".join(map(str, values.values.ravel()[:6])) + (
+                " …" if values.size > 6 else ""
+            )
         rows.append([str(name), shape, f"{span} {values.attrs.get('units', '')}"])
     return rows + [[key, "attribute", str(value)] for key, value in dataset.attrs.items()]
 
 
 def _outline(tree: xr.DataTree, file: Path) -> NDArray[np.float64] | None:
-    """The outline of the file's device, to draw into maps; None where the file names no device that femnl knows."""
-    if not any(node.attrs["kind"] == "map" for node in tree.children.values()) or "geometry" not in tree.attrs:
+    """The outline of the file's device, to draw into maps.
+
+    None where the file names no device that femnl knows.
+    """
+    if (
+        not any(node.attrs["kind"] == "map" for node in tree.children.values())
+        or "geometry" not in tree.attrs
+    ):
         return None
     try:
         return polyline(measured_device(tree.attrs, file).outline)

@@ -11,22 +11,53 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from femnl.cli._device import Json, suffix_of
 from femnl.cli._output import console, note, print_json, table
 from femnl.core.errors import ParameterError
-from femnl.sweep import Report, costs, engine, need_room_for, open_store, read_sweep, run, write_tables
+from femnl.sweep import (
+    Report,
+    costs,
+    engine,
+    need_room_for,
+    open_store,
+    read_sweep,
+    run,
+    write_tables,
+)
 
 EVERY = 60.0  # seconds between lines of progress where standard error is no terminal
 
 Spec = Annotated[Path, typer.Argument(help="Sweep file, TOML.", show_default=False)]
-Out = Annotated[Path | None, typer.Option(help="Store of results; tables beside it as .nc and .csv.", show_default="SPEC.jsonl")]
-Workers = Annotated[int | None, typer.Option(help="Processes on this machine.", min=1, show_default="one a processor")]
-Scheduler = Annotated[
-    str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786; or local, for one of its own.", show_default=False)
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        help="Store of results; tables beside it as .nc and .csv.", show_default="SPEC.jsonl"
+    ),
 ]
-Estimate = Annotated[bool, typer.Option("--estimate", help="Solve three points only, and say what all of them will take.")]
+Workers = Annotated[
+    int | None,
+    typer.Option(help="Processes on this machine.", min=1, show_default="one a processor"),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        help="Address of a Dask scheduler, such as tcp://host:8786; or local, for one of its own.",
+        show_default=False,
+    ),
+]
+Estimate = Annotated[
+    bool,
+    typer.Option("--estimate", help="Solve three points only, and say what all of them will take."),
+]
 Retry = Annotated[bool, typer.Option("--retry", help="Try points again that failed earlier.")]
 
 
@@ -43,39 +74,67 @@ def command(
     path = out or spec.with_suffix(".jsonl")
     suffix_of(path, (".jsonl",))
     if workers is not None and scheduler not in (None, "local"):
-        raise ParameterError(f"--workers {workers}: the scheduler at {scheduler} has workers of its own; leave --workers out")
+        raise ParameterError(
+            f"--workers {workers}: the scheduler at {scheduler} has workers of its own; leave "
+            "--workers out"
+        )
     number = workers or len(os.sched_getaffinity(0))
     sweep = read_sweep(spec)
     solve = engine(scheduler, number)
-    with open_store(path, sweep.settings, sweep.sample.seed if sweep.sample else None, retry) as store:
+    with open_store(
+        path, sweep.settings, sweep.sample.seed if sweep.sample else None, retry
+    ) as store:
         before = costs(sweep, store)
         if scheduler in (None, "local"):
             need_room_for(before, number)
         seed = f", seed {store.seed}" if sweep.sample else ""
         other = len(store.records) - before.points + before.missing
         beside = f"; the store has {other} more, of other sweeps" if other else ""
-        note(f"{path}: {before.points} points{seed}, {before.points - before.missing} of them known{beside}")
+        note(
+            f"{path}: {before.points} points{seed}, {before.points - before.missing} of them "
+            f"known{beside}"
+        )
         try:
             with _progress(before) as tell:
                 run(sweep, store, solve, lambda record: tell("error" in record), pilots=estimate)
         except KeyboardInterrupt:
             after = costs(sweep, store)
-            note(f"{path}: {after.points - after.missing} of {after.points} points are kept; the same command goes on from here")
+            note(
+                f"{path}: {after.points - after.missing} of {after.points} points are kept; the "
+                "same command goes on "
+                "from here"
+            )
             raise
         after = costs(sweep, store)
         if not estimate:
             tables = write_tables(path, sweep, store)
-    record = _record(after, store.seed if sweep.sample else None, number if scheduler in (None, "local") else None)
+    record = _record(
+        after,
+        store.seed if sweep.sample else None,
+        number if scheduler in (None, "local") else None,
+    )
     if as_json:
-        print_json(record | {"store": str(path)} | ({} if estimate else {"results": [str(name) for name in tables]}))
+        print_json(
+            record
+            | {"store": str(path)}
+            | ({} if estimate else {"results": [str(name) for name in tables]})
+        )
         return
     if estimate:
         _show_estimate(record)
     if after.failed:
-        rows = [[str(count), reason] for reason, count in sorted(after.failed.items(), key=lambda item: -item[1])]
-        console().print(table("Points that failed; --retry tries them again", ["points", "reason"], rows))
+        rows = [
+            [str(count), reason]
+            for reason, count in sorted(after.failed.items(), key=lambda item: -item[1])
+        ]
+        console().print(
+            table("Points that failed; --retry tries them again", ["points", "reason"], rows)
+        )
     if not estimate:
-        note(f"wrote {tables[0]} and {tables[1]}: {after.solved} points solved, {sum(after.failed.values())} failed")
+        note(
+            f"wrote {tables[0]} and {tables[1]}: {after.solved} points solved, "
+            f"{sum(after.failed.values())} failed"
+        )
 
 
 def _record(report: Report, seed: int | None, workers: int | None) -> dict[str, Any]:
@@ -99,31 +158,56 @@ def _show_estimate(record: dict[str, Any]) -> None:
     known = record["points"] - record["missing"]
     rows = [
         ["points, solved and missing", f"{record['solved']}", f"{record['missing']}"],
-        ["a point", f"{record['seconds_per_point']:.2f} s", f"{record['memory_per_worker'] / 2**20:.0f} MiB"],
+        [
+            "a point",
+            f"{record['seconds_per_point']:.2f} s",
+            f"{record['memory_per_worker'] / 2**20:.0f} MiB",
+        ],
         [
             f"all that are missing, on {workers} worker{'s' * (workers > 1)}",
             _duration(record["seconds_left"]),
             f"{workers * record['memory_per_worker'] / 2**20:.0f} MiB",
         ],
-        ["the store in the end", "", f"{record['store_size'] / max(known, 1) * record['points'] / 2**20:.2g} MiB"],
+        [
+            "the store in the end",
+            "",
+            f"{record['store_size'] / max(known, 1) * record['points'] / 2**20:.2g} MiB",
+        ],
     ]
-    console().print(table("Estimated from the points that are known", ["what", "time", "memory"], rows))
+    console().print(
+        table("Estimated from the points that are known", ["what", "time", "memory"], rows)
+    )
 
 
 def _duration(seconds: float) -> str:
     if not math.isfinite(seconds):
         return "–"
-    return f"{seconds:.0f} s" if seconds < 180 else f"{seconds / 60:.0f} min" if seconds < 10800 else f"{seconds / 3600:.1f} h"
+    return (
+        f"{seconds:.0f} s"
+        if seconds < 180
+        else f"{seconds / 60:.0f} min"
+        if seconds < 10800
+        else f"{seconds / 3600:.1f} h"
+    )
 
 
 @contextmanager
 def _progress(report: Report) -> Iterator[Any]:
-    """A bar on standard error, or a line now and then where that is no terminal; called with whether a point failed."""
+    """A bar on standard error, or a line now and then where that is no terminal.
+
+    Called with whether a point failed.
+    """
     failed = sum(report.failed.values())
     done = report.points - report.missing
     last = time.monotonic()
     if sys.stderr.isatty():
-        columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), TimeRemainingColumn())
+        columns = (
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.description}"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+        )
         with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
             task = bar.add_task(f"{failed} failed", total=report.points, completed=done)
 

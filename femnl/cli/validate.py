@@ -11,7 +11,10 @@ from femnl.core import resources
 
 
 def command(
-    names: Annotated[list[str] | None, typer.Argument(help="Cases to run; all of them where none is named.", show_default=False)] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(help="Cases to run; all of them where none is named.", show_default=False),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Run the validation cases: femnl beside published and independent numbers.

@@ -5,7 +5,16 @@ from typing import Annotated
 
 import typer
 
-from femnl.cli._device import Bending, Cache, Geometry, Resolution, Symmetry, check_mode, load_device, suffix_of
+from femnl.cli._device import (
+    Bending,
+    Cache,
+    Geometry,
+    Resolution,
+    Symmetry,
+    check_mode,
+    load_device,
+    suffix_of,
+)
 from femnl.cli._output import note
 from femnl.core.errors import ParameterError
 from femnl.io.results import need_room
@@ -14,7 +23,12 @@ from femnl.plot.film import WHAT
 from femnl.plot.mechanics import FORMATS, view
 
 What = Annotated[str, typer.Argument(help="mesh, stress, shape or thickness.")]
-Out = Annotated[Path | None, typer.Option(help="Picture to write: .png, .pdf or .svg; a window opens without it.", show_default=False)]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        help="Picture to write: .png, .pdf or .svg; a window opens without it.", show_default=False
+    ),
+]
 
 
 def command(
@@ -34,6 +48,11 @@ def command(
     if what not in WHAT:
         raise ParameterError(f"{what}: expected one of {', '.join(WHAT)}")
     count = max(10, check_mode(mode) + 1)
-    view(solve_modes(load_device(geometry, bending), count, symmetry, resolution, cache), what, mode, out)
+    view(
+        solve_modes(load_device(geometry, bending), count, symmetry, resolution, cache),
+        what,
+        mode,
+        out,
+    )
     if out:
         note(f"wrote {out}")

@@ -1,1 +1,4 @@
-"""Values that the stages hand on, errors, compiled kernels, processes and resources: what everything else rests on."""
+"""Values that the stages hand on, errors, compiled kernels, processes and resources.
+
+What everything else rests on.
+"""

@@ -7,7 +7,10 @@ import numpy as np
 
 
 def freeze(value: Any) -> None:
-    """Replace every array field of the dataclass `value` by a read-only copy; call it from `__post_init__`."""
+    """Replace every array field of the dataclass `value` by a read-only copy.
+
+    Call it from `__post_init__`.
+    """
     for field in fields(value):
         array = getattr(value, field.name)
         if isinstance(array, np.ndarray):

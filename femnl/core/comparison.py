@@ -11,7 +11,10 @@ from femnl.core.readout import Array, ComplexArray
 
 @dataclass(frozen=True)
 class Curve:
-    """One curve of a `Curves`: x, data, sd (n,); predictions (n_models, n). NaN where nothing was measured."""
+    """One curve of a `Curves`: x, data, sd (n,); predictions (n_models, n).
+
+    NaN where nothing was measured.
+    """
 
     name: str
     x: Array
@@ -25,9 +28,12 @@ class Curve:
 
 @dataclass(frozen=True)
 class Curves:
-    """Real quantities against an axis: `x` and `y` name the axes, with their SI units; ticks: names of the x where it only counts.
+    """Real quantities against an axis: `x` and `y` name the axes, with their SI units.
 
-    joined: whether neighbouring points belong together. models: the names of the predictions, in their order.
+    ticks: names of the x where it only counts.
+
+    joined: whether neighbouring points belong together. models: the names of the predictions, in
+    their order.
     """
 
     title: str
@@ -43,7 +49,10 @@ class Curves:
 
 @dataclass(frozen=True)
 class Images:
-    """Harmonics over the film: data (n_harmonics, n_y, n_x), predictions (n_models, n_harmonics, n_y, n_x) [V], NaN where not measured.
+    """Harmonics over the film.
+
+    data (n_harmonics, n_y, n_x), predictions (n_models, n_harmonics, n_y, n_x) [V], NaN where not
+    measured.
 
     harmonic (n_harmonics,); x (n_x,), y (n_y,) [m]; noise [V]: sd of each quadrature.
     """

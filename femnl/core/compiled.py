@@ -11,10 +11,15 @@ R = TypeVar("R")
 
 @cache
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Return a function of arrays and numbers as machine code, which is kept on disk; numba loads where it is first needed."""
+    """Return a function of arrays and numbers as machine code, which is kept on disk.
+
+    Numba loads where it is first needed.
+    """
     import numba
 
-    translate: Callable[..., Callable[[Callable[P, R]], Callable[P, R]]] = partial(numba.njit, error_model="numpy")
+    translate: Callable[..., Callable[[Callable[P, R]], Callable[P, R]]] = partial(
+        numba.njit, error_model="numpy"
+    )
     try:
         return translate(cache=True)(function)
     except RuntimeError as error:  # neither the package's folder nor the user's can be written

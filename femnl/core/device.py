@@ -1,4 +1,7 @@
-"""The device as SI numbers: outline, holes, film, readout gap and the choices of the mechanical model."""
+"""The device as SI numbers.
+
+Outline, holes, film, readout gap and the choices of the mechanical model.
+"""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -13,10 +16,13 @@ Edge = Literal["clamped", "sliding", "paper"]
 
 @dataclass(frozen=True)
 class Segment:
-    """One piece of an outline, walked counter-clockwise: a straight line, or an arc where `centre` is given.
+    """One piece of an outline, walked counter-clockwise.
 
-    start, end, centre: (x, y) in m. An arc is shorter than a full turn and runs counter-clockwise from start to end
-    about its centre. `clamped` says whether the film is held there (True) or ends free (False).
+    a straight line, or an arc where `centre` is given.
+
+    start, end, centre: (x, y) in m. An arc is shorter than a full turn and runs counter-clockwise
+    from start to end about its centre. `clamped` says whether the film is held there (True) or ends
+    free (False).
     """
 
     start: tuple[float, float]
@@ -36,8 +42,10 @@ class Segment:
 class Outline:
     """The closed boundary of the suspended film, counter-clockwise, origin at the centre of the membrane.
 
-    kind: the word of the geometry file. segments: consecutive, each starting where the last one ended.
-    size: (width, height) of the box, in m, whose ideal modes sin·sin give the labels (m,n); None where (m,n) has no meaning.
+    kind: the word of the geometry file. segments: consecutive, each starting where the last one
+    ended.
+    size: (width, height) of the box, in m, whose ideal modes sin·sin give the labels (m,n); None
+    where (m,n) has no meaning.
     length: the length L in m that users quote for the device (side, diameter, long axis).
     """
 
@@ -53,7 +61,9 @@ class Outline:
         for k, after in enumerate(self.segments):
             incoming = self.segments[k - 1].direction(self.segments[k - 1].end)
             outgoing = after.direction(after.start)
-            turn = np.arctan2(incoming[0] * outgoing[1] - incoming[1] * outgoing[0], incoming @ outgoing)
+            turn = np.arctan2(
+                incoming[0] * outgoing[1] - incoming[1] * outgoing[0], incoming @ outgoing
+            )
             if abs(turn) > 1e-6:
                 found.append((k, float(np.pi - turn)))
         return tuple(found)
@@ -74,9 +84,10 @@ class Holes:
 class Film:
     """The film: thickness [m], Young's modulus [Pa], Poisson's ratio, density [kg/m³], film stress before release [Pa].
 
-    taper [m] and taper_length [m] describe a bottom thinned by the release etch: at distance d from the nearest hole's
-    rim the thickness is less by taper·max(0, 1 − d/taper_length). gradient: (∂h/∂x, ∂h/∂y) of the deposited film, whose thickness
-    is `thickness` at the origin. With neither the film is even.
+    taper [m] and taper_length [m] describe a bottom thinned by the release etch: at distance d from
+    the nearest hole's rim the thickness is less by taper·max(0, 1 − d/taper_length). gradient:
+    (∂h/∂x, ∂h/∂y) of the deposited film, whose thickness is `thickness` at the origin. With neither
+    the film is even.
     """
 
     thickness: float
@@ -93,9 +104,11 @@ class Film:
 class Clamp:
     """Springs along the edge that hold the film; infinite ones hold it rigidly.
 
-    A force per length of edge and displacement [Pa]: deflection out of plane, normal and shear in plane, across and along the edge.
-    rotation: a moment per length of edge and angle [N]; 0 is a hinge. draw [m]: how far inwards of the film's edge as deposited the
-    normal springs are at rest, as a frame draws the edge with it that relaxes on release.
+    A force per length of edge and displacement [Pa]: deflection out of plane, normal and shear in
+    plane, across and along the edge.
+    rotation: a moment per length of edge and angle [N]; 0 is a hinge. draw [m]: how far inwards of
+    the film's edge as deposited the normal springs are at rest, as a frame draws the edge with it
+    that relaxes on release.
     """
 
     deflection: float = np.inf
@@ -117,7 +130,10 @@ class Clamp:
 
 @dataclass(frozen=True)
 class Overhang:
-    """An undercut strip of the frame around the suspended film: its width [m], its outer rim, where it is clamped, and its film."""
+    """An undercut strip of the frame around the suspended film.
+
+    Its width [m], its outer rim, where it is clamped, and its film.
+    """
 
     width: float
     outline: Outline
@@ -126,7 +142,10 @@ class Overhang:
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer of the optical stack: thickness [m] (inf for the outer media) and complex index n − ik by wavelength [m]."""
+    """One layer of the optical stack.
+
+    thickness [m] (inf for the outer media) and complex index n − ik by wavelength [m].
+    """
 
     material: str
     thickness: float
@@ -135,7 +154,10 @@ class Layer:
 
 @dataclass(frozen=True)
 class Stack:
-    """The optical stack seen from the laser: outer medium, film, gap, wafer. The gap is the one layer that motion changes."""
+    """The optical stack seen from the laser: outer medium, film, gap, wafer.
+
+    The gap is the one layer that motion changes.
+    """
 
     layers: tuple[Layer, ...]
     gap: int
@@ -145,13 +167,15 @@ class Stack:
 class Model:
     """A device and how it is modelled, in SI units.
 
-    bending: whether the plate term D = Eh³/12(1−ν²) is kept. edge: in-plane condition of the outline for the
-    nonlinearity: `clamped` u = v = 0; `sliding` normal displacement held and shear free; `paper` u = v = 0 with ν = 0 in
-    the membrane strain, which is what the published closed formula of α assumes.
-    clamp: what the edge gives way; overhang: an undercut strip of the frame around the outline, if there is one, whose outer rim is
-    that edge.
-    text: the TOML text that this model was read from, so that results can carry it. assumed: keys of that text, such as
-    "holes.radius", whose values the source does not give.
+    bending: whether the plate term D = Eh³/12(1−ν²) is kept. edge: in-plane condition of the
+    outline for the
+    nonlinearity: `clamped` u = v = 0; `sliding` normal displacement held and shear free; `paper` u
+    = v = 0 with ν = 0 in the membrane strain, which is what the published closed formula of α
+    assumes.
+    clamp: what the edge gives way; overhang: an undercut strip of the frame around the outline, if
+    there is one, whose outer rim is that edge.
+    text: the TOML text that this model was read from, so that results can carry it. assumed: keys
+    of that text, such as "holes.radius", whose values the source does not give.
     """
 
     name: str
@@ -176,5 +200,11 @@ class Model:
         """Name, outline, number of holes and film."""
         film = self.film
         n = len(self.holes.centres)
-        size = f"{self.outline.kind} of {self.outline.length * 1e6:.5g} µm, {n or 'no'} hole{'s' * (n != 1)}"
-        return f"<Model {self.name}: {size}, film {film.thickness * 1e9:.5g} nm at {film.stress * 1e-6:.5g} MPa>"
+        size = (
+            f"{self.outline.kind} of {self.outline.length * 1e6:.5g} µm, {n or 'no'} "
+            f"hole{'s' * (n != 1)}"
+        )
+        return (
+            f"<Model {self.name}: {size}, film {film.thickness * 1e9:.5g} nm at "
+            f"{film.stress * 1e-6:.5g} MPa>"
+        )

@@ -27,7 +27,10 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Trial:
-    """One extended model that was fitted: causes, χ², logarithm of the evidence over that of the base, p-value, what speaks against it."""
+    """One extended model that was fitted.
+
+    Causes, χ², logarithm of the evidence over that of the base, p-value, what speaks against it.
+    """
 
     causes: tuple[str, ...]
     chi2: float
@@ -38,7 +41,10 @@ class Trial:
 
 @dataclass(frozen=True)
 class FreeForm:
-    """An extension that describes and does not explain: what it is, its equation, number of parameters, and quality."""
+    """An extension that describes and does not explain.
+
+    What it is, its equation, number of parameters, and quality.
+    """
 
     sentence: str
     equation: str
@@ -50,9 +56,10 @@ class FreeForm:
 class Diagnosis:
     """The verdict on one measurement file.
 
-    parameters: by owner ("base" or the cause), then by name. For the report: base_parameters, those of the base model alone; trials;
-    notes; sentences on the causes; comparisons: the data beside the base model and the one that the verdict rests on; free_forms,
-    where nothing explains the data; geometry: that was asked for instead of the file's own.
+    parameters: by owner ("base" or the cause), then by name. For the report: base_parameters, those
+    of the base model alone; trials; notes; sentences on the causes; comparisons: the data beside
+    the base model and the one that the verdict rests on; free_forms, where nothing explains the
+    data; geometry: that was asked for instead of the file's own.
     """
 
     file: str

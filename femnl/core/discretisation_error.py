@@ -8,18 +8,27 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 SAFETY = 5.0  # on the remainder that steady convergence would leave
-SHARE = 0.43  # of the usual difference, and of the usual pace, which each number is taken to have at least: one alone may vanish by chance
+# Of the usual difference, and of the usual pace, which each number is taken to have at least: one
+# alone may vanish by chance
+SHARE = 0.43
 MOST = 3.0  # of the last difference, where three degrees do not show that they converge
 ROUNDING = 1e-11  # relative, of coordinates and of solutions
 
 
-def remainder(values: Sequence[Array], scale: Array, least: float | Array, safety: float = SAFETY) -> Array:
-    """Error of the finest of three (or two) approximations: |Q₄ − Q₃| times what |Q₄ − Q₃| is of |Q₃ − Q₂|, times a safety.
+def remainder(
+    values: Sequence[Array], scale: Array, least: float | Array, safety: float = SAFETY
+) -> Array:
+    """Error of the finest of three (or two) approximations.
 
-    Args: values: fine, coarse and coarsest, each of one shape; NaN where an approximation is missing. scale: their natural size.
-        least: of the last difference, what is taken to be left however fast it fell.
-    Returns: absolute errors, infinite where there is nothing to compare with; two approximations do not show that they converge.
-    Source: geometric convergence in the degree; held against references by tests/physics/test_error_bars.py.
+    |Q₄ − Q₃| times what |Q₄ − Q₃| is of |Q₃ − Q₂|, times a safety.
+
+    Args: values: fine, coarse and coarsest, each of one shape; NaN where an approximation is
+        missing. scale: their natural size. least: of the last difference, what is taken to be left
+        however fast it fell.
+    Returns: absolute errors, infinite where there is nothing to compare with; two approximations do
+    not show that they converge.
+    Source: geometric convergence in the degree; held against references by
+    tests/physics/test_error_bars.py.
     """
     left = settle(*steps(values, scale), safety, least)
     return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) * np.abs(scale))
@@ -32,14 +41,20 @@ def steps(values: Sequence[Array], scale: Array) -> tuple[Array, Array]:
 
 
 def settle(last: Array, before: Array, safety: float, least: float | Array) -> Array:
-    """What is left after relative differences `last` that followed on `before`: `safety` times what steady convergence leaves."""
-    return np.asarray(share_left(last, before, safety, least) * np.maximum(last, SHARE * _usual(last)))
+    """What is left after relative differences `last` that followed on `before`.
+
+    `safety` times what steady convergence leaves.
+    """
+    return np.asarray(
+        share_left(last, before, safety, least) * np.maximum(last, SHARE * _usual(last))
+    )
 
 
 def share_left(last: Array, before: Array, safety: float, least: float | Array) -> Array:
     """The part of the last differences that is left, from `least` to `MOST`, which stands where there is none `before` them.
 
-    The pace is the geometric mean of a number's own and of what is usual among all: each alone is off by chance, either way.
+    The pace is the geometric mean of a number's own and of what is usual among all: each alone is
+    off by chance, either way.
     """
     usual = min(_usual(last) / _usual(before), 1.0) if _usual(before) > 0 else 1.0
     with np.errstate(divide="ignore", invalid="ignore"):

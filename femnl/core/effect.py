@@ -5,7 +5,18 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 Kind = Literal["spectrum", "response", "map", "trace", "record", "series"]
-Stage = Literal["operators", "frequencies", "oscillator", "signal", "placement", "motion", "fringe", "harmonics", "equation", "points"]
+Stage = Literal[
+    "operators",
+    "frequencies",
+    "oscillator",
+    "signal",
+    "placement",
+    "motion",
+    "fringe",
+    "harmonics",
+    "equation",
+    "points",
+]
 STAGES: dict[Kind, tuple[Stage, ...]] = {
     "spectrum": ("operators", "frequencies"),
     "response": ("oscillator", "signal"),
@@ -14,20 +25,25 @@ STAGES: dict[Kind, tuple[Stage, ...]] = {
     "record": ("equation",),
     "series": ("points",),
 }
-"""The stages whose values effects may change, in the order in which they run, for each kind of measurement."""
+"""The stages whose values effects may change, in the order in which they run, for each kind of
+measurement.
+"""
 
 Values = Mapping[str, float]
 Change = Callable[[Any, Values], Any]
-"""A pure function from the value of a stage and the parameters of the effect to a new value of the same type."""
+"""A pure function from the value of a stage and the parameters of the effect to a new value of the
+same type.
+"""
 
 
 @dataclass(frozen=True)
 class ParameterSpec:
     """One parameter: its unit and prior, uniform on [low, high] or with `log` uniform in its logarithm.
 
-    low and high count in `unit`, times the fact of the measurement that `scale` names (such as "reach", half the size of the film in m).
-    Where `strength` is set, the effect vanishes as all its strengths go to 0; the other parameters only shape it. With `whole`,
-    it is the whole number nearest to a value in that range.
+    low and high count in `unit`, times the fact of the measurement that `scale` names (such as
+    "reach", half the size of the film in m). Where `strength` is set, the effect vanishes as all
+    its strengths go to 0; the other parameters only shape it. With `whole`, it is the whole number
+    nearest to a value in that range.
     """
 
     name: str
@@ -44,11 +60,14 @@ class ParameterSpec:
 class Effect:
     """One physical cause, as its file in `femnl/effects/` states it.
 
-    name: as used in files. equation: in words a physicist reads. changes: by stage, see `Change`. needs: facts about the
-    measurement without which the effect cannot be told, such as "time". replaces: base parameters that have no meaning beside it.
-    shared: whether the measurements of one device have its parameters in common, as for film and stage; else each laser has its own.
+    name: as used in files. equation: in words a physicist reads. changes: by stage, see `Change`.
+    needs: facts about the measurement without which the effect cannot be told, such as "time".
+    replaces: base parameters that have no meaning beside it.
+    shared: whether the measurements of one device have its parameters in common, as for film and
+    stage; else each laser has its own.
     across: whether what it does to one step, sweep or place depends on the motion at another.
-    sentence: for the report, "the film …". source, limits: where the equation is from and how far it holds.
+    sentence: for the report, "the film …". source, limits: where the equation is from and how far
+    it holds.
     """
 
     name: str
@@ -66,4 +85,8 @@ class Effect:
     @property
     def kinds(self) -> tuple[Kind, ...]:
         """The kinds of measurement that the effect can show in."""
-        return tuple(kind for kind, stages in STAGES.items() if any(stage in self.changes for stage in stages))
+        return tuple(
+            kind
+            for kind, stages in STAGES.items()
+            if any(stage in self.changes for stage in stages)
+        )

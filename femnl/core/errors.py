@@ -1,8 +1,14 @@
-"""Failures that users can mend: each names what is wrong, the value found, and which setting to change."""
+"""Failures that users can mend.
+
+Each names what is wrong, the value found, and which setting to change.
+"""
 
 
 class FemnlError(Exception):
-    """The base of all failures that femnl foresees; the command line prints its one line and exits with status 2."""
+    """The base of all failures that femnl foresees.
+
+    The command line prints its one line and exits with status 2.
+    """
 
 
 class GeometryError(FemnlError):

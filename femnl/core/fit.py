@@ -23,8 +23,10 @@ class Fit:
     """The outcome of a least-squares fit.
 
     parameters: by name, the free ones first and in the order of `covariance`, then derived ones.
-    covariance (n_parameters, n_parameters) in SI. chi2_reduced = χ²/(n_points − n_parameters), n_points counting real numbers.
-    notes: sentences for the report: what was assumed, estimated, left out, or cannot be told from these data.
+    covariance (n_parameters, n_parameters) in SI. chi2_reduced = χ²/(n_points − n_parameters),
+    n_points counting real numbers.
+    notes: sentences for the report: what was assumed, estimated, left out, or cannot be told from
+    these data.
     """
 
     parameters: dict[str, Parameter]
@@ -39,7 +41,10 @@ class Fit:
 
     def __repr__(self) -> str:
         """Every parameter with its standard deviation, and how well the data are met."""
-        found = ", ".join(f"{p.name} = {p.value:.7g} ± {p.sd:.2g} {p.unit}".rstrip() for p in self.parameters.values())
+        found = ", ".join(
+            f"{p.name} = {p.value:.7g} ± {p.sd:.2g} {p.unit}".rstrip()
+            for p in self.parameters.values()
+        )
         return f"<Fit: {found}; χ²/ν = {self.chi2_reduced:.4g} of {self.n_points} numbers>"
 
     def __getitem__(self, name: str) -> float:
@@ -51,8 +56,9 @@ class Fit:
 class MapFit:
     """A fit of harmonic maps, and by name of the map what it predicts and what it leaves.
 
-    prediction: V_n [V], complex (n_harmonics, n_y, n_x); residual: (data − prediction)/noise of the same shape, so that
-    its real and imaginary parts have unit variance where the model holds. Both are NaN where nothing was measured.
+    prediction: V_n [V], complex (n_harmonics, n_y, n_x); residual: (data − prediction)/noise of the
+    same shape, so that its real and imaginary parts have unit variance where the model holds. Both
+    are NaN where nothing was measured.
     """
 
     fit: Fit
@@ -62,10 +68,14 @@ class MapFit:
 
 @dataclass(frozen=True)
 class MotionFit:
-    """A fit of the harmonics at one spot over the steps of a drive: one fringe, and the motion at each step.
+    """A fit of the harmonics at one spot over the steps of a drive.
 
-    fit: the fringe's parameters. amplitude [m], phase [rad] of the motion at each step and their standard deviations (n_steps,);
-    prediction: V_n [V], complex (n_harmonics, n_steps); residual: (data − prediction)/sd of the same shape.
+    One fringe, and the motion at each step.
+
+    fit: the fringe's parameters. amplitude [m], phase [rad] of the motion at each step and their
+    standard deviations (n_steps,);
+    prediction: V_n [V], complex (n_harmonics, n_steps); residual: (data − prediction)/sd of the
+    same shape.
     """
 
     fit: Fit

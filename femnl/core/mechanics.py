@@ -13,22 +13,27 @@ from femnl.core.discretisation_error import ROUNDING, SAFETY, remainder, settle,
 Array = NDArray[np.float64]
 
 DEGENERATE = 1e-6  # relative difference of frequencies up to which modes count as sharing one
-PEAK_SAFETY = 0.68  # on the remainder of a largest value: departures are the largest in whole triangles
+# On the remainder of a largest value: departures are the largest in whole triangles
+PEAK_SAFETY = 0.68
 PEAK_UNEVEN = 3.2  # the same where holes make the stress uneven, and shapes settle less evenly
 STEADY = 0.02  # of the last difference between degrees, what is taken to be left at least
-UNLIKE = 0.03  # of the errors of two frequencies, which their ratio keeps where the two seem to err alike
-REENTRANT = 0.5  # the same at an inner or yielding corner, or where a taper's foot kinks the film: that converges slowly in the degree
+# Of the errors of two frequencies, which their ratio keeps where the two seem to err alike
+UNLIKE = 0.03
+# The same at an inner or yielding corner, or where a taper's foot kinks the film: that converges
+# slowly in the degree
+REENTRANT = 0.5
 
 
 @dataclass(frozen=True)
 class Domain:
     """The meshed film, whole or the wedge that mirror lines through the origin leave of it.
 
-    mesh: quadratic (curved) triangles, coordinates in m; named boundaries `clamped`, `free` (film ends or holes) and,
-    for a wedge, `mirror-0` on the x axis and `mirror-1` on the line at the angle `wedge` [rad]. wedge = 2π is the whole film,
-    π the upper half, π/2 a quarter, π/4 an eighth, π/6 a twelfth. diagonal: the mesh of a quarter is its own image under
-    x ↔ y, so that modes odd in y are those odd in x, exchanged. tiles: where the mesh is made of the tiles of `mechanics.lattice`, the
-    resolution of theirs; 0 elsewhere.
+    mesh: quadratic (curved) triangles, coordinates in m; named boundaries `clamped`, `free` (film
+    ends or holes) and, for a wedge, `mirror-0` on the x axis and `mirror-1` on the line at the
+    angle `wedge` [rad]. wedge = 2π is the whole film, π the upper half, π/2 a quarter, π/4 an
+    eighth, π/6 a twelfth. diagonal: the mesh of a quarter is its own image under x ↔ y, so that
+    modes odd in y are those odd in x, exchanged. tiles: where the mesh is made of the tiles of
+    `mechanics.lattice`, the resolution of theirs; 0 elsewhere.
     """
 
     model: Model
@@ -39,7 +44,10 @@ class Domain:
 
     def __repr__(self) -> str:
         """Device and number of triangles."""
-        return f"<Domain of {self.model.name}: {self.mesh.nelements} triangles, {self.copies} of which make the film>"
+        return (
+            f"<Domain of {self.model.name}: {self.mesh.nelements} triangles, {self.copies} of "
+            "which make the film>"
+        )
 
     @property
     def copies(self) -> int:
@@ -51,7 +59,8 @@ class Domain:
 class Prestress:
     """The film stress after holes and free edges have relaxed: N(x) = h (σ₀ I + C ε(u)), in N/m.
 
-    displacement: in-plane displacement [m] at the dofs of the vector element of the given polynomial degree on `domain.mesh`.
+    displacement: in-plane displacement [m] at the dofs of the vector element of the given
+    polynomial degree on `domain.mesh`.
     """
 
     domain: Domain
@@ -66,14 +75,17 @@ class Prestress:
 class Modes:
     """Prestressed modes by rising frequency; shapes have max|ξ| = 1, positive at that point.
 
-    frequency [Hz], effective_mass [kg] (∫ρhξ² over the whole film), shapes (n_modes, n_dofs) at the dofs of the scalar
-    element of the given degree on the wedge's mesh; parity[i] holds the signs of mode i under the wedge's mirrors
-    (+1 even, −1 odd; empty for the whole film). label "(m,n)" by overlap with ideal shapes, None where it has none.
-    coarse: the same modes at one degree less on the same mesh, in the same order, which may in turn have theirs: what the errors
-    are estimated from. departure (n_modes,), of such counterparts: how far the mass-normalised shape is from that of the finest
-    modes, at most, in the triangles where that is largest, relative to its largest value; NaN where a mode has no counterpart.
-    coupling (n_modes, n_modes) [Hz], of counterparts that were turned to match: (aᵢ, K aⱼ)/(8π²√(fᵢfⱼ)) of their operator, which lets
-    neighbours in frequency mix; next to nothing where a symmetry of film and mesh keeps two modes apart, NaN where none were turned.
+    frequency [Hz], effective_mass [kg] (∫ρhξ² over the whole film), shapes (n_modes, n_dofs) at the
+    dofs of the scalar element of the given degree on the wedge's mesh; parity[i] holds the signs of
+    mode i under the wedge's mirrors (+1 even, −1 odd; empty for the whole film). label "(m,n)" by
+    overlap with ideal shapes, None where it has none.
+    coarse: the same modes at one degree less on the same mesh, in the same order, which may in turn
+    have theirs: what the errors are estimated from. departure (n_modes,), of such counterparts: how
+    far the mass-normalised shape is from that of the finest modes, at most, in the triangles where
+    that is largest, relative to its largest value; NaN where a mode has no counterpart. coupling
+    (n_modes, n_modes) [Hz], of counterparts that were turned to match: (aᵢ, K aⱼ)/(8π²√(fᵢfⱼ)) of
+    their operator, which lets neighbours in frequency mix; next to nothing where a symmetry of film
+    and mesh keeps two modes apart, NaN where none were turned.
     """
 
     prestress: Prestress
@@ -94,7 +106,11 @@ class Modes:
         """Device, number of modes, and the range of their frequencies."""
         low = self.frequency.min()
         high = self.frequency.max()
-        return f"<Modes of {self.domain.model.name}: {len(self.frequency)}, from {low:.7g} Hz to {high:.7g} Hz, degree {self.degree}>"
+        return (
+            f"<Modes of {self.domain.model.name}: {len(self.frequency)}, from {low:.7g} Hz to "
+            f"{high:.7g} Hz, degree "
+            f"{self.degree}>"
+        )
 
     @property
     def domain(self) -> Domain:
@@ -113,24 +129,39 @@ class Modes:
 
     @property
     def frequency_error(self) -> Array:
-        """Discretisation error of f [Hz], an upper estimate; infinite without counterparts of lower degree."""
+        """Discretisation error of f [Hz], an upper estimate.
+
+        Infinite without counterparts of lower degree.
+        """
         return self._remainder([m.frequency for m in self.grades], self.frequency)
 
     @property
     def ratio_error(self) -> Array:
-        """Discretisation error of f/f₁, in the same way; it is less than that of f where all modes err alike."""
+        """Discretisation error of f/f₁, in the same way.
+
+        It is less than that of f where all modes err alike.
+        """
         inner = np.arange(len(self.frequency)) > 0
         if self.coarse is None:
             return np.where(inner, np.inf, 0.0)
-        # Low degrees may err so alike that their ratios seem to settle at once: these settle no faster than the frequencies do.
-        left = share_left(*steps([m.frequency for m in self.grades[:3]], self.frequency), SAFETY, self._least)
-        own = remainder([m.ratio for m in self.grades[:3]], self.ratio, np.maximum(left, left[0]), 1.0)
-        both = self.ratio * (self.frequency_error / self.frequency + self.frequency_error[0] / self.frequency[0])
+        # Low degrees may err so alike that their ratios seem to settle at once: these settle no
+        # faster than the frequencies do.
+        left = share_left(
+            *steps([m.frequency for m in self.grades[:3]], self.frequency), SAFETY, self._least
+        )
+        own = remainder(
+            [m.ratio for m in self.grades[:3]], self.ratio, np.maximum(left, left[0]), 1.0
+        )
+        both = self.ratio * (
+            self.frequency_error / self.frequency + self.frequency_error[0] / self.frequency[0]
+        )
         return np.asarray(np.where(inner, np.minimum(own + UNLIKE * both, both), 0.0))
 
     @property
     def peak_error(self) -> Array:
-        """Error of max|ξ| of the mass-normalised shapes, relative, in the same way; m_eff goes as its power −2.
+        """Error of max|ξ| of the mass-normalised shapes, relative, in the same way.
+
+        M_eff goes as its power −2.
 
         Counterparts are turned to match: what neighbours in frequency still mix is added.
         """
@@ -150,11 +181,19 @@ class Modes:
         if not couplings:
             return np.zeros(len(f))
         gap = np.abs(f[:, None] - f[None, :])
-        # What symmetry forbids is no sample of how couplings fall; shapes that share ω² up to DEGENERATE were turned to a canonical pair.
+        # What symmetry forbids is no sample of how couplings fall; shapes that share ω² up to
+        # DEGENERATE were turned to a canonical pair.
         forbidden = ~(np.abs(couplings[0]) > ROUNDING * f)
         known = [np.where(forbidden | (gap < DEGENERATE / 2 * f), np.nan, c) for c in couplings]
         left = remainder([np.zeros_like(gap), *known][:3], np.sqrt(np.outer(f, f)), self._least)
-        return np.asarray(np.sum(np.minimum(np.where(np.isfinite(left), left, 0.0) / np.where(gap > 0, gap, np.inf), 1.0), axis=1))
+        return np.asarray(
+            np.sum(
+                np.minimum(
+                    np.where(np.isfinite(left), left, 0.0) / np.where(gap > 0, gap, np.inf), 1.0
+                ),
+                axis=1,
+            )
+        )
 
     @property
     def effective_mass_error(self) -> Array:
@@ -172,8 +211,11 @@ class Modes:
         model = self.domain.model
         reentrant = any(angle > np.pi + 1e-6 for _, angle in model.outline.corners)
         # Springs in plane, and a strip of another film, leave the stress uneven at every corner.
-        uneven = len(model.outline.corners) > 0 and not (model.clamp.rigid_in_plane and model.overhang is None)
-        kinked = model.film.taper > 0 and not model.bending  # with it, the layers of bending leave more
+        uneven = len(model.outline.corners) > 0 and not (
+            model.clamp.rigid_in_plane and model.overhang is None
+        )
+        # With it, the layers of bending leave more
+        kinked = model.film.taper > 0 and not model.bending
         return REENTRANT if reentrant or uneven or kinked else STEADY
 
     @property
@@ -186,9 +228,10 @@ class Modes:
 class Nonlinearity:
     """Geometric cubic coefficients in the coordinate q = displacement [m] of the point where |ξ| = 1.
 
-    k3 [N/m³] and alpha = k3/k [m⁻²] of each mode, so that m q̈ = −k q − k₃ q³. k3_error, alpha_error: discretisation errors, upper
-    estimates, infinite where the modes carry no counterpart of lower degree. tensor (n, n, n, n) [N/m³], where asked for: the
-    force on mode i is −Σ tensor[i,j,k,l] q_j q_k q_l; fully symmetric. tensor_error, of each of its entries.
+    k3 [N/m³] and alpha = k3/k [m⁻²] of each mode, so that m q̈ = −k q − k₃ q³. k3_error,
+    alpha_error: discretisation errors, upper estimates, infinite where the modes carry no
+    counterpart of lower degree. tensor (n, n, n, n) [N/m³], where asked for: the force on mode i is
+    −Σ tensor[i,j,k,l] q_j q_k q_l; fully symmetric. tensor_error, of each of its entries.
     """
 
     edge: str
@@ -207,8 +250,9 @@ class Nonlinearity:
 class Surface:
     """The whole film as quadratic triangles with fields at their nodes, for pictures and other programs.
 
-    points (n, 2) [m]; triangles (m, 6) in VTK's order; shapes (n_modes, n); thickness (n,) [m]; stress (n, 3) [Pa] as
-    (xx, yy, xy): the relaxed film stress; in_plane (n, 2) [m]: the displacement that relaxed it.
+    points (n, 2) [m]; triangles (m, 6) in VTK's order; shapes (n_modes, n); thickness (n,) [m];
+    stress (n, 3) [Pa] as (xx, yy, xy): the relaxed film stress; in_plane (n, 2) [m]: the
+    displacement that relaxed it.
     """
 
     points: Array

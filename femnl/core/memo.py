@@ -12,7 +12,8 @@ T = TypeVar("T")
 def recent(find: Callable[..., T], most: int = 12) -> Callable[..., T]:
     """Return a pure function of arrays that keeps its latest results, which nobody may change.
 
-    Of the parameters that a fit moves in turn many act later, so that what comes before is asked for again and again.
+    Of the parameters that a fit moves in turn many act later, so that what comes before is asked
+    for again and again.
     """
     kept: dict[tuple[object, ...], T] = {}
 

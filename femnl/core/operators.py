@@ -21,7 +21,8 @@ CUBIC = 3
 class Units:
     """How a film relaxes in its plane, as around holes, under a film stress of each of `DIRECTIONS`.
 
-    displacement (3, n_dofs) [m/Pa] at the dofs of the vector element of the given polynomial degree on the mesh of the modes.
+    displacement (3, n_dofs) [m/Pa] at the dofs of the vector element of the given polynomial degree
+    on the mesh of the modes.
     """
 
     degree: int
@@ -35,11 +36,11 @@ class Units:
 class Projection:
     """Integrals of the base modes ξᵢ over the whole film, from which effects make small changes of K and M.
 
-    slopes (6, 3, n, n) [m]: ∫ h φ s : ½(∇ξᵢ∇ξⱼ + ∇ξⱼ∇ξᵢ) with the weights φ of `WEIGHTS` and s what a film stress of 1 in one of
-    `DIRECTIONS` (xy: ½ in xy and in yx) leaves in the film, itself where nothing relaxes, so that a stress [Pa] times it is a
-    stiffness; masses (6, n, n) [kg]: ∫ ρhφξᵢξⱼ; reach [m]: the unit of x and y;
-    grid_x, grid_y (m,) [m], dense at both ends, and shapes (n, m, m) as [mode, y, x]: ξ on a grid over the box of the film,
-    going on smoothly over holes.
+    slopes (6, 3, n, n) [m]: ∫ h φ s : ½(∇ξᵢ∇ξⱼ + ∇ξⱼ∇ξᵢ) with the weights φ of `WEIGHTS` and s what
+    a film stress of 1 in one of `DIRECTIONS` (xy: ½ in xy and in yx) leaves in the film, itself
+    where nothing relaxes, so that a stress [Pa] times it is a stiffness; masses (6, n, n) [kg]: ∫
+    ρhφξᵢξⱼ; reach [m]: the unit of x and y; grid_x, grid_y (m,) [m], dense at both ends, and shapes
+    (n, m, m) as [mode, y, x]: ξ on a grid over the box of the film, going on smoothly over holes.
     """
 
     slopes: Array
@@ -62,12 +63,17 @@ class Projection:
         return np.asarray(inside * np.moveaxis(self._spline(np.stack([here_y, here_x], -1)), -1, 0))
 
     def on_grid(self, x: Array, y: Array) -> Array:
-        """Return ξ of every mode on the grid of rising axes x (n_x,), y (n_y,) [m], (n, n_y, n_x); as `at`, but faster."""
+        """Return ξ of every mode on the grid of rising axes x (n_x,), y (n_y,) [m], (n, n_y, n_x).
+
+        As `at`, but faster.
+        """
         inside = np.outer(np.abs(y) <= self.grid_y[-1], np.abs(x) <= self.grid_x[-1])
         (along_y, along_x) = self._spline.t
         table = self._spline.c
         rows = BSpline(along_y, table, CUBIC)(y)
-        return np.asarray(inside * BSpline(along_x, rows.swapaxes(0, 1), CUBIC)(x).transpose(2, 1, 0))
+        return np.asarray(
+            inside * BSpline(along_x, rows.swapaxes(0, 1), CUBIC)(x).transpose(2, 1, 0)
+        )
 
     @cached_property
     def _spline(self) -> NdBSpline:

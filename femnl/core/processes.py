@@ -17,7 +17,8 @@ class Worker:
     def __init__(self, serve: Callable[..., None], *about: object) -> None:
         self.connection, theirs = _CONTEXT.Pipe()
         self.process = _CONTEXT.Process(target=serve, args=(theirs, *about), daemon=True)
-        # The process inherits the mask: an interrupt from the keyboard reaches the client alone, which ends its workers.
+        # The process inherits the mask: an interrupt from the keyboard reaches the client alone,
+        # which ends its workers.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             self.process.start()
@@ -49,7 +50,10 @@ class Worker:
 
 
 def answer(connection: Connection, find: Callable[[Any], Any]) -> None:
-    """Answer every task that comes; the client's end closes the connection, and with it this process."""
+    """Answer every task that comes.
+
+    The client's end closes the connection, and with it this process.
+    """
     try:
         while True:
             connection.send(find(connection.recv()))
@@ -59,7 +63,10 @@ def answer(connection: Connection, find: Callable[[Any], Any]) -> None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Processes that are started meanwhile use one thread each: side by side, more only slow them down."""
+    """Processes that are started meanwhile use one thread each.
+
+    Side by side, more only slow them down.
+    """
     names = [f"{library}_NUM_THREADS" for library in ("OMP", "OPENBLAS", "MKL")]
     before = {name: os.environ.get(name) for name in names}
     os.environ.update(dict.fromkeys(names, "1"))

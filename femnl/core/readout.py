@@ -1,6 +1,7 @@
 """What the optical readout hands on: periodic fringes as Fourier series, and maps of harmonics.
 
-Amplitudes everywhere: v(t) = Σ_n Re(V_n e^{inωt}), so |V_n| = 2|v_n| with v_n the two-sided Fourier coefficient; V_0 = v_0.
+Amplitudes everywhere: v(t) = Σ_n Re(V_n e^{inωt}), so |V_n| = 2|v_n| with v_n the two-sided Fourier
+coefficient; V_0 = v_0.
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,10 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class FourierSeries:
-    """A periodic function of displacement: f(u) = Re Σ_{k≥0} c_k e^{2πiku/Λ}, with the period Λ [m] and c_k (n_overtones + 1,) [V]."""
+    """A periodic function of displacement.
+
+    f(u) = Re Σ_{k≥0} c_k e^{2πiku/Λ}, with the period Λ [m] and c_k (n_overtones + 1,) [V].
+    """
 
     period: float
     coefficients: ComplexArray
@@ -51,7 +55,8 @@ class HarmonicMap:
 
     x (n_x,), y (n_y,) [m] from the centre of the membrane; harmonic (n_harmonics,) integers n;
     values (n_harmonics, n_y, n_x) complex V_n [V], NaN where not measured; wavelength [m];
-    noise_sd [V]: standard deviation of the noise of real and of imaginary part, None where it is not known.
+    noise_sd [V]: standard deviation of the noise of real and of imaginary part, None where it is
+    not known.
     """
 
     x: Array
@@ -67,15 +72,19 @@ class HarmonicMap:
     def __repr__(self) -> str:
         """Harmonics, points and wavelength."""
         names = ", ".join(f"{n}f" for n in self.harmonic)
-        return f"<HarmonicMap of {names}: {len(self.y)} × {len(self.x)} points at {self.wavelength * 1e9:.5g} nm>"
+        return (
+            f"<HarmonicMap of {names}: {len(self.y)} × {len(self.x)} points at "
+            f"{self.wavelength * 1e9:.5g} nm>"
+        )
 
 
 @dataclass(frozen=True)
 class HarmonicSpectrum:
     """Harmonics of the drive in recorded traces, one column a step of the drive.
 
-    drive_frequency (n_steps,) [Hz]; harmonic (n_harmonics,) from 0; values (n_harmonics, n_steps) complex V_n [V];
-    values_sd (n_harmonics, n_steps) [V]: standard deviation of real and of imaginary part; noise_sd (n_steps,) [V] per sample.
+    drive_frequency (n_steps,) [Hz]; harmonic (n_harmonics,) from 0; values (n_harmonics, n_steps)
+    complex V_n [V]; values_sd (n_harmonics, n_steps) [V]: standard deviation of real and of
+    imaginary part; noise_sd (n_steps,) [V] per sample.
     """
 
     drive_frequency: Array

@@ -15,8 +15,9 @@ Complex = NDArray[np.complex128]
 class Resonator:
     """One mode: ü + γ (1 + η u²) u̇ + ω₀² (u + κ₂ u² + α u³ + α₅ u⁵) = 𝓕 cos ωt.
 
-    frequency f₀ = ω₀/2π [Hz]; quality_factor Q, γ = ω₀/Q = 2πw; alpha = k₃/k [m⁻²]; quadratic κ₂ = k₂/k [m⁻¹];
-    quintic α₅ = k₅/k [m⁻⁴]; nonlinear_damping η [m⁻²]. The force 𝓕 is per effective mass, in m/s².
+    frequency f₀ = ω₀/2π [Hz]; quality_factor Q, γ = ω₀/Q = 2πw; alpha = k₃/k [m⁻²]; quadratic κ₂ =
+    k₂/k [m⁻¹]; quintic α₅ = k₅/k [m⁻⁴]; nonlinear_damping η [m⁻²]. The force 𝓕 is per effective
+    mass, in m/s².
     """
 
     frequency: float
@@ -43,7 +44,10 @@ class Resonator:
 
     @property
     def effective_alpha(self) -> float:
-        """Effective α − (10/9)κ₂²: what the first harmonic feels of the cubic and the quadratic term together, in m⁻²."""
+        """Effective α − (10/9)κ₂².
+
+        What the first harmonic feels of the cubic and the quadratic term together, in m⁻².
+        """
         return self.alpha - 10 / 9 * self.quadratic**2
 
 
@@ -51,8 +55,9 @@ class Resonator:
 class CoupledModes:
     """Modes q̈ᵢ + γᵢ (1 + ηᵢ qᵢ²) q̇ᵢ + ωᵢ² qᵢ + Σ quadraticᵢⱼₖ qⱼqₖ + Σ cubicᵢⱼₖₗ qⱼqₖqₗ + quinticᵢ qᵢ⁵ = 𝓕ᵢ cos ωt.
 
-    frequency (n,) [Hz]; damping γ (n,) [1/s]; quadratic (n,n,n) [s⁻² m⁻¹] and cubic (n,n,n,n) [s⁻² m⁻²], symmetric in all
-    but the first index; quintic (n,) [s⁻² m⁻⁴]; nonlinear_damping η (n,) [m⁻²].
+    frequency (n,) [Hz]; damping γ (n,) [1/s]; quadratic (n,n,n) [s⁻² m⁻¹] and cubic (n,n,n,n) [s⁻²
+    m⁻²], symmetric in all but the first index; quintic (n,) [s⁻² m⁻⁴]; nonlinear_damping η (n,)
+    [m⁻²].
     """
 
     frequency: Array
@@ -80,7 +85,8 @@ class CoupledModes:
 class Branches:
     """All steady states at each drive frequency, by rising amplitude: u(t) = Re(A e^{iωt}).
 
-    frequency (n,) [Hz]; amplitude A (n, m) [m], NaN where a state is missing; stable (n, m), False there.
+    frequency (n,) [Hz]; amplitude A (n, m) [m], NaN where a state is missing; stable (n, m), False
+    there.
     """
 
     frequency: Array
@@ -93,10 +99,12 @@ class Branches:
 
 @dataclass(frozen=True)
 class PeriodicMotion:
-    """Periodic motions along a curve or a sweep: qᵢ(t) = Re Σ_h coefficients[p, i, h] e^{ihωt}, h = 0 … H.
+    """Periodic motions along a curve or a sweep.
 
-    frequency (p,) of the drive [Hz]; coefficients (p, modes, H + 1) [m], the constant part real; stable (p,);
-    multipliers (p, 2·modes): Floquet multipliers over one drive period.
+    qᵢ(t) = Re Σ_h coefficients[p, i, h] e^{ihωt}, h = 0 … H.
+
+    frequency (p,) of the drive [Hz]; coefficients (p, modes, H + 1) [m], the constant part real;
+    stable (p,); multipliers (p, 2·modes): Floquet multipliers over one drive period.
     """
 
     frequency: Array

@@ -1,4 +1,7 @@
-"""Where the shipped geometries and validation cases lie: inside an installed wheel, or at the top of a checkout."""
+"""Where the shipped geometries and validation cases lie.
+
+Inside an installed wheel, or at the top of a checkout.
+"""
 
 from pathlib import Path
 
@@ -16,6 +19,7 @@ def cases() -> Path:
 
 
 def _folder(name: str) -> Path:
-    # A wheel carries the folder inside the package (pyproject.toml, force-include); a checkout has it beside the package.
+    # A wheel carries the folder inside the package (pyproject.toml, force-include); a checkout has
+    # it beside the package.
     inside = _PACKAGE / f"_{name}"
     return inside if inside.is_dir() else _PACKAGE.parent / name

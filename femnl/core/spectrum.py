@@ -13,11 +13,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Peaks:
-    """Resonances of a wide sweep by rising frequency: V(f) = Σ_k A_k f_kγ_k/(f_k² − f² + i f γ_k) on a smooth background.
+    """Resonances of a wide sweep by rising frequency.
 
-    frequency f_k and linewidth γ_k = f_k/Q_k [Hz] with their sd (inf where the points do not tell); amplitude A_k [V], complex,
-    |A_k| the height of the line, with amplitude_sd per quadrature; all arrays (n_peaks,). prediction [V], lines and background, at
-    `points` [Hz]; band [Hz]: the range that was swept. chi2_reduced: of the points near lines; notes: sentences for the report.
+    V(f) = Σ_k A_k f_kγ_k/(f_k² − f² + i f γ_k) on a smooth background.
+
+    frequency f_k and linewidth γ_k = f_k/Q_k [Hz] with their sd (inf where the points do not tell);
+    amplitude A_k [V], complex, |A_k| the height of the line, with amplitude_sd per quadrature; all
+    arrays (n_peaks,). prediction [V], lines and background, at `points` [Hz]; band [Hz]: the range
+    that was swept. chi2_reduced: of the points near lines; notes: sentences for the report.
     """
 
     frequency: Array
@@ -48,7 +51,10 @@ class Peaks:
 
 @dataclass(frozen=True)
 class Labelling:
-    """One way to give peaks to modes: mode of each peak (None for a spurious one) and its posterior probability."""
+    """One way to give peaks to modes.
+
+    Mode of each peak (None for a spurious one) and its posterior probability.
+    """
 
     mode: tuple[int | None, ...]
     label: tuple[str | None, ...]
@@ -60,9 +66,11 @@ class Assignment:
     """Which simulated mode each measured peak is.
 
     deviation: f/(c g) − 1 of each peak from its mode at the common scale, NaN for a spurious one.
-    best and runner_up (None where nothing else has a chance); scale: measured over simulated frequency, with its sd;
-    model_sd: relative scatter of the simulation about the peaks, as the data show it; missing: labels of the modes inside the
-    swept band that no peak was given to; ambiguous: groups of labels that frequencies alone cannot tell apart;
+    best and runner_up (None where nothing else has a chance); scale: measured over simulated
+    frequency, with its sd;
+    model_sd: relative scatter of the simulation about the peaks, as the data show it; missing:
+    labels of the modes inside the swept band that no peak was given to; ambiguous: groups of labels
+    that frequencies alone cannot tell apart;
     up_to_ambiguous: probability of the best labelling where labels of one such group count as one.
     """
 
@@ -82,11 +90,14 @@ class Assignment:
 
 @dataclass(frozen=True)
 class FilmFit:
-    """A measured spectrum beside the simulated one: one scale for all modes, and how far each lies from it.
+    """A measured spectrum beside the simulated one.
 
-    fit: `scale` c/c_sim, `wave_speed` c [m/s], `stress` [Pa] of the film before release, `scatter` of the modes about the scale.
-    label, frequency, frequency_sd, simulated [Hz], deviation f/(c g) − 1, all (n,) by rising frequency; assignment: how lines
-    without a label were given to modes, None where the file names them.
+    One scale for all modes, and how far each lies from it.
+
+    fit: `scale` c/c_sim, `wave_speed` c [m/s], `stress` [Pa] of the film before release, `scatter`
+    of the modes about the scale. label, frequency, frequency_sd, simulated [Hz], deviation f/(c g)
+    − 1, all (n,) by rising frequency; assignment: how lines without a label were given to modes,
+    None where the file names them.
     """
 
     fit: Fit

@@ -1,4 +1,7 @@
-"""The values between the stages that a diagnosis runs for each kind of measurement; effects change them, see `types.effect`."""
+"""The values between the stages that a diagnosis runs for each kind of measurement.
+
+Effects change them, see `types.effect`.
+"""
 
 from dataclasses import dataclass, field, replace
 
@@ -14,9 +17,11 @@ from femnl.core.readout import Array, ComplexArray
 class ModalSystem:
     """Stage `operators`: K and M in the basis of the base modes. K x = ω² M x.
 
-    stiffness (n, n) [N/m]; mass (n, n) [kg]; stress [Pa]: the film stress that K stands for; film; projection: integrals for changes;
-    box: width and height [m] of a rectangular film, whose modes are sin·sin, None for any other outline; bending_length ℓ [m] that K
-    stands for; layer (p, n): coefficients of each mode's k² [rad²/m²] as a polynomial in ℓ, which the clamped edge makes it.
+    stiffness (n, n) [N/m]; mass (n, n) [kg]; stress [Pa]: the film stress that K stands for; film;
+    projection: integrals for changes;
+    box: width and height [m] of a rectangular film, whose modes are sin·sin, None for any other
+    outline; bending_length ℓ [m] that K stands for; layer (p, n): coefficients of each mode's k²
+    [rad²/m²] as a polynomial in ℓ, which the clamped edge makes it.
     """
 
     stiffness: Array
@@ -47,13 +52,19 @@ class ModalSystem:
 
     def _square(self, length: float) -> Array:
         """Return (ω/c)² of each mode at an ℓ [m]."""
-        k2 = length ** np.arange(len(self.layer)) @ self.layer if len(self.layer) else self.wavenumber**2
+        k2 = (
+            length ** np.arange(len(self.layer)) @ self.layer
+            if len(self.layer)
+            else self.wavenumber**2
+        )
         return np.asarray(k2 + length**2 * k2**2)
 
     def stretched(self, weight: int, xx: float, yy: float, xy: float = 0.0) -> "ModalSystem":
         """Add a film stress [Pa] with components xx, yy, xy times the weight of that index (see `WEIGHTS`)."""
         slopes = self.projection.slopes[weight]
-        return replace(self, stiffness=self.stiffness + xx * slopes[0] + yy * slopes[1] + 2 * xy * slopes[2])
+        return replace(
+            self, stiffness=self.stiffness + xx * slopes[0] + yy * slopes[1] + 2 * xy * slopes[2]
+        )
 
 
 @dataclass(frozen=True)
@@ -68,10 +79,11 @@ class Lines:
 class Oscillator:
     """Stage `oscillator`: one driven mode, A [m] (f₀(1 + ⅜αA² + 5/16 α₅A⁴) + Π(A/A_s)^{2(p−1)} − f + i(w/2)(1 + ¼ηA²)) = (w/2) A₁ F.
 
-    frequency f₀ (n_sweeps,) and linewidth w [Hz]; alpha [m⁻²]; quintic α₅ [m⁻⁴]; damping η [m⁻²]; force F (n_sweeps,) in V of drive,
-    peak A₁ [m/V]: the linear amplitude at resonance; time (n_sweeps,) [s]. For what depends on the frequency of the drive itself,
-    driven f (n_points,) [Hz]; middle of those at which the mode moves strongly [Hz]; pull Π (n_points,) [Hz], which a mode near p·f adds
-    at the amplitude A_s that stiffens the mode by one linewidth; order p.
+    frequency f₀ (n_sweeps,) and linewidth w [Hz]; alpha [m⁻²]; quintic α₅ [m⁻⁴]; damping η [m⁻²];
+    force F (n_sweeps,) in V of drive, peak A₁ [m/V]: the linear amplitude at resonance; time
+    (n_sweeps,) [s]. For what depends on the frequency of the drive itself, driven f (n_points,)
+    [Hz]; middle of those at which the mode moves strongly [Hz]; pull Π (n_points,) [Hz], which a
+    mode near p·f adds at the amplitude A_s that stiffens the mode by one linewidth; order p.
     """
 
     frequency: Array
@@ -92,7 +104,8 @@ class Oscillator:
 class Equation:
     """Stage `equation`: c (1 + ηy²) ẏ + k (y + κ₂y² + αy³ + α₅y⁵), the forces on one mode while it moves freely in time.
 
-    quadratic κ₂, cubic α, quintic α₅ and damping η in powers of 1/y, where y is what the record holds.
+    quadratic κ₂, cubic α, quintic α₅ and damping η in powers of 1/y, where y is what the record
+    holds.
     """
 
     quadratic: float
@@ -103,7 +116,9 @@ class Equation:
 
 @dataclass(frozen=True)
 class Signal:
-    """Stage `signal`: V (n,) [V] of each point, for |A| (n,) [m] at a drive (n,) [V]; wavelength [m], 0 where not recorded.
+    """Stage `signal`: V (n,) [V] of each point, for |A| (n,) [m] at a drive (n,) [V].
+
+    wavelength [m], 0 where not recorded.
 
     largest [V]: the strongest signal that was measured.
     """
@@ -128,9 +143,10 @@ class Placement:
 class Motion:
     """Stage `motion`: u(t) = Σ_m Re(displacement_m e^{imωt}) at every point, and the phase θ of the fringe there.
 
-    displacement (n_orders, n_points) [m], orders from 1; theta (n_points,) [rad]; x, y (n_points,) [m] on the film; shapes
-    (n_modes, n_points): ξ of the lowest modes; frequencies (n_modes,) [Hz]; mode: the one that is driven; swing (n_points,) [m]: its
-    amplitude U e^{iφ} where |ξ| = 1, while each point was measured; wavelength [m].
+    displacement (n_orders, n_points) [m], orders from 1; theta (n_points,) [rad]; x, y (n_points,)
+    [m] on the film; shapes (n_modes, n_points): ξ of the lowest modes; frequencies (n_modes,) [Hz];
+    mode: the one that is driven; swing (n_points,) [m]: its amplitude U e^{iφ} where |ξ| = 1, while
+    each point was measured; wavelength [m].
     """
 
     displacement: ComplexArray

@@ -39,9 +39,12 @@ EXACT = 5000
 
 @dataclass(frozen=True)
 class ScoreTest:
-    """One direction (or a few) in which residuals may deviate: gain in χ² from going there, its p-value, and where a fit would start.
+    """One direction (or a few) in which residuals may deviate.
 
-    effect: None for a pattern. basis (q, n): orthonormal, free of the model's tangents. strengths, shape: linear estimate of the effect.
+    Gain in χ² from going there, its p-value, and where a fit would start.
+
+    effect: None for a pattern. basis (q, n): orthonormal, free of the model's tangents. strengths,
+    shape: linear estimate of the effect.
     """
 
     name: str
@@ -54,28 +57,49 @@ class ScoreTest:
     @property
     def whole(self) -> list[float]:
         """Values of those parameters that are whole numbers."""
-        return [self.values[spec.name] for spec in (self.effect.parameters if self.effect else ()) if spec.whole]
+        return [
+            self.values[spec.name]
+            for spec in (self.effect.parameters if self.effect else ())
+            if spec.whole
+        ]
 
 
 def score_tests(result: FitResult, library: list[Effect]) -> list[ScoreTest]:
-    """Return every look at the residuals: each pattern of the problem, and each effect at each of its trial shapes."""
+    """Return every look at the residuals.
+
+    Each pattern of the problem, and each effect at each of its trial shapes.
+    """
     own, _ = np.linalg.qr(result.jacobian[:, result.free])
     base_model = result.model.base_model
     found = []
-    for name, direction in base_model.residual_directions(result.model.effects, *result.model.split(result.vector)).items():
+    for name, direction in base_model.residual_directions(
+        result.model.effects, *result.model.split(result.vector)
+    ).items():
         basis = _beside(own, direction[None])
         if len(basis):
             gain = float(np.sum((basis @ result.residuals) ** 2))
-            found.append(ScoreTest(name, None, basis, gain, float(_tail(np.array(gain), len(basis))), {}))
+            found.append(
+                ScoreTest(name, None, basis, gain, float(_tail(np.array(gain), len(basis))), {})
+            )
     base, values = result.model.split(result.vector)
-    others = [other for other in base_model.equivalent_solutions(base) if _same(result, result.model.pack(other, values))]
+    others = [
+        other
+        for other in base_model.equivalent_solutions(base)
+        if _same(result, result.model.pack(other, values))
+    ]
     for effect in library:
         if any(spec.strength for spec in effect.parameters):
-            here, *there = (_effect_looks(result, own, effect, place, values) for place in (base, *others))
+            here, *there = (
+                _effect_looks(result, own, effect, place, values) for place in (base, *others)
+            )
             found += here
             known = np.array([(test.gain, test.p_value) for test in here])
             for test in (test for elsewhere in there for test in elsewhere):
-                if not np.isclose(known, (test.gain, test.p_value), rtol=1e-6, atol=0).all(axis=1).any():
+                if (
+                    not np.isclose(known, (test.gain, test.p_value), rtol=1e-6, atol=0)
+                    .all(axis=1)
+                    .any()
+                ):
                     found.append(test)  # what an effect does alike on either side is one look
     return found
 
@@ -85,7 +109,9 @@ def _same(result: FitResult, vector: Array) -> bool:
     return bool(np.abs(result.model.residuals(vector) - result.residuals).max() < SAME)
 
 
-def _effect_looks(result: FitResult, own: Array, effect: Effect, base: Values, values: Sequence[Values]) -> list[ScoreTest]:
+def _effect_looks(
+    result: FitResult, own: Array, effect: Effect, base: Values, values: Sequence[Values]
+) -> list[ScoreTest]:
     """Try the effect at small strength in each of its shapes, with those values of the base parameters and of the model's effects."""
     wider = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     low, high = wider.bounds
@@ -93,28 +119,53 @@ def _effect_looks(result: FitResult, own: Array, effect: Effect, base: Values, v
     bounds = list(zip(effect.parameters, low[first:], high[first:], strict=True))
     shaping = [(spec, a, b) for spec, a, b in bounds if not spec.strength]
     strengths = [(spec, a, b) for spec, a, b in bounds if spec.strength]
-    trials = Sobol(len(shaping), rng=np.random.default_rng(0)).random(N_SHAPES[len(shaping)]) if shaping else np.zeros((1, 0))
+    trials = (
+        Sobol(len(shaping), rng=np.random.default_rng(0)).random(N_SHAPES[len(shaping)])
+        if shaping
+        else np.zeros((1, 0))
+    )
     found = []
     steps = {spec.name: 1e-6 * b for spec, _, b in strengths}
     for trial in trials:
         shape = {k.name: _at(k, a, b, t) for (k, a, b), t in zip(shaping, trial, strict=True)}
         zero = shape | {spec.name: 0.0 for spec, _, _ in strengths}
-        tangents = np.stack([_tangent(wider, base, values, zero, spec.name, steps, b, result.residuals) for spec, _, b in strengths])
+        tangents = np.stack(
+            [
+                _tangent(wider, base, values, zero, spec.name, steps, b, result.residuals)
+                for spec, _, b in strengths
+            ]
+        )
         basis = _beside(own, tangents)
         if len(basis) == 0:  # of second order, or not to be seen at all
-            tangents = np.stack([_chord(wider, base, values, zero, spec.name, a, b, result.residuals) for spec, a, b in strengths])
+            tangents = np.stack(
+                [
+                    _chord(wider, base, values, zero, spec.name, a, b, result.residuals)
+                    for spec, a, b in strengths
+                ]
+            )
             basis = _beside(own, tangents)
         if len(basis) == 0:
             continue
         free = tangents - (tangents @ own) @ own.T
-        known = np.diag([np.sqrt(12) / (b - a) for _, a, b in strengths])  # what the priors know of strengths that hardly show
-        estimate = -np.linalg.lstsq(np.vstack([free.T, known]), np.append(result.residuals, np.zeros(len(known))), rcond=None)[0]
+        # What the priors know of strengths that hardly show
+        known = np.diag([np.sqrt(12) / (b - a) for _, a, b in strengths])
+        estimate = -np.linalg.lstsq(
+            np.vstack([free.T, known]),
+            np.append(result.residuals, np.zeros(len(known))),
+            rcond=None,
+        )[0]
         allowed = np.clip(estimate, [a for _, a, _ in strengths], [b for _, _, b in strengths])
         rest = result.residuals + allowed @ free
         gain = max(result.chi2 - float(rest @ rest), 0.0)
-        named = shape | {spec.name: float(s) for (spec, _, _), s in zip(strengths, allowed, strict=True)}
+        named = shape | {
+            spec.name: float(s) for (spec, _, _), s in zip(strengths, allowed, strict=True)
+        }
         freely = float(np.sum((basis @ result.residuals) ** 2))
-        found.append(ScoreTest(effect.name, effect, basis, gain, float(_tail(np.array(freely), len(basis))), named))
+        found.append(
+            ScoreTest(
+                effect.name, effect, basis, gain, float(_tail(np.array(freely), len(basis))), named
+            )
+        )
     return found
 
 
@@ -134,10 +185,13 @@ def _tangent(
     high: float,
     at: Array,
 ) -> Array:
-    """Return the derivative of the residuals by one strength at zero; the step that did is kept for the next shape.
+    """Return the derivative of the residuals by one strength at zero.
 
-    An effect that grows as the square of its strength has none there: the larger the misfit, the longer the secant. Where modes exchange
-    labels at once no step does: the direction of the jump is returned, and other shapes do not begin with the step that sought it.
+    The step that did is kept for the next shape.
+
+    An effect that grows as the square of its strength has none there: the larger the misfit, the
+    longer the secant. Where modes exchange labels at once no step does: the direction of the jump
+    is returned, and other shapes do not begin with the step that sought it.
     """
     step = steps[name]
     target = max(0.1, SECANT * max(float(at @ at) - len(at), 0.0) ** 0.5)
@@ -148,7 +202,11 @@ def _tangent(
         if 0.1 < size / target < 10:
             steps[name] = used
             break
-        step = float(np.clip(step * np.clip(target / max(size, 1e-300), 1e-4, 1e4), LEAST * high, MOST * high))
+        step = float(
+            np.clip(
+                step * np.clip(target / max(size, 1e-300), 1e-4, 1e4), LEAST * high, MOST * high
+            )
+        )
         if step == used:
             break
     return np.asarray(change / used)
@@ -166,7 +224,9 @@ def _chord(
 ) -> Array:
     """Return the change of the residuals per strength at a finite strength."""
     step = CHORD * (high - max(low, 0.0))
-    return np.asarray((model.residuals(model.pack(base, [*values, zero | {name: step}])) - at) / step)
+    return np.asarray(
+        (model.residuals(model.pack(base, [*values, zero | {name: step}])) - at) / step
+    )
 
 
 def _beside(own: Array, tangents: Array) -> Array:
@@ -174,7 +234,8 @@ def _beside(own: Array, tangents: Array) -> Array:
     size = np.linalg.norm(tangents, axis=1, keepdims=True)
     unit = tangents / np.where(size > 0, size, 1)
     free = unit - (unit @ own) @ own.T
-    if len(free) == 1:  # most are, and a decomposition of so long a row takes longer than the predictions
+    # Most are, and a decomposition of so long a row takes longer than the predictions
+    if len(free) == 1:
         strength = np.linalg.norm(free, axis=1)
         return np.asarray(free[strength > np.sqrt(VISIBLE)] / strength)
     _, strength, right = np.linalg.svd(free, full_matrices=False)
@@ -184,8 +245,9 @@ def _beside(own: Array, tangents: Array) -> Array:
 def adequacy(result: FitResult, found: list[ScoreTest]) -> tuple[float, str]:
     """Return the calibrated p-value of a model, and the look that speaks most against it.
 
-    The statistic is the smallest p-value of all looks: χ², every pattern and effect, the largest outlier, and the correlation
-    of neighbours. Its distribution follows from residuals simulated by the model itself: what white noise leaves beside the tangents.
+    The statistic is the smallest p-value of all looks: χ², every pattern and effect, the largest
+    outlier, and the correlation of neighbours. Its distribution follows from residuals simulated by
+    the model itself: what white noise leaves beside the tangents.
     """
     seen = _p_values(result.residuals[None], result.degrees, found)[0]
     names = [*(test.name for test in found), "chi-square", "outlier", "neighbours"]
@@ -194,19 +256,33 @@ def adequacy(result: FitResult, found: list[ScoreTest]) -> tuple[float, str]:
     if bound < CERTAIN:
         return bound, names[k]
     rng = np.random.default_rng(20)
-    drawn = _simulated(result, found, rng) if len(result.residuals) <= EXACT else _simulated_large(result, found, rng)
+    drawn = (
+        _simulated(result, found, rng)
+        if len(result.residuals) <= EXACT
+        else _simulated_large(result, found, rng)
+    )
     smallest = np.sort(drawn.min(axis=1))
     below = int(np.searchsorted(smallest, seen[k], side="right"))
     if below >= TAIL:
         return below / N_DRAWS, names[k]
-    # In the far tail the looks are as good as exclusive, so that p is proportional to the smallest p-value.
+    # In the far tail the looks are as good as exclusive, so that p is proportional to the smallest
+    # p-value.
     return float(min(1.0, seen[k] * TAIL / N_DRAWS / smallest[TAIL - 1])), names[k]
 
 
 def _tail(square: Array, degrees: int | NDArray[np.int64]) -> Array:
-    """Probability of a larger χ², by closed forms where there are any: it is asked for a million times."""
+    """Probability of a larger χ², by closed forms where there are any.
+
+    It is asked for a million times.
+    """
     if np.ndim(degrees):
-        return np.stack([_tail(column, int(d)) for column, d in zip(square.T, np.asarray(degrees), strict=True)], axis=1)
+        return np.stack(
+            [
+                _tail(column, int(d))
+                for column, d in zip(square.T, np.asarray(degrees), strict=True)
+            ],
+            axis=1,
+        )
     if degrees == 1:
         return np.asarray(erfc(np.sqrt(square / 2)))
     return np.asarray(np.exp(-square / 2) if degrees == 2 else chdtrc(degrees, square))
@@ -215,10 +291,13 @@ def _tail(square: Array, degrees: int | NDArray[np.int64]) -> Array:
 def _p_values(residuals: Array, degrees: int, found: list[ScoreTest]) -> Array:
     """Return the p-values of every look, of χ², of the largest outlier and of the neighbours' correlation, (m, n_looks + 3)."""
     n = residuals.shape[1]
-    columns = [_tail(np.sum((residuals @ test.basis.T) ** 2, axis=1), len(test.basis)) for test in found]
+    columns = [
+        _tail(np.sum((residuals @ test.basis.T) ** 2, axis=1), len(test.basis)) for test in found
+    ]
     columns.append(_tail(np.sum(residuals**2, axis=1), degrees))
     largest = np.abs(residuals).max(axis=1) * np.sqrt(n / degrees)
-    with np.errstate(divide="ignore"):  # data without noise: the logarithm of 0 is what it should be
+    # Data without noise: the logarithm of 0 is what it should be
+    with np.errstate(divide="ignore"):
         columns.append(-np.expm1(n * np.log1p(-2 * norm.sf(largest))))
     neighbours = np.abs(np.sum(residuals[:, 1:] * residuals[:, :-1], axis=1)) / np.sqrt(n)
     columns.append(2 * norm.sf(neighbours))
@@ -235,7 +314,10 @@ def _simulated(result: FitResult, found: list[ScoreTest], rng: np.random.Generat
 
 
 def _simulated_large(result: FitResult, found: list[ScoreTest], rng: np.random.Generator) -> Array:
-    """The same for long data, drawn in the space that the looks span; outlier and neighbours are as good as independent of it."""
+    """The same for long data, drawn in the space that the looks span.
+
+    Outlier and neighbours are as good as independent of it.
+    """
     basis = np.concatenate([test.basis for test in found])
     values, vectors = np.linalg.eigh(basis @ basis.T)
     kept = values > 1e-10

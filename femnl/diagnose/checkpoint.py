@@ -26,7 +26,8 @@ class Checkpoint:
         self._known: dict[str, Found] = {}
         self._writable = True
         text = path.read_text(encoding="utf-8") if path.is_file() else ""
-        self._end = "" if text.endswith("\n") or not text else "\n"  # of a torn line, which must not tear the next one, too
+        # Of a torn line, which must not tear the next one, too
+        self._end = "" if text.endswith("\n") or not text else "\n"
         for line in text.splitlines():
             try:
                 key, vector, steps = json.loads(line)
@@ -34,10 +35,15 @@ class Checkpoint:
             except (ValueError, TypeError):
                 continue  # torn by what ended the earlier run; that fit is made again
         if self._known:
-            logging.getLogger("femnl.progress").info("going on after %d fits of an earlier run", len(self._known))
+            logging.getLogger("femnl.progress").info(
+                "going on after %d fits of an earlier run", len(self._known)
+            )
 
     def recall(self, key: str, find: Callable[[], Found]) -> Found:
-        """Return what was kept under a key, or find it and keep it; numbers come back as they were, to the last bit."""
+        """Return what was kept under a key, or find it and keep it.
+
+        Numbers come back as they were, to the last bit.
+        """
         if key not in self._known:
             self.add(key, find())
         return self._known[key]
@@ -55,7 +61,11 @@ class Checkpoint:
                 self._end = ""
         except OSError as error:
             self._writable = False
-            WARNINGS.warning("%s: fits are not kept (%s); an interrupted diagnosis would start anew", self.path, error)
+            WARNINGS.warning(
+                "%s: fits are not kept (%s); an interrupted diagnosis would start anew",
+                self.path,
+                error,
+            )
 
     def close(self) -> None:
         """Remove the file: all is done."""
@@ -63,11 +73,16 @@ class Checkpoint:
             if self.path.is_file():
                 self.path.unlink()
         except OSError as error:
-            WARNINGS.warning("%s: cannot be removed (%s), though it is needed no longer", self.path, error)
+            WARNINGS.warning(
+                "%s: cannot be removed (%s), though it is needed no longer", self.path, error
+            )
 
 
 class Share(Checkpoint):
-    """What a helper knows of a checkpoint, and adds to it: the process that owns the file writes that."""
+    """What a helper knows of a checkpoint, and adds to it.
+
+    The process that owns the file writes that.
+    """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -105,4 +120,6 @@ def remembered(*about: object) -> Iterator[None]:
 @cache
 def _code() -> str:
     """A digest of all source, so that a change of code never meets an old fit."""
-    return hashlib.sha256(b"".join(file.read_bytes() for file in sorted(Path(__file__).parents[1].rglob("*.py")))).hexdigest()
+    return hashlib.sha256(
+        b"".join(file.read_bytes() for file in sorted(Path(__file__).parents[1].rglob("*.py")))
+    ).hexdigest()

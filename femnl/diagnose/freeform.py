@@ -1,4 +1,7 @@
-"""What no known cause explains is measured all the same: extensions of free form, with the gain that each has on unseen data."""
+"""What no known cause explains is measured all the same.
+
+Extensions of free form, with the gain that each has on unseen data.
+"""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,7 +12,17 @@ import numpy as np
 from femnl.core.diagnosis import FreeForm, Quality
 from femnl.core.effect import Change, Effect, ParameterSpec, Stage, Values
 from femnl.core.operators import WEIGHTS
-from femnl.core.stages import Equation, Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Points, Signal
+from femnl.core.stages import (
+    Equation,
+    Fringe,
+    Harmonics,
+    Lines,
+    ModalSystem,
+    Motion,
+    Oscillator,
+    Points,
+    Signal,
+)
 from femnl.diagnose.least_squares import FitResult, fit, held_out
 from femnl.diagnose.worker_pool import Job, Run, in_turn
 from femnl.io.measurement import CONTROLS
@@ -24,17 +37,32 @@ POWERS = range(1, 4)
 DISPERSIONS = (-1, 1, 2)
 """Powers of frequency of which a dispersion is made."""
 TOUCH = 0.01
-"""Part of their bounds by which the numbers of a form are moved to see whether it moves the data at all."""
+"""Part of their bounds by which the numbers of a form are moved to see whether it moves the data at
+all.
+"""
 ITERATIONS = 4
 """Iterations of the fits that leave a block out; they start at the whole fit."""
 
 
 def free_forms(base: FitResult, run: Run = in_turn) -> tuple[FreeForm, ...]:
-    """Fit every free form that suits the problem of a base model's fit; the best predicting comes first. run: does their fits."""
+    """Fit every free form that suits the problem of a base model's fit.
+
+    The best predicting comes first. run: does their fits.
+    """
     sentences = dict.fromkeys(effect.sentence for effect in extensions(base.model.base_model))
     kind = base.model.base_model.kind
-    found = run([Job(f"{kind}: extending freely: {sentence}", partial(_measured, base, sentence)) for sentence in sentences])
-    return tuple(sorted((form for form in found if form is not None), key=lambda form: form.quality.heldout_chi2_reduced))
+    found = run(
+        [
+            Job(f"{kind}: extending freely: {sentence}", partial(_measured, base, sentence))
+            for sentence in sentences
+        ]
+    )
+    return tuple(
+        sorted(
+            (form for form in found if form is not None),
+            key=lambda form: form.quality.heldout_chi2_reduced,
+        )
+    )
 
 
 def _measured(base: FitResult, sentence: str) -> FreeForm | None:
@@ -76,12 +104,25 @@ def extensions(base_model: MeasurementModel) -> list[Effect]:
     return [form for form in (*FORMS, *_series(base_model)) if base_model.kind in form.kinds]
 
 
-def _form(sentence: str, equation: str, specs: tuple[ParameterSpec, ...], changes: Mapping[Stage, Change]) -> Effect:
-    return Effect("free_form", equation, specs, changes, "expansion in smooth functions", "a description, not a cause", sentence)
+def _form(
+    sentence: str, equation: str, specs: tuple[ParameterSpec, ...], changes: Mapping[Stage, Change]
+) -> Effect:
+    return Effect(
+        "free_form",
+        equation,
+        specs,
+        changes,
+        "expansion in smooth functions",
+        "a description, not a cause",
+        sentence,
+    )
 
 
 def _shorter(form: Effect, *parts: tuple[str, str]) -> tuple[Effect, ...]:
-    """Return the form and expansions of it with fewer terms: the equation, and names of the parameters that are left."""
+    """Return the form and expansions of it with fewer terms.
+
+    The equation, and names of the parameters that are left.
+    """
     absent = dict.fromkeys((spec.name for spec in form.parameters), 0.0)
 
     def padded(change: Change) -> Change:
@@ -96,7 +137,11 @@ def _shorter(form: Effect, *parts: tuple[str, str]) -> tuple[Effect, ...]:
 
 
 def _complex(numbers: range, half: float, per: str = "") -> tuple[ParameterSpec, ...]:
-    return tuple(ParameterSpec(f"{part}{n}", "1", -half, half, scale=per) for n in numbers for part in ("real", "imag"))
+    return tuple(
+        ParameterSpec(f"{part}{n}", "1", -half, half, scale=per)
+        for n in numbers
+        for part in ("real", "imag")
+    )
 
 
 def _number(values: Values, n: int) -> complex:
@@ -122,20 +167,33 @@ def _tighten(system: ModalSystem, values: Values) -> ModalSystem:
 def _disperse(lines: Lines, values: Values) -> Lines:
     """Change each frequency by powers of its ratio to the lowest."""
     ratio = lines.frequency / lines.frequency.min()
-    return replace(lines, frequency=lines.frequency * (1 + sum(values[f"power{n}"] * ratio**n for n in DISPERSIONS)))
+    return replace(
+        lines,
+        frequency=lines.frequency * (1 + sum(values[f"power{n}"] * ratio**n for n in DISPERSIONS)),
+    )
 
 
 def _force(mode: Oscillator, values: Values) -> Oscillator:
-    return replace(mode, quintic=mode.quintic + values["quintic"], damping=mode.damping + values["damping"])
+    return replace(
+        mode, quintic=mode.quintic + values["quintic"], damping=mode.damping + values["damping"]
+    )
 
 
 def _move(forces: Equation, values: Values) -> Equation:
-    return replace(forces, **{name: getattr(forces, name) + values[name] for name in ("quadratic", "cubic", "quintic", "damping")})
+    return replace(
+        forces,
+        **{
+            name: getattr(forces, name) + values[name]
+            for name in ("quadratic", "cubic", "quintic", "damping")
+        },
+    )
 
 
 def _distort(signal: Signal, values: Values) -> Signal:
     share = np.abs(signal.voltage) / signal.largest
-    return replace(signal, voltage=signal.voltage * (1 + sum(_number(values, n) * share**n for n in POWERS)))
+    return replace(
+        signal, voltage=signal.voltage * (1 + sum(_number(values, n) * share**n for n in POWERS))
+    )
 
 
 def _bend(motion: Motion, values: Values) -> Motion:
@@ -148,7 +206,10 @@ def _turn(motion: Motion, values: Values) -> Motion:
     half = np.hypot(motion.x, motion.y).max() or 1.0
     x = motion.x / half
     y = motion.y / half
-    added = sum(values[name] * power for name, power in zip(WEIGHTS[1:], (x, y, x * x, x * y, y * y), strict=True))
+    added = sum(
+        values[name] * power
+        for name, power in zip(WEIGHTS[1:], (x, y, x * x, x * y, y * y), strict=True)
+    )
     return replace(motion, theta=motion.theta + added)
 
 
@@ -161,7 +222,9 @@ def _ripple(fringe: Fringe, values: Values) -> Fringe:
 
 
 def _gain(harmonics: Harmonics, values: Values) -> Harmonics:
-    factor = np.array([1 + _number(values, n) if n in ORDERS else 1 for n in harmonics.harmonic.tolist()])
+    factor = np.array(
+        [1 + _number(values, n) if n in ORDERS else 1 for n in harmonics.harmonic.tolist()]
+    )
     return replace(harmonics, values=harmonics.values * factor[:, None])
 
 
@@ -179,10 +242,27 @@ _TERMS = (
     ParameterSpec("quintic", "1/V^4", -1.0, 1.0, scale="curvature_square"),
     ParameterSpec("damping", "1/V^2", -10.0, 10.0, scale="curvature"),
 )
-MASS = _form("a mass that varies smoothly over the film", "ρ → ρ(1 + Σ m_k φ_k)", _smooth(WEIGHTS[1:], 0.3), {"operators": _load})
-TENSION = _form("a tension that varies smoothly over the film", "σ → σ(1 + Σ t_k φ_k)", _smooth(WEIGHTS[1:], 0.3), {"operators": _tighten})
-FORCES = _form("restoring and damping forces of free form", "κ₂u², αu³, α₅u⁵, ηu²u̇ of any sign", _TERMS, {"equation": _move})
-FRINGE = _form("a fringe of free form", "c_k free, k = 2 … 6", _complex(ORDERS, 1.0), {"fringe": _ripple})
+MASS = _form(
+    "a mass that varies smoothly over the film",
+    "ρ → ρ(1 + Σ m_k φ_k)",
+    _smooth(WEIGHTS[1:], 0.3),
+    {"operators": _load},
+)
+TENSION = _form(
+    "a tension that varies smoothly over the film",
+    "σ → σ(1 + Σ t_k φ_k)",
+    _smooth(WEIGHTS[1:], 0.3),
+    {"operators": _tighten},
+)
+FORCES = _form(
+    "restoring and damping forces of free form",
+    "κ₂u², αu³, α₅u⁵, ηu²u̇ of any sign",
+    _TERMS,
+    {"equation": _move},
+)
+FRINGE = _form(
+    "a fringe of free form", "c_k free, k = 2 … 6", _complex(ORDERS, 1.0), {"fringe": _ripple}
+)
 FORMS = (
     *_shorter(MASS, ("ρ → ρ(1 + m_x x + m_y y)", "x y")),
     *_shorter(TENSION, ("σ → σ(1 + t_x x + t_y y)", "x y")),
@@ -196,20 +276,45 @@ FORMS = (
         *((f"f → f(1 + d (f/f₁)^{n})", f"power{n}") for n in DISPERSIONS),
     ),
     *_shorter(
-        _form("restoring and damping forces of free form", "α₅u⁵, ηu²u̇ of any sign", _FORCES, {"oscillator": _force}),
+        _form(
+            "restoring and damping forces of free form",
+            "α₅u⁵, ηu²u̇ of any sign",
+            _FORCES,
+            {"oscillator": _force},
+        ),
         ("α₅u⁵ of any sign", "quintic"),
         ("ηu²u̇ of any sign", "damping"),
     ),
     FORCES,
     *_shorter(
-        _form("a readout of free form", "V → V(1 + Σ c_n (|V|/V_max)ⁿ), c complex", _complex(POWERS, 3.0), {"signal": _distort}),
+        _form(
+            "a readout of free form",
+            "V → V(1 + Σ c_n (|V|/V_max)ⁿ), c complex",
+            _complex(POWERS, 3.0),
+            {"signal": _distort},
+        ),
         ("V → V(1 + c (|V|/V_max)²), c real", "real2"),
         ("V → V(1 + c (|V|/V_max)²), c complex", "real2 imag2"),
     ),
-    _form("a shape of free form", "ξ → ξ + Σ e_j ξ_j, e complex", _complex(OTHERS, 0.3), {"motion": _bend}),
-    _form("a phase of the fringe that varies smoothly", "θ → θ + quadratic in x, y", _smooth(WEIGHTS[1:], 3.0), {"motion": _turn}),
+    _form(
+        "a shape of free form",
+        "ξ → ξ + Σ e_j ξ_j, e complex",
+        _complex(OTHERS, 0.3),
+        {"motion": _bend},
+    ),
+    _form(
+        "a phase of the fringe that varies smoothly",
+        "θ → θ + quadratic in x, y",
+        _smooth(WEIGHTS[1:], 3.0),
+        {"motion": _turn},
+    ),
     FRINGE,
-    _form("a gain of each harmonic", "V_n → (1 + g_n) V_n, g complex", _complex(ORDERS, 5.0), {"harmonics": _gain}),
+    _form(
+        "a gain of each harmonic",
+        "V_n → (1 + g_n) V_n, g complex",
+        _complex(ORDERS, 5.0),
+        {"harmonics": _gain},
+    ),
 )
 
 
@@ -224,9 +329,24 @@ def _against(control: str) -> Effect:
     def follow(points: Points, values: Values) -> Points:
         axis = points.control[control]
         unit = 2 * (axis - axis.min()) / max(float(np.ptp(axis)), 1e-300) - 1
-        pull, loss = (1 + sum(values[f"{name}{n}"] * unit**n for n in POWERS) for name in ("pull", "loss"))
-        return replace(points, frequency=points.frequency * pull, quality_factor=points.quality_factor / np.maximum(loss, 1e-3))
+        pull, loss = (
+            1 + sum(values[f"{name}{n}"] * unit**n for n in POWERS) for name in ("pull", "loss")
+        )
+        return replace(
+            points,
+            frequency=points.frequency * pull,
+            quality_factor=points.quality_factor / np.maximum(loss, 1e-3),
+        )
 
-    specs = tuple(ParameterSpec(f"{name}{n}", "1", -half, half) for name, half in (("pull", 0.1), ("loss", 1.0)) for n in POWERS)
+    specs = tuple(
+        ParameterSpec(f"{name}{n}", "1", -half, half)
+        for name, half in (("pull", 0.1), ("loss", 1.0))
+        for n in POWERS
+    )
     quantity = control.replace("_", " ")
-    return _form(f"a cubic dependence on {quantity}", f"f and 1/Q cubic in {quantity}", specs, {"points": follow})
+    return _form(
+        f"a cubic dependence on {quantity}",
+        f"f and 1/Q cubic in {quantity}",
+        specs,
+        {"points": follow},
+    )

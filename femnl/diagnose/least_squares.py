@@ -19,11 +19,15 @@ INSIDE = 1e-9
 DECADES = 1e6
 """Ratio of the largest to the smallest strength that an effect may have."""
 AT_BOUND = 1e-12
-"""Distance, in parts of the range, up to which a result counts as stuck at its bound, where the optimiser puts it exactly."""
+"""Distance, in parts of the range, up to which a result counts as stuck at its bound, where the
+optimiser puts it exactly.
+"""
 
 BESIDE = 1e-4
 PUSHED = 2.0
-"""Distance from a bound, in parts of the range, and σ by which the data push beyond it, from which on a parameter is stuck there."""
+"""Distance from a bound, in parts of the range, and σ by which the data push beyond it, from which
+on a parameter is stuck there.
+"""
 LOOSE = 0.05
 """Part of its range below which the data know a parameter that shapes an effect."""
 ITERATIONS = 12
@@ -37,10 +41,13 @@ XTOL = 1e-9
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """Prediction of data that no fit has seen: χ² per datum, logarithms of the densities that fits without each block predict for it.
+    """Prediction of data that no fit has seen.
 
-    A cause that acts on one block alone, as a frame does on one mode, is uncertain there without it, and not wrong: densities and
-    p_value, the smallest of any block times their number, count how uncertain the prediction is, chi2_reduced does not.
+    χ² per datum, logarithms of the densities that fits without each block predict for it.
+
+    A cause that acts on one block alone, as a frame does on one mode, is uncertain there without
+    it, and not wrong: densities and p_value, the smallest of any block times their number, count
+    how uncertain the prediction is, chi2_reduced does not.
     """
 
     chi2_reduced: float
@@ -77,12 +84,15 @@ class FitResult:
     def log_evidence(self) -> float:
         """Logarithm of ∫ likelihood × prior by Laplace's method, up to a constant that all models of the problem share.
 
-        Base parameters have uniform priors, so that only their widths enter, which cancel unless an effect replaces them. How strong
-        an effect is, is not known even to the order of magnitude: half of the prior of a strength is uniform in its logarithm over
-        the decades of `DECADES`, or else the widest range that anyone cares to allow would decide between weak causes.
+        Base parameters have uniform priors, so that only their widths enter, which cancel unless an
+        effect replaces them. How strong an effect is, is not known even to the order of magnitude:
+        half of the prior of a strength is uniform in its logarithm over the decades of `DECADES`,
+        or else the widest range that anyone cares to allow would decide between weak causes.
         """
         _, log_volume = np.linalg.slogdet(self.covariance)
-        peak = -self.chi2 / 2 + log_prior(self.model, self.vector, np.sqrt(np.diag(self.covariance)))
+        peak = -self.chi2 / 2 + log_prior(
+            self.model, self.vector, np.sqrt(np.diag(self.covariance))
+        )
         return float(peak + 0.5 * (self.vector.size * np.log(2 * np.pi) + log_volume))
 
     @cached_property
@@ -101,19 +111,29 @@ class FitResult:
     def stuck(self) -> list[str]:
         """Names of the parameters of effects that ended at a bound, or that the data push against one.
 
-        A shape that the data hardly know may end anywhere, but not where χ² would fall clearly beyond its bound.
+        A shape that the data hardly know may end anywhere, but not where χ² would fall clearly
+        beyond its bound.
         """
         low, high = self.model.bounds
         sd = np.sqrt(np.diag(self.covariance))
         push = -(self.jacobian.T @ self.residuals) * sd  # its square is what χ² would fall by
         beside = np.where(push > 0, high - self.vector, self.vector - low) < BESIDE * (high - low)
         pushed = beside & (np.abs(push) > PUSHED)
-        found = zip(self.model.parameters, self.free, sd < LOOSE * (high - low), pushed, strict=True)
-        return [f"{owner}.{spec.name}" for (owner, spec), f, k, p in found if owner != "base" and (p or (not f and (spec.strength or k)))]
+        found = zip(
+            self.model.parameters, self.free, sd < LOOSE * (high - low), pushed, strict=True
+        )
+        return [
+            f"{owner}.{spec.name}"
+            for (owner, spec), f, k, p in found
+            if owner != "base" and (p or (not f and (spec.strength or k)))
+        ]
 
 
 def log_prior(model: ExtendedModel, vector: Array, sd: Array) -> float:
-    """Return the logarithm of the density of all priors at a vector; a strength counts as at least its sd."""
+    """Return the logarithm of the density of all priors at a vector.
+
+    a strength counts as at least its sd.
+    """
     low, high = model.bounds
     total = 0.0
     for (owner, spec), value, s, a, b in zip(model.parameters, vector, sd, low, high, strict=True):
@@ -126,9 +146,15 @@ def log_prior(model: ExtendedModel, vector: Array, sd: Array) -> float:
 
 
 def fit(
-    model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None = None, most: int = 100, near: FitResult | None = None
+    model: ExtendedModel,
+    start: Array,
+    keep: NDArray[np.bool_] | None = None,
+    most: int = 100,
+    near: FitResult | None = None,
 ) -> FitResult:
-    """Minimise χ² from a start; with `keep` (n_residuals,) only over those residuals, though all are returned.
+    """Minimise χ² from a start.
+
+    With `keep` (n_residuals,) only over those residuals, though all are returned.
 
     near: a solution with parameters of this model, whose tangents tell what steps suit them.
     """
@@ -145,39 +171,71 @@ def improve(model: ExtendedModel, start: Array, most: int, near: FitResult) -> t
     return float(np.sum(model.residuals(end) ** 2)), end
 
 
-def _recalled(model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, near: FitResult | None) -> tuple[Array, Array]:
+def _recalled(
+    model: ExtendedModel,
+    start: Array,
+    keep: NDArray[np.bool_] | None,
+    most: int,
+    near: FitResult | None,
+) -> tuple[Array, Array]:
     """Return what the checkpoint keeps of a fit, or make it."""
     checkpoint = CHECKPOINT.get()
     first = _first_steps(model, near)
     if checkpoint is None:
         return _minimise(model, start, keep, most, first)
-    return checkpoint.recall(_key(model, start, keep, most, first), lambda: _minimise(model, start, keep, most, first))
+    return checkpoint.recall(
+        _key(model, start, keep, most, first), lambda: _minimise(model, start, keep, most, first)
+    )
 
 
 def _first_steps(model: ExtendedModel, near: FitResult | None) -> Array:
-    """Return steps for tangents at the start of a fit: those of a solution nearby for the parameters that it has, too."""
+    """Return steps for tangents at the start of a fit.
+
+    Those of a solution nearby for the parameters that it has, too.
+    """
     sizes: dict[tuple[str, str], float] = {}
     if near is not None:
         norms = np.linalg.norm(near.jacobian, axis=0)
-        sizes = {(owner, spec.name): float(norm) for (owner, spec), norm in zip(near.model.parameters, norms, strict=True)}
-    return steps_for(model, np.array([sizes.get((owner, spec.name), 0.0) for owner, spec in model.parameters]))
+        sizes = {
+            (owner, spec.name): float(norm)
+            for (owner, spec), norm in zip(near.model.parameters, norms, strict=True)
+        }
+    return steps_for(
+        model, np.array([sizes.get((owner, spec.name), 0.0) for owner, spec in model.parameters])
+    )
 
 
-def _key(model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array) -> str:
-    """Name a fit by all that it depends on beside the file: a problem that is posed in two ways starts in two places."""
-    digest = hashlib.sha256(repr((model.parameters, [effect.equation for effect in model.effects], most)).encode())
-    for part in (start, first, model.base_model.start, *model.bounds, *([] if keep is None else [keep])):
+def _key(
+    model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array
+) -> str:
+    """Name a fit by all that it depends on beside the file.
+
+    a problem that is posed in two ways starts in two places.
+    """
+    digest = hashlib.sha256(
+        repr((model.parameters, [effect.equation for effect in model.effects], most)).encode()
+    )
+    for part in (
+        start,
+        first,
+        model.base_model.start,
+        *model.bounds,
+        *([] if keep is None else [keep]),
+    ):
         digest.update(np.ascontiguousarray(part).tobytes())
     return digest.hexdigest()
 
 
-def _minimise(model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array) -> tuple[Array, Array]:
+def _minimise(
+    model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array
+) -> tuple[Array, Array]:
     """Return the minimum and the steps at which tangents are taken there."""
     low, high = model.bounds
     width = high - low
     chosen = slice(None) if keep is None else keep
 
-    # In parts of the ranges: the optimiser adds up steps of all parameters, and metres would count for nothing beside volts.
+    # In parts of the ranges: the optimiser adds up steps of all parameters, and metres would count
+    # for nothing beside volts.
     def place(part: Array) -> Array:
         return np.asarray(np.clip(low + width * part, low, high))
 
@@ -185,7 +243,8 @@ def _minimise(model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None
     vector = place(start_part)
     at = model.residuals(vector)
     steps, slopes = tangents(model, vector, at, first)
-    # The optimiser asks for the tangents where it has just asked for the residuals, and for both where it starts.
+    # The optimiser asks for the tangents where it has just asked for the residuals, and for both
+    # where it starts.
     latest = {vector.tobytes(): at}
     latest_slopes = {vector.tobytes(): slopes}
 
@@ -205,10 +264,20 @@ def _minimise(model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None
             latest_slopes[v.tobytes()] = jacobian_at(model, v, known(v), steps)
         return latest_slopes[v.tobytes()][chosen] * width
 
-    solve = partial(least_squares, residuals, jac=jacobian, bounds=(0, 1), x_scale="jac", xtol=XTOL, ftol=FTOL, gtol=1e-10)
+    solve = partial(
+        least_squares,
+        residuals,
+        jac=jacobian,
+        bounds=(0, 1),
+        x_scale="jac",
+        xtol=XTOL,
+        ftol=FTOL,
+        gtol=1e-10,
+    )
     found = solve(start_part, method="dogbox", max_nfev=min(most, QUICK))
     if found.status == 0 and most > QUICK:
-        # In curved valleys the dogleg creeps along; the reflective method follows them, but shies away from bounds.
+        # In curved valleys the dogleg creeps along; the reflective method follows them, but shies
+        # away from bounds.
         found = solve(found.x, method="trf", max_nfev=most - QUICK)
     end = place(found.x)
     size = np.linalg.norm(np.asarray(found.jac), axis=0) / width
@@ -217,14 +286,18 @@ def _minimise(model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None
 
 def covariance(slopes: Array, width: Array) -> Array:
     """Return the covariance of the parameters from their Fisher information and that of their uniform priors, 12/width²."""
-    # By singular values: a Fisher matrix would square what the strongest direction exceeds the weakest by, and drown the prior's 12.
+    # By singular values: a Fisher matrix would square what the strongest direction exceeds the
+    # weakest by, and drown the prior's 12.
     _, size, turned = np.linalg.svd(np.linalg.qr(slopes * width, mode="r"))
     spread = turned.T / np.sqrt(np.pad(size, (0, width.size - size.size)) ** 2 + 12)
     return np.asarray(spread @ spread.T * np.outer(width, width))
 
 
 def held_out(result: FitResult, most: int) -> float:
-    """Return χ² per datum of all blocks, each predicted by a fit to the others; prior knowledge is never left out."""
+    """Return χ² per datum of all blocks, each predicted by a fit to the others.
+
+    Prior knowledge is never left out.
+    """
     model = result.model
     blocks = result.model.base_model.blocks
     square = 0.0
@@ -237,12 +310,14 @@ def held_out(result: FitResult, most: int) -> float:
 def cross_validate(result: FitResult, most: int) -> CrossValidation:
     """Predict each block of the data by a fit to the others; prior knowledge is never left out.
 
-    ln p(block | others) is by how much the logarithm of evidence falls from the others to all data: −½ of what χ² gains, and −½ of
-    what ln|C| loses, C the covariance of the parameters. Where the model is linear over the errors that the fit to the others leaves,
-    these are rᵀ S⁻¹ r and ln|S|, S = 1 + J C Jᵀ; where it bends over them, S, which knows one slope, would mistake that for a misfit.
-    What the block's own noise adds to χ², which no parameters could follow, says nothing of how it is predicted; the rest, by which the
-    block and the others want other parameters (G. C. Chow, Econometrica 28, 591 (1960)), has as many degrees of freedom as parameters
-    that the block tells.
+    ln p(block | others) is by how much the logarithm of evidence falls from the others to all data:
+    −½ of what χ² gains, and −½ of what ln|C| loses, C the covariance of the parameters. Where the
+    model is linear over the errors that the fit to the others leaves, these are rᵀ S⁻¹ r and ln|S|,
+    S = 1 + J C Jᵀ; where it bends over them, S, which knows one slope, would mistake that for a
+    misfit. What the block's own noise adds to χ², which no parameters could follow, says nothing of
+    how it is predicted; the rest, by which the block and the others want other parameters (G. C.
+    Chow, Econometrica 28, 591 (1960)), has as many degrees of freedom as parameters that the block
+    tells.
     """
     blocks = result.model.base_model.blocks
     low, high = result.model.bounds
@@ -257,7 +332,9 @@ def cross_validate(result: FitResult, most: int) -> CrossValidation:
         seen = other.residuals[~out]
         cross_validation = other.residuals[out]
         known = covariance(other.jacobian[~out], high - low)
-        gained = np.linalg.slogdet(known / units)[1] - np.linalg.slogdet(result.covariance / units)[1]
+        gained = (
+            np.linalg.slogdet(known / units)[1] - np.linalg.slogdet(result.covariance / units)[1]
+        )
         chi2 = max(result.chi2 - float(seen @ seen), 0.0)
         square = square + float(cross_validation @ cross_validation)
         count = count + len(cross_validation)
@@ -266,4 +343,6 @@ def cross_validate(result: FitResult, most: int) -> CrossValidation:
         told = left[:, size > np.sqrt(12)]  # better than the priors do
         own = result.residuals[out] - told @ (told.T @ result.residuals[out])
         p_values.append(float(chdtrc(max(told.shape[1], 1), max(chi2 - float(own @ own), 0.0))))
-    return CrossValidation(square / count, tuple(densities), min(1.0, min(p_values) * len(p_values)))
+    return CrossValidation(
+        square / count, tuple(densities), min(1.0, min(p_values) * len(p_values))
+    )

@@ -30,15 +30,21 @@ COARSE = 24
 EXPLAINED = 0.1
 """Part of the signal's power that the right mode may leave; wrong ones leave a third and more."""
 NEAR = 0.1
-"""Relative distance of a mode's simulated frequency from the drive up to which it may be the one that is driven."""
+"""Relative distance of a mode's simulated frequency from the drive up to which it may be the one
+that is driven.
+"""
 STRAIGHT = 1.0
 """Modulation z up to which the first harmonic hardly bends."""
 LARGER = (3.0, 9.0, 27.0, 81.0)
 """Factors by which a faint motion may be larger."""
 KEPT = 4
-"""Places of the map at which shapes are kept: those of the last two tangents too, so that steps of all other parameters find theirs."""
+"""Places of the map at which shapes are kept: those of the last two tangents too, so that steps of
+all other parameters find theirs.
+"""
 ASIDE = 0.02
-"""Part of half the film by which the map is moved to see how the data answer to wrong places and to blur."""
+"""Part of half the film by which the map is moved to see how the data answer to wrong places and to
+blur.
+"""
 
 
 class MapModel:
@@ -77,9 +83,18 @@ class MapModel:
         reach = film.projection.reach
         self.base: tuple[ParameterSpec, ...] = (
             ParameterSpec("amplitude", "m", 0.0, 40 * z),
-            ParameterSpec("contrast", "V", -10 * abs(fitted["contrast"]), 10 * abs(fitted["contrast"])),
-            ParameterSpec("theta", "rad", fitted["fringe_phase"] - np.pi, fitted["fringe_phase"] + np.pi),
-            ParameterSpec("motion_phase", "rad", fitted["motion_phase"] - np.pi, fitted["motion_phase"] + np.pi),
+            ParameterSpec(
+                "contrast", "V", -10 * abs(fitted["contrast"]), 10 * abs(fitted["contrast"])
+            ),
+            ParameterSpec(
+                "theta", "rad", fitted["fringe_phase"] - np.pi, fitted["fringe_phase"] + np.pi
+            ),
+            ParameterSpec(
+                "motion_phase",
+                "rad",
+                fitted["motion_phase"] - np.pi,
+                fitted["motion_phase"] + np.pi,
+            ),
             ParameterSpec("x", "m", -0.3 * reach, 0.3 * reach),
             ParameterSpec("y", "m", -0.3 * reach, 0.3 * reach),
         )
@@ -95,12 +110,24 @@ class MapModel:
         label = film.modes.label[self.mode] or str(self.mode + 1)
         self.notes: tuple[str, ...] = (f"map: {note}", f"map: shows mode {label}, {told}")
 
-    def _find_mode(self, dataset: xr.Dataset, drive: float | None) -> tuple[int, dict[str, float], str]:
+    def _find_mode(
+        self, dataset: xr.Dataset, drive: float | None
+    ) -> tuple[int, dict[str, float], str]:
         """Return the mode whose shape fits a thinned map best, with its fit."""
         frequency = self.film.modes.frequency
-        modes = [k for k in range(len(frequency)) if drive is not None and abs(drive / frequency[k] - 1) < NEAR] or list(range(TRIED))
-        thin = {axis: slice(None, None, max(1, dataset.sizes[axis] // COARSE)) for axis in ("x", "y")}
-        coarse = dataset.isel(thin).isel(harmonic=np.flatnonzero(dataset["harmonic"].values >= 1)).assign_attrs(noise_sd=self.noise)
+        modes = [
+            k
+            for k in range(len(frequency))
+            if drive is not None and abs(drive / frequency[k] - 1) < NEAR
+        ] or list(range(TRIED))
+        thin = {
+            axis: slice(None, None, max(1, dataset.sizes[axis] // COARSE)) for axis in ("x", "y")
+        }
+        coarse = (
+            dataset.isel(thin)
+            .isel(harmonic=np.flatnonzero(dataset["harmonic"].values >= 1))
+            .assign_attrs(noise_sd=self.noise)
+        )
 
         def shape(k: int, x: Array, y: Array) -> Array:
             return np.asarray((self._exact or self.film.projection.at)(x, y)[k])
@@ -118,32 +145,57 @@ class MapModel:
     @property
     def blocks(self) -> NDArray[np.int64]:
         """Tiles of the map, all harmonics together."""
-        tile = [np.minimum(TILES * (v - v.min()) / (np.ptp(v) or 1.0), TILES - 1).astype(np.int64) for v in (self._grid.x, self._grid.y)]
+        tile = [
+            np.minimum(TILES * (v - v.min()) / (np.ptp(v) or 1.0), TILES - 1).astype(np.int64)
+            for v in (self._grid.x, self._grid.y)
+        ]
         whole = np.broadcast_to(tile[0] * TILES + tile[1], self._present.shape)[self._present]
         return np.concatenate([whole, whole])
 
-    def predict(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> ComplexArray:
+    def predict(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> ComplexArray:
         """Return V_n [V], (n_harmonics, n_points)."""
         placement = self._placed(self._grid, effects, base, values)
         if placement.spot == 0:
             voltage = self._read(placement, False, effects, base, values)
         else:
-            wider = self._read(self._placed(self._finer.grid, effects, base, values), True, effects, base, values)
+            wider = self._read(
+                self._placed(self._finer.grid, effects, base, values), True, effects, base, values
+            )
             voltage = self._finer.average(wider, placement.spot, self._grid)
-        return apply("harmonics", Harmonics(voltage, self.harmonic, self.frequency, self.drive), effects, values).values
+        return apply(
+            "harmonics",
+            Harmonics(voltage, self.harmonic, self.frequency, self.drive),
+            effects,
+            values,
+        ).values
 
-    def _placed(self, grid: Grid, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Placement:
+    def _placed(
+        self, grid: Grid, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> Placement:
         """Return where on the film the points of a grid lie."""
-        return apply("placement", Placement(grid.x - base["x"], grid.y - base["y"]), effects, values)
+        return apply(
+            "placement", Placement(grid.x - base["x"], grid.y - base["y"]), effects, values
+        )
 
-    def _read(self, placed: Placement, finer: bool, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> ComplexArray:
+    def _read(
+        self,
+        placed: Placement,
+        finer: bool,
+        effects: Sequence[Effect],
+        base: Values,
+        values: Sequence[Values],
+    ) -> ComplexArray:
         x = placed.x
         y = placed.y
         shapes = self._shapes(x.tobytes(), y.tobytes(), finer)
         swing = np.full(x.shape, base["amplitude"] * np.exp(1j * base["motion_phase"]))
         first = (swing * shapes[self.mode])[None]
         theta = np.full(x.shape, base["theta"])
-        motion = Motion(first, theta, x, y, shapes, self.film.modes.frequency, self.mode, swing, self.wavelength)
+        motion = Motion(
+            first, theta, x, y, shapes, self.film.modes.frequency, self.mode, swing, self.wavelength
+        )
         fringe = Fringe(np.array([0, 1], complex), self.wavelength, self.film.model.stack)
         moved = apply("motion", motion, effects, values)
         lit = apply("fringe", fringe, effects, values)
@@ -157,8 +209,11 @@ class MapModel:
         across = np.full(grid.sizes[1], np.nan)
         up = np.full(grid.sizes[0], np.nan)
         across[grid.column], up[grid.row] = here
-        straight = np.array_equal(across[grid.column], here[0]) and np.array_equal(up[grid.row], here[1])
-        if straight and np.isfinite(across).all() and np.isfinite(up).all():  # not turned, so still a grid
+        straight = np.array_equal(across[grid.column], here[0]) and np.array_equal(
+            up[grid.row], here[1]
+        )
+        # Not turned, so still a grid
+        if straight and np.isfinite(across).all() and np.isfinite(up).all():
             return self.film.projection.on_grid(across, up)[:, grid.row, grid.column]
         return self.film.projection.at(*here)
 
@@ -170,11 +225,14 @@ class MapModel:
         kept = volts[self._present] / self.noise
         return np.concatenate([kept.real, kept.imag])
 
-    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         """Each stage changed in free form.
 
-        Gain and phase of harmonics, and constants added to them; motion, phase of the fringe and signal that vary; places that are wrong
-        or blurred; more terms of the fringe; motion at multiples of the drive, of every shape.
+        Gain and phase of harmonics, and constants added to them; motion, phase of the fringe and
+        signal that vary; places that are wrong or blurred; more terms of the fringe; motion at
+        multiples of the drive, of every shape.
         """
         volts = self.predict(effects, base, values)
         plain = self.residuals(effects, base, values)
@@ -183,7 +241,10 @@ class MapModel:
             only, constant = np.zeros((2, *volts.shape), complex)
             only[k] = volts[k]
             constant[k] = 1.0
-            found |= {f"gain of harmonic {n}": self._real(only), f"phase of harmonic {n}": self._real(1j * only)}
+            found |= {
+                f"gain of harmonic {n}": self._real(only),
+                f"phase of harmonic {n}": self._real(1j * only),
+            }
             found |= {
                 f"constant in harmonic {n}": self._real(constant),
                 f"constant in quadrature of harmonic {n}": self._real(1j * constant),
@@ -196,7 +257,11 @@ class MapModel:
         turned = moved("theta", LITTLE)
         for name, factor in uneven(self._grid.x, self._grid.y).items():
             here = self._everywhere(factor)
-            for what, answer in (("motion", swung), ("phase of the fringe", turned), ("signal", self._real(volts))):
+            for what, answer in (
+                ("motion", swung),
+                ("phase of the fringe", turned),
+                ("signal", self._real(volts)),
+            ):
                 found[f"{what} that varies as {name}"] = here * answer
         slopes = {}
         for axis in ("x", "y"):
@@ -205,7 +270,8 @@ class MapModel:
             slopes[axis] = there - back
         across = self._everywhere(self._grid.x)
         up = self._everywhere(self._grid.y)
-        # A turn and a shear: on their own, x moved with y and y moved with x are all but the same for most modes.
+        # A turn and a shear: on their own, x moved with y and y moved with x are all but the same
+        # for most modes.
         found |= {
             "longer steps along x": across * slopes["x"],
             "longer steps along y": up * slopes["y"],
@@ -216,14 +282,19 @@ class MapModel:
         placed = self._placed(self._grid, effects, base, values)
         shapes = self._shapes(placed.x.tobytes(), placed.y.tobytes(), False)
         for name, answer in overtones(self, effects, base, values).items():
-            found |= {f"{name} as mode {j + 1}": self._everywhere(shape) * answer for j, shape in enumerate(shapes)}
+            found |= {
+                f"{name} as mode {j + 1}": self._everywhere(shape) * answer
+                for j, shape in enumerate(shapes)
+            }
         return found
 
     def _everywhere(self, factor: Array) -> Array:
         """Return a function of the place (n_points,) at every residual."""
         return np.tile(np.broadcast_to(factor, self._present.shape)[self._present], 2)
 
-    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         """The same map at other amplitudes of the motion."""
         return {
             f"the same map at {factor:g} times the amplitude": self._real(
@@ -237,21 +308,42 @@ class MapModel:
         return 0.0
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """Of a faint motion, larger ones under less contrast: only its product with the contrast shows."""
+        """Of a faint motion, larger ones under less contrast.
+
+        Only its product with the contrast shows.
+        """
         depth = 4 * np.pi / self.wavelength * base["amplitude"]
         factors = [factor for factor in LARGER if depth * factor < STRAIGHT]
-        return [base | {"amplitude": factor * base["amplitude"], "contrast": base["contrast"] / factor} for factor in factors]
+        return [
+            base | {"amplitude": factor * base["amplitude"], "contrast": base["contrast"] / factor}
+            for factor in factors
+        ]
 
     def turned(self, base: Values) -> dict[str, float]:
-        """Return phases of motion and fringe at which the film is on the other side: under a cosine −θ and antiphase are the same."""
+        """Return phases of motion and fringe at which the film is on the other side.
+
+        Under a cosine −θ and antiphase are the same.
+        """
         names = [spec.name for spec in self.base]
         theta, phase = (self.start[names.index(name)] for name in ("theta", "motion_phase"))
         mirrored = (-base["theta"] - theta + np.pi) % (2 * np.pi) - np.pi + theta
-        return {"theta": float(mirrored), "motion_phase": base["motion_phase"] + (np.pi if base["motion_phase"] <= phase else -np.pi)}
+        return {
+            "theta": float(mirrored),
+            "motion_phase": base["motion_phase"]
+            + (np.pi if base["motion_phase"] <= phase else -np.pi),
+        }
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        """All harmonics on the grid of the map; along a single line, in the quadrature that holds each one's signal."""
-        predicted = np.stack([self._on_grid(self.predict(effects, base, values)) for _, effects, base, values in models])
+        """All harmonics on the grid of the map.
+
+        Along a single line, in the quadrature that holds each one's signal.
+        """
+        predicted = np.stack(
+            [
+                self._on_grid(self.predict(effects, base, values))
+                for _, effects, base, values in models
+            ]
+        )
         names = tuple(name for name, *_ in models)
         measured = self._on_grid(self._values)
         images = Images("map", names, self.harmonic, *self._axes, measured, predicted, self.noise)
@@ -259,7 +351,9 @@ class MapModel:
 
     def _on_grid(self, volts: ComplexArray) -> ComplexArray:
         whole = np.full((len(self.harmonic), *self._grid.sizes), complex(np.nan, np.nan))
-        whole[:, self._grid.row, self._grid.column] = np.where(self._present, volts, complex(np.nan, np.nan))
+        whole[:, self._grid.row, self._grid.column] = np.where(
+            self._present, volts, complex(np.nan, np.nan)
+        )
         return whole
 
     def describe(self, residuals: Array) -> str:
@@ -270,9 +364,14 @@ class MapModel:
         by_order = power.sum(axis=1) / np.maximum(self._present.sum(axis=1), 1)
         k = int(np.argmax(by_order))
         p = int(np.argmax(power.sum(axis=0)))
-        rms = ", ".join(f"{n}: {np.sqrt(value):.2f}σ" for n, value in zip(self.harmonic, by_order, strict=True))
+        rms = ", ".join(
+            f"{n}: {np.sqrt(value):.2f}σ" for n, value in zip(self.harmonic, by_order, strict=True)
+        )
         place = f"x = {self._grid.x[p] * 1e6:.0f} µm, y = {self._grid.y[p] * 1e6:.0f} µm"
-        return f"harmonic {self.harmonic[k]} deviates most, and most strongly near {place}; rms by harmonic {rms}"
+        return (
+            f"harmonic {self.harmonic[k]} deviates most, and most strongly near {place}; rms "
+            f"by harmonic {rms}"
+        )
 
 
 def _upright(found: dict[str, float]) -> dict[str, float]:

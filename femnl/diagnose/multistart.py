@@ -1,4 +1,7 @@
-"""How a model is fitted with one more effect: from every place that promises much, over jumps, and again beside later ones."""
+"""How a model is fitted with one more effect.
+
+From every place that promises much, over jumps, and again beside later ones.
+"""
 
 from collections.abc import Iterable
 
@@ -13,38 +16,55 @@ from femnl.observe.model import ExtendedModel, scale_of
 
 SHAPES = 4
 ALIKE = 0.98
-"""Trial shapes of an effect that are starts of its fit, and the square of the cosine from which on two are the same to the data."""
+"""Trial shapes of an effect that are starts of its fit, and the square of the cosine from which on
+two are the same to the data.
+"""
 ROUGH = 4
 FAR = 8
-"""Evaluations by which starts are ranked: where they differ in what a scan moved, and where in the shape of an effect or from afar."""
+"""Evaluations by which starts are ranked: where they differ in what a scan moved, and where in the
+shape of an effect or from afar.
+"""
 SAME = 1e-9
 """Relative difference of χ² up to which two starts predict the same."""
 ABSURD = 10.0
-"""Times what a set leaves of χ² from which on it is not worth a fit with a part of the model in another's place."""
+"""Times what a set leaves of χ² from which on it is not worth a fit with a part of the model in
+another's place.
+"""
 REFINED = 2
 """Starts that are fitted to the end, the best by then."""
 FEW = 0.01
 MOSTLY = 0.3
-"""Part of the residuals that hold this part of the excess of χ² where a fit stopped at a jump: points on the wrong side of it."""
+"""Part of the residuals that hold this part of the excess of χ² where a fit stopped at a jump:
+points on the wrong side of it.
+"""
 KICKS = (-0.03, -0.01, -0.003, -0.001, 0.001, 0.003, 0.01, 0.03)
 """Relative changes of what moves a jump by which such a fit is led over it."""
 PARTS = np.geomspace(1 / 200, 1, 120)
 """Parts of their range at which parameters that move data of their own are sought."""
 SEED = 1e-4
 STEPS_BACK = 12
-"""Least part of its range at which the fit of a strength starts, and how often a start is brought nearer to zero, by a third."""
+"""Least part of its range at which the fit of a strength starts, and how often a start is brought
+nearer to zero, by a third.
+"""
 
 
 def extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) -> FitResult:
     """Fit with one more effect, from where looks point or as far towards that as is no worse than without it."""
     base, earlier = result.model.split(result.vector)
     model = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
-    limits = {spec.name: spec.high * scale_of(model.base_model, spec) for spec in effect.parameters if spec.strength}
+    limits = {
+        spec.name: spec.high * scale_of(model.base_model, spec)
+        for spec in effect.parameters
+        if spec.strength
+    }
     starts = []
     elsewhere = []
     for values in shapes:
         # What is of second order shows no slope at zero; a small start lets it grow.
-        start = values | {name: np.copysign(max(abs(values[name]), SEED * high), values[name]) for name, high in limits.items()}
+        start = values | {
+            name: np.copysign(max(abs(values[name]), SEED * high), values[name])
+            for name, high in limits.items()
+        }
         for _ in range(STEPS_BACK):
             vector = model.pack(base, [*earlier, start])
             if np.sum(model.residuals(vector) ** 2) <= result.chi2:
@@ -52,16 +72,29 @@ def extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) 
             start = start | {name: start[name] / 3 for name in limits}
         starts.append(vector)
         left = np.sum(model.residuals(vector) ** 2)
-        others = [model.pack(other, [*earlier, start]) for other in model.base_model.equivalent_solutions(base)]
+        others = [
+            model.pack(other, [*earlier, start])
+            for other in model.base_model.equivalent_solutions(base)
+        ]
         # What the effects do not change leads nowhere else.
-        elsewhere += [other for other in others if abs(np.sum(model.residuals(other) ** 2) - left) > SAME * left]
+        elsewhere += [
+            other
+            for other in others
+            if abs(np.sum(model.residuals(other) ** 2) - left) > SAME * left
+        ]
     if (
         model.base_model.needs_global_search and len(effect.parameters) == 1
     ):  # whose ray is short; tangents at zero may lead into a trap beside it
         far = scan(result, effect)[0]
         elsewhere.append(model.pack(far.base, [*earlier, far.values]))
     # What predicts alike is not told apart by a few evaluations.
-    return min([*_finished(model, starts, result, FAR), *(fit(model, start, near=result) for start in elsewhere)], key=lambda s: s.chi2)
+    return min(
+        [
+            *_finished(model, starts, result, FAR),
+            *(fit(model, start, near=result) for start in elsewhere),
+        ],
+        key=lambda s: s.chi2,
+    )
 
 
 def replaced(result: FitResult, effect: Effect) -> FitResult | None:
@@ -71,12 +104,20 @@ def replaced(result: FitResult, effect: Effect) -> FitResult | None:
     lowest: list[Array] = []
     for other in (base, *model.base_model.equivalent_solutions(base)):
         starts = [model.pack(other, [*earlier, v]) for v in centres(model.base_model, effect)]
-        left = np.pad([np.sum(model.residuals(start) ** 2) for start in starts], 1, constant_values=np.inf)
-        lowest += [starts[i] for i in np.flatnonzero((left[1:-1] <= left[:-2]) & (left[1:-1] < left[2:]))]
-    rough = sorted((improve(model, start, ROUGH, result) for start in lowest), key=lambda found: found[0])
+        left = np.pad(
+            [np.sum(model.residuals(start) ** 2) for start in starts], 1, constant_values=np.inf
+        )
+        lowest += [
+            starts[i] for i in np.flatnonzero((left[1:-1] <= left[:-2]) & (left[1:-1] < left[2:]))
+        ]
+    rough = sorted(
+        (improve(model, start, ROUGH, result) for start in lowest), key=lambda found: found[0]
+    )
     if rough[0][0] > ABSURD * result.chi2:
         return None
-    return min((fit(model, vector, near=result) for _, vector in rough[:REFINED]), key=lambda s: s.chi2)
+    return min(
+        (fit(model, vector, near=result) for _, vector in rough[:REFINED]), key=lambda s: s.chi2
+    )
 
 
 def sought_beyond(result: FitResult) -> FitResult | None:
@@ -85,11 +126,16 @@ def sought_beyond(result: FitResult) -> FitResult | None:
 
 
 def sought_again(result: FitResult, k: int) -> FitResult | None:
-    """Seek effect k anew beside the others: an earlier one was found without the latest, and tangents may have led astray."""
+    """Seek effect k anew beside the others.
+
+    An earlier one was found without the latest, and tangents may have led astray.
+    """
     model = result.model
     effect = result.model.effects[k]
     base, values = model.split(result.vector)
-    shaped = effect is not model.effects[-1] and not all(spec.strength for spec in effect.parameters)
+    shaped = effect is not model.effects[-1] and not all(
+        spec.strength for spec in effect.parameters
+    )
     if not (model.base_model.needs_global_search or shaped):
         return None
     others = [i for i in range(len(values)) if i != k]
@@ -98,11 +144,24 @@ def sought_again(result: FitResult, k: int) -> FitResult | None:
     start, kept = without.split(rest.vector)
     found: list[FitResult] = []
     if shaped:
-        mine = [test for test in score_tests(rest, [effect]) if test.effect is not None and test.gain > 0]
+        mine = [
+            test
+            for test in score_tests(rest, [effect])
+            if test.effect is not None and test.gain > 0
+        ]
         ranked = sorted(mine, key=lambda test: -test.gain)
-        found += _finished(model, (model.pack(start, [*kept[:k], test.values, *kept[k:]]) for test in unlike(ranked)), result, FAR)
+        found += _finished(
+            model,
+            (model.pack(start, [*kept[:k], test.values, *kept[k:]]) for test in unlike(ranked)),
+            result,
+            FAR,
+        )
     if model.base_model.needs_global_search:
-        found += _finished(model, (model.pack(s.base, [*kept[:k], s.values, *kept[k:]]) for s in scan(rest, effect)), result)
+        found += _finished(
+            model,
+            (model.pack(s.base, [*kept[:k], s.values, *kept[k:]]) for s in scan(rest, effect)),
+            result,
+        )
     return min(found, key=lambda s: s.chi2, default=None)
 
 
@@ -110,18 +169,26 @@ def unlike(found: list[ScoreTest]) -> list[ScoreTest]:
     """Return the best looks of one effect that do not all point the same way, as mirror images and neighbours do."""
     kept: list[ScoreTest] = []
     for test in found:
-        if all(test.whole != other.whole or np.sum((test.basis @ other.basis.T) ** 2) < ALIKE * len(test.basis) for other in kept):
+        if all(
+            test.whole != other.whole
+            or np.sum((test.basis @ other.basis.T) ** 2) < ALIKE * len(test.basis)
+            for other in kept
+        ):
             kept.append(test)
         if len(kept) == SHAPES:
             break
     return kept
 
 
-def _finished(model: ExtendedModel, starts: Iterable[Array], near: FitResult, most: int = ROUGH) -> list[FitResult]:
+def _finished(
+    model: ExtendedModel, starts: Iterable[Array], near: FitResult, most: int = ROUGH
+) -> list[FitResult]:
     """Fit to the end from every start, or where there are many, from what the best come to after a few evaluations."""
     chosen = list(starts)
     if len(chosen) > REFINED:
-        rough = sorted((improve(model, start, most, near) for start in chosen), key=lambda found: found[0])
+        rough = sorted(
+            (improve(model, start, most, near) for start in chosen), key=lambda found: found[0]
+        )
         chosen = [vector for _, vector in rough[:REFINED]]
     return [fit(model, start, near=near) for start in chosen]
 
@@ -132,20 +199,27 @@ def _over_jumps(result: FitResult) -> list[FitResult]:
     if np.sum(largest) < MOSTLY * (result.chi2 - result.degrees):
         return []
     base, values = result.model.split(result.vector)
-    starts = [base | {name: base[name] * (1 + kick)} for name in result.model.base_model.jumps for kick in KICKS]
+    starts = [
+        base | {name: base[name] * (1 + kick)}
+        for name in result.model.base_model.jumps
+        for kick in KICKS
+    ]
     return _finished(result.model, (result.model.pack(start, values) for start in starts), result)
 
 
 def _from_all_over(result: FitResult) -> list[FitResult]:
     """Fit from where parameters that move data of their own suit these best, sought over all their range, angles turned by half or not.
 
-    Without the effects each of them may have come to rest in a valley of its own, as the amplitude at a step of a trace whose harmonics
-    are worn down: a small one looks much like a large one, and no tangent leads from the one to the other.
+    Without the effects each of them may have come to rest in a valley of its own, as the amplitude
+    at a step of a trace whose harmonics are worn down: a small one looks much like a large one, and
+    no tangent leads from the one to the other.
     """
     model = result.model
     base_model = result.model.base_model
     places = {spec.name: i for i, (owner, spec) in enumerate(model.parameters) if owner == "base"}
-    lanes = [lane for group in base_model.independent_blocks if len(group) > 1 for lane in group.items()]
+    lanes = [
+        lane for group in base_model.independent_blocks if len(group) > 1 for lane in group.items()
+    ]
     mine = [(places[name], mask) for name, mask in lanes if name in places]
     if not mine or any(effect.couples_blocks for effect in model.effects):
         return []

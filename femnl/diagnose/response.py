@@ -21,23 +21,31 @@ from femnl.observe.response.branches import duffing_branches
 from femnl.observe.response.sweeps import Sweeps, collect
 
 ALPHA_SD = 0.2
-"""Relative standard deviation of a simulated α: Young's modulus of a thin film is rarely known better."""
+"""Relative standard deviation of a simulated α: Young's modulus of a thin film is rarely known
+better.
+"""
 MOVING = 0.3
 """Part of the largest signal from which on the mode moves strongly."""
 LITTLE = 1e-4
 """Part of the linewidth by which f₀ and w are moved where single sweeps may deviate."""
 STRONG = (2, 8, 32)
-"""Powers of a signal, in parts of the largest, with which gain and phase may deviate: smoothly, or of the strongest ones alone."""
+"""Powers of a signal, in parts of the largest, with which gain and phase may deviate: smoothly, or
+of the strongest ones alone.
+"""
 BEYOND = 4
 """Power of the signal with which f₀ and w may: the next beyond the cubic force."""
 SIDES = np.arange(2)
 """Indices of the low and the high sheet."""
 ROUNDS = 12
-"""Iterations of the amplitude under a quintic term or a resonance of higher order, small corrections of the cubic one."""
+"""Iterations of the amplitude under a quintic term or a resonance of higher order, small
+corrections of the cubic one.
+"""
 SETTLED = 1e-6
 """Relative change of a squared amplitude at which they end."""
 FAINT = 1e-6
-"""Squared amplitude, in that of one linewidth of stiffening, from which on a resonance of any order acts."""
+"""Squared amplitude, in that of one linewidth of stiffening, from which on a resonance of any order
+acts.
+"""
 
 
 class ResponseModel:
@@ -50,8 +58,12 @@ class ResponseModel:
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         self.sweeps = collect(dataset)
-        # Whether damping grows with amplitude is for the diagnosis to say; here it only makes the start safe.
-        fitted = min((fit_response(dataset, nonlinear_damping=damped) for damped in (False, True)), key=lambda f: f.chi2_reduced)
+        # Whether damping grows with amplitude is for the diagnosis to say; here it only makes the
+        # start safe.
+        fitted = min(
+            (fit_response(dataset, nonlinear_damping=damped) for damped in (False, True)),
+            key=lambda f: f.chi2_reduced,
+        )
         self.wavelength = float(dataset.attrs.get("wavelength", 0.0))
         self.mode = _mode(dataset, film, fitted["frequency"])
         self.simulated_alpha = float(film.alpha[self.mode])
@@ -68,21 +80,39 @@ class ResponseModel:
             ParameterSpec("frequency", "Hz", f0 - span, f0 + span),
             ParameterSpec("linewidth", "Hz", w / 20, 20 * w),
             ParameterSpec("peak", "m/V", 0.0, 20 * slope[0] / scale),
-            *(ParameterSpec(f"responsivity{name}", "V/m", 0.0, 20 * s) for name, s in zip(names, self._scales, strict=True)),
-            *(ParameterSpec(f"phase{name}", "rad", fitted[f"phase{name}"] - np.pi, fitted[f"phase{name}"] + np.pi) for name in names),
+            *(
+                ParameterSpec(f"responsivity{name}", "V/m", 0.0, 20 * s)
+                for name, s in zip(names, self._scales, strict=True)
+            ),
+            *(
+                ParameterSpec(
+                    f"phase{name}",
+                    "rad",
+                    fitted[f"phase{name}"] - np.pi,
+                    fitted[f"phase{name}"] + np.pi,
+                )
+                for name in names
+            ),
         )
-        self.start = np.array([f0, w, slope[0] / scale, *self._scales, *(fitted[f"phase{name}"] for name in names)])
+        self.start = np.array(
+            [f0, w, slope[0] / scale, *self._scales, *(fitted[f"phase{name}"] for name in names)]
+        )
         self.softens = ratio * self.simulated_alpha < 0
         self._names = names
         self._solved = recent(_on_sheets)
         masks = [self._whole((1 + 1j) * (self.sweeps.position == p)) > 0 for p in range(n)]
         self.independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = tuple(
-            {f"{name}{place}": mask for place, mask in zip(names, masks, strict=True)} for name in ("responsivity", "phase")
+            {f"{name}{place}": mask for place, mask in zip(names, masks, strict=True)}
+            for name in ("responsivity", "phase")
         )
         strongest = slope[0] / scale * self.sweeps.reference
         recorded = "time" in dataset and bool(np.isfinite(dataset["time"].values).all())
         kept = np.unique(self.sweeps.row)
-        self._time = np.asarray(dataset["time"].values[kept], float) if recorded else np.arange(len(kept), dtype=float)
+        self._time = (
+            np.asarray(dataset["time"].values[kept], float)
+            if recorded
+            else np.arange(len(kept), dtype=float)
+        )
         size = np.abs(self.sweeps.voltage)
         self._largest = float(size.max())
         moving = self.sweeps.frequency[size > MOVING * size.max()]
@@ -100,11 +130,17 @@ class ResponseModel:
             **({"time": float(np.ptp(self._time))} if recorded else {}),
         }
         label = film.modes.label[self.mode] or str(self.mode + 1)
-        soft = "response: the sweeps soften, which the geometry alone cannot do; in their metres α is as large as simulated, but negative"
+        soft = (
+            "response: the sweeps soften, which the geometry alone cannot do; in their "
+            "metres α is as large as "
+            "simulated, but negative"
+        )
         self.notes = (
             *(f"response: {note}" for note in self.sweeps.notes),
             *([soft] if self.softens else []),
-            f"response: metres rest on the simulated α of mode {label}, {self.simulated_alpha:.3g} m⁻², known to {ALPHA_SD:.0%}",
+            f"response: metres rest on the simulated α of mode {label}, "
+            f"{self.simulated_alpha:.3g} "
+            f"m⁻², known to {ALPHA_SD:.0%}",
         )
 
     @property
@@ -117,24 +153,40 @@ class ResponseModel:
         """Return real and imaginary parts of (n_points,), and what the film's own α deviates from the simulated one where sweeps soften."""
         return np.concatenate([points.real, points.imag, [alpha] if self.softens else []])
 
-    def predict(self, effects: Sequence[Effect], base: Values, values: Sequence[Values], instead: Sweeps | None = None) -> ComplexArray:
+    def predict(
+        self,
+        effects: Sequence[Effect],
+        base: Values,
+        values: Sequence[Values],
+        instead: Sweeps | None = None,
+    ) -> ComplexArray:
         """Return the voltage (n,) [V] of the state that each point of a sweep is on, or would be on with other drives."""
         data = instead or self.sweeps
         mode, _ = self._mode(effects, base, values, data)
         force = mode.force[data.sweep]
         linear = np.maximum(mode.peak * force, np.finfo(float).tiny)
-        gains = np.array([base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"]) for name in self._names])[data.position]
+        gains = np.array(
+            [
+                base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"])
+                for name in self._names
+            ]
+        )[data.position]
         volts = data.drive * data.reference
         both = []
         for b in self._states(mode, data, linear):
-            signal = Signal(gains * linear * b, linear * np.abs(b), volts, self.wavelength, self._largest)
+            signal = Signal(
+                gains * linear * b, linear * np.abs(b), volts, self.wavelength, self._largest
+            )
             both.append(apply("signal", signal, effects, values).voltage)
         return self._followed(np.stack(both), mode.alpha)
 
-    def _mode(self, effects: Sequence[Effect], base: Values, values: Sequence[Values], data: Sweeps) -> tuple[Oscillator, float]:
+    def _mode(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values], data: Sweeps
+    ) -> tuple[Oscillator, float]:
         """Return the mode with its effects, and the α [m⁻²] that the geometry must supply.
 
-        Only α A² shows in sweeps, so that α as observed sets the metres; where it is negative, effects must have lowered the film's own.
+        Only α A² shows in sweeps, so that α as observed sets the metres; where it is negative,
+        effects must have lowered the film's own.
         """
         first = np.array([span.start for span in data.spans])
         drive = data.drive[first] * data.reference
@@ -142,24 +194,52 @@ class ResponseModel:
         alpha = -self.simulated_alpha if self.softens else self.simulated_alpha
         silent = np.zeros(len(data.frequency), complex)
         driven = np.asarray(data.frequency)
-        plain = Oscillator(frequency, base["linewidth"], alpha, 0.0, 0.0, drive, base["peak"], self._time, driven, self._middle, silent)
+        plain = Oscillator(
+            frequency,
+            base["linewidth"],
+            alpha,
+            0.0,
+            0.0,
+            drive,
+            base["peak"],
+            self._time,
+            driven,
+            self._middle,
+            silent,
+        )
         mode = apply("oscillator", plain, effects, values)
-        return (replace(mode, alpha=alpha), 2 * alpha - mode.alpha) if self.softens else (mode, self.simulated_alpha)
+        return (
+            (replace(mode, alpha=alpha), 2 * alpha - mode.alpha)
+            if self.softens
+            else (mode, self.simulated_alpha)
+        )
 
     def _states(self, mode: Oscillator, data: Sweeps, linear: Array) -> ComplexArray:
         """Return b = A/(A₁F) on the low and on the high sheet, continued past its fold, (2, n)."""
         f0 = mode.frequency[data.sweep]
         per = 2 / mode.linewidth
         delta = per * (f0 - data.frequency)
-        cubic = per * 0.375 * f0 * mode.alpha * linear**2 + 1j * np.maximum(mode.damping, 0) * linear**2 / 4
+        cubic = (
+            per * 0.375 * f0 * mode.alpha * linear**2
+            + 1j * np.maximum(mode.damping, 0) * linear**2 / 4
+        )
         fifth = per * 0.3125 * f0 * mode.quintic * linear**4
         scale = linear**2 * (3 * f0 * abs(mode.alpha)) / (8 * mode.linewidth)
         return self._solved(delta, cubic, fifth, per * mode.pull * scale, scale, mode.order)
 
     def _followed(self, both: ComplexArray, alpha: float) -> ComplexArray:
-        """Return the sheet of each point: sweeps of known direction jump once, where the data say, others as they fit best."""
+        """Return the sheet of each point.
+
+        Sweeps of known direction jump once, where the data say, others as they fit best.
+        """
         found = np.empty(both.shape[1], complex)
-        spans = np.array([(s.start, s.stop, d != 0) for s, d in zip(self.sweeps.spans, self.sweeps.direction, strict=True)], np.int64)
+        spans = np.array(
+            [
+                (s.start, s.stop, d != 0)
+                for s, d in zip(self.sweeps.spans, self.sweeps.direction, strict=True)
+            ],
+            np.int64,
+        )
         compiled(_follow)(found, self.sweeps.voltage, both, spans, int(alpha >= 0))
         return found
 
@@ -167,9 +247,14 @@ class ResponseModel:
         """Return (V − V_predicted)/σ of all real, then of all imaginary parts."""
         _, own = self._mode(effects, base, values, self.sweeps)
         deviation = (own / self.simulated_alpha - 1) / ALPHA_SD
-        return self._whole((self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise, deviation)
+        return self._whole(
+            (self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise,
+            deviation,
+        )
 
-    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         """Gain and phase at each drive and of strong signals, backgrounds, f₀ and w of each sweep and of strong motion."""
         volts = self.predict(effects, base, values) / self.sweeps.noise
         share = np.asarray(np.abs(volts) * self.sweeps.noise / self._largest, float)
@@ -183,9 +268,16 @@ class ResponseModel:
         for drive in np.unique(self.sweeps.drive):
             only = np.where(self.sweeps.drive == drive, volts, 0)
             flat = np.where(self.sweeps.drive == drive, 1 / self.sweeps.noise, 0j)
-            ways = {"gain": only, "phase": 1j * only, "real background": flat, "imaginary background": 1j * flat}
+            ways = {
+                "gain": only,
+                "phase": 1j * only,
+                "real background": flat,
+                "imaginary background": 1j * flat,
+            }
             for name, part in ways.items():
-                found[f"{name} at a drive of {drive * self.sweeps.reference:.3g} V"] = self._whole(part)
+                found[f"{name} at a drive of {drive * self.sweeps.reference:.3g} V"] = self._whole(
+                    part
+                )
         plain = self.residuals(effects, base, values)
         step = LITTLE * base["linewidth"]
         for name in ("frequency", "linewidth"):
@@ -196,7 +288,9 @@ class ResponseModel:
                 found[f"{name} of sweep {k + 1}"] = self._whole(mine) * moved
         return found
 
-    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         """The same sweeps at twice the drives."""
         doubled = replace(self.sweeps, reference=2 * self.sweeps.reference)
         volts = self.predict(effects, base, values, doubled) / self.sweeps.noise
@@ -215,10 +309,14 @@ class ResponseModel:
         """Magnitude and phase of every sweep."""
         data = self.sweeps
         names = tuple(name for name, *_ in models)
-        volts = np.stack([self.predict(effects, base, values) for _, effects, base, values in models])
+        volts = np.stack(
+            [self.predict(effects, base, values) for _, effects, base, values in models]
+        )
         size = np.abs(data.voltage)
         noise = np.full(data.voltage.shape, data.noise)
-        phase = np.degrees(np.concatenate([np.unwrap(np.angle(data.voltage[s])) for s in data.spans]))
+        phase = np.degrees(
+            np.concatenate([np.unwrap(np.angle(data.voltage[s])) for s in data.spans])
+        )
         near = phase + np.degrees(np.angle(volts * np.conj(data.voltage)))
         found = []
         for what, unit, measured, sd, predicted in (
@@ -226,7 +324,8 @@ class ResponseModel:
             ("phase", "°", phase, np.degrees(noise / np.maximum(size, noise)), near),
         ):
             curves = tuple(
-                Curve(self._sweep_name(k), data.frequency[s], measured[s], sd[s], predicted[:, s]) for k, s in enumerate(data.spans)
+                Curve(self._sweep_name(k), data.frequency[s], measured[s], sd[s], predicted[:, s])
+                for k, s in enumerate(data.spans)
             )
             found.append(Curves("response", "frequency", "Hz", what, unit, names, curves))
         return tuple(found)
@@ -239,17 +338,31 @@ class ResponseModel:
         """Say at which drive and on which side of the resonance the sweeps deviate."""
         n = len(self.sweeps.frequency)
         power = (residuals[:n] ** 2 + residuals[n : 2 * n] ** 2) / 2
-        rms = {d: float(np.sqrt(power[self.sweeps.drive == d].mean())) for d in np.unique(self.sweeps.drive)}
+        rms = {
+            d: float(np.sqrt(power[self.sweeps.drive == d].mean()))
+            for d in np.unique(self.sweeps.drive)
+        }
         worst = max(rms, key=lambda d: rms[d])
         k = int(np.argmax(power))
-        table = ", ".join(f"{d * self.sweeps.reference:.3g} V: {value:.2f}σ" for d, value in rms.items())
+        table = ", ".join(
+            f"{d * self.sweeps.reference:.3g} V: {value:.2f}σ" for d, value in rms.items()
+        )
         offset = self.sweeps.frequency[k] - self.start[0]
         drive = f"the drive of {worst * self.sweeps.reference:.3g} V deviates most"
         return f"{drive}, most strongly {offset:+.3g} Hz from resonance; rms by drive {table}"
 
 
-def _follow(found: ComplexArray, measured: ComplexArray, both: ComplexArray, spans: NDArray[np.int64], first: int) -> None:
-    """Put in place the sheet (2, n) of each point; spans (n_sweeps, 3): start, stop, and whether a sweep begins on the first sheet."""
+def _follow(
+    found: ComplexArray,
+    measured: ComplexArray,
+    both: ComplexArray,
+    spans: NDArray[np.int64],
+    first: int,
+) -> None:
+    """Put in place the sheet (2, n) of each point.
+
+    spans (n_sweeps, 3): start, stop, and whether a sweep begins on the first sheet.
+    """
     last = 1 - first
     for k in range(len(spans)):
         start = spans[k, 0]
@@ -269,10 +382,18 @@ def _follow(found: ComplexArray, measured: ComplexArray, both: ComplexArray, spa
             found[jump:stop] = both[last, jump:stop]
 
 
-def _on_sheets(delta: Array, cubic: ComplexArray, fifth: Array, pulled: ComplexArray, scale: Array, order: float) -> ComplexArray:
+def _on_sheets(
+    delta: Array,
+    cubic: ComplexArray,
+    fifth: Array,
+    pulled: ComplexArray,
+    scale: Array,
+    order: float,
+) -> ComplexArray:
     """Return b = 1/(δ + i + a x), x = |b|², on the low and on the high sheet, continued past its fold, (2, n).
 
-    a(x) = cubic + fifth·x + pulled·(scale·x)^(order − 2) is put to the amplitude at hand, round by round.
+    a(x) = cubic + fifth·x + pulled·(scale·x)^(order − 2) is put to the amplitude at hand, round by
+    round.
     """
     a = cubic + pulled
     x = duffing_branches(delta, a.real, a.imag, continued=True).x
@@ -295,6 +416,8 @@ def _mode(dataset: xr.Dataset, film: SimulatedFilm, frequency: float) -> int:
     label = f"({str(named).strip('()')})"
     if label not in film.modes.label:
         raise MeasurementError(
-            f"response: mode = {named!r} is none of the first {len(film.modes.label)} modes of {film.model.name}; correct it"
+            f"response: mode = {named!r} is none of the first {len(film.modes.label)} modes of "
+            f"{film.model.name}; "
+            "correct it"
         )
     return film.modes.label.index(label)

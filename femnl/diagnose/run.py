@@ -47,7 +47,9 @@ def pose_trace(dataset: xr.Dataset, film: SimulatedFilm) -> MeasurementModel:
     if "wavelength" in dataset.attrs:
         return TraceModel(dataset, film)
     raise MeasurementError(
-        "trace: neither wavelength nor drive_voltage is there: add the laser's wavelength [m], or the drive that was recorded"
+        "trace: neither wavelength nor drive_voltage is there: add the laser's wavelength [m], "
+        "or the drive that was "
+        "recorded"
     )
 
 
@@ -61,20 +63,28 @@ PROBLEMS: dict[str, Callable[[xr.Dataset, SimulatedFilm], MeasurementModel]] = {
 VERSION = "1.0"
 
 
-def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Effect] | None = None, workers: int = 1) -> Diagnosis:
+def diagnose(
+    path: str | Path,
+    geometry: str | None = None,
+    effects: Iterable[Effect] | None = None,
+    workers: int = 1,
+) -> Diagnosis:
     """Say whether the simulation explains a measurement, and if not, which physical cause does.
 
     Args:
         path: a measurement file, version 1.x.
-        geometry: name or path of a geometry to use instead of the file's own; a record of drive and output needs none.
+        geometry: name or path of a geometry to use instead of the file's own; a record of drive and
+            output needs none.
         effects: the causes to consider; the whole library unless given.
-        workers: processes that fit side by side, this one among them. A script that asks for more than one keeps what it runs under
-            `if __name__ == "__main__"`, and effects of its own in a module.
+        workers: processes that fit side by side, this one among them. A script that asks for more
+            than one keeps what it runs under `if __name__ == "__main__"`, and effects of its own in
+            a module.
 
     Returns: the diagnosis, see `measurement-format.md`, "Diagnosis"; the same whatever the workers.
     Raises: MeasurementError, GeometryError, ConvergenceError, ParameterError.
-    Valid: noise normal, of the standard deviation that the file states or the data show. Fits are kept in the user's cache until all are
-        done: the same call after an interruption goes on where it stopped.
+    Valid: noise normal, of the standard deviation that the file states or the data show. Fits are
+        kept in the user's cache until all are done: the same call after an interruption goes on
+        where it stopped.
     """
     if workers < 1:
         raise ParameterError(f"workers: {workers} is none; give a whole number of at least 1")
@@ -82,21 +92,39 @@ def diagnose(path: str | Path, geometry: str | None = None, effects: Iterable[Ef
     tree, model = _opened(path, geometry)
     pool = list(library().values() if effects is None else effects)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work they wait for each other.
-    with remembered(digest, model, [effect.name for effect in pool]), threadpool_limits(1, user_api="blas"), ExitStack() as helpers:
-        found, run = _searched(partial(_posed, path, geometry, _sent(pool, workers)), workers, helpers)
+    # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work
+    # they wait for each other.
+    with (
+        remembered(digest, model, [effect.name for effect in pool]),
+        threadpool_limits(1, user_api="blas"),
+        ExitStack() as helpers,
+    ):
+        found, run = _searched(
+            partial(_posed, path, geometry, _sent(pool, workers)), workers, helpers
+        )
         base_model = found[0].result.model.base_model
-        concluded = conclude(str(path), digest, found, (*tree.attrs.get("repairs", ()), *base_model.notes), run)
+        concluded = conclude(
+            str(path), digest, found, (*tree.attrs.get("repairs", ()), *base_model.notes), run
+        )
     return replace(concluded, geometry=geometry)
 
 
 def _sent(effects: list[Effect], workers: int) -> list[Effect | str]:
     """Return effects as other processes may be told of them: those of the library by name."""
-    found: list[Effect | str] = [effect.name if library().get(effect.name) is effect else effect for effect in effects]
+    found: list[Effect | str] = [
+        effect.name if library().get(effect.name) is effect else effect for effect in effects
+    ]
     for effect in found:
-        if workers > 1 and isinstance(effect, Effect) and any("<" in getattr(c, "__qualname__", "") for c in effect.changes.values()):
+        if (
+            workers > 1
+            and isinstance(effect, Effect)
+            and any("<" in getattr(c, "__qualname__", "") for c in effect.changes.values())
+        ):
             raise ParameterError(
-                f"effects: {effect.name} is defined where other processes cannot import it; define it in a module, or take workers = 1"
+                f"effects: {effect.name} is defined where other processes cannot import it; "
+                "define it in a module, "
+                "or take "
+                "workers = 1"
             )
     return found
 
@@ -105,27 +133,42 @@ def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None
     """Read a measurement, and the device that it is of; a record of an oscillator needs none."""
     tree = measurement.read(path)
     groups = [node.to_dataset() for node in tree.children.values()]
-    bare = geometry is None and tree.attrs.keys().isdisjoint(("model", "geometry")) and all(map(_oscillates, groups))
+    bare = (
+        geometry is None
+        and tree.attrs.keys().isdisjoint(("model", "geometry"))
+        and all(map(_oscillates, groups))
+    )
     return tree, None if bare else measured_device(tree.attrs, path, geometry)
 
 
-def _posed(path: Path, geometry: str | None, chosen: list[Effect | str], backwards: bool = False) -> Posed:
+def _posed(
+    path: Path, geometry: str | None, chosen: list[Effect | str], backwards: bool = False
+) -> Posed:
     """Return the problem that a file poses, several measurements jointly, and those of the effects that may explain it.
 
     chosen: effects, those of the library by name. backwards: see `JointModel`.
     """
     effects = [library()[effect] if isinstance(effect, str) else effect for effect in chosen]
     tree, model = _opened(path, geometry)
-    base_models = {name: pose(name, node.to_dataset(), model) for name, node in tree.children.items()}
+    base_models = {
+        name: pose(name, node.to_dataset(), model) for name, node in tree.children.items()
+    }
     if len(base_models) > 1:
         joint = JointModel(base_models, backwards=backwards)
         return joint, joint.pool(effects)
     ((_, base_model),) = base_models.items()
-    return base_model, base_model.pool(effects) if isinstance(base_model, RecordModel) else applicable(base_model, effects)
+    return base_model, base_model.pool(effects) if isinstance(
+        base_model, RecordModel
+    ) else applicable(base_model, effects)
 
 
-def _searched(pose: Callable[..., Posed], workers: int, helpers: ExitStack) -> tuple[list[Candidate], Run]:
-    """Fit what may explain one measurement, or several jointly; return what was fitted, and what does further jobs of that problem."""
+def _searched(
+    pose: Callable[..., Posed], workers: int, helpers: ExitStack
+) -> tuple[list[Candidate], Run]:
+    """Fit what may explain one measurement, or several jointly.
+
+    Return what was fitted, and what does further jobs of that problem.
+    """
 
     def sought(pose: Callable[[], Posed]) -> tuple[list[Candidate], Run]:
         mine = helpers.enter_context(worker_pool(pose, workers))
@@ -133,30 +176,47 @@ def _searched(pose: Callable[..., Posed], workers: int, helpers: ExitStack) -> t
 
     found, run = sought(pose)
     base_model = found[0].result.model.base_model
-    if not isinstance(base_model, JointModel) or any(candidate.viable for candidate in found) or "wavelength" not in base_model.scales:
+    if (
+        not isinstance(base_model, JointModel)
+        or any(candidate.viable for candidate in found)
+        or "wavelength" not in base_model.scales
+    ):
         return found, run
-    # Which way the film moves at a phase of the drive is not known, and two wavelengths together tell it.
+    # Which way the film moves at a phase of the drive is not known, and two wavelengths together
+    # tell it.
     other = sought(partial(pose, backwards=True))
     return max(((found, run), other), key=lambda one: max(candidate.weight for candidate in one[0]))
 
 
 def _oscillates(dataset: xr.Dataset) -> bool:
     """Whether a group is a record of drive and output in volts, which tells of one oscillator and nothing of a film."""
-    return dataset.attrs["kind"] == "trace" and "wavelength" not in dataset.attrs and "drive_voltage" in dataset
+    return (
+        dataset.attrs["kind"] == "trace"
+        and "wavelength" not in dataset.attrs
+        and "drive_voltage" in dataset
+    )
 
 
 def pose(name: str, dataset: xr.Dataset, model: Model | None) -> MeasurementModel:
-    """Return the problem that a group of a measurement file poses; that of an oscillator's record needs no device."""
+    """Return the problem that a group of a measurement file poses.
+
+    That of an oscillator's record needs no device.
+    """
     if model is None or _oscillates(dataset):
         return RecordModel(dataset)
     kind = str(dataset.attrs["kind"])
     if kind not in PROBLEMS:
-        raise MeasurementError(f"{name}: a diagnosis of kind {kind!r} is not available; known are {', '.join(PROBLEMS)}")
+        raise MeasurementError(
+            f"{name}: a diagnosis of kind {kind!r} is not available; known are "
+            f"{', '.join(PROBLEMS)}"
+        )
     count = max(48, 4 * dataset.sizes.get("mode", 0)) if kind == "spectrum" else 12
     return PROBLEMS[kind](dataset, SimulatedFilm(model, count))
 
 
-def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, ...], run: Run) -> Diagnosis:
+def conclude(
+    file: str, digest: str, found: list[Candidate], notes: tuple[str, ...], run: Run
+) -> Diagnosis:
     """Weigh what was fitted and put the verdict together."""
     judged = judge(found)
     base = found[0]
@@ -167,9 +227,16 @@ def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, .
     base_model = best.result.model.base_model
     joint = base_model.bought(best.result) if isinstance(base_model, JointModel) else ()
     listed = [*((best,) if judged.verdict == "ambiguous" else ()), *judged.rivals]
-    if judged.verdict != "unexplained":  # where nothing explains the data, nothing is an alternative; the trials tell what was tried
-        listed += [c for c in sorted(found[1:], key=lambda c: -c.weight) if c not in listed and c is not best and share[c.names] > SHOWN]
-    probability = {"adequate": base.p_value, "unexplained": 1 - base.p_value}.get(judged.verdict, share[best.names])
+    # Where nothing explains the data, nothing is an alternative; the trials tell what was tried
+    if judged.verdict != "unexplained":
+        listed += [
+            c
+            for c in sorted(found[1:], key=lambda c: -c.weight)
+            if c not in listed and c is not best and share[c.names] > SHOWN
+        ]
+    probability = {"adequate": base.p_value, "unexplained": 1 - base.p_value}.get(
+        judged.verdict, share[best.names]
+    )
     forms = free_forms(base.result, run) if judged.verdict == "unexplained" else ()
     return Diagnosis(
         file=file,
@@ -185,7 +252,10 @@ def conclude(file: str, digest: str, found: list[Candidate], notes: tuple[str, .
         after=after,
         measure_next=measure_next(judged, found),
         base_parameters=_parameters(base)["base"],
-        trials=tuple(Trial(c.names, c.result.chi2, c.weight - base.weight, c.p_value, _against(c)) for c in found),
+        trials=tuple(
+            Trial(c.names, c.result.chi2, c.weight - base.weight, c.p_value, _against(c))
+            for c in found
+        ),
         notes=(*notes, *joint),
         sentences=tuple(effect.sentence for effect in best.result.model.effects),
         comparisons=_compare(base, best),
@@ -212,11 +282,17 @@ def _described(forms: tuple[FreeForm, ...], before: Quality) -> str:
     best = forms[0].quality.heldout_chi2_reduced
     if best >= before.heldout_chi2_reduced:
         return "; no extension of free form predicts data that it did not see"
-    return f"; {forms[0].sentence} predicts unseen data best (held-out χ² per datum {before.heldout_chi2_reduced:.3g} → {best:.3g})"
+    return (
+        f"; {forms[0].sentence} predicts unseen data best (held-out χ² per datum "
+        f"{before.heldout_chi2_reduced:.3g} → {best:.3g})"
+    )
 
 
 def _quality(candidate: Candidate) -> Quality:
-    return Quality(candidate.result.chi2 / candidate.result.degrees, candidate.result.cross_validation.chi2_reduced)
+    return Quality(
+        candidate.result.chi2 / candidate.result.degrees,
+        candidate.result.cross_validation.chi2_reduced,
+    )
 
 
 def _against(candidate: Candidate) -> tuple[str, ...]:
@@ -229,16 +305,23 @@ def _against(candidate: Candidate) -> tuple[str, ...]:
 def _where(base: Candidate, verdict: Verdict) -> str:
     if verdict == "adequate":
         return "no deviation from the base model beyond noise"
-    return f"{base.result.model.base_model.describe(base.result.residuals)}; most telling: {base.worst}"
+    return (
+        f"{base.result.model.base_model.describe(base.result.residuals)}; most telling: "
+        f"{base.worst}"
+    )
 
 
 def _parameters(candidate: Candidate) -> dict[str, dict[str, Parameter]]:
     sd = np.sqrt(np.diag(candidate.result.covariance))
     found: dict[str, dict[str, Parameter]] = {"base": {}}
-    for (owner, spec), value, s in zip(candidate.result.model.parameters, candidate.result.vector, sd, strict=True):
+    for (owner, spec), value, s in zip(
+        candidate.result.model.parameters, candidate.result.vector, sd, strict=True
+    ):
         common = abs(value) * candidate.result.model.base_model.systematic(spec.unit)
         number, spread = (np.rint(value), 0.0) if spec.whole else (value, np.hypot(s, common))
-        found.setdefault(owner, {})[spec.name] = Parameter(spec.name, float(number), float(spread), spec.unit)
+        found.setdefault(owner, {})[spec.name] = Parameter(
+            spec.name, float(number), float(spread), spec.unit
+        )
     return found
 
 
@@ -255,7 +338,9 @@ def record(diagnosis: Diagnosis) -> dict[str, Any]:
             owner: {name: {"value": p.value, "sd": p.sd, "unit": p.unit} for name, p in own.items()}
             for owner, own in diagnosis.parameters.items()
         },
-        "alternatives": [{"causes": list(a.causes), "probability": a.probability} for a in diagnosis.alternatives],
+        "alternatives": [
+            {"causes": list(a.causes), "probability": a.probability} for a in diagnosis.alternatives
+        ],
         "misfit": {"p_value": diagnosis.p_value, "where": diagnosis.where},
         "before": vars(diagnosis.before),
         "after": vars(diagnosis.after),
@@ -270,7 +355,9 @@ def write(diagnosis: Diagnosis, folder: str | Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ParameterError(f"{folder}: no folder can be made there ({error.strerror}); choose another with --out") from error
+        raise ParameterError(
+            f"{folder}: no folder can be made there ({error.strerror}); choose another with --out"
+        ) from error
     text = json.dumps(record(diagnosis), ensure_ascii=False, indent=1)
 
     def save(file: Path) -> None:

@@ -1,4 +1,7 @@
-"""Which causes, alone or together, explain what the base model leaves: ranked cheaply, fitted, compared."""
+"""Which causes, alone or together, explain what the base model leaves.
+
+Ranked cheaply, fitted, compared.
+"""
 
 import logging
 from collections.abc import Callable, Iterable
@@ -15,7 +18,15 @@ from femnl.core.readout import Array
 from femnl.diagnose.adequacy import ScoreTest, adequacy, score_tests
 from femnl.diagnose.global_starts import scan
 from femnl.diagnose.least_squares import FitResult, fit, improve
-from femnl.diagnose.multistart import FAR, REFINED, extended, replaced, sought_again, sought_beyond, unlike
+from femnl.diagnose.multistart import (
+    FAR,
+    REFINED,
+    extended,
+    replaced,
+    sought_again,
+    sought_beyond,
+    unlike,
+)
 from femnl.diagnose.worker_pool import Job, Run, in_turn
 from femnl.observe.model import ExtendedModel, MeasurementModel
 
@@ -23,28 +34,42 @@ PROGRESS = logging.getLogger("femnl.progress")
 T = TypeVar("T")
 Names = tuple[str, ...]
 FALSE_ALARMS = 0.01
-"""p-value below which causes are sought beside the base model, and below which a set of causes does not explain the data."""
+"""p-value below which causes are sought beside the base model, and below which a set of causes does
+not explain the data.
+"""
 HOPELESS = 1e-3
-"""p-value that is rare, but not too rare for chance, for what the base model or one cause predicts of data that were left out."""
+"""p-value that is rare, but not too rare for chance, for what the base model or one cause predicts
+of data that were left out.
+"""
 DOUBTFUL = 0.05
-"""p-value below which a set that explains the data may lack a cause that is too weak to rule it out."""
+"""p-value below which a set that explains the data may lack a cause that is too weak to rule it
+out.
+"""
 MOST = 7
 """Effects that are fitted at each step, those that the residuals point to most."""
 TELLING = 2
-"""Effects whose looks are the least likely by chance, which are fitted however little they promise: what is of second order shows
-that it is there, but not how much it could take up."""
+"""Effects whose looks are the least likely by chance, which are fitted however little they promise:
+what is of second order shows that it is there, but not how much it could take up."""
 FEWEST = 4
 FAINT = 0.01
-"""Effects that are fitted in any case, and the part of the excess of χ² that any other must promise to take up."""
+"""Effects that are fitted in any case, and the part of the excess of χ² that any other must promise
+to take up.
+"""
 BEAM = 2
 PEERS = 2.0
-"""Sets of causes that are extended at each step; single causes up to this ratio of what they and the best leave of χ² are, too."""
+"""Sets of causes that are extended at each step; single causes up to this ratio of what they and
+the best leave of χ² are, too.
+"""
 PAIR = 1
 """Step at which pairs of causes are sought."""
 NEARLY = 0.01
-"""Part of what the base model leaves beyond noise, up to which a set beside one that explains the data is fitted anew: it may equal it."""
+"""Part of what the base model leaves beyond noise, up to which a set beside one that explains the
+data is fitted anew: it may equal it.
+"""
 AGAIN = (3, 3, 1)
-"""Sets of one, two and three whose causes are sought anew, or pairs that are fitted from afar, where no set explains the data well."""
+"""Sets of one, two and three whose causes are sought anew, or pairs that are fitted from afar,
+where no set explains the data well.
+"""
 LARGEST = 3
 """Causes in the largest set."""
 PER_CAUSE = 0.1
@@ -85,13 +110,21 @@ class Candidate:
 
     @property
     def least(self) -> float:
-        """p-value of data left out below which the set does not explain them: one cause is given the benefit of the doubt."""
+        """p-value of data left out below which the set does not explain them.
+
+        One cause is given the benefit of the doubt.
+        """
         return HOPELESS if len(self.names) <= 1 else FALSE_ALARMS
 
 
 def applicable(base_model: MeasurementModel, library: Iterable[Effect]) -> list[Effect]:
     """Return the effects that can show in this measurement."""
-    return [effect for effect in library if base_model.kind in effect.kinds and all(fact in base_model.scales for fact in effect.needs)]
+    return [
+        effect
+        for effect in library
+        if base_model.kind in effect.kinds
+        and all(fact in base_model.scales for fact in effect.needs)
+    ]
 
 
 def criticise(result: FitResult, library: list[Effect]) -> Candidate:
@@ -110,15 +143,28 @@ def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) 
         if test.effect is not None and test.gain > 0:
             best.setdefault(test.name, []).append(test)
     excess = result.chi2 - result.degrees
-    promising = {name for i, name in enumerate(best) if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)}
-    promising.update(sorted(best, key=lambda name: min(test.p_value for test in best[name]))[:TELLING])
-    return [Pointer(e, tuple(test.values for test in unlike(best[e.name]))) for e in library if e.name in promising]
+    promising = {
+        name
+        for i, name in enumerate(best)
+        if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)
+    }
+    promising.update(
+        sorted(best, key=lambda name: min(test.p_value for test in best[name]))[:TELLING]
+    )
+    return [
+        Pointer(e, tuple(test.values for test in unlike(best[e.name])))
+        for e in library
+        if e.name in promising
+    ]
 
 
-def search(base_model: MeasurementModel, library: list[Effect], run: Run = in_turn) -> list[Candidate]:
+def search(
+    base_model: MeasurementModel, library: list[Effect], run: Run = in_turn
+) -> list[Candidate]:
     """Return the base model first, then every set of causes that was fitted.
 
-    Greedy: sets grow by the effects that their residuals point to most, and no further once one of them explains the data well.
+    Greedy: sets grow by the effects that their residuals point to most, and no further once one of
+    them explains the data well.
     run: does jobs that do not wait for each other.
     """
     model = ExtendedModel(base_model)
@@ -136,7 +182,9 @@ def search(base_model: MeasurementModel, library: list[Effect], run: Run = in_tu
             _keep(grown, run(_growing(parents, library)), library, run)
             done += parents
             parents = (
-                _partners(grown, found, done, library, run) if size == PAIR and (base_model.needs_global_search or _settled(grown)) else []
+                _partners(grown, found, done, library, run)
+                if size == PAIR and (base_model.needs_global_search or _settled(grown))
+                else []
             )
         if not _settled(grown):
             ranked = sorted(grown.values(), key=lambda c: -c.weight)
@@ -147,11 +195,17 @@ def search(base_model: MeasurementModel, library: list[Effect], run: Run = in_tu
                 others = run(_seeking(ranked[:few]))
             _keep(grown, others, library, run)
         else:
-            short = [c for c in grown.values() if not c.viable and _excess(c) < NEARLY * _excess(base)]
+            short = [
+                c for c in grown.values() if not c.viable and _excess(c) < NEARLY * _excess(base)
+            ]
             _keep(grown, run(_seeking(short)), library, run)
         found += grown.values()
         beam = sorted(grown.values(), key=lambda c: -c.weight)
-        beam = [c for i, c in enumerate(beam) if i < BEAM or (size == 0 and _excess(c) < PEERS * _excess(beam[0]))]
+        beam = [
+            c
+            for i, c in enumerate(beam)
+            if i < BEAM or (size == 0 and _excess(c) < PEERS * _excess(beam[0]))
+        ]
         if _settled(grown):
             break
         beam = _looked_at(beam, library, run)
@@ -159,7 +213,10 @@ def search(base_model: MeasurementModel, library: list[Effect], run: Run = in_tu
 
 
 def _simpler(found: list[Candidate], library: list[Effect], run: Run) -> list[Candidate]:
-    """Fit the best set that explains the data without each of its causes: what was found beside another may do without it."""
+    """Fit the best set that explains the data without each of its causes.
+
+    What was found beside another may do without it.
+    """
     kept = {candidate.names: candidate for candidate in found}
     (plain, _) = found[0].result.model.split(found[0].result.vector)
     several = [candidate for candidate in found if candidate.viable and len(candidate.names) > 1]
@@ -173,7 +230,12 @@ def _simpler(found: list[Candidate], library: list[Effect], run: Run) -> list[Ca
             fewer = ExtendedModel(model.base_model, (*model.effects[:k], *model.effects[k + 1 :]))
             names = tuple(sorted(effect.name for effect in fewer.effects))
             before = kept.get(names)
-            _keep(kept, [fit(fewer, fewer.pack(start, [*values[:k], *values[k + 1 :]]), near=result)], library, run)
+            _keep(
+                kept,
+                [fit(fewer, fewer.pack(start, [*values[:k], *values[k + 1 :]]), near=result)],
+                library,
+                run,
+            )
             if kept[names] is not before and kept[names].viable and len(names) > 1:
                 todo.append(kept[names])
     return list(kept.values())
@@ -185,9 +247,16 @@ def _settled(grown: dict[Names, Candidate]) -> bool:
 
 
 def _partners(
-    grown: dict[Names, Candidate], found: list[Candidate], parents: list[Candidate], library: list[Effect], run: Run
+    grown: dict[Names, Candidate],
+    found: list[Candidate],
+    parents: list[Candidate],
+    library: list[Effect],
+    run: Run,
 ) -> list[Candidate]:
-    """Return the causes of the best pair, alone, that have not been extended: another partner may do as well, or better."""
+    """Return the causes of the best pair, alone, that have not been extended.
+
+    Another partner may do as well, or better.
+    """
     best = max(grown, key=lambda names: grown[names].weight, default=())
     done = {parent.names for parent in parents}
     alone = [c for c in found if len(c.names) == 1 and c.names[0] in best and c.names not in done]
@@ -197,19 +266,32 @@ def _partners(
 def _looked_at(candidates: list[Candidate], library: list[Effect], run: Run) -> list[Candidate]:
     """Criticise what has not been yet."""
     todo = [c.result for c in candidates if c.pointers is None]
-    fresh = iter(run([_job("looking at", _names(s), s, partial(criticise, s, library)) for s in todo]))
+    fresh = iter(
+        run([_job("looking at", _names(s), s, partial(criticise, s, library)) for s in todo])
+    )
     return [next(fresh) if c.pointers is None else c for c in candidates]
 
 
-def _keep(grown: dict[Names, Candidate], results: Iterable[FitResult | None], library: list[Effect], run: Run) -> None:
-    """Criticise what was fitted, the best of each set of causes; where χ² alone rules it out, leave it at that."""
+def _keep(
+    grown: dict[Names, Candidate],
+    results: Iterable[FitResult | None],
+    library: list[Effect],
+    run: Run,
+) -> None:
+    """Criticise what was fitted, the best of each set of causes.
+
+    Where χ² alone rules it out, leave it at that.
+    """
     best: dict[Names, FitResult] = {}
     for result in (result for result in results if result is not None):
         names = _names(result)
         known = best[names] if names in best else grown[names].result if names in grown else None
         if known is None or result.chi2 < known.chi2:
             best[names] = result
-    plain = {names: Candidate(s, float(chi2.sf(s.chi2, s.degrees)), "chi-square", None) for names, s in best.items()}
+    plain = {
+        names: Candidate(s, float(chi2.sf(s.chi2, s.degrees)), "chi-square", None)
+        for names, s in best.items()
+    }
     worth = [c for c in plain.values() if c.p_value >= HOPELESS / 10]
     grown |= plain | {c.names: c for c in _looked_at(worth, library, run)}
 
@@ -223,11 +305,27 @@ def _from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[
     base = found[0].result
     alone = {c.names[0]: c.result for c in found if len(c.names) == 1}
     rest = [effect for effect in library if effect.name not in alone]
-    alone |= zip((e.name for e in rest), run([_job("seeking", (e.name,), base, partial(_alone, base, e)) for e in rest]), strict=True)
-    pairs = [(alone[one.name], other) for one, other in combinations(sorted(library, key=_shaped), 2)]
-    rough = run([_job("seeking", _names(single, other), base, partial(_roughly, single, other)) for single, other in pairs])
+    alone |= zip(
+        (e.name for e in rest),
+        run([_job("seeking", (e.name,), base, partial(_alone, base, e)) for e in rest]),
+        strict=True,
+    )
+    pairs = [
+        (alone[one.name], other) for one, other in combinations(sorted(library, key=_shaped), 2)
+    ]
+    rough = run(
+        [
+            _job("seeking", _names(single, other), base, partial(_roughly, single, other))
+            for single, other in pairs
+        ]
+    )
     best = sorted(zip(rough, pairs, strict=True), key=lambda pair: pair[0][0])[: AGAIN[PAIR]]
-    return run([_job("trying", _names(single, other), base, partial(_paired, single, other, v)) for (_, v), (single, other) in best])
+    return run(
+        [
+            _job("trying", _names(single, other), base, partial(_paired, single, other, v))
+            for (_, v), (single, other) in best
+        ]
+    )
 
 
 def _alone(base: FitResult, effect: Effect) -> FitResult:
@@ -241,16 +339,23 @@ def _roughly(single: FitResult, other: Effect) -> tuple[float, Array]:
     """Return χ² and the vector to which a few evaluations lead from where another effect suits best beside one."""
     model = ExtendedModel(single.model.base_model, (*single.model.effects, other))
     (_, own) = single.model.split(single.vector)
-    starts = [model.pack(start.base, [*own, start.values]) for start in scan(single, other)[:REFINED]]
+    starts = [
+        model.pack(start.base, [*own, start.values]) for start in scan(single, other)[:REFINED]
+    ]
     return min((improve(model, start, FAR, single) for start in starts), key=lambda found: found[0])
 
 
 def _paired(single: FitResult, other: Effect, vector: Array) -> FitResult:
-    return fit(ExtendedModel(single.model.base_model, (*single.model.effects, other)), vector, near=single)
+    return fit(
+        ExtendedModel(single.model.base_model, (*single.model.effects, other)), vector, near=single
+    )
 
 
 def _shaped(effect: Effect) -> tuple[int, int]:
-    """How many parameters of an effect are no strengths, and how many are: of two, the one with more is sought beside the other."""
+    """How many parameters of an effect are no strengths, and how many are.
+
+    Of two, the one with more is sought beside the other.
+    """
     shapes = sum(not spec.strength for spec in effect.parameters)
     return shapes, -len(effect.parameters)
 
@@ -264,8 +369,14 @@ def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitRes
         for pointer in parent.pointers or ():
             find = partial(extended, result, pointer.effect, list(pointer.shapes))
             jobs.append(_job("trying", _names(result, pointer.effect), result, find))
-        others = [e for e in library if e.name not in mine and not any(spec.strength for spec in e.parameters)]
-        jobs += [_job("trying", _names(result, e), result, partial(replaced, result, e)) for e in others]
+        others = [
+            e
+            for e in library
+            if e.name not in mine and not any(spec.strength for spec in e.parameters)
+        ]
+        jobs += [
+            _job("trying", _names(result, e), result, partial(replaced, result, e)) for e in others
+        ]
     return jobs
 
 

@@ -30,7 +30,11 @@ class SeriesModel:
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
         self.film = film.model.film
-        self.control = {name: np.asarray(dataset[name].values, float) for name in CONTROLS if name in dataset.coords}
+        self.control = {
+            name: np.asarray(dataset[name].values, float)
+            for name in CONTROLS
+            if name in dataset.coords
+        }
         self._data: dict[str, tuple[Array, Array]] = {}
         notes = []
         for name in ("frequency", "quality_factor"):
@@ -42,12 +46,17 @@ class SeriesModel:
             else:
                 kept = dataset[[name]].assign_attrs(kind="series")
                 sd = np.full(values.shape, estimate_noise(kept))
-                notes.append(f"series: {name}_sd is not in the file; estimated from the scatter as {sd[0]:.3g}")
+                notes.append(
+                    f"series: {name}_sd is not in the file; estimated from the scatter as "
+                    f"{sd[0]:.3g}"
+                )
             self._data[name] = values, sd
         used = [np.isfinite(values) & np.isfinite(sd) for values, sd in self._data.values()]
         self._used = np.concatenate(used)
         if self._used.sum() < 4:
-            raise MeasurementError(f"series: {self._used.sum()} usable points; a diagnosis needs at least 4")
+            raise MeasurementError(
+                f"series: {self._used.sum()} usable points; a diagnosis needs at least 4"
+            )
         middle = {name: float(np.nanmedian(values)) for name, (values, _) in self._data.items()}
         self.base = tuple(
             ParameterSpec(name, unit, 0.5 * middle[name], 2 * middle[name])
@@ -56,8 +65,16 @@ class SeriesModel:
         )
         self.start = np.array([middle[spec.name] for spec in self.base])
         # A control variable counts as recorded only where it was varied.
-        varied = {name: float(np.ptp(v)) for name, v in self.control.items() if np.isfinite(v).all() and np.ptp(v) > 0}
-        self.scales: Mapping[str, float] = {**varied, **dict.fromkeys(middle, 1.0), **_inverse(varied)}
+        varied = {
+            name: float(np.ptp(v))
+            for name, v in self.control.items()
+            if np.isfinite(v).all() and np.ptp(v) > 0
+        }
+        self.scales: Mapping[str, float] = {
+            **varied,
+            **dict.fromkeys(middle, 1.0),
+            **_inverse(varied),
+        }
         self.notes = tuple(notes)
 
     @property
@@ -71,13 +88,30 @@ class SeriesModel:
         """Return (f − f_predicted)/σ, then (Q − Q_predicted)/σ."""
         return self._against(self.control, effects, base, values)[self._used]
 
-    def _against(self, control: dict[str, Array], effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+    def _against(
+        self,
+        control: dict[str, Array],
+        effects: Sequence[Effect],
+        base: Values,
+        values: Sequence[Values],
+    ) -> Array:
         count = len(next(iter(control.values())))
-        flat = {name: np.full(count, base.get(name, 1.0)) for name in ("frequency", "quality_factor")}
-        points = apply("points", Points(flat["frequency"], flat["quality_factor"], control, self.film), effects, values)
-        return np.concatenate([(data - getattr(points, name)) / sd for name, (data, sd) in self._data.items()])
+        flat = {
+            name: np.full(count, base.get(name, 1.0)) for name in ("frequency", "quality_factor")
+        }
+        points = apply(
+            "points",
+            Points(flat["frequency"], flat["quality_factor"], control, self.film),
+            effects,
+            values,
+        )
+        return np.concatenate(
+            [(data - getattr(points, name)) / sd for name, (data, sd) in self._data.items()]
+        )
 
-    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         """A slope and a bend of each quantity against each control variable."""
         found = {}
         sizes = [len(data) for data, _ in self._data.values()]
@@ -92,12 +126,19 @@ class SeriesModel:
                     found[f"{word} of {name} with {control}"] = np.concatenate(rows)[self._used]
         return found
 
-    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         """Each control variable over its range with the others held, so that causes that moved together part."""
         found = {}
         for name in self.control:
-            held = {other: v if other == name else np.full_like(v, v.mean()) for other, v in self.control.items()}
-            found[f"the same series with only {name} varied"] = -np.nan_to_num(self._against(held, effects, base, values))
+            held = {
+                other: v if other == name else np.full_like(v, v.mean())
+                for other, v in self.control.items()
+            }
+            found[f"the same series with only {name} varied"] = -np.nan_to_num(
+                self._against(held, effects, base, values)
+            )
         return found
 
     def systematic(self, unit: str) -> float:
@@ -113,7 +154,9 @@ class SeriesModel:
         count = len(self._used) // len(self._data)
         names = tuple(name for name, *_ in models)
         away = np.full((len(models), len(self._used)), np.nan)
-        away[:, self._used] = [self.residuals(effects, base, values) for _, effects, base, values in models]
+        away[:, self._used] = [
+            self.residuals(effects, base, values) for _, effects, base, values in models
+        ]
         found = []
         for control, axis in self.control.items():
             if control not in self.scales:
@@ -123,7 +166,17 @@ class SeriesModel:
                 predicted = data - away[:, k * count : (k + 1) * count] * sd
                 curve = Curve(name, axis[order], data[order], sd[order], predicted[:, order])
                 unit = "Hz" if name == "frequency" else ""
-                found.append(Curves("series", control.replace("_", " "), CONTROLS[control], name.replace("_", " "), unit, names, (curve,)))
+                found.append(
+                    Curves(
+                        "series",
+                        control.replace("_", " "),
+                        CONTROLS[control],
+                        name.replace("_", " "),
+                        unit,
+                        names,
+                        (curve,),
+                    )
+                )
         return tuple(found)
 
     def describe(self, residuals: Array) -> str:
@@ -135,10 +188,19 @@ class SeriesModel:
         worst = max(rows, key=lambda name: np.nanmean(rows[name] ** 2))
         order = np.argsort(axis)
         ends = rows[worst][order[0]], rows[worst][order[-1]]
-        span = f"{ends[0]:+.1f}σ at {control} = {axis[order[0]]:.3g} {CONTROLS[control]} to {ends[1]:+.1f}σ at {axis[order[-1]]:.3g}"
-        return f"{worst} is not constant: from {span} {CONTROLS[control]}; rms {np.sqrt(np.nanmean(rows[worst] ** 2)):.2f}σ"
+        span = (
+            f"{ends[0]:+.1f}σ at {control} = {axis[order[0]]:.3g} {CONTROLS[control]} to "
+            f"{ends[1]:+.1f}σ at "
+            f"{axis[order[-1]]:.3g}"
+        )
+        return (
+            f"{worst} is not constant: from {span} {CONTROLS[control]}; rms "
+            f"{np.sqrt(np.nanmean(rows[worst] ** 2)):.2f}σ"
+        )
 
 
 def _inverse(varied: Mapping[str, float]) -> dict[str, float]:
     """Scales of parameters per unit of a control variable, and per its square."""
-    return {f"per_{k}": 1 / v for k, v in varied.items()} | {f"per_{k}_square": 1 / v**2 for k, v in varied.items()}
+    return {f"per_{k}": 1 / v for k, v in varied.items()} | {
+        f"per_{k}_square": 1 / v**2 for k, v in varied.items()
+    }

@@ -21,7 +21,9 @@ from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import Named, Ranked, apply
 
 BENDING_SD = 0.03
-"""Relative standard deviation of ℓ where the geometry gives thickness, modulus and stress: none of them is known better."""
+"""Relative standard deviation of ℓ where the geometry gives thickness, modulus and stress: none of
+them is known better.
+"""
 FARTHEST = 4.0
 """How many of those ℓ may deviate."""
 OWN = 0.75
@@ -41,39 +43,64 @@ class SpectrumModel:
     independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
 
     def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
-        usable = np.isfinite(dataset["frequency"].values) & np.isfinite(dataset["frequency_sd"].values)
+        usable = np.isfinite(dataset["frequency"].values) & np.isfinite(
+            dataset["frequency_sd"].values
+        )
         self.frequency = dataset["frequency"].values[usable]
         self.sd = dataset["frequency_sd"].values[usable]
         if len(self.frequency) < 3:
-            raise MeasurementError(f"spectrum: {len(self.frequency)} usable modes; a diagnosis needs at least 3")
-        self.label = [str(name) for name in dataset["label"].values[usable]] if "label" in dataset else []
+            raise MeasurementError(
+                f"spectrum: {len(self.frequency)} usable modes; a diagnosis needs at least 3"
+            )
+        self.label = (
+            [str(name) for name in dataset["label"].values[usable]] if "label" in dataset else []
+        )
         self.time = dataset["time"].values[usable] if "time" in dataset else np.empty(0)
         if len(self.time) and not np.isfinite(self.time).all():
             self.time = np.empty(0)
         self.film = film
-        unknown = any(key == "film" or key in ("film.thickness", "film.young", "film.stress") for key in film.model.assumed)
+        unknown = any(
+            key == "film" or key in ("film.thickness", "film.young", "film.stress")
+            for key in film.model.assumed
+        )
         self._bending_sd = np.inf if unknown else BENDING_SD
         # Where ℓ is known, no fit may leave its prior for what only another cause could do.
-        low, high = (0.0, 4.0) if unknown else (1 - FARTHEST * BENDING_SD, 1 + FARTHEST * BENDING_SD)
+        low, high = (
+            (0.0, 4.0) if unknown else (1 - FARTHEST * BENDING_SD, 1 + FARTHEST * BENDING_SD)
+        )
         self._order = self._match()
         self._eigen = recent(_eigen if self.label else _squares)
         self._bare = recent(self._unchanged)
         ratio = float(np.median(self.frequency / film.modes.frequency[self._order]))
         self.base: tuple[ParameterSpec, ...] = (
             ParameterSpec("speed", "m/s", 0.3 * film.speed * ratio, 3 * film.speed * ratio),
-            ParameterSpec("bending_length", "m", low * film.bending_length, high * film.bending_length),
+            ParameterSpec(
+                "bending_length", "m", low * film.bending_length, high * film.bending_length
+            ),
         )
         self.start = np.array([film.speed * ratio, film.bending_length])
-        self.ranked: tuple[Ranked, ...] = () if self.label else (Ranked(np.arange(len(self.sd)), self.frequency, self.sd),)
+        self.ranked: tuple[Ranked, ...] = (
+            () if self.label else (Ranked(np.arange(len(self.sd)), self.frequency, self.sd),)
+        )
         self.scales: Mapping[str, float] = {
             "reach": film.projection.reach,
             "mass": float(film.modes.effective_mass[0] * (film.speed / self.start[0]) ** 2),
             "frequency": float(self.frequency.min()),
             "layer_square": film.bending_length**2,
-            **({"time": float(np.ptp(self.time))} if len(self.time) and np.ptp(self.time) > 0 else {}),
+            **(
+                {"time": float(np.ptp(self.time))}
+                if len(self.time) and np.ptp(self.time) > 0
+                else {}
+            ),
         }
-        known = "the geometry assumes its film, so ℓ is fitted without prior knowledge" if unknown else f"ℓ is known to {BENDING_SD:.0%}"
-        self.notes: tuple[str, ...] = (f"spectrum: c is free, {known}; side, stress and density enter only through c/L",)
+        known = (
+            "the geometry assumes its film, so ℓ is fitted without prior knowledge"
+            if unknown
+            else f"ℓ is known to {BENDING_SD:.0%}"
+        )
+        self.notes: tuple[str, ...] = (
+            f"spectrum: c is free, {known}; side, stress and density enter only through c/L",
+        )
 
     def _match(self) -> NDArray[np.int64]:
         """Return the base mode of each measured one: by label, else by rising frequency."""
@@ -84,11 +111,15 @@ class SpectrumModel:
         for name in self.label:
             if f"({name})" not in names:
                 raise MeasurementError(
-                    f"spectrum/label: {name!r} is none of the first {len(names)} modes of {self.film.model.name}; correct it"
+                    f"spectrum/label: {name!r} is none of the first {len(names)} modes of "
+                    f"{self.film.model.name}; "
+                    "correct it"
                 )
             found.append(names.index(f"({name})"))
         if len(set(found)) < len(found):
-            raise MeasurementError(f"spectrum/label: {', '.join(self.label)} names a mode twice; correct the labels")
+            raise MeasurementError(
+                f"spectrum/label: {', '.join(self.label)} names a mode twice; correct the labels"
+            )
         return np.array(found, dtype=np.int64)
 
     @property
@@ -96,12 +127,22 @@ class SpectrumModel:
         """Every mode is a block of its own; prior knowledge of ℓ belongs to none."""
         return np.append(np.arange(len(self.frequency)), -1)
 
-    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         """Deviations in proportion to frequency squared and to the time of acquisition, and a film that varies over the place."""
-        found = {"rise with frequency": (self.frequency / self.frequency.max()) ** 2 * self.frequency / self.sd}
+        found = {
+            "rise with frequency": (self.frequency / self.frequency.max()) ** 2
+            * self.frequency
+            / self.sd
+        }
         if "time" in self.scales:
-            found["order of acquisition"] = (self.time - self.time.mean()) / self.scales["time"] * self.frequency / self.sd
-        return {name: np.append(row, 0.0) for name, row in found.items()} | smooth_film(self, effects, base, values)
+            found["order of acquisition"] = (
+                (self.time - self.time.mean()) / self.scales["time"] * self.frequency / self.sd
+            )
+        return {name: np.append(row, 0.0) for name, row in found.items()} | smooth_film(
+            self, effects, base, values
+        )
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (f − f_predicted)/σ of each mode, and the deviation of ℓ from the geometry's in units of its own σ."""
@@ -112,9 +153,14 @@ class SpectrumModel:
             return np.asarray((self.frequency - lines.frequency) / self.sd)
 
         chosen = self._labelled(frequency, share, plain, misfit)
-        return np.append(misfit(chosen), (base["bending_length"] / self.film.bending_length - 1) / self._bending_sd)
+        return np.append(
+            misfit(chosen),
+            (base["bending_length"] / self.film.bending_length - 1) / self._bending_sd,
+        )
 
-    def _solved(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> tuple[Array, Array, Array]:
+    def _solved(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> tuple[Array, Array, Array]:
         """Return the frequencies of the changed modes, the share (base, changed) of each base mode in them, and its own frequency.
 
         Where nothing has a label the shares are left out.
@@ -127,25 +173,50 @@ class SpectrumModel:
     def _unchanged(self, speed: float, bending_length: float) -> tuple[Array, Array, ModalSystem]:
         """Return the frequencies and masses of the modes of the film that nothing changes, and its matrices."""
         plain = self.film.frequency(speed, bending_length)
-        # The geometry states its stress and assumes its density, so that c is carried by the density.
+        # The geometry states its stress and assumes its density, so that c is carried by the
+        # density.
         film = replace(self.film.model.film, density=self.film.model.film.stress / speed**2)
         mass = self.film.modes.effective_mass * film.density / self.film.model.film.density
         stiffness = np.diag(mass * (2 * np.pi * plain) ** 2)
         box = self.film.model.outline.size
-        system = ModalSystem(stiffness, np.diag(mass), film.stress, film, self.film.projection, box, bending_length, self.film.layer)
+        system = ModalSystem(
+            stiffness,
+            np.diag(mass),
+            film.stress,
+            film,
+            self.film.projection,
+            box,
+            bending_length,
+            self.film.layer,
+        )
         return plain, mass, system
 
-    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         """The next modes that were not measured; their pairs by rising frequency."""
         frequency, _, _ = self._solved(effects, base, values)
         missing = [k for k in range(max(self._order) + 1 + NEXT) if k not in self._order][:NEXT]
         names = [self.film.modes.label[k] or f"({k + 1})" for k in missing]
-        return {f"the frequency of mode {name}": frequency[[k]] / np.median(self.sd) for name, k in zip(names, missing, strict=True)}
+        return {
+            f"the frequency of mode {name}": frequency[[k]] / np.median(self.sd)
+            for name, k in zip(names, missing, strict=True)
+        }
 
-    def _labelled(self, frequency: Array, share: Array, plain: Array, misfit: Callable[[NDArray[np.int64]], Array]) -> NDArray[np.int64]:
-        """Return the changed mode of each measured one: by rank; with labels by its share of that mode, mixed pairs as they fit best."""
+    def _labelled(
+        self,
+        frequency: Array,
+        share: Array,
+        plain: Array,
+        misfit: Callable[[NDArray[np.int64]], Array],
+    ) -> NDArray[np.int64]:
+        """Return the changed mode of each measured one: by rank.
+
+        With labels by its share of that mode, mixed pairs as they fit best.
+        """
         if not self.label:
-            # Ranks are those of one moment: two close modes may have been measured in the wrong order by a film that drifts.
+            # Ranks are those of one moment: two close modes may have been measured in the wrong
+            # order by a film that drifts.
             moved = (self.frequency - self.sd * misfit(self._order)) / frequency[self._order]
             return _ranks(self.frequency / moved)
         _, column = linear_sum_assignment(-share[self._order])
@@ -170,22 +241,51 @@ class SpectrumModel:
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Frequencies, mode by mode."""
         n = len(self.frequency)
-        away = np.stack([self.residuals(effects, base, values)[:n] for _, effects, base, values in models])
-        curve = Curve("modes", np.arange(n, dtype=float), self.frequency, self.sd, self.frequency - away * self.sd)
+        away = np.stack(
+            [self.residuals(effects, base, values)[:n] for _, effects, base, values in models]
+        )
+        curve = Curve(
+            "modes",
+            np.arange(n, dtype=float),
+            self.frequency,
+            self.sd,
+            self.frequency - away * self.sd,
+        )
         names = tuple(self.label or [str(i + 1) for i in self._order])
-        return (Curves("spectrum", "mode", "", "frequency", "Hz", tuple(m[0] for m in models), (curve,), names, joined=False),)
+        return (
+            Curves(
+                "spectrum",
+                "mode",
+                "",
+                "frequency",
+                "Hz",
+                tuple(m[0] for m in models),
+                (curve,),
+                names,
+                joined=False,
+            ),
+        )
 
     def describe(self, residuals: Array) -> str:
         """Name the modes that deviate most, in Hz and σ."""
         deviation = residuals[: len(self.frequency)]
         worst = np.argsort(-np.abs(deviation))[:3]
         names = self.label or [str(i + 1) for i in self._order]
-        parts = [f"({names[i]}) by {deviation[i] * self.sd[i]:+.3g} Hz ({deviation[i]:+.1f}σ)" for i in worst]
-        return f"modes {', '.join(parts)} deviate most from the simulated film; rms {np.sqrt(np.mean(deviation**2)):.3g}σ"
+        parts = [
+            f"({names[i]}) by {deviation[i] * self.sd[i]:+.3g} Hz ({deviation[i]:+.1f}σ)"
+            for i in worst
+        ]
+        return (
+            f"modes {', '.join(parts)} deviate most from the simulated film; rms "
+            f"{np.sqrt(np.mean(deviation**2)):.3g}σ"
+        )
 
 
 def _eigen(stiffness: Array, mass: Array) -> tuple[Array, Array]:
-    """Return ω² and the vectors of M-norm 1; most causes leave the masses alone, and then a plain problem is the faster one."""
+    """Return ω² and the vectors of M-norm 1.
+
+    Most causes leave the masses alone, and then a plain problem is the faster one.
+    """
     own = np.diag(mass)
     if np.count_nonzero(mass) == len(own):
         square, turned = np.linalg.eigh(stiffness / np.sqrt(np.outer(own, own)))
@@ -195,7 +295,10 @@ def _eigen(stiffness: Array, mass: Array) -> tuple[Array, Array]:
 
 
 def _squares(stiffness: Array, mass: Array) -> tuple[Array, Array]:
-    """Return ω² alone, and no vectors (n, 0): what has no labels goes by rank, and the vectors cost twice as much as the squares."""
+    """Return ω² alone, and no vectors (n, 0).
+
+    What has no labels goes by rank, and the vectors cost twice as much as the squares.
+    """
     root = np.sqrt(np.diag(mass))
     none = np.empty((len(root), 0))
     scaled = np.outer(root, root)

@@ -1,4 +1,7 @@
-"""Numerical derivatives of residuals, with steps that suit any parameter; parameters that move different residuals share evaluations."""
+"""Numerical derivatives of residuals, with steps that suit any parameter.
+
+Parameters that move different residuals share evaluations.
+"""
 
 from collections.abc import Iterator
 
@@ -13,7 +16,9 @@ TARGET = 0.05
 FIRST = 1e-6
 LEAST = 1e-11
 MOST = 0.01
-"""Steps that are tried first, where nothing is known of them, and allowed at all, in parts of the range."""
+"""Steps that are tried first, where nothing is known of them, and allowed at all, in parts of the
+range.
+"""
 TRIES = 6
 """How often a step is mended."""
 
@@ -51,7 +56,11 @@ def steps_for(model: ExtendedModel, size: Array, steps: Array | None = None) -> 
     """Return steps that change the residuals by about `TARGET` where their derivatives have these norms, the given ones where none."""
     width = np.subtract(*model.bounds[::-1])
     steps = FIRST * width if steps is None else steps
-    return np.asarray(np.where(size > 0, np.clip(TARGET / np.maximum(size, 1e-300), 1e-9 * width, MOST * width), steps))
+    return np.asarray(
+        np.where(
+            size > 0, np.clip(TARGET / np.maximum(size, 1e-300), 1e-9 * width, MOST * width), steps
+        )
+    )
 
 
 def jacobian_at(model: ExtendedModel, vector: Array, at: Array, steps: Array) -> Array:
@@ -64,11 +73,19 @@ def jacobian_at(model: ExtendedModel, vector: Array, at: Array, steps: Array) ->
     return slopes
 
 
-def _lanes(model: ExtendedModel, at: Array) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+def _lanes(
+    model: ExtendedModel, at: Array
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
     """Yield the places of parameters that can be moved together, and the residuals (n_places, n) that each of them moves."""
     left = {(owner, spec.name): i for i, (owner, spec) in enumerate(model.parameters)}
-    for group in () if any(effect.couples_blocks for effect in model.effects) else model.base_model.independent_blocks:
-        masks = {left.pop(("base", name)): mask for name, mask in group.items() if ("base", name) in left}
+    for group in (
+        ()
+        if any(effect.couples_blocks for effect in model.effects)
+        else model.base_model.independent_blocks
+    ):
+        masks = {
+            left.pop(("base", name)): mask for name, mask in group.items() if ("base", name) in left
+        }
         if masks:  # an effect may have replaced them all
             yield np.array(list(masks)), np.stack(list(masks.values()))
     for i in left.values():

@@ -20,11 +20,13 @@ from femnl.optics.sampled import harmonics
 
 MOST_HARMONICS = 21
 MOST_STEPS = 12
-"""Harmonics, as far as the sampling rate and the length of the record allow, and steps of the drive that are looked at."""
+"""Harmonics, as far as the sampling rate and the length of the record allow, and steps of the drive
+that are looked at.
+"""
 HIGHEST = 128
 SMOOTH = 48
-"""Harmonics that are predicted of a clipped and of a smooth signal: those beyond the measured ones are folded onto them by the
-sampling, or beat in what they leave."""
+"""Harmonics that are predicted of a clipped and of a smooth signal: those beyond the measured ones
+are folded onto them by the sampling, or beat in what they leave."""
 PER_HARMONIC = 4
 """Samples of a record that each harmonic needs."""
 THIRDS = 3
@@ -36,8 +38,8 @@ SHOWN = 6
 class TraceModel:
     """Residuals of the harmonics of traces; see `MeasurementModel`.
 
-    V_C and θ are common to all steps; amplitude and phase of the motion belong to a step, since nothing but the resonance, with its
-    jumps, ties them to each other.
+    V_C and θ are common to all steps; amplitude and phase of the motion belong to a step, since
+    nothing but the resonance, with its jumps, ties them to each other.
     """
 
     kind: Kind = "trace"
@@ -60,17 +62,26 @@ class TraceModel:
         left = float(np.sqrt(np.mean(spectrum.noise_sd**2)))
         noise = left if stated is None else float(stated)
         self._sd = spectrum.values_sd[kept] * (noise / spectrum.noise_sd)
-        # What the harmonics leave of a record is noise of the size that the file states, or something else beats there.
+        # What the harmonics leave of a record is noise of the size that the file states, or
+        # something else beats there.
         degrees = np.isfinite(traces["voltage"].values).sum(axis=1) - 2 * len(self.harmonic) - 1
         self._degrees = degrees
         self._noise = noise
         self._left = np.empty(0) if stated is None else spectrum.noise_sd
-        self._orders = [np.arange(1, max(most, len(self.harmonic)) + 1) for most in (HIGHEST, SMOOTH)]
+        self._orders = [
+            np.arange(1, max(most, len(self.harmonic)) + 1) for most in (HIGHEST, SMOOTH)
+        ]
         times = _times(traces)
         folded = [
-            [_folding(t, f, len(self.harmonic), len(orders)) for t, f in zip(times, self.frequency, strict=True)] for orders in self._orders
+            [
+                _folding(t, f, len(self.harmonic), len(orders))
+                for t, f in zip(times, self.frequency, strict=True)
+            ]
+            for orders in self._orders
         ]
-        self._fold, self._beat = ([np.stack([step[part] for step in steps]) for steps in folded] for part in (0, 1))
+        self._fold, self._beat = (
+            [np.stack([step[part] for step in steps]) for steps in folded] for part in (0, 1)
+        )
         self.n_steps = len(self.frequency)
         self.mode = int(np.argmin(np.abs(film.modes.frequency - np.median(self.frequency))))
         contrast = sine.fit["contrast"]
@@ -80,13 +91,19 @@ class TraceModel:
             ParameterSpec("contrast", "V", -10 * abs(contrast), 10 * abs(contrast)),
             ParameterSpec("theta", "rad", theta - np.pi, theta + np.pi),
             *(ParameterSpec(f"amplitude[{i}]", "m", 0.0, deepest) for i in range(self.n_steps)),
-            *(ParameterSpec(f"motion_phase[{i}]", "rad", p - 2 * np.pi, p + 2 * np.pi) for i, p in enumerate(sine.phase)),
+            *(
+                ParameterSpec(f"motion_phase[{i}]", "rad", p - 2 * np.pi, p + 2 * np.pi)
+                for i, p in enumerate(sine.phase)
+            ),
         )
         self.start = np.concatenate([[contrast, theta], sine.amplitude, sine.phase])
-        steps_of = np.concatenate([np.tile(np.arange(self.n_steps), 2 * len(self.harmonic)), np.arange(len(self._left))])
+        steps_of = np.concatenate(
+            [np.tile(np.arange(self.n_steps), 2 * len(self.harmonic)), np.arange(len(self._left))]
+        )
         masks = [steps_of == i for i in range(self.n_steps)]
         self.independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = tuple(
-            {f"{name}[{i}]": mask for i, mask in enumerate(masks)} for name in ("amplitude", "motion_phase")
+            {f"{name}[{i}]": mask for i, mask in enumerate(masks)}
+            for name in ("amplitude", "motion_phase")
         )
         stack = film.model.stack
         self.scales: Mapping[str, float] = {
@@ -95,28 +112,54 @@ class TraceModel:
             "slope": abs(contrast),
             **({} if stack is None else {"stack": stack.layers[stack.gap].thickness}),
         }
-        thinned = f"; {self.n_steps} of {dataset.sizes['step']} steps looked at" if self.n_steps < dataset.sizes["step"] else ""
-        origin = "as stored" if stated is not None else "estimated from what the harmonics leave: noise_sd is not in the file"
+        thinned = (
+            f"; {self.n_steps} of {dataset.sizes['step']} steps looked at"
+            if self.n_steps < dataset.sizes["step"]
+            else ""
+        )
+        origin = (
+            "as stored"
+            if stated is not None
+            else "estimated from what the harmonics leave: noise_sd is not in the file"
+        )
         self.notes: tuple[str, ...] = (
             f"trace: noise {noise:.3g} V per sample, {origin}",
-            f"trace: {len(self.harmonic)} harmonics at each step{thinned}; metres are those at the spot",
+            f"trace: {len(self.harmonic)} harmonics at each step{thinned}; metres are those at "
+            "the spot",
         )
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Odd or even harmonics of a third of the steps: the others tell the motion there, the other steps the fringe."""
+        """Odd or even harmonics of a third of the steps.
+
+        The others tell the motion there, the other steps the fringe.
+        """
         third = np.arange(self.n_steps) * THIRDS // self.n_steps
         whole = (2 * third[None, :] + self.harmonic[:, None] % 2).ravel()
         return np.concatenate([whole, whole, np.full(len(self._left), -1)])
 
-    def predict(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> tuple[ComplexArray, Array]:
+    def predict(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> tuple[ComplexArray, Array]:
         """Return V_n [V] as they are measured, (n_harmonics, n_steps), and the noise [V] per sample that they leave, (n_steps,)."""
         n = self.n_steps
-        swing = np.array([base[f"amplitude[{i}]"] * np.exp(1j * base[f"motion_phase[{i}]"]) for i in range(n)])
+        swing = np.array(
+            [base[f"amplitude[{i}]"] * np.exp(1j * base[f"motion_phase[{i}]"]) for i in range(n)]
+        )
         shapes = np.ones((len(self.film.modes.frequency), n))
         zero = np.zeros(n)
         theta = np.full(n, base["theta"])
-        motion = Motion(swing[None], theta, zero, zero, shapes, self.film.modes.frequency, self.mode, swing, self.wavelength)
+        motion = Motion(
+            swing[None],
+            theta,
+            zero,
+            zero,
+            shapes,
+            self.film.modes.frequency,
+            self.mode,
+            swing,
+            self.wavelength,
+        )
         fringe = Fringe(np.array([0, 1], complex), self.wavelength, self.film.model.stack)
         moved = apply("motion", motion, effects, values)
         lit = apply("fringe", fringe, effects, values)
@@ -133,34 +176,59 @@ class TraceModel:
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (V − V_predicted)/σ of all real, then of all imaginary parts, and what else is left of each record."""
         predicted, noise = self.predict(effects, base, values)
-        rest = (self._left / noise - 1) * np.sqrt(2 * self._degrees) if len(self._left) else self._left
+        rest = (
+            (self._left / noise - 1) * np.sqrt(2 * self._degrees) if len(self._left) else self._left
+        )
         return self._real(self._values - predicted, rest)
 
     def _real(self, volts: ComplexArray, rest: Array | None = None) -> Array:
         ratio = (volts / self._sd).ravel()
-        return np.concatenate([ratio.real, ratio.imag, np.zeros(len(self._left)) if rest is None else rest])
+        return np.concatenate(
+            [ratio.real, ratio.imag, np.zeros(len(self._left)) if rest is None else rest]
+        )
 
-    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         """Gain and phase of each harmonic, what the drive adds, the noise beside, terms of the fringe, and motion at multiples."""
         volts, _ = self.predict(effects, base, values)
         found: dict[str, Array] = {}
         for k, n in enumerate(self.harmonic):
             only = np.zeros_like(volts)
             only[k] = volts[k]
-            found |= {f"gain of harmonic {n}": self._real(only), f"phase of harmonic {n}": self._real(1j * only)}
+            found |= {
+                f"gain of harmonic {n}": self._real(only),
+                f"phase of harmonic {n}": self._real(1j * only),
+            }
         added = np.zeros_like(volts)
         added[self.harmonic == 1] = 1.0
-        found |= {"constant at the drive": self._real(added), "constant in quadrature of the drive": self._real(1j * added)}
+        found |= {
+            "constant at the drive": self._real(added),
+            "constant in quadrature of the drive": self._real(1j * added),
+        }
         if len(self._left):
-            found["noise beside the harmonics"] = self._real(np.zeros_like(volts), np.ones(self.n_steps))
-        return found | fringe_terms(self, effects, base, values) | overtones(self, effects, base, values)
+            found["noise beside the harmonics"] = self._real(
+                np.zeros_like(volts), np.ones(self.n_steps)
+            )
+        return (
+            found
+            | fringe_terms(self, effects, base, values)
+            | overtones(self, effects, base, values)
+        )
 
-    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         """The same traces at other amplitudes of the motion."""
         found = {}
         for factor in (0.5, 2.0):
-            moved = {name: value * factor if name.startswith("amplitude") else value for name, value in base.items()}
-            found[f"the same traces at {factor:g} times the amplitude"] = self._real(self.predict(effects, moved, values)[0])
+            moved = {
+                name: value * factor if name.startswith("amplitude") else value
+                for name, value in base.items()
+            }
+            found[f"the same traces at {factor:g} times the amplitude"] = self._real(
+                self.predict(effects, moved, values)[0]
+            )
         return found
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
@@ -169,16 +237,34 @@ class TraceModel:
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Magnitudes of the lowest harmonics against the frequency of the drive."""
-        predicted = np.abs([self.predict(effects, base, values)[0] for _, effects, base, values in models])
+        predicted = np.abs(
+            [self.predict(effects, base, values)[0] for _, effects, base, values in models]
+        )
         order = np.argsort(self.frequency, kind="stable")
         apart = np.ptp(self.frequency) > 0
         x = self.frequency[order] if apart else np.arange(self.n_steps, dtype=float)
         curves = tuple(
-            Curve(f"{n}f", x, np.abs(self._values[k, order]), self._sd[k, order], predicted[:, k, order])
+            Curve(
+                f"{n}f",
+                x,
+                np.abs(self._values[k, order]),
+                self._sd[k, order],
+                predicted[:, k, order],
+            )
             for k, n in enumerate(self.harmonic[:SHOWN])
         )
         names = tuple(name for name, *_ in models)
-        return (Curves("trace", "drive frequency" if apart else "step", "Hz" if apart else "", "magnitude", "V", names, curves),)
+        return (
+            Curves(
+                "trace",
+                "drive frequency" if apart else "step",
+                "Hz" if apart else "",
+                "magnitude",
+                "V",
+                names,
+                curves,
+            ),
+        )
 
     def systematic(self, unit: str) -> float:
         """Nothing beside the statistics."""
@@ -187,12 +273,20 @@ class TraceModel:
     def describe(self, residuals: Array) -> str:
         """Say which harmonic deviates most, and at which drive."""
         size = self._values.size
-        power = ((residuals[:size] ** 2 + residuals[size : 2 * size] ** 2) / 2).reshape(self._values.shape)
+        power = ((residuals[:size] ** 2 + residuals[size : 2 * size] ** 2) / 2).reshape(
+            self._values.shape
+        )
         rms = np.sqrt(power.mean(axis=1))
         k = int(np.argmax(rms))
         step = int(np.argmax(power[k]))
-        table = ", ".join(f"{n}: {value:.2f}σ" for n, value in zip(self.harmonic[:SHOWN], rms, strict=False))
-        return f"harmonic {self.harmonic[k]} deviates most, and most strongly at {self.frequency[step]:.9g} Hz; rms by harmonic {table}"
+        table = ", ".join(
+            f"{n}: {value:.2f}σ" for n, value in zip(self.harmonic[:SHOWN], rms, strict=False)
+        )
+        return (
+            f"harmonic {self.harmonic[k]} deviates most, and most strongly at "
+            f"{self.frequency[step]:.9g} Hz; "
+            f"rms by harmonic {table}"
+        )
 
 
 def _times(traces: xr.Dataset) -> list[Array]:
@@ -201,7 +295,9 @@ def _times(traces: xr.Dataset) -> list[Array]:
     return [time[np.isfinite(row)] for row in traces["voltage"].values]
 
 
-def _folding(time: Array, frequency: float, n_harmonics: int, highest: int) -> tuple[ComplexArray, Array]:
+def _folding(
+    time: Array, frequency: float, n_harmonics: int, highest: int
+) -> tuple[ComplexArray, Array]:
     """Return what the harmonics beyond the measured ones, as real then imaginary parts, add to those, and to the sum of squares left."""
     turns = 2 * np.pi * frequency * np.outer(time, np.arange(1, highest + 1))
     cosine = np.cos(turns)
@@ -217,7 +313,9 @@ def _chosen(dataset: xr.Dataset) -> NDArray[np.int64]:
     """Return the steps that are looked at: evenly spaced, those without gaps only in part left out."""
     usable = np.flatnonzero(np.isfinite(dataset["voltage"].values).sum(axis=1) > 2 * PER_HARMONIC)
     if not len(usable):
-        raise MeasurementError(f"trace: no step has more than {2 * PER_HARMONIC} samples; record longer")
+        raise MeasurementError(
+            f"trace: no step has more than {2 * PER_HARMONIC} samples; record longer"
+        )
     return usable[np.unique(np.linspace(0, len(usable) - 1, MOST_STEPS).round().astype(np.int64))]
 
 
@@ -227,7 +325,12 @@ def _harmonics_of(traces: xr.Dataset) -> int:
     fewest = int(np.isfinite(traces["voltage"].values).sum(axis=1).min())
     most = min(MOST_HARMONICS, fewest // PER_HARMONIC)
     if "drive_frequency" in traces:
-        most = min(most, int(np.ceil(0.5 / (float(traces["drive_frequency"].max()) * interval))) - 1)
+        most = min(
+            most, int(np.ceil(0.5 / (float(traces["drive_frequency"].max()) * interval))) - 1
+        )
     if most < 2:
-        raise MeasurementError("trace: fewer than two harmonics can be told from these samples; sample faster or record longer")
+        raise MeasurementError(
+            "trace: fewer than two harmonics can be told from these samples; sample faster or "
+            "record longer"
+        )
     return most

@@ -1,4 +1,7 @@
-"""Fits that do not wait for each other, side by side: here, and in processes that pose the same problem."""
+"""Fits that do not wait for each other, side by side.
+
+Here, and in processes that pose the same problem.
+"""
 
 import logging
 from collections import deque
@@ -23,7 +26,9 @@ Posed = tuple[MeasurementModel, list[Effect]]
 """A problem, and the effects that may explain it."""
 SOON = 0.05
 EXIT = 5.0
-"""Seconds after which it is looked again whether a helper is ready, and those that one may take to end."""
+"""Seconds after which it is looked again whether a helper is ready, and those that one may take to
+end.
+"""
 
 
 @dataclass(frozen=True)
@@ -51,20 +56,27 @@ def in_turn(jobs: Sequence[Job[T]]) -> list[T]:
 class WorkerPool:
     """This process and helpers, which take jobs as soon as they are there.
 
-    Problem and effects go by name, as each process has its own; what else jobs and results hold is sent. What a helper finds is what
-    this process would find, to the last bit, and its fits come into the checkpoint here.
+    Problem and effects go by name, as each process has its own; what else jobs and results hold is
+    sent. What a helper finds is what this process would find, to the last bit, and its fits come
+    into the checkpoint here.
     """
 
     def __init__(self, pose: Callable[[], Posed], helpers: int) -> None:
         self._pose = pose
         checkpoint = CHECKPOINT.get()
         with one_thread():
-            self._helpers = [_Helper(pose, None if checkpoint is None else checkpoint.path) for _ in range(helpers)]
+            self._helpers = [
+                _Helper(pose, None if checkpoint is None else checkpoint.path)
+                for _ in range(helpers)
+            ]
         self._threads: list[Thread] = []
         self._fits: deque[tuple[str, Found]] = deque()
 
     def posed(self) -> Posed:
-        """Pose the problem, here first: what that leaves on disk, as the modes of a film, helpers need not solve again."""
+        """Pose the problem, here first.
+
+        What that leaves on disk, as the modes of a film, helpers need not solve again.
+        """
         posed = self._pose()
         self._names = _Names(posed)
         for helper in self._helpers:
@@ -78,7 +90,10 @@ class WorkerPool:
         todo = deque(enumerate(jobs))
         found = dict[int, T]()
         while todo:  # again, where a helper ended over its job
-            self._threads = [Thread(target=self._feed, args=(helper, todo, found), daemon=True) for helper in self._helpers]
+            self._threads = [
+                Thread(target=self._feed, args=(helper, todo, found), daemon=True)
+                for helper in self._helpers
+            ]
             for thread in self._threads:
                 thread.start()
             while (mine := _next(todo.popleft)) is not None:
@@ -89,11 +104,15 @@ class WorkerPool:
             self._keep()
             for helper in [helper for helper in self._helpers if helper.dead]:
                 helper.process.join(EXIT)  # it has closed its end and may be about to say why
-                WARNINGS.warning("a helper ended (exit code %d); its fits are made here", helper.stop())
+                WARNINGS.warning(
+                    "a helper ended (exit code %d); its fits are made here", helper.stop()
+                )
                 self._helpers.remove(helper)
         return [found[i] for i in range(len(jobs))]
 
-    def _feed(self, helper: "_Helper", todo: "deque[tuple[int, Job[T]]]", found: dict[int, T]) -> None:
+    def _feed(
+        self, helper: "_Helper", todo: "deque[tuple[int, Job[T]]]", found: dict[int, T]
+    ) -> None:
         """Let a helper do jobs from the end of the list."""
         while todo and not helper.dead:
             if helper.ready(SOON) and (its := _next(todo.pop)) is not None:
@@ -125,7 +144,10 @@ class WorkerPool:
 
 @contextmanager
 def worker_pool(pose: Callable[[], Posed], workers: int) -> Iterator[WorkerPool]:
-    """Start so many processes, this one among them, which share the jobs of a problem; `pose` poses it in each."""
+    """Start so many processes, this one among them, which share the jobs of a problem.
+
+    `pose` poses it in each.
+    """
     mine = WorkerPool(pose, workers - 1)
     try:
         yield mine
@@ -157,7 +179,8 @@ class _Helper(Worker):
 
 def _serve(connection: Connection, pose: Callable[[], Posed], path: Any) -> None:
     """Do jobs, and return what each found with the fits that it made."""
-    # The process that asked meets the same file, cache and fits, and says once what there is to say of them.
+    # The process that asked meets the same file, cache and fits, and says once what there is to say
+    # of them.
     WARNINGS.setLevel(logging.CRITICAL)
     share = None if path is None else Share(path)
     CHECKPOINT.set(share)
@@ -168,7 +191,8 @@ def _serve(connection: Connection, pose: Callable[[], Posed], path: Any) -> None
     def do(task: Any) -> Any:
         try:
             found = names.known(task)()
-        except FemnlError as error:  # the same job fails in the process that asked, which tells the user
+        # The same job fails in the process that asked, which tells the user
+        except FemnlError as error:
             raise SystemExit(1) from error
         return names.named((found, [] if share is None else share.taken()))
 
@@ -220,7 +244,10 @@ class _Names:
 
 
 def _mapped(thing: Any, find: Callable[[Any], Any]) -> Any:
-    """Replace what is found in calls, records, lists, tuples and tables of values; nothing that a record computed stays with it."""
+    """Replace what is found in calls, records, lists, tuples and tables of values.
+
+    Nothing that a record computed stays with it.
+    """
     if (other := find(thing)) is not None:
         return other
     if isinstance(thing, partial):
@@ -230,5 +257,8 @@ def _mapped(thing: Any, find: Callable[[Any], Any]) -> Any:
     if isinstance(thing, dict):
         return {key: _mapped(part, find) for key, part in thing.items()}
     if is_dataclass(thing) and not isinstance(thing, type):
-        return replace(thing, **{field.name: _mapped(getattr(thing, field.name), find) for field in fields(thing)})
+        return replace(
+            thing,
+            **{field.name: _mapped(getattr(thing, field.name), find) for field in fields(thing)},
+        )
     return thing

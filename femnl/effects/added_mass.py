@@ -11,14 +11,16 @@ from femnl.core.stages import ModalSystem
 def load(system: ModalSystem, values: Values) -> ModalSystem:
     """Add Δm ξᵢ(x₀) ξⱼ(x₀) to the masses, raised by the compliance G of all higher modes, on which the particle rides.
 
-    Eliminating a mass on a spring 1/G turns Δm into Δm/(1 − ω²ΔmG), taken here at the frequencies of both modes. G = s/2πT grows with
-    the logarithm of cut-off wavelength over size of the particle: for a point it would be infinite.
+    Eliminating a mass on a spring 1/G turns Δm into Δm/(1 − ω²ΔmG), taken here at the frequencies
+    of both modes. G = s/2πT grows with the logarithm of cut-off wavelength over size of the
+    particle: for a point it would be infinite.
     """
     shape = system.projection.at(values["x"], values["y"])
     square = np.diag(system.stiffness) / np.diag(system.mass)
     compliance = values["spread"] / (2 * np.pi * system.stress * system.film.thickness)
     ride = square * values["mass"] * compliance
-    ride = shape * np.sqrt(1 + ride + ride**2)  # 1/(1 − x) to second order, which stays positive beyond where the equation holds
+    # 1/(1 − x) to second order, which stays positive beyond where the equation holds
+    ride = shape * np.sqrt(1 + ride + ride**2)
     return replace(system, mass=system.mass + values["mass"] * np.outer(ride, ride))
 
 
@@ -32,7 +34,13 @@ EFFECT = Effect(
         ParameterSpec("spread", "1", 0.0, 5.0, strength=False),
     ),
     changes={"operators": load},
-    source="Rayleigh's method, e.g. Hanay et al., Nat. Nanotechnol. 10, 339 (2015); the logarithm: Green's function of a membrane",
-    limits="a particle small against the wavelength; on a symmetric film its images under the symmetry are the same to frequencies",
+    source="Rayleigh's method, e.g. Hanay et al., Nat. Nanotechnol. 10, 339 (2015); the "
+    "logarithm: Green's "
+    "function of "
+    "a membrane",
+    limits="a particle small against the wavelength; on a symmetric film its images under the "
+    "symmetry are the "
+    "same to "
+    "frequencies",
     sentence="a particle sits on the film",
 )

@@ -5,7 +5,10 @@ from femnl.core.stages import ModalSystem
 
 
 def stretch(system: ModalSystem, values: Values) -> ModalSystem:
-    """Lengthen x by the factor 1 + e/2 and shorten y by the same: ∂x → ∂x/(1 + e/2), ∂y → ∂y(1 + e/2)."""
+    """Lengthen x by the factor 1 + e/2 and shorten y by the same.
+
+    ∂x → ∂x/(1 + e/2), ∂y → ∂y(1 + e/2).
+    """
     factor = (1 + values["elongation"] / 2) ** 2
     return system.stretched(0, system.stress * (1 / factor - 1), system.stress * (factor - 1))
 
@@ -16,6 +19,7 @@ EFFECT = Effect(
     parameters=(ParameterSpec("elongation", "1", -0.1, 0.1),),
     changes={"operators": stretch},
     source="membrane equation in scaled coordinates",
-    limits="the bending layer at the edge does not change; in frequencies alone the same as stress_anisotropy",
+    limits="the bending layer at the edge does not change; in frequencies alone the same as "
+    "stress_anisotropy",
     sentence="the sides are not in the ratio that the geometry says",
 )

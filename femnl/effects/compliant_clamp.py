@@ -9,29 +9,47 @@ from femnl.core.readout import Array
 from femnl.core.stages import ModalSystem
 
 SPREAD = 0.75
-"""Mean of cos⁴ + sin⁴ over all directions: the part of k² along the edge's normal where that varies."""
+"""Mean of cos⁴ + sin⁴ over all directions: the part of k² along the edge's normal where that
+varies.
+"""
 ROUNDS = 8
 
 
 def loosen(system: ModalSystem, values: Values) -> ModalSystem:
     """Replace the clamp w = 0 by springs of T/δ per length, which lengthen the film by atan k(δ − ℓ)/k instead of −atan(kℓ)/k at each edge.
 
-    On a rectangle it acts along x and y apart, each a function of the operator −∂² in that direction. What it does to all long waves
-    alike, L → L + 2δ, stays in the speed of waves. The shear force of the layer at the edge, −Dw‴, stretches δ by 1 + 2ℓ²k².
+    On a rectangle it acts along x and y apart, each a function of the operator −∂² in that
+    direction. What it does to all long waves alike, L → L + 2δ, stays in the speed of waves. The
+    shear force of the layer at the edge, −Dw‴, stretches δ by 1 + 2ℓ²k².
     """
     layer = system.bending_length
     depth = float(layer + np.cbrt(values["depth_cubed"] - layer**3))
     if values["depth_cubed"] == 0:
         return system
-    k2 = 2 * system.wavenumber**2 / (1 + np.sqrt(1 + 4 * layer**2 * system.wavenumber**2))  # of k² + ℓ²k⁴ = (ω/c)²
+    # Of k² + ℓ²k⁴ = (ω/c)²
+    k2 = 2 * system.wavenumber**2 / (1 + np.sqrt(1 + 4 * layer**2 * system.wavenumber**2))
     shear = 4 * depth * layer**2
     if system.box is None:
         width = 2 * system.projection.reach
         common = (1 + 2 * depth / width) ** 2
         low = _lowered(np.sqrt(SPREAD * k2), width, depth, layer) ** 2
-        loose = low / SPREAD * (1 - 2 * shear / (width + 2 * (depth - layer)) * k2 / common / (1 + low * (depth - layer) ** 2))
+        loose = (
+            low
+            / SPREAD
+            * (
+                1
+                - 2
+                * shear
+                / (width + 2 * (depth - layer))
+                * k2
+                / common
+                / (1 + low * (depth - layer) ** 2)
+            )
+        )
         factor = (loose + layer**2 * loose**2) / (k2 + layer**2 * k2**2) * common
-        return replace(system, stiffness=system.stiffness + np.diag(np.diag(system.stiffness) * (factor - 1)))
+        return replace(
+            system, stiffness=system.stiffness + np.diag(np.diag(system.stiffness) * (factor - 1))
+        )
     root = np.sqrt(np.diag(system.stiffness))
     along = system.projection.slopes[0, :2]
     total = np.sqrt(np.diag(along.sum(axis=0)) / k2)
@@ -43,10 +61,15 @@ def loosen(system: ModalSystem, values: Values) -> ModalSystem:
         low = _lowered(np.sqrt(np.maximum(squares, 0)), width, depth, layer) ** 2
         before += (waves * squares) @ waves.T
         after += (waves * low) @ waves.T
-        moved += (waves * (shear * low / (1 + low * (depth - layer) ** 2) / (width + 2 * (depth - layer)))) @ waves.T
+        moved += (
+            waves * (shear * low / (1 + low * (depth - layer) ** 2) / (width + 2 * (depth - layer)))
+        ) @ waves.T
     after -= moved * np.add.outer(np.diag(after), np.diag(after))
     changed = (after + layer**2 * after @ after) - (before + layer**2 * before @ before)
-    stiffness = (system.stiffness + np.outer(root, root) / np.outer(system.wavenumber, system.wavenumber) * changed) * common
+    stiffness = (
+        system.stiffness
+        + np.outer(root, root) / np.outer(system.wavenumber, system.wavenumber) * changed
+    ) * common
     return replace(system, stiffness=stiffness)
 
 
@@ -56,16 +79,25 @@ def _lowered(k: Array, width: float, depth: float, layer: float) -> Array:
     more = depth - layer
     found = phase / (width + 2 * more)
     for _ in range(ROUNDS):
-        found = found - (found * width + 2 * np.arctan(found * more) - phase) / (width + 2 * more / (1 + (found * more) ** 2))
+        found = found - (found * width + 2 * np.arctan(found * more) - phase) / (
+            width + 2 * more / (1 + (found * more) ** 2)
+        )
     return np.asarray(found)
 
 
 EFFECT = Effect(
     name="compliant_clamp",
-    equation="edge w = 0 → −δ ∂w/∂n, δ = T/springs per length: kL + 2 atan k(δ − ℓ) = mπ, less 2δ/L of all modes; s = (δ − ℓ)³ + ℓ³",
+    equation="edge w = 0 → −δ ∂w/∂n, δ = T/springs per length: kL + 2 atan k(δ − ℓ) = mπ, less "
+    "2δ/L of all modes; "
+    "s = (δ − "
+    "ℓ)³ + ℓ³",
     parameters=(ParameterSpec("depth_cubed", "m^3", 0.0, 1e-14),),
     changes={"operators": loosen},
-    source="string between springs, e.g. Morse & Ingard (1968), section 4.1, along x and along y; a stiff one that cannot turn at its ends",
-    limits="an edge alike all around, without mass, that moves and does not turn; its direction is averaged over but on rectangles",
+    source="string between springs, e.g. Morse & Ingard (1968), section 4.1, along x and along "
+    "y; a stiff one that cannot "
+    "turn at its ends",
+    limits="an edge alike all around, without mass, that moves and does not turn; its direction "
+    "is averaged over but on "
+    "rectangles",
     sentence="the edge gives way, so that low modes reach further into it than high ones",
 )

@@ -8,7 +8,9 @@ from femnl.core.stages import Harmonics, Signal
 
 def leak(signal: Signal, values: Values) -> Signal:
     """Add a constant part of the drive to the signal."""
-    return replace(signal, voltage=signal.voltage + (values["real"] + 1j * values["imag"]) * signal.drive)
+    return replace(
+        signal, voltage=signal.voltage + (values["real"] + 1j * values["imag"]) * signal.drive
+    )
 
 
 def leak_first(harmonics: Harmonics, values: Values) -> Harmonics:
@@ -20,7 +22,10 @@ def leak_first(harmonics: Harmonics, values: Values) -> Harmonics:
 EFFECT = Effect(
     name="crosstalk",
     equation="V → V + C V_drive",
-    parameters=(ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope"), ParameterSpec("imag", "V/V", -1.0, 1.0, scale="slope")),
+    parameters=(
+        ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope"),
+        ParameterSpec("imag", "V/V", -1.0, 1.0, scale="slope"),
+    ),
     changes={"signal": leak, "harmonics": leak_first},
     source="linear superposition",
     limits="flat over the resonance, a sinusoidal drive; where no drive is recorded, of 1 V",

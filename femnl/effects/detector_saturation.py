@@ -17,7 +17,9 @@ def clip_sweep(signal: Signal, values: Values) -> Signal:
     """Clip the sinusoid at ±(1 − s) of the strongest signal, which leaves (2/π)(asin r + r √(1 − r²)) of one 1/r times the limit."""
     size = np.abs(signal.voltage)
     r = np.minimum((1 - values["clipped"]) * signal.largest / np.where(size > 0, size, 1.0), 1.0)
-    return replace(signal, voltage=signal.voltage * (2 / np.pi) * (np.arcsin(r) + r * np.sqrt(1 - r**2)))
+    return replace(
+        signal, voltage=signal.voltage * (2 / np.pi) * (np.arcsin(r) + r * np.sqrt(1 - r**2))
+    )
 
 
 EFFECT = Effect(
@@ -25,7 +27,8 @@ EFFECT = Effect(
     equation="|v − V₀| ≤ (1 − s) max|f − V₀| of the fringe; in sweeps, of the strongest signal",
     parameters=(ParameterSpec("clipped", "1", 0.0, 0.8),),
     changes={"fringe": clip, "signal": clip_sweep},
-    source="an amplifier between its rails; in sweeps its describing function, Gelb & Vander Velde (1968)",
+    source="an amplifier between its rails; in sweeps its describing function, Gelb & Vander "
+    "Velde (1968)",
     limits="sharp and the same on both sides",
     sentence="the detector clips the signal",
     shared=False,

@@ -20,10 +20,13 @@ EFFECT = Effect(
     equation="f → f ± (√(Δ²/4 + g²) − |Δ|/2), the sign of Δ = f − f_frame; far away f + g²/Δ",
     parameters=(
         ParameterSpec("coupling_square", "Hz²", 0.0, 1e8),
-        ParameterSpec("frame_frequency", "Hz", 0.8, 5.0, strength=False, log=True, scale="frequency"),
+        ParameterSpec(
+            "frame_frequency", "Hz", 0.8, 5.0, strength=False, log=True, scale="frequency"
+        ),
     ),
     changes={"frequencies": pull},
     source="two coupled oscillators, e.g. Jöckel et al., Appl. Phys. Lett. 99, 143109 (2011)",
-    limits="one frame resonance; far from it g²/Δ whatever its loss κ, which frequencies do not tell",
+    limits="one frame resonance; far from it g²/Δ whatever its loss κ, which frequencies do "
+    "not tell",
     sentence="a resonance of the frame pulls the modes near it",
 )

@@ -8,12 +8,16 @@ from femnl.core.stages import Lines, Oscillator, Points
 
 def drift(lines: Lines, values: Values) -> Lines:
     """Change every frequency by the same relative rate from the first acquisition on."""
-    return replace(lines, frequency=lines.frequency * (1 + values["rate"] * (lines.time - lines.time.min())))
+    return replace(
+        lines, frequency=lines.frequency * (1 + values["rate"] * (lines.time - lines.time.min()))
+    )
 
 
 def drift_mode(mode: Oscillator, values: Values) -> Oscillator:
     """Change the resonance from sweep to sweep."""
-    return replace(mode, frequency=mode.frequency * (1 + values["rate"] * (mode.time - mode.time.min())))
+    return replace(
+        mode, frequency=mode.frequency * (1 + values["rate"] * (mode.time - mode.time.min()))
+    )
 
 
 def drift_points(points: Points, values: Values) -> Points:

@@ -8,7 +8,11 @@ from femnl.core.stages import Points
 
 def damp(points: Points, values: Values) -> Points:
     """Set 1/Q to 1/Q₀ + c p."""
-    return replace(points, quality_factor=1 / (1 / points.quality_factor + values["per_pressure"] * points.control["pressure"]))
+    return replace(
+        points,
+        quality_factor=1
+        / (1 / points.quality_factor + values["per_pressure"] * points.control["pressure"]),
+    )
 
 
 EFFECT = Effect(

@@ -9,7 +9,8 @@ from femnl.core.stages import Oscillator
 def couple(mode: Oscillator, values: Values) -> Oscillator:
     """Let a second mode, driven at p times the drive by the p-th power of the first, act back on it: Π = −g²/(f_j/p − f + iw_j/2).
 
-    Its equation at pf is B p(f_j/p − f + iw_j/2) ∝ A^p, and the force back on the first is ∝ A*^{p−1} B.
+    Its equation at pf is B p(f_j/p − f + iw_j/2) ∝ A^p, and the force back on the first is ∝
+    A*^{p−1} B.
     """
     if values["coupling_square"] == 0:
         return mode
@@ -20,7 +21,9 @@ def couple(mode: Oscillator, values: Values) -> Oscillator:
 
 EFFECT = Effect(
     name="internal_resonance",
-    equation="f₀ → f₀ − g² (A/A_s)^{2(p−1)}/(f_j/p − f + iw/2), p = 2, 3; ⅜αf₀A_s² = linewidth; w that of the second mode over p",
+    equation="f₀ → f₀ − g² (A/A_s)^{2(p−1)}/(f_j/p − f + iw/2), p = 2, 3; ⅜αf₀A_s² = linewidth; "
+    "w that of the second "
+    "mode over p",
     parameters=(
         ParameterSpec("coupling_square", "Hz^2", 0.0, 100.0, scale="linewidth_square"),
         ParameterSpec("offset", "Hz", -0.5, 0.5, strength=False, scale="moving"),
@@ -28,8 +31,12 @@ EFFECT = Effect(
         ParameterSpec("order", "1", 1.5, 3.5, strength=False, whole=True),
     ),
     changes={"oscillator": couple},
-    source="Nayfeh & Mook (1979), section 6.5, the second mode slaved: averaging of q₁²q₂ (p = 2) and q₁³q₂ (p = 3)",
-    limits="a steady second mode that follows the first; no energy stored there; f_j/p lies among the drives that move the mode most, from "
+    source="Nayfeh & Mook (1979), section 6.5, the second mode slaved: averaging of q₁²q₂ (p = "
+    "2) and q₁³q₂ (p = 3)",
+    limits="a steady second mode that follows the first; no energy stored there; f_j/p lies "
+    "among the drives that "
+    "move the "
+    "mode most, from "
     "whose middle the offset counts; what is wider than five linewidths is nonlinear damping",
     sentence="the driven mode gives energy to another one near a multiple of its frequency",
 )

@@ -9,20 +9,25 @@ from femnl.core.stages import Motion
 def sing(motion: Motion, values: Values) -> Motion:
     """Add U_n ξ_j at nω, with ξ_j the mode whose frequency is nearest to n times that of the driven one.
 
-    Phases follow those of the driven motion, and so does the size: U_n is that at the largest swing and falls as its n-th power.
+    Phases follow those of the driven motion, and so does the size: U_n is that at the largest swing
+    and falls as its n-th power.
     """
     largest = np.abs(motion.swing).max()
     turn = motion.swing / largest if largest else motion.swing
     for n in (2, 3):
         near = int(np.argmin(np.abs(motion.frequencies - n * motion.frequencies[motion.mode])))
-        motion = motion.raised(n, (values[f"cos{n}"] - 1j * values[f"sin{n}"]) * turn**n * motion.shapes[near])
+        motion = motion.raised(
+            n, (values[f"cos{n}"] - 1j * values[f"sin{n}"]) * turn**n * motion.shapes[near]
+        )
     return motion
 
 
 EFFECT = Effect(
     name="mechanical_overtones",
     equation="u → u + Σ_n ξ_j (a_n cos nτ + b_n sin nτ), n = 2, 3, τ the phase of the motion",
-    parameters=tuple(ParameterSpec(f"{part}{n}", "m", -1e-7, 1e-7) for n in (2, 3) for part in ("cos", "sin")),
+    parameters=tuple(
+        ParameterSpec(f"{part}{n}", "m", -1e-7, 1e-7) for n in (2, 3) for part in ("cos", "sin")
+    ),
     changes={"motion": sing},
     source="internal resonances, e.g. arXiv:1902.01270",
     limits="one mode for each overtone, the one nearest in frequency",

@@ -14,7 +14,8 @@ def mix(motion: Motion, values: Values) -> Motion:
 EFFECT = Effect(
     name="mode_admixture",
     equation="ξ → ξ + Σ e_j ξ_j, over the five lowest other modes",
-    parameters=tuple(ParameterSpec(f"e{i}", "1", -0.3, 0.3) for i in range(1, 6)),  # four would part the pair of (1,3) and (3,1)
+    # four would part the pair of (1,3) and (3,1)
+    parameters=tuple(ParameterSpec(f"e{i}", "1", -0.3, 0.3) for i in range(1, 6)),
     changes={"motion": mix},
     source="coupled modes, driven together",
     limits="in phase with the driven mode; five lowest others",

@@ -14,7 +14,10 @@ from femnl.optics.fringe import MultilayerFringe
 
 @cache
 def _series(stack: Stack, wavelength: float) -> ComplexArray:
-    """Fourier coefficients of R for a gap of zero thickness, scaled to |c₁| = 1: a gap d only turns c_k by k·4πd/λ."""
+    """Fourier coefficients of R for a gap of zero thickness, scaled to |c₁| = 1.
+
+    a gap d only turns c_k by k·4πd/λ.
+    """
     series = MultilayerFringe(stack, wavelength).fourier.coefficients
     gap = stack.layers[stack.gap].thickness
     unturned = series * np.exp(-4j * np.pi / wavelength * gap * np.arange(len(series)))
@@ -36,7 +39,9 @@ EFFECT = Effect(
     parameters=(ParameterSpec("gap", "m", 0.94, 1.06, strength=False, scale="stack"),),
     changes={"fringe": reflect},
     source="Byrnes, arXiv:1603.02720 (tmm); Sommer et al., arXiv:2502.19191, S6",
-    limits="plane waves; the gap is known modulo half a wavelength, and which way the film moves is taken from the drive's phase",
+    limits="plane waves; the gap is known modulo half a wavelength, and which way the film "
+    "moves is taken from the "
+    "drive's phase",
     sentence="the fringe is the reflection of the whole optical stack and not one cosine",
     needs=("stack",),
     replaces=("theta",),

@@ -13,7 +13,9 @@ def bend(signal: Signal, values: Values) -> Signal:
     """Multiply the signal by 2J₁(z)/z, z = s 4πA/λ."""
     z = np.sqrt(values["share"]) * 4 * np.pi * signal.amplitude / signal.wavelength
     small = np.where(z > 1e-4, z, 1.0)
-    return replace(signal, voltage=signal.voltage * np.where(z > 1e-4, 2 * j1(small) / small, 1 - z**2 / 8))
+    return replace(
+        signal, voltage=signal.voltage * np.where(z > 1e-4, 2 * j1(small) / small, 1 - z**2 / 8)
+    )
 
 
 EFFECT = Effect(

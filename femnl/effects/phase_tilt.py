@@ -12,9 +12,13 @@ def tilt(motion: Motion, values: Values) -> Motion:
 EFFECT = Effect(
     name="phase_tilt",
     equation="θ → θ + 4π(sx x + sy y)/λ",
-    parameters=(ParameterSpec("slope_x", "1", -1.5e-3, 1.5e-3), ParameterSpec("slope_y", "1", -1.5e-3, 1.5e-3)),
+    parameters=(
+        ParameterSpec("slope_x", "1", -1.5e-3, 1.5e-3),
+        ParameterSpec("slope_y", "1", -1.5e-3, 1.5e-3),
+    ),
     changes={"motion": tilt},
     source="gap d(x, y) linear in x and y, θ = 4πd/λ: in metres the same at every wavelength",
     limits="film and wafer flat",
-    sentence="the gap under the film is wedge-shaped, so that the working point of the fringe varies over the map",
+    sentence="the gap under the film is wedge-shaped, so that the working point of the fringe "
+    "varies over the map",
 )

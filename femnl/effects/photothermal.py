@@ -10,7 +10,11 @@ def heat(points: Points, values: Values) -> Points:
     """Shift f and 1/Q in proportion to the laser power, f with a small bend."""
     power = points.control["laser_power"]
     frequency = points.frequency * (1 + values["pull"] * power + values["bend"] * power**2)
-    return replace(points, frequency=frequency, quality_factor=points.quality_factor / (1 + values["loss"] * power))
+    return replace(
+        points,
+        frequency=frequency,
+        quality_factor=points.quality_factor / (1 + values["loss"] * power),
+    )
 
 
 EFFECT = Effect(

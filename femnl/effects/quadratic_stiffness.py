@@ -26,10 +26,13 @@ def bend(forces: Equation, values: Values) -> Equation:
 
 EFFECT = Effect(
     name="quadratic_stiffness",
-    equation="ω₀² (u + αu³) → ω₀² (u + κ₂u² + αu³), κ₂ = k₂/k: α lowered by (10/9)κ₂², u₀ = −½κ₂U², u₂ = ⅙κ₂U²",
+    equation="ω₀² (u + αu³) → ω₀² (u + κ₂u² + αu³), κ₂ = k₂/k: α lowered by (10/9)κ₂², u₀ = "
+    "−½κ₂U², u₂ = ⅙κ₂U²",
     parameters=(ParameterSpec("kappa2", "m^-1", -3e5, 3e5),),
     changes={"oscillator": soften, "motion": rectify, "equation": bend},
     source="Nayfeh & Mook (1979), section 2.3 (κ₂A ≪ 1); u₀ and u₂ at ω ≈ ω₀",
-    limits="first order in κ₂U; in sweeps of the first harmonic it shows only as softening, else the scale of metres takes it up",
+    limits="first order in κ₂U; in sweeps of the first harmonic it shows only as softening, "
+    "else the scale of metres "
+    "takes it up",
     sentence="the film has a restoring force of second order, as a film that is bent at rest",
 )

@@ -16,5 +16,6 @@ EFFECT = Effect(
     changes={"operators": shear},
     source="membrane equation T : ∇∇w",
     limits="uniform shear; frequencies tell its size and not its sign",
-    sentence="the film stress has a shear component, which turns the pairs of modes to the diagonals",
+    sentence="the film stress has a shear component, which turns the pairs of modes to the "
+    "diagonals",
 )

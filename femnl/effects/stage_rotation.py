@@ -12,7 +12,9 @@ def turn(placement: Placement, values: Values) -> Placement:
     """Turn the positions on the film by the angle."""
     c = np.cos(values["angle"])
     s = np.sin(values["angle"])
-    return replace(placement, x=c * placement.x + s * placement.y, y=c * placement.y - s * placement.x)
+    return replace(
+        placement, x=c * placement.x + s * placement.y, y=c * placement.y - s * placement.x
+    )
 
 
 EFFECT = Effect(

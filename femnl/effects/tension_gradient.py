@@ -7,7 +7,12 @@ from femnl.core.stages import ModalSystem
 def tilt(system: ModalSystem, values: Values) -> ModalSystem:
     """Add σ (gx x/R + gy y/R + b (x² + y²)/R²), R the film's reach."""
     s = system.stress
-    for weight, slope in ((1, values["slope_x"]), (2, values["slope_y"]), (3, values["bowl"]), (5, values["bowl"])):
+    for weight, slope in (
+        (1, values["slope_x"]),
+        (2, values["slope_y"]),
+        (3, values["bowl"]),
+        (5, values["bowl"]),
+    ):
         system = system.stretched(weight, slope * s, slope * s)
     return system
 
@@ -15,7 +20,11 @@ def tilt(system: ModalSystem, values: Values) -> ModalSystem:
 EFFECT = Effect(
     name="tension_gradient",
     equation="σ → σ (1 + gx x/R + gy y/R + b (x² + y²)/R²)",
-    parameters=(ParameterSpec("slope_x", "1", -0.2, 0.2), ParameterSpec("slope_y", "1", -0.2, 0.2), ParameterSpec("bowl", "1", -0.2, 0.2)),
+    parameters=(
+        ParameterSpec("slope_x", "1", -0.2, 0.2),
+        ParameterSpec("slope_y", "1", -0.2, 0.2),
+        ParameterSpec("bowl", "1", -0.2, 0.2),
+    ),
     changes={"operators": tilt},
     source="∫ δT |∇ξ|² of first-order perturbation theory, here to all orders within the base modes",
     limits="lowest orders of a smooth variation; in-plane equilibrium is not imposed",

@@ -13,19 +13,24 @@ STEP = 1e-30
 """Imaginary step of derivatives, so small that it loses nothing."""
 
 BLIND = 1e-9
-"""Eigenvalues of the scaled Fisher information below this are directions that the data do not see."""
+"""Eigenvalues of the scaled Fisher information below this are directions that the data do not see.
+"""
 
 
 def unseen(jacobian: Array, unit: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return which parameters the data do not see at all: a step of their natural `unit` moves χ² by less than a millionth."""
+    """Return which parameters the data do not see at all.
+
+    a step of their natural `unit` moves χ² by less than a millionth.
+    """
     return np.asarray(np.linalg.norm(jacobian, axis=0) * unit < 1e-3)
 
 
 def covariance(jacobian: Array, names: Sequence[str], unit: Array) -> tuple[Array, tuple[str, ...]]:
     """Return (JᵀJ)⁻¹ over what the data determine, and sentences on what they do not.
 
-    The Fisher information is scaled to a unit diagonal; eigenvectors with an eigenvalue below 1e-9 are exact degeneracies.
-    Every parameter that takes part in one gets an infinite variance, the others their variance given that degeneracy.
+    The Fisher information is scaled to a unit diagonal; eigenvectors with an eigenvalue below 1e-9
+    are exact degeneracies. Every parameter that takes part in one gets an infinite variance, the
+    others their variance given that degeneracy.
 
     Args:
         jacobian: derivatives of the residuals in standard deviations, (n_points, n_parameters).
@@ -49,13 +54,18 @@ def covariance(jacobian: Array, names: Sequence[str], unit: Array) -> tuple[Arra
         part = np.abs(vector) > 1e-3
         lost |= part
         named = [name for name, taken in zip(names, part, strict=True) if taken]
-        notes.append(f"these data do not determine {named[0] if len(named) == 1 else ' and '.join(named) + ' apart'}")
+        notes.append(
+            "these data do not determine "
+            f"{named[0] if len(named) == 1 else ' and '.join(named) + ' apart'}"
+        )
     found[lost, :] = found[:, lost] = 0.0
     found[lost, lost] = np.inf
     return found, tuple(notes)
 
 
-def derived(derive: Callable[[Complex], Mapping[str, tuple[complex, str]]], values: Array, found: Array) -> dict[str, Parameter]:
+def derived(
+    derive: Callable[[Complex], Mapping[str, tuple[complex, str]]], values: Array, found: Array
+) -> dict[str, Parameter]:
     """Return what follows from fitted parameters, with standard deviations to first order, infinite where an undetermined one enters.
 
     Args:
@@ -68,17 +78,27 @@ def derived(derive: Callable[[Complex], Mapping[str, tuple[complex, str]]], valu
     result = {}
     for name, (value, unit) in derive(values.astype(complex)).items():
         gradient = np.array([complex(g[name][0]).imag for g in gradients]) / STEP
-        variance = np.inf if np.any(gradient[~known]) else gradient @ np.where(np.isfinite(found), found, 0.0) @ gradient
+        variance = (
+            np.inf
+            if np.any(gradient[~known])
+            else gradient @ np.where(np.isfinite(found), found, 0.0) @ gradient
+        )
         result[name] = Parameter(name, float(complex(value).real), float(np.sqrt(variance)), unit)
     return result
 
 
 def strongest_correlation(found: Array, names: Sequence[str]) -> str:
-    """Return a sentence on the most correlated pair of determined parameters; empty with fewer than two."""
+    """Return a sentence on the most correlated pair of determined parameters.
+
+    Empty with fewer than two.
+    """
     known = np.flatnonzero(np.isfinite(np.diag(found)) & (np.diag(found) > 0))
     if known.size < 2:
         return ""
     sd = np.sqrt(np.diag(found)[known])
     correlation = found[np.ix_(known, known)] / np.outer(sd, sd) - np.eye(known.size)
     i, j = np.unravel_index(np.argmax(np.abs(correlation)), correlation.shape)
-    return f"the most correlated pair is {names[known[i]]} and {names[known[j]]}, {correlation[i, j]:+.3f}"
+    return (
+        f"the most correlated pair is {names[known[i]]} and {names[known[j]]}, "
+        f"{correlation[i, j]:+.3f}"
+    )

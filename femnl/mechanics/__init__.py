@@ -1,1 +1,4 @@
-"""Mechanics of a stressed film: finite elements, prestress, modes, nonlinearity, bands, lattices of holes, static deflection."""
+"""Mechanics of a stressed film.
+
+Finite elements, prestress, modes, nonlinearity, bands, lattices of holes, static deflection.
+"""

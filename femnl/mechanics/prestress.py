@@ -11,7 +11,15 @@ from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain, Prestress
 from femnl.core.operators import Units
 from femnl.mechanics.fem.elements import Space
-from femnl.mechanics.fem.forms import Assembly, cells, in_plane_strain, local_matrices, local_vectors, quadrature_order, vector_dofs
+from femnl.mechanics.fem.forms import (
+    Assembly,
+    cells,
+    in_plane_strain,
+    local_matrices,
+    local_vectors,
+    quadrature_order,
+    vector_dofs,
+)
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.fem.supports import in_plane_draw, in_plane_springs, in_plane_supports
@@ -20,36 +28,51 @@ Array = NDArray[np.float64]
 
 
 def solve_prestress(domain: Domain, degree: int, edge: Edge = "clamped") -> Prestress:
-    """Relax the film stress: find u with ∫ h (σ₀ I + C ε(u)) : ε(v) + ∮ k (u − u₀)·v ds = 0 for all v, u held where the edge is rigid.
+    """Relax the film stress: find u with ∫ h (σ₀ I + C ε(u)) .
 
-    Springs of an elastic edge are at rest at u₀ = 0, the edge of the film as deposited, or `draw` inwards of it: the film's whole pull
-    displaces them.
+    ε(v) + ∮ k (u − u₀)·v ds = 0 for all v, u held where the edge is rigid.
 
-    Args: domain: the meshed film. degree: polynomial degree of u, 1 to 4. edge: `clamped` u = 0 on the clamped part of the outline,
-        or `sliding` u·n = 0 and no shear there, as on the mirror lines between the cells of a lattice.
+    Springs of an elastic edge are at rest at u₀ = 0, the edge of the film as deposited, or `draw`
+    inwards of it: the film's whole pull displaces them.
+
+    Args: domain: the meshed film. degree: polynomial degree of u, 1 to 4. edge: `clamped` u = 0 on
+        the clamped part of the outline, or `sliding` u·n = 0 and no shear there, as on the mirror
+        lines between the cells of a lattice.
     Returns: u [m] at the unknowns of (u_x, u_y); zero where an even film is clamped all around.
     Raises: ConvergenceError where the film is not supported.
-    Source: plane stress with the film stress as initial stress; checked by `validation/unit_cell.py`.
+    Source: plane stress with the film stress as initial stress; checked by
+    `validation/unit_cell.py`.
     """
     space = Space(domain.mesh, degree)
     sheet = Sheet(domain)
     clamp = domain.model.clamp
-    stiffness, loads = _in_plane(domain, space, sheet, lambda triangles: sheet.stress(triangles)[None])
+    stiffness, loads = _in_plane(
+        domain, space, sheet, lambda triangles: sheet.stress(triangles)[None]
+    )
     matrix = stiffness.matrix() + in_plane_springs(space, clamp)
     load = in_plane_draw(space, clamp) + loads[0]
     supports = in_plane_supports(space, domain.wedge, edge, (True, True), clamp)
-    return Prestress(domain, degree, supports @ factorize(csc_matrix(supports.T @ matrix @ supports))(supports.T @ load))
+    return Prestress(
+        domain,
+        degree,
+        supports @ factorize(csc_matrix(supports.T @ matrix @ supports))(supports.T @ load),
+    )
 
 
 def solve_units(domain: Domain, degree: int) -> Units:
-    """Relax 1 Pa of film stress in each direction: ∫ h (e_c + C ε(u_c)) : ε(v) + ∮ k u_c·v ds = 0 for all v, e_c of `DIRECTIONS`.
+    """Relax 1 Pa of film stress in each direction: ∫ h (e_c + C ε(u_c)) .
 
-    Args: as for `solve_prestress`. Returns: u_c, of which those of xx and of yy together relax an even stress.
-    Raises: ParameterError for a wedge between mirrors at an angle, which hold even stresses alone; ConvergenceError.
+    ε(v) + ∮ k u_c·v ds = 0 for all v, e_c of `DIRECTIONS`.
+
+    Args: as for `solve_prestress`. Returns: u_c, of which those of xx and of yy together relax an
+    even stress.
+    Raises: ParameterError for a wedge between mirrors at an angle, which hold even stresses alone;
+    ConvergenceError.
     """
     if domain.wedge < np.pi / 2 - 1e-9:
         raise ParameterError(
-            f"{domain.model.name}: a wedge of {np.degrees(domain.wedge):g}° holds even stresses alone; mesh a quarter or more"
+            f"{domain.model.name}: a wedge of {np.degrees(domain.wedge):g}° holds even stresses "
+            "alone; mesh a quarter or more"
         )
     space = Space(domain.mesh, degree)
     sheet = Sheet(domain)
@@ -57,14 +80,23 @@ def solve_units(domain: Domain, degree: int) -> Units:
     stiffness, loads = _in_plane(domain, space, sheet, lambda triangles: np.eye(3)[:, None, None])
     matrix = stiffness.matrix() + in_plane_springs(space, clamp)
     found = np.empty_like(loads)
-    for even, members in ((True, slice(0, 2)), (False, slice(2, 3))):  # shear is odd under both mirrors
+    # Shear is odd under both mirrors
+    for even, members in ((True, slice(0, 2)), (False, slice(2, 3))):
         supports = in_plane_supports(space, domain.wedge, "clamped", (even, even), clamp)
-        found[members] = (supports @ factorize(csc_matrix(supports.T @ matrix @ supports))(supports.T @ loads[members].T)).T
+        found[members] = (
+            supports
+            @ factorize(csc_matrix(supports.T @ matrix @ supports))(supports.T @ loads[members].T)
+        ).T
     return Units(degree, found)
 
 
-def _in_plane(domain: Domain, space: Space, sheet: Sheet, stresses: Callable[[slice], Array]) -> tuple[Assembly, Array]:
-    """Stiffness ∫ h C ε(u) : ε(v), and loads −∫ h s : ε(v) (n, 2·size) of stresses s (n, e, q, 3) [Pa]."""
+def _in_plane(
+    domain: Domain, space: Space, sheet: Sheet, stresses: Callable[[slice], Array]
+) -> tuple[Assembly, Array]:
+    """Stiffness ∫ h C ε(u) : ε(v), and loads −∫ h s .
+
+    ε(v) (n, 2·size) of stresses s (n, e, q, 3) [Pa].
+    """
     assembly = Assembly(2 * space.size)
     loads = None
     for cell in cells(space, quadrature_order(domain.model, 2 * space.degree)):

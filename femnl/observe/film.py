@@ -1,4 +1,7 @@
-"""The simulated film that all measurements of a file share: its modes, their projection, and how frequencies follow ℓ."""
+"""The simulated film that all measurements of a file share.
+
+Its modes, their projection, and how frequencies follow ℓ.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,7 +18,9 @@ from femnl.mechanics.prestress import solve_units
 from femnl.pipeline import solve_modes, solve_nonlinearity
 
 BENDING = (0.0, 1.0, 2.0, 4.0)
-"""Bending lengths, in units of the geometry's own, at which the modes are solved; between them k² is a cubic in ℓ."""
+"""Bending lengths, in units of the geometry's own, at which the modes are solved; between them k²
+is a cubic in ℓ.
+"""
 
 UNITS = 3
 """Degree of the elements in which changes of the film stress relax around holes."""
@@ -35,7 +40,10 @@ class SimulatedFilm:
 
     @cached_property
     def projection(self) -> Projection:
-        """Integrals of those modes; what changes of the film stress leave around holes is part of them."""
+        """Integrals of those modes.
+
+        What changes of the film stress leave around holes is part of them.
+        """
 
         def solve() -> Projection:
             relaxes = bool(np.any(self.modes.prestress.displacement))
@@ -52,7 +60,9 @@ class SimulatedFilm:
     def bending_length(self) -> float:
         """ℓ = √(D/T) of the geometry, in m; T is that of the film before release."""
         film = self.model.film
-        return float(film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress)))
+        return float(
+            film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress))
+        )
 
     @property
     def speed(self) -> float:
@@ -61,16 +71,27 @@ class SimulatedFilm:
 
     @cached_property
     def layer(self) -> Array:
-        """Coefficients of each mode's k² as a cubic in ℓ [m], (4, n), lowest power first; it moves through the clamped edge alone."""
+        """Coefficients of each mode's k² as a cubic in ℓ [m], (4, n), lowest power first.
+
+        It moves through the clamped edge alone.
+        """
         lengths = np.array(BENDING) * self.bending_length
         rows = [self.modes.frequency if factor == 1 else self._solved(factor) for factor in BENDING]
         square = (2 * np.pi * np.array(rows) / self.speed) ** 2
-        k2 = 2 * square / (1 + np.sqrt(1 + 4 * lengths[:, None] ** 2 * square))  # of k² + ℓ²k⁴ = (ω/c)²
+        # Of k² + ℓ²k⁴ = (ω/c)²
+        k2 = 2 * square / (1 + np.sqrt(1 + 4 * lengths[:, None] ** 2 * square))
         powers = np.arange(len(BENDING))
-        return np.asarray(np.linalg.solve(np.array(BENDING)[:, None] ** powers, k2) / self.bending_length ** powers[:, None])
+        return np.asarray(
+            np.linalg.solve(np.array(BENDING)[:, None] ** powers, k2)
+            / self.bending_length ** powers[:, None]
+        )
 
     def _solved(self, factor: float) -> Array:
-        film = replace(self.model.film, young=self.model.film.young * factor**2) if factor else self.model.film
+        film = (
+            replace(self.model.film, young=self.model.film.young * factor**2)
+            if factor
+            else self.model.film
+        )
         modes = solve_modes(replace(self.model, film=film, bending=factor > 0), self.count)
         names = dict(zip(modes.label, modes.frequency, strict=True))
         known = [name for name in self.modes.label if name is not None]

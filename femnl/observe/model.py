@@ -1,4 +1,7 @@
-"""What the diagnosis needs to know of a measurement, whatever its kind: residuals in σ as a function of named parameters."""
+"""What the diagnosis needs to know of a measurement, whatever its kind.
+
+Residuals in σ as a function of named parameters.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,8 +25,9 @@ Named = tuple[str, Sequence[Effect], Values, Sequence[Values]]
 class Ranked:
     """Residuals (value − prediction)/sd, at these places, whose values have no names and go to the predictions by rising size.
 
-    Approximate where frequencies drift, since the order is that of the values as measured. Data of more than EXACT residuals
-    (`criticism`), as a spectrum joined with maps, are judged as if their frequencies had names.
+    Approximate where frequencies drift, since the order is that of the values as measured. Data of
+    more than EXACT residuals (`criticism`), as a spectrum joined with maps, are judged as if their
+    frequencies had names.
     """
 
     at: NDArray[np.int64]
@@ -31,9 +35,13 @@ class Ranked:
     sd: Array
 
     def rank(self, residuals: Array, noise: Array) -> None:
-        """Turn noise (m, n_residuals) into the residuals that it gives beside those of the model: close values change places."""
+        """Turn noise (m, n_residuals) into the residuals that it gives beside those of the model.
+
+        Close values change places.
+        """
         predicted = self.value - residuals[self.at] * self.sd
-        order = np.argsort(self.value, kind="stable")  # that of the predictions, too, whose pairs may be equal to the last digit
+        # That of the predictions, too, whose pairs may be equal to the last digit
+        order = np.argsort(self.value, kind="stable")
         drawn = np.sort(predicted + self.sd * noise[:, self.at], axis=1)
         noise[:, self.at[order]] = (drawn - predicted[order]) / self.sd[order]
 
@@ -41,11 +49,13 @@ class Ranked:
 class MeasurementModel(Protocol):
     """One group of a measurement file with its base model.
 
-    base: parameters of the base model; start: their values before any fit. facts: numbers that scale priors (`ParameterSpec.scale`), whose
-    names effects may need. blocks (n_residuals,): the block of held-out data that each residual belongs to, −1 for prior
-    knowledge, which is never left out. rugged: whether effects act by jumps, so that they are sought from afar as well. jumps: base
-    parameters that move jumps of the data themselves, at which a fit may stop short. apart: groups of base parameters of which each
-    moves residuals of its own, unless an effect acts `couples_blocks`, by the mask (n_residuals,) of those. ranked: residuals whose data go to
+    base: parameters of the base model; start: their values before any fit. facts: numbers that
+    scale priors (`ParameterSpec.scale`), whose names effects may need. blocks (n_residuals,): the
+    block of held-out data that each residual belongs to, −1 for prior knowledge, which is never
+    left out. rugged: whether effects act by jumps, so that they are sought from afar as well.
+    jumps: base parameters that move jumps of the data themselves, at which a fit may stop short.
+    apart: groups of base parameters of which each moves residuals of its own, unless an effect acts
+    `couples_blocks`, by the mask (n_residuals,) of those. ranked: residuals whose data go to
     predictions by rank.
     """
 
@@ -64,7 +74,9 @@ class MeasurementModel(Protocol):
         """The block of each residual."""
         ...
 
-    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         """Directions in the space of residuals to look at whatever the cause, by what they mean."""
         ...
 
@@ -72,7 +84,9 @@ class MeasurementModel(Protocol):
         """Return (data − prediction)/σ of the base model extended by effects, each with its values."""
         ...
 
-    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         """What measurements not yet made would give, in σ of the present ones, by a phrase that names each."""
         ...
 
@@ -94,7 +108,9 @@ class MeasurementModel(Protocol):
 
 
 def scale_of(base_model: MeasurementModel, spec: ParameterSpec) -> float:
-    """Return the number that the range of a parameter counts in: the fact that its `scale` names, 1 where it names none.
+    """Return the number that the range of a parameter counts in.
+
+    The fact that its `scale` names, 1 where it names none.
 
     Raises: ParameterError where the measurement has no such fact.
     """
@@ -103,7 +119,10 @@ def scale_of(base_model: MeasurementModel, spec: ParameterSpec) -> float:
     if spec.scale not in base_model.scales:
         known = ", ".join(sorted(base_model.scales)) or "none"
         raise ParameterError(
-            f"parameter {spec.name}: its range counts in '{spec.scale}', which a {base_model.kind} does not give; it gives: {known}"
+            f"parameter {spec.name}: its range counts in '{spec.scale}', which a "
+            f"{base_model.kind} "
+            "does not "
+            f"give; it gives: {known}"
         )
     return base_model.scales[spec.scale]
 
@@ -128,18 +147,26 @@ class ExtendedModel:
         """Every free parameter with the name of its owner, "base" or the effect."""
         gone = {name for effect in self.effects for name in effect.replaces}
         own = [("base", spec) for spec in self.base_model.base if spec.name not in gone]
-        return (*own, *((effect.name, spec) for effect in self.effects for spec in effect.parameters))
+        return (
+            *own,
+            *((effect.name, spec) for effect in self.effects for spec in effect.parameters),
+        )
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest values, in the unit of each parameter."""
         unit = np.array([scale_of(self.base_model, spec) for _, spec in self.parameters])
-        low, high = (np.array([getattr(spec, side) for _, spec in self.parameters]) for side in ("low", "high"))
+        low, high = (
+            np.array([getattr(spec, side) for _, spec in self.parameters])
+            for side in ("low", "high")
+        )
         return low * unit, high * unit
 
     def split(self, vector: Array) -> tuple[dict[str, float], list[dict[str, float]]]:
         """Return the values of the base parameters (0 for replaced ones) and of each effect."""
-        named: dict[str, dict[str, float]] = {"base": dict.fromkeys((spec.name for spec in self.base_model.base), 0.0)}
+        named: dict[str, dict[str, float]] = {
+            "base": dict.fromkeys((spec.name for spec in self.base_model.base), 0.0)
+        }
         named |= {effect.name: {} for effect in self.effects}
         for (owner, spec), value in zip(self.parameters, vector, strict=True):
             named[owner][spec.name] = float(np.rint(value) if spec.whole else value)
@@ -147,7 +174,9 @@ class ExtendedModel:
 
     def pack(self, base: Values, values: Sequence[Values]) -> Array:
         """Return the vector of named values."""
-        owned = {"base": base} | {effect.name: own for effect, own in zip(self.effects, values, strict=True)}
+        owned = {"base": base} | {
+            effect.name: own for effect, own in zip(self.effects, values, strict=True)
+        }
         return np.array([owned[owner][spec.name] for owner, spec in self.parameters])
 
     def residuals(self, vector: Array) -> Array:

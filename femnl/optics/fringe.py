@@ -1,7 +1,10 @@
-"""What the photodiode gives when the film is displaced by u: sinusoidal fringe, multilayer reflection, power series.
+"""What the photodiode gives when the film is displaced by u.
 
-Every fringe is a plain callable u [m] → v [V]. Positive u moves the film away from the wafer, so the gap becomes gap + u.
-Time runs as exp(+iωt): refractive indices of absorbing layers are n − ik, as the paper prints them.
+Sinusoidal fringe, multilayer reflection, power series.
+
+Every fringe is a plain callable u [m] → v [V]. Positive u moves the film away from the wafer, so
+the gap becomes gap + u. Time runs as exp(+iωt): refractive indices of absorbing layers are n − ik,
+as the paper prints them.
 """
 
 from dataclasses import dataclass
@@ -31,7 +34,8 @@ class SineFringe:
         contrast: V_C [V].
         phase: θ [rad], the working point at u = 0.
 
-    Valid: weak reflections; the stack of the source paper has a second overtone of 23 % (633 nm) and 37 % (532 nm).
+    Valid: weak reflections; the stack of the source paper has a second overtone of 23 % (633 nm)
+    and 37 % (532 nm).
     Source: Sommer et al. 2025, supplement S7, sinusoidal fringes.
     """
 
@@ -45,12 +49,18 @@ class SineFringe:
 
     def __call__(self, u: ArrayLike) -> Array:
         """Return f(u) [V] at displacements u [m]."""
-        return np.asarray(self.offset + self.contrast * np.cos(4 * np.pi * np.asarray(u, float) / self.wavelength + self.phase))
+        return np.asarray(
+            self.offset
+            + self.contrast
+            * np.cos(4 * np.pi * np.asarray(u, float) / self.wavelength + self.phase)
+        )
 
     @property
     def fourier(self) -> FourierSeries:
         """Fourier series of f: c₀ = V₀, c₁ = V_C e^{iθ}, period λ/2."""
-        return FourierSeries(self.wavelength / 2, np.array([self.offset, self.contrast * np.exp(1j * self.phase)]))
+        return FourierSeries(
+            self.wavelength / 2, np.array([self.offset, self.contrast * np.exp(1j * self.phase)])
+        )
 
 
 @dataclass(frozen=True)
@@ -72,11 +82,13 @@ class SeriesFringe:
 class MultilayerFringe:
     """The reflection of the whole stack at normal incidence: f(u) = offset + gain·R(gap + u).
 
-    R depends on the gap only through its round-trip phase e^{−4πi n d/λ}, so with a lossless gap it repeats exactly after
-    λ/2n; one period is computed by transfer matrices and kept as a Fourier series, which costs about 20 terms an evaluation.
+    R depends on the gap only through its round-trip phase e^{−4πi n d/λ}, so with a lossless gap it
+    repeats exactly after λ/2n; one period is computed by transfer matrices and kept as a Fourier
+    series, which costs about 20 terms an evaluation.
 
     Args:
-        stack: layers with their indices, as `Model.stack` gives them; the first and the last are infinite.
+        stack: layers with their indices, as `Model.stack` gives them; the first and the last are
+            infinite.
         wavelength: λ [m], one of those for which every layer of the stack gives an index.
         gain: volts per unit of reflectivity.
         offset: volts without reflected light.
@@ -84,7 +96,8 @@ class MultilayerFringe:
     Raises:
         ParameterError: no stack, a wavelength that the stack does not list, or a gap that absorbs.
 
-    Valid: plane waves, coherent layers, gap + u > 0 (the film does not touch the wafer). Indices are never interpolated.
+    Valid: plane waves, coherent layers, gap + u > 0 (the film does not touch the wafer). Indices
+    are never interpolated.
     Source: Byrnes, tmm; Sommer et al. 2025, supplement S6.
     """
 
@@ -96,10 +109,16 @@ class MultilayerFringe:
     def __post_init__(self) -> None:
         _positive("wavelength", self.wavelength)
         if not 0 < self._layers.gap < len(self._layers.layers) - 1:
-            raise ParameterError(f"gap = {self._layers.gap} is not an inner layer of the stack of {len(self._layers.layers)} layers")
+            raise ParameterError(
+                f"gap = {self._layers.gap} is not an inner layer of the stack of "
+                f"{len(self._layers.layers)} layers"
+            )
         gap = self._indices[self._layers.gap]
         if gap.imag != 0:
-            raise ParameterError(f"the gap has the index {gap}: an absorbing gap gives no periodic fringe; use a real index")
+            raise ParameterError(
+                f"the gap has the index {gap}: an absorbing gap gives no periodic fringe; use a "
+                "real index"
+            )
 
     def __call__(self, u: ArrayLike) -> Array:
         """Return f(u) [V] at displacements u [m]."""
@@ -111,7 +130,9 @@ class MultilayerFringe:
         period = self.wavelength / (2 * self._indices[self._layers.gap].real)
         n_samples = SAMPLES
         while True:
-            reflectance = np.array([self.reflectance(u) for u in period * np.arange(n_samples) / n_samples])
+            reflectance = np.array(
+                [self.reflectance(u) for u in period * np.arange(n_samples) / n_samples]
+            )
             coefficients = np.fft.rfft(self.offset + self.gain * reflectance) / n_samples
             coefficients[1:] *= 2
             strength = np.abs(coefficients[1:])
@@ -119,7 +140,10 @@ class MultilayerFringe:
                 kept = np.flatnonzero(strength > FLOOR * strength.max())
                 return FourierSeries(period, coefficients[: kept[-1] + 2])
             if n_samples >= 2**14:
-                raise ConvergenceError(f"the fringe at {self.wavelength * 1e9:g} nm needs over {n_samples} samples: check the indices")
+                raise ConvergenceError(
+                    f"the fringe at {self.wavelength * 1e9:g} nm needs over {n_samples} samples: "
+                    "check the indices"
+                )
             n_samples *= 2
 
     def reflectance(self, u: float) -> float:
@@ -133,13 +157,18 @@ class MultilayerFringe:
     @property
     def _layers(self) -> Stack:
         if self.stack is None:
-            raise ParameterError("stack = None: the geometry gives no stack of layers; add [readout] to it, or take a SineFringe")
+            raise ParameterError(
+                "stack = None: the geometry gives no stack of layers; add [readout] to it, or "
+                "take a SineFringe"
+            )
         return self.stack
 
     @cached_property
     def _indices(self) -> tuple[complex, ...]:
         """The index of every layer at the wavelength."""
-        return tuple(_index(layer.index, layer.material, self.wavelength) for layer in self._layers.layers)
+        return tuple(
+            _index(layer.index, layer.material, self.wavelength) for layer in self._layers.layers
+        )
 
 
 def _index(table: tuple[tuple[float, complex], ...], material: str, wavelength: float) -> complex:
@@ -148,7 +177,10 @@ def _index(table: tuple[tuple[float, complex], ...], material: str, wavelength: 
         if abs(listed - wavelength) < 1e-12:
             return complex(index)
     names = ", ".join(f"{listed * 1e9:g} nm" for listed, _ in table)
-    raise ParameterError(f"no index of {material} at {wavelength * 1e9:g} nm: the stack lists {names}; add it to the geometry's [readout]")
+    raise ParameterError(
+        f"no index of {material} at {wavelength * 1e9:g} nm: the stack lists {names}; add it to "
+        "the geometry's [readout]"
+    )
 
 
 def _positive(name: str, value: float) -> None:

@@ -1,6 +1,7 @@
 """Harmonics of the drive that a nonlinear readout v = f(u) makes of a sinusoidal motion u(t) = u₀ + U cos(ωt + φ).
 
-v(t) = Σ_n Re(V_n e^{inωt}), so |V_n| = 2|v_n| and V_0 = v_0. A negative U means motion in antiphase.
+v(t) = Σ_n Re(V_n e^{inωt}), so |V_n| = 2|v_n| and V_0 = v_0. A negative U means motion in
+antiphase.
 """
 
 from collections.abc import Callable
@@ -19,10 +20,17 @@ MOST_SAMPLES = 2**16
 """Samples of one period of the motion beyond which the FFT gives up."""
 
 
-def harmonics(fringe: Fringe, harmonic: ArrayLike, amplitude: ArrayLike, phase: ArrayLike = 0.0, rest: ArrayLike = 0.0) -> ComplexArray:
+def harmonics(
+    fringe: Fringe,
+    harmonic: ArrayLike,
+    amplitude: ArrayLike,
+    phase: ArrayLike = 0.0,
+    rest: ArrayLike = 0.0,
+) -> ComplexArray:
     """Return the amplitudes V_n of the harmonics of v = f(u₀ + U cos(ωt + φ)).
 
-    A fringe that knows its Fourier series is summed over Bessel functions, any other goes through an FFT of one period.
+    A fringe that knows its Fourier series is summed over Bessel functions, any other goes through
+    an FFT of one period.
 
     Args:
         fringe: f, u [m] → v [V].
@@ -45,18 +53,24 @@ def harmonics(fringe: Fringe, harmonic: ArrayLike, amplitude: ArrayLike, phase: 
 
 
 def harmonics_by_bessel(
-    series: FourierSeries, harmonic: ArrayLike, amplitude: ArrayLike, phase: ArrayLike = 0.0, rest: ArrayLike = 0.0
+    series: FourierSeries,
+    harmonic: ArrayLike,
+    amplitude: ArrayLike,
+    phase: ArrayLike = 0.0,
+    rest: ArrayLike = 0.0,
 ) -> ComplexArray:
     """Return V_n of a periodic f from the Jacobi–Anger expansion.
 
-    V_n = 2 e^{inφ} Σ_k Re(c_k iⁿ e^{ikqu₀}) J_n(kqU), with q = 2π/Λ = 4π/λ; V_0 without the 2. For one cosine this is
-    2V_C {sin θ, cos θ} J_n(z) (−1)^⌈n/2⌉ e^{inφ}, z = 4πU/λ.
+    V_n = 2 e^{inφ} Σ_k Re(c_k iⁿ e^{ikqu₀}) J_n(kqU), with q = 2π/Λ = 4π/λ; V_0 without the 2. For
+    one cosine this is 2V_C {sin θ, cos θ} J_n(z) (−1)^⌈n/2⌉ e^{inφ}, z = 4πU/λ.
 
     Args, Returns: as in `harmonics`.
     Source: Sommer et al. 2025, supplement S7, Eq. (vnmodel), extended to overtones of the fringe.
     """
     orders = _orders(harmonic)
-    U, phi, u0 = np.broadcast_arrays(*(np.asarray(value, float) for value in (amplitude, phase, rest)))
+    U, phi, u0 = np.broadcast_arrays(
+        *(np.asarray(value, float) for value in (amplitude, phase, rest))
+    )
     n = orders.reshape(-1, *(1,) * U.ndim)
     q = 2 * np.pi / series.period
     values = np.where(n == 0, series.coefficients[0].real, 0.0) + np.zeros_like(U)
@@ -76,13 +90,17 @@ def harmonics_by_fft(
 ) -> ComplexArray:
     """Return V_n of any f from the FFT of one period of v(t), its samples doubled until V_n rests.
 
-    Args, Returns: as in `harmonics`; tolerance: change of any V_n at the last doubling, relative to the largest.
+    Args, Returns: as in `harmonics`; tolerance: change of any V_n at the last doubling, relative to
+    the largest.
 
     Raises:
-        ConvergenceError: not at rest with 65 536 samples; a kink in f (saturation) wants a larger tolerance.
+        ConvergenceError: not at rest with 65 536 samples; a kink in f (saturation) wants a larger
+        tolerance.
     """
     orders = _orders(harmonic)
-    U, phi, u0 = np.broadcast_arrays(*(np.asarray(value, float) for value in (amplitude, phase, rest)))
+    U, phi, u0 = np.broadcast_arrays(
+        *(np.asarray(value, float) for value in (amplitude, phase, rest))
+    )
     turns = np.exp(1j * orders.reshape(-1, *(1,) * U.ndim) * phi)
     before: ComplexArray | None = None
     n_samples = max(32, 2 ** int(np.ceil(np.log2(4 * (orders.max() + 1)))))
@@ -90,13 +108,20 @@ def harmonics_by_fft(
         cosine = np.cos(2 * np.pi * np.arange(n_samples) / n_samples)
         spectrum = np.fft.rfft(fringe(u0[..., None] + U[..., None] * cosine), axis=-1) / n_samples
         # The motion is even in time about ωt = −φ, so that v_n e^{−inφ} is real.
-        now = np.moveaxis(spectrum.real[..., orders], -1, 0) * np.where(orders == 0, 1, 2).reshape(-1, *(1,) * U.ndim)
-        if before is not None and np.abs(now - before).max(initial=0.0) <= tolerance * np.abs(spectrum).max(initial=0.0):
+        now = np.moveaxis(spectrum.real[..., orders], -1, 0) * np.where(orders == 0, 1, 2).reshape(
+            -1, *(1,) * U.ndim
+        )
+        if before is not None and np.abs(now - before).max(initial=0.0) <= tolerance * np.abs(
+            spectrum
+        ).max(initial=0.0):
             return np.asarray(now * turns)
         before = now
         n_samples = 2 * n_samples
     raise ConvergenceError(
-        f"harmonics of f(u) still move by more than {tolerance:g} with {MOST_SAMPLES} samples a period: raise the tolerance or smooth f"
+        f"harmonics of f(u) still move by more than {tolerance:g} with {MOST_SAMPLES} samples a "
+        "period: raise the "
+        "tolerance or "
+        "smooth f"
     )
 
 
@@ -129,11 +154,27 @@ def harmonic_map(
     """
     x, y, xi = (np.asarray(value, float) for value in (x, y, shape))
     if xi.shape != (y.size, x.size):
-        raise ParameterError(f"the shape has {xi.shape} points where y and x have ({y.size}, {x.size}): evaluate it on the same grid")
-    return HarmonicMap(x, y, _orders(harmonic), harmonics(fringe, harmonic, amplitude * xi, phase, rest), wavelength)
+        raise ParameterError(
+            f"the shape has {xi.shape} points where y and x have ({y.size}, {x.size}): evaluate "
+            "it on the same grid"
+        )
+    return HarmonicMap(
+        x,
+        y,
+        _orders(harmonic),
+        harmonics(fringe, harmonic, amplitude * xi, phase, rest),
+        wavelength,
+    )
 
 
-def trace(fringe: Fringe, time: ArrayLike, frequency: float, amplitude: ArrayLike, phase: ArrayLike = 0.0, rest: ArrayLike = 0.0) -> Array:
+def trace(
+    fringe: Fringe,
+    time: ArrayLike,
+    frequency: float,
+    amplitude: ArrayLike,
+    phase: ArrayLike = 0.0,
+    rest: ArrayLike = 0.0,
+) -> Array:
     """Return the voltage v(t) = f(u₀ + U cos(2πft + φ)).
 
     Args:
@@ -158,7 +199,12 @@ _QUARTER_TURNS = np.array([1, 1j, -1, -1j])
 def _orders(harmonic: ArrayLike) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """Return the orders as a flat integer array; refuse negative or fractional ones."""
     orders = np.atleast_1d(np.asarray(harmonic))
-    if orders.ndim != 1 or orders.size == 0 or np.any(orders < 0) or np.any(orders != np.round(orders)):
+    if (
+        orders.ndim != 1
+        or orders.size == 0
+        or np.any(orders < 0)
+        or np.any(orders != np.round(orders))
+    ):
         raise ParameterError(f"harmonic = {harmonic!r} is not a list of whole numbers 0, 1, 2, …")
     return orders.astype(np.int64)
 
@@ -166,7 +212,8 @@ def _orders(harmonic: ArrayLike) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
 def signal_phase(volts: ComplexArray) -> float:
     """The phase ψ, in (−π/2, π/2], for which Re(V e^{−iψ}) holds most of Σ|V|²: ψ = ½ arg ΣV².
 
-    Args: complex amplitudes V [V], any shape; NaN is left out. Returns: ψ [rad]; with the sign of V kept as it is stored.
+    Args: complex amplitudes V [V], any shape; NaN is left out. Returns: ψ [rad]; with the sign of V
+    kept as it is stored.
     """
     known = volts[np.isfinite(volts)]
     return float(0.5 * np.angle(np.sum(known**2))) if known.size else 0.0
@@ -175,12 +222,23 @@ def signal_phase(volts: ComplexArray) -> float:
 def along_line(images: Images) -> Curves:
     """Turn harmonics over a grid of a single row or column into curves of the quadrature that holds each one's signal, see `signal_phase`.
 
-    Args: images with n_x = 1 or n_y = 1. Returns: a curve [V] for each harmonic against x or y, the data's sd, the models' predictions.
+    Args: images with n_x = 1 or n_y = 1. Returns: a curve [V] for each harmonic against x or y, the
+    data's sd, the models' predictions.
     """
     name, along = ("x", images.x) if images.y.size == 1 else ("y", images.y)
     curves = []
-    for n, data, models in zip(images.harmonic, images.data, np.moveaxis(images.predictions, 1, 0), strict=True):
+    for n, data, models in zip(
+        images.harmonic, images.data, np.moveaxis(images.predictions, 1, 0), strict=True
+    ):
         turn = np.exp(-1j * signal_phase(data))
         predicted = (models * turn).real.reshape(len(images.models), -1)
-        curves.append(Curve(f"{n}f", along, (data * turn).real.ravel(), np.full(along.shape, images.noise), predicted))
+        curves.append(
+            Curve(
+                f"{n}f",
+                along,
+                (data * turn).real.ravel(),
+                np.full(along.shape, images.noise),
+                predicted,
+            )
+        )
     return Curves(images.title, name, "m", "signal", "V", images.models, tuple(curves))

@@ -14,27 +14,46 @@ from femnl.core.stages import Fringe, Motion
 Orders = NDArray[np.int64]
 
 NODES = 32
-"""Nodes a unit of z at which Bessel functions are tabulated; the interpolation errs by less than 1e-8."""
+"""Nodes a unit of z at which Bessel functions are tabulated; the interpolation errs by less than
+1e-8.
+"""
 PIECE = 4096
 SAMPLES = 8
-"""Points whose harmonics are summed at a time, and samples of each; fewer points where there are more samples."""
+"""Points whose harmonics are summed at a time, and samples of each; fewer points where there are
+more samples.
+"""
 FAINT = 1e-6
 """Overtones of the fringe below this part of the first change no map that can be measured."""
 PHASES = 4096
-"""Phases at which a fringe is tabulated: its largest value is good to 3e-7 of a cosine, between them it errs by (2πk/4096)⁴/384."""
+"""Phases at which a fringe is tabulated: its largest value is good to 3e-7 of a cosine, between
+them it errs by (2πk/4096)⁴/384.
+"""
 
 
 def harmonics(motion: Motion, fringe: Fringe, harmonic: Orders) -> ComplexArray:
     """Return V_n/V_C at every point, (n_harmonics, n_points), v(t) = Σ_n Re(V_n e^{inωt}).
 
-    A sinusoidal motion under a fringe without limits is summed over Bessel functions, any other sampled over a period.
+    A sinusoidal motion under a fringe without limits is summed over Bessel functions, any other
+    sampled over a period.
     """
-    return _harmonics(motion.displacement, motion.theta, fringe.coefficients, fringe.wavelength, fringe.limit, harmonic)
+    return _harmonics(
+        motion.displacement,
+        motion.theta,
+        fringe.coefficients,
+        fringe.wavelength,
+        fringe.limit,
+        harmonic,
+    )
 
 
 @recent
 def _harmonics(
-    displacement: ComplexArray, theta: Array, coefficients: ComplexArray, wavelength: float, limit: float, harmonic: Orders
+    displacement: ComplexArray,
+    theta: Array,
+    coefficients: ComplexArray,
+    wavelength: float,
+    limit: float,
+    harmonic: Orders,
 ) -> ComplexArray:
     q = 4 * np.pi / wavelength
     kept = np.flatnonzero(np.abs(coefficients) > FAINT * np.abs(coefficients[1:]).max())
@@ -46,13 +65,32 @@ def _harmonics(
     return _by_sampling(displacement, theta, series, orders, q, limit, harmonic)
 
 
-def _by_bessel(swing: ComplexArray, theta: Array, series: ComplexArray, orders: Orders, q: float, harmonic: Orders) -> ComplexArray:
+def _by_bessel(
+    swing: ComplexArray,
+    theta: Array,
+    series: ComplexArray,
+    orders: Orders,
+    q: float,
+    harmonic: Orders,
+) -> ComplexArray:
     """Return 2 Σ_k Re(iⁿ c_k e^{ikθ}) J_n(kqA) e^{inφ}."""
-    table = _table(tuple(harmonic.tolist()), int(np.ceil(orders.max() * q * np.abs(swing).max() / 32 + 1e-9)) * 32)
+    table = _table(
+        tuple(harmonic.tolist()),
+        int(np.ceil(orders.max() * q * np.abs(swing).max() / 32 + 1e-9)) * 32,
+    )
     amplitude, unit = _polar(swing)
     phase = theta if np.ptp(theta) else theta[:1]
     found = np.empty((len(harmonic), len(swing)), complex)
-    compiled(_sum)(found, NODES * q * amplitude, unit, np.exp(1j * np.outer(orders, phase)), table, orders, 2 * series[orders], harmonic)
+    compiled(_sum)(
+        found,
+        NODES * q * amplitude,
+        unit,
+        np.exp(1j * np.outer(orders, phase)),
+        table,
+        orders,
+        2 * series[orders],
+        harmonic,
+    )
     return found
 
 
@@ -83,7 +121,9 @@ def _sum(
             term = lit[j] * turns[j, i * each]
             sides = term.real, -term.imag, -term.real, term.imag  # Re(iⁿ …)
             for h in range(len(harmonic)):
-                value = table[left, h, 0] + s * (table[left, h, 1] + s * (table[left, h, 2] + s * table[left, h, 3]))
+                value = table[left, h, 0] + s * (
+                    table[left, h, 1] + s * (table[left, h, 2] + s * table[left, h, 3])
+                )
                 summed[h] += sides[quarter[h]] * value
         power = 1.0 + 0.0j
         n = 0
@@ -125,20 +165,33 @@ def _largest(series: ComplexArray) -> float:
 
 
 def _by_sampling(
-    displacement: ComplexArray, theta: Array, series: ComplexArray, orders: Orders, q: float, limit: float, harmonic: Orders
+    displacement: ComplexArray,
+    theta: Array,
+    series: ComplexArray,
+    orders: Orders,
+    q: float,
+    limit: float,
+    harmonic: Orders,
 ) -> ComplexArray:
-    reach = q * np.sum(np.abs(displacement) * np.arange(1, len(displacement) + 1)[:, None], axis=0).max()
-    sharp = 1 if np.isinf(limit) else 4  # a clipped signal has many harmonics that would be folded back
+    reach = (
+        q
+        * np.sum(np.abs(displacement) * np.arange(1, len(displacement) + 1)[:, None], axis=0).max()
+    )
+    # A clipped signal has many harmonics that would be folded back
+    sharp = 1 if np.isinf(limit) else 4
     n_samples = sharp * (32 + 2 * int(harmonic.max() + orders.max() * reach))
     top = limit * _largest(series) if np.isfinite(limit) else np.inf
     tau = 2 * np.pi * np.arange(n_samples) / n_samples
     angles = np.outer(harmonic, tau)
-    if len(displacement) == 1:  # counted from its turning point, the signal is even: half a period tells the whole
+    # Counted from its turning point, the signal is even: half a period tells the whole
+    if len(displacement) == 1:
         half = slice(n_samples // 2 + 1)
         sums = 4 / n_samples * np.cos(angles[:, half])
         sums[:, [0, -1]] /= 2
         amplitude, unit = _polar(displacement[0])
-        return _sampled(np.cos(tau[half])[:, None], q * amplitude[None], theta, sums, _pieces(series), top) * _powers(unit, harmonic)
+        return _sampled(
+            np.cos(tau[half])[:, None], q * amplitude[None], theta, sums, _pieces(series), top
+        ) * _powers(unit, harmonic)
     overtones = np.outer(np.arange(1, len(displacement) + 1), tau)
     swings = np.hstack([np.cos(overtones).T, -np.sin(overtones).T])
     moves = q * np.vstack([displacement.real, displacement.imag])
@@ -150,10 +203,14 @@ def _by_sampling(
 def _polar(swing: ComplexArray) -> tuple[Array, ComplexArray]:
     """Return |A| and A/|A|, 1 where nothing moves."""
     amplitude = np.abs(swing)
-    return amplitude, np.asarray(np.where(amplitude > 0, swing, 1) / np.where(amplitude > 0, amplitude, 1), complex)
+    return amplitude, np.asarray(
+        np.where(amplitude > 0, swing, 1) / np.where(amplitude > 0, amplitude, 1), complex
+    )
 
 
-def _sampled(swings: Array, moves: Array, theta: Array, sums: Array, pieces: Array, top: float) -> Array:
+def _sampled(
+    swings: Array, moves: Array, theta: Array, sums: Array, pieces: Array, top: float
+) -> Array:
     """Return the sums (m, n_samples) over a fringe at the phases swings (n_samples, k) times moves (k, n_points) + θ, (m, n_points)."""
     found = np.empty((len(sums), moves.shape[1]))
     read = compiled(_read)
@@ -172,7 +229,9 @@ def _sampled(swings: Array, moves: Array, theta: Array, sums: Array, pieces: Arr
 def _pieces(series: ComplexArray) -> Array:
     """Return the coefficients of Re Σ_k c_k e^{ikφ} between `PHASES` nodes of φ over a period, lowest power first, (n_nodes, 4)."""
     slopes = 2j * np.pi / PHASES * np.arange(len(series)) * series
-    value, slope = (np.fft.irfft(np.append(0, part[1:]), PHASES) * PHASES / 2 for part in (series, slopes))
+    value, slope = (
+        np.fft.irfft(np.append(0, part[1:]), PHASES) * PHASES / 2 for part in (series, slopes)
+    )
     rise = np.roll(value, -1) - value
     last = np.roll(slope, -1)
     return np.stack([value, slope, 3 * rise - 2 * slope - last, slope + last - 2 * rise], axis=1)

@@ -26,15 +26,26 @@ def bands_figure(bands: Bands) -> Figure:
             axes.axvline(way[place], color=INK, linewidth=0.5)
         axes.plot(way, bands.frequency / divisor, color=COLOURS[0])
         long = bands.speed * np.linalg.norm(bands.wave, axis=1) / (2 * np.pi * divisor)
-        axes.plot(way, long, color=COLOURS[1], linestyle=(0, (4, 3)), linewidth=0.9, label=f"long waves, {bands.speed:.1f} m/s")
+        axes.plot(
+            way,
+            long,
+            color=COLOURS[1],
+            linestyle=(0, (4, 3)),
+            linewidth=0.9,
+            label=f"long waves, {bands.speed:.1f} m/s",
+        )
         axes.set_xlim(way[0], way[-1])
         axes.set_ylim(0, top)
         if bands.corners:
-            axes.set_xticks([way[place] for _, place in bands.corners], [name for name, _ in bands.corners])
+            axes.set_xticks(
+                [way[place] for _, place in bands.corners], [name for name, _ in bands.corners]
+            )
         else:
             axes.set_xlabel("way along the wave vectors (rad/m)")
         axes.set_ylabel(f"f ({unit})")
-        axes.set_title(f"{bands.lattice.kind} lattice, pitch {bands.lattice.pitch * 1e6:.4g} µm", loc="left")
+        axes.set_title(
+            f"{bands.lattice.kind} lattice, pitch {bands.lattice.pitch * 1e6:.4g} µm", loc="left"
+        )
         figure.legend(loc="outside lower center")
     return figure
 

@@ -7,7 +7,18 @@ from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison, Curves, Images
 from femnl.optics.harmonics import signal_phase
-from femnl.plot.style import COLOURS, DIVERGING, INK, WIDTH, axis_label, new_figure, prefixed, scale_bar, style, symmetric_limit
+from femnl.plot.style import (
+    COLOURS,
+    DIVERGING,
+    INK,
+    WIDTH,
+    axis_label,
+    new_figure,
+    prefixed,
+    scale_bar,
+    style,
+    symmetric_limit,
+)
 
 Array = NDArray[np.float64]
 LINES = ("--", "-", ":")
@@ -40,12 +51,23 @@ def _curves(found: Curves) -> Figure:
     for k, curve in enumerate(found.curves):
         colour = COLOURS[k % len(COLOURS)]
         x = (curve.x - zero) / divisor
-        left.errorbar(x, curve.data / scale, curve.sd / scale, fmt=".", markersize=3, elinewidth=0.5, color=colour, alpha=0.7)
+        left.errorbar(
+            x,
+            curve.data / scale,
+            curve.sd / scale,
+            fmt=".",
+            markersize=3,
+            elinewidth=0.5,
+            color=colour,
+            alpha=0.7,
+        )
         for line, predicted in zip(LINES, curve.predictions, strict=False):
             if found.joined:
                 left.plot(x, predicted / scale, line, color=INK, linewidth=0.9)
             else:
-                left.plot(x, predicted / scale, "_" if line == LINES[0] else "x", color=INK, markersize=7)
+                left.plot(
+                    x, predicted / scale, "_" if line == LINES[0] else "x", color=INK, markersize=7
+                )
         for axes, predicted in zip(right, curve.predictions, strict=True):
             away = (curve.data - predicted) / curve.sd
             largest = max(largest, float(np.nanmax(np.abs(away))))
@@ -65,7 +87,12 @@ def _curves(found: Curves) -> Figure:
         axes.tick_params(labelbottom=False)
     if found.ticks:
         for axes in (left, right[-1]):
-            axes.set_xticks(np.arange(len(found.ticks)), found.ticks, rotation=60 if max(map(len, found.ticks)) > 2 else 0, fontsize=7)
+            axes.set_xticks(
+                np.arange(len(found.ticks)),
+                found.ticks,
+                rotation=60 if max(map(len, found.ticks)) > 2 else 0,
+                fontsize=7,
+            )
     if 1 < len(found.curves) <= len(COLOURS):
         figure.legend(*right[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
@@ -101,27 +128,51 @@ def _images(found: Images) -> Figure:
     columns = 1 + 2 * count
     panel = min(WIDTH / columns, 1.9)
     aspect = np.ptp(found.y) / max(np.ptp(found.x), 1e-300)
-    figure = new_figure(max(panel * columns, 4.6), len(found.harmonic) * panel * min(max(aspect, 0.4), 1.6) * 0.98 + 0.5)
+    figure = new_figure(
+        max(panel * columns, 4.6),
+        len(found.harmonic) * panel * min(max(aspect, 0.4), 1.6) * 0.98 + 0.5,
+    )
     panels = figure.subplots(len(found.harmonic), columns, squeeze=False)
     titles = ["measured", *(text for name in found.models for text in (name, "left (σ)"))]
     for axes, title in zip(panels[0], titles, strict=True):
         axes.set_title(title.replace(" + ", " +\n"), fontsize=7.5)
-    for row, n, data, predicted in zip(panels, found.harmonic, found.data, np.moveaxis(found.predictions, 1, 0), strict=True):
+    for row, n, data, predicted in zip(
+        panels, found.harmonic, found.data, np.moveaxis(found.predictions, 1, 0), strict=True
+    ):
         turn = np.exp(-1j * signal_phase(data))
         limit = symmetric_limit((data * turn).real)
         rests = [((data - model) * turn).real / found.noise for model in predicted]
-        widest = max(FAINTEST, symmetric_limit(np.concatenate([rest.ravel() for rest in rests]), 0.99))
+        widest = max(
+            FAINTEST, symmetric_limit(np.concatenate([rest.ravel() for rest in rests]), 0.99)
+        )
         shown = [(data * turn).real / limit]
         limits = [1.0]
         for model, rest in zip(predicted, rests, strict=True):
             shown += [(model * turn).real / limit, rest]
             limits += [1.0, widest]
         for axes, values, colour in zip(row, shown, limits, strict=True):
-            image = axes.pcolormesh(found.x, found.y, values, cmap=DIVERGING, vmin=-colour, vmax=colour, shading="nearest", rasterized=True)
+            image = axes.pcolormesh(
+                found.x,
+                found.y,
+                values,
+                cmap=DIVERGING,
+                vmin=-colour,
+                vmax=colour,
+                shading="nearest",
+                rasterized=True,
+            )
             _bare(axes)
         divisor, unit = prefixed(limit, "V")
-        row[0].set_ylabel(f"{n}f\n±{limit / divisor:.3g} {unit}", rotation=0, ha="right", va="center", fontsize=7.5)
-        bar = figure.colorbar(image, ax=row[-1], shrink=0.8, aspect=14, pad=0.03, ticks=[-widest, 0, widest])
+        row[0].set_ylabel(
+            f"{n}f\n±{limit / divisor:.3g} {unit}",
+            rotation=0,
+            ha="right",
+            va="center",
+            fontsize=7.5,
+        )
+        bar = figure.colorbar(
+            image, ax=row[-1], shrink=0.8, aspect=14, pad=0.03, ticks=[-widest, 0, widest]
+        )
         bar.ax.set_yticklabels([f"−{widest:.3g}", "0", f"{widest:.3g}"], fontsize=6.5)
         bar.outline.set_linewidth(0.5)
     scale_bar(panels[-1, 0], float(np.ptp(found.x)))

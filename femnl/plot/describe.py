@@ -11,11 +11,17 @@ _FEW = 40
 
 
 def describe(tree: xr.DataTree) -> str:
-    """Tell what is in a measurement file: its attributes, then for each group size, ranges, noise and what was repaired.
+    """Tell what is in a measurement file.
+
+    Its attributes, then for each group size, ranges, noise and what was repaired.
 
     Args: tree: as from `femnl.io.measurement.read`. Returns: text of several lines.
     """
-    lines = [f"{key}: {tree.attrs[key]}" for key in ("title", "geometry", "sample", "source") if key in tree.attrs]
+    lines = [
+        f"{key}: {tree.attrs[key]}"
+        for key in ("title", "geometry", "sample", "source")
+        if key in tree.attrs
+    ]
     for name, node in tree.children.items():
         lines += [f"{name}:", *(f"  {line}" for line in _group(node.to_dataset()))]
     lines += [f"repaired: {line}" for line in tree.attrs.get("repairs", ())]
@@ -31,27 +37,43 @@ def _group(dataset: xr.Dataset) -> list[str]:
             continue
         values = dataset[key].values
         lines.append(
-            f"{key.replace('_', ' ')}: " + (" ".join(f"({value})" for value in values) if item.unit is None else _range(values, item.unit))
+            f"{key.replace('_', ' ')}: "
+            + (
+                " ".join(f"({value})" for value in values)
+                if item.unit is None
+                else _range(values, item.unit)
+            )
         )
     if "real" in dataset:
         volts = np.abs(amplitude(dataset).values)
         lines.append(
-            f"amplitude: up to {_number(np.nanmax(volts), 'V')}, {np.count_nonzero(np.isfinite(volts))} of {volts.size} points present"
+            f"amplitude: up to {_number(np.nanmax(volts), 'V')}, "
+            f"{np.count_nonzero(np.isfinite(volts))} of {volts.size} points present"
         )
-    shown = {key: value for key, value in dataset.attrs.items() if key not in ("kind", "convention", "noise_sd")}
+    shown = {
+        key: value
+        for key, value in dataset.attrs.items()
+        if key not in ("kind", "convention", "noise_sd")
+    }
     lines += [
-        f"{str(key).replace('_', ' ')}: {_attribute(value, contract.attributes[key].unit if key in contract.attributes else None)}"
+        f"{str(key).replace('_', ' ')}: "
+        f"{_attribute(value, contract.attributes[key].unit if key in contract.attributes else None)}"
         for key, value in shown.items()
     ]
     if kind in ("response", "map", "trace") and (
-        "noise_sd" in dataset.attrs or dataset["real" if "real" in dataset else "voltage"].size > _FEW
+        "noise_sd" in dataset.attrs
+        or dataset["real" if "real" in dataset else "voltage"].size > _FEW
     ):
         lines.append(noise_sd(dataset)[1])
     return lines
 
 
 def _attribute(value: object, unit: str | None) -> str:
-    return _number(float(value), unit) if isinstance(value, int | float) and unit is not None else str(value)
+    return (
+        _number(float(value), unit)
+        if isinstance(value, int | float) and unit is not None
+        else str(value)
+    )
 
 
 def _number(value: float, unit: str) -> str:

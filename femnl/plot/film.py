@@ -1,4 +1,7 @@
-"""The film as VTK sees it: fields on curved triangles, drawn from above to scale, or raised into a relief."""
+"""The film as VTK sees it.
+
+Fields on curved triangles, drawn from above to scale, or raised into a relief.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +24,8 @@ Box = tuple[float, float, float, float]
 
 METRE = 1e6  # VTK works in single precision, so lengths go to it in µm
 FINE = 30_000  # triangles up to which each one is cut into 64 flat ones; beyond, into 4
-RIMS = 0.35  # power of the scale of stress, which peaks at the rims of holes and varies by percents elsewhere
+# Power of the scale of stress, which peaks at the rims of holes and varies by percents elsewhere
+RIMS = 0.35
 RELIEF = 0.22  # height of a raised shape, in lengths of the film
 PAPER = pv.Color("white")
 WHAT = ("mesh", "stress", "shape", "thickness")
@@ -29,7 +33,10 @@ WHAT = ("mesh", "stress", "shape", "thickness")
 
 @dataclass(frozen=True)
 class Field:
-    """What a picture shows: values at the surface's nodes, None for the bare mesh; the words at the colour bar; colours and their scale."""
+    """What a picture shows: values at the surface's nodes, None for the bare mesh.
+
+    The words at the colour bar; colours and their scale.
+    """
 
     values: NDArray[np.float64] | None
     label: str
@@ -39,13 +46,20 @@ class Field:
     @property
     def shade(self) -> NDArray[np.float64]:
         """Place of each value on the colour scale, 0 to 1."""
-        return np.zeros(0) if self.values is None else np.asarray(self.scale(self.values), dtype=np.float64)
+        return (
+            np.zeros(0)
+            if self.values is None
+            else np.asarray(self.scale(self.values), dtype=np.float64)
+        )
 
 
 def film_field(modes: Modes, surface: Surface, what: str, mode: int = 1) -> Field:
-    """Return the field that a word asks for: `mesh`, `stress` (von Mises over film stress), `shape` (ξ of mode 1, 2, …), `thickness`.
+    """Return the field that a word asks for.
 
-    The relaxed stress counts as σ_vM = √(σ_xx² − σ_xx σ_yy + σ_yy² + 3σ_xy²), which equals the film stress where nothing has relaxed.
+    `mesh`, `stress` (von Mises over film stress), `shape` (ξ of mode 1, 2, …), `thickness`.
+
+    The relaxed stress counts as σ_vM = √(σ_xx² − σ_xx σ_yy + σ_yy² + 3σ_xy²), which equals the film
+    stress where nothing has relaxed.
     Raises: ParameterError.
     """
     if what not in WHAT:
@@ -57,9 +71,18 @@ def film_field(modes: Modes, surface: Surface, what: str, mode: int = 1) -> Fiel
         values = np.sqrt(xx**2 - xx * yy + yy**2 + 3 * xy**2) / modes.domain.model.film.stress
         return Field(values, "von Mises stress / film stress", SEQUENTIAL, _scale(values, RIMS))
     if what == "thickness":
-        return Field(surface.thickness * 1e9, "thickness (nm)", SEQUENTIAL, _scale(surface.thickness * 1e9, 1.0))
+        return Field(
+            surface.thickness * 1e9,
+            "thickness (nm)",
+            SEQUENTIAL,
+            _scale(surface.thickness * 1e9, 1.0),
+        )
     if not 1 <= mode <= len(modes.frequency):
-        raise ParameterError(f"mode {mode}: {len(modes.frequency)} modes were solved; choose 1 to {len(modes.frequency)} or solve more")
+        raise ParameterError(
+            f"mode {mode}: {len(modes.frequency)} modes were solved; choose 1 to "
+            f"{len(modes.frequency)} or "
+            "solve more"
+        )
     return Field(surface.shapes[mode - 1], "shape ξ", DIVERGING, Normalize(-1.0, 1.0))
 
 
@@ -81,7 +104,10 @@ def film_box(outline: Outline, margin: float = 0.02) -> Box:
 
 
 def draw_flat(modes: Modes, surface: Surface, field: Field, box: Box, width: int = 1000) -> Image:
-    """Draw the part of the film in a box from above, to scale. Returns: (height, width, 3) pixels. Raises: MissingLibraryError."""
+    """Draw the part of the film in a box from above, to scale. Returns: (height, width, 3) pixels.
+
+    Raises: MissingLibraryError.
+    """
     plotter = _offscreen(width, round(width * (box[3] - box[2]) / (box[1] - box[0])))
     add_film(plotter, surface, field, box)
     add_outline(plotter, modes.domain.model.outline)
@@ -90,7 +116,10 @@ def draw_flat(modes: Modes, surface: Surface, field: Field, box: Box, width: int
 
 
 def draw_raised(modes: Modes, surface: Surface, field: Field, width: int = 1400) -> Image:
-    """Draw a mode shape as a relief seen from the front and above, cut to its content. Raises: MissingLibraryError."""
+    """Draw a mode shape as a relief seen from the front and above, cut to its content.
+
+    Raises: MissingLibraryError.
+    """
     plotter = _offscreen(width, round(0.72 * width))
     raise_film(plotter, modes, surface, field)
     image = _photograph(plotter)
@@ -98,13 +127,17 @@ def draw_raised(modes: Modes, surface: Surface, field: Field, width: int = 1400)
     return image[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
 
 
-def raise_film(plotter: pv.Plotter, modes: Modes, surface: Surface, field: Field, bar: bool = False) -> None:
+def raise_film(
+    plotter: pv.Plotter, modes: Modes, surface: Surface, field: Field, bar: bool = False
+) -> None:
     """Put the relief of a shape and the outline at rest into a scene, and look at it from the front and above."""
     height = RELIEF * METRE * modes.domain.model.outline.length
     solid = _triangles(surface, field, None)
     # The shade of a shape runs from 0 to 1 where ξ runs from −1 to 1.
     relief = solid.warp_by_scalar("shade", factor=2 * height).translate((0, 0, -height))
-    plotter.add_mesh(relief, smooth_shading=True, ambient=0.4, diffuse=0.65, specular=0.0, **_colours(field, bar))
+    plotter.add_mesh(
+        relief, smooth_shading=True, ambient=0.4, diffuse=0.65, specular=0.0, **_colours(field, bar)
+    )
     add_outline(plotter, modes.domain.model.outline)
     plotter.camera.parallel_projection = True
     plotter.camera.focal_point = (0.0, 0.0, 0.0)
@@ -124,11 +157,21 @@ def look_down(plotter: pv.Plotter, box: Box) -> None:
     plotter.camera.parallel_scale = (top - bottom) / 2
 
 
-def add_film(plotter: pv.Plotter, surface: Surface, field: Field, box: Box | None = None, bar: bool = False) -> None:
-    """Put the film, or its part in a box, into a scene: coloured by the field, or the bare mesh with its edges."""
+def add_film(
+    plotter: pv.Plotter, surface: Surface, field: Field, box: Box | None = None, bar: bool = False
+) -> None:
+    """Put the film, or its part in a box, into a scene.
+
+    Coloured by the field, or the bare mesh with its edges.
+    """
     if field.values is None:
         plotter.add_mesh(_triangles(surface, field, box), color="#dbe9f6", lighting=False)
-        plotter.add_mesh(_grid(surface, field, box).extract_all_edges(), color="#1f4e79", line_width=1, lighting=False)
+        plotter.add_mesh(
+            _grid(surface, field, box).extract_all_edges(),
+            color="#1f4e79",
+            line_width=1,
+            lighting=False,
+        )
         return
     plotter.add_mesh(_triangles(surface, field, box), lighting=False, **_colours(field, bar))
 
@@ -136,7 +179,10 @@ def add_film(plotter: pv.Plotter, surface: Surface, field: Field, box: Box | Non
 def _colours(field: Field, bar: bool) -> dict[str, Any]:
     """Options of add_mesh; annotations are what the scalar bar of a window writes at quarters of the scale."""
     quarters = np.linspace(0.0, 1.0, 5)
-    marks = {float(shade): f"{value:.3g}" for shade, value in zip(quarters, field.scale.inverse(quarters), strict=True)}
+    marks = {
+        float(shade): f"{value:.3g}"
+        for shade, value in zip(quarters, field.scale.inverse(quarters), strict=True)
+    }
     words = {
         "title": field.label.replace(" / ", "\n/ "),
         "n_labels": 0,
@@ -153,11 +199,19 @@ def _colours(field: Field, bar: bool) -> dict[str, Any]:
 def add_outline(plotter: pv.Plotter, outline: Outline) -> None:
     """Put the outline at rest into a scene."""
     line = np.vstack([polyline(outline), polyline(outline)[:1]]) * METRE
-    plotter.add_mesh(pv.lines_from_points(np.column_stack([line, np.zeros(len(line))])), color=INK, line_width=2, lighting=False)
+    plotter.add_mesh(
+        pv.lines_from_points(np.column_stack([line, np.zeros(len(line))])),
+        color=INK,
+        line_width=2,
+        lighting=False,
+    )
 
 
 def _grid(surface: Surface, field: Field, box: Box | None) -> pv.UnstructuredGrid:
-    """The quadratic triangles, with the field's `shade` at their nodes; those alone that reach into the box, where one is given."""
+    """The quadratic triangles, with the field's `shade` at their nodes.
+
+    Those alone that reach into the box, where one is given.
+    """
     triangles = surface.triangles
     if box is not None:
         corners = surface.points[triangles]
@@ -174,7 +228,12 @@ def _grid(surface: Surface, field: Field, box: Box | None) -> pv.UnstructuredGri
 def _triangles(surface: Surface, field: Field, box: Box | None) -> pv.PolyData:
     grid = _grid(surface, field, box)
     level = 3 if grid.n_cells <= FINE else 1
-    return grid.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=level, pass_pointid=False, pass_cellid=False)
+    return grid.extract_surface(
+        algorithm="dataset_surface",
+        nonlinear_subdivision=level,
+        pass_pointid=False,
+        pass_cellid=False,
+    )
 
 
 def _offscreen(width: int, height: int) -> pv.Plotter:

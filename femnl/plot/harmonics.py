@@ -8,7 +8,16 @@ from matplotlib.ticker import MaxNLocator
 from femnl.core.fit import MotionFit
 from femnl.core.readout import HarmonicSpectrum
 from femnl.plot.spectrum import harmonic_spectrum_figure
-from femnl.plot.style import COLOURS, INK, SEQUENTIAL, axis_label, new_figure, panel_letters, prefixed, style
+from femnl.plot.style import (
+    COLOURS,
+    INK,
+    SEQUENTIAL,
+    axis_label,
+    new_figure,
+    panel_letters,
+    prefixed,
+    style,
+)
 
 _FIRST = 5  # harmonics drawn as lines
 
@@ -16,7 +25,8 @@ _FIRST = 5  # harmonics drawn as lines
 def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None) -> Figure:
     """Draw |V_n| over drive frequency and harmonic, its first harmonics as lines, and with a fit the amplitude of motion.
 
-    Args: spectrum: from `femnl.fits.trace.decompose.decompose`; motion: from `femnl.fits.trace.spot.fit_spot`.
+    Args: spectrum: from `femnl.fits.trace.decompose.decompose`; motion: from
+    `femnl.fits.trace.spot.fit_spot`.
     Returns: the Figure; for a single step the spectrum of its harmonics, with the noise floor.
     """
     size = np.abs(spectrum.values[1:])
@@ -41,17 +51,30 @@ def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None
             shading="nearest",
             rasterized=True,
         )
-        figure.colorbar(image, ax=panels[0], label=f"|Vₙ| ({volt}), from the noise up", aspect=18, pad=0.01)
+        figure.colorbar(
+            image, ax=panels[0], label=f"|Vₙ| ({volt}), from the noise up", aspect=18, pad=0.01
+        )
         panels[0].set_ylabel("harmonic n")
         panels[0].yaxis.set_major_locator(MaxNLocator(integer=True))
         for colour, n in zip(COLOURS, range(min(_FIRST, size.shape[0])), strict=False):
-            panels[1].semilogy(f / divisor, size[n, order] / scale, color=colour, label=f"{spectrum.harmonic[n + 1]}f")
+            panels[1].semilogy(
+                f / divisor,
+                size[n, order] / scale,
+                color=colour,
+                label=f"{spectrum.harmonic[n + 1]}f",
+            )
         panels[1].set_ylim(bottom=floor)
         panels[1].set_ylabel(axis_label("|Vₙ|", volt))
         panels[1].legend(ncols=_FIRST, loc="lower right", bbox_to_anchor=(1.0, 1.0))
         if motion is not None:
             metre, name = prefixed(motion.amplitude, "m")
-            panels[2].errorbar(f / divisor, motion.amplitude[order] / metre, motion.amplitude_sd[order] / metre, fmt="o", color=COLOURS[0])
+            panels[2].errorbar(
+                f / divisor,
+                motion.amplitude[order] / metre,
+                motion.amplitude_sd[order] / metre,
+                fmt="o",
+                color=COLOURS[0],
+            )
             panels[2].set_ylabel(axis_label("amplitude U", name))
             panels[2].set_ylim(bottom=0)
         hertz, name = prefixed(centre, "Hz")
@@ -63,11 +86,21 @@ def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None
 def _one_step(spectrum: HarmonicSpectrum, motion: MotionFit | None) -> Figure:
     """The harmonics of one step, relative to the largest, down to the noise."""
     size = np.abs(spectrum.values[1:, 0])
-    drawn = {"measured": size} | ({} if motion is None else {"fitted": np.abs(motion.prediction[:, 0])})
+    drawn = {"measured": size} | (
+        {} if motion is None else {"fitted": np.abs(motion.prediction[:, 0])}
+    )
     floor = float(spectrum.values_sd[1:, 0].mean() / size.max())
     figure = harmonic_spectrum_figure(spectrum.harmonic[1:], drawn)
     axes = figure.axes[0]
     axes.axhline(floor, color=INK, linewidth=0.8, linestyle="--")
     axes.set_ylim(bottom=0.3 * floor)
-    axes.annotate("noise", (1.0, floor), (-4, 3), xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=8, ha="right")
+    axes.annotate(
+        "noise",
+        (1.0, floor),
+        (-4, 3),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        fontsize=8,
+        ha="right",
+    )
     return figure

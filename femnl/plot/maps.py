@@ -9,15 +9,30 @@ from numpy.typing import ArrayLike, NDArray
 
 from femnl.io.measurement import amplitude
 from femnl.optics.harmonics import signal_phase
-from femnl.plot.style import DIVERGING, INK, WIDTH, axis_label, new_figure, prefixed, scale_bar, style, symmetric_limit
+from femnl.plot.style import (
+    DIVERGING,
+    INK,
+    WIDTH,
+    axis_label,
+    new_figure,
+    prefixed,
+    scale_bar,
+    style,
+    symmetric_limit,
+)
 
 
-def harmonic_map_figure(dataset: xr.Dataset, outline: ArrayLike | None = None, title: str | None = None) -> Figure:
-    """Draw a measurement of kind `map`: per harmonic n the real quadrature Re(V_n e^{−iψ_n}), colours centred on zero.
+def harmonic_map_figure(
+    dataset: xr.Dataset, outline: ArrayLike | None = None, title: str | None = None
+) -> Figure:
+    """Draw a measurement of kind `map`.
 
-    Args: dataset of kind `map` (x, y in m, amplitudes in V); outline: closed polyline (n, 2) of the membrane [m]; title.
-    Returns: the Figure; each panel names n, its phase ψ_n, and has a colour bar of its own, as harmonics differ by orders of magnitude.
-        A single line of points is drawn as curves.
+    Per harmonic n the real quadrature Re(V_n e^{−iψ_n}), colours centred on zero.
+
+    Args: dataset of kind `map` (x, y in m, amplitudes in V); outline: closed polyline (n, 2) of the
+    membrane [m]; title.
+    Returns: the Figure; each panel names n, its phase ψ_n, and has a colour bar of its own, as
+        harmonics differ by orders of magnitude. A single line of points is drawn as curves.
     """
     volts = amplitude(dataset).values
     harmonics = dataset["harmonic"].values
@@ -32,7 +47,9 @@ def harmonic_map_figure(dataset: xr.Dataset, outline: ArrayLike | None = None, t
     panel = WIDTH / 3 if columns == 3 else WIDTH / 2.4
     aspect = (box[3] - box[2]) / (box[1] - box[0])
     with style():
-        figure = new_figure(panel * columns, rows * (0.74 * panel * min(max(aspect, 0.35), 2.0) + 0.32) + 0.35)
+        figure = new_figure(
+            panel * columns, rows * (0.74 * panel * min(max(aspect, 0.35), 2.0) + 0.32) + 0.35
+        )
         panels = figure.subplots(rows, columns, squeeze=False).ravel()
         for axes, n, values in zip(panels, harmonics, volts, strict=False):
             _panel(axes, int(n), values, x, y, line, box)
@@ -45,7 +62,11 @@ def harmonic_map_figure(dataset: xr.Dataset, outline: ArrayLike | None = None, t
 
 
 def _line_figure(
-    volts: NDArray[np.complex128], harmonics: NDArray[np.int64], along: NDArray[np.float64], name: str, title: str | None
+    volts: NDArray[np.complex128],
+    harmonics: NDArray[np.int64],
+    along: NDArray[np.float64],
+    name: str,
+    title: str | None,
 ) -> Figure:
     """The quadratures that hold the signals along a line: a panel each."""
     columns = min(3, harmonics.size)
@@ -69,7 +90,9 @@ def _line_figure(
     return figure
 
 
-def _box(x: NDArray[np.float64], y: NDArray[np.float64], line: NDArray[np.float64] | None) -> tuple[float, float, float, float]:
+def _box(
+    x: NDArray[np.float64], y: NDArray[np.float64], line: NDArray[np.float64] | None
+) -> tuple[float, float, float, float]:
     """Left, right, bottom and top [m] of what a panel shows: the pixels and the outline."""
     half_x = _half_step(x)
     half_y = _half_step(y)
@@ -100,7 +123,16 @@ def _panel(
     divisor, unit = prefixed(symmetric_limit(values), "V")
     limit = symmetric_limit(values) / divisor
     axes.set_facecolor("#e6e6e6")
-    image = axes.pcolormesh(x, y, values / divisor, cmap=DIVERGING, vmin=-limit, vmax=limit, shading="nearest", rasterized=True)
+    image = axes.pcolormesh(
+        x,
+        y,
+        values / divisor,
+        cmap=DIVERGING,
+        vmin=-limit,
+        vmax=limit,
+        shading="nearest",
+        rasterized=True,
+    )
     if line is not None:
         closed = np.vstack([line, line[:1]])
         axes.plot(closed[:, 0], closed[:, 1], color=INK, linewidth=0.8)

@@ -17,7 +17,8 @@ _CLOSE = 0.035  # of the axis: labels of lines nearer than this share one place
 def figures(tree: xr.DataTree, outline: ArrayLike | None = None) -> dict[str, Figure]:
     """Draw every measurement of a file.
 
-    Args: tree: as from `femnl.io.measurement.read`; outline: closed polyline (n, 2) of the membrane [m], drawn into maps.
+    Args: tree: as from `femnl.io.measurement.read`; outline: closed polyline (n, 2) of the membrane
+    [m], drawn into maps.
     Returns: group name → Figure.
     """
     return {name: figure(node.to_dataset(), outline) for name, node in tree.children.items()}
@@ -28,7 +29,12 @@ def figure(dataset: xr.Dataset, outline: ArrayLike | None = None) -> Figure:
     kind = dataset.attrs["kind"]
     if kind == "map":
         return harmonic_map_figure(dataset, outline)
-    draw = {"spectrum": spectrum_figure, "response": response_figure, "trace": trace_figure, "series": series_figure}
+    draw = {
+        "spectrum": spectrum_figure,
+        "response": response_figure,
+        "trace": trace_figure,
+        "series": series_figure,
+    }
     return draw[kind](dataset)
 
 
@@ -43,7 +49,9 @@ def spectrum_figure(dataset: xr.Dataset) -> Figure:
         height = np.ones_like(frequency) if quality is None else quality
         known = np.isfinite(height)
         floor = 0.0 if quality is None else 10 ** np.floor(np.log10(np.nanmin(height)) - 0.3)
-        axes.vlines(frequency[known] / divisor, floor, height[known], color=COLOURS[0], linewidth=1.2)
+        axes.vlines(
+            frequency[known] / divisor, floor, height[known], color=COLOURS[0], linewidth=1.2
+        )
         axes.plot(frequency[known] / divisor, height[known], "o", color=COLOURS[0])
         if quality is None:
             axes.set_ylim(0, 1.35)
@@ -51,19 +59,33 @@ def spectrum_figure(dataset: xr.Dataset) -> Figure:
             axes.spines["left"].set_visible(False)
         else:
             if "quality_factor_sd" in dataset:
-                axes.errorbar(frequency / divisor, height, dataset["quality_factor_sd"].values, fmt="none", color=INK, linewidth=0.7)
+                axes.errorbar(
+                    frequency / divisor,
+                    height,
+                    dataset["quality_factor_sd"].values,
+                    fmt="none",
+                    color=INK,
+                    linewidth=0.7,
+                )
             axes.set_yscale("log")
             axes.set_ylim(floor, np.nanmax(height) * (np.nanmax(height) / floor) ** 0.22)
             axes.set_ylabel("quality factor")
         axes.set_xlabel(axis_label("frequency", unit))
         axes.margins(x=0.05)
         if "label" in dataset.coords:
-            _label_lines(axes, frequency / divisor, np.where(known, height, floor), dataset["label"].values)
+            _label_lines(
+                axes, frequency / divisor, np.where(known, height, floor), dataset["label"].values
+            )
     return result
 
 
-def _label_lines(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], labels: NDArray[np.object_]) -> None:
-    """Write labels above the lines; those of close neighbours stand one above the other over the taller."""
+def _label_lines(
+    axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], labels: NDArray[np.object_]
+) -> None:
+    """Write labels above the lines.
+
+    Those of close neighbours stand one above the other over the taller.
+    """
     order = np.argsort(x)
     low, high = axes.get_xlim()
     clusters: list[list[int]] = []
@@ -109,7 +131,17 @@ def series_figure(dataset: xr.Dataset) -> Figure:
                 axes.set_ylabel("quality factor")
                 if np.nanmax(values) > 30 * np.nanmin(values):
                     axes.set_yscale("log")
-            axes.errorbar(x / divisor, values, sd, fmt="o-", color=colour, ecolor=INK, elinewidth=0.8, capsize=2, linewidth=0.6)
+            axes.errorbar(
+                x / divisor,
+                values,
+                sd,
+                fmt="o-",
+                color=colour,
+                ecolor=INK,
+                elinewidth=0.8,
+                capsize=2,
+                linewidth=0.6,
+            )
         if logarithmic:
             panels[-1].set_xscale("log")
         panels[-1].set_xlabel(axis_label(str(control).replace("_", " "), unit))

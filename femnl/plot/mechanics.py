@@ -40,12 +40,15 @@ FORMATS = (".png", ".pdf", ".svg")
 def view(modes: Modes, what: str, mode: int = 1, out: Path | None = None) -> None:
     """Show the film in a window, or draw it into a file.
 
-    Args: what: `mesh`, `stress`, `shape` or `thickness`. mode: which shape, from 1. out: PNG, PDF or SVG; None opens a window.
+    Args: what: `mesh`, `stress`, `shape` or `thickness`. mode: which shape, from 1. out: PNG, PDF
+    or SVG; None opens a window.
     Raises: ParameterError; MissingLibraryError where OpenGL or, for a window, a display is missing.
     """
     if out is not None:
         if out.suffix not in FORMATS:
-            raise ParameterError(f"{out}: pictures are written as {', '.join(FORMATS)}; choose one of these endings")
+            raise ParameterError(
+                f"{out}: pictures are written as {', '.join(FORMATS)}; choose one of these endings"
+            )
         figure = film_figure(modes, what, mode)
         write_whole(out, lambda file: figure.savefig(file, dpi=DPI))
         return
@@ -61,7 +64,9 @@ def view(modes: Modes, what: str, mode: int = 1, out: Path | None = None) -> Non
         add_outline(plotter, modes.domain.model.outline)
         look_down(plotter, film_box(modes.domain.model.edge_outline, 0.2))
         # The font of VTK has no µ.
-        plotter.renderer.show_bounds(xtitle="x (um)", ytitle="y (um)", location="outer", show_zaxis=False, color=INK)
+        plotter.renderer.show_bounds(
+            xtitle="x (um)", ytitle="y (um)", location="outer", show_zaxis=False, color=INK
+        )
     plotter.show()
 
 
@@ -74,17 +79,26 @@ def film_figure(modes: Modes, what: str, mode: int = 1) -> Figure:
     field = film_field(modes, surface, what, mode)
     model = modes.domain.model
     whole = film_box(model.edge_outline)
-    near = None if what == "shape" or (what != "mesh" and not len(model.holes.centres)) else close_up(model)
+    near = (
+        None
+        if what == "shape" or (what != "mesh" and not len(model.holes.centres))
+        else close_up(model)
+    )
     aspect = min(max((whole[3] - whole[2]) / (whole[1] - whole[0]), 0.5), 1.6)
     single = near is None and what != "shape"
     with style():
-        figure = new_figure(WIDTH * (0.58 if single else 1), WIDTH * aspect * (0.48 if field.values is None or single else 0.43) + 0.3)
+        figure = new_figure(
+            WIDTH * (0.58 if single else 1),
+            WIDTH * aspect * (0.48 if field.values is None or single else 0.43) + 0.3,
+        )
         figure.suptitle(_heading(modes, what, mode), fontsize=10)
         panels = figure.subplots(1, 1 if single else 2, squeeze=False).ravel()
         place_image(panels[0], draw_flat(modes, surface, field, whole), whole)
         if near is not None:
             place_image(panels[1], draw_flat(modes, surface, field, near), near)
-            frame = Rectangle((1e6 * near[0], 1e6 * near[2]), 1e6 * (near[1] - near[0]), 1e6 * (near[3] - near[2]))
+            frame = Rectangle(
+                (1e6 * near[0], 1e6 * near[2]), 1e6 * (near[1] - near[0]), 1e6 * (near[3] - near[2])
+            )
             frame.set(facecolor="none", edgecolor=COLOURS[1], linewidth=1.0)
             panels[0].add_patch(frame)
             panels[1].spines[:].set_color(COLOURS[1])
@@ -104,24 +118,39 @@ def mode_gallery(modes: Modes, count: int = 10) -> Figure:
     rows = -(-count // COLUMNS)
     aspect = (box[3] - box[2]) / (box[1] - box[0])
     with style():
-        figure = new_figure(WIDTH, rows * (0.92 * WIDTH / COLUMNS * min(max(aspect, 0.3), 2.0) + 0.45) + 0.1)
+        figure = new_figure(
+            WIDTH, rows * (0.92 * WIDTH / COLUMNS * min(max(aspect, 0.3), 2.0) + 0.45) + 0.1
+        )
         panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
         for index, axes in enumerate(panels):
             axes.set_axis_off()
             if index >= count:
                 continue
             field = film_field(modes, surface, "shape", index + 1)
-            axes.imshow(draw_flat(modes, surface, field, box, 420), extent=tuple(box), interpolation="lanczos")
-            axes.set_title(f"{index + 1}  {modes.label[index] or ''}\n{_frequency(modes, index)}", fontsize=8)
+            axes.imshow(
+                draw_flat(modes, surface, field, box, 420),
+                extent=tuple(box),
+                interpolation="lanczos",
+            )
+            axes.set_title(
+                f"{index + 1}  {modes.label[index] or ''}\n{_frequency(modes, index)}", fontsize=8
+            )
         scale_bar(panels[(rows - 1) * COLUMNS], box[1] - box[0])
         _colour_bar(figure, list(panels), film_field(modes, surface, "shape"))
     return figure
 
 
 def close_up(model: Model) -> Box:
-    """Return a box within the film's for a closer look: at the outermost hole and its neighbours, or at the farthest corner."""
+    """Return a box within the film's for a closer look.
+
+    At the outermost hole and its neighbours, or at the farthest corner.
+    """
     holes = model.holes
-    marks = holes.centres if len(holes.centres) else np.array([segment.start for segment in model.outline.segments])
+    marks = (
+        holes.centres
+        if len(holes.centres)
+        else np.array([segment.start for segment in model.outline.segments])
+    )
     half = 1.5 * _spacing(holes) if len(holes.centres) else model.outline.length / 14
     distance = np.hypot(*marks.T)
     farthest = marks[distance >= 0.999 * distance.max()]
@@ -142,14 +171,20 @@ def _spacing(holes: Holes) -> float:
 
 def place_image(axes: Axes, image: Image, box: Box) -> None:
     """Show a picture that was drawn to scale, with axes in µm."""
-    axes.imshow(image, extent=(1e6 * box[0], 1e6 * box[1], 1e6 * box[2], 1e6 * box[3]), interpolation="lanczos")
+    axes.imshow(
+        image,
+        extent=(1e6 * box[0], 1e6 * box[1], 1e6 * box[2], 1e6 * box[3]),
+        interpolation="lanczos",
+    )
     axes.set_xlabel("x (µm)")
     axes.set_ylabel("y (µm)")
     axes.spines[:].set_visible(True)
 
 
 def _colour_bar(figure: Figure, panels: list[Axes], field: Field) -> None:
-    bar = figure.colorbar(ScalarMappable(field.scale, field.colours), ax=panels, shrink=0.85, aspect=26, pad=0.02)
+    bar = figure.colorbar(
+        ScalarMappable(field.scale, field.colours), ax=panels, shrink=0.85, aspect=26, pad=0.02
+    )
     bar.set_label(field.label)
     values = [float(field.scale.inverse(shade)) for shade in np.linspace(0, 1, 5)]
     bar.set_ticks(values, labels=[f"{value:.3g}".replace("-", "−") for value in values])
@@ -159,7 +194,9 @@ def _heading(modes: Modes, what: str, mode: int) -> str:
     name = modes.domain.model.name
     if what != "shape":
         return f"{name}: {'relaxed stress' if what == 'stress' else what}"
-    return f"{name}: mode {mode} {modes.label[mode - 1] or ''} at {_frequency(modes, mode - 1)}".replace("  ", " ")
+    return f"{name}: mode {mode} {modes.label[mode - 1] or ''} at {_frequency(modes, mode - 1)}".replace(
+        "  ", " "
+    )
 
 
 def _frequency(modes: Modes, index: int) -> str:

@@ -40,7 +40,15 @@ def _(model: Model) -> Figure:
         axes.fill(x, y, facecolor="0.92", edgecolor=INK, linewidth=1.0)
         size = 2e6 * model.holes.radius
         centres = model.holes.centres * 1e6
-        holes = EllipseCollection(size, size, 0, units="xy", offsets=centres, offset_transform=axes.transData, facecolor="white")
+        holes = EllipseCollection(
+            size,
+            size,
+            0,
+            units="xy",
+            offsets=centres,
+            offset_transform=axes.transData,
+            facecolor="white",
+        )
         holes.set(edgecolor=INK, linewidth=0.3)
         axes.add_collection(holes)
         axes.set(aspect="equal", xlabel="x (µm)", ylabel="y (µm)", title=model.name)
@@ -54,4 +62,6 @@ def _(modes: Modes) -> Figure:
 
 @draw.register
 def _(maps: HarmonicMap) -> Figure:
-    return harmonic_map_figure(harmonic_map(maps.x, maps.y, maps.harmonic, maps.values, wavelength=maps.wavelength))
+    return harmonic_map_figure(
+        harmonic_map(maps.x, maps.y, maps.harmonic, maps.values, wavelength=maps.wavelength)
+    )

@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 
 from femnl.fits.response.misfit import Use
 from femnl.io.measurement import amplitude, noise_sd
-from femnl.plot.style import COLOURS, INK, SEQUENTIAL, axis_label, new_figure, panel_letters, prefixed, style
+from femnl.plot.style import (
+    COLOURS,
+    INK,
+    SEQUENTIAL,
+    axis_label,
+    new_figure,
+    panel_letters,
+    prefixed,
+    style,
+)
 
 _NARROW = 0.02  # relative width below which frequencies are written as distance from the middle
 _DYNAMIC = 25.0  # largest over median magnitude above which the magnitude is drawn logarithmically
@@ -23,12 +32,15 @@ _SEEN = 3.0  # the phase of weaker amplitudes, in units of the noise, says nothi
 _FEW = 40
 
 
-def response_figure(dataset: xr.Dataset, fitted: xr.DataArray | None = None, use: Use = "complex") -> Figure:
+def response_figure(
+    dataset: xr.Dataset, fitted: xr.DataArray | None = None, use: Use = "complex"
+) -> Figure:
     """Draw a `response`: |V| and its phase against the drive frequency.
 
-    Colours tell the drive where it varies, else the position, else the order of sweeps; sweeps down are dashed. With a fit the data are
-    points and the lines are its.
-    Args: dataset of kind `response`; fitted (sweep, point) complex [V]; use: what was fitted, which is all that is drawn of the fit.
+    Colours tell the drive where it varies, else the position, else the order of sweeps; sweeps down
+    are dashed. With a fit the data are points and the lines are its.
+    Args: dataset of kind `response`; fitted (sweep, point) complex [V]; use: what was fitted, which
+    is all that is drawn of the fit.
     Returns: the Figure, magnitude above phase.
     """
     frequency = dataset["frequency"].values
@@ -46,17 +58,38 @@ def response_figure(dataset: xr.Dataset, fitted: xr.DataArray | None = None, use
         magnitude, phase = result.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
         norm = _norm(numbers)
         order = {number: rank for rank, number in enumerate(np.unique(numbers))}
-        down = dataset["direction"].values < 0 if "direction" in dataset.coords else np.zeros(len(names), dtype=bool)
+        down = (
+            dataset["direction"].values < 0
+            if "direction" in dataset.coords
+            else np.zeros(len(names), dtype=bool)
+        )
         for index, name in enumerate(names):
-            colour = COLOURS[order[numbers[index]]] if norm is None else mpl.colormaps[SEQUENTIAL](0.92 * norm(numbers[index]))
-            dashes = {"color": colour, "linestyle": (0, (4, 1.5)) if down[index] else "-", "label": name}
+            colour = (
+                COLOURS[order[numbers[index]]]
+                if norm is None
+                else mpl.colormaps[SEQUENTIAL](0.92 * norm(numbers[index]))
+            )
+            dashes = {
+                "color": colour,
+                "linestyle": (0, (4, 1.5)) if down[index] else "-",
+                "label": name,
+            }
             x = (frequency[index] - shift) / divisor
-            seen = np.where(np.abs(volts[index]) > _SEEN * noise, _degrees(volts[index], use), np.nan)
+            seen = np.where(
+                np.abs(volts[index]) > _SEEN * noise, _degrees(volts[index], use), np.nan
+            )
             if fitted is None:
                 magnitude.plot(x, np.abs(volts[index]) / scale, **dashes)
                 _plot_phase(phase, x, seen, dashes, half)
                 continue
-            points = {"color": colour, "linestyle": "none", "marker": "o", "markersize": 2.0, "alpha": 0.45, "markeredgewidth": 0.0}
+            points = {
+                "color": colour,
+                "linestyle": "none",
+                "marker": "o",
+                "markersize": 2.0,
+                "alpha": 0.45,
+                "markeredgewidth": 0.0,
+            }
             magnitude.plot(x, np.abs(volts[index]) / scale, **points)
             phase.plot(x, seen, **points)
             model = fitted.values[index]
@@ -76,7 +109,14 @@ def response_figure(dataset: xr.Dataset, fitted: xr.DataArray | None = None, use
         phase.set_ylim(-1.05 * half, 1.05 * half)
         phase.grid(axis="y", color="#dddddd", linewidth=0.6)
         centre, centre_unit = prefixed(middle, "Hz")
-        phase.set_xlabel(axis_label(f"drive frequency − {middle / centre:.9g} {centre_unit}" if narrow else "drive frequency", unit))
+        phase.set_xlabel(
+            axis_label(
+                f"drive frequency − {middle / centre:.9g} {centre_unit}"
+                if narrow
+                else "drive frequency",
+                unit,
+            )
+        )
         panel_letters([magnitude, phase])
         _explain(result, (magnitude, phase), names, key, norm, down)
         if fitted is not None:
@@ -90,7 +130,13 @@ def _degrees(volts: NDArray[np.complex128], use: Use) -> NDArray[np.float64]:
     return np.asarray(np.degrees(np.angle(volts**turn)) / turn)
 
 
-def _plot_phase(axes: Axes, x: NDArray[np.float64], degrees: NDArray[np.float64], test: dict[str, Any], half: float) -> None:
+def _plot_phase(
+    axes: Axes,
+    x: NDArray[np.float64],
+    degrees: NDArray[np.float64],
+    test: dict[str, Any],
+    half: float,
+) -> None:
     """Draw the phase in (−half, half], the line broken where it wraps."""
     jumps = np.flatnonzero(np.abs(np.diff(degrees)) > half) + 1
     axes.plot(np.insert(x, jumps, np.nan), np.insert(degrees, jumps, np.nan), **test)
@@ -100,15 +146,25 @@ def _key(dataset: xr.Dataset) -> tuple[list[str], str, NDArray[np.float64]]:
     """What tells the sweeps apart: their names, the quantity with its unit, and its values."""
     sweeps = dataset.sizes["sweep"]
     for quantity, unit in (("drive", "V"), ("x", "m"), ("y", "m"), ("harmonic", "")):
-        if quantity in dataset.coords and np.unique(dataset[quantity].values[np.isfinite(dataset[quantity].values)]).size > 1:
+        if (
+            quantity in dataset.coords
+            and np.unique(dataset[quantity].values[np.isfinite(dataset[quantity].values)]).size > 1
+        ):
             values = dataset[quantity].values.astype(float)
             divisor, name = prefixed(values, unit)
-            return [f"{value / divisor:.4g} {name}".strip() for value in values], axis_label(quantity, name), values / divisor
+            return (
+                [f"{value / divisor:.4g} {name}".strip() for value in values],
+                axis_label(quantity, name),
+                values / divisor,
+            )
     return [f"sweep {index + 1}" for index in range(sweeps)], "sweep", np.arange(1.0, sweeps + 1)
 
 
 def _norm(numbers: NDArray[np.float64]) -> Normalize | None:
-    """Colour scale where there are more sweeps than a legend holds; logarithmic over more than a decade."""
+    """Colour scale where there are more sweeps than a legend holds.
+
+    Logarithmic over more than a decade.
+    """
     low = np.nanmin(numbers)
     high = np.nanmax(numbers)
     if np.unique(numbers).size <= _LEGEND or not low < high:
@@ -117,7 +173,12 @@ def _norm(numbers: NDArray[np.float64]) -> Normalize | None:
 
 
 def _explain(
-    result: Figure, panels: tuple[Axes, Axes], names: list[str], key: str, norm: Normalize | None, down: NDArray[np.bool_]
+    result: Figure,
+    panels: tuple[Axes, Axes],
+    names: list[str],
+    key: str,
+    norm: Normalize | None,
+    down: NDArray[np.bool_],
 ) -> None:
     """Legend or colour bar for the sweeps, and a line that tells the directions apart."""
     if norm is not None:
@@ -126,11 +187,26 @@ def _explain(
         bar.set_label(key)
         bar.outline.set_linewidth(0.5)
     elif len(set(names)) > 1:
-        lines = {str(line.get_label()): line for panel in panels for line in panel.lines if line.get_label() in names}
+        lines = {
+            str(line.get_label()): line
+            for panel in panels
+            for line in panel.lines
+            if line.get_label() in names
+        }
         panels[0].legend(
-            [Line2D([], [], color=line.get_color()) for line in lines.values()], list(lines), title=key.split(" (")[0], loc="best"
+            [Line2D([], [], color=line.get_color()) for line in lines.values()],
+            list(lines),
+            title=key.split(" (")[0],
+            loc="best",
         )
     if down.any() and not down.all():
         panels[1].text(
-            1.0, 1.02, "solid: up   dashed: down", transform=panels[1].transAxes, ha="right", va="bottom", fontsize=7.5, color=INK
+            1.0,
+            1.02,
+            "solid: up   dashed: down",
+            transform=panels[1].transAxes,
+            ha="right",
+            va="bottom",
+            fontsize=7.5,
+            color=INK,
         )

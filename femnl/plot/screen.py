@@ -1,4 +1,7 @@
-"""What VTK can draw on here, found out in a process of its own: without a usable OpenGL it ends the process that asks."""
+"""What VTK can draw on here, found out in a process of its own.
+
+Without a usable OpenGL it ends the process that asks.
+"""
 
 import os
 import subprocess
@@ -26,23 +29,36 @@ SECONDS = 60
 
 
 def need_offscreen() -> None:
-    """Make VTK draw without a display, through EGL or OSMesa. Raises: MissingLibraryError where neither works."""
+    """Make VTK draw without a display, through EGL or OSMesa.
+
+    Raises: MissingLibraryError where neither works.
+    """
     os.environ[CHOICE] = _first_usable(
         OFFSCREEN,
-        "pictures need OpenGL without a display; neither EGL nor OSMesa works here: install one (Debian: apt-get install libegl1)",
+        "pictures need OpenGL without a display; neither EGL nor OSMesa works here: install one "
+        "(Debian: apt-get "
+        "install "
+        "libegl1)",
     )
 
 
 def need_window() -> None:
     """Make VTK draw in a window. Raises: MissingLibraryError where no X display answers."""
-    os.environ[CHOICE] = _first_usable(WINDOW, "no X display with OpenGL answers here; name a file to draw into instead (--out FILE.png)")
+    os.environ[CHOICE] = _first_usable(
+        WINDOW,
+        "no X display with OpenGL answers here; name a file to draw into instead (--out FILE.png)",
+    )
 
 
 @cache
 def _first_usable(windows: tuple[str, ...], advice: str) -> str:
     for name in windows:
         probe = subprocess.run(
-            [sys.executable, "-c", PROBE, name], env=os.environ | {CHOICE: name}, capture_output=True, timeout=SECONDS, check=False
+            [sys.executable, "-c", PROBE, name],
+            env=os.environ | {CHOICE: name},
+            capture_output=True,
+            timeout=SECONDS,
+            check=False,
         )
         if probe.returncode == 0:
             return name

@@ -12,17 +12,26 @@ from femnl.plot.style import COLOURS, INK, WIDTH, new_figure, style
 MARKERS = "osD^v"
 
 
-def harmonic_spectrum_figure(harmonic: ArrayLike, spectra: Mapping[str, ArrayLike], level: float | None = None) -> Figure:
+def harmonic_spectrum_figure(
+    harmonic: ArrayLike, spectra: Mapping[str, ArrayLike], level: float | None = None
+) -> Figure:
     """Draw |V_n| relative to the strongest harmonic over n, on a logarithmic scale.
 
-    Args: harmonic: orders n (n_harmonics,). spectra: |V_n| of the same length, by the name in the legend. level: a line to compare with.
+    Args: harmonic: orders n (n_harmonics,). spectra: |V_n| of the same length, by the name in the
+    legend. level: a line to compare with.
     """
     with style():
         figure = new_figure(WIDTH, 3.0)
         axes = figure.subplots()
         for k, (name, values) in enumerate(spectra.items()):
             strength = np.abs(np.asarray(values))
-            axes.semilogy(harmonic, strength / strength.max(), color=COLOURS[k], marker=MARKERS[k % 5], label=name)
+            axes.semilogy(
+                harmonic,
+                strength / strength.max(),
+                color=COLOURS[k],
+                marker=MARKERS[k % 5],
+                label=name,
+            )
         if level is not None:
             axes.axhline(level, color=INK, linewidth=0.8, linestyle="--")
             axes.annotate(

@@ -61,7 +61,8 @@ def new_figure(width: float = WIDTH, height: float = 3.0) -> Figure:
 def prefixed(values: ArrayLike, unit: str) -> tuple[float, str]:
     """The SI prefix that brings the largest of `values` to 1…1000.
 
-    Returns: the divisor, and the unit with its prefix; (1, unit) where there is no unit or nothing finite but zero.
+    Returns: the divisor, and the unit with its prefix; (1, unit) where there is no unit or nothing
+    finite but zero.
     """
     numbers = np.abs(np.asarray(values, dtype=float))
     numbers = numbers[np.isfinite(numbers) & (numbers > 0)]
@@ -95,7 +96,14 @@ def scale_bar(axes: Axes, width: float, unit: str = "m", colour: str = INK) -> N
     left, right = axes.get_xlim()
     bottom, top = sorted(axes.get_ylim())
     y = bottom - 0.06 * (top - bottom)
-    axes.plot([left, left + length], [y, y], color=colour, linewidth=2.2, solid_capstyle="butt", clip_on=False)
+    axes.plot(
+        [left, left + length],
+        [y, y],
+        color=colour,
+        linewidth=2.2,
+        solid_capstyle="butt",
+        clip_on=False,
+    )
     axes.text(
         left + length + 0.02 * (right - left),
         y,
@@ -111,7 +119,10 @@ def scale_bar(axes: Axes, width: float, unit: str = "m", colour: str = INK) -> N
 
 
 def symmetric_limit(values: ArrayLike, quantile: float = 0.999) -> float:
-    """A colour limit for a map centred on zero: the given quantile of |values|, so that single outliers do not wash it out."""
+    """A colour limit for a map centred on zero.
+
+    The given quantile of |values|, so that single outliers do not wash it out.
+    """
     magnitude: NDArray[np.float64] = np.abs(np.asarray(values, dtype=float))
     magnitude = magnitude[np.isfinite(magnitude)]
     limit = float(np.quantile(magnitude, quantile)) if magnitude.size else 0.0

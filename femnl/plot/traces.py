@@ -6,15 +6,28 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from femnl.plot.style import COLOURS, DIVERGING, SEQUENTIAL, axis_label, new_figure, panel_letters, prefixed, style, symmetric_limit
+from femnl.plot.style import (
+    COLOURS,
+    DIVERGING,
+    SEQUENTIAL,
+    axis_label,
+    new_figure,
+    panel_letters,
+    prefixed,
+    style,
+    symmetric_limit,
+)
 
-_COLUMNS = 1500  # more points than this in one line are drawn as the band between smallest and largest
+# More points than this in one line are drawn as the band between smallest and largest
+_COLUMNS = 1500
 _WAVES = 3
 _PERIODS = 4.0  # of the drive, shown of each wave
 
 
 def trace_figure(dataset: xr.Dataset) -> Figure:
-    """Draw a `trace`: one step as signal (with its drive) and spectrum; several as waves, over time and over frequency.
+    """Draw a `trace`: one step as signal (with its drive) and spectrum.
+
+    Several as waves, over time and over frequency.
 
     Args: dataset of kind `trace`. Returns: the Figure.
     """
@@ -68,8 +81,16 @@ def _many_steps(dataset: xr.Dataset) -> Figure:
     picture = result.add_subplot(grid[1, 0])
     spectra = result.add_subplot(grid[1, 1])
     shown = time - time[0] <= (_PERIODS / np.nanmin(steps) if has_drive else np.inf)
-    for colour, index in zip(COLOURS, np.unique(np.linspace(0, len(steps) - 1, _WAVES).round().astype(int)), strict=False):
-        _line(waves, time[shown] / divisor, voltage[index, shown] / scale, colour, f"{steps[index] / step_scale:.6g} {step_unit}".strip())
+    for colour, index in zip(
+        COLOURS, np.unique(np.linspace(0, len(steps) - 1, _WAVES).round().astype(int)), strict=False
+    ):
+        _line(
+            waves,
+            time[shown] / divisor,
+            voltage[index, shown] / scale,
+            colour,
+            f"{steps[index] / step_scale:.6g} {step_unit}".strip(),
+        )
     waves.legend(loc="upper right", ncols=_WAVES)
     waves.margins(x=0.01)
     waves.set_ylim(top=waves.get_ylim()[1] + 0.25 * np.ptp(waves.get_ylim()))
@@ -79,7 +100,16 @@ def _many_steps(dataset: xr.Dataset) -> Figure:
     limit = symmetric_limit(voltage) / scale
     x = time / divisor
     rows = steps[order] / step_scale
-    image = picture.pcolormesh(x, rows, voltage[order] / scale, cmap=DIVERGING, vmin=-limit, vmax=limit, shading="nearest", rasterized=True)
+    image = picture.pcolormesh(
+        x,
+        rows,
+        voltage[order] / scale,
+        cmap=DIVERGING,
+        vmin=-limit,
+        vmax=limit,
+        shading="nearest",
+        rasterized=True,
+    )
     picture.set_xlabel(axis_label("time", unit))
     picture.set_ylabel(step_label)
     result.colorbar(image, ax=picture, label=axis_label("voltage", volt), aspect=30, pad=0.02)
@@ -87,7 +117,13 @@ def _many_steps(dataset: xr.Dataset) -> Figure:
     hertz, name = prefixed(frequency, "Hz")
     decades = np.log10(np.maximum(volts[order], np.nanmax(volts) * 1e-6))
     image = spectra.pcolormesh(
-        frequency / hertz, rows, decades, cmap=SEQUENTIAL, vmin=np.nanquantile(decades, 0.2), shading="nearest", rasterized=True
+        frequency / hertz,
+        rows,
+        decades,
+        cmap=SEQUENTIAL,
+        vmin=np.nanquantile(decades, 0.2),
+        shading="nearest",
+        rasterized=True,
     )
     spectra.set_xlabel(axis_label("frequency", name))
     spectra.tick_params(labelleft=False)
@@ -96,19 +132,40 @@ def _many_steps(dataset: xr.Dataset) -> Figure:
     return result
 
 
-def _line(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], colour: str, label: str | None = None) -> None:
+def _line(
+    axes: Axes,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    colour: str,
+    label: str | None = None,
+) -> None:
     """Draw y(x); a long one as the band between the extremes of each column, so that no spike is lost."""
     if x.size <= 2 * _COLUMNS:
         axes.plot(x, y, color=colour, label=label, linewidth=0.9)
         return
     edges = np.linspace(0, x.size, _COLUMNS + 1).astype(int)[:-1]
-    axes.fill_between(x[edges], np.fmin.reduceat(y, edges), np.fmax.reduceat(y, edges), color=colour, alpha=0.8, label=label, linewidth=0.4)
+    axes.fill_between(
+        x[edges],
+        np.fmin.reduceat(y, edges),
+        np.fmax.reduceat(y, edges),
+        color=colour,
+        alpha=0.8,
+        label=label,
+        linewidth=0.4,
+    )
 
 
-def _spectrum(time: NDArray[np.float64], voltage: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Frequencies [Hz] and amplitudes [V] (step, frequency) of the Hann-windowed signals; missing samples stand at the mean."""
+def _spectrum(
+    time: NDArray[np.float64], voltage: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Frequencies [Hz] and amplitudes [V] (step, frequency) of the Hann-windowed signals.
+
+    Missing samples stand at the mean.
+    """
     window = np.hanning(time.size + 1)[:-1]
     swing = np.nan_to_num(voltage - np.nanmean(voltage, axis=1, keepdims=True))
     volts = 2 * np.abs(np.fft.rfft(swing * window, axis=1)) / window.sum()
-    frequency: NDArray[np.float64] = np.asarray(np.fft.rfftfreq(time.size, float(np.median(np.diff(time)))), dtype=np.float64)
+    frequency: NDArray[np.float64] = np.asarray(
+        np.fft.rfftfreq(time.size, float(np.median(np.diff(time)))), dtype=np.float64
+    )
     return frequency[1:], volts[:, 1:]

@@ -32,16 +32,26 @@ def benchmarks(folder: Path) -> list[Benchmark]:
         return []
     kept = json.loads(path.read_text(encoding="utf-8"))
     return [
-        Benchmark(name, found["caption"], _words(found), [(t["head"], [[*map(_cell, row)] for row in t["rows"]]) for t in found["tables"]])
+        Benchmark(
+            name,
+            found["caption"],
+            _words(found),
+            [(t["head"], [[*map(_cell, row)] for row in t["rows"]]) for t in found["tables"]],
+        )
         for name, found in kept.items()
     ]
 
 
 def _words(found: Mapping[str, Any]) -> str:
-    seconds, used, load = (plain(found[key], DIGITS) for key in ("seconds", "cpu_seconds", "load_before"))
+    seconds, used, load = (
+        plain(found[key], DIGITS) for key in ("seconds", "cpu_seconds", "load_before")
+    )
     beside = "beside other programs" if found["load_before"] > BUSY else "on an idle machine"
     return (
-        f"{found['command']}, {found['date']}: {seconds} s {beside} (load {load} before it), {used} s of processor time in all processes; "
+        f"{found['command']}, {found['date']}: {seconds} s {beside} (load {load} before it), "
+        f"{used} s of processor "
+        "time in "
+        "all processes; "
         f"{found['processor']}, {found['system']}, {found['threads']}."
     )
 

@@ -45,13 +45,34 @@ def blind(folder: Path) -> Blind | None:
         board["draws"],
         ", ".join(str(seed) for seed in board["seeds"]),
         board.get("note", ""),
-        [[name, f"{r['k']} of {r['n']}", _percent(r["rate"]), _interval(r), _target(r)] for name, r in counted.items()],
+        [
+            [name, f"{r['k']} of {r['n']}", _percent(r["rate"]), _interval(r), _target(r)]
+            for name, r in counted.items()
+        ],
         kinds,
         [
-            *([name, *(_share(rate["by_kind"].get(kind)) for kind in kinds)] for name, rate in counted.items()),
-            *([[UNIFORM, *(plain(uniform[kind]["ks_p_value"], 2) if kind in uniform else "–" for kind in kinds)]] if uniform else []),
+            *(
+                [name, *(_share(rate["by_kind"].get(kind)) for kind in kinds)]
+                for name, rate in counted.items()
+            ),
+            *(
+                [
+                    [
+                        UNIFORM,
+                        *(
+                            plain(uniform[kind]["ks_p_value"], 2) if kind in uniform else "–"
+                            for kind in kinds
+                        ),
+                    ]
+                ]
+                if uniform
+                else []
+            ),
         ],
-        [[name, plain(limit["sigma"], 3), str(limit["draws"]), _sizes(limit)] for name, limit in board["limits"].items()],
+        [
+            [name, plain(limit["sigma"], 3), str(limit["draws"]), _sizes(limit)]
+            for name, limit in board["limits"].items()
+        ],
         _pictures(board),
     )
 
@@ -61,14 +82,32 @@ def _pictures(board: Mapping[str, Any]) -> list[Picture]:
     pictures = []
     if "confusion" in board:
         caption = (
-            "Answers to files that hide one cause of at least 5σ, or none: how many got which; colours are shares of the row. A tie names "
+            "Answers to files that hide one cause of at least 5σ, or none: how many got which; "
+            "colours are shares of "
+            "the row. "
+            "A tie names "
             "several sets of causes as equals."
         )
-        pictures.append(embed(confusion_figure(board["confusion"]), "Confusion matrix of the blind study", caption))
+        pictures.append(
+            embed(
+                confusion_figure(board["confusion"]), "Confusion matrix of the blind study", caption
+            )
+        )
     if "detection" in board:
-        caption = "Each lone cause, hidden ever more weakly: its size in draws that named it and in draws that did not; the line is 5σ."
+        caption = (
+            "Each lone cause, hidden ever more weakly: its size in draws that named it "
+            "and in draws that did "
+            "not; the "
+            "line is 5σ."
+        )
         figure = detection_figure(board["detection"], board["limits"])
-        pictures.append(embed(figure, "Sizes at which the blind study named each cause, and at which it did not", caption))
+        pictures.append(
+            embed(
+                figure,
+                "Sizes at which the blind study named each cause, and at which it did not",
+                caption,
+            )
+        )
     return pictures
 
 
@@ -92,10 +131,23 @@ def _target(rate: Mapping[str, Any]) -> str:
     word, goal = rate["target"]
     low, high = rate["interval"]
     if word == "within":
-        return f"{100 * (goal - HALF):.3g} … {100 * (goal + HALF):.3g} %: {'met' if abs(rate['rate'] - goal) <= HALF else 'missed'}"
+        return (
+            f"{100 * (goal - HALF):.3g} … {100 * (goal + HALF):.3g} %: "
+            f"{'met' if abs(rate['rate'] - goal) <= HALF else 'missed'}"
+        )
     met, missed = (high <= goal, low > goal) if word == "at most" else (low >= goal, high < goal)
-    return f"{WORDS[word]} {100 * goal:.3g} %: {'met' if met else 'missed' if missed else 'not decided by so few draws'}"
+    return (
+        f"{WORDS[word]} {100 * goal:.3g} %: "
+        f"{'met' if met else 'missed' if missed else 'not decided by so few draws'}"
+    )
 
 
 def _sizes(limit: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {plain(value, 3)}" for name, value in limit.items() if name not in ("sigma", "draws")) or "–"
+    return (
+        ", ".join(
+            f"{name} {plain(value, 3)}"
+            for name, value in limit.items()
+            if name not in ("sigma", "draws")
+        )
+        or "–"
+    )

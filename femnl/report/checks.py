@@ -1,4 +1,7 @@
-"""The validation cases on the page: what was checked, how many numbers agree, what is an erratum of the paper."""
+"""The validation cases on the page.
+
+What was checked, how many numbers agree, what is an erratum of the paper.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +21,11 @@ class Checks:
     @property
     def errata(self) -> list[Result]:
         """Cases that correct a printed number."""
-        return [result for result in self.results if any(row.reference.printed is not None for row in result.rows)]
+        return [
+            result
+            for result in self.results
+            if any(row.reference.printed is not None for row in result.rows)
+        ]
 
     @property
     def numbers(self) -> int:

@@ -1,4 +1,7 @@
-"""One page for one diagnosis: verdict, data beside models, parameters, what was tried, how to reproduce it."""
+"""One page for one diagnosis.
+
+Verdict, data beside models, parameters, what was tried, how to reproduce it.
+"""
 
 import shlex
 from pathlib import Path
@@ -19,16 +22,28 @@ SHOWN = 15
 """Sets of causes that are listed, the best ones."""
 MEANING = {
     "adequate": "The base model explains these data; no further cause is needed.",
-    "explained": "This set of causes explains the data, and is clearly preferred to every other that was tried.",
-    "ambiguous": "Several sets of causes explain these data equally well; the simplest is named first.",
-    "unexplained": "The base model does not explain these data, and neither does any cause in the library.",
+    "explained": "This set of causes explains the data, and is clearly preferred to every other "
+    "that was tried.",
+    "ambiguous": "Several sets of causes explain these data equally well; the simplest is "
+    "named first.",
+    "unexplained": "The base model does not explain these data, and neither does any cause in "
+    "the library.",
 }
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
-    """Write `report.html`, a page that needs no other file, into a folder that exists. Returns: its path."""
+    """Write `report.html`, a page that needs no other file, into a folder that exists.
+
+    Returns: its path.
+    """
     loader = FileSystemLoader(Path(__file__).parent)
-    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=loader,
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     ranked = sorted(diagnosis.trials, key=lambda trial: -trial.log_evidence)
     page = environment.get_template("diagnosis.html.j2").render(
         d=diagnosis,
@@ -54,10 +69,22 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
         ],
         more=max(len(ranked) - SHOWN, 0),
         forms=[
-            [f.sentence, f.equation, f"{f.n_parameters}", *(plain(v, 4) for v in (f.quality.chi2_reduced, f.quality.heldout_chi2_reduced))]
+            [
+                f.sentence,
+                f.equation,
+                f"{f.n_parameters}",
+                *(plain(v, 4) for v in (f.quality.chi2_reduced, f.quality.heldout_chi2_reduced)),
+            ]
             for f in diagnosis.free_forms
         ],
-        command=shlex.join(["femnl", "diagnose", diagnosis.file, *(("--geometry", diagnosis.geometry) if diagnosis.geometry else ())]),
+        command=shlex.join(
+            [
+                "femnl",
+                "diagnose",
+                diagnosis.file,
+                *(("--geometry", diagnosis.geometry) if diagnosis.geometry else ()),
+            ]
+        ),
         provenance=provenance([]),
     )
     path = folder / NAME
@@ -74,10 +101,19 @@ def _p_value(p: float) -> str:
 
 
 def _parameters(diagnosis: Diagnosis) -> list[list[str]]:
-    """Owner, name, value before and after, unit; the base parameters first, also those that a cause replaces."""
+    """Owner, name, value before and after, unit.
+
+    The base parameters first, also those that a cause replaces.
+    """
     after = diagnosis.parameters
-    names = [*diagnosis.base_parameters, *(name for name in after["base"] if name not in diagnosis.base_parameters)]
-    rows = [["base", name, _value(diagnosis.base_parameters.get(name)), _value(after["base"].get(name))] for name in names]
+    names = [
+        *diagnosis.base_parameters,
+        *(name for name in after["base"] if name not in diagnosis.base_parameters),
+    ]
+    rows = [
+        ["base", name, _value(diagnosis.base_parameters.get(name)), _value(after["base"].get(name))]
+        for name in names
+    ]
     units = [(diagnosis.base_parameters.get(name) or after["base"][name]).unit for name in names]
     for owner, own in after.items():
         if owner != "base":
@@ -94,13 +130,18 @@ def _picture(comparison: Comparison) -> Picture:
     models = " and ".join(comparison.models)
     if isinstance(comparison, Images):
         caption = (
-            "Each harmonic in the quadrature that holds its signal: measured; for each model what it predicts, in the same colours; "
-            "and what it leaves in σ. White is zero; ranges are written at the left, those of what is left at the right."
+            "Each harmonic in the quadrature that holds its signal: measured; for each model "
+            "what it predicts, in "
+            "the same "
+            "colours; "
+            "and what it leaves in σ. White is zero; ranges are written at the left, those of "
+            "what is left at the right."
         )
         words = f"Maps of the harmonics: measured, {models}, and what they leave"
     else:
         caption = (
-            f"{comparison.y.capitalize()} against {comparison.x}: measured, as the models predict it, "
+            f"{comparison.y.capitalize()} against {comparison.x}: measured, as the models "
+            "predict it, "
             "and what each of them leaves in σ (grey: ±2σ)."
         )
         words = f"{comparison.y} against {comparison.x}: measured, {models}, and what they leave"

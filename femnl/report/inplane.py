@@ -1,4 +1,7 @@
-"""The film in its own plane while a mode is deflected: how the edge decides what it may give way to."""
+"""The film in its own plane while a mode is deflected.
+
+How the edge decides what it may give way to.
+"""
 
 from dataclasses import replace
 
@@ -20,13 +23,23 @@ ARROWS = 15
 """Arrows along each side."""
 
 
-def in_plane_figure(modes: Modes, index: int = 0, edges: tuple[Edge, ...] = ("clamped", "sliding")) -> Figure:
-    """Draw the in-plane displacement of the film under each edge while a mode is deflected by 1 µm: size in colour, arrows along it."""
+def in_plane_figure(
+    modes: Modes, index: int = 0, edges: tuple[Edge, ...] = ("clamped", "sliding")
+) -> Figure:
+    """Draw the in-plane displacement of the film under each edge while a mode is deflected by 1 µm.
+
+    Size in colour, arrows along it.
+    """
     outline = polyline(modes.domain.model.outline) * 1e6
     fields = {}
     for edge in edges:
-        moved = replace(modes.prestress, degree=modes.degree, displacement=in_plane_response(modes, index, edge) * DEFLECTION**2)
-        fields[edge] = unfold(replace(modes, prestress=moved))  # which mirrors any displacement over the whole film
+        moved = replace(
+            modes.prestress,
+            degree=modes.degree,
+            displacement=in_plane_response(modes, index, edge) * DEFLECTION**2,
+        )
+        # Which mirrors any displacement over the whole film
+        fields[edge] = unfold(replace(modes, prestress=moved))
     largest = max(float(np.hypot(*surface.in_plane.T).max()) for surface in fields.values()) * 1e9
     with style():
         figure = new_figure(height=3.4)
@@ -35,10 +48,25 @@ def in_plane_figure(modes: Modes, index: int = 0, edges: tuple[Edge, ...] = ("cl
             x, y = surface.points.T * 1e6
             film = Triangulation(x, y, surface.triangles[:, FLAT].reshape(-1, 3))
             size = np.hypot(*surface.in_plane.T) * 1e9
-            shown = axes.tripcolor(film, size, shading="gouraud", cmap=SEQUENTIAL, vmin=0, vmax=largest, rasterized=True)
+            shown = axes.tripcolor(
+                film,
+                size,
+                shading="gouraud",
+                cmap=SEQUENTIAL,
+                vmin=0,
+                vmax=largest,
+                rasterized=True,
+            )
             some = _spread(surface.points)
             axes.quiver(
-                x[some], y[some], *surface.in_plane[some].T * 1e9, color="white", scale=ARROWS * largest, width=0.006, ec=INK, lw=0.4
+                x[some],
+                y[some],
+                *surface.in_plane[some].T * 1e9,
+                color="white",
+                scale=ARROWS * largest,
+                width=0.006,
+                ec=INK,
+                lw=0.4,
             )
             axes.fill(*outline.T, fill=False, edgecolor=INK, linewidth=0.8)
             axes.set_aspect("equal")
@@ -47,8 +75,13 @@ def in_plane_figure(modes: Modes, index: int = 0, edges: tuple[Edge, ...] = ("cl
     return figure
 
 
-def _spread(points: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
-    """Nodes that lie about evenly over the film: in each square of a grid the one nearest to its centre."""
+def _spread(
+    points: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
+) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    """Nodes that lie about evenly over the film.
+
+    In each square of a grid the one nearest to its centre.
+    """
     low = points.min(axis=0)
     width = np.ptp(points, axis=0).max() / ARROWS
     cell = np.floor((points - low) / width).astype(np.int64)

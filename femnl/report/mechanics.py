@@ -68,14 +68,40 @@ def describe_geometry(geometry: Geometry, say: Say) -> Part:
     modes = geometry.modes
     say(f"{model.name}: pictures")
     pictures = [
-        embed(mode_gallery(modes, COUNT), f"First {COUNT} mode shapes of {model.name}", "Mode shapes ξ, largest value 1."),
-        embed(film_figure(modes, "shape", 1), f"Fundamental mode of {model.name}", "The fundamental mode, from above and as a relief."),
-        embed(film_figure(modes, "mesh"), f"Mesh of {model.name}", "The mesh, unfolded from the part that symmetry leaves to solve."),
+        embed(
+            mode_gallery(modes, COUNT),
+            f"First {COUNT} mode shapes of {model.name}",
+            "Mode shapes ξ, largest value 1.",
+        ),
+        embed(
+            film_figure(modes, "shape", 1),
+            f"Fundamental mode of {model.name}",
+            "The fundamental mode, from above and as a relief.",
+        ),
+        embed(
+            film_figure(modes, "mesh"),
+            f"Mesh of {model.name}",
+            "The mesh, unfolded from the part that symmetry leaves to solve.",
+        ),
     ]
     if len(model.holes.centres):
-        caption = "Stress after release: holes are free, so that the tension flows around them. The scale is stretched at its lower end."
-        pictures.append(embed(film_figure(modes, "stress"), f"Relaxed stress of {model.name}", caption))
-    return Part(model.name, describe(model), model.source, model.assumed, _mode_rows(geometry), model.edge, pictures)
+        caption = (
+            "Stress after release: holes are free, so that the tension flows around them. "
+            "The scale is stretched at its "
+            "lower end."
+        )
+        pictures.append(
+            embed(film_figure(modes, "stress"), f"Relaxed stress of {model.name}", caption)
+        )
+    return Part(
+        model.name,
+        describe(model),
+        model.source,
+        model.assumed,
+        _mode_rows(geometry),
+        model.edge,
+        pictures,
+    )
 
 
 def _mode_rows(geometry: Geometry) -> list[Row]:
@@ -120,13 +146,19 @@ def _known(table: dict[str, float], key: str) -> str:
 
 
 def _beside(geometry: Geometry, key: str, published: Published) -> list[str]:
-    """The ratio of one mode and its difference to the published one; empty where this geometry has no such mode."""
+    """The ratio of one mode and its difference to the published one.
+
+    Empty where this geometry has no such mode.
+    """
     if key not in geometry.keys:
         return ["", ""]
     k = geometry.keys.index(key)
     modes = geometry.modes
     known = published.ratio.get(key)
-    return [with_error(modes.ratio[k], modes.ratio_error[k]), "" if known is None else ppm(modes.ratio[k], known)]
+    return [
+        with_error(modes.ratio[k], modes.ratio_error[k]),
+        "" if known is None else ppm(modes.ratio[k], known),
+    ]
 
 
 def frequency_table(geometries: list[Geometry], published: Published) -> list[Row]:
@@ -134,12 +166,18 @@ def frequency_table(geometries: list[Geometry], published: Published) -> list[Ro
     rows = []
     for key, value in published.frequency.items():
         cells = [
-            f"f{key if key.startswith('(') else ''} (MHz)" if len(published.frequency) > 1 else "f₁ (MHz)",
+            f"f{key if key.startswith('(') else ''} (MHz)"
+            if len(published.frequency) > 1
+            else "f₁ (MHz)",
             f"{value / 1e6:.10g}",
         ]
         for geometry in geometries:
             k = geometry.keys.index(key)
-            cells.append(with_error(geometry.modes.frequency[k] / 1e6, geometry.modes.frequency_error[k] / 1e6))
+            cells.append(
+                with_error(
+                    geometry.modes.frequency[k] / 1e6, geometry.modes.frequency_error[k] / 1e6
+                )
+            )
             cells.append(ppm(geometry.modes.frequency[k], value))
         rows.append(tuple(cells))
     if {"(1,1)", "(2,2)"} <= set(published.frequency):
@@ -164,7 +202,10 @@ def _gap(geometry: Geometry) -> tuple[float, float]:
 
 
 def alpha_table(geometries: list[Geometry], published: Published | None) -> tuple[Row, list[Row]]:
-    """The parameter α under each in-plane edge, in 10⁻³ µm⁻², beside the published formula: head and rows."""
+    """The parameter α under each in-plane edge, in 10⁻³ µm⁻², beside the published formula.
+
+    Head and rows.
+    """
     known = published.alpha if published is not None else {}
     head = ["mode", *(["published formula"] if known else [])]
     head += [f"{geometry.model.name}, {edge}" for geometry in geometries for edge in EDGES]
@@ -175,6 +216,10 @@ def alpha_table(geometries: list[Geometry], published: Published | None) -> tupl
             k = geometry.keys.index(key) if key in geometry.keys else None
             for edge in EDGES:
                 duffing = geometry.nonlinearity[edge]
-                cells.append("" if k is None else with_error(duffing.alpha[k] / 1e9, duffing.alpha_error[k] / 1e9))
+                cells.append(
+                    ""
+                    if k is None
+                    else with_error(duffing.alpha[k] / 1e9, duffing.alpha_error[k] / 1e9)
+                )
         rows.append(tuple(cells))
     return tuple(head), rows

@@ -16,7 +16,10 @@ def plain(value: float, digits: int = 7) -> str:
 
 
 def with_error(value: float, error: float | None) -> str:
-    """A number and its error to one digit, both to the same decimal: 1.581372 ± 0.000002; without a finite error the number alone."""
+    """A number and its error to one digit, both to the same decimal: 1.581372 ± 0.000002.
+
+    Without a finite error the number alone.
+    """
     if error is None or not isfinite(error) or error <= 0 or not isfinite(value):
         return plain(value)
     decimals = -floor(log10(error) + 1e-9)
@@ -32,4 +35,6 @@ def with_error(value: float, error: float | None) -> str:
 def ppm(value: float, reference: float) -> str:
     """The relative difference in ppm, or in % from 1 % on, with its sign."""
     part = value / reference - 1 if reference else inf
-    return (f"{part:+.2%}".replace("%", " %") if abs(part) >= 1e-2 else f"{part * 1e6:+,.4g} ppm").translate(MINUS)
+    return (
+        f"{part:+.2%}".replace("%", " %") if abs(part) >= 1e-2 else f"{part * 1e6:+,.4g} ppm"
+    ).translate(MINUS)

@@ -26,4 +26,10 @@ def embed(figure: Figure, words: str, caption: str) -> Picture:
     # A quarter of the size of PNG; every browser has read WebP since 2020.
     figure.savefig(stream, format="webp", dpi=DPI, pil_kwargs={"quality": 92})
     width, height = (round(96 * inches) for inches in figure.get_size_inches())
-    return Picture(f"data:image/webp;base64,{b64encode(stream.getvalue()).decode()}", width, height, words, caption)
+    return Picture(
+        f"data:image/webp;base64,{b64encode(stream.getvalue()).decode()}",
+        width,
+        height,
+        words,
+        caption,
+    )

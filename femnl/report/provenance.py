@@ -12,15 +12,38 @@ from pathlib import Path
 import femnl
 from femnl.core.device import Model
 
-PACKAGES = ("numpy", "scipy", "scikit-fem", "gmsh", "cvxopt", "tmm", "xarray", "h5netcdf", "pyvista", "vtk", "matplotlib", "jinja2")
+PACKAGES = (
+    "numpy",
+    "scipy",
+    "scikit-fem",
+    "gmsh",
+    "cvxopt",
+    "tmm",
+    "xarray",
+    "h5netcdf",
+    "pyvista",
+    "vtk",
+    "matplotlib",
+    "jinja2",
+)
 
 
 def provenance(models: Sequence[Model]) -> list[tuple[str, str]]:
     """Return names and values, in the order of the report's last table."""
     rows = [("femnl", femnl.__version__), ("source", _commit(Path(femnl.__file__).parents[1]))]
-    rows += [("Python", f"{platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count()} processors")]
+    rows += [
+        (
+            "Python",
+            f"{platform.python_version()} on {platform.system()} {platform.machine()}, "
+            f"{os.cpu_count()} "
+            "processors",
+        )
+    ]
     rows += [(name, _version(name)) for name in PACKAGES]
-    rows += [(f"SHA-256 of {model.name}", hashlib.sha256(model.text.encode()).hexdigest()) for model in models]
+    rows += [
+        (f"SHA-256 of {model.name}", hashlib.sha256(model.text.encode()).hexdigest())
+        for model in models
+    ]
     return [*rows, ("date", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")]
 
 
@@ -43,4 +66,6 @@ def _commit(root: Path) -> str:
 
 
 def _git(root: Path, *words: str) -> str:
-    return subprocess.run(["git", "-C", str(root), *words], check=True, capture_output=True, text=True).stdout.strip()
+    return subprocess.run(
+        ["git", "-C", str(root), *words], check=True, capture_output=True, text=True
+    ).stdout.strip()

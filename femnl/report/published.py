@@ -9,7 +9,10 @@ PAPER = "Sommer et al. 2025, arXiv:2502.19191"
 
 @dataclass(frozen=True)
 class Drive:
-    """A strongly driven fundamental mode: the laser's name and wavelength λ [m], and the fitted modulation z = S′ = 4πU/λ."""
+    """A strongly driven fundamental mode.
+
+    The laser's name and wavelength λ [m], and the fitted modulation z = S′ = 4πU/λ.
+    """
 
     laser: str
     wavelength: float
@@ -20,9 +23,10 @@ class Drive:
 class Published:
     """Published numbers of a device, each by the mode's label or, where modes have none, by its number.
 
-    frequency [Hz] measured; ratio f/f₁, and whether it was `measured` or `simulated`; ideal f/f₁ of a membrane without bending;
-    alpha [m⁻²] from the published formula. drives: the published harmonic maps. highest: order of the highest harmonic that was
-    seen above 1 % of the strongest one, None where none is named. remark: what the comparison means.
+    frequency [Hz] measured; ratio f/f₁, and whether it was `measured` or `simulated`; ideal f/f₁ of
+    a membrane without bending; alpha [m⁻²] from the published formula. drives: the published
+    harmonic maps. highest: order of the highest harmonic that was seen above 1 % of the strongest
+    one, None where none is named. remark: what the comparison means.
     """
 
     source: str
@@ -50,7 +54,10 @@ def _numbered(values: Sequence[float]) -> dict[str, float]:
 
 
 _ORDERS = [(m, n) for m in range(1, 5) for n in range(1, 5)]
-_SQUARE = {f"({m},{n})": sqrt((m**2 + n**2) / 2) for m, n in _ORDERS} | {"(1,3)−(3,1)": sqrt(5), "(1,3)+(3,1)": sqrt(5)}
+_SQUARE = {f"({m},{n})": sqrt((m**2 + n**2) / 2) for m, n in _ORDERS} | {
+    "(1,3)−(3,1)": sqrt(5),
+    "(1,3)+(3,1)": sqrt(5),
+}
 _ALPHA = 3 * pi**2 / 16 * (250e9 / 1101.5e6) / 270e-6**2
 # Eigenvalues of the Laplacian on the regular hexagon of side 1, held at its edge; 16π²/3 is exact.
 _HEXAGON = (
@@ -64,7 +71,10 @@ _HEXAGON = (
 )
 
 SQUARE = Published(
-    source=f"{PAPER}: frequencies in section Parametric effects, formula of α in section Membrane mechanics (S8), fits of maps in S7",
+    source=f"{PAPER}: frequencies in section Parametric effects, formula of α in section "
+    "Membrane mechanics "
+    "(S8), fits "
+    "of maps in S7",
     frequency={"(1,1)": 1.466060e6, "(2,2)": 2.932369e6},
     ratio={"(2,2)": 2.932369e6 / 1.466060e6},
     ratio_kind="measured",
@@ -72,18 +82,25 @@ SQUARE = Published(
     alpha={"(1,1)": _ALPHA, "(2,2)": 4 * _ALPHA},
     drives=(Drive("red", 632.8e-9, 8.85), Drive("green", 532e-9, 10.51)),
     highest=21,
-    remark="The frequencies rest on an assumed density, which cannot change their ratio. Bending alone gives three times the "
-    "measured detuning from 2:1, and free holes make it larger: what brings it down to 249 Hz is not in this model.",
+    remark="The frequencies rest on an assumed density, which cannot change their ratio. "
+    "Bending alone gives three "
+    "times the "
+    "measured detuning from 2:1, and free holes make it larger: what brings it down to 249 Hz "
+    "is not in this model.",
 )
 HEXAGON = Published(
-    source=f"{PAPER}: simulated ratios, measured frequency and fit of the maps in section Parametric effects (S9)",
+    source=f"{PAPER}: simulated ratios, measured frequency and fit of the maps in section "
+    "Parametric effects (S9)",
     frequency={"1": 1.6858e6},
     ratio=_numbered((1.0, 1.5930, 1.5930, 2.1335, 2.1336, 2.2946, 2.5877, 2.7216, 2.9117, 2.9118)),
     ratio_kind="simulated",
     ideal=_numbered([sqrt(value / _HEXAGON[0]) for value in _HEXAGON]),
     drives=(Drive("red", 632.8e-9, 4.218),),
-    remark="The published simulation lies above an ideal membrane by up to 0.47 %, growing with the frequency. Bending of the film as "
-    "specified gives a fifth of that, and holes change little: what raises the published ratios is not in this model.",
+    remark="The published simulation lies above an ideal membrane by up to 0.47 %, growing with "
+    "the frequency. Bending of the "
+    "film as "
+    "specified gives a fifth of that, and holes change little: what raises the published ratios "
+    "is not in this model.",
 )
 DEVICES = (
     Device("Square membrane, device J10", ("square-270um", "square-270um-perforated"), SQUARE),

@@ -1,4 +1,7 @@
-"""Figures of the blind study, drawn from its scoreboard: which cause is taken for which, and how large it must be."""
+"""Figures of the blind study, drawn from its scoreboard.
+
+Which cause is taken for which, and how large it must be.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,7 +18,10 @@ FOUND = 0.95
 
 
 def confusion_figure(confusion: Mapping[str, Any]) -> Figure:
-    """Draw how often each hidden cause (a row) got each answer (a column); colours are shares of the row."""
+    """Draw how often each hidden cause (a row) got each answer (a column).
+
+    Colours are shares of the row.
+    """
     hidden = confusion["hidden"]
     answers = confusion["answers"]
     table = np.array(confusion["draws"])
@@ -26,8 +32,18 @@ def confusion_figure(confusion: Mapping[str, Any]) -> Figure:
         axes.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
         for (i, j), n in np.ndenumerate(table):
             if n:
-                axes.text(j, i, str(n), ha="center", va="center", fontsize=7 if n < 100 else 5, color="white" if share[i, j] > 0.6 else INK)
-        axes.set_xticks(range(len(answers)), [_words(name) for name in answers], rotation=90, fontsize=7.5)
+                axes.text(
+                    j,
+                    i,
+                    str(n),
+                    ha="center",
+                    va="center",
+                    fontsize=7 if n < 100 else 5,
+                    color="white" if share[i, j] > 0.6 else INK,
+                )
+        axes.set_xticks(
+            range(len(answers)), [_words(name) for name in answers], rotation=90, fontsize=7.5
+        )
         axes.set_yticks(range(len(hidden)), [_words(name) for name in hidden], fontsize=7.5)
         axes.set_xticks(np.arange(len(answers)) - 0.5, minor=True)
         axes.set_yticks(np.arange(len(hidden)) - 0.5, minor=True)

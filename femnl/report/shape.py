@@ -37,7 +37,10 @@ class Shape:
 
 
 def turning(modes: Modes) -> Shape:
-    """Put all mode shapes of a film into a scene that plotly.js draws: flat triangles, raised and coloured by ξ."""
+    """Put all mode shapes of a film into a scene that plotly.js draws.
+
+    Flat triangles, raised and coloured by ξ.
+    """
     name = modes.domain.model.name
     points, triangles, shapes = _surface(modes)
     size = np.ptp(points, axis=0)
@@ -50,7 +53,13 @@ def turning(modes: Modes) -> Shape:
         "colorscale": [[k / 10, to_hex(shade)] for k, shade in enumerate(shades)],
         "cmin": -1,
         "cmax": 1,
-        "colorbar": {"orientation": "h", "thickness": 12, "len": 0.6, "y": 0.0, "yanchor": "bottom"},
+        "colorbar": {
+            "orientation": "h",
+            "thickness": 12,
+            "len": 0.6,
+            "y": 0.0,
+            "yanchor": "bottom",
+        },
         "hovertemplate": "x = %{x:.1f} µm<br>y = %{y:.1f} µm<br>ξ = %{z:.3f}<extra></extra>",
         "lighting": {"ambient": 0.55, "diffuse": 0.6, "specular": 0.05},
     }
@@ -69,10 +78,22 @@ def turning(modes: Modes) -> Shape:
         "zaxis": {"title": {"text": "ξ"}, "range": [-1, 1], "nticks": 5},
         "aspectmode": "manual",
         "aspectratio": {"x": size[0] / size.max(), "y": size[1] / size.max(), "z": 2 * RELIEF},
-        "camera": {"eye": {"x": -0.85, "y": -1.5, "z": 0.95}, "center": {"x": 0, "y": 0, "z": -0.1}},
+        "camera": {
+            "eye": {"x": -0.85, "y": -1.5, "z": 0.95},
+            "center": {"x": 0, "y": 0, "z": -0.1},
+        },
     }
-    data = {"film": film, "edge": edge, "scene": view, "shapes": [_packed(shape, "f4") for shape in shapes]}
-    still = embed(film_figure(modes, "shape", 1), f"Fundamental mode of {name}", "The fundamental mode, from above and as a relief.")
+    data = {
+        "film": film,
+        "edge": edge,
+        "scene": view,
+        "shapes": [_packed(shape, "f4") for shape in shapes],
+    }
+    still = embed(
+        film_figure(modes, "shape", 1),
+        f"Fundamental mode of {name}",
+        "The fundamental mode, from above and as a relief.",
+    )
     return Shape(name, [_words(modes, k) for k in range(len(shapes))], get_plotlyjs(), data, still)
 
 
@@ -81,12 +102,19 @@ def _surface(modes: Modes) -> tuple[NDArray[np.float64], NDArray[np.int64], NDAr
     surface = unfold(modes)
     places = np.round(surface.points / (SAME * modes.domain.model.outline.length)).astype(np.int64)
     _, first, index = np.unique(places, axis=0, return_index=True, return_inverse=True)
-    return surface.points[first], index[surface.triangles[:, FLAT].reshape(-1, 3)], surface.shapes[:, first]
+    return (
+        surface.points[first],
+        index[surface.triangles[:, FLAT].reshape(-1, 3)],
+        surface.shapes[:, first],
+    )
 
 
 def _packed(values: NDArray[Any], kind: str) -> dict[str, str]:
     """Numbers as plotly.js unpacks them: the bytes of a typed array."""
-    return {"dtype": kind, "bdata": b64encode(np.asarray(values, dtype=f"<{kind}").tobytes()).decode()}
+    return {
+        "dtype": kind,
+        "bdata": b64encode(np.asarray(values, dtype=f"<{kind}").tobytes()).decode(),
+    }
 
 
 def _words(modes: Modes, index: int) -> str:

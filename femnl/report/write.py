@@ -13,7 +13,17 @@ from femnl.report.benchmarks import benchmarks
 from femnl.report.blind import blind
 from femnl.report.checks import check
 from femnl.report.inplane import in_plane_figure
-from femnl.report.mechanics import EDGES, Geometry, Part, Row, alpha_table, describe_geometry, frequency_table, ratio_table, solve
+from femnl.report.mechanics import (
+    EDGES,
+    Geometry,
+    Part,
+    Row,
+    alpha_table,
+    describe_geometry,
+    frequency_table,
+    ratio_table,
+    solve,
+)
 from femnl.report.numbers import plain, with_error
 from femnl.report.picture import Picture, embed
 from femnl.report.provenance import provenance
@@ -23,7 +33,10 @@ from femnl.report.shape import turning
 
 NAME = "index.html"
 IN_PLANE = (
-    "The fundamental mode, deflected by 1 µm, stretches the film, which gives way in its own plane as far as its edge lets it: α is what "
+    "The fundamental mode, deflected by 1 µm, stretches the film, which gives way in its own "
+    "plane as far as its "
+    "edge lets "
+    "it: α is what "
     "stretching remains. Displacements go as the square of the deflection."
 )
 
@@ -54,17 +67,22 @@ def write_report(
 ) -> Path:
     """Solve the devices, run the validation cases, and write `index.html`, a page that needs no other file, into a folder.
 
-    Args: out: the folder, made where it is missing. progress: told, in a few words, what comes next. cache: take modes solved
-        earlier from disk. devices: those to report on. cases: the folder of validation cases, the shipped one by default; select: names
-        of cases, all where empty.
+    Args: out: the folder, made where it is missing. progress: told, in a few words, what comes
+        next. cache: take modes solved earlier from disk. devices: those to report on. cases: the
+        folder of validation cases, the shipped one by default; select: names of cases, all where
+        empty.
     Returns: the path of the page.
-    Raises: MissingLibraryError before anything is solved where pictures cannot be drawn; ParameterError; whatever solving raises.
+    Raises: MissingLibraryError before anything is solved where pictures cannot be drawn;
+    ParameterError; whatever solving raises.
     """
     need_offscreen()
     make_folder(out)
     solved = [solve(device, progress, cache) for device in devices]
     models = [geometry.model for geometries in solved for geometry in geometries]
-    sections = [_section(device, geometries, progress) for device, geometries in zip(devices, solved, strict=True)]
+    sections = [
+        _section(device, geometries, progress)
+        for device, geometries in zip(devices, solved, strict=True)
+    ]
     checks = check(cases or resources.cases(), select, progress)
     progress("page")
     page = _template().render(
@@ -88,7 +106,9 @@ def write_report(
     return path
 
 
-def _section(device: Device, geometries: list[Geometry], progress: Callable[[str], None]) -> Section:
+def _section(
+    device: Device, geometries: list[Geometry], progress: Callable[[str], None]
+) -> Section:
     first = geometries[0]
     published = device.published
     stack = first.model.stack
@@ -104,13 +124,19 @@ def _section(device: Device, geometries: list[Geometry], progress: Callable[[str
         alpha_table(geometries, published),
         embed(in_plane_figure(first.modes), f"In-plane response of {first.model.name}", IN_PLANE),
         shown,
-        None if published is None or stack is None or not drives else spectrum(stack, drives[0], published),
+        None
+        if published is None or stack is None or not drives
+        else spectrum(stack, drives[0], published),
     )
 
 
 def _template() -> Template:
     folder = Path(__file__).parent
     environment = Environment(
-        loader=FileSystemLoader(folder), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=FileSystemLoader(folder),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     return environment.get_template("page.html.j2")

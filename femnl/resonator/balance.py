@@ -1,4 +1,7 @@
-"""Harmonic balance with any number of harmonics: periodic motions of the full equations and their Floquet stability."""
+"""Harmonic balance with any number of harmonics.
+
+Periodic motions of the full equations and their Floquet stability.
+"""
 
 from dataclasses import dataclass
 
@@ -20,8 +23,8 @@ MIN_FLOQUET_STEPS = 256
 class Balance:
     """The algebraic equations for the Fourier coefficients of a periodic motion, in dimensionless form.
 
-    The unknowns are, mode by mode, the constant and then Re and Im of each harmonic, q = a₀ + Σ Re(a_h e^{ihτ}), τ = ωt; time is
-    in units of 1/ω₁ and displacement in `length` [m].
+    The unknowns are, mode by mode, the constant and then Re and Im of each harmonic, q = a₀ + Σ
+    Re(a_h e^{ihτ}), τ = ωt; time is in units of 1/ω₁ and displacement in `length` [m].
     """
 
     modes: CoupledModes
@@ -39,12 +42,23 @@ class Balance:
         rate = float(modes.omega[np.argmax(np.abs(force))])
         length = float(np.max(np.abs(force) / (modes.omega * modes.damping)))
         order = np.arange(1, n_harmonics + 1)
-        phase = np.arange((DEGREE + 1) * n_harmonics + 2) * (2 * np.pi / ((DEGREE + 1) * n_harmonics + 2))
+        phase = np.arange((DEGREE + 1) * n_harmonics + 2) * (
+            2 * np.pi / ((DEGREE + 1) * n_harmonics + 2)
+        )
         waves = np.stack([np.cos(np.outer(phase, order)), -np.sin(np.outer(phase, order))], axis=-1)
         basis = np.hstack([np.ones((len(phase), 1)), waves.reshape(len(phase), -1)])
         derivative = block_diag(np.zeros((1, 1)), *(np.array([[0.0, -h], [h, 0.0]]) for h in order))
         project = (basis / np.sum(basis**2, axis=0)).T
-        return cls(scaled(modes, length, rate), force / (length * rate**2), length, rate, n_harmonics, basis, derivative, project)
+        return cls(
+            scaled(modes, length, rate),
+            force / (length * rate**2),
+            length,
+            rate,
+            n_harmonics,
+            basis,
+            derivative,
+            project,
+        )
 
     @property
     def size(self) -> int:
@@ -76,15 +90,25 @@ class Balance:
         slope = turned @ self.basis.T
         second = turned @ self.derivative.T
         by_q, by_v = nonlinear_slopes(modes, q, omega * slope)
-        value = omega**2 * second + modes.omega[:, None] ** 2 * rows + omega * modes.damping[:, None] * turned
+        value = (
+            omega**2 * second
+            + modes.omega[:, None] ** 2 * rows
+            + omega * modes.damping[:, None] * turned
+        )
         value += nonlinear_force(modes, q, omega * slope) @ self.project.T
         value[:, 1] -= self.force
-        by_omega = 2 * omega * second + modes.damping[:, None] * turned + (by_v * slope) @ self.project.T
+        by_omega = (
+            2 * omega * second + modes.damping[:, None] * turned + (by_v * slope) @ self.project.T
+        )
         jacobian = np.einsum("st,ijt,tr->isjr", self.project, by_q, self.basis, optimize=True)
         speed = self.basis @ self.derivative
         for i in range(n):
-            jacobian[i, :, i] += omega**2 * self.derivative @ self.derivative + modes.omega[i] ** 2 * np.eye(size)
-            jacobian[i, :, i] += omega * (modes.damping[i] * self.derivative + (self.project * by_v[i]) @ speed)
+            jacobian[i, :, i] += omega**2 * self.derivative @ self.derivative + modes.omega[
+                i
+            ] ** 2 * np.eye(size)
+            jacobian[i, :, i] += omega * (
+                modes.damping[i] * self.derivative + (self.project * by_v[i]) @ speed
+            )
         return value.ravel(), jacobian.reshape(n * size, n * size), by_omega.ravel()
 
     def solve(self, x: Array, omega: float) -> Array:
@@ -96,7 +120,8 @@ class Balance:
             if np.linalg.norm(step) <= TOLERANCE * np.linalg.norm(x):
                 return x
         raise ConvergenceError(
-            f"n_harmonics = {self.n_harmonics}: no periodic motion found near the start at {omega * self.rate / (2 * np.pi):.9g} Hz; "
+            f"n_harmonics = {self.n_harmonics}: no periodic motion found near the start at "
+            f"{omega * self.rate / (2 * np.pi):.9g} Hz; "
             "start closer, or keep more harmonics"
         )
 
@@ -105,7 +130,9 @@ class Balance:
         modes = self.modes
         n = self.modes.count
         count = max(MIN_FLOQUET_STEPS, 24 * self.n_harmonics)
-        nodes = (np.arange(count)[:, None] + 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3)).ravel() * (2 * np.pi / count)
+        nodes = (np.arange(count)[:, None] + 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3)).ravel() * (
+            2 * np.pi / count
+        )
         order = np.arange(self.n_harmonics + 1)
         spin = np.exp(1j * np.outer(order, nodes))
         coefficients = self.unpack(x) / self.length
@@ -119,7 +146,9 @@ class Balance:
         first = a[::2]
         last = a[1::2]
         step = 2 * np.pi / (count * omega)
-        exponent = step / 2 * (first + last) - np.sqrt(3) / 12 * step**2 * (first @ last - last @ first)
+        exponent = step / 2 * (first + last) - np.sqrt(3) / 12 * step**2 * (
+            first @ last - last @ first
+        )
         product = np.eye(2 * n)
         for factor in expm(exponent):
             product = factor @ product

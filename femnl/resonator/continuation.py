@@ -1,4 +1,7 @@
-"""Curves of periodic motions against drive frequency: all branches by arc length, and sweeps with their jumps."""
+"""Curves of periodic motions against drive frequency.
+
+All branches by arc length, and sweeps with their jumps.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +14,8 @@ from femnl.resonator.slow import branches
 from femnl.resonator.system import couple
 
 MAX_POINTS = 20_000
-# Largest turn of the tangent, in radians, and change of the unknowns between neighbouring points of a curve.
+# Largest turn of the tangent, in radians, and change of the unknowns between neighbouring points of
+# a curve.
 MAX_TURN = 0.2
 # A sweep stays on its branch while the motion changes less than this from point to point.
 CLOSE = 0.3
@@ -22,7 +26,9 @@ MAX_BLOCKS = 60
 SETTLING = 1e-6
 
 
-def balance(resonator: Resonator, force: float, frequency: float, n_harmonics: int) -> PeriodicMotion:
+def balance(
+    resonator: Resonator, force: float, frequency: float, n_harmonics: int
+) -> PeriodicMotion:
     """Return every periodic motion of one mode near its rotating-wave states, by harmonic balance of the full equation.
 
     Args:
@@ -30,7 +36,8 @@ def balance(resonator: Resonator, force: float, frequency: float, n_harmonics: i
         force: 𝓕 [m/s²].
         frequency: of the drive [Hz].
         n_harmonics: harmonics kept beside the constant.
-    Valid: away from folds, where two rotating-wave states may lead to one motion: then it is listed once.
+    Valid: away from folds, where two rotating-wave states may lead to one motion: then it is listed
+    once.
     Source: Krack and Gross, Harmonic Balance for Nonlinear Vibration Problems (2019).
     """
     states = branches(resonator, force, [frequency])
@@ -46,10 +53,13 @@ def balance(resonator: Resonator, force: float, frequency: float, n_harmonics: i
     return _collect(equations, [(x, omega) for x in found])
 
 
-def curve(modes: CoupledModes, force: ArrayLike, start: float, stop: float, n_harmonics: int) -> PeriodicMotion:
+def curve(
+    modes: CoupledModes, force: ArrayLike, start: float, stop: float, n_harmonics: int
+) -> PeriodicMotion:
     """Follow the response from drive frequency `start` round all its folds until it leaves through `stop` [Hz].
 
-    Pseudo-arclength continuation: Newton's method on the balance and on the distance along the tangent.
+    Pseudo-arclength continuation: Newton's method on the balance and on the distance along the
+    tangent.
 
     Args:
         modes: the equations.
@@ -60,13 +70,15 @@ def curve(modes: CoupledModes, force: ArrayLike, start: float, stop: float, n_ha
 
     Raises:
         ConvergenceError: where the curve cannot be followed, or returns to `start`.
-    Valid: the branch connected to the start; isolated branches are found from their own starts only.
+    Valid: the branch connected to the start; isolated branches are found from their own starts
+    only.
     Source: Keller (1977); Krack and Gross (2019), chapter 4.
     """
     equations, x = _linear_start(modes, force, start, n_harmonics)
     first, last = (2 * np.pi * f / equations.rate for f in (start, stop))
     width = float(np.min(equations.modes.damping))
-    # In the arc length the frequency counts in line widths, so that frequency and displacement weigh alike.
+    # In the arc length the frequency counts in line widths, so that frequency and displacement
+    # weigh alike.
     point = np.append(equations.solve(x, first), first / width)
     points = [point]
     tangent = np.zeros_like(point)
@@ -78,7 +90,10 @@ def curve(modes: CoupledModes, force: ArrayLike, start: float, stop: float, n_ha
             step /= 2
             if step < 1e-9:
                 reached = point[-1] * width * equations.rate / (2 * np.pi)
-                raise ConvergenceError(f"n_harmonics = {n_harmonics}: the curve is lost at {reached:.9g} Hz; keep more harmonics")
+                raise ConvergenceError(
+                    f"n_harmonics = {n_harmonics}: the curve is lost at {reached:.9g} Hz; keep "
+                    "more harmonics"
+                )
             continue
         step *= 1.3 if direction @ tangent > np.cos(MAX_TURN / 2) else 1.0
         point = new
@@ -90,11 +105,18 @@ def curve(modes: CoupledModes, force: ArrayLike, start: float, stop: float, n_ha
             return _collect(equations, [(p[:-1], p[-1] * width) for p in points])
         if travelled < -1e-9:
             break
-    raise ConvergenceError(f"start = {start:.9g} Hz: the curve does not reach stop = {stop:.9g} Hz; widen the range")
+    raise ConvergenceError(
+        f"start = {start:.9g} Hz: the curve does not reach stop = {stop:.9g} Hz; widen the range"
+    )
 
 
-def _advance(equations: Balance, point: Array, tangent: Array, step: float, width: float) -> tuple[Array | None, Array | None]:
-    """Take one predictor and its Newton corrections; return the new point and its tangent, or None where Newton fails."""
+def _advance(
+    equations: Balance, point: Array, tangent: Array, step: float, width: float
+) -> tuple[Array | None, Array | None]:
+    """Take one predictor and its Newton corrections.
+
+    Return the new point and its tangent, or None where Newton fails.
+    """
     new = point + step * tangent
     for _ in range(8):
         value, jacobian, by_omega = equations.residual(new[:-1], new[-1] * width)
@@ -109,11 +131,14 @@ def _advance(equations: Balance, point: Array, tangent: Array, step: float, widt
     return None, None
 
 
-def sweep_modes(modes: CoupledModes, force: ArrayLike, frequency: ArrayLike, n_harmonics: int) -> PeriodicMotion:
+def sweep_modes(
+    modes: CoupledModes, force: ArrayLike, frequency: ArrayLike, n_harmonics: int
+) -> PeriodicMotion:
     """Return the stable motions as the drive steps slowly through the frequencies in the order given, jumps included.
 
-    From point to point the last motion starts the balance; where that fails or the motion found is unstable or far away, the
-    equations are integrated in time from the last motion until a stable one is reached.
+    From point to point the last motion starts the balance; where that fails or the motion found is
+    unstable or far away, the equations are integrated in time from the last motion until a stable
+    one is reached.
 
     Args:
         modes: the equations.
@@ -122,7 +147,8 @@ def sweep_modes(modes: CoupledModes, force: ArrayLike, frequency: ArrayLike, n_h
         n_harmonics: harmonics kept beside the constant.
 
     Raises:
-        ConvergenceError: where the motion reached is not periodic with the drive (quasi-periodic, subharmonic, chaotic).
+        ConvergenceError: where the motion reached is not periodic with the drive (quasi-periodic,
+            subharmonic, chaotic).
     """
     drive = np.atleast_1d(np.asarray(frequency, dtype=float))
     equations, x = _linear_start(modes, force, float(drive[0]), n_harmonics)
@@ -133,13 +159,17 @@ def sweep_modes(modes: CoupledModes, force: ArrayLike, frequency: ArrayLike, n_h
     return _collect(equations, path)
 
 
-def _linear_start(modes: CoupledModes, force: ArrayLike, frequency: float, n_harmonics: int) -> tuple[Balance, Array]:
+def _linear_start(
+    modes: CoupledModes, force: ArrayLike, frequency: float, n_harmonics: int
+) -> tuple[Balance, Array]:
     """Set up the balance and the linear response as its start."""
     push = np.atleast_1d(np.asarray(force, dtype=float))
     omega = 2 * np.pi * frequency
     if push.shape != (modes.count,) or not np.any(push) or n_harmonics < 1:
         raise ParameterError(
-            f"force = {push}, n_harmonics = {n_harmonics}: give {modes.count} forces, not all zero, and at least one harmonic"
+            f"force = {push}, n_harmonics = {n_harmonics}: give {modes.count} forces, not all "
+            "zero, and at least one "
+            "harmonic"
         )
     amplitude = push / (modes.omega**2 - omega**2 + 1j * omega * modes.damping)
     equations = Balance.of(modes, push, n_harmonics)
@@ -153,7 +183,9 @@ def _reach(equations: Balance, modes: CoupledModes, last: Array, omega: float) -
     except ConvergenceError:
         return _settle(equations, modes, last, omega)
     close = np.linalg.norm(x - last) < CLOSE * np.linalg.norm(last)
-    return x if close and _is_stable(equations, x, omega) else _settle(equations, modes, last, omega)
+    return (
+        x if close and _is_stable(equations, x, omega) else _settle(equations, modes, last, omega)
+    )
 
 
 def _settle(equations: Balance, modes: CoupledModes, last: Array, omega: float) -> Array:
@@ -167,7 +199,8 @@ def _settle(equations: Balance, modes: CoupledModes, last: Array, omega: float) 
     periods = int(np.ceil(2 * frequency / np.min(modes.damping)))
     samples = np.arange(len(equations.basis)) / len(equations.basis)
     for _ in range(MAX_BLOCKS):
-        # One more period than the block is sampled; its first sample starts the next block at drive phase zero.
+        # One more period than the block is sampled; its first sample starts the next block at drive
+        # phase zero.
         time = np.concatenate([[0.0], (periods + samples) / frequency])
         displacement, velocity = integrate(modes, push, frequency, q, v, time, tolerance=SETTLING)
         q = displacement[:, 1]
@@ -177,10 +210,14 @@ def _settle(equations: Balance, modes: CoupledModes, last: Array, omega: float) 
             x = equations.solve(sampled, omega)
         except ConvergenceError:
             continue
-        if np.linalg.norm(x - sampled) < SETTLED * np.linalg.norm(x) and _is_stable(equations, x, omega):
+        if np.linalg.norm(x - sampled) < SETTLED * np.linalg.norm(x) and _is_stable(
+            equations, x, omega
+        ):
             return x
     raise ConvergenceError(
-        f"frequency = {frequency:.9g} Hz: no periodic motion reached within {MAX_BLOCKS} blocks of {periods} periods; the motion may be "
+        f"frequency = {frequency:.9g} Hz: no periodic motion reached within {MAX_BLOCKS} blocks "
+        f"of {periods} periods; the "
+        "motion may be "
         "quasi-periodic or chaotic: use integrate"
     )
 
@@ -194,4 +231,6 @@ def _collect(equations: Balance, path: list[tuple[Array, float]]) -> PeriodicMot
     multipliers = np.array([equations.multipliers(x, omega) for x, omega in path])
     coefficients: Complex = np.array([equations.unpack(x) for x, _ in path])
     frequency = np.array([omega for _, omega in path]) * equations.rate / (2 * np.pi)
-    return PeriodicMotion(frequency, coefficients, np.max(np.abs(multipliers), axis=1) < 1, multipliers)
+    return PeriodicMotion(
+        frequency, coefficients, np.max(np.abs(multipliers), axis=1) < 1, multipliers
+    )

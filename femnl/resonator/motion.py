@@ -37,7 +37,9 @@ def integrate(
     n = modes.count
     rate = float(modes.omega[0])
     start[n:] /= rate
-    length = float(np.max(np.abs(start))) or float(np.max(np.abs(np.asarray(force)) / modes.omega**2))
+    length = float(np.max(np.abs(start))) or float(
+        np.max(np.abs(np.asarray(force)) / modes.omega**2)
+    )
     unit = scaled(modes, length, rate)
     push = np.atleast_1d(np.asarray(force, dtype=float)) / (length * rate**2)
     omega = 2 * np.pi * frequency / rate
@@ -52,11 +54,26 @@ def integrate(
         square = q * q
         pairs = square if n == 1 else np.outer(q, q).ravel()
         triples = square * q if n == 1 else np.outer(pairs, q).ravel()
-        pull = (stiffness + unit.quintic * square * square) * q + unit.damping * (1 + unit.nonlinear_damping * square) * v
-        return np.concatenate([v, push * math.cos(omega * tau) - pull - second @ pairs - third @ triples])
+        pull = (stiffness + unit.quintic * square * square) * q + unit.damping * (
+            1 + unit.nonlinear_damping * square
+        ) * v
+        return np.concatenate(
+            [v, push * math.cos(omega * tau) - pull - second @ pairs - third @ triples]
+        )
 
     span = (t[0] * rate, t[-1] * rate)
-    solution = solve_ivp(slope, span, start / length, method="DOP853", t_eval=t * rate, rtol=tolerance, atol=tolerance * 1e-2)
+    solution = solve_ivp(
+        slope,
+        span,
+        start / length,
+        method="DOP853",
+        t_eval=t * rate,
+        rtol=tolerance,
+        atol=tolerance * 1e-2,
+    )
     if not solution.success:
-        raise ConvergenceError(f"tolerance = {tolerance:g}: the time integration stopped, {solution.message}; check force and modes")
+        raise ConvergenceError(
+            f"tolerance = {tolerance:g}: the time integration stopped, {solution.message}; check "
+            "force and modes"
+        )
     return solution.y[:n] * length, solution.y[n:] * (length * rate)

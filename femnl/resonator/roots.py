@@ -22,11 +22,15 @@ def duffing_roots(detuning: ArrayLike, stiffening: ArrayLike, damping: ArrayLike
         damping: d ≥ 0, the nonlinear damping at x = 1 relative to the linear one.
 
     Returns:
-        (3, …) roots with the broadcast shape of the arguments; the last two are NaN where there is only one.
-    Source: Viète's forms of a cubic's roots (Press et al., Numerical Recipes, 5.6). For one root in y = 1/x, where the cubic
-        is monic for any a; for three roots in terms of the values at the two folds, free of the discriminant's cancellation.
+        (3, …) roots with the broadcast shape of the arguments; the last two are NaN where there is
+        only one.
+    Source: Viète's forms of a cubic's roots (Press et al., Numerical Recipes, 5.6). For one root in
+        y = 1/x, where the cubic is monic for any a; for three roots in terms of the values at the
+        two folds, free of the discriminant's cancellation.
     """
-    delta, a, d = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (detuning, stiffening, damping)))
+    delta, a, d = np.broadcast_arrays(
+        *(np.asarray(v, dtype=float) for v in (detuning, stiffening, damping))
+    )
     x = np.full((3, delta.size), np.nan)
     compiled(_solve)(x, delta.ravel(), a.ravel(), d.ravel())
     return x.reshape(3, *delta.shape)
@@ -65,7 +69,9 @@ def _solve(x: Array, delta: Array, a: Array, d: Array) -> None:
         third = s / 3
         spread = third * third + 2 * q / 3
         half = third * third * third + third * q + p / 2
-        root = np.cbrt(half + np.copysign(np.sqrt(max(half * half - spread * spread * spread, 0.0)), half))
+        root = np.cbrt(
+            half + np.copysign(np.sqrt(max(half * half - spread * spread * spread, 0.0)), half)
+        )
         x[0, i] = polished(1 / max(third + root + spread / root, 1.0), e, b, c)
         # 4q² − 3ps, multiplied out so that its large terms cancel exactly.
         square = e * e * (b * b - 3 * c * c) + 8 * e * b * c + c * c - 3 * b * b

@@ -1,4 +1,7 @@
-"""The driven response of one mode in the rotating-wave approximation: all branches, their stability, sweeps, critical point."""
+"""The driven response of one mode in the rotating-wave approximation.
+
+All branches, their stability, sweeps, critical point.
+"""
 
 from dataclasses import dataclass
 
@@ -11,15 +14,19 @@ from femnl.core.resonator import Array, Branches, Complex, Resonator
 from femnl.resonator.roots import duffing_roots
 
 CRITICAL = 32 * np.sqrt(3) / 27
-# A root of a quintic counts as real below this relative imaginary part: eigenvalues split by √ε at a fold.
+# A root of a quintic counts as real below this relative imaginary part: eigenvalues split by √ε at
+# a fold.
 REAL = 1e-7
-# The slow flow has chosen its attractor when this much closer to it than the attractors are to each other.
+# The slow flow has chosen its attractor when this much closer to it than the attractors are to each
+# other.
 REACHED = 1e-3
 MAX_SPANS = 400
 
 
 def critical_alpha(frequency: ArrayLike, linewidth: ArrayLike, peak: ArrayLike) -> Array:
-    """Return the Duffing parameter at which a response first becomes vertical: α_c = (32√3/27) w/(f₀ y_max²).
+    """Return the Duffing parameter at which a response first becomes vertical.
+
+    α_c = (32√3/27) w/(f₀ y_max²).
 
     Args:
         frequency: f₀ [Hz].
@@ -28,7 +35,9 @@ def critical_alpha(frequency: ArrayLike, linewidth: ArrayLike, peak: ArrayLike) 
     Valid: Lorentzian approximation, w ≪ f₀, no nonlinear damping.
     Source: Cleland, Foundations of Nanomechanics (2003), as used in arXiv:2502.19191, S2.
     """
-    return np.asarray(CRITICAL * np.asarray(linewidth) / (np.asarray(frequency) * np.asarray(peak) ** 2))
+    return np.asarray(
+        CRITICAL * np.asarray(linewidth) / (np.asarray(frequency) * np.asarray(peak) ** 2)
+    )
 
 
 def critical_point(resonator: Resonator) -> tuple[float, float, float]:
@@ -39,7 +48,8 @@ def critical_point(resonator: Resonator) -> tuple[float, float, float]:
     Raises:
         ParameterError: where the response never becomes vertical, |a| ≤ √3 d.
     Valid: Lorentzian approximation; quintic stiffness is not seen at this order.
-    Source: Lifshitz and Cross (2008), Nonlinear dynamics of nanomechanical and micromechanical resonators, section 1.3.
+    Source: Lifshitz and Cross (2008), Nonlinear dynamics of nanomechanical and micromechanical
+    resonators, section 1.3.
     """
     omega = resonator.omega
     a = 0.75 * omega**2 * resonator.effective_alpha
@@ -47,21 +57,27 @@ def critical_point(resonator: Resonator) -> tuple[float, float, float]:
     d = omega * resonator.damping * resonator.nonlinear_damping / 4
     if abs(a) <= np.sqrt(3) * d or a == 0:
         raise ParameterError(
-            f"alpha: an effective {resonator.effective_alpha:g} m⁻² never makes the response vertical with a nonlinear damping of "
+            f"alpha: an effective {resonator.effective_alpha:g} m⁻² never makes the response "
+            "vertical with a nonlinear "
+            "damping of "
             f"{resonator.nonlinear_damping:g} m⁻²; raise alpha or lower nonlinear_damping"
         )
     roots = np.roots([a**2 - 3 * d**2, 8 * a * b * d, b**2 * (d**2 - 3 * a**2)]).real
     delta = roots[np.argmin(roots * a)]
     square = -2 * (delta * a + b * d) / (3 * (a**2 + d**2))
     force = np.sqrt(square) * abs(complex(delta + a * square, b + d * square))
-    return float(force), float(resonator.frequency - delta / (2 * omega) / (2 * np.pi)), float(np.sqrt(square))
+    return (
+        float(force),
+        float(resonator.frequency - delta / (2 * omega) / (2 * np.pi)),
+        float(np.sqrt(square)),
+    )
 
 
 def branches(resonator: Resonator, force: float, frequency: ArrayLike) -> Branches:
     """Return all steady states of the driven mode and whether they are stable.
 
-    A [ω₀²(1 + ¾ α X + ⅝ α₅ X²) − ω² + iωγ(1 + ¼ η X)] = 𝓕 with X = |A|² and α lowered by (10/9)κ₂²; a state is stable where
-    d𝓕²/dX > 0 and the slow flow contracts, 1 + ½ η X > 0.
+    A [ω₀²(1 + ¾ α X + ⅝ α₅ X²) − ω² + iωγ(1 + ¼ η X)] = 𝓕 with X = |A|² and α lowered by (10/9)κ₂²;
+    a state is stable where d𝓕²/dX > 0 and the slow flow contracts, 1 + ½ η X > 0.
 
     Args:
         resonator: the mode.
@@ -74,10 +90,16 @@ def branches(resonator: Resonator, force: float, frequency: ArrayLike) -> Branch
     omega = 2 * np.pi * drive
     if force <= 0 or resonator.nonlinear_damping < 0:
         raise ParameterError(
-            f"force = {force:g} m/s², nonlinear_damping = {resonator.nonlinear_damping:g} m⁻²: give a positive force and a damping ≥ 0"
+            f"force = {force:g} m/s², nonlinear_damping = {resonator.nonlinear_damping:g} m⁻²: "
+            "give a positive force and a "
+            "damping ≥ 0"
         )
     flow = _Flow.of(resonator, force, omega)
-    x = duffing_roots(flow.detuning, flow.cubic, flow.loss).T if resonator.quintic == 0 else flow.quintic_roots()
+    x = (
+        duffing_roots(flow.detuning, flow.cubic, flow.loss).T
+        if resonator.quintic == 0
+        else flow.quintic_roots()
+    )
     with np.errstate(invalid="ignore"):
         b = 1 / flow.response(x.T).T
     return Branches(drive, flow.scale[:, None] * b, flow.stable(x.T).T)
@@ -86,8 +108,9 @@ def branches(resonator: Resonator, force: float, frequency: ArrayLike) -> Branch
 def sweep(resonator: Resonator, force: float, frequency: ArrayLike) -> Complex:
     """Return the complex amplitude [m] as the drive steps slowly through the frequencies in the order given, jumps included.
 
-    The drive is switched on at the first frequency with the mode at rest. Where several states are stable, the one reached is
-    found by integrating the slow flow 2iω dA/dt = 𝓕 − A D(|A|²) from the state before.
+    The drive is switched on at the first frequency with the mode at rest. Where several states are
+    stable, the one reached is found by integrating the slow flow 2iω dA/dt = 𝓕 − A D(|A|²) from the
+    state before.
 
     Args:
         resonator: the mode.
@@ -103,7 +126,9 @@ def sweep(resonator: Resonator, force: float, frequency: ArrayLike) -> Complex:
         attractors = candidates[stable]
         saddles = candidates[~stable & np.isfinite(candidates)]
         nearest = attractors[np.argmin(np.abs(attractors - amplitude))]
-        inside = saddles.size and np.abs(nearest - amplitude) < 0.25 * np.min(np.abs(saddles - nearest))
+        inside = saddles.size and np.abs(nearest - amplitude) < 0.25 * np.min(
+            np.abs(saddles - nearest)
+        )
         if len(attractors) > 1 and not inside:
             nearest = flow.settle(point, amplitude, attractors)
         path[point] = amplitude = nearest
@@ -112,7 +137,10 @@ def sweep(resonator: Resonator, force: float, frequency: ArrayLike) -> Complex:
 
 @dataclass(frozen=True)
 class _Flow:
-    """The slow flow for b = A/scale, scale = 𝓕/ωγ: db/d(γt/2) = −i [1 − b (δ + a x + c x² + i (1 + d x))], x = |b|²."""
+    """The slow flow for b = A/scale, scale = 𝓕/ωγ.
+
+    Db/d(γt/2) = −i [1 − b (δ + a x + c x² + i (1 + d x))], x = |b|².
+    """
 
     scale: Array
     detuning: Array
@@ -141,7 +169,9 @@ class _Flow:
     def stable(self, x: Array) -> NDArray[np.bool_]:
         """Tell where a state of squared amplitude x (…, n) is stable."""
         response = self.response(x)
-        slope = np.abs(response) ** 2 + 2 * x * (response.real * (self.cubic + 2 * self.quintic * x) + response.imag * self.loss)
+        slope = np.abs(response) ** 2 + 2 * x * (
+            response.real * (self.cubic + 2 * self.quintic * x) + response.imag * self.loss
+        )
         return np.isfinite(x) & (slope > 0) & (1 + 2 * self.loss * x > 0)
 
     def quintic_roots(self) -> Array:
@@ -150,11 +180,20 @@ class _Flow:
         c = self.quintic
         d = self.loss
         delta = self.detuning
-        columns = [c**2, 2 * a * c, a**2 + d**2 + 2 * delta * c, 2 * (delta * a + d), delta**2 + 1, -np.ones_like(delta)]
+        columns = [
+            c**2,
+            2 * a * c,
+            a**2 + d**2 + 2 * delta * c,
+            2 * (delta * a + d),
+            delta**2 + 1,
+            -np.ones_like(delta),
+        ]
         x = np.full((len(delta), 5), np.nan)
         for point, polynomial in enumerate(np.stack(columns, axis=1)):
             roots = np.roots(polynomial)
-            real = np.sort(roots.real[(np.abs(roots.imag) < REAL * np.abs(roots)) & (roots.real > 0)])
+            real = np.sort(
+                roots.real[(np.abs(roots.imag) < REAL * np.abs(roots)) & (roots.real > 0)]
+            )
             x[point, : len(real)] = real
         return x
 
@@ -162,7 +201,9 @@ class _Flow:
         """Return the attractor [m] that the slow flow reaches from the given amplitude [m]."""
         b = np.array([amplitude / self.scale[point]])
         goal = attractors / self.scale[point]
-        near = REACHED * np.min(np.abs(np.subtract.outer(goal, goal))[~np.eye(len(goal), dtype=bool)])
+        near = REACHED * np.min(
+            np.abs(np.subtract.outer(goal, goal))[~np.eye(len(goal), dtype=bool)]
+        )
 
         def rate(_time: float, state: Complex) -> Complex:
             x = np.abs(state) ** 2
@@ -175,5 +216,7 @@ class _Flow:
             if distance.min() < near:
                 return complex(attractors[np.argmin(distance)])
         raise ConvergenceError(
-            f"frequency: no steady state within {5 * MAX_SPANS} decay times of the amplitude; move the point off the jump"
+            f"frequency: no steady state within {5 * MAX_SPANS} decay times of the amplitude; "
+            "move the point off "
+            "the jump"
         )

@@ -13,7 +13,9 @@ from femnl.device.geometry.tables import complaint, show
 
 Tables = dict[str, Any]
 
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(\D.*?)?\s*", re.ASCII)
+_QUANTITY = re.compile(
+    r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(\D.*?)?\s*", re.ASCII
+)
 _DIGITS = 12  # of written values: as many as any computer agrees on
 _SPACINGS = ("linear", "log")
 
@@ -33,7 +35,11 @@ class Range:
 
     def within(self, place: float) -> Any:
         """Return the value at a place from 0 to 1, as a geometry file writes it."""
-        value = self.low * (self.high / self.low) ** place if self.log else self.low + place * (self.high - self.low)
+        value = (
+            self.low * (self.high / self.low) ** place
+            if self.log
+            else self.low + place * (self.high - self.low)
+        )
         text = f"{value:.{_DIGITS}g}"
         if self.unit:
             return f"{text} {self.unit}"
@@ -55,15 +61,24 @@ class Axis:
     def at(self, index: int) -> dict[str, Any]:
         """Return the values at one of the points."""
         place = index / max(self.points - 1, 1)
-        return {path: values.within(place) if isinstance(values, Range) else values[index] for path, values in self.values.items()}
+        return {
+            path: values.within(place) if isinstance(values, Range) else values[index]
+            for path, values in self.values.items()
+        }
 
     def within(self, place: float) -> dict[str, Any]:
         """Return the values at a place of the ranges from 0 to 1."""
-        return {path: values.within(place) for path, values in self.values.items() if isinstance(values, Range)}
+        return {
+            path: values.within(place)
+            for path, values in self.values.items()
+            if isinstance(values, Range)
+        }
 
 
 def read_axis(table: dict[str, Any]) -> Axis:
-    """Read one [[axis]] of a sweep file: holes.radius = ["0.5 um", "1 um"], or = {from = "0.5 um", to = "2 um", points = 4}.
+    """Read one [[axis]] of a sweep file.
+
+    Holes.radius = ["0.5 um", "1 um"], or = {from = "0.5 um", to = "2 um", points = 4}.
 
     Raises: ParameterError.
     """
@@ -79,32 +94,45 @@ def read_axis(table: dict[str, Any]) -> Axis:
             elif isinstance(value, list) and value:
                 values[path] = value
             else:
-                raise ParameterError(f"axis {path} = {show(value)}: expected a list of values, or {{from = …, to = …, points = 5}}")
+                raise ParameterError(
+                    f"axis {path} = {show(value)}: expected a list of values, or "
+                    f"{{from = …, to = …, points = 5}}"
+                )
 
     walk(table, "")
     if not values:
-        raise ParameterError('axis: an axis varies something, write e.g. film.stress = ["1 GPa", "1.1 GPa"]')
+        raise ParameterError(
+            'axis: an axis varies something, write e.g. film.stress = ["1 GPa", "1.1 GPa"]'
+        )
     axis = Axis(values)
     for path, given in values.items():
         if Axis({path: given}).points != axis.points:
             first = next(iter(values))
             raise ParameterError(
-                f"axis {path}: {Axis({path: given}).points} values beside {axis.points} of {first}, with which it varies; give as many, "
+                f"axis {path}: {Axis({path: given}).points} values beside {axis.points} of "
+                f"{first}, with which it "
+                "varies; "
+                "give as many, "
                 "or an [[axis]] of its own"
             )
     return axis
 
 
 def check_axis(axis: Axis, base: Tables) -> None:
-    """Refuse values that no device can have, whatever the others are: a wrong unit, a wrong type, a wrong sign.
+    """Refuse values that no device can have, whatever the others are.
+
+    a wrong unit, a wrong type, a wrong sign.
 
     Args: base: tables of the geometry, sound in themselves.
-    Raises: ParameterError. What is wrong only in company, such as holes wider than their pitch, is left to the point that has it.
+    Raises: ParameterError. What is wrong only in company, such as holes wider than their pitch, is
+    left to the point that has it.
     """
     ranged = any(isinstance(values, Range) for values in axis.values.values())
     sampled = ranged and axis.points == 0
     ends = (
-        [axis.within(0.0), axis.within(1.0)] if sampled else [axis.at(k) for k in ((0, axis.points - 1) if ranged else range(axis.points))]
+        [axis.within(0.0), axis.within(1.0)]
+        if sampled
+        else [axis.at(k) for k in ((0, axis.points - 1) if ranged else range(axis.points))]
     )
     for values in ends:
         try:
@@ -146,21 +174,35 @@ def put(tables: Tables, values: dict[str, Any]) -> Tables:
 def _range(path: str, table: dict[str, Any]) -> Range:
     for key in table:
         if key not in ("from", "to", "points", "spacing"):
-            raise ParameterError(f"axis {path}: {key}: unknown key, a range has from, to, points and spacing")
+            raise ParameterError(
+                f"axis {path}: {key}: unknown key, a range has from, to, points and spacing"
+            )
     for key in ("from", "to"):
         if key not in table:
             raise ParameterError(f"axis {path}: {key} is missing; a range has both ends")
-    (low, unit), (high, other) = (_number(f"axis {path}: {key}", table[key]) for key in ("from", "to"))
+    (low, unit), (high, other) = (
+        _number(f"axis {path}: {key}", table[key]) for key in ("from", "to")
+    )
     if unit != other:
-        raise ParameterError(f'axis {path}: from is in "{unit}" and to in "{other}"; write both in one unit')
+        raise ParameterError(
+            f'axis {path}: from is in "{unit}" and to in "{other}"; write both in one unit'
+        )
     points = table.get("points")
-    if points is not None and (isinstance(points, bool) or not isinstance(points, int) or points < 1):
-        raise ParameterError(f"axis {path}: points = {show(points)}: expected a whole number from 1")
+    if points is not None and (
+        isinstance(points, bool) or not isinstance(points, int) or points < 1
+    ):
+        raise ParameterError(
+            f"axis {path}: points = {show(points)}: expected a whole number from 1"
+        )
     spacing = table.get("spacing", "linear")
     if spacing not in _SPACINGS:
-        raise ParameterError(f"axis {path}: spacing = {show(spacing)}: expected one of {', '.join(_SPACINGS)}")
+        raise ParameterError(
+            f"axis {path}: spacing = {show(spacing)}: expected one of {', '.join(_SPACINGS)}"
+        )
     if spacing == "log" and (low <= 0 or high <= 0):
-        raise ParameterError(f'axis {path}: even ratios need two positive ends; take spacing = "linear"')
+        raise ParameterError(
+            f'axis {path}: even ratios need two positive ends; take spacing = "linear"'
+        )
     return Range(low, high, unit, points, spacing == "log")
 
 
@@ -170,5 +212,7 @@ def _number(where: str, value: Any) -> tuple[float, str]:
         return float(value), ""
     match = _QUANTITY.fullmatch(value) if isinstance(value, str) and len(value) < 80 else None
     if match is None:
-        raise ParameterError(f'{where} = {show(value)}: expected a number, or one with its unit such as "0.9 um"')
+        raise ParameterError(
+            f'{where} = {show(value)}: expected a number, or one with its unit such as "0.9 um"'
+        )
     return float(match[1]), match[2] or ""

@@ -1,4 +1,7 @@
-"""The results of a sweep as tables: NetCDF for programs, CSV for spreadsheets; the same bytes in whatever order points were solved."""
+"""The results of a sweep as tables: NetCDF for programs, CSV for spreadsheets.
+
+The same bytes in whatever order points were solved.
+"""
 
 import csv
 import json
@@ -19,19 +22,32 @@ from femnl.sweep.store import Store
 def collect(sweep: Sweep, store: Store) -> xr.Dataset:
     """Return what the store knows of every point of the sweep, in the order of the sweep file, in SI units.
 
-    Returns: along `point`, a coordinate for everything that varies and `error`, the reason of a failure or nothing;
-        along `point` and `mode`, the kept results, their errors (infinite where unknown), and labels. NaN where a point failed.
+    Returns: along `point`, a coordinate for everything that varies and `error`, the reason of a
+        failure or nothing; along `point` and `mode`, the kept results, their errors (infinite where
+        unknown), and labels. NaN where a point failed.
     """
     records = [store.records[point.key(sweep.settings)] for point in sweep.points(store.seed)]
-    data: dict[str, Any] = {path: _coordinate(path, [record["varied"][path] for record in records]) for path in sweep.paths}
+    data: dict[str, Any] = {
+        path: _coordinate(path, [record["varied"][path] for record in records])
+        for path in sweep.paths
+    }
     data["error"] = ("point", np.array([record.get("error", "") for record in records]))
-    data["label"] = (("point", "mode"), np.array([_row(record, "label", "", sweep.settings.modes) for record in records]))
+    data["label"] = (
+        ("point", "mode"),
+        np.array([_row(record, "label", "", sweep.settings.modes) for record in records]),
+    )
     for name in sweep.settings.keep:
         for column in (name, f"{name}_error"):
             rows = [_row(record, column, np.nan, sweep.settings.modes) for record in records]
-            data[column] = (("point", "mode"), np.array([[np.inf if x is None else x for x in row] for row in rows]), {"units": KEPT[name]})
+            data[column] = (
+                ("point", "mode"),
+                np.array([[np.inf if x is None else x for x in row] for row in rows]),
+                {"units": KEPT[name]},
+            )
     attributes = {"geometry": sweep.name, "base": json.dumps(sweep.base, ensure_ascii=False)}
-    return xr.Dataset(data, {"mode": np.arange(1, sweep.settings.modes + 1)}, attributes).set_coords(sweep.paths)
+    return xr.Dataset(
+        data, {"mode": np.arange(1, sweep.settings.modes + 1)}, attributes
+    ).set_coords(sweep.paths)
 
 
 def write_tables(path: Path, sweep: Sweep, store: Store) -> tuple[Path, Path]:
@@ -46,7 +62,9 @@ def write_tables(path: Path, sweep: Sweep, store: Store) -> tuple[Path, Path]:
 
 
 def _write_csv(path: Path, sweep: Sweep, data: xr.Dataset) -> None:
-    columns: dict[str, Any] = {_head(str(name), data[name]): data[name].values for name in (*sweep.paths, "error")}
+    columns: dict[str, Any] = {
+        _head(str(name), data[name]): data[name].values for name in (*sweep.paths, "error")
+    }
     for name in ("label", *(n for kept in sweep.settings.keep for n in (kept, f"{kept}_error"))):
         for k, mode in enumerate(data.mode.values):
             columns[_head(f"{name}_{mode}", data[name])] = data[name].values[:, k]
@@ -71,7 +89,15 @@ def _coordinate(path: str, written: list[Any]) -> tuple[str, Any, dict[str, str]
         return "point", np.array(written, dtype=float), {"units": "1"}
     for dimension in (LENGTH, PRESSURE, DENSITY):
         try:
-            return "point", np.array([to_si(value, dimension, "any") for value in written]), {"units": dimension.unit}
+            return (
+                "point",
+                np.array([to_si(value, dimension, "any") for value in written]),
+                {"units": dimension.unit},
+            )
         except PydanticCustomError:
             continue  # of another dimension, or no quantity
-    return "point", np.array([value if isinstance(value, str) else json.dumps(value) for value in written]), {"long_name": path}
+    return (
+        "point",
+        np.array([value if isinstance(value, str) else json.dumps(value) for value in written]),
+        {"long_name": path},
+    )

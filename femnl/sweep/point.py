@@ -39,17 +39,23 @@ GEOMETRIC: dict[str, tuple[str, Callable[[Nonlinearity], tuple[Array, Array]]]] 
     "k3": ("N/m^3", lambda found: (found.k3, found.k3_error)),
 }
 KEPT = {name: unit for kind in (MODAL, GEOMETRIC) for name, (unit, _) in kind.items()}
-"""What a sweep can keep of every mode, with its SI unit; each comes with its discretisation error."""
+"""What a sweep can keep of every mode, with its SI unit; each comes with its discretisation error.
+"""
 
 NUMERICAL = (FemnlError, ArithmeticError, ValueError, RuntimeError, MemoryError, OSError)
-"""What meshers and solvers raise when a device defeats them; anything else is a fault of femnl and ends the worker."""
+"""What meshers and solvers raise when a device defeats them; anything else is a fault of femnl and
+ends the worker.
+"""
 
 _ALONE = Lock()  # the mesher has one state a process, and a Dask worker may have several threads
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How every point of a sweep is solved and what is kept of it; see `femnl.pipeline.solve_modes`."""
+    """How every point of a sweep is solved and what is kept of it.
+
+    See `femnl.pipeline.solve_modes`.
+    """
 
     modes: int = 6
     resolution: float = 1.0
@@ -65,9 +71,18 @@ class Point:
     varied: dict[str, Any]
 
     def key(self, settings: Settings) -> str:
-        """A name for this device under these settings: the same whatever run, machine or sweep asks for it."""
-        device = {name: table for name, table in self.tables.items() if name not in ("name", "source", "assumed")}
-        content = json.dumps([VERSION, device, asdict(settings)], sort_keys=True, ensure_ascii=False)
+        """A name for this device under these settings.
+
+        The same whatever run, machine or sweep asks for it.
+        """
+        device = {
+            name: table
+            for name, table in self.tables.items()
+            if name not in ("name", "source", "assumed")
+        }
+        content = json.dumps(
+            [VERSION, device, asdict(settings)], sort_keys=True, ensure_ascii=False
+        )
         return hashlib.sha256(content.encode()).hexdigest()[:24]
 
 
@@ -82,8 +97,9 @@ def build(tables: Tables) -> Model:
 def attempt(point: Point, settings: Settings) -> Record:
     """Solve one point, or say why it cannot be solved; this is what runs on workers.
 
-    Returns: `key` and `varied` of the point, `seconds` and `memory` [bytes, the most that its process has had], and either `results`,
-        every kept name and its error as lists over the modes, with the modes' `label`, or `error`.
+    Returns: `key` and `varied` of the point, `seconds` and `memory` [bytes, the most that its
+        process has had], and either `results`, every kept name and its error as lists over the
+        modes, with the modes' `label`, or `error`.
     """
     began = time.perf_counter()
     try:
@@ -92,25 +108,42 @@ def attempt(point: Point, settings: Settings) -> Record:
     except NUMERICAL as error:
         answer = {"error": f"{type(error).__name__}: {error}"}
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    return {"key": point.key(settings), "varied": point.varied, **answer, "seconds": time.perf_counter() - began, "memory": memory}
+    return {
+        "key": point.key(settings),
+        "varied": point.varied,
+        **answer,
+        "seconds": time.perf_counter() - began,
+        "memory": memory,
+    }
 
 
 def failure(point: Point, settings: Settings, reason: str) -> Record:
     """The record of a point that no worker could answer."""
-    return {"key": point.key(settings), "varied": point.varied, "error": reason, "seconds": 0.0, "memory": 0}
+    return {
+        "key": point.key(settings),
+        "varied": point.varied,
+        "error": reason,
+        "seconds": 0.0,
+        "memory": 0,
+    }
 
 
 def solve(point: Point, settings: Settings) -> dict[str, list[Any]]:
     """Return what `Settings.keep` names for every mode of one point, each with its error."""
-    modes = solve_modes(build(point.tables), settings.modes, settings.symmetry, settings.resolution, cache=False)
+    modes = solve_modes(
+        build(point.tables), settings.modes, settings.symmetry, settings.resolution, cache=False
+    )
     found = {name: MODAL[name][1](modes) for name in settings.keep if name in MODAL}
     if any(name in GEOMETRIC for name in settings.keep):
         nonlinearity = solve_nonlinearity(modes, cache=False)
-        found |= {name: GEOMETRIC[name][1](nonlinearity) for name in settings.keep if name in GEOMETRIC}
+        found |= {
+            name: GEOMETRIC[name][1](nonlinearity) for name in settings.keep if name in GEOMETRIC
+        }
     results: dict[str, list[Any]] = {"label": [label or "" for label in modes.label]}
     for name, (value, error) in found.items():
         if not np.all(np.isfinite(value)):
             raise ArithmeticError(f"{name} came out as {value.tolist()}")
         results[name] = value.tolist()
-        results[f"{name}_error"] = [e if np.isfinite(e) else None for e in error.tolist()]  # JSON knows no infinity
+        # JSON knows no infinity
+        results[f"{name}_error"] = [e if np.isfinite(e) else None for e in error.tolist()]
     return results

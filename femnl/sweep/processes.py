@@ -1,4 +1,7 @@
-"""Workers in processes of this machine: one point at a time in each, and a death that costs that point alone."""
+"""Workers in processes of this machine.
+
+One point at a time in each, and a death that costs that point alone.
+"""
 
 import logging
 from collections import Counter
@@ -21,7 +24,10 @@ def on_processes(points: Iterator[Point], settings: Settings, workers: int) -> I
     with one_thread():
         try:
             while True:
-                while len(busy) < workers and (point := again.pop() if again else next(points, None)) is not None:
+                while (
+                    len(busy) < workers
+                    and (point := again.pop() if again else next(points, None)) is not None
+                ):
                     worker = idle.pop() if idle else Worker(_serve, settings)
                     if worker.give(point):
                         busy[worker.connection] = worker, point
@@ -40,11 +46,18 @@ def on_processes(points: Iterator[Point], settings: Settings, workers: int) -> I
                     code = worker.stop()
                     key = point.key(settings)
                     deaths[key] += 1
-                    logging.getLogger("femnl").warning("a worker died (exit code %d) at %s", code, point.varied)
+                    logging.getLogger("femnl").warning(
+                        "a worker died (exit code %d) at %s", code, point.varied
+                    )
                     if deaths[key] < TRIES:
                         again.append(point)
                     else:
-                        yield failure(point, settings, f"its process died {TRIES} times (exit code {code}; −9 is mostly lack of memory)")
+                        yield failure(
+                            point,
+                            settings,
+                            f"its process died {TRIES} times (exit code {code}; −9 is mostly "
+                            "lack of memory)",
+                        )
         finally:
             for worker in [*idle, *(worker for worker, _ in busy.values())]:
                 worker.stop()

@@ -19,9 +19,12 @@ Engine = Callable[[Iterator[Point], Settings], Iterator[Record]]
 
 @dataclass(frozen=True)
 class Report:
-    """How far a sweep is. points: different ones that it asks for; failed: how many of them, by reason.
+    """How far a sweep is. points: different ones that it asks for.
 
-    seconds: mean of a point; memory: of the largest worker [bytes]; size: of the store [bytes]; all of the points that are known.
+    failed: how many of them, by reason.
+
+    seconds: mean of a point; memory: of the largest worker [bytes]; size: of the store [bytes]; all
+    of the points that are known.
     """
 
     points: int
@@ -38,22 +41,29 @@ class Report:
 
 
 def engine(scheduler: str | None, workers: int) -> Engine:
-    """Return what solves points: processes of this machine, or the workers of a Dask scheduler. Raises: MissingLibraryError."""
+    """Return what solves points: processes of this machine, or the workers of a Dask scheduler.
+
+    Raises: MissingLibraryError.
+    """
     if scheduler is None:
         return partial(on_processes, workers=workers)
     try:
         cluster = import_module("femnl.sweep.cluster")
     except ModuleNotFoundError as error:
         raise MissingLibraryError(
-            f"--scheduler {scheduler}: needs {error.name}, which is not installed; pip install 'femnl[dask]'"
+            f"--scheduler {scheduler}: needs {error.name}, which is not installed; pip install "
+            "'femnl[dask]'"
         ) from error
     return partial(cluster.on_cluster, address=scheduler, workers=workers)
 
 
-def run(sweep: Sweep, store: Store, solve: Engine, tell: Callable[[Record], None], pilots: bool = False) -> None:
+def run(
+    sweep: Sweep, store: Store, solve: Engine, tell: Callable[[Record], None], pilots: bool = False
+) -> None:
     """Solve every point of the sweep that the store lacks, and keep each as it comes.
 
-    Args: solve: see `engine`. tell: is called after each record is kept. pilots: only a few points, to estimate the cost of all.
+    Args: solve: see `engine`. tell: is called after each record is kept. pilots: only a few points,
+    to estimate the cost of all.
     """
     places = None
     if pilots:
@@ -84,9 +94,14 @@ def costs(sweep: Sweep, store: Store) -> Report:
     mean = sum(took) / len(took) if took else float("nan")
     memory = max((record["memory"] for record in known), default=0)
     solved = len(known) - sum(failed.values())
-    return Report(len(keys), solved, dict(sorted(failed.items())), mean, memory, store.path.stat().st_size)
+    return Report(
+        len(keys), solved, dict(sorted(failed.items())), mean, memory, store.path.stat().st_size
+    )
 
 
 def need_room_for(report: Report, workers: int) -> None:
-    """Refuse more workers on this machine than it has memory for, as far as points are known. Raises: ParameterError."""
+    """Refuse more workers on this machine than it has memory for, as far as points are known.
+
+    Raises: ParameterError.
+    """
     need_memory(report.memory * workers, f"{workers} workers", "lower --workers")

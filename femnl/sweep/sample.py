@@ -14,12 +14,18 @@ def draw(method: str, points: int, dimensions: int, seed: int) -> list[list[floa
 
     Of `sobol` and `halton`, fewer points of the same seed are the first of more.
     """
-    return [[float(x) for x in row] for row in METHODS[method](points, dimensions, np.random.default_rng(seed))]
+    return [
+        [float(x) for x in row]
+        for row in METHODS[method](points, dimensions, np.random.default_rng(seed))
+    ]
 
 
 def _sobol(points: int, dimensions: int, rng: np.random.Generator) -> Array:
-    # The sequence is balanced at powers of two, and a start of it is the best that other numbers can have.
-    return np.asarray(qmc.Sobol(dimensions, rng=rng).random_base2(int(np.ceil(np.log2(points))))[:points])
+    # The sequence is balanced at powers of two, and a start of it is the best that other numbers
+    # can have.
+    return np.asarray(
+        qmc.Sobol(dimensions, rng=rng).random_base2(int(np.ceil(np.log2(points))))[:points]
+    )
 
 
 def _halton(points: int, dimensions: int, rng: np.random.Generator) -> Array:

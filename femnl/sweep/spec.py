@@ -44,7 +44,10 @@ class SampleTable(Strict):
 
 
 class SpecFile(Strict):
-    """A sweep file. axis: each a table of values that vary together; the sweep is their product, or a sample of their ranges."""
+    """A sweep file. axis: each a table of values that vary together.
+
+    The sweep is their product, or a sample of their ranges.
+    """
 
     geometry: str
     modes: Annotated[int, Field(ge=1, le=1000)] = 6
@@ -57,7 +60,10 @@ class SpecFile(Strict):
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep ready to run. name: of its geometry; base: the geometry's tables; sample: None for the product of the axes."""
+    """A sweep ready to run. name: of its geometry; base: the geometry's tables.
+
+    sample: None for the product of the axes.
+    """
 
     name: str
     base: Tables
@@ -76,13 +82,28 @@ class Sweep:
         return tuple(path for axis in self.axes for path in axis.values)
 
     def points(self, seed: int) -> Iterator[Point]:
-        """Every point, in the order of the file, the last axis fastest; seed: of the sample, without meaning for a product."""
+        """Every point, in the order of the file, the last axis fastest.
+
+        seed: of the sample, without meaning for a product.
+        """
         if self.sample is None:
             for places in product(*(range(axis.points) for axis in self.axes)):
-                yield self._point({path: v for axis, k in zip(self.axes, places, strict=True) for path, v in axis.at(k).items()})
+                yield self._point(
+                    {
+                        path: v
+                        for axis, k in zip(self.axes, places, strict=True)
+                        for path, v in axis.at(k).items()
+                    }
+                )
         else:
             for place in draw(self.sample.method, self.sample.points, len(self.axes), seed):
-                yield self._point({path: v for axis, u in zip(self.axes, place, strict=True) for path, v in axis.within(u).items()})
+                yield self._point(
+                    {
+                        path: v
+                        for axis, u in zip(self.axes, place, strict=True)
+                        for path, v in axis.within(u).items()
+                    }
+                )
 
     def _point(self, varied: dict[str, Any]) -> Point:
         return Point(put(self.base, varied), varied)
@@ -91,7 +112,8 @@ class Sweep:
 def read_sweep(path: Path) -> Sweep:
     """Read and check a sweep file.
 
-    Args: path: of the TOML file, beside which its geometry is looked for where that is no shipped one.
+    Args: path: of the TOML file, beside which its geometry is looked for where that is no shipped
+    one.
     Raises: ParameterError, GeometryError: one line that names file, key, value and remedy.
     """
     spec = _read(path)
@@ -99,7 +121,13 @@ def read_sweep(path: Path) -> Sweep:
     model = load(beside if beside.is_file() else spec.geometry)
     try:
         settings = _settings(spec)
-        sweep = Sweep(model.name, tomllib.loads(model.text), settings, tuple(read_axis(table) for table in spec.axis), spec.sample)
+        sweep = Sweep(
+            model.name,
+            tomllib.loads(model.text),
+            settings,
+            tuple(read_axis(table) for table in spec.axis),
+            spec.sample,
+        )
         _check(sweep, spec, model.bending)
     except ParameterError as error:
         raise ParameterError(one_line(f"{path}: {error}")) from None
@@ -114,15 +142,29 @@ def _read(path: Path) -> SpecFile:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
-        known = [*SampleTable.model_fields] if key.startswith("sample.") else [*SpecFile.model_fields]
+        known = (
+            [*SampleTable.model_fields] if key.startswith("sample.") else [*SpecFile.model_fields]
+        )
         if first["type"] == "extra_forbidden":
-            raise ParameterError(one_line(f"{path}: {key}: unknown key, {suggest(key.split('.')[-1], known)}")) from None
+            raise ParameterError(
+                one_line(f"{path}: {key}: unknown key, {suggest(key.split('.')[-1], known)}")
+            ) from None
         if first["type"] == "missing":
-            raise ParameterError(f"{path}: {key} is missing; examples/design-study.toml shows a whole sweep file") from None
-        reason = first["msg"].replace("Input should be", "expected").replace("Value should have", "expected")
-        raise ParameterError(one_line(f"{path}: {key} = {str(first['input'])[:60]}: {reason}")) from None
+            raise ParameterError(
+                f"{path}: {key} is missing; examples/design-study.toml shows a whole sweep file"
+            ) from None
+        reason = (
+            first["msg"]
+            .replace("Input should be", "expected")
+            .replace("Value should have", "expected")
+        )
+        raise ParameterError(
+            one_line(f"{path}: {key} = {str(first['input'])[:60]}: {reason}")
+        ) from None
     except (ValueError, RecursionError) as error:
-        raise ParameterError(one_line(f"{path}: not TOML ({error}); text and quantities stand in quotes")) from None
+        raise ParameterError(
+            one_line(f"{path}: not TOML ({error}); text and quantities stand in quotes")
+        ) from None
 
 
 def _settings(spec: SpecFile) -> Settings:
@@ -130,8 +172,15 @@ def _settings(spec: SpecFile) -> Settings:
         if name not in KEPT:
             raise ParameterError(f'keep = "{name}": unknown result, {suggest(name, [*KEPT])}')
     if spec.symmetry not in ("auto", *WEDGES):
-        raise ParameterError(f'symmetry = "{spec.symmetry}": expected one of auto, {", ".join(WEDGES)}')
-    return Settings(spec.modes, spec.resolution, spec.symmetry, tuple(name for name in KEPT if name in spec.keep))
+        raise ParameterError(
+            f'symmetry = "{spec.symmetry}": expected one of auto, {", ".join(WEDGES)}'
+        )
+    return Settings(
+        spec.modes,
+        spec.resolution,
+        spec.symmetry,
+        tuple(name for name in KEPT if name in spec.keep),
+    )
 
 
 def _check(sweep: Sweep, spec: SpecFile, bending: bool) -> None:
@@ -141,27 +190,53 @@ def _check(sweep: Sweep, spec: SpecFile, bending: bool) -> None:
             locate(sweep.base, path)
         except KeyError:
             known = sorted(_leaves(sweep.base))
-            raise ParameterError(f"axis {path}: the geometry {spec.geometry} gives no such value; {suggest(path, known)}") from None
+            raise ParameterError(
+                f"axis {path}: the geometry {spec.geometry} gives no such value; "
+                f"{suggest(path, known)}"
+            ) from None
     if "dilution" in spec.keep and not bending and "model.bending" not in sweep.paths:
-        raise ParameterError(f'keep = "dilution": {spec.geometry} has bending = false, which leaves nothing that loses energy; set it true')
+        raise ParameterError(
+            f'keep = "dilution": {spec.geometry} has bending = false, which leaves nothing that '
+            "loses energy; set it true"
+        )
     if len(set(sweep.paths)) < len(sweep.paths):
         twice = next(path for path in sweep.paths if sweep.paths.count(path) > 1)
         raise ParameterError(f"axis {twice}: two axes vary it; leave one of them out")
     for axis in sweep.axes:
-        ranges = all(isinstance(values, Range) and values.points is None for values in axis.values.values())
+        ranges = all(
+            isinstance(values, Range) and values.points is None for values in axis.values.values()
+        )
         first = next(iter(axis.values))
         if sweep.sample is not None and not ranges:
-            raise ParameterError(f'axis {first}: a sample needs ranges, write {first} = {{from = "…", to = "…"}}, or leave [sample] out')
-        if sweep.sample is None and any(isinstance(values, Range) and values.points is None for values in axis.values.values()):
-            raise ParameterError(f"axis {first}: its range gives no points; write points = 5, or sample all ranges with a table [sample]")
+            raise ParameterError(
+                f'axis {first}: a sample needs ranges, write {first} = {{from = "…", to = "…"}}, '
+                "or leave [sample] out"
+            )
+        if sweep.sample is None and any(
+            isinstance(values, Range) and values.points is None for values in axis.values.values()
+        ):
+            raise ParameterError(
+                f"axis {first}: its range gives no points; write points = 5, or sample all "
+                "ranges with a table "
+                "[sample]"
+            )
     if sweep.count > MOST:
-        what = f"sample.points = {sweep.count}" if sweep.sample else " × ".join("+".join(axis.values) for axis in sweep.axes)
+        what = (
+            f"sample.points = {sweep.count}"
+            if sweep.sample
+            else " × ".join("+".join(axis.values) for axis in sweep.axes)
+        )
         years = sweep.count * QUICKEST / 3.156e7
         raise ParameterError(
-            f"{what}: {sweep.count:,} points would take at least {years:,.2g} years of one processor and {sweep.count * LINE / 2**30:,.0f} "
+            f"{what}: {sweep.count:,} points would take at least {years:,.2g} years of one "
+            f"processor and {sweep.count * LINE / 2**30:,.0f} "
             f"GiB for results; expected at most {MOST:,}, take fewer values or a table [sample]"
         )
-    need_memory(HELD * sweep.count, f"results of {sweep.count:,} points", "take fewer values or a table [sample]")
+    need_memory(
+        HELD * sweep.count,
+        f"results of {sweep.count:,} points",
+        "take fewer values or a table [sample]",
+    )
     for axis in sweep.axes:
         check_axis(axis, sweep.base)
 

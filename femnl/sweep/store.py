@@ -17,7 +17,10 @@ from femnl.sweep.point import VERSION, Record, Settings
 
 
 class Store:
-    """Records of solved and of failed points by their keys, open for more; one process at a time holds a store."""
+    """Records of solved and of failed points by their keys, open for more.
+
+    One process at a time holds a store.
+    """
 
     def __init__(self, path: Path, file: IO[bytes], seed: int, records: dict[str, Record]) -> None:
         self.path = path
@@ -37,9 +40,11 @@ class Store:
 def open_store(path: Path, settings: Settings, seed: int | None, retry: bool) -> Iterator[Store]:
     """Open the store of a sweep, or begin one.
 
-    A last line without its end, which a crash leaves, is cut off. seed: of the sample, drawn and kept where None is given.
+    A last line without its end, which a crash leaves, is cut off. seed: of the sample, drawn and
+    kept where None is given.
     retry: forget the points that failed.
-    Raises: ParameterError for a store of other settings, one that another process holds, one that is damaged, or none that can be.
+    Raises: ParameterError for a store of other settings, one that another process holds, one that
+    is damaged, or none that can be.
     """
     need_room(path)
     if not path.exists():
@@ -61,7 +66,10 @@ def _hold(path: Path, file: IO[bytes]) -> None:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise ParameterError(f"{path}: another sweep is writing to this store; wait for it, or name another with --out") from None
+        raise ParameterError(
+            f"{path}: another sweep is writing to this store; wait for it, or name another "
+            "with --out"
+        ) from None
 
 
 def _read(path: Path, file: IO[bytes]) -> tuple[dict[str, Any], dict[str, Record], int]:
@@ -75,12 +83,18 @@ def _read(path: Path, file: IO[bytes]) -> tuple[dict[str, Any], dict[str, Record
         try:
             record = json.loads(line)
             if header is None:
-                header = {"femnl_sweep": record["femnl_sweep"], "settings": record["settings"], "seed": int(record["seed"])}
+                header = {
+                    "femnl_sweep": record["femnl_sweep"],
+                    "settings": record["settings"],
+                    "seed": int(record["seed"]),
+                }
             else:
                 records[record["key"]] = record
         except (ValueError, KeyError, TypeError):
             remedy = (
-                "take that line out, and its point is solved anew" if header else "this is no store of a sweep; name another with --out"
+                "take that line out, and its point is solved anew"
+                if header
+                else "this is no store of a sweep; name another with --out"
             )
             raise ParameterError(f"{path}: line {number} cannot be read; {remedy}") from None
         end += len(line)
@@ -93,13 +107,17 @@ def _refuse_others(path: Path, header: dict[str, Any], settings: Settings) -> No
     """Points solved differently never meet in one store."""
     if header["femnl_sweep"] != VERSION:
         raise ParameterError(
-            f"{path}: solved by version {header['femnl_sweep']} of sweeps, and this is {VERSION}; name another store with --out"
+            f"{path}: solved by version {header['femnl_sweep']} of sweeps, and this is "
+            f"{VERSION}; name another store "
+            "with --out"
         )
     asked = json.loads(json.dumps(asdict(settings)))
     for name, value in asked.items():
         if header["settings"].get(name) != value:
             raise ParameterError(
-                f"{path}: was solved with {name} = {json.dumps(header['settings'].get(name))} and not {json.dumps(value)}; set it back, "
+                f"{path}: was solved with {name} = {json.dumps(header['settings'].get(name))} "
+                f"and not {json.dumps(value)}; "
+                "set it back, "
                 "or name another store with --out"
             )
 
@@ -111,7 +129,9 @@ def _forget_failures(path: Path) -> None:
         header, records, _ = _read(path, file)
         kept = [record for record in records.values() if "error" not in record]
         if len(kept) < len(records):
-            write_whole(path, lambda whole: whole.write_bytes(b"".join(map(_line, [header, *kept]))))
+            write_whole(
+                path, lambda whole: whole.write_bytes(b"".join(map(_line, [header, *kept])))
+            )
 
 
 def _line(record: dict[str, Any]) -> bytes:

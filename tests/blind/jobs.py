@@ -1,4 +1,7 @@
-"""The draws of the blind study and what is kept of each: pure functions of a job, whatever runs them."""
+"""The draws of the blind study and what is kept of each.
+
+Pure functions of a job, whatever runs them.
+"""
 
 import tempfile
 import time
@@ -21,7 +24,9 @@ NULLS = 10
 PAIRS = 4
 """Pairs of causes in every round, for each kind."""
 TURNS = {"lasers": 3, "device": 3}
-"""Rounds in which files of several measurements, which take long to diagnose, hide every cause once; with one null and one pair each."""
+"""Rounds in which files of several measurements, which take long to diagnose, hide every cause
+once; with one null and one pair each.
+"""
 TIED = {frozenset(("stress_anisotropy", "aspect_ratio"))}
 """Pairs that are one cause to frequencies, never hidden together."""
 TURNING = ("aspect_ratio", "shear_stress", "stress_anisotropy")
@@ -33,12 +38,19 @@ UNTOLD = {
     "mode_admixture": ("e1", "e2", "e3", "e4"),
     "tension_gradient": ("slope_x", "slope_y"),
 }
-"""Parameters that data give only up to a symmetry of the film or the sign of a mode, that are no numbers but choices, or that count
-from where the data respond."""
+"""Parameters that data give only up to a symmetry of the film or the sign of a mode, that are no
+numbers but choices, or that count from where the data respond."""
 FRINGE = {"multilayer_fringe.gap": WAVELENGTH / 2}
 """Parameters that data give only up to a multiple of this."""
-TURNED = ("phase_tilt.slope_x", "phase_tilt.slope_y", "quadratic_stiffness.kappa2", "static_bow.depth")
-"""Parameters that change their sign with the motion, of which a diagnosis gives the one within a quarter turn of the drive."""
+TURNED = (
+    "phase_tilt.slope_x",
+    "phase_tilt.slope_y",
+    "quadratic_stiffness.kappa2",
+    "static_bow.depth",
+)
+"""Parameters that change their sign with the motion, of which a diagnosis gives the one within a
+quarter turn of the drive.
+"""
 BASE = {
     "spectrum": ("speed",),
     "holes": (),  # the laboratory's film is 1e-6 too stiff for that, alike for all modes
@@ -55,7 +67,10 @@ BASE = {
 
 @dataclass(frozen=True)
 class Job:
-    """One draw: null, hidden, weakened, pair or removed; a removed cause is in the same file as the hidden one of its round."""
+    """One draw: null, hidden, weakened, pair or removed.
+
+    a removed cause is in the same file as the hidden one of its round.
+    """
 
     task: str
     case: Case
@@ -70,7 +85,10 @@ class Job:
     def file(self) -> str:
         """What tells its file from all others."""
         size = "weak" if self.case.size == WEAK else "strong"
-        return f"{self.case.kind} {self.case.geometry} {'+'.join(self.case.causes)} {size} {self.round} {self.case.seed}"
+        return (
+            f"{self.case.kind} {self.case.geometry} {'+'.join(self.case.causes)} {size} "
+            f"{self.round} {self.case.seed}"
+        )
 
 
 def jobs(seed: int, rounds: int, kinds: tuple[str, ...] = tuple(KINDS)) -> list[Job]:
@@ -86,13 +104,19 @@ def jobs(seed: int, rounds: int, kinds: tuple[str, ...] = tuple(KINDS)) -> list[
             geometries = GEOMETRIES[kind]
             nulls, drawn_pairs = (1, 1) if turns > 1 else (NULLS, PAIRS)
             chosen = rng.choice(len(pairs), min(drawn_pairs, len(pairs)), replace=False)
-            whole: list[tuple[str, tuple[str, ...], tuple[float, float], int]] = [("null", (), STRONG, n) for n in range(nulls)]
-            whole += [("hidden", (cause,), STRONG, 0) for cause in own] + [("weakened", (cause,), WEAK, 0) for cause in own]
+            whole: list[tuple[str, tuple[str, ...], tuple[float, float], int]] = [
+                ("null", (), STRONG, n) for n in range(nulls)
+            ]
+            whole += [("hidden", (cause,), STRONG, 0) for cause in own] + [
+                ("weakened", (cause,), WEAK, 0) for cause in own
+            ]
             whole += [("removed", (cause,), STRONG, 0) for cause in own]
             whole += [("pair", tuple(pairs[i]), STRONG, 0) for i in chosen]
             for task, hidden, size, n in whole:
                 geometry = geometries[(k + n) % len(geometries)]
-                alike = geometry == "hexagon-278um" and sum(cause in TURNING for cause in hidden) > 1
+                alike = (
+                    geometry == "hexagon-278um" and sum(cause in TURNING for cause in hidden) > 1
+                )
                 if not alike and all((cause, geometry) not in IMPOSSIBLE for cause in hidden):
                     drawn = zlib.crc32(f"{seed} {k} {n} {kind} {hidden} {size}".encode())
                     found.append(Job(task, Case(kind, hidden, drawn, geometry, size), k))
@@ -100,8 +124,10 @@ def jobs(seed: int, rounds: int, kinds: tuple[str, ...] = tuple(KINDS)) -> list[
 
 
 IMPOSSIBLE = {
-    ("mechanical_overtones", "hexagon-278um"),  # the overtone meets a degenerate pair there, of which any combination may answer
-    ("bending_stiffness", "hexagon-278um"),  # the film of that geometry is assumed, so that its bending length is fitted freely
+    # the overtone meets a degenerate pair there, of which any combination may answer
+    ("mechanical_overtones", "hexagon-278um"),
+    # the film of that geometry is assumed, so that its bending length is fitted freely
+    ("bending_stiffness", "hexagon-278um"),
     ("hole_dispersion", "hexagon-278um"),  # and takes that up, too
     ("compliant_clamp", "hexagon-278um"),  # the laboratory's edge gives way on rectangles alone
     ("multilayer_fringe", "perforated"),  # that geometry has no stack
@@ -116,7 +142,9 @@ def run(job: Job) -> dict[str, Any]:
         path = Path(folder) / "file.nc"
         truth = make(job.case, path)
         start = time.perf_counter()
-        found = diagnose(path, effects=[effect for effect in library().values() if effect.name not in gone])
+        found = diagnose(
+            path, effects=[effect for effect in library().values() if effect.name not in gone]
+        )
         seconds = time.perf_counter() - start
         best = None
         if job.task in ("hidden", "pair") and found.verdict != "adequate":
@@ -140,17 +168,29 @@ def run(job: Job) -> dict[str, Any]:
         "best_gain": best,
         "before": found.before.chi2_reduced,
         "after": found.after.chi2_reduced,
-        "pulls": _pulls(job.case, truth, found) if sorted(found.causes) == sorted(job.case.causes) else {},
-        "trials": [[list(t.causes), t.chi2, t.log_evidence, t.p_value, list(t.against)] for t in found.trials[:40]],
+        "pulls": _pulls(job.case, truth, found)
+        if sorted(found.causes) == sorted(job.case.causes)
+        else {},
+        "trials": [
+            [list(t.causes), t.chi2, t.log_evidence, t.p_value, list(t.against)]
+            for t in found.trials[:40]
+        ],
         "seconds": seconds,
     }
 
 
 def _pulls(case: Case, truth: dict[str, Any], found: Diagnosis) -> dict[str, float]:
-    """(value − truth)/sd of every parameter that can be compared; parameters of one laser or measurement by their last name."""
+    """(value − truth)/sd of every parameter that can be compared.
+
+    Parameters of one laser or measurement by their last name.
+    """
     known = {("base", name): truth["base"][name] for name in BASE[case.kind]}
     for cause, values in truth["causes"].items():
-        known |= {(cause, name): value for name, value in values.items() if name not in UNTOLD.get(cause, ())}
+        known |= {
+            (cause, name): value
+            for name, value in values.items()
+            if name not in UNTOLD.get(cause, ())
+        }
     turn = np.sign(np.cos(truth["base"].get("phase", truth["base"].get("red.phase", 0.0))))
     pulls = {}
     for (owner, spec), value in known.items():
@@ -159,10 +199,15 @@ def _pulls(case: Case, truth: dict[str, Any], found: Diagnosis) -> dict[str, flo
                 continue
             whole = f"{owner}.{spec}"
             if whole in FRINGE and case.kind == "trace":
-                continue  # without a drive, the other side of an extremum of the reflection is as good
+                # Without a drive, the other side of an extremum of the reflection is as good
+                continue
             away = fitted.value - value
             if whole in TURNED:
-                away = abs(fitted.value) - abs(value) if case.kind == "trace" else fitted.value - turn * value
+                away = (
+                    abs(fitted.value) - abs(value)
+                    if case.kind == "trace"
+                    else fitted.value - turn * value
+                )
             if whole in FRINGE:
                 away -= FRINGE[whole] * round(away / FRINGE[whole])
             if fitted.sd > 0:

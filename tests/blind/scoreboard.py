@@ -1,6 +1,9 @@
-"""What the blind study says: rates with binomial intervals, the confusion matrix, and the limits of detection.
+"""What the blind study says.
 
-Run `python -m tests.blind.scoreboard OUT STUDY … [--note WORDS]` to score the records of several studies as one.
+Rates with binomial intervals, the confusion matrix, and the limits of detection.
+
+Run `python -m tests.blind.scoreboard OUT STUDY … [--note WORDS]` to score the records of several
+studies as one.
 """
 
 import argparse
@@ -23,7 +26,8 @@ Record = dict[str, Any]
 TOLD = 1e-3
 """Probability from which on an alternative counts as told."""
 LAPSE = 0.01
-"""Share of causes of any size that chance alone loses: sets are held to a p-value of a hundredth."""
+"""Share of causes of any size that chance alone loses: sets are held to a p-value of a hundredth.
+"""
 FEWEST = 20
 """Draws below which no limit of detection is told."""
 TARGETS = {
@@ -42,9 +46,13 @@ WORDS = {
     "cause named": "cause named, alone or among equals",
     "pair named": "both of two causes named",
     "wrong cause explained": "wrong set called `explained`",
-    "wrong cause explained, 5σ worse than the truth": "the same, but for what fits less than 5σ worse than a cause that the library lacks",
+    "wrong cause explained, 5σ worse than the truth": "the same, but for what fits less than 5σ "
+    "worse than a cause "
+    "that the "
+    "library lacks",
     "removed cause unexplained": "cause that the library lacks called `unexplained`, or a tie",
-    "removed cause unexplained, or told by another within 5σ": "the same, or told by what fits less than 5σ worse",
+    "removed cause unexplained, or told by another within 5σ": "the same, or told by what fits "
+    "less than 5σ worse",
     "68 % intervals hold": "68 % intervals that hold the truth",
     "gain within 10 % of the best": "gain within 10 % of that with the true cause known",
 }
@@ -69,21 +77,33 @@ def wrong(record: Record) -> bool:
     if record["verdict"] != "explained":
         return False
     lacking = [cause for cause in record["causes"] if cause not in record["named"]]
-    return not set(record["named"]) <= set(record["causes"]) or any(record["sigma"][cause] >= DETECTABLE for cause in lacking)
+    return not set(record["named"]) <= set(record["causes"]) or any(
+        record["sigma"][cause] >= DETECTABLE for cause in lacking
+    )
 
 
 def tied(record: Record, partners: dict[str, Record]) -> bool:
     """Whether the answer without the true cause is one that, with it, was told as its equal."""
     with_it = partners.get(record["file"])
-    return with_it is not None and with_it["verdict"] == "ambiguous" and told(with_it) and record["verdict"] in ("explained", "ambiguous")
+    return (
+        with_it is not None
+        and with_it["verdict"] == "ambiguous"
+        and told(with_it)
+        and record["verdict"] in ("explained", "ambiguous")
+    )
 
 
 def beside(record: Record, partners: dict[str, Record]) -> bool:
-    """Whether the answer without the true cause leaves less than 5σ more than the fit with it: no one could have told."""
+    """Whether the answer without the true cause leaves less than 5σ more than the fit with it.
+
+    No one could have told.
+    """
     with_it = partners.get(record["file"])
     if with_it is None or record["verdict"] == "unexplained":
         return False
-    left = {tuple(sorted(names)): chi2 for names, chi2, *_ in [*with_it["trials"], *record["trials"]]}
+    left = {
+        tuple(sorted(names)): chi2 for names, chi2, *_ in [*with_it["trials"], *record["trials"]]
+    }
     answer = left.get(tuple(record["named"]))
     truth = left.get(tuple(record["causes"]))
     return answer is not None and truth is not None and answer - truth < DETECTABLE**2
@@ -98,12 +118,19 @@ def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
     partners = {r["file"]: r for r in by_task["hidden"]}
     strong = {task: [r for r in rows if detectable(r)] for task, rows in by_task.items()}
     caused = [r for task in ("hidden", "weakened", "pair", "removed") for r in by_task[task]]
-    measured = [r for r in by_task["hidden"] + by_task["pair"] if r["best_gain"] and r["verdict"] == "explained"]
+    measured = [
+        r
+        for r in by_task["hidden"] + by_task["pair"]
+        if r["best_gain"] and r["verdict"] == "explained"
+    ]
     pulls = [(r, pull) for r in good for pull in r["pulls"].values()]
     rates: dict[str, tuple[Iterable[Any], Callable[[Any], bool]]] = {
         "false alarms": (by_task["null"], lambda r: r["verdict"] != "adequate"),
         "cause named": (strong.get("hidden", []) + strong.get("weakened", []), told),
-        "cause named alone": (strong.get("hidden", []) + strong.get("weakened", []), lambda r: told(r) and r["verdict"] == "explained"),
+        "cause named alone": (
+            strong.get("hidden", []) + strong.get("weakened", []),
+            lambda r: told(r) and r["verdict"] == "explained",
+        ),
         "pair named": (strong.get("pair", []), told),
         "wrong cause explained": (
             caused,
@@ -111,9 +138,15 @@ def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
         ),
         "wrong cause explained, 5σ worse than the truth": (
             caused,
-            lambda r: wrong(r) and not (r["task"] == "removed" and (tied(r, partners) or beside(r, partners))),
+            lambda r: (
+                wrong(r)
+                and not (r["task"] == "removed" and (tied(r, partners) or beside(r, partners)))
+            ),
         ),
-        "removed cause unexplained": (strong.get("removed", []), lambda r: r["verdict"] == "unexplained" or tied(r, partners)),
+        "removed cause unexplained": (
+            strong.get("removed", []),
+            lambda r: r["verdict"] == "unexplained" or tied(r, partners),
+        ),
         "removed cause unexplained, or told by another within 5σ": (
             strong.get("removed", []),
             lambda r: r["verdict"] == "unexplained" or tied(r, partners) or beside(r, partners),
@@ -121,12 +154,20 @@ def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
         "68 % intervals hold": (pulls, lambda pair: abs(pair[1]) < 1),
         "gain within 10 % of the best": (measured, lambda r: r["gain"] > 0.9 * r["best_gain"]),
     }
-    board: dict[str, Any] = {"seeds": [*seeds], "draws": len(records), "failed": len(records) - len(good), "rates": {}}
+    board: dict[str, Any] = {
+        "seeds": [*seeds],
+        "draws": len(records),
+        "failed": len(records) - len(good),
+        "rates": {},
+    }
     for name, (rows, hit) in rates.items():
         whole = list(rows)
         entry = _rate([hit(row) for row in whole])
         kinds = sorted({(row[0] if isinstance(row, tuple) else row)["kind"] for row in whole})
-        parts = {k: [row for row in whole if (row[0] if isinstance(row, tuple) else row)["kind"] == k] for k in kinds}
+        parts = {
+            k: [row for row in whole if (row[0] if isinstance(row, tuple) else row)["kind"] == k]
+            for k in kinds
+        }
         entry["by_kind"] = {kind: _rate([hit(row) for row in part]) for kind, part in parts.items()}
         board["rates"][name] = entry | ({"target": list(TARGETS[name])} if name in TARGETS else {})
     p_values = [r["p_value"] for r in by_task["null"]]
@@ -160,7 +201,12 @@ def table(board: dict[str, Any]) -> str:
         rows[-1].insert(2, f"{low:.1f} … {high:.1f} %")
     uniform = board["p_value_uniform"]
     p_values = [uniform["ks_p_value"], *(uniform["by_kind"][kind]["ks_p_value"] for kind in kinds)]
-    rows.append(["p-value uniform without a cause (p of Kolmogorov and Smirnov)", *(f"{p:.2g}" for p in p_values)])
+    rows.append(
+        [
+            "p-value uniform without a cause (p of Kolmogorov and Smirnov)",
+            *(f"{p:.2g}" for p in p_values),
+        ]
+    )
     rows[-1].insert(2, "")
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
@@ -197,9 +243,13 @@ def _limits(records: list[Record]) -> dict[str, dict[str, float] | None]:
         limit = _logistic(np.log(sigma), hit)
         entry = None if limit is None else {"sigma": limit, "draws": len(rows)}
         if entry is not None:
-            strongest = [max(r["truth"][cause].items(), key=lambda item: abs(item[1])) for r in rows]
+            strongest = [
+                max(r["truth"][cause].items(), key=lambda item: abs(item[1])) for r in rows
+            ]
             if len({spec for spec, _ in strongest}) == 1:
-                per = np.median([abs(value) / s for (_, value), s in zip(strongest, sigma, strict=True)])
+                per = np.median(
+                    [abs(value) / s for (_, value), s in zip(strongest, sigma, strict=True)]
+                )
                 entry[strongest[0][0]] = float(per * entry["sigma"])
         found[name] = entry
     return found
@@ -213,7 +263,11 @@ def _logistic(x: np.ndarray[Any, Any], hit: np.ndarray[Any, Any]) -> float | Non
     # By likelihood, with a weak prior on the steepness.
     def cost(v: np.ndarray[Any, Any]) -> float:
         named = (1 - LAPSE) * expit(np.exp(v[1]) * (x - v[0]))
-        return float(-np.sum(np.log(np.where(hit > 0, named, 1 - named))) + 0.5 * (v[1] - 1.5) ** 2 + 0.02 * v[0] ** 2)
+        return float(
+            -np.sum(np.log(np.where(hit > 0, named, 1 - named)))
+            + 0.5 * (v[1] - 1.5) ** 2
+            + 0.02 * v[0] ** 2
+        )
 
     best = minimize(cost, np.array([1.0, 1.5]), method="Nelder-Mead")
     limit = float(best.x[0] + logit(FOUND / (1 - LAPSE)) / np.exp(best.x[1]))
@@ -229,9 +283,17 @@ def draw(board: dict[str, Any], records: list[Record], folder: Path) -> None:
 
 
 def _confusion(records: list[Record]) -> dict[str, Any]:
-    """How often each cause that can be detected, or none, got each answer: names of rows and columns, and the counts."""
+    """How often each cause that can be detected, or none, got each answer.
+
+    Names of rows and columns, and the counts.
+    """
     rows = [r for r in records if r["task"] in ("hidden", "null") and detectable(r)]
-    taken = {name for r in rows if r["verdict"] == "explained" and len(r["named"]) == 1 for name in r["named"]}
+    taken = {
+        name
+        for r in rows
+        if r["verdict"] == "explained" and len(r["named"]) == 1
+        for name in r["named"]
+    }
     names = [*sorted(taken | {name for r in rows for name in r["causes"]}), "none"]
     columns = [*names[:-1], "several", "tie with it", "tie without it", "unexplained", "adequate"]
     table = np.zeros((len(names), len(columns)), int)
@@ -249,8 +311,14 @@ def _detection(records: list[Record]) -> dict[str, dict[str, list[float]]]:
     """Sizes [σ] of each lone cause in the draws that named it, and in those that missed it."""
     found: dict[str, dict[str, list[float]]] = {}
     for name, rows in _alone(records).items():
-        parts = {key: [r for r in rows if told(r) == hit] for key, hit in (("named", True), ("missed", False))}
-        found[name] = {key: sorted(float(f"{r['sigma'][r['causes'][0]]:.3g}") for r in part) for key, part in parts.items()}
+        parts = {
+            key: [r for r in rows if told(r) == hit]
+            for key, hit in (("named", True), ("missed", False))
+        }
+        found[name] = {
+            key: sorted(float(f"{r['sigma'][r['causes'][0]]:.3g}") for r in part)
+            for key, part in parts.items()
+        }
     return found
 
 
@@ -259,7 +327,13 @@ def _uniform(records: list[Record]) -> Any:
     axes = figure.add_subplot()
     for k, kind in enumerate(sorted({r["kind"] for r in records})):
         p = np.sort([r["p_value"] for r in records if r["task"] == "null" and r["kind"] == kind])
-        axes.plot(p, (np.arange(len(p)) + 0.5) / max(len(p), 1), drawstyle="steps-mid", color=COLOURS[k], label=kind)
+        axes.plot(
+            p,
+            (np.arange(len(p)) + 0.5) / max(len(p), 1),
+            drawstyle="steps-mid",
+            color=COLOURS[k],
+            label=kind,
+        )
     axes.plot([0, 1], [0, 1], color="#999999", linewidth=0.7)
     axes.set_xlabel("p-value of the base model")
     axes.set_ylabel("share of files without a cause")
@@ -274,13 +348,22 @@ def main() -> None:
     parser.add_argument("studies", type=Path, nargs="+")
     parser.add_argument("--note", help="what a reader should know of them")
     given = parser.parse_args()
-    lines = [line for study in given.studies for line in (study / "results.jsonl").read_text("utf-8").splitlines(keepends=True)]
-    records = [json.loads(line) for line in lines if line.endswith("\n")]  # a study that runs may be at its last one
-    seeds = dict.fromkeys(json.loads((study / "study.json").read_text("utf-8"))["seed"] for study in given.studies)
+    lines = [
+        line
+        for study in given.studies
+        for line in (study / "results.jsonl").read_text("utf-8").splitlines(keepends=True)
+    ]
+    # A study that runs may be at its last one
+    records = [json.loads(line) for line in lines if line.endswith("\n")]
+    seeds = dict.fromkeys(
+        json.loads((study / "study.json").read_text("utf-8"))["seed"] for study in given.studies
+    )
     board = score(records, [*seeds])
     board = {"seeds": board.pop("seeds"), **({"note": given.note} if given.note else {}), **board}
     given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "scoreboard.json").write_text(json.dumps(board, indent=1, ensure_ascii=False), "utf-8")
+    (given.out / "scoreboard.json").write_text(
+        json.dumps(board, indent=1, ensure_ascii=False), "utf-8"
+    )
     (given.out / "table.md").write_text(table(board), "utf-8")
     draw(board, records, given.out)
 

@@ -1,7 +1,8 @@
 """The blind study: `python -m tests.blind.study FOLDER`, from the top of the repository.
 
-Every draw is one line of FOLDER/results.jsonl, written as it finishes, so that a run that is killed loses only what was under way and
-the next one goes on from there. With --scheduler the draws go to the workers of a Dask cluster, started in the same directory.
+Every draw is one line of FOLDER/results.jsonl, written as it finishes, so that a run that is killed
+loses only what was under way and the next one goes on from there. With --scheduler the draws go to
+the workers of a Dask cluster, started in the same directory.
 """
 
 import argparse
@@ -23,7 +24,9 @@ ROUNDS = 10
 """Rounds of the full study: a hundred nulls of each kind."""
 
 
-def plan(folder: Path, rounds: int, seed: int | None, kinds: tuple[str, ...]) -> tuple[int, list[Job], Path]:
+def plan(
+    folder: Path, rounds: int, seed: int | None, kinds: tuple[str, ...]
+) -> tuple[int, list[Job], Path]:
     """Return the seed, the draws that are still to be made, and the file of results, whose torn last line is cut off."""
     folder.mkdir(parents=True, exist_ok=True)
     note = folder / "study.json"
@@ -40,8 +43,13 @@ def plan(folder: Path, rounds: int, seed: int | None, kinds: tuple[str, ...]) ->
     return seed, [job for job in jobs(seed, rounds, kinds) if job.name not in done], results
 
 
-def finished(todo: list[Job], scheduler: str | None, workers: int) -> Iterator[tuple[Job, dict[str, Any]]]:
-    """Run the draws, on this machine or a cluster, and return each as it ends; one that failed with its error."""
+def finished(
+    todo: list[Job], scheduler: str | None, workers: int
+) -> Iterator[tuple[Job, dict[str, Any]]]:
+    """Run the draws, on this machine or a cluster, and return each as it ends.
+
+    One that failed with its error.
+    """
     if scheduler:
         from distributed import Client
         from distributed import as_completed as completed
@@ -69,15 +77,33 @@ def _outcome(job: Job, future: Future[dict[str, Any]]) -> dict[str, Any]:
     error = future.exception()
     if error is None:
         return future.result()
-    about = {"name": job.name, "task": job.task, "file": job.file, "kind": job.case.kind, "geometry": job.case.geometry}
-    return about | {"causes": sorted(job.case.causes), "seed": job.case.seed, "round": job.round, "error": repr(error)}
+    about = {
+        "name": job.name,
+        "task": job.task,
+        "file": job.file,
+        "kind": job.case.kind,
+        "geometry": job.case.geometry,
+    }
+    return about | {
+        "causes": sorted(job.case.causes),
+        "seed": job.case.seed,
+        "round": job.round,
+        "error": repr(error),
+    }
 
 
 def main() -> None:
     """Run what is missing of the study and write its scoreboard."""
-    parser = argparse.ArgumentParser(description="hide causes in measurement files, diagnose them, and keep the score")
+    parser = argparse.ArgumentParser(
+        description="hide causes in measurement files, diagnose them, and keep the score"
+    )
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--draws", type=int, default=ROUNDS, help="rounds; each hides every cause of every kind once")
+    parser.add_argument(
+        "--draws",
+        type=int,
+        default=ROUNDS,
+        help="rounds; each hides every cause of every kind once",
+    )
     parser.add_argument("--seed", type=int, help="of a new study; fresh unless given")
     parser.add_argument("--scheduler", help="address of a Dask scheduler")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
@@ -90,10 +116,15 @@ def main() -> None:
             file.write(json.dumps(record) + "\n")
             file.flush()
             os.fsync(file.fileno())
-            sys.stderr.write(f"{count}/{len(todo)} {job.name}: {record.get('verdict', record.get('error'))} {record.get('named', '')}\n")
+            sys.stderr.write(
+                f"{count}/{len(todo)} {job.name}: {record.get('verdict', record.get('error'))} "
+                f"{record.get('named', '')}\n"
+            )
     records = [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
     board = score(records, [seed])
-    (given.folder / "scoreboard.json").write_text(json.dumps(board, indent=1, ensure_ascii=False), encoding="utf-8")
+    (given.folder / "scoreboard.json").write_text(
+        json.dumps(board, indent=1, ensure_ascii=False), encoding="utf-8"
+    )
     draw(board, records, given.folder)
     sys.stdout.write(json.dumps(board, indent=1, ensure_ascii=False) + "\n")
 

@@ -19,10 +19,12 @@ HIDDEN = [
     Case("spectrum", ("frequency_drift",), 2, SQUARE, (10.0, 60.0)),
     Case("spectrum", ("shear_stress",), 2, SQUARE, (20.0, 60.0)),
     Case("spectrum", ("bending_stiffness",), 2, SQUARE, (20.0, 60.0)),
-    # At δ = ℓ the strength of the effect grows without moving the edge: a fit that begins below gets caught there.
+    # At δ = ℓ the strength of the effect grows without moving the edge: a fit that begins below
+    # gets caught there.
     Case("spectrum", ("compliant_clamp",), 3885969729),
     Case("holes", ("shear_stress",), 2, PERFORATED, (20.0, 60.0)),
-    Case("holes", ("frequency_drift",), 525420673, PERFORATED),  # two modes without names are measured in the wrong order
+    # two modes without names are measured in the wrong order
+    Case("holes", ("frequency_drift",), 525420673, PERFORATED),
     Case("response", ("nonlinear_damping",), 381253685),  # a sweep jumps just behind a point
     pytest.param(Case("response", ("crosstalk",), 2, SQUARE, (20.0, 60.0)), marks=pytest.mark.slow),
     Case("map", ("phase_tilt",), 2, SQUARE, (20.0, 60.0)),
@@ -30,34 +32,54 @@ HIDDEN = [
     Case("map", ("stage_rotation", "static_bow"), 30, PERFORATED),
     # Two lasers show the film on opposite sides, as phases that electronics delay do not tell.
     Case("lasers", ("phase_tilt",), 1610781902, "rectangle"),
-    pytest.param(Case("lasers", ("quadratic_stiffness", "stage_rotation"), 1638738877), marks=pytest.mark.slow),
-    pytest.param(Case("spectrum", ("added_mass",), 3, HEXAGON, (30.0, 60.0)), marks=pytest.mark.slow),
+    pytest.param(
+        Case("lasers", ("quadratic_stiffness", "stage_rotation"), 1638738877),
+        marks=pytest.mark.slow,
+    ),
+    pytest.param(
+        Case("spectrum", ("added_mass",), 3, HEXAGON, (30.0, 60.0)), marks=pytest.mark.slow
+    ),
     Case("series", ("gas_damping",), 2),
     Case("series", ("thermal_stress",), 2),
     Case("series", ("gas_damping", "thermal_stress"), 2),
     # Alone, the particle is found in another place than beside the other cause.
-    pytest.param(Case("spectrum", ("added_mass", "shear_stress"), 3600138708), marks=pytest.mark.slow),
+    pytest.param(
+        Case("spectrum", ("added_mass", "shear_stress"), 3600138708), marks=pytest.mark.slow
+    ),
     Case("spectrum", ("added_mass", "compliant_clamp"), 702918795),
-    # Worn-down harmonics make a motion of z = 5 look like one of 0.7: no tangent leads from there to the other.
+    # Worn-down harmonics make a motion of z = 5 look like one of 0.7: no tangent leads from there
+    # to the other.
     Case("trace", ("trigger_jitter",), 2497909089),
     # The fringe of the stack goes beyond the size of its first coefficient, and is clipped there.
-    pytest.param(Case("trace", ("detector_saturation", "multilayer_fringe"), 1940870854), marks=pytest.mark.slow),
+    pytest.param(
+        Case("trace", ("detector_saturation", "multilayer_fringe"), 1940870854),
+        marks=pytest.mark.slow,
+    ),
 ]
 LACKING = [
     Case("spectrum", ("frequency_drift",), 2, SQUARE, (50.0, 100.0)),
     Case("series", ("gas_damping",), 2),
-    # 6 to 9σ, spread over many data: seen by none but the looks at what the drive adds, at forces, and at the strongest signals.
+    # 6 to 9σ, spread over many data: seen by none but the looks at what the drive adds, at forces,
+    # and at the strongest signals.
     pytest.param(Case("trace", ("crosstalk",), 3226929138), marks=pytest.mark.slow),
     Case("record", ("nonlinear_damping",), 4029333947, SQUARE, (6.0, 10.0)),
     pytest.param(Case("response", ("detector_saturation",), 1282262913), marks=pytest.mark.slow),
-    pytest.param(Case("response", ("nonlinear_damping",), 2, SQUARE, (50.0, 100.0)), marks=pytest.mark.slow),
-    pytest.param(Case("response", ("nonlinear_damping",), 2, SQUARE, (200.0, 300.0)), marks=pytest.mark.slow),
-    # A second mode, a compressed readout and quintic stiffness together leave no more, with twice the parameters of a free force.
+    pytest.param(
+        Case("response", ("nonlinear_damping",), 2, SQUARE, (50.0, 100.0)), marks=pytest.mark.slow
+    ),
+    pytest.param(
+        Case("response", ("nonlinear_damping",), 2, SQUARE, (200.0, 300.0)), marks=pytest.mark.slow
+    ),
+    # A second mode, a compressed readout and quintic stiffness together leave no more, with twice
+    # the parameters of a free force.
     pytest.param(Case("response", ("nonlinear_damping",), 1422042347), marks=pytest.mark.slow),
 ]
 
 
-@pytest.mark.parametrize(("kind", "geometry"), [*((k, SQUARE) for k in ("spectrum", "response", "map", "series")), ("map", PERFORATED)])
+@pytest.mark.parametrize(
+    ("kind", "geometry"),
+    [*((k, SQUARE) for k in ("spectrum", "response", "map", "series")), ("map", PERFORATED)],
+)
 def test_nothing_is_found_where_nothing_is_hidden(kind: str, geometry: str, tmp_path: Path) -> None:
     case = Case(kind, (), 1, geometry)
     make(case, tmp_path / "file.nc")
@@ -65,11 +87,14 @@ def test_nothing_is_found_where_nothing_is_hidden(kind: str, geometry: str, tmp_
     assert (found.verdict, found.causes) == ("adequate", ()), (case, found.where)
 
 
-@pytest.mark.parametrize("seed", [1089697038, 4293950129, 864157137, 2255920397, 1082398657, 2945608580, 1645960141])
+@pytest.mark.parametrize(
+    "seed", [1089697038, 4293950129, 864157137, 2255920397, 1082398657, 2945608580, 1645960141]
+)
 def test_a_strong_oscillator_alone_is_adequate(seed: int, tmp_path: Path) -> None:
-    # What the record began with is 4σ after 10 decay times; a spline of degree 5 misses 0.3σ of the drive; a swing up to 0.86 V, three
-    # times as stiff as a small one, needs three steps from sample to sample and starts from the equation itself; errors of 1e-5 of a
-    # step grow sixfold; two lose their way unless the first part is short enough, or other parts are gone through.
+    # What the record began with is 4σ after 10 decay times; a spline of degree 5 misses 0.3σ of the
+    # drive; a swing up to 0.86 V, three times as stiff as a small one, needs three steps from
+    # sample to sample and starts from the equation itself; errors of 1e-5 of a step grow sixfold;
+    # two lose their way unless the first part is short enough, or other parts are gone through.
     make(Case("record", (), seed), tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc", effects=[])
     assert found.verdict == "adequate", found.where
@@ -79,7 +104,11 @@ def test_a_strong_oscillator_alone_is_adequate(seed: int, tmp_path: Path) -> Non
 def test_a_hidden_cause_is_named_and_the_gain_is_real(case: Case, tmp_path: Path) -> None:
     truth = make(case, tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc")
-    assert (found.verdict, found.causes) == ("explained", tuple(sorted(case.causes))), (truth, found.where, found.alternatives)
+    assert (found.verdict, found.causes) == ("explained", tuple(sorted(case.causes))), (
+        truth,
+        found.where,
+        found.alternatives,
+    )
     assert found.gain > 1
 
 
@@ -87,22 +116,34 @@ def test_anisotropy_in_frequencies_is_a_tie_with_the_aspect_ratio(tmp_path: Path
     make(Case("spectrum", ("stress_anisotropy",), 3), tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc")
     assert found.verdict == "ambiguous"
-    assert {("stress_anisotropy",), ("aspect_ratio",)} <= {other.causes for other in found.alternatives}
+    assert {("stress_anisotropy",), ("aspect_ratio",)} <= {
+        other.causes for other in found.alternatives
+    }
 
 
 @pytest.mark.slow
-def test_on_a_hexagon_a_change_of_stress_is_told_in_every_direction_beside_a_gradient(tmp_path: Path) -> None:
-    make(Case("spectrum", ("aspect_ratio", "tension_gradient"), 980409884, HEXAGON), tmp_path / "file.nc")
+def test_on_a_hexagon_a_change_of_stress_is_told_in_every_direction_beside_a_gradient(
+    tmp_path: Path,
+) -> None:
+    make(
+        Case("spectrum", ("aspect_ratio", "tension_gradient"), 980409884, HEXAGON),
+        tmp_path / "file.nc",
+    )
     found = diagnose(tmp_path / "file.nc")
     assert found.verdict == "ambiguous"
-    turns = {(turn, "tension_gradient") for turn in ("aspect_ratio", "shear_stress", "stress_anisotropy")}
+    turns = {
+        (turn, "tension_gradient") for turn in ("aspect_ratio", "shear_stress", "stress_anisotropy")
+    }
     assert turns <= {other.causes for other in found.alternatives}
 
 
 @pytest.mark.parametrize("case", LACKING, ids=lambda case: "-".join((case.kind, *case.causes)))
 def test_a_cause_that_the_library_lacks_is_called_unexplained(case: Case, tmp_path: Path) -> None:
     truth = make(case, tmp_path / "file.nc")
-    found = diagnose(tmp_path / "file.nc", effects=[effect for effect in library().values() if effect.name not in case.causes])
+    found = diagnose(
+        tmp_path / "file.nc",
+        effects=[effect for effect in library().values() if effect.name not in case.causes],
+    )
     assert (found.verdict, found.causes) == ("unexplained", ()), (truth, found.causes)
     assert found.p_value < 0.01
 
@@ -110,12 +151,22 @@ def test_a_cause_that_the_library_lacks_is_called_unexplained(case: Case, tmp_pa
 @pytest.mark.parametrize(
     ("case", "together"),
     [
-        # A compressed readout and quintic stiffness leave no more than damping does: a free force takes up as much alone.
-        (Case("response", ("nonlinear_damping",), 1422042347), ("nonlinear_readout", "quintic_stiffness")),
+        # A compressed readout and quintic stiffness leave no more than damping does: a free force
+        # takes up as much alone.
+        (
+            Case("response", ("nonlinear_damping",), 1422042347),
+            ("nonlinear_readout", "quintic_stiffness"),
+        ),
         # Damping and quintic stiffness in just one ratio do what a readout of one number does.
-        (Case("response", ("nonlinear_readout",), 2451172232), ("nonlinear_damping", "quintic_stiffness")),
+        (
+            Case("response", ("nonlinear_readout",), 2451172232),
+            ("nonlinear_damping", "quintic_stiffness"),
+        ),
         # A layer that bends and a mode of the frame do what one power of the frequency does.
-        (Case("holes", ("gas_loading",), 2782844655, PERFORATED), ("bending_stiffness", "frame_mode")),
+        (
+            Case("holes", ("gas_loading",), 2782844655, PERFORATED),
+            ("bending_stiffness", "frame_mode"),
+        ),
     ],
     ids=lambda value: value.causes[0] if isinstance(value, Case) else None,
 )
@@ -125,26 +176,35 @@ def test_causes_that_only_together_do_what_one_smooth_form_does_explain_nothing(
     make(case, tmp_path / "file.nc")
     pair = [library()[name] for name in together]
     assert diagnose(tmp_path / "file.nc", effects=pair).verdict == "unexplained"
-    found = diagnose(tmp_path / "file.nc", effects=[*pair, *(library()[name] for name in case.causes)])
+    found = diagnose(
+        tmp_path / "file.nc", effects=[*pair, *(library()[name] for name in case.causes)]
+    )
     assert (found.verdict, found.causes) == ("explained", case.causes)
 
 
 def test_a_particle_is_sought_anew_once_the_drift_beside_it_is_known(tmp_path: Path) -> None:
     make(Case("spectrum", ("added_mass", "frequency_drift"), 3751252574), tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc")
-    assert (found.verdict, found.causes) == ("explained", ("added_mass", "frequency_drift")), found.where
+    assert (found.verdict, found.causes) == ("explained", ("added_mass", "frequency_drift")), (
+        found.where
+    )
 
 
 def test_a_drift_that_was_only_found_beside_a_particle_is_told_alone(tmp_path: Path) -> None:
-    # It exchanges the ranks of frequencies without names: on its own the fit stops where some of them are still the wrong way round.
+    # It exchanges the ranks of frequencies without names: on its own the fit stops where some of
+    # them are still the wrong way round.
     make(Case("holes", ("frequency_drift",), 3585140598, "perforated"), tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc")
     assert (found.verdict, found.causes) == ("explained", ("frequency_drift",)), found.alternatives
 
 
 def test_an_equal_whose_fit_stopped_short_is_fitted_anew_and_told(tmp_path: Path) -> None:
-    # The pairs of a hexagon are split by unequal stress and by unequal sides alike; the fit of the former stopped 7 sigma short, of 240.
-    make(Case("spectrum", ("stress_anisotropy",), 3145238254, "hexagon-278um", size=(6.0, 300.0)), tmp_path / "file.nc")
+    # The pairs of a hexagon are split by unequal stress and by unequal sides alike; the fit of the
+    # former stopped 7 sigma short, of 240.
+    make(
+        Case("spectrum", ("stress_anisotropy",), 3145238254, "hexagon-278um", size=(6.0, 300.0)),
+        tmp_path / "file.nc",
+    )
     found = diagnose(tmp_path / "file.nc")
     told = {one.causes: one.probability for one in found.alternatives}
     assert found.verdict == "ambiguous", found.causes
@@ -152,22 +212,33 @@ def test_an_equal_whose_fit_stopped_short_is_fitted_anew_and_told(tmp_path: Path
 
 
 def test_a_cause_more_does_not_make_chance_an_explanation(tmp_path: Path) -> None:
-    # Two causes leave what chance leaves once in 250 files; a soft clamp beside them mends that, with next to no evidence for it.
-    make(Case("holes", ("bending_stiffness", "tension_gradient"), 2381334826, PERFORATED), tmp_path / "file.nc")
+    # Two causes leave what chance leaves once in 250 files; a soft clamp beside them mends that,
+    # with next to no evidence for it.
+    make(
+        Case("holes", ("bending_stiffness", "tension_gradient"), 2381334826, PERFORATED),
+        tmp_path / "file.nc",
+    )
     found = diagnose(tmp_path / "file.nc")
     assert (found.verdict, found.causes) == ("ambiguous", ("bending_stiffness", "tension_gradient"))
     assert sum(one.probability for one in found.alternatives[:2]) == pytest.approx(1, abs=0.05)
 
 
 def test_a_doubtful_explanation_ties_with_one_cause_more(tmp_path: Path) -> None:
-    # A gradient leaves 14 of 6 degrees of freedom where shear is missing, with unequal stress beside it 10 of 5.
+    # A gradient leaves 14 of 6 degrees of freedom where shear is missing, with unequal stress
+    # beside it 10 of 5.
     make(Case("holes", ("shear_stress",), 306586511, PERFORATED), tmp_path / "file.nc")
-    found = diagnose(tmp_path / "file.nc", effects=[effect for effect in library().values() if effect.name != "shear_stress"])
+    found = diagnose(
+        tmp_path / "file.nc",
+        effects=[effect for effect in library().values() if effect.name != "shear_stress"],
+    )
     assert (found.verdict, found.causes) == ("ambiguous", ("tension_gradient",))
     assert ("stress_anisotropy", "tension_gradient") in [one.causes for one in found.alternatives]
 
 
 def test_a_particle_that_the_library_lacks_is_not_explained_by_others(tmp_path: Path) -> None:
     make(Case("spectrum", ("added_mass",), 3652888188), tmp_path / "file.nc")
-    found = diagnose(tmp_path / "file.nc", effects=[effect for effect in library().values() if effect.name != "added_mass"])
+    found = diagnose(
+        tmp_path / "file.nc",
+        effects=[effect for effect in library().values() if effect.name != "added_mass"],
+    )
     assert (found.verdict, found.causes) == ("unexplained", ()), found.where

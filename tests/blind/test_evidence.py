@@ -16,7 +16,9 @@ from tests.blind.lab import Case, make
 
 pytestmark = pytest.mark.slow
 FAR = 8.0
-"""Standard deviations around the best fit beyond which nothing is left of the likelihood, and nested sampling need not look."""
+"""Standard deviations around the best fit beyond which nothing is left of the likelihood, and
+nested sampling need not look.
+"""
 
 
 def nested(result: FitResult) -> tuple[float, float]:
@@ -31,10 +33,17 @@ def nested(result: FitResult) -> tuple[float, float]:
         return float(-0.5 * np.sum(model.residuals(vector) ** 2)) + log_prior(model, vector, sd)
 
     sampler = NestedSampler(
-        likelihood, lambda u: start + u * (end - start), len(start), nlive=150, sample="rslice", rstate=np.random.default_rng(1)
+        likelihood,
+        lambda u: start + u * (end - start),
+        len(start),
+        nlive=150,
+        sample="rslice",
+        rstate=np.random.default_rng(1),
     )
     sampler.run_nested(dlogz=0.1, print_progress=False)
-    return float(sampler.results.logz[-1] + np.sum(np.log(end - start))), float(sampler.results.logzerr[-1])
+    return float(sampler.results.logz[-1] + np.sum(np.log(end - start))), float(
+        sampler.results.logzerr[-1]
+    )
 
 
 @pytest.mark.parametrize(
@@ -46,7 +55,9 @@ def nested(result: FitResult) -> tuple[float, float]:
         ("spectrum", "gas_loading", {"gas_density": 1e-3}),
     ],
 )
-def test_evidence_by_laplace_agrees_with_nested_sampling(kind: str, cause: str, start: dict[str, float], tmp_path: Path) -> None:
+def test_evidence_by_laplace_agrees_with_nested_sampling(
+    kind: str, cause: str, start: dict[str, float], tmp_path: Path
+) -> None:
     path = tmp_path / "file.nc"
     make(Case(kind, (cause,), 6, size=(10.0, 30.0)), path)
     tree = measurement.read(path)

@@ -1,4 +1,7 @@
-"""The virtual laboratory itself: its films, fringes and sizes in σ against closed forms, and its files, from the seed alone."""
+"""The virtual laboratory itself.
+
+Its films, fringes and sizes in σ against closed forms, and its files, from the seed alone.
+"""
 
 from pathlib import Path
 
@@ -29,8 +32,19 @@ from tests.blind.lab.response import ResponseBench
 from tests.blind.lab.spectrum import SpectrumBench
 from tests.blind.lab.trace import TraceBench
 
-HEXAGON = np.array([7.155339133926055, 18.131677865531, 18.131677865531, 32.4518575144, 32.4518575144, 37.491352876798])
-"""Eigenvalues of −Δ on the regular hexagon of side 1, from the literature that the validation case of the ideal hexagon cites."""
+HEXAGON = np.array(
+    [
+        7.155339133926055,
+        18.131677865531,
+        18.131677865531,
+        32.4518575144,
+        32.4518575144,
+        37.491352876798,
+    ]
+)
+"""Eigenvalues of −Δ on the regular hexagon of side 1, from the literature that the validation case
+of the ideal hexagon cites.
+"""
 
 
 def test_the_laboratory_s_hexagon_has_the_eigenvalues_of_the_ideal_one() -> None:
@@ -39,7 +53,8 @@ def test_the_laboratory_s_hexagon_has_the_eigenvalues_of_the_ideal_one() -> None
 
 
 def test_the_boundary_layer_of_a_square_plate_gives_its_published_frequencies() -> None:
-    # Clamped square plate, Ta²/D = 10⁵: ω a² √(ρh/D) = 1414.0449 (Ritz and Argyris elements agree on it), ℓ/a = 10^−2.5.
+    # Clamped square plate, Ta²/D = 10⁵: ω a² √(ρh/D) = 1414.0449 (Ritz and Argyris elements agree
+    # on it), ℓ/a = 10^−2.5.
     side = geometry.load("square-270um").outline.length
     layer = side / np.sqrt(1e5)
     k2 = float(membrane("square-270um", layer).clamped(layer).min())
@@ -51,7 +66,9 @@ def test_the_laboratory_s_stack_reflects_as_transfer_matrices_say() -> None:
     assert stack is not None
     u = np.linspace(-2e-7, 2e-7, 9)
     gap = stack.layers[stack.gap].thickness
-    assert reflection(stack, gap + u) == pytest.approx(MultilayerFringe(stack, WAVELENGTH)(u), rel=1e-10)
+    assert reflection(stack, gap + u) == pytest.approx(
+        MultilayerFringe(stack, WAVELENGTH)(u), rel=1e-10
+    )
 
 
 def test_the_laboratory_s_film_with_holes_bends_as_femnl_s_does() -> None:
@@ -60,10 +77,13 @@ def test_the_laboratory_s_film_with_holes_bends_as_femnl_s_does() -> None:
     film = model.film
     layer = film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress))
     plate = other.clamped(layer)
-    theirs = np.sort(np.sqrt(film.stress / film.density * (plate + layer**2 * plate**2)))[:14] / (2 * np.pi)
+    theirs = np.sort(np.sqrt(film.stress / film.density * (plate + layer**2 * plate**2)))[:14] / (
+        2 * np.pi
+    )
     ratio = theirs / solve_modes(model, 20, resolution=1.5).frequency[:14]
     assert ratio.mean() == pytest.approx(1, abs=2e-6)
-    # c is free in a diagnosis, so that a common factor says nothing; the rest is to be well below the smallest noise, 2 Hz times `less`.
+    # c is free in a diagnosis, so that a common factor says nothing; the rest is to be well below
+    # the smallest noise, 2 Hz times `less`.
     assert np.abs(theirs * (ratio / ratio.mean() - 1)).max() < 0.5 * 2.0 * HolesBench.less
 
 
@@ -72,7 +92,10 @@ def test_the_laboratory_s_film_with_holes_has_the_shapes_of_femnl_s_beside_the_h
     film = model.film
     half = SIDE / 2
     layer = film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress))
-    other, x, y = drum(layer), *(part.ravel() for part in np.meshgrid(*[np.linspace(-half, half, 60)] * 2))
+    other, x, y = (
+        drum(layer),
+        *(part.ravel() for part in np.meshgrid(*[np.linspace(-half, half, 60)] * 2)),
+    )
     seen = ~other.over_hole(x, y)
     assert 0.9 < seen.mean() < 0.95
     theirs = other.held(x[seen], y[seen], 4, layer)
@@ -87,8 +110,14 @@ def test_the_laboratory_s_film_with_holes_has_the_shapes_of_femnl_s_beside_the_h
 @pytest.mark.parametrize("kind", ["spectrum", "map", "series", "trace"])
 def test_causes_are_as_large_as_asked_for(kind: str, tmp_path: Path) -> None:
     for cause in causes(kind):
-        sigma = make(Case(kind, (cause,), 5, size=(20.0, 20.1)), tmp_path / "file.nc")["sigma"][cause]
-        assert sigma == pytest.approx(20, rel=0.35) or cause in ("multilayer_fringe", "finite_spot", "frame_mode"), cause
+        sigma = make(Case(kind, (cause,), 5, size=(20.0, 20.1)), tmp_path / "file.nc")["sigma"][
+            cause
+        ]
+        assert sigma == pytest.approx(20, rel=0.35) or cause in (
+            "multilayer_fringe",
+            "finite_spot",
+            "frame_mode",
+        ), cause
 
 
 UNHIDDEN = {("trace", name) for name in ("phase_tilt", "static_bow", "mode_admixture")}
@@ -97,19 +126,30 @@ UNHIDDEN = {("trace", name) for name in ("phase_tilt", "static_bow", "mode_admix
 
 def test_the_laboratory_hides_every_cause_in_every_kind_of_data_that_shows_it() -> None:
     told = {(kind, effect.name) for effect in library().values() for kind in effect.kinds}
-    hidden = {("spectrum" if kind == "holes" else kind, cause) for kind in KINDS for cause in causes(kind)}
+    hidden = {
+        ("spectrum" if kind == "holes" else kind, cause) for kind in KINDS for cause in causes(kind)
+    }
     assert told - hidden == UNHIDDEN
     assert {(kind, cause) for kind, cause in hidden if kind not in ("lasers", "device")} <= told
 
 
 def test_every_geometry_comes_up_and_no_round_repeats_another() -> None:
     draws = jobs(seed=1, rounds=8)
-    assert {job.case.geometry for job in draws if job.case.kind == "map"} == {"square-270um", "rectangle", "hexagon-278um", "perforated"}
-    assert {job.case.causes[0] for job in draws if job.task == "hidden" and job.case.kind == "device"} == set(causes("device"))
+    assert {job.case.geometry for job in draws if job.case.kind == "map"} == {
+        "square-270um",
+        "rectangle",
+        "hexagon-278um",
+        "perforated",
+    }
+    assert {
+        job.case.causes[0] for job in draws if job.task == "hidden" and job.case.kind == "device"
+    } == set(causes("device"))
     assert len({job.name for job in draws}) == len(draws)
 
 
-def stiff_string(layer: float, depth: float, n: int = 130) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def stiff_string(
+    layer: float, depth: float, n: int = 130
+) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     """(ω/c)² of the lowest modes of a stiff string of length 1 that springs 1/δ hold and nothing turns at its ends, by Legendre–Ritz."""
     bubble = Legendre([2 / 3, 0, -2 / 3])
     slopes = [Legendre([0.0]), *(bubble * Legendre.basis(j) for j in range(n))]
@@ -117,7 +157,12 @@ def stiff_string(layer: float, depth: float, n: int = 130) -> np.ndarray[tuple[i
     t, w = leggauss(2 * n)
     v, s, c, e = (
         np.array([f(at) for f in rows]) * 2**d
-        for rows, at, d in ((shapes, t, 0), (slopes, t, 1), ([f.deriv() for f in slopes], t, 2), (shapes, np.array([-1.0, 1.0]), 0))
+        for rows, at, d in (
+            (shapes, t, 0),
+            (slopes, t, 1),
+            ([f.deriv() for f in slopes], t, 2),
+            (shapes, np.array([-1.0, 1.0]), 0),
+        )
     )
     scale = 1 / np.sqrt((v**2) @ w + 1e-3 * (c**2) @ w)[:, None]
     v = v * scale
@@ -129,7 +174,9 @@ def stiff_string(layer: float, depth: float, n: int = 130) -> np.ndarray[tuple[i
 
 
 @pytest.mark.parametrize("depth", [5e-3, 3e-2])
-def test_an_edge_of_the_laboratory_that_gives_way_but_does_not_turn_does_so_exactly(depth: float) -> None:
+def test_an_edge_of_the_laboratory_that_gives_way_but_does_not_turn_does_so_exactly(
+    depth: float,
+) -> None:
     layer = 1e-2
     orders = np.array([(m, 0) for m in range(1, 5)])
     length = 1 + 2 * (depth - layer)
@@ -158,7 +205,11 @@ def test_sweeps_of_the_laboratory_end_where_the_forces_of_both_modes_balance() -
         a = bench._swept([base], [{"internal_resonance": values}])[0]
         square = 8 * w / (3 * f0 * alpha)
         crossing = bench.frequency[[0, -1]].mean() + 2.0
-        pull = -values["coupling_square"] / (crossing - bench.frequency + 0.5j * values["width"]) * (np.abs(a) ** 2 / square) ** (order - 1)
+        pull = (
+            -values["coupling_square"]
+            / (crossing - bench.frequency + 0.5j * values["width"])
+            * (np.abs(a) ** 2 / square) ** (order - 1)
+        )
         left = a * (f0 * (1 + 0.375 * alpha * np.abs(a) ** 2) + pull - bench.frequency + 0.5j * w)
         force = w / 2 * base["peak"] * bench.drives[:, None]
         assert np.abs(left / force - 1).max() < 1e-3
@@ -169,7 +220,9 @@ def test_traces_of_the_laboratory_have_the_harmonics_of_bessel() -> None:
     bench = TraceBench("square-270um", np.random.default_rng(2))
     base = bench.draw(np.random.default_rng(3))
     volts = bench._sampled(base, {})[0]
-    phase = 2 * np.pi * bench.frequency[0] * np.arange(bench.samples) / bench.rate + base["phase[0]"]
+    phase = (
+        2 * np.pi * bench.frequency[0] * np.arange(bench.samples) / bench.rate + base["phase[0]"]
+    )
     z = 4 * np.pi / WAVELENGTH * base["amplitude[0]"]
     exact = np.cos(base["theta"]) * jv(0, z) * np.ones(bench.samples)
     for n in range(1, 30):
@@ -186,7 +239,12 @@ def test_records_of_the_laboratory_follow_their_equation() -> None:
     t = (np.arange(200, 1700) + 0.5) / RATE
     u = np.interp(2 * SUBSTEPS * RATE * t, np.arange(len(bench.drive)), bench.drive)
     square = (2 * np.pi * base["frequency"]) ** 2
-    force = square * ((u + base["offset"]) / base["stiffness"] - y(t) - 0.3 * y(t) ** 2 - base["alpha"] * y(t) ** 3)
+    force = square * (
+        (u + base["offset"]) / base["stiffness"]
+        - y(t)
+        - 0.3 * y(t) ** 2
+        - base["alpha"] * y(t) ** 3
+    )
     loss = 2 * np.pi * base["linewidth"] * (1 + 20 * y(t) ** 2) * y(t, 1)
     # What is left is the spline: ten samples a period.
     assert np.std(y(t, 2) - force + loss) < 0.02 * np.std(force)
@@ -212,7 +270,9 @@ def test_a_uniform_change_of_all_frequencies_is_no_cause() -> None:
 def test_a_seed_draws_the_same_file_again(tmp_path: Path) -> None:
     case = Case("spectrum", ("added_mass",), 9)
     assert make(case, tmp_path / "one.nc") == make(case, tmp_path / "two.nc")
-    assert make(Case("spectrum", ("added_mass",), 10), tmp_path / "three.nc") != make(case, tmp_path / "two.nc")
+    assert make(Case("spectrum", ("added_mass",), 10), tmp_path / "three.nc") != make(
+        case, tmp_path / "two.nc"
+    )
 
 
 @pytest.mark.parametrize("name", ["square-270um", "rectangle", "hexagon-278um"])
@@ -225,7 +285,10 @@ def test_shapes_of_the_laboratory_have_the_layer_of_a_plate_at_its_edge(name: st
 
 
 class Root:
-    """A base parameter b whose square a cause adds to: the cause can be had by the base alone, but not along its tangent."""
+    """A base parameter b whose square a cause adds to.
+
+    The cause can be had by the base alone, but not along its tangent.
+    """
 
     def __init__(self) -> None:
         self.unit = {"b": 1.0}
@@ -234,10 +297,14 @@ class Root:
         return {"b": 1.0}
 
     def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
-        total = np.array([base["b"] ** 2 + hidden.get("more", {}).get("c", 0.0) for base, hidden in variants])
+        total = np.array(
+            [base["b"] ** 2 + hidden.get("more", {}).get("c", 0.0) for base, hidden in variants]
+        )
         return 100 * np.stack([np.sqrt(total), total, total**2], axis=1)
 
-    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
+    def measured(
+        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+    ) -> dict[str, xr.Dataset]:
         return {}
 
 
@@ -254,7 +321,13 @@ class Spot(Root):
         rows = []
         for base, hidden in variants:
             size, place = hidden.get("spot", {"size": 0.0, "place": 0.0}).values()
-            rows.append([100 * size * np.cos(place), 100 * size * np.sin(place) + hidden.get("more", {}).get("c", 0.0), base["b"]])
+            rows.append(
+                [
+                    100 * size * np.cos(place),
+                    100 * size * np.sin(place) + hidden.get("more", {}).get("c", 0.0),
+                    base["b"],
+                ]
+            )
         return np.array(rows)
 
 

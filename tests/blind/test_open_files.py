@@ -1,4 +1,7 @@
-"""The open example measurements, each with one hidden cause or none: the verdict names it and its parameters hold the truth."""
+"""The open example measurements, each with one hidden cause or none.
+
+The verdict names it and its parameters hold the truth.
+"""
 
 import json
 from pathlib import Path
@@ -13,7 +16,9 @@ from femnl.diagnose import diagnose
 DATA = Path(__file__).parents[3] / "shared" / "data"
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(not DATA.is_dir(), reason="the shared example measurements are not beside the repository"),
+    pytest.mark.skipif(
+        not DATA.is_dir(), reason="the shared example measurements are not beside the repository"
+    ),
 ]
 SIDE = 270e-6
 NEAR = 4.0
@@ -41,7 +46,8 @@ def test_the_hidden_cause_of_an_open_file_is_named_and_none_where_none_is_hidden
     expected = _expected(name, truth["parameters"])
     for parameter, value in expected.items():
         p = own.get(parameter) or found.parameters["base"][parameter]
-        # With its sign: the drive of these files is in phase with the motion, which is where a diagnosis gives it.
+        # With its sign: the drive of these files is in phase with the motion, which is where a
+        # diagnosis gives it.
         assert abs(p.value - value) < NEAR * p.sd, (parameter, p, value)
     if name == "open-spectrum-mass":
         _assert_on_an_image_of(own["x"], own["y"], truth["parameters"])

@@ -14,7 +14,9 @@ from tests.blind.lab import Case, make
 DEVICE = "rectangle"
 
 
-def blind(kind: str, causes: tuple[str, ...], geometry: str = "square-270um") -> Callable[[str], None]:
+def blind(
+    kind: str, causes: tuple[str, ...], geometry: str = "square-270um"
+) -> Callable[[str], None]:
     """Return what writes a file of the blind laboratory."""
 
     def write(path: str) -> None:

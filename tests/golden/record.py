@@ -24,7 +24,17 @@ from typing import Any
 RECORD = Path(__file__).parent / "record.json.xz"
 SEED = 20261123
 """Of the round of blind files."""
-SENTENCES = ("where", "seconds", "measure_next", "file", "sha256", "says", "claim", "source", "remark")
+SENTENCES = (
+    "where",
+    "seconds",
+    "measure_next",
+    "file",
+    "sha256",
+    "says",
+    "claim",
+    "source",
+    "remark",
+)
 """Keys whose text may be written anew."""
 
 
@@ -66,7 +76,9 @@ def _diagnosed(name: str, folder: Path) -> dict[str, Any]:
     (job,) = [job for job in jobs(SEED, 1) if job.name == name]
     gone = set(job.case.causes) if job.task == "removed" else set()
     make(job.case, folder / "file.nc")
-    found = diagnose(folder / "file.nc", effects=[e for e in library().values() if e.name not in gone])
+    found = diagnose(
+        folder / "file.nc", effects=[e for e in library().values() if e.name not in gone]
+    )
     return json.loads(json.dumps(record(found), default=list))  # type: ignore[no-any-return]
 
 
@@ -93,7 +105,9 @@ def run_all(names: list[str], workers: int) -> dict[str, Any]:
     return found
 
 
-def differences(old: Any, new: Any, rtol: float, sigma: float, at: str = "", scale: float = 0.0) -> Iterator[str]:
+def differences(
+    old: Any, new: Any, rtol: float, sigma: float, at: str = "", scale: float = 0.0
+) -> Iterator[str]:
     """List where two JSON values differ; `scale` is the standard deviation beside a number."""
     if isinstance(old, dict) and isinstance(new, dict):
         for key in sorted(old.keys() | new.keys()):
@@ -102,8 +116,14 @@ def differences(old: Any, new: Any, rtol: float, sigma: float, at: str = "", sca
             if key not in old or key not in new:
                 yield f"{at}/{key}: only in the {'old' if key in old else 'new'} record"
                 continue
-            beside = [float(old.get(name) or 0.0) for name in ("sd", f"{key}_sd") if _is_number(old.get(name))]
-            yield from differences(old[key], new[key], rtol, sigma, f"{at}/{key}", max(beside, default=0.0))
+            beside = [
+                float(old.get(name) or 0.0)
+                for name in ("sd", f"{key}_sd")
+                if _is_number(old.get(name))
+            ]
+            yield from differences(
+                old[key], new[key], rtol, sigma, f"{at}/{key}", max(beside, default=0.0)
+            )
     elif isinstance(old, list) and isinstance(new, list):
         if len(old) != len(new):
             yield f"{at}: {len(old)} items, now {len(new)}"
@@ -139,9 +159,19 @@ def main() -> int:
         return 0
     with lzma.open(RECORD, "rt", encoding="utf-8") as file:
         kept = json.load(file)["jobs"]
-    lines = [f"{name} {line}" for name in names for line in differences(kept[name], found[name], given.rtol, given.sigma)]
+    lines = [
+        f"{name} {line}"
+        for name in names
+        for line in differences(kept[name], found[name], given.rtol, given.sigma)
+    ]
     sys.stdout.write("".join(f"{line}\n" for line in lines))
-    worse = len({name for name in names if any(differences(kept[name], found[name], given.rtol, given.sigma))})
+    worse = len(
+        {
+            name
+            for name in names
+            if any(differences(kept[name], found[name], given.rtol, given.sigma))
+        }
+    )
     sys.stdout.write(f"{len(names) - worse} of {len(names)} jobs agree\n")
     return 1 if lines else 0
 

@@ -27,7 +27,8 @@ DENSITY = 1000.0
 STRESS = 1e9
 THICKNESS = 0.01
 TENSION = STRESS * THICKNESS
-BESSEL = {"J": (jv, jvp, -1), "Y": (yv, yvp, -1), "I": (iv, ivp, 1), "K": (kv, kvp, 1)}  # with the sign of Δf/k²f
+# With the sign of Δf/k²f
+BESSEL = {"J": (jv, jvp, -1), "Y": (yv, yvp, -1), "I": (iv, ivp, 1), "K": (kv, kvp, 1)}
 ORDERS = (0, 1, 1, 2)
 
 
@@ -36,14 +37,25 @@ def young(layer: float) -> float:
     return 12 * (1 - POISSON**2) * STRESS * (layer / THICKNESS) ** 2
 
 
-def elastic(device: Device, outline: str = CIRCLE, layer: float | None = None, clamp: Clamp | None = None) -> Model:
+def elastic(
+    device: Device, outline: str = CIRCLE, layer: float | None = None, clamp: Clamp | None = None
+) -> Model:
     """A film with E = 100 GPa without bending, or with the bending length `layer`."""
     modulus = young(layer) if layer else 1e11
-    film = f'thickness = "1 cm"\nyoung = "{modulus:.15g} Pa"\npoisson = {POISSON}\ndensity = "1000 kg/m^3"\nstress = "1 GPa"'
-    return replace(device(outline, film=film, model=f"bending = {'true' if layer else 'false'}"), clamp=clamp or Clamp())
+    film = (
+        f'thickness = "1 cm"\nyoung = "{modulus:.15g} Pa"\npoisson = {POISSON}\ndensity = '
+        '"1000 kg/m^3"\nstress '
+        '= "1 GPa"'
+    )
+    return replace(
+        device(outline, film=film, model=f"bending = {'true' if layer else 'false'}"),
+        clamp=clamp or Clamp(),
+    )
 
 
-def solve(model: Model, count: int = 4, symmetry: str = "auto", resolution: float = 0.5, degree: int = 6) -> Modes:
+def solve(
+    model: Model, count: int = 4, symmetry: str = "auto", resolution: float = 0.5, degree: int = 6
+) -> Modes:
     return solve_modes(solve_prestress(mesh(model, symmetry, resolution), degree), count, degree)
 
 
@@ -61,7 +73,9 @@ def first_root(miss: Callable[[float], float], step: float = 0.02) -> float:
 
 
 def traces(kind: str, order: int, wave: float, radius: float, film: tuple[float, float]) -> Array:
-    """w, w', M/D and V/D at a radius of w = f(kr) cos nθ in a film of (ℓ, ν): V is the force per length that an edge must bear.
+    """w, w', M/D and V/D at a radius of w = f(kr) cos nθ in a film of (ℓ, ν).
+
+    V is the force per length that an edge must bear.
 
     M = D [w'' + ν (w'/r − n²w/r²)]; V = T w' − D [∂ᵣΔw − (1−ν) n²/r² (w' − w/r)], with T = D/ℓ².
     """
@@ -71,7 +85,11 @@ def traces(kind: str, order: int, wave: float, radius: float, film: tuple[float,
     f1 = wave * slope(order, wave * radius)
     f2 = wave**2 * slope(order, wave * radius, 2)
     moment = f2 + poisson * (f1 / radius - order**2 * f / radius**2)
-    force = f1 / layer**2 - sign * wave**2 * f1 + (1 - poisson) * order**2 / radius**2 * (f1 - f / radius)
+    force = (
+        f1 / layer**2
+        - sign * wave**2 * f1
+        + (1 - poisson) * order**2 / radius**2 * (f1 - f / radius)
+    )
     return np.array([f, f1, moment, force])
 
 
@@ -82,7 +100,10 @@ def waves(square: float, layer: float) -> tuple[float, float]:
 
 
 def plate_on_springs(order: int, layer: float, clamp: Clamp) -> float:
-    """(ω/c)² of the lowest mode of the disc of radius 1 with `order` nodal diameters: V = −k w and M = −k_θ w' at its edge."""
+    """(ω/c)² of the lowest mode of the disc of radius 1 with `order` nodal diameters.
+
+    V = −k w and M = −k_θ w' at its edge.
+    """
     rigidity = TENSION * layer**2
 
     def miss(root: float) -> float:
@@ -90,8 +111,12 @@ def plate_on_springs(order: int, layer: float, clamp: Clamp) -> float:
         for kind, wave in zip("JI", waves(root**2, layer), strict=True):
             w, slope, moment, force = traces(kind, order, wave, 1.0, (layer, POISSON))
             held = w if np.isinf(clamp.deflection) else rigidity * force + clamp.deflection * w
-            turned = slope if np.isinf(clamp.rotation) else rigidity * moment + clamp.rotation * slope
-            rows.append([held / clamp.deflection if np.isfinite(clamp.deflection) else held, turned])
+            turned = (
+                slope if np.isinf(clamp.rotation) else rigidity * moment + clamp.rotation * slope
+            )
+            rows.append(
+                [held / clamp.deflection if np.isfinite(clamp.deflection) else held, turned]
+            )
         return float(np.linalg.det(rows))
 
     return first_root(miss) ** 2

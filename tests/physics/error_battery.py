@@ -1,4 +1,7 @@
-"""Fifty films with references, against which error bars are held: closed forms, published digits, and high degrees on finer meshes."""
+"""Fifty films with references, against which error bars are held.
+
+Closed forms, published digits, and high degrees on finer meshes.
+"""
 
 from dataclasses import dataclass, field, replace
 
@@ -29,10 +32,18 @@ OUTLINES = {
     "hexagon": 'kind = "regular-polygon"\nsides = 6\nlong_axis = "2 m"',
     "octagon": 'kind = "regular-polygon"\nsides = 8\nlong_axis = "2 m"',
     "triangle": 'kind = "polygon"\npoints = [["0 m", "0 m"], ["1 m", "0 m"], ["0 m", "1 m"]]',
-    "quadrangle": 'kind = "polygon"\npoints = [["-0.5 m", "-0.4 m"], ["0.6 m", "-0.45 m"], ["0.5 m", "0.5 m"], ["-0.4 m", "0.4 m"]]',
-    "L": 'kind = "polygon"\npoints = [["0 m", "0 m"], ["2 m", "0 m"], ["2 m", "1 m"], ["1 m", "1 m"], ["1 m", "2 m"], ["0 m", "2 m"]]',
+    "quadrangle": 'kind = "polygon"\npoints = [["-0.5 m", "-0.4 m"], ["0.6 m", "-0.45 m"], '
+    '["0.5 m", "0.5 m"], '
+    '["-0.4 m", '
+    '"0.4 m"]]',
+    "L": 'kind = "polygon"\npoints = [["0 m", "0 m"], ["2 m", "0 m"], ["2 m", "1 m"], ["1 m", '
+    '"1 m"], ["1 m", "2 '
+    'm"], ["0 '
+    'm", "2 m"]]',
 }
-FILM = 'thickness = "1 um"\nyoung = "250 GPa"\npoisson = 0.23\ndensity = "1 kg/m^3"\nstress = "1 Pa"'
+FILM = (
+    'thickness = "1 um"\nyoung = "250 GPa"\npoisson = 0.23\ndensity = "1 kg/m^3"\nstress = "1 Pa"'
+)
 
 
 @dataclass(frozen=True)
@@ -50,7 +61,10 @@ class Film:
 
 def outline(kind: str) -> Model:
     """A film without bending whose wave speed is 1 m/s."""
-    text = f'name = "{kind}"\nsource = "a test"\n[outline]\n{OUTLINES[kind]}\n[film]\n{FILM}\n[model]\nbending = false'
+    text = (
+        f'name = "{kind}"\nsource = "a '
+        f'test"\n[outline]\n{OUTLINES[kind]}\n[film]\n{FILM}\n[model]\nbending = false'
+    )
     return geometry.parse(text)
 
 
@@ -61,10 +75,14 @@ def stiff(model: Model, layer: float, tension: float = 1.0) -> Model:
     return replace(model, bending=True, film=replace(film, young=young, stress=tension))
 
 
-def pierced(model: Model, radius: float, pitch: float = 0.15, reach: int = 2, shift: float = 0.0) -> Model:
+def pierced(
+    model: Model, radius: float, pitch: float = 0.15, reach: int = 2, shift: float = 0.0
+) -> Model:
     """The film with a square lattice of holes."""
     steps = range(-reach, reach + 1)
-    return replace(model, holes=Holes(pitch * np.array([(i, j) for i in steps for j in steps]) + shift, radius))
+    return replace(
+        model, holes=Holes(pitch * np.array([(i, j) for i in steps for j in steps]) + shift, radius)
+    )
 
 
 def ideal(kind: str) -> dict[str, Array]:
@@ -73,14 +91,24 @@ def ideal(kind: str) -> dict[str, Array]:
         width = 1.0 if kind == "square" else 1.4
         orders = [(m, n) for m in range(1, 7) for n in range(1, 7)]
         f = np.sort([np.hypot(m / width, n) / 2 for m, n in orders])[:COUNT]
-        return {"f": f, "m_eff": np.full(COUNT - 2 * (kind == "square"), width / 4 * 1e-6)}  # (1,3) and (3,1) may mix
+        # (1,3) and (3,1) may mix
+        return {"f": f, "m_eff": np.full(COUNT - 2 * (kind == "square"), width / 4 * 1e-6)}
     if kind == "circle":
         zeros = np.concatenate([jn_zeros(0, 2), *(np.repeat(jn_zeros(m, 2), 2) for m in (1, 2, 3))])
         return {"f": np.sort(zeros)[:COUNT] / (2 * np.pi)}
     if kind == "triangle":
-        return {"f": np.sort([np.hypot(m, n) / 2 for m in range(1, 8) for n in range(1, m)])[:COUNT]}
+        return {
+            "f": np.sort([np.hypot(m, n) / 2 for m in range(1, 8) for n in range(1, m)])[:COUNT]
+        }
     squares = {
-        "hexagon": [7.155339133926055, 18.131677865531, 18.131677865531, 32.451857514400, 32.451857514400, 37.491352876798],
+        "hexagon": [
+            7.155339133926055,
+            18.131677865531,
+            18.131677865531,
+            32.451857514400,
+            32.451857514400,
+            37.491352876798,
+        ],
         "L": [9.639723844021941],
     }
     return {"f": np.sqrt(squares[kind]) / (2 * np.pi)} if kind in squares else {}
@@ -92,23 +120,47 @@ def films() -> list[Film]:
     for k, kind in enumerate(OUTLINES):
         bare = outline(kind)
         edges: tuple[Edge, ...] = ("clamped", "sliding", "paper")
-        found += [Film(kind, bare, 1.0, edges[k % 3], ideal(kind)), Film(f"{kind}, coarse", bare, 0.6, "clamped", ideal(kind))]
+        found += [
+            Film(kind, bare, 1.0, edges[k % 3], ideal(kind)),
+            Film(f"{kind}, coarse", bare, 0.6, "clamped", ideal(kind)),
+        ]
         found.append(Film(f"{kind}, stiff", stiff(bare, 0.1), 1.0, edges[(k + 1) % 3]))
         if kind not in ("L", "triangle", "quadrangle"):
             found.append(Film(f"{kind}, thin plate", stiff(bare, 0.01)))
     for k, kind in enumerate(("square", "rectangle", "circle", "hexagon")):
         bare = outline(kind)
         found.append(Film(f"{kind}, holes", pierced(bare, 0.05)))
-        found.append(Film(f"{kind}, holes, stiff", stiff(pierced(bare, 0.05), 0.01 if k < 2 else 0.03)))
-        found.append(Film(f"{kind}, one hole", pierced(bare, 0.12, 1.0, 0, 0.02), 1.0, "sliding" if k == 0 else "clamped"))
+        found.append(
+            Film(f"{kind}, holes, stiff", stiff(pierced(bare, 0.05), 0.01 if k < 2 else 0.03))
+        )
+        found.append(
+            Film(
+                f"{kind}, one hole",
+                pierced(bare, 0.12, 1.0, 0, 0.02),
+                1.0,
+                "sliding" if k == 0 else "clamped",
+            )
+        )
         found.append(Film(f"{kind}, holes, coarse", pierced(bare, 0.05), 0.7))
     square = outline("square")
-    plate = np.array([35.98519111, 73.39384553, 73.39384553, 108.21650174, 131.5807726, 132.2047902]) / (2 * np.pi)
-    found.append(Film("plate without tension", stiff(square, 1.0, 0.0), 1.5, "clamped", {"f": plate}))
+    plate = np.array(
+        [35.98519111, 73.39384553, 73.39384553, 108.21650174, 131.5807726, 132.2047902]
+    ) / (2 * np.pi)
+    found.append(
+        Film("plate without tension", stiff(square, 1.0, 0.0), 1.5, "clamped", {"f": plate})
+    )
     tensions = {10.0: 39.166735, 1e2: 60.171859, 1e3: 151.454604, 1e4: 453.803717}
     for tension, omega in tensions.items():
         exact = np.array([omega]) / (2 * np.pi * np.sqrt(tension))
-        found.append(Film(f"plate, Ta²/D = {tension:g}", stiff(square, tension**-0.5), 1.0, "clamped", {"f": exact}))
+        found.append(
+            Film(
+                f"plate, Ta²/D = {tension:g}",
+                stiff(square, tension**-0.5),
+                1.0,
+                "clamped",
+                {"f": exact},
+            )
+        )
     return found
 
 
@@ -156,12 +208,19 @@ def reference(film: Film, like: Modes) -> dict[str, Array]:
 def finer_modes(film: Film, like: Modes) -> Modes:
     """The film's modes by degree 6 on a finer mesh, in the order of `like`."""
     domain = mesh(film.model, resolution=film.resolution * FINER)
-    return _ordered(solve_modes(solve_prestress(domain, REFERENCE_DEGREE), film.count + 2, REFERENCE_DEGREE), like)
+    return _ordered(
+        solve_modes(solve_prestress(domain, REFERENCE_DEGREE), film.count + 2, REFERENCE_DEGREE),
+        like,
+    )
 
 
 def _ordered(modes: Modes, like: Modes) -> Modes:
-    """As many modes as `like`, the k-th of each symmetry in the place of its k-th: equal frequencies come in any order."""
-    if len(modes.parity[0]) != len(like.parity[0]):  # a whole film has no mirrors that tell them apart
+    """As many modes as `like`, the k-th of each symmetry in the place of its k-th.
+
+    Equal frequencies come in any order.
+    """
+    # A whole film has no mirrors that tell them apart
+    if len(modes.parity[0]) != len(like.parity[0]):
         return _taken(modes, list(range(len(like.parity))))
     members = {p: iter([k for k, q in enumerate(modes.parity) if q == p]) for p in set(like.parity)}
     return _taken(modes, [next(members[p]) for p in like.parity])

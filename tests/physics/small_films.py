@@ -11,7 +11,14 @@ from tests.physics.error_battery import FILM, Film, outline, pierced, stiff
 PITCH = 8.56e-6
 
 
-def film(n_x: int, n_y: int, margin: float = 6.6e-6, radius: float = 0.9e-6, bending: bool = True, taper: float = 0.0) -> Model:
+def film(
+    n_x: int,
+    n_y: int,
+    margin: float = 6.6e-6,
+    radius: float = 0.9e-6,
+    bending: bool = True,
+    taper: float = 0.0,
+) -> Model:
     """A rectangle with n_x × n_y holes in the film of the shipped device, tapered towards them where asked for."""
     base = geometry.load("square-270um-perforated")
     half = np.array([n_x, n_y]) * PITCH / 2 + margin
@@ -38,24 +45,41 @@ def perforated(count: int, seed: int) -> list[Film]:
         model = film(int(n_x), int(n_y), margin, radius, bending)
         if not tiled and rng.random() < 0.5:
             kind = str(rng.choice(["circle", "hexagon", "square"]))
-            model = pierced(outline(kind), rng.uniform(0.02, 0.06), reach=int(rng.integers(0, 3)), shift=float(rng.choice([0, 0.013])))
+            model = pierced(
+                outline(kind),
+                rng.uniform(0.02, 0.06),
+                reach=int(rng.integers(0, 3)),
+                shift=float(rng.choice([0, 0.013])),
+            )
             model = stiff(model, rng.uniform(0.005, 0.05)) if bending else model
-        modes = min(6, len(model.holes.centres) - 4) if tiled else 6  # more than that are not put together from tiles
-        found.append(Film(f"{model.outline.kind}, {n_x} by {n_y}, film {k}", model, resolution, count=modes))
+        # More than that are not put together from tiles
+        modes = min(6, len(model.holes.centres) - 4) if tiled else 6
+        found.append(
+            Film(f"{model.outline.kind}, {n_x} by {n_y}, film {k}", model, resolution, count=modes)
+        )
     return found
 
 
 def rectangle(width: float) -> Model:
     """A film of height 1 m, without bending, whose wave speed is 1 m/s."""
     sides = f'kind = "rectangle"\nwidth = "{width} m"\nheight = "1 m"'
-    return geometry.parse(f'name = "rectangle"\nsource = "a test"\n[outline]\n{sides}\n[film]\n{FILM}\n[model]\nbending = false')
+    return geometry.parse(
+        'name = "rectangle"\nsource = "a '
+        f'test"\n[outline]\n{sides}\n[film]\n{FILM}\n[model]\nbending = false'
+    )
 
 
 def stretched(model: Model, by: float) -> Model:
     """The film with a margin that is wider along x, by a part of the film's width in all."""
     edge = model.outline
     segments = tuple(
-        replace(s, start=(s.start[0] * (1 + by), s.start[1]), end=(s.end[0] * (1 + by), s.end[1]), centre=None) for s in edge.segments
+        replace(
+            s,
+            start=(s.start[0] * (1 + by), s.start[1]),
+            end=(s.end[0] * (1 + by), s.end[1]),
+            centre=None,
+        )
+        for s in edge.segments
     )
     return replace(model, outline=replace(edge, segments=segments))
 
@@ -70,11 +94,21 @@ def squares() -> list[Film]:
     """Films whose modes (1,3)+(3,1) and (1,3)−(3,1) are close and cannot mix, on meshes that have the diagonal mirror."""
     bare = outline("square")
     holes = pierced(bare, 0.05)
-    arrays = [(n, radius, bending) for n in (4, 5, 6) for radius, bending in ((0.9e-6, True), (0.9e-6, False), (1.6e-6, n % 2 == 0))]
+    arrays = [
+        (n, radius, bending)
+        for n in (4, 5, 6)
+        for radius, bending in ((0.9e-6, True), (0.9e-6, False), (1.6e-6, n % 2 == 0))
+    ]
     return [
         *(Film(f"stiff square, {layer}", stiff(bare, layer)) for layer in (0.03, 0.06, 0.1)),
-        *(Film(f"pierced square, {symmetry}", stiff(holes, 0.02), symmetry=symmetry) for symmetry in ("auto", "quarter")),
-        *(Film(f"{n} by {n}, {radius:g}, {bending}", film(n, n, radius=radius, bending=bending)) for n, radius, bending in arrays),
+        *(
+            Film(f"pierced square, {symmetry}", stiff(holes, 0.02), symmetry=symmetry)
+            for symmetry in ("auto", "quarter")
+        ),
+        *(
+            Film(f"{n} by {n}, {radius:g}, {bending}", film(n, n, radius=radius, bending=bending))
+            for n, radius, bending in arrays
+        ),
     ]
 
 

@@ -38,7 +38,9 @@ def reciprocal(lattice: Lattice) -> Array:
 
 
 @pytest.mark.parametrize("lattice", LATTICES, ids=lambda lattice: lattice.kind)
-def test_without_holes_bands_are_folded_plane_waves_each_as_often_as_they_meet(lattice: Lattice, model: Model) -> None:
+def test_without_holes_bands_are_folded_plane_waves_each_as_often_as_they_meet(
+    lattice: Lattice, model: Model
+) -> None:
     film = model.film
     wave = np.array([[0.0, 0.0], [0.1, 0.03], [0.5, 0.2], *list(lattice.points.values())[1:]])
     wave[1:3] *= np.pi / PITCH
@@ -46,7 +48,10 @@ def test_without_holes_bands_are_folded_plane_waves_each_as_often_as_they_meet(l
     rigidity = film.young * film.thickness**3 / 12 / (1 - film.poisson**2)
     for k, frequency, error in zip(wave, found.frequency, found.frequency_error, strict=True):
         square = np.sum((k + reciprocal(lattice)) ** 2, axis=1)
-        omega = np.sqrt((film.stress * film.thickness * square + rigidity * square**2) / (film.density * film.thickness))
+        omega = np.sqrt(
+            (film.stress * film.thickness * square + rigidity * square**2)
+            / (film.density * film.thickness)
+        )
         exact = np.sort(omega)[:8] / (2 * np.pi)
         np.testing.assert_allclose(frequency, exact, rtol=5e-5)
         assert np.all(np.abs(frequency - exact) <= error)
@@ -58,9 +63,17 @@ def test_finer_cells_come_to_the_plane_waves_with_the_rate_of_their_degree(model
     wave = np.array([[0.3, 0.1]]) * np.pi / PITCH
     errors = []
     for resolution in (0.5, 1.0):
-        found = solve_bands(empty(replace(model, bending=False)), 4, wave, lattice=LATTICES[0], resolution=resolution)
+        found = solve_bands(
+            empty(replace(model, bending=False)),
+            4,
+            wave,
+            lattice=LATTICES[0],
+            resolution=resolution,
+        )
         square = np.sort(np.sum((wave + reciprocal(LATTICES[0])) ** 2, axis=1))[:4]
-        errors.append(found.frequency[0] * 2 * np.pi / np.sqrt(square * film.stress / film.density) - 1)
+        errors.append(
+            found.frequency[0] * 2 * np.pi / np.sqrt(square * film.stress / film.density) - 1
+        )
     rate = np.log2(errors[0][1:] / errors[1][1:])
     np.testing.assert_allclose(rate, 8, atol=1.2)
 
@@ -70,7 +83,9 @@ def test_bands_have_the_symmetry_of_the_lattice(model: Model) -> None:
     k = np.array([0.31, 0.17]) * np.pi / PITCH
     turn = np.array([[0.5, -np.sqrt(0.75)], [np.sqrt(0.75), 0.5]])
     wave = np.array([k, -k, turn @ k, k * [1, -1], k + reciprocal(lattice)[41]])
-    found = solve_bands(replace(model, holes=Holes(np.zeros((1, 2)), 2e-6)), 4, wave, lattice=lattice)
+    found = solve_bands(
+        replace(model, holes=Holes(np.zeros((1, 2)), 2e-6)), 4, wave, lattice=lattice
+    )
     np.testing.assert_allclose(found.frequency[1:], np.tile(found.frequency[0], (4, 1)), rtol=1e-8)
 
 
@@ -81,13 +96,17 @@ def test_long_waves_are_those_of_the_even_film(model: Model) -> None:
     # four cells a wave, as the cell's own standing waves
     long = np.array([[s, 0.0] for s in small])
     quarter = np.pi / 2 / PITCH
-    found = solve_bands(model, 2, np.concatenate([long, [[quarter, 0.0], [quarter, quarter]]]), lattice=lattice)
+    found = solve_bands(
+        model, 2, np.concatenate([long, [[quarter, 0.0], [quarter, quarter]]]), lattice=lattice
+    )
     assert found.tension == pytest.approx(cell.tension, rel=1e-6)
     assert found.mass == pytest.approx(cell.mass, rel=1e-9)
     square = (2 * np.pi * found.frequency[:, 0]) ** 2
     ratio = square[:2] / small**2
     assert np.sqrt(ratio[0] + (ratio[0] - ratio[1]) / 3) == pytest.approx(found.speed, rel=1e-6)
-    assert (ratio[1] - ratio[0]) / (small[1] ** 2 - small[0] ** 2) * cell.mass == pytest.approx(cell.d_axis, rel=0.05)
+    assert (ratio[1] - ratio[0]) / (small[1] ** 2 - small[0] ** 2) * cell.mass == pytest.approx(
+        cell.d_axis, rel=0.05
+    )
     along = cell.tension * quarter**2 + cell.d_axis * quarter**4
     across = 2 * cell.tension * quarter**2 + 2 * (cell.d_axis + cell.d_mixed) * quarter**4
     np.testing.assert_allclose(square[2:] * cell.mass, [along, across], rtol=1e-6)
@@ -110,7 +129,10 @@ def test_gaps_are_free_of_waves_and_of_their_errors() -> None:
     assert bands.gaps == ((2.25, 2.75),)
 
 
-@pytest.mark.parametrize(("name", "kind"), [("square-270um-perforated", "square"), ("hexagon-278um-perforated", "hexagonal")])
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("square-270um-perforated", "square"), ("hexagon-278um-perforated", "hexagonal")],
+)
 def test_the_lattice_of_shipped_devices_is_found(name: str, kind: str) -> None:
     assert find_lattice(load(name)).kind == kind
 

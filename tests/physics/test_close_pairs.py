@@ -1,4 +1,7 @@
-"""Error bars of modes close in frequency: symmetry that keeps two apart narrows them, and where none does they may mix."""
+"""Error bars of modes close in frequency.
+
+Symmetry that keeps two apart narrows them, and where none does they may mix.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -31,17 +34,25 @@ def test_the_sum_and_the_difference_on_a_square_array_do_not_mix(bending: bool) 
     for quantity in SHAPES:
         bars, errors = found[quantity]
         assert np.all(bars[PAIR] >= errors[PAIR]), quantity
-        assert np.all(bars[PAIR] < 5e-4), quantity  # a thousandth of what two modes so close could mix
+        # A thousandth of what two modes so close could mix
+        assert np.all(bars[PAIR] < 5e-4), quantity
 
 
 def without_coupling(modes: Modes) -> Modes:
     """The modes as if symmetry kept all of them apart."""
-    return replace(modes, coupling=None, coarse=None if modes.coarse is None else without_coupling(modes.coarse))
+    return replace(
+        modes,
+        coupling=None,
+        coarse=None if modes.coarse is None else without_coupling(modes.coarse),
+    )
 
 
 @pytest.mark.parametrize(
     "skew",
-    [Film("a rectangle", stiff(rectangle(1.001), 0.1)), Film("an array off square", stretched(film(4, 4), 1e-3))],
+    [
+        Film("a rectangle", stiff(rectangle(1.001), 0.1)),
+        Film("an array off square", stretched(film(4, 4), 1e-3)),
+    ],
     ids=lambda skew: skew.name,
 )
 def test_a_film_whose_diagonal_mirror_is_broken_mixes_close_modes_and_says_so(skew: Film) -> None:
@@ -77,13 +88,17 @@ def test_modes_read_back_have_the_same_error_bars(tmp_path: Path) -> None:
     again = storage.read_modes(tmp_path / "modes.nc", model)
     np.testing.assert_array_equal(again.effective_mass_error, modes.effective_mass_error)
     np.testing.assert_array_equal(again.ratio_error, modes.ratio_error)
-    np.testing.assert_allclose(solve_nonlinearity(again, cache=False).alpha_error, solve_nonlinearity(modes, cache=False).alpha_error)
+    np.testing.assert_allclose(
+        solve_nonlinearity(again, cache=False).alpha_error,
+        solve_nonlinearity(modes, cache=False).alpha_error,
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("quantity", SHAPES)
 def test_bars_of_sums_and_differences_hold_and_are_near_the_errors(quantity: str) -> None:
-    # Measured on 13 of the 14 films: all hold; medians of bar over error 6 (m_eff), 10 (k3), 9 (alpha).
+    # Measured on 13 of the 14 films: all hold; medians of bar over error 6 (m_eff), 10 (k3), 9
+    # (alpha).
     bars, errors = pair(squares(), quantity)
     assert np.all(bars >= errors)
     assert np.median(bars / errors) < 12

@@ -1,4 +1,7 @@
-"""Error bars: upper estimates of true errors, and not far too large; tolerances that are met, or said to be out of reach."""
+"""Error bars: upper estimates of true errors, and not far too large.
+
+Tolerances that are met, or said to be out of reach.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,7 +21,14 @@ from tests.physics.error_battery import QUANTITIES, Film, films, measure, outlin
 Array = NDArray[np.float64]
 Device = Callable[..., Model]
 
-QUICK = ("square, coarse", "rectangle", "circle, coarse", "hexagon, coarse", "quadrangle, stiff", "square, holes, coarse")
+QUICK = (
+    "square, coarse",
+    "rectangle",
+    "circle, coarse",
+    "hexagon, coarse",
+    "quadrangle, stiff",
+    "square, holes, coarse",
+)
 HEXAGON = 7.155339133926055  # λ₁ of side 1: Jones, Adv. Comput. Math. 43, 1325 (2017)
 
 
@@ -28,7 +38,10 @@ def shares(battery: list[Film]) -> dict[str, tuple[float, float]]:
     result = {}
     for quantity in QUANTITIES:
         bars, errors = (np.concatenate([one[quantity][k] for one in found]) for k in (0, 1))
-        result[quantity] = float(np.mean(bars >= errors)), float(np.median(bars / np.maximum(errors, 1e-13)))
+        result[quantity] = (
+            float(np.mean(bars >= errors)),
+            float(np.median(bars / np.maximum(errors, 1e-13))),
+        )
     return result
 
 
@@ -61,7 +74,9 @@ def test_the_remainder_of_geometric_convergence_is_bounded_and_not_far_off(pace:
 
 def test_without_convergence_three_times_the_last_difference_is_left() -> None:
     values = [np.array([1.0, 2.0]), np.array([1.1, 2.2]), np.array([1.0, 2.0])]
-    np.testing.assert_allclose(remainder(values, np.array([1.0, 2.0]), 0.0), MOST * np.array([0.1, 0.2]), rtol=1e-9)
+    np.testing.assert_allclose(
+        remainder(values, np.array([1.0, 2.0]), 0.0), MOST * np.array([0.1, 0.2]), rtol=1e-9
+    )
 
 
 def test_a_number_that_agrees_by_chance_takes_its_share_from_the_others() -> None:
@@ -71,8 +86,11 @@ def test_a_number_that_agrees_by_chance_takes_its_share_from_the_others() -> Non
     assert bar[0] >= 0.2 * bar[1] > 0
 
 
-def test_the_pace_of_a_number_that_settles_unlike_the_others_lies_halfway_in_the_logarithm() -> None:
-    # Nine that fall a hundredfold, and one as large that falls fourfold: the bar is 5 √(own × usual pace) of its last difference.
+def test_the_pace_of_a_number_that_settles_unlike_the_others_lies_halfway_in_the_logarithm() -> (
+    None
+):
+    # Nine that fall a hundredfold, and one as large that falls fourfold: the bar is 5 √(own × usual
+    # pace) of its last difference.
     last = np.full(10, 1e-5)
     before = np.array([1e-3] * 9 + [4e-5])
     values = [np.ones(10), 1 + last, 1 + last + before]
@@ -84,7 +102,9 @@ def test_the_pace_of_a_number_that_settles_unlike_the_others_lies_halfway_in_the
 
 def test_missing_approximations_leave_an_infinite_or_a_cautious_bar() -> None:
     fine, coarse, coarsest = sequence(0.1)
-    np.testing.assert_array_equal(remainder([fine, np.full(3, np.nan), coarsest], np.ones(3), 0.0), np.inf)
+    np.testing.assert_array_equal(
+        remainder([fine, np.full(3, np.nan), coarsest], np.ones(3), 0.0), np.inf
+    )
     lost = np.array([np.nan, coarsest[1], coarsest[2]])
     bar = remainder([fine, coarse, lost], np.ones(3), 0.0)
     assert bar[0] == pytest.approx(MOST * abs(fine[0] - coarse[0]), rel=1e-3)
@@ -92,7 +112,9 @@ def test_missing_approximations_leave_an_infinite_or_a_cautious_bar() -> None:
 
 def exact(modes: Modes) -> Array:
     """√(m² + n²)/2, the frequencies of a square film of side 1 m and wave speed 1 m/s."""
-    return np.sort([np.hypot(m, n) / 2 for m in range(1, 6) for n in range(1, 6)])[: len(modes.frequency)]
+    return np.sort([np.hypot(m, n) / 2 for m in range(1, 6) for n in range(1, 6)])[
+        : len(modes.frequency)
+    ]
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-7, 1e-9])
@@ -109,19 +131,31 @@ def test_the_hexagons_first_eigenvalue_comes_to_ten_digits_in_seconds() -> None:
 
 
 def test_a_tolerance_below_rounding_is_refused() -> None:
-    with pytest.raises(ParameterError, match="tolerance = 1e-15: expected a relative error from 2e-11"):
+    with pytest.raises(
+        ParameterError, match="tolerance = 1e-15: expected a relative error from 2e-11"
+    ):
         solve_modes_to(outline("square"), 1e-15)
 
 
 def test_a_tolerance_that_rounding_forbids_says_how_far_it_came() -> None:
-    # Frequencies of degree 6 scatter by 5e-9 from mesh to mesh: a bar of 4e-10 on the way is luck, and not what it says.
-    with pytest.raises(ConvergenceError, match=r"stopped at a relative error of \d\.\de-09 \(mode 1\), which degree 6 .* no longer"):
+    # Frequencies of degree 6 scatter by 5e-9 from mesh to mesh: a bar of 4e-10 on the way is luck,
+    # and not what it says.
+    with pytest.raises(
+        ConvergenceError,
+        match=r"stopped at a relative error of \d\.\de-09 \(mode 1\), which degree 6 .* no longer",
+    ):
         solve_modes_to(stiff(outline("square"), 1.0), 1e-10, 1, cache=False)
 
 
-def test_a_tolerance_that_needs_more_memory_than_there_is_says_how_far_it_came(allow_memory: Callable[[int], None]) -> None:
+def test_a_tolerance_that_needs_more_memory_than_there_is_says_how_far_it_came(
+    allow_memory: Callable[[int], None],
+) -> None:
     allow_memory(6 * 2**20)  # enough for the first mesh
-    with pytest.raises(ConvergenceError, match=r"stopped at a relative error of .*e-\d+, because .* and this process may take 0\.0059 GiB"):
+    with pytest.raises(
+        ConvergenceError,
+        match=r"stopped at a relative error of .*e-\d+, because .* and this process may take "
+        r"0\.0059 GiB",
+    ):
         solve_modes_to(stiff(outline("square"), 0.1), 1e-10, 1, cache=False)
 
 
@@ -131,7 +165,9 @@ def test_error_bars_come_without_lower_degrees_as_infinity() -> None:
     assert np.all(np.isinf(solve_nonlinearity(modes, cache=False).alpha_error))
 
 
-def test_where_two_degrees_less_are_too_crude_it_is_said_and_the_error_bars_hold_all_the_more(caplog: pytest.LogCaptureFixture) -> None:
+def test_where_two_degrees_less_are_too_crude_it_is_said_and_the_error_bars_hold_all_the_more(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     model = load("square-270um-perforated")
     line = 8.56e-6 * (np.arange(10) - 4.5)
     centres = np.stack(np.meshgrid(line, line), -1).reshape(-1, 2)

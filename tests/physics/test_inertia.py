@@ -26,7 +26,11 @@ STIFF = (1e-3, 1e-4, 1e-5)
 
 def film(stretch: float) -> str:
     """A film with σ/E = `stretch`."""
-    return f'thickness = "1 um"\nyoung = "{0.1 / stretch:.15g} GPa"\npoisson = 0.3\ndensity = "1000 kg/m^3"\nstress = "0.1 GPa"'
+    return (
+        f'thickness = "1 um"\nyoung = "{0.1 / stretch:.15g} GPa"\npoisson = 0.3\ndensity = '
+        '"1000 kg/m^3"\nstress = '
+        '"0.1 GPa"'
+    )
 
 
 def rectangle(device: Device, stretch: float, edge: Edge = "sliding") -> Modes:
@@ -37,7 +41,8 @@ def rectangle(device: Device, stretch: float, edge: Edge = "sliding") -> Modes:
 def closed_form(modes: Modes) -> Array:
     """Relative change of k₃ on sliding edges.
 
-    div C m of sin px sin qy pushes along three waves: (2p, 0), (0, 2q), and (2p, 2q), all of them longitudinal.
+    div C m of sin px sin qy pushes along three waves: (2p, 0), (0, 2q), and (2p, 2q), all of them
+    longitudinal.
     """
     device = modes.domain.model.film
     omega = 2 * np.pi * modes.frequency
@@ -55,14 +60,20 @@ def closed_form(modes: Modes) -> Array:
             (q**2 * (nu * p**2 - q**2) ** 2 / 2, q**2),
             ((p**2 + q**2) ** 3 / 4, p**2 + q**2),
         ]
-        still, moved = (sum(plane**2 / 16 * load / (4 * plane * k - mass * s) for load, k in waves) for s in (0.0, 4 * w**2))
-        relaxed = plane * ((p**4 + q**4) * (3 - nu**2) / 128 + nu * p**2 * q**2 / 32) / 1.0  # G over the area, k₃ = 2G
+        still, moved = (
+            sum(plane**2 / 16 * load / (4 * plane * k - mass * s) for load, k in waves)
+            for s in (0.0, 4 * w**2)
+        )
+        # G over the area, k₃ = 2G
+        relaxed = plane * ((p**4 + q**4) * (3 - nu**2) / 128 + nu * p**2 * q**2 / 32) / 1.0
         change.append(-(moved - still) / (3 * relaxed))
     return np.array(change)
 
 
 @pytest.mark.parametrize("stretch", [0.004, 0.2])
-def test_the_change_on_sliding_edges_is_that_of_three_longitudinal_waves(stretch: float, device: Device) -> None:
+def test_the_change_on_sliding_edges_is_that_of_three_longitudinal_waves(
+    stretch: float, device: Device
+) -> None:
     modes = rectangle(device, stretch)
     found = solve_inertia(modes, "sliding")
     exact = closed_form(modes)
@@ -73,7 +84,9 @@ def test_the_change_on_sliding_edges_is_that_of_three_longitudinal_waves(stretch
 
 
 def test_the_change_falls_as_the_square_of_the_speeds_ratio(device: Device) -> None:
-    changes = [solve_inertia(rectangle(device, stretch), "clamped", cross=True).cross for stretch in STIFF]
+    changes = [
+        solve_inertia(rectangle(device, stretch), "clamped", cross=True).cross for stretch in STIFF
+    ]
     coarse, middle, fine = (np.asarray(c) / s for c, s in zip(changes, STIFF, strict=True))
     np.testing.assert_allclose(middle - fine, (coarse - fine) / 11, rtol=0.02)
     np.testing.assert_allclose(middle, fine, rtol=2e-3)
@@ -105,8 +118,18 @@ class Coupled:
             zero = np.zeros((basis.shape[1], 3))
             zero[:, members] = basis.T @ f
             loads = np.vstack([loads, zero])
-            stiff = np.block([[stiff, np.zeros((len(stiff), len(zero)))], [np.zeros((len(zero), len(stiff))), basis.T @ k @ basis]])
-            heavy = np.block([[heavy, np.zeros((len(heavy), len(zero)))], [np.zeros((len(zero), len(heavy))), basis.T @ m @ basis]])
+            stiff = np.block(
+                [
+                    [stiff, np.zeros((len(stiff), len(zero)))],
+                    [np.zeros((len(zero), len(stiff))), basis.T @ k @ basis],
+                ]
+            )
+            heavy = np.block(
+                [
+                    [heavy, np.zeros((len(heavy), len(zero)))],
+                    [np.zeros((len(zero), len(heavy))), basis.T @ m @ basis],
+                ]
+            )
         self.square, turn = eigh(stiff, heavy)
         self.energies = copies * energies
         self.loads = np.sqrt(copies) * turn.T @ loads
@@ -117,8 +140,11 @@ class Coupled:
     def forces(self, q: Array, u: Array) -> tuple[Array, Array]:
         """Accelerations of the modes and of the film in its plane."""
         pairs = np.array([q[0] ** 2, 2 * q[0] * q[1], q[1] ** 2])
-        pull = self.energies @ pairs - self.loads.T @ u  # ∂W/∂(pairs), W = ½ u·Ku − pairs·f·u + ½ pairs·A·pairs
-        own = np.array([2 * q[0] * pull[0] + 2 * q[1] * pull[1], 2 * q[0] * pull[1] + 2 * q[1] * pull[2]])
+        # ∂W/∂(pairs), W = ½ u·Ku − pairs·f·u + ½ pairs·A·pairs
+        pull = self.energies @ pairs - self.loads.T @ u
+        own = np.array(
+            [2 * q[0] * pull[0] + 2 * q[1] * pull[1], 2 * q[0] * pull[1] + 2 * q[1] * pull[2]]
+        )
         return -(self.k * q + own) / self.m, self.loads @ pairs - self.square * u
 
     def frequency(self, amplitude: tuple[float, float], mode: int) -> float:
@@ -126,7 +152,12 @@ class Coupled:
         size = len(self.square)
         start = np.zeros(size)
         for k, pair in ((0, 0), (1, 2)):
-            start += amplitude[k] ** 2 / 2 * self.loads[:, pair] * (1 / self.square + 1 / (self.square - 4 * self.omega[k] ** 2))
+            start += (
+                amplitude[k] ** 2
+                / 2
+                * self.loads[:, pair]
+                * (1 / self.square + 1 / (self.square - 4 * self.omega[k] ** 2))
+            )
         for w in (self.omega[0] - self.omega[1], self.omega[0] + self.omega[1]):
             start += amplitude[0] * amplitude[1] * self.loads[:, 1] / (self.square - w**2)
         unit = self.omega[mode]
@@ -138,13 +169,19 @@ class Coupled:
 
         state = np.concatenate([amplitude, np.zeros(2), start, np.zeros(size)])
         time = np.linspace(0, 60 * np.pi, 3001)
-        motion = solve_ivp(flow, (0, time[-1]), state, "DOP853", time, rtol=1e-10, atol=1e-10 * max(amplitude)).y[mode]
+        motion = solve_ivp(
+            flow, (0, time[-1]), state, "DOP853", time, rtol=1e-10, atol=1e-10 * max(amplitude)
+        ).y[mode]
         window = np.hanning(len(time)) ** 2
 
         def leakage(w: float) -> float:
-            return -float(abs(np.sum(window * motion * np.exp(-1j * w * time))) / np.abs(motion).max())
+            return -float(
+                abs(np.sum(window * motion * np.exp(-1j * w * time))) / np.abs(motion).max()
+            )
 
-        found = minimize_scalar(leakage, bounds=(0.99, 1.02), method="bounded", options={"xatol": 1e-12})
+        found = minimize_scalar(
+            leakage, bounds=(0.99, 1.02), method="bounded", options={"xatol": 1e-12}
+        )
         return float(found.x * unit)
 
 
@@ -163,7 +200,10 @@ def test_integration_in_time_finds_the_changed_coefficients(device: Device) -> N
             amplitude = np.full(2, 1e-5)
             amplitude[partner] = 1.0
             amplitude *= np.sqrt(size / static)
-            shifts.append((film.frequency((amplitude[0], amplitude[1]), mode) / film.omega[mode] - 1) / (weight * size))
+            shifts.append(
+                (film.frequency((amplitude[0], amplitude[1]), mode) / film.omega[mode] - 1)
+                / (weight * size)
+            )
         limit = 2 * shifts[0] - shifts[1]
         assert limit - 1 == pytest.approx(moved.cross[mode, partner], rel=1e-2)
 
@@ -173,7 +213,9 @@ def test_a_sum_of_modes_on_an_in_plane_resonance_is_told() -> None:
     mass = csc_matrix(np.eye(2))
     with pytest.raises(ConvergenceError, match="meets a resonance"):
         respond(matrix, mass, factorize(matrix), 2.0, np.ones(2))
-    np.testing.assert_allclose(respond(matrix, mass, factorize(matrix), 1.5, np.ones(2)), [-2, 2], rtol=1e-10)
+    np.testing.assert_allclose(
+        respond(matrix, mass, factorize(matrix), 1.5, np.ones(2)), [-2, 2], rtol=1e-10
+    )
 
 
 def test_without_counterparts_no_error_is_claimed(device: Device) -> None:

@@ -36,9 +36,13 @@ def test_hexagon_at_the_depth_of_the_paper_gives_back_its_212_nanometres() -> No
     x, y = np.meshgrid(axis - 5e-6, axis + 7e-6)
     c = np.cos(0.06)
     s = np.sin(0.06)
-    V = harmonics(SineFringe(RED, 0.0, 0.02, 1.0), range(1, 7), U * shape(c * x + s * y, c * y - s * x), 0.3)
+    V = harmonics(
+        SineFringe(RED, 0.0, 0.02, 1.0), range(1, 7), U * shape(c * x + s * y, c * y - s * x), 0.3
+    )
     V = V + 2e-4 * (rng.normal(size=V.shape) + 1j * rng.normal(size=V.shape))
-    found = fit_map(harmonic_map(axis, axis, range(1, 7), V, noise_sd=2e-4, wavelength=RED), shape).fit
+    found = fit_map(
+        harmonic_map(axis, axis, range(1, 7), V, noise_sd=2e-4, wavelength=RED), shape
+    ).fit
     truth = {
         "amplitude": U,
         "contrast": 0.02,

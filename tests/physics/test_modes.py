@@ -27,7 +27,9 @@ HEXAGON = 'kind = "regular-polygon"\nsides = 6\nlong_axis = "2 m"'
 CIRCLE = 'kind = "circle"\ndiameter = "2 m"'
 
 
-def solve(model: Model, count: int, symmetry: str = "auto", resolution: float = 1.0, degree: int = 4) -> Modes:
+def solve(
+    model: Model, count: int, symmetry: str = "auto", resolution: float = 1.0, degree: int = 4
+) -> Modes:
     return solve_modes(solve_prestress(mesh(model, symmetry, resolution), degree), count, degree)
 
 
@@ -50,33 +52,49 @@ def turned(model: Model, angle: float) -> Model:
         return (c * x - s * y, s * x + c * y)
 
     segments = tuple(Segment(turn(*g.start), turn(*g.end)) for g in model.outline.segments)
-    holes = Holes(np.array([turn(x, y) for x, y in model.holes.centres]).reshape(-1, 2), model.holes.radius)
-    return replace(model, outline=Outline("polygon", segments, None, model.outline.length), holes=holes)
+    holes = Holes(
+        np.array([turn(x, y) for x, y in model.holes.centres]).reshape(-1, 2), model.holes.radius
+    )
+    return replace(
+        model, outline=Outline("polygon", segments, None, model.outline.length), holes=holes
+    )
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3])
-def test_square_membrane_eigenvalue_error_falls_as_h_to_twice_the_degree(device: Device, degree: int) -> None:
+def test_square_membrane_eigenvalue_error_falls_as_h_to_twice_the_degree(
+    device: Device, degree: int
+) -> None:
     model = device(SQUARE)
     errors = []
     exact = 2 * (np.pi * wave_speed(model)) ** 2
     for level in (2, 3, 4):
         linear = MeshTri1.init_sqsymmetric().refined(level)
         grid = MeshTri2.from_mesh(MeshTri1(np.asarray(linear.p) - 0.5, linear.t))
-        domain = Domain(model, grid.with_boundaries({"clamped": lambda x: np.full(x.shape[1:], True)}), 2 * np.pi)
+        domain = Domain(
+            model,
+            grid.with_boundaries({"clamped": lambda x: np.full(x.shape[1:], True)}),
+            2 * np.pi,
+        )
         frequency = solve_modes(solve_prestress(domain, degree), 1, degree).frequency[0]
         errors.append((2 * np.pi * frequency) ** 2 / exact - 1)
     assert all(error > 0 for error in errors)
-    assert [np.log2(a / b) for a, b in pairwise(errors)] == pytest.approx([2 * degree] * 2, abs=0.15)
+    assert [np.log2(a / b) for a, b in pairwise(errors)] == pytest.approx(
+        [2 * degree] * 2, abs=0.15
+    )
 
 
 def test_the_circles_eigenvalues_are_squares_of_bessel_zeros(device: Device) -> None:
     model = device(CIRCLE)
     modes = solve(model, 6, resolution=3)
-    zeros = np.sort(np.concatenate([jn_zeros(0, 2), *(np.repeat(jn_zeros(m, 2), 2) for m in (1, 2, 3))]))[:6]
+    zeros = np.sort(
+        np.concatenate([jn_zeros(0, 2), *(np.repeat(jn_zeros(m, 2), 2) for m in (1, 2, 3))])
+    )[:6]
     np.testing.assert_allclose(2 * np.pi * modes.frequency / wave_speed(model), zeros, rtol=3e-9)
 
 
-def test_a_turned_rectangle_without_mirror_lines_on_the_axes_has_the_same_modes(device: Device) -> None:
+def test_a_turned_rectangle_without_mirror_lines_on_the_axes_has_the_same_modes(
+    device: Device,
+) -> None:
     straight = device('kind = "rectangle"\nwidth = "3 m"\nheight = "2 m"')
     model = turned(straight, 0.2)
     modes = solve(model, 6, resolution=1.5)
@@ -85,7 +103,9 @@ def test_a_turned_rectangle_without_mirror_lines_on_the_axes_has_the_same_modes(
     np.testing.assert_allclose(modes.frequency, wave_speed(model) / 2 * np.sqrt(squares), rtol=2e-7)
 
 
-def test_a_right_isosceles_triangle_has_the_antisymmetric_modes_of_the_square(device: Device) -> None:
+def test_a_right_isosceles_triangle_has_the_antisymmetric_modes_of_the_square(
+    device: Device,
+) -> None:
     model = device('kind = "polygon"\npoints = [["0 m", "0 m"], ["1 m", "0 m"], ["0 m", "1 m"]]')
     modes = solve(model, 4, resolution=2)
     squares = np.sort([m * m + n * n for m in range(1, 6) for n in range(1, m)])[:4]
@@ -111,11 +131,16 @@ def test_the_whole_film_and_its_wedges_have_the_same_modes(
     for symmetry in symmetries:
         part = solve(model, 6, symmetry, 0.7)
         np.testing.assert_allclose(part.frequency, whole.frequency, rtol=1e-4)
-        assert part.effective_mass[0] == pytest.approx(whole.effective_mass[0], rel=3e-3)  # its antinode is the rim of a hole
+        # Its antinode is the rim of a hole
+        assert part.effective_mass[0] == pytest.approx(whole.effective_mass[0], rel=3e-3)
 
 
-@pytest.mark.parametrize(("outline", "symmetry"), [(SQUARE, "eighth"), (CIRCLE, "eighth"), (HEXAGON, "twelfth")])
-def test_small_wedges_hold_the_modes_that_are_alone_in_their_symmetry(device: Device, outline: str, symmetry: str) -> None:
+@pytest.mark.parametrize(
+    ("outline", "symmetry"), [(SQUARE, "eighth"), (CIRCLE, "eighth"), (HEXAGON, "twelfth")]
+)
+def test_small_wedges_hold_the_modes_that_are_alone_in_their_symmetry(
+    device: Device, outline: str, symmetry: str
+) -> None:
     model = device(outline)
     all_modes = solve(model, 12, "quarter").frequency
     few = solve(model, 4, symmetry).frequency
@@ -131,7 +156,9 @@ def test_modes_are_orthogonal_in_mass_and_in_stiffness(device: Device) -> None:
     shapes = modes.shapes / np.sqrt(modes.effective_mass)[:, None]
     np.testing.assert_allclose(shapes @ (operators.mass @ shapes.T), np.eye(8), atol=1e-10)
     stiffness = shapes @ (operators.stiffness(()) @ shapes.T)
-    np.testing.assert_allclose(stiffness, np.diag((2 * np.pi * modes.frequency) ** 2), atol=1e-9 * stiffness.max())
+    np.testing.assert_allclose(
+        stiffness, np.diag((2 * np.pi * modes.frequency) ** 2), atol=1e-9 * stiffness.max()
+    )
 
 
 def test_shapes_reach_one_and_nowhere_more(device: Device) -> None:
@@ -143,9 +170,23 @@ def test_shapes_reach_one_and_nowhere_more(device: Device) -> None:
 
 
 @pytest.mark.parametrize("symmetry", ["full", "half", "quarter"])
-def test_pairs_of_the_square_are_products_of_sines_with_x_first(device: Device, symmetry: str) -> None:
+def test_pairs_of_the_square_are_products_of_sines_with_x_first(
+    device: Device, symmetry: str
+) -> None:
     modes = solve(device(SQUARE), 11, symmetry, 1.5)
-    expected = ("(1,1)", "(2,1)", "(1,2)", "(2,2)", "(3,1)", "(1,3)", "(3,2)", "(2,3)", "(4,1)", "(1,4)", "(3,3)")
+    expected = (
+        "(1,1)",
+        "(2,1)",
+        "(1,2)",
+        "(2,2)",
+        "(3,1)",
+        "(1,3)",
+        "(3,2)",
+        "(2,3)",
+        "(4,1)",
+        "(1,4)",
+        "(3,3)",
+    )
     assert modes.label == expected
     x, y = np.random.default_rng(2).uniform(-0.5, 0.5, (2, 50))
     for index, label in enumerate(expected):
@@ -157,10 +198,13 @@ def test_pairs_of_the_square_are_products_of_sines_with_x_first(device: Device, 
 
 
 @pytest.mark.parametrize("symmetry", ["full", "half", "quarter"])
-def test_pairs_of_the_circle_are_cosines_and_sines_of_the_angle(device: Device, symmetry: str) -> None:
+def test_pairs_of_the_circle_are_cosines_and_sines_of_the_angle(
+    device: Device, symmetry: str
+) -> None:
     modes = solve(device(CIRCLE), 8, symmetry, 1.5)
     r, angle = np.random.default_rng(3).random((2, 50)) * np.array([[1], [2 * np.pi]])
-    kinds = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (0, 0), (3, 0), (3, 1)]  # order m, cosine or sine
+    # Order m, cosine or sine
+    kinds = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (0, 0), (3, 0), (3, 1)]
     for index, (m, odd) in enumerate(kinds):
         radial = jv(m, jn_zeros(m, 2)[1 if index == 5 else 0] * r)
         ideal = radial * (np.sin(m * angle) if odd else np.cos(m * angle))
@@ -170,16 +214,22 @@ def test_pairs_of_the_circle_are_cosines_and_sines_of_the_angle(device: Device, 
             assert abs(overlap) == pytest.approx(1, abs=1e-6)
         else:  # both members of a pair of even m are told apart, in either order
             other = radial * (np.cos(m * angle) if odd else np.sin(m * angle))
-            assert max(abs(overlap), abs(shape @ other) / np.sqrt((shape @ shape) * (other @ other))) == pytest.approx(1, abs=1e-6)
+            assert max(
+                abs(overlap), abs(shape @ other) / np.sqrt((shape @ shape) * (other @ other))
+            ) == pytest.approx(1, abs=1e-6)
 
 
 @pytest.mark.parametrize("symmetry", ["full", "half", "quarter"])
-def test_pairs_of_the_hexagon_are_even_or_odd_about_both_axes(device: Device, symmetry: str) -> None:
+def test_pairs_of_the_hexagon_are_even_or_odd_about_both_axes(
+    device: Device, symmetry: str
+) -> None:
     modes = solve(device(HEXAGON), 10, symmetry, 1.5)
     x, y = np.random.default_rng(4).uniform(-0.6, 0.6, (2, 50))
     classes = []
     for index in range(10):
-        shape, across, along = (shape_at(modes, index, sx * x, sy * y) for sx, sy in ((1, 1), (-1, 1), (1, -1)))
+        shape, across, along = (
+            shape_at(modes, index, sx * x, sy * y) for sx, sy in ((1, 1), (-1, 1), (1, -1))
+        )
         parity = tuple(int(np.sign(shape @ image)) for image in (across, along))
         np.testing.assert_allclose(across, parity[0] * shape, atol=3e-4)
         np.testing.assert_allclose(along, parity[1] * shape, atol=3e-4)
@@ -206,7 +256,9 @@ def test_labels_follow_shapes_not_order(device: Device) -> None:
     assert modes.label == ("(1,1)", "(2,1)", "(3,1)", "(4,1)", "(5,1)", "(1,2)", "(2,2)", "(6,1)")
 
 
-def test_a_lattice_of_holes_couples_one_three_and_three_one_and_the_labels_say_so(device: Device) -> None:
+def test_a_lattice_of_holes_couples_one_three_and_three_one_and_the_labels_say_so(
+    device: Device,
+) -> None:
     modes = solve(perforated(device(SQUARE)), 6, resolution=0.7)
     assert modes.label[:4] == ("(1,1)", "(2,1)", "(1,2)", "(2,2)")
     assert {modes.label[4], modes.label[5]} == {"(1,3)−(3,1)", "(1,3)+(3,1)"}
@@ -226,7 +278,9 @@ def test_shape_at_is_exactly_zero_outside_the_film_and_in_its_holes(device: Devi
 
 
 @pytest.mark.parametrize("symmetry", ["full", "half", "quarter", "eighth"])
-def test_shape_at_finds_every_point_of_a_strongly_graded_mesh(device: Device, symmetry: str) -> None:
+def test_shape_at_finds_every_point_of_a_strongly_graded_mesh(
+    device: Device, symmetry: str
+) -> None:
     model = replace(device(SQUARE), holes=Holes(np.zeros((1, 2)), 0.002))
     modes = solve(model, 1, symmetry, 0.5)
     x, y = np.random.default_rng(5).uniform(-0.499, 0.499, (2, 2000))
@@ -287,7 +341,9 @@ def test_a_mode_whose_pair_was_not_asked_for_finds_its_own_counterpart(device: D
     np.testing.assert_allclose(aligned.frequency, coarse.frequency[:2], rtol=1e-12)
 
 
-def test_counterparts_are_found_where_the_lower_degree_orders_modes_differently(device: Device) -> None:
+def test_counterparts_are_found_where_the_lower_degree_orders_modes_differently(
+    device: Device,
+) -> None:
     model = device('kind = "rectangle"\nwidth = "1.003 m"\nheight = "1 m"')
     fine = solve(model, 3, degree=4)
     coarse = solve(model, 4, degree=2)
@@ -328,7 +384,9 @@ def test_the_trampoline_flaps_its_slack_corners_before_its_middle_moves() -> Non
     corner = np.array([49.0e-6, 49.0e-6])
     middle = np.zeros(2)
     for index in range(4):
-        (at_corner,), (at_middle,) = (shape_at(modes, index, where[:1], where[1:]) for where in (corner, middle))
+        (at_corner,), (at_middle,) = (
+            shape_at(modes, index, where[:1], where[1:]) for where in (corner, middle)
+        )
         assert abs(at_corner) > 0.9
         assert abs(at_middle) < 0.1
     along = np.linspace(0, 249e-6, 20)

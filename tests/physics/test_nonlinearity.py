@@ -1,4 +1,7 @@
-"""Geometric cubic coefficients: rates, symmetry of the tensor, scaling; values are held in validation/."""
+"""Geometric cubic coefficients: rates, symmetry of the tensor, scaling.
+
+Values are held in validation/.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,7 +25,9 @@ Device = Callable[..., Model]
 SQUARE = 'kind = "square"\nside = "1 m"'
 
 
-def solve(model: Model, count: int, symmetry: str = "auto", resolution: float = 1.0, degree: int = 4) -> Modes:
+def solve(
+    model: Model, count: int, symmetry: str = "auto", resolution: float = 1.0, degree: int = 4
+) -> Modes:
     return solve_modes(solve_prestress(mesh(model, symmetry, resolution), degree), count, degree)
 
 
@@ -35,26 +40,48 @@ def uneven(device: Device) -> Model:
 
 
 @pytest.mark.parametrize("degree", [2, 3])
-def test_the_cubic_coefficients_error_falls_as_h_to_twice_the_degree(device: Device, degree: int) -> None:
+def test_the_cubic_coefficients_error_falls_as_h_to_twice_the_degree(
+    device: Device, degree: int
+) -> None:
     model = device(SQUARE)
     errors = []
     film = model.film
-    # With sliding edges u is a sum of cosines; at clamped corners it is not smooth, and the rate ends at theirs.
+    # With sliding edges u is a sum of cosines; at clamped corners it is not smooth, and the rate
+    # ends at theirs.
     bracket = (3 - film.poisson**2) / 8 + film.poisson / 4
-    exact = film.young / film.thickness / (1 - film.poisson**2) / film.density**2 * 4 * np.pi**4 * bracket
+    exact = (
+        film.young
+        / film.thickness
+        / (1 - film.poisson**2)
+        / film.density**2
+        * 4
+        * np.pi**4
+        * bracket
+    )
     for level in (2, 3, 4):
         linear = MeshTri1.init_sqsymmetric().refined(level)
         grid = MeshTri2.from_mesh(MeshTri1(np.asarray(linear.p) - 0.5, linear.t))
-        domain = Domain(model, grid.with_boundaries({"clamped": lambda x: np.full(x.shape[1:], True)}), 2 * np.pi)
+        domain = Domain(
+            model,
+            grid.with_boundaries({"clamped": lambda x: np.full(x.shape[1:], True)}),
+            2 * np.pi,
+        )
         modes = solve_modes(solve_prestress(domain, degree), 1, degree)
         # k₃/m² does not depend on the value of max|ξ|, whose error has a rate of its own.
-        errors.append(abs(solve_nonlinearity(modes, "sliding").k3[0] / modes.effective_mass[0] ** 2 / exact - 1))
+        errors.append(
+            abs(
+                solve_nonlinearity(modes, "sliding").k3[0] / modes.effective_mass[0] ** 2 / exact
+                - 1
+            )
+        )
     assert [np.log2(a / b) for a, b in pairwise(errors)] == pytest.approx([2 * degree] * 2, abs=0.4)
 
 
 @pytest.mark.parametrize("edge", ["clamped", "sliding", "paper"])
 @pytest.mark.parametrize("symmetry", ["full", "quarter"])
-def test_the_tensor_is_fully_symmetric_and_its_diagonal_is_k3(uneven: Model, edge: Edge, symmetry: str) -> None:
+def test_the_tensor_is_fully_symmetric_and_its_diagonal_is_k3(
+    uneven: Model, edge: Edge, symmetry: str
+) -> None:
     modes = solve(uneven, 4, symmetry, 0.5)
     found = solve_nonlinearity(modes, edge, tensor=True)
     assert found.tensor is not None
@@ -68,7 +95,8 @@ def test_the_tensor_is_fully_symmetric_and_its_diagonal_is_k3(uneven: Model, edg
 
 @pytest.mark.parametrize("edge", ["clamped", "sliding"])
 def test_the_tensor_gives_k3_of_every_mixture_of_modes(uneven: Model, edge: Edge) -> None:
-    # Energy ¼ Σ tensor_ijkl q_i q_j q_k q_l: along q = s·c it is that of one shape Σ c ξ with its own k₃.
+    # Energy ¼ Σ tensor_ijkl q_i q_j q_k q_l: along q = s·c it is that of one shape Σ c ξ with its
+    # own k₃.
     modes = solve(uneven, 4, "full", 0.5)
     tensor = solve_nonlinearity(modes, edge, tensor=True).tensor
     assert tensor is not None
@@ -100,7 +128,13 @@ def test_k3_grows_with_stiffness_and_thickness_and_knows_no_density(device: Devi
     model = device(SQUARE)
     film = model.film
     base = solve_nonlinearity(solve(model, 2, resolution=0.5), "clamped")
-    changed = replace(film, young=3 * film.young, thickness=2 * film.thickness, density=5 * film.density, stress=7 * film.stress)
+    changed = replace(
+        film,
+        young=3 * film.young,
+        thickness=2 * film.thickness,
+        density=5 * film.density,
+        stress=7 * film.stress,
+    )
     other = solve_nonlinearity(solve(replace(model, film=changed), 2, resolution=0.5), "clamped")
     np.testing.assert_allclose(other.k3, 6 * base.k3, rtol=1e-9)
     np.testing.assert_allclose(other.alpha, 3 / 7 * base.alpha, rtol=1e-9)

@@ -38,14 +38,26 @@ def undercut(model: Model, width: float, other: Film | None = None) -> Model:
     """The device with a strip of its own film, or of another, around its circle or square."""
     outer = model.outline
     grown = tuple(
-        replace(s, start=tuple(np.multiply(s.start, 1 + width)), end=tuple(np.multiply(s.end, 1 + width))) for s in outer.segments
+        replace(
+            s,
+            start=tuple(np.multiply(s.start, 1 + width)),
+            end=tuple(np.multiply(s.end, 1 + width)),
+        )
+        for s in outer.segments
     )
-    return replace(model, overhang=Overhang(width, replace(outer, segments=grown), other or model.film))
+    return replace(
+        model, overhang=Overhang(width, replace(outer, segments=grown), other or model.film)
+    )
 
 
-@pytest.mark.parametrize(("outline", "exact"), [(CIRCLE, [jn_zeros(n, 1)[0] for n in ORDERS]), (SQUARE, np.pi * np.sqrt([2, 5, 5, 8]) / 2)])
+@pytest.mark.parametrize(
+    ("outline", "exact"),
+    [(CIRCLE, [jn_zeros(n, 1)[0] for n in ORDERS]), (SQUARE, np.pi * np.sqrt([2, 5, 5, 8]) / 2)],
+)
 @pytest.mark.parametrize("symmetry", ["auto", "half"])
-def test_an_overhang_of_the_film_is_more_film(device: Device, outline: str, exact: Array, symmetry: str) -> None:
+def test_an_overhang_of_the_film_is_more_film(
+    device: Device, outline: str, exact: Array, symmetry: str
+) -> None:
     modes = solve(undercut(elastic(device, outline), 0.25), symmetry=symmetry, resolution=1)
     np.testing.assert_allclose(squares(modes), (np.array(exact) / 1.25) ** 2, rtol=1e-9)
 
@@ -57,17 +69,32 @@ def test_film_and_overhang_of_different_stress_share_lames_displacement(device: 
     # Inside u = a r, in the overhang u = c (r − R²/r) with R = 1.5, which does not move at its rim.
     wide = other.young / (1 - other.poisson)
     deviating = other.young / (1 + other.poisson)
-    matrix = [[1, -(1 - 2.25)], [THICKNESS * 1e11 / (1 - POISSON), -other.thickness * (wide + 2.25 * deviating)]]
+    matrix = [
+        [1, -(1 - 2.25)],
+        [THICKNESS * 1e11 / (1 - POISSON), -other.thickness * (wide + 2.25 * deviating)],
+    ]
     a, c = np.linalg.solve(matrix, [0, other.thickness * other.stress - TENSION])
     radius, stress = everywhere(solve_prestress(mesh(model, "auto", 2), 6))
     inside = radius < 1
     np.testing.assert_allclose(stress[inside, 0], STRESS + 1e11 / (1 - POISSON) * a, rtol=1e-6)
     np.testing.assert_allclose(stress[~inside, 0], other.stress + wide * c, rtol=1e-6)
-    np.testing.assert_allclose(stress[~inside, 1], abs(deviating * c) * 2.25 / radius[~inside] ** 2, rtol=1e-6)
+    np.testing.assert_allclose(
+        stress[~inside, 1], abs(deviating * c) * 2.25 / radius[~inside] ** 2, rtol=1e-6
+    )
 
 
-def two_plates(order: int, layers: tuple[float, float], density: float, rim: float, poisson: float, rigidity: float) -> float:
-    """(ω/c)² of a disc of radius 1 within a clamped ring: one tension, two masses (1 and `density`), rigidities (1 and `rigidity`)."""
+def two_plates(
+    order: int,
+    layers: tuple[float, float],
+    density: float,
+    rim: float,
+    poisson: float,
+    rigidity: float,
+) -> float:
+    """(ω/c)² of a disc of radius 1 within a clamped ring.
+
+    One tension, two masses (1 and `density`), rigidities (1 and `rigidity`).
+    """
     inner = (layers[0], POISSON)
     outer = (layers[1], poisson)
 
@@ -89,9 +116,18 @@ def test_a_plate_and_its_thicker_overhang_vibrate_as_two_joined_plates(device: D
     layer = 0.05
     inner = elastic(device, layer=layer)
     # Four times as thick at a quarter of the stress, so that the tension is the same.
-    model = undercut(inner, 0.2, replace(inner.film, thickness=4 * THICKNESS, stress=STRESS / 4, density=DENSITY / 2, poisson=0.1))
+    model = undercut(
+        inner,
+        0.2,
+        replace(
+            inner.film, thickness=4 * THICKNESS, stress=STRESS / 4, density=DENSITY / 2, poisson=0.1
+        ),
+    )
     rigidity = 64 * (1 - POISSON**2) / (1 - 0.1**2)
-    exact = [two_plates(order, (layer, layer * np.sqrt(rigidity)), 2.0, 1.2, 0.1, rigidity) for order in ORDERS]
+    exact = [
+        two_plates(order, (layer, layer * np.sqrt(rigidity)), 2.0, 1.2, 0.1, rigidity)
+        for order in ORDERS
+    ]
     np.testing.assert_allclose(squares(solve(model, resolution=1)), exact, rtol=1e-6)
 
 
@@ -105,27 +141,48 @@ def test_the_overhang_is_a_film_of_its_own(device: Device) -> None:
 
 
 @pytest.mark.parametrize("resolution", [0.6, 1.0])
-def test_error_bars_hold_where_edges_give_way_and_overhang(device: Device, resolution: float) -> None:
+def test_error_bars_hold_where_edges_give_way_and_overhang(
+    device: Device, resolution: float
+) -> None:
     clamp = Clamp(deflection=3e8, rotation=1e5)
     layer = 0.05
     rigidity = 64 * (1 - POISSON**2) / (1 - 0.1**2)
     inner = elastic(device, layer=layer)
-    thick = undercut(inner, 0.2, replace(inner.film, thickness=4 * THICKNESS, stress=STRESS / 4, density=DENSITY / 2, poisson=0.1))
+    thick = undercut(
+        inner,
+        0.2,
+        replace(
+            inner.film, thickness=4 * THICKNESS, stress=STRESS / 4, density=DENSITY / 2, poisson=0.1
+        ),
+    )
     cases = [
-        (elastic(device, layer=0.1, clamp=clamp), [plate_on_springs(order, 0.1, clamp) for order in ORDERS]),
-        (thick, [two_plates(order, (layer, layer * np.sqrt(rigidity)), 2.0, 1.2, 0.1, rigidity) for order in ORDERS]),
+        (
+            elastic(device, layer=0.1, clamp=clamp),
+            [plate_on_springs(order, 0.1, clamp) for order in ORDERS],
+        ),
+        (
+            thick,
+            [
+                two_plates(order, (layer, layer * np.sqrt(rigidity)), 2.0, 1.2, 0.1, rigidity)
+                for order in ORDERS
+            ],
+        ),
     ]
     for model, exact in cases:
         modes = solve_device(model, 4, resolution=resolution, cache=False)
         found = np.sqrt(squares(modes))
         known = np.sqrt(exact)
         assert np.all(np.abs(found / known - 1) <= modes.frequency_error / modes.frequency)
-        assert np.all(np.abs(modes.ratio * known[0] / known - 1) <= (modes.ratio_error / modes.ratio) + 1e-15)
+        assert np.all(
+            np.abs(modes.ratio * known[0] / known - 1) <= (modes.ratio_error / modes.ratio) + 1e-15
+        )
         assert np.all(modes.frequency_error < 1e-3 * modes.frequency)
 
 
 @pytest.mark.parametrize("resolution", [0.6, 1.0])
-def test_error_bars_hold_where_corners_make_the_stress_uneven(device: Device, resolution: float) -> None:
+def test_error_bars_hold_where_corners_make_the_stress_uneven(
+    device: Device, resolution: float
+) -> None:
     model = elastic(device, SQUARE, clamp=Clamp(normal=1e8, shear=1e8))
     known = solve(model, 3, resolution=1.6)
     modes = solve_device(model, 3, resolution=resolution, cache=False)

@@ -17,24 +17,32 @@ Array = NDArray[np.float64]
 
 
 @pytest.mark.parametrize(("n_x", "n_y"), [(3, 4), (4, 4)])
-def test_ratios_of_a_tiny_array_without_bending_are_within_their_error_bars(n_x: int, n_y: int) -> None:
+def test_ratios_of_a_tiny_array_without_bending_are_within_their_error_bars(
+    n_x: int, n_y: int
+) -> None:
     small = Film("array", film(n_x, n_y, bending=False))
     modes = solve_modes(small.model, 6, cache=False)
     error = np.abs(modes.ratio[1:] - finer_modes(small, modes).ratio[1:])
     assert np.all(modes.ratio_error[1:] >= error)
     assert np.median(modes.ratio_error[1:] / error) < 10
     relative = modes.frequency_error / modes.frequency
-    assert np.all(modes.ratio_error[1:] / modes.ratio[1:] < 0.3 * (relative[1:] + relative[0]))  # modes do err alike, in part
+    # Modes do err alike, in part
+    assert np.all(modes.ratio_error[1:] / modes.ratio[1:] < 0.3 * (relative[1:] + relative[0]))
 
 
 @pytest.mark.parametrize(
     ("n_x", "n_y", "margin", "radius", "taper", "bending"),
-    [(2, 4, 4.95e-6, 0.805e-6, 31.8e-9, False), (2, 2, 4.4e-6, 1.48e-6, 60e-9, False), (3, 3, 4.4e-6, 1.85e-6, 59e-9, True)],
+    [
+        (2, 4, 4.95e-6, 0.805e-6, 31.8e-9, False),
+        (2, 2, 4.4e-6, 1.48e-6, 60e-9, False),
+        (3, 3, 4.4e-6, 1.85e-6, 59e-9, True),
+    ],
 )
 def test_bars_of_tapered_films_hold_though_the_foot_of_the_taper_runs_through_elements(
     n_x: int, n_y: int, margin: float, radius: float, taper: float, bending: bool
 ) -> None:
-    # With the quadrature of even films errors of the first two were up to 33 times their bars, and not seen in the differences.
+    # With the quadrature of even films errors of the first two were up to 33 times their bars, and
+    # not seen in the differences.
     tapered = film(n_x, n_y, margin, radius, bending, taper)
     modes = solve_modes(tapered, 4, cache=False)
     known = solve_at_degree(solve_prestress(mesh(tapered, resolution=2.5), 4), 4, 4).frequency
@@ -42,7 +50,10 @@ def test_bars_of_tapered_films_hold_though_the_foot_of_the_taper_runs_through_el
     assert np.all(modes.frequency_error < 1e-4 * modes.frequency)
 
 
-WIDE = "the largest value of a shape between holes settles unevenly: the median of bar over error is 15"
+WIDE = (
+    "the largest value of a shape between holes settles unevenly: the median of bar over "
+    "error is 15"
+)
 
 
 @cache
@@ -65,7 +76,11 @@ def test_99_in_100_error_bars_hold_on_forty_perforated_films(quantity: str) -> N
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "quantity", [pytest.param(name, marks=pytest.mark.xfail(reason=WIDE)) if name == "m_eff" else name for name in QUANTITIES]
+    "quantity",
+    [
+        pytest.param(name, marks=pytest.mark.xfail(reason=WIDE)) if name == "m_eff" else name
+        for name in QUANTITIES
+    ],
 )
 def test_error_bars_of_forty_perforated_films_are_not_far_too_large(quantity: str) -> None:
     bars, errors = bars_and_errors(quantity)

@@ -23,7 +23,9 @@ SQUARE = 'kind = "square"\nside = "2 m"'
 ORDER = 8
 
 
-def solve(model: Model, symmetry: str = "auto", resolution: float = 1.0, edge: Edge = "clamped") -> Prestress:
+def solve(
+    model: Model, symmetry: str = "auto", resolution: float = 1.0, edge: Edge = "clamped"
+) -> Prestress:
     return solve_prestress(mesh(model, symmetry, resolution), 4, edge)
 
 
@@ -42,11 +44,17 @@ def polar(point: Array, stress: Array) -> tuple[Array, Array, Array]:
     c = np.cos(angle)
     s = np.sin(angle)
     xx, yy, xy = stress.T
-    return c * c * xx + s * s * yy + 2 * c * s * xy, s * s * xx + c * c * yy - 2 * c * s * xy, c * s * (yy - xx) + (c * c - s * s) * xy
+    return (
+        c * c * xx + s * s * yy + 2 * c * s * xy,
+        s * s * xx + c * c * yy - 2 * c * s * xy,
+        c * s * (yy - xx) + (c * c - s * s) * xy,
+    )
 
 
 @pytest.mark.parametrize("symmetry", ["full", "quarter", "eighth"])
-def test_a_ring_clamped_outside_and_free_inside_has_lames_stress(device: Device, symmetry: str) -> None:
+def test_a_ring_clamped_outside_and_free_inside_has_lames_stress(
+    device: Device, symmetry: str
+) -> None:
     inner = 0.2
     prestress = solve(replace(device(CIRCLE), holes=Holes(np.zeros((1, 2)), inner)), symmetry, 2)
     nu = prestress.domain.model.film.poisson
@@ -60,9 +68,13 @@ def test_a_ring_clamped_outside_and_free_inside_has_lames_stress(device: Device,
     np.testing.assert_allclose(shear, 0, atol=6e-4)
 
 
-def test_a_small_hole_doubles_the_hoop_stress_at_its_rim_and_carries_no_traction(device: Device) -> None:
+def test_a_small_hole_doubles_the_hoop_stress_at_its_rim_and_carries_no_traction(
+    device: Device,
+) -> None:
     radius = 0.01
-    prestress = solve(replace(device(SQUARE), holes=Holes(np.array([[0.3, 0.2]]), radius)), "full", 2)
+    prestress = solve(
+        replace(device(SQUARE), holes=Holes(np.array([[0.3, 0.2]]), radius)), "full", 2
+    )
     domain = prestress.domain
     space = Space(domain.mesh, 4)
     moduli = plane_stress(domain.model.film.young, domain.model.film.poisson)
@@ -70,12 +82,17 @@ def test_a_small_hole_doubles_the_hoop_stress_at_its_rim_and_carries_no_traction
         triangle = np.array([domain.mesh.f2t[0, facet]])
         edge = int(np.flatnonzero(domain.mesh.t2f[:, triangle[0]] == facet)[0])
         jet = space.jet(triangle, space.edge_points(edge, 4)[0])
-        strain = np.einsum("eqcj,ej->eqc", in_plane_strain(jet), prestress.displacement[vector_dofs(space, triangle)])
+        strain = np.einsum(
+            "eqcj,ej->eqc",
+            in_plane_strain(jet),
+            prestress.displacement[vector_dofs(space, triangle)],
+        )
         stress = np.array([1, 1, 0]) + strain[0] @ moduli / domain.model.film.stress
         radial, hoop, shear = polar(jet.point[0] - [0.3, 0.2], stress)
         np.testing.assert_allclose(radial, 0, atol=3e-3)
         np.testing.assert_allclose(shear, 0, atol=3e-3)
-        np.testing.assert_allclose(hoop, 2, rtol=3e-3)  # Kirsch; the clamped edge a hundred radii away takes 1e-4
+        # Kirsch; the clamped edge a hundred radii away takes 1e-4
+        np.testing.assert_allclose(hoop, 2, rtol=3e-3)
 
 
 def test_an_even_film_clamped_all_around_keeps_its_stress(device: Device) -> None:
@@ -90,7 +107,8 @@ def test_a_long_strip_with_free_sides_relaxes_to_one_axis(device: Device) -> Non
     point, stress, _ = everywhere(prestress)
     middle = stress[np.abs(point[:, 0]) < 6]
     nu = prestress.domain.model.film.poisson
-    # Held in length, free in width: σ₀(1 − ν) along it; the clamped ends add to its length what they hold back in width.
+    # Held in length, free in width: σ₀(1 − ν) along it; the clamped ends add to its length what
+    # they hold back in width.
     assert np.ptp(middle[:, 0]) < 1e-4
     np.testing.assert_allclose(middle[:, 1:], 0, atol=1e-4)
     assert middle[0, 0] == pytest.approx(1 - nu, rel=0.02)
@@ -98,9 +116,12 @@ def test_a_long_strip_with_free_sides_relaxes_to_one_axis(device: Device) -> Non
 
 @pytest.mark.parametrize("taper", [0.0, 0.4])
 def test_the_tension_through_every_cross_section_is_the_same(device: Device, taper: float) -> None:
-    # Sliding sides bear no shear, so that ∫ h σₓₓ dy does not depend on x: all its Fourier coefficients but the mean vanish.
+    # Sliding sides bear no shear, so that ∫ h σₓₓ dy does not depend on x: all its Fourier
+    # coefficients but the mean vanish.
     model = replace(device(SQUARE), holes=Holes(np.array([[0.3, 0.2]]), 0.4))
-    model = replace(model, film=replace(model.film, taper=taper * model.film.thickness, taper_length=0.3))
+    model = replace(
+        model, film=replace(model.film, taper=taper * model.film.thickness, taper_length=0.3)
+    )
     prestress = solve(model, "full", 2, "sliding")
     point, stress, area = everywhere(prestress)
     force = area * thickness(model, point) / model.film.thickness * stress[:, 0]
@@ -123,5 +144,9 @@ def test_wedges_relax_as_the_whole_film(device: Device, symmetry: str) -> None:
 
 def test_the_displacement_does_not_depend_on_the_unit_of_stiffness(device: Device) -> None:
     model = replace(device(SQUARE), holes=Holes(np.zeros((1, 2)), 0.3))
-    harder = replace(model, film=replace(model.film, young=7 * model.film.young, stress=7 * model.film.stress))
-    np.testing.assert_allclose(solve(harder).displacement, solve(model).displacement, rtol=1e-9, atol=1e-9 * 1e-3)
+    harder = replace(
+        model, film=replace(model.film, young=7 * model.film.young, stress=7 * model.film.stress)
+    )
+    np.testing.assert_allclose(
+        solve(harder).displacement, solve(model).displacement, rtol=1e-9, atol=1e-9 * 1e-3
+    )

@@ -22,19 +22,25 @@ from tests.physics.error_battery import outline
 
 Array = NDArray[np.float64]
 
-HEIGHT = 3**0.5 / 2  # of the quarter hexagon 0 ≤ x, 0 ≤ y ≤ HEIGHT, with its corners at (1, 0) and (½, HEIGHT)
+# Of the quarter hexagon 0 ≤ x, 0 ≤ y ≤ HEIGHT, with its corners at (1, 0) and (½, HEIGHT)
+HEIGHT = 3**0.5 / 2
 POISSON = (0.23, 0.25, 0.27, 0.30)
 
 
 def reference(case: str, quantity: str) -> float:
     """A reference number of a validation case."""
-    return next(r.value for r in load(resources.cases() / f"{case}.py").references if r.quantity == quantity)
+    return next(
+        r.value for r in load(resources.cases() / f"{case}.py").references if r.quantity == quantity
+    )
 
 
 class Hexagon:
-    """Method of particular solutions on a quarter of the regular hexagon of side 1: Bessel functions about its two corners.
+    """Method of particular solutions on a quarter of the regular hexagon of side 1.
 
-    Each function solves −Δw = λw and vanishes on the edges at its own corner; those about (1, 0) also are even or odd in y.
+    Bessel functions about its two corners.
+
+    Each function solves −Δw = λw and vanishes on the edges at its own corner; those about (1, 0)
+    also are even or odd in y.
     Source: Betcke & Trefethen, SIAM Rev. 47, 469 (2005).
     """
 
@@ -54,7 +60,10 @@ class Hexagon:
         columns = []
         k = eigenvalue**0.5
         first = (1.5 if self.even_y else 3.0) + 3 * np.arange(self.n)
-        for corner, start, order in (((1, 0), 2 * np.pi / 3, first), ((0.5, HEIGHT), np.pi, 1.5 * (1 + np.arange(self.n)))):
+        for corner, start, order in (
+            ((1, 0), 2 * np.pi / 3, first),
+            ((0.5, HEIGHT), np.pi, 1.5 * (1 + np.arange(self.n))),
+        ):
             away = points - corner
             r = np.hypot(*away.T)[:, None]
             phi = np.arctan2(away[:, 1], away[:, 0])[:, None] % (2 * np.pi)
@@ -64,14 +73,25 @@ class Hexagon:
                 columns.append(bessel * np.sin(angle))
             else:
                 outwards, around = ((np.cos(phi), -np.sin(phi)), (np.sin(phi), np.cos(phi)))[axis]
-                columns.append(k * jvp(order, k * r) * np.sin(angle) * outwards + order * bessel / r * np.cos(angle) * around)
+                columns.append(
+                    k * jvp(order, k * r) * np.sin(angle) * outwards
+                    + order * bessel / r * np.cos(angle) * around
+                )
         return np.hstack(columns)
 
     def fit(self, eigenvalue: float) -> tuple[float, Array]:
         """How far the best combination of unit size misses the other edges' conditions, and its coefficients."""
         top = self.values(eigenvalue, self.top)
-        left = self.values(eigenvalue, self.left, 0) if self.even_x else self.values(eigenvalue, self.left)
-        bottom = self.values(eigenvalue, self.bottom, 1) if self.even_y else self.values(eigenvalue, self.bottom)
+        left = (
+            self.values(eigenvalue, self.left, 0)
+            if self.even_x
+            else self.values(eigenvalue, self.left)
+        )
+        bottom = (
+            self.values(eigenvalue, self.bottom, 1)
+            if self.even_y
+            else self.values(eigenvalue, self.bottom)
+        )
         top[:, self.n :] = bottom[:, : self.n] = 0  # by construction
         edges = np.vstack([top, left, bottom])
         both = np.vstack([edges, self.values(eigenvalue, self.inside)])
@@ -94,9 +114,21 @@ class Hexagon:
 
 @pytest.mark.parametrize(
     ("number", "parity"),
-    [(1, (1, 1)), (2, (1, -1)), (3, (-1, 1)), (4, (1, 1)), (5, (-1, -1)), (6, (1, 1)), (7, (1, -1)), (9, (-1, 1)), (10, (1, -1))],
+    [
+        (1, (1, 1)),
+        (2, (1, -1)),
+        (3, (-1, 1)),
+        (4, (1, 1)),
+        (5, (-1, -1)),
+        (6, (1, 1)),
+        (7, (1, -1)),
+        (9, (-1, 1)),
+        (10, (1, -1)),
+    ],
 )
-def test_eigenvalues_of_the_hexagon_are_those_of_particular_solutions(number: int, parity: tuple[int, int]) -> None:
+def test_eigenvalues_of_the_hexagon_are_those_of_particular_solutions(
+    number: int, parity: tuple[int, int]
+) -> None:
     expected = reference("ideal_hexagon", f"λ{number}")
     assert Hexagon(parity).eigenvalue(expected * (1 + 3e-5)) == pytest.approx(expected, rel=2e-10)
 
@@ -138,7 +170,10 @@ def in_plane_modes(n: int) -> tuple[Array, Array, Array, Array]:
 
 
 def square_constant(m: int, n: int, poisson: float, size: int = 28) -> float:
-    """C of k₃ = C·Eh/((1−ν²)L²) for sin·sin on the clamped square: minimum of 2∫ C E : E over u, by Legendre polynomials."""
+    """C of k₃ = C·Eh/((1−ν²)L²) for sin·sin on the clamped square: minimum of 2∫ C E .
+
+    E over u, by Legendre polynomials.
+    """
     f, df, x, weight = in_plane_modes(size)
     # u_x is odd in x and even in y, u_y the other way round
     even = slice(0, None, 2)
@@ -166,31 +201,45 @@ def square_constant(m: int, n: int, poisson: float, size: int = 28) -> float:
 
 @pytest.mark.parametrize("poisson", POISSON)
 def test_the_cubic_stiffness_of_the_square_is_that_of_legendre_polynomials(poisson: float) -> None:
-    assert reference("duffing_table", f"C, square, ν = {poisson}") == pytest.approx(square_constant(1, 1, poisson), rel=3e-9)
+    assert reference("duffing_table", f"C, square, ν = {poisson}") == pytest.approx(
+        square_constant(1, 1, poisson), rel=3e-9
+    )
 
 
 @pytest.mark.parametrize("order", [(2, 1), (2, 2), (3, 1), (3, 3)])
-def test_the_cubic_stiffness_of_higher_modes_is_that_of_legendre_polynomials(order: tuple[int, int]) -> None:
+def test_the_cubic_stiffness_of_higher_modes_is_that_of_legendre_polynomials(
+    order: tuple[int, int],
+) -> None:
     m, n = order
-    assert reference("duffing_table", f"C, square ({m},{n}), ν = 0.27") == pytest.approx(square_constant(m, n, 0.27), rel=2e-6)
+    assert reference("duffing_table", f"C, square ({m},{n}), ν = 0.27") == pytest.approx(
+        square_constant(m, n, 0.27), rel=2e-6
+    )
 
 
 def test_a_tolerance_of_all_numbers_is_met_by_the_cubic_stiffness_too() -> None:
     model = outline("square")
     tolerance = 3e-6
-    exact = square_constant(1, 1, model.film.poisson) * model.film.young * model.film.thickness / (1 - model.film.poisson**2)
+    exact = (
+        square_constant(1, 1, model.film.poisson)
+        * model.film.young
+        * model.film.thickness
+        / (1 - model.film.poisson**2)
+    )
     modes = solve_modes_to(model, tolerance, 2, cache=False, of="all")
     found = solve_nonlinearity(modes, cache=False)
     assert found.k3[0] == pytest.approx(exact, rel=tolerance)
     assert found.alpha[0] == pytest.approx(exact / modes.stiffness[0], rel=tolerance)
     assert np.all(modes.effective_mass_error <= tolerance * modes.effective_mass)
     loose = solve_modes_to(model, tolerance, 2, cache=False)
-    assert solve_nonlinearity(loose, cache=False).k3_error[0] > tolerance * exact, "the tolerance of frequencies alone would do"
+    assert solve_nonlinearity(loose, cache=False).k3_error[0] > tolerance * exact, (
+        "the tolerance of frequencies alone would do"
+    )
 
 
 @pytest.mark.parametrize("poisson", POISSON)
 def test_the_cubic_stiffness_of_the_circle_is_that_of_its_radial_problem(poisson: float) -> None:
-    # Minimum over u(r) of 4π∫ (e_r² + e_θ² + 2ν e_r e_θ) r dr with e_r = u′ + ½ξ′², e_θ = u/r and ξ = J₀(jr).
+    # Minimum over u(r) of 4π∫ (e_r² + e_θ² + 2ν e_r e_θ) r dr with e_r = u′ + ½ξ′², e_θ = u/r and ξ
+    # = J₀(jr).
     nodes, weights = legendre.leggauss(60)
     r = (nodes + 1) / 2
     weight = weights / 2
@@ -202,9 +251,13 @@ def test_the_cubic_stiffness_of_the_circle_is_that_of_its_radial_problem(poisson
     radial = np.column_stack([stretch, du])
     hoop = np.column_stack([0 * r, u / r[:, None]])
     area = 4 * np.pi * (weight * r)[:, None]
-    form = (area * radial).T @ (radial + poisson * hoop) + (area * hoop).T @ (hoop + poisson * radial)
+    form = (area * radial).T @ (radial + poisson * hoop) + (area * hoop).T @ (
+        hoop + poisson * radial
+    )
     constant = form[0, 0] - form[0, 1:] @ np.linalg.lstsq(form[1:, 1:], form[1:, 0], rcond=None)[0]
-    assert reference("duffing_table", f"C, circle, ν = {poisson}") == pytest.approx(constant, abs=6e-7)
+    assert reference("duffing_table", f"C, circle, ν = {poisson}") == pytest.approx(
+        constant, abs=6e-7
+    )
     davidovikj = np.pi / (1.27 - 0.97 * poisson - 0.27 * poisson**2) * (1 - poisson**2)
     assert constant == pytest.approx(davidovikj, rel=1.3e-3)
 
@@ -215,7 +268,10 @@ def scikit_hexagon(device: Callable[..., Model]) -> tuple[Basis, Array]:
     graded = mesh(device('kind = "regular-polygon"\nsides = 6\nlong_axis = "2 m"'), "full", 1).mesh
     basis = Basis(MeshTri1(np.asarray(graded.p), graded.t), ElementTriP4(), intorder=12)
     inside = basis.complement_dofs(basis.get_dofs())
-    forms = (BilinearForm(lambda u, v, _: dot(grad(u), grad(v))), BilinearForm(lambda u, v, _: u * v))
+    forms = (
+        BilinearForm(lambda u, v, _: dot(grad(u), grad(v))),
+        BilinearForm(lambda u, v, _: u * v),
+    )
     stiffness, mass = (csc_matrix(form.assemble(basis))[inside][:, inside] for form in forms)
     values, vectors = eigsh(stiffness, k=1, M=mass, sigma=0.0)
     assert values[0] == pytest.approx(reference("ideal_hexagon", "λ1"), rel=1e-8)
@@ -225,19 +281,29 @@ def scikit_hexagon(device: Callable[..., Model]) -> tuple[Basis, Array]:
 
 
 @pytest.mark.parametrize("poisson", POISSON)
-def test_the_cubic_stiffness_of_the_hexagon_is_that_of_scikit_fems_own_forms(scikit_hexagon: tuple[Basis, Array], poisson: float) -> None:
+def test_the_cubic_stiffness_of_the_hexagon_is_that_of_scikit_fems_own_forms(
+    scikit_hexagon: tuple[Basis, Array], poisson: float
+) -> None:
     basis, shape = scikit_hexagon
     plane = basis.with_element(ElementVector(ElementTriP4()))
 
     def stress(strain: Array) -> Array:
-        return np.asarray((1 - poisson) * strain + poisson * np.einsum("ij,kk...->ij...", np.eye(2), strain))
+        return np.asarray(
+            (1 - poisson) * strain + poisson * np.einsum("ij,kk...->ij...", np.eye(2), strain)
+        )
 
     def stretch(w: FormExtraParams) -> Array:
         return np.asarray(np.einsum("i...,j...->ij...", grad(w["w"]), grad(w["w"])) / 2)
 
     stiffness = BilinearForm(lambda u, v, _: ddot(stress(sym_grad(u)), sym_grad(v))).assemble(plane)
-    load = LinearForm(lambda v, w: -ddot(stress(stretch(w)), sym_grad(v))).assemble(plane, w=basis.interpolate(shape))
-    alone = Functional(lambda w: ddot(stress(stretch(w)), stretch(w))).assemble(basis, w=basis.interpolate(shape))
+    load = LinearForm(lambda v, w: -ddot(stress(stretch(w)), sym_grad(v))).assemble(
+        plane, w=basis.interpolate(shape)
+    )
+    alone = Functional(lambda w: ddot(stress(stretch(w)), stretch(w))).assemble(
+        basis, w=basis.interpolate(shape)
+    )
     inside = plane.complement_dofs(plane.get_dofs())
     u = spsolve(csc_matrix(stiffness)[inside][:, inside], load[inside])
-    assert reference("duffing_table", f"C, hexagon, ν = {poisson}") == pytest.approx(2 * (alone - load[inside] @ u), rel=3e-7)
+    assert reference("duffing_table", f"C, hexagon, ν = {poisson}") == pytest.approx(
+        2 * (alone - load[inside] @ u), rel=3e-7
+    )

@@ -61,7 +61,9 @@ def split(found: Projection, mass: Array, stress: tuple[float, float, float]) ->
 def test_an_even_stress_leaves_what_the_modes_were_solved_with() -> None:
     modes, found = solved()
     stress = modes.domain.model.film.stress
-    assert stress * (found.slopes[0, 0] + found.slopes[0, 1]) == pytest.approx(np.diag(modes.stiffness), abs=1e-7 * modes.stiffness.max())
+    assert stress * (found.slopes[0, 0] + found.slopes[0, 1]) == pytest.approx(
+        np.diag(modes.stiffness), abs=1e-7 * modes.stiffness.max()
+    )
 
 
 @pytest.mark.parametrize("stress", [(1.01, 0.99, 0.0), (1.0, 1.0, 0.01)])
@@ -84,16 +86,34 @@ def test_quadrilaterals_split_the_modes_as_much_as_femnl_does() -> None:
     mass = np.diag(modes.effective_mass)
     plain = np.sqrt(eigh(xx + yy, eigvals_only=True))[:8]
     for a, s in ((0.01, 0.0), (0.0, 0.01)):
-        own = split(found, mass, (1 + a / 2, 1 - a / 2, s))[:8] / split(found, mass, (1.0, 1.0, 0.0))[:8] - 1
-        theirs = np.sqrt(eigh((1 + a / 2) * xx + (1 - a / 2) * yy + s * xy, eigvals_only=True))[:8] / plain - 1
+        own = (
+            split(found, mass, (1 + a / 2, 1 - a / 2, s))[:8]
+            / split(found, mass, (1.0, 1.0, 0.0))[:8]
+            - 1
+        )
+        theirs = (
+            np.sqrt(eigh((1 + a / 2) * xx + (1 - a / 2) * yy + s * xy, eigvals_only=True))[:8]
+            / plain
+            - 1
+        )
         assert own == pytest.approx(theirs, abs=5e-3 * np.abs(own).max())
     unrelaxed = project(modes)
-    assert np.abs(split(unrelaxed, mass, (1.005, 0.995, 0.0)) / split(unrelaxed, mass, (1.0, 1.0, 0.0)) - 1).max() > 1.02 * 1.92e-3
+    assert (
+        np.abs(
+            split(unrelaxed, mass, (1.005, 0.995, 0.0)) / split(unrelaxed, mass, (1.0, 1.0, 0.0))
+            - 1
+        ).max()
+        > 1.02 * 1.92e-3
+    )
 
 
 @pytest.mark.parametrize("symmetry", ["eighth", "quarter", "full"])
-def test_shear_couples_the_first_mode_of_an_even_square_to_the_fourth_alike_from_any_wedge(symmetry: str) -> None:
-    modes = solve_modes(replace(parse(FILM), holes=Holes(np.empty((0, 2)), 0.0)), 4, symmetry, cache=False)
+def test_shear_couples_the_first_mode_of_an_even_square_to_the_fourth_alike_from_any_wedge(
+    symmetry: str,
+) -> None:
+    modes = solve_modes(
+        replace(parse(FILM), holes=Holes(np.empty((0, 2)), 0.0)), 4, symmetry, cache=False
+    )
     place = [int(np.argmin(np.abs(modes.frequency / modes.frequency[0] - r))) for r in (1, 2)]
     # h ∫ ½(∂xξ₁₁∂yξ₂₂ + ∂yξ₁₁∂xξ₂₂) of cosines and sines is 16/9 h.
     coupled = abs(project(modes).slopes[0, 2][place[0], place[1]])
@@ -101,7 +121,9 @@ def test_shear_couples_the_first_mode_of_an_even_square_to_the_fourth_alike_from
 
 
 def test_a_wedge_between_oblique_mirrors_is_refused() -> None:
-    with pytest.raises(ParameterError, match="a wedge of 45° holds even stresses alone; mesh a quarter or more"):
+    with pytest.raises(
+        ParameterError, match="a wedge of 45° holds even stresses alone; mesh a quarter or more"
+    ):
         solve_units(mesh(parse(FILM), "eighth"), 2)
 
 
@@ -111,12 +133,18 @@ def test_shapes_go_on_smoothly_over_holes_and_are_exact_beside_them() -> None:
     turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     centres = modes.domain.model.holes.centres
     centre = centres[0]
-    rim = found.at(centre[0] + 1.001 * radius * np.cos(turn), centre[1] + 1.001 * radius * np.sin(turn))[0]
+    rim = found.at(
+        centre[0] + 1.001 * radius * np.cos(turn), centre[1] + 1.001 * radius * np.sin(turn)
+    )[0]
     middle = found.at(centre[0], centre[1])[0]
     assert rim.min() < middle < rim.max()
     x, y = np.random.default_rng(2).uniform(-48e-6, 48e-6, (2, 500))
     away = np.min(
-        np.hypot(x[:, None] - modes.domain.model.holes.centres[:, 0], y[:, None] - modes.domain.model.holes.centres[:, 1]), axis=1
+        np.hypot(
+            x[:, None] - modes.domain.model.holes.centres[:, 0],
+            y[:, None] - modes.domain.model.holes.centres[:, 1],
+        ),
+        axis=1,
     )
     film = away > 1.3 * radius
     every = shapes_at(modes, x[film], y[film])

@@ -20,28 +20,39 @@ from femnl.resonator import (
 )
 
 Force = Callable[[float, Array], Array]
-# All tests count time in 1/ω₀ and displacement in units of 1/√α, where the equations have no small or large numbers.
+# All tests count time in 1/ω₀ and displacement in units of 1/√α, where the equations have no small
+# or large numbers.
 F0 = 1 / (2 * np.pi)
 
 
 def shoot(force: Force, omega: float, state: Array, n_samples: int = 64) -> tuple[Array, Complex]:
-    """Find the periodic orbit near `state` by Newton on the period map; return displacement samples and the multipliers."""
+    """Find the periodic orbit near `state` by Newton on the period map.
+
+    Return displacement samples and the multipliers.
+    """
     n = len(state)
     period = 2 * np.pi / omega
 
     def period_map(start: Array) -> Array:
         times = np.linspace(0, period, n_samples + 1)
-        return np.asarray(solve_ivp(force, (0, period), start, "DOP853", times, rtol=1e-12, atol=1e-14).y)
+        return np.asarray(
+            solve_ivp(force, (0, period), start, "DOP853", times, rtol=1e-12, atol=1e-14).y
+        )
 
     for _ in range(12):
         orbit = period_map(state)
         step = 1e-6
-        columns = [(period_map(state + step * e)[:, -1] - period_map(state - step * e)[:, -1]) / (2 * step) for e in np.eye(n)]
+        columns = [
+            (period_map(state + step * e)[:, -1] - period_map(state - step * e)[:, -1]) / (2 * step)
+            for e in np.eye(n)
+        ]
         monodromy = np.stack(columns, axis=1)
         change = np.linalg.solve(monodromy - np.eye(n), orbit[:, -1] - state)
         state = state - change
         if np.linalg.norm(change) < 1e-11:
-            return period_map(state)[: n // 2, :-1], np.asarray(np.linalg.eigvals(monodromy), dtype=complex)
+            return period_map(state)[: n // 2, :-1], np.asarray(
+                np.linalg.eigvals(monodromy), dtype=complex
+            )
     raise AssertionError("shooting did not converge")
 
 
@@ -67,7 +78,14 @@ def test_harmonic_balance_meets_time_integration_on_every_branch(name: str, shif
     def rate(t: float, s: Array) -> Array:
         u, v = s
         pull = u + mode.quadratic * u**2 + mode.alpha * u**3 + mode.quintic * u**5
-        return np.array([v, force * np.cos(omega * t) - mode.damping * (1 + mode.nonlinear_damping * u**2) * v - pull])
+        return np.array(
+            [
+                v,
+                force * np.cos(omega * t)
+                - mode.damping * (1 + mode.nonlinear_damping * u**2) * v
+                - pull,
+            ]
+        )
 
     found = balance(mode, force, omega * F0, 14)
     assert len(found.frequency) == np.isfinite(branches(mode, force, [omega * F0]).amplitude).sum()
@@ -77,14 +95,20 @@ def test_harmonic_balance_meets_time_integration_on_every_branch(name: str, shif
         speed = (found.coefficients[p, 0] * 1j * order * omega).real.sum()
         orbit, multipliers = shoot(rate, omega, np.array([q[p, 0], speed]))
         np.testing.assert_allclose(q[p], orbit[0], atol=1e-9 * np.abs(orbit).max())
-        np.testing.assert_allclose(np.sort_complex(found.multipliers[p]), np.sort_complex(multipliers), atol=2e-7)
+        np.testing.assert_allclose(
+            np.sort_complex(found.multipliers[p]), np.sort_complex(multipliers), atol=2e-7
+        )
         assert found.stable[p] == (np.abs(multipliers).max() < 1)
 
 
-@pytest.mark.parametrize("ratio", [1.37, 2.0, 3.0], ids=["dispersive", "one to two", "one to three"])
+@pytest.mark.parametrize(
+    "ratio", [1.37, 2.0, 3.0], ids=["dispersive", "one to two", "one to three"]
+)
 def test_coupled_modes_meet_time_integration(ratio: float) -> None:
     second = ratio * 1.001
-    k2, k3, k31 = (0.12, 0.0, 0.0) if ratio == 2 else (0.0, 0.4, 0.0) if ratio < 2 else (0.0, 0.4, 0.3)
+    k2, k3, k31 = (
+        (0.12, 0.0, 0.0) if ratio == 2 else (0.0, 0.4, 0.0) if ratio < 2 else (0.0, 0.4, 0.3)
+    )
     mass = np.array([1.0, 0.5])
     modes = couple(
         [Resonator(F0, 40, alpha=0.5), Resonator(second * F0, 60, alpha=0.8)],
@@ -96,7 +120,8 @@ def test_coupled_modes_meet_time_integration(ratio: float) -> None:
     force = np.array([0.008, 0.0])
 
     def rate(t: float, s: Array) -> Array:
-        # Forces from the potential K2 q₁²q₂ + (3/2) K3 q₁²q₂² + K31 q₁³q₂, and each mode's own terms.
+        # Forces from the potential K2 q₁²q₂ + (3/2) K3 q₁²q₂² + K31 q₁³q₂, and each mode's own
+        # terms.
         q1, q2, v1, v2 = s
         f1 = 2 * k2 * q1 * q2 + 3 * k3 * q1 * q2**2 + 3 * k31 * q1**2 * q2
         f2 = k2 * q1**2 + 3 * k3 * q1**2 * q2 + k31 * q1**3
@@ -107,16 +132,27 @@ def test_coupled_modes_meet_time_integration(ratio: float) -> None:
     motion = sweep_modes(modes, force, np.linspace(0.9, omega, 12) * F0, 16)
     order = np.arange(17)
     last = motion.coefficients[-1]
-    orbit, multipliers = shoot(rate, omega, np.concatenate([last.real.sum(axis=1), (last * 1j * order * omega).real.sum(axis=1)]))
+    orbit, multipliers = shoot(
+        rate,
+        omega,
+        np.concatenate([last.real.sum(axis=1), (last * 1j * order * omega).real.sum(axis=1)]),
+    )
     assert np.abs(orbit[1]).max() > 1e-3 * np.abs(orbit[0]).max() or ratio < 2
     np.testing.assert_allclose(motion.at(PHASE)[-1], orbit, atol=1e-9 * np.abs(orbit).max())
-    np.testing.assert_allclose(np.abs(motion.multipliers[-1]).max(), np.abs(multipliers).max(), atol=2e-7)
+    np.testing.assert_allclose(
+        np.abs(motion.multipliers[-1]).max(), np.abs(multipliers).max(), atol=2e-7
+    )
 
 
 def test_a_dispersively_coupled_mode_is_pumped_parametrically_once_the_drive_is_strong() -> None:
-    # q₁ = U cos ωt makes ω₂² → ω₂² + (3/2)K₃U²(1 + cos 2ωt): a Mathieu tongue about ω₂² = ω² − (3/2)K₃U² of half width (3/4)K₃U².
+    # q₁ = U cos ωt makes ω₂² → ω₂² + (3/2)K₃U²(1 + cos 2ωt): a Mathieu tongue about ω₂² = ω² −
+    # (3/2)K₃U² of half width (3/4)K₃U².
     def growth(force: float, second: float) -> float:
-        modes = couple([Resonator(F0, 100), Resonator(second * F0, 1000)], [1.0, 1.0], cubic={(0, 0, 1, 1): 0.2})
+        modes = couple(
+            [Resonator(F0, 100), Resonator(second * F0, 1000)],
+            [1.0, 1.0],
+            cubic={(0, 0, 1, 1): 0.2},
+        )
         motion = sweep_or_curve_end(modes, force)
         return float(np.abs(motion).max())
 
@@ -136,7 +172,9 @@ def sweep_or_curve_end(modes: CoupledModes, force: float) -> Complex:
 
 @pytest.mark.parametrize("stiffening", [0, 1e-9, 0.3, 1.6, -8, 80, -1e4])
 @pytest.mark.parametrize("damping", [0, 0.3, 4])
-def test_amplitude_roots_solve_their_equation_and_none_is_missed(stiffening: float, damping: float) -> None:
+def test_amplitude_roots_solve_their_equation_and_none_is_missed(
+    stiffening: float, damping: float
+) -> None:
     detuning = np.linspace(-2, 2, 301) * (10 + abs(stiffening))
     x = duffing_roots(detuning, stiffening, damping)
 
@@ -147,25 +185,33 @@ def test_amplitude_roots_solve_their_equation_and_none_is_missed(stiffening: flo
     for column, delta in zip(x.T, detuning, strict=True):
         roots = column[np.isfinite(column)]
         beside = np.concatenate([roots * (1 - 1e-8), roots * (1 + 1e-8)])
-        signs = np.sign(excess(np.sort(np.concatenate([np.geomspace(1e-12, 1.1, 2000), beside])), delta))
+        signs = np.sign(
+            excess(np.sort(np.concatenate([np.geomspace(1e-12, 1.1, 2000), beside])), delta)
+        )
         assert np.count_nonzero(np.diff(signs)) == len(roots)
         assert np.all(np.diff(roots) >= 0)
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.2, 0.9])
 def test_three_states_appear_just_above_the_critical_force(loss: float) -> None:
-    # Q is high because the Lorentzian form moves the critical force by 1/Q, and the amplitude there by its cube root.
+    # Q is high because the Lorentzian form moves the critical force by 1/Q, and the amplitude there
+    # by its cube root.
     mode = Resonator(1e6, 1e9, alpha=1e10, nonlinear_damping=loss * np.sqrt(3) * 1e10 * 1e9)
     force, frequency, amplitude = critical_point(mode)
     # Just above, three states share a window of ε^(3/2) linewidths only.
     near = frequency + np.linspace(-0.02, 0.02, 20001) * mode.linewidth
-    counts = [np.isfinite(branches(mode, force * factor, near).amplitude).sum(axis=1).max() for factor in (1 - 2e-3, 1 + 2e-3)]
+    counts = [
+        np.isfinite(branches(mode, force * factor, near).amplitude).sum(axis=1).max()
+        for factor in (1 - 2e-3, 1 + 2e-3)
+    ]
     assert counts == [1, 3]
     found = np.abs(branches(mode, force, [frequency]).amplitude[0])
     np.testing.assert_allclose(found[np.isfinite(found)], amplitude, rtol=5e-3)
     if loss == 0:
         peak = force / (mode.omega * mode.damping)
-        np.testing.assert_allclose(critical_alpha(mode.frequency, mode.linewidth, peak), mode.alpha, rtol=1e-12)
+        np.testing.assert_allclose(
+            critical_alpha(mode.frequency, mode.linewidth, peak), mode.alpha, rtol=1e-12
+        )
 
 
 def test_no_critical_point_exists_where_damping_grows_faster_than_stiffness() -> None:

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from femnl.core.resonator import Resonator
-from femnl.resonator import balance, branches, couple, critical_point, integrate, ring_down, sweep, sweep_modes
+from femnl.resonator import (
+    balance,
+    branches,
+    couple,
+    critical_point,
+    integrate,
+    ring_down,
+    sweep,
+    sweep_modes,
+)
 
 # Time counts in 1/ω₀ where F0 is used.
 F0 = 1 / (2 * np.pi)
@@ -22,7 +31,10 @@ def test_rotating_wave_sweeps_agree_with_slow_sweeps_in_time(quintic: float) -> 
         full = sweep_modes(couple([mode]), [force], frequency, 3).coefficients[:, 0, 1]
         same = np.abs(slow - full) < 0.02 * np.abs(slow).max()
         assert np.count_nonzero(~same) <= 1
-    assert np.ptp(np.abs(sweep(mode, force, grid) - sweep(mode, force, grid[::-1])[::-1])) > 0.2 * np.abs(slow).max()
+    assert (
+        np.ptp(np.abs(sweep(mode, force, grid) - sweep(mode, force, grid[::-1])[::-1]))
+        > 0.2 * np.abs(slow).max()
+    )
 
 
 def test_a_drive_switched_on_at_rest_leads_to_the_state_that_time_integration_finds() -> None:
@@ -56,7 +68,8 @@ def test_rotating_wave_error_falls_with_the_square_of_the_amplitude() -> None:
 
 
 def test_amplitude_carries_the_whole_force_and_alpha_four_pi_squared() -> None:
-    # Errata of arXiv:2502.19191, S2: the linear peak is 𝓕/(4π² f₀ w), not half of it, and α = α_y (4π² y_max w f₀/𝓕)².
+    # Errata of arXiv:2502.19191, S2: the linear peak is 𝓕/(4π² f₀ w), not half of it, and α = α_y
+    # (4π² y_max w f₀/𝓕)².
     mode = Resonator(1.5e6, 100, alpha=2e10)
     force = 7e5
     gain = 3e5
@@ -65,12 +78,16 @@ def test_amplitude_carries_the_whole_force_and_alpha_four_pi_squared() -> None:
     def steady(amplitude_force: float, drive: float) -> complex:
         periods = round(20 / mode.damping * drive)
         time = np.concatenate([[0.0], (periods + np.arange(64) / 64) / drive])
-        q, _ = integrate(couple([mode]), [amplitude_force], drive, [0.0], [0.0], time, tolerance=1e-9)
+        q, _ = integrate(
+            couple([mode]), [amplitude_force], drive, [0.0], [0.0], time, tolerance=1e-9
+        )
         return complex(2 * np.mean(q[0, 1:] * np.exp(-2j * np.pi * np.arange(64) / 64)))
 
     small = force * 1e-3
     linear = abs(steady(small, frequency))
-    np.testing.assert_allclose(linear, small / (4 * np.pi**2 * mode.frequency * mode.linewidth), rtol=1e-4)
+    np.testing.assert_allclose(
+        linear, small / (4 * np.pi**2 * mode.frequency * mode.linewidth), rtol=1e-4
+    )
     # y = gain·A; at the driven state the Lorentzian form gives α_y, and with it α.
     drive = frequency + 0.5 * mode.linewidth
     y = gain * steady(force, drive)
@@ -94,10 +111,14 @@ def test_ring_down_error_falls_with_the_square_of_the_amplitude(name: str) -> No
     mode = RINGING[name]
     errors = []
     for shrink in (1, 2, 4):
-        # 1/Q falls with A², so that the decay keeps its shape while all small parameters vanish together.
+        # 1/Q falls with A², so that the decay keeps its shape while all small parameters vanish
+        # together.
         start = 0.1 / shrink
         scale = shrink**2
-        growth = {"quintic": mode.quintic * scale, "nonlinear_damping": mode.nonlinear_damping * scale}
+        growth = {
+            "quintic": mode.quintic * scale,
+            "nonlinear_damping": mode.nonlinear_damping * scale,
+        }
         slow = replace(mode, quality_factor=mode.quality_factor * scale, **growth)
         time = np.linspace(0, 3 / slow.damping, 4000 * scale)
         phase = np.unwrap(np.angle(ring_down(slow, start, time)))

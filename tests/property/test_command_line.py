@@ -7,10 +7,42 @@ from hypothesis import strategies as st
 from femnl.cli._main import run
 
 MANY = settings(
-    derandomize=True, database=None, deadline=None, max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    derandomize=True,
+    database=None,
+    deadline=None,
+    max_examples=80,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
-COMMANDS = ["bands", "geometries", "effects", "show", "mesh", "import", "fit", "diagnose", "maps", "modes", "nonsense", "sweep", "view"]
-OPTIONS = ["--json", "--out", "--z", "--count", "--symmetry", "--format", "--points", "--geometry", "--use", "--edge", "--mode", "-n", "--"]
+COMMANDS = [
+    "bands",
+    "geometries",
+    "effects",
+    "show",
+    "mesh",
+    "import",
+    "fit",
+    "diagnose",
+    "maps",
+    "modes",
+    "nonsense",
+    "sweep",
+    "view",
+]
+OPTIONS = [
+    "--json",
+    "--out",
+    "--z",
+    "--count",
+    "--symmetry",
+    "--format",
+    "--points",
+    "--geometry",
+    "--use",
+    "--edge",
+    "--mode",
+    "-n",
+    "--",
+]
 VALUES = [
     "",
     "0",
@@ -30,9 +62,14 @@ VALUES = [
 ]
 
 
-@given(st.sampled_from(COMMANDS), st.lists(st.sampled_from([*OPTIONS, *VALUES]) | st.text(max_size=8), max_size=5))
+@given(
+    st.sampled_from(COMMANDS),
+    st.lists(st.sampled_from([*OPTIONS, *VALUES]) | st.text(max_size=8), max_size=5),
+)
 @MANY
-def test_any_words_are_answered_or_refused_in_one_line(capsys: pytest.CaptureFixture[str], command: str, words: list[str]) -> None:
+def test_any_words_are_answered_or_refused_in_one_line(
+    capsys: pytest.CaptureFixture[str], command: str, words: list[str]
+) -> None:
     status = run([command, *words])
     out, err = capsys.readouterr()
     assert status in (0, 2)

@@ -13,7 +13,10 @@ from femnl.pipeline import solve_modes
 
 FEW = settings(derandomize=True, database=None, deadline=None, max_examples=12)
 FILM = (
-    '[film]\nthickness = "100 nm"\nyoung = "250 GPa"\npoisson = 0.23\ndensity = "3100 kg/m^3"\nstress = "1 GPa"\n[model]\nbending = false\n'
+    '[film]\nthickness = "100 nm"\nyoung = "250 GPa"\npoisson = 0.23\ndensity = "3100 '
+    'kg/m^3"\nstress = "1 '
+    'GPa"\n[model]\nbending '
+    "= false\n"
 )
 
 
@@ -31,12 +34,17 @@ def outlines(draw: st.DrawFn) -> tuple[str, float]:
         return f'kind = "circle"\ndiameter = "{size} um"', size / 2 / np.sqrt(2)
     if kind == "regular-polygon":
         sides = draw(st.integers(3, 12))
-        return f'kind = "regular-polygon"\nsides = {sides}\nlong_axis = "{size} um"', size / 2 * np.cos(np.pi / sides) / np.sqrt(2)
+        return (
+            f'kind = "regular-polygon"\nsides = {sides}\nlong_axis = "{size} um"',
+            size / 2 * np.cos(np.pi / sides) / np.sqrt(2),
+        )
     angles = np.sort(np.array(draw(st.lists(st.floats(0.05, 1), min_size=3, max_size=9))).cumsum())
     angles *= 2 * np.pi / angles[-1]
     if np.diff(angles, append=angles[0] + 2 * np.pi).max() > 0.9 * np.pi:
         angles = 2 * np.pi * np.arange(5) / 5
-    corners = ", ".join(f'["{size / 2 * np.cos(a):.9f} um", "{size / 2 * np.sin(a):.9f} um"]' for a in angles)
+    corners = ", ".join(
+        f'["{size / 2 * np.cos(a):.9f} um", "{size / 2 * np.sin(a):.9f} um"]' for a in angles
+    )
     reach = size / 2 * np.cos(np.diff(angles, append=angles[0] + 2 * np.pi).max() / 2)
     return f'kind = "polygon"\npoints = [{corners}]', reach / np.sqrt(2)
 
@@ -50,7 +58,10 @@ def devices(draw: st.DrawFn) -> Model:
     if n:
         pitch = 2 * half / n
         radius = pitch * draw(st.floats(0.1, 0.35))
-        holes = f'[holes]\nlattice = "square"\npitch = "{pitch} um"\ncount = [{n}, {n}]\nradius = "{radius} um"\n'
+        holes = (
+            f'[holes]\nlattice = "square"\npitch = "{pitch} um"\ncount = [{n}, {n}]\nradius '
+            f'= "{radius} um"\n'
+        )
     return parse(f'name = "any"\n[outline]\n{outline}\n{holes}{FILM}')
 
 
@@ -69,8 +80,12 @@ def test_a_mesh_covers_the_film_once_and_nothing_else(device: Model, symmetry: s
 
 @given(outlines(), st.floats(0.01, 100))
 @settings(FEW, max_examples=4)
-def test_a_membrane_of_another_size_rings_in_proportion(outline: tuple[str, float], factor: float) -> None:
+def test_a_membrane_of_another_size_rings_in_proportion(
+    outline: tuple[str, float], factor: float
+) -> None:
     device = parse(f'name = "any"\n[outline]\n{outline[0]}\n{FILM}')
     thinner = parse(device.text.replace('"3100 kg/m^3"', f'"{3100 * factor} kg/m^3"'))
-    one, other = (solve_modes(d, 2, resolution=0.5, cache=False).frequency for d in (device, thinner))
+    one, other = (
+        solve_modes(d, 2, resolution=0.5, cache=False).frequency for d in (device, thinner)
+    )
     np.testing.assert_allclose(other * np.sqrt(factor), one, rtol=1e-9)

@@ -1,4 +1,7 @@
-"""What holds for every measurement: written and read it is the same, and what was mended once needs no mending again."""
+"""What holds for every measurement.
+
+Written and read it is the same, and what was mended once needs no mending again.
+"""
 
 import tempfile
 from pathlib import Path
@@ -31,19 +34,30 @@ def datasets(draw: st.DrawFn) -> xr.Dataset:
     steps = st.lists(st.floats(1e-3, 1), min_size=m, max_size=m)
     if kind == "spectrum":
         frequency = draw(arrays.arrays(float, m, elements=st.floats(1, 1e9)))
-        return measurement.spectrum(frequency, draw(arrays.arrays(float, m, elements=st.floats(1e-6, 1e3))))
+        return measurement.spectrum(
+            frequency, draw(arrays.arrays(float, m, elements=st.floats(1e-6, 1e3)))
+        )
     if kind == "series":
         quality = draw(arrays.arrays(float, m, elements=st.floats(1, 1e9)))
-        return measurement.series({"pressure": draw(arrays.arrays(float, m, elements=st.floats(0, 1e5)))}, quality_factor=quality)
+        return measurement.series(
+            {"pressure": draw(arrays.arrays(float, m, elements=st.floats(0, 1e5)))},
+            quality_factor=quality,
+        )
     volts = draw(arrays.arrays(float, (n, m), elements=VOLTS))
     if kind == "trace":
         return measurement.trace(axis(0, draw(steps)), volts, drive_frequency=np.full(n, 1e6))
     if kind == "response":
         frequency = np.tile(axis(1e6, draw(steps)), (n, 1))
-        return measurement.response(frequency, volts + 1j * draw(arrays.arrays(float, (n, m), elements=VOLTS)), drive=np.full(n, 0.1))
+        return measurement.response(
+            frequency,
+            volts + 1j * draw(arrays.arrays(float, (n, m), elements=VOLTS)),
+            drive=np.full(n, 0.1),
+        )
     place = axis(-1e-4, draw(steps)) * 1e-4
     cube = np.broadcast_to(volts[:, None, :], (n, m, m))
-    return measurement.harmonic_map(place, place, np.arange(1, n + 1), cube + 0.5j, wavelength=633e-9)
+    return measurement.harmonic_map(
+        place, place, np.arange(1, n + 1), cube + 0.5j, wavelength=633e-9
+    )
 
 
 @given(datasets())

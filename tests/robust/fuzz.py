@@ -1,8 +1,12 @@
-"""Feed mutated bytes to one reader: `python fuzz.py geometry|measurement|structure SEEDS FLAGS…`, flags as of libFuzzer.
+"""Feed mutated bytes to one reader.
 
-`geometry` and `measurement` take the bytes for a file's; `structure` makes HDF5 of them that is sound and holds anything.
+`python fuzz.py geometry|measurement|structure SEEDS FLAGS…`, flags as of libFuzzer.
 
-Ends with a status other than 0 at the first traceback, hang or message of more than one line, and prints the bytes.
+`geometry` and `measurement` take the bytes for a file's; `structure` makes HDF5 of them that is
+sound and holds anything.
+
+Ends with a status other than 0 at the first traceback, hang or message of more than one line, and
+prints the bytes.
 """
 
 import sys
@@ -16,7 +20,9 @@ import numpy as np
 
 atheris = import_module("atheris")  # without types, and only there where the fuzzers run
 
-with atheris.instrument_imports(include=["tomllib", "femnl.device.geometry", "femnl.io.measurement"]):
+with atheris.instrument_imports(
+    include=["tomllib", "femnl.device.geometry", "femnl.io.measurement"]
+):
     from femnl.core.errors import GeometryError, MeasurementError
     from femnl.device import geometry
     from femnl.io import measurement
@@ -50,9 +56,27 @@ def read_measurement(data: bytes) -> None:
         check(str(error))
 
 
-NAMES = sorted({name for kind in KINDS.values() for name in [*kind.datasets, *kind.attributes]} | {"kind", "units", "stranger"})
+NAMES = sorted(
+    {name for kind in KINDS.values() for name in [*kind.datasets, *kind.attributes]}
+    | {"kind", "units", "stranger"}
+)
 TYPES = ["f8", "f4", "i8", "u1", "?", "c16", "S3"]
-WORDS = [*KINDS, "", "m", "nm", "V", "Hz", "1/s", "632.8 nm", "m**9", "é", "1e400 m", "nan", "<script>", "../x.toml"]
+WORDS = [
+    *KINDS,
+    "",
+    "m",
+    "nm",
+    "V",
+    "Hz",
+    "1/s",
+    "632.8 nm",
+    "m**9",
+    "é",
+    "1e400 m",
+    "nan",
+    "<script>",
+    "../x.toml",
+]
 
 
 def values(data: Any) -> object:
@@ -65,7 +89,11 @@ def values(data: Any) -> object:
     shape = tuple(data.ConsumeIntInRange(0, 5) for _ in range(data.ConsumeIntInRange(0, 4)))
     kind = np.dtype(data.PickValueInList(TYPES))
     size = int(np.prod(shape)) * kind.itemsize
-    content = np.frombuffer(data.ConsumeBytes(size).ljust(size, b"\1"), dtype="u1").view(kind).reshape(shape)
+    content = (
+        np.frombuffer(data.ConsumeBytes(size).ljust(size, b"\1"), dtype="u1")
+        .view(kind)
+        .reshape(shape)
+    )
     return np.sort(content.ravel()).reshape(shape) if choice == 2 and kind.kind in "fi" else content
 
 
@@ -79,7 +107,11 @@ def read_structure(data: bytes) -> None:
             group = file.create_group(f"g{k}")
             group.attrs["kind"] = kind
             own = [*KINDS[kind].datasets]
-            for name in own[: given.ConsumeIntInRange(0, len(own))] if given.ConsumeBool() else given.PickValueInList([own, NAMES[:5]]):
+            for name in (
+                own[: given.ConsumeIntInRange(0, len(own))]
+                if given.ConsumeBool()
+                else given.PickValueInList([own, NAMES[:5]])
+            ):
                 group[name] = values(given)
                 if given.ConsumeBool():
                     group[name].attrs["units"] = given.PickValueInList(WORDS)
@@ -96,6 +128,10 @@ if __name__ == "__main__":
     h5py._errors.silence_errors()
     with TemporaryDirectory() as folder:
         FOLDER = Path(folder)
-        target = {"geometry": read_geometry, "measurement": read_measurement, "structure": read_structure}[sys.argv[1]]
+        target = {
+            "geometry": read_geometry,
+            "measurement": read_measurement,
+            "structure": read_structure,
+        }[sys.argv[1]]
         atheris.Setup([sys.argv[0], *sys.argv[2:]], target)
         atheris.Fuzz()

@@ -1,4 +1,7 @@
-"""Whatever befalls the disk or the process, a file is whole or as it was before: done to it for real, not imagined."""
+"""Whatever befalls the disk or the process, a file is whole or as it was before.
+
+Done to it for real, not imagined.
+"""
 
 import os
 import random
@@ -23,18 +26,34 @@ from femnl.io.results.cache import kept
 DRUM = ["modes", "circle", "--count", "1", "--resolution", "0.5"]
 
 
-def femnl(*words: str, folder: Path, before: Callable[[], None] | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
+def femnl(
+    *words: str, folder: Path, before: Callable[[], None] | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
     """Run the command in a process of its own, its cache in the folder."""
-    known = os.environ | {"XDG_CACHE_HOME": str(folder / "cache"), "PYTHONPATH": str(Path(__file__).parents[2])} | environment
+    known = (
+        os.environ
+        | {"XDG_CACHE_HOME": str(folder / "cache"), "PYTHONPATH": str(Path(__file__).parents[2])}
+        | environment
+    )
     command = [sys.executable, "-m", "femnl", *words]
-    return subprocess.run(command, cwd=folder, env=known, preexec_fn=before, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(
+        command,
+        cwd=folder,
+        env=known,
+        preexec_fn=before,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
 
 
 def traces(value: float) -> str:
     """A program that writes one large measurement file for ever, all its voltages the same."""
     return (
         "import numpy as np\nfrom pathlib import Path\nfrom femnl import measurement\n"
-        f"data = measurement.trace(np.arange(2**20) * 1e-6, np.full((1, 2**20), {value}), drive_frequency=[1e6])\n"
+        f"data = measurement.trace(np.arange(2**20) * 1e-6, np.full((1, 2**20), {value}), "
+        "drive_frequency=[1e6])\n"
         "tree = measurement.bundle({'trace': data})\nPath('ready').touch()\n"
         "while True:\n    measurement.write(tree, 'shared.nc')\n"
     )
@@ -67,7 +86,9 @@ def test_a_file_whose_writer_is_killed_is_whole(tmp_path: Path) -> None:
         process.send_signal(signal.SIGCONT)
     process.kill()
     process.wait()
-    assert np.all(measurement.read(tmp_path / "shared.nc")["trace"].to_dataset().voltage.values == 1.0)
+    assert np.all(
+        measurement.read(tmp_path / "shared.nc")["trace"].to_dataset().voltage.values == 1.0
+    )
 
 
 def test_two_writers_of_one_file_never_mix(tmp_path: Path) -> None:
@@ -75,7 +96,9 @@ def test_two_writers_of_one_file_never_mix(tmp_path: Path) -> None:
     wait_for(tmp_path / "shared.nc")
     seen = set()
     for _ in range(200):
-        values = np.unique(measurement.read(tmp_path / "shared.nc")["trace"].to_dataset().voltage.values)
+        values = np.unique(
+            measurement.read(tmp_path / "shared.nc")["trace"].to_dataset().voltage.values
+        )
         assert len(values) == 1
         seen.add(float(values[0]))
         if len(seen) == 2:
@@ -116,24 +139,53 @@ def test_output_onto_a_full_disk_is_one_line(tmp_path: Path) -> None:
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     command = [sys.executable, "-m", "femnl", "geometries"]
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        done = subprocess.run(
+            command,
+            cwd=tmp_path,
+            env=environment,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
     assert done.returncode == 2
-    assert done.stderr == "femnl: output: No space left on device; check the path, its permissions and the room on the disk\n"
+    assert (
+        done.stderr
+        == "femnl: output: No space left on device; check the path, its permissions and the "
+        "room on the disk\n"
+    )
 
 
-def test_a_folder_that_must_not_be_written_is_one_line_before_anything_is_solved(tmp_path: Path) -> None:
+def test_a_folder_that_must_not_be_written_is_one_line_before_anything_is_solved(
+    tmp_path: Path,
+) -> None:
     folder = tmp_path / "locked"
     folder.mkdir()
     folder.chmod(0o555)
-    command = [sys.executable, "-m", "femnl", "modes", "square-270um-perforated", "--symmetry", "full", "--out", "m.nc"]
+    command = [
+        sys.executable,
+        "-m",
+        "femnl",
+        "modes",
+        "square-270um-perforated",
+        "--symmetry",
+        "full",
+        "--out",
+        "m.nc",
+    ]
     if os.getuid() == 0:  # who may write everywhere, unless that right is taken away
         if which("setpriv") is None:
             pytest.skip("the tests run as root, and there is no setpriv to take its rights away")
         command = ["setpriv", "--bounding-set=-dac_override", "--inh-caps=-dac_override", *command]
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     began = time.monotonic()
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
-    assert done.stderr == "femnl: m.nc: cannot write there; name a file in a folder that exists and is writable\n"
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    assert (
+        done.stderr
+        == "femnl: m.nc: cannot write there; name a file in a folder that exists and is writable\n"
+    )
     assert done.returncode == 2
     assert time.monotonic() - began < 30
 
@@ -157,7 +209,9 @@ class TestCache:
     def test_it_keeps_what_was_solved_first(self) -> None:
         assert [self.ask(1.0), self.ask(2.0)] == [1.0, 1.0]
 
-    def test_every_flipped_bit_is_noticed_and_mended(self, caplog: pytest.LogCaptureFixture) -> None:
+    def test_every_flipped_bit_is_noticed_and_mended(
+        self, caplog: pytest.LogCaptureFixture
+    ) -> None:
         self.ask(1.0)
         whole = self.path.read_bytes()
         for at in range(0, len(whole), 7):
@@ -170,23 +224,35 @@ class TestCache:
 
     @pytest.mark.parametrize(
         "content",
-        [b"", b"PK", b"\x89HDF\r\n\x1a\n" + bytes(5000), random.Random(4).randbytes(31), bytes(10**6)],
+        [
+            b"",
+            b"PK",
+            b"\x89HDF\r\n\x1a\n" + bytes(5000),
+            random.Random(4).randbytes(31),
+            bytes(10**6),
+        ],
         ids=["empty", "zip", "hdf5", "noise", "zeros"],
     )
-    def test_a_file_of_another_kind_is_solved_anew(self, content: bytes, caplog: pytest.LogCaptureFixture) -> None:
+    def test_a_file_of_another_kind_is_solved_anew(
+        self, content: bytes, caplog: pytest.LogCaptureFixture
+    ) -> None:
         self.path.parent.mkdir()
         self.path.write_bytes(content)
         assert self.ask(2.0) == 2.0
         assert "solved anew" in caplog.text
 
-    def test_a_file_in_the_place_of_its_folder_costs_a_warning(self, caplog: pytest.LogCaptureFixture) -> None:
+    def test_a_file_in_the_place_of_its_folder_costs_a_warning(
+        self, caplog: pytest.LogCaptureFixture
+    ) -> None:
         self.path.parent.write_text("in the way")
         assert self.ask(2.0) == 2.0
         assert "not kept in the cache" in caplog.text
         assert self.path.parent.read_text() == "in the way"
 
 
-def test_a_pickle_in_the_cache_is_never_run(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_pickle_in_the_cache_is_never_run(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     cache = TestCache()
     cache.path = tmp_path / "result.npz"
 
@@ -194,7 +260,12 @@ def test_a_pickle_in_the_cache_is_never_run(tmp_path: Path, caplog: pytest.LogCa
         def __reduce__(self) -> tuple[Callable[[str], None], tuple[str]]:
             return os.mkdir, (str(tmp_path / "owned"),)
 
-    kept(cache.path, lambda: None, lambda: None, lambda file, _: np.savez(file, value=np.array([Evil()])))
+    kept(
+        cache.path,
+        lambda: None,
+        lambda: None,
+        lambda file, _: np.savez(file, value=np.array([Evil()])),
+    )
     assert cache.ask(2.0) == 2.0
     assert "solved anew" in caplog.text
     assert not (tmp_path / "owned").exists()
@@ -207,9 +278,26 @@ def test_a_name_that_is_a_folder_is_left_alone(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["x.nc"]
 
 
-def test_a_memory_that_is_too_small_is_said_before_it_starts(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_memory_that_is_too_small_is_said_before_it_starts(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     began = time.monotonic()
-    assert run(["modes", "circle", "--symmetry", "full", "--resolution", "20", "--count", "100000", "--no-cache"]) == 2
+    assert (
+        run(
+            [
+                "modes",
+                "circle",
+                "--symmetry",
+                "full",
+                "--resolution",
+                "20",
+                "--count",
+                "100000",
+                "--no-cache",
+            ]
+        )
+        == 2
+    )
     line = capsys.readouterr().err
     assert line.startswith("femnl: ")
     assert line.endswith("lower the resolution\n")

@@ -17,36 +17,55 @@ from femnl.pipeline import solve_modes
 
 @pytest.mark.parametrize(
     ("name", "symmetry", "resolution"),
-    [("circle", "full", 2), ("square-270um", "full", 1), ("trampoline", "full", 1), ("trampoline", "full", 3)],
+    [
+        ("circle", "full", 2),
+        ("square-270um", "full", 1),
+        ("trampoline", "full", 1),
+        ("trampoline", "full", 3),
+    ],
 )
-def test_the_number_of_triangles_is_foreseen(name: str, symmetry: str, resolution: float, caplog: pytest.LogCaptureFixture) -> None:
+def test_the_number_of_triangles_is_foreseen(
+    name: str, symmetry: str, resolution: float, caplog: pytest.LogCaptureFixture
+) -> None:
     caplog.set_level(logging.INFO, "femnl.progress")
     made = build.mesh(load(name), symmetry, resolution).mesh.nelements
     (foreseen,) = re.findall(r": about (\S+) triangles", caplog.text)
     assert 0.6 < float(foreseen) / made < 1.6
 
 
-def test_a_degree_that_does_not_fit_is_refused_where_lower_ones_do(allow_memory: Callable[[int], None]) -> None:
+def test_a_degree_that_does_not_fit_is_refused_where_lower_ones_do(
+    allow_memory: Callable[[int], None],
+) -> None:
     # of memory a triangle: enough for degree 5, not for 6
     film = load("hexagon-278um")
     each = 200_000
     triangles = build.mesh(film).mesh.nelements
     allow_memory(each * triangles)
     assert build.mesh(film, degree=5).mesh.nelements == triangles
-    with pytest.raises(ParameterError, match=r"^hexagon-278um: modes of degree 6 on .* triangles need about .*; lower the resolution$"):
+    with pytest.raises(
+        ParameterError,
+        match=r"^hexagon-278um: modes of degree 6 on .* triangles need about .*; lower the "
+        r"resolution$",
+    ):
         solve_modes(film, 1, cache=False, degree=6)
 
 
 def test_what_fits_is_let_through_and_what_does_not_names_size_and_remedy() -> None:
     need_memory(1e6, "ten modes", "ask for fewer")
-    with pytest.raises(ParameterError, match=r"^ten modes need about 90,949 GiB of memory, and this machine has .* GiB; ask for fewer$"):
+    with pytest.raises(
+        ParameterError,
+        match=r"^ten modes need about 90,949 GiB of memory, and this machine has .* GiB; ask "
+        r"for fewer$",
+    ):
         need_memory(1e5 * 2**30 * 0.909494702, "ten modes", "ask for fewer")
 
 
 @pytest.mark.parametrize("kind", ["v", "d", "m"])
 def test_what_a_shell_allows_counts_as_the_memory_of_the_machine_does(kind: str) -> None:
     words = (
-        'from femnl.mechanics.fem.memory import need_memory as n; n(1e9, "ten modes", "ask for fewer"); n(5e9, "two films", "ask for one")'
+        'from femnl.mechanics.fem.memory import need_memory as n; n(1e9, "ten modes", "ask '
+        'for fewer"); n(5e9, "two '
+        'films", "ask for one")'
     )
     command = f"ulimit -{kind} 4000000; {sys.executable} -c '{words}'"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)

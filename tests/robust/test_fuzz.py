@@ -14,7 +14,8 @@ from femnl.core import resources
 from femnl.io import measurement
 
 SECONDS = 200  # for each reader: ten minutes together
-SLOWEST = 90  # seconds that one file may take: a damaged text may claim 4 GiB, which HDF5 clears before it looks
+# Seconds that one file may take: a damaged text may claim 4 GiB, which HDF5 clears before it looks
+SLOWEST = 90
 MEBIBYTES = 6144  # of memory
 
 
@@ -26,8 +27,12 @@ def seeds(target: str, folder: Path) -> None:
             shutil.copy(path, folder)
     elif target == "measurement":
         frequency = np.linspace(1e6, 1.1e6, 12)
-        response = measurement.response(frequency[None], (1 / (frequency - 1.05e6 + 1e4j))[None], drive=[1.0], direction=[1])
-        measurement.write(measurement.bundle({"sweep": response}, geometry="circle"), folder / "response.nc")
+        response = measurement.response(
+            frequency[None], (1 / (frequency - 1.05e6 + 1e4j))[None], drive=[1.0], direction=[1]
+        )
+        measurement.write(
+            measurement.bundle({"sweep": response}, geometry="circle"), folder / "response.nc"
+        )
     else:
         (folder / "bytes").write_bytes(np.random.default_rng(1).bytes(3000))
 
@@ -38,8 +43,20 @@ def test_a_fuzzed_file_is_read_or_refused(target: str, tmp_path: Path) -> None:
     if importlib.util.find_spec("atheris") is None:
         pytest.skip("atheris is not installed")
     seeds(target, tmp_path / "seeds")
-    flags = [f"-max_total_time={SECONDS}", f"-timeout={SLOWEST}", f"-rss_limit_mb={MEBIBYTES}", "-max_len=65536", "-seed=1"]
-    command = [sys.executable, str(Path(__file__).with_name("fuzz.py")), target, str(tmp_path / "seeds"), *flags]
+    flags = [
+        f"-max_total_time={SECONDS}",
+        f"-timeout={SLOWEST}",
+        f"-rss_limit_mb={MEBIBYTES}",
+        "-max_len=65536",
+        "-seed=1",
+    ]
+    command = [
+        sys.executable,
+        str(Path(__file__).with_name("fuzz.py")),
+        target,
+        str(tmp_path / "seeds"),
+        *flags,
+    ]
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, check=False)
     assert done.returncode == 0, done.stderr.decode(errors="replace")[-4000:]

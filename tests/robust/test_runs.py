@@ -1,4 +1,7 @@
-"""A run gives the same answer however many threads work on it, however often; and it stops when it is told to."""
+"""A run gives the same answer however many threads work on it, however often.
+
+And it stops when it is told to.
+"""
 
 import json
 import os
@@ -24,7 +27,9 @@ def solve(folder: Path, threads: int) -> str:
     """The modes of a drum with holes, as JSON."""
     words = ["modes", "circle", "--count", "4", "--no-cache", "--json"]
     command = [sys.executable, "-m", "femnl", *words]
-    return subprocess.run(command, env=environment(folder, threads), capture_output=True, text=True, check=True).stdout
+    return subprocess.run(
+        command, env=environment(folder, threads), capture_output=True, text=True, check=True
+    ).stdout
 
 
 def test_a_rerun_gives_the_same_bits_and_more_threads_the_same_numbers(tmp_path: Path) -> None:
@@ -34,25 +39,42 @@ def test_a_rerun_gives_the_same_bits_and_more_threads_the_same_numbers(tmp_path:
     assert first == again
     one, two = (json.loads(text)["modes"] for text in (first, threaded))
     for name in ("frequency", "effective_mass", "k3", "alpha"):
-        np.testing.assert_allclose([mode[name] for mode in one], [mode[name] for mode in two], rtol=1e-9)
+        np.testing.assert_allclose(
+            [mode[name] for mode in one], [mode[name] for mode in two], rtol=1e-9
+        )
 
 
 @pytest.mark.parametrize("seconds", [1.5, 9.0])
 def test_an_interrupt_is_one_line_and_status_130(tmp_path: Path, seconds: float) -> None:
-    command = [sys.executable, "-m", "femnl", "modes", "square-270um-perforated", "--symmetry", "full", "--out", "m.nc"]
-    process = subprocess.Popen(command, cwd=tmp_path, env=environment(tmp_path), stderr=subprocess.PIPE, text=True)
+    command = [
+        sys.executable,
+        "-m",
+        "femnl",
+        "modes",
+        "square-270um-perforated",
+        "--symmetry",
+        "full",
+        "--out",
+        "m.nc",
+    ]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, env=environment(tmp_path), stderr=subprocess.PIPE, text=True
+    )
     time.sleep(seconds)
     process.send_signal(signal.SIGINT)
     told = time.monotonic()
     _, errors = process.communicate(timeout=60)
     assert time.monotonic() - told < 20
-    assert process.returncode in (130, -signal.SIGINT)  # Python may end itself by the signal; shells show 130 for either
+    # Python may end itself by the signal; shells show 130 for either
+    assert process.returncode in (130, -signal.SIGINT)
     assert errors == "femnl: interrupted; nothing was left half-written\n"
     assert not list(tmp_path.glob("*.nc"))
 
 
 def test_a_reader_that_leaves_early_is_no_failure(tmp_path: Path) -> None:
     command = f"{sys.executable} -m femnl geometries | head -1"
-    done = subprocess.run(command, shell=True, env=environment(tmp_path), capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        command, shell=True, env=environment(tmp_path), capture_output=True, text=True, check=False
+    )
     assert done.stderr == ""
     assert done.stdout

@@ -1,4 +1,7 @@
-"""Files from strangers are data: their text is shown, not run, and they lead nowhere outside their folder."""
+"""Files from strangers are data.
+
+Their text is shown, not run, and they lead nowhere outside their folder.
+"""
 
 from pathlib import Path
 
@@ -11,11 +14,15 @@ from femnl.io import measurement
 EVIL = "<script>alert(1)</script>"
 
 
-def test_text_of_a_file_is_shown_in_a_report_and_not_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_text_of_a_file_is_shown_in_a_report_and_not_run(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.chdir(tmp_path)
     pressure = np.array([0.1, 1, 3, 10, 30, 60, 100, 150, 200, 300.0])
     quality = 2e5 * (1 + 0.01 * np.random.default_rng(4).normal(size=10))
-    data = measurement.series({"pressure": pressure}, quality_factor=quality, quality_factor_sd=0.01 * quality)
+    data = measurement.series(
+        {"pressure": pressure}, quality_factor=quality, quality_factor_sd=0.01 * quality
+    )
     name = "<img src=x onerror=alert(1)>"
     tree = measurement.bundle({name: data}, geometry="circle", title=EVIL, source=EVIL, sample=EVIL)
     measurement.write(tree, f"{name}.nc")
@@ -28,7 +35,17 @@ def test_text_of_a_file_is_shown_in_a_report_and_not_run(monkeypatch: pytest.Mon
 
 def test_no_module_of_femnl_runs_what_a_file_says() -> None:
     package = Path(measurement.__file__).parents[1]
-    forbidden = ("pickle", "eval(", "exec(", "yaml.load", "shell=True", "os.system", "allow_pickle=True", "shelve", "joblib")
+    forbidden = (
+        "pickle",
+        "eval(",
+        "exec(",
+        "yaml.load",
+        "shell=True",
+        "os.system",
+        "allow_pickle=True",
+        "shelve",
+        "joblib",
+    )
     found = [
         f"{path.relative_to(package)}: {word}"
         for path in package.rglob("*.py")

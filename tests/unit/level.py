@@ -12,7 +12,10 @@ from femnl.observe.model import Named, Ranked, apply
 
 
 class Level:
-    """Data (n,) in blocks (n,), with the level within ±half; effects change the prediction at "placement", where no free form acts."""
+    """Data (n,) in blocks (n,), with the level within ±half.
+
+    Effects change the prediction at "placement", where no free form acts.
+    """
 
     kind: Kind = "map"
 
@@ -36,13 +39,19 @@ class Level:
         self.notes: tuple[str, ...] = ()
         self._patterns = dict(patterns or {})
 
-    def residual_directions(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def residual_directions(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         return self._patterns
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
-        return np.asarray(self.data - apply("placement", np.full(len(self.data), base["level"]), effects, values))
+        return np.asarray(
+            self.data - apply("placement", np.full(len(self.data), base["level"]), effects, values)
+        )
 
-    def candidate_measurements(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> dict[str, Array]:
+    def candidate_measurements(
+        self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
+    ) -> dict[str, Array]:
         return {}
 
     def systematic(self, unit: str) -> float:

@@ -29,13 +29,21 @@ stress = "1 GPa"
 gap = "3226.25 nm"
 """
 CASES = {
-    "holds": "Case(claim='Two and two is four {hostile}', source='counting fingers', references=(Reference('sum', 4.0, relative=1e-9),), "
+    "holds": "Case(claim='Two and two is four {hostile}', source='counting fingers', "
+    "references=(Reference('sum', "
+    "4.0, relative=1e-9),), "
     "compute=lambda: [(4.0, 1e-12)])",
-    "differs": "Case(claim='Two and two is five', source='a novel', references=(Reference('sum', 5.0, 'm', absolute=0.1),), "
+    "differs": "Case(claim='Two and two is five', source='a novel', "
+    "references=(Reference('sum', "
+    "5.0, 'm', absolute=0.1),), "
     "compute=lambda: [4.0])",
-    "corrects": "Case(claim='π is no 3', source='Archimedes of Syracuse', why='it was rounded too far', "
-    "references=(Reference('π', 3.14159265, absolute=1e-6, printed=3.0),), compute=lambda: [3.14159265358979])",
-    "breaks": "Case(claim='Nothing is divided by zero', source='counting fingers', references=(Reference('q', 1.0, relative=1e-3),), "
+    "corrects": "Case(claim='π is no 3', source='Archimedes of Syracuse', why='it was rounded "
+    "too far', "
+    "references=(Reference('π', 3.14159265, absolute=1e-6, printed=3.0),), compute=lambda: "
+    "[3.14159265358979])",
+    "breaks": "Case(claim='Nothing is divided by zero', source='counting fingers', "
+    "references=(Reference('q', "
+    "1.0, relative=1e-3),), "
     "compute=lambda: [1 / 0])",
 }
 PUBLISHED = Published(
@@ -72,7 +80,10 @@ def make_report(folder: Path) -> Written:
     cases = folder / "cases"
     cases.mkdir()
     for name, case in CASES.items():
-        source = f"from femnl.validation import Case, Reference\nCASE = {case.replace('{hostile}', HOSTILE)}\n"
+        source = (
+            "from femnl.validation import Case, Reference\nCASE = "
+            f"{case.replace('{hostile}', HOSTILE)}\n"
+        )
         (cases / f"{name}.py").write_text(source, encoding="utf-8")
     for name in (BLIND, BENCHMARKS):
         shutil.copy(resources.cases() / name, cases)

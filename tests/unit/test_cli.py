@@ -1,4 +1,7 @@
-"""The command line as a user meets it: what it prints, what it writes, and one line for every wrong request."""
+"""The command line as a user meets it.
+
+What it prints, what it writes, and one line for every wrong request.
+"""
 
 import json
 from pathlib import Path
@@ -35,11 +38,23 @@ def test_help_lists_every_command_with_a_line(capsys: pytest.CaptureFixture[str]
 def test_geometries_lists_what_ships(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["geometries", "--json"]) == 0
     names = {entry["name"] for entry in json.loads(lines(capsys)[0])["geometries"]}
-    assert {"square-270um", "square-270um-perforated", "square-270um-etched", "hexagon-278um", "circle", "trampoline"} <= names
+    assert {
+        "square-270um",
+        "square-270um-perforated",
+        "square-270um-etched",
+        "hexagon-278um",
+        "circle",
+        "trampoline",
+    } <= names
 
 
-def test_modes_prints_one_json_object_in_si_and_nothing_else(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["modes", "square-270um", "--count", "4", "--no-bending", "--edge", "paper", "--json"]) == 0
+def test_modes_prints_one_json_object_in_si_and_nothing_else(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert (
+        run(["modes", "square-270um", "--count", "4", "--no-bending", "--edge", "paper", "--json"])
+        == 0
+    )
     out, err = lines(capsys)
     assert not err
     record = json.loads(out)
@@ -49,15 +64,21 @@ def test_modes_prints_one_json_object_in_si_and_nothing_else(capsys: pytest.Capt
     speed = np.sqrt(1101.5e6 / 3100)
     assert first["frequency"] == pytest.approx(speed / np.sqrt(2) / 270e-6, rel=1e-8)
     assert first["effective_mass"] == pytest.approx(3100 * 183.75e-9 * 270e-6**2 / 4, rel=1e-6)
-    assert first["alpha"] == pytest.approx(3 * np.pi**2 / 16 * 250e9 / 1101.5e6 / 270e-6**2, rel=1e-5)
-    assert first["k3"] == pytest.approx(first["alpha"] * first["effective_mass"] * (2 * np.pi * first["frequency"]) ** 2, rel=1e-12)
+    assert first["alpha"] == pytest.approx(
+        3 * np.pi**2 / 16 * 250e9 / 1101.5e6 / 270e-6**2, rel=1e-5
+    )
+    assert first["k3"] == pytest.approx(
+        first["alpha"] * first["effective_mass"] * (2 * np.pi * first["frequency"]) ** 2, rel=1e-12
+    )
     ideal = np.sqrt([1, 2.5, 2.5, 4])
     ratios = np.array([mode["ratio"] for mode in record["modes"]])
     assert np.all(np.abs(ratios - ideal) <= np.array(record["errors"]["ratio"]) + 1e-15)
     assert len(record["errors"]["alpha"]) == 4
 
 
-def test_modes_prints_a_table_and_writes_files_that_others_open(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_modes_prints_a_table_and_writes_files_that_others_open(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     assert run(["modes", "rectangle", "--count", "3", "--tensor", "--out", "modes.nc"]) == 0
     out, err = lines(capsys)
     assert "(1,1)" in out
@@ -69,8 +90,23 @@ def test_modes_prints_a_table_and_writes_files_that_others_open(capsys: pytest.C
     assert (tmp_path / "modes.vtu").stat().st_size > 10_000
 
 
-def test_maps_writes_a_measurement_file_and_a_figure(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    words = ["maps", "hexagon-278um", "--mode", "1", "--z", "4.218", "--wavelength", "632.8 nm", "--harmonics", "6", "--points", "41"]
+def test_maps_writes_a_measurement_file_and_a_figure(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    words = [
+        "maps",
+        "hexagon-278um",
+        "--mode",
+        "1",
+        "--z",
+        "4.218",
+        "--wavelength",
+        "632.8 nm",
+        "--harmonics",
+        "6",
+        "--points",
+        "41",
+    ]
     assert run(words) == 0
     _, err = lines(capsys)
     assert err == ["wrote hexagon-278um-mode-1-maps.nc and hexagon-278um-mode-1-maps.png"]
@@ -79,7 +115,8 @@ def test_maps_writes_a_measurement_file_and_a_figure(capsys: pytest.CaptureFixtu
     assert tree.attrs["geometry"] == "hexagon-278um"
     assert maps["real"].shape == (6, 41, 41)
     assert maps.attrs["wavelength"] == pytest.approx(632.8e-9)
-    # At the antinode J_n(z) gives |V_n| = 2 V_C |sin θ or cos θ| J_n(4.218); there J_1 has changed sign against its rim.
+    # At the antinode J_n(z) gives |V_n| = 2 V_C |sin θ or cos θ| J_n(4.218); there J_1 has changed
+    # sign against its rim.
     centre = maps["real"].values[:, 20, 20]
     expected = 2 * np.sqrt(0.5) * np.abs(jv(np.arange(1, 7), 4.218))
     np.testing.assert_allclose(np.abs(centre), expected, rtol=1e-6)
@@ -96,24 +133,57 @@ def test_mesh_tells_what_it_made(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["modes", "square-270"], "femnl: square-270: neither a shipped geometry nor a file; did you mean square-270um?"),
-        (["modes", "circle", "--edge", "hinged"], "femnl: --edge hinged: expected one of clamped, sliding, paper"),
-        (["modes", "circle", "--out", "x.xyz"], "femnl: --out x.xyz: expected a name that ends in .nc or .vtu"),
-        (["modes", "circle", "--resolution", "0"], "femnl: resolution = 0: expected a number from 0.1 to 20"),
-        (["modes", "circle", "--resolution", "nan"], "femnl: resolution = nan: expected a number from 0.1 to 20"),
+        (
+            ["modes", "square-270"],
+            "femnl: square-270: neither a shipped geometry nor a file; did you mean square-270um?",
+        ),
+        (
+            ["modes", "circle", "--edge", "hinged"],
+            "femnl: --edge hinged: expected one of clamped, sliding, paper",
+        ),
+        (
+            ["modes", "circle", "--out", "x.xyz"],
+            "femnl: --out x.xyz: expected a name that ends in .nc or .vtu",
+        ),
+        (
+            ["modes", "circle", "--resolution", "0"],
+            "femnl: resolution = 0: expected a number from 0.1 to 20",
+        ),
+        (
+            ["modes", "circle", "--resolution", "nan"],
+            "femnl: resolution = nan: expected a number from 0.1 to 20",
+        ),
         (
             ["modes", "rectangle", "--symmetry", "eighth"],
-            'femnl: symmetry = "eighth": outline and holes of rectangle do not have it; use auto or full',
+            'femnl: symmetry = "eighth": outline and holes of rectangle do not have it; use '
+            "auto or full",
         ),
-        (["modes", "rectangle", "--symmetry", "x"], 'femnl: symmetry = "x": expected auto, full, half, quarter, eighth, twelfth'),
-        (["maps", "circle", "--z", "-1"], "femnl: --z -1: expected a positive modulation up to 1000, such as 4.218"),
-        (["maps", "circle", "--z", "nan"], "femnl: --z nan: expected a positive modulation up to 1000, such as 4.218"),
-        (["maps", "circle", "--z", "2", "--mode", "0"], "femnl: --mode 0: modes are counted from 1"),
-        (["maps", "circle", "--z", "2", "--fringe", "x"], "femnl: --fringe x: expected sine or multilayer"),
+        (
+            ["modes", "rectangle", "--symmetry", "x"],
+            'femnl: symmetry = "x": expected auto, full, half, quarter, eighth, twelfth',
+        ),
+        (
+            ["maps", "circle", "--z", "-1"],
+            "femnl: --z -1: expected a positive modulation up to 1000, such as 4.218",
+        ),
+        (
+            ["maps", "circle", "--z", "nan"],
+            "femnl: --z nan: expected a positive modulation up to 1000, such as 4.218",
+        ),
+        (
+            ["maps", "circle", "--z", "2", "--mode", "0"],
+            "femnl: --mode 0: modes are counted from 1",
+        ),
+        (
+            ["maps", "circle", "--z", "2", "--fringe", "x"],
+            "femnl: --fringe x: expected sine or multilayer",
+        ),
         (["mod"], "femnl: No such command 'mod'. Did you mean 'modes'?"),
     ],
 )
-def test_a_wrong_request_is_one_line_and_status_2(words: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_request_is_one_line_and_status_2(
+    words: list[str], expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(words) == 2
     out, err = lines(capsys)
     assert err == [expected]
@@ -121,7 +191,9 @@ def test_a_wrong_request_is_one_line_and_status_2(words: list[str], expected: st
 
 
 @pytest.mark.parametrize("wavelength", ["633", "633 kg", "-633 nm", "red"])
-def test_a_wrong_wavelength_is_one_line_that_names_it(wavelength: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_wrong_wavelength_is_one_line_that_names_it(
+    wavelength: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(["maps", "circle", "--z", "2", "--wavelength", wavelength]) == 2
     out, (line,) = lines(capsys)
     assert "wavelength" in line
@@ -139,12 +211,18 @@ def simulated_response(path: Path) -> None:
     """A linear resonator at 1 MHz, Q = 1e4, and a trace that is no response, in one file."""
     rng = np.random.default_rng(5)
     frequency = np.linspace(0.9998e6, 1.0002e6, 201)
-    volts = 0.1 * 50 / (1e6 - frequency + 50j) + 1e-4 * (rng.normal(size=201) + 1j * rng.normal(size=201))
-    data = measurement.response(frequency[None], volts[None], drive=[1.0], direction=[1], noise_sd=1e-4)
+    volts = 0.1 * 50 / (1e6 - frequency + 50j) + 1e-4 * (
+        rng.normal(size=201) + 1j * rng.normal(size=201)
+    )
+    data = measurement.response(
+        frequency[None], volts[None], drive=[1.0], direction=[1], noise_sd=1e-4
+    )
     measurement.write(measurement.bundle({"sweep": data}, geometry="square-270um"), path)
 
 
-def test_fit_reports_the_parameters_of_a_response(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_fit_reports_the_parameters_of_a_response(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     simulated_response(tmp_path / "r.nc")
     assert run(["fit", "r.nc", "--json"]) == 0
     found = json.loads(lines(capsys)[0])["fits"]["sweep"]
@@ -157,7 +235,9 @@ def test_fit_reports_the_parameters_of_a_response(capsys: pytest.CaptureFixture[
     assert "linewidth" in lines(capsys)[0]
 
 
-def test_fit_finds_the_amplitude_of_maps_that_femnl_predicted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_fit_finds_the_amplitude_of_maps_that_femnl_predicted(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert run(["maps", "square-270um", "--z", "5", "--points", "31", "--out", "m.nc"]) == 0
     assert run(["fit", "m.nc", "--json"]) == 0
     found = json.loads(lines(capsys)[0])["fits"]["map"]["parameters"]
@@ -169,16 +249,23 @@ def test_fit_finds_the_amplitude_of_maps_that_femnl_predicted(capsys: pytest.Cap
     ("words", "expected"),
     [
         (["fit", "none.nc"], "femnl: none.nc: no such file; check the path"),
-        (["fit", "r.nc", "--use", "everything"], "femnl: --use everything: expected one of complex, magnitude, phase, phase-mod-pi"),
+        (
+            ["fit", "r.nc", "--use", "everything"],
+            "femnl: --use everything: expected one of complex, magnitude, phase, phase-mod-pi",
+        ),
     ],
 )
-def test_a_wrong_fit_is_one_line(words: list[str], expected: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_a_wrong_fit_is_one_line(
+    words: list[str], expected: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     simulated_response(tmp_path / "r.nc")
     assert run(words) == 2
     assert lines(capsys)[1] == [expected]
 
 
-def test_show_prints_what_a_file_holds_and_draws_it(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_show_prints_what_a_file_holds_and_draws_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     simulated_response(tmp_path / "r.nc")
     assert run(["show", "r.nc", "--out", "pictures"]) == 0
     out, err = lines(capsys)
@@ -188,10 +275,16 @@ def test_show_prints_what_a_file_holds_and_draws_it(capsys: pytest.CaptureFixtur
     assert (tmp_path / "pictures" / "r-sweep.png").stat().st_size > 10_000
 
 
-def test_import_turns_a_text_table_into_a_measurement_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    (tmp_path / "scope.csv").write_text("V1,V2\n" + "".join(f"{np.sin(k / 5):.6f},{np.cos(k / 5):.6f}\n" for k in range(200)))
+def test_import_turns_a_text_table_into_a_measurement_file(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "scope.csv").write_text(
+        "V1,V2\n" + "".join(f"{np.sin(k / 5):.6f},{np.cos(k / 5):.6f}\n" for k in range(200))
+    )
     (tmp_path / "scope.toml").write_text(
-        'kind = "trace"\n[columns]\nvoltage = { column = "V2", unit = "mV" }\ndrive_voltage = "V1"\ntime = { rate = "1 kHz" }\n'
+        'kind = "trace"\n[columns]\nvoltage = { column = "V2", unit = "mV" }\ndrive_voltage = '
+        '"V1"\ntime = { rate = "1 '
+        'kHz" }\n'
     )
     assert run(["import", "scope.csv", "scope.nc"]) == 0
     assert lines(capsys)[1][-1] == "wrote scope.nc"

@@ -19,7 +19,9 @@ def _own_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 QUICK = ["bands", "square-270um-perforated", "-n", "2", "--steps", "2", "--resolution", "0.6"]
 
 
-def test_bands_are_told_at_the_corners_of_the_path_and_drawn(capsys: pytest.CaptureFixture[str]) -> None:
+def test_bands_are_told_at_the_corners_of_the_path_and_drawn(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert run([*QUICK, "--out", "bands.png"]) == 0
     out = capsys.readouterr().out
     assert "square lattice of pitch 8.56 µm, long waves 580.2" in out
@@ -38,9 +40,13 @@ def test_bands_as_json_are_in_si(capsys: pytest.CaptureFixture[str]) -> None:
     assert record["speed"] == pytest.approx(580.2, abs=0.1)
 
 
-def test_films_without_a_lattice_are_refused_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_films_without_a_lattice_are_refused_in_one_line(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert run(["bands", "square-270um"]) == 2
-    assert capsys.readouterr().err.startswith("femnl: square-270um: holes: 0 of them make no lattice")
+    assert capsys.readouterr().err.startswith(
+        "femnl: square-270um: holes: 0 of them make no lattice"
+    )
     assert run([*QUICK, "--out", "bands.gif"]) == 2
     assert "--out bands.gif" in capsys.readouterr().err
 

@@ -1,4 +1,7 @@
-"""`femnl fit` from the command line: every kind of measurement, its figures, and one line for what cannot be."""
+"""`femnl fit` from the command line.
+
+Every kind of measurement, its figures, and one line for what cannot be.
+"""
 
 import json
 from collections.abc import Callable
@@ -49,17 +52,28 @@ def written(folder: str) -> set[str]:
     return {file.name for file in files}
 
 
-def test_an_overview_gives_a_labelled_spectrum_that_the_film_is_fitted_to(fit: Callable[..., dict[str, Any]]) -> None:
+def test_an_overview_gives_a_labelled_spectrum_that_the_film_is_fitted_to(
+    fit: Callable[..., dict[str, Any]],
+) -> None:
     modes = solve_modes(load(DEVICE), 10)
     known = [k for k in range(6) if k != 3]
-    f = np.linspace(0.8 * modes.frequency[0], 0.5 * 1.05 * (modes.frequency[5] + modes.frequency[6]), 4000)
+    f = np.linspace(
+        0.8 * modes.frequency[0], 0.5 * 1.05 * (modes.frequency[5] + modes.frequency[6]), 4000
+    )
     w = 2e-3 * modes.frequency[0]
     rng = np.random.default_rng(3)
-    volts = 3e-4 * np.exp(1j * f / f[0]) + 1e-5 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+    volts = 3e-4 * np.exp(1j * f / f[0]) + 1e-5 * (
+        rng.normal(size=f.size) + 1j * rng.normal(size=f.size)
+    )
     for k in known:
         g = 1.05 * modes.frequency[k]
         volts = volts + 1e-3 * g * w / (g**2 - f**2 + 1j * f * w)
-    measurement.write(measurement.bundle({"wide": measurement.response(f, volts, noise_sd=1e-5)}, geometry=DEVICE), "s.nc")
+    measurement.write(
+        measurement.bundle(
+            {"wide": measurement.response(f, volts, noise_sd=1e-5)}, geometry=DEVICE
+        ),
+        "s.nc",
+    )
     found = fit("s.nc", "--as", "overview", "--out", "o")["wide"]["assignment"]
     assert found["label"] == [modes.label[k] for k in known]
     assert found["missing"] == [modes.label[3]]
@@ -78,10 +92,16 @@ def test_an_overview_without_a_device_lists_lines_without_labels(
 ) -> None:
     f = np.linspace(1e6, 2e6, 1000)
     rng = np.random.default_rng(3)
-    volts = 1e-3 * 1.5e6 * 9e3 / (1.5e6**2 - f**2 + 9e3j * f) + 1e-5 * (rng.normal(size=1000) + 1j * rng.normal(size=1000))
-    measurement.write(measurement.bundle({"wide": measurement.response(f, volts, noise_sd=1e-5)}), "s.nc")
+    volts = 1e-3 * 1.5e6 * 9e3 / (1.5e6**2 - f**2 + 9e3j * f) + 1e-5 * (
+        rng.normal(size=1000) + 1j * rng.normal(size=1000)
+    )
+    measurement.write(
+        measurement.bundle({"wide": measurement.response(f, volts, noise_sd=1e-5)}), "s.nc"
+    )
     found = fit("s.nc", "--as", "overview")["wide"]
-    assert found["lines"]["frequency"] == [pytest.approx(1.5e6, abs=4 * found["lines"]["frequency_sd"][0])]
+    assert found["lines"]["frequency"] == [
+        pytest.approx(1.5e6, abs=4 * found["lines"]["frequency_sd"][0])
+    ]
     assert "assignment" not in found
     assert run(["fit", "s.nc", "--as", "overview"]) == 0
     assert "lines carry no labels; give --geometry" in capsys.readouterr().out
@@ -100,7 +120,15 @@ def line_of_responses(path: str) -> None:
     one = 1 / (2 * (f0 - f) / w + stiffening * size + 1j)
     volts = 1e-2 * np.cos(np.pi * x / 270e-6)[:, None] * one
     volts = volts + 2e-5 * (rng.normal(size=volts.shape) + 1j * rng.normal(size=volts.shape))
-    data = measurement.response(np.tile(f, (5, 1)), volts, drive=[1.0] * 5, direction=[1] * 5, x=x, y=[0.0] * 5, noise_sd=2e-5)
+    data = measurement.response(
+        np.tile(f, (5, 1)),
+        volts,
+        drive=[1.0] * 5,
+        direction=[1] * 5,
+        x=x,
+        y=[0.0] * 5,
+        noise_sd=2e-5,
+    )
     measurement.write(measurement.bundle({"line": data}), path)
 
 
@@ -111,30 +139,47 @@ def test_a_line_scan_lists_every_place_and_finds_the_normalised_parameter_the_sa
     found = fit("l.nc", "--as", "line-scan", "--out", "o")["line"]
     assert found["positions"]["x"] == pytest.approx(np.linspace(-100e-6, 100e-6, 5))
     shape = np.cos(np.pi * np.array(found["positions"]["x"]) / 270e-6)
-    np.testing.assert_allclose(np.array(found["positions"]["alpha_y"]) * shape**2, found["positions"]["alpha_y"][2], rtol=0.02)
+    np.testing.assert_allclose(
+        np.array(found["positions"]["alpha_y"]) * shape**2,
+        found["positions"]["alpha_y"][2],
+        rtol=0.02,
+    )
     assert found["uniform"]
     assert abs(found["mean"]["alpha_ratio"] - 4) < 4 * found["mean"]["alpha_ratio_sd"]
     assert written("o") == {"l-line-line-scan.png"}
     assert run(["fit", "l.nc", "--as", "line-scan"]) == 0
     assert "5 places, each fitted on its own" in capsys.readouterr().out
     together = fit("l.nc", "--out", "o", "--use", "phase-mod-pi")["line"]["parameters"]
-    assert abs(together["alpha_ratio"]["value"] - found["mean"]["alpha_ratio"]) < 4 * together["alpha_ratio"]["sd"]
+    assert (
+        abs(together["alpha_ratio"]["value"] - found["mean"]["alpha_ratio"])
+        < 4 * together["alpha_ratio"]["sd"]
+    )
     assert written("o") == {"l-line-line-scan.png", "l-line-fit.png"}
 
 
-def test_ring_downs_and_their_envelopes_give_frequency_and_quality_factor(fit: Callable[..., dict[str, Any]]) -> None:
+def test_ring_downs_and_their_envelopes_give_frequency_and_quality_factor(
+    fit: Callable[..., dict[str, Any]],
+) -> None:
     mode = Resonator(1e5, 2000.0, alpha=1e9)
     rng = np.random.default_rng(2)
     time = np.arange(40_000) / 1e6
     slow = 1e4 * ring_down(mode, 1e-6, time)
     volts = slow.real + 1e-4 * rng.normal(size=time.size)
-    measurement.write(measurement.bundle({"decay": measurement.trace(time, volts[None], drive_frequency=[1e5])}), "d.nc")
+    measurement.write(
+        measurement.bundle({"decay": measurement.trace(time, volts[None], drive_frequency=[1e5])}),
+        "d.nc",
+    )
     found = fit("d.nc", "--as", "ring-down", "--out", "o")["decay"]["parameters"]
     for name, truth in (("frequency", 1e5), ("quality_factor", 2000.0)):
         assert abs(found[name]["value"] - truth) < 4 * found[name]["sd"]
         assert found[name]["sd"] < 0.02 * truth
     size = np.abs(slow[::50] + 1e-4 * (rng.normal(size=800) + 1j * rng.normal(size=800)))
-    measurement.write(measurement.bundle({"decay": measurement.trace(time[::50], size[None], drive_frequency=[1e5])}), "e.nc")
+    measurement.write(
+        measurement.bundle(
+            {"decay": measurement.trace(time[::50], size[None], drive_frequency=[1e5])}
+        ),
+        "e.nc",
+    )
     found = fit("e.nc", "--as", "envelope", "--out", "o")["decay"]["parameters"]
     assert abs(found["quality_factor"]["value"] - 2000) < 4 * found["quality_factor"]["sd"]
     assert written("o") == {"d-decay-ring-down.png", "e-decay-ring-down.png"}
@@ -148,12 +193,18 @@ def driven_record(path: str) -> None:
     drive = np.fft.irfft(spectrum, 1400) * np.where(np.arange(1400) < 800, 0.3, 0.2)
     k = (2 * np.pi * 60) ** 2
     coefficients = np.array([k, 0.01, 300.0, 0.0, k, 0.5 * k, 6.0 * k])[:, None]
-    output = free_run(coefficients, stages(drive, 1e-3, "band-limited"))[0].real + 1e-5 * rng.normal(size=1400)
-    data = measurement.trace(np.arange(1200) * 1e-3, output[None, 200:], drive_voltage=drive[None, 200:])
+    output = free_run(coefficients, stages(drive, 1e-3, "band-limited"))[
+        0
+    ].real + 1e-5 * rng.normal(size=1400)
+    data = measurement.trace(
+        np.arange(1200) * 1e-3, output[None, 200:], drive_voltage=drive[None, 200:]
+    )
     measurement.write(measurement.bundle({"box": data}), path)
 
 
-def test_an_oscillator_is_fitted_term_by_term_and_judged_on_what_was_held_out(fit: Callable[..., dict[str, Any]]) -> None:
+def test_an_oscillator_is_fitted_term_by_term_and_judged_on_what_was_held_out(
+    fit: Callable[..., dict[str, Any]],
+) -> None:
     driven_record("b.nc")
     models = fit("b.nc", "--as", "oscillator", "--held-out", "0:600", "--out", "o")["box"]["models"]
     assert [len(model["terms"]) for model in models] == [0, 1, 2, 3, 4]
@@ -171,21 +222,32 @@ def test_harmonics_of_a_sweep_of_traces_are_drawn(fit: Callable[..., dict[str, A
     rng = np.random.default_rng(1)
     f = 1e6 + np.linspace(-300, 300, 7)
     time = np.arange(512) / 1e8
-    volts = np.array([np.cos(2 * np.sin(2 * np.pi * g * time) + 0.5) for g in f]) + 1e-4 * rng.normal(size=(7, 512))
-    measurement.write(measurement.bundle({"scope": measurement.trace(time, volts, drive_frequency=f)}), "t.nc")
+    volts = np.array(
+        [np.cos(2 * np.sin(2 * np.pi * g * time) + 0.5) for g in f]
+    ) + 1e-4 * rng.normal(size=(7, 512))
+    measurement.write(
+        measurement.bundle({"scope": measurement.trace(time, volts, drive_frequency=f)}), "t.nc"
+    )
     found = fit("t.nc", "--harmonics", "6", "--out", "o")["scope"]
     # |V_1| = 2 J_1(2) |sin 0.5| by Jacobi and Anger.
-    assert np.hypot(found["real"][1][0], found["imag"][1][0]) == pytest.approx(2 * 0.5767248 * np.sin(0.5), abs=1e-4)
+    assert np.hypot(found["real"][1][0], found["imag"][1][0]) == pytest.approx(
+        2 * 0.5767248 * np.sin(0.5), abs=1e-4
+    )
     one = measurement.trace(time, volts[:1], drive_frequency=f[:1], wavelength=632.8e-9)
     measurement.write(measurement.bundle({"scope": one}, geometry=DEVICE), "one.nc")
     motion = fit("one.nc", "--harmonics", "6", "--out", "o")["scope, motion"]
     # cos(2 sin ωt + ½) is a fringe at θ = ½ with z = 4πU/λ = 2.
-    assert motion["amplitude"] == [pytest.approx(2 * 632.8e-9 / (4 * np.pi), abs=4 * motion["amplitude_sd"][0])]
+    assert motion["amplitude"] == [
+        pytest.approx(2 * 632.8e-9 / (4 * np.pi), abs=4 * motion["amplitude_sd"][0])
+    ]
     assert written("o") == {"t-scope-harmonics.png", "one-scope-harmonics.png"}
 
 
 def test_maps_are_drawn_beside_their_fit(fit: Callable[..., dict[str, Any]]) -> None:
-    assert run(["maps", DEVICE, "--z", "3", "--points", "15", "--harmonics", "3", "--out", "m.nc"]) == 0
+    assert (
+        run(["maps", DEVICE, "--z", "3", "--points", "15", "--harmonics", "3", "--out", "m.nc"])
+        == 0
+    )
     found = fit("m.nc", "--out", "o")["map"]["parameters"]
     assert found["modulation"]["value"] == pytest.approx(3, rel=1e-3)
     assert written("o") == {"m-map-fit.png"}
@@ -194,16 +256,30 @@ def test_maps_are_drawn_beside_their_fit(fit: Callable[..., dict[str, Any]]) -> 
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["--as", "magic"], "--as magic: expected one of overview, line-scan, ring-down, envelope, oscillator"),
+        (
+            ["--as", "magic"],
+            "--as magic: expected one of overview, line-scan, ring-down, envelope, oscillator",
+        ),
         (["--as", "overview"], "--as overview: takes a response, but b.nc holds trace"),
         (["--held-out", "0:10"], "--held-out: is for oscillator, and has no effect on trace"),
-        (["--as", "oscillator", "--fringe", "sine"], "--fringe: is for map and trace, and has no effect on oscillator"),
-        (["--as", "oscillator", "--held-out", "10"], "--held-out 10: expected FIRST:END in samples, such as 0:40000"),
-        (["--as", "oscillator", "--held-out", "9:9000"], "--held-out 9:9000: box has only 1200 samples"),
+        (
+            ["--as", "oscillator", "--fringe", "sine"],
+            "--fringe: is for map and trace, and has no effect on oscillator",
+        ),
+        (
+            ["--as", "oscillator", "--held-out", "10"],
+            "--held-out 10: expected FIRST:END in samples, such as 0:40000",
+        ),
+        (
+            ["--as", "oscillator", "--held-out", "9:9000"],
+            "--held-out 9:9000: box has only 1200 samples",
+        ),
         (["--mode", "0"], "--mode 0: modes are counted from 1"),
     ],
 )
-def test_what_cannot_be_fitted_is_one_line_and_status_2(words: list[str], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_fitted_is_one_line_and_status_2(
+    words: list[str], expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     driven_record("b.nc")
     assert run(["fit", "b.nc", *words]) == 2
     captured = capsys.readouterr()
@@ -211,18 +287,30 @@ def test_what_cannot_be_fitted_is_one_line_and_status_2(words: list[str], expect
     assert not captured.out
 
 
-def test_an_oscillator_without_its_drive_and_a_line_of_one_place_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    trace = measurement.trace(np.arange(500) * 1e-3, np.zeros((2, 500)), drive_frequency=[10.0, 11.0])
+def test_an_oscillator_without_its_drive_and_a_line_of_one_place_are_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    trace = measurement.trace(
+        np.arange(500) * 1e-3, np.zeros((2, 500)), drive_frequency=[10.0, 11.0]
+    )
     measurement.write(measurement.bundle({"box": trace}), "t.nc")
     assert run(["fit", "t.nc", "--as", "oscillator"]) == 2
-    assert "an oscillator is fitted to one step with its drive_voltage, here are 2 steps without it" in capsys.readouterr().err
+    assert (
+        "an oscillator is fitted to one step with its drive_voltage, here are 2 steps without it"
+        in capsys.readouterr().err
+    )
     series = measurement.series({"pressure": [1.0, 2.0]}, [1e6, 1e6], [1.0, 1.0])
     measurement.write(measurement.bundle({"leak": series}), "s.nc")
     assert run(["fit", "s.nc"]) == 2
-    assert "holds series; femnl fit takes response, spectrum, trace, map, and femnl diagnose takes series too" in capsys.readouterr().err
+    assert (
+        "holds series; femnl fit takes response, spectrum, trace, map, and femnl diagnose takes "
+        "series too" in capsys.readouterr().err
+    )
 
 
-def test_a_drive_of_many_tones_is_no_sine_with_harmonics(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_drive_of_many_tones_is_no_sine_with_harmonics(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     driven_record("b.nc")
     assert run(["fit", "b.nc"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
@@ -235,14 +323,23 @@ def test_a_wide_sweep_read_as_one_mode_is_told_so(capsys: pytest.CaptureFixture[
     rng = np.random.default_rng(3)
     volts = sum(1e-3 * g * 9e3 / (g**2 - f**2 + 9e3j * f) for g in (1.2e6, 1.5e6, 1.8e6))
     volts = volts + 1e-5 * (rng.normal(size=600) + 1j * rng.normal(size=600))
-    measurement.write(measurement.bundle({"wide": measurement.response(f, volts, noise_sd=1e-5)}), "s.nc")
+    measurement.write(
+        measurement.bundle({"wide": measurement.response(f, volts, noise_sd=1e-5)}), "s.nc"
+    )
     assert run(["fit", "s.nc"]) == 0
-    assert capsys.readouterr().err == "wide: one mode does not explain this wide sweep; --as overview finds its lines\n"
+    assert (
+        capsys.readouterr().err
+        == "wide: one mode does not explain this wide sweep; --as overview finds its lines\n"
+    )
 
 
 def test_every_fit_that_readme_shows_is_understood(capsys: pytest.CaptureFixture[str]) -> None:
     readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    commands = [line.split("#")[0].split()[1:] for line in readme.splitlines() if line.startswith("femnl fit ")]
+    commands = [
+        line.split("#")[0].split()[1:]
+        for line in readme.splitlines()
+        if line.startswith("femnl fit ")
+    ]
     assert len(commands) > 8
     for words in commands:
         assert run(words) == 2

@@ -18,7 +18,9 @@ DRUM = ["modes", "circle", "--count", "2", "--resolution", "0.5", "--no-cache", 
 ROOT = Path(__file__).parents[2]
 
 
-def test_markdown_is_a_table_of_as_many_columns_as_its_head(capsys: pytest.CaptureFixture[str]) -> None:
+def test_markdown_is_a_table_of_as_many_columns_as_its_head(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert run([*DRUM, "markdown"]) == 0
     title, blank, head, rule, *rows, end = capsys.readouterr().out.splitlines()
     assert title.startswith("**circle, ")
@@ -70,7 +72,9 @@ def test_json_by_format_is_json_by_its_own_option(capsys: pytest.CaptureFixture[
     assert json.loads(one)["geometries"]
 
 
-def test_words_between_tables_leave_standard_output_to_the_tables(capsys: pytest.CaptureFixture[str]) -> None:
+def test_words_between_tables_leave_standard_output_to_the_tables(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert run(["validate", "erratum_linewidths", "--format", "csv"]) == 0
     out, err = capsys.readouterr()
     assert out.startswith("# Validation\nquantity,femnl,")
@@ -79,14 +83,26 @@ def test_words_between_tables_leave_standard_output_to_the_tables(capsys: pytest
 
 def test_an_unknown_format_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert run([*DRUM, "docx"]) == 2
-    assert capsys.readouterr().err == "femnl: --format docx: expected one of text, markdown, latex, csv, json\n"
+    assert (
+        capsys.readouterr().err
+        == "femnl: --format docx: expected one of text, markdown, latex, csv, json\n"
+    )
 
 
 def test_help_reads_like_a_table_of_contents(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["--help"]) == 0
     out = capsys.readouterr().out
     places = [
-        out.index(word) for word in ("A device:", "\n  modes ", "What a readout shows", "\n  maps ", "Measurements:", "\n  fit ", "Trust:")
+        out.index(word)
+        for word in (
+            "A device:",
+            "\n  modes ",
+            "What a readout shows",
+            "\n  maps ",
+            "Measurements:",
+            "\n  fit ",
+            "Trust:",
+        )
     ]
     assert places == sorted(places)
     assert "Other commands:" not in out, "give the new command a chapter in femnl/cli/_main.py"
@@ -94,16 +110,29 @@ def test_help_reads_like_a_table_of_contents(capsys: pytest.CaptureFixture[str])
 
 @pytest.mark.parametrize(
     ("words", "position", "expected"),
-    [("femnl mo", 1, "modes"), ("femnl modes --tens", 2, "--tensor"), ("femnl modes tramp", 2, "trampoline")],
+    [
+        ("femnl mo", 1, "modes"),
+        ("femnl modes --tens", 2, "--tensor"),
+        ("femnl modes tramp", 2, "trampoline"),
+    ],
 )
-def test_the_shell_completes_commands_options_and_geometries(words: str, position: int, expected: str, tmp_path: Path) -> None:
+def test_the_shell_completes_commands_options_and_geometries(
+    words: str, position: int, expected: str, tmp_path: Path
+) -> None:
     environment = os.environ | {
         "_FEMNL_COMPLETE": "complete_bash",
         "COMP_WORDS": words,
         "COMP_CWORD": str(position),
         "PYTHONPATH": str(ROOT),
     }
-    done = subprocess.run([sys.executable, "-m", "femnl"], env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", "femnl"],
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.stdout.split() == [expected]
     assert done.stderr == ""
 
@@ -112,7 +141,15 @@ def test_a_terminal_shows_the_step_and_then_the_result(tmp_path: Path) -> None:
     ours, theirs = pty.openpty()
     command = [sys.executable, "-m", "femnl", *DRUM[:-1], "--json"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, env=environment, cwd=tmp_path, stdout=subprocess.PIPE, stderr=theirs, text=True, check=True)
+    done = subprocess.run(
+        command,
+        env=environment,
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=theirs,
+        text=True,
+        check=True,
+    )
     shown = os.read(ours, 2**16).decode()
     assert "circle: meshing …" in shown
     assert "unknowns …" in shown

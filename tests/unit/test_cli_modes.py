@@ -16,18 +16,44 @@ def _own_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
-def test_a_tolerance_holds_for_every_frequency_and_every_number_has_an_error(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["modes", "square-270um", "--no-bending", "-n", "3", "--tolerance", "1e-8", "--tensor", "--json"]) == 0
+def test_a_tolerance_holds_for_every_frequency_and_every_number_has_an_error(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert (
+        run(
+            [
+                "modes",
+                "square-270um",
+                "--no-bending",
+                "-n",
+                "3",
+                "--tolerance",
+                "1e-8",
+                "--tensor",
+                "--json",
+            ]
+        )
+        == 0
+    )
     record = json.loads(capsys.readouterr().out)
     frequency = np.array([mode["frequency"] for mode in record["modes"]])
     assert np.all(np.array(record["errors"]["frequency"]) <= 1e-8 * frequency)
     np.testing.assert_allclose(frequency / frequency[0], np.sqrt([1, 2.5, 2.5]), rtol=2e-8)
-    assert set(record["errors"]) == {"frequency", "ratio", "effective_mass", "k3", "alpha", "tensor"}
+    assert set(record["errors"]) == {
+        "frequency",
+        "ratio",
+        "effective_mass",
+        "k3",
+        "alpha",
+        "tensor",
+    }
     assert np.shape(record["errors"]["tensor"]) == (3, 3, 3, 3)
     assert all(np.all(np.isfinite(np.array(error))) for error in record["errors"].values())
 
 
-def test_holes_taken_as_an_even_film_cost_a_second_and_say_so(capsys: pytest.CaptureFixture[str]) -> None:
+def test_holes_taken_as_an_even_film_cost_a_second_and_say_so(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert run(["modes", "square-270um-perforated", "-n", "4", "--homogenised"]) == 0
     out = capsys.readouterr().out
     assert "an even film in the place of the holes" in out
@@ -37,29 +63,75 @@ def test_holes_taken_as_an_even_film_cost_a_second_and_say_so(capsys: pytest.Cap
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["--tolerance-of", "all"], "femnl: --tolerance-of all: there is no tolerance to reach; give one with --tolerance"),
-        (["--tolerance", "1e-6", "--resolution", "2"], "femnl: --resolution 2: a tolerance sets the resolution; give one of the two"),
-        (["--tolerance", "2"], "femnl: tolerance = 2: expected a relative error from 2e-11, where rounding sets in, to 0.1"),
-        (["--homogenised", "--tolerance", "1e-6"], "femnl: --homogenised: the even film has a mesh of its own; leave out --tolerance, "),
-        (["--homogenised", "--tolerance-of", "all"], "femnl: --homogenised: the even film has a mesh of its own; leave out --tolerance, "),
-        (["--homogenised"], "femnl: square-270um: holes: the homogenised film needs a rectangular array of at least two of them"),
+        (
+            ["--tolerance-of", "all"],
+            "femnl: --tolerance-of all: there is no tolerance to reach; give one with --tolerance",
+        ),
+        (
+            ["--tolerance", "1e-6", "--resolution", "2"],
+            "femnl: --resolution 2: a tolerance sets the resolution; give one of the two",
+        ),
+        (
+            ["--tolerance", "2"],
+            "femnl: tolerance = 2: expected a relative error from 2e-11, where rounding sets "
+            "in, to 0.1",
+        ),
+        (
+            ["--homogenised", "--tolerance", "1e-6"],
+            "femnl: --homogenised: the even film has a mesh of its own; leave out --tolerance, ",
+        ),
+        (
+            ["--homogenised", "--tolerance-of", "all"],
+            "femnl: --homogenised: the even film has a mesh of its own; leave out --tolerance, ",
+        ),
+        (
+            ["--homogenised"],
+            "femnl: square-270um: holes: the homogenised film needs a rectangular array of at "
+            "least two of them",
+        ),
     ],
 )
-def test_contradictory_wishes_are_one_line(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_contradictory_wishes_are_one_line(
+    words: list[str], line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(["modes", "square-270um", *words]) == 2
     assert capsys.readouterr().err.startswith(line)
 
 
-@pytest.mark.parametrize(("words", "meaning"), [("-100 nm", (-1e-7, None)), ("10 kPa", (None, 1e4)), ("1 mbar", (None, 100.0))])
-def test_a_bow_is_a_depth_or_a_pressure(words: str, meaning: tuple[float | None, float | None]) -> None:
+@pytest.mark.parametrize(
+    ("words", "meaning"),
+    [("-100 nm", (-1e-7, None)), ("10 kPa", (None, 1e4)), ("1 mbar", (None, 100.0))],
+)
+def test_a_bow_is_a_depth_or_a_pressure(
+    words: str, meaning: tuple[float | None, float | None]
+) -> None:
     assert bow_of(words) == pytest.approx(meaning)
 
 
-def test_inertia_a_bow_and_dilution_are_told_where_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["modes", "square-270um", "-n", "2", "--resolution", "0.4", "--inertia", "--bow", "200 nm", "--dilution", "--tensor"]
+def test_inertia_a_bow_and_dilution_are_told_where_asked_for(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = [
+        "modes",
+        "square-270um",
+        "-n",
+        "2",
+        "--resolution",
+        "0.4",
+        "--inertia",
+        "--bow",
+        "200 nm",
+        "--dilution",
+        "--tensor",
+    ]
     assert run(words) == 0
     out = capsys.readouterr().out
-    for title in ("With in-plane inertia", "by in-plane inertia, %", "Bent at rest by 200 nm", "Dissipation dilution"):
+    for title in (
+        "With in-plane inertia",
+        "by in-plane inertia, %",
+        "Bent at rest by 200 nm",
+        "Dissipation dilution",
+    ):
         assert title in out
     assert run([*words, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
@@ -73,14 +145,28 @@ def test_inertia_a_bow_and_dilution_are_told_where_asked_for(capsys: pytest.Capt
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["--bow", "5 kg"], 'femnl: --bow "5 kg": expected the depth of the bow, such as "100 nm", or the pressure'),
-        (["--bow", "3"], 'femnl: --bow "3": expected the depth of the bow, such as "100 nm", or the pressure'),
+        (
+            ["--bow", "5 kg"],
+            'femnl: --bow "5 kg": expected the depth of the bow, such as "100 nm", or the pressure',
+        ),
+        (
+            ["--bow", "3"],
+            'femnl: --bow "3": expected the depth of the bow, such as "100 nm", or the pressure',
+        ),
         (["--bow", "1 mm"], "femnl: bow: depth = 0.001 m of a film of 0.00027 m is not shallow"),
-        (["--dilution", "--no-bending"], "femnl: square-270um: bending = false leaves nothing that loses energy"),
-        (["--homogenised", "--inertia"], "femnl: --homogenised: the even film tells nothing of --inertia, --bow or --dilution"),
+        (
+            ["--dilution", "--no-bending"],
+            "femnl: square-270um: bending = false leaves nothing that loses energy",
+        ),
+        (
+            ["--homogenised", "--inertia"],
+            "femnl: --homogenised: the even film tells nothing of --inertia, --bow or --dilution",
+        ),
     ],
 )
-def test_bows_and_losses_that_mean_nothing_are_one_line(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bows_and_losses_that_mean_nothing_are_one_line(
+    words: list[str], line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert (
         run(
             ["modes", "square-270um", "-n", "2", "--resolution", "0.6", *words]

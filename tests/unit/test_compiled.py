@@ -6,9 +6,12 @@ import pytest
 from femnl.core.compiled import compiled
 
 
-def test_where_nothing_can_be_written_machine_code_is_made_anew(caplog: pytest.LogCaptureFixture) -> None:
+def test_where_nothing_can_be_written_machine_code_is_made_anew(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     space: dict[str, object] = {}
-    exec(compile("def double(x):\n    x *= 2\n", "<no file>", "exec"), space)  # beside which nothing can be kept
+    # Beside which nothing can be kept
+    exec(compile("def double(x):\n    x *= 2\n", "<no file>", "exec"), space)
     double = space["double"]
     assert callable(double)
     x = np.ones(3)

@@ -1,4 +1,7 @@
-"""Files with several measurements: what they share, what the join buys, and what two wavelengths decide."""
+"""Files with several measurements.
+
+What they share, what the join buys, and what two wavelengths decide.
+"""
 
 from functools import cache
 from pathlib import Path
@@ -23,7 +26,13 @@ LASERS = {"red": 632.8e-9, "green": 532e-9}
 AMPLITUDE = 4e-7
 NOISE = 3e-4
 CONTRAST = 0.02
-FEW = ["mechanical_overtones", "multilayer_fringe", "detector_saturation", "static_bow", "quadratic_stiffness"]
+FEW = [
+    "mechanical_overtones",
+    "multilayer_fringe",
+    "detector_saturation",
+    "static_bow",
+    "quadratic_stiffness",
+]
 
 
 @cache
@@ -32,8 +41,18 @@ def film() -> SimulatedFilm:
     return SimulatedFilm(MODEL, 12)
 
 
-def maps(path: Path, *, overtone: float = 0.0, stack: bool = False, lasers: dict[str, float] = LASERS, points: int = 17) -> Path:
-    """Write maps of the fundamental mode, sampled over a period; each laser has its own phases and noise."""
+def maps(
+    path: Path,
+    *,
+    overtone: float = 0.0,
+    stack: bool = False,
+    lasers: dict[str, float] = LASERS,
+    points: int = 17,
+) -> Path:
+    """Write maps of the fundamental mode, sampled over a period.
+
+    Each laser has its own phases and noise.
+    """
     rng = np.random.default_rng(3)
     axis = np.linspace(-150e-6, 150e-6, points)
     tau = 2 * np.pi * np.arange(128) / 128
@@ -43,16 +62,26 @@ def maps(path: Path, *, overtone: float = 0.0, stack: bool = False, lasers: dict
     groups = {}
     for name, wavelength in lasers.items():
         turned = tau + rng.uniform(-0.2, 0.2)
-        u = AMPLITUDE * shapes[0][..., None] * np.cos(turned) + overtone * second[..., None] * np.cos(2 * turned + 0.5)
+        u = AMPLITUDE * shapes[0][..., None] * np.cos(turned) + overtone * second[
+            ..., None
+        ] * np.cos(2 * turned + 0.5)
         if stack and MODEL.stack is not None:
             fringe = MultilayerFringe(MODEL.stack, wavelength)
             v = CONTRAST / abs(fringe.fourier.coefficients[1]) * fringe(u + 3e-8)
         else:
             v = CONTRAST * np.cos(4 * np.pi / wavelength * u + rng.uniform(0.3, 1.2))
         values = np.moveaxis(np.fft.fft(v, axis=-1)[..., 1:5], -1, 0) / 64
-        values = values + NOISE * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
+        values = values + NOISE * (
+            rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape)
+        )
         groups[name] = measurement.harmonic_map(
-            axis, axis, np.arange(1, 5), values, noise_sd=NOISE, wavelength=wavelength, drive_frequency=float(frequency[0])
+            axis,
+            axis,
+            np.arange(1, 5),
+            values,
+            noise_sd=NOISE,
+            wavelength=wavelength,
+            drive_frequency=float(frequency[0]),
         )
     measurement.write(measurement.bundle(groups, geometry="square-270um"), path)
     return path
@@ -60,31 +89,52 @@ def maps(path: Path, *, overtone: float = 0.0, stack: bool = False, lasers: dict
 
 def joint(path: Path, backwards: bool = False) -> JointModel:
     """The problem that a file poses."""
-    groups = {name: pose(name, node.to_dataset(), MODEL) for name, node in measurement.read(path).children.items()}
+    groups = {
+        name: pose(name, node.to_dataset(), MODEL)
+        for name, node in measurement.read(path).children.items()
+    }
     return JointModel(groups, backwards)
 
 
 def test_two_maps_of_one_drive_share_the_amplitude_and_nothing_else(tmp_path: Path) -> None:
     base_model = joint(maps(tmp_path / "both.nc"))
     own = ("contrast", "theta", "motion_phase", "x", "y")
-    assert {spec.name for spec in base_model.base} == {"amplitude", *(f"{laser}.{name}" for laser in LASERS for name in own)}
+    assert {spec.name for spec in base_model.base} == {
+        "amplitude",
+        *(f"{laser}.{name}" for laser in LASERS for name in own),
+    }
     start = ExtendedModel(base_model).split(base_model.start)[0]
     apart = [
-        one.residuals([], {n: start[joined] for n, joined in base_model._names[g].items()}, []) for g, one in base_model.groups.items()
+        one.residuals([], {n: start[joined] for n, joined in base_model._names[g].items()}, [])
+        for g, one in base_model.groups.items()
     ]
     np.testing.assert_array_equal(base_model.residuals([], start, []), np.concatenate(apart))
 
 
-def test_effects_on_the_film_are_shared_and_those_of_a_detector_belong_to_its_laser(tmp_path: Path) -> None:
+def test_effects_on_the_film_are_shared_and_those_of_a_detector_belong_to_its_laser(
+    tmp_path: Path,
+) -> None:
     base_model = joint(maps(tmp_path / "both.nc", points=9))
     pool = {effect.name: effect for effect in base_model.pool(library().values())}
-    assert [spec.name for spec in pool["mechanical_overtones"].parameters] == ["cos2", "sin2", "cos3", "sin3"]
-    assert [spec.name for spec in pool["detector_bandwidth"].parameters] == ["red.time_constant", "green.time_constant"]
+    assert [spec.name for spec in pool["mechanical_overtones"].parameters] == [
+        "cos2",
+        "sin2",
+        "cos3",
+        "sin3",
+    ]
+    assert [spec.name for spec in pool["detector_bandwidth"].parameters] == [
+        "red.time_constant",
+        "green.time_constant",
+    ]
     assert pool["multilayer_fringe"].replaces == ("red.theta", "green.theta")
     slow = ExtendedModel(base_model, (pool["detector_bandwidth"],))
-    base = slow.split(np.zeros(len(slow.parameters)))[0] | ExtendedModel(base_model).split(base_model.start)[0]
+    base = (
+        slow.split(np.zeros(len(slow.parameters)))[0]
+        | ExtendedModel(base_model).split(base_model.start)[0]
+    )
     plain, red, green = (
-        slow.residuals(slow.pack(base, [{"red.time_constant": a, "green.time_constant": b}])) for a, b in ((0, 0), (1e-8, 0), (0, 1e-8))
+        slow.residuals(slow.pack(base, [{"red.time_constant": a, "green.time_constant": b}]))
+        for a, b in ((0, 0), (1e-8, 0), (0, 1e-8))
     )
     half = len(plain) // 2
     assert not np.array_equal(plain[:half], red[:half])
@@ -92,7 +142,9 @@ def test_effects_on_the_film_are_shared_and_those_of_a_detector_belong_to_its_la
     assert np.array_equal(plain[:half], green[:half])
 
 
-def test_maps_without_a_cause_are_adequate_together_and_know_the_amplitude_better(tmp_path: Path) -> None:
+def test_maps_without_a_cause_are_adequate_together_and_know_the_amplitude_better(
+    tmp_path: Path,
+) -> None:
     found = diagnose(maps(tmp_path / "both.nc"), effects=[library()[name] for name in FEW])
     assert (found.verdict, found.causes) == ("adequate", ())
     amplitude = found.parameters["base"]["amplitude"]
@@ -103,16 +155,24 @@ def test_maps_without_a_cause_are_adequate_together_and_know_the_amplitude_bette
 
 
 def test_motion_in_metres_at_two_wavelengths_is_told_from_a_fringe(tmp_path: Path) -> None:
-    found = diagnose(maps(tmp_path / "motion.nc", overtone=6e-9), effects=[library()[name] for name in FEW])
-    assert (found.verdict, found.causes) == ("explained", ("mechanical_overtones",)), found.alternatives
+    found = diagnose(
+        maps(tmp_path / "motion.nc", overtone=6e-9), effects=[library()[name] for name in FEW]
+    )
+    assert (found.verdict, found.causes) == ("explained", ("mechanical_overtones",)), (
+        found.alternatives
+    )
     for name, truth in (("cos2", 6e-9 * np.cos(0.5)), ("sin2", -6e-9 * np.sin(0.5))):
         size = found.parameters["mechanical_overtones"][name]
         assert abs(size.value - truth) < 4 * size.sd
 
 
 def test_rings_of_the_stack_at_two_wavelengths_are_told_from_motion(tmp_path: Path) -> None:
-    found = diagnose(maps(tmp_path / "fringe.nc", stack=True), effects=[library()[name] for name in FEW])
-    assert (found.verdict, found.causes) == ("explained", ("multilayer_fringe",)), found.alternatives
+    found = diagnose(
+        maps(tmp_path / "fringe.nc", stack=True), effects=[library()[name] for name in FEW]
+    )
+    assert (found.verdict, found.causes) == ("explained", ("multilayer_fringe",)), (
+        found.alternatives
+    )
     gap = found.parameters["multilayer_fringe"]["gap"]
     assert MODEL.stack is not None
     assert abs(gap.value - MODEL.stack.layers[MODEL.stack.gap].thickness - 3e-8) < 4 * gap.sd
@@ -123,9 +183,20 @@ def test_measurements_that_share_nothing_are_judged_side_by_side(tmp_path: Path)
     pressure = np.geomspace(1, 100, 24)
     quality = 5e5
     damped = 1 / (1 / quality + 4e-8 * pressure)
-    still = measurement.series({"time": 60.0 * np.arange(24)}, 1.5e6 + 2 * rng.standard_normal(24), np.full(24, 2.0))
-    gas = measurement.series({"pressure": pressure}, None, None, damped * (1 + 0.01 * rng.standard_normal(24)), 0.01 * damped)
-    measurement.write(measurement.bundle({"still": still, "gas": gas}, geometry="square-270um"), tmp_path / "two.nc")
+    still = measurement.series(
+        {"time": 60.0 * np.arange(24)}, 1.5e6 + 2 * rng.standard_normal(24), np.full(24, 2.0)
+    )
+    gas = measurement.series(
+        {"pressure": pressure},
+        None,
+        None,
+        damped * (1 + 0.01 * rng.standard_normal(24)),
+        0.01 * damped,
+    )
+    measurement.write(
+        measurement.bundle({"still": still, "gas": gas}, geometry="square-270um"),
+        tmp_path / "two.nc",
+    )
     found = diagnose(tmp_path / "two.nc")
     assert (found.verdict, found.causes) == ("explained", ("gas_damping",)), found.alternatives
     rate = found.parameters["gas_damping"]["per_pressure"]

@@ -24,31 +24,52 @@ def base_model(x: Array, y: Array) -> MapModel:
     """The problem that a map with these axes poses."""
     shape = FILM.projection.on_grid(x, y)[0]
     volts = np.array([shape, 0.1 * shape**2]) * np.exp(0.3j)
-    about = {"noise_sd": 1e-4, "wavelength": 632.8e-9, "drive_frequency": float(FILM.modes.frequency[0])}
+    about = {
+        "noise_sd": 1e-4,
+        "wavelength": 632.8e-9,
+        "drive_frequency": float(FILM.modes.frequency[0]),
+    }
     return MapModel(measurement.harmonic_map(x, y, [1, 2], 0.02 * volts, **about), FILM)
 
 
 def test_a_stage_that_is_off_reads_the_film_where_it_is_not_told_to() -> None:
     values = {"stretch_x": 0.1, "stretch_y": -0.05}
     moved = base_model(AXIS, AXIS).predict([library()["stage_scale"]], BASE | {"x": 2e-5}, [values])
-    # The film lies 20 µm to the right; seen from there, the steps are longer along x and shorter along y.
+    # The film lies 20 µm to the right; seen from there, the steps are longer along x and shorter
+    # along y.
     direct = base_model(1.1 * AXIS, 0.95 * AXIS).predict([], BASE | {"x": 1.1 * 2e-5}, [])
     np.testing.assert_allclose(moved, direct, atol=1e-6 * np.abs(direct).max())
 
 
 def signal(deviation: str, across: Array, up: Array, tau: Array) -> Array:
-    """v(t) of a driven film, (n_y, n_x, n_times), with one thing a little otherwise; across, up (n_y, n_x) in m."""
+    """v(t) of a driven film, (n_y, n_x, n_times), with one thing a little otherwise.
+
+    Across, up (n_y, n_x) in m.
+    """
     x = across / 150e-6
     y = up / 150e-6
     turn = 5e-3 * (deviation == "axes that are turned")
-    shapes = FILM.projection.at((across + turn * up).ravel(), (up - turn * across).ravel()).reshape(12, *across.shape)[..., None]
-    uneven = 6e-3 * {"motion that varies as x": x, "motion that varies as x²": x**2}.get(deviation, 0 * x)[..., None]
+    shapes = FILM.projection.at((across + turn * up).ravel(), (up - turn * across).ravel()).reshape(
+        12, *across.shape
+    )[..., None]
+    uneven = (
+        6e-3
+        * {"motion that varies as x": x, "motion that varies as x²": x**2}.get(deviation, 0 * x)[
+            ..., None
+        ]
+    )
     overtone = 4e-10 * (deviation == "sin motion at 2f as mode 4") * shapes[3]
     u = 3e-7 * (1 + uneven) * shapes[0] * np.cos(tau + 0.3) + overtone * np.sin(2 * (tau + 0.3))
-    phase = 4 * np.pi / 632.8e-9 * u + 0.8 + 2e-3 * (deviation == "phase of the fringe that varies as y") * y[..., None]
+    phase = (
+        4 * np.pi / 632.8e-9 * u
+        + 0.8
+        + 2e-3 * (deviation == "phase of the fringe that varies as y") * y[..., None]
+    )
     v = np.cos(phase) + 2e-3 * (deviation == "term cos 3φ of the fringe") * np.cos(3 * phase)
     hum = 2e-5 * np.cos(3 * tau) * (deviation == "constant in harmonic 3")
-    return np.asarray(hum + 0.02 * v * (1 + 4e-3 * (deviation == "signal that varies as y²") * y[..., None] ** 2))
+    return np.asarray(
+        hum + 0.02 * v * (1 + 4e-3 * (deviation == "signal that varies as y²") * y[..., None] ** 2)
+    )
 
 
 @pytest.mark.parametrize(
@@ -66,7 +87,9 @@ def signal(deviation: str, across: Array, up: Array, tau: Array) -> Array:
         "constant in harmonic 3",
     ],
 )
-def test_what_deviates_a_little_at_any_stage_is_seen_without_a_cause_to_look_for(deviation: str) -> None:
+def test_what_deviates_a_little_at_any_stage_is_seen_without_a_cause_to_look_for(
+    deviation: str,
+) -> None:
     axis = np.linspace(-150e-6, 150e-6, 41)
     up, across = np.meshgrid(axis, axis, indexing="ij")
     tau = 2 * np.pi * np.arange(128) / 128
@@ -75,9 +98,17 @@ def test_what_deviates_a_little_at_any_stage_is_seen_without_a_cause_to_look_for
     sides = (-1.2e-6, 1.2e-6) if deviation == "blur along x" else (0.0,)
     volts = np.mean([signal(deviation, across + side, up, tau) for side in sides], axis=0)
     harmonics = np.moveaxis(np.fft.rfft(volts)[..., 1:7] / 64, -1, 0)
-    harmonics = harmonics + noise * (rng.standard_normal(harmonics.shape) + 1j * rng.standard_normal(harmonics.shape))
-    about = {"noise_sd": noise, "wavelength": 632.8e-9, "drive_frequency": float(FILM.modes.frequency[0])}
-    posed = MapModel(measurement.harmonic_map(axis, axis, np.arange(1, 7), harmonics, **about), FILM)
+    harmonics = harmonics + noise * (
+        rng.standard_normal(harmonics.shape) + 1j * rng.standard_normal(harmonics.shape)
+    )
+    about = {
+        "noise_sd": noise,
+        "wavelength": 632.8e-9,
+        "drive_frequency": float(FILM.modes.frequency[0]),
+    }
+    posed = MapModel(
+        measurement.harmonic_map(axis, axis, np.arange(1, 7), harmonics, **about), FILM
+    )
     found = criticise(fit(ExtendedModel(posed), posed.start), [])
     assert (found.p_value < FALSE_ALARMS) == bool(deviation), (found.p_value, found.worst)
     # χ² alone would not tell: the deviation is spread over twenty thousand data.
@@ -95,8 +126,14 @@ def test_a_map_of_a_single_line_is_diagnosed_and_drawn_as_curves(axis: str) -> N
     rng = np.random.default_rng(9)
     there, above = np.meshgrid(x, y)
     harmonics = np.moveaxis(np.fft.rfft(signal("", there, above, tau))[..., 1:7] / 64, -1, 0)
-    harmonics = harmonics + 1e-4 * (rng.standard_normal(harmonics.shape) + 1j * rng.standard_normal(harmonics.shape))
-    about = {"noise_sd": 1e-4, "wavelength": 632.8e-9, "drive_frequency": float(FILM.modes.frequency[0])}
+    harmonics = harmonics + 1e-4 * (
+        rng.standard_normal(harmonics.shape) + 1j * rng.standard_normal(harmonics.shape)
+    )
+    about = {
+        "noise_sd": 1e-4,
+        "wavelength": 632.8e-9,
+        "drive_frequency": float(FILM.modes.frequency[0]),
+    }
     posed = MapModel(measurement.harmonic_map(x, y, np.arange(1, 7), harmonics, **about), FILM)
     found = criticise(fit(ExtendedModel(posed), posed.start), applicable(posed, library().values()))
     assert found.p_value > FALSE_ALARMS, found.worst
@@ -104,6 +141,11 @@ def test_a_map_of_a_single_line_is_diagnosed_and_drawn_as_curves(axis: str) -> N
     base, _ = found.result.model.split(found.result.vector)
     (drawn,) = posed.compare([("base model", (), base, ())])
     assert isinstance(drawn, Curves)
-    assert (drawn.x, [curve.name for curve in drawn.curves]) == (axis, ["1f", "2f", "3f", "4f", "5f", "6f"])
-    away = np.concatenate([(curve.data - curve.predictions[0]) / curve.sd for curve in drawn.curves])
+    assert (drawn.x, [curve.name for curve in drawn.curves]) == (
+        axis,
+        ["1f", "2f", "3f", "4f", "5f", "6f"],
+    )
+    away = np.concatenate(
+        [(curve.data - curve.predictions[0]) / curve.sd for curve in drawn.curves]
+    )
     assert np.mean(away**2) == pytest.approx(1.0, abs=0.25)

@@ -60,11 +60,15 @@ def test_a_record_whose_first_samples_are_lost_begins_at_the_first_that_is_known
 def test_free_forms_of_what_a_record_knows_nothing_of_are_left_out() -> None:
     base_model = driven(0.5)
     found = fitted_forms(fit(ExtendedModel(base_model), base_model.start))
-    assert [result.model.effects[0].sentence for result in found] == ["restoring and damping forces of free form"]
+    assert [result.model.effects[0].sentence for result in found] == [
+        "restoring and damping forces of free form"
+    ]
 
 
 @pytest.mark.parametrize(("strength", "seed"), [(1.1, 1), (1.5, 3)])
-def test_the_base_model_of_a_strong_motion_that_does_not_begin_at_rest_finds_its_way(strength: float, seed: int) -> None:
+def test_the_base_model_of_a_strong_motion_that_does_not_begin_at_rest_finds_its_way(
+    strength: float, seed: int
+) -> None:
     base_model = driven(strength, seed)
     found = fit(ExtendedModel(base_model), base_model.start)
     assert found.chi2 / found.degrees == pytest.approx(1.0, abs=0.15)
@@ -73,7 +77,9 @@ def test_the_base_model_of_a_strong_motion_that_does_not_begin_at_rest_finds_its
 
 
 def test_a_chaotic_record_is_refused() -> None:
-    with pytest.raises(MeasurementError, match=r"the motion is chaotic: changes of its begin grow .* times"):
+    with pytest.raises(
+        MeasurementError, match=r"the motion is chaotic: changes of its begin grow .* times"
+    ):
         driven(2.2, seed=1)  # changes of the start grow 1e12 times: no processor rounds that away
 
 
@@ -87,6 +93,18 @@ def test_a_drive_that_belongs_to_another_output_is_refused() -> None:
 
 
 def test_an_effect_whose_parameter_has_no_range_in_volts_is_refused() -> None:
-    odd = Effect("stiction", "", (ParameterSpec("delay", "s", 0.0, 1.0),), {"equation": lambda forces, values: forces}, "", "", "")
-    with pytest.raises(ParameterError, match=r"effect stiction: its parameter delay has no range in volts .* takes kappa2, eta, alpha5"):
+    odd = Effect(
+        "stiction",
+        "",
+        (ParameterSpec("delay", "s", 0.0, 1.0),),
+        {"equation": lambda forces, values: forces},
+        "",
+        "",
+        "",
+    )
+    with pytest.raises(
+        ParameterError,
+        match=r"effect stiction: its parameter delay has no range in volts .* takes kappa2, "
+        r"eta, alpha5",
+    ):
         driven(0.5).pool([odd])

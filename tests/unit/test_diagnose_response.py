@@ -29,19 +29,26 @@ SETTLED = 1e-8
 
 
 def sweeps(path: Path, alpha: float, coupling: float) -> Diagnosis:
-    """Diagnose up and down sweeps; a second mode crosses 6 Hz above resonance, coupling [Hz²] at one linewidth of stiffening."""
+    """Diagnose up and down sweeps.
+
+    a second mode crosses 6 Hz above resonance, coupling [Hz²] at one linewidth of stiffening.
+    """
     rng = np.random.default_rng(1)
     drives = np.repeat([0.05, 0.1, 0.2, 0.4], 2)
     direction = np.tile([1, -1], 4)
     bend = 0.375 * F0 * alpha * (PEAK * drives.max()) ** 2
-    frequency = np.linspace(F0 - 10 * WIDTH + min(0.8 * bend, 0), F0 + 8 * WIDTH + max(0.8 * bend, 0), 161)
+    frequency = np.linspace(
+        F0 - 10 * WIDTH + min(0.8 * bend, 0), F0 + 8 * WIDTH + max(0.8 * bend, 0), 161
+    )
     square = 8 * WIDTH / (3 * F0 * abs(alpha))
     state = np.zeros(8, complex)
     volts = np.empty((8, len(frequency)), complex)
     for k in range(len(frequency)):
         point = np.where(direction > 0, k, len(frequency) - 1 - k)
         f = frequency[point]
-        cubic = np.asarray(0.375 * F0 * alpha - coupling / square / (F0 + 6 - f + 0.75j), np.complex128)
+        cubic = np.asarray(
+            0.375 * F0 * alpha - coupling / square / (F0 + 6 - f + 0.75j), np.complex128
+        )
 
         def rate(a: Complex, f: NDArray[np.float64] = f, cubic: Complex = cubic) -> Complex:
             pull = 2 * (F0 + cubic * np.abs(a) ** 2 - f) / WIDTH
@@ -58,16 +65,31 @@ def sweeps(path: Path, alpha: float, coupling: float) -> Diagnosis:
                 break
         volts[np.arange(8), point] = state
     signal = PER_METRE * volts * np.exp(0.4j)
-    signal = signal + NOISE * (rng.standard_normal(signal.shape) + 1j * rng.standard_normal(signal.shape))
-    data = measurement.response(frequency, signal, noise_sd=NOISE, wavelength=632.8e-9, mode="2,2", drive=drives, direction=direction)
+    signal = signal + NOISE * (
+        rng.standard_normal(signal.shape) + 1j * rng.standard_normal(signal.shape)
+    )
+    data = measurement.response(
+        frequency,
+        signal,
+        noise_sd=NOISE,
+        wavelength=632.8e-9,
+        mode="2,2",
+        drive=drives,
+        direction=direction,
+    )
     measurement.write(measurement.bundle({"sweeps": data}, geometry="square-270um"), path)
     return diagnose(path)
 
 
 @pytest.mark.slow
-def test_a_wiggle_at_fixed_frequency_is_an_internal_resonance_with_its_place_width_and_order(tmp_path: Path) -> None:
+def test_a_wiggle_at_fixed_frequency_is_an_internal_resonance_with_its_place_width_and_order(
+    tmp_path: Path,
+) -> None:
     found = sweeps(tmp_path / "response.nc", 2.3e10, 6.0)
-    assert (found.verdict, found.causes) == ("explained", ("internal_resonance",)), (found.where, found.alternatives)
+    assert (found.verdict, found.causes) == ("explained", ("internal_resonance",)), (
+        found.where,
+        found.alternatives,
+    )
     for name, truth in (("coupling_square", 6.0), ("width", 1.5), ("order", 2.0)):
         size = found.parameters["internal_resonance"][name]
         assert abs(size.value - truth) < 4 * size.sd + 1e-3 * truth, size
@@ -75,16 +97,28 @@ def test_a_wiggle_at_fixed_frequency_is_an_internal_resonance_with_its_place_wid
 
 def test_sweeps_that_soften_show_a_quadratic_force(tmp_path: Path) -> None:
     found = sweeps(tmp_path / "response.nc", -1.2e10, 0.0)
-    assert (found.verdict, found.causes) == ("explained", ("quadratic_stiffness",)), (found.where, found.alternatives)
+    assert (found.verdict, found.causes) == ("explained", ("quadratic_stiffness",)), (
+        found.where,
+        found.alternatives,
+    )
     kappa = found.parameters["quadratic_stiffness"]["kappa2"]
-    # (10/9) κ₂² must make up for the film's own α and for the negative one that is seen, which sets the metres.
+    # (10/9) κ₂² must make up for the film's own α and for the negative one that is seen, which sets
+    # the metres.
     assert 10 / 9 * kappa.value**2 == pytest.approx(2 * 2.75e10, rel=0.01)
 
 
 def test_a_second_mode_is_sought_where_the_drives_move_the_film_strongly() -> None:
     frequency = F0 + np.linspace(-60, 60, 241)
     volts = PER_METRE * PEAK * 0.01 / (1 + 2j * (frequency - F0) / WIDTH)
-    data = measurement.response(frequency, volts[None], noise_sd=1e-9, wavelength=632.8e-9, mode="2,2", drive=[0.01], direction=[1])
+    data = measurement.response(
+        frequency,
+        volts[None],
+        noise_sd=1e-9,
+        wavelength=632.8e-9,
+        mode="2,2",
+        drive=[0.01],
+        direction=[1],
+    )
     base_model = ResponseModel(data, SimulatedFilm(load("square-270um"), 12))
     # |1/(1 + 2iδ/w)| = 0.3 at δ = ½w √(0.3⁻² − 1).
     assert base_model.scales["moving"] == pytest.approx(WIDTH * np.sqrt(0.3**-2 - 1), abs=1.0)
@@ -95,7 +129,12 @@ def test_a_second_mode_is_sought_where_the_drives_move_the_film_strongly() -> No
 
 
 @pytest.mark.parametrize(
-    ("causes", "size", "seen"), [((), 0, ""), (("crosstalk",), 12, "background at"), (("frequency_drift",), 8, "frequency of sweep")]
+    ("causes", "size", "seen"),
+    [
+        ((), 0, ""),
+        (("crosstalk",), 12, "background at"),
+        (("frequency_drift",), 8, "frequency of sweep"),
+    ],
 )
 def test_what_one_drive_or_sweep_has_of_its_own_is_seen_without_a_cause_to_look_for(
     causes: tuple[str, ...], size: float, seen: str, tmp_path: Path
@@ -114,6 +153,10 @@ def test_a_fit_is_led_over_jumps_that_a_thousandth_of_the_peak_moves(tmp_path: P
     make(Case("response", ("drive_compression",), 2317476753), tmp_path / "file.nc")
     data = measurement.read(tmp_path / "file.nc")["response"].to_dataset()
     base_model = ResponseModel(data, SimulatedFilm(load("square-270um"), 12))
-    found = [candidate.result for candidate in search(base_model, [library()["drive_compression"]]) if candidate.names]
+    found = [
+        candidate.result
+        for candidate in search(base_model, [library()["drive_compression"]])
+        if candidate.names
+    ]
     # Steps of three thousandths of the peak and more end at 1.22.
     assert found[0].chi2 / found[0].degrees < 1.1

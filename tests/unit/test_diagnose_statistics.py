@@ -1,4 +1,7 @@
-"""The statistics under a verdict on straight lines, where each has a closed form: p-value, evidence, unseen data, order of effects."""
+"""The statistics under a verdict on straight lines, where each has a closed form.
+
+p-value, evidence, unseen data, order of effects.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -40,7 +43,11 @@ def wave(order: int) -> Effect:
         f"wave{order}",
         "",
         (ParameterSpec("size", "1", -HALF, HALF),),
-        {"placement": lambda value, values: value + values["size"] * np.cos(np.pi * order * (X + 1) / 2)},
+        {
+            "placement": lambda value, values: (
+                value + values["size"] * np.cos(np.pi * order * (X + 1) / 2)
+            )
+        },
         "",
         "",
         "",
@@ -70,8 +77,13 @@ def test_the_p_value_of_noise_is_uniform_where_equal_frequencies_have_no_names()
         layer = film.bending_length * (1 + BENDING_SD * rng.standard_normal())
         frequency = np.sort(film.frequency(film.speed, layer)[:12] + sd * rng.standard_normal(12))
         base_model = SpectrumModel(measurement.spectrum(frequency, sd), film)
-        # Of each pair the higher value goes to the higher mode, so that pairs look split in one sense.
-        p.append(criticise(fit(ExtendedModel(base_model), base_model.start), [library()["shear_stress"]]).p_value)
+        # Of each pair the higher value goes to the higher mode, so that pairs look split in one
+        # sense.
+        p.append(
+            criticise(
+                fit(ExtendedModel(base_model), base_model.start), [library()["shear_stress"]]
+            ).p_value
+        )
     assert kstest(p, "uniform").pvalue > 0.01
 
 
@@ -109,40 +121,67 @@ class Folded(Level):
     """Data that tell the size of the level alone, as those of a fringe do of u and θ, so that a model may be on either side."""
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
-        return np.asarray(self.data - np.abs(apply("placement", np.full(len(self.data), base["level"]), effects, values)))
+        return np.asarray(
+            self.data
+            - np.abs(apply("placement", np.full(len(self.data), base["level"]), effects, values))
+        )
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         return [{"level": -base["level"]}]
 
 
-@pytest.mark.parametrize(("low", "gains"), [(-HALF, (True,)), (0.0, (False, True))], ids=["either sign", "one sign"])
-def test_an_effect_is_looked_at_from_the_other_side_where_it_does_something_else_there(low: float, gains: tuple[bool, ...]) -> None:
+@pytest.mark.parametrize(
+    ("low", "gains"), [(-HALF, (True,)), (0.0, (False, True))], ids=["either sign", "one sign"]
+)
+def test_an_effect_is_looked_at_from_the_other_side_where_it_does_something_else_there(
+    low: float, gains: tuple[bool, ...]
+) -> None:
     def act(value: Array, values: Values) -> Array:
         return np.asarray(value + values["size"] * X)
 
-    effect = Effect("slope", "", (ParameterSpec("size", "1", low, HALF),), {"placement": act}, "", "", "")
+    effect = Effect(
+        "slope", "", (ParameterSpec("size", "1", low, HALF),), {"placement": act}, "", "", ""
+    )
     base_model = Folded(10 - 2 * X + np.random.default_rng(6).standard_normal(N), BLOCKS, HALF)
-    mine = [test for test in score_tests(fit(ExtendedModel(base_model), np.array([8.0])), [effect]) if test.effect is effect]
+    mine = [
+        test
+        for test in score_tests(fit(ExtendedModel(base_model), np.array([8.0])), [effect])
+        if test.effect is effect
+    ]
     # On the far side the same change needs the other sign.
     assert tuple(test.gain > 10 for test in mine) == gains
     assert mine[-1].values["size"] == pytest.approx(-2 if low < 0 else 2, abs=0.8)
 
 
-def test_an_effect_that_jumps_is_seen_as_its_jump_and_leaves_the_steps_of_other_shapes_alone() -> None:
-    """As where a particle, however light, lets two modes exchange labels: in half of the places here, in long runs of trials."""
+def test_an_effect_that_jumps_is_seen_as_its_jump_and_leaves_the_steps_of_other_shapes_alone() -> (
+    None
+):
+    """As where a particle, however light, lets two modes exchange labels.
+
+    In half of the places here, in long runs of trials.
+    """
 
     def act(value: Array, values: Values) -> Array:
         jumps = 1e3 * (values["mass"] > 0) * np.sign(X) if values["place"] < 0.9 else 0.0
         return np.asarray(value + values["mass"] * np.cos(np.pi * X) + jumps)
 
-    specs = (ParameterSpec("mass", "1", 0.0, HALF), ParameterSpec("place", "1", 0.0, 1.0, strength=False))
+    specs = (
+        ParameterSpec("mass", "1", 0.0, HALF),
+        ParameterSpec("place", "1", 0.0, 1.0, strength=False),
+    )
     effect = Effect("particle", "", specs, {"placement": act}, "", "", "")
-    mine = [test for test in score_tests(solved(np.random.default_rng(5).standard_normal(N)), [effect]) if test.effect is effect]
+    mine = [
+        test
+        for test in score_tests(solved(np.random.default_rng(5).standard_normal(N)), [effect])
+        if test.effect is effect
+    ]
     assert len(mine) == 128
     cosine = np.cos(np.pi * X) - np.mean(np.cos(np.pi * X))
     for test in mine:
         expected = np.sign(X) if test.values["place"] < 0.9 else cosine
-        assert abs(test.basis[0] @ expected) / np.linalg.norm(expected) == pytest.approx(1, abs=1e-6)
+        assert abs(test.basis[0] @ expected) / np.linalg.norm(expected) == pytest.approx(
+            1, abs=1e-6
+        )
 
 
 def test_evidence_is_the_integral_of_likelihood_times_prior() -> None:
@@ -154,11 +193,15 @@ def test_evidence_is_the_integral_of_likelihood_times_prior() -> None:
     shape = np.cos(np.pi * (X + 1) / 2)
     left = data[:, None, None] - level[:, None] - size * shape[:, None, None]
     chi2 = np.sum(left**2, axis=0)
-    # Half of a strength's prior is uniform over its range, half uniform in its logarithm over the decades, of both signs.
-    # Nothing is left of the likelihood near zero, where that has no end.
+    # Half of a strength's prior is uniform over its range, half uniform in its logarithm over the
+    # decades, of both signs. Nothing is left of the likelihood near zero, where that has no end.
     prior = 0.5 / (2 * HALF) + 0.5 / (2 * np.maximum(np.abs(size), 0.1) * np.log(DECADES))
-    both = np.log(np.trapezoid(np.trapezoid(np.exp(-chi2 / 2) / (2 * HALF), level, axis=0) * prior, size))
-    alone = np.log(np.trapezoid(np.exp(-np.sum((data[:, None] - level) ** 2, axis=0) / 2) / (2 * HALF), level))
+    both = np.log(
+        np.trapezoid(np.trapezoid(np.exp(-chi2 / 2) / (2 * HALF), level, axis=0) * prior, size)
+    )
+    alone = np.log(
+        np.trapezoid(np.exp(-np.sum((data[:, None] - level) ** 2, axis=0) / 2) / (2 * HALF), level)
+    )
     assert with_it.log_evidence == pytest.approx(both, abs=0.03)
     assert without.log_evidence == pytest.approx(alone, abs=0.01)
 
@@ -170,8 +213,13 @@ def test_unseen_data_are_predicted_by_the_others_alone() -> None:
     hat = rows @ np.linalg.inv(rows.T @ rows) @ rows.T
     left = data - hat @ data
     # Leaving out a block b of a straight fit: (1 − H_bb)⁻¹ r_b.
-    apart = [np.linalg.solve(np.eye(N // 4) - hat[np.ix_(b, b)], left[b]) for b in np.arange(N).reshape(4, -1)]
-    assert found.cross_validation.chi2_reduced == pytest.approx(float(np.mean(np.concatenate(apart) ** 2)), rel=1e-3)
+    apart = [
+        np.linalg.solve(np.eye(N // 4) - hat[np.ix_(b, b)], left[b])
+        for b in np.arange(N).reshape(4, -1)
+    ]
+    assert found.cross_validation.chi2_reduced == pytest.approx(
+        float(np.mean(np.concatenate(apart) ** 2)), rel=1e-3
+    )
     assert found.cross_validation.chi2_reduced > 1.05 * float(np.mean(left**2))
 
 
@@ -198,7 +246,9 @@ def test_two_causes_that_do_as_well_are_a_tie_told_with_both() -> None:
     data = noise + 3 * np.cos(np.pi * (X + 1) / 2)
     twin = replace(WAVES[0], name="twin")
     base = Candidate(solved(data), 1e-9, "chi-square", ())
-    found = judge([base, *(Candidate(solved(data, e), 0.5, "chi-square", ()) for e in (WAVES[0], twin))])
+    found = judge(
+        [base, *(Candidate(solved(data, e), 0.5, "chi-square", ()) for e in (WAVES[0], twin))]
+    )
     assert found.verdict == "ambiguous"
     assert {found.chosen.names, *(c.names for c in found.rivals)} == {("wave1",), ("twin",)}
     assert all(share < CLEAR for share in found.share.values())
@@ -209,7 +259,9 @@ def test_effects_need_what_the_measurement_must_have_recorded() -> None:
     assert applicable(level(np.zeros(N)), [needy, WAVES[1]]) == [WAVES[1]]
 
 
-def test_effects_run_in_the_order_of_the_list_and_a_stage_is_turned_before_it_is_stretched() -> None:
+def test_effects_run_in_the_order_of_the_list_and_a_stage_is_turned_before_it_is_stretched() -> (
+    None
+):
     turn = library()["stage_rotation"]
     scale = library()["stage_scale"]
     values = [{"angle": 0.3}, {"stretch_x": 0.1, "stretch_y": -0.1}]
@@ -217,7 +269,9 @@ def test_effects_run_in_the_order_of_the_list_and_a_stage_is_turned_before_it_is
     found = apply("placement", here, [turn, scale], values)
     c = np.cos(0.3)
     s = np.sin(0.3)
-    np.testing.assert_allclose([found.x[0], found.y[0]], [1.1 * (c + 2 * s), 0.9 * (2 * c - s)], rtol=1e-14)
+    np.testing.assert_allclose(
+        [found.x[0], found.y[0]], [1.1 * (c + 2 * s), 0.9 * (2 * c - s)], rtol=1e-14
+    )
     assert found.x[0] != apply("placement", here, [scale, turn], values[::-1]).x[0]
 
 
@@ -229,7 +283,9 @@ def test_the_normal_tail_of_an_outlier_counts_every_datum() -> None:
 
 
 @pytest.mark.parametrize("anisotropy", [-1.4e-3, 1.4e-3])
-def test_modes_without_labels_are_the_lowest_even_where_a_pair_is_cut_in_half(anisotropy: float) -> None:
+def test_modes_without_labels_are_the_lowest_even_where_a_pair_is_cut_in_half(
+    anisotropy: float,
+) -> None:
     film = SimulatedFilm(load("hexagon-278um"), 48)
     spectrum = measurement.spectrum(film.modes.frequency[:11], np.full(11, 1.0))
     base_model = SpectrumModel(spectrum, film)

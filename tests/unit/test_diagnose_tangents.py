@@ -1,4 +1,7 @@
-"""Derivatives of residuals: parameters that are moved together give the same as one by one, whatever the effect."""
+"""Derivatives of residuals.
+
+Parameters that are moved together give the same as one by one, whatever the effect.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -37,9 +40,18 @@ def traces() -> MeasurementModel:
     f0 = float(film.modes.frequency[0])
     time = np.arange(600) / (60 * f0)
     frequency = f0 + np.linspace(-9, 9, STEPS)
-    u = 3e-7 / np.hypot(1, (frequency - f0) / 6)[:, None] * np.cos(2 * np.pi * frequency[:, None] * time)
+    u = (
+        3e-7
+        / np.hypot(1, (frequency - f0) / 6)[:, None]
+        * np.cos(2 * np.pi * frequency[:, None] * time)
+    )
     volts = 0.02 * np.cos(4 * np.pi / 632.8e-9 * u + 0.8) + 5e-4 * rng.standard_normal(u.shape)
-    return TraceModel(measurement.trace(time, volts, drive_frequency=frequency, noise_sd=5e-4, wavelength=632.8e-9), film)
+    return TraceModel(
+        measurement.trace(
+            time, volts, drive_frequency=frequency, noise_sd=5e-4, wavelength=632.8e-9
+        ),
+        film,
+    )
 
 
 def sweeps() -> MeasurementModel:
@@ -47,10 +59,22 @@ def sweeps() -> MeasurementModel:
     rng = np.random.default_rng(3)
     frequency = F0 + np.linspace(-40, 40, 61)
     volts = 2e-3 * np.array(PLACES)[:, None] / (1 + 2j * (frequency - F0) / WIDTH)
-    volts = volts + 1e-5 * (rng.standard_normal(volts.shape) + 1j * rng.standard_normal(volts.shape))
+    volts = volts + 1e-5 * (
+        rng.standard_normal(volts.shape) + 1j * rng.standard_normal(volts.shape)
+    )
     drive = np.full(3, 0.1)
     x = [0.0, 2e-5, 8e-5]
-    data = measurement.response(frequency, volts, noise_sd=1e-5, wavelength=632.8e-9, mode="2,2", drive=drive, direction=1, x=x, y=0.0)
+    data = measurement.response(
+        frequency,
+        volts,
+        noise_sd=1e-5,
+        wavelength=632.8e-9,
+        mode="2,2",
+        drive=drive,
+        direction=1,
+        x=x,
+        y=0.0,
+    )
     return ResponseModel(data, SimulatedFilm(load("square-270um"), 12))
 
 
@@ -67,7 +91,11 @@ def test_what_is_moved_together_has_the_derivatives_of_each(
         model = ExtendedModel(base_model, (effect,))
         unit = {spec.name: base_model.scales.get(spec.scale, 1.0) for spec in effect.parameters}
         part = {spec.name: 1e-3 if spec.strength else 0.4 for spec in effect.parameters}
-        small = {k.name: unit[k.name] * (part[k.name] * k.high + (not k.strength) * (1 - part[k.name]) * k.low) for k in effect.parameters}
+        small = {
+            k.name: unit[k.name]
+            * (part[k.name] * k.high + (not k.strength) * (1 - part[k.name]) * k.low)
+            for k in effect.parameters
+        }
         vector = model.pack(base, [small])
         at = model.residuals(vector)
         steps, whole = tangents(model, vector, at, unknown(model))
@@ -75,8 +103,12 @@ def test_what_is_moved_together_has_the_derivatives_of_each(
         with monkeypatch.context() as alone:
             alone.setattr(base_model, "independent_blocks", ())
             single = jacobian_at(model, vector, at, steps)
-            assert np.allclose(steps, tangents(model, vector, at, unknown(model))[0], rtol=1e-3), effect.name
-        assert np.all(np.linalg.norm(whole - single, axis=0) <= 1e-6 * np.linalg.norm(single, axis=0)), effect.name
+            assert np.allclose(steps, tangents(model, vector, at, unknown(model))[0], rtol=1e-3), (
+                effect.name
+            )
+        assert np.all(
+            np.linalg.norm(whole - single, axis=0) <= 1e-6 * np.linalg.norm(single, axis=0)
+        ), effect.name
 
 
 def test_an_effect_may_replace_all_parameters_of_a_group() -> None:
@@ -87,7 +119,11 @@ def test_an_effect_may_replace_all_parameters_of_a_group() -> None:
     vector = np.append(base_model.start[[spec.name not in gone for spec in base_model.base]], 1e10)
     at = model.residuals(vector)
     steps, slopes = tangents(model, vector, at, unknown(model))
-    assert jacobian_at(model, vector, at, steps).shape == slopes.shape == (len(at), len(base_model.start) - len(gone) + 1)
+    assert (
+        jacobian_at(model, vector, at, steps).shape
+        == slopes.shape
+        == (len(at), len(base_model.start) - len(gone) + 1)
+    )
 
 
 def test_steps_change_the_residuals_by_little_and_not_by_nothing() -> None:

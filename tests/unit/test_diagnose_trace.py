@@ -1,4 +1,7 @@
-"""Traces: harmonics of a fringe at one spot, and free runs of one oscillator; nothing is found where nothing is hidden."""
+"""Traces: harmonics of a fringe at one spot, and free runs of one oscillator.
+
+Nothing is found where nothing is hidden.
+"""
 
 from functools import cache
 from pathlib import Path
@@ -39,7 +42,10 @@ def fundamental() -> float:
 
 
 def voltage(cause: str, phase: Array, amplitude: float) -> Array:
-    """V(t) at phases of the drive; harmonics of the motion and of the detector are summed one by one."""
+    """V(t) at phases of the drive.
+
+    Harmonics of the motion and of the detector are summed one by one.
+    """
     u = amplitude * np.cos(phase)
     if cause == "mechanical_overtones":
         u = u + OVERTONE * (amplitude / 4e-7) ** 2 * np.cos(2 * phase + 0.4)
@@ -54,7 +60,10 @@ def slowed(phase: Array, amplitude: float, omega: float) -> Array:
     turn = 2 * np.pi * np.arange(256) / 256
     series = np.fft.rfft(voltage("", turn, amplitude)) / 128
     lag = 1 / (1 + 1j * np.arange(40) * omega * TAU)
-    return np.asarray(series[0].real / 2 + sum((series[n] * lag[n] * np.exp(1j * n * phase)).real for n in range(1, 40)))
+    return np.asarray(
+        series[0].real / 2
+        + sum((series[n] * lag[n] * np.exp(1j * n * phase)).real for n in range(1, 40))
+    )
 
 
 def traces(cause: str, path: Path) -> Diagnosis:
@@ -66,11 +75,17 @@ def traces(cause: str, path: Path) -> Diagnosis:
     for step, f in enumerate(frequency):
         amplitude = 4e-7 / np.hypot(1, (f - fundamental()) / 6)
         phase = 2 * np.pi * f * time - 0.4 * step
-        row = slowed(phase, amplitude, 2 * np.pi * f) if cause == "detector_bandwidth" else voltage(cause, phase, amplitude)
+        row = (
+            slowed(phase, amplitude, 2 * np.pi * f)
+            if cause == "detector_bandwidth"
+            else voltage(cause, phase, amplitude)
+        )
         if cause == "crosstalk":
             row = row + 3e-4 * np.cos(2 * np.pi * f * time + 1.0)
         rows.append(row + NOISE * rng.standard_normal(SAMPLES))
-    trace = measurement.trace(time, np.array(rows), drive_frequency=frequency, noise_sd=NOISE, wavelength=WAVELENGTH)
+    trace = measurement.trace(
+        time, np.array(rows), drive_frequency=frequency, noise_sd=NOISE, wavelength=WAVELENGTH
+    )
     measurement.write(measurement.bundle({"spot": trace}, geometry=GEOMETRY), path)
     return diagnose(path)
 
@@ -92,16 +107,23 @@ def test_traces_of_a_sine_are_adequate(tmp_path: Path) -> None:
         pytest.param("detector_saturation", "clipped", 1 - LIMIT, marks=pytest.mark.slow),
     ],
 )
-def test_a_cause_hidden_in_traces_is_named_with_its_size(cause: str, parameter: str, truth: float, tmp_path: Path) -> None:
+def test_a_cause_hidden_in_traces_is_named_with_its_size(
+    cause: str, parameter: str, truth: float, tmp_path: Path
+) -> None:
     found = traces(cause, tmp_path / "trace.nc")
-    assert (found.verdict, found.causes) == ("explained", (cause,)), (found.where, found.alternatives)
+    assert (found.verdict, found.causes) == ("explained", (cause,)), (
+        found.where,
+        found.alternatives,
+    )
     size = found.parameters[cause][parameter]
     assert abs(size.value - truth) < 4 * size.sd + 0.02 * abs(truth)
     assert found.gain > 1
 
 
 @pytest.mark.parametrize("deviation", ["", "term cos 3φ of the fringe", "cos motion at 2f"])
-def test_a_fringe_or_a_motion_of_another_form_is_seen_without_a_cause_to_look_for(deviation: str) -> None:
+def test_a_fringe_or_a_motion_of_another_form_is_seen_without_a_cause_to_look_for(
+    deviation: str,
+) -> None:
     rng = np.random.default_rng(4)
     time = np.arange(SAMPLES) / (60 * fundamental())
     frequency = fundamental() + np.linspace(-15, 15, STEPS)
@@ -109,9 +131,13 @@ def test_a_fringe_or_a_motion_of_another_form_is_seen_without_a_cause_to_look_fo
     turn = 2 * np.pi * frequency[:, None] * time
     u = amplitude * (np.cos(turn) + 2e-3 * (deviation == "cos motion at 2f") * np.cos(2 * turn))
     phase = 4 * np.pi / WAVELENGTH * u + 0.8
-    volts = CONTRAST * (np.cos(phase) + 4e-3 * (deviation == "term cos 3φ of the fringe") * np.cos(3 * phase))
+    volts = CONTRAST * (
+        np.cos(phase) + 4e-3 * (deviation == "term cos 3φ of the fringe") * np.cos(3 * phase)
+    )
     volts = volts + NOISE * rng.standard_normal(volts.shape)
-    trace = measurement.trace(time, volts, drive_frequency=frequency, noise_sd=NOISE, wavelength=WAVELENGTH)
+    trace = measurement.trace(
+        time, volts, drive_frequency=frequency, noise_sd=NOISE, wavelength=WAVELENGTH
+    )
     base_model = TraceModel(trace, SimulatedFilm(load(GEOMETRY), 12))
     found = criticise(fit(ExtendedModel(base_model), base_model.start), [])
     assert (found.p_value < FALSE_ALARMS) == bool(deviation), (found.p_value, found.worst)
@@ -131,9 +157,22 @@ def record(path: Path, quadratic: float) -> Diagnosis:
 
     def rates(t: float, s: Array) -> list[float]:
         y, v = s
-        return [v, (float(spline(t * rate)) - 3e-4 * v - 0.98 * (y + quadratic * y**2 + 4.0 * y**3)) / 5.2e-6]
+        return [
+            v,
+            (float(spline(t * rate)) - 3e-4 * v - 0.98 * (y + quadratic * y**2 + 4.0 * y**3))
+            / 5.2e-6,
+        ]
 
-    output = solve_ivp(rates, (0, time[-1]), [0.0, 0.0], "DOP853", rtol=1e-9, atol=1e-11, t_eval=time, max_step=1 / rate).y[0]
+    output = solve_ivp(
+        rates,
+        (0, time[-1]),
+        [0.0, 0.0],
+        "DOP853",
+        rtol=1e-9,
+        atol=1e-11,
+        t_eval=time,
+        max_step=1 / rate,
+    ).y[0]
     noisy = output + 2e-4 * rng.standard_normal(count)
     trace = measurement.trace(time, noisy[None], drive_voltage=drive[None], noise_sd=2e-4)
     measurement.write(measurement.bundle({"record": trace}, geometry=GEOMETRY), path)
@@ -141,7 +180,9 @@ def record(path: Path, quadratic: float) -> Diagnosis:
 
 
 @pytest.mark.slow
-def test_a_record_of_a_duffing_oscillator_is_adequate_and_its_notes_say_what_the_cubic_term_buys(tmp_path: Path) -> None:
+def test_a_record_of_a_duffing_oscillator_is_adequate_and_its_notes_say_what_the_cubic_term_buys(
+    tmp_path: Path,
+) -> None:
     found = record(tmp_path / "record.nc", 0.0)
     assert (found.verdict, found.causes) == ("adequate", ()), found.where
     alpha = found.parameters["base"]["alpha"]
@@ -151,7 +192,10 @@ def test_a_record_of_a_duffing_oscillator_is_adequate_and_its_notes_say_what_the
 
 def test_a_quadratic_force_in_a_record_is_named(tmp_path: Path) -> None:
     found = record(tmp_path / "record.nc", -0.15)
-    assert (found.verdict, found.causes) == ("explained", ("quadratic_stiffness",)), (found.where, found.alternatives)
+    assert (found.verdict, found.causes) == ("explained", ("quadratic_stiffness",)), (
+        found.where,
+        found.alternatives,
+    )
     kappa = found.parameters["quadratic_stiffness"]["kappa2"]
     assert kappa.unit == "V^-1"
     assert abs(kappa.value + 0.15) < 4 * kappa.sd + 1e-3

@@ -27,11 +27,18 @@ def unexplained(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     frequency = 1e6 + 40 * ((pressure - 50) / 50) ** 3 + np.random.default_rng(SEED).normal(size=60)
     dataset = measurement.series({"pressure": pressure}, frequency, np.full(60, 1.0))
     path = tmp_path_factory.mktemp("series") / "a <b> & c.nc"
-    measurement.write(measurement.bundle({"series": dataset}, geometry="square-270um", title="<script>alert(1)</script>"), path)
+    measurement.write(
+        measurement.bundle(
+            {"series": dataset}, geometry="square-270um", title="<script>alert(1)</script>"
+        ),
+        path,
+    )
     return diagnose(path)
 
 
-def test_what_no_cause_explains_is_described_by_a_free_form_that_predicts_unseen_data(unexplained: Diagnosis) -> None:
+def test_what_no_cause_explains_is_described_by_a_free_form_that_predicts_unseen_data(
+    unexplained: Diagnosis,
+) -> None:
     assert (unexplained.verdict, unexplained.causes) == ("unexplained", ())
     best = unexplained.free_forms[0]
     assert best.sentence == "a cubic dependence on pressure"
@@ -43,7 +50,9 @@ def test_what_no_cause_explains_is_described_by_a_free_form_that_predicts_unseen
 def test_data_that_the_base_model_explains_get_no_free_form(tmp_path: Path) -> None:
     frequency = 1e6 + np.random.default_rng(SEED).normal(size=40)
     dataset = measurement.series({"pressure": np.linspace(0, 100, 40)}, frequency, np.full(40, 1.0))
-    measurement.write(measurement.bundle({"series": dataset}, geometry="square-270um"), tmp_path / "file.nc")
+    measurement.write(
+        measurement.bundle({"series": dataset}, geometry="square-270um"), tmp_path / "file.nc"
+    )
     found = diagnose(tmp_path / "file.nc")
     assert (found.verdict, found.free_forms) == ("adequate", ())
 
@@ -53,11 +62,19 @@ def test_free_forms_are_no_causes_of_the_library() -> None:
 
 
 def test_the_page_tells_everything_and_runs_nothing(unexplained: Diagnosis, tmp_path: Path) -> None:
-    page = write_diagnosis(replace(unexplained, geometry="square-270um"), tmp_path).read_text(encoding="utf-8")
+    page = write_diagnosis(replace(unexplained, geometry="square-270um"), tmp_path).read_text(
+        encoding="utf-8"
+    )
     assert "<h1>Unexplained</h1>" in page
     assert "<script" not in page
     assert "a &lt;b&gt; &amp; c.nc" in page
-    for heading in ("Data, prediction, and what is left", "Parameters", "What was tried", "Described, not explained", "To reproduce"):
+    for heading in (
+        "Data, prediction, and what is left",
+        "Parameters",
+        "What was tried",
+        "Described, not explained",
+        "To reproduce",
+    ):
         assert f"<h2>{heading}</h2>" in page
     assert unexplained.sha256 in page
     assert "--geometry square-270um" in page
@@ -68,7 +85,9 @@ def test_residuals_of_all_models_share_one_scale() -> None:
     x = np.linspace(1e6, 1.0001e6, 50)
     data = np.sin(np.arange(50.0))
     curve = Curve("a", x, data, np.full(50, 0.1), np.stack([0 * data, data]))
-    figure = comparison_figure(Curves("t", "frequency", "Hz", "signal", "V", ("base model", "more"), (curve,)))
+    figure = comparison_figure(
+        Curves("t", "frequency", "Hz", "signal", "V", ("base model", "more"), (curve,))
+    )
     left, *right = figure.axes
     assert [axes.get_title() for axes in right] == ["left by base model (σ)", "left by more (σ)"]
     assert right[0].get_ylim() == right[1].get_ylim()
@@ -80,11 +99,21 @@ def test_maps_show_data_and_predictions_in_the_same_colours_and_residuals_too() 
     bowl = np.outer(np.cos(axis * 1e4), np.cos(axis * 1e4)) + 0j
     data = np.stack([bowl, 0.1j * bowl])
     predictions = np.stack([0.9 * data, data])
-    figure = comparison_figure(Images("map", ("base model", "more"), np.array([1, 2]), axis, axis, data, predictions, 1e-3))
-    limits = np.array([axes.collections[0].get_clim() for axes in figure.axes if axes.get_aspect() == 1])[:, 1].reshape(2, 5)
+    figure = comparison_figure(
+        Images("map", ("base model", "more"), np.array([1, 2]), axis, axis, data, predictions, 1e-3)
+    )
+    limits = np.array(
+        [axes.collections[0].get_clim() for axes in figure.axes if axes.get_aspect() == 1]
+    )[:, 1].reshape(2, 5)
     np.testing.assert_array_equal(limits[:, [1, 3]], limits[:, [0, 0]])
     np.testing.assert_array_equal(limits[:, 2], limits[:, 4])
-    assert [axes.get_title() for axes in figure.axes[:5]] == ["measured", "base model", "left (σ)", "more", "left (σ)"]
+    assert [axes.get_title() for axes in figure.axes[:5]] == [
+        "measured",
+        "base model",
+        "left (σ)",
+        "more",
+        "left (σ)",
+    ]
 
 
 @pytest.mark.parametrize("phase", [0.3, 2.0, 3.1, -2.9, 5.0])
@@ -97,7 +126,17 @@ def test_of_two_motions_that_read_the_same_the_one_near_the_drive_is_taken(phase
         swing = np.array([of["amplitude"] * np.exp(1j * of["motion_phase"])])
         one = np.ones((1, 1))
         place = np.zeros(1)
-        motion = Motion(swing[None], np.array([of["fringe_phase"]]), place, place, one, np.ones(1), 0, swing, 6e-7)
+        motion = Motion(
+            swing[None],
+            np.array([of["fringe_phase"]]),
+            place,
+            place,
+            one,
+            np.ones(1),
+            0,
+            swing,
+            6e-7,
+        )
         return harmonics(motion, Fringe(np.array([0, 1], complex), 6e-7, None), np.arange(1, 7))
 
     np.testing.assert_allclose(read(upright), read(found), atol=1e-12)

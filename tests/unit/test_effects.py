@@ -13,8 +13,22 @@ N = np.arange(1.0, 7.0)
 CONTROL = {"time": 10 * N, "temperature": 290 + N, "laser_power": 1e-6 * N, "pressure": N}
 VALUES: dict[Stage, object] = {
     "frequencies": Lines(1e6 * N, 10 * N),
-    "oscillator": Oscillator(np.full(6, 3e6), 4.0, 2e10, 0.0, 0.0, 0.1 * N, 1e-7, N, 3e6 + N, 3e6 + 2.5, np.zeros(6, complex)),
-    "signal": Signal(np.asarray(N * (1 + 2j), np.complex128), 1e-8 * N, 0.1 * N, 633e-9, float(np.sqrt(180))),
+    "oscillator": Oscillator(
+        np.full(6, 3e6),
+        4.0,
+        2e10,
+        0.0,
+        0.0,
+        0.1 * N,
+        1e-7,
+        N,
+        3e6 + N,
+        3e6 + 2.5,
+        np.zeros(6, complex),
+    ),
+    "signal": Signal(
+        np.asarray(N * (1 + 2j), np.complex128), 1e-8 * N, 0.1 * N, 633e-9, float(np.sqrt(180))
+    ),
     "placement": Placement(1e-5 * N, 2e-5 * N),
     "harmonics": Harmonics(np.outer(N, N).astype(complex), np.arange(1, 7), 1.0),
     "points": Points(1e6 * N, 1e5 * N, CONTROL, load("square-270um").film),
@@ -23,12 +37,16 @@ VALUES: dict[Stage, object] = {
 
 def numbers(effect: Effect, strength: float) -> dict[str, float]:
     """Strengths at a part of their range, the rest in the middle of it."""
-    return {k.name: strength * k.high if k.strength else (k.low + k.high) / 2 for k in effect.parameters}
+    return {
+        k.name: strength * k.high if k.strength else (k.low + k.high) / 2 for k in effect.parameters
+    }
 
 
 def arrays(value: object) -> list[np.ndarray]:
     """Everything numerical in the value of a stage."""
-    return [np.asarray(part) for part in vars(value).values() if isinstance(part, float | np.ndarray)]
+    return [
+        np.asarray(part) for part in vars(value).values() if isinstance(part, float | np.ndarray)
+    ]
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name)
@@ -39,13 +57,19 @@ def test_an_effect_says_what_it_is_and_acts_at_stages_that_exist(effect: Effect)
     assert effect.sentence
     assert effect.kinds
     assert set(effect.changes) <= {stage for stages in STAGES.values() for stage in stages}
-    assert all((spec.low < spec.high and spec.low <= 0) or not spec.strength for spec in effect.parameters)
+    assert all(
+        (spec.low < spec.high and spec.low <= 0) or not spec.strength for spec in effect.parameters
+    )
 
 
 @pytest.mark.parametrize(
-    ("effect", "stage"), [(e, s) for e in EFFECTS for s in e.changes if s in VALUES], ids=lambda v: getattr(v, "name", v)
+    ("effect", "stage"),
+    [(e, s) for e in EFFECTS for s in e.changes if s in VALUES],
+    ids=lambda v: getattr(v, "name", v),
 )
-def test_an_effect_of_no_strength_changes_nothing_and_one_of_some_strength_does(effect: Effect, stage: Stage) -> None:
+def test_an_effect_of_no_strength_changes_nothing_and_one_of_some_strength_does(
+    effect: Effect, stage: Stage
+) -> None:
     plain = VALUES[stage]
     idle, active = (effect.changes[stage](plain, numbers(effect, s)) for s in (0.0, 0.01))
     assert type(idle) is type(plain)
@@ -59,7 +83,11 @@ def test_effects_that_act_at_one_stage_commute_to_first_order(stage: Stage) -> N
     acting = [e for e in EFFECTS if stage in e.changes]
     for first in acting:
         for second in acting:
-            one = second.changes[stage](first.changes[stage](VALUES[stage], numbers(first, 1e-6)), numbers(second, 1e-6))
-            other = first.changes[stage](second.changes[stage](VALUES[stage], numbers(second, 1e-6)), numbers(first, 1e-6))
+            one = second.changes[stage](
+                first.changes[stage](VALUES[stage], numbers(first, 1e-6)), numbers(second, 1e-6)
+            )
+            other = first.changes[stage](
+                second.changes[stage](VALUES[stage], numbers(second, 1e-6)), numbers(first, 1e-6)
+            )
             for a, b in zip(arrays(one), arrays(other), strict=True):
                 np.testing.assert_allclose(a, b, rtol=1e-9)

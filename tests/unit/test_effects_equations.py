@@ -9,7 +9,18 @@ from scipy.integrate import solve_ivp
 
 from femnl.core.effect import Stage
 from femnl.core.operators import Projection
-from femnl.core.stages import Equation, Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Placement, Points, Signal
+from femnl.core.stages import (
+    Equation,
+    Fringe,
+    Harmonics,
+    Lines,
+    ModalSystem,
+    Motion,
+    Oscillator,
+    Placement,
+    Points,
+    Signal,
+)
 from femnl.device.geometry import load
 from femnl.effects import library
 from femnl.optics.fringe import MultilayerFringe
@@ -39,7 +50,13 @@ def sines() -> tuple[Array, Array, Array]:
         q = n * np.pi / HEIGHT
         along = p * (X + WIDTH / 2)
         across = q * (Y + HEIGHT / 2)
-        found.append((np.sin(along) * np.sin(across), p * np.cos(along) * np.sin(across), q * np.sin(along) * np.cos(across)))
+        found.append(
+            (
+                np.sin(along) * np.sin(across),
+                p * np.cos(along) * np.sin(across),
+                q * np.sin(along) * np.cos(across),
+            )
+        )
     shape, slope_x, slope_y = (np.array(part) for part in zip(*found, strict=True))
     return shape, slope_x, slope_y
 
@@ -52,17 +69,33 @@ def system(bending_length: float = 0.0) -> ModalSystem:
     slopes = []
     masses = []
     for weight in (np.ones_like(x), x, y, x**2, x * y, y**2):
-        pairs = [np.einsum("ixy,jxy,xy->ij", a, b, weight * AREA * FILM.thickness) for a, b in ((dx, dx), (dy, dy), (dx, dy))]
+        pairs = [
+            np.einsum("ixy,jxy,xy->ij", a, b, weight * AREA * FILM.thickness)
+            for a, b in ((dx, dx), (dy, dy), (dx, dy))
+        ]
         slopes.append([pairs[0], pairs[1], (pairs[2] + pairs[2].T) / 2])
-        masses.append(np.einsum("ixy,jxy,xy->ij", shape, shape, weight * AREA * FILM.thickness * FILM.density))
+        masses.append(
+            np.einsum("ixy,jxy,xy->ij", shape, shape, weight * AREA * FILM.thickness * FILM.density)
+        )
     axis = np.linspace(-REACH, REACH, 41)
     along, across = np.meshgrid(axis, np.clip(axis, -HEIGHT / 2, HEIGHT / 2))
-    tables = np.array([np.sin(m * np.pi * (along / WIDTH + 0.5)) * np.sin(n * np.pi * (across / HEIGHT + 0.5)) for m, n in ORDERS])
+    tables = np.array(
+        [
+            np.sin(m * np.pi * (along / WIDTH + 0.5)) * np.sin(n * np.pi * (across / HEIGHT + 0.5))
+            for m, n in ORDERS
+        ]
+    )
     projection = Projection(np.array(slopes), np.array(masses), REACH, axis, axis, tables)
     stiffness = FILM.stress * (projection.slopes[0, 0] + projection.slopes[0, 1])
     k2 = np.diag(stiffness) / np.diag(projection.masses[0]) * FILM.density / FILM.stress
     return ModalSystem(
-        stiffness * (1 + bending_length**2 * k2), projection.masses[0], FILM.stress, FILM, projection, (WIDTH, HEIGHT), bending_length
+        stiffness * (1 + bending_length**2 * k2),
+        projection.masses[0],
+        FILM.stress,
+        FILM,
+        projection,
+        (WIDTH, HEIGHT),
+        bending_length,
     )
 
 
@@ -91,10 +124,16 @@ def test_a_stress_does_work_on_the_slopes_of_the_film(name: str, values: dict[st
         yy = yy + 1
         xy = xy + values["shear"]
     else:
-        even = 1 + (values["slope_x"] * X + values["slope_y"] * Y) / REACH + values["bowl"] * (X**2 + Y**2) / REACH**2
+        even = (
+            1
+            + (values["slope_x"] * X + values["slope_y"] * Y) / REACH
+            + values["bowl"] * (X**2 + Y**2) / REACH**2
+        )
         xx = even
         yy = even
-    energy = FILM.thickness * FILM.stress * np.sum(AREA * (xx * wx**2 + yy * wy**2 + 2 * xy * wx * wy))
+    energy = (
+        FILM.thickness * FILM.stress * np.sum(AREA * (xx * wx**2 + yy * wy**2 + 2 * xy * wx * wy))
+    )
     found = changed(name, "operators", system(), **values)
     assert isinstance(found, ModalSystem)
     assert MIX @ found.stiffness @ MIX == pytest.approx(energy, rel=1e-10)
@@ -108,8 +147,16 @@ def frequencies(value: object) -> Array:
 def test_sides_in_another_ratio_change_the_waves_along_each() -> None:
     elongation = 0.02
     m, n = np.array(ORDERS).T
-    exact = np.hypot(m / (WIDTH * (1 + elongation / 2)), n * (1 + elongation / 2) / HEIGHT) * np.sqrt(FILM.stress / FILM.density) / 2
-    np.testing.assert_allclose(frequencies(changed("aspect_ratio", "operators", system(), elongation=elongation)), exact, rtol=1e-9)
+    exact = (
+        np.hypot(m / (WIDTH * (1 + elongation / 2)), n * (1 + elongation / 2) / HEIGHT)
+        * np.sqrt(FILM.stress / FILM.density)
+        / 2
+    )
+    np.testing.assert_allclose(
+        frequencies(changed("aspect_ratio", "operators", system(), elongation=elongation)),
+        exact,
+        rtol=1e-9,
+    )
 
 
 def test_bending_and_holes_change_the_frequency_of_a_wave_as_they_say() -> None:
@@ -119,7 +166,9 @@ def test_bending_and_holes_change_the_frequency_of_a_wave_as_they_say() -> None:
     plain = system(layer)
     k2 = plain.wavenumber**2
     stiff = frequencies(changed("bending_stiffness", "operators", plain, excess=excess))
-    np.testing.assert_allclose((2 * np.pi * stiff / plain.speed) ** 2, k2 + excess * k2**2, rtol=1e-6)
+    np.testing.assert_allclose(
+        (2 * np.pi * stiff / plain.speed) ** 2, k2 + excess * k2**2, rtol=1e-6
+    )
     slow = frequencies(changed("hole_dispersion", "operators", plain, beta_area=beta))
     np.testing.assert_allclose(slow / frequencies(plain), 1 - beta * k2, rtol=1e-12)
 
@@ -128,7 +177,9 @@ def test_gas_moves_with_a_wave_within_its_wavelength_over_two_pi_on_both_sides()
     k = system().wavenumber
     found = changed("gas_loading", "operators", system(), gas_density=1.2)
     np.testing.assert_allclose(
-        (frequencies(system()) / frequencies(found)) ** 2, 1 + 2 * 1.2 / (k * FILM.density * FILM.thickness), rtol=1e-12
+        (frequencies(system()) / frequencies(found)) ** 2,
+        1 + 2 * 1.2 / (k * FILM.density * FILM.thickness),
+        rtol=1e-12,
     )
 
 
@@ -136,10 +187,19 @@ def test_a_small_particle_lowers_each_mode_by_what_it_moves() -> None:
     mass = 1e-16
     x = 3e-5
     y = -2e-5
-    shape = np.array([np.sin(m * np.pi * (x / WIDTH + 0.5)) * np.sin(n * np.pi * (y / HEIGHT + 0.5)) for m, n in ORDERS])
+    shape = np.array(
+        [
+            np.sin(m * np.pi * (x / WIDTH + 0.5)) * np.sin(n * np.pi * (y / HEIGHT + 0.5))
+            for m, n in ORDERS
+        ]
+    )
     light = system()
     found = changed("added_mass", "operators", light, mass=mass, x=x, y=y, spread=0.0)
-    np.testing.assert_allclose(frequencies(found) / frequencies(light) - 1, -mass * shape**2 / (2 * np.diag(light.mass)), rtol=2e-4)
+    np.testing.assert_allclose(
+        frequencies(found) / frequencies(light) - 1,
+        -mass * shape**2 / (2 * np.diag(light.mass)),
+        rtol=2e-4,
+    )
 
 
 def test_a_particle_on_a_soft_place_rides_on_it() -> None:
@@ -153,14 +213,29 @@ def test_a_particle_on_a_soft_place_rides_on_it() -> None:
     share = square * mass * compliance
     assert 0.01 < share < 0.1
     # A mass on a spring 1/G that a mode shakes at ω acts as m/(1 − ω²mG).
-    assert added.mass[0, 0] - light.mass[0, 0] == pytest.approx(mass / (1 - share), rel=2 * share**3, abs=0)
+    assert added.mass[0, 0] - light.mass[0, 0] == pytest.approx(
+        mass / (1 - share), rel=2 * share**3, abs=0
+    )
 
 
 OSCILLATOR = Oscillator(
-    np.ones(3), 0.02, 0.0, 0.0, 0.0, np.array([0.1, 0.2, 0.4]), 1.0, np.array([30.0, 10.0, 20.0]), np.ones(3), 1.0, np.zeros(3, complex)
+    np.ones(3),
+    0.02,
+    0.0,
+    0.0,
+    0.0,
+    np.array([0.1, 0.2, 0.4]),
+    1.0,
+    np.array([30.0, 10.0, 20.0]),
+    np.ones(3),
+    1.0,
+    np.zeros(3, complex),
 )
 
-STAGES: tuple[tuple[Stage, object], ...] = (("oscillator", OSCILLATOR), ("equation", Equation(0.0, 0.0, 0.0, 0.0)))
+STAGES: tuple[tuple[Stage, object], ...] = (
+    ("oscillator", OSCILLATOR),
+    ("equation", Equation(0.0, 0.0, 0.0, 0.0)),
+)
 
 
 def test_damping_that_grows_takes_its_share_of_energy_in_each_period() -> None:
@@ -170,7 +245,11 @@ def test_damping_that_grows_takes_its_share_of_energy_in_each_period() -> None:
 
     def lost(eta: float) -> float:
         run = solve_ivp(
-            lambda t, s: [s[1], -s[0] - gamma * (1 + eta * s[0] ** 2) * s[1]], (0, 2 * np.pi), [amplitude, 0.0], "DOP853", rtol=1e-12
+            lambda t, s: [s[1], -s[0] - gamma * (1 + eta * s[0] ** 2) * s[1]],
+            (0, 2 * np.pi),
+            [amplitude, 0.0],
+            "DOP853",
+            rtol=1e-12,
         )
         return float(amplitude**2 - run.y[0, -1] ** 2 - run.y[1, -1] ** 2)
 
@@ -202,9 +281,13 @@ def test_all_frequencies_drift_from_the_first_acquisition_on() -> None:
     time = np.array([30.0, 10.0, 20.0])
     rate = 1e-4
     later = 1 + rate * np.array([20.0, 0.0, 10.0])
-    lines = changed("frequency_drift", "frequencies", Lines(np.array([1.0, 2.0, 3.0]), time), rate=rate)
+    lines = changed(
+        "frequency_drift", "frequencies", Lines(np.array([1.0, 2.0, 3.0]), time), rate=rate
+    )
     sweeps = changed("frequency_drift", "oscillator", OSCILLATOR, rate=rate)
-    points = changed("frequency_drift", "points", Points(np.ones(3), np.ones(3), {"time": time}), rate=rate)
+    points = changed(
+        "frequency_drift", "points", Points(np.ones(3), np.ones(3), {"time": time}), rate=rate
+    )
     assert isinstance(lines, Lines)
     assert isinstance(sweeps, Oscillator)
     assert isinstance(points, Points)
@@ -226,7 +309,9 @@ def test_a_straight_fringe_bends_as_its_first_harmonic() -> None:
     tau = 2 * np.pi * np.arange(256) / 256
     z = np.sqrt(share) * 4 * np.pi * amplitude / wavelength
     first = 2 * np.mean(np.sin(z[:, None] * np.cos(tau)) * np.cos(tau), axis=1)
-    plain = Signal(np.asarray(amplitude * 1e5, np.complex128), amplitude, np.ones(3), wavelength, 1.0)
+    plain = Signal(
+        np.asarray(amplitude * 1e5, np.complex128), amplitude, np.ones(3), wavelength, 1.0
+    )
     found = changed("nonlinear_readout", "signal", plain, share=share)
     assert isinstance(found, Signal)
     np.testing.assert_allclose(found.voltage / plain.voltage, first / z, rtol=1e-10)
@@ -239,7 +324,8 @@ def test_warmth_gas_and_light_act_on_a_resonance_as_their_equations_say() -> Non
         "laser_power": np.array([0.0, 1e-5, 1e-4]),
     }
     plain = Points(np.full(3, 1e6), np.full(3, 1e5), control)
-    expansion = FILM.young * (2.3e-6 - 2.6e-6) / (1 - FILM.poisson)  # of the film less that of silicon
+    # Of the film less that of silicon
+    expansion = FILM.young * (2.3e-6 - 2.6e-6) / (1 - FILM.poisson)
     stress = FILM.stress - expansion * (control["temperature"] - 300)
     warm = changed("thermal_stress", "points", plain, slope=expansion / FILM.stress)
     damped = changed("gas_damping", "points", plain, per_pressure=1e-6)
@@ -249,7 +335,9 @@ def test_warmth_gas_and_light_act_on_a_resonance_as_their_equations_say() -> Non
     assert isinstance(lit, Points)
     np.testing.assert_allclose(warm.frequency, 1e6 * np.sqrt(stress / FILM.stress), rtol=1e-12)
     np.testing.assert_allclose(1 / damped.quality_factor, [1e-5, 1.1e-5, 2e-5], rtol=1e-12)
-    np.testing.assert_allclose(lit.frequency, [1e6, 1e6 * (1 - 2e-5 + 3e-7), 1e6 * (1 - 2e-4 + 3e-5)], rtol=1e-14)
+    np.testing.assert_allclose(
+        lit.frequency, [1e6, 1e6 * (1 - 2e-5 + 3e-7), 1e6 * (1 - 2e-4 + 3e-5)], rtol=1e-14
+    )
     np.testing.assert_allclose(1e5 / lit.quality_factor, [1, 1.01, 1.1], rtol=1e-12)
 
 
@@ -257,9 +345,13 @@ def test_the_spot_of_a_gaussian_beam_has_half_its_radius_as_standard_deviation()
     radius = 3e-6
     s = np.linspace(-5 * radius, 5 * radius, 2001)
     power = np.exp(-2 * s**2 / radius**2)
-    found = changed("finite_spot", "placement", Placement(np.zeros(1), np.zeros(1), 2e-6), radius=radius)
+    found = changed(
+        "finite_spot", "placement", Placement(np.zeros(1), np.zeros(1), 2e-6), radius=radius
+    )
     assert isinstance(found, Placement)
-    assert found.spot == pytest.approx(np.hypot(2e-6, np.sqrt(np.sum(power * s**2) / np.sum(power))), rel=1e-9)
+    assert found.spot == pytest.approx(
+        np.hypot(2e-6, np.sqrt(np.sum(power * s**2) / np.sum(power))), rel=1e-9
+    )
 
 
 def test_harmonics_behind_a_low_pass_and_an_unsteady_trigger() -> None:
@@ -273,7 +365,11 @@ def test_harmonics_behind_a_low_pass_and_an_unsteady_trigger() -> None:
     slow = changed("detector_bandwidth", "harmonics", plain, time_constant=tau)
     assert isinstance(worn, Harmonics)
     assert isinstance(slow, Harmonics)
-    np.testing.assert_allclose(worn.values[:, 0], np.exp(-1j * np.outer(omega, sd * late)) @ share / share.sum(), atol=1e-12)
+    np.testing.assert_allclose(
+        worn.values[:, 0],
+        np.exp(-1j * np.outer(omega, sd * late)) @ share / share.sum(),
+        atol=1e-12,
+    )
     for n, w in enumerate(omega):
         answer = low_passed(float(w), tau)
         # The delay τ, the same for all harmonics, counts to the motion.
@@ -296,7 +392,12 @@ def test_the_fringe_of_a_stack_is_its_reflection_at_the_gap_that_the_film_leaves
     wavelength = 632.8e-9
     more = 4e-8
     gap = MODEL.stack.layers[MODEL.stack.gap].thickness
-    found = changed("multilayer_fringe", "fringe", Fringe(np.array([0, 1 + 0j]), wavelength, MODEL.stack), gap=gap + more)
+    found = changed(
+        "multilayer_fringe",
+        "fringe",
+        Fringe(np.array([0, 1 + 0j]), wavelength, MODEL.stack),
+        gap=gap + more,
+    )
     assert isinstance(found, Fringe)
     u = np.linspace(-2e-7, 2e-7, 33)
     turns = np.exp(4j * np.pi / wavelength * np.outer(u, np.arange(len(found.coefficients))))
@@ -312,10 +413,27 @@ def test_the_fringe_of_a_stack_is_its_reflection_at_the_gap_that_the_film_leaves
 def test_other_modes_are_mixed_into_the_driven_one_in_their_order() -> None:
     shapes = np.arange(1.0, 13.0).reshape(6, 2)
     swing = np.array([1e-7, 2e-7]) * np.exp(0.3j)
-    plain = Motion((swing * shapes[1])[None], np.zeros(2), np.zeros(2), np.zeros(2), shapes, np.arange(1.0, 7.0), 1, swing, 633e-9)
+    plain = Motion(
+        (swing * shapes[1])[None],
+        np.zeros(2),
+        np.zeros(2),
+        np.zeros(2),
+        shapes,
+        np.arange(1.0, 7.0),
+        1,
+        swing,
+        633e-9,
+    )
     found = changed("mode_admixture", "motion", plain, e1=0.1, e2=0.2, e3=-0.3, e4=0.05, e5=0.02)
     assert isinstance(found, Motion)
-    mixed = shapes[1] + 0.1 * shapes[0] + 0.2 * shapes[2] - 0.3 * shapes[3] + 0.05 * shapes[4] + 0.02 * shapes[5]
+    mixed = (
+        shapes[1]
+        + 0.1 * shapes[0]
+        + 0.2 * shapes[2]
+        - 0.3 * shapes[3]
+        + 0.05 * shapes[4]
+        + 0.02 * shapes[5]
+    )
     np.testing.assert_allclose(found.displacement, (swing * mixed)[None], rtol=1e-14)
 
 

@@ -14,7 +14,16 @@ from scipy.sparse.linalg import eigsh
 
 from femnl.core.operators import Projection
 from femnl.core.resonator import Resonator
-from femnl.core.stages import Fringe, Harmonics, Lines, ModalSystem, Motion, Oscillator, Points, Signal
+from femnl.core.stages import (
+    Fringe,
+    Harmonics,
+    Lines,
+    ModalSystem,
+    Motion,
+    Oscillator,
+    Points,
+    Signal,
+)
 from femnl.device.geometry import load
 from femnl.effects import library
 from femnl.observe.response.branches import duffing_branches
@@ -96,9 +105,13 @@ def rectangle(box: tuple[float, float], n: int = 7) -> ModalSystem:
     slopes = np.zeros((6, 3, len(k2), len(k2)))
     slopes[0, 0], slopes[0, 1] = (h * area * np.diag(k2[:, a]) for a in (0, 1))
     grid = np.linspace(-1, 1, 9)
-    projection = Projection(slopes, np.zeros((6, len(k2), len(k2))), max(box) / 2, grid, grid, np.zeros((len(k2), 9, 9)))
+    projection = Projection(
+        slopes, np.zeros((6, len(k2), len(k2))), max(box) / 2, grid, grid, np.zeros((len(k2), 9, 9))
+    )
     mass = FILM.density * h * area * np.eye(len(k2))
-    return ModalSystem(FILM.stress * (slopes[0, 0] + slopes[0, 1]), mass, FILM.stress, FILM, projection, box)
+    return ModalSystem(
+        FILM.stress * (slopes[0, 0] + slopes[0, 1]), mass, FILM.stress, FILM, projection, box
+    )
 
 
 def string(length: float, depth: float, n: int = 2000) -> Array:
@@ -110,7 +123,9 @@ def string(length: float, depth: float, n: int = 2000) -> Array:
 
     def joined(element: Array, ends: float) -> csc_matrix:
         values = np.concatenate([np.repeat(element.ravel(), n), [ends, ends]])
-        return csc_matrix((values, (np.append(rows.ravel(), [0, n]), np.append(columns.ravel(), [0, n]))))
+        return csc_matrix(
+            (values, (np.append(rows.ravel(), [0, n]), np.append(columns.ravel(), [0, n])))
+        )
 
     k = joined(np.outer(step, step) / h, 1 / depth)
     m = joined((np.ones((2, 2)) + np.eye(2)) * h / 6, 0.0)
@@ -122,7 +137,10 @@ def test_a_compliant_clamp_lowers_modes_as_a_string_between_springs() -> None:
     box = (270e-6, 200e-6)
     system = rectangle(box)
     loose = library()["compliant_clamp"].changes["operators"](system, {"depth_cubed": depth**3})
-    exact = np.add.outer(string(box[0], depth), string(box[1], depth)).ravel() * (1 + 2 * depth / np.sqrt(box[0] * box[1])) ** 2
+    exact = (
+        np.add.outer(string(box[0], depth), string(box[1], depth)).ravel()
+        * (1 + 2 * depth / np.sqrt(box[0] * box[1])) ** 2
+    )
     found = np.diag(loose.stiffness) / np.diag(loose.mass) / system.speed**2
     np.testing.assert_allclose(found, exact, rtol=3e-5)
     shift = found / (np.diag(system.stiffness) / np.diag(system.mass) / system.speed**2) - 1
@@ -163,7 +181,19 @@ def oscillator(frequency: Array, force: float, alpha: float) -> Oscillator:
     width = GAMMA / (2 * np.pi)
     peak = force / (W0 * GAMMA)
     silent = np.zeros(len(frequency), complex)
-    return Oscillator(np.ones(1), width, alpha, 0.0, 0.0, np.ones(1), peak, np.zeros(1), frequency, float(frequency.mean()), silent)
+    return Oscillator(
+        np.ones(1),
+        width,
+        alpha,
+        0.0,
+        0.0,
+        np.ones(1),
+        peak,
+        np.zeros(1),
+        frequency,
+        float(frequency.mean()),
+        silent,
+    )
 
 
 def test_quadratic_stiffness_lowers_alpha_by_ten_ninths_of_its_square() -> None:
@@ -176,7 +206,12 @@ def test_quadratic_stiffness_lowers_alpha_by_ten_ninths_of_its_square() -> None:
         def energy(u: Array | float) -> Array | float:
             return u**2 / 2 + kappa * u**3 / 3 + alpha * u**4 / 4
 
-        low = brentq(lambda u: float(energy(u) - energy(amplitude)), -2 * amplitude, -0.5 * amplitude, xtol=1e-15)
+        low = brentq(
+            lambda u: float(energy(u) - energy(amplitude)),
+            -2 * amplitude,
+            -0.5 * amplitude,
+            xtol=1e-15,
+        )
         middle = (amplitude + low) / 2
         half = (amplitude - low) / 2
         psi = np.pi * (np.arange(400) + 0.5) / 400
@@ -195,11 +230,29 @@ def test_quadratic_stiffness_moves_the_film_at_rest_and_at_twice_the_drive() -> 
     start = [1.0, 0.0]
     rate = 1 - 5 / 12 * kappa**2
     t = np.linspace(0, 40 * 2 * np.pi / rate, 4001)[:-1]
-    run = solve_ivp(lambda t, s: [s[1], -s[0] - kappa * s[0] ** 2], (0, t[-1]), start, "DOP853", rtol=1e-11, atol=1e-12, t_eval=t)
+    run = solve_ivp(
+        lambda t, s: [s[1], -s[0] - kappa * s[0] ** 2],
+        (0, t[-1]),
+        start,
+        "DOP853",
+        rtol=1e-11,
+        atol=1e-12,
+        t_eval=t,
+    )
     u = run.y[0]
     orders = np.array([np.mean(u * np.exp(-1j * n * rate * t)) * (2 if n else 1) for n in range(3)])
     one = np.ones((1, 1))
-    motion = Motion(orders[1] * one, np.zeros(1), np.zeros(1), np.zeros(1), one, np.ones(1), 0, orders[1] * np.ones(1), 4 * np.pi)
+    motion = Motion(
+        orders[1] * one,
+        np.zeros(1),
+        np.zeros(1),
+        np.zeros(1),
+        one,
+        np.ones(1),
+        0,
+        orders[1] * np.ones(1),
+        4 * np.pi,
+    )
     moved = library()["quadratic_stiffness"].changes["motion"](motion, {"kappa2": kappa})
     assert moved.theta[0] == pytest.approx(orders[0].real, rel=0.02)
     assert abs(moved.displacement[1, 0] - orders[2]) < 0.03 * abs(orders[2])
@@ -214,12 +267,25 @@ def test_internal_resonance_is_the_wiggle_that_two_coupled_modes_show(order: int
     loss = 0.15
     frequency = np.array([0.99, 0.999, 1.002, 1.004, 1.006, 1.009, 1.015])
     second = 2 * np.pi * order * crossing
-    tensors = {"quadratic": {(0, 0, 1): coupling}} if order == 2 else {"cubic": {(0, 0, 0, 1): coupling}}
-    pair = couple([Resonator(1.0, W0 / GAMMA, alpha), Resonator(order * crossing, second / loss)], [1.0, 1.0], **tensors)
+    tensors = (
+        {"quadratic": {(0, 0, 1): coupling}} if order == 2 else {"cubic": {(0, 0, 0, 1): coupling}}
+    )
+    pair = couple(
+        [Resonator(1.0, W0 / GAMMA, alpha), Resonator(order * crossing, second / loss)],
+        [1.0, 1.0],
+        **tensors,
+    )
     plain = oscillator(frequency, force, alpha)
     square = 8 * plain.linewidth / (3 * alpha)
-    # B = −c A^p / 2^{p−1} / D with D = 2ω₂·2πp (f_j/p − f + iw/2), and the force back c p A*^{p−1} B / 2^{p−1}, over 2ω₀·2π.
-    strength = coupling**2 * order / 4 ** (order - 1) * square ** (order - 1) / (2 * second * 2 * np.pi * order * 2 * W0 * 2 * np.pi)
+    # B = −c A^p / 2^{p−1} / D with D = 2ω₂·2πp (f_j/p − f + iw/2), and the force back c p A*^{p−1}
+    # B / 2^{p−1}, over 2ω₀·2π.
+    strength = (
+        coupling**2
+        * order
+        / 4 ** (order - 1)
+        * square ** (order - 1)
+        / (2 * second * 2 * np.pi * order * 2 * W0 * 2 * np.pi)
+    )
     values = {
         "coupling_square": strength,
         "offset": crossing - plain.middle,
@@ -231,7 +297,10 @@ def test_internal_resonance_is_the_wiggle_that_two_coupled_modes_show(order: int
     assert effect > 0.04
     full = Balance.of(pair, np.array([force, 0.0]), 6)
     starts = [full.pack(np.array([[0, a], [0, 0]])) for a in found]
-    measured = [full.unpack(full.solve(start, 2 * np.pi * f / full.rate))[0, 1] for start, f in zip(starts, frequency, strict=True)]
+    measured = [
+        full.unpack(full.solve(start, 2 * np.pi * f / full.rate))[0, 1]
+        for start, f in zip(starts, frequency, strict=True)
+    ]
     np.testing.assert_allclose(np.abs(found), np.abs(measured), rtol=0.15 * effect)
 
 
@@ -240,7 +309,10 @@ def test_saturation_of_a_sweep_is_the_first_harmonic_of_the_clipped_sinusoid() -
     volts = np.array([0.3, 0.7, 0.95, 1.0]) * np.exp(0.4j)
     signal = Signal(volts, np.ones(4), np.ones(4), 0.0, 1.0)
     clipped = library()["detector_saturation"].changes["signal"](signal, {"clipped": 0.4})
-    exact = [2 * np.mean(np.clip((v * np.exp(1j * tau)).real, -0.6, 0.6) * np.exp(-1j * tau)) for v in volts]
+    exact = [
+        2 * np.mean(np.clip((v * np.exp(1j * tau)).real, -0.6, 0.6) * np.exp(-1j * tau))
+        for v in volts
+    ]
     np.testing.assert_allclose(clipped.voltage, exact, rtol=1e-6)
 
 
@@ -251,15 +323,28 @@ def test_saturation_of_a_fringe_clips_the_voltage() -> None:
 
 
 def test_a_detector_that_clips_nothing_leaves_the_fringe_of_a_stack_alone() -> None:
-    # Its overtones make it exceed the size of its first coefficient, from which a fringe's contrast is reckoned.
+    # Its overtones make it exceed the size of its first coefficient, from which a fringe's contrast
+    # is reckoned.
     fringe = Fringe(np.array([0, 1, 0.3 * np.exp(0.4j), 0.1j]), 632.8e-9, None)
     z = np.linspace(0, 3, 7)
     u = (z * 632.8e-9 / (4 * np.pi)).astype(complex)
-    motion = Motion(u[None], np.full(7, 0.7), np.zeros(7), np.zeros(7), np.ones((1, 7)), np.ones(1), 0, u, 632.8e-9)
+    motion = Motion(
+        u[None],
+        np.full(7, 0.7),
+        np.zeros(7),
+        np.zeros(7),
+        np.ones((1, 7)),
+        np.ones(1),
+        0,
+        u,
+        632.8e-9,
+    )
     clip = library()["detector_saturation"].changes["fringe"]
     orders = np.arange(1, 5)
     plain = harmonics(motion, fringe, orders)
-    np.testing.assert_allclose(harmonics(motion, clip(fringe, {"clipped": 0.0}), orders), plain, atol=1e-5)
+    np.testing.assert_allclose(
+        harmonics(motion, clip(fringe, {"clipped": 0.0}), orders), plain, atol=1e-5
+    )
     assert np.abs(harmonics(motion, clip(fringe, {"clipped": 0.1}), orders) - plain).max() > 0.01
 
 
@@ -278,7 +363,17 @@ def test_tilt_and_bow_turn_the_fringe_more_at_the_shorter_wavelength() -> None:
         ("static_bow", {"depth": 2e-8}, 2e-8 * shapes[0]),
     ):
         for wavelength in (532e-9, 632.8e-9):
-            motion = Motion(np.ones((1, 2), complex), np.zeros(2), x, 0 * x, shapes, np.ones(1), 0, np.ones(2, complex), wavelength)
+            motion = Motion(
+                np.ones((1, 2), complex),
+                np.zeros(2),
+                x,
+                0 * x,
+                shapes,
+                np.ones(1),
+                0,
+                np.ones(2, complex),
+                wavelength,
+            )
             moved = library()[name].changes["motion"](motion, values)
             np.testing.assert_allclose(moved.theta, 4 * np.pi / wavelength * expected)
 
@@ -286,8 +381,20 @@ def test_tilt_and_bow_turn_the_fringe_more_at_the_shorter_wavelength() -> None:
 def test_overtones_follow_the_power_of_the_swing_and_its_phase() -> None:
     swing = np.array([1.0, 0.5]) * np.exp(0.3j)
     shapes = np.ones((2, 2))
-    motion = Motion(swing[None], np.zeros(2), np.zeros(2), np.zeros(2), shapes, np.array([1.0, 2.0]), 0, swing, 1.0)
-    sung = library()["mechanical_overtones"].changes["motion"](motion, {"cos2": 1e-2, "sin2": 0.0, "cos3": 0.0, "sin3": 2e-2})
+    motion = Motion(
+        swing[None],
+        np.zeros(2),
+        np.zeros(2),
+        np.zeros(2),
+        shapes,
+        np.array([1.0, 2.0]),
+        0,
+        swing,
+        1.0,
+    )
+    sung = library()["mechanical_overtones"].changes["motion"](
+        motion, {"cos2": 1e-2, "sin2": 0.0, "cos3": 0.0, "sin3": 2e-2}
+    )
     np.testing.assert_allclose(sung.displacement[1], 1e-2 * np.array([1, 0.25]) * np.exp(0.6j))
     np.testing.assert_allclose(sung.displacement[2], -2e-2j * np.array([1, 0.125]) * np.exp(0.9j))
 
@@ -296,15 +403,20 @@ def test_gas_against_pressure_loads_as_at_rest_in_that_gas() -> None:
     pressure = np.linspace(0, 100, 6)
     wavenumber = 2e4
     speed = np.sqrt(FILM.stress / FILM.density)
-    points = Points(np.full(6, wavenumber * speed / (2 * np.pi)), np.ones(6), {"pressure": pressure}, FILM)
+    points = Points(
+        np.full(6, wavenumber * speed / (2 * np.pi)), np.ones(6), {"pressure": pressure}, FILM
+    )
     found = library()["gas_loading"].changes["points"](points, {"gas_density": 1.2e-3}).frequency
     z = np.linspace(0, 12 / wavenumber, 20001)
-    # The gas on either side moves as e^{−kz}: its kinetic energy per area is ½ρ_g v²/k for both sides together.
+    # The gas on either side moves as e^{−kz}: its kinetic energy per area is ½ρ_g v²/k for both
+    # sides together.
     kinetic = 2 * np.trapezoid(1.2e-3 * 2 * np.exp(-2 * wavenumber * z), z)
     film = FILM.density * FILM.thickness
     assert found[-1] / found[0] == pytest.approx(np.sqrt(film / (film + kinetic)), rel=1e-7)
     assert (
-        library()["gas_loading"].changes["points"](replace(points, control={"time": pressure}), {"gas_density": 1.0}).frequency[-1]
+        library()["gas_loading"]
+        .changes["points"](replace(points, control={"time": pressure}), {"gas_density": 1.0})
+        .frequency[-1]
         == points.frequency[-1]
     )
 
@@ -334,11 +446,19 @@ def stiff_string(layer: float, depth: float, n: int = 130) -> Array:
     s = s * scale
     c = c * scale
     e = e * scale
-    return np.asarray(eigh((s * w / 2) @ s.T + layer**2 * (c * w / 2) @ c.T + e @ e.T / depth, (v * w / 2) @ v.T, eigvals_only=True)[:5])
+    return np.asarray(
+        eigh(
+            (s * w / 2) @ s.T + layer**2 * (c * w / 2) @ c.T + e @ e.T / depth,
+            (v * w / 2) @ v.T,
+            eigvals_only=True,
+        )[:5]
+    )
 
 
 @pytest.mark.parametrize("depth", [4e-3, 2e-2])
-def test_a_compliant_clamp_holds_a_film_whose_stiffness_keeps_its_edge_from_turning(depth: float) -> None:
+def test_a_compliant_clamp_holds_a_film_whose_stiffness_keeps_its_edge_from_turning(
+    depth: float,
+) -> None:
     layer = 5e-3
     clamped = stiff_string(layer, 1e-6)
     loose = stiff_string(layer, depth)
@@ -347,7 +467,9 @@ def test_a_compliant_clamp_holds_a_film_whose_stiffness_keeps_its_edge_from_turn
     grid = np.linspace(-0.5, 0.5, 9)
     projection = Projection(square, np.zeros((6, 5, 5)), 0.5, grid, grid, np.zeros((5, 9, 9)))
     film = replace(FILM, thickness=1.0, density=FILM.stress)
-    system = ModalSystem(np.diag(clamped), np.eye(5), FILM.stress, film, projection, (1.0, 1e9), layer)
+    system = ModalSystem(
+        np.diag(clamped), np.eye(5), FILM.stress, film, projection, (1.0, 1e9), layer
+    )
     cubed = (depth - layer) ** 3 + layer**3
     found = library()["compliant_clamp"].changes["operators"](system, {"depth_cubed": cubed})
     shift = np.diag(found.stiffness) / clamped

@@ -1,4 +1,7 @@
-"""Lagrange elements on straight and curved triangles: exact where they must be, continuous across edges."""
+"""Lagrange elements on straight and curved triangles.
+
+Exact where they must be, continuous across edges.
+"""
 
 from collections.abc import Callable
 from math import comb
@@ -30,7 +33,12 @@ def stretched() -> MeshTri2:
 def curved(device: Callable[..., Model]) -> MeshTri2:
     """A perforated disc in a few curved triangles."""
     return mesh(
-        device('kind = "circle"\ndiameter = "2 m"', 'lattice = "list"\ncentres = [["0.1 m", "0.2 m"]]\nradius = "0.3 m"'), "full", 0.4
+        device(
+            'kind = "circle"\ndiameter = "2 m"',
+            'lattice = "list"\ncentres = [["0.1 m", "0.2 m"]]\nradius = "0.3 m"',
+        ),
+        "full",
+        0.4,
     ).mesh
 
 
@@ -45,14 +53,18 @@ def polynomial(degree: int, order: tuple[int, int], x: Array, y: Array) -> Array
 
 @pytest.mark.parametrize("degree", DEGREES)
 def test_basis_functions_are_one_at_their_own_node_and_zero_at_the_others(degree: int) -> None:
-    np.testing.assert_allclose(reference_basis(degree, nodes(degree)), np.eye(len(nodes(degree))), atol=1e-13)
+    np.testing.assert_allclose(
+        reference_basis(degree, nodes(degree)), np.eye(len(nodes(degree))), atol=1e-13
+    )
 
 
 @pytest.mark.parametrize("degree", DEGREES)
 def test_basis_functions_sum_to_one_and_their_derivatives_to_zero(degree: int) -> None:
     np.testing.assert_allclose(reference_basis(degree, POINTS).sum(axis=1), 1, atol=1e-13)
     for order in FIRST + SECOND:
-        np.testing.assert_allclose(reference_basis(degree, POINTS, order).sum(axis=1), 0, atol=1e-11)
+        np.testing.assert_allclose(
+            reference_basis(degree, POINTS, order).sum(axis=1), 0, atol=1e-11
+        )
 
 
 @pytest.mark.parametrize("degree", DEGREES)
@@ -62,29 +74,53 @@ def test_polynomials_are_exact_on_straight_triangles_up_to_second_derivatives(de
     jet = space.jet(slice(None), POINTS, second=True)
     x = jet.point[..., 0]
     y = jet.point[..., 1]
-    np.testing.assert_allclose(np.einsum("eqj,ej->eq", jet.value, field), polynomial(degree, (0, 0), x, y), rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(
+        np.einsum("eqj,ej->eq", jet.value, field),
+        polynomial(degree, (0, 0), x, y),
+        rtol=1e-11,
+        atol=1e-11,
+    )
     for row, order in enumerate(FIRST):
-        np.testing.assert_allclose(np.einsum("eqj,ej->eq", jet.gradient[:, :, row], field), polynomial(degree, order, x, y), atol=1e-10)
+        np.testing.assert_allclose(
+            np.einsum("eqj,ej->eq", jet.gradient[:, :, row], field),
+            polynomial(degree, order, x, y),
+            atol=1e-10,
+        )
     for row, order in enumerate(SECOND):
-        np.testing.assert_allclose(np.einsum("eqj,ej->eq", jet.hessian[:, :, row], field), polynomial(degree, order, x, y), atol=1e-9)
+        np.testing.assert_allclose(
+            np.einsum("eqj,ej->eq", jet.hessian[:, :, row], field),
+            polynomial(degree, order, x, y),
+            atol=1e-9,
+        )
 
 
 @pytest.mark.parametrize("degree", [2, 3, 4, 5, 6])
-def test_curved_triangles_hold_a_tilt_to_its_second_derivatives(curved: MeshTri2, degree: int) -> None:
-    # The map is of the element's degree, so of all polynomials in x and y only the linear ones are in the space of a curved triangle.
+def test_curved_triangles_hold_a_tilt_to_its_second_derivatives(
+    curved: MeshTri2, degree: int
+) -> None:
+    # The map is of the element's degree, so of all polynomials in x and y only the linear ones are
+    # in the space of a curved triangle.
     space = Space(curved, degree)
     field = polynomial(1, (0, 0), *space.location.T)[space.dofs]
     jet = space.jet(slice(None), POINTS, second=True)
     x = jet.point[..., 0]
     y = jet.point[..., 1]
     for row, order in enumerate(FIRST):
-        np.testing.assert_allclose(np.einsum("eqj,ej->eq", jet.gradient[:, :, row], field), polynomial(1, order, x, y), atol=1e-10)
+        np.testing.assert_allclose(
+            np.einsum("eqj,ej->eq", jet.gradient[:, :, row], field),
+            polynomial(1, order, x, y),
+            atol=1e-10,
+        )
     for row in range(len(SECOND)):
-        np.testing.assert_allclose(np.einsum("eqj,ej->eq", jet.hessian[:, :, row], field), 0, atol=1e-8)
+        np.testing.assert_allclose(
+            np.einsum("eqj,ej->eq", jet.hessian[:, :, row], field), 0, atol=1e-8
+        )
 
 
 @pytest.mark.parametrize("degree", [3, 4])
-def test_derivatives_on_curved_triangles_match_finite_differences_of_the_mapped_function(curved: MeshTri2, degree: int) -> None:
+def test_derivatives_on_curved_triangles_match_finite_differences_of_the_mapped_function(
+    curved: MeshTri2, degree: int
+) -> None:
     space = Space(curved, degree)
     bent = np.flatnonzero(np.any(np.isin(curved.t2f, curved.boundary_facets()), axis=0))
     field = np.random.default_rng(2).standard_normal(space.size)[space.dofs[bent]]
@@ -116,7 +152,9 @@ def test_derivatives_on_curved_triangles_match_finite_differences_of_the_mapped_
 
 @pytest.mark.parametrize("degree", DEGREES)
 @pytest.mark.parametrize("shape", ["straight", "curved"])
-def test_functions_agree_on_both_sides_of_every_edge(degree: int, shape: str, request: pytest.FixtureRequest) -> None:
+def test_functions_agree_on_both_sides_of_every_edge(
+    degree: int, shape: str, request: pytest.FixtureRequest
+) -> None:
     grid = stretched() if shape == "straight" else request.getfixturevalue("curved")
     space = Space(grid, degree)
     field = np.random.default_rng(3).standard_normal(space.size)
@@ -126,7 +164,8 @@ def test_functions_agree_on_both_sides_of_every_edge(degree: int, shape: str, re
             edge = int(np.flatnonzero(grid.t2f[:, triangle] == facet)[0])
             jet = space.jet(np.array([triangle]), space.edge_points(edge, 7)[0])
             sides.append((jet.point[0], jet.value[0] @ field[space.dofs[triangle]]))
-        np.testing.assert_allclose(sides[0][0], sides[1][0], atol=1e-12)  # both walk the edge the same way
+        # Both walk the edge the same way
+        np.testing.assert_allclose(sides[0][0], sides[1][0], atol=1e-12)
         np.testing.assert_allclose(sides[0][1], sides[1][1], atol=1e-12)
 
 
@@ -136,11 +175,15 @@ def test_unknowns_of_a_facet_lie_on_it_in_order(curved: MeshTri2, degree: int) -
     s = np.array([0.0, 1.0, *np.linspace(0, 1, degree + 1)[1:-1]])[:, None]
     for facet in map(int, np.flatnonzero(curved.f2t[1] >= 0)):
         ends = np.asarray(curved.doflocs)[:, curved.facets[:, facet]].T
-        np.testing.assert_allclose(space.location[space.facet_unknowns(facet)], ends[0] * (1 - s) + ends[1] * s, atol=1e-12)
+        np.testing.assert_allclose(
+            space.location[space.facet_unknowns(facet)], ends[0] * (1 - s) + ends[1] * s, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize("degree", [2, 3, 4, 6])
-def test_unknowns_of_a_round_edge_lie_on_its_circle_at_even_angles(curved: MeshTri2, degree: int) -> None:
+def test_unknowns_of_a_round_edge_lie_on_its_circle_at_even_angles(
+    curved: MeshTri2, degree: int
+) -> None:
     space = Space(curved, degree)
     even = min(degree, 4)
     for name, centre, radius in (("clamped", (0.0, 0.0), 1.0), ("free", (0.1, 0.2), 0.3)):
@@ -148,7 +191,11 @@ def test_unknowns_of_a_round_edge_lie_on_its_circle_at_even_angles(curved: MeshT
             place = space.location[space.facet_unknowns(int(facet))] - centre
             assert np.hypot(*place.T) == pytest.approx(radius, rel=1e-9 if degree == even else 1e-4)
             start, end, *between = np.unwrap(np.arctan2(place[:, 1], place[:, 0]))
-            np.testing.assert_allclose(between, np.linspace(start, end, degree + 1)[1:-1], atol=1e-9 if degree == even else 1e-4)
+            np.testing.assert_allclose(
+                between,
+                np.linspace(start, end, degree + 1)[1:-1],
+                atol=1e-9 if degree == even else 1e-4,
+            )
 
 
 @pytest.mark.parametrize(("degree", "order"), [(2, 4), (4, 6)])
@@ -166,12 +213,20 @@ def test_the_area_beside_arcs_converges_with_the_degree_of_the_map(degree: int, 
         place[:, rim] /= np.hypot(*place[:, rim])
         space = Space(MeshTri2(place, grid.t), degree)
         points, weights = space.quadrature(12)
-        errors.append(abs(np.sum(np.abs(np.linalg.det(space.jet(slice(None), points).jacobian)) @ weights) / np.pi - 1))
+        errors.append(
+            abs(
+                np.sum(np.abs(np.linalg.det(space.jet(slice(None), points).jacobian)) @ weights)
+                / np.pi
+                - 1
+            )
+        )
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.3)
 
 
 @pytest.mark.parametrize(("coarse", "fine"), [(1, 4), (2, 3), (3, 4)])
-def test_a_function_carried_to_a_higher_degree_is_the_same_function(curved: MeshTri2, coarse: int, fine: int) -> None:
+def test_a_function_carried_to_a_higher_degree_is_the_same_function(
+    curved: MeshTri2, coarse: int, fine: int
+) -> None:
     low = Space(curved, coarse)
     high = Space(curved, fine)
     field = np.random.default_rng(4).standard_normal((2, low.size))
@@ -187,7 +242,10 @@ def test_quadrature_is_exact_to_its_order(order: int) -> None:
     space = Space(stretched(), 1)
     for a in range(order + 1):
         for b in range(order + 1 - a):
-            exact = 1 / ((a + b + 2) * (a + b + 1) * comb(a + b, a))  # ∫ XᵃYᵇ = a! b! / (a + b + 2)!
-            assert weights @ (points[:, 0] ** a * points[:, 1] ** b) == pytest.approx(exact, rel=1e-12)
+            # ∫ XᵃYᵇ = a! b! / (a + b + 2)!
+            exact = 1 / ((a + b + 2) * (a + b + 1) * comb(a + b, a))
+            assert weights @ (points[:, 0] ** a * points[:, 1] ** b) == pytest.approx(
+                exact, rel=1e-12
+            )
     along, lengths = space.edge_points(0, order)
     assert lengths @ along[:, 0] ** order == pytest.approx(1 / (order + 1), rel=1e-12)

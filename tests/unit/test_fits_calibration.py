@@ -20,7 +20,11 @@ FIRST_FOUR = (1, 2, 3, 4)
 def sine_to_fourth_order(theta: float) -> SeriesFringe:
     """The fringe cos(qu + θ) up to u⁴."""
     derivatives = (np.cos(theta), -np.sin(theta), -np.cos(theta), np.sin(theta), np.cos(theta))
-    return SeriesFringe(tuple(d * Q**m / f for m, (d, f) in enumerate(zip(derivatives, (1, 1, 2, 6, 24), strict=True))))
+    return SeriesFringe(
+        tuple(
+            d * Q**m / f for m, (d, f) in enumerate(zip(derivatives, (1, 1, 2, 6, 24), strict=True))
+        )
+    )
 
 
 @pytest.mark.parametrize("z", [0.1, 0.5, 1.5])
@@ -31,14 +35,18 @@ def test_taylor_method_is_exact_for_a_fringe_of_fourth_order(z: float) -> None:
 
 def test_error_of_the_taylor_method_grows_as_z_squared() -> None:
     z = np.array([0.2, 0.4])
-    odd, even = (U * Q / z - 1 for U in taylor_amplitude(harmonics(SineFringe(RED, 0, 1, 0.7), FIRST_FOUR, z / Q), RED))
+    odd, even = (
+        U * Q / z - 1
+        for U in taylor_amplitude(harmonics(SineFringe(RED, 0, 1, 0.7), FIRST_FOUR, z / Q), RED)
+    )
     assert odd[1] / odd[0] == pytest.approx(4, rel=0.05)
     assert even[1] / even[0] == pytest.approx(4, rel=0.05)
 
 
 def test_taylor_method_is_three_percent_low_at_z_of_one() -> None:
     V = harmonics(SineFringe(RED, 0, 1, 0.7), FIRST_FOUR, 1 / Q)
-    assert taylor_amplitude(V, RED)[0] * Q == pytest.approx(0.970, abs=5e-4)  # J₁(1) = 0.440051, J₃(1) = 0.0195634
+    # J₁(1) = 0.440051, J₃(1) = 0.0195634
+    assert taylor_amplitude(V, RED)[0] * Q == pytest.approx(0.970, abs=5e-4)
 
 
 def test_taylor_method_is_mostly_off_by_a_quarter_or_more_beyond_z_of_four() -> None:
@@ -69,7 +77,9 @@ def test_displacement_of_every_point_is_found_without_the_mode_shape(layered: bo
     fringe = MultilayerFringe(stack, RED, gain=0.05) if layered else SineFringe(RED, 0.1, 0.02, 0.6)
 
     def even(x: Array, y: Array) -> Array:
-        return np.where((abs(x) < 1) & (abs(y) < 1), np.cos(np.pi * x / 2) * np.cos(np.pi * y / 2), 0)
+        return np.where(
+            (abs(x) < 1) & (abs(y) < 1), np.cos(np.pi * x / 2) * np.cos(np.pi * y / 2), 0
+        )
 
     def odd_part(x: Array, y: Array) -> Array:
         return np.where((abs(x) < 1) & (abs(y) < 1), np.sin(np.pi * x) * np.cos(np.pi * y / 2), 0)

@@ -22,7 +22,10 @@ PLAIN = [label.strip("()") for label in LABELS]
 def lines(seed: int, scatter: float, sd: float = 5.0) -> Array:
     """Lines of a film in which waves run 5 % faster."""
     rng = np.random.default_rng(seed)
-    return np.asarray(1.05 * SIMULATED * (1 + scatter * rng.normal(size=len(PAIRS))) + sd * rng.normal(size=len(PAIRS)))
+    return np.asarray(
+        1.05 * SIMULATED * (1 + scatter * rng.normal(size=len(PAIRS)))
+        + sd * rng.normal(size=len(PAIRS))
+    )
 
 
 def test_speed_and_stress_follow_from_the_scale() -> None:
@@ -30,7 +33,9 @@ def test_speed_and_stress_follow_from_the_scale() -> None:
     assert abs(found["scale"] - 1.05) < 4 * found.parameters["scale"].sd
     assert found["wave_speed"] == pytest.approx(found["scale"] * np.sqrt(1e9 / 3000))
     assert found["stress"] == pytest.approx(found["scale"] ** 2 * 1e9)
-    assert found.parameters["stress"].sd / found["stress"] == pytest.approx(2 * found.parameters["scale"].sd / found["scale"])
+    assert found.parameters["stress"].sd / found["stress"] == pytest.approx(
+        2 * found.parameters["scale"].sd / found["scale"]
+    )
     assert found["scatter"] < 1e-5
 
 
@@ -38,14 +43,24 @@ def test_the_error_of_the_scale_holds_with_and_without_scatter_of_the_modes() ->
     for scatter in (0.0, 1e-3):
         inside = 0
         for seed in range(200):
-            fit = fit_film(spectrum(lines(seed, scatter), np.full(9, 5.0), PLAIN), LABELS, SIMULATED, FILM).fit
+            fit = fit_film(
+                spectrum(lines(seed, scatter), np.full(9, 5.0), PLAIN), LABELS, SIMULATED, FILM
+            ).fit
             inside += abs(fit["scale"] - 1.05) < fit.parameters["scale"].sd
-        # A scatter estimated from nine modes makes the interval Student's with 8 degrees of freedom: 65 % instead of 68 %.
-        assert binom.ppf(0.001, 200, 0.655) <= inside <= binom.ppf(0.999, 200, 0.655), f"{inside} of 200 at scatter {scatter}"
+        # A scatter estimated from nine modes makes the interval Student's with 8 degrees of
+        # freedom: 65 % instead of 68 %.
+        assert binom.ppf(0.001, 200, 0.655) <= inside <= binom.ppf(0.999, 200, 0.655), (
+            f"{inside} of 200 at scatter {scatter}"
+        )
 
 
 def test_the_scatter_of_the_modes_is_what_was_put_in() -> None:
-    found = [fit_film(spectrum(lines(seed, 2e-3), np.full(9, 5.0), PLAIN), LABELS, SIMULATED, FILM).fit["scatter"] for seed in range(100)]
+    found = [
+        fit_film(spectrum(lines(seed, 2e-3), np.full(9, 5.0), PLAIN), LABELS, SIMULATED, FILM).fit[
+            "scatter"
+        ]
+        for seed in range(100)
+    ]
     assert np.mean(np.square(found)) == pytest.approx(4e-6, rel=4 * np.sqrt(2 / 8 / 100))
 
 
@@ -63,5 +78,7 @@ def test_lines_that_the_simulation_does_not_know_are_left_out_and_told() -> None
     found = fit_film(spectrum(lines(4, 0.0), np.full(9, 5.0), labels), LABELS, SIMULATED, FILM)
     assert len(found.label) == 8
     assert any("1 lines without a simulated mode" in note for note in found.fit.notes)
-    with pytest.raises(MeasurementError, match="none of its lines has a simulated mode; check the labels"):
+    with pytest.raises(
+        MeasurementError, match="none of its lines has a simulated mode; check the labels"
+    ):
         fit_film(spectrum([1e6], [5.0], ["7,9"]), LABELS, SIMULATED, FILM)

@@ -1,4 +1,7 @@
-"""Map fits on maps made by the readout stage: what they find, what they say they cannot find, and how honest their intervals are."""
+"""Map fits on maps made by the readout stage.
+
+What they find, what they say they cannot find, and how honest their intervals are.
+"""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -37,7 +40,9 @@ def square(m: int = 1, n: int = 1) -> Shape:
 
     def shape(x: Array, y: Array) -> Array:
         inside = (np.abs(x) < SIDE / 2) & (np.abs(y) < SIDE / 2)
-        return np.where(inside, np.sin(m * np.pi * (x / SIDE + 0.5)) * np.sin(n * np.pi * (y / SIDE + 0.5)), 0.0)
+        return np.where(
+            inside, np.sin(m * np.pi * (x / SIDE + 0.5)) * np.sin(n * np.pi * (y / SIDE + 0.5)), 0.0
+        )
 
     return shape
 
@@ -77,7 +82,9 @@ def sine(theta: float = 0.6, wavelength: float = RED) -> SineFringe:
 
 def deviations(found: MapFit, truth: Mapping[str, float]) -> Array:
     """Differences from the truth in standard deviations."""
-    return np.array([(found.fit[name] - value) / found.fit.parameters[name].sd for name, value in truth.items()])
+    return np.array(
+        [(found.fit[name] - value) / found.fit.parameters[name].sd for name, value in truth.items()]
+    )
 
 
 TRUTH = {"contrast": 0.02, "fringe_phase": 0.6, "motion_phase": 0.4, **PLACED}
@@ -95,15 +102,25 @@ def test_fit_finds_motion_fringe_and_placement_without_start_values(z: float) ->
 def test_residual_and_prediction_make_up_the_data() -> None:
     data = measured(sine(), 3e-7, 1, square())
     found = fit_map(data, square())
-    assert found.prediction[""] + 3e-4 * found.residual[""] == pytest.approx(data["real"].values + 1j * data["imag"].values, abs=1e-16)
+    assert found.prediction[""] + 3e-4 * found.residual[""] == pytest.approx(
+        data["real"].values + 1j * data["imag"].values, abs=1e-16
+    )
     assert np.std(found.residual[""].real) == pytest.approx(1, abs=0.05)
 
 
 @pytest.mark.parametrize("fringe", [sine(), MultilayerFringe(STACK, RED)])
 def test_model_of_the_fit_is_that_of_the_readout(fringe: PeriodicFringe) -> None:
     data = flatten("", measured(fringe, 4e-7, 0, square(2, 1)), fringe)
-    values = {"amplitude": 4.1e-7, "contrast": 0.02, "fringe_phase": 0.3, "motion_phase": 0.2, **CENTRED}
-    expected = harmonics(data.series, SIX, 4.1e-7 * square(2, 1)(data.x, data.y), 0.2, 0.3 / data.wavenumber)
+    values = {
+        "amplitude": 4.1e-7,
+        "contrast": 0.02,
+        "fringe_phase": 0.3,
+        "motion_phase": 0.2,
+        **CENTRED,
+    }
+    expected = harmonics(
+        data.series, SIX, 4.1e-7 * square(2, 1)(data.x, data.y), 0.2, 0.3 / data.wavenumber
+    )
     assert np.abs(predict(data, square(2, 1), values) - 0.02 * expected).max() < 0.02 * 2e-7
 
 
@@ -113,13 +130,26 @@ def test_derivatives_of_the_model_agree_with_differences(fringe: PeriodicFringe)
         return np.exp(-((x / 9e-5) ** 2) - (y / 7e-5) ** 2 + x * y / 2e-8)
 
     data = flatten("", measured(fringe, 4e-7, 0, smooth), fringe)
-    values = {"amplitude": 4e-7, "contrast": 0.02, "fringe_phase": 0.6, "motion_phase": 0.4, **PLACED}
-    values |= {"overtone_2_real": 0.1, "overtone_2_imag": -0.05, "overtone_3_real": 0.02, "overtone_3_imag": 0.03}
+    values = {
+        "amplitude": 4e-7,
+        "contrast": 0.02,
+        "fringe_phase": 0.6,
+        "motion_phase": 0.4,
+        **PLACED,
+    }
+    values |= {
+        "overtone_2_real": 0.1,
+        "overtone_2_imag": -0.05,
+        "overtone_3_real": 0.02,
+        "overtone_3_imag": 0.03,
+    }
     by = slopes(data, smooth, values)
     assert set(by) == set(values)
     for name in values:
         step = 1e-4 * {"x": 1e-4, "y": 1e-4}.get(name, values[name])
-        ends = [predict(data, smooth, {**values, name: values[name] + sign * step}) for sign in (1, -1)]
+        ends = [
+            predict(data, smooth, {**values, name: values[name] + sign * step}) for sign in (1, -1)
+        ]
         difference = (ends[0] - ends[1]) / (2 * step)
         assert np.abs(by[name] - difference).max() < 2e-5 * np.abs(difference).max(), name
 
@@ -145,7 +175,13 @@ def test_red_and_green_maps_share_one_amplitude() -> None:
     }
     found = fit_map(maps, square())
     alone = fit_map(maps["red"], square())
-    truth = {"amplitude": 4.45e-7, "fringe_phase:red": 0.6, "fringe_phase:green": 1.9, "motion_phase:green": -1.0, "x:green": 6e-6}
+    truth = {
+        "amplitude": 4.45e-7,
+        "fringe_phase:red": 0.6,
+        "fringe_phase:green": 1.9,
+        "motion_phase:green": -1.0,
+        "x:green": 6e-6,
+    }
     assert np.abs(deviations(found, truth)).max() < 4
     assert found.fit.parameters["amplitude"].sd < 0.8 * alone.fit.parameters["amplitude"].sd
     assert found.fit["modulation:green"] / found.fit["modulation:red"] == pytest.approx(RED / GREEN)
@@ -161,7 +197,13 @@ def test_different_amplitudes_of_red_and_green_are_seen_in_the_misfit() -> None:
 
 def test_multilayer_fringe_gives_the_shift_of_the_gap() -> None:
     shift = 21e-9
-    moved = Stack(tuple(Layer(one.material, one.thickness + shift * (i == 2), one.index) for i, one in enumerate(STACK.layers)), 2)
+    moved = Stack(
+        tuple(
+            Layer(one.material, one.thickness + shift * (i == 2), one.index)
+            for i, one in enumerate(STACK.layers)
+        ),
+        2,
+    )
     data = measured(MultilayerFringe(moved, RED, gain=0.05), 4e-7, 3, square())
     found = fit_map(data, square(), MultilayerFringe(STACK, RED))
     assert abs(found.fit["amplitude"] - 4e-7) < 4 * found.fit.parameters["amplitude"].sd
@@ -174,14 +216,27 @@ def test_form_of_the_fringe_is_found_together_with_the_motion() -> None:
     found = fit_map(measured(fringe, 4e-7, 3, square()), square(), free_overtones=5)
     c = fringe.fourier.coefficients
     unit = c / abs(c[1]) * np.exp(-1j * np.arange(len(c)) * np.angle(c[1]))
-    truth = {"amplitude": 4e-7, **{f"overtone_{k}_{part}": getattr(unit[k], part) for k in (2, 3) for part in ("real", "imag")}, **PLACED}
+    truth = {
+        "amplitude": 4e-7,
+        **{
+            f"overtone_{k}_{part}": getattr(unit[k], part)
+            for k in (2, 3)
+            for part in ("real", "imag")
+        },
+        **PLACED,
+    }
     assert np.abs(deviations(found, truth)).max() < 4
     assert found.fit["overtone_2_real"] == pytest.approx(-0.23, abs=0.01)
 
 
 def test_mode_with_a_node_is_fitted_too() -> None:
     found = fit_map(measured(sine(), 2.5e-7, 8, square(2, 1), placed=PLACED), square(2, 1))
-    assert np.abs(deviations(found, {"amplitude": 2.5e-7, "fringe_phase": 0.6, "rotation": 0.05})).max() < 4
+    assert (
+        np.abs(
+            deviations(found, {"amplitude": 2.5e-7, "fringe_phase": 0.6, "rotation": 0.05})
+        ).max()
+        < 4
+    )
 
 
 def test_sign_of_the_working_point_is_said_to_be_open_and_its_quadrant_to_be_known() -> None:
@@ -194,7 +249,9 @@ def test_odd_harmonics_alone_leave_contrast_and_working_point_undetermined() -> 
     found = fit_map(measured(sine(), 3e-7, 4, square(), harmonic=(1, 3, 5)), square())
     assert found.fit.parameters["contrast"].sd == np.inf
     assert found.fit.parameters["fringe_phase"].sd == np.inf
-    assert any("do not determine contrast and fringe_phase apart" in note for note in found.fit.notes)
+    assert any(
+        "do not determine contrast and fringe_phase apart" in note for note in found.fit.notes
+    )
     assert abs(found.fit["amplitude"] - 3e-7) < 4 * found.fit.parameters["amplitude"].sd
 
 
@@ -219,14 +276,19 @@ def test_noise_is_estimated_where_the_file_does_not_say() -> None:
     known = fit_map(data, square())
     del data.attrs["noise_sd"]
     found = fit_map(data, square())
-    assert found.fit.parameters["amplitude"].sd == pytest.approx(known.fit.parameters["amplitude"].sd, rel=0.05)
+    assert found.fit.parameters["amplitude"].sd == pytest.approx(
+        known.fit.parameters["amplitude"].sd, rel=0.05
+    )
     assert any("noise_sd is not in the file" in note for note in found.fit.notes)
 
 
 def coverage(n_draws: int) -> Array:
     """Draws of the fit's deviations from the truth in standard deviations, (n_draws, n_parameters)."""
     truth = {"amplitude": 3e-7, **TRUTH}
-    draws = (fit_map(measured(sine(), 3e-7, 1000 + i, square(), n_points=21, noise=1e-3), square()) for i in range(n_draws))
+    draws = (
+        fit_map(measured(sine(), 3e-7, 1000 + i, square(), n_points=21, noise=1e-3), square())
+        for i in range(n_draws)
+    )
     return np.array([deviations(found, truth) for found in draws])
 
 
@@ -239,7 +301,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say_on_a_few_draws() -> None:
 @pytest.mark.slow
 def test_intervals_of_every_parameter_hold_the_truth_in_68_percent_of_400_draws() -> None:
     held = np.mean(np.abs(coverage(400)) < 1, axis=0)
-    assert held == pytest.approx(np.full(held.size, 0.68), abs=0.07)  # three binomial σ for each of eight parameters
+    # Three binomial σ for each of eight parameters
+    assert held == pytest.approx(np.full(held.size, 0.68), abs=0.07)
     assert held.mean() == pytest.approx(0.68, abs=0.04)
 
 
@@ -259,8 +322,13 @@ def failures(seeds: range) -> list[int]:
         fringe = sine(rng.uniform(0.1, np.pi - 0.1))
         noise = 0.02 * 10 ** rng.uniform(-2.3, -1)
         phase = rng.uniform(-3, 3)
-        found = fit_map(measured(fringe, U, seed, shape, noise=noise, phase=phase, placed=placed), shape).fit
-        if abs(found["amplitude"] - U) > 5 * found.parameters["amplitude"].sd or found.chi2_reduced > 1.2:
+        found = fit_map(
+            measured(fringe, U, seed, shape, noise=noise, phase=phase, placed=placed), shape
+        ).fit
+        if (
+            abs(found["amplitude"] - U) > 5 * found.parameters["amplitude"].sd
+            or found.chi2_reduced > 1.2
+        ):
             missed.append(seed)
     return missed
 
@@ -282,7 +350,9 @@ def test_hundreds_of_random_maps_are_all_met() -> None:
         (lambda data: data.assign_attrs(wavelength=None), "without the attribute wavelength"),
     ],
 )
-def test_unusable_maps_are_refused_in_one_line(change: Callable[[xr.Dataset], xr.Dataset], message: str) -> None:
+def test_unusable_maps_are_refused_in_one_line(
+    change: Callable[[xr.Dataset], xr.Dataset], message: str
+) -> None:
     with xr.set_options(keep_attrs=True):
         data = change(measured(sine(), 3e-7, 0, square()))
     if data.attrs.get("wavelength") is None:
@@ -305,7 +375,14 @@ def test_fringes_must_be_named_like_the_maps() -> None:
 @pytest.mark.skipif(not DATA.exists(), reason="../shared/data is not there")
 def test_shared_null_map_gives_its_amplitude_and_working_point() -> None:
     found = fit_map(read(DATA / "open-map-null.nc")["map"].to_dataset(), square())
-    assert np.abs(deviations(found, {"amplitude": 3.1341581347821576e-07, "fringe_phase": 0.6016547564153172})).max() < 3
+    assert (
+        np.abs(
+            deviations(
+                found, {"amplitude": 3.1341581347821576e-07, "fringe_phase": 0.6016547564153172}
+            )
+        ).max()
+        < 3
+    )
     assert found.fit.chi2_reduced == pytest.approx(1, abs=3 * np.sqrt(2 / found.fit.n_points))
 
 
@@ -315,6 +392,12 @@ def test_shared_multilayer_map_needs_the_stack_and_gives_its_gap() -> None:
     data = read(DATA / "open-map-multilayer.nc")["map"].to_dataset()
     fringe = MultilayerFringe(STACK, RED)
     found = fit_map(data, square(), fringe)
-    assert abs(3226.25e-9 + found.fit["working_point"] - 3.2287439231226333e-06) < 3 * found.fit.parameters["working_point"].sd
-    assert abs(found.fit["amplitude"] - 3.9696633704590547e-07) < 3 * found.fit.parameters["amplitude"].sd
+    assert (
+        abs(3226.25e-9 + found.fit["working_point"] - 3.2287439231226333e-06)
+        < 3 * found.fit.parameters["working_point"].sd
+    )
+    assert (
+        abs(found.fit["amplitude"] - 3.9696633704590547e-07)
+        < 3 * found.fit.parameters["amplitude"].sd
+    )
     assert found.fit.chi2_reduced < 1.02 < 10 < fit_map(data, square()).fit.chi2_reduced

@@ -15,11 +15,22 @@ from tests.blind.lab.record import SUBSTEPS, RecordBench
 SILVERBOX = Path(__file__).parents[3] / "shared" / "data" / "silverbox" / "SNLS80mV.csv"
 RATE = 610.0
 LATE = slice(600, -EDGE)
-TRUTH = {"mass": 5.2e-6, "damping": 2.2e-4, "stiffness": 0.98, "offset": -0.005, "cubic": 3.9, "quadratic": -0.3, "nonlinear_damping": 4.0}
+TRUTH = {
+    "mass": 5.2e-6,
+    "damping": 2.2e-4,
+    "stiffness": 0.98,
+    "offset": -0.005,
+    "cubic": 3.9,
+    "quadratic": -0.3,
+    "nonlinear_damping": 4.0,
+}
 
 
 def integrate(drive: Array, hold: Hold) -> Array:
-    """The record by scipy's solve_ivp, interval by interval; a band-limited drive by its Fourier series."""
+    """The record by scipy's solve_ivp, interval by interval.
+
+    a band-limited drive by its Fourier series.
+    """
     p = TRUTH
     state = np.zeros(2)
     out = np.zeros(len(drive))
@@ -29,7 +40,11 @@ def integrate(drive: Array, hold: Hold) -> Array:
     for k in range(len(drive) - 1):
 
         def rate(t: float, s: Array, k: int = k) -> list[float]:
-            u = drive[k] if hold == "zero-order" else float(np.exp(turn * (k + t * RATE)).dot(series).real)
+            u = (
+                drive[k]
+                if hold == "zero-order"
+                else float(np.exp(turn * (k + t * RATE)).dot(series).real)
+            )
             pull = p["damping"] * (1 + p["nonlinear_damping"] * s[0] ** 2) * s[1]
             pull += p["stiffness"] * s[0] + p["quadratic"] * s[0] ** 2 + p["cubic"] * s[0] ** 3
             return [s[1], (u + p["offset"] - pull) / p["mass"]]
@@ -50,11 +65,20 @@ def noise_drive(count: int, seed: int = 1) -> Array:
 def test_the_free_run_meets_adaptive_integration(hold: Hold) -> None:
     drive = noise_drive(1500)
     p = TRUTH
-    per_mass = {name: p[name] / p["mass"] for name in ("damping", "stiffness", "quadratic", "cubic")}
-    coefficients = [1 / p["mass"], p["offset"], per_mass["damping"], p["nonlinear_damping"], *list(per_mass.values())[1:]]
+    per_mass = {
+        name: p[name] / p["mass"] for name in ("damping", "stiffness", "quadratic", "cubic")
+    }
+    coefficients = [
+        1 / p["mass"],
+        p["offset"],
+        per_mass["damping"],
+        p["nonlinear_damping"],
+        *list(per_mass.values())[1:],
+    ]
     run = free_run(np.array(coefficients)[:, None], stages(drive, 1 / RATE, hold))[0]
     exact = integrate(drive, hold)
-    # At first the two differ by what the offset does to a mass at rest, which the free run has behind it.
+    # At first the two differ by what the offset does to a mass at rest, which the free run has
+    # behind it.
     late = slice(1000, 1500 - EDGE)
     assert np.max(np.abs(exact[late])) > 0.1
     error = np.max(np.abs(run - exact)[late])
@@ -81,7 +105,9 @@ def test_parameters_come_back_within_their_uncertainty(motion: tuple[Array, Arra
     for name, truth in TRUTH.items():
         assert abs(fit[name] - truth) < 4 * fit.parameters[name].sd, name
         assert fit.parameters[name].sd < 0.1 * abs(truth), name
-    assert fit["frequency"] == pytest.approx(np.sqrt(TRUTH["stiffness"] / TRUTH["mass"]) / (2 * np.pi), rel=1e-4)
+    assert fit["frequency"] == pytest.approx(
+        np.sqrt(TRUTH["stiffness"] / TRUTH["mass"]) / (2 * np.pi), rel=1e-4
+    )
     assert abs(fit["alpha"] - TRUTH["cubic"] / TRUTH["stiffness"]) < 4 * fit.parameters["alpha"].sd
     rest = (simulate_oscillator(fit, drive, RATE) - output)[LATE]
     assert np.nanstd(rest) == pytest.approx(1e-4, rel=0.1)
@@ -101,13 +127,18 @@ def test_a_missing_term_shows_in_what_is_left(motion: tuple[Array, Array]) -> No
 def test_the_silverbox_falls_below_four_tenths_of_a_millivolt() -> None:
     if not SILVERBOX.exists():
         pytest.skip("the Silverbox record is not beside the repository")
-    drive, output = np.genfromtxt(SILVERBOX, delimiter=",", skip_header=1, usecols=(0, 1), max_rows=56_000).T
+    drive, output = np.genfromtxt(
+        SILVERBOX, delimiter=",", skip_header=1, usecols=(0, 1), max_rows=56_000
+    ).T
     test = slice(300, 40_000)
     error = {}
     for terms in (("offset",), ("offset", "cubic", "quadratic")):
         fit = fit_oscillator(drive, output, 1e7 / 2**14, terms, fitted=slice(41_000, None))
-        error[len(terms)] = 1e3 * float(np.sqrt(np.mean((simulate_oscillator(fit, drive, 1e7 / 2**14) - output)[test] ** 2)))
-    # Published: about 14.1 mV for a linear model, a little more or less by the part fitted; below 0.4 mV for the best.
+        error[len(terms)] = 1e3 * float(
+            np.sqrt(np.mean((simulate_oscillator(fit, drive, 1e7 / 2**14) - output)[test] ** 2))
+        )
+    # Published: about 14.1 mV for a linear model, a little more or less by the part fitted; below
+    # 0.4 mV for the best.
     assert error[1] == pytest.approx(14.1, abs=0.5)
     assert error[3] < 0.4
 
@@ -120,25 +151,39 @@ def test_a_swing_three_times_as_stiff_as_a_small_one_is_fitted() -> None:
     output = bench.clean([(truth, {})])[0] * bench.noise
     output += 1e-4 * rng.normal(size=len(output))
     assert 3 * truth["alpha"] * np.max(np.abs(output)) ** 2 > 7
-    fit = fit_oscillator(bench.drive[:: 2 * SUBSTEPS], output, RATE, ("offset", "cubic"), fitted=LATE)
+    fit = fit_oscillator(
+        bench.drive[:: 2 * SUBSTEPS], output, RATE, ("offset", "cubic"), fitted=LATE
+    )
     assert [fit[name] for name in ("frequency", "stiffness", "alpha")] == pytest.approx(
         [truth[name] for name in ("frequency", "stiffness", "alpha")], rel=2e-4
     )
 
 
-def test_a_detector_of_opposite_sign_changes_the_sign_of_the_forces_alone(motion: tuple[Array, Array]) -> None:
+def test_a_detector_of_opposite_sign_changes_the_sign_of_the_forces_alone(
+    motion: tuple[Array, Array],
+) -> None:
     drive, output = motion
-    fits = [fit_oscillator(drive, sign * output, RATE, ("offset", "cubic"), fitted=LATE) for sign in (1, -1)]
+    fits = [
+        fit_oscillator(drive, sign * output, RATE, ("offset", "cubic"), fitted=LATE)
+        for sign in (1, -1)
+    ]
     for name in ("frequency", "quality_factor", "alpha", "offset"):
         assert fits[1][name] == pytest.approx(fits[0][name], rel=1e-6), name
     assert fits[1]["stiffness"] == pytest.approx(-fits[0]["stiffness"], rel=1e-6)
 
 
-def test_a_start_from_fewer_terms_ends_where_a_fit_from_nothing_does(motion: tuple[Array, Array]) -> None:
+def test_a_start_from_fewer_terms_ends_where_a_fit_from_nothing_does(
+    motion: tuple[Array, Array],
+) -> None:
     drive, output = motion
     linear = fit_oscillator(drive, output, RATE, (), fitted=LATE)
-    fits = [fit_oscillator(drive, output, RATE, ("offset", "cubic"), fitted=LATE, start=start) for start in (None, linear)]
-    assert [fits[1][name] for name in fits[0].parameters] == pytest.approx([fits[0][name] for name in fits[0].parameters], rel=1e-4)
+    fits = [
+        fit_oscillator(drive, output, RATE, ("offset", "cubic"), fitted=LATE, start=start)
+        for start in (None, linear)
+    ]
+    assert [fits[1][name] for name in fits[0].parameters] == pytest.approx(
+        [fits[0][name] for name in fits[0].parameters], rel=1e-4
+    )
 
 
 def test_records_that_cannot_be_fitted_are_refused_in_one_line(motion: tuple[Array, Array]) -> None:
@@ -150,12 +195,18 @@ def test_records_that_cannot_be_fitted_are_refused_in_one_line(motion: tuple[Arr
         fit_oscillator(drive, output[:-1], RATE)
     with pytest.raises(MeasurementError, match="drive: 1 of 1500 samples are missing"):
         fit_oscillator(gap, output, RATE)
-    with pytest.raises(MeasurementError, match=r"drive: 0\.5 all along; give the record of a drive that moves"):
+    with pytest.raises(
+        MeasurementError, match=r"drive: 0\.5 all along; give the record of a drive that moves"
+    ):
         fit_oscillator(np.full_like(drive, 0.5), output, RATE)
     with pytest.raises(ConvergenceError, match="does not ring"):
         fit_oscillator(drive, lfilter([0.0, 1.0], [1.0, -0.9], drive), RATE)
-    with pytest.raises(ConvergenceError, match="does not come to rest, or is faster than half the sampling rate"):
+    with pytest.raises(
+        ConvergenceError, match="does not come to rest, or is faster than half the sampling rate"
+    ):
         fit_oscillator(drive, np.roll(drive, -1), RATE, ())
     linear = fit_oscillator(drive, output, RATE, (), fitted=LATE)
-    with pytest.raises(MeasurementError, match="drive: 10 samples; a band-limited drive needs more than 13"):
+    with pytest.raises(
+        MeasurementError, match="drive: 10 samples; a band-limited drive needs more than 13"
+    ):
         simulate_oscillator(linear, drive[:10], RATE)

@@ -21,7 +21,8 @@ F0 = 2.932e6
 Q = 7.4e5
 ALPHA = 2.3e10
 MODE = Resonator(F0, Q, alpha=ALPHA)
-# Force per drive voltage so that 1 V drives the mode to α_y/α_c = 10: α A² = 10 (32√3/27)/Q at the linear peak A = 𝓕/γω₀.
+# Force per drive voltage so that 1 V drives the mode to α_y/α_c = 10: α A² = 10 (32√3/27)/Q at the
+# linear peak A = 𝓕/γω₀.
 PEAK = np.sqrt(10 * 32 * np.sqrt(3) / 27 / Q / ALPHA)
 FORCE = PEAK * MODE.omega * MODE.damping
 # Responsivity [V/m] that makes this 0.17 V.
@@ -42,7 +43,10 @@ def simulate(
     """Up and down sweeps at each drive and position, by following the slow flow through its jumps."""
     rng = np.random.default_rng(seed)
     # The grid moves with the seed, so that a fold may lie anywhere between two points.
-    frequency = mode.frequency + (np.linspace(-4, 13, points) + rng.uniform(0, 17 / points)) * mode.linewidth
+    frequency = (
+        mode.frequency
+        + (np.linspace(-4, 13, points) + rng.uniform(0, 17 / points)) * mode.linewidth
+    )
     rows: list[tuple[Complex, float, int, float]] = []
     for drive in drives:
         for direction in (1, -1):
@@ -51,10 +55,25 @@ def simulate(
                 v = g * motion * np.exp(-2j * np.pi * (frequency - mode.frequency) * delay)
                 if distort:
                     v = v * np.sinc(2.2 * np.abs(motion) / np.max(np.abs(motion)))
-                rows.append((v + noise * (rng.normal(size=points) + 1j * rng.normal(size=points)), drive, direction, place * 1e-5))
+                rows.append(
+                    (
+                        v + noise * (rng.normal(size=points) + 1j * rng.normal(size=points)),
+                        drive,
+                        direction,
+                        place * 1e-5,
+                    )
+                )
     volts, drive_of, direction_of, x = zip(*rows, strict=True)
     zeros = np.zeros(len(x))
-    return response(frequency, np.array(volts), drive=drive_of, direction=direction_of, x=x, y=zeros, noise_sd=noise)
+    return response(
+        frequency,
+        np.array(volts),
+        drive=drive_of,
+        direction=direction_of,
+        x=x,
+        y=zeros,
+        noise_sd=noise,
+    )
 
 
 def pull(fit: Fit, name: str, truth: float) -> float:
@@ -82,9 +101,12 @@ def test_alpha_in_metres_is_the_same_by_force_and_by_responsivity() -> None:
     by_reading = fit_response(data, responsivity=[GAIN, GAIN / 3])
     assert abs(pull(by_reading, "alpha", ALPHA)) < 4
     assert abs(pull(by_force, "alpha", ALPHA)) < 4
-    np.testing.assert_allclose(by_force["alpha_y[0]"] / by_force["alpha_y[1]"], (1 / 3) ** 2, rtol=0.01)
+    np.testing.assert_allclose(
+        by_force["alpha_y[0]"] / by_force["alpha_y[1]"], (1 / 3) ** 2, rtol=0.01
+    )
     assert by_force["alpha_y[0]"] == pytest.approx(
-        by_force["alpha_ratio"] * critical_alpha(by_force["frequency"], by_force["linewidth"], by_force["y_max[0]"])
+        by_force["alpha_ratio"]
+        * critical_alpha(by_force["frequency"], by_force["linewidth"], by_force["y_max[0]"])
     )
 
 
@@ -106,7 +128,11 @@ def test_a_magnitude_sweep_puts_the_fold_where_it_jumped() -> None:
     jump = int(np.argmax(-np.diff(size)))
     delta, _ = fold(STIFFEN * fit["alpha_ratio"], top=True)
     found = fit["frequency"] - fit["linewidth"] * delta / 2
-    assert frequency[jump] - 0.5 * MODE.linewidth / 8.8 < found < frequency[jump + 1] + 0.5 * MODE.linewidth / 8.8
+    assert (
+        frequency[jump] - 0.5 * MODE.linewidth / 8.8
+        < found
+        < frequency[jump + 1] + 0.5 * MODE.linewidth / 8.8
+    )
     assert abs(pull(fit, "quality_factor", Q)) < 4
     assert fit.parameters["quality_factor"].sd < 0.03 * Q
 
@@ -136,12 +162,23 @@ def test_a_softening_mode_and_missing_points_are_fitted() -> None:
     mirrored = data.assign_coords(frequency=data["frequency"] - 9 * mode.linewidth)
     frequency = mirrored["frequency"].values[0]
     volts = [
-        sweep(mode, FORCE * d, frequency[::s])[::s] * GAIN for d, s in zip(data["drive"].values, data["direction"].values, strict=True)
+        sweep(mode, FORCE * d, frequency[::s])[::s] * GAIN
+        for d, s in zip(data["drive"].values, data["direction"].values, strict=True)
     ]
     rng = np.random.default_rng(3)
-    noisy = np.array(volts) + 2e-4 * (rng.normal(size=data["real"].shape) + 1j * rng.normal(size=data["real"].shape))
+    noisy = np.array(volts) + 2e-4 * (
+        rng.normal(size=data["real"].shape) + 1j * rng.normal(size=data["real"].shape)
+    )
     noisy[1, 20:40] = np.nan
-    fit = fit_response(response(frequency, noisy, drive=data["drive"].values, direction=data["direction"].values, noise_sd=2e-4))
+    fit = fit_response(
+        response(
+            frequency,
+            noisy,
+            drive=data["drive"].values,
+            direction=data["direction"].values,
+            noise_sd=2e-4,
+        )
+    )
     assert abs(pull(fit, "alpha_ratio", -10.0)) < 4
     assert "20 missing points left out" in fit.notes
 
@@ -160,24 +197,35 @@ def test_bounds_hold_and_name_what_they_limit() -> None:
     fit = fit_response(data, bounds={"alpha_ratio": (0.0, 8.0)})
     assert 7.9 < fit["alpha_ratio"] <= 8.0
     free = fit_response(data, bounds={"frequency": (F0 - 1e4, F0 + 1e4)})
-    assert free["frequency"] == pytest.approx(fit_response(data)["frequency"], abs=1e-3 * MODE.linewidth)
-    with pytest.raises(ParameterError, match=r"bounds\['width'\].*frequency, linewidth, alpha_ratio"):
+    assert free["frequency"] == pytest.approx(
+        fit_response(data)["frequency"], abs=1e-3 * MODE.linewidth
+    )
+    with pytest.raises(
+        ParameterError, match=r"bounds\['width'\].*frequency, linewidth, alpha_ratio"
+    ):
         fit_response(data, bounds={"width": (0.0, 1.0)})
 
 
 def test_alpha_ratio_does_not_depend_on_the_position_along_a_line() -> None:
-    # A line through both modes' antinodes: the signal varies twentyfold and changes sign, α_y four hundredfold; α_y/α_c does not.
+    # A line through both modes' antinodes: the signal varies twentyfold and changes sign, α_y four
+    # hundredfold; α_y/α_c does not.
     x = np.linspace(-0.47, 0.47, 9)
     for shape in (np.cos(np.pi * x), np.sin(2 * np.pi * x)[x != 0]):
-        data = simulate(drives=(1.0,), gain=tuple(GAIN * shape.astype(complex)), noise=2e-4, points=121)
+        data = simulate(
+            drives=(1.0,), gain=tuple(GAIN * shape.astype(complex)), noise=2e-4, points=121
+        )
         scan = fit_line_scan(data)
         assert scan.sizes["position"] == len(shape)
-        np.testing.assert_allclose(scan["y_max"] * np.max(np.abs(shape)) / scan["y_max"].max(), np.abs(shape), rtol=0.05)
+        np.testing.assert_allclose(
+            scan["y_max"] * np.max(np.abs(shape)) / scan["y_max"].max(), np.abs(shape), rtol=0.05
+        )
         assert float(scan["alpha_y"].max() / scan["alpha_y"].min()) > 9
         assert scan.attrs["scatter"] < 2.5
         assert abs(scan.attrs["alpha_ratio"] - 10) < 4 * scan.attrs["alpha_ratio_sd"]
         together = fit_response(data)
-        assert abs(together["alpha_ratio"] - scan.attrs["alpha_ratio"]) < scan.attrs["alpha_ratio_sd"]
+        assert (
+            abs(together["alpha_ratio"] - scan.attrs["alpha_ratio"]) < scan.attrs["alpha_ratio_sd"]
+        )
 
 
 def test_a_line_scan_quotes_all_positions_at_one_drive() -> None:
@@ -197,22 +245,40 @@ def test_a_line_scan_quotes_all_positions_at_one_drive() -> None:
         ({"harmonic": [2] * 6}, "none is the first"),
     ],
 )
-def test_data_that_cannot_be_fitted_are_refused_in_one_line(change: dict[str, Any], message: str) -> None:
+def test_data_that_cannot_be_fitted_are_refused_in_one_line(
+    change: dict[str, Any], message: str
+) -> None:
     data = simulate()
     for name, value in change.items():
-        data = data.assign_attrs(kind=value) if name == "kind" else data.assign_coords({name: ("sweep", value)})
+        data = (
+            data.assign_attrs(kind=value)
+            if name == "kind"
+            else data.assign_coords({name: ("sweep", value)})
+        )
     with pytest.raises(MeasurementError, match=message):
         fit_response(data)
 
 
 def test_derivatives_of_every_residual_match_differences() -> None:
     data = simulate(
-        Resonator(F0, Q, alpha=ALPHA, nonlinear_damping=0.1 * ALPHA * Q), gain=(GAIN + 0j, GAIN / 3 * 1j), noise=3e-3, delay=2e-5
+        Resonator(F0, Q, alpha=ALPHA, nonlinear_damping=0.1 * ALPHA * Q),
+        gain=(GAIN + 0j, GAIN / 3 * 1j),
+        noise=3e-3,
+        delay=2e-5,
     )
     sweeps = collect(data)
     for use in ("complex", "magnitude", "phase", "phase-mod-pi"):
         for damping in (False, True):
-            layout = Layout(F0, MODE.linewidth, sweeps.span, sweeps.reference, 2, damping, not use.startswith("phase"), use != "magnitude")
+            layout = Layout(
+                F0,
+                MODE.linewidth,
+                sweeps.span,
+                sweeps.reference,
+                2,
+                damping,
+                not use.startswith("phase"),
+                use != "magnitude",
+            )
             theta = np.zeros(layout.size)
             theta[2] = 9.7
             if damping:
@@ -225,8 +291,11 @@ def test_derivatives_of_every_residual_match_differences() -> None:
                 step = np.zeros(layout.size)
                 step[k] = 1e-6
                 numeric = (misfit.residual(theta + step) - misfit.residual(theta - step)) / 2e-6
-                error = np.abs(numeric - slopes[:, k]) / (np.abs(slopes[:, k]) + 1e-4 * np.abs(slopes[:, k]).max())
-                # All but the few points next to a fold, where the derivative is limited on purpose, or at a turn of the phase.
+                error = np.abs(numeric - slopes[:, k]) / (
+                    np.abs(slopes[:, k]) + 1e-4 * np.abs(slopes[:, k]).max()
+                )
+                # All but the few points next to a fold, where the derivative is limited on purpose,
+                # or at a turn of the phase.
                 assert np.quantile(error, 0.98) < 1e-4, (use, k)
 
 
@@ -237,7 +306,9 @@ def test_folds_lie_where_the_number_of_states_changes(a: float, top: bool) -> No
     counts = [int(np.isfinite(duffing_roots(delta + step, a)).sum()) for step in (-1e-6, 1e-6)]
     assert sorted(counts) == [1, 3]
     step = 1e-5
-    assert (fold(a + step, top=top)[0] - fold(a - step, top=top)[0]) / (2 * step) == pytest.approx(-x, rel=1e-6)
+    assert (fold(a + step, top=top)[0] - fold(a - step, top=top)[0]) / (2 * step) == pytest.approx(
+        -x, rel=1e-6
+    )
 
 
 @pytest.mark.parametrize("size", [0.0, 0.7, 3.0, 50.0, 200.0])
@@ -247,7 +318,9 @@ def test_rice_moments_match_a_simulation(size: float) -> None:
     mean, sd, growth = rice(np.array([size]))
     assert mean[0] == pytest.approx(draws.mean(), abs=5 * draws.std() / np.sqrt(draws.size))
     assert sd[0] == pytest.approx(draws.std(), rel=0.01)
-    assert growth[0] == pytest.approx(((rice(np.array([size + 1e-5]))[0] - mean) / 1e-5)[0], abs=1e-4)
+    assert growth[0] == pytest.approx(
+        ((rice(np.array([size + 1e-5]))[0] - mean) / 1e-5)[0], abs=1e-4
+    )
 
 
 def coverage(use: Use, draws: int, noise: float, drives: tuple[float, ...]) -> Array:
@@ -269,14 +342,18 @@ CASES: list[tuple[Use, float, tuple[float, ...]]] = [
 
 
 @pytest.mark.parametrize(("use", "noise", "drives"), CASES)
-def test_intervals_hold_the_truth_about_two_times_in_three(use: Use, noise: float, drives: tuple[float, ...]) -> None:
+def test_intervals_hold_the_truth_about_two_times_in_three(
+    use: Use, noise: float, drives: tuple[float, ...]
+) -> None:
     # 40 draws: 0.68 ± 0.22 is three standard deviations.
     np.testing.assert_allclose(coverage(use, 40, noise, drives), 0.683, atol=0.22)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("use", "noise", "drives"), CASES)
-def test_intervals_hold_the_truth_in_68_percent_of_400_draws(use: Use, noise: float, drives: tuple[float, ...]) -> None:
+def test_intervals_hold_the_truth_in_68_percent_of_400_draws(
+    use: Use, noise: float, drives: tuple[float, ...]
+) -> None:
     np.testing.assert_allclose(coverage(use, 400, noise, drives), 0.683, atol=0.04)
 
 

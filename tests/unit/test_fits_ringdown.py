@@ -22,7 +22,9 @@ def pull(fit: Fit, name: str, truth: float) -> float:
     return (fit[name] - truth) / fit.parameters[name].sd
 
 
-def record(kind: Signal, seed: int, noise: float = 2e-3, mode: Resonator = MODE) -> tuple[Array, Array | Complex]:
+def record(
+    kind: Signal, seed: int, noise: float = 2e-3, mode: Resonator = MODE
+) -> tuple[Array, Array | Complex]:
     """A decay over ten amplitude decay times, down into the noise."""
     rng = np.random.default_rng(seed)
     count = 60_000 if kind == "voltage" else 800
@@ -30,7 +32,9 @@ def record(kind: Signal, seed: int, noise: float = 2e-3, mode: Resonator = MODE)
     amplitude = GAIN * ring_down(mode, START * np.exp(0.4j), time)
     if kind == "voltage":
         return time, amplitude.real + noise * rng.normal(size=count)
-    slow = amplitude * np.exp(-2j * np.pi * (mode.frequency + 3) * time) + noise * (rng.normal(size=count) + 1j * rng.normal(size=count))
+    slow = amplitude * np.exp(-2j * np.pi * (mode.frequency + 3) * time) + noise * (
+        rng.normal(size=count) + 1j * rng.normal(size=count)
+    )
     return time, slow if kind == "complex" else np.abs(slow)
 
 
@@ -38,7 +42,9 @@ def record(kind: Signal, seed: int, noise: float = 2e-3, mode: Resonator = MODE)
 def test_frequency_quality_factor_and_their_amplitude_dependence_come_back(kind: Signal) -> None:
     time, signal = record(kind, 1)
     tone = MODE.frequency + (3 if kind == "complex" else 0)
-    fit = fit_ringdown(time, signal, kind, frequency=None if kind == "voltage" else tone, responsivity=GAIN)
+    fit = fit_ringdown(
+        time, signal, kind, frequency=None if kind == "voltage" else tone, responsivity=GAIN
+    )
     truth = {"quality_factor": 4000.0, "eta": MODE.nonlinear_damping, "amplitude": GAIN * START}
     if kind == "magnitude":
         truth["floor"] = 2 * 2e-3**2
@@ -55,7 +61,8 @@ def test_a_decay_integrated_in_time_gives_back_its_equation() -> None:
     time = np.linspace(0, 16 / mode.damping, 8_000)
     q, _ = integrate(couple([mode]), [0.0], mode.frequency, [START], [0.0], time)
     fit = fit_ringdown(time, GAIN * q[0], responsivity=GAIN)
-    # What is left is second order in α A², 1.2e-3, and in 1/Q: far more than the noise of the integration.
+    # What is left is second order in α A², 1.2e-3, and in 1/Q: far more than the noise of the
+    # integration.
     assert fit["frequency"] == pytest.approx(mode.frequency, rel=1e-5)
     assert fit["quality_factor"] == pytest.approx(500, rel=1e-3)
     assert fit["alpha"] == pytest.approx(3e10, rel=0.02)
@@ -79,8 +86,19 @@ def test_intervals_of_ring_downs_hold_the_truth_two_times_in_three(kind: Signal)
     inside = []
     for seed in range(120):
         time, signal = record(kind, seed)
-        fit = fit_ringdown(time, signal, kind, frequency=MODE.frequency + (3 if kind == "complex" else 0), responsivity=GAIN)
-        inside.append([abs(pull(fit, "quality_factor", 4000)) < 1, abs(pull(fit, "eta", MODE.nonlinear_damping)) < 1])
+        fit = fit_ringdown(
+            time,
+            signal,
+            kind,
+            frequency=MODE.frequency + (3 if kind == "complex" else 0),
+            responsivity=GAIN,
+        )
+        inside.append(
+            [
+                abs(pull(fit, "quality_factor", 4000)) < 1,
+                abs(pull(fit, "eta", MODE.nonlinear_damping)) < 1,
+            ]
+        )
     # 0.683 ± 3 √(0.683·0.317/120)
     np.testing.assert_allclose(np.mean(inside, axis=0), 0.683, atol=0.127)
 
@@ -98,14 +116,22 @@ def test_a_trace_of_a_measurement_file_is_fitted() -> None:
 def test_derivatives_match_differences() -> None:
     time, signal = record("voltage", 7)
     for kind in ("voltage", "complex", "magnitude"):
-        decay = Decay(time[::50], signal[::50].astype(complex), kind, MODE.frequency, nonlinear=True)
-        values = np.array([0.2, 30.0, 0.7, 1e-6] if kind == "magnitude" else [0.2, 30.0, 0.7, 0.4, 3.0, 5.0, 0.01][: len(decay.names)])
+        decay = Decay(
+            time[::50], signal[::50].astype(complex), kind, MODE.frequency, nonlinear=True
+        )
+        values = np.array(
+            [0.2, 30.0, 0.7, 1e-6]
+            if kind == "magnitude"
+            else [0.2, 30.0, 0.7, 0.4, 3.0, 5.0, 0.01][: len(decay.names)]
+        )
         slopes = decay.jacobian(values)
         for k, value in enumerate(values):
             step = np.zeros(len(values))
             step[k] = 1e-6 * value
             numeric = (decay.model(values + step) - decay.model(values - step)) / (2e-6 * value)
-            np.testing.assert_allclose(slopes[:, k], numeric, atol=1e-5 * np.abs(slopes[:, k]).max())
+            np.testing.assert_allclose(
+                slopes[:, k], numeric, atol=1e-5 * np.abs(slopes[:, k]).max()
+            )
 
 
 def test_records_without_a_decay_are_refused_in_one_line() -> None:

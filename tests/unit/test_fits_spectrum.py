@@ -29,17 +29,27 @@ class Truth:
     height: Array
 
 
-def sweep(truth: Truth, seed: int, n: int = 4000, top: float = 4e6, with_noise: bool = True) -> xr.Dataset:
+def sweep(
+    truth: Truth, seed: int, n: int = 4000, top: float = 4e6, with_noise: bool = True
+) -> xr.Dataset:
     """A sweep from 1 MHz with lines of random phase on a sloping, rotating background larger than many lines."""
     rng = np.random.default_rng(seed)
     f = np.linspace(1e6, top, n)
     volts = np.zeros(n, dtype=complex)
-    for frequency, width, height in zip(truth.frequency, truth.linewidth, truth.height, strict=True):
+    for frequency, width, height in zip(
+        truth.frequency, truth.linewidth, truth.height, strict=True
+    ):
         # The driven resonator itself, written out: m(ω₀² − ω² + iωγ)x = F, scaled to the height.
         omega = 2 * np.pi * f
         omega0 = 2 * np.pi * frequency
         gamma = 2 * np.pi * width
-        volts += height * np.exp(2j * np.pi * rng.uniform()) * omega0 * gamma / (omega0**2 - omega**2 + 1j * omega * gamma)
+        volts += (
+            height
+            * np.exp(2j * np.pi * rng.uniform())
+            * omega0
+            * gamma
+            / (omega0**2 - omega**2 + 1j * omega * gamma)
+        )
     u = 2 * (f - f[0]) / (f[-1] - f[0]) - 1
     volts += 5e-4 * ((1 + 0.5j) + (0.4 - 0.3j) * u + 0.2 * u**2) * np.exp(-2j * np.pi * f * 1e-7)
     if with_noise:
@@ -55,7 +65,9 @@ def random_truth(seed: int, n_lines: int = 6) -> Truth:
     height = 10 ** rng.uniform(-4.0, -2.5, n_lines)
     partner = width[0] * rng.uniform(0.7, 1.4)
     frequency = np.append(frequency, frequency[0] + rng.uniform(0.8, 2.0) * max(width[0], partner))
-    return Truth(frequency, np.append(width, partner), np.append(height, height[0] * rng.uniform(0.5, 2.0)))
+    return Truth(
+        frequency, np.append(width, partner), np.append(height, height[0] * rng.uniform(0.5, 2.0))
+    )
 
 
 def matches(found: Peaks, truth: Truth, sigma: float = 5.0) -> bool:
@@ -64,7 +76,11 @@ def matches(found: Peaks, truth: Truth, sigma: float = 5.0) -> bool:
         return False
     order = np.argsort(truth.frequency)
     close = np.abs(found.frequency - truth.frequency[order]) < sigma * found.frequency_sd
-    return bool(np.all(close & (np.abs(found.linewidth - truth.linewidth[order]) < sigma * found.linewidth_sd)))
+    return bool(
+        np.all(
+            close & (np.abs(found.linewidth - truth.linewidth[order]) < sigma * found.linewidth_sd)
+        )
+    )
 
 
 def test_the_line_is_minus_i_on_resonance_and_falls_to_half_its_power_at_half_a_linewidth() -> None:
@@ -108,7 +124,9 @@ def test_wide_narrow_and_overlapping_lines_are_found_in_most_of_a_few_random_swe
 
 
 @pytest.mark.slow
-def test_at_least_85_percent_of_random_sweeps_are_read_without_a_fault_and_with_honest_errors() -> None:
+def test_at_least_85_percent_of_random_sweeps_are_read_without_a_fault_and_with_honest_errors() -> (
+    None
+):
     good, pulls = study(range(100, 220))
     interval = binomtest(good, 120).proportion_ci(0.95, "wilson")
     assert interval.low > 0.85, f"{good} of 120, {interval}"
@@ -158,7 +176,10 @@ class Case:
 
 
 def case(seed: int, model_sd: float, missing: int = 2, spurious: int = 2) -> Case:
-    """A film of unknown stress and an imperfect simulation; two modes not seen, two lines that are none."""
+    """A film of unknown stress and an imperfect simulation.
+
+    Two modes not seen, two lines that are none.
+    """
     rng = np.random.default_rng(seed)
     labels, simulated = modes(1 + 0.01 * rng.uniform(0.5, 1.0))
     scale = float(np.exp(0.2 * rng.normal()))
@@ -170,10 +191,19 @@ def case(seed: int, model_sd: float, missing: int = 2, spurious: int = 2) -> Cas
     lines = np.concatenate([true[kept], stray]) + 5.0 * rng.normal(size=kept.size + spurious)
     truth = [labels[index] for index in kept] + [None] * spurious
     order = rng.permutation(lines.size)
-    return Case(np.clip(lines, *band)[order], [truth[index] for index in order], labels, simulated, band, scale)
+    return Case(
+        np.clip(lines, *band)[order],
+        [truth[index] for index in order],
+        labels,
+        simulated,
+        band,
+        scale,
+    )
 
 
-def test_modes_are_given_their_labels_with_missing_and_spurious_lines_and_an_unknown_scale() -> None:
+def test_modes_are_given_their_labels_with_missing_and_spurious_lines_and_an_unknown_scale() -> (
+    None
+):
     one = case(3, 1e-4)
     found = assign(one.lines, np.full(one.lines.size, 5.0), one.labels, one.simulated, one.band)
     assert list(found.best.label) == one.truth
@@ -187,13 +217,20 @@ def test_modes_are_given_their_labels_with_missing_and_spurious_lines_and_an_unk
 
 def promised_and_right(cases: list[Case]) -> tuple[Array, NDArray[np.bool_]]:
     """The probability of the best labelling of each case, and whether it is the true one."""
-    found = [assign(one.lines, np.full(one.lines.size, 5.0), one.labels, one.simulated, one.band) for one in cases]
+    found = [
+        assign(one.lines, np.full(one.lines.size, 5.0), one.labels, one.simulated, one.band)
+        for one in cases
+    ]
     promised = np.array([result.best.probability for result in found])
-    return promised, np.array([list(result.best.label) == one.truth for one, result in zip(cases, found, strict=True)])
+    return promised, np.array(
+        [list(result.best.label) == one.truth for one, result in zip(cases, found, strict=True)]
+    )
 
 
 def test_the_probabilities_of_labellings_add_up_to_how_many_are_right() -> None:
-    promised, right = promised_and_right([case(50 + k, 10 ** (-4 + 0.5 * (k % 4))) for k in range(20)])
+    promised, right = promised_and_right(
+        [case(50 + k, 10 ** (-4 + 0.5 * (k % 4))) for k in range(20)]
+    )
     assert abs(right.sum() - promised.sum()) < 3 * np.sqrt(np.sum(promised * (1 - promised)))
     assert 0.2 < promised.mean() < 0.95
 
@@ -231,11 +268,18 @@ def test_an_overview_becomes_a_labelled_spectrum() -> None:
     expected = dict(zip(np.delete(labels, 4), true, strict=False))
     spectrum = to_spectrum(peaks, assignment)
     assert set(spectrum["label"].values) == set(expected)
-    for label, frequency, sd in zip(spectrum["label"].values, spectrum["frequency"].values, spectrum["frequency_sd"].values, strict=True):
+    for label, frequency, sd in zip(
+        spectrum["label"].values,
+        spectrum["frequency"].values,
+        spectrum["frequency_sd"].values,
+        strict=True,
+    ):
         assert abs(frequency - expected[label]) < 5 * sd
     assert assignment.missing == (f"({labels[4]})",)
     assert sum(label is None for label in assignment.best.label) == 1
-    np.testing.assert_allclose(spectrum["quality_factor"].values, spectrum["frequency"].values / 3e3, rtol=0.05)
+    np.testing.assert_allclose(
+        spectrum["quality_factor"].values, spectrum["frequency"].values / 3e3, rtol=0.05
+    )
 
 
 def test_a_sweep_without_lines_is_named_so() -> None:

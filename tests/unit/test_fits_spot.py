@@ -25,8 +25,13 @@ def sweep(fringe: PeriodicFringe, noise: float, seed: int) -> HarmonicSpectrum:
     """Harmonics of the traces of a sweep through the resonance."""
     rng = np.random.default_rng(seed)
     frequency = F + 70 * DETUNING
-    clean = np.array([trace(fringe, TIME, f, a, p) for f, a, p in zip(frequency, AMPLITUDE, PHASE, strict=True)])
-    return decompose(record(TIME, clean + noise * rng.normal(size=clean.shape), drive_frequency=frequency), n_harmonics=21)
+    clean = np.array(
+        [trace(fringe, TIME, f, a, p) for f, a, p in zip(frequency, AMPLITUDE, PHASE, strict=True)]
+    )
+    return decompose(
+        record(TIME, clean + noise * rng.normal(size=clean.shape), drive_frequency=frequency),
+        n_harmonics=21,
+    )
 
 
 def turned(angle: Array) -> Array:
@@ -36,7 +41,12 @@ def turned(angle: Array) -> Array:
 @pytest.mark.parametrize("seed", range(3))
 def test_motion_at_every_step_of_a_sweep_is_found_in_metres(seed: int) -> None:
     found = fit_spot(sweep(SineFringe(RED, 0.1, 0.02, 0.6), 2e-3, seed), RED)
-    z = np.concatenate([(found.amplitude - AMPLITUDE) / found.amplitude_sd, turned(found.phase - PHASE) / found.phase_sd])
+    z = np.concatenate(
+        [
+            (found.amplitude - AMPLITUDE) / found.amplitude_sd,
+            turned(found.phase - PHASE) / found.phase_sd,
+        ]
+    )
     assert np.abs(z).max() < 4.5
     assert np.mean(np.abs(z) < 1) == pytest.approx(0.68, abs=0.2)
     assert abs(found.fit["fringe_phase"] - 0.6) < 4 * found.fit.parameters["fringe_phase"].sd
@@ -58,4 +68,7 @@ def test_motion_under_the_stack_of_the_paper_needs_the_stack() -> None:
 
 def test_one_harmonic_is_refused() -> None:
     with pytest.raises(ParameterError, match="1 harmonics cannot tell motion from contrast"):
-        fit_spot(decompose(record(TIME, np.zeros((1, TIME.size)), drive_frequency=[F]), n_harmonics=1), RED)
+        fit_spot(
+            decompose(record(TIME, np.zeros((1, TIME.size)), drive_frequency=[F]), n_harmonics=1),
+            RED,
+        )

@@ -34,7 +34,9 @@ def test_harmonics_to_the_21st_come_back_from_a_record_of_broken_periods() -> No
 
 
 def test_deviations_of_the_harmonics_are_of_the_stated_size() -> None:
-    found = decompose(record(TIME, noisy(2e-3, 1, 200), drive_frequency=np.full(200, F)), n_harmonics=21)
+    found = decompose(
+        record(TIME, noisy(2e-3, 1, 200), drive_frequency=np.full(200, F)), n_harmonics=21
+    )
     deviation: ComplexArray = (found.values - TRUTH[:, None]) / found.values_sd
     assert np.var(deviation[1:].real) == pytest.approx(1, abs=0.07)
     assert np.var(deviation[1:].imag) == pytest.approx(1, abs=0.07)
@@ -52,7 +54,9 @@ def test_missing_samples_are_left_out() -> None:
 def test_each_step_is_decomposed_at_its_own_frequency() -> None:
     frequency = F + np.array([-2e3, 0, 3e3])
     amplitude = np.array([1e-7, 3e-7, 5e-7])
-    voltage = np.array([trace(FRINGE, TIME, f, a) for f, a in zip(frequency, amplitude, strict=True)])
+    voltage = np.array(
+        [trace(FRINGE, TIME, f, a) for f, a in zip(frequency, amplitude, strict=True)]
+    )
     found = decompose(record(TIME, voltage, drive_frequency=frequency), n_harmonics=30)
     assert np.abs(found.values[:10] - harmonics(FRINGE, np.arange(10), amplitude)).max() < 1e-12
 
@@ -68,7 +72,9 @@ def test_recorded_drive_gives_frequency_and_origin_of_the_phase() -> None:
 def test_jitter_weakens_the_plain_mean_as_predicted_and_alignment_restores_it() -> None:
     s = 12e-9
     delay = s * np.random.default_rng(7).normal(size=400)
-    shots = decompose(record(TIME, noisy(1e-3, 3, 400, delay), drive_frequency=np.full(400, F)), n_harmonics=21)
+    shots = decompose(
+        record(TIME, noisy(1e-3, 3, 400, delay), drive_frequency=np.full(400, F)), n_harmonics=21
+    )
     gain = jitter_gain(shots.harmonic, F, float(delay.std()))
     plain = shots.values.mean(axis=1) * np.exp(1j * shots.harmonic * 2 * np.pi * F * delay.mean())
     assert np.abs(plain / TRUTH)[1:7] == pytest.approx(gain[1:7], abs=0.03)
@@ -80,7 +86,9 @@ def test_jitter_weakens_the_plain_mean_as_predicted_and_alignment_restores_it() 
 
 
 def test_steady_trigger_is_reported_as_an_upper_limit() -> None:
-    shots = decompose(record(TIME, noisy(1e-3, 3, 60), drive_frequency=np.full(60, F)), n_harmonics=12)
+    shots = decompose(
+        record(TIME, noisy(1e-3, 3, 60), drive_frequency=np.full(60, F)), n_harmonics=12
+    )
     fit = align(shots)[1]
     assert fit["jitter"] + fit.parameters["jitter"].sd < 0.3e-9
     assert any("upper limit" in note for note in fit.notes)
@@ -91,7 +99,10 @@ def test_stated_jitter_is_right_to_its_stated_error_over_many_draws() -> None:
     z = []
     for seed in range(30):
         delay = s * np.random.default_rng(500 + seed).normal(size=30)
-        shots = decompose(record(TIME, noisy(2e-3, seed, 30, delay), drive_frequency=np.full(30, F)), n_harmonics=8)
+        shots = decompose(
+            record(TIME, noisy(2e-3, seed, 30, delay), drive_frequency=np.full(30, F)),
+            n_harmonics=8,
+        )
         jitter = align(shots)[1].parameters["jitter"]
         z.append((jitter.value - s) / jitter.sd)
     assert np.mean(np.abs(z) < 1) == pytest.approx(0.68, abs=0.26)
@@ -102,11 +113,23 @@ def test_stated_jitter_is_right_to_its_stated_error_over_many_draws() -> None:
     ("data", "n_harmonics", "error", "message"),
     [
         (record(TIME, noisy(0, 0), drive_frequency=[F]), 43, ParameterError, "ask for 42 at most"),
-        (record(TIME[:20], noisy(0, 0)[:, :20], drive_frequency=[F]), 12, ParameterError, "20 samples cannot give 12 harmonics"),
-        (record(TIME[:60], noisy(0, 0)[:, :60], drive_frequency=[F]), 21, MeasurementError, "record of 0.69 periods"),
+        (
+            record(TIME[:20], noisy(0, 0)[:, :20], drive_frequency=[F]),
+            12,
+            ParameterError,
+            "20 samples cannot give 12 harmonics",
+        ),
+        (
+            record(TIME[:60], noisy(0, 0)[:, :60], drive_frequency=[F]),
+            21,
+            MeasurementError,
+            "record of 0.69 periods",
+        ),
     ],
 )
-def test_impossible_decompositions_are_refused(data: xr.Dataset, n_harmonics: int, error: type[Exception], message: str) -> None:
+def test_impossible_decompositions_are_refused(
+    data: xr.Dataset, n_harmonics: int, error: type[Exception], message: str
+) -> None:
     with pytest.raises(error, match=message):
         decompose(data, n_harmonics)
 

@@ -21,7 +21,10 @@ POISSON = 0.23
 
 
 def grid(stretch: float = 1.0, refine: int = 2, seed: int = 5) -> MeshTri2:
-    """The unit square in irregular straight triangles, stretched along x; boundary `clamped` is its lower side."""
+    """The unit square in irregular straight triangles, stretched along x.
+
+    Boundary `clamped` is its lower side.
+    """
     linear = MeshTri1.init_sqsymmetric().refined(refine - 1)
     points = np.array(linear.p)
     inner = linear.interior_nodes()
@@ -34,7 +37,9 @@ def grid(stretch: float = 1.0, refine: int = 2, seed: int = 5) -> MeshTri2:
 def layers() -> MeshTri2:
     """The unit square in rows whose heights differ a thousandfold from one to the next."""
     linear = MeshTri1.init_tensor(np.linspace(0, 1, 4), np.array([0.0, 1e-6, 1e-3, 1.0]))
-    named: MeshTri2 = MeshTri2.from_mesh(linear).with_boundaries({"clamped": lambda x: np.isclose(x[1], 0, atol=1e-9)})
+    named: MeshTri2 = MeshTri2.from_mesh(linear).with_boundaries(
+        {"clamped": lambda x: np.isclose(x[1], 0, atol=1e-9)}
+    )
     return named
 
 
@@ -51,21 +56,30 @@ def broken_energy(space: Space, poisson: float = POISSON) -> csc_matrix:
     """The bending energy triangle by triangle."""
     total = forms.Assembly(space.size)
     for cell in forms.cells(space, 2 * space.degree, second=True):
-        total.add(forms.local_matrices(forms.curvature(cell.jet), moduli(poisson), cell.dx), space.dofs[cell.triangles])
+        total.add(
+            forms.local_matrices(forms.curvature(cell.jet), moduli(poisson), cell.dx),
+            space.dofs[cell.triangles],
+        )
     return total.matrix()
 
 
 def edge_terms(space: Space, facets: NDArray[np.int64], poisson: float = POISSON) -> csc_matrix:
     total = forms.Assembly(space.size)
-    for local, dofs in forms.slope_continuity(space, facets, forms.isotropic(uniform, poisson), poisson):
+    for local, dofs in forms.slope_continuity(
+        space, facets, forms.isotropic(uniform, poisson), poisson
+    ):
         total.add(local, dofs)
     return total.matrix()
 
 
 def plate(space: Space, poisson: float = POISSON, held: bool = False) -> csc_matrix:
     """The interior penalty plate, free all around or with the slope held on `clamped`."""
-    matrix = broken_energy(space, poisson) + edge_terms(space, np.flatnonzero(space.mesh.f2t[1] >= 0), poisson)
-    return csc_matrix(matrix + edge_terms(space, space.boundary_facets("clamped"), poisson) if held else matrix)
+    matrix = broken_energy(space, poisson) + edge_terms(
+        space, np.flatnonzero(space.mesh.f2t[1] >= 0), poisson
+    )
+    return csc_matrix(
+        matrix + edge_terms(space, space.boundary_facets("clamped"), poisson) if held else matrix
+    )
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +110,9 @@ def test_moving_and_turning_in_plane_cost_no_energy(curved: MeshTri2, degree: in
     x, y = space.location.T
     total = forms.Assembly(2 * space.size)
     for cell in forms.cells(space, 2 * degree):
-        stiffness = forms.local_matrices(forms.in_plane_strain(cell.jet), forms.plane_stress(1.0, 0.3), cell.dx)
+        stiffness = forms.local_matrices(
+            forms.in_plane_strain(cell.jet), forms.plane_stress(1.0, 0.3), cell.dx
+        )
         total.add(stiffness, forms.vector_dofs(space, cell.triangles))
     matrix = total.matrix()
     still = np.zeros_like(x)
@@ -109,7 +125,9 @@ def test_moving_and_turning_in_plane_cost_no_energy(curved: MeshTri2, degree: in
 
 
 @pytest.mark.parametrize(("degree", "cubic"), [(2, 0.0), (3, 1.0), (4, 1.0)])
-def test_the_plate_reproduces_a_polynomial_deflection_and_its_moment_exactly(degree: int, cubic: float) -> None:
+def test_the_plate_reproduces_a_polynomial_deflection_and_its_moment_exactly(
+    degree: int, cubic: float
+) -> None:
     # w = y²(1 + cubic·(x + y)) bends without load in the inside and is clamped at y = 0.
     square = grid(refine=3)
     space = Space(square, degree)
@@ -124,9 +142,14 @@ def test_the_plate_reproduces_a_polynomial_deflection_and_its_moment_exactly(deg
         y = point[..., 1]
         return np.stack([0 * x, 2 + cubic * (2 * x + 6 * y), 2 * cubic * y], -1)
 
-    # Deflection and slope are given on the other three sides, through all unknowns of the triangles there.
-    other = np.setdiff1d(square.boundary_facets(), square.boundaries["clamped"] if square.boundaries else [])
-    known = np.union1d(space.dofs[np.unique(square.f2t[0, other])].ravel(), space.boundary_dofs("clamped"))
+    # Deflection and slope are given on the other three sides, through all unknowns of the triangles
+    # there.
+    other = np.setdiff1d(
+        square.boundary_facets(), square.boundaries["clamped"] if square.boundaries else []
+    )
+    known = np.union1d(
+        space.dofs[np.unique(square.f2t[0, other])].ravel(), space.boundary_dofs("clamped")
+    )
     free = np.setdiff1d(np.arange(space.size), known)
     assert len(free) > 20
     matrix = plate(space, held=True)
@@ -134,21 +157,30 @@ def test_the_plate_reproduces_a_polynomial_deflection_and_its_moment_exactly(deg
     w[free] = spsolve(matrix[free][:, free], -matrix[free][:, known] @ w[known])
     np.testing.assert_allclose(w, exact(space.location), atol=1e-11)
     jet = space.jet(slice(None), np.array([[0.2, 0.3]]), second=True)
-    np.testing.assert_allclose(np.einsum("eqcj,ej->eqc", jet.hessian, w[space.dofs]), curvature(jet.point), atol=1e-8)
+    np.testing.assert_allclose(
+        np.einsum("eqcj,ej->eqc", jet.hessian, w[space.dofs]), curvature(jet.point), atol=1e-8
+    )
 
 
 @pytest.mark.parametrize("degree", [2, 3, 4])
 @pytest.mark.parametrize("poisson", [-0.5, 0.0, 0.23, 0.49])
-@pytest.mark.parametrize("shape", [grid(), grid(100), layers()], ids=["regular", "stretched", "layers"])
-def test_the_plate_stays_coercive_on_stretched_triangles(degree: int, poisson: float, shape: MeshTri2) -> None:
+@pytest.mark.parametrize(
+    "shape", [grid(), grid(100), layers()], ids=["regular", "stretched", "layers"]
+)
+def test_the_plate_stays_coercive_on_stretched_triangles(
+    degree: int, poisson: float, shape: MeshTri2
+) -> None:
     space = Space(shape, degree)
     slopes = np.concatenate([np.flatnonzero(shape.f2t[1] >= 0), space.boundary_facets("clamped")])
     energy = broken_energy(space, poisson).toarray()
     total = energy + edge_terms(space, slopes, poisson).toarray()
     free = np.setdiff1d(np.arange(space.size), space.boundary_dofs("clamped"))
-    # No deflection has less than a fixed part of its bending energy: at worst 0.65, with two thirds of the penalty 0.48.
+    # No deflection has less than a fixed part of its bending energy: at worst 0.65, with two thirds
+    # of the penalty 0.48.
     size = np.sqrt(np.diag(total)[free])
-    energy, total = (matrix[np.ix_(free, free)] / size / size[:, None] for matrix in (energy, total))
+    energy, total = (
+        matrix[np.ix_(free, free)] / size / size[:, None] for matrix in (energy, total)
+    )
     assert 1 / eigh(energy, total)[0][-1] > 0.6
 
 
@@ -158,7 +190,11 @@ def test_in_plane_strain_of_a_linear_displacement_is_the_symmetric_part_of_its_g
     u = (space.location @ gradient.T).T.ravel()
     expected = [gradient[0, 0], gradient[1, 1], gradient[0, 1] + gradient[1, 0]]
     for cell in forms.cells(space, 2):
-        strain = np.einsum("eqcj,ej->eqc", forms.in_plane_strain(cell.jet), u[forms.vector_dofs(space, cell.triangles)])
+        strain = np.einsum(
+            "eqcj,ej->eqc",
+            forms.in_plane_strain(cell.jet),
+            u[forms.vector_dofs(space, cell.triangles)],
+        )
         np.testing.assert_allclose(strain, np.broadcast_to(expected, strain.shape), atol=1e-12)
 
 
@@ -175,20 +211,38 @@ def test_stretch_is_half_the_symmetrised_product_of_slopes() -> None:
     np.testing.assert_allclose(forms.stretch(a, b), expected, atol=1e-15)
 
 
-def test_the_film_is_thinned_towards_the_holes_as_its_taper_says(device: Callable[..., Model]) -> None:
-    film = ['thickness = "1 um"', 'taper = "0.4 um"', 'taper_length = "2 um"', 'young = "250 GPa"', 'stress = "1 GPa"']
-    holes = ['lattice = "list"', 'centres = [["0 um", "0 um"], ["9 um", "0 um"]]', 'radius = "1 um"']
+def test_the_film_is_thinned_towards_the_holes_as_its_taper_says(
+    device: Callable[..., Model],
+) -> None:
+    film = [
+        'thickness = "1 um"',
+        'taper = "0.4 um"',
+        'taper_length = "2 um"',
+        'young = "250 GPa"',
+        'stress = "1 GPa"',
+    ]
+    holes = [
+        'lattice = "list"',
+        'centres = [["0 um", "0 um"], ["9 um", "0 um"]]',
+        'radius = "1 um"',
+    ]
     rest = ["poisson = 0.2", 'density = "3000 kg/m^3"']
     model = device('kind = "square"\nside = "40 um"', "\n".join(holes), "\n".join(film + rest))
     where = np.array([[0, 1.0], [0, 2.0], [0, 3.0], [8.0, 0], [-15.0, 0]]) * 1e-6
-    np.testing.assert_allclose(forms.thickness(model, where), np.array([0.6, 0.8, 1.0, 0.6, 1.0]) * 1e-6, rtol=1e-12)
+    np.testing.assert_allclose(
+        forms.thickness(model, where), np.array([0.6, 0.8, 1.0, 0.6, 1.0]) * 1e-6, rtol=1e-12
+    )
 
 
 def test_meshes_of_more_triangles_than_a_chunk_are_walked_over_completely() -> None:
     square = grid(refine=6)
     pieces = list(forms.cells(Space(square, 2), 4))
     assert square.nelements > 4 * forms.CHUNK
-    assert [cell.triangles.start for cell in pieces[1:]] == [cell.triangles.stop for cell in pieces[:-1]]
+    assert [cell.triangles.start for cell in pieces[1:]] == [
+        cell.triangles.stop for cell in pieces[:-1]
+    ]
     (x0, y0), (x1, y1), (x2, y2) = square.p[:, square.t[:3]].transpose(1, 0, 2)
     area = np.abs((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)) / 2
-    np.testing.assert_allclose(np.concatenate([cell.dx.sum(axis=1) for cell in pieces]), area, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.concatenate([cell.dx.sum(axis=1) for cell in pieces]), area, rtol=1e-12
+    )

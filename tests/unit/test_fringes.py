@@ -17,7 +17,17 @@ TERMS = np.array([0.4, 0.8 + 0.2j, 0, -0.1j, 0.03])
 def motion(displacement: ComplexArray, theta: Array) -> Motion:
     """A motion that is told by what is read of it."""
     n = displacement.shape[1]
-    return Motion(displacement, theta, np.zeros(n), np.zeros(n), np.ones((1, n)), np.ones(1), 0, displacement[0], WAVELENGTH)
+    return Motion(
+        displacement,
+        theta,
+        np.zeros(n),
+        np.zeros(n),
+        np.ones((1, n)),
+        np.ones(1),
+        0,
+        displacement[0],
+        WAVELENGTH,
+    )
 
 
 def drawn(n_points: int, n_orders: int, largest: float) -> ComplexArray:
@@ -28,23 +38,39 @@ def drawn(n_points: int, n_orders: int, largest: float) -> ComplexArray:
     return np.asarray(size * turns * 0.1 ** np.arange(n_orders)[:, None])
 
 
-def sampled(displacement: ComplexArray, theta: Array, coefficients: ComplexArray, limit: float, n_samples: int = SAMPLES) -> ComplexArray:
+def sampled(
+    displacement: ComplexArray,
+    theta: Array,
+    coefficients: ComplexArray,
+    limit: float,
+    n_samples: int = SAMPLES,
+) -> ComplexArray:
     """V_n by an FFT of the signal at each point."""
     tau = 2 * np.pi * np.arange(n_samples) / n_samples
-    u = sum(np.real(row[:, None] * np.exp(1j * (m + 1) * tau)) for m, row in enumerate(displacement))
+    u = sum(
+        np.real(row[:, None] * np.exp(1j * (m + 1) * tau)) for m, row in enumerate(displacement)
+    )
     phase = 4 * np.pi / WAVELENGTH * u + theta[:, None]
 
     def fringe(phi: Array) -> Array:
-        return np.asarray(sum(np.real(c * np.exp(1j * k * phi)) for k, c in enumerate(coefficients) if k))
+        return np.asarray(
+            sum(np.real(c * np.exp(1j * k * phi)) for k, c in enumerate(coefficients) if k)
+        )
 
-    top = limit * np.abs(fringe(np.linspace(0, 2 * np.pi, 20_000))).max() if np.isfinite(limit) else np.inf
+    top = (
+        limit * np.abs(fringe(np.linspace(0, 2 * np.pi, 20_000))).max()
+        if np.isfinite(limit)
+        else np.inf
+    )
     return np.asarray((np.fft.rfft(np.clip(fringe(phase), -top, top)) * 2 / n_samples).T[ORDERS])
 
 
 @pytest.mark.parametrize("coefficients", [SINE, TERMS], ids=["sine", "terms"])
 @pytest.mark.parametrize("even", [True, False], ids=["even", "uneven"])
 @pytest.mark.parametrize("n_orders", [1, 3])
-def test_harmonics_are_those_of_the_sampled_signal(n_orders: int, even: bool, coefficients: ComplexArray) -> None:
+def test_harmonics_are_those_of_the_sampled_signal(
+    n_orders: int, even: bool, coefficients: ComplexArray
+) -> None:
     n = PIECE + 100  # more than one piece
     displacement = drawn(n, n_orders, 6e-7)
     theta = np.full(n, 0.7) if even else np.random.default_rng(5).uniform(-3, 3, n)
@@ -57,14 +83,23 @@ def test_harmonics_are_those_of_the_sampled_signal(n_orders: int, even: bool, co
 def test_a_clipped_signal_has_the_harmonics_of_its_samples(n_orders: int, largest: float) -> None:
     displacement = drawn(60, n_orders, largest)
     theta = np.random.default_rng(6).uniform(-3, 3, 60)
-    found = harmonics(motion(displacement, theta), Fringe(TERMS, WAVELENGTH, None, limit=0.7), ORDERS)
-    # Its harmonics fall as 1/n², and those beyond the samples are folded back; without the limit, the same are off by 0.2.
-    np.testing.assert_allclose(found, sampled(displacement, theta, TERMS, 0.7, 64 * SAMPLES), atol=1e-4)
+    found = harmonics(
+        motion(displacement, theta), Fringe(TERMS, WAVELENGTH, None, limit=0.7), ORDERS
+    )
+    # Its harmonics fall as 1/n², and those beyond the samples are folded back; without the limit,
+    # the same are off by 0.2.
+    np.testing.assert_allclose(
+        found, sampled(displacement, theta, TERMS, 0.7, 64 * SAMPLES), atol=1e-4
+    )
 
 
 def test_results_that_are_kept_belong_to_their_own_fringe() -> None:
     displacement = drawn(50, 1, 3e-7)
     theta = np.full(50, 0.4)
     for coefficients in (SINE, TERMS, SINE):
-        found = harmonics(motion(displacement, theta), Fringe(coefficients, WAVELENGTH, None), ORDERS)
-        np.testing.assert_allclose(found, sampled(displacement, theta, coefficients, np.inf), atol=2e-8)
+        found = harmonics(
+            motion(displacement, theta), Fringe(coefficients, WAVELENGTH, None), ORDERS
+        )
+        np.testing.assert_allclose(
+            found, sampled(displacement, theta, coefficients, np.inf), atol=2e-8
+        )

@@ -42,7 +42,9 @@ ROUNDS = settings(derandomize=True, database=None, deadline=None, max_examples=1
 
 def polygon(points: list[tuple[float, float]], free: list[int]) -> str:
     corners = ", ".join(f'["{x} um", "{y} um"]' for x, y in points)
-    return f'name = "test"\n[outline]\nkind = "polygon"\npoints = [{corners}]\nfree = {free}\n{FILM}'
+    return (
+        f'name = "test"\n[outline]\nkind = "polygon"\npoints = [{corners}]\nfree = {free}\n{FILM}'
+    )
 
 
 def test_the_named_devices_ship() -> None:
@@ -50,7 +52,9 @@ def test_the_named_devices_ship() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(SHIPPED))
-def test_a_shipped_geometry_is_called_as_its_file_and_states_source_and_assumptions(name: str) -> None:
+def test_a_shipped_geometry_is_called_as_its_file_and_states_source_and_assumptions(
+    name: str,
+) -> None:
     model = load(name)
     text = (resources.geometries() / f"{name}.toml").read_text(encoding="utf-8")
     assert (model.name, model.text) == (name, text)
@@ -73,12 +77,18 @@ def test_segments_follow_one_another_around_the_film(name: str) -> None:
     assert curves.area(load(name).outline) > 0
     for s in segments:
         if s.centre is not None:
-            assert np.hypot(*np.subtract(s.end, s.centre)) == pytest.approx(curves.radius(s), rel=1e-9)
+            assert np.hypot(*np.subtract(s.end, s.centre)) == pytest.approx(
+                curves.radius(s), rel=1e-9
+            )
 
 
 def test_the_device_of_the_source_paper_has_the_published_numbers() -> None:
     model = load("square-270um-perforated")
-    assert (model.film.thickness, model.film.young, model.film.stress) == (183.75e-9, 250e9, 1101.5e6)
+    assert (model.film.thickness, model.film.young, model.film.stress) == (
+        183.75e-9,
+        250e9,
+        1101.5e6,
+    )
     assert (model.film.poisson, model.film.density, model.film.taper) == (0.23, 3100.0, 0.0)
     assert (model.outline.size, model.outline.length) == ((270e-6, 270e-6), 270e-6)
     assert (len(model.holes.centres), model.holes.radius) == (900, 0.9e-6)
@@ -118,15 +128,30 @@ layers = [
     assert stack.layers[1].index == ((1550e-9, 1.44 - 16.0j),)
 
 
-@given(st.decimals(min_value="0.001", max_value="9999", places=3), st.sampled_from(["nm", "um", "µm", "mm"]))
+@given(
+    st.decimals(min_value="0.001", max_value="9999", places=3),
+    st.sampled_from(["nm", "um", "µm", "mm"]),
+)
 @ROUNDS
-def test_a_length_with_a_prefix_becomes_the_nearest_double_in_metres(number: Decimal, unit: str) -> None:
+def test_a_length_with_a_prefix_becomes_the_nearest_double_in_metres(
+    number: Decimal, unit: str
+) -> None:
     exponent = {"nm": -9, "um": -6, "µm": -6, "mm": -3}[unit]
-    assert parse(SQUARE.replace("270 um", f"{number} {unit}") + FILM).outline.length == float(f"{number}e{exponent}")
+    assert parse(SQUARE.replace("270 um", f"{number} {unit}") + FILM).outline.length == float(
+        f"{number}e{exponent}"
+    )
 
 
 @pytest.mark.parametrize(
-    ("written", "pascal"), [("1 GPa", 1e9), ("1e9 N/m^2", 1e9), ("1000 N/mm**2", 1e9), ("10 kbar", 1e9), ("1 kN / mm²", 1e9), ("1GPa", 1e9)]
+    ("written", "pascal"),
+    [
+        ("1 GPa", 1e9),
+        ("1e9 N/m^2", 1e9),
+        ("1000 N/mm**2", 1e9),
+        ("10 kbar", 1e9),
+        ("1 kN / mm²", 1e9),
+        ("1GPa", 1e9),
+    ],
 )
 def test_any_unit_of_the_right_dimension_will_do(written: str, pascal: float) -> None:
     assert parse(SQUARE + FILM.replace("250 GPa", written)).film.young == pascal
@@ -157,7 +182,11 @@ def test_a_hexagonal_lattice_of_rings_has_six_neighbours_and_corners_along_x() -
 
 
 def test_a_hexagonal_lattice_of_rows_is_centred_and_shifted_by_the_offset() -> None:
-    holes = '[holes]\nlattice = "hexagonal"\npitch = "10 um"\ncount = [4, 3]\nradius = "1 um"\noffset = ["2 um", "-3 um"]\n'
+    holes = (
+        '[holes]\nlattice = "hexagonal"\npitch = "10 um"\ncount = [4, 3]\nradius = "1 '
+        'um"\noffset = ["2 um", '
+        '"-3 um"]\n'
+    )
     centres = parse(SQUARE + holes + FILM).holes.centres
     assert len(centres) == 12
     np.testing.assert_allclose((centres.min(0) + centres.max(0)) / 2, [2e-6, -3e-6], atol=1e-15)
@@ -176,16 +205,23 @@ def test_the_etched_square_fills_the_quoted_box_and_gives_it_for_labels() -> Non
 def test_the_trampoline_is_held_at_the_ends_of_its_tethers_only() -> None:
     held = [s for s in load("trampoline").outline.segments if s.clamped]
     assert len(held) == 4
-    assert {round(abs(s.start[0] + s.end[0]) + abs(s.start[1] + s.end[1]), 9) for s in held} == {500e-6}
+    assert {round(abs(s.start[0] + s.end[0]) + abs(s.start[1] + s.end[1]), 9) for s in held} == {
+        500e-6
+    }
 
 
 @given(st.integers(3, 12), st.data())
 @ROUNDS
-def test_a_polygon_given_clockwise_is_the_same_film_with_the_same_free_edges(number: int, data: st.DataObject) -> None:
+def test_a_polygon_given_clockwise_is_the_same_film_with_the_same_free_edges(
+    number: int, data: st.DataObject
+) -> None:
     radii = data.draw(st.lists(st.integers(50, 500), min_size=number, max_size=number))
     free = sorted(data.draw(st.sets(st.integers(1, number), max_size=number - 1)))
     angles = 2 * np.pi * np.arange(number) / number
-    points = [(round(r * np.cos(a), 3), round(r * np.sin(a), 3)) for r, a in zip(radii, angles, strict=True)]
+    points = [
+        (round(r * np.cos(a), 3), round(r * np.sin(a), 3))
+        for r, a in zip(radii, angles, strict=True)
+    ]
     forth = parse(polygon(points, free)).outline
     # Backwards from the same point, edge k is edge n + 1 − k.
     back = parse(polygon([points[0], *points[:0:-1]], [number + 1 - k for k in free])).outline
@@ -194,7 +230,11 @@ def test_a_polygon_given_clockwise_is_the_same_film_with_the_same_free_edges(num
 
 
 def test_ten_thousand_holes_load_in_well_under_a_second() -> None:
-    text = load("square-270um-perforated").text.replace("[30, 30]", "[100, 100]").replace('side = "270 um"', 'side = "1 mm"')
+    text = (
+        load("square-270um-perforated")
+        .text.replace("[30, 30]", "[100, 100]")
+        .replace('side = "270 um"', 'side = "1 mm"')
+    )
     etched = load("square-270um-etched").text.replace("[30, 30]", "[100, 100]")
     for source in (text, etched):
         begin = time.process_time()
@@ -209,12 +249,23 @@ def test_a_file_is_read_by_its_path_and_a_windows_mark_is_skipped(tmp_path: Path
 
 
 def test_a_geometry_that_does_not_exist_is_met_with_the_nearest_name(tmp_path: Path) -> None:
-    with pytest.raises(GeometryError, match=re.escape("square-270: neither a shipped geometry nor a file; did you mean square-270um?")):
+    with pytest.raises(
+        GeometryError,
+        match=re.escape(
+            "square-270: neither a shipped geometry nor a file; did you mean square-270um?"
+        ),
+    ):
         load("square-270")
-    with pytest.raises(GeometryError, match=r"gone.toml: cannot be read: No such file or directory; give a shipped name or a TOML file"):
+    with pytest.raises(
+        GeometryError,
+        match=r"gone.toml: cannot be read: No such file or directory; give a shipped name or a "
+        r"TOML file",
+    ):
         load(tmp_path / "gone.toml")
     (tmp_path / "latin.toml").write_bytes('name = "µ"'.encode("latin-1"))
-    with pytest.raises(GeometryError, match=r"latin.toml: not text in UTF-8: invalid start byte at byte 8"):
+    with pytest.raises(
+        GeometryError, match=r"latin.toml: not text in UTF-8: invalid start byte at byte 8"
+    ):
         load(tmp_path / "latin.toml")
 
 
@@ -225,4 +276,13 @@ def test_every_key_of_the_schema_has_an_example_for_messages() -> None:
         table = waiting.pop()
         keys.update(table.model_fields)
         waiting += table.__subclasses__()
-    assert keys - {"outline", "holes", "film", "readout", "model", "layers", "clamp", "overhang"} == set(EXAMPLES)
+    assert keys - {
+        "outline",
+        "holes",
+        "film",
+        "readout",
+        "model",
+        "layers",
+        "clamp",
+        "overhang",
+    } == set(EXAMPLES)

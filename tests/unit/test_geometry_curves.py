@@ -1,4 +1,7 @@
-"""Measures of outlines are exact: area, box, inside or outside, distance, and the scallops of an etched film."""
+"""Measures of outlines are exact.
+
+Area, box, inside or outside, distance, and the scallops of an etched film.
+"""
 
 import numpy as np
 import pytest
@@ -11,11 +14,20 @@ from femnl.device.geometry import curves, load
 from femnl.device.geometry.outlines import Etched
 
 Array = NDArray[np.float64]
-NAMES = ["circle", "hexagon-278um", "rectangle", "square-270um-etched", "hexagon-278um-etched", "trampoline"]
+NAMES = [
+    "circle",
+    "hexagon-278um",
+    "rectangle",
+    "square-270um-etched",
+    "hexagon-278um-etched",
+    "trampoline",
+]
 
 
 def etched(centres: Array, radius: float) -> Outline:
-    return Etched.model_validate({"kind": "etched", "etch_radius": f"{radius} um"}).outline(Holes(centres * 1e-6, 1e-9))
+    return Etched.model_validate({"kind": "etched", "etch_radius": f"{radius} um"}).outline(
+        Holes(centres * 1e-6, 1e-9)
+    )
 
 
 def chain(seed: int, number: int, step: float) -> Array:
@@ -27,7 +39,10 @@ def chain(seed: int, number: int, step: float) -> Array:
 
 
 def area_by_scan_lines(centres: Array, radius: float, lines: int) -> float:
-    """Area of a union of discs: lengths of the merged intervals on horizontal lines, by the midpoint rule."""
+    """Area of a union of discs.
+
+    Lengths of the merged intervals on horizontal lines, by the midpoint rule.
+    """
     low = centres[:, 1].min() - radius
     high = centres[:, 1].max() + radius
     spacing = (high - low) / lines
@@ -43,16 +58,25 @@ def area_by_scan_lines(centres: Array, radius: float, lines: int) -> float:
 
 
 def area_of_patch(polygon: float, edges: int, pitch: float, radius: float) -> float:
-    """Area freed around a convex lattice patch: its polygon, a strip of arcs along every edge, corners that add up to a disc."""
-    strip = pitch / 2 * np.sqrt(radius**2 - pitch**2 / 4) + radius**2 * np.arcsin(pitch / (2 * radius))
+    """Area freed around a convex lattice patch.
+
+    Its polygon, a strip of arcs along every edge, corners that add up to a disc.
+    """
+    strip = pitch / 2 * np.sqrt(radius**2 - pitch**2 / 4) + radius**2 * np.arcsin(
+        pitch / (2 * radius)
+    )
     return float(polygon + edges * strip + np.pi * radius**2)
 
 
 def test_the_etched_square_and_hexagon_have_the_area_of_their_closed_form() -> None:
     square = area_of_patch((29 * 8.56) ** 2, 4 * 29, 8.56, 10.88)
-    assert curves.area(load("square-270um-etched").outline) == pytest.approx(square * 1e-12, rel=1e-12)
+    assert curves.area(load("square-270um-etched").outline) == pytest.approx(
+        square * 1e-12, rel=1e-12
+    )
     hexagon = area_of_patch(1.5 * np.sqrt(3) * (15 * 8.56) ** 2, 6 * 15, 8.56, 10.95)
-    assert curves.area(load("hexagon-278um-etched").outline) == pytest.approx(hexagon * 1e-12, rel=1e-12)
+    assert curves.area(load("hexagon-278um-etched").outline) == pytest.approx(
+        hexagon * 1e-12, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -79,7 +103,9 @@ def test_one_hole_is_etched_to_a_circle() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_point_lies_in_the_etched_film_where_a_hole_is_nearer_than_the_etch_radius(seed: int) -> None:
+def test_a_point_lies_in_the_etched_film_where_a_hole_is_nearer_than_the_etch_radius(
+    seed: int,
+) -> None:
     centres = chain(seed, 40, 14.0)
     outline = etched(centres, 10.0)
     rng = np.random.default_rng(seed)
@@ -101,7 +127,9 @@ def test_area_and_contains_agree_on_random_points(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_points_on_the_outline_are_at_no_distance_and_points_beside_it_change_sides(name: str) -> None:
+def test_points_on_the_outline_are_at_no_distance_and_points_beside_it_change_sides(
+    name: str,
+) -> None:
     outline = load(name).outline
     fractions = np.array([0.2, 0.5, 0.8])
     on = np.concatenate([curves.point_at(s, fractions) for s in outline.segments])
@@ -119,7 +147,12 @@ def test_distances_agree_with_a_fine_polyline(name: str) -> None:
     rng = np.random.default_rng(3)
     points = rng.uniform(-outline.length, outline.length, (500, 2))
     fine = np.concatenate([curves.point_at(s, np.linspace(0, 1, 2001)) for s in outline.segments])
-    np.testing.assert_allclose(curves.distance(outline, points), cKDTree(fine).query(points)[0], atol=1e-4 * outline.length, rtol=1e-4)
+    np.testing.assert_allclose(
+        curves.distance(outline, points),
+        cKDTree(fine).query(points)[0],
+        atol=1e-4 * outline.length,
+        rtol=1e-4,
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -135,5 +168,7 @@ def test_a_polyline_is_closed_and_stays_on_the_outline(name: str) -> None:
 
 def test_a_ring_of_discs_leaves_a_pillar_and_is_refused() -> None:
     angle = 2 * np.pi * np.arange(12) / 12
-    with pytest.raises(GeometryError, match=r"leaves pillars under the film \(1\), one at \(0, 0\) um"):
+    with pytest.raises(
+        GeometryError, match=r"leaves pillars under the film \(1\), one at \(0, 0\) um"
+    ):
         etched(30 * np.stack([np.cos(angle), np.sin(angle)], 1), 9.0)

@@ -1,4 +1,7 @@
-"""A geometry file that cannot be used is met with one line: file, key, value, remedy. Nothing else ever comes out."""
+"""A geometry file that cannot be used is met with one line: file, key, value, remedy.
+
+Nothing else ever comes out.
+"""
 
 import tomllib
 from pathlib import Path
@@ -32,7 +35,9 @@ gap = "3226.25 nm"
 bending = true
 edge = "clamped"
 """
-CASES = tomllib.loads(Path(__file__).with_name("geometry_refusals.toml").read_text(encoding="utf-8"))["case"]
+CASES = tomllib.loads(
+    Path(__file__).with_name("geometry_refusals.toml").read_text(encoding="utf-8")
+)["case"]
 ROUNDS = settings(derandomize=True, database=None, deadline=None, max_examples=300)
 
 
@@ -50,18 +55,36 @@ def test_the_file_that_the_cases_spoil_is_valid() -> None:
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["says"][:60])
 def test_a_spoilt_file_is_refused_with_the_line_that_helps(case: dict[str, str]) -> None:
     assert VALID.count(case["replace"]) >= 1
-    assert complaint(VALID.replace(case["replace"], case["by"], 1)) == f"device.toml: {case['says']}"
+    assert (
+        complaint(VALID.replace(case["replace"], case["by"], 1)) == f"device.toml: {case['says']}"
+    )
 
 
 @pytest.mark.parametrize(
     ("old", "new", "line"),
     [
-        ("0.23", "0x" + "f" * 3000, f"[film] poisson = 0x{'f' * 58}…: expected a valid number, write e.g. poisson = 0.23"),
-        ("0.23", "9" * 5000, "not TOML: Exceeds the limit (4300 digits) for integer string conversion"),
-        ("[30, 30]", f"[30, 0x{'f' * 3000}]", f"[holes] count 2 = 0x{'f' * 58}…: expected less than or equal to 100000"),
+        (
+            "0.23",
+            "0x" + "f" * 3000,
+            f"[film] poisson = 0x{'f' * 58}…: expected a valid number, write e.g. poisson = 0.23",
+        ),
+        (
+            "0.23",
+            "9" * 5000,
+            "not TOML: Exceeds the limit (4300 digits) for integer string conversion",
+        ),
+        (
+            "[30, 30]",
+            f"[30, 0x{'f' * 3000}]",
+            f"[holes] count 2 = 0x{'f' * 58}…: expected less than or equal to 100000",
+        ),
         ('"270 um"', "[" * 20_000, "not a geometry: brackets nested too deep"),
         ('"270 um"', f'"{"1" * 10_000} um"', f'[outline] side = "{"1" * 59}…: expected a length'),
-        ('"270 um"', f'"270 {"u" * 10_000}"', f'[outline] side = "270 {"u" * 55}…: expected a length'),
+        (
+            '"270 um"',
+            f'"270 {"u" * 10_000}"',
+            f'[outline] side = "270 {"u" * 55}…: expected a length',
+        ),
         ('"test"', f'"{"a" * 101}"', f'name = "{"a" * 59}…: expected at most 100 letters'),
     ],
 )
@@ -73,7 +96,9 @@ def test_endless_values_are_refused_in_a_short_line(old: str, new: str, line: st
 
 
 def test_an_unprintable_name_of_a_file_does_not_break_the_line(tmp_path: Path) -> None:
-    with pytest.raises(GeometryError, match=r"two\\nlines: neither a shipped geometry nor a file") as caught:
+    with pytest.raises(
+        GeometryError, match=r"two\\nlines: neither a shipped geometry nor a file"
+    ) as caught:
         load("two\nlines")
     assert len(str(caught.value).splitlines()) == 1
     with pytest.raises(GeometryError, match=r"cannot be read"):
@@ -92,13 +117,33 @@ def outcome(text: str) -> str:
 
 NUMBERS = ["0", "-1", "1e308", "nan", "inf", "0x" + "f" * 400, "true", "2020-01-01"]
 LISTS = ["[]", "{}", "[[]]", '["1 um", "2 um"]', "[1, 1]", "[100000, 1]"]
-TEXTS = ["", "1 um", "1e-9 um", "1 Pa", "1 kg/m^3", "um", "square", "etched", "list", "polygon", "1 m/m*m", "1 m^-1*m^2", "1 degC"]
+TEXTS = [
+    "",
+    "1 um",
+    "1e-9 um",
+    "1 Pa",
+    "1 kg/m^3",
+    "um",
+    "square",
+    "etched",
+    "list",
+    "polygon",
+    "1 m/m*m",
+    "1 m^-1*m^2",
+    "1 degC",
+]
 VALUES = st.sampled_from([*NUMBERS, *LISTS, *(f'"{text}"' for text in TEXTS)])
 
 
-@given(st.sampled_from([name for name, _ in shipped() if "etched" not in name]), st.integers(0, 10**6), VALUES)
+@given(
+    st.sampled_from([name for name, _ in shipped() if "etched" not in name]),
+    st.integers(0, 10**6),
+    VALUES,
+)
 @ROUNDS
-def test_any_value_put_anywhere_gives_a_device_or_one_line(name: str, where: int, value: str) -> None:
+def test_any_value_put_anywhere_gives_a_device_or_one_line(
+    name: str, where: int, value: str
+) -> None:
     lines = load(name).text.splitlines()
     places = [i for i, line in enumerate(lines) if " = " in line and not line.startswith("#")]
     place = places[where % len(places)]

@@ -1,4 +1,7 @@
-"""The in-plane response of a deflected film: a closed form, and the energy that it takes off the stretching."""
+"""The in-plane response of a deflected film.
+
+a closed form, and the energy that it takes off the stretching.
+"""
 
 from collections.abc import Callable
 
@@ -22,11 +25,18 @@ def modes(device: Callable[..., Model]) -> Modes:
     return solve_modes(device(f'kind = "square"\nside = "{SIDE * 1e6} um"'), 1, cache=False)
 
 
-def test_a_square_that_slides_along_its_edges_gives_way_as_the_closed_form_says(modes: Modes) -> None:
-    # u_x = (π/16L) (cos 2πy/L − 1 + ν) sin 2πx/L from a corner of the square: Chu & Herrmann, J. Appl. Mech. 23, 532 (1956).
+def test_a_square_that_slides_along_its_edges_gives_way_as_the_closed_form_says(
+    modes: Modes,
+) -> None:
+    # u_x = (π/16L) (cos 2πy/L − 1 + ν) sin 2πx/L from a corner of the square: Chu & Herrmann, J.
+    # Appl. Mech. 23, 532 (1956).
     space = Space(modes.domain.mesh, modes.degree)
     a, b = (2 * np.pi * (space.location + SIDE / 2) / SIDE).T
-    exact = np.pi / (16 * SIDE) * np.concatenate([(np.cos(b) - 1 + NU) * np.sin(a), (np.cos(a) - 1 + NU) * np.sin(b)])
+    exact = (
+        np.pi
+        / (16 * SIDE)
+        * np.concatenate([(np.cos(b) - 1 + NU) * np.sin(a), (np.cos(a) - 1 + NU) * np.sin(b)])
+    )
     found = in_plane_response(modes, 0, "sliding")
     np.testing.assert_allclose(found, exact, atol=2e-5 * np.abs(exact).max())
 

@@ -18,11 +18,15 @@ TORN = '["torn", [1.0, 2'
 STRESS = 1 + 1e-3 * np.array([1, -1])
 
 
-def test_a_killed_diagnosis_goes_on_where_it_stopped_and_says_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_killed_diagnosis_goes_on_where_it_stopped_and_says_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "split.nc"
     rng = np.random.default_rng(3)
     frequency = 1.11e6 * np.sqrt(ORDERS**2 @ STRESS)
-    data = measurement.spectrum(frequency + 3 * rng.standard_normal(8), np.full(8, 3.0), [f"{m},{n}" for m, n in ORDERS])
+    data = measurement.spectrum(
+        frequency + 3 * rng.standard_normal(8), np.full(8, 3.0), [f"{m},{n}" for m, n in ORDERS]
+    )
     measurement.write(measurement.bundle({"spectrum": data}, geometry="square-270um"), path)
     folder = tmp_path / "cache" / "femnl"
     folder.mkdir(parents=True)
@@ -34,7 +38,9 @@ def test_a_killed_diagnosis_goes_on_where_it_stopped_and_says_the_same(tmp_path:
     with checkpoint.open("a", encoding="utf-8") as file:
         file.write(TORN)
     later = lines_of_killed(path, folder, len(kept) + 6)
-    assert later[: len(kept) + 1] == [*kept, TORN + "\n"], "a kept line was changed, or the torn one spoils another"
+    assert later[: len(kept) + 1] == [*kept, TORN + "\n"], (
+        "a kept line was changed, or the torn one spoils another"
+    )
     made = [json.loads(line)[0] for line in [*kept, *later[len(kept) + 1 :]]]
     assert len(set(made)) == len(made) >= len(kept) + 4, "a fit that was kept was made again"
     again = diagnose(path)
@@ -44,7 +50,9 @@ def test_a_killed_diagnosis_goes_on_where_it_stopped_and_says_the_same(tmp_path:
 
 def lines_of_killed(path: Path, folder: Path, count: int) -> list[str]:
     """Kill a diagnosis once its checkpoint has so many lines, and return those that are whole."""
-    run = subprocess.Popen([sys.executable, "-c", f"from femnl.diagnose import diagnose; diagnose({str(path)!r})"])
+    run = subprocess.Popen(
+        [sys.executable, "-c", f"from femnl.diagnose import diagnose; diagnose({str(path)!r})"]
+    )
     deadline = time.monotonic() + 120
     lines = list[str]()
     while run.poll() is None and time.monotonic() < deadline:
@@ -55,4 +63,8 @@ def lines_of_killed(path: Path, folder: Path, count: int) -> list[str]:
         time.sleep(0.002)
     assert run.wait() == -9, "it ended before it could be killed"
     (checkpoint,) = folder.glob("diagnosis-*.jsonl")
-    return [line for line in checkpoint.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")]
+    return [
+        line
+        for line in checkpoint.read_text(encoding="utf-8").splitlines(keepends=True)
+        if line.endswith("\n")
+    ]

@@ -43,7 +43,9 @@ def _response_table(path: Path, mark: str = ",", decimal: str = ".") -> None:
 
 
 @pytest.mark.parametrize(("mark", "decimal"), [(",", "."), (";", ","), ("\t", "."), (" ", ".")])
-def test_a_text_table_with_its_toml_becomes_a_response(mark: str, decimal: str, tmp_path: Path) -> None:
+def test_a_text_table_with_its_toml_becomes_a_response(
+    mark: str, decimal: str, tmp_path: Path
+) -> None:
     _response_table(tmp_path / "run.csv", mark, decimal)
     (tmp_path / "run.toml").write_text(f'decimal = "{decimal}"\n' + RESPONSE)
     import_file(tmp_path / "run.csv", tmp_path / "run.nc")
@@ -62,32 +64,49 @@ def test_a_text_table_with_its_toml_becomes_a_response(mark: str, decimal: str, 
 @pytest.mark.parametrize("order", ["up up", "up down", "down up down"])
 def test_sweeps_are_told_apart_where_the_frequency_turns_back(order: str, tmp_path: Path) -> None:
     runs = [F if way == "up" else F[::-1] for way in order.split()]
-    table = "f,x,y\n" + "".join(f"{f!r},{float(np.cos(f))!r},{float(np.sin(f))!r}\n" for f in np.concatenate(runs).tolist())
+    table = "f,x,y\n" + "".join(
+        f"{f!r},{float(np.cos(f))!r},{float(np.sin(f))!r}\n" for f in np.concatenate(runs).tolist()
+    )
     (tmp_path / "run.csv").write_text(table)
     columns = {"frequency": "f", "real": "x", "imag": "y"}
-    tree = import_file(tmp_path / "run.csv", tmp_path / "run.nc", Spec(kind="response", columns=columns))
+    tree = import_file(
+        tmp_path / "run.csv", tmp_path / "run.nc", Spec(kind="response", columns=columns)
+    )
     sweeps = tree["measurement"].to_dataset()
-    assert sweeps["direction"].values.tolist() == [1 if way == "up" else -1 for way in order.split()]
+    assert sweeps["direction"].values.tolist() == [
+        1 if way == "up" else -1 for way in order.split()
+    ]
     f = sweeps["frequency"].values
-    np.testing.assert_allclose(sweeps["real"].values[np.isfinite(f)], np.cos(f[np.isfinite(f)]), rtol=0, atol=2e-16)  # of cos
+    # Of cos
+    np.testing.assert_allclose(
+        sweeps["real"].values[np.isfinite(f)], np.cos(f[np.isfinite(f)]), rtol=0, atol=2e-16
+    )
     assert np.isfinite(f).sum() == F.size * len(runs)
 
 
 def test_a_long_table_becomes_a_map_on_its_grid_with_gaps_as_missing(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
-    places = [(n, y, x) for n in (1, 2) for y in range(3) for x in range(4) if (n, y, x) != (2, 1, 1)]
+    places = [
+        (n, y, x) for n in (1, 2) for y in range(3) for x in range(4) if (n, y, x) != (2, 1, 1)
+    ]
     jitter = rng.uniform(-0.2, 0.2, size=(len(places), 2))
-    rows = [f"{n} {x + dx:.6f} {y + dy:.6f} {n * x} {y}" for (n, y, x), (dx, dy) in zip(places, jitter, strict=True)]
+    rows = [
+        f"{n} {x + dx:.6f} {y + dy:.6f} {n * x} {y}"
+        for (n, y, x), (dx, dy) in zip(places, jitter, strict=True)
+    ]
     (tmp_path / "map.txt").write_text("n x y re im\n" + "\n".join(rows))
     (tmp_path / "map.toml").write_text(
         'kind = "map"\nrms = true\n[columns]\nharmonic = "n"\n'
         'real = { column = "re", unit = "mV" }\nimag = { column = "im", unit = "mV" }\n'
-        'x = { column = "x", unit = "um", round = "1 um" }\ny = { column = "y", unit = "um", round = "1 um" }\n'
+        'x = { column = "x", unit = "um", round = "1 um" }\ny = { column = "y", unit = "um", '
+        'round = "1 um" }\n'
     )
     tree = import_file(tmp_path / "map.txt", tmp_path / "map.nc")
     picture = tree["measurement"].to_dataset()
     np.testing.assert_allclose(picture["x"].values, np.arange(4) * 1e-6)
-    expected = np.sqrt(2) * 1e-3 * np.arange(4) * np.array([1, 2])[:, None, None] * np.ones((1, 3, 1))
+    expected = (
+        np.sqrt(2) * 1e-3 * np.arange(4) * np.array([1, 2])[:, None, None] * np.ones((1, 3, 1))
+    )
     expected[1, 1, 1] = np.nan
     np.testing.assert_allclose(picture["real"].values, expected)
 
@@ -100,11 +119,16 @@ def test_matlab_variables_become_a_trace(version: str, tmp_path: Path) -> None:
     drive = np.array([1e6, 1.1e6, 1.2e6])
     path = tmp_path / "scope.mat"
     if version == "5":
-        scipy.io.savemat(path, {"U": volts * 1e3, "t": time, "fd": drive, "note": "ignored"}, do_compression=True)
+        scipy.io.savemat(
+            path, {"U": volts * 1e3, "t": time, "fd": drive, "note": "ignored"}, do_compression=True
+        )
     else:
         _matlab73(path, {"U": volts * 1e3, "t": time[None], "fd": drive[None]})
     (tmp_path / "scope.toml").write_text(
-        'kind = "trace"\n[columns]\nvoltage = { column = "U", unit = "mV" }\ntime = "t"\ndrive_frequency = { column = "fd", unit = "Hz" }\n'
+        'kind = "trace"\n[columns]\nvoltage = { column = "U", unit = "mV" }\ntime = '
+        '"t"\ndrive_frequency = { '
+        'column = "fd", unit = '
+        '"Hz" }\n'
         '[values]\nwavelength = "532 nm"\nnoise_sd = 1e-4\n'
     )
     tree = import_file(path, tmp_path / "scope.nc")
@@ -115,7 +139,10 @@ def test_matlab_variables_become_a_trace(version: str, tmp_path: Path) -> None:
 
 
 def _matlab73(path: Path, variables: dict[str, NDArray[Any]]) -> None:
-    """Write as MATLAB 7.3 does: a user block of 512 bytes, axes reversed, the class as attribute, complex as a compound."""
+    """Write as MATLAB 7.3 does.
+
+    a user block of 512 bytes, axes reversed, the class as attribute, complex as a compound.
+    """
     with h5py.File(path, "w", userblock_size=512) as file:
         for name, values in variables.items():
             stored = values.T
@@ -128,7 +155,8 @@ def _matlab73(path: Path, variables: dict[str, NDArray[Any]]) -> None:
             file[name].attrs["MATLAB_class"] = np.bytes_("double")
     with path.open("r+b") as raw:
         raw.write(
-            b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan 01 00:00:00 2024 HDF5 schema 1.00 .".ljust(116)
+            b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan 01 00:00:00 2024 HDF5 "
+            b"schema 1.00 .".ljust(116)
             + b" " * 8
             + b"\x00\x02IM"
         )
@@ -141,14 +169,19 @@ def test_complex_matlab_sweeps_become_a_response(version: str, tmp_path: Path) -
         scipy.io.savemat(path, {"S": V, "f": F})
     else:
         _matlab73(path, {"S": V, "f": F[None]})
-    spec = Spec(kind="response", columns={"amplitude": "S", "frequency": "f"}, values={"mode": "1,1"})
+    spec = Spec(
+        kind="response", columns={"amplitude": "S", "frequency": "f"}, values={"mode": "1,1"}
+    )
     sweeps = import_file(path, tmp_path / "vna.nc", spec)["measurement"].to_dataset()
     np.testing.assert_allclose(measurement.amplitude(sweeps).values, V, rtol=1e-14)
     np.testing.assert_allclose(sweeps["frequency"].values, [F, F])
 
 
 def _labone_csv(path: Path, mark: str = ";") -> None:
-    """Write two sweeps, the second down and cut short, as the LabOne sweeper saves them: a line for each field, filled with nan."""
+    """Write two sweeps, the second down and cut short, as the LabOne sweeper saves them.
+
+    a line for each field, filled with nan.
+    """
     lines = [mark.join(("chunk", "timestamp", "size", "fieldname")) + mark]
     for chunk, (f, v) in enumerate([(F, V[0]), (F[:4:-1], V[1][:4:-1])]):
         rms = v / np.sqrt(2)
@@ -182,11 +215,19 @@ def _labone_hdf5(path: Path) -> None:
             file[f"{chunk:03d}/dev4434/demods/0/timeconstant/value"] = [1e-3]
 
 
-@pytest.mark.parametrize("write", [_labone_csv, _labone_hdf5, lambda path: _labone_csv(path, ",")], ids=["csv", "hdf5", "comma"])
-def test_labone_sweeps_come_in_as_amplitudes_with_their_direction(write: Callable[[Path], None], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "write",
+    [_labone_csv, _labone_hdf5, lambda path: _labone_csv(path, ",")],
+    ids=["csv", "hdf5", "comma"],
+)
+def test_labone_sweeps_come_in_as_amplitudes_with_their_direction(
+    write: Callable[[Path], None], tmp_path: Path
+) -> None:
     path = tmp_path / "dev4434_demods_0_sample_00000.dat"
     write(path)
-    spec = Spec(name="lockin", values={"drive": ["100 mV", 0.2], "harmonic": 1, "wavelength": "632.8 nm"})
+    spec = Spec(
+        name="lockin", values={"drive": ["100 mV", 0.2], "harmonic": 1, "wavelength": "632.8 nm"}
+    )
     tree = import_file(path, tmp_path / "lockin.nc", spec)
     sweeps = tree["lockin"].to_dataset()
     assert sweeps["direction"].values.tolist() == [1, -1]
@@ -198,9 +239,16 @@ def test_labone_sweeps_come_in_as_amplitudes_with_their_direction(write: Callabl
 
 
 def test_samples_of_a_demodulator_as_text_become_a_response(tmp_path: Path) -> None:
-    rows = [f"0;{tick};{v.real!r};{v.imag!r};{f!r};0;0;0" for tick, (f, v) in enumerate(zip(F.tolist(), V[0].tolist(), strict=True))]
-    (tmp_path / "s.csv").write_text("chunk;timestamp;x;y;freq;phase;dio;trigger\n" + "\n".join(rows))
-    sweeps = import_file(tmp_path / "s.csv", tmp_path / "s.nc", Spec(rms=False))["measurement"].to_dataset()
+    rows = [
+        f"0;{tick};{v.real!r};{v.imag!r};{f!r};0;0;0"
+        for tick, (f, v) in enumerate(zip(F.tolist(), V[0].tolist(), strict=True))
+    ]
+    (tmp_path / "s.csv").write_text(
+        "chunk;timestamp;x;y;freq;phase;dio;trigger\n" + "\n".join(rows)
+    )
+    sweeps = import_file(tmp_path / "s.csv", tmp_path / "s.nc", Spec(rms=False))[
+        "measurement"
+    ].to_dataset()
     np.testing.assert_allclose(measurement.amplitude(sweeps).values, V[:1], rtol=1e-12)
 
 
@@ -220,9 +268,15 @@ def test_a_signal_of_the_labone_acquisition_becomes_a_trace(tmp_path: Path) -> N
 
 
 def _gsf(path: Path, values: NDArray[np.float64], **header: object) -> None:
-    """Write as Gwyddion's page says: magic line, header, NUL up to a multiple of four, rows from the top, 32-bit floats."""
+    """Write as Gwyddion's page says.
+
+    Magic line, header, NUL up to a multiple of four, rows from the top, 32-bit floats.
+    """
     fields = {"XRes": values.shape[1], "YRes": values.shape[0], **header}
-    text = b"Gwyddion Simple Field 1.0\n" + "".join(f"{key} = {value}\n" for key, value in fields.items()).encode()
+    text = (
+        b"Gwyddion Simple Field 1.0\n"
+        + "".join(f"{key} = {value}\n" for key, value in fields.items()).encode()
+    )
     path.write_bytes(text + b"\0" * (4 - len(text) % 4) + values.astype("<f4").tobytes())
 
 
@@ -238,12 +292,22 @@ def test_gwyddion_images_become_the_harmonics_of_a_map(title: str, tmp_path: Pat
     assert found["harmonic"].values.tolist() == [1, 3]
     np.testing.assert_allclose(found["x"].values, [-4e-6, -2e-6, 0, 2e-6, 4e-6], atol=1e-20)
     np.testing.assert_allclose(found["y"].values, [-2e-6, 0, 2e-6], atol=1e-20)
-    np.testing.assert_allclose(measurement.amplitude(found).values, 1e-3 * (images[:, 0] + 1j * images[:, 1])[:, ::-1])
+    np.testing.assert_allclose(
+        measurement.amplitude(found).values, 1e-3 * (images[:, 0] + 1j * images[:, 1])[:, ::-1]
+    )
     assert any("origin is taken in the middle" in line for line in tree.attrs["repairs"])
 
 
 def test_gwyddion_offsets_place_the_image(tmp_path: Path) -> None:
-    _gsf(tmp_path / "m.gsf", np.ones((2, 2)), XReal=2e-6, YReal=2e-6, XOffset=1e-6, YOffset=-3e-6, ZUnits="V")
+    _gsf(
+        tmp_path / "m.gsf",
+        np.ones((2, 2)),
+        XReal=2e-6,
+        YReal=2e-6,
+        XOffset=1e-6,
+        YOffset=-3e-6,
+        ZUnits="V",
+    )
     (tmp_path / "m.toml").write_text('[[files]]\nname = "m.gsf"\nharmonic = 2\n')
     tree = import_file(tmp_path / "m.gsf", tmp_path / "m.nc")
     found = tree["measurement"].to_dataset()
@@ -266,4 +330,10 @@ def test_the_silverbox_comes_in_as_a_trace_with_its_drive(tmp_path: Path) -> Non
 
 
 def test_every_format_is_found_by_being_in_the_folder() -> None:
-    assert [kind.name for kind in formats()] == ["Gwyddion Simple Field", "LabOne HDF5", "LabOne text", "MATLAB file", "text table"]
+    assert [kind.name for kind in formats()] == [
+        "Gwyddion Simple Field",
+        "LabOne HDF5",
+        "LabOne text",
+        "MATLAB file",
+        "text table",
+    ]

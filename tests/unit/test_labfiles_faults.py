@@ -1,4 +1,7 @@
-"""Faulty lab files, and files of strangers: one clear line, and nothing is run, followed or filled up."""
+"""Faulty lab files, and files of strangers.
+
+One clear line, and nothing is run, followed or filled up.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -65,16 +68,37 @@ def _daq(file: h5py.File) -> None:
 
 
 CASES: dict[str, tuple[str, Make, str]] = {
-    "no spec": ("a.csv", _csv("f,x,y\n1,2,3\n", None), "needs a TOML beside it that says what its columns are"),
+    "no spec": (
+        "a.csv",
+        _csv("f,x,y\n1,2,3\n", None),
+        "needs a TOML beside it that says what its columns are",
+    ),
     "empty": ("a.csv", _csv(""), "not a table"),
-    "missing column": ("a.csv", _csv("f,x\n1,2\n"), "columns.imag: no column 'y'; the file has f, x"),
-    "word in a column": ("a.csv", _csv("f,x,y\n1,2,3\n2,oops,3\n"), "columns.real (x): 'oops' is not a number"),
+    "missing column": (
+        "a.csv",
+        _csv("f,x\n1,2\n"),
+        "columns.imag: no column 'y'; the file has f, x",
+    ),
+    "word in a column": (
+        "a.csv",
+        _csv("f,x,y\n1,2,3\n2,oops,3\n"),
+        "columns.real (x): 'oops' is not a number",
+    ),
     "ragged": ("a.csv", _csv("f,x,y\n1,2,3\n1,2,3,4\n"), "not a table"),
-    "same heading twice": ("a.csv", _csv("f,x,y,\n1,2,3,4\n", Spec(kind="response", columns={"frequency": "q"})), "no column 'q'"),
+    "same heading twice": (
+        "a.csv",
+        _csv("f,x,y,\n1,2,3,4\n", Spec(kind="response", columns={"frequency": "q"})),
+        "no column 'q'",
+    ),
     "not text": ("a.csv", _bytes(b"\xff\xfe\x00f\x00,"), "not a table"),
     "wrong unit": (
         "a.csv",
-        _csv("f,x,y\n1,2,3\n", Spec.model_validate({"kind": "response", "columns": {"frequency": {"column": "f", "unit": "V"}}})),
+        _csv(
+            "f,x,y\n1,2,3\n",
+            Spec.model_validate(
+                {"kind": "response", "columns": {"frequency": {"column": "f", "unit": "V"}}}
+            ),
+        ),
         "columns.frequency (f): unit 'V' is not a unit of this quantity; give it in 'Hz'",
     ),
     "unknown quantity": (
@@ -87,10 +111,16 @@ CASES: dict[str, tuple[str, Make, str]] = {
         _csv("f,R\n1,2\n", Spec(kind="response", columns={"frequency": "f", "magnitude": "R"})),
         "has magnitude but no phase",
     ),
-    "no amplitude": ("a.csv", _csv("f\n1\n2\n", Spec(kind="response", columns={"frequency": "f"})), "columns.real is missing"),
+    "no amplitude": (
+        "a.csv",
+        _csv("f\n1\n2\n", Spec(kind="response", columns={"frequency": "f"})),
+        "columns.real is missing",
+    ),
     "drives do not fit": (
         "a.csv",
-        _csv("f,x,y\n1,2,3\n2,3,4\n", RESPONSE.model_copy(update={"values": {"drive": [0.1, 0.2]}})),
+        _csv(
+            "f,x,y\n1,2,3\n2,3,4\n", RESPONSE.model_copy(update={"values": {"drive": [0.1, 0.2]}})
+        ),
         "values.drive has 2 entries for 1 sweeps",
     ),
     "no grid": (
@@ -103,18 +133,36 @@ CASES: dict[str, tuple[str, Make, str]] = {
     ),
     "place twice": (
         "a.csv",
-        _csv("a,b\n0,0\n0,1\n0,0\n", Spec(kind="map", columns={"x": "a", "y": "b", "real": "a", "imag": "b"})),
+        _csv(
+            "a,b\n0,0\n0,1\n0,0\n",
+            Spec(kind="map", columns={"x": "a", "y": "b", "real": "a", "imag": "b"}),
+        ),
         "row 3 repeats the place x = 0, y = 0",
     ),
     "uneven steps": (
         "a.csv",
-        _csv("t,u,f\n0,1,1\n1,1,1\n0,1,2\n", Spec(kind="trace", columns={"time": "t", "voltage": "u", "drive_frequency": "f"})),
+        _csv(
+            "t,u,f\n0,1,1\n1,1,1\n0,1,2\n",
+            Spec(kind="trace", columns={"time": "t", "voltage": "u", "drive_frequency": "f"}),
+        ),
         "steps of the drive have 1 to 2 samples",
     ),
     "sweeper line short": ("a.csv", _csv(SWEEPER + "0;1\n", None), "line 2 has 2 cells"),
-    "sweeper size": ("a.csv", _csv(SWEEPER + "0;1;many;x;1\n", None), "size 'many' is not a number"),
-    "sweeper cut off": ("a.csv", _csv(SWEEPER + "0;1;3;x;1;2\n", None), "announces 3 values of x and has 2"),
-    "sweeper without x": ("a.csv", _csv(SWEEPER + "0;1;2;grid;1;2\n", None), "has neither x and y nor r and phase"),
+    "sweeper size": (
+        "a.csv",
+        _csv(SWEEPER + "0;1;many;x;1\n", None),
+        "size 'many' is not a number",
+    ),
+    "sweeper cut off": (
+        "a.csv",
+        _csv(SWEEPER + "0;1;3;x;1;2\n", None),
+        "announces 3 values of x and has 2",
+    ),
+    "sweeper without x": (
+        "a.csv",
+        _csv(SWEEPER + "0;1;2;grid;1;2\n", None),
+        "has neither x and y nor r and phase",
+    ),
     "sweeper of an amplitude": (
         "a.csv",
         _csv(SWEEPER + "0;1;2;frequency;1;1\n0;1;2;x;1;2\n0;1;2;y;1;2\n", None),
@@ -122,14 +170,38 @@ CASES: dict[str, tuple[str, Make, str]] = {
     ),
     "sweeper empty": ("a.csv", _csv(SWEEPER, None), "holds no finished sweep"),
     "gsf without size": ("m_1f.gsf", _gsf("XRes = 2\n"), "header field YRes is missing"),
-    "gsf cut off": ("m_1f.gsf", _gsf("XRes = 2\nYRes = 2\n", b"\0" * 12), "12 bytes of data where 2 × 2 pixels need 16"),
-    "gsf endless": ("m_1f.gsf", _gsf("XRes = 1e9\nYRes = 1e9\n"), "pixels need 4000000000000000000"),
+    "gsf cut off": (
+        "m_1f.gsf",
+        _gsf("XRes = 2\nYRes = 2\n", b"\0" * 12),
+        "12 bytes of data where 2 × 2 pixels need 16",
+    ),
+    "gsf endless": (
+        "m_1f.gsf",
+        _gsf("XRes = 1e9\nYRes = 1e9\n"),
+        "pixels need 4000000000000000000",
+    ),
     "gsf of half a pixel": ("m_1f.gsf", _gsf("XRes = 1.5\nYRes = 2\n"), "are not counts of pixels"),
-    "gsf in kg": ("m_1f.gsf", _gsf("XRes = 2\nYRes = 2\nZUnits = kg\n"), "ZUnits: unit 'kg' is not a unit of this quantity"),
+    "gsf in kg": (
+        "m_1f.gsf",
+        _gsf("XRes = 2\nYRes = 2\nZUnits = kg\n"),
+        "ZUnits: unit 'kg' is not a unit of this quantity",
+    ),
     "gsf without a number": ("drum.gsf", _gsf("XRes = 2\nYRes = 2\n"), "harmonic unknown"),
-    "gsf phase alone": ("m_1f_phase.gsf", _gsf("XRes = 2\nYRes = 2\nZUnits = rad\n"), "1f has only phase; give real and imag"),
-    "mat cell": ("a.mat", _mat({"u": np.array([[1, "a"]], dtype=object), "t": [1.0, 2.0]}), "variable u is a cell, which is not read"),
-    "mat struct": ("a.mat", _mat({"u": {"deep": 1.0}, "t": [1.0, 2.0]}), "variable u is a struct, which is not read"),
+    "gsf phase alone": (
+        "m_1f_phase.gsf",
+        _gsf("XRes = 2\nYRes = 2\nZUnits = rad\n"),
+        "1f has only phase; give real and imag",
+    ),
+    "mat cell": (
+        "a.mat",
+        _mat({"u": np.array([[1, "a"]], dtype=object), "t": [1.0, 2.0]}),
+        "variable u is a cell, which is not read",
+    ),
+    "mat struct": (
+        "a.mat",
+        _mat({"u": {"deep": 1.0}, "t": [1.0, 2.0]}),
+        "variable u is a struct, which is not read",
+    ),
     "mat without it": ("a.mat", _mat({"q": [1.0]}), "has none of t, u; it has q"),
     "mat cut off": (
         "a.mat",
@@ -138,10 +210,20 @@ CASES: dict[str, tuple[str, Make, str]] = {
     ),
     "mat garbage": (
         "a.mat",
-        _bytes(b"MATLAB 5.0 MAT-file" + b" " * 105 + b"\x00\x01IM" + b"\x0e\0\0\0\xff\0\0\0" + bytes(range(64))),
+        _bytes(
+            b"MATLAB 5.0 MAT-file"
+            + b" " * 105
+            + b"\x00\x01IM"
+            + b"\x0e\0\0\0\xff\0\0\0"
+            + bytes(range(64))
+        ),
         "damaged, or not a MATLAB file; save it again",
     ),
-    "hdf5 of another make": ("a.h5", _hdf5(lambda file: file.create_dataset("x", data=[1.0])), "no demodulator record in it"),
+    "hdf5 of another make": (
+        "a.h5",
+        _hdf5(lambda file: file.create_dataset("x", data=[1.0])),
+        "no demodulator record in it",
+    ),
     "hdf5 link": (
         "a.h5",
         _hdf5(lambda file: file.__setitem__("000", h5py.ExternalLink("/etc/passwd", "/"))),
@@ -157,12 +239,18 @@ CASES: dict[str, tuple[str, Make, str]] = {
         _hdf5(_daq),
         'give it in the TOML, e.g. clockbase = "60 MHz"',
     ),
-    "unknown": ("a.xyz", _bytes(b"hello", None), "format not recognised; known are Gwyddion Simple Field"),
+    "unknown": (
+        "a.xyz",
+        _bytes(b"hello", None),
+        "format not recognised; known are Gwyddion Simple Field",
+    ),
 }
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_faulty_lab_file_is_one_line_with_its_name_and_a_remedy(case: str, tmp_path: Path) -> None:
+def test_a_faulty_lab_file_is_one_line_with_its_name_and_a_remedy(
+    case: str, tmp_path: Path
+) -> None:
     name, make, expected = CASES[case]
     spec = make(tmp_path / name)
     with pytest.raises(MeasurementError) as caught:
@@ -179,7 +267,10 @@ def test_a_faulty_lab_file_is_one_line_with_its_name_and_a_remedy(case: str, tmp
     ("text", "expected"),
     [
         ("kind = response", "not TOML"),
-        ('kind = "film"', "kind = 'film': Input should be 'spectrum', 'response', 'map', 'trace' or 'series'"),
+        (
+            'kind = "film"',
+            "kind = 'film': Input should be 'spectrum', 'response', 'map', 'trace' or 'series'",
+        ),
         ('kindd = "map"', "kindd = 'map': Extra inputs are not permitted"),
         ('name = "../../etc"', "name = '../../etc'"),
         ('[columns]\nx = { colum = "a" }', "columns.x"),
@@ -203,7 +294,11 @@ def test_files_of_two_formats_are_not_mixed(tmp_path: Path) -> None:
 
 
 def test_an_object_in_a_matlab_file_is_never_built(tmp_path: Path) -> None:
-    scipy.io.savemat(tmp_path / "a.mat", {"u": np.ones(3), "t": np.arange(3.0), "evil": {"code": "system('x')"}})
-    spec = Spec(kind="trace", columns={"voltage": "u", "time": "t"}, values={"drive_frequency": 1e6})
+    scipy.io.savemat(
+        tmp_path / "a.mat", {"u": np.ones(3), "t": np.arange(3.0), "evil": {"code": "system('x')"}}
+    )
+    spec = Spec(
+        kind="trace", columns={"voltage": "u", "time": "t"}, values={"drive_frequency": 1e6}
+    )
     tree = import_file(tmp_path / "a.mat", tmp_path / "out.nc", spec)
     assert tree["measurement"].to_dataset()["voltage"].values.tolist() == [[1.0, 1.0, 1.0]]

@@ -24,7 +24,9 @@ def samples() -> dict[str, xr.Dataset]:
     volts = RNG.normal(size=(3, 5)) + 1j * RNG.normal(size=(3, 5))
     picture = RNG.normal(size=(2, 4, 3)) + 1j * RNG.normal(size=(2, 4, 3))
     return {
-        "spectrum": measurement.spectrum([1e6, 2e6], [3.0, 4.0], ["1,1", "2,1"], [0.0, 60.0], [1e5, 2e5], [1e3, 1e3]),
+        "spectrum": measurement.spectrum(
+            [1e6, 2e6], [3.0, 4.0], ["1,1", "2,1"], [0.0, 60.0], [1e5, 2e5], [1e3, 1e3]
+        ),
         "response": measurement.response(
             np.linspace(1e6, 1.1e6, 5),
             volts,
@@ -38,7 +40,14 @@ def samples() -> dict[str, xr.Dataset]:
             mode="1,1",
         ),
         "map": measurement.harmonic_map(
-            [-1e-6, 0, 2e-6], [0, 1e-6, 2e-6, 3e-6], [1, 3], picture, noise_sd=1e-4, wavelength=532e-9, drive=0.1, drive_frequency=1e6
+            [-1e-6, 0, 2e-6],
+            [0, 1e-6, 2e-6, 3e-6],
+            [1, 3],
+            picture,
+            noise_sd=1e-4,
+            wavelength=532e-9,
+            drive=0.1,
+            drive_frequency=1e6,
         ),
         "trace": measurement.trace(
             np.arange(6) * 1e-3,
@@ -51,7 +60,11 @@ def samples() -> dict[str, xr.Dataset]:
             y=1e-6,
         ),
         "series": measurement.series(
-            {"pressure": [1.0, 10.0, 100.0]}, [1e6, 1e6 - 1, 1e6 - 9], [0.1, 0.1, 0.1], [1e5, 5e4, 1e4], [1e2, 1e2, 1e2]
+            {"pressure": [1.0, 10.0, 100.0]},
+            [1e6, 1e6 - 1, 1e6 - 9],
+            [0.1, 0.1, 0.1],
+            [1e5, 5e4, 1e4],
+            [1e2, 1e2, 1e2],
         ),
     }
 
@@ -76,13 +89,19 @@ def test_a_written_file_is_plain_hdf5_with_units_and_dimension_scales(tmp_path: 
         real = file["map/real"]
         assert real.attrs["units"] == "V"
         assert real.dtype == np.float64
-        assert [real.dims[axis][0].name for axis in range(3)] == ["/map/harmonic", "/map/y", "/map/x"]
+        assert [real.dims[axis][0].name for axis in range(3)] == [
+            "/map/harmonic",
+            "/map/y",
+            "/map/x",
+        ]
         assert file["response/direction"][()].tolist() == [1, -1, 1]
         assert file["spectrum/label"].asstr()[0] == "1,1"
 
 
 @pytest.mark.parametrize("kind", ["spectrum", "response", "map", "trace", "series"])
-def test_a_file_without_dimension_scales_gets_the_names_of_the_contract(kind: str, tmp_path: Path) -> None:
+def test_a_file_without_dimension_scales_gets_the_names_of_the_contract(
+    kind: str, tmp_path: Path
+) -> None:
     source = samples()[kind]
     with h5py.File(tmp_path / "plain.nc", "w") as file:
         file.attrs["femnl_measurement"] = "1.0"
@@ -112,14 +131,20 @@ def test_arrays_stored_column_first_are_turned_and_the_turn_is_told(tmp_path: Pa
     assert any("real: shape (5, 3) turned to (3, 5)" in line for line in tree.attrs["repairs"])
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
-    values=arrays(np.float64, st.tuples(st.integers(1, 3), st.integers(2, 6)), elements=st.floats(-1e3, 1e3)),
+    values=arrays(
+        np.float64, st.tuples(st.integers(1, 3), st.integers(2, 6)), elements=st.floats(-1e3, 1e3)
+    ),
     missing=st.sets(st.integers(0, 17), max_size=4),
     noise=st.floats(1e-9, 1.0),
     name=st.text("abcXYZ 01_äµ", min_size=1, max_size=8).filter(lambda text: text.strip() == text),
 )
-def test_any_response_survives_the_file(values: np.ndarray, missing: set[int], noise: float, name: str, tmp_path: Path) -> None:
+def test_any_response_survives_the_file(
+    values: np.ndarray, missing: set[int], noise: float, name: str, tmp_path: Path
+) -> None:
     volts = values + 1j * values[:, ::-1]
     volts.ravel()[[index for index in missing if index < volts.size - 1]] = np.nan + 1j * np.nan
     frequency = np.linspace(1e6, 1e6 + 1, values.shape[1])
@@ -127,7 +152,9 @@ def test_any_response_survives_the_file(values: np.ndarray, missing: set[int], n
     tree = measurement.bundle({name: measurement.response(frequency, volts, noise_sd=noise)})
     measurement.write(tree, tmp_path / "any.nc")
     back = measurement.read(tmp_path / "any.nc")
-    np.testing.assert_array_equal(measurement.amplitude(back[name].to_dataset()).values, volts[usable])
+    np.testing.assert_array_equal(
+        measurement.amplitude(back[name].to_dataset()).values, volts[usable]
+    )
     assert back[name].attrs["noise_sd"] == noise
     assert len(tree.attrs["repairs"]) == (not usable.all()) + bool(np.isnan(volts[usable]).any())
 
@@ -144,15 +171,23 @@ def test_repairs_stay_in_the_history_of_the_written_file(tmp_path: Path) -> None
 def test_a_failed_write_leaves_the_earlier_file_and_no_litter(tmp_path: Path) -> None:
     (tmp_path / "s.nc").write_bytes(b"earlier")
     program = (
-        "import resource\nfrom femnl import measurement\nfrom femnl.core.errors import MeasurementError\n"
+        "import resource\nfrom femnl import measurement\nfrom femnl.core.errors import "
+        "MeasurementError\n"
         "tree = measurement.bundle({'s': measurement.spectrum([1e6], [1.0])})\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"  # a disk with room for so many bytes of the file
-        "try:\n    measurement.write(tree, 's.nc')\nexcept MeasurementError as error:\n    print(error)\n"
+        # a disk with room for so many bytes of the file
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+        "try:\n    measurement.write(tree, 's.nc')\nexcept MeasurementError as error:\n    "
+        "print(error)\n"
     )
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     command = [sys.executable, "-c", program]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    assert done.stdout == "s.nc: cannot be written (File too large); choose a folder that exists and has room\n"
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert (
+        done.stdout
+        == "s.nc: cannot be written (File too large); choose a folder that exists and has room\n"
+    )
     assert done.stderr == ""
     assert (tmp_path / "s.nc").read_bytes() == b"earlier"
     assert [child.name for child in tmp_path.iterdir()] == ["s.nc"]
@@ -168,7 +203,9 @@ def test_open_data_are_read_clean_with_named_dimensions(path: Path) -> None:
         assert set(node.sizes) == set(measurement.KINDS[node.attrs["kind"]].dims)
 
 
-@pytest.mark.parametrize(("kind", "slack"), [("response", 0.06), ("map", 0.06), ("trace", 0.06), ("series", 0.25)])
+@pytest.mark.parametrize(
+    ("kind", "slack"), [("response", 0.06), ("map", 0.06), ("trace", 0.06), ("series", 0.25)]
+)
 def test_noise_estimated_from_the_data_is_the_noise_put_in(kind: str, slack: float) -> None:
     sd = 3e-4
     rng = np.random.default_rng(7)
@@ -182,7 +219,11 @@ def test_noise_estimated_from_the_data_is_the_noise_put_in(kind: str, slack: flo
 
     def noisy(values: np.ndarray) -> np.ndarray:
         scatter = rng.normal(size=values.shape) * sd
-        return np.asarray(values + scatter + (1j * rng.normal(size=values.shape) * sd if np.iscomplexobj(values) else 0))
+        return np.asarray(
+            values
+            + scatter
+            + (1j * rng.normal(size=values.shape) * sd if np.iscomplexobj(values) else 0)
+        )
 
     datasets = {
         "response": measurement.response(1e6 + f, noisy(line)),

@@ -38,7 +38,11 @@ def _edit(key: str, index: Any, value: Any) -> Damage:
 def _good(path: Path) -> None:
     """Write a small file with all kinds, from h5py alone."""
     groups: dict[str, dict[str, tuple[Any, str]]] = {
-        "spectrum": {"frequency": ([1e6, 2e6, 3e6], "Hz"), "frequency_sd": ([1.0, 1.0, 1.0], "Hz"), "label": (["1,1", "2,1", "2,2"], "")},
+        "spectrum": {
+            "frequency": ([1e6, 2e6, 3e6], "Hz"),
+            "frequency_sd": ([1.0, 1.0, 1.0], "Hz"),
+            "label": (["1,1", "2,1", "2,2"], ""),
+        },
         "response": {
             "frequency": (np.tile(np.linspace(1e6, 1.1e6, 12), (2, 1)), "Hz"),
             "real": (np.arange(24.0).reshape(2, 12), "V"),
@@ -73,80 +77,190 @@ def _good(path: Path) -> None:
 
 
 REFUSED: dict[str, tuple[Damage, str]] = {
-    "other version": (_attribute("/", "femnl_measurement", "2.0"), "femnl_measurement is '2.0'; this femnl reads version 1.0"),
-    "no version": (lambda f: f.attrs.pop("femnl_measurement"), "no root attribute femnl_measurement"),
-    "unknown kind": (_attribute("map", "kind", "picture"), "map: kind is 'picture'; give the group an attribute kind, one of spectrum"),
+    "other version": (
+        _attribute("/", "femnl_measurement", "2.0"),
+        "femnl_measurement is '2.0'; this femnl reads version 1.0",
+    ),
+    "no version": (
+        lambda f: f.attrs.pop("femnl_measurement"),
+        "no root attribute femnl_measurement",
+    ),
+    "unknown kind": (
+        _attribute("map", "kind", "picture"),
+        "map: kind is 'picture'; give the group an attribute kind, one of spectrum",
+    ),
     "no kind": (lambda f: f["map"].attrs.pop("kind"), "map: kind is ''"),
     "missing dataset": (lambda f: f["response"].pop("imag"), "response: dataset imag is missing"),
-    "no control": (lambda f: f["series"].pop("pressure"), "series: kind series needs one of the datasets pressure"),
-    "no drive at all": (lambda f: f["trace"].pop("drive_frequency"), "needs one of the datasets drive_frequency, drive_voltage"),
-    "wrong dimension": (_attribute("map/x", "units", "V"), "map/x: unit 'V' is not a unit of this quantity; give it in 'm'"),
+    "no control": (
+        lambda f: f["series"].pop("pressure"),
+        "series: kind series needs one of the datasets pressure",
+    ),
+    "no drive at all": (
+        lambda f: f["trace"].pop("drive_frequency"),
+        "needs one of the datasets drive_frequency, drive_voltage",
+    ),
+    "wrong dimension": (
+        _attribute("map/x", "units", "V"),
+        "map/x: unit 'V' is not a unit of this quantity; give it in 'm'",
+    ),
     "nonsense unit": (_attribute("map/x", "units", "flurb"), "map/x: unit 'flurb' is unknown"),
-    "unit as a program": (_attribute("map/x", "units", "m**9**9**9**9"), "unit 'm**9**9**9**9' is not understood"),
+    "unit as a program": (
+        _attribute("map/x", "units", "m**9**9**9**9"),
+        "unit 'm**9**9**9**9' is not understood",
+    ),
     "text for numbers": (_replace("map/real", np.full((2, 3, 4), b"one")), "map/real: holds"),
-    "complex": (_replace("map/real", np.ones((2, 3, 4), complex)), "store complex data as real and imag"),
+    "complex": (
+        _replace("map/real", np.ones((2, 3, 4), complex)),
+        "store complex data as real and imag",
+    ),
     "wrong shape": (
         _replace("map/real", np.zeros((2, 3, 5))),
         "map/real: shape (2, 3, 5) does not fit dimensions (harmonic = 2, y = 3, x = 4)",
     ),
     "wrong count": (_replace("response/drive", [1.0, 2.0, 3.0]), "share them"),
-    "one sweep short": (_replace("response/real", np.zeros((1, 12))), "response/real: shape (1, 12) does not fit"),
+    "one sweep short": (
+        _replace("response/real", np.zeros((1, 12))),
+        "response/real: shape (1, 12) does not fit",
+    ),
     "empty": (_replace("spectrum/frequency", np.zeros(0)), "does not fit dimensions"),
-    "negative frequency": (_edit("spectrum/frequency", 1, -2e6), "spectrum/frequency: value -2e+06 is not positive"),
-    "zero sd": (_edit("spectrum/frequency_sd", 1, 0.0), "spectrum/frequency_sd: value 0 is not positive"),
-    "direction 0": (_edit("response/direction", 0, 0), "response/direction: value 0 is not +1 (up) or −1 (down)"),
-    "harmonic 1.5": (_replace("response/harmonic", [1.5, 1.0]), "response/harmonic: value 1.5 is not a whole number"),
-    "one place twice": (_edit("map/x", 1, 0.0), "map/x: value 0 is given twice with different data; correct or delete one"),
+    "negative frequency": (
+        _edit("spectrum/frequency", 1, -2e6),
+        "spectrum/frequency: value -2e+06 is not positive",
+    ),
+    "zero sd": (
+        _edit("spectrum/frequency_sd", 1, 0.0),
+        "spectrum/frequency_sd: value 0 is not positive",
+    ),
+    "direction 0": (
+        _edit("response/direction", 0, 0),
+        "response/direction: value 0 is not +1 (up) or −1 (down)",
+    ),
+    "harmonic 1.5": (
+        _replace("response/harmonic", [1.5, 1.0]),
+        "response/harmonic: value 1.5 is not a whole number",
+    ),
+    "one place twice": (
+        _edit("map/x", 1, 0.0),
+        "map/x: value 0 is given twice with different data; correct or delete one",
+    ),
     "nothing but NaN": (_edit("map/real", ..., np.nan), "map/real: all 24 points are NaN"),
     "no frequency left": (_edit("spectrum/frequency", ..., np.nan), "nothing is left to use"),
     "wavelength in nm": (
         _attribute("map", "wavelength", 632.8),
         "wavelength is 632.8 m; give it in m, or as a text with its unit such as '632.8 nm'",
     ),
-    "wavelength in V": (_attribute("map", "wavelength", "632.8 V"), "map: attribute wavelength: unit 'V' is not a unit"),
-    "negative noise": (_attribute("map", "noise_sd", -1.0), "attribute noise_sd is -1; give a positive number in V"),
+    "wavelength in V": (
+        _attribute("map", "wavelength", "632.8 V"),
+        "map: attribute wavelength: unit 'V' is not a unit",
+    ),
+    "negative noise": (
+        _attribute("map", "noise_sd", -1.0),
+        "attribute noise_sd is -1; give a positive number in V",
+    ),
     "list for a number": (_attribute("map", "noise_sd", [1.0, 2.0]), "is not one number"),
-    "soft link": (lambda f: f.__setitem__("map/link", h5py.SoftLink("/trace/time")), "map/link: is a link"),
-    "external link": (lambda f: f.__setitem__("map/link", h5py.ExternalLink("/etc/passwd", "/")), "map/link: is a link"),
-    "loop of groups": (lambda f: f["map"].__setitem__("again", f["/"]), "is a link back to the root"),
+    "soft link": (
+        lambda f: f.__setitem__("map/link", h5py.SoftLink("/trace/time")),
+        "map/link: is a link",
+    ),
+    "external link": (
+        lambda f: f.__setitem__("map/link", h5py.ExternalLink("/etc/passwd", "/")),
+        "map/link: is a link",
+    ),
+    "loop of groups": (
+        lambda f: f["map"].__setitem__("again", f["/"]),
+        "is a link back to the root",
+    ),
     "lists as values": (
         lambda f: f["map"].create_dataset("lists", (2,), dtype=h5py.vlen_dtype("f8")),
         "map/lists: values holds lists of varying length; store plain arrays",
     ),
     "lists as an attribute": (
-        lambda f: f["map/x"].attrs.create("units", np.array([np.arange(3), None], dtype=object)[:1], dtype=h5py.vlen_dtype("i8")),
+        lambda f: f["map/x"].attrs.create(
+            "units", np.array([np.arange(3), None], dtype=object)[:1], dtype=h5py.vlen_dtype("i8")
+        ),
         "map/x: units holds lists of varying length; store plain arrays",
     ),
-    "too large": (lambda f: f["map"].create_dataset("huge", (10**7, 10**7), dtype="f8", chunks=True), "declares more than 4 GiB"),
+    "too large": (
+        lambda f: f["map"].create_dataset("huge", (10**7, 10**7), dtype="f8", chunks=True),
+        "declares more than 4 GiB",
+    ),
 }
 
 MENDED: dict[str, tuple[Damage, str]] = {
-    "kHz": (_replace("spectrum/frequency", [1e3, 2e3, 3e3], units="kHz"), "spectrum/frequency: converted from kHz to Hz"),
+    "kHz": (
+        _replace("spectrum/frequency", [1e3, 2e3, 3e3], units="kHz"),
+        "spectrum/frequency: converted from kHz to Hz",
+    ),
     "µm": (_replace("map/x", [0.0, 1.0, 2.0, 3.0], units="µm"), "map/x: converted from µm to m"),
-    "no units": (lambda f: f["map/x"].attrs.pop("units"), "map/x: has no units attribute, taken as m"),
-    "wavelength as text": (_attribute("map", "wavelength", "632.8 nm"), "attribute wavelength '632.8 nm' converted to 6.328e-07 m"),
-    "NaN mode": (_edit("spectrum/frequency", 1, np.nan), "modes without frequency or frequency_sd left out: 1 of 3 (rows 1)"),
-    "NaN axis": (_edit("map/x", 3, np.nan), "map/x: positions that are NaN left out: 1 of 4 (rows 3)"),
-    "NaN pixel": (_edit("map/real", (0, 0, 0), np.nan), "1 points have only one of real and imag, taken as missing"),
-    "infinite": (_edit("trace/voltage", (0, 0), np.inf), "trace/voltage: 1 infinite values taken as missing"),
-    "falling axis": (_edit("map/x", ..., [3e-6, 2e-6, 1e-6, 0]), "map/x: not in rising order (3e-06 … 0), sorted together with its data"),
+    "no units": (
+        lambda f: f["map/x"].attrs.pop("units"),
+        "map/x: has no units attribute, taken as m",
+    ),
+    "wavelength as text": (
+        _attribute("map", "wavelength", "632.8 nm"),
+        "attribute wavelength '632.8 nm' converted to 6.328e-07 m",
+    ),
+    "NaN mode": (
+        _edit("spectrum/frequency", 1, np.nan),
+        "modes without frequency or frequency_sd left out: 1 of 3 (rows 1)",
+    ),
+    "NaN axis": (
+        _edit("map/x", 3, np.nan),
+        "map/x: positions that are NaN left out: 1 of 4 (rows 3)",
+    ),
+    "NaN pixel": (
+        _edit("map/real", (0, 0, 0), np.nan),
+        "1 points have only one of real and imag, taken as missing",
+    ),
+    "infinite": (
+        _edit("trace/voltage", (0, 0), np.inf),
+        "trace/voltage: 1 infinite values taken as missing",
+    ),
+    "falling axis": (
+        _edit("map/x", ..., [3e-6, 2e-6, 1e-6, 0]),
+        "map/x: not in rising order (3e-06 … 0), sorted together with its data",
+    ),
     "falling sweep": (
         lambda f: f["response/frequency"].__setitem__(1, f["response/frequency"][1][::-1]),
         "not in rising order in 1 of 2 sweeps",
     ),
-    "point without frequency": (_edit("response/frequency", (0, 3), np.nan), "1 points have data but no frequency"),
-    "NaN sweep": (_edit("response/real", 0, np.nan), "sweeps without a single point left out: 1 of 2 (rows 0)"),
-    "no harmonic": (lambda f: f["response"].pop("harmonic"), "response/harmonic: not given, taken as 1"),
+    "point without frequency": (
+        _edit("response/frequency", (0, 3), np.nan),
+        "1 points have data but no frequency",
+    ),
+    "NaN sweep": (
+        _edit("response/real", 0, np.nan),
+        "sweeps without a single point left out: 1 of 2 (rows 0)",
+    ),
+    "no harmonic": (
+        lambda f: f["response"].pop("harmonic"),
+        "response/harmonic: not given, taken as 1",
+    ),
     "drive as attribute": (
         lambda f: (f["response"].pop("drive"), f["response"].attrs.__setitem__("drive", 0.3)),
         "response/drive: one attribute, taken for every sweep",
     ),
-    "stranger": (lambda f: f["map"].__setitem__("comment", 1.0), "map/comment: not a dataset of kind map, left out"),
-    "data in the root": (lambda f: f.__setitem__("extra", [1.0]), "extra: dataset outside a group, left out"),
-    "group in a group": (lambda f: f.create_group("map/deeper"), "map/deeper: group inside a group, left out"),
-    "NaN point": (_edit("series/frequency", 2, np.nan), "points without control variable or data left out: 1 of 3"),
+    "stranger": (
+        lambda f: f["map"].__setitem__("comment", 1.0),
+        "map/comment: not a dataset of kind map, left out",
+    ),
+    "data in the root": (
+        lambda f: f.__setitem__("extra", [1.0]),
+        "extra: dataset outside a group, left out",
+    ),
+    "group in a group": (
+        lambda f: f.create_group("map/deeper"),
+        "map/deeper: group inside a group, left out",
+    ),
+    "NaN point": (
+        _edit("series/frequency", 2, np.nan),
+        "points without control variable or data left out: 1 of 3",
+    ),
     "repeated point": (
-        lambda f: [f[f"response/{k}"].__setitem__((0, 5), f[f"response/{k}"][0, 4]) for k in ("frequency", "real", "imag")],
+        lambda f: [
+            f[f"response/{k}"].__setitem__((0, 5), f[f"response/{k}"][0, 4])
+            for k in ("frequency", "real", "imag")
+        ],
         "1 exact repeats of points taken as missing",
     ),
 }
@@ -197,7 +311,9 @@ def test_a_truncated_file_is_named_so(share: float, tmp_path: Path) -> None:
     path = tmp_path / "file.nc"
     _good(path)
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
-    with pytest.raises(MeasurementError, match=r"file\.nc: not a readable HDF5 file, perhaps truncated"):
+    with pytest.raises(
+        MeasurementError, match=r"file\.nc: not a readable HDF5 file, perhaps truncated"
+    ):
         measurement.read(path)
 
 
@@ -230,5 +346,8 @@ def test_a_heap_of_texts_in_which_hdf5_walks_in_circles_is_refused(tmp_path: Pat
     at = whole.index(b"GCOL\1\0\0\0") + 16
     whole[at : at + 16] = bytes(16)
     path.write_bytes(whole)
-    with pytest.raises(MeasurementError, match=rf"file\.nc: damaged \(a text at byte {at} has no size\); copy or export it again"):
+    with pytest.raises(
+        MeasurementError,
+        match=rf"file\.nc: damaged \(a text at byte {at} has no size\); copy or export it again",
+    ):
         measurement.read(path)

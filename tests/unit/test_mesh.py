@@ -26,7 +26,8 @@ Device = Callable[..., Model]
 SQUARE = 'kind = "square"\nside = "10 um"'
 HEXAGON = 'kind = "regular-polygon"\nsides = 6\nlong_axis = "12 um"'
 CIRCLE = 'kind = "circle"\ndiameter = "10 um"'
-# A hole at the origin and on every mirror line, so that each wedge cuts some in halves or smaller pieces.
+# A hole at the origin and on every mirror line, so that each wedge cuts some in halves or smaller
+# pieces.
 ODD_LATTICE = 'lattice = "square"\npitch = "2 um"\ncount = [3, 3]\nradius = "0.5 um"'
 HEXAGONAL = 'lattice = "hexagonal"\npitch = "2 um"\nrows = 3\nradius = "0.5 um"'
 
@@ -46,8 +47,12 @@ def devices(device: Device) -> dict[str, Model]:
     return {
         "square": device(SQUARE),
         "perforated square": device(SQUARE, ODD_LATTICE),
-        "perforated hexagon": replace(hexagon, holes=holes_at((0, 0), *ring(6, 0.0), *ring(6, np.pi / 6))),
-        "perforated circle": replace(device(CIRCLE), holes=holes_at((0, 0), (3, 0), (-3, 0), (0, 3), (0, -3))),
+        "perforated hexagon": replace(
+            hexagon, holes=holes_at((0, 0), *ring(6, 0.0), *ring(6, np.pi / 6))
+        ),
+        "perforated circle": replace(
+            device(CIRCLE), holes=holes_at((0, 0), (3, 0), (-3, 0), (0, 3), (0, -3))
+        ),
         "trampoline": trampoline,
     }
 
@@ -62,7 +67,9 @@ def boundary_length(domain: Domain, name: str) -> float:
         edge = int(np.flatnonzero(grid.t2f[:, triangle[0]] == facet)[0])
         points, weights = space.edge_points(edge, 10)
         along = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, 1.0]])[edge]
-        total += float(weights @ np.linalg.norm(space.jet(triangle, points).jacobian[0] @ along, axis=1))
+        total += float(
+            weights @ np.linalg.norm(space.jet(triangle, points).jacobian[0] @ along, axis=1)
+        )
     return total
 
 
@@ -81,30 +88,42 @@ CASES = [
 
 
 @pytest.mark.parametrize(("name", "symmetry"), CASES)
-def test_every_outer_edge_of_a_mesh_has_exactly_one_name(devices: dict[str, Model], name: str, symmetry: str) -> None:
+def test_every_outer_edge_of_a_mesh_has_exactly_one_name(
+    devices: dict[str, Model], name: str, symmetry: str
+) -> None:
     grid = mesh(devices[name], symmetry, 0.5).mesh
     named = {key: set(map(int, facets)) for key, facets in (grid.boundaries or {}).items()}
     assert set.union(*named.values()) == set(map(int, grid.boundary_facets()))
     assert all(not named[a] & named[b] for a, b in combinations(named, 2))
     mirrors = {"full": 0, "half": 1}.get(symmetry, 2)
-    assert {key for key in named if key.startswith("mirror")} == {f"mirror-{k}" for k in range(mirrors)}
+    assert {key for key in named if key.startswith("mirror")} == {
+        f"mirror-{k}" for k in range(mirrors)
+    }
 
 
 @pytest.mark.parametrize("symmetry", ["full", "half", "quarter", "eighth"])
-def test_area_and_edges_of_a_perforated_square_match_the_closed_form(devices: dict[str, Model], symmetry: str) -> None:
+def test_area_and_edges_of_a_perforated_square_match_the_closed_form(
+    devices: dict[str, Model], symmetry: str
+) -> None:
     domain = mesh(devices["perforated square"], symmetry, 2)
     assert area(domain) == pytest.approx(1e-10 - 9 * np.pi * 0.25e-12, rel=1e-8)
     assert domain.copies * boundary_length(domain, "clamped") == pytest.approx(40e-6, rel=1e-12)
-    assert domain.copies * boundary_length(domain, "free") == pytest.approx(9 * np.pi * 1e-6, rel=1e-5)
+    assert domain.copies * boundary_length(domain, "free") == pytest.approx(
+        9 * np.pi * 1e-6, rel=1e-5
+    )
 
 
 @pytest.mark.parametrize("symmetry", ["full", "quarter", "twelfth"])
-def test_area_of_a_perforated_hexagon_matches_the_closed_form(devices: dict[str, Model], symmetry: str) -> None:
+def test_area_of_a_perforated_hexagon_matches_the_closed_form(
+    devices: dict[str, Model], symmetry: str
+) -> None:
     domain = mesh(devices["perforated hexagon"], symmetry, 2)
     assert area(domain) == pytest.approx(1.5 * 3**0.5 * 36e-12 - 13 * np.pi * 0.25e-12, rel=1e-8)
 
 
-def test_the_error_of_a_circles_area_falls_as_the_fourth_power_of_the_edge_length(device: Device) -> None:
+def test_the_error_of_a_circles_area_falls_as_the_fourth_power_of_the_edge_length(
+    device: Device,
+) -> None:
     errors = [area(mesh(device(CIRCLE), "quarter", r)) / (np.pi * 25e-12) - 1 for r in (0.5, 1.0)]
     rate = np.log2(abs(errors[0] / errors[1]))
     assert 3.7 < rate < 4.5
@@ -120,7 +139,9 @@ def test_the_error_of_a_circles_area_falls_as_the_fourth_power_of_the_edge_lengt
         ("perforated circle", np.pi / 2),
     ],
 )
-def test_the_symmetry_of_a_device_is_found(devices: dict[str, Model], name: str, wedge: float) -> None:
+def test_the_symmetry_of_a_device_is_found(
+    devices: dict[str, Model], name: str, wedge: float
+) -> None:
     assert mesh(devices[name], resolution=0.3).wedge == wedge
 
 
@@ -147,12 +168,18 @@ def test_an_edge_that_is_free_on_one_side_only_ends_the_symmetry(device: Device)
     ("symmetry", "resolution", "message"),
     [
         ("quater", 1.0, 'symmetry = "quater": expected auto, full, half, quarter, eighth, twelfth'),
-        ("twelfth", 1.0, 'symmetry = "twelfth": outline and holes of device do not have it; use auto or full'),
+        (
+            "twelfth",
+            1.0,
+            'symmetry = "twelfth": outline and holes of device do not have it; use auto or full',
+        ),
         ("auto", 0.0, "resolution = 0: expected a number from 0.1 to 20"),
         ("auto", float("nan"), "resolution = nan: expected a number from 0.1 to 20"),
     ],
 )
-def test_bad_arguments_give_one_line_with_the_remedy(device: Device, symmetry: str, resolution: float, message: str) -> None:
+def test_bad_arguments_give_one_line_with_the_remedy(
+    device: Device, symmetry: str, resolution: float, message: str
+) -> None:
     with pytest.raises(ParameterError) as caught:
         mesh(device(SQUARE), symmetry, resolution)
     assert str(caught.value) == message
@@ -160,7 +187,12 @@ def test_bad_arguments_give_one_line_with_the_remedy(device: Device, symmetry: s
 
 def test_a_film_that_hangs_on_nothing_is_refused(device: Device) -> None:
     model = device(SQUARE)
-    loose = replace(model, outline=replace(model.outline, segments=tuple(replace(s, clamped=False) for s in model.outline.segments)))
+    loose = replace(
+        model,
+        outline=replace(
+            model.outline, segments=tuple(replace(s, clamped=False) for s in model.outline.segments)
+        ),
+    )
     with pytest.raises(GeometryError, match="no edge of the outline is clamped"):
         mesh(loose)
 
@@ -175,7 +207,13 @@ def test_the_mesher_is_closed_after_a_mesh_and_after_a_failure(device: Device) -
     mesh(device(SQUARE), resolution=0.3)
     assert not gmsh.isInitialized()
     crossed = tuple(
-        Segment(a, b) for a, b in [((0, 0), (1e-6, 1e-6)), ((1e-6, 1e-6), (1e-6, 0)), ((1e-6, 0), (0, 1e-6)), ((0, 1e-6), (0, 0))]
+        Segment(a, b)
+        for a, b in [
+            ((0, 0), (1e-6, 1e-6)),
+            ((1e-6, 1e-6), (1e-6, 0)),
+            ((1e-6, 0), (0, 1e-6)),
+            ((0, 1e-6), (0, 0)),
+        ]
     )
     with pytest.raises(GeometryError, match="encloses no film"):
         mesh(replace(device(SQUARE), outline=Outline("polygon", crossed, None, 1e-6)), "full")
@@ -188,24 +226,30 @@ def test_curved_triangles_that_fold_over_are_refused(device: Device) -> None:
     points = np.array(grid.doflocs)
     facet = grid.boundary_facets()[0]
     middle = points[:, grid.nvertices + facet]
-    points[:, grid.nvertices + facet] += 1.2 * (0.5 - middle)  # pulled past the middle of its triangle
+    # Pulled past the middle of its triangle
+    points[:, grid.nvertices + facet] += 1.2 * (0.5 - middle)
     with pytest.raises(GeometryError, match=r"1 curved elements fold over.*raise the resolution"):
         check_unfolded(device(SQUARE), MeshTri2(points, grid.t))
 
 
 def test_nine_hundred_holes_are_meshed_with_shapely_triangles() -> None:
     domain = mesh(load("square-270um-perforated"))
-    assert area(domain) == pytest.approx(270e-6**2 - 900 * np.pi * 0.81e-12, rel=1e-5)  # one hole more or less: 3.5e-5
+    # One hole more or less: 3.5e-5
+    assert area(domain) == pytest.approx(270e-6**2 - 900 * np.pi * 0.81e-12, rel=1e-5)
     corners = np.asarray(domain.mesh.p)[:, domain.mesh.t]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=0)
     first = corners[:, 1] - corners[:, 0]
     second = corners[:, 2] - corners[:, 0]
-    shape = 2 * 3**0.5 * np.abs(first[0] * second[1] - first[1] * second[0]) / np.sum(sides**2, axis=0)
+    shape = (
+        2 * 3**0.5 * np.abs(first[0] * second[1] - first[1] * second[0]) / np.sum(sides**2, axis=0)
+    )
     assert shape.min() > 0.3  # 1 for an equilateral triangle
 
 
 @pytest.mark.parametrize("layer", [1e-2, 1e-3])
-def test_triangles_at_a_clamped_edge_are_as_small_as_the_bending_layer_all_along(device: Device, layer: float) -> None:
+def test_triangles_at_a_clamped_edge_are_as_small_as_the_bending_layer_all_along(
+    device: Device, layer: float
+) -> None:
     film = Film(1e-9, 12 * (layer * 1e-6) ** 2 / 1e-18, 0.0, 1.0, 1.0)
     model = replace(device('kind = "square"\nside = "1 um"'), bending=True, film=film)
     assert bending_length(model) == pytest.approx(layer * 1e-6)
@@ -225,12 +269,24 @@ def test_each_arc_is_divided_by_its_own_radius(device: Device) -> None:
     small = np.array([2.0, 0.0])
     p = large + normal
     q = small + 0.1 * normal
-    corners = [(p * [1, -1], q * [1, -1], None), (q * [1, -1], q, small), (q, p, None), (p, p * [1, -1], large)]
-    segments = tuple(Segment(tuple(a), tuple(b), None if c is None else tuple(c)) for a, b, c in corners)
-    domain = mesh(replace(device(SQUARE), outline=Outline("stadium", segments, None, 5.1)), "half", 1)
+    corners = [
+        (p * [1, -1], q * [1, -1], None),
+        (q * [1, -1], q, small),
+        (q, p, None),
+        (p, p * [1, -1], large),
+    ]
+    segments = tuple(
+        Segment(tuple(a), tuple(b), None if c is None else tuple(c)) for a, b, c in corners
+    )
+    domain = mesh(
+        replace(device(SQUARE), outline=Outline("stadium", segments, None, 5.1)), "half", 1
+    )
     grid = domain.mesh
     facets = Space(grid, 1).boundary_facets("clamped")
     middle = np.asarray(grid.doflocs)[:, grid.nvertices + facets].T
-    round_ends = [np.abs(np.linalg.norm(middle - c, axis=1) - r) < 1e-6 for c, r in ((large, 1.0), (small, 0.1))]
+    round_ends = [
+        np.abs(np.linalg.norm(middle - c, axis=1) - r) < 1e-6
+        for c, r in ((large, 1.0), (small, 0.1))
+    ]
     assert 30 < 2 * round_ends[0].sum() < 60
     assert 20 < 2 * round_ends[1].sum() < 60

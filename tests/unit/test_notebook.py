@@ -36,10 +36,19 @@ def test_words_say_what_it_is_in_one_line(modes: Modes, maps: HarmonicMap) -> No
         "<Model square-270um-perforated: square of 270 µm, 900 holes, film 183.75 nm at 1101.5 MPa>"
     )
     low = np.sqrt(1e9 / 3000) / np.sqrt(2) / 100e-6
-    assert repr(modes) == f"<Modes of device: 2, from {low:.7g} Hz to {low * 2.5**0.5:.7g} Hz, degree 4>"
+    assert (
+        repr(modes)
+        == f"<Modes of device: 2, from {low:.7g} Hz to {low * 2.5**0.5:.7g} Hz, degree 4>"
+    )
     assert repr(modes.domain).startswith("<Domain of device: ")
     assert repr(maps) == "<HarmonicMap of 1f, 2f: 21 × 21 points at 633 nm>"
-    fit = Fit({"f": Parameter("f", 1e6, 0.25, "Hz"), "Q": Parameter("Q", 2.0, 1.0, "")}, np.eye(2), 1.05, 40, 2)
+    fit = Fit(
+        {"f": Parameter("f", 1e6, 0.25, "Hz"), "Q": Parameter("Q", 2.0, 1.0, "")},
+        np.eye(2),
+        1.05,
+        40,
+        2,
+    )
     assert repr(fit) == "<Fit: f = 1000000 ± 0.25 Hz, Q = 2 ± 1; χ²/ν = 1.05 of 40 numbers>"
 
 
@@ -53,11 +62,22 @@ def test_device_modes_and_maps_have_pictures(modes: Modes, maps: HarmonicMap) ->
 def test_a_notebook_shows_the_picture_without_being_asked(tmp_path: Path) -> None:
     pytest.importorskip("IPython")
     program = (
-        "from IPython.core.interactiveshell import InteractiveShell\nshell = InteractiveShell.instance()\n"
+        "from IPython.core.interactiveshell import InteractiveShell\nshell = "
+        "InteractiveShell.instance()\n"
         "shell.run_cell('import femnl')\nshell.run_cell('model = femnl.load(\"circle\")')\n"
-        "data, _ = shell.display_formatter.format(shell.user_ns['model'])\nprint(sorted(data), data['text/plain'])"
+        "data, _ = shell.display_formatter.format(shell.user_ns['model'])\nprint(sorted(data), "
+        "data['text/plain'])"
     )
     command = [sys.executable, "-c", program]
-    environment = {"PYTHONPATH": str(ROOT), "HOME": str(tmp_path), "IPYTHONDIR": str(tmp_path), "PATH": "/usr/bin"}
-    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1].startswith("['image/png', 'text/plain'] <Model circle: circle of 270 µm, no holes")
+    environment = {
+        "PYTHONPATH": str(ROOT),
+        "HOME": str(tmp_path),
+        "IPYTHONDIR": str(tmp_path),
+        "PATH": "/usr/bin",
+    }
+    done = subprocess.run(
+        command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1].startswith(
+        "['image/png', 'text/plain'] <Model circle: circle of 270 µm, no holes"
+    )

@@ -12,11 +12,17 @@ GREEN = 532e-9
 
 
 def stack(
-    film: complex = 2.0395, wafer: complex = 3.8640 - 0.0158j, thickness: float = 183.75e-9, gap: float = 3226.25e-9, between: complex = 1.0
+    film: complex = 2.0395,
+    wafer: complex = 3.8640 - 0.0158j,
+    thickness: float = 183.75e-9,
+    gap: float = 3226.25e-9,
+    between: complex = 1.0,
 ) -> Stack:
     """Vacuum, film, gap, wafer, with indices at the red wavelength."""
     indices = (1.0, film, between, wafer)
-    layers = zip(("vacuum", "SiN", "gap", "Si"), (np.inf, thickness, gap, np.inf), indices, strict=True)
+    layers = zip(
+        ("vacuum", "SiN", "gap", "Si"), (np.inf, thickness, gap, np.inf), indices, strict=True
+    )
     return Stack(tuple(Layer(name, d, ((RED, complex(n)),)) for name, d, n in layers), gap=2)
 
 
@@ -45,16 +51,22 @@ def test_transfer_matrices_agree_with_the_recursion_of_airy(seed: int) -> None:
     assert fringe(u) == pytest.approx(airy(film, wafer, thickness, gap + u, RED), abs=2e-14)
 
 
-def test_fourier_series_of_the_multilayer_fringe_agrees_with_transfer_matrices_far_from_the_first_period() -> None:
+def test_fourier_series_of_the_multilayer_fringe_agrees_with_transfer_matrices_far_from_the_first_period() -> (
+    None
+):
     fringe = MultilayerFringe(stack(), RED, gain=0.7, offset=-0.2)
     u = np.linspace(-3e-6, 3e-6, 41)
-    assert fringe(u) == pytest.approx(np.array([-0.2 + 0.7 * fringe.reflectance(value) for value in u]), abs=1e-13)
+    assert fringe(u) == pytest.approx(
+        np.array([-0.2 + 0.7 * fringe.reflectance(value) for value in u]), abs=1e-13
+    )
 
 
 def test_multilayer_fringe_repeats_after_half_a_wavelength_in_the_gap() -> None:
     fringe = MultilayerFringe(stack(between=1.33), RED)
     assert fringe.fourier.period == pytest.approx(RED / 2 / 1.33, rel=1e-15)
-    assert fringe.reflectance(1e-8) == pytest.approx(fringe.reflectance(1e-8 + RED / 2 / 1.33), abs=1e-13)
+    assert fringe.reflectance(1e-8) == pytest.approx(
+        fringe.reflectance(1e-8 + RED / 2 / 1.33), abs=1e-13
+    )
 
 
 def test_overtones_of_the_fringe_fall_by_the_product_of_the_two_mirrors() -> None:
@@ -72,7 +84,9 @@ def test_overtones_of_the_fringe_fall_by_the_product_of_the_two_mirrors() -> Non
 def test_half_wave_film_vanishes() -> None:
     n = 2.0395
     fringe = MultilayerFringe(stack(film=n, wafer=3.864, thickness=RED / 2 / n), RED)
-    assert fringe(np.linspace(0, RED, 9)) == pytest.approx(np.full(9, ((3.864 - 1) / (3.864 + 1)) ** 2), abs=1e-14)
+    assert fringe(np.linspace(0, RED, 9)) == pytest.approx(
+        np.full(9, ((3.864 - 1) / (3.864 + 1)) ** 2), abs=1e-14
+    )
 
 
 def test_quarter_wave_film_on_the_wafer_reflects_by_the_textbook_formula() -> None:
@@ -99,7 +113,9 @@ def test_series_fringe_is_its_polynomial() -> None:
 
 
 def test_unlisted_wavelength_is_refused_with_the_listed_ones() -> None:
-    with pytest.raises(ParameterError, match=r"no index of vacuum at 780 nm: the stack lists 632\.8 nm"):
+    with pytest.raises(
+        ParameterError, match=r"no index of vacuum at 780 nm: the stack lists 632\.8 nm"
+    ):
         MultilayerFringe(stack(), 780e-9)
 
 
@@ -109,7 +125,9 @@ def test_absorbing_gap_is_refused() -> None:
 
 
 def test_a_geometry_without_a_stack_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"the geometry gives no stack of layers; add \[readout\]"):
+    with pytest.raises(
+        ParameterError, match=r"the geometry gives no stack of layers; add \[readout\]"
+    ):
         MultilayerFringe(None, RED)
 
 

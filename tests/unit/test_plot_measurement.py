@@ -26,13 +26,30 @@ def _dataset(kind: str) -> xr.Dataset:
     bowl = np.outer(np.cos(AXIS * 1e4), np.cos(AXIS * 1e4))
     time = np.arange(500) * 1e-8
     return {
-        "spectrum": lambda: measurement.spectrum([1e6, 1.0001e6, 2e6], [1.0] * 3, ["1,1", "1,2", "2,1"], quality_factor=[1e4, np.nan, 1e5]),
-        "response": lambda: measurement.response(
-            1e6 + np.linspace(-80, 80, 201), np.array([[1], [2], [3]]) * LINE + noise, drive=[0.1, 0.2, 0.3], direction=[1, -1, 1]
+        "spectrum": lambda: measurement.spectrum(
+            [1e6, 1.0001e6, 2e6],
+            [1.0] * 3,
+            ["1,1", "1,2", "2,1"],
+            quality_factor=[1e4, np.nan, 1e5],
         ),
-        "map": lambda: measurement.harmonic_map(AXIS, AXIS, [1, 2, 3, 5], np.array([3e-3, -2e-4, 1j, 0])[:, None, None] * bowl),
-        "trace": lambda: measurement.trace(time, np.cos(6e6 * time)[None] * [[1], [2], [3]], drive_frequency=[1e6, 1.1e6, 1.2e6]),
-        "series": lambda: measurement.series({"pressure": np.logspace(-3, 2, 9)}, np.full(9, 1e6), np.full(9, 1.0), np.logspace(5, 3, 9)),
+        "response": lambda: measurement.response(
+            1e6 + np.linspace(-80, 80, 201),
+            np.array([[1], [2], [3]]) * LINE + noise,
+            drive=[0.1, 0.2, 0.3],
+            direction=[1, -1, 1],
+        ),
+        "map": lambda: measurement.harmonic_map(
+            AXIS, AXIS, [1, 2, 3, 5], np.array([3e-3, -2e-4, 1j, 0])[:, None, None] * bowl
+        ),
+        "trace": lambda: measurement.trace(
+            time, np.cos(6e6 * time)[None] * [[1], [2], [3]], drive_frequency=[1e6, 1.1e6, 1.2e6]
+        ),
+        "series": lambda: measurement.series(
+            {"pressure": np.logspace(-3, 2, 9)},
+            np.full(9, 1e6),
+            np.full(9, 1.0),
+            np.logspace(5, 3, 9),
+        ),
     }[kind]()
 
 
@@ -44,14 +61,19 @@ def test_every_kind_is_drawn_and_described(kind: str) -> None:
     buffer = BytesIO()
     drawn["mine"].savefig(buffer, format="png", dpi=40)
     assert buffer.getvalue().startswith(b"\x89PNG")
-    assert all(axes.get_xlabel() or axes.get_ylabel() or axes.get_title() or not axes.axison for axes in drawn["mine"].axes)
+    assert all(
+        axes.get_xlabel() or axes.get_ylabel() or axes.get_title() or not axes.axison
+        for axes in drawn["mine"].axes
+    )
     text = describe(tree)
     assert text.startswith("title: a title\nmine:\n")
     assert kind in text
 
 
 def test_a_map_has_a_panel_for_each_harmonic_with_colours_centred_on_zero() -> None:
-    picture = harmonic_map_figure(_dataset("map"), outline=1e-4 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))
+    picture = harmonic_map_figure(
+        _dataset("map"), outline=1e-4 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    )
     panels = [axes for axes in picture.axes if axes.get_title()]
     assert [axes.get_title().split()[0] for axes in panels] == ["1f", "2f", "3f", "5f"]
     for axes in panels:
@@ -86,7 +108,10 @@ def test_a_prefix_brings_every_number_between_1_and_1000(value: float) -> None:
     assert unit.endswith("V")
 
 
-@pytest.mark.parametrize(("width", "text", "length"), [(270e-6, "50 µm", 50e-6), (0.81e-6, "200 nm", 200e-9), (4.0e-3, "1 mm", 1e-3)])
+@pytest.mark.parametrize(
+    ("width", "text", "length"),
+    [(270e-6, "50 µm", 50e-6), (0.81e-6, "200 nm", 200e-9), (4.0e-3, "1 mm", 1e-3)],
+)
 def test_the_scale_bar_is_as_long_as_it_says(width: float, text: str, length: float) -> None:
     with style():
         axes = harmonic_map_figure(_dataset("map")).axes[0]
@@ -103,11 +128,22 @@ def test_a_map_of_a_single_line_is_drawn_as_curves_and_so_is_its_fit(axis: str) 
     shaped = volts[:, None, :] if axis == "x" else volts[:, :, None]
     x, y = (AXIS, [1e-5]) if axis == "x" else ([1e-5], AXIS)
     found = measurement.harmonic_map(x, y, [1, 2], shaped, noise_sd=1e-5, wavelength=632.8e-9)
-    for panel, expected in zip(harmonic_map_figure(found).axes, np.abs(volts) * np.sign(np.cos(AXIS / 6e-5)), strict=False):
+    for panel, expected in zip(
+        harmonic_map_figure(found).axes, np.abs(volts) * np.sign(np.cos(AXIS / 6e-5)), strict=False
+    ):
         (line,) = panel.lines
         assert np.allclose(line.get_xdata(), AXIS * 1e6)
-        assert np.allclose(np.abs(line.get_ydata()), np.abs(expected) / np.abs(expected).max() * np.abs(line.get_ydata()).max())
+        assert np.allclose(
+            np.abs(line.get_ydata()),
+            np.abs(expected) / np.abs(expected).max() * np.abs(line.get_ydata()).max(),
+        )
     fitted = map_fit_figure(found, 0.9 * shaped, 0.1 * shaped / 1e-5)
     assert [axes.get_xlabel() for axes in fitted.axes] == [f"{axis} (µm)"] * 2
-    left = np.concatenate([line.get_ydata() for line in fitted.axes[1].lines if np.size(line.get_xdata()) == len(AXIS)])
+    left = np.concatenate(
+        [
+            line.get_ydata()
+            for line in fitted.axes[1].lines
+            if np.size(line.get_xdata()) == len(AXIS)
+        ]
+    )
     assert np.allclose(np.abs(left), np.abs(0.1 * volts / 1e-5).ravel())

@@ -51,20 +51,31 @@ def test_a_film_and_its_hole_are_drawn_to_scale_and_round(modes: Modes) -> None:
     image = draw_flat(modes, surface, film_field(modes, surface, "thickness"), box, 880)
     assert image.shape == (880, 880, 3)
     drawn = np.flatnonzero((image < 250).any(axis=(0, 2)))
-    assert np.ptp(drawn) == pytest.approx(880 / 1.1, abs=4)  # the line of the outline is two pixels wide
+    # The line of the outline is two pixels wide
+    assert np.ptp(drawn) == pytest.approx(880 / 1.1, abs=4)
     axis = np.linspace(box[0], box[1], 881)[:-1] + (box[1] - box[0]) / 1760
     distance = np.hypot(axis[:, None], axis[None, :])
     red = image[..., 0].astype(float)
     white = (red - red[200, 440]) / (255 - red[200, 440])
-    assert white[distance < 0.4 * SIDE].sum() * (axis[1] - axis[0]) ** 2 == pytest.approx(np.pi * RADIUS**2, rel=2e-3)
+    assert white[distance < 0.4 * SIDE].sum() * (axis[1] - axis[0]) ** 2 == pytest.approx(
+        np.pi * RADIUS**2, rel=2e-3
+    )
     assert np.all(white[distance < 0.985 * RADIUS] > 0.99)
     assert np.all(white[(distance > 1.015 * RADIUS) & (distance < 0.48 * SIDE)] < 0.01)
 
 
-def test_the_two_sides_of_an_antisymmetric_mode_are_red_and_blue_and_its_node_is_pale(modes: Modes) -> None:
+def test_the_two_sides_of_an_antisymmetric_mode_are_red_and_blue_and_its_node_is_pale(
+    modes: Modes,
+) -> None:
     surface = unfold(modes)
     index = modes.label.index("(2,1)")
-    image = draw_flat(modes, surface, film_field(modes, surface, "shape", index + 1), film_box(modes.domain.model.outline), 400).astype(int)
+    image = draw_flat(
+        modes,
+        surface,
+        film_field(modes, surface, "shape", index + 1),
+        film_box(modes.domain.model.outline),
+        400,
+    ).astype(int)
     here = np.argmin(np.hypot(surface.points[:, 0] - SIDE / 4, surface.points[:, 1]))
     sign = np.sign(surface.shapes[index][here])
     left = image[200, 104]
@@ -85,7 +96,9 @@ def test_the_relief_of_a_positive_mode_rises_above_the_film_at_rest(modes: Modes
 
 def test_stress_in_units_of_the_film_stress_is_two_at_the_rim_of_a_small_hole() -> None:
     # Kirsch: equal tension in all directions doubles along the rim of a hole in an infinite plate.
-    modes = solve_modes(parse(PLATE.replace('radius = "10 um"', 'radius = "1 um"')), count=1, cache=False)
+    modes = solve_modes(
+        parse(PLATE.replace('radius = "10 um"', 'radius = "1 um"')), count=1, cache=False
+    )
     surface = unfold(modes)
     stress = film_field(modes, surface, "stress").values
     assert stress is not None
@@ -116,30 +129,50 @@ def test_the_gallery_names_each_mode_and_its_frequency(modes: Modes) -> None:
     assert f"{modes.frequency[0] / 1e6:.4f} MHz" in titles[0]
 
 
-def test_a_word_or_a_mode_that_cannot_be_drawn_is_refused_with_what_can(modes: Modes, tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="'strain': femnl draws mesh, stress, shape, thickness"):
+def test_a_word_or_a_mode_that_cannot_be_drawn_is_refused_with_what_can(
+    modes: Modes, tmp_path: Path
+) -> None:
+    with pytest.raises(
+        ParameterError, match="'strain': femnl draws mesh, stress, shape, thickness"
+    ):
         film_figure(modes, "strain")
     with pytest.raises(ParameterError, match=r"mode 5: 4 modes were solved; choose 1 to 4"):
         film_figure(modes, "shape", 5)
-    with pytest.raises(ParameterError, match=r"film\.doc: pictures are written as \.png, \.pdf, \.svg"):
+    with pytest.raises(
+        ParameterError, match=r"film\.doc: pictures are written as \.png, \.pdf, \.svg"
+    ):
         view(modes, "mesh", 1, tmp_path / "film.doc")
 
 
 def test_a_missing_opengl_library_is_one_line_and_no_crash(tmp_path: Path) -> None:
     for name in ("libEGL.so.1", "libEGL.so", "libOSMesa.so.8", "libOSMesa.so"):
         (tmp_path / name).touch()  # found first, and not a library: as good as absent
-    script = "from femnl.core.errors import MissingLibraryError\nfrom femnl.plot.screen import need_offscreen\ntry:\n    need_offscreen()\n"
+    script = (
+        "from femnl.core.errors import MissingLibraryError\nfrom femnl.plot.screen import "
+        "need_offscreen\ntry:\n    "
+        "need_offscreen()\n"
+    )
     script += "except MissingLibraryError as error:\n    print(error)"
-    environment = os.environ | {"LD_LIBRARY_PATH": str(tmp_path), "PYTHONPATH": str(Path(__file__).parents[2])}
-    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
+    environment = os.environ | {
+        "LD_LIBRARY_PATH": str(tmp_path),
+        "PYTHONPATH": str(Path(__file__).parents[2]),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0
     assert (
         done.stdout
-        == "pictures need OpenGL without a display; neither EGL nor OSMesa works here: install one (Debian: apt-get install libegl1)\n"
+        == "pictures need OpenGL without a display; neither EGL nor OSMesa works here: install "
+        "one (Debian: apt-get "
+        "install "
+        "libegl1)\n"
     )
 
 
-def test_a_missing_display_is_one_line_and_no_crash(modes: Modes, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_display_is_one_line_and_no_crash(
+    modes: Modes, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     screen._first_usable.cache_clear()
     with pytest.raises(MissingLibraryError, match="name a file to draw into instead"):

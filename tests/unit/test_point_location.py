@@ -8,10 +8,14 @@ from femnl.device.mesh import mesh
 from femnl.mechanics.fem.elements import Space, reference_basis
 from femnl.mechanics.modes.shapes import Finder
 
-INSIDE = np.array([(0.02, 0.02), (0.96, 0.02), (0.02, 0.96), (1 / 3, 1 / 3), (0.5, 0.49), (0.01, 0.5)])
+INSIDE = np.array(
+    [(0.02, 0.02), (0.96, 0.02), (0.02, 0.96), (1 / 3, 1 / 3), (0.5, 0.49), (0.01, 0.5)]
+)
 
 
-@pytest.mark.parametrize("name", ["square-270um", "hexagon-278um", "circle", "square-270um-perforated"])
+@pytest.mark.parametrize(
+    "name", ["square-270um", "hexagon-278um", "circle", "square-270um-perforated"]
+)
 def test_points_are_found_in_the_triangles_that_they_were_put_in(name: str) -> None:
     domain = mesh(load(name))
     space = Space(domain.mesh, 2)

@@ -9,7 +9,13 @@ from scipy.special import jv
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.readout import Array, FourierSeries
 from femnl.optics.fringe import SeriesFringe, SineFringe
-from femnl.optics.harmonics import harmonic_map, harmonics, harmonics_by_bessel, harmonics_by_fft, trace
+from femnl.optics.harmonics import (
+    harmonic_map,
+    harmonics,
+    harmonics_by_bessel,
+    harmonics_by_fft,
+    trace,
+)
 
 RED = 632.8e-9
 ORDERS = np.arange(61)
@@ -40,8 +46,12 @@ def test_harmonics_of_the_sine_are_the_bessel_functions_of_the_paper() -> None:
     v = harmonics(SineFringe(RED, 0.1, contrast, theta), ORDERS, z * RED / 4 / np.pi, phi)
     assert v[0] == pytest.approx(0.1 + contrast * np.cos(theta) * jv(0, z), abs=1e-15)
     for n in ORDERS[1:]:
-        balance, sign = (np.sin(theta), (-1) ** ((n + 1) // 2)) if n % 2 else (np.cos(theta), (-1) ** (n // 2))
-        assert v[n] == pytest.approx(2 * contrast * balance * jv(n, z) * sign * np.exp(1j * n * phi), abs=1e-15)
+        balance, sign = (
+            (np.sin(theta), (-1) ** ((n + 1) // 2)) if n % 2 else (np.cos(theta), (-1) ** (n // 2))
+        )
+        assert v[n] == pytest.approx(
+            2 * contrast * balance * jv(n, z) * sign * np.exp(1j * n * phi), abs=1e-15
+        )
 
 
 def test_harmonics_of_a_power_series_are_the_binomial_sums_of_the_paper() -> None:
@@ -65,11 +75,15 @@ def test_energy_of_the_harmonics_is_the_mean_square_of_the_trace(seed: int) -> N
     U = rng.uniform(1e-7, 5e-7)
     v = harmonics(series, np.arange(200), U)
     samples = trace(series, np.arange(4096) / 4096, 1.0, U)
-    assert np.mean(samples**2) == pytest.approx(v[0].real ** 2 + 0.5 * np.sum(np.abs(v[1:]) ** 2), rel=1e-13)
+    assert np.mean(samples**2) == pytest.approx(
+        v[0].real ** 2 + 0.5 * np.sum(np.abs(v[1:]) ** 2), rel=1e-13
+    )
 
 
 @pytest.mark.parametrize(("theta", "silent"), [(0.0, 1), (np.pi / 2, 0)])
-def test_symmetric_working_point_has_no_odd_harmonics_and_antisymmetric_no_even_ones(theta: float, silent: int) -> None:
+def test_symmetric_working_point_has_no_odd_harmonics_and_antisymmetric_no_even_ones(
+    theta: float, silent: int
+) -> None:
     v = harmonics(SineFringe(RED, 0.0, 1.0, theta), np.arange(1, 20), 4e-7)
     assert np.abs(v[np.arange(1, 20) % 2 == silent]).max() < 1e-15
     assert np.abs(v[np.arange(1, 20) % 2 != silent]).min() > 1e-9
@@ -79,19 +93,25 @@ def test_symmetric_working_point_has_no_odd_harmonics_and_antisymmetric_no_even_
 def test_phase_of_a_harmonic_is_n_times_that_of_the_motion_modulo_pi(seed: int) -> None:
     rng = np.random.default_rng(seed)
     phi = rng.uniform(-np.pi, np.pi)
-    v = harmonics(random_series(rng), ORDERS, rng.uniform(1e-7, 5e-7), phi) * np.exp(-1j * ORDERS * phi)
+    v = harmonics(random_series(rng), ORDERS, rng.uniform(1e-7, 5e-7), phi) * np.exp(
+        -1j * ORDERS * phi
+    )
     assert np.abs(v.imag).max() < 1e-14
 
 
 def test_motion_in_antiphase_turns_the_odd_harmonics_only() -> None:
     series = random_series(np.random.default_rng(1))
-    assert harmonics(series, ORDERS, -3e-7) == pytest.approx(harmonics(series, ORDERS, 3e-7) * (-1.0) ** ORDERS, abs=1e-15)
+    assert harmonics(series, ORDERS, -3e-7) == pytest.approx(
+        harmonics(series, ORDERS, 3e-7) * (-1.0) ** ORDERS, abs=1e-15
+    )
 
 
 def test_static_displacement_is_a_shift_of_the_working_point() -> None:
     shift = 0.4e-7
     moved = SineFringe(RED, 0.1, 0.2, 0.7 + 4 * np.pi * shift / RED)
-    assert harmonics(SineFringe(RED, 0.1, 0.2, 0.7), ORDERS, 3e-7, rest=shift) == pytest.approx(harmonics(moved, ORDERS, 3e-7), abs=1e-15)
+    assert harmonics(SineFringe(RED, 0.1, 0.2, 0.7), ORDERS, 3e-7, rest=shift) == pytest.approx(
+        harmonics(moved, ORDERS, 3e-7), abs=1e-15
+    )
 
 
 def test_trace_is_the_sum_of_its_harmonics() -> None:
@@ -100,7 +120,10 @@ def test_trace_is_the_sum_of_its_harmonics() -> None:
     phi = 0.6
     f = 1.466e6
     t = np.linspace(0, 3e-6, 50)
-    summed = np.real(np.exp(2j * np.pi * f * np.outer(t, np.arange(100))) @ harmonics(series, np.arange(100), U, phi))
+    summed = np.real(
+        np.exp(2j * np.pi * f * np.outer(t, np.arange(100)))
+        @ harmonics(series, np.arange(100), U, phi)
+    )
     assert trace(series, t, f, U, phi) == pytest.approx(summed, abs=1e-13)
 
 
@@ -112,7 +135,9 @@ def test_a_kink_in_f_is_named_and_yields_to_a_larger_tolerance() -> None:
         harmonics(clipped, [1], 1.0)
     angle = np.arccos(0.5)
     expected = (np.sin(angle) + np.pi - angle - np.sin(2 * angle) / 2) / np.pi
-    assert harmonics_by_fft(clipped, [1], 1.0, tolerance=1e-6)[0].real == pytest.approx(expected, abs=1e-6)
+    assert harmonics_by_fft(clipped, [1], 1.0, tolerance=1e-6)[0].real == pytest.approx(
+        expected, abs=1e-6
+    )
 
 
 def test_harmonic_map_holds_the_harmonics_of_each_point() -> None:
@@ -122,13 +147,17 @@ def test_harmonic_map_holds_the_harmonics_of_each_point() -> None:
     fringe = SineFringe(RED, 0.1, 0.2, 0.7)
     found = harmonic_map(fringe, [1, 3], shape, 4e-7, x, y, RED, phase=0.2)
     assert found.values.shape == (2, 3, 4)
-    assert found.values[1, 2, 3] == pytest.approx(harmonics(fringe, [3], 4e-7 * shape[2, 3], 0.2)[0])
+    assert found.values[1, 2, 3] == pytest.approx(
+        harmonics(fringe, [3], 4e-7 * shape[2, 3], 0.2)[0]
+    )
     assert not found.values.flags.writeable
 
 
 def test_harmonic_map_refuses_a_shape_on_another_grid() -> None:
     with pytest.raises(ParameterError, match="evaluate it on the same grid"):
-        harmonic_map(SineFringe(RED, 0, 1, 0), [1], np.ones((2, 2)), 1e-7, np.arange(3), np.arange(2), RED)
+        harmonic_map(
+            SineFringe(RED, 0, 1, 0), [1], np.ones((2, 2)), 1e-7, np.arange(3), np.arange(2), RED
+        )
 
 
 @pytest.mark.parametrize("harmonic", [[-1], [1.5], []])

@@ -25,7 +25,10 @@ from tests.unit.report_page import CASES, HOSTILE, Written
 
 def test_the_report_is_one_file_that_refers_to_nothing_outside_it(report: Written) -> None:
     assert [path.name for path in report.path.parent.iterdir()] == ["index.html"]
-    page = re.sub(r"<script>.*?</script>", "", report.path.read_text(encoding="utf-8"), flags=re.DOTALL)  # which a browser watches
+    # Which a browser watches
+    page = re.sub(
+        r"<script>.*?</script>", "", report.path.read_text(encoding="utf-8"), flags=re.DOTALL
+    )
     links = re.findall(r'(?:src|href|url)\s*[=(]\s*["\']?([^"\'\s>)]+)', page)
     assert links
     assert all(link.startswith(("#", "data:")) for link in links)
@@ -53,7 +56,10 @@ def test_the_report_prints_what_the_library_computes(report: Written) -> None:
     assert f"<td>{plain(modes.effective_mass[0] * 1e12, 5)}</td>" in report.text
     for edge in ("clamped", "sliding", "paper"):
         duffing = solve_nonlinearity(modes, edge)
-        assert f"<td>{with_error(duffing.alpha[0] / 1e9, duffing.alpha_error[0] / 1e9)}</td>" in report.text
+        assert (
+            f"<td>{with_error(duffing.alpha[0] / 1e9, duffing.alpha_error[0] / 1e9)}</td>"
+            in report.text
+        )
     assert ppm(modes.ratio[3], 2.0) in report.text
     assert "201.43 nm" in report.text  # 4 · 632.8 nm / 4π
 
@@ -67,7 +73,9 @@ def test_text_from_files_is_escaped(report: Written) -> None:
 def test_every_step_is_told_before_it_is_taken(report: Written) -> None:
     assert report.steps[0] == "square-100um: modes"
     assert report.steps[-1] == "page"
-    assert [step for step in report.steps if step.startswith("validation")] == [f"validation: {name}" for name in sorted(CASES)]
+    assert [step for step in report.steps if step.startswith("validation")] == [
+        f"validation: {name}" for name in sorted(CASES)
+    ]
 
 
 def test_a_folder_that_cannot_be_made_is_refused_before_anything_is_solved(tmp_path: Path) -> None:
@@ -81,9 +89,22 @@ def test_a_folder_that_cannot_be_made_is_refused_before_anything_is_solved(tmp_p
 def test_without_opengl_the_report_stops_before_anything_is_solved(tmp_path: Path) -> None:
     for name in ("libEGL.so.1", "libEGL.so", "libOSMesa.so.8", "libOSMesa.so"):
         (tmp_path / name).touch()  # found first, and not a library: as good as absent
-    script = "from pathlib import Path\nfrom femnl.report import write_report\nwrite_report(Path('out'), print)"
-    environment = os.environ | {"LD_LIBRARY_PATH": str(tmp_path), "PYTHONPATH": str(Path(__file__).parents[2])}
-    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    script = (
+        "from pathlib import Path\nfrom femnl.report import "
+        "write_report\nwrite_report(Path('out'), print)"
+    )
+    environment = os.environ | {
+        "LD_LIBRARY_PATH": str(tmp_path),
+        "PYTHONPATH": str(Path(__file__).parents[2]),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 1
     assert done.stdout == ""
     assert "MissingLibraryError: pictures need OpenGL without a display" in done.stderr
@@ -106,24 +127,45 @@ def test_without_opengl_the_report_stops_before_anything_is_solved(tmp_path: Pat
         (8.7e-7, None, "8.7·10⁻⁷"),
     ],
 )
-def test_a_number_carries_the_digits_that_its_error_leaves(value: float, error: float | None, text: str) -> None:
+def test_a_number_carries_the_digits_that_its_error_leaves(
+    value: float, error: float | None, text: str
+) -> None:
     assert with_error(value, error) == text
 
 
-@pytest.mark.parametrize(("value", "text"), [(2.000548, "+274 ppm"), (1.99, "−5,000 ppm"), (2.1, "+5.00 %")])
+@pytest.mark.parametrize(
+    ("value", "text"), [(2.000548, "+274 ppm"), (1.99, "−5,000 ppm"), (2.1, "+5.00 %")]
+)
 def test_a_difference_is_told_in_ppm_or_in_percent(value: float, text: str) -> None:
     assert ppm(value, 2.0) == text
 
 
 def test_published_ideal_ratios_are_those_of_the_literature() -> None:
     # Regular hexagon held at its edge: f/f₁ of the first modes to eight digits.
-    ratios = [1, 1.5918564, 1.5918564, 2.1296325, 2.1296325, 2.2890245, 2.5800153, 2.7122775, 2.8982817, 2.8982817]
+    ratios = [
+        1,
+        1.5918564,
+        1.5918564,
+        2.1296325,
+        2.1296325,
+        2.2890245,
+        2.5800153,
+        2.7122775,
+        2.8982817,
+        2.8982817,
+    ]
     assert list(HEXAGON.ideal.values()) == pytest.approx(ratios, abs=6e-8)
     assert SQUARE.ideal["(2,1)"] == pytest.approx(2.5**0.5)
 
 
 def _rate(k: int, n: int, low: float, high: float, *target: object) -> dict[str, Any]:
-    rate = {"n": n, "k": k, "rate": k / n, "interval": [low, high], "by_kind": {"map": {"n": n, "k": k, "rate": k / n}}}
+    rate = {
+        "n": n,
+        "k": k,
+        "rate": k / n,
+        "interval": [low, high],
+        "by_kind": {"map": {"n": n, "k": k, "rate": k / n}},
+    }
     return rate | ({"target": list(target)} if target else {})
 
 
@@ -138,9 +180,22 @@ def _rate(k: int, n: int, low: float, high: float, *target: object) -> dict[str,
         (_rate(50, 100, 0.4, 0.6, "within", 0.68), "64 … 72 %: missed"),
     ],
 )
-def test_a_rate_of_the_blind_study_says_whether_it_meets_its_target(rate: dict[str, Any], text: str, tmp_path: Path) -> None:
-    board = {"seeds": [7], "draws": 400, "rates": {"named": rate}, "limits": {"map: tilt": {"sigma": 5.2, "draws": 30, "slope": 1e-4}}}
-    board |= {"p_value_uniform": {"n": 400, "ks_p_value": 0.5, "by_kind": {"map": {"n": 400, "ks_p_value": 0.0012}}}}
+def test_a_rate_of_the_blind_study_says_whether_it_meets_its_target(
+    rate: dict[str, Any], text: str, tmp_path: Path
+) -> None:
+    board = {
+        "seeds": [7],
+        "draws": 400,
+        "rates": {"named": rate},
+        "limits": {"map: tilt": {"sigma": 5.2, "draws": 30, "slope": 1e-4}},
+    }
+    board |= {
+        "p_value_uniform": {
+            "n": 400,
+            "ks_p_value": 0.5,
+            "by_kind": {"map": {"n": 400, "ks_p_value": 0.0012}},
+        }
+    }
     (tmp_path / "blind.json").write_text(json.dumps(board), encoding="utf-8")
     found = blind(tmp_path)
     assert found is not None
@@ -160,22 +215,51 @@ def test_the_figures_of_the_blind_study_count_the_draws_that_its_rates_count() -
     assert len(found.pictures) == 2
     confusion = board["confusion"]
     rates = board["rates"]
-    none = dict(zip(confusion["answers"], confusion["draws"][confusion["hidden"].index("none")], strict=True))
+    none = dict(
+        zip(
+            confusion["answers"], confusion["draws"][confusion["hidden"].index("none")], strict=True
+        )
+    )
     assert sum(none.values()) == rates["false alarms"]["n"]
     assert sum(none.values()) - none["adequate"] == rates["false alarms"]["k"]
-    strong = [sigma for draws in board["detection"].values() for part in draws.values() for sigma in part if sigma >= 5]
+    strong = [
+        sigma
+        for draws in board["detection"].values()
+        for part in draws.values()
+        for sigma in part
+        if sigma >= 5
+    ]
     assert len(strong) == rates["cause named"]["n"]
-    assert sum(sigma >= 5 for draws in board["detection"].values() for sigma in draws["named"]) == rates["cause named"]["k"]
+    assert (
+        sum(sigma >= 5 for draws in board["detection"].values() for sigma in draws["named"])
+        == rates["cause named"]["k"]
+    )
 
 
 def test_a_benchmark_says_on_which_machine_and_beside_what_it_ran(tmp_path: Path) -> None:
     table = {"head": ["run", "time (s)"], "rows": [["femnl", 1.23456], ["none", None]]}
-    found = {"caption": "A race.", "command": "python -m benchmarks.race", "date": "2026-01-02", "seconds": 12.3, "cpu_seconds": 9.0}
-    machine = {"load_before": 2.5, "processor": "abacus", "system": "desk", "threads": "fingers: 10"}
-    (tmp_path / "benchmarks.json").write_text(json.dumps({"race": found | machine | {"tables": [table]}}), encoding="utf-8")
+    found = {
+        "caption": "A race.",
+        "command": "python -m benchmarks.race",
+        "date": "2026-01-02",
+        "seconds": 12.3,
+        "cpu_seconds": 9.0,
+    }
+    machine = {
+        "load_before": 2.5,
+        "processor": "abacus",
+        "system": "desk",
+        "threads": "fingers: 10",
+    }
+    (tmp_path / "benchmarks.json").write_text(
+        json.dumps({"race": found | machine | {"tables": [table]}}), encoding="utf-8"
+    )
     (race,) = benchmarks(tmp_path)
     assert race.words == (
-        "python -m benchmarks.race, 2026-01-02: 12.3 s beside other programs (load 2.5 before it), 9 s of processor time in all processes; "
+        "python -m benchmarks.race, 2026-01-02: 12.3 s beside other programs (load 2.5 before "
+        "it), 9 s of processor "
+        "time in "
+        "all processes; "
         "abacus, desk, fingers: 10."
     )
     assert race.tables == [(["run", "time (s)"], [["femnl", "1.23"], ["none", "–"]])]

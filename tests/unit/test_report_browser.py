@@ -1,4 +1,7 @@
-"""The report in a real browser: no errors, nothing fetched, readable at any width, in dark and light, on paper; a shape that turns."""
+"""The report in a real browser.
+
+No errors, nothing fetched, readable at any width, in dark and light, on paper; a shape that turns.
+"""
 
 import re
 import shutil
@@ -18,7 +21,13 @@ from femnl.core.errors import MissingLibraryError, ParameterError
 from femnl.report.paper import find_browser, print_page
 from tests.unit.report_page import Written
 
-QUIET = ("disable-background-networking", "disable-component-update", "disable-sync", "no-first-run", "no-sandbox")
+QUIET = (
+    "disable-background-networking",
+    "disable-component-update",
+    "disable-sync",
+    "no-first-run",
+    "no-sandbox",
+)
 WEBGL = ("use-angle=swiftshader", "enable-unsafe-swiftshader")
 # Chromium's advice to plotly.js, which reads a small canvas back for each word along an axis.
 ADVICE = "Canvas2D: Multiple readback operations using getImageData are faster"
@@ -33,7 +42,9 @@ def launch() -> Iterator[Callable[..., Browser]]:
     with sync_playwright() as playwright, ExitStack() as stack:
 
         def start(*switches: str) -> Browser:
-            browser = playwright.chromium.launch(executable_path=path, args=[f"--{switch}" for switch in (*QUIET, *switches)])
+            browser = playwright.chromium.launch(
+                executable_path=path, args=[f"--{switch}" for switch in (*QUIET, *switches)]
+            )
             stack.callback(browser.close)
             return browser
 
@@ -46,12 +57,20 @@ def browser(launch: Callable[..., Browser]) -> Browser:
     return launch(*WEBGL)
 
 
-def opened(browser: Browser, report: Written, width: int, scheme: str) -> tuple[Page, list[str], list[str]]:
+def opened(
+    browser: Browser, report: Written, width: int, scheme: str
+) -> tuple[Page, list[str], list[str]]:
     """The report in a window of a width: the page, what its console said, and what it fetched."""
-    page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme="dark" if scheme == "dark" else "light")
+    page = browser.new_page(
+        viewport={"width": width, "height": 900},
+        color_scheme="dark" if scheme == "dark" else "light",
+    )
     said: list[str] = []
     fetched: list[str] = []
-    page.on("console", lambda message: None if message.text.startswith(ADVICE) else said.append(message.text))
+    page.on(
+        "console",
+        lambda message: None if message.text.startswith(ADVICE) else said.append(message.text),
+    )
     page.on("pageerror", lambda error: said.append(str(error)))
     page.on("request", lambda request: fetched.append(request.url))
     page.goto(report.path.as_uri())
@@ -68,21 +87,31 @@ def test_a_browser_shows_the_report_without_errors_or_sideways_scrolling(
     assert said == []
     assert [url for url in fetched if not url.startswith("data:")] == [report.path.as_uri()]
     assert page.evaluate("document.images.length") == 10
-    assert page.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 300 && image.alt)")
-    assert page.evaluate("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+    assert page.evaluate(
+        "[...document.images].every(image => image.complete && image.naturalWidth > 300 && "
+        "image.alt)"
+    )
+    assert page.evaluate(
+        "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
+    )
     # Whatever is wider than the window scrolls within its own frame, which the keyboard can reach.
     frames = "[...document.querySelectorAll('table')].map(table => table.parentElement)"
-    assert page.evaluate(f"{frames}.every(frame => frame.className == 'scroll' && frame.tabIndex == 0)")
+    assert page.evaluate(
+        f"{frames}.every(frame => frame.className == 'scroll' && frame.tabIndex == 0)"
+    )
     assert page.evaluate("typeof window.hacked") == "undefined"
     page.close()
 
 
 @pytest.mark.browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_stands_out_from_its_background(browser: Browser, report: Written, scheme: str) -> None:
+def test_text_stands_out_from_its_background(
+    browser: Browser, report: Written, scheme: str
+) -> None:
     page, _, _ = opened(browser, report, 1280, scheme)
     colours = page.evaluate(
-        "['body', 'figcaption', 'nav a', '.good', '.bad'].map(s => getComputedStyle(document.querySelector(s)).color)"
+        "['body', 'figcaption', 'nav a', '.good', '.bad'].map(s => "
+        "getComputedStyle(document.querySelector(s)).color)"
         ".concat(getComputedStyle(document.body).backgroundColor)"
     )
     *inks, paper = [luminance(colour) for colour in colours]
@@ -95,7 +124,9 @@ def test_text_stands_out_from_its_background(browser: Browser, report: Written, 
 def luminance(colour: str) -> float:
     """Relative luminance of an rgb(…) colour as WCAG 2.1 defines it."""
     parts = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
-    linear = [part / 12.92 if part <= 0.03928 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+    linear = [
+        part / 12.92 if part <= 0.03928 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
+    ]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
@@ -107,12 +138,17 @@ def test_the_report_prints_on_pages_that_cut_no_table(browser: Browser, report: 
     assert page.evaluate("getComputedStyle(document.body).color") == "rgb(0, 0, 0)"
     assert page.locator("#shape img").is_visible()
     assert not page.locator("#shape-scene").is_visible()
-    assert page.evaluate("[...document.querySelectorAll('.scroll')].every(frame => frame.scrollWidth <= frame.clientWidth + 1)")
+    assert page.evaluate(
+        "[...document.querySelectorAll('.scroll')].every(frame => frame.scrollWidth <= "
+        "frame.clientWidth + 1)"
+    )
     page.close()
 
 
 @pytest.mark.browser
-def test_the_report_is_printed_to_a_pdf_of_a4_pages_beside_it(report: Written, tmp_path: Path) -> None:
+def test_the_report_is_printed_to_a_pdf_of_a4_pages_beside_it(
+    report: Written, tmp_path: Path
+) -> None:
     page = Path(shutil.copy(report.path, tmp_path))
     try:
         pdf = print_page(page, find_browser())
@@ -123,13 +159,20 @@ def test_the_report_is_printed_to_a_pdf_of_a4_pages_beside_it(report: Written, t
     assert content.startswith(b"%PDF")
     assert 4 <= len(re.findall(rb"/Type\s*/Page\b", content)) <= 30
     for sides in re.findall(rb"/MediaBox\s*\[([^\]]*)\]", content):
-        assert [float(side) for side in sides.split()] == pytest.approx([0, 0, 594.96, 841.92], abs=1)
+        assert [float(side) for side in sides.split()] == pytest.approx(
+            [0, 0, 594.96, 841.92], abs=1
+        )
 
 
 @pytest.mark.browser
-def test_a_browser_that_prints_nothing_is_one_line_and_no_file(report: Written, tmp_path: Path) -> None:
+def test_a_browser_that_prints_nothing_is_one_line_and_no_file(
+    report: Written, tmp_path: Path
+) -> None:
     page = Path(shutil.copy(report.path, tmp_path))
-    with pytest.raises(ParameterError, match=r"index\.pdf: .*true did not print it \(status 0\); print .* from a browser$"):
+    with pytest.raises(
+        ParameterError,
+        match=r"index\.pdf: .*true did not print it \(status 0\); print .* from a browser$",
+    ):
         print_page(page, str(shutil.which("true")))
     assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
 
@@ -140,7 +183,9 @@ def test_without_a_browser_the_pdf_is_refused_before_anything_is_solved(
     monkeypatch.setenv("PATH", str(tmp_path))
     assert run(["report", "--pdf", "--out", str(tmp_path / "report")]) == 2
     assert capsys.readouterr().err == (
-        "femnl: a PDF is printed by Chromium or Chrome, and none is on the PATH; install one, or print the page from a browser\n"
+        "femnl: a PDF is printed by Chromium or Chrome, and none is on the PATH; install one, "
+        "or print the page from a "
+        "browser\n"
     )
     assert not (tmp_path / "report").exists()
 
@@ -148,10 +193,13 @@ def test_without_a_browser_the_pdf_is_refused_before_anything_is_solved(
 def look(page: Page) -> NDArray[np.float64]:
     """The scene as the reader sees it: (height, width, 3), 0 to 1."""
     page.wait_for_function(
-        "document.querySelector('#shape-scene canvas') && document.getElementById('shape-scene')._fullLayout.scene._scene"
+        "document.querySelector('#shape-scene canvas') && "
+        "document.getElementById('shape-scene')._fullLayout.scene._scene"
     )
     page.wait_for_timeout(400)
-    return np.asarray(image.imread(BytesIO(page.locator("#shape-scene").screenshot()))[..., :3], dtype=np.float64)
+    return np.asarray(
+        image.imread(BytesIO(page.locator("#shape-scene").screenshot()))[..., :3], dtype=np.float64
+    )
 
 
 def coloured(seen: NDArray[np.float64]) -> dict[str, float]:
@@ -162,7 +210,9 @@ def coloured(seen: NDArray[np.float64]) -> dict[str, float]:
 
 @pytest.mark.browser
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (400, "dark")])
-def test_the_shape_shows_the_chosen_mode_and_turns_when_it_is_dragged(browser: Browser, report: Written, width: int, scheme: str) -> None:
+def test_the_shape_shows_the_chosen_mode_and_turns_when_it_is_dragged(
+    browser: Browser, report: Written, width: int, scheme: str
+) -> None:
     page, said, _ = opened(browser, report, width, scheme)
     page.locator("#shape-scene").scroll_into_view_if_needed()
     first = look(page)
@@ -186,7 +236,9 @@ def test_the_shape_shows_the_chosen_mode_and_turns_when_it_is_dragged(browser: B
 
 
 @pytest.mark.browser
-def test_the_words_at_the_shape_follow_the_reader_from_light_to_dark(browser: Browser, report: Written) -> None:
+def test_the_words_at_the_shape_follow_the_reader_from_light_to_dark(
+    browser: Browser, report: Written
+) -> None:
     page, _, _ = opened(browser, report, 1280, "light")
     look(page)
     ink = "getComputedStyle(document.documentElement).getPropertyValue('--ink').trim()"
@@ -199,7 +251,9 @@ def test_the_words_at_the_shape_follow_the_reader_from_light_to_dark(browser: Br
 
 
 @pytest.mark.browser
-def test_without_webgl_the_picture_of_the_shape_stays(launch: Callable[..., Browser], report: Written) -> None:
+def test_without_webgl_the_picture_of_the_shape_stays(
+    launch: Callable[..., Browser], report: Written
+) -> None:
     page, said, _ = opened(launch("disable-3d-apis"), report, 1280, "light")
     assert page.locator("#shape img").is_visible()
     assert not page.locator("#shape-mode").is_visible()

@@ -15,7 +15,14 @@ from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
 from femnl.diagnose.checkpoint import remembered
 from femnl.diagnose.global_starts import scan
-from femnl.diagnose.least_squares import CrossValidation, FitResult, covariance, cross_validate, fit, held_out
+from femnl.diagnose.least_squares import (
+    CrossValidation,
+    FitResult,
+    covariance,
+    cross_validate,
+    fit,
+    held_out,
+)
 from femnl.diagnose.search import search
 from femnl.diagnose.spectrum import SpectrumModel
 from femnl.diagnose.verdict import judge
@@ -33,14 +40,28 @@ def line(data: Array, needs_global_search: bool = False) -> Level:
     return Level(data, BLOCKS, 100.0, needs_global_search=needs_global_search)
 
 
-def effect(name: str, change: Callable[[float], Array], low: float = -10.0, whole: bool = False) -> Effect:
+def effect(
+    name: str, change: Callable[[float], Array], low: float = -10.0, whole: bool = False
+) -> Effect:
     """One strength, or one whole number beside it, that adds a function of itself to the prediction."""
 
     def act(value: Array, values: Values) -> Array:
-        return value + values["strength"] * change(values["power"]) if whole else value + change(values["strength"])
+        return (
+            value + values["strength"] * change(values["power"])
+            if whole
+            else value + change(values["strength"])
+        )
 
     power = (ParameterSpec("power", "1", 0.5, 4.5, strength=False, whole=True),) if whole else ()
-    return Effect(name, "", (ParameterSpec("strength", "1", low, 10.0), *power), {"placement": act}, "", "", "")
+    return Effect(
+        name,
+        "",
+        (ParameterSpec("strength", "1", low, 10.0), *power),
+        {"placement": act},
+        "",
+        "",
+        "",
+    )
 
 
 SLOPE = effect("slope", lambda s: s * PLACE)
@@ -62,8 +83,12 @@ def test_the_density_of_unseen_blocks_is_that_of_the_full_matrices() -> None:
     for block in range(4):
         out = block == BLOCKS
         best = np.linalg.lstsq(columns[~out], data[~out], rcond=None)[0]
-        known, known_before = (np.linalg.inv(columns[~out].T @ columns[~out] + p) for p in (0.0, prior))
-        spread, size = (np.eye(10) + columns[out] @ k @ columns[out].T for k in (known, known_before))
+        known, known_before = (
+            np.linalg.inv(columns[~out].T @ columns[~out] + p) for p in (0.0, prior)
+        )
+        spread, size = (
+            np.eye(10) + columns[out] @ k @ columns[out].T for k in (known, known_before)
+        )
         misfit = data[out] - columns[out] @ best
         density -= 0.5 * (misfit @ np.linalg.solve(spread, misfit) + np.linalg.slogdet(size)[1])
         square += misfit @ misfit
@@ -73,7 +98,12 @@ def test_the_density_of_unseen_blocks_is_that_of_the_full_matrices() -> None:
 
 def test_the_p_value_of_unseen_blocks_is_as_small_as_it_says_where_the_model_is_right() -> None:
     rng = np.random.default_rng(8)
-    drawn = np.array([cross_validate(solved(3 + 2 * PLACE + rng.standard_normal(40), SLOPE), 20).p_value for _ in range(400)])
+    drawn = np.array(
+        [
+            cross_validate(solved(3 + 2 * PLACE + rng.standard_normal(40), SLOPE), 20).p_value
+            for _ in range(400)
+        ]
+    )
     for p in (0.05, 0.2, 0.5):
         rate = 1 - (1 - p / 4) ** 4
         assert abs(np.mean(drawn < p) - rate) < 3 * np.sqrt(rate * (1 - rate) / len(drawn))
@@ -84,17 +114,28 @@ def test_a_block_that_bends_over_what_the_others_leave_open_is_no_misfit() -> No
         return np.where(BLOCKS == 3, 10 * np.sin(3 * s * PLACE), s * PLACE)
 
     rng = np.random.default_rng(5)
-    drawn = [cross_validate(solved(3 + bent(0.5) + rng.standard_normal(40), effect("bent", bent)), 20).p_value for _ in range(50)]
+    drawn = [
+        cross_validate(
+            solved(3 + bent(0.5) + rng.standard_normal(40), effect("bent", bent)), 20
+        ).p_value
+        for _ in range(50)
+    ]
     assert min(drawn) > 0.01 / 50
 
 
-def test_noise_of_its_own_is_not_held_against_the_prediction_of_a_block_but_a_level_of_its_own_is() -> None:
+def test_noise_of_its_own_is_not_held_against_the_prediction_of_a_block_but_a_level_of_its_own_is() -> (
+    None
+):
     noise = np.random.default_rng(6).standard_normal(40)
     beside = 5.0 * np.array([1, -1, -1, 1, 0, 0, 1, -1, -1, 1])  # neither level nor slope
-    loud = cross_validate(solved(3 + 2 * PLACE + noise + np.where(BLOCKS == 1, np.tile(beside, 4), 0), SLOPE), 20)
+    loud = cross_validate(
+        solved(3 + 2 * PLACE + noise + np.where(BLOCKS == 1, np.tile(beside, 4), 0), SLOPE), 20
+    )
     assert loud.chi2_reduced > 2
     assert loud.p_value > 0.05
-    higher = cross_validate(solved(3 + 2 * PLACE + noise + np.where(BLOCKS == 1, 2.5, 0), SLOPE), 20)
+    higher = cross_validate(
+        solved(3 + 2 * PLACE + noise + np.where(BLOCKS == 1, 2.5, 0), SLOPE), 20
+    )
     assert higher.p_value < 1e-4
 
 
@@ -134,13 +175,21 @@ class Weighed(Foreseen):
         return self.weight
 
 
-@pytest.mark.parametrize(("odds", "verdict", "causes"), [(10, "ambiguous", 1), (60, "ambiguous", 2), (400, "explained", 2)])
+@pytest.mark.parametrize(
+    ("odds", "verdict", "causes"),
+    [(10, "ambiguous", 1), (60, "ambiguous", 2), (400, "explained", 2)],
+)
 def test_a_set_is_told_alone_from_99_percent_on_and_the_simplest_of_those_within_19_to_1_is_named(
     odds: float, verdict: str, causes: int
 ) -> None:
     wave = effect("wave", lambda s: s * np.cos(5 * PLACE))
-    both = search(line(3 + 4 * PLACE + 3 * np.cos(5 * PLACE) + np.random.default_rng(4).standard_normal(40)), [SLOPE, wave])
-    base, best, one = (next(c for c in both if c.names == names) for names in ((), ("slope", "wave"), ("slope",)))
+    both = search(
+        line(3 + 4 * PLACE + 3 * np.cos(5 * PLACE) + np.random.default_rng(4).standard_normal(40)),
+        [SLOPE, wave],
+    )
+    base, best, one = (
+        next(c for c in both if c.names == names) for names in ((), ("slope", "wave"), ("slope",))
+    )
 
     class Rival(Weighed):
         weight = best.weight - np.log(odds) + np.log(10)
@@ -169,7 +218,8 @@ def test_a_whole_number_is_found_and_stays_one() -> None:
 
 
 def test_what_is_most_telling_is_fitted_however_little_its_tangent_promises() -> None:
-    # Nine effects that take up chance, and one of second order, whose secant at small strength promises next to nothing.
+    # Nine effects that take up chance, and one of second order, whose secant at small strength
+    # promises next to nothing.
     rng = np.random.default_rng(1)
     rows = rng.standard_normal((9, 40))
     weak = [effect(f"weak {k}", partial(np.multiply, row), low=-1.0) for k, row in enumerate(rows)]
@@ -193,23 +243,41 @@ def test_every_pair_that_does_as_well_as_the_best_is_found() -> None:
     assert judge(found).verdict == "ambiguous"
 
 
-def test_a_shape_that_the_data_would_have_beyond_its_bound_is_stuck_however_little_they_know_it() -> None:
+def test_a_shape_that_the_data_would_have_beyond_its_bound_is_stuck_however_little_they_know_it() -> (
+    None
+):
     def act(value: Array, values: Values) -> Array:
-        return value + values["strength"] * (np.abs(PLACE) ** values["power"] + 1e-6 * values["idle"] * PLACE)
+        return value + values["strength"] * (
+            np.abs(PLACE) ** values["power"] + 1e-6 * values["idle"] * PLACE
+        )
 
-    specs = (ParameterSpec("power", "1", 0.5, 3.0, strength=False), ParameterSpec("idle", "1", 0.0, 5.0, strength=False))
-    bent = Effect("bent", "", (ParameterSpec("strength", "1", 0.0, 20.0), *specs), {"placement": act}, "", "", "")
+    specs = (
+        ParameterSpec("power", "1", 0.5, 3.0, strength=False),
+        ParameterSpec("idle", "1", 0.0, 5.0, strength=False),
+    )
+    bent = Effect(
+        "bent",
+        "",
+        (ParameterSpec("strength", "1", 0.0, 20.0), *specs),
+        {"placement": act},
+        "",
+        "",
+        "",
+    )
     noise = np.random.default_rng(3).standard_normal(40)
     for power, stuck in ((9.0, ["bent.power"]), (2.5, [])):
         model = ExtendedModel(line(3 + 9 * np.abs(PLACE) ** power + noise), (bent,))
-        found = fit(model, model.pack({"level": 3.0}, [{"strength": 5.0, "power": 2.0, "idle": 5.0}]))
+        found = fit(
+            model, model.pack({"level": 3.0}, [{"strength": 5.0, "power": 2.0, "idle": 5.0}])
+        )
         sd = np.sqrt(found.covariance[2, 2])
         assert sd > 0.05 * 2.5, "the data hardly know it"
         assert found.stuck == stuck
 
 
 def test_errors_of_parameters_stay_known_where_the_data_know_one_direction_far_better() -> None:
-    # Two parameters of which only the sum shows, 1e12 times as sharply as their priors: the difference keeps the priors' spread.
+    # Two parameters of which only the sum shows, 1e12 times as sharply as their priors: the
+    # difference keeps the priors' spread.
     found = covariance(1e12 * np.ones((3, 2)), np.ones(2))
     assert np.array([1, -1]) @ found @ np.array([1, -1]) == pytest.approx(2 / 12, rel=1e-6)
     assert np.all(np.linalg.eigvalsh(covariance(1e12 * np.ones((1, 2)), np.ones(2))) > -1e-15)
@@ -232,19 +300,32 @@ def test_a_cause_that_the_evidence_does_not_ask_for_saves_no_other() -> None:
 
 
 @pytest.mark.parametrize(("size", "fitted"), [(1.0, True), (30.0, False)])
-def test_what_takes_the_place_of_a_part_is_not_fitted_where_it_leaves_absurdly_much(size: float, fitted: bool) -> None:
+def test_what_takes_the_place_of_a_part_is_not_fitted_where_it_leaves_absurdly_much(
+    size: float, fitted: bool
+) -> None:
     def act(value: Array, values: Values) -> Array:
         return value + size * np.sin(20 * PLACE + values["turn"])
 
-    other = Effect("other", "", (ParameterSpec("turn", "1", 0.0, 3.0, strength=False),), {"placement": act}, "", "", "")
+    other = Effect(
+        "other",
+        "",
+        (ParameterSpec("turn", "1", 0.0, 3.0, strength=False),),
+        {"placement": act},
+        "",
+        "",
+        "",
+    )
     found = search(line(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)), [other])
     assert any("other" in candidate.names for candidate in found) == fitted
 
 
 def test_a_fit_follows_a_curved_valley_to_its_end() -> None:
-    # Slopes of the stress act in second order on the pairs of a hexagon: what the data know is a circle of slopes.
+    # Slopes of the stress act in second order on the pairs of a hexagon: what the data know is a
+    # circle of slopes.
     film = SimulatedFilm(load("hexagon-278um"), 52)
-    base_model = SpectrumModel(measurement.spectrum(film.modes.frequency[:13], np.full(13, 20.0)), film)
+    base_model = SpectrumModel(
+        measurement.spectrum(film.modes.frequency[:13], np.full(13, 20.0)), film
+    )
     model = ExtendedModel(base_model, (library()["tension_gradient"],))
     base = dict(zip((spec.name for spec in base_model.base), base_model.start, strict=True))
     truth = model.pack(base, [{"slope_x": -0.0009, "slope_y": -0.0402, "bowl": -0.0069}])
@@ -257,14 +338,18 @@ def test_a_fit_follows_a_curved_valley_to_its_end() -> None:
 def test_a_rare_draw_of_noise_that_no_cause_is_worth_is_adequate() -> None:
     for seed in range(200):
         base, *others = search(line(np.random.default_rng(seed).standard_normal(40)), [SLOPE])
-        if 1e-3 <= base.p_value < 0.01 and all(candidate.weight < base.weight for candidate in others):
+        if 1e-3 <= base.p_value < 0.01 and all(
+            candidate.weight < base.weight for candidate in others
+        ):
             break
     assert others
     assert judge([base, *others]).verdict == "adequate"
     assert judge([replace(base, p_value=1e-5), *others]).verdict != "adequate"
 
 
-def test_kept_fits_are_those_of_the_blocks_that_they_leave_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_fits_are_those_of_the_blocks_that_they_leave_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     result = solved(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40), SLOPE)
     with remembered("a file"):
@@ -277,16 +362,24 @@ def test_what_is_held_out_of_a_free_form_is_what_is_left_out_of_a_cause() -> Non
     assert held_out(result, 20) == pytest.approx(cross_validate(result, 20).chi2_reduced, rel=1e-12)
 
 
-def test_causes_are_held_to_a_higher_p_value_than_the_base_model_and_several_to_a_higher_one_of_what_was_left_out() -> None:
+def test_causes_are_held_to_a_higher_p_value_than_the_base_model_and_several_to_a_higher_one_of_what_was_left_out() -> (
+    None
+):
     base, one = search(line(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)), [SLOPE])
     data = base.result.model.base_model.residuals((), {"level": 0.0}, ())
     two = replace(one, result=solved(data, SLOPE, effect("bend", lambda s: s * PLACE**2)))
-    for p, verdicts in ((0.005, (True, False, False)), (0.02, (True, True, True)), (5e-4, (False, False, False))):
+    for p, verdicts in (
+        (0.005, (True, False, False)),
+        (0.02, (True, True, True)),
+        (5e-4, (False, False, False)),
+    ):
         assert tuple(replace(c, p_value=p).viable for c in (base, one, two)) == verdicts
     assert base.least == one.least < two.least
 
 
 def test_a_range_that_counts_in_what_the_measurement_does_not_give_is_refused() -> None:
     odd = replace(SLOPE, parameters=(replace(SLOPE.parameters[0], scale="reech"),))
-    with pytest.raises(ParameterError, match=r"parameter strength: its range counts in 'reech', .* it gives: time"):
+    with pytest.raises(
+        ParameterError, match=r"parameter strength: its range counts in 'reech', .* it gives: time"
+    ):
         _ = ExtendedModel(line(np.zeros(len(PLACE))), (odd,)).bounds

@@ -23,7 +23,11 @@ Array = NDArray[np.float64]
         (lambda x, y: 0.5 * x - 1 + 0 * y, -1.0),  # along an edge
     ],
 )
-def test_the_largest_value_of_a_polynomial_is_found_with_its_sign(shape: Callable[[Array, Array], Array], largest: float) -> None:
-    mesh = MeshTri2.from_mesh(MeshTri1(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]])))
+def test_the_largest_value_of_a_polynomial_is_found_with_its_sign(
+    shape: Callable[[Array, Array], Array], largest: float
+) -> None:
+    mesh = MeshTri2.from_mesh(
+        MeshTri1(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]]))
+    )
     space = Space(mesh, 3)
     assert largest_value(space, shape(*space.location.T)) == pytest.approx(largest, rel=1e-9)

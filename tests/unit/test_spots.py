@@ -1,4 +1,7 @@
-"""The average over a laser spot: of smooth signals in closed form, of kinks and on uneven grids, and down to no spot at all."""
+"""The average over a laser spot.
+
+Of smooth signals in closed form, of kinks and on uneven grids, and down to no spot at all.
+"""
 
 import numpy as np
 import pytest
@@ -23,7 +26,11 @@ def test_a_wave_is_damped_as_a_gaussian_damps_it(sd: float) -> None:
     inner = np.abs(WIDE) < 1e-4
     step = np.diff(axis.nodes).max()
     damped = axis.spread(sd) @ np.cos(k * axis.nodes)
-    np.testing.assert_allclose(damped[inner], (np.exp(-((k * sd) ** 2) / 2) * np.cos(k * WIDE))[inner], atol=(k * sd * k * step) ** 2 / 20)
+    np.testing.assert_allclose(
+        damped[inner],
+        (np.exp(-((k * sd) ** 2) / 2) * np.cos(k * WIDE))[inner],
+        atol=(k * sd * k * step) ** 2 / 20,
+    )
 
 
 @pytest.mark.parametrize("sd", [1.5e-6, 3e-6, 7e-6])
@@ -32,7 +39,8 @@ def test_the_kink_at_a_film_s_edge_is_rounded_as_a_gaussian_rounds_it(sd: float)
     for edge in np.linspace(0, 8e-6, 9):
         rounded = axis.spread(sd) @ np.maximum(axis.nodes - edge, 0)
         inner = np.abs(WIDE) < 1e-4
-        assert np.abs(rounded - kinked(WIDE - edge, sd))[inner].max() < 0.08 * (2e-6) ** 2 / sd  # steps of 2 µm
+        # Steps of 2 µm
+        assert np.abs(rounded - kinked(WIDE - edge, sd))[inner].max() < 0.08 * (2e-6) ** 2 / sd
 
 
 def test_uneven_steps_and_their_order_change_nothing() -> None:

@@ -34,13 +34,19 @@ def solve(model: Model, symmetry: str = "auto") -> Modes:
 def test_modes_read_back_as_they_were_written(device: Callable[..., Model], tmp_path: Path) -> None:
     model = device(SQUARE, HOLES)
     modes = solve(model)
-    storage.write_modes(tmp_path / "m.nc", replace(modes, coarse=modes), solve_nonlinearity(modes, "clamped", tensor=True))
+    storage.write_modes(
+        tmp_path / "m.nc",
+        replace(modes, coarse=modes),
+        solve_nonlinearity(modes, "clamped", tensor=True),
+    )
     again = storage.read_modes(tmp_path / "m.nc", model)
     assert again.label == modes.label
     assert again.parity == modes.parity
     np.testing.assert_array_equal(again.shapes, modes.shapes)
     np.testing.assert_array_equal(again.frequency, modes.frequency)
-    np.testing.assert_array_equal(solve_nonlinearity(again, "clamped").k3, solve_nonlinearity(modes, "clamped").k3)
+    np.testing.assert_array_equal(
+        solve_nonlinearity(again, "clamped").k3, solve_nonlinearity(modes, "clamped").k3
+    )
     assert again.coarse is not None
     with xr.open_dataset(tmp_path / "m.nc", group="modes", engine="h5netcdf") as stored:
         assert stored.alpha.attrs["units"] == "m^-2"
@@ -65,13 +71,20 @@ def test_unfolded_film_covers_the_outline_once_with_the_shapes_of_the_modes(
     a, b, c = (surface.points[surface.triangles[:, k]] for k in range(3))
     twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     assert twice.min() > 0
-    assert twice.sum() / 2 == pytest.approx(area - np.pi * 16e-12, rel=1e-3)  # chords instead of the arcs of the hole
-    middles = (surface.points[surface.triangles[:, [0, 1, 2]]] + surface.points[surface.triangles[:, [1, 2, 0]]]) / 2
-    assert np.abs(surface.points[surface.triangles[:, 3:]] - middles).max() < 2e-7  # edges bend only along the hole
+    # Chords instead of the arcs of the hole
+    assert twice.sum() / 2 == pytest.approx(area - np.pi * 16e-12, rel=1e-3)
+    middles = (
+        surface.points[surface.triangles[:, [0, 1, 2]]]
+        + surface.points[surface.triangles[:, [1, 2, 0]]]
+    ) / 2
+    # Edges bend only along the hole
+    assert np.abs(surface.points[surface.triangles[:, 3:]] - middles).max() < 2e-7
     off_rim = np.hypot(*surface.points.T) > 4.1e-6
     for k in range(3):
         there = surface.points[off_rim] * 0.999999
-        np.testing.assert_allclose(surface.shapes[k][off_rim], shape_at(modes, k, *there.T), atol=2e-5)
+        np.testing.assert_allclose(
+            surface.shapes[k][off_rim], shape_at(modes, k, *there.T), atol=2e-5
+        )
 
 
 def test_relaxed_stress_at_a_hole_carries_no_traction(device: Callable[..., Model]) -> None:
@@ -80,13 +93,18 @@ def test_relaxed_stress_at_a_hole_carries_no_traction(device: Callable[..., Mode
     rim = np.isclose(radius, 4e-6, rtol=1e-4)
     normal = surface.points[rim] / radius[rim, None]
     xx, yy, xy = surface.stress[rim].T
-    traction = np.stack([xx * normal[:, 0] + xy * normal[:, 1], xy * normal[:, 0] + yy * normal[:, 1]])
+    traction = np.stack(
+        [xx * normal[:, 0] + xy * normal[:, 1], xy * normal[:, 0] + yy * normal[:, 1]]
+    )
     assert rim.sum() >= 24
-    assert np.abs(traction).max() < 0.03e9  # of 1 GPa; the stress along the rim is about twice the film's
+    # Of 1 GPa; the stress along the rim is about twice the film's
+    assert np.abs(traction).max() < 0.03e9
     assert surface.stress[rim].max() > 1.8e9
 
 
-def test_vtu_opens_in_meshio_with_every_shape_and_the_stress(device: Callable[..., Model], tmp_path: Path) -> None:
+def test_vtu_opens_in_meshio_with_every_shape_and_the_stress(
+    device: Callable[..., Model], tmp_path: Path
+) -> None:
     modes = solve(device(SQUARE))
     storage.write_vtu(tmp_path / "m.vtu", modes)
     stored = meshio.read(tmp_path / "m.vtu")
@@ -95,11 +113,15 @@ def test_vtu_opens_in_meshio_with_every_shape_and_the_stress(device: Callable[..
     np.testing.assert_allclose(stored.point_data["stress_xx_Pa"], 1e9, rtol=1e-9)
 
 
-def test_mesh_is_written_in_the_format_its_suffix_names_and_others_are_refused(device: Callable[..., Model], tmp_path: Path) -> None:
+def test_mesh_is_written_in_the_format_its_suffix_names_and_others_are_refused(
+    device: Callable[..., Model], tmp_path: Path
+) -> None:
     domain = mesh(device(SQUARE))
     storage.write_mesh(tmp_path / "m.vtk", domain)
     assert len(meshio.read(tmp_path / "m.vtk").cells[0].data) == domain.mesh.nelements
-    with pytest.raises(ParameterError, match=r"m\.docx: meshio writes no files that end in '\.docx'"):
+    with pytest.raises(
+        ParameterError, match=r"m\.docx: meshio writes no files that end in '\.docx'"
+    ):
         storage.write_mesh(tmp_path / "m.docx", domain)
 
 
@@ -139,7 +161,9 @@ class TestCache:
         assert len(calls) == 1
         np.testing.assert_array_equal(first.frequency, second.frequency)
 
-    def test_every_change_of_device_or_options_is_solved_anew(self, device: Callable[..., Model]) -> None:
+    def test_every_change_of_device_or_options_is_solved_anew(
+        self, device: Callable[..., Model]
+    ) -> None:
         calls: list[Model] = []
 
         def solve_and_count(model: Model) -> Modes:
@@ -149,7 +173,13 @@ class TestCache:
         plain = device(SQUARE)
         holed = device(SQUARE, HOLES)
         thicker = replace(plain, film=replace(plain.film, thickness=2e-6))
-        for model, options in ((plain, (6,)), (plain, (7,)), (holed, (6,)), (thicker, (6,)), (replace(plain, bending=True), (6,))):
+        for model, options in (
+            (plain, (6,)),
+            (plain, (7,)),
+            (holed, (6,)),
+            (thicker, (6,)),
+            (replace(plain, bending=True), (6,)),
+        ):
             storage.cached_modes(model, options, partial(solve_and_count, model))
         assert len(calls) == 5
 
@@ -169,7 +199,9 @@ class TestCache:
         assert not caplog.text
 
     @pytest.mark.parametrize("tensor", [False, True])
-    def test_nonlinearity_is_kept_for_these_modes_this_edge_and_this_extent_only(self, device: Callable[..., Model], tensor: bool) -> None:
+    def test_nonlinearity_is_kept_for_these_modes_this_edge_and_this_extent_only(
+        self, device: Callable[..., Model], tensor: bool
+    ) -> None:
         modes = solve(device(SQUARE))
         calls = []
 
@@ -177,7 +209,10 @@ class TestCache:
             calls.append(edge)
             return solve_nonlinearity(modes, edge, tensor)
 
-        first, second = (storage.cached_nonlinearity(modes, "clamped", tensor, partial(count, "clamped")) for _ in range(2))
+        first, second = (
+            storage.cached_nonlinearity(modes, "clamped", tensor, partial(count, "clamped"))
+            for _ in range(2)
+        )
         assert calls == ["clamped"]
         np.testing.assert_array_equal(first.alpha, second.alpha)
         assert (second.tensor is not None) == tensor

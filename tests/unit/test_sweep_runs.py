@@ -1,4 +1,7 @@
-"""Sweeps on real processes, of this machine and of Dask, that are killed midway: nothing finished is lost and nothing is done twice."""
+"""Sweeps on real processes, of this machine and of Dask, that are killed midway.
+
+Nothing finished is lost and nothing is done twice.
+"""
 
 import json
 import os
@@ -23,18 +26,31 @@ def sweep_file(folder: Path, points: int) -> Path:
     """A sweep of so many tiny films."""
     (folder / "tiny.toml").write_text(PLAIN, encoding="utf-8")
     path = folder / "sweep.toml"
-    path.write_text(HEAD + f'[[axis]]\nfilm.stress = {{from = "1 GPa", to = "2 GPa", points = {points}}}\n', encoding="utf-8")
+    path.write_text(
+        HEAD + f'[[axis]]\nfilm.stress = {{from = "1 GPa", to = "2 GPa", points = {points}}}\n',
+        encoding="utf-8",
+    )
     return path
 
 
 @pytest.fixture
 def start() -> Iterator[Starter]:
     """Start Python programs that are killed at the end of the test."""
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment = os.environ | {
+        "PYTHONPATH": str(Path(__file__).parents[2]),
+        "OMP_NUM_THREADS": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
     with ExitStack() as stack:
 
         def launch(*words: str, folder: Path) -> subprocess.Popen[str]:
-            process = subprocess.Popen([sys.executable, *words], cwd=folder, env=environment, stderr=subprocess.PIPE, text=True)
+            process = subprocess.Popen(
+                [sys.executable, *words],
+                cwd=folder,
+                env=environment,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
             stack.callback(end, process)
             return process
 
@@ -84,7 +100,9 @@ def check_whole(store: Path, points: int) -> None:
         stress = data["film.stress"].values
         assert len(stress) == points
         # Of an ideal square membrane f² = σ/2ρL².
-        assert data.frequency.values[:, 0] ** 2 / stress == pytest.approx(1 / (2 * 1e-4**2 * 3000), rel=1e-5)
+        assert data.frequency.values[:, 0] ** 2 / stress == pytest.approx(
+            1 / (2 * 1e-4**2 * 3000), rel=1e-5
+        )
 
 
 def finish(process: subprocess.Popen[str]) -> str:
@@ -94,7 +112,13 @@ def finish(process: subprocess.Popen[str]) -> str:
     return errors
 
 
-def survive(folder: Path, points: int, options: list[str], start: Starter, worker: Callable[[subprocess.Popen[str]], int]) -> None:
+def survive(
+    folder: Path,
+    points: int,
+    options: list[str],
+    start: Starter,
+    worker: Callable[[subprocess.Popen[str]], int],
+) -> None:
     """Sweep, kill one worker, kill the client, and repeat the command."""
     spec = sweep_file(folder, points)
     store = folder / "sweep.jsonl"
@@ -113,18 +137,40 @@ def survive(folder: Path, points: int, options: list[str], start: Starter, worke
     check_whole(store, points)
 
 
-def test_a_sweep_on_processes_survives_a_killed_worker_and_a_killed_client(tmp_path: Path, start: Starter) -> None:
+def test_a_sweep_on_processes_survives_a_killed_worker_and_a_killed_client(
+    tmp_path: Path, start: Starter
+) -> None:
     def oldest(client: subprocess.Popen[str]) -> int:
-        return next(p.pid for p in psutil.Process(client.pid).children() if "spawn_main" in " ".join(p.cmdline()))
+        return next(
+            p.pid
+            for p in psutil.Process(client.pid).children()
+            if "spawn_main" in " ".join(p.cmdline())
+        )
 
     survive(tmp_path, 8, ["--workers", "2"], start, oldest)
 
 
-def cluster_of(workers: int, folder: Path, start: Starter) -> tuple[str, list[subprocess.Popen[str]]]:
-    """Start a scheduler and workers, each a process of its own; the scheduler's address and all processes, the scheduler first."""
+def cluster_of(
+    workers: int, folder: Path, start: Starter
+) -> tuple[str, list[subprocess.Popen[str]]]:
+    """Start a scheduler and workers, each a process of its own.
+
+    The scheduler's address and all processes, the scheduler first.
+    """
     note = folder / "scheduler.json"
     words = ("--scheduler-file", str(note), "--no-dashboard")
-    processes = [start("-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", *words, folder=folder)]
+    processes = [
+        start(
+            "-m",
+            "distributed.cli.dask_scheduler",
+            "--host",
+            "127.0.0.1",
+            "--port",
+            "0",
+            *words,
+            folder=folder,
+        )
+    ]
     for k in range(workers):
         named = ("--nthreads", "1", "--no-nanny", "--name", str(k))
         processes.append(start("-m", "distributed.cli.dask_worker", *words, *named, folder=folder))
@@ -135,7 +181,9 @@ def cluster_of(workers: int, folder: Path, start: Starter) -> tuple[str, list[su
 
 
 @pytest.mark.parametrize("points", [10, pytest.param(120, marks=pytest.mark.slow)])
-def test_a_sweep_on_dask_survives_a_killed_worker_and_a_killed_client(points: int, tmp_path: Path, start: Starter) -> None:
+def test_a_sweep_on_dask_survives_a_killed_worker_and_a_killed_client(
+    points: int, tmp_path: Path, start: Starter
+) -> None:
     address, (_, first, second) = cluster_of(2, tmp_path, start)
     survive(tmp_path, points, ["--scheduler", address], start, lambda client: first.pid)
     assert first.wait() == -signal.SIGKILL
@@ -143,7 +191,9 @@ def test_a_sweep_on_dask_survives_a_killed_worker_and_a_killed_client(points: in
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_dies_is_one_line_and_what_was_solved_stays(tmp_path: Path, start: Starter) -> None:
+def test_a_scheduler_that_dies_is_one_line_and_what_was_solved_stays(
+    tmp_path: Path, start: Starter
+) -> None:
     address, (scheduler, _) = cluster_of(1, tmp_path, start)
     spec = sweep_file(tmp_path, 400)
     store = tmp_path / "sweep.jsonl"
@@ -153,7 +203,9 @@ def test_a_scheduler_that_dies_is_one_line_and_what_was_solved_stays(tmp_path: P
     _, errors = client.communicate(timeout=60)
     assert client.returncode == 2
     assert errors.splitlines()[1:] == [
-        f"femnl: --scheduler {address}: the scheduler has gone; start it again and repeat the command, which goes on from here"
+        f"femnl: --scheduler {address}: the scheduler has gone; start it again and repeat the "
+        "command, which goes on "
+        "from here"
     ]
     assert len(records(store)) >= 2
 
@@ -161,7 +213,8 @@ def test_a_scheduler_that_dies_is_one_line_and_what_was_solved_stays(tmp_path: P
 def test_a_point_that_kills_every_process_fails_alone(tmp_path: Path, start: Starter) -> None:
     spec = sweep_file(tmp_path, 3)
     program = tmp_path / "deadly.py"
-    # Stands for a device that takes more memory than there is: the system kills the process, without a word to Python.
+    # Stands for a device that takes more memory than there is: the system kills the process,
+    # without a word to Python.
     program.write_text(
         "import os, signal, sys\n"
         "from femnl.sweep import point, processes\n"
@@ -183,12 +236,17 @@ def test_a_point_that_kills_every_process_fails_alone(tmp_path: Path, start: Sta
     errors = finish(start(program.name, folder=tmp_path))
     assert errors.count("a worker died (exit code -9) at {'film.stress': '1.5 GPa'}") == 3
     assert "2 points solved, 1 failed" in errors
-    found = {record["varied"]["film.stress"]: record for record in map(json.loads, records(tmp_path / "sweep.jsonl"))}
+    found = {
+        record["varied"]["film.stress"]: record
+        for record in map(json.loads, records(tmp_path / "sweep.jsonl"))
+    }
     assert "its process died 3 times" in found["1.5 GPa"]["error"]
     assert {stress for stress, record in found.items() if "results" in record} == {"1 GPa", "2 GPa"}
 
 
-def test_an_interrupt_ends_workers_and_says_that_the_sweep_goes_on(tmp_path: Path, start: Starter) -> None:
+def test_an_interrupt_ends_workers_and_says_that_the_sweep_goes_on(
+    tmp_path: Path, start: Starter
+) -> None:
     spec = sweep_file(tmp_path, 400)
     store = tmp_path / "sweep.jsonl"
     client = start("-m", "femnl", "sweep", spec.name, "--workers", "1", folder=tmp_path)
@@ -198,20 +256,40 @@ def test_an_interrupt_ends_workers_and_says_that_the_sweep_goes_on(tmp_path: Pat
     client.send_signal(signal.SIGINT)
     _, errors = client.communicate(timeout=90)
     assert client.returncode in (130, -signal.SIGINT)
-    assert f"{len(records(store))} of 400 points are kept; the same command goes on from here" in errors
+    assert (
+        f"{len(records(store))} of 400 points are kept; the same command goes on from here"
+        in errors
+    )
     assert errors.endswith("femnl: interrupted; nothing was left half-written\n")
     assert "Traceback" not in errors
     psutil.wait_procs(children, timeout=30)
     assert not [child for child in children if child.is_running()]
 
 
-def test_a_scheduler_that_is_not_there_is_one_line_after_as_long_as_dask_is_told_to_wait(tmp_path: Path) -> None:
+def test_a_scheduler_that_is_not_there_is_one_line_after_as_long_as_dask_is_told_to_wait(
+    tmp_path: Path,
+) -> None:
     spec = sweep_file(tmp_path, 3)
-    told = {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "1s", "PYTHONPATH": str(Path(__file__).parents[2])}
-    command = [sys.executable, "-m", "femnl", "sweep", spec.name, "--scheduler", "tcp://127.0.0.1:9"]
-    done = subprocess.run(command, cwd=tmp_path, env=os.environ | told, capture_output=True, text=True, check=False)
+    told = {
+        "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "1s",
+        "PYTHONPATH": str(Path(__file__).parents[2]),
+    }
+    command = [
+        sys.executable,
+        "-m",
+        "femnl",
+        "sweep",
+        spec.name,
+        "--scheduler",
+        "tcp://127.0.0.1:9",
+    ]
+    done = subprocess.run(
+        command, cwd=tmp_path, env=os.environ | told, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 2
     line = done.stderr.splitlines()[-1]
-    assert line.startswith("femnl: --scheduler tcp://127.0.0.1:9: no Dask scheduler answers (Timed out")
+    assert line.startswith(
+        "femnl: --scheduler tcp://127.0.0.1:9: no Dask scheduler answers (Timed out"
+    )
     assert line.endswith("after 1 s); start one with `dask scheduler`")
     assert "Traceback" not in done.stderr

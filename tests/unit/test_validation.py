@@ -51,7 +51,16 @@ def test_the_table_and_the_record_show_every_failure(folder: Path) -> None:
     console.print(render(results))
     console.file.close()
     text = console.export_text()
-    for words in ("one is one", "differs", "broken", "ZeroDivisionError", "SyntaxError", "4 of 5 failed", "+200,000 ppm", "one [m]"):
+    for words in (
+        "one is one",
+        "differs",
+        "broken",
+        "ZeroDivisionError",
+        "SyntaxError",
+        "4 of 5 failed",
+        "+200,000 ppm",
+        "one [m]",
+    ):
         assert words in text
     written = json.loads(json.dumps([record(result) for result in results]))
     assert [entry["passed"] for entry in written] == [True, False, False, False, False]
@@ -90,7 +99,9 @@ def test_words_select_cases_and_a_word_without_a_case_is_refused(folder: Path) -
         (Reference("q", 2.0, absolute=0.1, printed=2.05), 2.0, "printed number stands"),
     ],
 )
-def test_the_verdict_follows_the_tolerance(reference: Reference, value: float, verdict: str) -> None:
+def test_the_verdict_follows_the_tolerance(
+    reference: Reference, value: float, verdict: str
+) -> None:
     assert Row(reference, value).verdict == verdict
 
 
@@ -102,11 +113,16 @@ def test_the_verdict_follows_the_tolerance(reference: Reference, value: float, v
         (Reference("q", 0.0, "Hz", absolute=0.1), "+2 Hz"),
     ],
 )
-def test_the_difference_is_told_in_the_measure_that_suits_the_reference(reference: Reference, words: str) -> None:
+def test_the_difference_is_told_in_the_measure_that_suits_the_reference(
+    reference: Reference, words: str
+) -> None:
     assert Row(reference, 2.001).distance == words
 
 
-@pytest.mark.parametrize("tolerance", [{}, {"relative": 0.1, "sd": 1.0}, {"absolute": 0.0}, {"relative": math.inf}, {"sd": -1.0}])
+@pytest.mark.parametrize(
+    "tolerance",
+    [{}, {"relative": 0.1, "sd": 1.0}, {"absolute": 0.0}, {"relative": math.inf}, {"sd": -1.0}],
+)
 def test_a_reference_needs_exactly_one_positive_tolerance(tolerance: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match="one positive tolerance"):
         Reference("q", 1.0, **tolerance)
@@ -114,9 +130,12 @@ def test_a_reference_needs_exactly_one_positive_tolerance(tolerance: dict[str, A
 
 @pytest.mark.parametrize("missing", ["claim", "source", "references"])
 def test_a_case_without_claim_source_or_references_is_refused(missing: str) -> None:
-    fields: dict[str, Any] = {"claim": "c", "source": "s", "references": (Reference("q", 1.0, absolute=1.0),), "compute": list} | {
-        missing: ""
-    }
+    fields: dict[str, Any] = {
+        "claim": "c",
+        "source": "s",
+        "references": (Reference("q", 1.0, absolute=1.0),),
+        "compute": list,
+    } | {missing: ""}
     with pytest.raises(ParameterError, match=f"{missing} is empty"):
         Case(**fields)
 

@@ -1,4 +1,7 @@
-"""Jobs that are done side by side: by whom, what they find, and what a death, an error or an interrupt costs."""
+"""Jobs that are done side by side.
+
+By whom, what they find, and what a death, an error or an interrupt costs.
+"""
 
 import os
 import signal
@@ -37,11 +40,15 @@ def lift(value: Array, values: Values) -> Array:
     return value + values["strength"] * np.linspace(-1, 1, len(value))
 
 
-SLOPE = Effect("slope", "", (ParameterSpec("strength", "1", -10.0, 10.0),), {"placement": lift}, "", "", "")
+SLOPE = Effect(
+    "slope", "", (ParameterSpec("strength", "1", -10.0, 10.0),), {"placement": lift}, "", "", ""
+)
 
 
 def posed() -> tuple[MeasurementModel, list[Effect]]:
-    return Level(3 + 2 * np.linspace(-1, 1, 40) + np.random.default_rng(1).standard_normal(40), BLOCKS, 100.0), [SLOPE]
+    return Level(
+        3 + 2 * np.linspace(-1, 1, 40) + np.random.default_rng(1).standard_normal(40), BLOCKS, 100.0
+    ), [SLOPE]
 
 
 @contextmanager
@@ -97,7 +104,9 @@ def test_results_of_a_helper_hold_the_problem_and_the_effects_of_the_process_tha
         model = ExtendedModel(base_model, (SLOPE,))
         alone = fit(model, model.pack({"level": 0.0}, [{"strength": 0.1}]), near=base)
         shared(mine.run)
-        found = mine.run([Job("fit", partial(fit, model, alone.vector * 0, near=base)) for _ in range(50)])
+        found = mine.run(
+            [Job("fit", partial(fit, model, alone.vector * 0, near=base)) for _ in range(50)]
+        )
     assert len({id(result.vector) for result in found}) == 50
     for result in found:
         assert isinstance(result, FitResult)
@@ -108,7 +117,9 @@ def test_results_of_a_helper_hold_the_problem_and_the_effects_of_the_process_tha
         assert np.allclose(result.vector, alone.vector, rtol=1e-6)
 
 
-def test_fits_of_a_helper_are_kept_in_the_ledger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fits_of_a_helper_are_kept_in_the_ledger(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with remembered("a file"), worker_pool(posed, 2) as mine:
         model = ExtendedModel(mine.posed()[0], (SLOPE,))
@@ -125,7 +136,9 @@ def slowly(model: ExtendedModel, start: Array) -> int:
 
 
 @pytest.mark.parametrize("end", [die_unless, refuse_unless])
-def test_a_helper_that_ends_costs_nothing(end: Callable[[int], int], caplog: pytest.LogCaptureFixture) -> None:
+def test_a_helper_that_ends_costs_nothing(
+    end: Callable[[int], int], caplog: pytest.LogCaptureFixture
+) -> None:
     here = os.getpid()
     with started(2) as run:
         shared(run)
@@ -144,10 +157,19 @@ def test_an_error_that_every_process_meets_is_raised_here() -> None:
 
 
 def split(path: Path) -> Path:
-    """Frequencies of a square film that no few causes explain: unequal stress, and each mode off by 0.2 per mille on its own."""
+    """Frequencies of a square film that no few causes explain.
+
+    Unequal stress, and each mode off by 0.2 per mille on its own.
+    """
     rng = np.random.default_rng(3)
-    frequency = 1.11e6 * np.sqrt(ORDERS**2 @ (1 + 1e-3 * np.array([1, -1]))) * (1 + 2e-4 * rng.standard_normal(len(ORDERS)))
-    data = measurement.spectrum(frequency, np.full(len(ORDERS), 3.0), [f"{m},{n}" for m, n in ORDERS])
+    frequency = (
+        1.11e6
+        * np.sqrt(ORDERS**2 @ (1 + 1e-3 * np.array([1, -1])))
+        * (1 + 2e-4 * rng.standard_normal(len(ORDERS)))
+    )
+    data = measurement.spectrum(
+        frequency, np.full(len(ORDERS), 3.0), [f"{m},{n}" for m, n in ORDERS]
+    )
     measurement.write(measurement.bundle({"spectrum": data}, geometry="square-270um"), path)
     return path
 
@@ -161,18 +183,39 @@ def test_a_diagnosis_says_the_same_whatever_the_workers(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="workers: 0 is none"):
         diagnose(path, workers=0)
     local = replace(SLOPE, changes={"operators": lambda system, _: system})
-    with pytest.raises(ParameterError, match="effects: slope is defined where other processes cannot import it; define it in a module"):
+    with pytest.raises(
+        ParameterError,
+        match="effects: slope is defined where other processes cannot import it; define it in "
+        "a module",
+    ):
         diagnose(path, effects=[local], workers=2)
 
 
-def test_without_a_cache_a_diagnosis_is_made_all_the_same_and_each_warning_comes_once(tmp_path: Path) -> None:
+def test_without_a_cache_a_diagnosis_is_made_all_the_same_and_each_warning_comes_once(
+    tmp_path: Path,
+) -> None:
     path = split(tmp_path / "split.nc")
     cache = tmp_path / "cache"
     cache.mkdir()
     (cache / "femnl").write_text("in the place of the folder", encoding="utf-8")
-    environment = os.environ | {"XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(Path(__file__).parents[2])}
-    command = [sys.executable, "-m", "femnl", "diagnose", path.name, "--workers", "2", "--out", "page"]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    environment = os.environ | {
+        "XDG_CACHE_HOME": str(cache),
+        "PYTHONPATH": str(Path(__file__).parents[2]),
+    }
+    command = [
+        sys.executable,
+        "-m",
+        "femnl",
+        "diagnose",
+        path.name,
+        "--workers",
+        "2",
+        "--out",
+        "page",
+    ]
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "page" / "diagnosis.json").is_file()
     lines = [line for line in done.stderr.splitlines() if "not kept" in line]
@@ -183,9 +226,14 @@ def test_without_a_cache_a_diagnosis_is_made_all_the_same_and_each_warning_comes
 def test_an_interrupt_ends_helpers_and_the_fits_are_kept(tmp_path: Path) -> None:
     path = split(tmp_path / "split.nc")
     told = tmp_path / "cache" / "femnl"
-    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(Path(__file__).parents[2])}
+    environment = os.environ | {
+        "XDG_CACHE_HOME": str(tmp_path / "cache"),
+        "PYTHONPATH": str(Path(__file__).parents[2]),
+    }
     command = [sys.executable, "-m", "femnl", "diagnose", path.name, "--workers", "2"]
-    client = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+    client = subprocess.Popen(
+        command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
+    )
     deadline = time.monotonic() + 120
     children = list[psutil.Process]()
     while not children and client.poll() is None and time.monotonic() < deadline:

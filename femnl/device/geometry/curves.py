@@ -1,4 +1,7 @@
-"""Exact measures of outlines made of lines and arcs: area, box, inside or outside, distance, points to draw."""
+"""Exact measures of outlines made of lines and arcs.
+
+Area, box, inside or outside, distance, points to draw.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +13,11 @@ Array = NDArray[np.float64]
 
 def radius(segment: Segment) -> float:
     """Return the radius of an arc [m], 0 for a line."""
-    return float(np.hypot(*np.subtract(segment.start, segment.centre))) if segment.centre is not None else 0.0
+    return (
+        float(np.hypot(*np.subtract(segment.start, segment.centre)))
+        if segment.centre is not None
+        else 0.0
+    )
 
 
 def turn(segment: Segment) -> float:
@@ -31,11 +38,16 @@ def point_at(segment: Segment, fraction: ArrayLike) -> Array:
     centre = np.asarray(segment.centre)
     spoke = start - centre
     angle = part * turn(segment)
-    return np.asarray(centre + np.cos(angle) * spoke + np.sin(angle) * np.array([-spoke[1], spoke[0]]))
+    return np.asarray(
+        centre + np.cos(angle) * spoke + np.sin(angle) * np.array([-spoke[1], spoke[0]])
+    )
 
 
 def area(outline: Outline) -> float:
-    """Return the area inside an outline [m²], holes not subtracted: ½∮ x dy − y dx, exact on lines and arcs."""
+    """Return the area inside an outline [m²], holes not subtracted.
+
+    ½∮ x dy − y dx, exact on lines and arcs.
+    """
     total = 0.0
     for s in outline.segments:
         centre = np.zeros(2) if s.centre is None else np.asarray(s.centre)
@@ -46,11 +58,16 @@ def area(outline: Outline) -> float:
 
 
 def box(outline: Outline) -> tuple[float, float, float, float]:
-    """Return the smallest upright box around an outline: x and y of its lower left, then of its upper right corner [m]."""
+    """Return the smallest upright box around an outline.
+
+    x and y of its lower left, then of its upper right corner [m].
+    """
     points = [np.array([s.start for s in outline.segments])]
     for s in outline.segments:
         if s.centre is not None:
-            extremes = np.asarray(s.centre) + radius(s) * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
+            extremes = np.asarray(s.centre) + radius(s) * np.array(
+                [[1, 0], [0, 1], [-1, 0], [0, -1]]
+            )
             points.append(extremes[_on_arc(s, extremes)])
     every = np.concatenate(points)
     (x0, y0) = every.min(0)
@@ -61,14 +78,15 @@ def box(outline: Outline) -> tuple[float, float, float, float]:
 def contains(outline: Outline, points: Array) -> NDArray[np.bool_]:
     """Return which of the points (n, 2) [m] lie inside an outline, holes not subtracted.
 
-    The winding number: every segment turns about a point by the angle of its chord, and an arc by 2π more where the point
-    lies between chord and arc.
+    The winding number: every segment turns about a point by the angle of its chord, and an arc by
+    2π more where the point lies between chord and arc.
     """
     turns = np.zeros(len(points))
     for s in outline.segments:
         a = np.asarray(s.start) - points
         b = np.asarray(s.end) - points
-        side = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] + 0.0  # no −0, for which arctan2 would turn the other way than `side < 0` says
+        # No −0, for which arctan2 would turn the other way than `side < 0` says
+        side = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] + 0.0
         turns += np.arctan2(side, np.sum(a * b, axis=1)) / (2 * np.pi)
         if s.centre is not None:
             # A counter-clockwise arc bulges to the right of its chord.
@@ -87,21 +105,30 @@ def distance(outline: Outline, points: Array) -> Array:
             gaps = np.hypot(*(points - start - along[:, None] * chord).T)
         else:
             ends = np.minimum(np.hypot(*(points - start).T), np.hypot(*(points - s.end).T))
-            gaps = np.where(_on_arc(s, points), np.abs(np.hypot(*(points - s.centre).T) - radius(s)), ends)
+            gaps = np.where(
+                _on_arc(s, points), np.abs(np.hypot(*(points - s.centre).T) - radius(s)), ends
+            )
         nearest = np.minimum(nearest, gaps)
     return nearest
 
 
 def polyline(outline: Outline, per_turn: int = 180) -> Array:
     """Return points (n, 2) [m] along an outline, closed (the last is the first), arcs cut into `per_turn` pieces a full turn."""
-    pieces = [point_at(s, np.arange(n) / n) for s in outline.segments for n in [max(1, round(turn(s) / (2 * np.pi) * per_turn))]]
+    pieces = [
+        point_at(s, np.arange(n) / n)
+        for s in outline.segments
+        for n in [max(1, round(turn(s) / (2 * np.pi) * per_turn))]
+    ]
     return np.concatenate([*pieces, [outline.segments[0].start]])
 
 
 def widths(outline: Outline, samples: int = 9) -> Array:
-    """Return for each segment the narrowest width of the film across it [m]: from points along it straight in to the outline again.
+    """Return for each segment the narrowest width of the film across it [m].
 
-    Valid: widths above a thousandth of the outline's length; nearer than that, an arc's polyline is its own neighbour.
+    From points along it straight in to the outline again.
+
+    Valid: widths above a thousandth of the outline's length; nearer than that, an arc's polyline is
+    its own neighbour.
     """
     loop = polyline(outline)
     start = loop[:-1]

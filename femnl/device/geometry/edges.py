@@ -9,7 +9,18 @@ from femnl.core.device import Clamp, Film, Holes, Outline, Overhang
 from femnl.core.errors import GeometryError
 from femnl.device.geometry import curves
 from femnl.device.geometry.outlines import OutlineTable
-from femnl.device.geometry.quantities import Coordinate, Density, Depth, Length, LooseSpring, Pressure, Slope, Spring, Torsion, refusal
+from femnl.device.geometry.quantities import (
+    Coordinate,
+    Density,
+    Depth,
+    Length,
+    LooseSpring,
+    Pressure,
+    Slope,
+    Spring,
+    Torsion,
+    refusal,
+)
 from femnl.device.geometry.tables import Table
 
 Poisson = Annotated[float, Field(ge=0, lt=0.5)]
@@ -31,11 +42,17 @@ class FilmTable(Table):
     @model_validator(mode="after")
     def _has_a_whole_taper(self) -> Self:
         if self.taper >= self.thickness:
-            raise refusal("expected less than the thickness of the film, or nothing is left at a hole's rim", "taper")
+            raise refusal(
+                "expected less than the thickness of the film, or nothing is left at a hole's rim",
+                "taper",
+            )
         if self.taper > 0 and self.taper_length is None:
             raise refusal('a taper needs its length, write e.g. taper_length = "4 um"', "taper")
         if self.taper == 0 and self.taper_length is not None:
-            raise refusal('there is no taper; write e.g. taper = "60 nm" or leave taper_length out', "taper_length")
+            raise refusal(
+                'there is no taper; write e.g. taper = "60 nm" or leave taper_length out',
+                "taper_length",
+            )
         return self
 
     def film(self, outline: Outline) -> Film:
@@ -49,16 +66,28 @@ class FilmTable(Table):
         least = self.thickness - self.taper + min(x * x0, x * x1) + min(y * y0, y * y1)
         if least <= 0:
             raise GeometryError(
-                f"[film] gradient = [{x:.4g}, {y:.4g}]: nothing is left of the film at a corner of its box; lower gradient"
+                f"[film] gradient = [{x:.4g}, {y:.4g}]: nothing is left of the film at a corner "
+                "of its box; lower "
+                "gradient"
                 f"{' or taper' if self.taper else ''}"
             )
         return Film(
-            self.thickness, self.young, self.poisson, self.density, self.stress, self.taper, self.taper_length or 0.0, (x + 0.0, y + 0.0)
+            self.thickness,
+            self.young,
+            self.poisson,
+            self.density,
+            self.stress,
+            self.taper,
+            self.taper_length or 0.0,
+            (x + 0.0, y + 0.0),
         )
 
 
 class ClampTable(Table):
-    """What of the edge gives way, as springs per length; what is left out is rigid. See types.device.Clamp."""
+    """What of the edge gives way, as springs per length; what is left out is rigid.
+
+    See types.device.Clamp.
+    """
 
     deflection: Spring | None = None
     rotation: Torsion | None = None
@@ -80,7 +109,10 @@ class ClampTable(Table):
 
 
 class OverhangTable(Table):
-    """An undercut strip of the frame all around the outline, `width` wide; of the film, where nothing else is said, and not tapered."""
+    """An undercut strip of the frame all around the outline, `width` wide.
+
+    Of the film, where nothing else is said, and not tapered.
+    """
 
     width: Length
     thickness: Length | None = None
@@ -95,6 +127,18 @@ class OverhangTable(Table):
         Raises:
             GeometryError: an outline around which there is no such strip.
         """
-        own = {key: value for key, value in self.model_dump(exclude={"width"}).items() if value is not None}
-        made = Film(**({key: getattr(film, key) for key in ("thickness", "young", "poisson", "density", "stress")} | own))
+        own = {
+            key: value
+            for key, value in self.model_dump(exclude={"width"}).items()
+            if value is not None
+        }
+        made = Film(
+            **(
+                {
+                    key: getattr(film, key)
+                    for key in ("thickness", "young", "poisson", "density", "stress")
+                }
+                | own
+            )
+        )
         return Overhang(self.width, outline.widened(self.width).outline(holes), made)

@@ -34,7 +34,11 @@ class Lattice(Table):
     @model_validator(mode="after")
     def _leaves_film_between_holes(self) -> Self:
         if self.pitch <= 2 * self.radius * (1 + TOUCHING):
-            raise refusal("holes overlap or touch, the pitch must exceed twice their radius; raise pitch or lower radius", "pitch")
+            raise refusal(
+                "holes overlap or touch, the pitch must exceed twice their radius; raise pitch "
+                "or lower radius",
+                "pitch",
+            )
         return self
 
 
@@ -55,8 +59,9 @@ class SquareLattice(Lattice):
 class HexagonalLattice(Lattice):
     """Every hole has six nearest neighbours, two of them along x.
 
-    Either `rings`: a hexagon of that many rings around a middle hole, its corners along x as those of a hexagonal outline;
-    or `count`: ny rows of nx holes, every second row shifted by half a pitch.
+    Either `rings`: a hexagon of that many rings around a middle hole, its corners along x as those
+    of a hexagonal outline; or `count`: ny rows of nx holes, every second row shifted by half a
+    pitch.
     """
 
     lattice: Literal["hexagonal"]
@@ -66,7 +71,10 @@ class HexagonalLattice(Lattice):
     @model_validator(mode="after")
     def _has_one_extent(self) -> Self:
         if (self.rings is None) == (self.count is None):
-            raise refusal("give either rings = 15 (a hexagon) or count = [30, 30] (rows), not both, not neither")
+            raise refusal(
+                "give either rings = 15 (a hexagon) or count = [30, 30] (rows), not both, "
+                "not neither"
+            )
         return self
 
     def positions(self) -> Array:
@@ -111,7 +119,9 @@ def refuse_overlap(holes: Holes) -> None:
     """
     if len(holes.centres) < 2:
         return
-    gaps, nearest = (np.asarray(found) for found in cKDTree(holes.centres).query(holes.centres, k=2))
+    gaps, nearest = (
+        np.asarray(found) for found in cKDTree(holes.centres).query(holes.centres, k=2)
+    )
     close = np.flatnonzero(gaps[:, 1] <= 2 * holes.radius * (1 + TOUCHING))
     if len(close):
         first = int(close[0])
@@ -120,7 +130,9 @@ def refuse_overlap(holes: Holes) -> None:
         second = int(nearest[first, 1] if nearest[first, 1] != first else nearest[first, 0])
         verb = "overlap" if gap < 2 * holes.radius * (1 - TOUCHING) else "touch"
         raise GeometryError(
-            f"[holes] {name(holes, first)} and {name(holes, second)} {verb}: their centres are {gap * 1e6:.4g} um apart and "
+            f"[holes] {name(holes, first)} and {name(holes, second)} {verb}: their centres are "
+            f"{gap * 1e6:.4g} um "
+            "apart and "
             f"their radius is {holes.radius * 1e6:.4g} um; move them apart or lower radius"
         )
 
@@ -133,15 +145,20 @@ def refuse_outside(holes: Holes, outline: Outline) -> None:
     """
     if not len(holes.centres):
         return
-    gaps = curves.distance(outline, holes.centres) * np.where(curves.contains(outline, holes.centres), 1, -1)
+    gaps = curves.distance(outline, holes.centres) * np.where(
+        curves.contains(outline, holes.centres), 1, -1
+    )
     bad = np.flatnonzero(gaps <= holes.radius * (1 + TOUCHING))
     if not len(bad):
         return
     depth = gaps[bad[0]] / holes.radius
-    verb = "lies outside" if depth <= TOUCHING - 1 else "cuts" if depth < 1 - TOUCHING else "touches"
+    verb = (
+        "lies outside" if depth <= TOUCHING - 1 else "cuts" if depth < 1 - TOUCHING else "touches"
+    )
     others = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
     raise GeometryError(
-        f"[holes] {name(holes, int(bad[0]))} of radius {holes.radius * 1e6:.4g} um {verb} the outline{others}; "
+        f"[holes] {name(holes, int(bad[0]))} of radius {holes.radius * 1e6:.4g} um {verb} the "
+        f"outline{others}; "
         "use fewer holes, move them, lower radius or enlarge the outline"
     )
 

@@ -14,7 +14,9 @@ from pydantic_core import PydanticCustomError
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _FACTOR = r"[A-Za-zµμΩÅ]+(?:(?:\^|\*\*)-?[1-9]|[²³])?"
 # Only products and quotients of units: pint would also evaluate powers of powers, for hours.
-_QUANTITY = re.compile(rf"\s*({_NUMBER})\s*({_FACTOR}(?:\s*[*/·]\s*{_FACTOR}|\s+{_FACTOR}){{0,9}})?\s*", re.ASCII)
+_QUANTITY = re.compile(
+    rf"\s*({_NUMBER})\s*({_FACTOR}(?:\s*[*/·]\s*{_FACTOR}|\s+{_FACTOR}){{0,9}})?\s*", re.ASCII
+)
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,9 @@ def to_si(value: Any, dimension: Dimension, sign: str = "positive") -> float:
     """
     wanted = f'expected {dimension.name}, write e.g. "{dimension.example}"'
     if isinstance(value, bool | int | float):
-        raise refusal(f'expected {dimension.name} with its unit, in quotes, write e.g. "{dimension.example}"')
+        raise refusal(
+            f'expected {dimension.name} with its unit, in quotes, write e.g. "{dimension.example}"'
+        )
     match = _QUANTITY.fullmatch(value) if isinstance(value, str) and len(value) < 80 else None
     if match is None:
         raise refusal(wanted)
@@ -67,7 +71,11 @@ def to_si(value: Any, dimension: Dimension, sign: str = "positive") -> float:
     if sign != "any" and (si < 0 or (si == 0 and sign == "positive")):
         raise refusal(f"expected {dimension.name} that is {sign}")
     if abs(si) > dimension.largest or 0 < abs(si) < dimension.smallest:
-        raise refusal(f"expected {dimension.name} from {dimension.smallest:g} to {dimension.largest:g} {dimension.unit}, check the unit")
+        raise refusal(
+            f"expected {dimension.name} from {dimension.smallest:g} to {dimension.largest:g} "
+            f"{dimension.unit}, check "
+            "the unit"
+        )
     return si
 
 
@@ -83,7 +91,10 @@ def _registry() -> UnitRegistry[Decimal]:
 
 @cache
 def _factor(unit: str, si: str) -> Decimal | None:
-    """Return the size of a unit in the SI unit: 0 if the dimensions differ, None if the unit is unknown."""
+    """Return the size of a unit in the SI unit.
+
+    0 if the dimensions differ, None if the unit is unknown.
+    """
     registry = _registry()
     try:
         parsed = registry.parse_units(unit)
@@ -100,6 +111,8 @@ Coordinate = Annotated[float, BeforeValidator(partial(to_si, dimension=LENGTH, s
 Pressure = Annotated[float, BeforeValidator(partial(to_si, dimension=PRESSURE))]
 Density = Annotated[float, BeforeValidator(partial(to_si, dimension=DENSITY))]
 Spring = Annotated[float, BeforeValidator(partial(to_si, dimension=SPRING))]
-LooseSpring = Annotated[float, BeforeValidator(partial(to_si, dimension=SPRING, sign="not negative"))]
+LooseSpring = Annotated[
+    float, BeforeValidator(partial(to_si, dimension=SPRING, sign="not negative"))
+]
 Torsion = Annotated[float, BeforeValidator(partial(to_si, dimension=TORSION, sign="not negative"))]
 Slope = Annotated[float, BeforeValidator(partial(to_si, dimension=SLOPE, sign="any"))]

@@ -24,7 +24,8 @@ def load(name_or_path: str | Path) -> Model:
         name_or_path: a name that `shipped` lists, or else the path of a file.
 
     Raises:
-        GeometryError: no such geometry, or a file that does not describe a device: one line with file, key, value and remedy.
+        GeometryError: no such geometry, or a file that does not describe a device: one line with
+            file, key, value and remedy.
     """
     path = Path(name_or_path)
     if str(name_or_path) not in _names() and (path.suffix == ".toml" or path.is_file()):
@@ -54,7 +55,8 @@ def parse(text: str, origin: str = "geometry") -> Model:
         origin: what messages call it, usually a path.
 
     Raises:
-        GeometryError: text that does not describe a device: one line with origin, key, value and remedy.
+        GeometryError: text that does not describe a device: one line with origin, key, value and
+            remedy.
     """
     try:
         data = _toml(text)
@@ -77,12 +79,22 @@ def describe(model: Model) -> str:
     n = len(model.holes.centres)
     film = model.film
     size = model.outline.size if model.outline.kind == "rectangle" else None
-    extent = f"{size[0] * 1e6:.5g} × {size[1] * 1e6:.5g} µm" if size else f"{model.outline.length * 1e6:.5g} µm"
-    holes = f"{n} hole{'s' * (n > 1)} of radius {model.holes.radius * 1e6:.4g} µm" if n else "no holes"
+    extent = (
+        f"{size[0] * 1e6:.5g} × {size[1] * 1e6:.5g} µm"
+        if size
+        else f"{model.outline.length * 1e6:.5g} µm"
+    )
+    holes = (
+        f"{n} hole{'s' * (n > 1)} of radius {model.holes.radius * 1e6:.4g} µm" if n else "no holes"
+    )
     held = "" if model.clamp.rigid else ", elastic clamp"
     if model.overhang is not None:
         held = f", overhang {model.overhang.width * 1e6:.4g} µm{held}"
-    return f"{model.outline.kind}, {extent}, {holes}, film {film.thickness * 1e9:.5g} nm at {film.stress / 1e6:.5g} MPa{held}"
+    return (
+        f"{model.outline.kind}, {extent}, {holes}, film {film.thickness * 1e9:.5g} nm at "
+        f"{film.stress / 1e6:.5g} "
+        f"MPa{held}"
+    )
 
 
 def _names() -> list[str]:
@@ -92,15 +104,29 @@ def _names() -> list[str]:
 def _read(path: Path) -> Model:
     try:
         if path.exists() and not path.is_file():
-            raise GeometryError(one_line(f"{path}: not a regular file; give a shipped name or a TOML file"))
+            raise GeometryError(
+                one_line(f"{path}: not a regular file; give a shipped name or a TOML file")
+            )
         size = path.stat().st_size
         if size > LARGEST:
-            raise GeometryError(one_line(f"{path}: {size / 2**20:.0f} MiB, and a geometry has at most {LARGEST / 2**20:g}; check the path"))
+            raise GeometryError(
+                one_line(
+                    f"{path}: {size / 2**20:.0f} MiB, and a geometry has at most "
+                    f"{LARGEST / 2**20:g}; check "
+                    "the path"
+                )
+            )
         text = path.read_text(encoding="utf-8-sig")  # editors on Windows put a mark first
     except OSError as error:
-        raise GeometryError(one_line(f"{path}: cannot be read: {error.strerror}; give a shipped name or a TOML file")) from error
+        raise GeometryError(
+            one_line(
+                f"{path}: cannot be read: {error.strerror}; give a shipped name or a TOML file"
+            )
+        ) from error
     except UnicodeDecodeError as error:
-        raise GeometryError(one_line(f"{path}: not text in UTF-8: {error.reason} at byte {error.start}")) from error
+        raise GeometryError(
+            one_line(f"{path}: not text in UTF-8: {error.reason} at byte {error.start}")
+        ) from error
     return parse(text, str(path))
 
 
@@ -110,7 +136,9 @@ def _toml(text: str) -> dict[str, Any]:
     except RecursionError as error:
         raise GeometryError("not a geometry: brackets nested too deep") from error
     except ValueError as error:  # tomllib's own, and Python's for integers of thousands of digits
-        raise GeometryError(f"not TOML: {str(error).split(';')[0]}; text and quantities stand in quotes") from error
+        raise GeometryError(
+            f"not TOML: {str(error).split(';')[0]}; text and quantities stand in quotes"
+        ) from error
 
 
 def _refuse_unknown_assumptions(data: dict[str, Any], assumed: tuple[str, ...]) -> None:
@@ -118,5 +146,7 @@ def _refuse_unknown_assumptions(data: dict[str, Any], assumed: tuple[str, ...]) 
         value: Any = data
         for key in name.split("."):
             if not isinstance(value, dict) or key not in value:
-                raise GeometryError(f'assumed = "{name}": no such value in this file, write e.g. "film.thickness"')
+                raise GeometryError(
+                    f'assumed = "{name}": no such value in this file, write e.g. "film.thickness"'
+                )
             value = value[key]

@@ -1,4 +1,7 @@
-"""The outline of a film freed by an isotropic etch: the boundary of the union of equal discs around all holes."""
+"""The outline of a film freed by an isotropic etch.
+
+The boundary of the union of equal discs around all holes.
+"""
 
 from collections.abc import Iterator
 
@@ -23,8 +26,8 @@ MOST_PAIRS = 20_000_000
 def union_of_discs(holes: Holes, radius: float) -> tuple[Segment, ...]:
     """Return the boundary of the union of discs, exact arcs that meet in cusps, counter-clockwise.
 
-    A neighbour at distance d < 2R covers the directions within arccos(d/2R) of its own on a disc's rim; what no neighbour
-    covers is boundary.
+    A neighbour at distance d < 2R covers the directions within arccos(d/2R) of its own on a disc's
+    rim; what no neighbour covers is boundary.
 
     Args:
         holes: centres of the discs.
@@ -36,7 +39,10 @@ def union_of_discs(holes: Holes, radius: float) -> tuple[Segment, ...]:
     centres = holes.centres
     tree = cKDTree(holes.centres)
     if tree.count_neighbors(tree, 2 * radius) > MOST_PAIRS:
-        raise GeometryError(f"[outline] etch_radius = {radius * 1e6:.4g} um reaches over too many holes; lower it or take fewer holes")
+        raise GeometryError(
+            f"[outline] etch_radius = {radius * 1e6:.4g} um reaches over too many holes; lower "
+            "it or take fewer holes"
+        )
     pairs = tree.query_pairs(2 * radius * (1 - SLIVER), output_type="ndarray")
     pairs = np.concatenate([pairs, pairs[:, ::-1]])
     _refuse_pieces(holes, pairs, radius)
@@ -51,7 +57,8 @@ def union_of_discs(holes: Holes, radius: float) -> tuple[Segment, ...]:
         outer = max(loops, key=lambda loop: np.ptp(starts[loop], axis=0).max())
         pillar = starts[next(loop for loop in loops if loop is not outer)].mean(axis=0)
         raise GeometryError(
-            f"[outline] etch_radius = {radius * 1e6:.4g} um leaves pillars under the film ({len(loops) - 1}), one at "
+            f"[outline] etch_radius = {radius * 1e6:.4g} um leaves pillars under the film "
+            f"({len(loops) - 1}), one at "
             f"{place(pillar)}; raise etch_radius or lower pitch"
         )
     points = [(float(x), float(y)) for x, y in starts]
@@ -59,13 +66,16 @@ def union_of_discs(holes: Holes, radius: float) -> tuple[Segment, ...]:
     return tuple(Segment(points[k], points[follower[k]], middles[k]) for k in loops[0])
 
 
-def _open_arcs(centres: Array, pairs: NDArray[np.intp], radius: float) -> tuple[NDArray[np.intp], Array, Array]:
+def _open_arcs(
+    centres: Array, pairs: NDArray[np.intp], radius: float
+) -> tuple[NDArray[np.intp], Array, Array]:
     """Return the uncovered arcs: disc, start and end angle of each, start < end < start + 2π."""
     disc = pairs[:, 0]
     step = centres[pairs[:, 1]] - centres[pairs[:, 0]]
     half = np.arccos(np.hypot(*step.T) / (2 * radius))
     begin = (np.arctan2(step[:, 1], step[:, 0]) - half) % (2 * np.pi)
-    # Two turns of covered intervals, disc after disc on one line: gaps that end in the second turn have seen all neighbours.
+    # Two turns of covered intervals, disc after disc on one line: gaps that end in the second turn
+    # have seen all neighbours.
     disc = np.tile(disc, 2)
     begin = np.concatenate([begin, begin + 2 * np.pi])
     half = np.tile(half, 2)
@@ -75,7 +85,9 @@ def _open_arcs(centres: Array, pairs: NDArray[np.intp], radius: float) -> tuple[
     disc = disc[order]
     line = 8 * np.pi * disc
     reach = np.maximum.accumulate(end + line) - line
-    gap = np.flatnonzero((disc[1:] == disc[:-1]) & (begin[1:] >= 2 * np.pi) & (begin[1:] - reach[:-1] > SLIVER))
+    gap = np.flatnonzero(
+        (disc[1:] == disc[:-1]) & (begin[1:] >= 2 * np.pi) & (begin[1:] - reach[:-1] > SLIVER)
+    )
     return disc[gap], reach[gap], begin[gap + 1]
 
 
@@ -84,7 +96,9 @@ def _followers(starts: Array, ends: Array, radius: float) -> NDArray[np.intp]:
     gaps, follower = (np.asarray(found) for found in cKDTree(starts).query(ends))
     if np.any(gaps > 1e-6 * radius) or len(np.unique(follower)) < len(follower):
         raise GeometryError(
-            f"[outline] etch_radius = {radius * 1e6:.6g} um: circles meet in a point there, and the film's edge is not a curve; "
+            f"[outline] etch_radius = {radius * 1e6:.6g} um: circles meet in a point there, and "
+            "the film's edge is not "
+            "a curve; "
             "change etch_radius by a nanometre"
         )
     return np.asarray(follower, dtype=np.intp)
@@ -111,7 +125,9 @@ def _refuse_pieces(holes: Holes, pairs: NDArray[np.intp], radius: float) -> None
     if pieces > 1:
         lone = int(np.flatnonzero(piece != piece[0])[0])
         raise GeometryError(
-            f"[outline] etch_radius = {radius * 1e6:.4g} um leaves the film in {pieces} pieces: {name(holes, 0)} and {name(holes, lone)} "
+            f"[outline] etch_radius = {radius * 1e6:.4g} um leaves the film in {pieces} pieces: "
+            f"{name(holes, 0)} and "
+            f"{name(holes, lone)} "
             "are not joined; raise etch_radius above half the pitch"
         )
 

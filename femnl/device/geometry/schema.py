@@ -27,11 +27,13 @@ PAPER_STACK: tuple[LayerRow, ...] = (
     ("vacuum", "gap", ((RED, 1 + 0j), (GREEN, 1 + 0j))),
     ("Si", None, ((RED, 3.8640 - 0.0158j), (GREEN, 4.1366 - 0.0338j))),
 )
-"""Material, thickness, and index n − ik by wavelength [m], from the laser down. Source: Sommer et al. 2025, supplement S6,
-table of reflectivity values; SiN from Luke et al. 2015 (the paper cites Philipp 1973, who gives 2.0105 and 2.0269), Si from
-Schinke et al. 2015."""
+"""Material, thickness, and index n − ik by wavelength [m], from the laser down. Source: Sommer et
+al. 2025, supplement S6, table of reflectivity values; SiN from Luke et al. 2015 (the paper cites
+Philipp 1973, who gives 2.0105 and 2.0269), Si from Schinke et al. 2015."""
 
-_COMPLEX = re.compile(r"\s*(\d{1,4}(?:\.\d{1,12})?)\s*-\s*(\d{1,4}(?:\.\d{1,12})?)\s*i\s*", re.ASCII)
+_COMPLEX = re.compile(
+    r"\s*(\d{1,4}(?:\.\d{1,12})?)\s*-\s*(\d{1,4}(?:\.\d{1,12})?)\s*i\s*", re.ASCII
+)
 
 
 def _indices(value: Any) -> Indices:
@@ -53,7 +55,10 @@ def _wavelength(key: str) -> float:
 
 def _plain_name(value: str) -> str:
     if not re.fullmatch(r"\w[\w .,+()-]{0,99}", value):
-        raise refusal("expected at most 100 letters, digits, spaces and . , _ + - ( ), a letter or digit first")
+        raise refusal(
+            "expected at most 100 letters, digits, spaces and . , _ + - ( ), a letter or "
+            "digit first"
+        )
     return value
 
 
@@ -62,7 +67,11 @@ def _index(value: Any) -> complex:
         return complex(value)
     if isinstance(value, str) and (match := _COMPLEX.fullmatch(value)) and float(match[1]) > 0:
         return complex(float(match[1]), -float(match[2]))
-    raise refusal(f'{show(value)} is no refractive index n − ik, write e.g. 2.0395 or, where light is absorbed, "3.8640 - 0.0158i"')
+    raise refusal(
+        f"{show(value)} is no refractive index n − ik, write e.g. 2.0395 or, where light is "
+        'absorbed, "3.8640 - '
+        '0.0158i"'
+    )
 
 
 def _layer_thickness(value: Any) -> float | str:
@@ -88,8 +97,16 @@ class ReadoutTable(Table):
         if self.layers is None:
             return self
         thicknesses = [layer.thickness for layer in self.layers]
-        if len(thicknesses) < 3 or thicknesses[0] is not None or thicknesses[-1] is not None or None in thicknesses[1:-1]:
-            raise refusal("expected at least three layers, all with a thickness but the outer media, the first and the last")
+        if (
+            len(thicknesses) < 3
+            or thicknesses[0] is not None
+            or thicknesses[-1] is not None
+            or None in thicknesses[1:-1]
+        ):
+            raise refusal(
+                "expected at least three layers, all with a thickness but the outer media, the "
+                "first and the last"
+            )
         if thicknesses.count("gap") != 1 or thicknesses.count("film") > 1:
             raise refusal('expected one layer with thickness = "gap", and at most one with "film"')
         wavelengths = [{w for w, _ in layer.index} for layer in self.layers]
@@ -99,9 +116,16 @@ class ReadoutTable(Table):
 
     def stack(self, film: FilmTable) -> Stack:
         """Return the stack with the film and the gap put in."""
-        rows = PAPER_STACK if self.layers is None else [(layer.material, layer.thickness, layer.index) for layer in self.layers]
+        rows = (
+            PAPER_STACK
+            if self.layers is None
+            else [(layer.material, layer.thickness, layer.index) for layer in self.layers]
+        )
         known = {"film": film.thickness, "gap": self.gap, None: np.inf}
-        layers = tuple(Layer(material, size if isinstance(size, float) else known[size], index) for material, size, index in rows)
+        layers = tuple(
+            Layer(material, size if isinstance(size, float) else known[size], index)
+            for material, size, index in rows
+        )
         return Stack(layers, [thickness for _, thickness, _ in rows].index("gap"))
 
 
@@ -130,22 +154,36 @@ class GeometryFile(Table):
         """Return the device in SI units.
 
         Raises:
-            GeometryError: holes or an outline that cannot be made, in one line without the file's name.
+            GeometryError: holes or an outline that cannot be made, in one line without the file's
+            name.
         """
-        holes = Holes(self.holes.positions(), self.holes.radius) if self.holes is not None else Holes(np.empty((0, 2)), 0.0)
+        holes = (
+            Holes(self.holes.positions(), self.holes.radius)
+            if self.holes is not None
+            else Holes(np.empty((0, 2)), 0.0)
+        )
         refuse_overlap(holes)
         outline = self.outline.outline(holes)
         if outline.kind != "etched":  # the etch reaches further than the hole that it starts from
             refuse_outside(holes, outline)
         if self.film.taper > 0 and not len(holes.centres):
             raise GeometryError(
-                f"[film] taper = {self.film.taper * 1e9:.4g} nm: there are no holes to thin the film around; write a table [holes]"
+                f"[film] taper = {self.film.taper * 1e9:.4g} nm: there are no holes to thin the "
+                "film around; write a "
+                "table [holes]"
             )
         film = self.film.film(outline)
-        overhang = self.overhang.overhang(self.outline, holes, self.film) if self.overhang is not None else None
+        overhang = (
+            self.overhang.overhang(self.outline, holes, self.film)
+            if self.overhang is not None
+            else None
+        )
         clamp = self.clamp.clamp()
         if self.model.edge != "clamped" and not clamp.rigid_in_plane:
-            raise GeometryError(f'[model] edge = "{self.model.edge}": [clamp] says how the edge gives way in plane; leave one out')
+            raise GeometryError(
+                f'[model] edge = "{self.model.edge}": [clamp] says how the edge gives way in '
+                "plane; leave one out"
+            )
         return Model(
             self.name,
             self.source,

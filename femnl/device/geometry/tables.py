@@ -1,4 +1,7 @@
-"""What every table of a geometry file shares: strict types, no unknown keys, and errors told in one line."""
+"""What every table of a geometry file shares.
+
+Strict types, no unknown keys, and errors told in one line.
+"""
 
 import json
 import re
@@ -64,7 +67,10 @@ class Table(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _refuse_unknown_keys(cls, data: Any) -> Any:
-        """Look for unknown keys first: a misspelt key is both unknown and missing, and the spelling is the cause."""
+        """Look for unknown keys first.
+
+        a misspelt key is both unknown and missing, and the spelling is the cause.
+        """
         for key in data if isinstance(data, dict) else ():
             if key not in cls.model_fields:
                 raise refusal(f"unknown key, {suggest(key, list(cls.model_fields))}", key)
@@ -102,7 +108,10 @@ def complaint(error: ValidationError) -> str:
     elif first["type"] in ("model_type", "model_attributes_type"):
         reason = f"expected a table, {_how_to_write(loc)}"
     else:
-        reason = f"{_PYDANTIC.sub('expected', first['msg']).replace(' after validation', '')}, {_how_to_write(loc)}"
+        reason = (
+            f"{_PYDANTIC.sub('expected', first['msg']).replace(' after validation', '')}, "
+            f"{_how_to_write(loc)}"
+        )
     if isinstance(value, dict):
         return one_line(f"{_place(loc, table=True)}: {reason}")
     return one_line(f"{_place(loc)} = {show(value)}: {reason}")
@@ -110,7 +119,8 @@ def complaint(error: ValidationError) -> str:
 
 def show(value: Any) -> str:
     """Return a value much as TOML writes it, shortened where it is long."""
-    if isinstance(value, int) and abs(value) >= 10**18:  # decimal digits of huge numbers take for ever
+    # Decimal digits of huge numbers take for ever
+    if isinstance(value, int) and abs(value) >= 10**18:
         text = hex(value)
     elif isinstance(value, list):
         text = f"[{', '.join(show(v) for v in value[:4])}{', …' if len(value) > 4 else ''}]"
@@ -127,7 +137,10 @@ def one_line(text: str) -> str:
 
 
 def _place(loc: list[Any], table: bool = False) -> str:
-    """Return where a value stands: the table in brackets, its key, and entries of lists counted from 1."""
+    """Return where a value stands.
+
+    The table in brackets, its key, and entries of lists counted from 1.
+    """
     words = [str(part + 1) if isinstance(part, int) else part for part in loc]
     if len(loc) > 2 and isinstance(loc[-2], int) and isinstance(loc[-1], int):
         words[-1] = "xy"[loc[-1]] if loc[-1] < 2 else words[-1]

@@ -1,4 +1,7 @@
-"""Meshes of the film by gmsh: curved triangles, graded towards clamped edges, corners and holes, whole or by symmetry."""
+"""Meshes of the film by gmsh.
+
+Curved triangles, graded towards clamped edges, corners and holes, whole or by symmetry.
+"""
 
 import logging
 from collections.abc import Iterator
@@ -23,19 +26,24 @@ from femnl.mechanics.fem.memory import need_memory
 Array = NDArray[np.float64]
 PROGRESS = logging.getLogger("femnl.progress")
 
-# gmsh's geometry kernel has absolute tolerances near 1e-7: it works on coordinates scaled to this many units per outline length.
+# gmsh's geometry kernel has absolute tolerances near 1e-7: it works on coordinates scaled to this
+# many units per outline length.
 SCALE = 100.0
 TOLERANCE = 1e-6  # of a point lying on a curve, in scaled units
 
-GROWTH = 0.7  # element size gained per distance from the feature that asks for small elements, at resolution 1
-HOLE_GROWTH = 1.0  # the same away from holes, whose fields fade faster than those of edges and corners
+# Element size gained per distance from the feature that asks for small elements, at resolution 1
+GROWTH = 0.7
+# The same away from holes, whose fields fade faster than those of edges and corners
+HOLE_GROWTH = 1.0
 HOLE_SEGMENTS = 12  # curved edges around a hole
 ELEMENTS_ACROSS = 3  # elements across the narrowest place of a strip, such as a tether
 ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
 ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
-AROUND_HOLES = 3  # times the triangles along a straight line as long, measured: the film widens away from a hole
-# Of memory a triangle by the degree of the elements, for the factorised in-plane stiffness: 38, 81, 158, 284 kB at 6820 triangles
-# (peak resident memory, degrees 3 to 6), and the more the more triangles.
+# Times the triangles along a straight line as long, measured: the film widens away from a hole
+AROUND_HOLES = 3
+# Of memory a triangle by the degree of the elements, for the factorised in-plane stiffness: 38, 81,
+# 158, 284 kB at 6820 triangles (peak resident memory, degrees 3 to 6), and the more the more
+# triangles.
 BYTES = {3: 42_000, 4: 90_000, 5: 180_000, 6: 320_000}
 LAYER_SIZE = 1.5  # element size at clamped edges in units of the bending length ℓ = √(D/σh)
 
@@ -43,21 +51,30 @@ LAYER_SIZE = 1.5  # element size at clamped edges in units of the bending length
 def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: int = 4) -> Domain:
     """Mesh the film of a device, or the wedge that its mirror symmetry leaves.
 
-    Args: symmetry: `auto` (a quarter or half where outline and holes allow, else the whole film), `full`, `half`, `quarter`,
-        `eighth` or `twelfth`. resolution: factor on the number of elements per length; 2 halves every element. degree: of the
-        elements that are meant for it, by which their memory is foreseen.
+    Args: symmetry: `auto` (a quarter or half where outline and holes allow, else the whole film),
+        `full`, `half`, `quarter`, `eighth` or `twelfth`. resolution: factor on the number of
+        elements per length; 2 halves every element. degree: of the elements that are meant for it,
+        by which their memory is foreseen.
     Returns: curved triangles with boundaries `clamped`, `free`, `mirror-0`, `mirror-1`, as present.
-    Raises: ParameterError where the device lacks the symmetry asked for; GeometryError where meshing fails.
+    Raises: ParameterError where the device lacks the symmetry asked for; GeometryError where
+    meshing fails.
     """
     if not 0.1 <= resolution <= 20:
         raise ParameterError(f"resolution = {resolution:g}: expected a number from 0.1 to 20")
     if not any(s.clamped for s in model.outline.segments):
-        raise GeometryError(f"{model.name}: no edge of the outline is clamped, so that nothing holds the film; clamp at least one")
+        raise GeometryError(
+            f"{model.name}: no edge of the outline is clamped, so that nothing holds the film; "
+            "clamp at least one"
+        )
     PROGRESS.info("%s: meshing", model.name)
     wedge = find_wedge(model, symmetry)
     diagonal = wedge == QUARTER and has_symmetry(model, EIGHTH)
     with _gmsh_session():
-        raw = double(_build(model, EIGHTH, resolution, degree, 2)) if diagonal else _build(model, wedge, resolution, degree, 1)
+        raw = (
+            double(_build(model, EIGHTH, resolution, degree, 2))
+            if diagonal
+            else _build(model, wedge, resolution, degree, 1)
+        )
     result = assemble(raw)
     check_unfolded(model, result)
     if model.overhang is not None:
@@ -68,10 +85,17 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: 
 
 @contextmanager
 def _gmsh_session() -> Iterator[None]:
-    """One gmsh model, closed whatever happens; one thread and no rounding by clock make meshes reproducible."""
+    """One gmsh model, closed whatever happens.
+
+    One thread and no rounding by clock make meshes reproducible.
+    """
     gmsh.initialize(interruptible=False)
     try:
-        for option, value in {"General.Terminal": 0, "General.NumThreads": 1, "Mesh.MeshSizeExtendFromBoundary": 0}.items():
+        for option, value in {
+            "General.Terminal": 0,
+            "General.NumThreads": 1,
+            "Mesh.MeshSizeExtendFromBoundary": 0,
+        }.items():
             gmsh.option.setNumber(option, value)
         gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
         gmsh.option.setNumber("Mesh.Algorithm", 6)
@@ -108,12 +132,19 @@ def _build(model: Model, wedge: float, resolution: float, degree: int, copies: i
         if type(error) is not Exception:  # gmsh knows no other class for its failures
             raise
         raise GeometryError(
-            f"{model.name}: the mesher failed ({error}); check for holes or edges closer to each other than 1e-8 of the outline"
+            f"{model.name}: the mesher failed ({error}); check for holes or edges closer to each "
+            "other than 1e-8 of "
+            "the outline"
         ) from error
     mirrors = {f"mirror-{k}": tags for k, tags in enumerate(curves.mirrors)}
     raw = collect({"clamped": curves.clamped, "free": curves.free + curves.holes, **mirrors}, unit)
     if len(raw.triangles) == 0:
-        raise GeometryError(f"{model.name}: the outline encloses no film; give its edges in order, counter-clockwise and without crossings")
+        raise GeometryError(
+            f"{model.name}: the outline encloses no film; give its edges in order, "
+            "counter-clockwise and "
+            "without "
+            "crossings"
+        )
     return raw
 
 
@@ -135,7 +166,11 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
                 lines.append(occ.addLine(point(s.start), point(s.end)))
                 continue
             pieces = int(np.ceil(exact.turn(s) / (np.pi / 2) - 1e-9))
-            stops = [point(s.start), *map(point, exact.point_at(s, np.arange(1, pieces) / pieces)), point(s.end)]
+            stops = [
+                point(s.start),
+                *map(point, exact.point_at(s, np.arange(1, pieces) / pieces)),
+                point(s.end),
+            ]
             lines += [occ.addCircleArc(a, point(s.centre), b) for a, b in pairwise(stops)]
         return lines
 
@@ -150,10 +185,14 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
     if model.overhang is not None:
         film, _ = occ.fragment(film, [(1, line) for line in loop(model.outline.segments)])
     occ.synchronize()
-    if model.overhang is not None:  # curves beyond the wedge, and the centres of arcs, bound nothing
+    # Curves beyond the wedge, and the centres of arcs, bound nothing
+    if model.overhang is not None:
         faces = gmsh.model.getEntities(2)
         bounding = {tag for _, tag in gmsh.model.getBoundary(faces, combined=False, oriented=False)}
-        occ.remove([(1, tag) for _, tag in gmsh.model.getEntities(1) if tag not in bounding], recursive=True)
+        occ.remove(
+            [(1, tag) for _, tag in gmsh.model.getEntities(1) if tag not in bounding],
+            recursive=True,
+        )
         occ.synchronize()
 
 
@@ -177,7 +216,15 @@ def _wedge_surface(wedge: float) -> int:
     else:
         corners = [(0.0, 0.0), (far, 0.0), (far * np.cos(wedge), far * np.sin(wedge))]
     tags = [occ.addPoint(*c, 0) for c in corners]
-    return int(occ.addPlaneSurface([occ.addCurveLoop([occ.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1], strict=True)])]))
+    return int(
+        occ.addPlaneSurface(
+            [
+                occ.addCurveLoop(
+                    [occ.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1], strict=True)]
+                )
+            ]
+        )
+    )
 
 
 def _classify(model: Model, wedge: float, unit: float) -> _Curves:
@@ -187,54 +234,83 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
     holes = cKDTree(model.holes.centres * unit) if len(model.holes.centres) else None
     for _, tag in gmsh.model.getEntities(1):
         low, high = gmsh.model.getParametrizationBounds(1, tag)
-        where = np.array(gmsh.model.getValue(1, tag, list(np.linspace(low[0], high[0], 5)[1:4]))).reshape(-1, 3)[:, :2]
+        where = np.array(
+            gmsh.model.getValue(1, tag, list(np.linspace(low[0], high[0], 5)[1:4]))
+        ).reshape(-1, 3)[:, :2]
         if wedge < FULL and np.all(np.abs(where[:, 1]) < TOLERANCE):
             curves.mirrors[0].append(tag)
         elif wedge < HALF and np.all(np.abs(where @ [np.sin(wedge), -np.cos(wedge)]) < TOLERANCE):
             curves.mirrors[1].append(tag)
-        elif holes is not None and np.all(np.abs(holes.query(where)[0] - model.holes.radius * unit) < TOLERANCE):
+        elif holes is not None and np.all(
+            np.abs(holes.query(where)[0] - model.holes.radius * unit) < TOLERANCE
+        ):
             curves.holes.append(tag)
-        elif model.overhang is not None and exact.distance(model.outline, where / unit).max() * unit < TOLERANCE:
+        elif (
+            model.overhang is not None
+            and exact.distance(model.outline, where / unit).max() * unit < TOLERANCE
+        ):
             curves.rim.append(tag)
         else:
-            distances = [exact.distance(replace(outline, segments=(s,)), where / unit).max() for s in outline.segments]
+            distances = [
+                exact.distance(replace(outline, segments=(s,)), where / unit).max()
+                for s in outline.segments
+            ]
             curves.segment[tag] = int(np.argmin(distances))
-            (curves.clamped if outline.segments[curves.segment[tag]].clamped else curves.free).append(tag)
+            (
+                curves.clamped if outline.segments[curves.segment[tag]].clamped else curves.free
+            ).append(tag)
     return curves
 
 
 def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> float:
     """Element size h: growing linearly with the distance from clamped edges, arcs, corners and holes.
 
-    Returns: about how many triangles that makes: ∫ dA / (h²√3/4), where every curve of length l adds ∫ l dx / (s + g x)² = l / (s g),
-        and every corner of angle β ∫ βr dr / (s + g r)² = β (ln h/s − 1) / g².
+    Returns: about how many triangles that makes: ∫ dA / (h²√3/4), where every curve of length l
+        adds ∫ l dx / (s + g x)² = l / (s g), and every corner of angle β ∫ βr dr / (s + g r)² = β
+        (ln h/s − 1) / g².
     """
     field = gmsh.model.mesh.field
     layer = bending_length(model) * unit
     largest = SCALE / ELEMENTS_PER_LENGTH / resolution
     wanted = []
-    inverse_square = [sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2)) / largest**2]
+    inverse_square = [
+        sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2)) / largest**2
+    ]
 
     def grow(size: float, distance: int, growth: float = GROWTH) -> None:
         wanted.append(field.add("MathEval"))
-        field.setString(wanted[-1], "F", f"min({largest}, {size} + {growth / resolution} * F{distance})")
+        field.setString(
+            wanted[-1], "F", f"min({largest}, {size} + {growth / resolution} * F{distance})"
+        )
 
     def grow_from_curves(size: float, tags: list[int], growth: float = GROWTH) -> None:
         distance = field.add("Distance")
         lengths = [gmsh.model.occ.getMass(1, t) for t in tags]
-        inverse_square.append((AROUND_HOLES if tags == curves.holes else 1) * sum(lengths) * resolution / (size * growth))
+        inverse_square.append(
+            (AROUND_HOLES if tags == curves.holes else 1)
+            * sum(lengths)
+            * resolution
+            / (size * growth)
+        )
         field.setNumbers(distance, "CurvesList", tags)
-        # gmsh measures the distance to points along the curves: two an element hide the gaps between them.
+        # gmsh measures the distance to points along the curves: two an element hide the gaps
+        # between them.
         field.setNumber(distance, "Sampling", np.ceil(2 * max(lengths) / size))
         grow(size, distance, growth)
 
     if curves.holes:
-        grow_from_curves(2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / resolution, curves.holes, HOLE_GROWTH)
+        grow_from_curves(
+            2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / resolution,
+            curves.holes,
+            HOLE_GROWTH,
+        )
     if model.bending and curves.clamped:
         grow_from_curves(LAYER_SIZE * layer / resolution, curves.clamped)
     if model.overhang is not None:
         rim = model.overhang.width * unit / ELEMENTS_ACROSS
-        grow_from_curves((min(LAYER_SIZE * layer, rim) if model.bending else rim) / resolution, curves.rim)
+        grow_from_curves(
+            (min(LAYER_SIZE * layer, rim) if model.bending else rim) / resolution, curves.rim
+        )
     for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
         grow_from_curves(2 * np.pi * radius / ARC_SEGMENTS / resolution, arcs)
     for index, width in enumerate(exact.widths(model.edge_outline)):
@@ -264,12 +340,17 @@ def _arcs_by_radius(tags: list[int]) -> dict[float, list[int]]:
     for tag in tags:
         if gmsh.model.getType(1, tag) != "Line":
             middle = np.mean(gmsh.model.getParametrizationBounds(1, tag))
-            arcs.setdefault(round(1 / gmsh.model.getCurvature(1, tag, [middle])[0], 6), []).append(tag)
+            arcs.setdefault(round(1 / gmsh.model.getCurvature(1, tag, [middle])[0], 6), []).append(
+                tag
+            )
     return arcs
 
 
 def bending_length(model: Model) -> float:
-    """Return ℓ = √(D/σh) [m], the width of the layer that bending makes at a clamped edge: 0 without bending, L at most."""
+    """Return ℓ = √(D/σh) [m], the width of the layer that bending makes at a clamped edge.
+
+    0 without bending, L at most.
+    """
     film = model.film
     length = model.outline.length
     if not model.bending:

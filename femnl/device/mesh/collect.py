@@ -34,7 +34,9 @@ def collect(named: dict[str, list[int]], unit: float) -> Raw:
     triangles = row[gmsh.model.mesh.getElementsByType(9)[1].reshape(-1, 6)]
     edges = {}
     for name, entities in named.items():
-        ends = [row[gmsh.model.mesh.getElements(1, tag)[2][0].reshape(-1, 3)[:, :2]] for tag in entities]
+        ends = [
+            row[gmsh.model.mesh.getElements(1, tag)[2][0].reshape(-1, 3)[:, :2]] for tag in entities
+        ]
         if ends:
             edges[name] = np.concatenate(ends)
     return Raw(coordinates.reshape(-1, 3)[:, :2] / unit, triangles, edges)
@@ -48,8 +50,14 @@ def double(raw: Raw) -> Raw:
     image = np.arange(len(raw.points))
     image[~middle] = len(raw.points) + np.arange(np.sum(~middle))
     points = np.concatenate([raw.points, raw.points[~middle][:, ::-1]])
-    points[: len(raw.points)][middle] = points[: len(raw.points)][middle].mean(axis=1, keepdims=True)
-    edges = {name: np.concatenate([ends, image[ends]]) for name, ends in raw.edges.items() if not name.startswith("mirror")}
+    points[: len(raw.points)][middle] = points[: len(raw.points)][middle].mean(
+        axis=1, keepdims=True
+    )
+    edges = {
+        name: np.concatenate([ends, image[ends]])
+        for name, ends in raw.edges.items()
+        if not name.startswith("mirror")
+    }
     edges |= {"mirror-0": raw.edges["mirror-0"], "mirror-1": image[raw.edges["mirror-0"]]}
     return Raw(points, np.concatenate([raw.triangles, image[raw.triangles]]), edges)
 
@@ -59,7 +67,10 @@ def assemble(raw: Raw) -> MeshTri2:
     corners = np.unique(raw.triangles[:, :3])
     vertex = np.full(len(raw.points), -1)
     vertex[corners] = np.arange(len(corners))
-    linear = MeshTri1(np.ascontiguousarray(raw.points[corners].T), np.ascontiguousarray(vertex[raw.triangles[:, :3]].T))
+    linear = MeshTri1(
+        np.ascontiguousarray(raw.points[corners].T),
+        np.ascontiguousarray(vertex[raw.triangles[:, :3]].T),
+    )
     keys = np.sort(linear.facets.astype(np.int64), axis=0)
     numbers = keys[0] * len(corners) + keys[1]
     order = np.argsort(numbers)
@@ -72,14 +83,18 @@ def assemble(raw: Raw) -> MeshTri2:
     for local, ends in enumerate(([0, 1], [1, 2], [0, 2])):  # gmsh's order of a triangle's edges
         middles[facet_of(raw.triangles[:, ends])] = raw.points[raw.triangles[:, 3 + local]]
     boundaries = {name: np.unique(facet_of(ends)) for name, ends in raw.edges.items()}
-    return MeshTri2(np.ascontiguousarray(np.hstack([linear.p, middles.T])), linear.t, _boundaries=boundaries)
+    return MeshTri2(
+        np.ascontiguousarray(np.hstack([linear.p, middles.T])), linear.t, _boundaries=boundaries
+    )
 
 
 def distinct(values: Array, apart: float) -> Index:
     """Number values (n,) in their order, those that differ by less than `independent_blocks` alike."""
     order = np.argsort(values)
     numbers = np.empty(len(values), dtype=np.int64)
-    numbers[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > apart)]) if len(values) else order
+    numbers[order] = (
+        np.concatenate([[0], np.cumsum(np.diff(values[order]) > apart)]) if len(values) else order
+    )
     return numbers
 
 
@@ -87,7 +102,9 @@ def from_patches(patches: Array) -> MeshTri2:
     """Join second-order triangles (m, 6, 2) [m], corners before middles, wherever their corners meet."""
     corners = patches[:, :3].reshape(-1, 2)
     key = np.stack([distinct(c, JOIN * np.abs(corners).max()) for c in corners.T], 1)
-    _, first, index = np.unique(key[:, 0] * (key[:, 1].max() + 1) + key[:, 1], return_index=True, return_inverse=True)
+    _, first, index = np.unique(
+        key[:, 0] * (key[:, 1].max() + 1) + key[:, 1], return_index=True, return_inverse=True
+    )
     index = index.reshape(-1, 3)
     middles = len(first) + np.arange(3 * len(patches)).reshape(-1, 3)
     points = np.concatenate([corners[first], patches[:, 3:].reshape(-1, 2)])
@@ -103,5 +120,7 @@ def check_unfolded(model: Model, result: MeshTri2) -> None:
     if len(folded):
         x, y = space.location[space.dofs[folded[0], 0]]
         raise GeometryError(
-            f"{model.name}: {len(folded)} curved elements fold over, the first at ({x:.4g}, {y:.4g}) m; raise the resolution"
+            f"{model.name}: {len(folded)} curved elements fold over, the first at ({x:.4g}, "
+            f"{y:.4g}) m; raise the "
+            "resolution"
         )

@@ -10,24 +10,34 @@ from femnl.core.device import Model
 Array = NDArray[np.float64]
 
 CORNER_ERROR = 1e-8  # energy left unresolved at a singular corner, relative to that around it
-SMALLEST = 1e-2  # element size over ℓ: the bending stiffness of smaller ones drowns that of the film in rounding errors
+# Element size over ℓ: the bending stiffness of smaller ones drowns that of the film in rounding
+# errors
+SMALLEST = 1e-2
 RIM_CORNER = 1e-3  # element size over side where film and overhang meet in a corner
-PLATE_ERROR = 1e-5  # the same of the plate within the bending length, whose energy is a small part of all
+# The same of the plate within the bending length, whose energy is a small part of all
+PLATE_ERROR = 1e-5
 
 
-def singular_corners(model: Model, resolution: float, layer: float) -> Iterator[tuple[Array, float, float]]:
+def singular_corners(
+    model: Model, resolution: float, layer: float
+) -> Iterator[tuple[Array, float, float]]:
     """Yield corners of the edge wider than 90°, their inner angle [rad] and the element size [m] there, and all where two films meet.
 
-    Near a corner of inner angle β the deflection goes as r^(π/β), so that elements of size s leave an energy s^(2π/β). Within the
-    bending length ℓ of a corner the film is a plate, whose deflection goes as r^(1 + λ) with λ ≥ π/β, or ½ where β > π: there
-    elements need not be smaller than what leaves (s/ℓ)^(2λ). Where film and overhang meet, the corner is only as strong as the two differ.
+    Near a corner of inner angle β the deflection goes as r^(π/β), so that elements of size s leave
+    an energy s^(2π/β). Within the bending length ℓ of a corner the film is a plate, whose
+    deflection goes as r^(1 + λ) with λ ≥ π/β, or ½ where β > π: there elements need not be smaller
+    than what leaves (s/ℓ)^(2λ). Where film and overhang meet, the corner is only as strong as the
+    two differ.
     """
     for k, angle in model.edge_outline.corners:
         if angle > np.pi / 2 + 1e-6:
             segment = model.edge_outline.segments[k]
             side = float(np.linalg.norm(np.subtract(segment.end, segment.start)))
             film = side * (CORNER_ERROR / resolution**8) ** (angle / (2 * np.pi))
-            plate = layer * max((PLATE_ERROR / resolution**8) ** (angle / (2 * np.pi) if angle <= np.pi else 1.0), SMALLEST)
+            plate = layer * max(
+                (PLATE_ERROR / resolution**8) ** (angle / (2 * np.pi) if angle <= np.pi else 1.0),
+                SMALLEST,
+            )
             yield np.array(segment.start), angle, float(max(film, plate))
     for k, angle in model.outline.corners if model.overhang is not None else ():
         segment = model.outline.segments[k]

@@ -19,16 +19,25 @@ WEDGES = {"full": FULL, "half": HALF, "quarter": QUARTER, "eighth": EIGHTH, "twe
 
 
 def find_wedge(model: Model, symmetry: str) -> float:
-    """Return the angle [rad] of the wedge that a word for the symmetry asks for; `auto` takes the smallest of quarter, half and full.
+    """Return the angle [rad] of the wedge that a word for the symmetry asks for.
+
+    `auto` takes the smallest of quarter, half and full.
 
     Raises: ParameterError where there is no such word, or where the device lacks that symmetry.
     """
     if symmetry == "auto":
-        return next(WEDGES[name] for name in ("quarter", "half", "full") if has_symmetry(model, WEDGES[name]))
+        return next(
+            WEDGES[name]
+            for name in ("quarter", "half", "full")
+            if has_symmetry(model, WEDGES[name])
+        )
     if symmetry not in WEDGES:
         raise ParameterError(f'symmetry = "{symmetry}": expected auto, {", ".join(WEDGES)}')
     if not has_symmetry(model, WEDGES[symmetry]):
-        raise ParameterError(f'symmetry = "{symmetry}": outline and holes of {model.name} do not have it; use auto or full')
+        raise ParameterError(
+            f'symmetry = "{symmetry}": outline and holes of {model.name} do not have it; use '
+            "auto or full"
+        )
     return WEDGES[symmetry]
 
 
@@ -40,13 +49,17 @@ def has_symmetry(model: Model, wedge: float) -> bool:
     tolerance = 1e-6 * model.outline.length
     points = [_key_points(model.outline), model.holes.centres]
     points += [] if model.overhang is None else [_key_points(model.overhang.outline)]
-    # A slope of the thickness is its own image where the film's thickness is everywhere, to the same part.
+    # A slope of the thickness is its own image where the film's thickness is everywhere, to the
+    # same part.
     slope = np.array([model.film.gradient]) * model.outline.length**2 / model.film.thickness
     return all(_is_mirrored(p, a, tolerance) for p in (*points, slope) for a in angles)
 
 
 def _key_points(outline: Outline) -> Array:
-    """Points that pin down an outline: for each segment its two ends, centre and middle, the clamped ones offset in z."""
+    """Points that pin down an outline.
+
+    For each segment its two ends, centre and middle, the clamped ones offset in z.
+    """
     rows = []
     for s in outline.segments:
         middle = curves.point_at(s, 0.5)

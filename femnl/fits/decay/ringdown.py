@@ -39,34 +39,40 @@ def fit_ringdown(
 ) -> Fit:
     """Fit v(t) = Re A(t), |A|² = A₀² e^{−γt}/(1 + d s), arg A = φ + 2πf t + (2π·pull/γ) ln(1 + d s)/d, s = 1 − e^{−γt}.
 
-    d = ηA₀²/4 is the nonlinear damping and pull = ⅜ f α A₀² the shift of the frequency at the first amplitude A₀; f and the quality
-    factor are those of small motion.
+    d = ηA₀²/4 is the nonlinear damping and pull = ⅜ f α A₀² the shift of the frequency at the first
+    amplitude A₀; f and the quality factor are those of small motion.
 
     Args:
         time: (n,) [s]; the decay is counted from the first.
-        signal: (n,) [V]: the `voltage` itself, its `complex` amplitude demodulated at `frequency`, or the `magnitude` of that.
+        signal: (n,) [V]: the `voltage` itself, its `complex` amplitude demodulated at `frequency`,
+            or the `magnitude` of that.
         kind: which of these.
-        frequency: of demodulation [Hz]; for a magnitude, that of the mode, which gives the quality factor.
+        frequency: of demodulation [Hz]; for a magnitude, that of the mode, which gives the quality
+            factor.
         nonlinear: whether to fit d and pull (0 otherwise).
         noise_sd: [V], per sample or per quadrature; what is left of the signal where not given.
         responsivity: dV/du [V/m]; gives alpha and eta in m⁻² instead of V⁻².
 
     Returns:
-        amplitude, decay_rate, then as far as the signal shows them damping_ratio, phase, frequency, pull, offset, and floor, the
-        mean square [V²] that a magnitude decays to; derived linewidth, quality_factor, alpha, eta.
+        amplitude, decay_rate, then as far as the signal shows them damping_ratio, phase, frequency,
+        pull, offset, and floor, the mean square [V²] that a magnitude decays to; derived linewidth,
+        quality_factor, alpha, eta.
 
     Raises:
         MeasurementError: too few samples, or nothing that decays.
         ParameterError: an unknown kind.
     Valid: ⅜ α A₀² and 1/Q ≪ 1, as `femnl.resonator.ring_down`; white noise.
-    Source: Polunin, Yang, Dykman, Kenny and Shaw, Journal of Microelectromechanical Systems 25, 297 (2016).
+    Source: Polunin, Yang, Dykman, Kenny and Shaw, Journal of Microelectromechanical Systems 25, 297
+    (2016).
     """
     if kind not in get_args(Signal):
         raise ParameterError(f"kind = {kind!r}: give one of {', '.join(get_args(Signal))}")
     t = np.asarray(time, dtype=float)
     v = np.asarray(signal)
     if t.shape != v.shape or t.ndim != 1 or np.count_nonzero(np.isfinite(v)) < 16:
-        raise MeasurementError(f"time {t.shape} and signal {v.shape}: a ring-down needs both, of at least 16 samples")
+        raise MeasurementError(
+            f"time {t.shape} and signal {v.shape}: a ring-down needs both, of at least 16 samples"
+        )
     good = np.isfinite(t) & np.isfinite(v)
     t = t[good] - t[good][0]
     v = v[good]
@@ -78,23 +84,44 @@ def fit_ringdown(
     noise = noise_sd or decay.noise(values)
     spread = decay.spread(values, noise)
     rest = (decay.data - decay.model(values)) / spread
-    found, blind = covariance(decay.jacobian(values) / spread[:, None], decay.names, np.maximum(np.abs(values), np.finfo(float).tiny))
+    found, blind = covariance(
+        decay.jacobian(values) / spread[:, None],
+        decay.names,
+        np.maximum(np.abs(values), np.finfo(float).tiny),
+    )
     notes = [f"{np.count_nonzero(~good)} missing samples left out"] if not good.all() else []
-    notes += [] if noise_sd else [f"noise_sd is not given: what is left of the signal is taken for noise, {noise:.3g} V"]
+    notes += (
+        []
+        if noise_sd
+        else [
+            f"noise_sd is not given: what is left of the signal is taken for noise, {noise:.3g} V"
+        ]
+    )
     parameters = _parameters(decay, values, found, frequency, responsivity)
     chi2 = float(rest @ rest) / (len(rest) - len(values))
     return Fit(parameters, found, chi2, len(rest), len(values), (*notes, *blind))
 
 
-def fit_ringdown_trace(dataset: xr.Dataset, step: int = 0, *, nonlinear: bool = True, responsivity: float | None = None) -> Fit:
+def fit_ringdown_trace(
+    dataset: xr.Dataset, step: int = 0, *, nonlinear: bool = True, responsivity: float | None = None
+) -> Fit:
     """Fit the decay recorded in one step of a dataset of kind `trace`; see `fit_ringdown`."""
     if dataset.attrs.get("kind") != "trace":
-        raise MeasurementError(f"kind = {dataset.attrs.get('kind')!r}: a ring-down is fitted to a measurement of kind 'trace'")
+        raise MeasurementError(
+            f"kind = {dataset.attrs.get('kind')!r}: a ring-down is fitted to a measurement of "
+            "kind 'trace'"
+        )
     if not 0 <= step < dataset.sizes["step"]:
         raise ParameterError(f"step = {step}: the trace has steps 0 … {dataset.sizes['step'] - 1}")
     noise = dataset.attrs.get("noise_sd")
     voltage = dataset["voltage"].isel(step=step).values
-    return fit_ringdown(dataset["time"].values, voltage, nonlinear=nonlinear, noise_sd=noise, responsivity=responsivity)
+    return fit_ringdown(
+        dataset["time"].values,
+        voltage,
+        nonlinear=nonlinear,
+        noise_sd=noise,
+        responsivity=responsivity,
+    )
 
 
 def predict_ringdown(fit: Fit, time: ArrayLike) -> NDArray[np.complex128]:
@@ -118,11 +145,15 @@ def _descend(decay: Decay, start: Array, weight: Array) -> Array:
     def slopes(values: Array) -> Array:
         return decay.jacobian(values) * weight[:, None]
 
-    best, *_ = leastsq(residual, start, Dfun=slopes, full_output=True, ftol=CLOSE, xtol=CLOSE, gtol=CLOSE)
+    best, *_ = leastsq(
+        residual, start, Dfun=slopes, full_output=True, ftol=CLOSE, xtol=CLOSE, gtol=CLOSE
+    )
     return np.asarray(best)
 
 
-def _parameters(decay: Decay, values: Array, found: Array, frequency: float | None, responsivity: float | None) -> dict[str, Parameter]:
+def _parameters(
+    decay: Decay, values: Array, found: Array, frequency: float | None, responsivity: float | None
+) -> dict[str, Parameter]:
     """Return the parameters in SI, and what follows from them to first order."""
     shown = dict(zip(decay.names, values, strict=True))
     if "frequency" in shown:
@@ -130,7 +161,8 @@ def _parameters(decay: Decay, values: Array, found: Array, frequency: float | No
     if "phase" in shown:
         shown["phase"] = (shown["phase"] + np.pi) % (2 * np.pi) - np.pi
     out = {
-        name: Parameter(name, float(v), float(s), UNITS[name]) for (name, v), s in zip(shown.items(), np.sqrt(np.diag(found)), strict=True)
+        name: Parameter(name, float(v), float(s), UNITS[name])
+        for (name, v), s in zip(shown.items(), np.sqrt(np.diag(found)), strict=True)
     }
     unit = "V⁻²" if responsivity is None else "m⁻²"
 

@@ -14,11 +14,15 @@ from femnl.observe.map.forward import REGISTRATION, UNITS, MapData, Shape, flatt
 from femnl.optics.unit_fringe import OVERTONE
 
 MIRRORS = {"−θ": (-1, 0.0), "π − θ": (-1, np.pi)}
-"""The other working points of one cosine with the same |sin θ| and |cos θ|, as sign and shift; the third is both at once."""
+"""The other working points of one cosine with the same |sin θ| and |cos θ|, as sign and shift; the
+third is both at once.
+"""
 FIRST = 8
 """Evaluations that every optimum of the coarse search gets before the best two go on."""
 SYMMETRIC = 1e-9
-"""Imaginary parts of the overtones below this make a fringe even about its extremum, as a film without absorption does."""
+"""Imaginary parts of the overtones below this make a fringe even about its extremum, as a film
+without absorption does.
+"""
 SAME = 1.0
 """Difference in χ² below which two solutions count as the same to the data."""
 TELLING = 9.0
@@ -34,41 +38,57 @@ def fit_map(
 ) -> MapFit:
     """Fit measured harmonic maps by a membrane that moves as U ξ(x, y) cos(ωt + φ) under a fringe.
 
-    V_n(x, y) = V_C e^{inφ} Σ_k 2Re(c_k iⁿ e^{ikθ}) J_n(kqUξ), q = 4π/λ; one cosine (c₁ = 1) unless a fringe is given. Real and
-    imaginary parts of all harmonics count alike; missing points are left out. U is sought on a grid up to z = 30 and the best
-    optima are refined together with everything else, so that no start value is asked for.
+    V_n(x, y) = V_C e^{inφ} Σ_k 2Re(c_k iⁿ e^{ikθ}) J_n(kqUξ), q = 4π/λ; one cosine (c₁ = 1) unless
+    a fringe is given. Real and imaginary parts of all harmonics count alike; missing points are
+    left out. U is sought on a grid up to z = 30 and the best optima are refined together with
+    everything else, so that no start value is asked for.
 
     Args:
         maps: one Dataset of kind `map`, or several by name, which share U and nothing else.
         shape: ξ at points (x, y) [m]; max|ξ| = 1.
-        fringe: the fringe of a single map, or of each map by name; its offset, its scale and its working point do not matter.
-        registration: which of x, y [m], scale, rotation [rad] of the membrane in the map are free; the others stay at 0, 0, 1, 0.
-        free_overtones: highest overtone of the fringe that is fitted; 1 takes the fringe as given, more lets its form be found.
+        fringe: the fringe of a single map, or of each map by name; its offset, its scale and its
+            working point do not matter.
+        registration: which of x, y [m], scale, rotation [rad] of the membrane in the map are free;
+            the others stay at 0, 0, 1, 0.
+        free_overtones: highest overtone of the fringe that is fitted; 1 takes the fringe as given,
+            more lets its form be found.
 
     Returns:
-        The fit. Parameters: `amplitude` U [m]; per map `contrast` V_C [V], `fringe_phase` θ, `motion_phase` φ [rad] and the free
-        placement; derived: `modulation` S′ = qU, and `working_point` [m], by how much the film rests away from where the fringe as given
-        has u = 0. With several maps a name carries ":" and that of the map.
-        Free overtones are `overtone_k_real`, `overtone_k_imag`: what is added to c_k, relative to c₁.
-        For one cosine V_C > 0 and sin θ ≥ 0; for a symmetric fringe that is given, the nearer of ±θ. The notes say what stays open.
+        The fit. Parameters: `amplitude` U [m]; per map `contrast` V_C [V], `fringe_phase` θ,
+        `motion_phase` φ [rad] and the free placement; derived: `modulation` S′ = qU, and
+        `working_point` [m], by how much the film rests away from where the fringe as given has u =
+        0. With several maps a name carries ":" and that of the map. Free overtones are
+        `overtone_k_real`, `overtone_k_imag`: what is added to c_k, relative to c₁. For one cosine
+            V_C > 0 and sin θ ≥ 0; for a symmetric fringe that is given, the nearer of ±θ. The notes
+            say what stays open.
 
     Raises:
         MeasurementError: a map without values or without a wavelength.
         ParameterError: unknown names in `registration` or `fringe`, or more parameters than data.
 
     Valid: motion sinusoidal in time; a laser spot small against the rings; z below 30.
-    Source: Sommer et al. 2025, supplement S7; variable projection: Golub & Pereyra, SIAM J. Numer. Anal. 10, 413 (1973).
+    Source: Sommer et al. 2025, supplement S7; variable projection: Golub & Pereyra, SIAM J. Numer.
+    Anal. 10, 413 (1973).
     """
     named = {"": maps} if isinstance(maps, xr.Dataset) else dict(maps)
     flat = [flatten(name, named[name], of) for name, of in _fringes(named, fringe).items()]
     problem = MapResiduals(flat, shape, tuple(registration), tuple(range(2, free_overtones + 1)))
     if unknown := set(registration) - set(REGISTRATION):
-        raise ParameterError(f"registration = {sorted(unknown)} is not known: choose from {', '.join(REGISTRATION)}")
+        raise ParameterError(
+            f"registration = {sorted(unknown)} is not known: choose from {', '.join(REGISTRATION)}"
+        )
     coarse = problem.tabulated()
-    optima = sorted((coarse.refine(start, most=FIRST) for start in coarse.starts()), key=lambda optimum: optimum[1])
+    optima = sorted(
+        (coarse.refine(start, most=FIRST) for start in coarse.starts()),
+        key=lambda optimum: optimum[1],
+    )
     optima[:2] = [coarse.refine(vector) for vector, _ in optima[:2]]
     best = min(optima, key=lambda optimum: optimum[1])
-    rivals = [_rival(coarse, _canonical(coarse, best[0]), best[1], i, name) for i in range(len(named)) for name in MIRRORS]
+    rivals = [
+        _rival(coarse, _canonical(coarse, best[0]), best[1], i, name)
+        for i in range(len(named))
+        for name in MIRRORS
+    ]
     vector = _canonical(problem, problem.refine(best[0])[0])
     return _report(problem, vector, (*rivals, _next_amplitude(optima, best)))
 
@@ -82,7 +102,10 @@ def _fringes(
     if not isinstance(fringe, Mapping):
         fringe = {next(iter(named)): fringe}
     if set(fringe) != set(named):
-        raise ParameterError(f"fringe is given for {sorted(fringe)}, but the maps are {sorted(named)}: name each map once")
+        raise ParameterError(
+            f"fringe is given for {sorted(fringe)}, but the maps are {sorted(named)}: name each "
+            "map once"
+        )
     return {name: fringe[name] for name in named}
 
 
@@ -91,9 +114,12 @@ def _label(name: str, data: MapData) -> str:
 
 
 def _canonical(problem: MapResiduals, vector: Array) -> Array:
-    """Return one of the equal solutions: U > 0; V_C > 0 for a cosine; of ±θ the one near the fringe as given, else sin θ ≥ 0.
+    """Return one of the equal solutions: U > 0; V_C > 0 for a cosine.
 
-    V_C → −V_C, θ → θ + π turns even overtones round; θ → −θ, φ → φ + π their imaginary parts. Angles are put into (−π, π].
+    Of ±θ the one near the fringe as given, else sin θ ≥ 0.
+
+    V_C → −V_C, θ → θ + π turns even overtones round; θ → −θ, φ → φ + π their imaginary parts.
+    Angles are put into (−π, π].
     """
     values = problem.unpack(vector)
     for data, own in zip(problem.maps, values, strict=True):
@@ -102,9 +128,20 @@ def _canonical(problem: MapResiduals, vector: Array) -> Array:
         if len(data.series.coefficients) == 2 and own["contrast"] < 0:
             own["contrast"] *= -1
             own["fringe_phase"] += np.pi
-            _negate(own, [OVERTONE.format(k=k, part=part) for k in problem.overtones[::2] for part in ("real", "imag")])
+            _negate(
+                own,
+                [
+                    OVERTONE.format(k=k, part=part)
+                    for k in problem.overtones[::2]
+                    for part in ("real", "imag")
+                ],
+            )
         theta = own["fringe_phase"]
-        nearer = np.sin(theta) < 0 if data.nominal is None else np.cos(theta + data.nominal) > np.cos(theta - data.nominal)
+        nearer = (
+            np.sin(theta) < 0
+            if data.nominal is None
+            else np.cos(theta + data.nominal) > np.cos(theta - data.nominal)
+        )
         if nearer and np.abs(data.series.coefficients.imag).max() < SYMMETRIC:
             own["fringe_phase"] *= -1
             own["motion_phase"] += np.pi
@@ -140,13 +177,24 @@ def _rival(problem: MapResiduals, vector: Array, chi2: float, which: int, mirror
         excess = problem.refine(nearest, held=(first, first + 1), most=2 * FIRST)[1] - chi2
     where = f" of {problem.maps[which].name}" if problem.maps[which].name else ""
     if excess < SAME:
-        return f"θ{where} cannot be told from {mirror}: with the phase of motion adapted it costs Δχ² = {max(excess, 0):.2g}"
-    return f"θ{where} is {'preferred to' if excess > TELLING else 'hardly told from'} {mirror}, which costs Δχ² = {excess:.3g}"
+        return (
+            f"θ{where} cannot be told from {mirror}: with the phase of motion adapted it "
+            f"costs Δχ² = {max(excess, 0):.2g}"
+        )
+    return (
+        f"θ{where} is {'preferred to' if excess > TELLING else 'hardly told from'} {mirror}, "
+        "which costs Δχ² = "
+        f"{excess:.3g}"
+    )
 
 
 def _next_amplitude(optima: list[tuple[Array, float]], best: tuple[Array, float]) -> str:
     """Say how well the best optimum with another U fits."""
-    others = [(chi2, abs(vector[0])) for vector, chi2 in optima if abs(abs(vector[0] / best[0][0]) - 1) > 1e-2]
+    others = [
+        (chi2, abs(vector[0]))
+        for vector, chi2 in optima
+        if abs(abs(vector[0] / best[0][0]) - 1) > 1e-2
+    ]
     if not others:
         return "no second optimum of the amplitude was met"
     chi2, amplitude = min(others)
@@ -155,11 +203,17 @@ def _next_amplitude(optima: list[tuple[Array, float]], best: tuple[Array, float]
 
 def _report(problem: MapResiduals, vector: Array, notes: tuple[str, ...]) -> MapFit:
     """Put values, uncertainties, prediction and notes together."""
-    keys = [("amplitude", "amplitude"), *((_label(name, data), name) for data in problem.maps for name in problem.own)]
+    keys = [
+        ("amplitude", "amplitude"),
+        *((_label(name, data), name) for data in problem.maps for name in problem.own),
+    ]
     names = [key for key, _ in keys]
     degrees = problem.n_points - vector.size
     if degrees <= 0:
-        raise ParameterError(f"{vector.size} parameters cannot be fitted to {problem.n_points} numbers: fix some of `registration`")
+        raise ParameterError(
+            f"{vector.size} parameters cannot be fitted to {problem.n_points} numbers: fix some "
+            "of `registration`"
+        )
     residuals = problem.residuals(vector)
     chi2_reduced = float(residuals @ residuals) / degrees
     found, blind = covariance(problem.jacobian(vector), names, problem.unit(vector))
@@ -175,12 +229,36 @@ def _report(problem: MapResiduals, vector: Array, notes: tuple[str, ...]) -> Map
         q = data.wavenumber
         theta = parameters[_label("fringe_phase", data)]
         shift = _wrap(theta.value - (data.nominal or 0.0)) / q
-        derived = [("modulation", q * vector[0], q * sd[0], "1"), ("working_point", shift, theta.sd / q, "m")]
-        parameters |= {_label(name, data): Parameter(_label(name, data), float(value), float(s), unit) for name, value, s, unit in derived}
+        derived = [
+            ("modulation", q * vector[0], q * sd[0], "1"),
+            ("working_point", shift, theta.sd / q, "m"),
+        ]
+        parameters |= {
+            _label(name, data): Parameter(_label(name, data), float(value), float(s), unit)
+            for name, value, s, unit in derived
+        }
     predictions = problem.predictions(vector)
-    facts = (*(data.note for data in problem.maps), *blind, strongest_correlation(found, names), *notes)
+    facts = (
+        *(data.note for data in problem.maps),
+        *blind,
+        strongest_correlation(found, names),
+        *notes,
+    )
     return MapFit(
-        Fit(parameters, found, chi2_reduced, problem.n_points, vector.size, tuple(note for note in facts if note)),
-        {data.name: data.image(signal) for data, signal in zip(problem.maps, predictions, strict=True)},
-        {data.name: data.image((data.values - signal) / data.noise) for data, signal in zip(problem.maps, predictions, strict=True)},
+        Fit(
+            parameters,
+            found,
+            chi2_reduced,
+            problem.n_points,
+            vector.size,
+            tuple(note for note in facts if note),
+        ),
+        {
+            data.name: data.image(signal)
+            for data, signal in zip(problem.maps, predictions, strict=True)
+        },
+        {
+            data.name: data.image((data.values - signal) / data.noise)
+            for data, signal in zip(problem.maps, predictions, strict=True)
+        },
     )

@@ -22,12 +22,17 @@ WALL = 1e9
 """Residual of impossible parameters."""
 TABLE = 257
 REACH = 1.6
-"""Points along a side of the table of ξ, and its half side in parts of the farthest point of the map."""
+"""Points along a side of the table of ξ, and its half side in parts of the farthest point of the
+map.
+"""
 
 
 @dataclass(frozen=True)
 class MapResiduals:
-    """The layout of the parameter vector: U, then for each map V_C, θ, φ and those of its placement that are free."""
+    """The layout of the parameter vector.
+
+    U, then for each map V_C, θ, φ and those of its placement that are free.
+    """
 
     maps: list[MapData]
     shape: Shape
@@ -38,7 +43,9 @@ class MapResiduals:
     def own(self) -> tuple[str, ...]:
         """Parameters that each map has for itself."""
         placement = [name for name in REGISTRATION if name in self.registration]
-        free = [OVERTONE.format(k=k, part=part) for k in self.overtones for part in ("real", "imag")]
+        free = [
+            OVERTONE.format(k=k, part=part) for k in self.overtones for part in ("real", "imag")
+        ]
         return ("contrast", "fringe_phase", "motion_phase", *placement, *free)
 
     @property
@@ -58,10 +65,16 @@ class MapResiduals:
 
     def predictions(self, vector: Array) -> list[ComplexArray]:
         """Return V_n at the points of each map."""
-        return [predict(data, self.shape, values) for data, values in zip(self.maps, self.unpack(vector), strict=True)]
+        return [
+            predict(data, self.shape, values)
+            for data, values in zip(self.maps, self.unpack(vector), strict=True)
+        ]
 
     def residuals(self, vector: Array) -> Array:
-        """Return (data − model)/noise as real numbers, map by map; a wall where no map can be, so that no step leads there."""
+        """Return (data − model)/noise as real numbers, map by map.
+
+        a wall where no map can be, so that no step leads there.
+        """
         if not self._possible(vector):
             return np.full(self.n_points, WALL)
         parts = [
@@ -73,7 +86,9 @@ class MapResiduals:
     def _possible(self, vector: Array) -> bool:
         """Say whether the motion is within twice the range of the search and the membrane within twice and half its size."""
         depth = max(data.wavenumber for data in self.maps) * abs(vector[0])
-        return bool(depth < 2 * LARGEST and all(0.5 < values["scale"] < 2 for values in self.unpack(vector)))
+        return bool(
+            depth < 2 * LARGEST and all(0.5 < values["scale"] < 2 for values in self.unpack(vector))
+        )
 
     def jacobian(self, vector: Array) -> Array:
         """Return the derivatives of the residuals, (n_points, n_parameters)."""
@@ -81,7 +96,10 @@ class MapResiduals:
         row = 0
         for i, (data, values) in enumerate(zip(self.maps, self.unpack(vector), strict=True)):
             by = slopes(data, self.shape, values)
-            columns = {"amplitude": 0, **{name: 1 + i * len(self.own) + j for j, name in enumerate(self.own)}}
+            columns = {
+                "amplitude": 0,
+                **{name: 1 + i * len(self.own) + j for j, name in enumerate(self.own)},
+            }
             n_rows = 2 * int(data.present.sum())
             for name, column in columns.items():
                 result[row : row + n_rows, column] = -_real(by[name][data.present] / data.noise)
@@ -89,7 +107,10 @@ class MapResiduals:
         return result
 
     def unit(self, vector: Array) -> Array:
-        """Return a step of each parameter that would matter: a nanometre, the contrast, a radian, a point's spacing, the size."""
+        """Return a step of each parameter that would matter.
+
+        a nanometre, the contrast, a radian, a point's spacing, the size.
+        """
         steps = {"amplitude": 1e-9} | dict.fromkeys(self.own, 1.0)
         own = [
             steps | {"contrast": abs(values["contrast"]), "x": data.spacing, "y": data.spacing}
@@ -97,10 +118,15 @@ class MapResiduals:
         ]
         return self.pack(steps["amplitude"], own)
 
-    def refine(self, vector: Array, held: Sequence[int] = (), most: int = 200) -> tuple[Array, float]:
-        """Return the nearest minimum of χ² and χ² there, or where `most` evaluations led; parameters with the indices `held` stay.
+    def refine(
+        self, vector: Array, held: Sequence[int] = (), most: int = 200
+    ) -> tuple[Array, float]:
+        """Return the nearest minimum of χ² and χ² there, or where `most` evaluations led.
 
-        Parameters that the data do not see stay as well, as nothing would keep them from drifting away.
+        Parameters with the indices `held` stay.
+
+        Parameters that the data do not see stay as well, as nothing would keep them from drifting
+        away.
         """
         dead = np.flatnonzero(unseen(self.jacobian(vector), self.unit(vector)))
         free = np.setdiff1d(np.arange(vector.size), np.union1d(np.asarray(held, int), dead))
@@ -117,30 +143,56 @@ class MapResiduals:
             return self.jacobian(at(values))[:, free]
 
         found = least_squares(
-            residuals, vector[free], jacobian, method="lm", x_scale="jac", xtol=1e-10, ftol=1e-12, gtol=1e-12, max_nfev=most
+            residuals,
+            vector[free],
+            jacobian,
+            method="lm",
+            x_scale="jac",
+            xtol=1e-10,
+            ftol=1e-12,
+            gtol=1e-12,
+            max_nfev=most,
         )
         return at(found.x), float(2 * found.cost)
 
     def tabulated(self) -> "MapResiduals":
-        """Return the same problem with ξ from a table about the map: quick where a finite-element shape is slow, and close to it."""
-        half = REACH * max(max(np.abs(data.x).max(), np.abs(data.y).max(), data.spacing) for data in self.maps)
+        """Return the same problem with ξ from a table about the map.
+
+        Quick where a finite-element shape is slow, and close to it.
+        """
+        half = REACH * max(
+            max(np.abs(data.x).max(), np.abs(data.y).max(), data.spacing) for data in self.maps
+        )
         axis = np.linspace(-half, half, TABLE)
         coefficients = spline_filter(self.shape(*np.meshgrid(axis, axis)))
 
         def shape(x: Array, y: Array) -> Array:
-            return map_coordinates(coefficients, np.stack([y + half, x + half]) / (axis[1] - axis[0]), prefilter=False)
+            return map_coordinates(
+                coefficients, np.stack([y + half, x + half]) / (axis[1] - axis[0]), prefilter=False
+            )
 
         return replace(self, shape=shape)
 
     def starts(self) -> list[Array]:
         """Return starting points at the best optima of U, the membrane placed about the origin or about the centre of the signal."""
         placements = [self._placements(data) for data in self.maps]
-        return [self.pack(start.amplitude, start.maps) for start in starts(self.maps, self.shape, N_STARTS, placements)]
+        return [
+            self.pack(start.amplitude, start.maps)
+            for start in starts(self.maps, self.shape, N_STARTS, placements)
+        ]
 
     def _placements(self, data: MapData) -> list[dict[str, float]]:
-        power = np.maximum(np.sum(np.abs(data.values) ** 2 - 2 * data.noise**2 * data.present, axis=0), 0)
+        power = np.maximum(
+            np.sum(np.abs(data.values) ** 2 - 2 * data.noise**2 * data.present, axis=0), 0
+        )
         weight = power / power.sum() if power.any() else np.zeros_like(power)
-        centres = {(0.0, 0.0), (float(weight @ data.x) * ("x" in self.registration), float(weight @ data.y) * ("y" in self.registration))}
+        centres = {
+            (0.0, 0.0),
+            (
+                float(weight @ data.x) * ("x" in self.registration),
+                float(weight @ data.y) * ("y" in self.registration),
+            ),
+        }
         scales = SCALES if "scale" in self.registration else (1.0,)
         rotations = ROTATIONS if "rotation" in self.registration else (0.0,)
         return [

@@ -1,7 +1,10 @@
-"""The global part of a map fit: every amplitude on a grid, with contrast, working point and phase of motion eliminated at each.
+"""The global part of a map fit.
 
-The misfit has a minimum for about every fringe that the motion crosses, so no local search is safe. At a given U the model is
-linear in the contrast; what the data say about (θ, φ) is held by the sums Σ J_n(kqUξ) V_n and Σ J_n(kqUξ) J_n(lqUξ) over the map.
+Every amplitude on a grid, with contrast, working point and phase of motion eliminated at each.
+
+The misfit has a minimum for about every fringe that the motion crosses, so no local search is safe.
+At a given U the model is linear in the contrast; what the data say about (θ, φ) is held by the sums
+Σ J_n(kqUξ) V_n and Σ J_n(kqUξ) J_n(lqUξ) over the map.
 """
 
 from dataclasses import dataclass
@@ -27,14 +30,19 @@ OVERTONES = 4
 
 @dataclass(frozen=True)
 class Start:
-    """A starting point of the refinement: the amplitude [m], and per map its other parameters; gain is the χ² that it explains."""
+    """A starting point of the refinement: the amplitude [m], and per map its other parameters.
+
+    Gain is the χ² that it explains.
+    """
 
     amplitude: float
     maps: tuple[dict[str, float], ...]
     gain: float
 
 
-def starts(maps: list[MapData], shape: Shape, count: int, placements: list[list[dict[str, float]]]) -> list[Start]:
+def starts(
+    maps: list[MapData], shape: Shape, count: int, placements: list[list[dict[str, float]]]
+) -> list[Start]:
     """Return the `count` best local optima in U, best first.
 
     Args:
@@ -43,7 +51,10 @@ def starts(maps: list[MapData], shape: Shape, count: int, placements: list[list[
         count: most starts to return.
         placements: for each map the placements (x, y, scale, rotation) to try.
     """
-    amplitudes = np.asarray(STEP * (np.arange(round(LARGEST / STEP)) + 0.5) / max(data.wavenumber for data in maps), np.float64)
+    amplitudes = np.asarray(
+        STEP * (np.arange(round(LARGEST / STEP)) + 0.5) / max(data.wavenumber for data in maps),
+        np.float64,
+    )
     total = np.zeros(len(amplitudes))
     winners: list[list[tuple[dict[str, float], Array]]] = []
     for data, tried in zip(maps, placements, strict=True):
@@ -54,23 +65,41 @@ def starts(maps: list[MapData], shape: Shape, count: int, placements: list[list[
     padded = np.concatenate([[-np.inf], total, [-np.inf]])
     peaks = np.flatnonzero((total >= padded[:-2]) & (total > padded[2:]))
     peaks = peaks[np.argsort(-total[peaks])][:count]
-    return [Start(float(amplitudes[i]), tuple(_parameters(*rows[i]) for rows in winners), float(total[i])) for i in peaks]
+    return [
+        Start(
+            float(amplitudes[i]), tuple(_parameters(*rows[i]) for rows in winners), float(total[i])
+        )
+        for i in peaks
+    ]
 
 
 def _parameters(placement: dict[str, float], row: Array) -> dict[str, float]:
     """Name the columns of `_explained`."""
-    return {**placement, "contrast": float(row[1]), "fringe_phase": float(row[2]), "motion_phase": float(row[3])}
+    return {
+        **placement,
+        "contrast": float(row[1]),
+        "fringe_phase": float(row[2]),
+        "motion_phase": float(row[3]),
+    }
 
 
-def _explained(data: MapData, shape: Shape, placements: list[dict[str, float]], amplitudes: Array) -> list[Array]:
-    """Return for each placement and U the χ² that the best (V_C, θ, φ) explains, and these: arrays (n_amplitudes, 4)."""
+def _explained(
+    data: MapData, shape: Shape, placements: list[dict[str, float]], amplitudes: Array
+) -> list[Array]:
+    """Return for each placement and U the χ² that the best (V_C, θ, φ) explains, and these.
+
+    arrays (n_amplitudes, 4).
+    """
     # For one cosine, θ + π is −V_C, which the linear step finds by itself.
     theta = np.arange(0, np.pi if len(data.series.coefficients) == 2 else 2 * np.pi, np.pi / 32)
     phi = np.arange(0, 2 * np.pi, np.pi / (4 * data.harmonic.max()))
     weight = overtone_weights(data.series, data.harmonic, theta)[0][..., :OVERTONES]
     turn = np.exp(-1j * data.harmonic[:, None] * phi)
     bessel = _bessel(
-        tuple(data.harmonic.tolist()), weight.shape[-1], round(data.wavenumber * amplitudes[0] / (STEP / 2), 6), len(amplitudes)
+        tuple(data.harmonic.tolist()),
+        weight.shape[-1],
+        round(data.wavenumber * amplitudes[0] / (STEP / 2), 6),
+        len(amplitudes),
     )
     tables = []
     for placement in placements:
@@ -85,16 +114,26 @@ def _explained(data: MapData, shape: Shape, placements: list[dict[str, float]], 
         t, p = np.unravel_index(best, (len(theta), len(phi)))
         row = np.arange(len(amplitudes))
         contrast = met[row, t, p] / np.maximum(norm[row, t], np.finfo(float).tiny)
-        tables.append(np.column_stack([gain[row, t, p] / data.noise**2, contrast, theta[t], phi[p]]))
+        tables.append(
+            np.column_stack([gain[row, t, p] / data.noise**2, contrast, theta[t], phi[p]])
+        )
     return tables
 
 
 @lru_cache(maxsize=4)
 def _bessel(harmonic: tuple[int, ...], n_overtones: int, ratio: float, n_amplitudes: int) -> Array:
-    """Return J_n(k·ratio·zξ) over the grid of z and the classes of ξ: (n_amplitudes, n_harmonics, n_overtones, BINS)."""
+    """Return J_n(k·ratio·zξ) over the grid of z and the classes of ξ.
+
+    (n_amplitudes, n_harmonics, n_overtones, BINS).
+    """
     n = np.array(harmonic)[:, None, None]
     z = ratio * STEP * (np.arange(n_amplitudes) + 0.5)
-    right = jv(n, np.arange(1, n_overtones + 1)[:, None] * z[:, None, None, None] * np.linspace(0, 1, BINS // 2 + 1))
+    right = jv(
+        n,
+        np.arange(1, n_overtones + 1)[:, None]
+        * z[:, None, None, None]
+        * np.linspace(0, 1, BINS // 2 + 1),
+    )
     return np.concatenate([(-1.0) ** n * right[..., :0:-1], right], axis=-1)
 
 
@@ -104,5 +143,8 @@ def _gather(data: MapData, xi: Array) -> tuple[ComplexArray, Array]:
     left = np.minimum(position.astype(int), BINS - 2)
     share = position - left
     point = np.arange(xi.size)
-    spread = csr_array((np.concatenate([1 - share, share]), (np.concatenate([left, left + 1]), np.tile(point, 2))), shape=(BINS, xi.size))
+    spread = csr_array(
+        (np.concatenate([1 - share, share]), (np.concatenate([left, left + 1]), np.tile(point, 2))),
+        shape=(BINS, xi.size),
+    )
     return np.asarray(spread @ data.values.T).T, np.asarray(spread @ data.present.T.astype(float)).T

@@ -11,7 +11,17 @@ from scipy.optimize import leastsq
 from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.fits.covariance import STEP, covariance, derived
-from femnl.observe.record.free_run import EDGE, Array, Drive, Hold, Numbers, free_run, predictable, stages, steps_needed
+from femnl.observe.record.free_run import (
+    EDGE,
+    Array,
+    Drive,
+    Hold,
+    Numbers,
+    free_run,
+    predictable,
+    stages,
+    steps_needed,
+)
 
 LINEAR = ("mass", "damping", "stiffness")
 TERMS = ("offset", "cubic", "quadratic", "nonlinear_damping")
@@ -19,8 +29,9 @@ CLOSE = 1e-7
 MAX_CALLS = 40
 # Samples through which the motion at the begin is found.
 FIRST = 6
-# Width of the Gaussian by which the equation is smoothed, and where it is cut off, in samples: below a seventh of the sampling rate it
-# leaves more than two thirds, and of noise near half that rate a thousandth.
+# Width of the Gaussian by which the equation is smoothed, and where it is cut off, in samples:
+# below a seventh of the sampling rate it leaves more than two thirds, and of noise near half that
+# rate a thousandth.
 SMOOTH = 1.2
 REACH = 10
 
@@ -44,7 +55,9 @@ def fit_oscillator(
     fitted: slice | NDArray[np.bool_] = slice(None),
     start: Fit | None = None,
 ) -> Fit:
-    """Fit an oscillator by the error of its free run: only the drive is given, never the measured output.
+    """Fit an oscillator by the error of its free run.
+
+    Only the drive is given, never the measured output.
 
     m ÿ + c (1 + η y²) ẏ + k y + k₂ y² + k₃ y³ = u + u₀
 
@@ -52,23 +65,27 @@ def fit_oscillator(
         drive: u (n,), in its own unit, from a state of rest.
         output: y (n,), in its own unit; NaN is left out.
         sampling_rate: [Hz].
-        terms: which of `offset` u₀, `quadratic` k₂, `cubic` k₃, `nonlinear_damping` η to fit beside m, c and k; the rest is 0.
+        terms: which of `offset` u₀, `quadratic` k₂, `cubic` k₃, `nonlinear_damping` η to fit beside
+            m, c and k; the rest is 0.
         hold: how u runs between samples, see `stages`.
-        fitted: the samples that are compared; all are simulated. The last EDGE of a band-limited record never are, see `predictable`.
-        start: a fit of the same record with fewer terms, where there is one; otherwise the linear oscillator is fitted first.
+        fitted: the samples that are compared; all are simulated. The last EDGE of a band-limited
+            record never are, see `predictable`.
+        start: a fit of the same record with fewer terms, where there is one; otherwise the linear
+            oscillator is fitted first.
 
     Returns:
-        mass, damping, stiffness and the terms in units of drive and output; derived frequency [Hz], quality_factor, and alpha = k₃/k.
-        The scatter of what is left is taken for white noise, so the standard deviations hold as far as it is.
+        mass, damping, stiffness and the terms in units of drive and output; derived frequency [Hz],
+        quality_factor, and alpha = k₃/k. The scatter of what is left is taken for white noise, so
+        the standard deviations hold as far as it is.
 
     Raises:
         MeasurementError: records of different or too small length, a drive with gaps or constant.
         ParameterError: an unknown term.
-        ConvergenceError: the record shows no damped oscillation to start from, or the fit ends at one that
-            does not come to rest, or lies beyond half the sampling rate.
+        ConvergenceError: the record shows no damped oscillation to start from, or the fit ends at
+            one that does not come to rest, or lies beyond half the sampling rate.
     Valid: at least about eight samples a period; one stable rest state.
-    Source: the benchmark of Wigren and Schoukens (2013), Three free data sets for development and benchmarking in nonlinear system
-        identification, European Control Conference.
+    Source: the benchmark of Wigren and Schoukens (2013), Three free data sets for development and
+        benchmarking in nonlinear system identification, European Control Conference.
     """
     u = np.asarray(drive, dtype=float)
     y = np.asarray(output, dtype=float)
@@ -80,7 +97,10 @@ def fit_oscillator(
     if hold == "band-limited":
         chosen[-EDGE:] = False
     if u.shape != y.shape or u.ndim != 1 or np.count_nonzero(chosen & np.isfinite(y)) < 100:
-        raise MeasurementError(f"drive {u.shape} and output {y.shape}: give two records of equal length, with at least 100 samples fitted")
+        raise MeasurementError(
+            f"drive {u.shape} and output {y.shape}: give two records of equal length, with at "
+            "least 100 samples fitted"
+        )
     chosen &= np.isfinite(y)
     interval = 1 / sampling_rate
     names = [*LINEAR, *(term for term in TERMS if term in terms)]
@@ -93,26 +113,43 @@ def fit_oscillator(
     starts = [np.array([known.get(name, 0.0) for name in names])]
     if len(names) > len(LINEAR):
         starts.append(equation_start(names, u, y, interval, chosen))
-        record = replace(record, drive=stages(u, interval, hold, _steps(names, starts[-1], y[chosen], interval)))
+        record = replace(
+            record, drive=stages(u, interval, hold, _steps(names, starts[-1], y[chosen], interval))
+        )
     ends = [_descend(names, values, record) for values in starts]
     values = min(ends, key=lambda end: float(np.sum(_left(names, end, record) ** 2)))
     damping, stiffness = values[1:3] / values[0]
     if not (damping > 0 and 0 < stiffness < (np.pi / interval) ** 2):
         raise ConvergenceError(
-            f"output: of mass 1, the oscillator that comes closest has damping {damping:.3g}/s and stiffness {stiffness:.3g}/s²: it does "
-            "not come to rest, or is faster than half the sampling rate; fit another part of the record, or other terms"
+            f"output: of mass 1, the oscillator that comes closest has damping {damping:.3g}/s "
+            f"and stiffness {stiffness:.3g}/s²: it does "
+            "not come to rest, or is faster than half the sampling rate; fit another part of "
+            "the record, or other terms"
         )
     residual, slopes = _misfit(names, values, record)
     noise = float(np.std(residual))
-    found, blind = covariance(slopes / noise, names, np.maximum(np.abs(values), np.finfo(float).tiny))
-    parameters = {name: Parameter(name, float(v), float(s), "") for name, v, s in zip(names, values, np.sqrt(np.diag(found)), strict=True)}
+    found, blind = covariance(
+        slopes / noise, names, np.maximum(np.abs(values), np.finfo(float).tiny)
+    )
+    parameters = {
+        name: Parameter(name, float(v), float(s), "")
+        for name, v, s in zip(names, values, np.sqrt(np.diag(found)), strict=True)
+    }
     parameters |= _derived(values, found, names)
-    notes = (f"root mean square of what is left: {noise:.4g} in the unit of the output, taken for white noise", *blind)
+    notes = (
+        f"root mean square of what is left: {noise:.4g} in the unit of the output, taken for "
+        "white noise",
+        *blind,
+    )
     return Fit(parameters, found, 1.0, len(residual), len(names), notes)
 
 
-def simulate_oscillator(fit: Fit, drive: ArrayLike, sampling_rate: float, *, hold: Hold = "band-limited") -> Array:
-    """Return the free run (n,) of a fitted oscillator under a drive (n,), from rest; where it begins and ends see `predictable`.
+def simulate_oscillator(
+    fit: Fit, drive: ArrayLike, sampling_rate: float, *, hold: Hold = "band-limited"
+) -> Array:
+    """Return the free run (n,) of a fitted oscillator under a drive (n,), from rest.
+
+    Where it begins and ends see `predictable`.
 
     Args:
         fit: from `fit_oscillator`.
@@ -145,12 +182,16 @@ def settled(drive: Array, output: Array, sampling_rate: float) -> NDArray[np.boo
 def begun(output: Array, interval: float) -> Array:
     """Return y and ẏ (2,) at the first sample of an output (n,), from the polynomial through the first ones that are known."""
     first = np.flatnonzero(np.isfinite(output))[:FIRST]
-    return np.asarray(np.polynomial.polynomial.polyfit(interval * first, output[first], FIRST - 1)[:2])
+    return np.asarray(
+        np.polynomial.polynomial.polyfit(interval * first, output[first], FIRST - 1)[:2]
+    )
 
 
 def _steps(names: Sequence[str], values: Array, output: Array, interval: float) -> int:
     """Return the steps that a motion as large as the output needs from sample to sample."""
-    return steps_needed(_coefficients(names, values[:, None])[:, 0], float(np.abs(output).max()), interval)
+    return steps_needed(
+        _coefficients(names, values[:, None])[:, 0], float(np.abs(output).max()), interval
+    )
 
 
 def _coefficients(names: Sequence[str], values: Numbers) -> Numbers:
@@ -159,7 +200,9 @@ def _coefficients(names: Sequence[str], values: Numbers) -> Numbers:
     zero = np.zeros_like(values[0])
     mass, damping, stiffness = (by_name[name] for name in LINEAR)
     offset, cubic, quadratic, eta = (by_name.get(name, zero) for name in TERMS)
-    return np.stack([1 / mass, offset, damping / mass, eta, stiffness / mass, quadratic / mass, cubic / mass])
+    return np.stack(
+        [1 / mass, offset, damping / mass, eta, stiffness / mass, quadratic / mass, cubic / mass]
+    )
 
 
 def _misfit(names: Sequence[str], values: Array, record: _Record) -> tuple[Array, Array]:
@@ -185,15 +228,33 @@ def _descend(names: Sequence[str], values: Array, record: _Record) -> Array:
     def slopes(trial: Array) -> Array:
         return _misfit(names, trial, record)[1]
 
-    best, *_ = leastsq(residual, values, Dfun=slopes, full_output=True, ftol=CLOSE, xtol=CLOSE, gtol=CLOSE, maxfev=MAX_CALLS)
+    best, *_ = leastsq(
+        residual,
+        values,
+        Dfun=slopes,
+        full_output=True,
+        ftol=CLOSE,
+        xtol=CLOSE,
+        gtol=CLOSE,
+        maxfev=MAX_CALLS,
+    )
     return np.asarray(best)
 
 
-def equation_start(names: Sequence[str], u: Array, y: Array, interval: float, chosen: NDArray[np.bool_] | None = None) -> Array:
-    """Return the parameters that fulfil the equation best, smoothed by a Gaussian: its derivatives take the place of the output's.
+def equation_start(
+    names: Sequence[str],
+    u: Array,
+    y: Array,
+    interval: float,
+    chosen: NDArray[np.bool_] | None = None,
+) -> Array:
+    """Return the parameters that fulfil the equation best, smoothed by a Gaussian.
 
-    So noise is not differentiated, but it biases what it is multiplied with, and this serves as a start alone: under strong forces of third
-    order the error of a free run has many minima, and the linear oscillator lies behind a barrier.
+    Its derivatives take the place of the output's.
+
+    So noise is not differentiated, but it biases what it is multiplied with, and this serves as a
+    start alone: under strong forces of third order the error of a free run has many minima, and the
+    linear oscillator lies behind a barrier.
     """
     time = np.arange(len(y))
     known = np.isfinite(y)
@@ -201,7 +262,10 @@ def equation_start(names: Sequence[str], u: Array, y: Array, interval: float, ch
     whole = np.interp(time, time[known], y[known])
 
     def smooth(values: Array, order: int = 0) -> Array:
-        return np.asarray(gaussian_filter1d(values, SMOOTH, order=order, truncate=REACH / SMOOTH)[inside] / interval**order)
+        return np.asarray(
+            gaussian_filter1d(values, SMOOTH, order=order, truncate=REACH / SMOOTH)[inside]
+            / interval**order
+        )
 
     inside = chosen & (time >= REACH) & (time < len(y) - REACH)
     cube = whole**3
@@ -214,7 +278,12 @@ def equation_start(names: Sequence[str], u: Array, y: Array, interval: float, ch
         "quadratic": smooth(whole**2),
         "nonlinear_damping": smooth(cube, 1) / 3,
     }
-    values = np.asarray(np.linalg.lstsq(np.column_stack([columns[name] for name in names]), smooth(u), rcond=None)[0], dtype=float)
+    values = np.asarray(
+        np.linalg.lstsq(np.column_stack([columns[name] for name in names]), smooth(u), rcond=None)[
+            0
+        ],
+        dtype=float,
+    )
     if "nonlinear_damping" in names:
         values[names.index("nonlinear_damping")] /= values[1]
     return values
@@ -223,13 +292,18 @@ def equation_start(names: Sequence[str], u: Array, y: Array, interval: float, ch
 def linear_start(u: Array, y: Array, interval: float) -> Array:
     """Return mass, damping and stiffness of the linear recursion y₂ = a₁ y₁ + a₂ y₀ + b₂ u₂ + b₁ u₁ + b₀ u₀ + const."""
     if np.ptp(u) == 0:
-        raise MeasurementError(f"drive: {u[0] + 0.0:g} all along; give the record of a drive that moves the oscillator")
+        raise MeasurementError(
+            f"drive: {u[0] + 0.0:g} all along; give the record of a drive that moves the oscillator"
+        )
     columns = np.column_stack([y[1:-1], y[:-2], u[2:], u[1:-1], u[:-2], np.ones(len(y) - 2)])
     a1, a2, *b, _ = np.linalg.lstsq(columns, y[2:], rcond=None)[0]
     root = complex(np.roots([1.0, -a1, -a2])[0])
     rest = 1 - a1 - a2
     if root.imag == 0 or abs(root) >= 1:
-        raise ConvergenceError(f"output: its linear recursion, with the root {root:.4g}, does not ring; fit another part of the record")
+        raise ConvergenceError(
+            f"output: its linear recursion, with the root {root:.4g}, does not ring; fit another "
+            "part of the record"
+        )
     pole = np.log(root) / interval
     gain = sum(b) / rest
     return np.asarray(np.array([1.0, -2 * pole.real, abs(pole) ** 2]) / (gain * abs(pole) ** 2))
@@ -241,7 +315,12 @@ def _derived(values: Array, found: Array, names: Sequence[str]) -> dict[str, Par
     def derive(p: Numbers) -> dict[str, tuple[complex, str]]:
         mass, damping, stiffness = p[:3]
         turn = np.sqrt(stiffness / mass)
-        out = {"frequency": (turn / (2 * np.pi), "Hz"), "quality_factor": (turn * mass / damping, "")}
-        return out | ({"alpha": (p[names.index("cubic")] / stiffness, "")} if "cubic" in names else {})
+        out = {
+            "frequency": (turn / (2 * np.pi), "Hz"),
+            "quality_factor": (turn * mass / damping, ""),
+        }
+        return out | (
+            {"alpha": (p[names.index("cubic")] / stiffness, "")} if "cubic" in names else {}
+        )
 
     return derived(derive, values, found)

@@ -1,4 +1,7 @@
-"""What each term of an oscillator's equation buys: fits with more and more of them, judged on the part held out."""
+"""What each term of an oscillator's equation buys.
+
+Fits with more and more of them, judged on the part held out.
+"""
 
 from dataclasses import dataclass
 
@@ -15,7 +18,9 @@ ORDER = ("offset", "cubic", "quadratic", "nonlinear_damping")
 
 @dataclass(frozen=True, eq=False)
 class TermsFit:
-    """One model: the terms beside m, c and k; its fit; free-run error [unit of the output] (n,), and its rms fitted and held out.
+    """One model: the terms beside m, c and k; its fit.
+
+    Free-run error [unit of the output] (n,), and its rms fitted and held out.
 
     held_out is NaN where nothing was held out.
     """
@@ -28,17 +33,22 @@ class TermsFit:
 
 
 def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsFit]:
-    """Fit the oscillator of a `trace` with its drive: linear, then with offset, k₃, k₂ and η added one after the other.
+    """Fit the oscillator of a `trace` with its drive.
 
-    The record need not begin at rest: its first decay times are simulated but neither fitted nor counted, nor are its last samples, see
-    `settled`.
-    Args: dataset of kind `trace`, one step, with `drive_voltage`; held_out: samples that no fit sees.
+    Linear, then with offset, k₃, k₂ and η added one after the other.
+
+    The record need not begin at rest: its first decay times are simulated but neither fitted nor
+    counted, nor are its last samples, see `settled`.
+    Args: dataset of kind `trace`, one step, with `drive_voltage`; held_out: samples that no fit
+    sees.
     Returns: the models by rising number of terms.
-    Raises: MeasurementError without a drive, with several steps, or with fewer than 100 samples left to fit or to test.
+    Raises: MeasurementError without a drive, with several steps, or with fewer than 100 samples
+    left to fit or to test.
     """
     if "drive_voltage" not in dataset or dataset.sizes["step"] != 1:
         raise MeasurementError(
-            f"trace: an oscillator is fitted to one step with its drive_voltage, here are {dataset.sizes['step']} steps "
+            "trace: an oscillator is fitted to one step with its drive_voltage, here are "
+            f"{dataset.sizes['step']} steps "
             f"{'with' if 'drive_voltage' in dataset else 'without'} it"
         )
     drive = dataset["drive_voltage"].values[0]
@@ -51,14 +61,23 @@ def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsF
     n_fitted, n_tested = (int(np.count_nonzero(part)) for part in (counted & ~test, counted & test))
     if n_fitted < 100 or (held_out is not None and n_tested < 100):
         raise MeasurementError(
-            f"trace: of {len(output)} samples {n_fitted} are left to fit and {n_tested} held out, without the "
-            f"{np.count_nonzero(~counted)} in which the oscillator settles or the drive's spline ends; both need 100"
+            f"trace: of {len(output)} samples {n_fitted} are left to fit and {n_tested} held "
+            "out, without the "
+            f"{np.count_nonzero(~counted)} in which the oscillator settles or the drive's spline "
+            "ends; both need 100"
         )
     models: list[TermsFit] = []
     for count in range(len(ORDER) + 1):
         earlier = models[-1].fit if models else None
-        fit = fit_oscillator(drive, output, rate, ORDER[:count], fitted=counted & ~test, start=earlier)
+        fit = fit_oscillator(
+            drive, output, rate, ORDER[:count], fitted=counted & ~test, start=earlier
+        )
         error = simulate_oscillator(fit, drive, rate) - output
-        fitted, tested = (float(np.sqrt(np.mean(error[part] ** 2))) if part.any() else np.nan for part in (counted & ~test, counted & test))
-        models.append(TermsFit(ORDER[:count], fit, np.where(counted, error, np.nan), fitted, tested))
+        fitted, tested = (
+            float(np.sqrt(np.mean(error[part] ** 2))) if part.any() else np.nan
+            for part in (counted & ~test, counted & test)
+        )
+        models.append(
+            TermsFit(ORDER[:count], fit, np.where(counted, error, np.nan), fitted, tested)
+        )
     return models

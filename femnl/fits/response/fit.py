@@ -1,4 +1,7 @@
-"""Fit the Duffing response to driven sweeps: f₀, Q and α_y/α_c shared, gain and phase by position, with honest uncertainties."""
+"""Fit the Duffing response to driven sweeps.
+
+F₀, Q and α_y/α_c shared, gain and phase by position, with honest uncertainties.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,33 +32,40 @@ def fit_response(
 ) -> Fit:
     """Fit all sweeps of a driven response at once with shared f₀, w, α_y/α_c and delay, and y_max and φ for each position.
 
-    y(f) = V/drive = y_max (w/2) e^{iφ − 2πi(f − f₀)τ} / (f₀ (1 + ⅜ α_y |y|²) − f + i w/2 (1 + d |y/y_max|²)). In y, α_y grows with the
-    square of the drive; it is quoted, as α_y/α_c and d are, at the strongest drive.
+    y(f) = V/drive = y_max (w/2) e^{iφ − 2πi(f − f₀)τ} / (f₀ (1 + ⅜ α_y |y|²) − f + i w/2 (1 + d
+    |y/y_max|²)). In y, α_y grows with the square of the drive; it is quoted, as α_y/α_c and d are,
+    at the strongest drive.
 
     Args:
         dataset: of kind `response`; first harmonics are fitted.
-        use: `complex`, `magnitude`, `phase`, or `phase-mod-pi` where a nonlinear readout may turn the sign of the signal.
+        use: `complex`, `magnitude`, `phase`, or `phase-mod-pi` where a nonlinear readout may turn
+            the sign of the signal.
         nonlinear_damping: whether to fit d as well (0 otherwise).
         bounds: (low, high) by parameter name, SI.
         force_per_volt: 𝓕/drive [m s⁻² V⁻¹]; gives α in m⁻².
-        responsivity: dV/du · ξ [V/m] for each position, in the order of rising x, then y; gives α in m⁻².
+        responsivity: dV/du · ξ [V/m] for each position, in the order of rising x, then y; gives α
+            in m⁻².
 
     Returns:
-        Free parameters frequency, linewidth, alpha_ratio, damping_ratio, y_max, phase, delay, as far as `use` sees them; derived
-        drive (the strongest), quality_factor, alpha_c and alpha_y, and with a calibration alpha and eta. With several positions, y_max,
-        phase, alpha_c and alpha_y carry [position].
+        Free parameters frequency, linewidth, alpha_ratio, damping_ratio, y_max, phase, delay, as
+        far as `use` sees them; derived drive (the strongest), quality_factor, alpha_c and alpha_y,
+        and with a calibration alpha and eta. With several positions, y_max, phase, alpha_c and
+        alpha_y carry [position].
 
     Raises:
         MeasurementError: data that cannot be fitted.
         ParameterError: an argument that means nothing.
         ConvergenceError: no start led to a minimum.
-    Valid: w ≪ f₀; noise normal and equal in both quadratures; one mode; readout linear, or `phase-mod-pi`.
+    Valid: w ≪ f₀; noise normal and equal in both quadratures; one mode; readout linear, or
+    `phase-mod-pi`.
     Source: arXiv:2502.19191, S2; the published factor of α is corrected by (4π²)².
     """
     if use not in get_args(Use):
         raise ParameterError(f"use = {use!r}: give one of {', '.join(get_args(Use))}")
     if force_per_volt is not None and responsivity is not None:
-        raise ParameterError("force_per_volt and responsivity both calibrate the amplitude: give one of them")
+        raise ParameterError(
+            "force_per_volt and responsivity both calibrate the amplitude: give one of them"
+        )
     whole = collect(dataset)
     sweeps = whole.keep(usable(whole, use), "points too weak to have a phase left out")
     layout = _layout(sweeps, use, nonlinear_damping)
@@ -66,26 +76,38 @@ def fit_response(
     found, blind = covariance(slopes, names, np.ones(layout.size))
     found = found * np.outer(scale, scale)
     n_points = len(slopes)
-    derived = parameters(sweeps, layout, theta, found, force_per_volt=force_per_volt, responsivity=responsivity)
+    derived = parameters(
+        sweeps, layout, theta, found, force_per_volt=force_per_volt, responsivity=responsivity
+    )
     notes = [*sweeps.notes, *blind, *_fold_notes(misfit, theta)]
     notes += [sentence for sentence in [strongest_correlation(found, names)] if sentence]
-    return Fit(derived, found, chi2 / max(n_points - layout.size, 1), n_points, layout.size, tuple(notes))
+    return Fit(
+        derived, found, chi2 / max(n_points - layout.size, 1), n_points, layout.size, tuple(notes)
+    )
 
 
 def predict_response(fit: Fit, dataset: xr.Dataset) -> xr.DataArray:
     """Return the complex voltage (sweep, point) [V] of a fit at the points of a dataset, NaN where nothing was fitted.
 
-    States are chosen as in the fit: by the data of each sweep. A missing y_max is taken as 1 V/V, a missing phase as 0.
+    States are chosen as in the fit: by the data of each sweep. A missing y_max is taken as 1 V/V, a
+    missing phase as 0.
     """
     whole = collect(dataset)
     places = max(1, sum(name.startswith(("y_max[", "phase[")) for name in fit.parameters))
     if whole.n_positions not in (places, places / 2):
-        raise ParameterError(f"dataset: {whole.n_positions} positions, but the fit has another number; give the dataset that was fitted")
-    whole = replace(whole, drive=whole.drive * whole.reference / fit["drive"], reference=fit["drive"])
+        raise ParameterError(
+            f"dataset: {whole.n_positions} positions, but the fit has another number; give the "
+            "dataset that was fitted"
+        )
+    whole = replace(
+        whole, drive=whole.drive * whole.reference / fit["drive"], reference=fit["drive"]
+    )
     centre = fit["frequency"]
     width = fit["linewidth"]
     damping = "damping_ratio" in fit.parameters
-    layout = Layout(centre, width, whole.span, fit["drive"], whole.n_positions, damping, gain=True, phase=True)
+    layout = Layout(
+        centre, width, whole.span, fit["drive"], whole.n_positions, damping, gain=True, phase=True
+    )
     theta = vector(layout, fit)
     use: Use = "complex"
     if not any(name.startswith("y_max") for name in fit.parameters):
@@ -105,7 +127,16 @@ def _layout(sweeps: Sweeps, use: Use, damping: bool) -> Layout:
     centre = float(np.mean(sweeps.frequency))
     gain = not use.startswith("phase")
     phase = use != "magnitude"
-    return Layout(centre, sweeps.span / 10, sweeps.span, sweeps.reference, sweeps.n_positions, damping, gain, phase)
+    return Layout(
+        centre,
+        sweeps.span / 10,
+        sweeps.span,
+        sweeps.reference,
+        sweeps.n_positions,
+        damping,
+        gain,
+        phase,
+    )
 
 
 def _fold_notes(misfit: Misfit, theta: Array) -> Sequence[str]:

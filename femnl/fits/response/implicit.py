@@ -1,7 +1,10 @@
-"""The Duffing response as an implicit equation of the data: no roots, no branches, no folds to get stuck at.
+"""The Duffing response as an implicit equation of the data.
 
-With z = V / (drive y_max e^{iφ − 2πi(f − f₀)τ}) the model says z D(|z|²) − 1 = 0, D = δ + a |z|² + i (1 + d |z|²). To first order in
-the noise this is as good as the explicit model; to second order it is biased, so it is where an explicit fit starts.
+No roots, no branches, no folds to get stuck at.
+
+With z = V / (drive y_max e^{iφ − 2πi(f − f₀)τ}) the model says z D(|z|²) − 1 = 0, D = δ + a |z|² +
+i (1 + d |z|²). To first order in the noise this is as good as the explicit model; to second order
+it is biased, so it is where an explicit fit starts.
 """
 
 import numpy as np
@@ -21,13 +24,20 @@ def refine(sweeps: Sweeps, layout: Layout, theta: Array) -> Array:
     """Improve θ by Gauss–Newton steps on the implicit equation, weighted by what the noise of each point makes of it."""
     for _ in range(ROUNDS):
         residual, slopes = _whitened(sweeps, layout, theta)
-        if not np.all(np.isfinite(slopes)):  # data without a resonance lead nowhere; the explicit fit says so
+        # Data without a resonance lead nowhere; the explicit fit says so
+        if not np.all(np.isfinite(slopes)):
             break
         scale = np.linalg.norm(slopes, axis=0) + np.finfo(float).tiny
         step, *_ = np.linalg.lstsq(slopes / scale, residual, rcond=1e-10)
         step = step / scale
         # ln w and ln y_max may change by a factor of two at a time, the rest along with them.
-        step *= min(1.0, LARGEST / max(abs(step[1]), np.max(np.abs(step[layout.gains]), initial=0.0), np.finfo(float).tiny))
+        step *= min(
+            1.0,
+            LARGEST
+            / max(
+                abs(step[1]), np.max(np.abs(step[layout.gains]), initial=0.0), np.finfo(float).tiny
+            ),
+        )
         theta = theta - step
         if layout.damping:
             theta[3] = max(theta[3], 0.0)
@@ -48,16 +58,20 @@ def _whitened(sweeps: Sweeps, layout: Layout, theta: Array) -> tuple[Array, Arra
     inverse = -2 * away / w + 1j + slope * x
     turn = z / np.abs(z)
     by_theta = _slopes(sweeps, layout, z, inverse, slope, -2 * away / w, w, tau, away)
-    equation = np.column_stack([z * inverse - 1, by_theta]) * (turn.conj() * scale / sweeps.noise)[:, None]
+    equation = (
+        np.column_stack([z * inverse - 1, by_theta]) * (turn.conj() * scale / sweeps.noise)[:, None]
+    )
     rows = whiten(equation, inverse, inverse + 2 * x * slope)
     return rows[:, 0], rows[:, 1:]
 
 
 def whiten(columns: Complex, across: Complex, along: Complex) -> Array:
-    """Undo what the equation does to noise: a part along z enters by `along`, a part across it by i · `couples_blocks`.
+    """Undo what the equation does to noise.
 
-    columns (…, n, k), turned so that z is real and positive; across and along (…, n). Return (…, 2n, k) real; at a fold, where
-    the map cannot be inverted, the weight falls to zero.
+    a part along z enters by `along`, a part across it by i · `couples_blocks`.
+
+    columns (…, n, k), turned so that z is real and positive; across and along (…, n). Return (…,
+    2n, k) real; at a fold, where the map cannot be inverted, the weight falls to zero.
     """
     determinant = (along * across.conj()).real
     weight = determinant / (determinant**2 + (FOLD * np.abs(across) ** 2) ** 2)
@@ -69,7 +83,15 @@ def whiten(columns: Complex, across: Complex, along: Complex) -> Array:
 
 
 def _slopes(
-    sweeps: Sweeps, layout: Layout, z: Complex, inverse: Complex, slope: Complex, delta: Array, w: float, tau: float, away: Array
+    sweeps: Sweeps,
+    layout: Layout,
+    z: Complex,
+    inverse: Complex,
+    slope: Complex,
+    delta: Array,
+    w: float,
+    tau: float,
+    away: Array,
 ) -> Complex:
     """Return the derivatives (n, size) of z D by θ."""
     n = len(z)

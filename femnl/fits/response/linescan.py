@@ -1,4 +1,7 @@
-"""Responses along a line over the membrane, fitted position by position: what depends on the readout's place, and what does not."""
+"""Responses along a line over the membrane, fitted position by position.
+
+What depends on the readout's place, and what does not.
+"""
 
 import numpy as np
 import xarray as xr
@@ -9,10 +12,13 @@ from femnl.fits.response.misfit import Use
 FIELDS = ("frequency", "linewidth", "alpha_ratio", "y_max", "alpha_y", "alpha_c")
 
 
-def fit_line_scan(dataset: xr.Dataset, use: Use = "complex", *, nonlinear_damping: bool = False) -> xr.Dataset:
+def fit_line_scan(
+    dataset: xr.Dataset, use: Use = "complex", *, nonlinear_damping: bool = False
+) -> xr.Dataset:
     """Fit each position of a `response` on its own, so that nothing forces them to agree.
 
-    α_y follows 1/y_max² over the membrane, while α_y/α_c, and with it α, must not depend on the position.
+    α_y follows 1/y_max² over the membrane, while α_y/α_c, and with it α, must not depend on the
+    position.
 
     Args:
         dataset: of kind `response`, all sweeps of one mode.
@@ -20,9 +26,10 @@ def fit_line_scan(dataset: xr.Dataset, use: Use = "complex", *, nonlinear_dampin
         nonlinear_damping: as in `fit_response`.
 
     Returns:
-        Dataset over `position` (in order of rising x, then y) with x, y [m], chi2_reduced, and value and `_sd` of frequency, linewidth,
-        alpha_ratio at the strongest drive of all, y_max, alpha_y and alpha_c as far as `use` sees them; attributes alpha_ratio and
-        alpha_ratio_sd, the weighted mean over positions, and scatter, χ²/(n − 1) of the positions about it.
+        Dataset over `position` (in order of rising x, then y) with x, y [m], chi2_reduced, and
+        value and `_sd` of frequency, linewidth, alpha_ratio at the strongest drive of all, y_max,
+        alpha_y and alpha_c as far as `use` sees them; attributes alpha_ratio and alpha_ratio_sd,
+        the weighted mean over positions, and scatter, χ²/(n − 1) of the positions about it.
 
     Raises:
         MeasurementError: a position whose sweeps cannot be fitted.
@@ -30,23 +37,55 @@ def fit_line_scan(dataset: xr.Dataset, use: Use = "complex", *, nonlinear_dampin
     """
     place = np.stack([_coordinate(dataset, "x"), _coordinate(dataset, "y")], axis=1)
     positions = np.unique(place, axis=0)
-    fits = [fit_response(dataset.isel(sweep=np.all(place == p, axis=1)), use, nonlinear_damping=nonlinear_damping) for p in positions]
-    out = xr.Dataset(coords={"x": ("position", positions[:, 0], {"units": "m"}), "y": ("position", positions[:, 1], {"units": "m"})})
+    fits = [
+        fit_response(
+            dataset.isel(sweep=np.all(place == p, axis=1)), use, nonlinear_damping=nonlinear_damping
+        )
+        for p in positions
+    ]
+    out = xr.Dataset(
+        coords={
+            "x": ("position", positions[:, 0], {"units": "m"}),
+            "y": ("position", positions[:, 1], {"units": "m"}),
+        }
+    )
     out["chi2_reduced"] = "position", [fit.chi2_reduced for fit in fits]
     strongest = max(fit["drive"] for fit in fits)
     for name in FIELDS:
         if name in fits[0].parameters:
             # α_y grows with the square of the drive: quote every position at the same one.
-            power = [(strongest / fit["drive"]) ** 2 if name in ("alpha_ratio", "alpha_y") else 1.0 for fit in fits]
+            power = [
+                (strongest / fit["drive"]) ** 2 if name in ("alpha_ratio", "alpha_y") else 1.0
+                for fit in fits
+            ]
             found = [fit.parameters[name] for fit in fits]
-            out[name] = "position", [p.value * factor for p, factor in zip(found, power, strict=True)], {"units": found[0].unit}
-            out[f"{name}_sd"] = "position", [p.sd * factor for p, factor in zip(found, power, strict=True)], {"units": found[0].unit}
+            out[name] = (
+                "position",
+                [p.value * factor for p, factor in zip(found, power, strict=True)],
+                {"units": found[0].unit},
+            )
+            out[f"{name}_sd"] = (
+                "position",
+                [p.sd * factor for p, factor in zip(found, power, strict=True)],
+                {"units": found[0].unit},
+            )
     weight = 1 / out["alpha_ratio_sd"].values ** 2
     mean = float(np.sum(weight * out["alpha_ratio"].values) / np.sum(weight))
-    scatter = float(np.sum(weight * (out["alpha_ratio"].values - mean) ** 2) / max(len(positions) - 1, 1))
-    out.attrs = {"alpha_ratio": mean, "alpha_ratio_sd": float(np.sum(weight) ** -0.5), "scatter": scatter, "drive": strongest}
+    scatter = float(
+        np.sum(weight * (out["alpha_ratio"].values - mean) ** 2) / max(len(positions) - 1, 1)
+    )
+    out.attrs = {
+        "alpha_ratio": mean,
+        "alpha_ratio_sd": float(np.sum(weight) ** -0.5),
+        "scatter": scatter,
+        "drive": strongest,
+    }
     return out
 
 
-def _coordinate(dataset: xr.Dataset, name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    return np.asarray(dataset[name].values if name in dataset else np.zeros(dataset.sizes["sweep"]), dtype=float)
+def _coordinate(
+    dataset: xr.Dataset, name: str
+) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    return np.asarray(
+        dataset[name].values if name in dataset else np.zeros(dataset.sizes["sweep"]), dtype=float
+    )

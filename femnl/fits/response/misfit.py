@@ -1,4 +1,7 @@
-"""What of a response is compared with the model, in standard deviations: complex value, magnitude, phase, or phase modulo π."""
+"""What of a response is compared with the model, in standard deviations.
+
+Complex value, magnitude, phase, or phase modulo π.
+"""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -7,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import i0e, i1e
 
-from femnl.observe.response.branches import STIFFEN, Layout, ResponseBranches, fold, jacobian, response
+from femnl.observe.response.branches import (
+    STIFFEN,
+    Layout,
+    ResponseBranches,
+    fold,
+    jacobian,
+    response,
+)
 from femnl.observe.response.sweeps import Array, Complex, Index, Sweeps
 
 Use = Literal["complex", "magnitude", "phase", "phase-mod-pi"]
@@ -27,12 +37,14 @@ class Jump:
 class Misfit:
     """Residuals of one fit. What depends on the model but must not be bent by it is set by `assign` and fixed in between.
 
-    strict: use only states that exist, else also the continuation of a sheet past its fold. high (n,): the sheet of each point,
-    0 low, 1 high. spread (n,): standard deviation of |V|/σ, less than 1 for weak signals. jumps: see below.
+    strict: use only states that exist, else also the continuation of a sheet past its fold. high
+    (n,): the sheet of each point, 0 low, 1 high. spread (n,): standard deviation of |V|/σ, less
+    than 1 for weak signals. jumps: see below.
 
-    A sweep of known direction has at most one jump, so its sheet changes once, where the data say; points of sweeps without a
-    direction take the better sheet each. In magnitudes alone, the high state hardly depends on w but for where it ends, so there
-    the jump is taken to be at the fold, within the step between two points.
+    A sweep of known direction has at most one jump, so its sheet changes once, where the data say;
+    points of sweeps without a direction take the better sheet each. In magnitudes alone, the high
+    state hardly depends on w but for where it ends, so there the jump is taken to be at the fold,
+    within the step between two points.
     """
 
     sweeps: Sweeps
@@ -47,7 +59,13 @@ class Misfit:
     @classmethod
     def of(cls, sweeps: Sweeps, layout: Layout, use: Use) -> "Misfit":
         """Start with every point on the low sheet."""
-        return cls(sweeps, layout, use, np.zeros(len(sweeps.voltage), dtype=np.intp), np.ones(len(sweeps.voltage)))
+        return cls(
+            sweeps,
+            layout,
+            use,
+            np.zeros(len(sweeps.voltage), dtype=np.intp),
+            np.ones(len(sweeps.voltage)),
+        )
 
     def assign(self, theta: Array) -> bool:
         """Choose the sheet of each point; return whether any choice changed."""
@@ -58,19 +76,24 @@ class Misfit:
         jumps = []
         for span, direction in zip(self.sweeps.spans, self.sweeps.direction, strict=True):
             if direction and span.stop > span.start:
-                # With stiffening the high state lies at low frequencies: high up to the jump, low from there.
+                # With stiffening the high state lies at low frequencies: high up to the jump, low
+                # from there.
                 first, last = (1, 0) if stiffening else (0, 1)
                 gain = cost[first, span] - cost[last, span]
                 jump = int(np.argmin(np.concatenate([[0.0], np.cumsum(gain)])))
                 better[span] = np.where(np.arange(len(gain)) < jump, first, last)
                 here = span.start + jump
-                if 0 < jump < len(gain) and np.any(both.x[0, here - 1 : here + 1] != both.x[1, here - 1 : here + 1]):
+                if 0 < jump < len(gain) and np.any(
+                    both.x[0, here - 1 : here + 1] != both.x[1, here - 1 : here + 1]
+                ):
                     jumps.append(Jump(here, top=(direction > 0) == stiffening))
         changed = bool(np.any((better != self.high) & (both.x[0] != both.x[1])))
         self.high = better
         if self.use == "magnitude":
             self.jumps = () if self.layout.damping else tuple(jumps)
-            self.spread = rice(np.abs(voltage[better, np.arange(len(better))]) / self.sweeps.noise)[1]
+            self.spread = rice(np.abs(voltage[better, np.arange(len(better))]) / self.sweeps.noise)[
+                1
+            ]
         return changed
 
     def residual(self, theta: Array) -> Array:
@@ -88,7 +111,9 @@ class Misfit:
         """Return the derivatives of `residual` by θ, `cautious` near folds for a covariance."""
         voltage, both = self._response(theta)
         v = voltage[self.high, np.arange(voltage.shape[1])]
-        points = self._project(v, jacobian(self.sweeps, self.layout, theta, both, self.high, v, cautious=cautious))
+        points = self._project(
+            v, jacobian(self.sweeps, self.layout, theta, both, self.high, v, cautious=cautious)
+        )
         return np.vstack([points, *(self._jump(theta, jump)[1] for jump in self.jumps)])
 
     def _response(self, theta: Array) -> tuple[Complex, ResponseBranches]:
@@ -135,8 +160,14 @@ class Misfit:
         if self.use == "complex":
             return np.stack([data.real - model.real, data.imag - model.imag]) / noise
         if self.use == "magnitude":
-            return np.asarray(((np.abs(data) / noise - rice(np.abs(model) / noise)[0]) / self.spread)[None])
-        angle = np.angle(data * model.conj()) if self.use == "phase" else np.angle((data * model.conj()) ** 2) / 2
+            return np.asarray(
+                ((np.abs(data) / noise - rice(np.abs(model) / noise)[0]) / self.spread)[None]
+            )
+        angle = (
+            np.angle(data * model.conj())
+            if self.use == "phase"
+            else np.angle((data * model.conj()) ** 2) / 2
+        )
         return np.asarray((angle * np.abs(data) / noise)[None])
 
     def _project(self, model: Complex, slopes: Complex) -> Array:
@@ -162,7 +193,8 @@ def rice(size: Array) -> tuple[Array, Array, Array]:
     bessel1 = i1e(half)
     mean = np.sqrt(np.pi / 2) * ((1 + 2 * half) * bessel0 + 2 * half * bessel1)
     growth = np.sqrt(np.pi / 2) * size / 2 * (bessel0 + bessel1)
-    # Beyond this the difference of large numbers loses digits; there the variance is 1 − 1/(2 size²).
+    # Beyond this the difference of large numbers loses digits; there the variance is 1 − 1/(2
+    # size²).
     variance = np.where(size > 100, 1 - 0.5 / np.maximum(size, 1) ** 2, size**2 + 2 - mean**2)
     return np.asarray(mean), np.asarray(np.sqrt(variance)), np.asarray(growth)
 

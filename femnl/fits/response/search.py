@@ -61,12 +61,17 @@ def search_backbone(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
             f0 = centre + resonance[k].real
             gain = -2 / (w * second[k])
             ratio = 2 * float(slopes[k, 0]) * abs(gain) ** 2 / (w * STIFFEN)
-            out.append((f0, w, ratio, 0.0, peak * gain * np.exp(2j * np.pi * (centre - f0) * delay), delay))
+            out.append(
+                (f0, w, ratio, 0.0, peak * gain * np.exp(2j * np.pi * (centre - f0) * delay), delay)
+            )
     return out
 
 
 def search_grid(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
-    """Try whole responses over a grid of f₀, w and α_y/α_c, the gain by projection: slow, but deaf to noise."""
+    """Try whole responses over a grid of f₀, w and α_y/α_c, the gain by projection.
+
+    Slow, but deaf to noise.
+    """
     kept = _thin(at, COARSE)
     f = sweeps.frequency[kept]
     drive = sweeps.drive[kept]
@@ -74,7 +79,10 @@ def search_grid(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
     centre = float(np.mean(f))
     direction = np.array(sweeps.direction)[sweeps.sweep[kept]]
     v = v * np.exp(2j * np.pi * (f - centre) * delay)
-    f0, w, ratio = (grid.ravel()[:, None] for grid in np.meshgrid(np.linspace(f.min(), f.max(), 40), sweeps.span * WIDTHS, RATIOS))
+    f0, w, ratio = (
+        grid.ravel()[:, None]
+        for grid in np.meshgrid(np.linspace(f.min(), f.max(), 40), sweeps.span * WIDTHS, RATIOS)
+    )
     delta = 2 * (f0 - f) / w
     a = STIFFEN * ratio * drive**2
     roots = duffing_roots(delta, a)
@@ -84,7 +92,10 @@ def search_grid(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
     power = np.sum(np.abs(model) ** 2, axis=1)
     best = np.argsort(-(np.abs(overlap) ** 2) / power)[:TRIED]
     gain = overlap[best] / power[best] * np.exp(2j * np.pi * (centre - f0[best, 0]) * delay)
-    return [(f0[k, 0], w[k, 0], ratio[k, 0], 0.0, complex(g), delay) for k, g in zip(best, gain, strict=True)]
+    return [
+        (f0[k, 0], w[k, 0], ratio[k, 0], 0.0, complex(g), delay)
+        for k, g in zip(best, gain, strict=True)
+    ]
 
 
 def search_magnitude(sweeps: Sweeps, at: Mask) -> list[Start]:
@@ -98,10 +109,14 @@ def search_magnitude(sweeps: Sweeps, at: Mask) -> list[Start]:
     square = np.maximum(v**2 - 2 * sweeps.noise**2, 0.0) / peak**2
     slopes = SLOPES[:, None] * sweeps.span
     g = (f - centre) - slopes * square
-    columns = np.stack([np.broadcast_to(drive**2, g.shape), 2 * square * g, np.broadcast_to(-square, g.shape)], axis=-1)
+    columns = np.stack(
+        [np.broadcast_to(drive**2, g.shape), 2 * square * g, np.broadcast_to(-square, g.shape)],
+        axis=-1,
+    )
     slope = np.broadcast_to(drive**2 / np.maximum(square, 1e-12), g.shape)
     for _round in range(ROUNDS):
-        # A noise n in |V| enters as 2 n |V| times the slope of the equation by |V|², which vanishes at a fold.
+        # A noise n in |V| enters as 2 n |V| times the slope of the equation by |V|², which vanishes
+        # at a fold.
         weight = 1 / (np.sqrt(np.maximum(square, (sweeps.noise / peak) ** 2)) * slope)
         (force, f0, constant), misfit = _least_squares(columns, square * g**2, weight)
         away = g - f0[:, None]
@@ -135,8 +150,11 @@ def search_phase(sweeps: Sweeps, at: Mask) -> list[Start]:
     columns = np.stack([sine**2, -sine * cosine, sine**4 * drive**2], axis=-1)
     slope = np.ones_like(psi)
     for _round in range(ROUNDS):
-        (f0, half, stiff), misfit = _least_squares(columns, sine**2 * ((f - centre) / span), size / slope)
-        # A noise n in the phase enters as n (w/2) (1 + 2 a sin³ψ cos ψ), whose last factor vanishes at a fold.
+        (f0, half, stiff), misfit = _least_squares(
+            columns, sine**2 * ((f - centre) / span), size / slope
+        )
+        # A noise n in the phase enters as n (w/2) (1 + 2 a sin³ψ cos ψ), whose last factor vanishes
+        # at a fold.
         half = np.where(half > 0, half, np.inf)
         slope = np.hypot(1 + 2 * (stiff / half)[:, None] * drive**2 * sine**3 * cosine, FOLD)
     score = np.where(np.isfinite(half), misfit / half**2, np.inf).reshape(len(DELAYS), len(PHASES))
@@ -150,12 +168,17 @@ def search_phase(sweeps: Sweeps, at: Mask) -> list[Start]:
         resonance = centre + fine[0] * span
         delay = fine[4] / span
         gain = np.exp(1j * (fine[3] + turn + 2 * np.pi * (centre - resonance) * delay))
-        out.append((resonance, 2 * np.exp(fine[1]) * span, fine[2] / STIFFEN, 0.0, complex(gain), delay))
+        out.append(
+            (resonance, 2 * np.exp(fine[1]) * span, fine[2] / STIFFEN, 0.0, complex(gain), delay)
+        )
     return out
 
 
 def _refine_phase(sweeps: Sweeps, kept: Index, centre: float, start: Array) -> tuple[Array, float]:
-    """Refine (f₀, ln w/2, a, φ, τ), frequencies over the span, on the same equation; return also the half turn of φ."""
+    """Refine (f₀, ln w/2, a, φ, τ), frequencies over the span, on the same equation.
+
+    Return also the half turn of φ.
+    """
     f = (sweeps.frequency[kept] - centre) / sweeps.span
     v = sweeps.voltage[kept]
     drive = sweeps.drive[kept]
@@ -169,7 +192,9 @@ def _refine_phase(sweeps: Sweeps, kept: Index, centre: float, start: Array) -> t
         cosine = np.cos(angle(p))
         a = p[2] * drive**2
         slope = np.hypot(1 + 2 * a * sine**3 * cosine, FOLD)
-        return np.asarray((sine**2 * (f - p[0]) * np.exp(-p[1]) + sine * cosine - a * sine**4) / slope * weight)
+        return np.asarray(
+            (sine**2 * (f - p[0]) * np.exp(-p[1]) + sine * cosine - a * sine**4) / slope * weight
+        )
 
     found = least_squares(residual, start, method="lm", x_scale="jac", max_nfev=MAX_CALLS).x
     # b has arg −ψ with ψ in (0, π); the other half turn belongs to φ.
@@ -177,7 +202,10 @@ def _refine_phase(sweeps: Sweeps, kept: Index, centre: float, start: Array) -> t
 
 
 def _certainty(sweeps: Sweeps, kept: Index) -> Array:
-    """Return the weight of each phase: 1/σ, less for weak points, whose noise the equation's sin⁴ψ would rectify."""
+    """Return the weight of each phase.
+
+    1/σ, less for weak points, whose noise the equation's sin⁴ψ would rectify.
+    """
     ratio = np.abs(sweeps.voltage[kept]) / sweeps.noise
     return np.asarray(ratio * np.minimum(1.0, (ratio / STRONG) ** 2))
 
@@ -185,11 +213,16 @@ def _certainty(sweeps: Sweeps, kept: Index) -> Array:
 def _thin(at: Mask, count: int = THINNED) -> Index:
     """Return at most `count` of the points marked, evenly."""
     points = np.flatnonzero(at)
-    return points[np.unique(np.linspace(0, len(points) - 1, min(len(points), count)).astype(np.intp))]
+    return points[
+        np.unique(np.linspace(0, len(points) - 1, min(len(points), count)).astype(np.intp))
+    ]
 
 
 def _least_squares(columns: Array, target: Array, weight: Array) -> tuple[Array, Array]:
-    """Solve many small weighted problems, columns (s, p, k), by their normal equations; return (k, s) and the misfits (s,)."""
+    """Solve many small weighted problems, columns (s, p, k), by their normal equations.
+
+    return (k, s) and the misfits (s,).
+    """
     weighted = columns * weight[..., None]
     aim = target * weight
     scale = np.linalg.norm(weighted, axis=1) + np.finfo(float).tiny

@@ -1,4 +1,7 @@
-"""The search for the least misfit of a response: starts in turn, states and parameters in turn, and a way off the folds."""
+"""The search for the least misfit of a response.
+
+Starts in turn, states and parameters in turn, and a way off the folds.
+"""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -19,9 +22,11 @@ Bounds = Mapping[str, tuple[float, float]]
 MAX_ROUNDS = 10
 MAX_CALLS = 80
 CLOSE = 1e-8
-# A start has led to the answer when χ² exceeds what noise makes by less than this many of its standard deviations.
+# A start has led to the answer when χ² exceeds what noise makes by less than this many of its
+# standard deviations.
 GOOD = 2.0
-# A model that does not describe the data never reaches the noise; so many starts that agree to this factor tell that none does better.
+# A model that does not describe the data never reaches the noise; so many starts that agree to this
+# factor tell that none does better.
 SAME = 1.001
 AGREED = 3
 # Steps of α_y/α_c, in standard deviations, that take a fit off a fold where it got stuck.
@@ -52,7 +57,10 @@ class _Search:
         return tried
 
     def start(self, theta: Array) -> None:
-        """Minimise from a new start: the continuation past folds helps across them, and what exists decides."""
+        """Minimise from a new start.
+
+        The continuation past folds helps across them, and what exists decides.
+        """
         self.reached.append(np.inf)
         if self.descend(theta, strict=True).folded:
             self.descend(theta, strict=False)
@@ -70,18 +78,32 @@ class _Search:
 
 
 def solve(sweeps: Sweeps, layout: Layout, use: Use, bounds: Bounds) -> tuple[Misfit, Array]:
-    """Minimise the misfit from each start until one leaves only noise; return the best misfit, with its states, and θ."""
+    """Minimise the misfit from each start until one leaves only noise.
+
+    Return the best misfit, with its states, and θ.
+    """
     search = _Search(Misfit.of(sweeps, layout, use), *_limits(layout, bounds))
     n_points = len(sweeps.frequency) * (2 if use == "complex" else 1)
     noisy = n_points + GOOD * np.sqrt(2 * n_points)
     for start in _all_starts(sweeps, layout, use):
         candidates = [start, refine(sweeps, layout, start)] if use == "complex" else [start]
         fresh = Misfit.of(sweeps, layout, use)
-        search.start(min((np.clip(candidate, search.low, search.high) for candidate in candidates), key=fresh.cost))
-        if search.cost < noisy or np.count_nonzero(np.array(search.reached) < SAME * search.cost) >= AGREED:
+        search.start(
+            min(
+                (np.clip(candidate, search.low, search.high) for candidate in candidates),
+                key=fresh.cost,
+            )
+        )
+        if (
+            search.cost < noisy
+            or np.count_nonzero(np.array(search.reached) < SAME * search.cost) >= AGREED
+        ):
             break
     if not search.theta.size:  # no start, or none with a finite misfit
-        raise ConvergenceError(f"use = {use!r}: the points show no resonance to start from; choose another range or use='complex'")
+        raise ConvergenceError(
+            f"use = {use!r}: the points show no resonance to start from; choose another range or "
+            "use='complex'"
+        )
     search.leave_fold()
     return search.misfit, search.theta
 
@@ -126,13 +148,30 @@ def _descend(misfit: Misfit, theta: Array, low: Array, high: Array) -> Array:
     """Minimise with the states fixed."""
     if np.isinf(low).all() and np.isinf(high).all():
         slopes: Callable[[Array], Array] = misfit.jacobian
-        found, *_ = leastsq(misfit.residual, theta, Dfun=slopes, full_output=True, ftol=CLOSE, xtol=CLOSE, gtol=CLOSE, maxfev=MAX_CALLS)
+        found, *_ = leastsq(
+            misfit.residual,
+            theta,
+            Dfun=slopes,
+            full_output=True,
+            ftol=CLOSE,
+            xtol=CLOSE,
+            gtol=CLOSE,
+            maxfev=MAX_CALLS,
+        )
         return np.asarray(found)
     margin = 1e-9 * np.minimum(high - low, 1.0)
     start = np.clip(theta, low + margin, high - margin)
     limits = (low, high)
     result = least_squares(
-        misfit.residual, start, misfit.jacobian, limits, xtol=CLOSE, ftol=CLOSE, gtol=CLOSE, x_scale="jac", max_nfev=MAX_CALLS
+        misfit.residual,
+        start,
+        misfit.jacobian,
+        limits,
+        xtol=CLOSE,
+        ftol=CLOSE,
+        gtol=CLOSE,
+        x_scale="jac",
+        max_nfev=MAX_CALLS,
     )
     return np.asarray(result.x)
 
@@ -146,7 +185,9 @@ def _limits(layout: Layout, bounds: Bounds) -> tuple[Array, Array]:
         low[3] = 0.0
     for name, pair in bounds.items():
         if name not in names or not pair[0] < pair[1]:
-            raise ParameterError(f"bounds[{name!r}] = {pair}: give (low, high) for one of {', '.join(names)}")
+            raise ParameterError(
+                f"bounds[{name!r}] = {pair}: give (low, high) for one of {', '.join(names)}"
+            )
         k = names.index(name)
         low[k], high[k] = (layout.theta_of(k, value) for value in pair)
     return low, high

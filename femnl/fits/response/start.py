@@ -1,6 +1,9 @@
-"""Start values of a response fit from linear least squares: no guess, no tuning, and no branch to choose.
+"""Start values of a response fit from linear least squares.
 
-1/y is linear in 1, f and |y|², whatever branch a point lies on:  drive/V = [2(f₀ − f)/w + i + (a + i d) |V/y_max|²] / (y_max e^{iφ}).
+No guess, no tuning, and no branch to choose.
+
+1/y is linear in 1, f and |y|², whatever branch a point lies on:  drive/V = [2(f₀ − f)/w + i + (a +
+i d) |V/y_max|²] / (y_max e^{iφ}).
 """
 
 from collections.abc import Callable, Iterator
@@ -9,7 +12,15 @@ from functools import partial
 import numpy as np
 
 from femnl.fits.response.misfit import Use
-from femnl.fits.response.search import DELAYS, Mask, Start, search_backbone, search_grid, search_magnitude, search_phase
+from femnl.fits.response.search import (
+    DELAYS,
+    Mask,
+    Start,
+    search_backbone,
+    search_grid,
+    search_magnitude,
+    search_phase,
+)
 from femnl.observe.response.branches import STIFFEN, Layout
 from femnl.observe.response.sweeps import Array, Complex, Sweeps
 
@@ -18,9 +29,12 @@ CLEAR = 15.0
 
 
 def starts(sweeps: Sweeps, use: Use, layout: Layout) -> Iterator[Array]:
-    """Yield start vectors θ, the most promising first: each from one position's own data, completed by the others'.
+    """Yield start vectors θ, the most promising first.
 
-    The linear form of complex data comes first, because it takes no search; where noise spoils it, backbones are scanned.
+    Each from one position's own data, completed by the others'.
+
+    The linear form of complex data comes first, because it takes no search; where noise spoils it,
+    backbones are scanned.
     """
     if use == "complex":
         delay = _delay(sweeps)
@@ -34,7 +48,9 @@ def starts(sweeps: Sweeps, use: Use, layout: Layout) -> Iterator[Array]:
             searches.reverse()
     else:
         searches = [search_magnitude if use == "magnitude" else search_phase]
-    strength = [np.sum(np.abs(sweeps.voltage[sweeps.position == p]) ** 2) for p in range(sweeps.n_positions)]
+    strength = [
+        np.sum(np.abs(sweeps.voltage[sweeps.position == p]) ** 2) for p in range(sweeps.n_positions)
+    ]
     for search in searches:
         found = [search(sweeps, sweeps.position == p) for p in range(sweeps.n_positions)]
         gains = np.array([entries[0][4] if entries else 1.0 for entries in found])
@@ -61,7 +77,9 @@ def _delay(sweeps: Sweeps) -> float:
         at = sweeps.position == p
         basis, weight, inverse, centre = _linear_form(sweeps, at)
         q, _ = np.linalg.qr(basis * weight[:, None])
-        turned = (weight * inverse)[:, None] * np.exp(-2j * np.pi * np.outer(sweeps.frequency[at] - centre, tau))
+        turned = (weight * inverse)[:, None] * np.exp(
+            -2j * np.pi * np.outer(sweeps.frequency[at] - centre, tau)
+        )
         misfit += np.sum(np.abs(turned) ** 2, axis=0) - np.sum(np.abs(q.T @ turned) ** 2, axis=0)
     return float(tau[np.argmin(misfit)])
 
@@ -73,7 +91,9 @@ def _linear_form(sweeps: Sweeps, at: Mask) -> tuple[Array, Array, Complex, float
     drive = sweeps.drive[at]
     size = np.abs(v)
     centre = float(np.mean(f))
-    basis = np.column_stack([np.ones(len(f)), (f - centre) / sweeps.span, size**2 / np.max(size**2)])
+    basis = np.column_stack(
+        [np.ones(len(f)), (f - centre) / sweeps.span, size**2 / np.max(size**2)]
+    )
     inverse = (drive / np.where(size > 0, v, 1.0)).astype(complex)
     weight: Array = size**2 / drive / np.max(size)
     return basis, weight, inverse, centre
@@ -91,4 +111,13 @@ def _from_complex(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
     gain = -2 / (w * p[1])
     stiff = -2 / w * p[2] / p[1] * abs(gain) ** 2
     f0 = centre + resonance.real
-    return [(f0, w, stiff.real / STIFFEN, stiff.imag, gain * np.exp(2j * np.pi * (centre - f0) * delay), delay)]
+    return [
+        (
+            f0,
+            w,
+            stiff.real / STIFFEN,
+            stiff.imag,
+            gain * np.exp(2j * np.pi * (centre - f0) * delay),
+            delay,
+        )
+    ]

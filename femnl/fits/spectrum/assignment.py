@@ -1,4 +1,7 @@
-"""Which simulated mode each measured line is: the scale free, modes missing and lines spurious, with probabilities."""
+"""Which simulated mode each measured line is.
+
+The scale free, modes missing and lines spurious, with probabilities.
+"""
 
 from collections.abc import Iterable, Sequence
 
@@ -21,12 +24,15 @@ Choice = tuple[int, ...]
 class _Posterior:
     """Probability of labellings, scale and nuisances integrated out.
 
-    ln f_i = ln c + ln g_j + noise of variance s² + (σ_i/f_i)² for a line i of mode j; ln c ~ N(0, scale_sd²) in closed form,
-    s on a logarithmic grid; a mode inside the band is seen with a probability of flat prior, ∫p^D(1−p)^(M−D)dp = B(D+1, M−D+1);
-    spurious lines are a Poisson process of exponential prior on their number, uniform in ln f: S!/2^(S+1)/R^S.
+    ln f_i = ln c + ln g_j + noise of variance s² + (σ_i/f_i)² for a line i of mode j; ln c ~ N(0,
+    scale_sd²) in closed form, s on a logarithmic grid; a mode inside the band is seen with a
+    probability of flat prior, ∫p^D(1−p)^(M−D)dp = B(D+1, M−D+1); spurious lines are a Poisson
+    process of exponential prior on their number, uniform in ln f: S!/2^(S+1)/R^S.
     """
 
-    def __init__(self, frequency: Array, sd: Array, modes: Array, band: tuple[float, float], scale_sd: float) -> None:
+    def __init__(
+        self, frequency: Array, sd: Array, modes: Array, band: tuple[float, float], scale_sd: float
+    ) -> None:
         order = np.argsort(frequency)
         self.order = order
         self.lines = np.log(frequency[order])
@@ -45,11 +51,18 @@ class _Posterior:
         precision = 1 / self.scale_sd**2 + np.sum(1 / variance, axis=1)
         mean = np.sum(shift / variance, axis=1) / precision
         chi2 = np.sum(shift**2 / variance, axis=1) - mean**2 * precision
-        evidence = -0.5 * (chi2 + np.sum(np.log(2 * np.pi * variance), axis=1) + np.log(precision * self.scale_sd**2))
+        evidence = -0.5 * (
+            chi2
+            + np.sum(np.log(2 * np.pi * variance), axis=1)
+            + np.log(precision * self.scale_sd**2)
+        )
         return mean, 1 / precision, evidence
 
     def log(self, choice: Choice) -> float:
-        """Logarithm of the unnormalised posterior of a labelling; −1 in `choice` is a spurious line."""
+        """Logarithm of the unnormalised posterior of a labelling.
+
+        −1 in `choice` is a spurious line.
+        """
         if choice not in self.known:
             seen = sum(mode >= 0 for mode in choice)
             mean, _, evidence = self.scale(choice)
@@ -59,7 +72,11 @@ class _Posterior:
             count = int(np.count_nonzero(inside))
             spurious = len(choice) - seen
             prior = betaln(seen + 1, count - seen + 1)
-            stray = gammaln(spurious + 1) - (spurious + 1) * np.log(2) - spurious * np.log(self.high - self.low)
+            stray = (
+                gammaln(spurious + 1)
+                - (spurious + 1) * np.log(2)
+                - spurious * np.log(self.high - self.low)
+            )
             self.known[choice] = float(logsumexp(evidence) - np.log(_MODEL_SD.size) + prior + stray)
         return self.known[choice]
 
@@ -74,22 +91,36 @@ def assign(
 ) -> Assignment:
     """Give measured lines to simulated modes.
 
-    Every labelling has a posterior probability (see `_Posterior`); the likely ones are found by aligning the two lists at every
-    ratio of a line to a mode, and by exchanging, dropping and adding single modes until nothing likelier turns up. Probabilities
-    are normalised over all that were met.
-    Args: frequency, frequency_sd [Hz] of the lines (n,); labels and simulated [Hz] of the modes (m,); band [Hz]: the swept range,
-    in which a mode without a line counts as missing; scale_sd: prior standard deviation of the logarithm of measured over simulated
-    frequency (0.3: the stress known to a factor of two).
-    Returns: Assignment. Raises: ParameterError for empty or unequal lists, or lines outside the band.
-    Valid: one common scale; modes closer to each other than the simulation is right are reported as ambiguous.
+    Every labelling has a posterior probability (see `_Posterior`); the likely ones are found by
+    aligning the two lists at every ratio of a line to a mode, and by exchanging, dropping and
+    adding single modes until nothing likelier turns up. Probabilities are normalised over all that
+    were met.
+    Args: frequency, frequency_sd [Hz] of the lines (n,); labels and simulated [Hz] of the modes
+    (m,); band [Hz]: the swept range, in which a mode without a line counts as missing; scale_sd:
+    prior standard deviation of the logarithm of measured over simulated frequency (0.3: the stress
+    known to a factor of two).
+    Returns: Assignment. Raises: ParameterError for empty or unequal lists, or lines outside the
+    band.
+    Valid: one common scale; modes closer to each other than the simulation is right are reported as
+    ambiguous.
     """
-    lines, sd, modes = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (frequency, frequency_sd, simulated))
+    lines, sd, modes = (
+        np.atleast_1d(np.asarray(values, dtype=float))
+        for values in (frequency, frequency_sd, simulated)
+    )
     if lines.size == 0 or modes.size == 0 or lines.size != sd.size or modes.size != len(labels):
-        sizes = f"{lines.size} lines, {sd.size} of their sd, {modes.size} modes and {len(labels)} labels"
-        raise ParameterError(f"assign: {sizes}; give as many sd as lines and as many labels as modes, at least one")
+        sizes = (
+            f"{lines.size} lines, {sd.size} of their sd, {modes.size} modes and "
+            f"{len(labels)} labels"
+        )
+        raise ParameterError(
+            f"assign: {sizes}; give as many sd as lines and as many labels as modes, at least one"
+        )
     if not (0 < band[0] <= lines.min() and lines.max() <= band[1]):
         raise ParameterError(
-            f"assign: lines from {lines.min():g} to {lines.max():g} Hz leave the band {band[0]:g} to {band[1]:g} Hz; widen it"
+            f"assign: lines from {lines.min():g} to {lines.max():g} Hz leave the band "
+            f"{band[0]:g} to {band[1]:g} Hz; "
+            "widen it"
         )
     posterior = _Posterior(lines, sd, modes, band, scale_sd)
     found = _enumerate(posterior)
@@ -101,31 +132,56 @@ def assign(
     weight = np.exp(evidence - logsumexp(evidence))
     centre = float(weight @ mean)
     spread = float(np.sqrt(weight @ (variance + (mean - centre) ** 2)))
-    inside = (posterior.modes + centre > posterior.low) & (posterior.modes + centre < posterior.high)
+    inside = (posterior.modes + centre > posterior.low) & (
+        posterior.modes + centre < posterior.high
+    )
     groups = _ambiguous(best, probability)
     labelling = _labelling(posterior, best, labels, probability[best])
-    away = [np.nan if mode is None else line / (np.exp(centre) * modes[mode]) - 1 for line, mode in zip(lines, labelling.mode, strict=True)]
+    away = [
+        np.nan if mode is None else line / (np.exp(centre) * modes[mode]) - 1
+        for line, mode in zip(lines, labelling.mode, strict=True)
+    ]
     return Assignment(
         best=labelling,
-        runner_up=_labelling(posterior, ranked[1], labels, probability[ranked[1]]) if len(ranked) > 1 else None,
+        runner_up=_labelling(posterior, ranked[1], labels, probability[ranked[1]])
+        if len(ranked) > 1
+        else None,
         scale=float(np.exp(centre)),
         scale_sd=float(np.exp(centre) * spread),
         model_sd=float(np.exp(weight @ np.log(_MODEL_SD))),
         missing=tuple(labels[mode] for mode in np.flatnonzero(inside).tolist() if mode not in best),
         ambiguous=tuple(tuple(labels[mode] for mode in sorted(group)) for group in groups),
-        up_to_ambiguous=float(sum(share for choice, share in probability.items() if _merged(choice, groups) == _merged(best, groups))),
+        up_to_ambiguous=float(
+            sum(
+                share
+                for choice, share in probability.items()
+                if _merged(choice, groups) == _merged(best, groups)
+            )
+        ),
         deviation=np.array(away),
     )
 
 
 def _enumerate(posterior: _Posterior) -> dict[Choice, float]:
-    """Likely labellings with their log posterior: seeds from all ratios, then neighbours of the best until nothing new is likely."""
+    """Likely labellings with their log posterior.
+
+    Seeds from all ratios, then neighbours of the best until nothing new is likely.
+    """
     found = {choice: posterior.log(choice) for choice in _seeds(posterior)}
     looked: set[Choice] = set()
     for _ in range(_ROUNDS):
         top = max(found.values())
-        starts = [choice for choice in sorted(found, key=lambda one: -found[one])[:_KEPT] if found[choice] > top + np.log(_ENOUGH)]
-        fresh = {other for choice in starts if choice not in looked for other in _neighbours(posterior, choice)} - found.keys()
+        starts = [
+            choice
+            for choice in sorted(found, key=lambda one: -found[one])[:_KEPT]
+            if found[choice] > top + np.log(_ENOUGH)
+        ]
+        fresh = {
+            other
+            for choice in starts
+            if choice not in looked
+            for other in _neighbours(posterior, choice)
+        } - found.keys()
         looked.update(starts)
         if not fresh:
             break
@@ -176,12 +232,18 @@ def _neighbours(posterior: _Posterior, choice: Choice) -> Iterable[Choice]:
             yield tuple(changed)
 
 
-def _labelling(posterior: _Posterior, choice: Choice, labels: Sequence[str], probability: float) -> Labelling:
+def _labelling(
+    posterior: _Posterior, choice: Choice, labels: Sequence[str], probability: float
+) -> Labelling:
     """The labelling in the order in which the lines were given."""
     modes: list[int | None] = [None] * len(choice)
     for place, mode in zip(posterior.order, choice, strict=True):
         modes[int(place)] = mode if mode >= 0 else None
-    return Labelling(tuple(modes), tuple(None if mode is None else labels[mode] for mode in modes), float(probability))
+    return Labelling(
+        tuple(modes),
+        tuple(None if mode is None else labels[mode] for mode in modes),
+        float(probability),
+    )
 
 
 def _ambiguous(best: Choice, probability: dict[Choice, float]) -> list[set[int]]:
@@ -191,7 +253,9 @@ def _ambiguous(best: Choice, probability: dict[Choice, float]) -> list[set[int]]
         chances: dict[int, float] = {}
         for choice, share in probability.items():
             chances[choice[line]] = chances.get(choice[line], 0.0) + share
-        rivals = {other for other, share in chances.items() if share > 0.05 and other >= 0} | ({mode} if mode >= 0 else set())
+        rivals = {other for other, share in chances.items() if share > 0.05 and other >= 0} | (
+            {mode} if mode >= 0 else set()
+        )
         if len(rivals) > 1:
             joined = [group for group in groups if group & rivals]
             groups = [group for group in groups if not group & rivals] + [rivals.union(*joined)]

@@ -1,4 +1,7 @@
-"""Fit the film to a spectrum: the speed of waves in it, and by how much the ratios of modes leave the simulated ones."""
+"""Fit the film to a spectrum.
+
+The speed of waves in it, and by how much the ratios of modes leave the simulated ones.
+"""
 
 from collections.abc import Sequence
 
@@ -14,17 +17,22 @@ from femnl.core.spectrum import Array, Assignment, FilmFit
 from femnl.fits.spectrum.assignment import assign
 
 MARGIN = 0.02
-"""Of frequency: by so much beyond its lines a spectrum without labels is taken to have been swept."""
+"""Of frequency: by so much beyond its lines a spectrum without labels is taken to have been swept.
+"""
 
 
-def fit_film(dataset: xr.Dataset, labels: Sequence[str | None], simulated: ArrayLike, film: Film) -> FilmFit:
+def fit_film(
+    dataset: xr.Dataset, labels: Sequence[str | None], simulated: ArrayLike, film: Film
+) -> FilmFit:
     """Fit f_i = c/c_sim · g_i to the lines of a spectrum, with a scatter of the simulation about them.
 
-    ln(f_i/g_i) = ln(c/c_sim) + e_i, e_i of variance (σ_i/f_i)² + s²; s is such that χ² equals its n − 1 degrees of freedom, and 0 where
-    the errors of measurement explain everything. c = √(σ/ρ) of the film before release, with the density of the geometry file.
+    ln(f_i/g_i) = ln(c/c_sim) + e_i, e_i of variance (σ_i/f_i)² + s²; s is such that χ² equals its n
+    − 1 degrees of freedom, and 0 where the errors of measurement explain everything. c = √(σ/ρ) of
+    the film before release, with the density of the geometry file.
 
     Args:
-        dataset: of kind `spectrum`; lines without any label are assigned to modes first, see `femnl.fits.spectrum.assignment.assign`.
+        dataset: of kind `spectrum`; lines without any label are assigned to modes first, see
+            `femnl.fits.spectrum.assignment.assign`.
         labels: of the simulated modes, "(m,n)" or None.
         simulated: their frequencies g [Hz].
         film: the film that was simulated.
@@ -47,33 +55,62 @@ def fit_film(dataset: xr.Dataset, labels: Sequence[str | None], simulated: Array
         sd = sd[usable]
         assignment = assign(f, sd, known, g, ((1 - MARGIN) * f.min(), (1 + MARGIN) * f.max()))
         mode = list(assignment.best.mode)
-    kept = [(line, index) for line, index in enumerate(mode) if index is not None and np.isfinite(f[line])]
+    kept = [
+        (line, index)
+        for line, index in enumerate(mode)
+        if index is not None and np.isfinite(f[line])
+    ]
     if not kept:
-        raise MeasurementError("spectrum: none of its lines has a simulated mode; check the labels, or ask for another --geometry")
+        raise MeasurementError(
+            "spectrum: none of its lines has a simulated mode; check the labels, or ask for "
+            "another --geometry"
+        )
     kept.sort(key=lambda pair: float(f[pair[0]]))
     lines, modes = (np.array(column, dtype=int) for column in zip(*kept, strict=True))
     shift = np.log(f[lines] / g[modes])
     own = np.nan_to_num(sd[lines] / f[lines])
     scatter = _scatter(shift, own)
     log_scale, error = _mean(shift, own**2 + scatter**2)
-    chi2 = float(np.sum((shift - _mean(shift, np.maximum(own, 1e-12) ** 2)[0]) ** 2 / np.maximum(own, 1e-12) ** 2))
+    chi2 = float(
+        np.sum(
+            (shift - _mean(shift, np.maximum(own, 1e-12) ** 2)[0]) ** 2
+            / np.maximum(own, 1e-12) ** 2
+        )
+    )
     scale = float(np.exp(log_scale))
     degrees = max(len(lines) - 1, 1)
     speed = scale * float(np.sqrt(film.stress / film.density))
-    named = (("scale", scale, 1, ""), ("wave_speed", speed, 1, "m/s"), ("stress", scale**2 * film.stress, 2, "Pa"))
-    parameters = {name: Parameter(name, value, value * power * error, unit) for name, value, power, unit in named}
+    named = (
+        ("scale", scale, 1, ""),
+        ("wave_speed", speed, 1, "m/s"),
+        ("stress", scale**2 * film.stress, 2, "Pa"),
+    )
+    parameters = {
+        name: Parameter(name, value, value * power * error, unit)
+        for name, value, power, unit in named
+    }
     parameters["scatter"] = Parameter("scatter", scatter, scatter / np.sqrt(2 * degrees), "")
     left = f"{len(mode) - len(kept)} lines without a simulated mode left out"
     notes = (
-        f"the ratios of modes leave the simulated ones by {scatter:.2g} of the frequency beyond the errors of measurement"
+        f"the ratios of modes leave the simulated ones by {scatter:.2g} of the frequency beyond "
+        "the errors of measurement"
         if scatter > 0
         else "the ratios of modes are the simulated ones within the errors of measurement",
-        "σ, ρ and size enter through c alone: the stress holds for the density and the size of the geometry",
+        "σ, ρ and size enter through c alone: the stress holds for the density and the size of "
+        "the geometry",
         *([left] if len(mode) > len(kept) else []),
     )
     fit = Fit(parameters, np.array([[(scale * error) ** 2]]), chi2 / degrees, len(lines), 1, notes)
     deviation = np.exp(shift - log_scale) - 1
-    return FilmFit(fit, tuple(known[index] for index in modes), f[lines], sd[lines], g[modes], deviation, assignment)
+    return FilmFit(
+        fit,
+        tuple(known[index] for index in modes),
+        f[lines],
+        sd[lines],
+        g[modes],
+        deviation,
+        assignment,
+    )
 
 
 def _mean(values: Array, variance: Array) -> tuple[float, float]:
@@ -83,11 +120,18 @@ def _mean(values: Array, variance: Array) -> tuple[float, float]:
 
 
 def _scatter(shift: Array, own: Array) -> float:
-    """The s for which Σ (x − mean)²/(σ² + s²) = n − 1; 0 where the sum falls short already without it."""
+    """The s for which Σ (x − mean)²/(σ² + s²) = n − 1.
+
+    0 where the sum falls short already without it.
+    """
 
     def excess(s: float) -> float:
         variance = np.maximum(own**2 + s**2, 1e-30)
         return float(np.sum((shift - _mean(shift, variance)[0]) ** 2 / variance)) - (len(shift) - 1)
 
     top = float(np.ptp(shift))
-    return 0.0 if len(shift) < 2 or excess(0.0) <= 0 else float(brentq(excess, 0.0, max(top, 1e-15), xtol=1e-12))
+    return (
+        0.0
+        if len(shift) < 2 or excess(0.0) <= 0
+        else float(brentq(excess, 0.0, max(top, 1e-15), xtol=1e-12))
+    )

@@ -16,13 +16,19 @@ _DEGREE = 2  # of the complex polynomial that stands for the background in a win
 
 
 def line(f: Array, frequency: float, linewidth: float) -> Complex:
-    """Response of a driven resonator of unit height: f_kγ/(f_k² − f² + i f γ), which is −i on resonance."""
+    """Response of a driven resonator of unit height.
+
+    F_kγ/(f_k² − f² + i f γ), which is −i on resonance.
+    """
     return np.asarray(frequency * linewidth / (frequency**2 - f**2 + 1j * f * linewidth))
 
 
 @dataclass(frozen=True, eq=False)
 class Cluster:
-    """Lines fitted together: frequency, linewidth [Hz], their sd; amplitude [V] with its sd; background polynomial; χ² and points."""
+    """Lines fitted together: frequency, linewidth [Hz], their sd; amplitude [V] with its sd.
+
+    Background polynomial; χ² and points.
+    """
 
     frequency: Array
     linewidth: Array
@@ -38,7 +44,9 @@ class Cluster:
     def lines(self, f: Array) -> Complex:
         """Sum of the lines at the frequencies f [Hz], in V."""
         total = np.zeros(f.shape, dtype=complex)
-        for frequency, linewidth, amplitude in zip(self.frequency, self.linewidth, self.amplitude, strict=True):
+        for frequency, linewidth, amplitude in zip(
+            self.frequency, self.linewidth, self.amplitude, strict=True
+        ):
             total += amplitude * line(f, frequency, linewidth)
         return total
 
@@ -46,7 +54,9 @@ class Cluster:
 def polynomials(f: Array, window: tuple[float, float]) -> Array:
     """Legendre polynomials up to the degree of the background on the window, (n_points, degree + 1)."""
     low, high = window
-    return np.asarray(np.polynomial.legendre.legvander(2 * (f - low) / (high - low) - 1, _DEGREE), dtype=float)
+    return np.asarray(
+        np.polynomial.legendre.legvander(2 * (f - low) / (high - low) - 1, _DEGREE), dtype=float
+    )
 
 
 def _derivatives(f: Array, frequency: float, linewidth: float) -> tuple[Complex, Complex]:
@@ -64,11 +74,14 @@ def _stack(values: Complex) -> Array:
 class _Problem:
     """Variable projection: frequencies and widths are searched, amplitudes and background follow by linear least squares.
 
-    Unknowns are the shift of each line in units of its starting width, and the logarithm of the ratio of widths.
+    Unknowns are the shift of each line in units of its starting width, and the logarithm of the
+    ratio of widths.
     Source: L. Kaufman, BIT 15, 49 (1975), for the Jacobian.
     """
 
-    def __init__(self, f: Array, volts: Complex, noise: float, start: Array, window: tuple[float, float]) -> None:
+    def __init__(
+        self, f: Array, volts: Complex, noise: float, start: Array, window: tuple[float, float]
+    ) -> None:
         self.f = f
         self.volts = volts
         self.noise = noise
@@ -79,7 +92,9 @@ class _Problem:
     def parameters(self, unknowns: Array) -> Array:
         """(n_lines, 2): frequency and linewidth [Hz]."""
         shift, growth = unknowns.reshape(2, -1)
-        return np.column_stack([self.start[:, 0] + shift * self.start[:, 1], self.start[:, 1] * np.exp(growth)])
+        return np.column_stack(
+            [self.start[:, 0] + shift * self.start[:, 1], self.start[:, 1] * np.exp(growth)]
+        )
 
     def solve(self, unknowns: Array) -> tuple[Complex, Complex, Complex]:
         """Orthonormal basis of the linear part, its coefficients, and the residual [V]."""
@@ -90,7 +105,10 @@ class _Problem:
         orthonormal, triangle = np.linalg.qr(np.column_stack([*columns, self.basis]))
         inside = orthonormal.conj().T @ self.volts
         coefficients = np.asarray(np.linalg.lstsq(triangle, inside, rcond=1e-13)[0], dtype=complex)
-        self.last = (unknowns.tobytes(), (orthonormal, coefficients, np.asarray(self.volts - orthonormal @ inside)))
+        self.last = (
+            unknowns.tobytes(),
+            (orthonormal, coefficients, np.asarray(self.volts - orthonormal @ inside)),
+        )
         return self.last[1]
 
     def residual(self, unknowns: Array) -> Array:
@@ -102,7 +120,9 @@ class _Problem:
         orthonormal, coefficients, _ = self.solve(unknowns)
         shifts = []
         growths = []
-        for (frequency, width), (_, scale), amplitude in zip(self.parameters(unknowns), self.start, coefficients, strict=False):
+        for (frequency, width), (_, scale), amplitude in zip(
+            self.parameters(unknowns), self.start, coefficients, strict=False
+        ):
             by_frequency, by_width = _derivatives(self.f, frequency, width)
             shifts.append(-amplitude * scale * by_frequency)
             growths.append(-amplitude * width * by_width)
@@ -111,15 +131,26 @@ class _Problem:
         return np.vstack([columns.real, columns.imag]) / self.noise
 
 
-def fit_cluster(f: Array, volts: Complex, noise: float, start: Array, window: tuple[float, float], widths: tuple[float, float]) -> Cluster:
+def fit_cluster(
+    f: Array,
+    volts: Complex,
+    noise: float,
+    start: Array,
+    window: tuple[float, float],
+    widths: tuple[float, float],
+) -> Cluster:
     """Fit lines and a quadratic complex background to the points of a window.
 
-    Args: f [Hz] and volts [V] of all points of the window, other lines taken off; noise [V] per quadrature; start (n_lines, 2):
-    frequency and linewidth [Hz]; widths [Hz]: the
-    smallest linewidth that the spacing of points can tell from none, and the largest that the background cannot be.
-    Returns: the Cluster at the least-squares optimum with standard deviations from the full Jacobian.
+    Args: f [Hz] and volts [V] of all points of the window, other lines taken off; noise [V] per
+    quadrature; start (n_lines, 2): frequency and linewidth [Hz]; widths [Hz]: the
+    smallest linewidth that the spacing of points can tell from none, and the largest that the
+    background cannot be.
+    Returns: the Cluster at the least-squares optimum with standard deviations from the full
+    Jacobian.
     """
-    start = np.column_stack([np.clip(start[:, 0], *window), np.clip(start[:, 1], 1.01 * widths[0], 0.99 * widths[1])])
+    start = np.column_stack(
+        [np.clip(start[:, 0], *window), np.clip(start[:, 1], 1.01 * widths[0], 0.99 * widths[1])]
+    )
     problem = _Problem(f, volts, noise, start, window)
     count = start.shape[0]
     slack = np.maximum(3.0, 2 * widths[0] / start[:, 1])
@@ -127,7 +158,15 @@ def fit_cluster(f: Array, volts: Complex, noise: float, start: Array, window: tu
     low_shift, high_shift = (np.array(window)[:, None] - start[:, 0]) / start[:, 1]
     low = np.concatenate([np.maximum(-slack, low_shift - 1e-9), low_growth])
     bounds = low, np.concatenate([np.minimum(slack, high_shift + 1e-9), high_growth])
-    found = least_squares(problem.residual, np.zeros(2 * count), problem.jacobian, bounds=bounds, xtol=1e-7, ftol=1e-9, max_nfev=60)
+    found = least_squares(
+        problem.residual,
+        np.zeros(2 * count),
+        problem.jacobian,
+        bounds=bounds,
+        xtol=1e-7,
+        ftol=1e-9,
+        max_nfev=60,
+    )
     parameters = problem.parameters(found.x)
     _, coefficients, residual = problem.solve(found.x)
     amplitude = coefficients[:count]
@@ -136,11 +175,20 @@ def fit_cluster(f: Array, volts: Complex, noise: float, start: Array, window: tu
         by_frequency, by_width = _derivatives(f, frequency, width)
         shape = line(f, frequency, width)
         # In units of the width and of the height, so that the matrix is well scaled.
-        columns += [height * width * by_frequency, height * width * by_width, abs(height) * shape, 1j * abs(height) * shape]
-    columns += [factor * abs(volts).max() * column for column in problem.basis.T for factor in (1.0, 1j)]
+        columns += [
+            height * width * by_frequency,
+            height * width * by_width,
+            abs(height) * shape,
+            1j * abs(height) * shape,
+        ]
+    columns += [
+        factor * abs(volts).max() * column for column in problem.basis.T for factor in (1.0, 1j)
+    ]
     jacobian = np.column_stack([_stack(column) for column in columns]) / noise
     names = [str(column) for column in range(jacobian.shape[1])]
-    variance = np.diag(covariance(jacobian, names, np.ones(len(names)))[0])[: 4 * count].reshape(count, 4)
+    variance = np.diag(covariance(jacobian, names, np.ones(len(names)))[0])[: 4 * count].reshape(
+        count, 4
+    )
     sd = np.sqrt(variance)
     return Cluster(
         frequency=parameters[:, 0],

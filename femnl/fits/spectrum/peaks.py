@@ -27,28 +27,39 @@ _FALSE = 1e-3  # probability that noise alone gives one line in the whole sweep
 def find_peaks(dataset: xr.Dataset, sweep: int = 0) -> Peaks:
     """Find and fit the resonances of a wide sweep, wide and narrow ones, overlapping ones, on a sloping background.
 
-    V(f) = Σ_k A_k f_kγ_k/(f_k² − f² + i f γ_k) + smooth. Matched filters of all widths look for the strongest line in the residual;
-    it is fitted together with all lines that it touches, taken off, and the search goes on until nothing is left that noise would
-    not give once in a thousand sweeps. A line that does not pay for itself in the end is dropped.
+    V(f) = Σ_k A_k f_kγ_k/(f_k² − f² + i f γ_k) + smooth. Matched filters of all widths look for the
+    strongest line in the residual; it is fitted together with all lines that it touches, taken off,
+    and the search goes on until nothing is left that noise would not give once in a thousand
+    sweeps. A line that does not pay for itself in the end is dropped.
     Args: dataset of kind `response`, complex; sweep: which one.
-    Returns: Peaks. Raises: MeasurementError for fewer than 24 points, ParameterError for a sweep that is not there.
+    Returns: Peaks. Raises: MeasurementError for fewer than 24 points, ParameterError for a sweep
+    that is not there.
     Valid: linear response, at most a small part of the points on lines.
     """
     if not 0 <= sweep < dataset.sizes["sweep"]:
-        raise ParameterError(f"sweep {sweep}: the measurement has sweeps 0 to {dataset.sizes['sweep'] - 1}; choose one of them")
+        raise ParameterError(
+            f"sweep {sweep}: the measurement has sweeps 0 to {dataset.sizes['sweep'] - 1}; "
+            "choose one of them"
+        )
     f = dataset["frequency"].values[sweep]
     volts = amplitude(dataset).values[sweep]
     known = np.isfinite(f) & np.isfinite(volts)
     f, first = np.unique(f[known], return_index=True)
     volts = volts[known][first]
     if f.size < 24:
-        raise MeasurementError(f"response: sweep {sweep} has {f.size} points; a search for lines needs 24, take a finer sweep")
+        raise MeasurementError(
+            f"response: sweep {sweep} has {f.size} points; a search for lines needs 24, take a "
+            "finer sweep"
+        )
     noise, sentence = noise_sd(dataset)
     return _result(f, volts, _search(f, volts, noise), (sentence,))
 
 
 def threshold(n_points: int) -> float:
-    """The score that noise alone exceeds once in a thousand sweeps: −2 ln(10⁻³/n), n counting places and widths."""
+    """The score that noise alone exceeds once in a thousand sweeps.
+
+    −2 ln(10⁻³/n), n counting places and widths.
+    """
     return float(-2 * np.log(_FALSE / (4 * n_points)))
 
 
@@ -60,7 +71,9 @@ def _search(f: Array, volts: Complex, noise: float) -> list[Cluster]:
     for _ in range(_PASSES):
         flat = volts - _background(f, volts - _sum(f, clusters))
         found = _relax(f, flat, noise, clusters, np.empty((0, 2)), limit, widest)
-        found = _greedy(f, flat, noise, _drop_weak(f, flat, noise, found, limit, widest), limit, widest)
+        found = _greedy(
+            f, flat, noise, _drop_weak(f, flat, noise, found, limit, widest), limit, widest
+        )
         found = _rebuild(f, flat, noise, found, limit, widest)
         if _settled(clusters, found):
             return found
@@ -70,27 +83,41 @@ def _search(f: Array, volts: Complex, noise: float) -> list[Cluster]:
 
 def _settled(before: list[Cluster], after: list[Cluster]) -> bool:
     """Whether the lines are the same to a tenth of their standard deviation."""
-    old, new = (np.concatenate([np.empty(0), *(cluster.frequency for cluster in clusters)]) for clusters in (before, after))
+    old, new = (
+        np.concatenate([np.empty(0), *(cluster.frequency for cluster in clusters)])
+        for clusters in (before, after)
+    )
     sd = np.concatenate([np.empty(0), *(cluster.frequency_sd for cluster in after)])
     order = np.argsort(new)
-    return old.size == new.size and bool(np.all(np.abs(np.sort(old) - new[order]) <= 0.1 * sd[order]))
+    return old.size == new.size and bool(
+        np.all(np.abs(np.sort(old) - new[order]) <= 0.1 * sd[order])
+    )
 
 
-def _greedy(f: Array, flat: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float) -> list[Cluster]:
+def _greedy(
+    f: Array, flat: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float
+) -> list[Cluster]:
     """Add the strongest lines of the residual, fit, drop what does not pay; until no line is won."""
     for _ in range(_PASSES):
         fresh = _fresh_lines(*scan(f, flat - _sum(f, clusters), noise, widest), limit)
         if not len(fresh):
             return clusters
-        found = _drop_weak(f, flat, noise, _relax(f, flat, noise, clusters, fresh, limit, widest), limit, widest)
+        found = _drop_weak(
+            f, flat, noise, _relax(f, flat, noise, clusters, fresh, limit, widest), limit, widest
+        )
         if _table(found).shape[0] <= _table(clusters).shape[0]:
             return clusters
         clusters = found
     return clusters
 
 
-def _rebuild(f: Array, flat: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float) -> list[Cluster]:
-    """Search groups that are fitted badly once more from nothing, with narrower lines first: a wide line may have swallowed others."""
+def _rebuild(
+    f: Array, flat: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float
+) -> list[Cluster]:
+    """Search groups that are fitted badly once more from nothing, with narrower lines first.
+
+    a wide line may have swallowed others.
+    """
     kept = list(clusters)
     for cluster in clusters:
         if cluster.chi2 < cluster.n_points + limit + 4 * np.sqrt(2 * cluster.n_points):
@@ -100,7 +127,9 @@ def _rebuild(f: Array, flat: Complex, noise: float, clusters: list[Cluster], lim
         inside = (f >= cluster.window[0]) & (f <= cluster.window[1])
         tried = [cluster]
         for share in _SHARES:
-            narrow = _greedy(f[inside], left[inside], noise, [], limit, share * float(cluster.linewidth.max()))
+            narrow = _greedy(
+                f[inside], left[inside], noise, [], limit, share * float(cluster.linewidth.max())
+            )
             if narrow:
                 tried.append(_fit(f, left, noise, _table(narrow), widest, cluster.window))
         kept[place] = min(tried, key=lambda other: other.chi2 + limit * other.frequency.size)
@@ -113,12 +142,16 @@ def _rebuild(f: Array, flat: Complex, noise: float, clusters: list[Cluster], lim
 
 def _background(f: Array, volts: Complex) -> Complex:
     """A smooth complex curve through what is left, with weights 1/(1 + (r/s)²) so that lines hardly pull it (s: median residual)."""
-    basis = np.polynomial.legendre.legvander(2 * (f - f[0]) / (f[-1] - f[0]) - 1, _SMOOTH).astype(complex)
+    basis = np.polynomial.legendre.legvander(2 * (f - f[0]) / (f[-1] - f[0]) - 1, _SMOOTH).astype(
+        complex
+    )
     curve: Complex = np.full(f.shape, np.median(volts.real) + 1j * np.median(volts.imag))
     for _ in range(_ROBUST):
         away = np.abs(volts - curve)
         root = 1 / np.hypot(1.0, away / max(float(np.median(away)), 1e-300))
-        curve = np.asarray(basis @ np.linalg.lstsq(basis * root[:, None], volts * root, rcond=None)[0])
+        curve = np.asarray(
+            basis @ np.linalg.lstsq(basis * root[:, None], volts * root, rcond=None)[0]
+        )
     return curve
 
 
@@ -136,7 +169,10 @@ def _fresh_lines(score: Array, centre: Array, width: Array, limit: float) -> Arr
     for index in np.argsort(score)[::-1]:
         if score[index] < limit or (taken and score[index] < 1e-2 * score.max()):
             break
-        if all(abs(centre[index] - other) > _APART * max(width[index], breadth) for other, breadth in taken):
+        if all(
+            abs(centre[index] - other) > _APART * max(width[index], breadth)
+            for other, breadth in taken
+        ):
             taken.append((float(centre[index]), float(width[index])))
     return np.array(taken).reshape(-1, 2)
 
@@ -161,31 +197,64 @@ def _groups(table: Array) -> list[Array]:
     return [table[group] for group in groups]
 
 
-def _relax(f: Array, volts: Complex, noise: float, clusters: list[Cluster], fresh: Array, limit: float, widest: float) -> list[Cluster]:
+def _relax(
+    f: Array,
+    volts: Complex,
+    noise: float,
+    clusters: list[Cluster],
+    fresh: Array,
+    limit: float,
+    widest: float,
+) -> list[Cluster]:
     """Fit every group of lines with all others taken off, until the tails that they lend each other have settled."""
     new = {tuple(row) for row in fresh}
     for _ in range(_ROUNDS):
         for group in _groups(np.vstack([_table(clusters), np.array(sorted(new)).reshape(-1, 2)])):
-            others = [cluster for cluster in clusters if not np.isin(cluster.frequency, group[:, 0]).any()]
+            others = [
+                cluster for cluster in clusters if not np.isin(cluster.frequency, group[:, 0]).any()
+            ]
             left = volts - _sum(f, others)
-            tried = [_fit(f, left, noise, start, widest, _window(f, group)) for start in _starts(group, new)]
-            clusters = [*others, min(tried, key=lambda cluster: cluster.chi2 + limit * cluster.frequency.size)]
+            tried = [
+                _fit(f, left, noise, start, widest, _window(f, group))
+                for start in _starts(group, new)
+            ]
+            clusters = [
+                *others,
+                min(tried, key=lambda cluster: cluster.chi2 + limit * cluster.frequency.size),
+            ]
             new -= {tuple(row) for row in group}
     return clusters
 
 
 def _starts(group: Array, fresh: set[tuple[float, ...]]) -> list[Array]:
-    """Starting points: the lines as found; and where a new one lies on an old one, the old one split in two."""
+    """Starting points: the lines as found.
+
+    And where a new one lies on an old one, the old one split in two.
+    """
     starts = [group]
     new = [row for row in group if tuple(row) in fresh]
     for row in new:
-        old = [other for other in group if tuple(other) not in fresh and abs(other[0] - row[0]) < 2 * max(other[1], row[1])]
+        old = [
+            other
+            for other in group
+            if tuple(other) not in fresh and abs(other[0] - row[0]) < 2 * max(other[1], row[1])
+        ]
         if old:
             near = min(old, key=lambda other: abs(other[0] - row[0]))
-            rest = [other for other in group if other is not row and not np.array_equal(other, near)]
+            rest = [
+                other for other in group if other is not row and not np.array_equal(other, near)
+            ]
             width = near[1]
             for gap, share in ((0.3, 0.7), (0.7, 0.9)):
-                starts.append(np.array([*rest, [near[0] - gap * width, share * width], [near[0] + gap * width, share * width]]))
+                starts.append(
+                    np.array(
+                        [
+                            *rest,
+                            [near[0] - gap * width, share * width],
+                            [near[0] + gap * width, share * width],
+                        ]
+                    )
+                )
     return starts
 
 
@@ -203,10 +272,14 @@ def _window(f: Array, table: Array) -> tuple[float, float]:
     return float(f[inside][0]), float(f[inside][-1])
 
 
-def _fit(f: Array, volts: Complex, noise: float, start: Array, widest: float, window: tuple[float, float]) -> Cluster:
+def _fit(
+    f: Array, volts: Complex, noise: float, start: Array, widest: float, window: tuple[float, float]
+) -> Cluster:
     inside = (f >= window[0]) & (f <= window[1])
     narrowest = _NARROWEST * float(np.median(np.diff(f[inside])))
-    return fit_cluster(f[inside], volts[inside], noise, start, window, (narrowest, max(widest, 2 * narrowest)))
+    return fit_cluster(
+        f[inside], volts[inside], noise, start, window, (narrowest, max(widest, 2 * narrowest))
+    )
 
 
 def _significance(cluster: Cluster) -> Array:
@@ -214,8 +287,13 @@ def _significance(cluster: Cluster) -> Array:
     return np.asarray((np.abs(cluster.amplitude) / np.maximum(cluster.amplitude_sd, 1e-300)) ** 2)
 
 
-def _gain(f: Array, volts: Complex, noise: float, cluster: Cluster, index: int, widest: float) -> float:
-    """Fall of χ² by line `index` of a cluster, other clusters taken off: its window is fitted without it."""
+def _gain(
+    f: Array, volts: Complex, noise: float, cluster: Cluster, index: int, widest: float
+) -> float:
+    """Fall of χ² by line `index` of a cluster, other clusters taken off.
+
+    Its window is fitted without it.
+    """
     rest = np.delete(np.column_stack([cluster.frequency, cluster.linewidth]), index, axis=0)
     if rest.shape[0]:
         return _fit(f, volts, noise, rest, widest, cluster.window).chi2 - cluster.chi2
@@ -225,7 +303,9 @@ def _gain(f: Array, volts: Complex, noise: float, cluster: Cluster, index: int, 
     return float(np.sum(np.abs(residual) ** 2) / noise**2) - cluster.chi2
 
 
-def _drop_weak(f: Array, volts: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float) -> list[Cluster]:
+def _drop_weak(
+    f: Array, volts: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float
+) -> list[Cluster]:
     """Take out, one after the other, lines that do not pay for themselves, and bends of the background."""
     kept = list(clusters)
     for cluster in clusters:
@@ -233,14 +313,17 @@ def _drop_weak(f: Array, volts: Complex, noise: float, clusters: list[Cluster], 
         left = volts - _sum(f, kept[:place] + kept[place + 1 :])
         while cluster.frequency.size:
             worth = _significance(cluster)
-            # A line narrower than the spacing has no certain height, and yet its fall of χ² is certain.
+            # A line narrower than the spacing has no certain height, and yet its fall of χ² is
+            # certain.
             for index in np.flatnonzero(worth < limit):
                 worth[index] = _gain(f, left, noise, cluster, int(index), widest)
             worth[cluster.linewidth > _BACKGROUND * widest] = 0.0
             weakest = int(np.argmin(worth))
             if worth[weakest] >= limit:
                 break
-            rest = np.delete(np.column_stack([cluster.frequency, cluster.linewidth]), weakest, axis=0)
+            rest = np.delete(
+                np.column_stack([cluster.frequency, cluster.linewidth]), weakest, axis=0
+            )
             if not rest.shape[0]:
                 kept.pop(place)
                 break
@@ -260,13 +343,18 @@ def _result(f: Array, volts: Complex, clusters: list[Cluster], notes: tuple[str,
     linewidth_sd = gather("linewidth_sd")[order]
     narrow = np.count_nonzero(~(linewidth_sd < _UNSURE * linewidth))
     if narrow:
-        notes = (*notes, f"the width of {narrow} lines is not told by these points; sweep them more finely")
+        notes = (
+            *notes,
+            f"the width of {narrow} lines is not told by these points; sweep them more finely",
+        )
     return Peaks(
         frequency=frequency,
         frequency_sd=gather("frequency_sd")[order],
         linewidth=linewidth,
         linewidth_sd=linewidth_sd,
-        amplitude=np.concatenate([np.empty(0, dtype=complex), *(cluster.amplitude for cluster in clusters)])[order],
+        amplitude=np.concatenate(
+            [np.empty(0, dtype=complex), *(cluster.amplitude for cluster in clusters)]
+        )[order],
         amplitude_sd=gather("amplitude_sd")[order],
         points=f,
         prediction=lines + _background(f, volts - lines),

@@ -13,11 +13,14 @@ WIDEST = 0.025  # of the sweep; a wider line cannot be told from background
 
 
 def scan(f: Array, volts: Complex, noise: float, widest: float) -> tuple[Array, Array, Array]:
-    """Score a Lorentzian of every width at every place: the fall of χ² that it buys, a quadratic background being free.
+    """Score a Lorentzian of every width at every place.
 
-    score = |⟨t, v⟩|²/(σ²⟨t, t⟩), t the line with the polynomials of second degree projected out of its window; χ² with two degrees
-    of freedom on noise alone.
-    Args: f [Hz], rising, (n,); volts [V] (n,); noise σ [V] per quadrature; widest: linewidth [Hz] to stop at.
+    The fall of χ² that it buys, a quadratic background being free.
+
+    score = |⟨t, v⟩|²/(σ²⟨t, t⟩), t the line with the polynomials of second degree projected out of
+    its window; χ² with two degrees of freedom on noise alone.
+    Args: f [Hz], rising, (n,); volts [V] (n,); noise σ [V] per quadrature; widest: linewidth [Hz]
+    to stop at.
     Returns: score, centre [Hz] and linewidth [Hz] of all filters, flat.
     """
     spacing = np.gradient(f)
@@ -37,7 +40,9 @@ def scan(f: Array, volts: Complex, noise: float, widest: float) -> tuple[Array, 
     return np.concatenate(scores), np.concatenate(centres), np.concatenate(widths)
 
 
-def _score(f: Array, volts: Complex, noise: float, places: NDArray[np.intp], half: int, width: Array) -> Array:
+def _score(
+    f: Array, volts: Complex, noise: float, places: NDArray[np.intp], half: int, width: Array
+) -> Array:
     index = places[:, None] + np.arange(-half, half + 1)
     inside = (index >= 0) & (index < f.size)
     index = np.clip(index, 0, f.size - 1)
@@ -46,7 +51,11 @@ def _score(f: Array, volts: Complex, noise: float, places: NDArray[np.intp], hal
     values = np.where(inside, volts[index], 0)
     basis = np.stack([inside.astype(float), inside * x, inside * x**2], axis=1)
     gram = np.einsum("cik,cjk->cij", basis, basis)
-    pure = template - np.einsum("cik,ci->ck", basis, np.linalg.solve(gram, np.einsum("cik,ck->ci", basis, template)[..., None])[..., 0])
+    pure = template - np.einsum(
+        "cik,ci->ck",
+        basis,
+        np.linalg.solve(gram, np.einsum("cik,ck->ci", basis, template)[..., None])[..., 0],
+    )
     power = np.sum(np.abs(pure) ** 2, axis=1)
     overlap = np.abs(np.sum(pure.conj() * values, axis=1)) ** 2
     return np.asarray(np.where(power > 1e-3, overlap / (noise**2 * np.maximum(power, 1e-300)), 0.0))

@@ -16,14 +16,17 @@ ILL_CONDITIONED = 1e5
 FINE = 8
 """Points of the padded spectrum of a drive per line width of its record."""
 ONE_TONE = 0.5
-"""Share of the power of a drive that one sine may leave: harmonics of its own and noise, but no second tone of equal strength."""
+"""Share of the power of a drive that one sine may leave: harmonics of its own and noise, but no
+second tone of equal strength.
+"""
 
 
 def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
     """Decompose recorded traces into harmonics of the drive by least squares.
 
-    v(t) = V_0 + Σ_n Re(V_n e^{2πinft}) with n to `n_harmonics`. The record need not hold a whole number of periods, and missing
-    samples are left out. Where the drive itself was recorded, phases count from it: V_n e^{−inφ_d}; else from t = 0.
+    v(t) = V_0 + Σ_n Re(V_n e^{2πinft}) with n to `n_harmonics`. The record need not hold a whole
+    number of periods, and missing samples are left out. Where the drive itself was recorded, phases
+    count from it: V_n e^{−inφ_d}; else from t = 0.
 
     Args:
         traces: Dataset of kind `trace`; without `drive_frequency` it is found from `drive_voltage`.
@@ -47,7 +50,10 @@ def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
     elif drive is not None:
         frequency = np.array([_drive_frequency(time, row) for row in drive])
     else:
-        raise MeasurementError("trace: neither drive_frequency nor drive_voltage is there; add the frequency [Hz] of each step")
+        raise MeasurementError(
+            "trace: neither drive_frequency nor drive_voltage is there; add the frequency [Hz] "
+            "of each step"
+        )
     orders = np.arange(n_harmonics + 1)
     values = np.zeros((n_harmonics + 1, len(voltage)), complex)
     sd = np.zeros((n_harmonics + 1, len(voltage)))
@@ -60,19 +66,26 @@ def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
     return HarmonicSpectrum(frequency, orders, values, sd, noise)
 
 
-def _harmonics(time: Array, voltage: Array, frequency: float, n_harmonics: int) -> tuple[ComplexArray, Array, float]:
+def _harmonics(
+    time: Array, voltage: Array, frequency: float, n_harmonics: int
+) -> tuple[ComplexArray, Array, float]:
     """Return V_n, their standard deviation per quadrature, and the noise per sample of one record."""
     used = np.isfinite(voltage)
     t = time[used]
     v = voltage[used]
     n_unknown = 2 * n_harmonics + 1
     if t.size <= n_unknown:
-        raise ParameterError(f"{t.size} samples cannot give {n_harmonics} harmonics: ask for fewer, or record longer")
+        raise ParameterError(
+            f"{t.size} samples cannot give {n_harmonics} harmonics: ask for fewer, or record longer"
+        )
     interval = float(np.median(np.diff(time)))
     if 2 * n_harmonics * frequency * interval >= 1:
         highest = int(np.ceil(0.5 / (frequency * interval))) - 1
         raise ParameterError(
-            f"harmonic {n_harmonics} of {frequency:g} Hz lies beyond half the sampling rate {1 / interval:g} Hz: ask for {highest} at most"
+            f"harmonic {n_harmonics} of {frequency:g} Hz lies beyond half the sampling rate "
+            f"{1 / interval:g} Hz: "
+            "ask for "
+            f"{highest} at most"
         )
     turns = 2 * np.pi * frequency * np.outer(t, np.arange(1, n_harmonics + 1))
     design = np.column_stack([np.ones(t.size), np.cos(turns), -np.sin(turns)])
@@ -80,7 +93,9 @@ def _harmonics(time: Array, voltage: Array, frequency: float, n_harmonics: int) 
     if singular[0] > ILL_CONDITIONED * singular[-1]:
         periods = np.ptp(t) * frequency
         raise MeasurementError(
-            f"a record of {periods:.2g} periods at {frequency:g} Hz cannot tell {n_harmonics} harmonics apart: record longer"
+            f"a record of {periods:.2g} periods at {frequency:g} Hz cannot tell {n_harmonics} "
+            "harmonics apart: "
+            "record longer"
         )
     noise = float(np.sqrt(np.sum((v - design @ solution) ** 2) / (t.size - n_unknown)))
     sd = noise * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))
@@ -91,7 +106,10 @@ def _harmonics(time: Array, voltage: Array, frequency: float, n_harmonics: int) 
 
 
 def _drive_frequency(time: Array, drive: Array) -> float:
-    """Return the frequency [Hz] of the recorded drive: the peak of its spectrum, then the least misfit of one sine."""
+    """Return the frequency [Hz] of the recorded drive.
+
+    The peak of its spectrum, then the least misfit of one sine.
+    """
     used = np.isfinite(drive)
     t = time[used]
     v = drive[used] - np.mean(drive[used])
@@ -102,17 +120,23 @@ def _drive_frequency(time: Array, drive: Array) -> float:
     step = 1 / (n_padded * interval)
 
     def misfit(f: float) -> float:
-        design = np.column_stack([np.ones(t.size), np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t)])
+        design = np.column_stack(
+            [np.ones(t.size), np.cos(2 * np.pi * f * t), np.sin(2 * np.pi * f * t)]
+        )
         return float(np.sum((v - design @ lstsq(design, v)[0]) ** 2))
 
     peak = float(np.argmax(power) * step)
     found = minimize_scalar(
-        misfit, bounds=(peak - FINE * step / 2, peak + FINE * step / 2), method="bounded", options={"xatol": 1e-9 * peak}
+        misfit,
+        bounds=(peak - FINE * step / 2, peak + FINE * step / 2),
+        method="bounded",
+        options={"xatol": 1e-9 * peak},
     )
     left = float(found.fun / np.sum(v**2))
     if left > ONE_TONE:
         raise MeasurementError(
-            f"drive_voltage: the best sine, at {found.x:.6g} Hz, leaves {left:.0%} of its power, so it has no harmonics; "
+            f"drive_voltage: the best sine, at {found.x:.6g} Hz, leaves {left:.0%} of its power, "
+            "so it has no harmonics; "
             "fit an oscillator (--as oscillator), or add the drive_frequency of each step"
         )
     return float(found.x)
@@ -126,26 +150,28 @@ def jitter_gain(harmonic: ArrayLike, frequency: float, jitter: float) -> Array:
 def align(shots: HarmonicSpectrum) -> tuple[HarmonicSpectrum, Fit]:
     """Average repeated records after undoing the delay of each, and measure the jitter of the trigger.
 
-    V_n of record j is M_n e^{−inωδ_j}: M and δ are found in turn, all harmonics together. A plain mean of the records would give
-    M_n e^{−(nωs)²/2}; the mean of the aligned ones gives M_n.
+    V_n of record j is M_n e^{−inωδ_j}: M and δ are found in turn, all harmonics together. A plain
+    mean of the records would give M_n e^{−(nωs)²/2}; the mean of the aligned ones gives M_n.
 
     Args:
         shots: harmonics of records taken at one and the same drive frequency.
 
     Returns:
-        The aligned average as a spectrum of one step, and a fit with the parameter `jitter` s [s]: the spread of the delays
-        less what noise contributes to it.
+        The aligned average as a spectrum of one step, and a fit with the parameter `jitter` s [s]:
+        the spread of the delays less what noise contributes to it.
 
     Raises:
         ParameterError: fewer than two records, or records at different frequencies.
 
-    Valid: delays within half a period of each other; noise well below the first harmonic of a single record.
+    Valid: delays within half a period of each other; noise well below the first harmonic of a
+    single record.
     """
     n_shots = shots.values.shape[1]
     frequency = float(shots.drive_frequency[0])
     if n_shots < 2 or np.ptp(shots.drive_frequency) > 1e-9 * frequency:
         raise ParameterError(
-            f"align needs two or more records at one drive frequency, not {n_shots} at {np.unique(shots.drive_frequency).size}"
+            f"align needs two or more records at one drive frequency, not {n_shots} at "
+            f"{np.unique(shots.drive_frequency).size}"
         )
     rate = np.asarray(2 * np.pi * frequency * shots.harmonic, np.float64)
     weight = 1 / np.mean(shots.values_sd**2, axis=1)
@@ -163,11 +189,22 @@ def align(shots: HarmonicSpectrum) -> tuple[HarmonicSpectrum, Fit]:
     square = spread - blur
     square_sd = spread * np.sqrt(2 / (n_shots - 1))
     jitter = float(np.sqrt(max(square, 0)))
-    sd = float(square_sd / (2 * jitter)) if square > square_sd else float(np.sqrt(max(square, 0) + square_sd))
-    notes = (
-        () if square > 2 * square_sd else ("the delays scatter no more than noise explains: read the standard deviation as an upper limit",)
+    sd = (
+        float(square_sd / (2 * jitter))
+        if square > square_sd
+        else float(np.sqrt(max(square, 0) + square_sd))
     )
-    residual = (shots.values * np.exp(1j * np.outer(rate, delay)) - model[:, None]) * np.sqrt(weight)[:, None]
+    notes = (
+        ()
+        if square > 2 * square_sd
+        else (
+            "the delays scatter no more than noise explains: read the standard deviation as an "
+            "upper limit",
+        )
+    )
+    residual = (shots.values * np.exp(1j * np.outer(rate, delay)) - model[:, None]) * np.sqrt(
+        weight
+    )[:, None]
     n_points = 2 * shots.values.size - n_shots
     n_parameters = n_shots - 1 + 2 * len(model) - 1
     chi2 = float(np.sum(np.abs(residual) ** 2) / (n_points - n_parameters))
@@ -178,11 +215,21 @@ def align(shots: HarmonicSpectrum) -> tuple[HarmonicSpectrum, Fit]:
         np.sqrt(np.mean(shots.values_sd**2, axis=1, keepdims=True) / n_shots),
         np.array([np.sqrt(np.mean(shots.noise_sd**2) / n_shots)]),
     )
-    return average, Fit({"jitter": Parameter("jitter", jitter, sd, "s")}, np.array([[sd**2]]), chi2, n_points, n_parameters, notes)
+    return average, Fit(
+        {"jitter": Parameter("jitter", jitter, sd, "s")},
+        np.array([[sd**2]]),
+        chi2,
+        n_points,
+        n_parameters,
+        notes,
+    )
 
 
 def _delay(model: ComplexArray, values: ComplexArray, weight: Array, rate: Array) -> float:
-    """Return the delay δ [s] that makes values closest to model·e^{−inωδ}: the best of a grid over one period, then refined."""
+    """Return the delay δ [s] that makes values closest to model·e^{−inωδ}.
+
+    The best of a grid over one period, then refined.
+    """
     overlap = weight * np.conj(model) * values
     period = 2 * np.pi / rate[1]
     grid = period * (np.arange(16 * len(rate)) / (16 * len(rate)) - 0.5)

@@ -21,11 +21,13 @@ WALL = 1e9
 """Residual of motion beyond twice the grid, so that no step leads there."""
 
 
-def fit_spot(spectrum: HarmonicSpectrum, wavelength: float, fringe: PeriodicFringe | None = None) -> MotionFit:
+def fit_spot(
+    spectrum: HarmonicSpectrum, wavelength: float, fringe: PeriodicFringe | None = None
+) -> MotionFit:
     """Fit the harmonics of all steps of a drive by one fringe and a motion U cos(ωt + φ) at each step.
 
-    V_n = V_C e^{inφ} Σ_k 2Re(c_k iⁿ e^{ikθ}) J_n(kqU): V_C and θ are shared, U and φ belong to a step. No smoothness along the
-    steps is assumed; the offset V_0 is not used.
+    V_n = V_C e^{inφ} Σ_k 2Re(c_k iⁿ e^{ikθ}) J_n(kqU): V_C and θ are shared, U and φ belong to a
+    step. No smoothness along the steps is assumed; the offset V_0 is not used.
 
     Args:
         spectrum: harmonics of the traces, from `decompose`.
@@ -33,21 +35,32 @@ def fit_spot(spectrum: HarmonicSpectrum, wavelength: float, fringe: PeriodicFrin
         fringe: f(u); one cosine unless given.
 
     Returns:
-        The motion at each step, with U ≥ 0, V_C > 0 for a cosine, and θ of a symmetric fringe in [0, π]; fit: `contrast`, `fringe_phase`.
+        The motion at each step, with U ≥ 0, V_C > 0 for a cosine, and θ of a symmetric fringe in
+        [0, π]; fit: `contrast`, `fringe_phase`.
 
     Raises:
         ParameterError: fewer than two harmonics, or a fringe without contrast.
 
-    Valid: sinusoidal motion with z below 30, and at least one step that bends the fringe (z > 1), else V_C and U are not told apart.
+    Valid: sinusoidal motion with z below 30, and at least one step that bends the fringe (z > 1),
+    else V_C and U are not told apart.
     Source: Sommer et al. 2025, supplement S7, harmonics against drive frequency.
     """
     kept = spectrum.harmonic > 0
     if kept.sum() < 2:
-        raise ParameterError(f"{int(kept.sum())} harmonics cannot tell motion from contrast: decompose the traces into two or more")
+        raise ParameterError(
+            f"{int(kept.sum())} harmonics cannot tell motion from contrast: decompose the traces "
+            "into two or more"
+        )
     series = cosine(wavelength) if fringe is None else unit_fringe(fringe.fourier)
-    problem = _Spot(series, spectrum.harmonic[kept], spectrum.values[kept], spectrum.values_sd[kept])
-    optima = sorted((problem.refine(start, 10) for start in problem.starts()), key=lambda optimum: optimum[1])
-    best = min((problem.settle(vector) for vector, _ in optima[:2]), key=lambda optimum: optimum[1])[0]
+    problem = _Spot(
+        series, spectrum.harmonic[kept], spectrum.values[kept], spectrum.values_sd[kept]
+    )
+    optima = sorted(
+        (problem.refine(start, 10) for start in problem.starts()), key=lambda optimum: optimum[1]
+    )
+    best = min(
+        (problem.settle(vector) for vector, _ in optima[:2]), key=lambda optimum: optimum[1]
+    )[0]
     return problem.report(problem.canonical(best))
 
 
@@ -100,7 +113,15 @@ class _Spot:
     def refine(self, vector: Array, most: int) -> tuple[Array, float]:
         """Return the nearest minimum of χ² and χ² there, or where `most` evaluations led."""
         found = least_squares(
-            self.residuals, vector, self.jacobian, method="lm", x_scale="jac", xtol=1e-10, ftol=1e-12, gtol=1e-12, max_nfev=most
+            self.residuals,
+            vector,
+            self.jacobian,
+            method="lm",
+            x_scale="jac",
+            xtol=1e-10,
+            ftol=1e-12,
+            gtol=1e-12,
+            max_nfev=most,
         )
         return found.x, float(2 * found.cost)
 
@@ -121,26 +142,39 @@ class _Spot:
         theta = np.arange(0, np.pi if symmetric else 2 * np.pi, np.pi / 32) + np.pi / 64
         contrast = np.abs(self.values).max() * np.geomspace(0.6, 30, 40)
         strength = np.argsort(np.sum(np.abs(self.values / self.sd) ** 2, axis=0))
-        steps = strength[np.unique(np.linspace(0, strength.size - 1, min(N_SEARCHED, strength.size)).astype(int))]
+        steps = strength[
+            np.unique(np.linspace(0, strength.size - 1, min(N_SEARCHED, strength.size)).astype(int))
+        ]
         orders = np.arange(min(N_ORDERS, self.harmonic.size))
         misfit = np.zeros((theta.size, contrast.size))
         for i, angle in enumerate(theta):
             overlap, norm, _ = self._match(float(angle), steps, orders)
-            misfit[i] = [np.sum(np.min(level**2 * norm - 2 * level * overlap, axis=1)) for level in contrast]
+            misfit[i] = [
+                np.sum(np.min(level**2 * norm - 2 * level * overlap, axis=1)) for level in contrast
+            ]
         wrapped = np.pad(misfit, ((1, 1), (1, 1)), mode="edge")
         around = np.min(
-            [wrapped[1 + a : wrapped.shape[0] - 1 + a, 1 + b : wrapped.shape[1] - 1 + b] for a in (-1, 0, 1) for b in (-1, 0, 1)], axis=0
+            [
+                wrapped[1 + a : wrapped.shape[0] - 1 + a, 1 + b : wrapped.shape[1] - 1 + b]
+                for a in (-1, 0, 1)
+                for b in (-1, 0, 1)
+            ],
+            axis=0,
         )
         rows, columns = np.nonzero(misfit <= around)
         ranked = np.argsort(misfit[rows, columns])[:5]
-        return [self._with_motion(float(contrast[columns[r]]), float(theta[rows[r]])) for r in ranked]
+        return [
+            self._with_motion(float(contrast[columns[r]]), float(theta[rows[r]])) for r in ranked
+        ]
 
     def _with_motion(self, contrast: float, theta: float) -> Array:
         """Return the parameters with the best motion of every step at the given fringe."""
         steps = np.arange(self.values.shape[1])
         overlap, norm, phase = self._match(theta, steps, np.arange(self.harmonic.size))
         best = np.argmin(contrast**2 * norm - 2 * contrast * overlap, axis=1)
-        return np.concatenate([[contrast, theta], self._grid[best] / self.wavenumber, phase[steps, best]])
+        return np.concatenate(
+            [[contrast, theta], self._grid[best] / self.wavenumber, phase[steps, best]]
+        )
 
     @property
     def _grid(self) -> Array:
@@ -153,7 +187,9 @@ class _Spot:
         unit = real_part(self.series, n, self._grid / self.wavenumber, fringe)["motion"].T
         weight = 1 / self.sd[np.ix_(orders, steps)] ** 2
         phi = np.arange(0, 2 * np.pi, np.pi / (4 * n.max()))
-        turned = (weight * self.values[np.ix_(orders, steps)])[..., None] * np.exp(-1j * n[:, None, None] * phi)
+        turned = (weight * self.values[np.ix_(orders, steps)])[..., None] * np.exp(
+            -1j * n[:, None, None] * phi
+        )
         met = unit @ turned.real.transpose(1, 0, 2)
         return met.max(axis=2), (unit**2 @ weight).T, phi[met.argmax(axis=2)]
 
@@ -175,12 +211,22 @@ class _Spot:
     def report(self, vector: Array) -> MotionFit:
         """Put values, uncertainties, prediction and notes together."""
         fringe, amplitude, phase = self.split(vector)
-        names = ["contrast", "fringe_phase", *(f"amplitude at step {i}" for i in range(amplitude.size))]
+        names = [
+            "contrast",
+            "fringe_phase",
+            *(f"amplitude at step {i}" for i in range(amplitude.size)),
+        ]
         names += [f"phase at step {i}" for i in range(amplitude.size)]
-        unit = np.concatenate([[abs(vector[0]), 1.0], np.full(amplitude.size, 1e-9), np.ones(amplitude.size)])
+        unit = np.concatenate(
+            [[abs(vector[0]), 1.0], np.full(amplitude.size, 1e-9), np.ones(amplitude.size)]
+        )
         found, notes = covariance(self.jacobian(vector), names, unit)
         if np.abs(self.series.coefficients.imag).max() < 1e-9:
-            notes = (*notes, "θ cannot be told from −θ: the fringe is symmetric, and the other sign turns every phase of motion by π")
+            notes = (
+                *notes,
+                "θ cannot be told from −θ: the fringe is symmetric, and the other sign turns "
+                "every phase of motion by π",
+            )
         sd = np.sqrt(np.diag(found))
         residuals = self.residuals(vector)
         parameters = {
@@ -190,7 +236,12 @@ class _Spot:
         amplitude_sd, phase_sd = sd[2:].reshape(2, -1)
         return MotionFit(
             Fit(
-                parameters, found[:2, :2], float(residuals @ residuals) / (residuals.size - vector.size), residuals.size, vector.size, notes
+                parameters,
+                found[:2, :2],
+                float(residuals @ residuals) / (residuals.size - vector.size),
+                residuals.size,
+                vector.size,
+                notes,
             ),
             amplitude,
             amplitude_sd,

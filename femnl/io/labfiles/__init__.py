@@ -1,4 +1,7 @@
-"""Files that labs have, turned into measurement files: every module of this folder that defines FORMAT reads one format."""
+"""Files that labs have, turned into measurement files.
+
+Every module of this folder that defines FORMAT reads one format.
+"""
 
 import importlib
 import pkgutil
@@ -19,29 +22,60 @@ __all__ = ["Format", "Spec", "formats", "import_file", "read_spec"]
 @cache
 def formats() -> tuple[Format, ...]:
     """All formats, by name: the attribute FORMAT of every module in this folder that has one."""
-    modules = [importlib.import_module(f"{__name__}.{found.name}") for found in pkgutil.iter_modules(__path__)]
-    return tuple(sorted((module.FORMAT for module in modules if hasattr(module, "FORMAT")), key=lambda kind: kind.name))
+    modules = [
+        importlib.import_module(f"{__name__}.{found.name}")
+        for found in pkgutil.iter_modules(__path__)
+    ]
+    return tuple(
+        sorted(
+            (module.FORMAT for module in modules if hasattr(module, "FORMAT")),
+            key=lambda kind: kind.name,
+        )
+    )
 
 
-def import_file(source: str | Path | Sequence[str | Path], dest: str | Path, spec: str | Path | Spec | None = None) -> xr.DataTree:
+def import_file(
+    source: str | Path | Sequence[str | Path],
+    dest: str | Path,
+    spec: str | Path | Spec | None = None,
+) -> xr.DataTree:
     """Turn files of a lab into a measurement file.
 
-    Args: source: a file, a folder of files of one format, or several files; dest: the .nc file to write; spec: TOML file that
-    says which column is what (default: the source's name with .toml, where there is one).
+    Args: source: a file, a folder of files of one format, or several files; dest: the .nc file to
+    write; spec: TOML file that says which column is what (default: the source's name with .toml,
+    where there is one).
     Returns: the tree as written; its attribute `repairs` tells what was assumed and changed.
     Raises: MeasurementError with file, what is wrong and the remedy.
     """
     files = _files(source)
     found = {_recognise(path).name: _recognise(path) for path in files}
     if len(found) > 1:
-        raise MeasurementError(f"{files[0].parent}: holds files of several formats ({', '.join(found)}); import one format at a time")
+        raise MeasurementError(
+            f"{files[0].parent}: holds files of several formats ({', '.join(found)}); import one "
+            "format at a time"
+        )
     (reader,) = found.values()
     if not isinstance(spec, Spec):
         beside = files[0].with_suffix(".toml")
-        spec = read_spec(Path(spec)) if spec is not None else read_spec(beside) if beside.is_file() else Spec()
+        spec = (
+            read_spec(Path(spec))
+            if spec is not None
+            else read_spec(beside)
+            if beside.is_file()
+            else Spec()
+        )
     groups, notes = reader.read(files, spec)
-    attributes = {key: value for key, value in (("title", spec.title), ("sample", spec.sample)) if value is not None}
-    tree = bundle(groups, geometry=spec.geometry, **attributes, source=f"{reader.name}: {', '.join(path.name for path in files)}")
+    attributes = {
+        key: value
+        for key, value in (("title", spec.title), ("sample", spec.sample))
+        if value is not None
+    }
+    tree = bundle(
+        groups,
+        geometry=spec.geometry,
+        **attributes,
+        source=f"{reader.name}: {', '.join(path.name for path in files)}",
+    )
     tree.attrs["repairs"] = (*notes, *tree.attrs["repairs"])
     write(tree, dest)
     return tree
@@ -51,9 +85,16 @@ def _files(source: str | Path | Sequence[str | Path]) -> list[Path]:
     paths = [Path(source)] if isinstance(source, str | Path) else [Path(path) for path in source]
     if len(paths) == 1 and paths[0].is_dir():
         folder = paths[0]
-        paths = sorted(path for path in folder.iterdir() if path.is_file() and any(kind.recognise(path) for kind in formats()))
+        paths = sorted(
+            path
+            for path in folder.iterdir()
+            if path.is_file() and any(kind.recognise(path) for kind in formats())
+        )
         if not paths:
-            raise MeasurementError(f"{folder}: no file of a known format; known are {', '.join(kind.name for kind in formats())}")
+            raise MeasurementError(
+                f"{folder}: no file of a known format; known are "
+                f"{', '.join(kind.name for kind in formats())}"
+            )
     for path in paths:
         if not path.is_file():
             raise MeasurementError(f"{path}: no such file; check the path")
@@ -65,5 +106,7 @@ def _files(source: str | Path | Sequence[str | Path]) -> list[Path]:
 def _recognise(path: Path) -> Format:
     hits = [kind for kind in formats() if kind.recognise(path)]
     if not hits:
-        raise MeasurementError(f"{path}: format not recognised; known are {', '.join(kind.name for kind in formats())}")
+        raise MeasurementError(
+            f"{path}: format not recognised; known are {', '.join(kind.name for kind in formats())}"
+        )
     return max(hits, key=lambda kind: kind.priority)

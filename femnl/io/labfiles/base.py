@@ -23,7 +23,10 @@ Read = Callable[[Sequence[Path], Spec], tuple[Groups, list[str]]]
 
 @dataclass(frozen=True)
 class Format:
-    """A format of lab files: its name, whether a file is of it, and how to read files of it; the higher priority wins."""
+    """A format of lab files: its name, whether a file is of it, and how to read files of it.
+
+    The higher priority wins.
+    """
 
     name: str
     recognise: Callable[[Path], bool]
@@ -37,13 +40,22 @@ def head(path: Path, size: int = 512) -> bytes:
         with path.open("rb") as file:
             return file.read(size)
     except OSError as error:
-        raise MeasurementError(f"{path}: cannot be read ({error.strerror}); check the path and its permissions") from None
+        raise MeasurementError(
+            f"{path}: cannot be read ({error.strerror}); check the path and its permissions"
+        ) from None
 
 
 def text_lines(path: Path) -> list[str]:
-    """The lines of a text file of bounded size. Raises: MeasurementError if it is too large or not text."""
+    """The lines of a text file of bounded size.
+
+    Raises: MeasurementError if it is too large or not text.
+    """
     if path.stat().st_size > LARGEST:
-        raise MeasurementError(f"{path}: {path.stat().st_size / 2**30:.1f} GiB of text, more than {LARGEST / 2**30:g}; split it")
+        raise MeasurementError(
+            f"{path}: {path.stat().st_size / 2**30:.1f} GiB of text, more than "
+            f"{LARGEST / 2**30:g}; "
+            "split it"
+        )
     try:
         return path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
@@ -62,21 +74,34 @@ def scalar_values(spec: Spec, names: dict[str, str], where: str) -> dict[str, fl
     return found
 
 
-def per_sweep(spec: Spec, name: str, unit: str, sweeps: int, where: str) -> NDArray[np.float64] | None:
+def per_sweep(
+    spec: Spec, name: str, unit: str, sweeps: int, where: str
+) -> NDArray[np.float64] | None:
     """Read a value of the table [values] that may be given once or as a list, one for each sweep."""
     if name not in spec.values:
         return None
     value = spec.values[name]
-    numbers = [quantity(one, unit, f"{where}: values.{name}")[0] for one in (value if isinstance(value, list) else [value])]
+    numbers = [
+        quantity(one, unit, f"{where}: values.{name}")[0]
+        for one in (value if isinstance(value, list) else [value])
+    ]
     if len(numbers) not in (1, sweeps):
-        raise MeasurementError(f"{where}: values.{name} has {len(numbers)} entries for {sweeps} sweeps; give one, or one for each")
+        raise MeasurementError(
+            f"{where}: values.{name} has {len(numbers)} entries for {sweeps} sweeps; give one, "
+            "or one for each"
+        )
     return np.broadcast_to(np.array(numbers), (sweeps,))
 
 
-def sweeps_to_response(sweeps: Sequence[Sweep], labels: Labels, spec: Spec, where: str) -> tuple[xr.Dataset, list[str]]:
-    """Build a `response` from sweeps as they were taken: direction from their order, points sorted, short sweeps filled with NaN.
+def sweeps_to_response(
+    sweeps: Sequence[Sweep], labels: Labels, spec: Spec, where: str
+) -> tuple[xr.Dataset, list[str]]:
+    """Build a `response` from sweeps as they were taken.
 
-    Args: sweeps: (frequency [Hz], amplitude [V]) in the order taken; labels: per-sweep arrays that the files give; spec: fills the rest.
+    Direction from their order, points sorted, short sweeps filled with NaN.
+
+    Args: sweeps: (frequency [Hz], amplitude [V]) in the order taken; labels: per-sweep arrays that
+    the files give; spec: fills the rest.
     Returns: the Dataset and notes on what was found.
     """
     points = max(f.size for f, _ in sweeps)
@@ -94,12 +119,24 @@ def sweeps_to_response(sweeps: Sequence[Sweep], labels: Labels, spec: Spec, wher
         volts[row, : f.size] = v[order]
     ups = np.count_nonzero(direction > 0)
     downs = np.count_nonzero(direction < 0)
-    notes = [f"{where}: {len(sweeps)} sweeps, {ups} up and {downs} down, by the order of their points"]
+    notes = [
+        f"{where}: {len(sweeps)} sweeps, {ups} up and {downs} down, by the order of their points"
+    ]
     given: Labels = dict.fromkeys(("drive", "direction", "x", "y", "harmonic", "time"))
     given |= {"direction": direction if np.all(direction) else None, **labels}
     if given["direction"] is None:
-        notes.append(f"{where}: {np.count_nonzero(direction == 0)} sweeps are neither up nor down, so direction is left out")
-    for name, unit in (("drive", "V"), ("direction", ""), ("x", "m"), ("y", "m"), ("harmonic", ""), ("time", "s")):
+        notes.append(
+            f"{where}: {np.count_nonzero(direction == 0)} sweeps are neither up nor down, so "
+            "direction is left out"
+        )
+    for name, unit in (
+        ("drive", "V"),
+        ("direction", ""),
+        ("x", "m"),
+        ("y", "m"),
+        ("harmonic", ""),
+        ("time", "s"),
+    ):
         if given[name] is None:
             given[name] = per_sweep(spec, name, unit, len(sweeps), where)
     harmonic = given.pop("harmonic")

@@ -1,6 +1,7 @@
 """Text tables: comma, semicolon, tab or blank separated, with a TOML that says what the columns are.
 
-The TOML has the table's name with .toml, or is named by the user. For example, for a sweep recorded in kHz and degrees:
+The TOML has the table's name with .toml, or is named by the user. For example, for a sweep recorded
+in kHz and degrees:
 
     kind = "response"
     rms = true
@@ -12,7 +13,8 @@ The TOML has the table's name with .toml, or is named by the user. For example, 
     [values]
     wavelength = "632.8 nm"
 
-Columns without heading (header = false) are numbered from 1; a clock stands for a missing column: time = { rate = "1 MHz" }.
+Columns without heading (header = false) are numbered from 1; a clock stands for a missing column:
+time = { rate = "1 MHz" }.
 """
 
 import csv
@@ -35,7 +37,11 @@ _SUFFIXES = (".csv", ".txt", ".dat", ".tsv")
 def read_table(path: Path, spec: Spec) -> dict[str, NDArray[Any]]:
     """Read a text table into its columns by heading (or number from 1). Raises: MeasurementError."""
     if path.stat().st_size > LARGEST:
-        raise MeasurementError(f"{path}: {path.stat().st_size / 2**30:.1f} GiB of text, more than {LARGEST / 2**30:g}; split it")
+        raise MeasurementError(
+            f"{path}: {path.stat().st_size / 2**30:.1f} GiB of text, more than "
+            f"{LARGEST / 2**30:g}; "
+            "split it"
+        )
     try:
         with warnings.catch_warnings():
             delimiter = spec.delimiter or _delimiter(path, spec)
@@ -53,18 +59,31 @@ def read_table(path: Path, spec: Spec) -> dict[str, NDArray[Any]]:
                 encoding="utf-8-sig",
             )
     except (ValueError, csv.Error, pd.errors.ParserWarning) as error:
-        raise MeasurementError(f"{path}: not a table ({' '.join(str(error).split())[:100]}); check delimiter, decimal and skip") from None
-    names = [str(name).strip() for name in frame.columns] if spec.header else [str(number + 1) for number in range(frame.shape[1])]
+        raise MeasurementError(
+            f"{path}: not a table ({' '.join(str(error).split())[:100]}); check delimiter, "
+            "decimal and skip"
+        ) from None
+    names = (
+        [str(name).strip() for name in frame.columns]
+        if spec.header
+        else [str(number + 1) for number in range(frame.shape[1])]
+    )
     doubled = sorted({name for name in names if names.count(name) > 1})
     if doubled:
-        raise MeasurementError(f"{path}: heading {doubled[0]!r} stands over two columns; rename one")
+        raise MeasurementError(
+            f"{path}: heading {doubled[0]!r} stands over two columns; rename one"
+        )
     return {name: frame.iloc[:, index].to_numpy() for index, name in enumerate(names)}
 
 
 def _delimiter(path: Path, spec: Spec) -> str:
     """The separator that the first line of the table uses most."""
     with path.open(encoding="utf-8-sig") as file:
-        lines = (line for number, line in enumerate(file) if number >= spec.skip and line.strip() and not line.startswith("#"))
+        lines = (
+            line
+            for number, line in enumerate(file)
+            if number >= spec.skip and line.strip() and not line.startswith("#")
+        )
         first = next(lines, "")
     counts = {mark: first.count(mark) for mark in (";", "\t", "," if spec.decimal == "." else "|")}
     best = max(counts, key=lambda mark: counts[mark])
@@ -73,7 +92,9 @@ def _delimiter(path: Path, spec: Spec) -> str:
 
 def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
     if len(paths) > 1:
-        raise MeasurementError(f"{paths[1]}: one text table at a time; import each into a file of its own")
+        raise MeasurementError(
+            f"{paths[1]}: one text table at a time; import each into a file of its own"
+        )
     where = str(paths[0])
     dataset, notes = to_dataset(spec, take_columns(spec, read_table(paths[0], spec), where), where)
     return {spec.name: dataset}, notes

@@ -1,16 +1,19 @@
 """Sweeps saved by Zurich Instruments LabOne as text.
 
-The sweeper writes one line for each field of each sweep, separated by semicolons (or commas, as set in LabOne):
+The sweeper writes one line for each field of each sweep, separated by semicolons (or commas, as set
+in LabOne):
 
     chunk;timestamp;size;fieldname;value;value;…
 
-`chunk` counts the sweeps, `size` says how many values follow, shorter lines are filled up with nan. Fields used: `frequency` (else
-`grid`, the swept values), `x` and `y` (else `r` and `phase` in rad). Points come in the order taken, so a falling grid is a sweep
-down. A file with one line a sample (chunk;timestamp;x;y;freq;…) is a table of samples and is read as such.
-Demodulator outputs are root mean square; amplitudes are √2 times as large unless the TOML says rms = false.
-Source: LabOne Programming Manual, "Sweeper Module" (docs.zhinst.com/labone_programming_manual/sweeper_module.html: scan order,
-output fields); zhinst.utils.load_labone_demod_csv (docs.zhinst.com/zhinst-utils: columns of samples); MFLI User Manual, "Signal
-Processing Basics" (docs.zhinst.com/mfli_user_manual: X, Y and R in root mean square).
+`chunk` counts the sweeps, `size` says how many values follow, shorter lines are filled up with nan.
+Fields used: `frequency` (else `grid`, the swept values), `x` and `y` (else `r` and `phase` in rad).
+Points come in the order taken, so a falling grid is a sweep down. A file with one line a sample
+(chunk;timestamp;x;y;freq;…) is a table of samples and is read as such. Demodulator outputs are root
+mean square; amplitudes are √2 times as large unless the TOML says rms = false. Source: LabOne
+Programming Manual, "Sweeper Module" (docs.zhinst.com/labone_programming_manual/sweeper_module.html:
+scan order, output fields); zhinst.utils.load_labone_demod_csv (docs.zhinst.com/zhinst-utils:
+columns of samples); MFLI User Manual, "Signal Processing Basics" (docs.zhinst.com/mfli_user_manual:
+X, Y and R in root mean square).
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,20 +31,33 @@ _SAMPLES = {"freq": "frequency", "x": "x", "y": "y"}
 
 
 def sweep_of(fields: Mapping[str, NDArray[np.float64]], spec: Spec, where: str) -> Sweep:
-    """Frequency [Hz] and amplitude [V] of one sweep from the sweeper's fields. Raises: MeasurementError if they do not suffice."""
+    """Frequency [Hz] and amplitude [V] of one sweep from the sweeper's fields.
+
+    Raises: MeasurementError if they do not suffice.
+    """
     frequency = fields.get("frequency", fields.get("grid"))
     if frequency is None:
-        raise MeasurementError(f"{where}: has neither frequency nor grid; save the sweep with all its fields")
+        raise MeasurementError(
+            f"{where}: has neither frequency nor grid; save the sweep with all its fields"
+        )
     if "x" in fields and "y" in fields:
         volts = fields["x"] + 1j * fields["y"]
     elif "r" in fields and "phase" in fields:
         volts = fields["r"] * np.exp(1j * fields["phase"])
     else:
-        raise MeasurementError(f"{where}: has neither x and y nor r and phase; save the sweep with all its fields")
+        raise MeasurementError(
+            f"{where}: has neither x and y nor r and phase; save the sweep with all its fields"
+        )
     if frequency.shape != volts.shape:
-        raise MeasurementError(f"{where}: {frequency.size} frequencies for {volts.size} amplitudes; the file is cut off, export it again")
+        raise MeasurementError(
+            f"{where}: {frequency.size} frequencies for {volts.size} amplitudes; the file is cut "
+            "off, export it again"
+        )
     if np.unique(frequency[np.isfinite(frequency)]).size < 2:
-        raise MeasurementError(f"{where}: the frequency stands still, so it was not swept; import sweeps of an oscillator")
+        raise MeasurementError(
+            f"{where}: the frequency stands still, so it was not swept; import sweeps of an "
+            "oscillator"
+        )
     return frequency, np.asarray(volts * (1.0 if spec.rms is False else RMS), dtype=complex)
 
 
@@ -56,10 +72,18 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
     for path in paths:
         rows = _cells(path)
         heading = [cell.strip().lower() for cell in rows[0]]
-        chunks = _by_field(path, rows[1:]) if "fieldname" in heading else _by_sample(path, heading, rows[1:])
-        sweeps += [sweep_of(fields, spec, f"{path}: chunk {chunk}") for chunk, fields in chunks.items()]
+        chunks = (
+            _by_field(path, rows[1:])
+            if "fieldname" in heading
+            else _by_sample(path, heading, rows[1:])
+        )
+        sweeps += [
+            sweep_of(fields, spec, f"{path}: chunk {chunk}") for chunk, fields in chunks.items()
+        ]
     if not sweeps:
-        raise MeasurementError(f"{paths[0]}: holds no finished sweep; export it after the sweep has ended")
+        raise MeasurementError(
+            f"{paths[0]}: holds no finished sweep; export it after the sweep has ended"
+        )
     dataset, notes = sweeps_to_response(sweeps, {}, spec, str(paths[0]))
     if spec.rms is not False:
         notes.append(f"{paths[0]}: amplitudes are √2 times the root mean square that LabOne stores")
@@ -70,27 +94,44 @@ def _by_field(path: Path, rows: list[list[str]]) -> dict[str, dict[str, NDArray[
     chunks: dict[str, dict[str, NDArray[np.float64]]] = {}
     for number, row in enumerate(rows, start=2):
         if len(row) < 4:
-            raise MeasurementError(f"{path}: line {number} has {len(row)} cells, not chunk, timestamp, size, fieldname, …; export it again")
+            raise MeasurementError(
+                f"{path}: line {number} has {len(row)} cells, not chunk, timestamp, size, "
+                "fieldname, …; export "
+                "it again"
+            )
         chunk = row[0].strip()
         size = _count(row[2], path, number)
         name = row[3].strip().lower()
         if name in _FIELDS:
             if len(row) - 4 < size:
-                raise MeasurementError(f"{path}: line {number} announces {size} values of {name} and has {len(row) - 4}; export it again")
+                raise MeasurementError(
+                    f"{path}: line {number} announces {size} values of {name} and has "
+                    f"{len(row) - 4}; export "
+                    "it again"
+                )
             chunks.setdefault(chunk, {})[name] = _floats(row[4 : 4 + size], path, number)
     return chunks
 
 
-def _by_sample(path: Path, heading: list[str], rows: list[list[str]]) -> dict[str, dict[str, NDArray[np.float64]]]:
+def _by_sample(
+    path: Path, heading: list[str], rows: list[list[str]]
+) -> dict[str, dict[str, NDArray[np.float64]]]:
     places = {_SAMPLES[name]: heading.index(name) for name in _SAMPLES if name in heading}
     chunks: dict[str, list[list[str]]] = {}
     for number, row in enumerate(rows, start=2):
         if len(row) < len(heading):
-            raise MeasurementError(f"{path}: line {number} has {len(row)} cells for {len(heading)} columns; export it again")
-        chunks.setdefault(row[heading.index("chunk")].strip(), []).append([row[place] for place in places.values()])
+            raise MeasurementError(
+                f"{path}: line {number} has {len(row)} cells for {len(heading)} columns; export "
+                "it again"
+            )
+        chunks.setdefault(row[heading.index("chunk")].strip(), []).append(
+            [row[place] for place in places.values()]
+        )
     columns = {chunk: zip(*lines, strict=True) for chunk, lines in chunks.items()}
     return {
-        chunk: {name: _floats(list(cells), path, 2) for name, cells in zip(places, column, strict=True)}
+        chunk: {
+            name: _floats(list(cells), path, 2) for name, cells in zip(places, column, strict=True)
+        }
         for chunk, column in columns.items()
     }
 
@@ -99,14 +140,18 @@ def _count(cell: str, path: Path, number: int) -> int:
     try:
         return int(float(cell))
     except (ValueError, OverflowError):
-        raise MeasurementError(f"{path}: line {number}: size {cell[:20]!r} is not a number; export it again") from None
+        raise MeasurementError(
+            f"{path}: line {number}: size {cell[:20]!r} is not a number; export it again"
+        ) from None
 
 
 def _floats(cells: list[str], path: Path, number: int) -> NDArray[np.float64]:
     try:
         return np.array([float(cell) for cell in cells])
     except ValueError as error:
-        raise MeasurementError(f"{path}: line {number}: {str(error)[:60]}; export it again") from None
+        raise MeasurementError(
+            f"{path}: line {number}: {str(error)[:60]}; export it again"
+        ) from None
 
 
 def _recognise(path: Path) -> bool:

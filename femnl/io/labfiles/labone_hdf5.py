@@ -1,16 +1,19 @@
 """Measurements saved by Zurich Instruments LabOne as HDF5.
 
-A file holds one group for each chunk, named by a number of three digits or more, and in it the instrument's tree of nodes:
+A file holds one group for each chunk, named by a number of three digits or more, and in it the
+instrument's tree of nodes:
 
-    /000/dev1234/demods/0/sample/{timestamp, frequency or grid, x, y, r, phase, …}     sweeper, and continuous recording
-    /000/dev1234/demods/0/sample.x.avg/{timestamp, value}                              data acquisition (one signal a node)
+    /000/dev1234/demods/0/sample/{timestamp, frequency or grid, x, y, r, phase, …}     sweeper, and
+    continuous recording /000/dev1234/demods/0/sample.x.avg/{timestamp, value}
+    data acquisition (one signal a node)
 
-Sweeps become a `response`, one group for each demodulator, one sweep for each chunk. Signals of the data acquisition become a
-`trace`, one step for each chunk; their time stamps count the instrument's clock, whose rate the TOML gives, e.g. clockbase =
-"60 MHz" (MFLI; 210 MHz HF2LI, 1.8 GHz UHFLI), with signal = "sample.x.avg" where there are several.
-Demodulator outputs are root mean square; amplitudes of sweeps are √2 times as large unless the TOML says rms = false.
-Source: LabOne User Manual, "Saving and Loading Data"; LabOne Programming Manual, "Sweeper Module" and "Data Acquisition Module"
-(docs.zhinst.com/labone_programming_manual).
+Sweeps become a `response`, one group for each demodulator, one sweep for each chunk. Signals of the
+data acquisition become a `trace`, one step for each chunk; their time stamps count the instrument's
+clock, whose rate the TOML gives, e.g. clockbase = "60 MHz" (MFLI; 210 MHz HF2LI, 1.8 GHz UHFLI),
+with signal = "sample.x.avg" where there are several. Demodulator outputs are root mean square;
+amplitudes of sweeps are √2 times as large unless the TOML says rms = false. Source: LabOne User
+Manual, "Saving and Loading Data"; LabOne Programming Manual, "Sweeper Module" and "Data Acquisition
+Module" (docs.zhinst.com/labone_programming_manual).
 """
 
 from collections.abc import Iterator, Sequence
@@ -36,7 +39,9 @@ def _nodes(file: h5py.File) -> Iterator[tuple[str, str, h5py.Group]]:
     for chunk in sorted((name for name in file if name.isdigit()), key=int):
         found: list[tuple[str, h5py.Group]] = []
 
-        def collect(name: str, item: h5py.Group | h5py.Dataset, found: list[tuple[str, h5py.Group]] = found) -> None:
+        def collect(
+            name: str, item: h5py.Group | h5py.Dataset, found: list[tuple[str, h5py.Group]] = found
+        ) -> None:
             if isinstance(item, h5py.Group) and name.rsplit("/", 1)[-1].split(".")[0] == "sample":
                 found.append((name, item))
 
@@ -45,7 +50,11 @@ def _nodes(file: h5py.File) -> Iterator[tuple[str, str, h5py.Group]]:
 
 
 def _fields(group: h5py.Group) -> Fields:
-    found = {name: item for name, item in group.items() if isinstance(item, h5py.Dataset) and item.dtype.kind in "iuf"}
+    found = {
+        name: item
+        for name, item in group.items()
+        if isinstance(item, h5py.Dataset) and item.dtype.kind in "iuf"
+    }
     return {name: np.asarray(item[()], dtype=float).reshape(-1) for name, item in found.items()}
 
 
@@ -59,7 +68,9 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
                 if "value" in fields:
                     signals.setdefault(name, []).append(fields)
                 elif "grid" in fields or "frequency" in fields:
-                    sweeps.setdefault(name, []).append(sweep_of(fields, spec, f"{path}: /{chunk}/{name}"))
+                    sweeps.setdefault(name, []).append(
+                        sweep_of(fields, spec, f"{path}: /{chunk}/{name}")
+                    )
     where = str(paths[0])
     groups: Groups = {}
     notes: list[str] = []
@@ -74,32 +85,50 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
         groups[spec.name], lines = _signal(signals, spec, where)
         notes += lines
     elif signals:
-        notes.append(f"{where}: {len(signals)} signals of the data acquisition beside sweeps, left out")
+        notes.append(
+            f"{where}: {len(signals)} signals of the data acquisition beside sweeps, left out"
+        )
     if not groups:
         raise MeasurementError(
-            f"{where}: no demodulator record in it (/000/dev…/demods/…/sample); save the sweeper's or the acquisition's data"
+            f"{where}: no demodulator record in it (/000/dev…/demods/…/sample); save the "
+            "sweeper's or the "
+            "acquisition's data"
         )
     return groups, notes
 
 
-def _signal(signals: dict[str, list[Fields]], spec: Spec, where: str) -> tuple[xr.Dataset, list[str]]:
+def _signal(
+    signals: dict[str, list[Fields]], spec: Spec, where: str
+) -> tuple[xr.Dataset, list[str]]:
     """One recorded signal as a trace, its time counted from the first sample of each chunk."""
     names = sorted(signals)
     chosen = [name for name in names if spec.signal is None or name.endswith(spec.signal)]
     if len(chosen) != 1:
         ends = ", ".join(name.rsplit("/", 1)[-1] for name in names[:12])
         raise MeasurementError(
-            f'{where}: {len(chosen)} of {len(names)} signals match; choose one in the TOML: signal = "…" (there are {ends})'
+            f"{where}: {len(chosen)} of {len(names)} signals match; choose one in the TOML: "
+            'signal = "…" (there '
+            f"are {ends})"
         )
     if spec.clockbase is None:
-        raise MeasurementError(f'{where}: time stamps count a clock of unknown rate; give it in the TOML, e.g. clockbase = "60 MHz"')
+        raise MeasurementError(
+            f"{where}: time stamps count a clock of unknown rate; give it in the TOML, e.g. "
+            'clockbase = "60 MHz"'
+        )
     rate, _ = quantity(spec.clockbase, "Hz", f"{where}: clockbase")
     chunks = signals[chosen[0]]
     length = min(fields["value"].size for fields in chunks)
     cut = sum(fields["value"].size > length for fields in chunks)
-    notes = [f"{where}: {cut} of {len(chunks)} chunks cut to the {length} samples of the shortest"] if cut else []
+    notes = (
+        [f"{where}: {cut} of {len(chunks)} chunks cut to the {length} samples of the shortest"]
+        if cut
+        else []
+    )
     if "timestamp" not in chunks[0] or chunks[0]["timestamp"].size < length:
-        raise MeasurementError(f"{where}: {chosen[0]} has no timestamp for each value; save the acquisition with its time stamps")
+        raise MeasurementError(
+            f"{where}: {chosen[0]} has no timestamp for each value; save the acquisition with "
+            "its time stamps"
+        )
     ticks = chunks[0]["timestamp"][:length]
     known = {"noise_sd": "V", "wavelength": "m", "x": "m", "y": "m", "drive_frequency": "Hz"}
     scalars = scalar_values(spec, known, where)
@@ -108,4 +137,6 @@ def _signal(signals: dict[str, list[Fields]], spec: Spec, where: str) -> tuple[x
     return trace((ticks - ticks[0]) / rate, volts, drive_frequency=steps, **scalars), notes
 
 
-FORMAT = Format("LabOne HDF5", lambda path: head(path, 8) == _SIGNATURE and path.suffix.lower() != ".mat", _read)
+FORMAT = Format(
+    "LabOne HDF5", lambda path: head(path, 8) == _SIGNATURE and path.suffix.lower() != ".mat", _read
+)

@@ -1,10 +1,11 @@
 """MATLAB files, versions 5 to 7 and 7.3, with a TOML that says which variable is what (as for text tables).
 
-Version 7.3 is HDF5 behind a 512-byte user block, arrays stored column first, so with their axes reversed; complex numbers are a
-compound of real and imag. Up to version 7 scipy reads the file. Only plain numeric arrays are read: cells, structs, objects and
-functions are refused by name, so nothing in a stranger's file is ever constructed.
-Variables may be columns of equal length, or arrays that have the contract's shape.
-Source: MathWorks, "MAT-File Versions" (mathworks.com/help/matlab/import_export/mat-file-versions.html); scipy.io.loadmat.
+Version 7.3 is HDF5 behind a 512-byte user block, arrays stored column first, so with their axes
+reversed; complex numbers are a compound of real and imag. Up to version 7 scipy reads the file.
+Only plain numeric arrays are read: cells, structs, objects and functions are refused by name, so
+nothing in a stranger's file is ever constructed. Variables may be columns of equal length, or
+arrays that have the contract's shape. Source: MathWorks, "MAT-File Versions"
+(mathworks.com/help/matlab/import_export/mat-file-versions.html); scipy.io.loadmat.
 """
 
 import struct
@@ -25,9 +26,22 @@ from femnl.io.labfiles.spec import Spec
 from femnl.io.labfiles.tables import take_columns, to_dataset
 from femnl.io.measurement import open_hdf5
 
-_NUMERIC = ("double", "single", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "logical")
+_NUMERIC = (
+    "double",
+    "single",
+    "int8",
+    "int16",
+    "int32",
+    "int64",
+    "uint8",
+    "uint16",
+    "uint32",
+    "uint64",
+    "logical",
+)
 _HDF5 = b"MATLAB 7.3"
-# What scipy's reader raises over damaged files, as fuzzing found; it alone runs where they are caught.
+# What scipy's reader raises over damaged files, as fuzzing found; it alone runs where they are
+# caught.
 _DAMAGE = (
     MatReadError,
     struct.error,
@@ -47,11 +61,15 @@ _Result = TypeVar("_Result")
 
 def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
     if len(paths) > 1:
-        raise MeasurementError(f"{paths[1]}: one MATLAB file at a time; import each into a file of its own")
+        raise MeasurementError(
+            f"{paths[1]}: one MATLAB file at a time; import each into a file of its own"
+        )
     path = paths[0]
     wanted = {str(spec.column(name).column) for name in spec.columns}
     table = _read_73(path, wanted) if head(path).startswith(_HDF5) else _read_5(path, wanted)
-    columns = take_columns(spec, {name: _column(values) for name, values in table.items()}, str(path))
+    columns = take_columns(
+        spec, {name: _column(values) for name, values in table.items()}, str(path)
+    )
     dataset, notes = to_dataset(spec, columns, str(path))
     return {spec.name: dataset}, notes
 
@@ -62,13 +80,21 @@ def _column(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _read_5(path: Path, wanted: set[str]) -> dict[str, NDArray[Any]]:
-    listing = {str(name): (shape, str(kind)) for name, shape, kind in _undamaged(path, lambda: whosmat(str(path), appendmat=False))}
+    listing = {
+        str(name): (shape, str(kind))
+        for name, shape, kind in _undamaged(path, lambda: whosmat(str(path), appendmat=False))
+    }
     names = _allowed(path, wanted, {name: kind for name, (_, kind) in listing.items()})
     if sum(8 * float(np.prod(listing[name][0], dtype=float)) for name in names) > LARGEST:
-        raise MeasurementError(f"{path}: variables {', '.join(names)} hold more than {LARGEST / 2**30:g} GiB; split the file")
+        raise MeasurementError(
+            f"{path}: variables {', '.join(names)} hold more than {LARGEST / 2**30:g} GiB; split "
+            "the file"
+        )
     found = _undamaged(path, lambda: loadmat(str(path), appendmat=False, variable_names=names))
     if lost := [name for name in names if name not in found]:
-        raise MeasurementError(f"{path}: variable {lost[0]} is listed but cannot be read; save it again")
+        raise MeasurementError(
+            f"{path}: variable {lost[0]} is listed but cannot be read; save it again"
+        )
     return {name: np.asarray(found[name]) for name in names}
 
 
@@ -94,17 +120,33 @@ def _kind(item: h5py.Dataset | h5py.Group) -> str:
 
 
 def _plain(values: NDArray[Any]) -> NDArray[Any]:
-    return values["real"] + 1j * values["imag"] if values.dtype.names == ("real", "imag") else values
+    return (
+        values["real"] + 1j * values["imag"] if values.dtype.names == ("real", "imag") else values
+    )
 
 
 def _allowed(path: Path, wanted: set[str], kinds: dict[str, str]) -> list[str]:
-    """The wanted variables that are there, all of them numeric. Without any wish, nothing can be read."""
+    """The wanted variables that are there, all of them numeric.
+
+    Without any wish, nothing can be read.
+    """
     for name in sorted(wanted & kinds.keys()):
         if kinds[name] not in _NUMERIC:
-            raise MeasurementError(f"{path}: variable {name} is a {kinds[name]}, which is not read; save its numbers as a plain array")
+            raise MeasurementError(
+                f"{path}: variable {name} is a {kinds[name]}, which is not read; save its "
+                "numbers as a plain array"
+            )
     if wanted and not wanted & kinds.keys():
-        raise MeasurementError(f"{path}: has none of {', '.join(sorted(wanted))}; it has {', '.join(sorted(kinds)[:12]) or 'none'}")
+        raise MeasurementError(
+            f"{path}: has none of {', '.join(sorted(wanted))}; it has "
+            f"{', '.join(sorted(kinds)[:12]) or 'none'}"
+        )
     return sorted(wanted & kinds.keys())
 
 
-FORMAT = Format("MATLAB file", lambda path: path.suffix.lower() == ".mat" or head(path).startswith(b"MATLAB "), _read, priority=1)
+FORMAT = Format(
+    "MATLAB file",
+    lambda path: path.suffix.lower() == ".mat" or head(path).startswith(b"MATLAB "),
+    _read,
+    priority=1,
+)

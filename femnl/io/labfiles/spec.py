@@ -16,9 +16,12 @@ class Strict(BaseModel):
 
 
 class Column(Strict):
-    """Where a quantity comes from: a column by its heading or number (from 1), or an even clock of the given rate.
+    """Where a quantity comes from.
 
-    unit: of the column (default SI); round: a step such as "1 um" that read-back positions are rounded to.
+    a column by its heading or number (from 1), or an even clock of the given rate.
+
+    unit: of the column (default SI); round: a step such as "1 um" that read-back positions are
+    rounded to.
     """
 
     column: str | int | None = None
@@ -38,9 +41,11 @@ class File(Strict):
 class Spec(Strict):
     """What a lab's file holds.
 
-    kind: of measurement. columns: quantity → column; values: what the file does not hold, one number (or text with unit) or one a
-    sweep. rms: amplitudes are root mean square, so multiplied by √2. header, delimiter, decimal, skip: how a text table is written.
-    clockbase: rate of an instrument's time stamps. signal: which of several recorded signals. files: parts of a map.
+    kind: of measurement. columns: quantity → column; values: what the file does not hold, one
+    number (or text with unit) or one a sweep. rms: amplitudes are root mean square, so multiplied
+    by √2. header, delimiter, decimal, skip: how a text table is written.
+    clockbase: rate of an instrument's time stamps. signal: which of several recorded signals.
+    files: parts of a map.
     """
 
     kind: Literal["spectrum", "response", "map", "trace", "series"] | None = None
@@ -70,10 +75,15 @@ def read_spec(path: Path) -> Spec:
     try:
         return Spec.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except OSError as error:
-        raise MeasurementError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+        raise MeasurementError(
+            f"{path}: cannot be read ({error.strerror}); check the path"
+        ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise MeasurementError(f"{path}: not TOML ({error}); correct that place") from None
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise MeasurementError(f"{path}: {key} = {str(first['input'])[:40]!r}: {first['msg']}; correct it or leave it out") from None
+        raise MeasurementError(
+            f"{path}: {key} = {str(first['input'])[:40]!r}: {first['msg']}; correct it or "
+            "leave it out"
+        ) from None

@@ -21,11 +21,15 @@ _PER_SWEEP = ("drive", "direction", "x", "y", "harmonic")
 def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> Columns:
     """Pick the columns that the spec names and turn them into SI.
 
-    Args: spec: with kind and columns; table: the file's columns by name. Returns: quantity → values.
+    Args: spec: with kind and columns; table: the file's columns by name. Returns: quantity →
+    values.
     Raises: MeasurementError for an unknown quantity, a missing column or a wrong unit.
     """
     if spec.kind is None:
-        raise MeasurementError(f"{where}: needs a TOML beside it that says what its columns are; start with kind and [columns]")
+        raise MeasurementError(
+            f"{where}: needs a TOML beside it that says what its columns are; start with kind "
+            "and [columns]"
+        )
     known = {**KINDS[spec.kind].datasets}
     taken: Columns = {}
     length = max((values.shape[0] for values in table.values()), default=0)
@@ -33,19 +37,25 @@ def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> C
         place = f"{where}: columns.{name}"
         column = spec.column(name)
         if name not in known and name not in (*_COMPLEX, "sweep"):
-            raise MeasurementError(f"{place}: not a quantity of kind {spec.kind}; use {', '.join([*known, *_COMPLEX])}")
+            raise MeasurementError(
+                f"{place}: not a quantity of kind {spec.kind}; use {', '.join([*known, *_COMPLEX])}"
+            )
         if column.rate is not None:
             rate, _ = quantity(column.rate, "Hz", f"{place}.rate")
             taken[name] = np.arange(length) / rate
             continue
         key = str(column.column)
         if key not in table:
-            raise MeasurementError(f"{place}: no column {key!r}; the file has {', '.join(list(table)[:12])}")
+            raise MeasurementError(
+                f"{place}: no column {key!r}; the file has {', '.join(list(table)[:12])}"
+            )
         si = _COMPLEX.get(name, known[name].unit if name in known else "")
         if si is None or name == "sweep":
             taken[name] = np.asarray(table[key], dtype=object)
             continue
-        taken[name] = _numbers(table[key], column.unit if column.unit is not None else si, si, f"{place} ({key})")
+        taken[name] = _numbers(
+            table[key], column.unit if column.unit is not None else si, si, f"{place} ({key})"
+        )
         if column.round is not None:
             step, _ = quantity(column.round, si, f"{place}.round")
             taken[name] = np.round(taken[name] / step) * step
@@ -57,7 +67,9 @@ def _numbers(values: NDArray[Any], unit: str, si: str, where: str) -> NDArray[An
         return to_si(values.real, unit, si, where) + 1j * to_si(values.imag, unit, si, where)
     if values.dtype.kind not in "iuf":
         bad = next(str(value) for value in values.ravel() if not _is_number(value))
-        raise MeasurementError(f"{where}: {bad[:30]!r} is not a number; correct that row or mark it as NaN")
+        raise MeasurementError(
+            f"{where}: {bad[:30]!r} is not a number; correct that row or mark it as NaN"
+        )
     return to_si(values, unit, si, where)
 
 
@@ -72,8 +84,9 @@ def _is_number(value: object) -> bool:
 def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[str]]:
     """Put columns into the shape of the measurement that the spec names.
 
-    Long tables of a `response` are cut into sweeps where a per-sweep column changes or the frequency turns back, of a `map` are
-    spread over their grid, of a `trace` are cut into steps where the drive frequency changes.
+    Long tables of a `response` are cut into sweeps where a per-sweep column changes or the
+    frequency turns back, of a `map` are spread over their grid, of a `trace` are cut into steps
+    where the drive frequency changes.
     Returns: the Dataset and notes. Raises: MeasurementError.
     """
     columns = dict(columns)
@@ -88,12 +101,17 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
 
 
 def _complex(spec: Spec, columns: Columns, where: str) -> None:
-    """Replace magnitude and phase, or a complex amplitude, by real and imag; root mean square by amplitude."""
+    """Replace magnitude and phase, or a complex amplitude, by real and imag.
+
+    Root mean square by amplitude.
+    """
     if "amplitude" in columns:
         values = columns.pop("amplitude")
     elif "magnitude" in columns:
         if "phase" not in columns:
-            raise MeasurementError(f"{where}: columns has magnitude but no phase; add it, or use real and imag")
+            raise MeasurementError(
+                f"{where}: columns has magnitude but no phase; add it, or use real and imag"
+            )
         values = columns.pop("magnitude") * np.exp(1j * columns.pop("phase"))
     elif "real" in columns and "imag" in columns:
         values = columns["real"] + 1j * columns["imag"]
@@ -105,20 +123,33 @@ def _complex(spec: Spec, columns: Columns, where: str) -> None:
 
 
 def _direct(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
-    """Arrays that already have their shape, or lists of modes and points; the contract's check does the rest."""
+    """Arrays that already have their shape, or lists of modes and points.
+
+    The contract's check does the rest.
+    """
     if spec.kind == "spectrum":
         _need(columns, ("frequency", "frequency_sd"), where)
         label = [str(value) for value in columns.pop("label")] if "label" in columns else None
         return spectrum(columns.pop("frequency"), columns.pop("frequency_sd"), label, **columns)
     if spec.kind == "series":
-        data = {key: columns.pop(key) for key in tuple(columns) if key.startswith(("frequency", "quality_factor"))}
+        data = {
+            key: columns.pop(key)
+            for key in tuple(columns)
+            if key.startswith(("frequency", "quality_factor"))
+        }
         return series(columns, **data)
     datasets = KINDS[str(spec.kind)].datasets
     variables = {}
     for key, values in columns.items():
-        flat = values.squeeze() if values.ndim > len(datasets[key].dims) or 1 in values.shape else values
+        flat = (
+            values.squeeze()
+            if values.ndim > len(datasets[key].dims) or 1 in values.shape
+            else values
+        )
         attributes = {"units": datasets[key].unit} if datasets[key].unit else {}
-        variables[key] = xr.Variable([f"{key}_{axis}" for axis in range(flat.ndim)], flat, attributes)
+        variables[key] = xr.Variable(
+            [f"{key}_{axis}" for axis in range(flat.ndim)], flat, attributes
+        )
     return xr.Dataset(variables, attrs={"kind": spec.kind, **spec.values})
 
 
@@ -133,11 +164,21 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
     frequency = columns["frequency"]
     volts = columns["real"] + 1j * columns["imag"]
     keys = [columns[name] for name in ("sweep", *_PER_SWEEP) if name in columns]
-    changes = np.logical_or.reduce([values[1:] != values[:-1] for values in keys]) if keys else np.zeros(frequency.size - 1, dtype=bool)
+    changes = (
+        np.logical_or.reduce([values[1:] != values[:-1] for values in keys])
+        if keys
+        else np.zeros(frequency.size - 1, dtype=bool)
+    )
     cuts = _cuts(frequency, changes, turns="sweep" not in columns)
     pieces = [slice(start, stop) for start, stop in pairwise(cuts)]
-    labels = {name: np.array([columns[name][piece][0] for piece in pieces], dtype=float) for name in _PER_SWEEP if name in columns}
-    return sweeps_to_response([(frequency[piece], volts[piece]) for piece in pieces], dict(labels), spec, where)
+    labels = {
+        name: np.array([columns[name][piece][0] for piece in pieces], dtype=float)
+        for name in _PER_SWEEP
+        if name in columns
+    }
+    return sweeps_to_response(
+        [(frequency[piece], volts[piece]) for piece in pieces], dict(labels), spec, where
+    )
 
 
 def _cuts(frequency: NDArray[np.float64], changes: NDArray[np.bool_], turns: bool) -> list[int]:
@@ -160,34 +201,70 @@ def _cuts(frequency: NDArray[np.float64], changes: NDArray[np.bool_], turns: boo
 
 def _map(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
     _need(columns, ("x", "y", "real", "imag"), where)
-    harmonic = columns.get("harmonic", np.full(columns["x"].shape, scalar_values(spec, {"harmonic": ""}, where).get("harmonic", 1.0)))
-    axes, places = zip(*(np.unique(values, return_inverse=True) for values in (harmonic, columns["y"], columns["x"])), strict=True)
+    harmonic = columns.get(
+        "harmonic",
+        np.full(
+            columns["x"].shape, scalar_values(spec, {"harmonic": ""}, where).get("harmonic", 1.0)
+        ),
+    )
+    axes, places = zip(
+        *(
+            np.unique(values, return_inverse=True)
+            for values in (harmonic, columns["y"], columns["x"])
+        ),
+        strict=True,
+    )
     shape = tuple(axis.size for axis in axes)
     if np.prod(shape, dtype=float) > 20 * harmonic.size:
         sizes = f"{shape[2]} values of x and {shape[1]} of y for {harmonic.size} points"
-        raise MeasurementError(f'{where}: {sizes} do not make a grid; give columns.x and columns.y a step such as round = "1 um"')
+        raise MeasurementError(
+            f"{where}: {sizes} do not make a grid; give columns.x and columns.y a step such as "
+            'round = "1 um"'
+        )
     volts = np.full(shape, np.nan * (1 + 1j))
     flat = np.ravel_multi_index(places, shape)
     if np.unique(flat).size < flat.size:
         row = int(np.setdiff1d(np.arange(flat.size), np.unique(flat, return_index=True)[1])[0])
-        raise MeasurementError(f"{where}: row {row + 1} repeats the place x = {columns['x'][row]:g}, y = {columns['y'][row]:g}; delete one")
+        raise MeasurementError(
+            f"{where}: row {row + 1} repeats the place x = {columns['x'][row]:g}, y = "
+            f"{columns['y'][row]:g}; "
+            "delete one"
+        )
     volts.ravel()[flat] = columns["real"] + 1j * columns["imag"]
-    scalars = scalar_values(spec, {"noise_sd": "V", "wavelength": "m", "drive": "V", "drive_frequency": "Hz"}, where)
+    scalars = scalar_values(
+        spec, {"noise_sd": "V", "wavelength": "m", "drive": "V", "drive_frequency": "Hz"}, where
+    )
     return harmonic_map(axes[2], axes[1], axes[0], volts, **scalars)
 
 
 def _trace(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
     _need(columns, ("voltage",), where)
     if "time" not in columns:
-        raise MeasurementError(f'{where}: columns.time is missing; say which column holds it, or give time = {{ rate = "1 MHz" }}')
+        raise MeasurementError(
+            f"{where}: columns.time is missing; say which column holds it, or give time = "
+            f'{{ rate = "1 MHz" }}'
+        )
     steps = columns.get("drive_frequency")
-    cuts = [0, *(np.flatnonzero(steps[1:] != steps[:-1]) + 1).tolist(), steps.size] if steps is not None else [0, columns["time"].size]
+    cuts = (
+        [0, *(np.flatnonzero(steps[1:] != steps[:-1]) + 1).tolist(), steps.size]
+        if steps is not None
+        else [0, columns["time"].size]
+    )
     lengths = np.diff(cuts)
     if np.any(lengths != lengths[0]):
-        raise MeasurementError(f"{where}: steps of the drive have {lengths.min()} to {lengths.max()} samples; give each the same number")
+        raise MeasurementError(
+            f"{where}: steps of the drive have {lengths.min()} to {lengths.max()} samples; give "
+            "each the same number"
+        )
     cut = {key: values.reshape(lengths.size, -1) for key, values in columns.items()}
     scalars = scalar_values(spec, {"noise_sd": "V", "wavelength": "m", "x": "m", "y": "m"}, where)
     one = scalar_values(spec, {"drive_frequency": "Hz"}, where).get("drive_frequency")
     frequency = one if steps is None else cut["drive_frequency"][:, 0]
     time = cut["time"][0]
-    return trace(time, cut["voltage"], drive_frequency=frequency, drive_voltage=cut.get("drive_voltage"), **scalars)
+    return trace(
+        time,
+        cut["voltage"],
+        drive_frequency=frequency,
+        drive_voltage=cut.get("drive_voltage"),
+        **scalars,
+    )

@@ -10,8 +10,15 @@ from femnl.core.errors import MeasurementError
 from femnl.io.measurement.contract import CONTROLS, KINDS
 
 
-def _build(kind: str, arrays: Mapping[str, ArrayLike | None], attributes: Mapping[str, float | str | None] | None = None) -> xr.Dataset:
-    """Dataset of `kind` with the contract's dimensions and units; values are checked when it is bundled or written."""
+def _build(
+    kind: str,
+    arrays: Mapping[str, ArrayLike | None],
+    attributes: Mapping[str, float | str | None] | None = None,
+) -> xr.Dataset:
+    """Dataset of `kind` with the contract's dimensions and units.
+
+    Values are checked when it is bundled or written.
+    """
     spec = KINDS[kind].datasets
     variables: dict[str, xr.Variable] = {}
     sizes: dict[str, int] = {}
@@ -23,13 +30,19 @@ def _build(kind: str, arrays: Mapping[str, ArrayLike | None], attributes: Mappin
         expected = tuple(sizes.get(dim, n) for dim, n in zip(item.dims, values.shape, strict=False))
         if values.ndim != len(item.dims) or values.shape != expected:
             needs = ", ".join(f"{dim} = {sizes.get(dim, 'any')}" for dim in item.dims)
-            raise MeasurementError(f"{kind}: {key} has shape {values.shape}, but needs ({needs}); all arrays of a measurement share them")
+            raise MeasurementError(
+                f"{kind}: {key} has shape {values.shape}, but needs ({needs}); all arrays of a "
+                "measurement share them"
+            )
         sizes.update(zip(item.dims, values.shape, strict=True))
         variables[key] = xr.Variable(item.dims, values, {"units": item.unit} if item.unit else {})
     return xr.Dataset(
         {key: value for key, value in variables.items() if not spec[key].coordinate},
         {key: value for key, value in variables.items() if spec[key].coordinate},
-        {"kind": kind, **{key: value for key, value in (attributes or {}).items() if value is not None}},
+        {
+            "kind": kind,
+            **{key: value for key, value in (attributes or {}).items() if value is not None},
+        },
     )
 
 
@@ -43,12 +56,16 @@ def spectrum(
 ) -> xr.Dataset:
     """Eigenfrequencies of modes, all arrays of shape (mode,).
 
-    Args: frequency, frequency_sd [Hz]; label "m,n" of each mode; time [s] of acquisition; quality_factor and its sd.
+    Args: frequency, frequency_sd [Hz]; label "m,n" of each mode; time [s] of acquisition;
+    quality_factor and its sd.
     Returns: Dataset of kind `spectrum`.
     """
     names = None if label is None else np.asarray(label, dtype=object)
     arrays = {"frequency": frequency, "frequency_sd": frequency_sd, "label": names, "time": time}
-    return _build("spectrum", {**arrays, "quality_factor": quality_factor, "quality_factor_sd": quality_factor_sd})
+    return _build(
+        "spectrum",
+        {**arrays, "quality_factor": quality_factor, "quality_factor_sd": quality_factor_sd},
+    )
 
 
 def response(
@@ -67,19 +84,32 @@ def response(
 ) -> xr.Dataset:
     """Driven response: v(t) = Re(V e^{inωt}) against drive frequency, sweep by sweep in the order taken.
 
-    Args: frequency [Hz] and complex amplitude V [V], (sweep, point), frequency also (point,) for all sweeps; per sweep, or one
-    number for all: drive [V], direction (+1 up, −1 down), x, y [m], harmonic, time [s]; noise_sd [V] per quadrature; wavelength [m].
+    Args: frequency [Hz] and complex amplitude V [V], (sweep, point), frequency also (point,) for
+    all sweeps; per sweep, or one number for all: drive [V], direction (+1 up, −1 down), x, y [m],
+    harmonic, time [s]; noise_sd [V] per quadrature; wavelength [m].
     Returns: Dataset of kind `response`.
     """
     volts = np.atleast_2d(np.asarray(amplitude))
     points = np.asarray(frequency, dtype=float)
     sweeps = volts.shape[0]
-    labels = {"drive": drive, "direction": direction, "x": x, "y": y, "harmonic": harmonic, "time": time}
-    per_sweep = {key: None if value is None else np.broadcast_to(np.asarray(value), (sweeps,)) for key, value in labels.items()}
+    labels = {
+        "drive": drive,
+        "direction": direction,
+        "x": x,
+        "y": y,
+        "harmonic": harmonic,
+        "time": time,
+    }
+    per_sweep = {
+        key: None if value is None else np.broadcast_to(np.asarray(value), (sweeps,))
+        for key, value in labels.items()
+    }
     if points.ndim == 1:
         points = np.broadcast_to(points, (sweeps, points.size))
     arrays = {"frequency": points, "real": volts.real, "imag": volts.imag, **per_sweep}
-    return _build("response", arrays, {"noise_sd": noise_sd, "wavelength": wavelength, "mode": mode})
+    return _build(
+        "response", arrays, {"noise_sd": noise_sd, "wavelength": wavelength, "mode": mode}
+    )
 
 
 def harmonic_map(
@@ -95,13 +125,22 @@ def harmonic_map(
 ) -> xr.Dataset:
     """Maps of the amplitude of each harmonic: v(t) = Σ_n Re(V_n(x,y) e^{inωt}).
 
-    Args: x, y [m] from the centre of the membrane; harmonic numbers n; complex amplitude V_n [V] (harmonic, y, x);
-    noise_sd [V] per quadrature; wavelength [m]; drive [V]; drive_frequency [Hz].
+    Args: x, y [m] from the centre of the membrane; harmonic numbers n; complex amplitude V_n [V]
+    (harmonic, y, x); noise_sd [V] per quadrature; wavelength [m]; drive [V]; drive_frequency [Hz].
     Returns: Dataset of kind `map`.
     """
     volts = np.asarray(amplitude)
     arrays = {"real": volts.real, "imag": volts.imag, "x": x, "y": y, "harmonic": harmonic}
-    return _build("map", arrays, {"noise_sd": noise_sd, "wavelength": wavelength, "drive": drive, "drive_frequency": drive_frequency})
+    return _build(
+        "map",
+        arrays,
+        {
+            "noise_sd": noise_sd,
+            "wavelength": wavelength,
+            "drive": drive,
+            "drive_frequency": drive_frequency,
+        },
+    )
 
 
 def trace(
@@ -117,13 +156,19 @@ def trace(
 ) -> xr.Dataset:
     """Sampled signals, one a step of the drive.
 
-    Args: time [s] (time,); voltage [V] (step, time); drive_frequency [Hz] (step,); drive_voltage [V] (step, time), the measured
-    drive, where there is one; noise_sd [V] per sample; wavelength [m]; x, y [m] of the spot.
+    Args: time [s] (time,); voltage [V] (step, time); drive_frequency [Hz] (step,); drive_voltage
+    [V] (step, time), the measured drive, where there is one; noise_sd [V] per sample; wavelength
+    [m]; x, y [m] of the spot.
     Returns: Dataset of kind `trace`.
     """
     driven = None if drive_voltage is None else np.atleast_2d(np.asarray(drive_voltage))
     steps = None if drive_frequency is None else np.atleast_1d(np.asarray(drive_frequency))
-    arrays = {"voltage": np.atleast_2d(np.asarray(voltage)), "time": time, "drive_frequency": steps, "drive_voltage": driven}
+    arrays = {
+        "voltage": np.atleast_2d(np.asarray(voltage)),
+        "time": time,
+        "drive_frequency": steps,
+        "drive_voltage": driven,
+    }
     return _build("trace", arrays, {"noise_sd": noise_sd, "wavelength": wavelength, "x": x, "y": y})
 
 
@@ -142,6 +187,13 @@ def series(
     """
     for name in control:
         if name not in CONTROLS:
-            raise MeasurementError(f"series: control variable {name!r} is not known; use one of {', '.join(CONTROLS)}")
-    data = {"frequency": frequency, "frequency_sd": frequency_sd, "quality_factor": quality_factor, "quality_factor_sd": quality_factor_sd}
+            raise MeasurementError(
+                f"series: control variable {name!r} is not known; use one of {', '.join(CONTROLS)}"
+            )
+    data = {
+        "frequency": frequency,
+        "frequency_sd": frequency_sd,
+        "quality_factor": quality_factor,
+        "quality_factor_sd": quality_factor_sd,
+    }
     return _build("series", {**control, **data})

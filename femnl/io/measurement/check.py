@@ -1,4 +1,7 @@
-"""A group as found, checked against the contract: SI units, named dimensions, sorted axes; every change is put into words."""
+"""A group as found, checked against the contract: SI units, named dimensions, sorted axes.
+
+Every change is put into words.
+"""
 
 from collections.abc import Hashable, Mapping
 from typing import Any
@@ -26,22 +29,39 @@ def text(value: object) -> str:
 def check(group: xr.Dataset, where: str) -> tuple[xr.Dataset, list[str]]:
     """Bring one measurement into the form of the contract.
 
-    Args: group: datasets with any names of dimensions; where: what messages name, such as "file: group".
-    Returns: the Dataset in SI units with the contract's dimensions and coordinates, and a line for every change made.
+    Args: group: datasets with any names of dimensions; where: what messages name, such as "file:
+    group".
+    Returns: the Dataset in SI units with the contract's dimensions and coordinates, and a line for
+    every change made.
     Raises: MeasurementError with the dataset, the value and the remedy, where no change is safe.
     """
     name = text(group.attrs.get("kind", ""))
     if name not in KINDS:
-        raise MeasurementError(f"{where}: kind is {name!r}; give the group an attribute kind, one of {', '.join(KINDS)}")
+        raise MeasurementError(
+            f"{where}: kind is {name!r}; give the group an attribute kind, one of "
+            f"{', '.join(KINDS)}"
+        )
     kind = KINDS[name]
     notes = []
     found = {str(key): variable for key, variable in group.variables.items()}
-    notes += [f"{where}/{stray}: not a dataset of kind {name}, left out" for stray in sorted(found.keys() - kind.datasets.keys())]
-    arrays = {key: _values(found[key], kind.datasets[key], f"{where}/{key}", notes) for key in kind.datasets if key in found}
+    notes += [
+        f"{where}/{stray}: not a dataset of kind {name}, left out"
+        for stray in sorted(found.keys() - kind.datasets.keys())
+    ]
+    arrays = {
+        key: _values(found[key], kind.datasets[key], f"{where}/{key}", notes)
+        for key in kind.datasets
+        if key in found
+    }
     attributes = _attributes(group.attrs, kind, arrays, where, notes)
     _demand(kind, name, arrays, where)
-    shaped = fit_shapes(kind, arrays, {key: found[key].dims for key in arrays if key in found}, where, notes)
-    data = {key: (kind.datasets[key].dims, values, _unit_attribute(kind.datasets[key])) for key, values in shaped.items()}
+    shaped = fit_shapes(
+        kind, arrays, {key: found[key].dims for key in arrays if key in found}, where, notes
+    )
+    data = {
+        key: (kind.datasets[key].dims, values, _unit_attribute(kind.datasets[key]))
+        for key, values in shaped.items()
+    }
     labels = [key for key in kind.datasets if key in data and kind.datasets[key].coordinate]
     dataset = xr.Dataset(
         {key: data[key] for key in kind.datasets if key in data and key not in labels},
@@ -58,9 +78,14 @@ def _unit_attribute(item: Item) -> dict[str, str]:
 def _values(variable: xr.Variable, item: Item, where: str, notes: list[str]) -> NDArray[Any]:
     values = np.asarray(variable.values)
     if item.unit is None:
-        return np.array([text(value) for value in values.reshape(-1)], dtype=object).reshape(values.shape)
+        return np.array([text(value) for value in values.reshape(-1)], dtype=object).reshape(
+            values.shape
+        )
     if values.dtype.kind not in "iuf":
-        raise MeasurementError(f"{where}: holds {values.dtype}, not real numbers; store complex data as real and imag, the rest as float64")
+        raise MeasurementError(
+            f"{where}: holds {values.dtype}, not real numbers; store complex data as real and "
+            "imag, the rest as float64"
+        )
     unit = text(variable.attrs["units"]) if "units" in variable.attrs else None
     if unit is None and item.unit:
         notes.append(f"{where}: has no units attribute, taken as {item.unit}")
@@ -69,15 +94,24 @@ def _values(variable: xr.Variable, item: Item, where: str, notes: list[str]) -> 
         notes.append(f"{where}: converted from {unit} to {item.unit or '1'}")
     infinite = np.isinf(numbers)
     if infinite.any():
-        notes.append(f"{where}: {np.count_nonzero(infinite)} infinite values taken as missing (NaN)")
+        notes.append(
+            f"{where}: {np.count_nonzero(infinite)} infinite values taken as missing (NaN)"
+        )
         numbers = np.where(infinite, np.nan, numbers)
     if item.positive and np.any(numbers <= 0):
-        raise MeasurementError(f"{where}: value {numbers[numbers <= 0].flat[0]:g} is not positive; mark missing points by NaN")
+        raise MeasurementError(
+            f"{where}: value {numbers[numbers <= 0].flat[0]:g} is not positive; mark missing "
+            "points by NaN"
+        )
     return numbers
 
 
 def _attributes(
-    attributes: Mapping[Hashable, Any], kind: Kind, arrays: dict[str, NDArray[Any]], where: str, notes: list[str]
+    attributes: Mapping[Hashable, Any],
+    kind: Kind,
+    arrays: dict[str, NDArray[Any]],
+    where: str,
+    notes: list[str],
 ) -> dict[str, str | float]:
     """Attributes in SI; one value given as attribute where the contract has one per sweep or point is noted and kept for all."""
     clean: dict[str, str | float] = {}
@@ -86,17 +120,27 @@ def _attributes(
         item = kind.attributes.get(name)
         if name == "kind":
             continue
-        if item is None and name in kind.datasets and name not in arrays and len(kind.datasets[name].dims) == 1:
+        if (
+            item is None
+            and name in kind.datasets
+            and name not in arrays
+            and len(kind.datasets[name].dims) == 1
+        ):
             number, _ = quantity(_plain(value), kind.datasets[name].unit or "", f"{where}/{name}")
             arrays[name] = np.array(number)
-            notes.append(f"{where}/{name}: one attribute, taken for every {kind.datasets[name].dims[0]}")
+            notes.append(
+                f"{where}/{name}: one attribute, taken for every {kind.datasets[name].dims[0]}"
+            )
         elif item is not None and item.unit is not None:
             number, converted = quantity(_plain(value), item.unit, f"{where}: attribute {name}")
             if converted:
-                notes.append(f"{where}: attribute {name} {text(value)!r} converted to {number:g} {item.unit}")
+                notes.append(
+                    f"{where}: attribute {name} {text(value)!r} converted to {number:g} {item.unit}"
+                )
             if not np.isfinite(number) or (item.positive and number <= 0):
                 raise MeasurementError(
-                    f"{where}: attribute {name} is {number:g}; give a {'positive ' * item.positive}number in {item.unit}, or leave it out"
+                    f"{where}: attribute {name} is {number:g}; give a "
+                    f"{'positive ' * item.positive}number in {item.unit}, or leave it out"
                 )
             clean[name] = number
         elif item is not None or name in _FIXED or isinstance(_plain(value), str | int | float):
@@ -107,14 +151,18 @@ def _attributes(
     wavelength = clean.get("wavelength")
     if isinstance(wavelength, float) and not 1e-7 < wavelength < 1e-4:
         raise MeasurementError(
-            f"{where}: attribute wavelength is {wavelength:g} m; give it in m, or as a text with its unit such as '632.8 nm'"
+            f"{where}: attribute wavelength is {wavelength:g} m; give it in m, or as a text with "
+            "its unit such as "
+            "'632.8 nm'"
         )
     return clean
 
 
 def _plain(value: object) -> object:
     """The attribute as str, int or float where it holds one of them."""
-    if isinstance(value, bytes) or (isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "SUO"):
+    if isinstance(value, bytes) or (
+        isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "SUO"
+    ):
         return text(value)
     if isinstance(value, np.ndarray | np.generic) and value.size == 1 and value.dtype.kind in "iuf":
         return value.reshape(-1)[0].item() if isinstance(value, np.ndarray) else value.item()
@@ -126,8 +174,12 @@ def _demand(kind: Kind, name: str, arrays: Mapping[str, NDArray[Any]], where: st
         if item.required and key not in arrays:
             has = ", ".join(arrays) or "none"
             raise MeasurementError(
-                f"{where}: dataset {key} is missing; kind {name} needs {key} {item.dims} in {item.unit or '1'} (found: {has})"
+                f"{where}: dataset {key} is missing; kind {name} needs {key} {item.dims} in "
+                f"{item.unit or '1'} "
+                f"(found: {has})"
             )
     for choice in kind.needs:
         if not any(key in arrays for key in choice):
-            raise MeasurementError(f"{where}: kind {name} needs one of the datasets {', '.join(choice)}; add one")
+            raise MeasurementError(
+                f"{where}: kind {name} needs one of the datasets {', '.join(choice)}; add one"
+            )

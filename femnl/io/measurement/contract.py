@@ -1,4 +1,7 @@
-"""The measurement file, version 1.0, as data: which kinds there are and which datasets each has, with dimensions and units."""
+"""The measurement file, version 1.0, as data.
+
+Which kinds there are and which datasets each has, with dimensions and units.
+"""
 
 from dataclasses import dataclass, field
 
@@ -7,9 +10,12 @@ VERSION = "1.0"
 
 @dataclass(frozen=True)
 class Item:
-    """One dataset or scalar attribute: its dimensions, its SI unit ("" has none, None is text) and its place in the Dataset.
+    """One dataset or scalar attribute.
 
-    axis: values must rise strictly along the single dimension. A coordinate labels the data, the rest are the data.
+    Its dimensions, its SI unit ("" has none, None is text) and its place in the Dataset.
+
+    axis: values must rise strictly along the single dimension. A coordinate labels the data, the
+    rest are the data.
     """
 
     dims: tuple[str, ...] = ()
@@ -22,7 +28,10 @@ class Item:
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of measurement: its datasets and attributes, and `needs`: groups of datasets of which at least one must be there."""
+    """One kind of measurement: its datasets and attributes, and `needs`.
+
+    Groups of datasets of which at least one must be there.
+    """
 
     dims: tuple[str, ...]
     datasets: dict[str, Item]
@@ -56,8 +65,13 @@ KINDS = {
     "response": Kind(
         dims=("sweep", "point"),
         datasets={
-            "frequency": Item(("sweep", "point"), "Hz", required=True, coordinate=True, positive=True),
-            **{part: Item(("sweep", "point"), unit, required=True) for part, unit in _AMPLITUDE.items()},
+            "frequency": Item(
+                ("sweep", "point"), "Hz", required=True, coordinate=True, positive=True
+            ),
+            **{
+                part: Item(("sweep", "point"), unit, required=True)
+                for part, unit in _AMPLITUDE.items()
+            },
             "drive": _label("sweep", "V"),
             "direction": _label("sweep", ""),
             "x": _label("sweep", "m"),
@@ -70,7 +84,10 @@ KINDS = {
     "map": Kind(
         dims=("harmonic", "y", "x"),
         datasets={
-            **{part: Item(("harmonic", "y", "x"), unit, required=True) for part, unit in _AMPLITUDE.items()},
+            **{
+                part: Item(("harmonic", "y", "x"), unit, required=True)
+                for part, unit in _AMPLITUDE.items()
+            },
             "x": Item(("x",), "m", required=True, coordinate=True, axis=True),
             "y": Item(("y",), "m", required=True, coordinate=True, axis=True),
             "harmonic": Item(("harmonic",), "", required=True, coordinate=True, axis=True),
@@ -90,7 +107,12 @@ KINDS = {
             "time": Item(("time",), "s", required=True, coordinate=True, axis=True),
             "drive_frequency": _label("step", "Hz"),
         },
-        attributes={"noise_sd": _NOISE, "wavelength": _WAVELENGTH, "x": Item(unit="m"), "y": Item(unit="m")},
+        attributes={
+            "noise_sd": _NOISE,
+            "wavelength": _WAVELENGTH,
+            "x": Item(unit="m"),
+            "y": Item(unit="m"),
+        },
         needs=(("drive_frequency", "drive_voltage"),),
     ),
     "series": Kind(

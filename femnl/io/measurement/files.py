@@ -20,8 +20,9 @@ def read(path: str | Path) -> xr.DataTree:
     """Read a measurement file of version 1.x.
 
     Args: path of the NetCDF-4/HDF5 file.
-    Returns: a DataTree with one group a measurement, in SI units with the contract's dimensions and coordinates; its
-    attribute `repairs` is a tuple of lines, one for each thing that had to be changed, empty for a clean file.
+    Returns: a DataTree with one group a measurement, in SI units with the contract's dimensions and
+    coordinates; its attribute `repairs` is a tuple of lines, one for each thing that had to be
+    changed, empty for a clean file.
     Raises: MeasurementError with file, group, dataset, value and remedy.
     Source: the measurement file format, version 1.0 (README).
     """
@@ -29,13 +30,21 @@ def read(path: str | Path) -> xr.DataTree:
     with open_hdf5(path) as file, _whole(path):
         version = text(file.attrs.get(_ROOT, ""))
     if not version:
-        raise MeasurementError(f"{path}: no root attribute {_ROOT}, so not a measurement file; convert it with femnl import")
+        raise MeasurementError(
+            f"{path}: no root attribute {_ROOT}, so not a measurement file; convert it with "
+            "femnl import"
+        )
     if version.split(".")[0] != VERSION.split(".")[0]:
-        raise MeasurementError(f"{path}: {_ROOT} is {version!r}; this femnl reads version {VERSION}")
+        raise MeasurementError(
+            f"{path}: {_ROOT} is {version!r}; this femnl reads version {VERSION}"
+        )
     # By a stream of our own: a file that xarray stumbles over would stay open otherwise.
     with _whole(path), path.open("rb") as stream:
-        # Times are plain seconds here: decoding them would make timedeltas, and phony names stand in where dimension scales are absent.
-        groups = xr.open_groups(stream, engine="h5netcdf", phony_dims="sort", decode_times=False, decode_coords=False)
+        # Times are plain seconds here: decoding them would make timedeltas, and phony names stand
+        # in where dimension scales are absent.
+        groups = xr.open_groups(
+            stream, engine="h5netcdf", phony_dims="sort", decode_times=False, decode_coords=False
+        )
         groups = {name: group.load() for name, group in groups.items()}
         for group in groups.values():
             group.close()
@@ -47,19 +56,41 @@ def _whole(path: Path) -> Iterator[None]:
     """Name the file where a library stumbles over damage in it."""
     try:
         yield
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError, AttributeError, IndexError, OverflowError, SystemError) as error:
-        raise MeasurementError(f"{path}: damaged ({' '.join(str(error).split())[:120]}); copy or export it again") from None
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        RuntimeError,
+        AttributeError,
+        IndexError,
+        OverflowError,
+        SystemError,
+    ) as error:
+        raise MeasurementError(
+            f"{path}: damaged ({' '.join(str(error).split())[:120]}); copy or export it again"
+        ) from None
 
 
-def bundle(groups: Mapping[str, xr.Dataset], geometry: str | None = None, **attributes: str) -> xr.DataTree:
+def bundle(
+    groups: Mapping[str, xr.Dataset], geometry: str | None = None, **attributes: str
+) -> xr.DataTree:
     """Put measurements together as they would be in one file, checked as on reading.
 
-    Args: groups: name → Dataset from a builder; geometry: name of a geometry or path relative to the file;
+    Args: groups: name → Dataset from a builder; geometry: name of a geometry or path relative to
+    the file;
     attributes: title, source, sample, model.
     Returns: DataTree with the attribute `repairs`. Raises: MeasurementError.
     """
-    root = {key: value for key, value in {"geometry": geometry, **attributes}.items() if value is not None}
-    return _collect({"/": xr.Dataset(attrs=root), **{f"/{name}": group for name, group in groups.items()}}, "measurement")
+    root = {
+        key: value
+        for key, value in {"geometry": geometry, **attributes}.items()
+        if value is not None
+    }
+    return _collect(
+        {"/": xr.Dataset(attrs=root), **{f"/{name}": group for name, group in groups.items()}},
+        "measurement",
+    )
 
 
 def _collect(groups: Mapping[str, xr.Dataset], where: str) -> xr.DataTree:
@@ -68,21 +99,29 @@ def _collect(groups: Mapping[str, xr.Dataset], where: str) -> xr.DataTree:
     clean = {}
     for name, group in groups.items():
         if name == "/":
-            notes += [f"{where}/{stray}: dataset outside a group, left out" for stray in root.variables]
+            notes += [
+                f"{where}/{stray}: dataset outside a group, left out" for stray in root.variables
+            ]
         elif name.count("/") > 1:
             notes.append(f"{where}{name}: group inside a group, left out")
         else:
             clean[name], found = check(group, f"{where}: {name.strip('/')}")
             notes += found
     if not clean:
-        raise MeasurementError(f"{where}: holds no measurement; store each in a group with an attribute kind")
+        raise MeasurementError(
+            f"{where}: holds no measurement; store each in a group with an attribute kind"
+        )
     attributes = {str(key): text(value) for key, value in root.attrs.items()}
     attributes[_ROOT] = VERSION
-    return xr.DataTree.from_dict({"/": xr.Dataset(attrs={**attributes, "repairs": tuple(notes)}), **clean})
+    return xr.DataTree.from_dict(
+        {"/": xr.Dataset(attrs={**attributes, "repairs": tuple(notes)}), **clean}
+    )
 
 
 def write(tree: xr.DataTree, path: str | Path) -> None:
-    """Write a measurement file, whole or not at all: a temporary file beside it is renamed when complete.
+    """Write a measurement file, whole or not at all.
+
+    a temporary file beside it is renamed when complete.
 
     Repairs that reading made go to the attribute `history`.
     Args: tree: as from `read` or `bundle`; path: the file to make or replace.
@@ -99,7 +138,8 @@ def write(tree: xr.DataTree, path: str | Path) -> None:
     if lines:
         clean.attrs["history"] = "\n".join(lines)
     try:
-        # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file, and says so on standard error.
+        # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file,
+        # and says so on standard error.
         content = clean.to_netcdf(engine="h5netcdf")
         with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as folder:
             part = Path(folder) / "part.nc"
@@ -109,4 +149,7 @@ def write(tree: xr.DataTree, path: str | Path) -> None:
                 os.fsync(stream.fileno())
             os.replace(part, path)
     except OSError as error:
-        raise MeasurementError(f"{path}: cannot be written ({error.strerror or error}); choose a folder that exists and has room") from None
+        raise MeasurementError(
+            f"{path}: cannot be written ({error.strerror or error}); choose a folder that exists "
+            "and has room"
+        ) from None

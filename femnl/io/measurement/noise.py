@@ -13,40 +13,59 @@ _QUANTILE = 0.25
 
 
 def amplitude(dataset: xr.Dataset) -> xr.DataArray:
-    """The complex amplitude V = real + i·imag of a `response` or `map`, in V: v(t) = Re(V e^{inωt})."""
+    """The complex amplitude V = real + i·imag of a `response` or `map`, in V.
+
+    v(t) = Re(V e^{inωt}).
+    """
     return (dataset["real"] + 1j * dataset["imag"]).rename("amplitude").assign_attrs(units="V")
 
 
 def noise_sd(dataset: xr.Dataset) -> tuple[float, str]:
     """The noise of the data: the attribute `noise_sd` where there is one, else estimated.
 
-    Returns: standard deviation [V, or the data's unit for `series`] per value (per quadrature of amplitudes), and a sentence for a report.
+    Returns: standard deviation [V, or the data's unit for `series`] per value (per quadrature of
+    amplitudes), and a sentence for a report.
     Raises: MeasurementError as `estimate_noise`.
     """
     if "noise_sd" in dataset.attrs:
-        return float(dataset.attrs["noise_sd"]), f"noise {dataset.attrs['noise_sd']:.3g} V as stored"
+        return float(
+            dataset.attrs["noise_sd"]
+        ), f"noise {dataset.attrs['noise_sd']:.3g} V as stored"
     sd = estimate_noise(dataset)
-    return sd, f"noise {sd:.3g}{' V' if dataset.attrs['kind'] != 'series' else ''}, estimated from the data: noise_sd is not in the file"
+    return (
+        sd,
+        f"noise {sd:.3g}{' V' if dataset.attrs['kind'] != 'series' else ''}, estimated from the "
+        "data: noise_sd is not in "
+        "the file",
+    )
 
 
 def estimate_noise(dataset: xr.Dataset) -> float:
     """Estimate the white noise of a measurement from its own scatter.
 
-    response, series: divided differences of order 4 over neighbouring points, scaled to unit variance, their median absolute
-    deviation × 1.4826; map: the same along x and y at once; trace: the lower quartile of a Hann-windowed periodogram, which
-    for white noise is −ln(3/4) of its mean.
-    Args: dataset of kind response, map, trace or series. Returns: the standard deviation per value (per quadrature).
-    Raises: MeasurementError for a `spectrum`, whose frequency_sd is required, and for fewer than 8 usable points.
-    Valid: signal smooth over five points (response, map, series), or lines and bands filling less than 3/4 of the spectrum (trace);
-    otherwise the estimate is high.
-    Source: generalised from J. Immerkær, Computer Vision and Image Understanding 64, 300 (1996), to order 4 and median.
+    response, series: divided differences of order 4 over neighbouring points, scaled to unit
+    variance, their median absolute deviation × 1.4826; map: the same along x and y at once; trace:
+    the lower quartile of a Hann-windowed periodogram, which for white noise is −ln(3/4) of its
+    mean.
+    Args: dataset of kind response, map, trace or series. Returns: the standard deviation per value
+    (per quadrature).
+    Raises: MeasurementError for a `spectrum`, whose frequency_sd is required, and for fewer than 8
+    usable points.
+    Valid: signal smooth over five points (response, map, series), or lines and bands filling less
+    than 3/4 of the spectrum (trace); otherwise the estimate is high.
+    Source: generalised from J. Immerkær, Computer Vision and Image Understanding 64, 300 (1996), to
+    order 4 and median.
     """
     kind = dataset.attrs["kind"]
     if kind == "response":
-        sweeps = zip(dataset.frequency.values, dataset["real"].values, dataset["imag"].values, strict=True)
+        sweeps = zip(
+            dataset.frequency.values, dataset["real"].values, dataset["imag"].values, strict=True
+        )
         residues = np.concatenate([_residues(f, part) for f, *parts in sweeps for part in parts])
     elif kind == "map":
-        residues = np.concatenate([_mixed(part).ravel() for part in (dataset["real"].values, dataset["imag"].values)])
+        residues = np.concatenate(
+            [_mixed(part).ravel() for part in (dataset["real"].values, dataset["imag"].values)]
+        )
     elif kind == "trace":
         return _floor(dataset.voltage.values)
     elif kind == "series":
@@ -54,14 +73,19 @@ def estimate_noise(dataset: xr.Dataset) -> float:
         control = next(iter(dataset.coords.values())).values
         residues = _residues(control, dataset[key].values)
     else:
-        raise MeasurementError(f"{kind}: noise cannot be estimated from a list of modes; store frequency_sd")
+        raise MeasurementError(
+            f"{kind}: noise cannot be estimated from a list of modes; store frequency_sd"
+        )
     return _spread(residues, kind)
 
 
 def _spread(residues: NDArray[np.float64], kind: str) -> float:
     residues = residues[np.isfinite(residues)]
     if residues.size < 8:
-        raise MeasurementError(f"{kind}: {residues.size} usable points are too few to estimate the noise; store noise_sd")
+        raise MeasurementError(
+            f"{kind}: {residues.size} usable points are too few to estimate the noise; store "
+            "noise_sd"
+        )
     return float(_MAD * np.median(np.abs(residues)))
 
 
@@ -80,7 +104,10 @@ def _residues(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def _mixed(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Differences along both axes of each (y, x) image: even a signal that is steep in one direction is removed."""
+    """Differences along both axes of each (y, x) image.
+
+    Even a signal that is steep in one direction is removed.
+    """
     order = min(_ORDER, image.shape[1] - 1, image.shape[2] - 1)
     scale = sum(comb(order, k) ** 2 for k in range(order + 1))
     return np.asarray(np.diff(np.diff(image, order, axis=1), order, axis=2) / scale)
@@ -91,6 +118,11 @@ def _floor(voltage: NDArray[np.float64]) -> float:
     window = np.hanning(voltage.shape[1] + 1)[:-1]
     usable = [row for row in voltage if np.isfinite(row).all()]
     if not usable or voltage.shape[1] < 32:
-        raise MeasurementError("trace: no step has 32 samples without a gap, too few to estimate the noise; store noise_sd")
-    power = np.abs(np.fft.rfft((usable - np.mean(usable, axis=1, keepdims=True)) * window)[:, 1:-1]) ** 2 / np.sum(window**2)
+        raise MeasurementError(
+            "trace: no step has 32 samples without a gap, too few to estimate the noise; store "
+            "noise_sd"
+        )
+    power = np.abs(
+        np.fft.rfft((usable - np.mean(usable, axis=1, keepdims=True)) * window)[:, 1:-1]
+    ) ** 2 / np.sum(window**2)
     return float(np.sqrt(np.median(np.quantile(power, _QUANTILE, axis=1)) / -np.log(1 - _QUANTILE)))

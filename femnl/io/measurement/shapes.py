@@ -1,4 +1,7 @@
-"""Dimensions of stored arrays: by name where the file has names, else by the contract's order, with sizes deciding what fits."""
+"""Dimensions of stored arrays.
+
+By name where the file has names, else by the contract's order, with sizes deciding what fits.
+"""
 
 from collections.abc import Hashable, Mapping
 from typing import Any
@@ -13,11 +16,16 @@ Array = NDArray[Any]
 
 
 def fit_shapes(
-    kind: Kind, arrays: Mapping[str, Array], names: Mapping[str, tuple[Hashable, ...]], where: str, notes: list[str]
+    kind: Kind,
+    arrays: Mapping[str, Array],
+    names: Mapping[str, tuple[Hashable, ...]],
+    where: str,
+    notes: list[str],
 ) -> dict[str, Array]:
     """Turn every array so that its axes are the contract's dimensions.
 
-    Args: arrays as stored; names: the dimensions the file gives them; where: for messages; notes: every turn is appended here.
+    Args: arrays as stored; names: the dimensions the file gives them; where: for messages; notes:
+    every turn is appended here.
     Returns: arrays whose axes follow `kind`. Raises: MeasurementError where sizes disagree.
     """
     sizes: dict[str, int] = {}
@@ -28,16 +36,28 @@ def fit_shapes(
         values = _fit(arrays[key], names.get(key, ()), item, sizes, line, notes)
         if not _fits(values.shape, item.dims, sizes) or 0 in values.shape:
             needs = ", ".join(f"{dim} = {sizes.get(dim, 'any')}" for dim in item.dims)
-            raise MeasurementError(f"{line}: shape {values.shape} does not fit dimensions ({needs}); all datasets of a group share them")
+            raise MeasurementError(
+                f"{line}: shape {values.shape} does not fit dimensions ({needs}); all datasets "
+                "of a group share them"
+            )
         sizes.update(zip(item.dims, values.shape, strict=True))
         shaped[key] = values
     return shaped
 
 
-def _fit(values: Array, names: tuple[Hashable, ...], item: Item, sizes: Mapping[str, int], line: str, notes: list[str]) -> Array:
+def _fit(
+    values: Array,
+    names: tuple[Hashable, ...],
+    item: Item,
+    sizes: Mapping[str, int],
+    line: str,
+    notes: list[str],
+) -> Array:
     dims = item.dims
     if set(names) == set(dims) and names != dims and len(names) == values.ndim:
-        notes.append(f"{line}: stored as ({', '.join(map(str, names))}), turned to ({', '.join(dims)})")
+        notes.append(
+            f"{line}: stored as ({', '.join(map(str, names))}), turned to ({', '.join(dims)})"
+        )
         return values.transpose([names.index(dim) for dim in dims])
     if values.ndim > len(dims):
         flat = values.squeeze()
@@ -52,14 +72,24 @@ def _fit(values: Array, names: tuple[Hashable, ...], item: Item, sizes: Mapping[
         if item.coordinate or all(n == 1 for n in counts):
             if values.ndim:
                 notes.append(
-                    f"{line}: has no {' or '.join(missing)} dimension, taken for {'all ' if max(counts) > 1 else 'the one '}{missing[0]}"
+                    f"{line}: has no {' or '.join(missing)} dimension, taken for "
+                    f"{'all ' if max(counts) > 1 else 'the one '}{missing[0]}"
                 )
             return np.broadcast_to(values, counts + values.shape).copy()
-    if values.ndim > 1 and not _fits(values.shape, dims, sizes) and _fits(values.shape[::-1], dims, sizes):
-        notes.append(f"{line}: shape {values.shape} turned to {values.shape[::-1]}, in the order ({', '.join(dims)})")
+    if (
+        values.ndim > 1
+        and not _fits(values.shape, dims, sizes)
+        and _fits(values.shape[::-1], dims, sizes)
+    ):
+        notes.append(
+            f"{line}: shape {values.shape} turned to {values.shape[::-1]}, in the order "
+            f"({', '.join(dims)})"
+        )
         return values.transpose()
     return values
 
 
 def _fits(shape: tuple[int, ...], dims: tuple[str, ...], sizes: Mapping[str, int]) -> bool:
-    return len(shape) == len(dims) and all(sizes.get(dim, n) == n for dim, n in zip(dims, shape, strict=True))
+    return len(shape) == len(dims) and all(
+        sizes.get(dim, n) == n for dim, n in zip(dims, shape, strict=True)
+    )

@@ -9,15 +9,20 @@ from femnl.core.errors import ParameterError
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a temporary file beside `path`, then rename it; a failure leaves what was there before.
+    """Let `write` fill a temporary file beside `path`, then rename it.
+
+    a failure leaves what was there before.
 
     Raises: ParameterError where the folder cannot be written.
     """
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+        handle, name = tempfile.mkstemp(
+            prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent
+        )
     except OSError as error:
         raise ParameterError(
-            f"{path}: cannot write there ({error.strerror}); name a file in a folder that exists and is writable"
+            f"{path}: cannot write there ({error.strerror}); name a file in a folder that exists "
+            "and is writable"
         ) from error
     os.close(handle)
     temporary = Path(name)
@@ -28,23 +33,35 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
             os.fsync(written.fileno())  # the name must not reach the disk before the content
         temporary.replace(path)
     except OSError as error:
-        raise ParameterError(f"{path}: writing failed ({error.strerror or error}); nothing was changed") from error
+        raise ParameterError(
+            f"{path}: writing failed ({error.strerror or error}); nothing was changed"
+        ) from error
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder for results, and those above it, where they are missing. Raises: ParameterError where that is impossible."""
+    """Make a folder for results, and those above it, where they are missing.
+
+    Raises: ParameterError where that is impossible.
+    """
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ParameterError(f"{path}: no folder can be made there ({error.strerror}); choose another with --out") from error
+        raise ParameterError(
+            f"{path}: no folder can be made there ({error.strerror}); choose another with --out"
+        ) from error
 
 
 def need_room(path: Path) -> None:
-    """Refuse a place where no file can be made, before hours are spent on its content. Raises: ParameterError."""
+    """Refuse a place where no file can be made, before hours are spent on its content.
+
+    Raises: ParameterError.
+    """
     folder = path.parent
     if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
-        raise ParameterError(f"{path}: cannot write there; name a file in a folder that exists and is writable")
+        raise ParameterError(
+            f"{path}: cannot write there; name a file in a folder that exists and is writable"
+        )
     if path.is_dir():
         raise ParameterError(f"{path}: is a folder; name a file in it")

@@ -22,44 +22,70 @@ Result = TypeVar("Result")
 
 
 def cached_modes(model: Model, options: tuple[object, ...], solve: Callable[[], Modes]) -> Modes:
-    """Read the modes of this model and these options from the cache, or solve and keep them; see `kept`."""
+    """Read the modes of this model and these options from the cache, or solve and keep them.
+
+    See `kept`.
+    """
     path = user_cache_path("femnl") / f"modes-{key(model, options)}.nc"
     return kept(path, lambda: read_modes(path, model), solve, write_modes)
 
 
-def cached_nonlinearity(modes: Modes, edge: str, tensor: bool, solve: Callable[[], Nonlinearity]) -> Nonlinearity:
+def cached_nonlinearity(
+    modes: Modes, edge: str, tensor: bool, solve: Callable[[], Nonlinearity]
+) -> Nonlinearity:
     """Read the nonlinearity of these very modes from the cache, or solve and keep it; see `kept`."""
     digest = hashlib.sha256(key(modes.domain.model, (edge, tensor)).encode())
     for solved in modes.grades:
-        for part in (solved.domain.mesh.doflocs, solved.domain.mesh.t, solved.prestress.displacement, solved.shapes, solved.frequency):
+        for part in (
+            solved.domain.mesh.doflocs,
+            solved.domain.mesh.t,
+            solved.prestress.displacement,
+            solved.shapes,
+            solved.frequency,
+        ):
             digest.update(np.ascontiguousarray(part).tobytes())
     path = user_cache_path("femnl") / f"nonlinearity-{digest.hexdigest()[:32]}.npz"
 
     def read() -> Nonlinearity:
         with np.load(path) as stored:
-            return Nonlinearity(edge, **{name: value for name, value in stored.items() if value.size})
+            return Nonlinearity(
+                edge, **{name: value for name, value in stored.items() if value.size}
+            )
 
     def write(file: Path, found: Nonlinearity) -> None:
         none = np.empty(0)
-        full, full_error = (none if part is None else part for part in (found.tensor, found.tensor_error))
-        bars: dict[str, Any] = {"k3_error": found.k3_error, "alpha_error": found.alpha_error, "tensor_error": full_error}
+        full, full_error = (
+            none if part is None else part for part in (found.tensor, found.tensor_error)
+        )
+        bars: dict[str, Any] = {
+            "k3_error": found.k3_error,
+            "alpha_error": found.alpha_error,
+            "tensor_error": full_error,
+        }
         np.savez(file, k3=found.k3, alpha=found.alpha, tensor=full, **bars)
 
     return kept(path, read, solve, write)
 
 
-def kept(path: Path, read: Callable[[], Result], solve: Callable[[], Result], write: Callable[[Path, Result], None]) -> Result:
+def kept(
+    path: Path,
+    read: Callable[[], Result],
+    solve: Callable[[], Result],
+    write: Callable[[Path, Result], None],
+) -> Result:
     """Read an earlier result from `path`, or solve it and let `write` fill a file that is kept there.
 
-    A digest at the end of the file tells whether it is as it was written. A file that is not, or a folder that cannot be
-    written, is reported as a warning and the result is solved.
+    A digest at the end of the file tells whether it is as it was written. A file that is not, or a
+    folder that cannot be written, is reported as a warning and the result is solved.
     """
     if path.exists():
         try:
             _check_seal(path)
             return read()
         except (OSError, KeyError, ValueError) as error:
-            logging.getLogger("femnl").warning("%s: unreadable in the cache (%s); solved anew", path, error)
+            logging.getLogger("femnl").warning(
+                "%s: unreadable in the cache (%s); solved anew", path, error
+            )
     result = solve()
 
     def write_sealed(file: Path) -> None:
@@ -76,7 +102,10 @@ def kept(path: Path, read: Callable[[], Result], solve: Callable[[], Result], wr
 
 
 def _check_seal(path: Path) -> None:
-    """Raise ValueError for a file that is not as it was written. HDF5 and zip files may end in bytes of others."""
+    """Raise ValueError for a file that is not as it was written.
+
+    HDF5 and zip files may end in bytes of others.
+    """
     size = path.stat().st_size - SEAL
     with path.open("rb") as stream:
         stream.seek(max(size, 0))
@@ -99,7 +128,16 @@ def key(model: Model, options: tuple[object, ...]) -> str:
     """A name for this device with these options, under the code as it is."""
     digest = hashlib.sha256(_code().encode())
     holes = np.ascontiguousarray(model.holes.centres)
-    for part in (model.outline, model.film, model.clamp, model.overhang, model.bending, model.holes.radius, holes.shape, options):
+    for part in (
+        model.outline,
+        model.film,
+        model.clamp,
+        model.overhang,
+        model.bending,
+        model.holes.radius,
+        holes.shape,
+        options,
+    ):
         digest.update(repr(part).encode())
     digest.update(holes.tobytes())
     return digest.hexdigest()[:32]
@@ -109,5 +147,9 @@ def key(model: Model, options: tuple[object, ...]) -> str:
 def _code() -> str:
     """A digest of the source of every stage that results depend on, so that a change of code never meets an old file."""
     root = Path(__file__).parents[2]
-    files = sorted(f for stage in STAGES for f in ([root / stage] if stage.endswith(".py") else (root / stage).rglob("*.py")))
+    files = sorted(
+        f
+        for stage in STAGES
+        for f in ([root / stage] if stage.endswith(".py") else (root / stage).rglob("*.py"))
+    )
     return hashlib.sha256(b"".join(f.read_bytes() for f in files)).hexdigest()

@@ -12,20 +12,26 @@ from femnl.core.mechanics import Domain, Modes, Nonlinearity, Prestress
 from femnl.io.results.atomic import write_whole
 
 if TYPE_CHECKING:
-    import xarray as xr  # at run time where it is needed: to load it takes as long as to solve a film of condensed cells
+    # At run time where it is needed: to load it takes as long as to solve a film of condensed cells
+    import xarray as xr
 
 VERSION = "1.3"
 GRADES = ("coarse", "coarser")  # groups of the counterparts of lower degree
 
 
 def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = None) -> None:
-    """Write modes, and their nonlinearity where given, to one NetCDF-4 file; units are attributes of the datasets.
+    """Write modes, and their nonlinearity where given, to one NetCDF-4 file.
 
-    Groups: `/modes`, `/mesh` points, triangles and boundaries, `/coarse` the same modes at one degree less, `/coarser` at two.
+    Units are attributes of the datasets.
+
+    Groups: `/modes`, `/mesh` points, triangles and boundaries, `/coarse` the same modes at one
+    degree less, `/coarser` at two.
     """
     import xarray as xr
 
-    tree = xr.DataTree.from_dict({"/modes": _modes_dataset(modes, nonlinearity), "/mesh": _mesh_dataset(modes.domain.mesh)})
+    tree = xr.DataTree.from_dict(
+        {"/modes": _modes_dataset(modes, nonlinearity), "/mesh": _mesh_dataset(modes.domain.mesh)}
+    )
     for name, lower in zip(GRADES, modes.grades[1:], strict=False):
         tree[name] = xr.DataTree(_modes_dataset(lower, None))
     model = modes.domain.model
@@ -38,13 +44,17 @@ def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = No
         "wedge": modes.domain.wedge,
         "tiles": modes.domain.tiles,
     }
-    # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file, and says so on standard error.
+    # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file, and
+    # says so on standard error.
     content = tree.to_netcdf(engine="h5netcdf")
     write_whole(path, lambda file: file.write_bytes(content))
 
 
 def read_modes(path: Path, model: Model) -> Modes:
-    """Read modes of the given model back. Raises: OSError, KeyError or ValueError for a file that `write_modes` did not write."""
+    """Read modes of the given model back.
+
+    Raises: OSError, KeyError or ValueError for a file that `write_modes` did not write.
+    """
     import xarray as xr
 
     with xr.open_datatree(path, engine="h5netcdf") as tree:
@@ -53,7 +63,11 @@ def read_modes(path: Path, model: Model) -> Modes:
         raise ValueError(f"{path}: version {tree.attrs['femnl_modes']} where {VERSION} is read")
     stored = tree["mesh"].to_dataset()
     overhang = {"overhang": stored["overhang"].values} if "overhang" in stored else None
-    boundaries = {str(name).removeprefix("boundary_"): stored[name].values for name in stored if str(name).startswith("boundary_")}
+    boundaries = {
+        str(name).removeprefix("boundary_"): stored[name].values
+        for name in stored
+        if str(name).startswith("boundary_")
+    }
     mesh = MeshTri2(
         np.ascontiguousarray(stored.points.values),
         np.ascontiguousarray(stored.triangles.values),
@@ -80,7 +94,10 @@ def _mesh_dataset(mesh: MeshTri2) -> "xr.Dataset":
     for name, facets in (mesh.boundaries or {}).items():
         data[f"boundary_{name}"] = ((f"facet_{name}",), np.asarray(facets, dtype=np.int64))
     if mesh.subdomains:
-        data["overhang"] = (("triangle_overhang",), np.asarray(mesh.subdomains["overhang"], dtype=np.int64))
+        data["overhang"] = (
+            ("triangle_overhang",),
+            np.asarray(mesh.subdomains["overhang"], dtype=np.int64),
+        )
     return xr.Dataset(data)
 
 
@@ -92,7 +109,10 @@ def _modes_dataset(modes: Modes, nonlinearity: Nonlinearity | None) -> "xr.Datas
         "frequency_error": ("mode", modes.frequency_error, {"units": "Hz"}),
         "effective_mass": ("mode", modes.effective_mass, {"units": "kg"}),
         "label": ("mode", np.array([label or "" for label in modes.label])),
-        "parity": (("mode", "mirror"), np.array(modes.parity, dtype=np.int64).reshape(len(modes.frequency), -1)),
+        "parity": (
+            ("mode", "mirror"),
+            np.array(modes.parity, dtype=np.int64).reshape(len(modes.frequency), -1),
+        ),
         "shapes": (("mode", "unknown"), modes.shapes),
         "displacement": (("in_plane_unknown",), modes.prestress.displacement, {"units": "m"}),
     }
@@ -109,16 +129,36 @@ def _modes_dataset(modes: Modes, nonlinearity: Nonlinearity | None) -> "xr.Datas
         data["k3_error"] = ("mode", nonlinearity.k3_error, {"units": "N/m^3"})
         data["alpha_error"] = ("mode", nonlinearity.alpha_error, {"units": "m^-2"})
         if nonlinearity.tensor is not None:
-            data["tensor"] = (("mode", "mode_j", "mode_k", "mode_l"), nonlinearity.tensor, {"units": "N/m^3"})
+            data["tensor"] = (
+                ("mode", "mode_j", "mode_k", "mode_l"),
+                nonlinearity.tensor,
+                {"units": "N/m^3"},
+            )
         if nonlinearity.tensor_error is not None:
-            data["tensor_error"] = (("mode", "mode_j", "mode_k", "mode_l"), nonlinearity.tensor_error, {"units": "N/m^3"})
-    return xr.Dataset(data, attrs={"degree": modes.degree, "prestress_degree": modes.prestress.degree})
+            data["tensor_error"] = (
+                ("mode", "mode_j", "mode_k", "mode_l"),
+                nonlinearity.tensor_error,
+                {"units": "N/m^3"},
+            )
+    return xr.Dataset(
+        data, attrs={"degree": modes.degree, "prestress_degree": modes.prestress.degree}
+    )
 
 
 def _modes(data: "xr.Dataset", domain: Domain) -> Modes:
     prestress = Prestress(domain, int(data.attrs["prestress_degree"]), data.displacement.values)
     parity = tuple(tuple(int(s) for s in row) for row in data.parity.values)
     label = tuple(str(text) or None for text in data.label.values)
-    departure, coupling = (data[name].values if name in data else None for name in ("departure", "coupling"))
+    departure, coupling = (
+        data[name].values if name in data else None for name in ("departure", "coupling")
+    )
     numbers = (data.frequency.values, data.effective_mass.values, data.shapes.values)
-    return Modes(prestress, int(data.attrs["degree"]), *numbers, parity, label, departure=departure, coupling=coupling)
+    return Modes(
+        prestress,
+        int(data.attrs["degree"]),
+        *numbers,
+        parity,
+        label,
+        departure=departure,
+        coupling=coupling,
+    )

@@ -13,8 +13,13 @@ from femnl.io.results.cache import kept, key
 FIELDS = ("slopes", "masses", "reach", "grid_x", "grid_y", "shapes")
 
 
-def cached_projection(model: Model, options: tuple[object, ...], compute: Callable[[], Projection]) -> Projection:
-    """Read the projection of this model and these options from the cache, or compute and keep it; see `kept`."""
+def cached_projection(
+    model: Model, options: tuple[object, ...], compute: Callable[[], Projection]
+) -> Projection:
+    """Read the projection of this model and these options from the cache, or compute and keep it.
+
+    See `kept`.
+    """
     path = user_cache_path("femnl") / f"projection-{key(model, options)}.npz"
 
     def read() -> Projection:

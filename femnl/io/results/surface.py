@@ -27,10 +27,14 @@ def unfold(modes: Modes) -> Surface:
     stress, in_plane, thickness = _in_plane(modes, nodes, plane, local)
     copies = _copies(domain.wedge, domain.copies)
     points = np.concatenate([nodes.location @ turn.T for turn, _, _ in copies])
-    signs = [[_sign(parity, steps, mirrored) for parity in modes.parity] for _, steps, mirrored in copies]
+    signs = [
+        [_sign(parity, steps, mirrored) for parity in modes.parity] for _, steps, mirrored in copies
+    ]
     return Surface(
         points,
-        _counter_clockwise(points, np.concatenate([nodes.dofs + k * nodes.size for k in range(len(copies))])),
+        _counter_clockwise(
+            points, np.concatenate([nodes.dofs + k * nodes.size for k in range(len(copies))])
+        ),
         np.concatenate([shapes * np.array(sign)[:, None] for sign in signs], axis=1),
         np.tile(thickness, len(copies)),
         np.concatenate([_turn_stress(stress, turn) for turn, _, _ in copies]),
@@ -48,17 +52,26 @@ def _in_plane(modes: Modes, nodes: Space, plane: Space, local: Array) -> tuple[A
     values = sheet.stress(every) + (strain[..., None, :] @ sheet.moduli(every))[..., 0, :]
     total = np.zeros((nodes.size, 4))
     count = np.zeros(nodes.size)
-    np.add.at(total, nodes.dofs, np.concatenate([values, sheet.thickness(every, jet.point)[..., None]], -1))
+    np.add.at(
+        total,
+        nodes.dofs,
+        np.concatenate([values, sheet.thickness(every, jet.point)[..., None]], -1),
+    )
     np.add.at(count, nodes.dofs, 1)
     half = plane.dofs.shape[1]
     displacement = np.zeros((nodes.size, 2))
-    displacement[nodes.dofs] = np.stack([unknowns[:, :half] @ jet.value[0].T, unknowns[:, half:] @ jet.value[0].T], -1)
+    displacement[nodes.dofs] = np.stack(
+        [unknowns[:, :half] @ jet.value[0].T, unknowns[:, half:] @ jet.value[0].T], -1
+    )
     mean = total / count[:, None]
     return mean[:, :3], displacement, mean[:, 3]
 
 
 def _copies(wedge: float, copies: int) -> list[tuple[Array, int, bool]]:
-    """Turns of the wedge that cover the film: (matrix, steps of rotation by twice the wedge, whether mirrored first)."""
+    """Turns of the wedge that cover the film.
+
+    (matrix, steps of rotation by twice the wedge, whether mirrored first).
+    """
     if copies == 1:
         return [(np.eye(2), 0, False)]
     result = []

@@ -1,4 +1,7 @@
-"""Meshes, modes and stress in formats that other programs open; meshio, which knows them all, is loaded when one is written."""
+"""Meshes, modes and stress in formats that other programs open.
+
+Meshio, which knows them all, is loaded when one is written.
+"""
 
 from pathlib import Path
 
@@ -16,9 +19,13 @@ def write_vtu(path: Path, modes: Modes) -> None:
     import meshio
 
     surface = unfold(modes)
-    names = [f"mode_{k + 1}" + (f"_{label}" if label else "") for k, label in enumerate(modes.label)]
+    names = [
+        f"mode_{k + 1}" + (f"_{label}" if label else "") for k, label in enumerate(modes.label)
+    ]
     fields = dict(zip(names, surface.shapes, strict=True))
-    fields |= {f"stress_{axes}_Pa": surface.stress[:, k] for k, axes in enumerate(("xx", "yy", "xy"))}
+    fields |= {
+        f"stress_{axes}_Pa": surface.stress[:, k] for k, axes in enumerate(("xx", "yy", "xy"))
+    }
     fields["in_plane_m"] = np.column_stack([surface.in_plane, np.zeros(len(surface.points))])
     fields["thickness_m"] = surface.thickness
     points = np.column_stack([surface.points, np.zeros(len(surface.points))])
@@ -45,4 +52,6 @@ def check_suffix(path: Path) -> None:
     import meshio
 
     if path.suffix not in meshio.extension_to_filetypes:
-        raise ParameterError(f"{path}: meshio writes no files that end in '{path.suffix}'; use .vtu, .msh or .xdmf")
+        raise ParameterError(
+            f"{path}: meshio writes no files that end in '{path.suffix}'; use .vtu, .msh or .xdmf"
+        )

@@ -1,4 +1,7 @@
-"""One cell of a lattice whose opposite sides are one: K and M of waves w = e^{ik·r} φ with φ periodic."""
+"""One cell of a lattice whose opposite sides are one.
+
+K and M of waves w = e^{ik·r} φ with φ periodic.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -40,19 +43,30 @@ def cell_domain(model: Model, lattice: Lattice, resolution: float) -> Domain:
     corners = [(float(x), float(y)) for x, y in lattice.corners]
     sides = tuple(Segment(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True))
     holes = Holes(np.zeros((min(len(model.holes.centres), 1), 2)), model.holes.radius)
-    outline = Outline("rectangle" if lattice.turns == 4 else "regular-polygon", sides, None, 2 * float(np.abs(lattice.corners).max()))
+    outline = Outline(
+        "rectangle" if lattice.turns == 4 else "regular-polygon",
+        sides,
+        None,
+        2 * float(np.abs(lattice.corners).max()),
+    )
     film = replace(model.film, gradient=(0.0, 0.0))
     device = replace(model, outline=outline, holes=holes, film=film, overhang=None, clamp=Clamp())
     radius = model.holes.radius if len(model.holes.centres) else 0.0
     patches = _wedge(lattice, radius, resolution)
     angles = 2 * np.pi / lattice.turns * np.arange(lattice.turns)
-    need_memory(BYTES * len(patches) * 2 * lattice.turns, "waves in one cell", "lower the resolution")
+    need_memory(
+        BYTES * len(patches) * 2 * lattice.turns, "waves in one cell", "lower the resolution"
+    )
     turns = [_turn(angle) @ flip for angle in angles for flip in (np.eye(2), np.diag([1.0, -1.0]))]
     whole = from_patches(np.concatenate([patches @ turn.T for turn in turns]))
     outer = np.flatnonzero(whole.f2t[1] < 0)
     middle = whole.p[:, whole.facets[:, outer]].mean(axis=1).T
     on_side = np.abs(middle @ lattice.steps.T).max(axis=1) / lattice.pitch**2 > 0.5 - JOIN
-    return Domain(device, replace(whole, _boundaries={"clamped": outer[on_side], "free": outer[~on_side]}), 2 * np.pi)
+    return Domain(
+        device,
+        replace(whole, _boundaries={"clamped": outer[on_side], "free": outer[~on_side]}),
+        2 * np.pi,
+    )
 
 
 def _wedge(lattice: Lattice, radius: float, resolution: float) -> Array:
@@ -61,14 +75,20 @@ def _wedge(lattice: Lattice, radius: float, resolution: float) -> Array:
     if radius == 0:
         n = max(1, round(ACROSS * resolution))
         corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, np.tan(half)]]) * lattice.pitch / 2 / n
-        grid = {(i, j): i * corners[1] + j * (corners[2] - corners[1]) for i in range(n + 1) for j in range(i + 1)}
+        grid = {
+            (i, j): i * corners[1] + j * (corners[2] - corners[1])
+            for i in range(n + 1)
+            for j in range(i + 1)
+        }
         up = [((i, j), (i + 1, j), (i + 1, j + 1)) for i in range(n) for j in range(i + 1)]
         down = [((i, j), (i + 1, j + 1), (i, j + 1)) for i in range(n) for j in range(i)]
         return np.array([_straight([grid[key] for key in keys]) for keys in up + down])
     # Rays from the rim to the side, and rows across them that grow with the distance from the hole.
     rays = np.linspace(0, half, max(1, round(half / RAY * resolution)) + 1)
     growth = np.log(lattice.pitch / 2 / np.cos(half) / radius)
-    rows = np.expm1(growth * np.linspace(0, 1, max(1, round(growth / rays[1])) + 1)) / np.expm1(growth)
+    rows = np.expm1(growth * np.linspace(0, 1, max(1, round(growth / rays[1])) + 1)) / np.expm1(
+        growth
+    )
     direction = np.stack([np.cos(rays), np.sin(rays)], -1)
     reach = radius + rows[:, None] * (lattice.pitch / 2 / np.cos(rays) - radius)
     grid = reach[..., None] * direction
@@ -79,7 +99,11 @@ def _wedge(lattice: Lattice, radius: float, resolution: float) -> Array:
             _straight([grid[i, j], grid[i + 1, j + 1], grid[i, j + 1]]),
         ]
         if i == 0:  # the last edge is an arc of the rim
-            patches[-1][5] = radius * (direction[j] + direction[j + 1]) / np.linalg.norm(direction[j] + direction[j + 1])
+            patches[-1][5] = (
+                radius
+                * (direction[j] + direction[j + 1])
+                / np.linalg.norm(direction[j] + direction[j + 1])
+            )
     return np.array(patches)
 
 
@@ -95,17 +119,21 @@ def _turn(angle: float) -> Array:
 
 def inner(domain: Domain) -> Domain:
     """The same cell, whose sides hold nothing."""
-    return replace(domain, mesh=replace(domain.mesh, _boundaries={"free": (domain.mesh.boundaries or {})["free"]}))
+    return replace(
+        domain,
+        mesh=replace(domain.mesh, _boundaries={"free": (domain.mesh.boundaries or {})["free"]}),
+    )
 
 
 @dataclass(frozen=True)
 class Periodic:
     """K and M of the cell as functions of the wave vector.
 
-    stiffness, mass (n, n): of the cell alone; place (n, 2) [m] of its unknowns, and which class of unknowns that are one by a step of
-    the lattice each is of; seams: slope continuity across the sides, on unknowns of their own at places of classes.
-    turned: U of real numbers: φ = U a makes φ(−r) the conjugate of φ(r), as every wave can be chosen in a cell that half a turn leaves
-    as it is, and K and M real.
+    stiffness, mass (n, n): of the cell alone; place (n, 2) [m] of its unknowns, and which class of
+    unknowns that are one by a step of the lattice each is of; seams: slope continuity across the
+    sides, on unknowns of their own at places of classes.
+    turned: U of real numbers: φ = U a makes φ(−r) the conjugate of φ(r), as every wave can be
+    chosen in a cell that half a turn leaves as it is, and K and M real.
     """
 
     stiffness: csc_matrix
@@ -120,7 +148,9 @@ class Periodic:
 
         def real(matrix: csc_matrix, place: Array, classes: Index) -> csc_matrix:
             shift = diags_array(np.exp(1j * (place @ wave))) @ self.turned[classes]
-            return csc_matrix(shift.real.T @ matrix @ shift.real + shift.imag.T @ matrix @ shift.imag)
+            return csc_matrix(
+                shift.real.T @ matrix @ shift.real + shift.imag.T @ matrix @ shift.imag
+            )
 
         stiffness = real(self.stiffness, self.place, self.classes)
         for seam in self.seams:
@@ -135,7 +165,9 @@ def periodic(domain: Domain, lattice: Lattice, prestress: Prestress, degree: int
     find = _finder(operators.space.location, lattice.pitch)
     whole = np.concatenate([lattice.steps, -lattice.steps])
     if lattice.turns == 4:
-        whole = np.concatenate([whole, [a + b for a in (whole[0], whole[2]) for b in (whole[1], whole[3])]])
+        whole = np.concatenate(
+            [whole, [a + b for a in (whole[0], whole[2]) for b in (whole[1], whole[3])]]
+        )
     images = np.stack([find(place + step) for step in whole] + [np.arange(len(place))])
     first = np.where(images >= 0, images, len(place)).min(axis=0)
     kept, classes = np.unique(first, return_inverse=True)
@@ -147,12 +179,16 @@ def periodic(domain: Domain, lattice: Lattice, prestress: Prestress, degree: int
             strip, facets = _strip(domain, step)
             space = Space(strip, degree)
             seam = Assembly(space.size)
-            for local, dofs in slope_continuity(space, facets, sheet.bending, sheet.largest_poisson):
+            for local, dofs in slope_continuity(
+                space, facets, sheet.bending, sheet.largest_poisson
+            ):
                 seam.add(local, dofs)
             here = find(space.location)
             there = find(space.location - step)
             seams.append((seam.matrix(), space.location, classes[np.where(here >= 0, here, there)]))
-    return Periodic(operators.stiffness(()), operators.mass, place, classes, tuple(seams), _conjugate(opposite))
+    return Periodic(
+        operators.stiffness(()), operators.mass, place, classes, tuple(seams), _conjugate(opposite)
+    )
 
 
 def _finder(place: Array, pitch: float) -> Callable[[Array], Index]:
@@ -175,7 +211,10 @@ def _strip(domain: Domain, step: Array) -> tuple[MeshTri2, Index]:
     patches = np.asarray(grid.doflocs).T[Space(grid, 2).dofs]
     here, there = (grid.f2t[0, sides[np.abs(across - place) < JOIN]] for place in (0.5, -0.5))
     strip = from_patches(np.concatenate([patches[here], patches[there] + step]))
-    return strip, np.flatnonzero((strip.f2t[1] >= 0) & (np.abs(strip.p[:, strip.facets].mean(axis=1).T @ step / pitch**2 - 0.5) < JOIN))
+    return strip, np.flatnonzero(
+        (strip.f2t[1] >= 0)
+        & (np.abs(strip.p[:, strip.facets].mean(axis=1).T @ step / pitch**2 - 0.5) < JOIN)
+    )
 
 
 def _conjugate(opposite: Index) -> csc_matrix:
@@ -188,7 +227,12 @@ def _conjugate(opposite: Index) -> csc_matrix:
     low = own[own < opposite]
     high = opposite[low]
     half = np.full(len(low), np.sqrt(0.5), dtype=complex)
-    for row, column, value in ((low, low, half), (low, high, 1j * half), (high, low, half), (high, high, -1j * half)):
+    for row, column, value in (
+        (low, low, half),
+        (low, high, 1j * half),
+        (high, low, half),
+        (high, high, -1j * half),
+    ):
         rows.append(row)
         columns.append(column)
         values.append(value)

@@ -17,7 +17,10 @@ EVEN = 1e-6  # of the pitch, to which holes must lie on their lattice
 
 @dataclass(frozen=True)
 class Lattice:
-    """A lattice with one hole a cell, a row of it along x. kind: `square` or `hexagonal`. pitch [m]: of nearest neighbours."""
+    """A lattice with one hole a cell, a row of it along x. kind: `square` or `hexagonal`.
+
+    pitch [m]: of nearest neighbours.
+    """
 
     kind: Literal["square", "hexagonal"]
     pitch: float
@@ -29,7 +32,10 @@ class Lattice:
 
     @property
     def steps(self) -> Array:
-        """Vectors (turns/2, 2) [m] to the neighbours across half of the cell's sides; those across the others are opposite."""
+        """Vectors (turns/2, 2) [m] to the neighbours across half of the cell's sides.
+
+        Those across the others are opposite.
+        """
         angle = 2 * np.pi / self.turns * np.arange(self.turns // 2)
         return np.asarray(self.pitch * np.stack([np.cos(angle), np.sin(angle)], -1))
 
@@ -37,7 +43,12 @@ class Lattice:
     def corners(self) -> Array:
         """Corners (turns, 2) [m] of the cell that is nearest to the hole at the origin, counter-clockwise."""
         angle = 2 * np.pi / self.turns * (np.arange(self.turns) + 0.5)
-        return np.asarray(self.pitch / 2 / np.cos(np.pi / self.turns) * np.stack([np.cos(angle), np.sin(angle)], -1))
+        return np.asarray(
+            self.pitch
+            / 2
+            / np.cos(np.pi / self.turns)
+            * np.stack([np.cos(angle), np.sin(angle)], -1)
+        )
 
     @property
     def points(self) -> dict[str, Array]:
@@ -56,9 +67,14 @@ class Lattice:
         ends = np.array([self.points[name] for name in names])
         lengths = np.linalg.norm(np.diff(ends, axis=0), axis=1)
         counts = np.maximum(1, np.round(steps * lengths / lengths[0]).astype(int))
-        parts = [a + (b - a) * np.arange(n)[:, None] / n for a, b, n in zip(ends, ends[1:], counts, strict=False)]
+        parts = [
+            a + (b - a) * np.arange(n)[:, None] / n
+            for a, b, n in zip(ends, ends[1:], counts, strict=False)
+        ]
         places = np.concatenate([[0], np.cumsum(counts)])
-        return np.concatenate([*parts, ends[-1:]]), tuple((name, int(place)) for name, place in zip(names, places, strict=True))
+        return np.concatenate([*parts, ends[-1:]]), tuple(
+            (name, int(place)) for name, place in zip(names, places, strict=True)
+        )
 
 
 def find_lattice(model: Model) -> Lattice:
@@ -69,7 +85,10 @@ def find_lattice(model: Model) -> Lattice:
     centres = model.holes.centres
     name = model.name
     if len(centres) < 4:
-        raise ParameterError(f"{name}: holes: {len(centres)} of them make no lattice; give a device with four or more, or a lattice")
+        raise ParameterError(
+            f"{name}: holes: {len(centres)} of them make no lattice; give a device with four or "
+            "more, or a lattice"
+        )
     gaps, nearest = (np.asarray(found) for found in cKDTree(centres).query(centres, k=2))
     pitch = float(gaps[:, 1].min())
     first = int(np.argmin(gaps[:, 1]))
@@ -80,4 +99,6 @@ def find_lattice(model: Model) -> Lattice:
         places = np.linalg.solve(basis, (centres - centres[first]).T)
         if np.abs(places - np.round(places)).max() < EVEN:
             return lattice
-    raise ParameterError(f"{name}: holes: they lie on no square or hexagonal lattice; bands need one")
+    raise ParameterError(
+        f"{name}: holes: they lie on no square or hexagonal lattice; bands need one"
+    )

@@ -31,8 +31,9 @@ STILL = 1e-6  # of the lift, below which ω² is that of the film that moves as 
 class Bands:
     """Frequencies of waves w = φ(r) e^{ik·r}, φ periodic, by rising frequency at each wave vector.
 
-    wave (n, 2) [rad/m]; frequency (n, n_bands) [Hz] and its discretisation error, an upper estimate; corners: names and places of the
-    wave vectors at which a path turns, none where the wave vectors were given. tension [N/m], mass [kg/m²]: of waves that are long.
+    wave (n, 2) [rad/m]; frequency (n, n_bands) [Hz] and its discretisation error, an upper
+    estimate; corners: names and places of the wave vectors at which a path turns, none where the
+    wave vectors were given. tension [N/m], mass [kg/m²]: of waves that are long.
     """
 
     lattice: Lattice
@@ -60,30 +61,45 @@ class Bands:
 
 
 def solve_bands(
-    model: Model, count: int = 6, wave: Array | None = None, steps: int = 12, lattice: Lattice | None = None, resolution: float = 1.0
+    model: Model,
+    count: int = 6,
+    wave: Array | None = None,
+    steps: int = 12,
+    lattice: Lattice | None = None,
+    resolution: float = 1.0,
 ) -> Bands:
     """Bands of flexural waves in the film of a device, as if its lattice of holes had no edge.
 
     One cell, stretched until its holes carry no traction and its mean strain is zero, with
-    ∫ N : ∇w⊗∇v* + D[(1−ν)∇∇w:∇∇v* + ν Δw Δv*] = ω² ∫ ρh w v*, w(r + R) = e^{ik·R} w(r) for every step R of the lattice.
+    ∫ N : ∇w⊗∇v* + D[(1−ν)∇∇w:∇∇v* + ν Δw Δv*] = ω² ∫ ρh w v*, w(r + R) = e^{ik·R} w(r) for every
+    step R of the lattice.
 
-    Args: count: how many bands. wave: wave vectors (n, 2) [rad/m], a row of the lattice along x; by default a path around the
-        irreducible part, Γ–X–M–Γ or Γ–M–K–Γ, with `steps` of them on its first side. lattice: the device's holes' by default; has to
-        be given for a film with no holes or with one. resolution: of the mesh.
+    Args: count: how many bands. wave: wave vectors (n, 2) [rad/m], a row of the lattice along x; by
+        default a path around the irreducible part, Γ–X–M–Γ or Γ–M–K–Γ, with `steps` of them on its
+        first side. lattice: the device's holes' by default; has to be given for a film with no
+        holes or with one. resolution: of the mesh.
     Returns: Bands.
     Raises: ParameterError, GeometryError, ConvergenceError.
     Valid: far from the edge; gradients of the thickness, overhangs and elastic edges are left out.
-    Source: Bloch's theorem; Brillouin, Wave Propagation in Periodic Structures (1946). Held against folded plane waves, standing waves of
-        many cells and the constants of the even film by tests/physics/test_bands.py.
+    Source: Bloch's theorem; Brillouin, Wave Propagation in Periodic Structures (1946). Held against
+        folded plane waves, standing waves of many cells and the constants of the even film by
+        tests/physics/test_bands.py.
     """
     if count < 1 or steps < 1:
         raise ParameterError(f"count = {count}, steps = {steps}: expected at least one of each")
     lattice = lattice or find_lattice(model)
     if len(model.holes.centres) > 0 and not 2 * model.holes.radius < lattice.pitch:
-        raise ParameterError(f"pitch = {lattice.pitch:g} m: expected more than the diameter {2 * model.holes.radius:g} m of the holes")
+        raise ParameterError(
+            f"pitch = {lattice.pitch:g} m: expected more than the diameter "
+            f"{2 * model.holes.radius:g} m "
+            "of the holes"
+        )
     places, corners = lattice.path(steps) if wave is None else (np.asarray(wave, dtype=float), ())
     if places.ndim != 2 or places.shape[1] != 2 or not np.all(np.isfinite(places)):
-        raise ParameterError(f"wave: expected finite wave vectors (n, 2) in rad/m, found an array of shape {places.shape}")
+        raise ParameterError(
+            "wave: expected finite wave vectors (n, 2) in rad/m, found an array of shape "
+            f"{places.shape}"
+        )
     domain = cell_domain(model, lattice, resolution)
     tension = 0.0
     mass = 0.0
@@ -93,13 +109,19 @@ def solve_bands(
         if degree == DEGREES[0]:
             tension, mass = _means(prestress, lattice)
         cell = periodic(domain, lattice, prestress, degree)
-        found.append(np.array([_frequencies(cell, k, count, lattice, tension / mass) for k in places]))
+        found.append(
+            np.array([_frequencies(cell, k, count, lattice, tension / mass) for k in places])
+        )
     scale = np.where(found[0] > 0, found[0], 1.0)
     return Bands(lattice, places, found[0], remainder(found, scale, STEADY), corners, tension, mass)
 
 
 def _frequencies(cell: Periodic, wave: Array, count: int, lattice: Lattice, square: float) -> Array:
-    """Frequencies (count,) [Hz]. square: c² [m²/s²] of long waves; a spring of it times a wave number squared keeps K definite at rest."""
+    """Frequencies (count,) [Hz].
+
+    square: c² [m²/s²] of long waves; a spring of it times a wave number squared keeps K definite at
+    rest.
+    """
     lift = square * max(float(wave @ wave), (LONGEST * np.pi / lattice.pitch) ** 2)
     stiffness, mass = cell.at(wave)
     values = lowest_eigenvalues(csc_matrix(stiffness + lift * mass), mass, count) - lift
@@ -107,7 +129,10 @@ def _frequencies(cell: Periodic, wave: Array, count: int, lattice: Lattice, squa
 
 
 def _means(prestress: Prestress, lattice: Lattice) -> tuple[float, float]:
-    """Mean tension [N/m] and mass [kg/m²] of the cell, holes counted as empty: those of waves that are long."""
+    """Mean tension [N/m] and mass [kg/m²] of the cell, holes counted as empty.
+
+    Those of waves that are long.
+    """
     domain = prestress.domain
     order = quadrature_order(prestress.domain.model, 2 * prestress.degree)
     space = Space(domain.mesh, prestress.degree)
@@ -119,5 +144,13 @@ def _means(prestress: Prestress, lattice: Lattice) -> tuple[float, float]:
         mass += float(np.sum(sheet.density(cell.triangles) * h))
         tension += float(np.sum(stress[..., :2].mean(axis=-1) * h))
     corners = lattice.corners
-    area = float(np.sum(corners[:, 0] * np.roll(corners[:, 1], -1) - corners[:, 1] * np.roll(corners[:, 0], -1))) / 2
+    area = (
+        float(
+            np.sum(
+                corners[:, 0] * np.roll(corners[:, 1], -1)
+                - corners[:, 1] * np.roll(corners[:, 0], -1)
+            )
+        )
+        / 2
+    )
     return tension / area, mass / area

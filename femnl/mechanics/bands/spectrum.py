@@ -17,8 +17,9 @@ SETTLED = 1e-11  # of the highest eigenvalue asked for, by which they may change
 def lowest_eigenvalues(stiffness: csc_matrix, mass: csc_matrix, count: int) -> Array:
     """λ (count,) of K x = λ M x, rising, K and M positive definite, by subspace iteration.
 
-    A Lanczos iteration from one vector, as `lowest_eigenpairs` has, finds one eigenvector of each eigenvalue, and others by rounding
-    alone; a block finds as many as it has columns. K is never multiplied by: its large entries would drown the longest waves.
+    A Lanczos iteration from one vector, as `lowest_eigenpairs` has, finds one eigenvector of each
+    eigenvalue, and others by rounding alone; a block finds as many as it has columns. K is never
+    multiplied by: its large entries would drown the longest waves.
 
     Raises: ConvergenceError naming the setting.
     Source: Bathe, Finite Element Procedures (1996), section 11.6.
@@ -26,10 +27,14 @@ def lowest_eigenvalues(stiffness: csc_matrix, mass: csc_matrix, count: int) -> A
     n = stiffness.shape[0]
     columns = 2 * count + 8
     if columns >= n:
-        raise ConvergenceError(f"{count} bands were asked of a cell with {n} unknowns: ask for fewer bands or raise the resolution")
+        raise ConvergenceError(
+            f"{count} bands were asked of a cell with {n} unknowns: ask for fewer bands or raise "
+            "the resolution"
+        )
     solve = factorize(stiffness)
     last = np.zeros(count)
-    load = mass @ np.random.default_rng(0).standard_normal((n, columns))  # a fixed start makes reruns identical
+    # A fixed start makes reruns identical
+    load = mass @ np.random.default_rng(0).standard_normal((n, columns))
     for _ in range(ROUNDS):
         moved = solve(load)
         inertia = mass @ moved
@@ -38,4 +43,7 @@ def lowest_eigenvalues(stiffness: csc_matrix, mass: csc_matrix, count: int) -> A
             return np.asarray(values[:count])
         last = values[:count]
         load = inertia @ turn
-    raise ConvergenceError(f"the lowest {count} frequencies of the cell did not converge: ask for fewer bands or raise the resolution")
+    raise ConvergenceError(
+        f"the lowest {count} frequencies of the cell did not converge: ask for fewer bands or "
+        "raise the resolution"
+    )

@@ -1,8 +1,9 @@
 """Lagrange elements of degree 1 to 6 on curved triangles, evaluated with first and second derivatives.
 
-Numbering of unknowns and reference triangle are scikit-fem's; the tables here add the degrees and the second derivatives that
-its H1 elements lack, with the curvature of the mapping included, for whole meshes at once. An edge between films or at their end
-whose middle lies beside its chord is an arc of a circle and is followed by a map of degree 4, so that geometry costs no accuracy.
+Numbering of unknowns and reference triangle are scikit-fem's; the tables here add the degrees and
+the second derivatives that its H1 elements lack, with the curvature of the mapping included, for
+whole meshes at once. An edge between films or at their end whose middle lies beside its chord is an
+arc of a circle and is followed by a map of degree 4, so that geometry costs no accuracy.
 """
 
 from dataclasses import dataclass
@@ -24,8 +25,8 @@ DEGREES = (1, 2, 3, 4, 5, 6)
 ARC_DEGREE = 4  # of the map of triangles beside an arc
 TABULATED = 19  # highest order of scikit-fem's quadrature on triangles
 
-# Ends of the reference triangle's edges in scikit-fem's order. Vertices of every triangle are sorted, so that
-# both neighbours walk a shared edge from its lower to its higher vertex.
+# Ends of the reference triangle's edges in scikit-fem's order. Vertices of every triangle are
+# sorted, so that both neighbours walk a shared edge from its lower to its higher vertex.
 EDGES = ((0, 1), (1, 2), (0, 2))
 VERTICES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 FIRST = ((1, 0), (0, 1))
@@ -38,7 +39,10 @@ def _exponents(degree: int) -> NDArray[np.int64]:
 
 
 def _monomials(points: Array, degree: int, order: tuple[int, int]) -> Array:
-    """∂ₓᵃ∂ᵧᵇ of every monomial about the centroid at points (n, 2), for order (a, b); shape (n, n_monomials)."""
+    """∂ₓᵃ∂ᵧᵇ of every monomial about the centroid at points (n, 2), for order (a, b).
+
+    shape (n, n_monomials).
+    """
     columns = []
     points = points - 1 / 3
     for axis in (0, 1):
@@ -86,8 +90,8 @@ def reference_basis(degree: int, points: Array, order: tuple[int, int] = (0, 0))
 class Jet:
     """Basis functions of some triangles at some points, up to second derivatives in x and y.
 
-    value (e, q, j); gradient (e, q, 2, j); hessian (e, q, 3, j) as (∂xx, ∂yy, ∂xy), no rows unless asked for;
-    point (e, q, 2) [m]; jacobian (e, q, 2, 2) = ∂x_a/∂X_b.
+    value (e, q, j); gradient (e, q, 2, j); hessian (e, q, 3, j) as (∂xx, ∂yy, ∂xy), no rows unless
+    asked for; point (e, q, 2) [m]; jacobian (e, q, 2, 2) = ∂x_a/∂X_b.
     """
 
     value: Array
@@ -130,7 +134,8 @@ class Space:
     """Scalar Lagrange functions of one degree on a mesh: numbering of unknowns and evaluation.
 
     Args: mesh: quadratic triangles with sorted vertices. degree: 1 to 6.
-    Attributes: dofs (e, n_basis) unknowns of each triangle; size their number; location (size, 2) [m].
+    Attributes: dofs (e, n_basis) unknowns of each triangle; size their number; location (size, 2)
+    [m].
     """
 
     def __init__(self, mesh: MeshTri2, degree: int) -> None:
@@ -151,7 +156,10 @@ class Space:
 
     @cached_property
     def map_degree(self) -> int:
-        """Polynomial degree of the map from the reference triangle: 2, or up to `ARC_DEGREE` where a boundary is curved."""
+        """Polynomial degree of the map from the reference triangle.
+
+        2, or up to `ARC_DEGREE` where a boundary is curved.
+        """
         return min(max(self.degree, 2), ARC_DEGREE) if np.any(self._boundary[-1]) else 2
 
     @cached_property
@@ -166,7 +174,9 @@ class Space:
             shared[dofs] = reference_basis(2, nodes(degree)) @ place
             facets, start, end, sagitta, arcs = self._boundary
             on_arc = np.asarray(numbering.facet_dofs)[:, facets[arcs]]
-            shared[on_arc] = _along_arcs(start[arcs], end[arcs], sagitta[arcs], np.arange(1, degree) / degree)
+            shared[on_arc] = _along_arcs(
+                start[arcs], end[arcs], sagitta[arcs], np.arange(1, degree) / degree
+            )
             place = shared[dofs]
         return place
 
@@ -175,7 +185,8 @@ class Space:
         """The smallest |det ∂x/∂X| [m²] of each triangle's map, (e,), found at points along its edges and inside."""
         points = nodes(6)
         determinants = [
-            np.abs(np.linalg.det(self.jet(slice(k, k + 2000), points).jacobian)).min(axis=1) for k in range(0, len(self.dofs), 2000)
+            np.abs(np.linalg.det(self.jet(slice(k, k + 2000), points).jacobian)).min(axis=1)
+            for k in range(0, len(self.dofs), 2000)
         ]
         return np.concatenate(determinants)
 
@@ -185,12 +196,20 @@ class Space:
         mesh = self.mesh
         ends = mesh.f2t[1] < 0
         if mesh.subdomains:  # two films meet, too
-            kind = np.isin(np.arange(mesh.nelements), np.concatenate(list(mesh.subdomains.values())))
+            kind = np.isin(
+                np.arange(mesh.nelements), np.concatenate(list(mesh.subdomains.values()))
+            )
             ends |= kind[mesh.f2t[0]] != kind[mesh.f2t[1]]
         facets = np.flatnonzero(ends)
         start, end = (mesh.doflocs[:, mesh.facets[k, facets]].T for k in (0, 1))
         sagitta = mesh.doflocs[:, mesh.nvertices + facets].T - (start + end) / 2
-        return facets, start, end, sagitta, np.linalg.norm(sagitta, axis=1) > STRAIGHT * np.linalg.norm(end - start, axis=1)
+        return (
+            facets,
+            start,
+            end,
+            sagitta,
+            np.linalg.norm(sagitta, axis=1) > STRAIGHT * np.linalg.norm(end - start, axis=1),
+        )
 
     def boundary_facets(self, name: str) -> NDArray[np.int64]:
         """Facets on the named boundary; empty where the mesh has no such boundary."""
@@ -200,7 +219,11 @@ class Space:
         """Unknowns on the named boundary; empty where the mesh has no such boundary."""
         facets = self.boundary_facets(name)
         ends = np.asarray(self._numbering.nodal_dofs)[0, np.unique(self.mesh.facets[:, facets])]
-        between = np.asarray(self._numbering.facet_dofs)[:, facets].ravel() if self.degree > 1 else ends[:0]
+        between = (
+            np.asarray(self._numbering.facet_dofs)[:, facets].ravel()
+            if self.degree > 1
+            else ends[:0]
+        )
         return np.concatenate([ends, between]).astype(np.int64)
 
     def facet_unknowns(self, facet: int) -> NDArray[np.int64]:
@@ -220,17 +243,23 @@ class Space:
         """Where reference points (q, 2) of triangles are, (e, q, 2) [m], and |det ∂x/∂X| there, (e, q) [m²]."""
         place = self.map_nodes[triangles]
         first, second = (reference_basis(self.map_degree, points, d) @ place for d in FIRST)
-        return reference_basis(self.map_degree, points) @ place, np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+        return reference_basis(self.map_degree, points) @ place, np.abs(
+            first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+        )
 
     def jet(self, triangles: NDArray[np.int64] | slice, points: Array, second: bool = False) -> Jet:
         """Evaluate on the given triangles at reference points (q, 2); see `Jet`."""
         place = self.map_nodes[triangles]
         gradient_ref = np.stack([reference_basis(self.degree, points, d) for d in FIRST])
-        jacobian = np.stack([reference_basis(self.map_degree, points, d) @ place for d in FIRST], -1)
+        jacobian = np.stack(
+            [reference_basis(self.map_degree, points, d) @ place for d in FIRST], -1
+        )
         inverse = _inverse(jacobian)  # inverse[b, x] = ∂X_b/∂x
         gradient = np.einsum("eqbx,bqj->eqxj", inverse, gradient_ref, optimize=True)
         hessian = self._hessian(points, place, inverse, gradient) if second else gradient[:, :, :0]
-        value = np.broadcast_to(reference_basis(self.degree, points), (len(place), len(points), self.dofs.shape[1]))
+        value = np.broadcast_to(
+            reference_basis(self.degree, points), (len(place), len(points), self.dofs.shape[1])
+        )
         point = reference_basis(self.map_degree, points) @ place
         return Jet(value, gradient, hessian, point, jacobian)
 
@@ -238,22 +267,41 @@ class Space:
         """∂²φ/∂x² = J⁻ᵀ (∂²φ/∂X² − Σ_x ∂φ/∂x ∂²x/∂X²) J⁻¹, as (∂xx, ∂yy, ∂xy)."""
         orders = ((2, 0), (0, 2), (1, 1))
         basis = np.stack([reference_basis(self.degree, points, d) for d in orders])
-        bend = np.stack([reference_basis(self.map_degree, points, d) @ place for d in orders], axis=2)
-        raw = basis.transpose(1, 0, 2)[None] - np.einsum("eqcx,eqxj->eqcj", bend, gradient, optimize=True)
+        bend = np.stack(
+            [reference_basis(self.map_degree, points, d) @ place for d in orders], axis=2
+        )
+        raw = basis.transpose(1, 0, 2)[None] - np.einsum(
+            "eqcx,eqxj->eqcj", bend, gradient, optimize=True
+        )
         # ∂X/∂(x, y), ∂Y/∂(x, y)
         a = inverse[:, :, 0, :]
         b = inverse[:, :, 1, :]
         pairs = ((0, 0), (1, 1), (0, 1))
         turn = np.stack(
-            [np.stack([a[..., i] * a[..., j], b[..., i] * b[..., j], a[..., i] * b[..., j] + a[..., j] * b[..., i]], -1) for i, j in pairs],
+            [
+                np.stack(
+                    [
+                        a[..., i] * a[..., j],
+                        b[..., i] * b[..., j],
+                        a[..., i] * b[..., j] + a[..., j] * b[..., i],
+                    ],
+                    -1,
+                )
+                for i, j in pairs
+            ],
             axis=2,
         )
         return np.asarray(turn @ raw)
 
     def prolong(self, values: Array, finer: "Space") -> Array:
-        """Carry functions (n, size) to a higher degree on the same mesh; exact, since the spaces are nested."""
+        """Carry functions (n, size) to a higher degree on the same mesh.
+
+        Exact, since the spaces are nested.
+        """
         carried = np.zeros((len(values), finer.size))
-        carried[:, finer.dofs] = values[:, self.dofs] @ reference_basis(self.degree, nodes(finer.degree)).T
+        carried[:, finer.dofs] = (
+            values[:, self.dofs] @ reference_basis(self.degree, nodes(finer.degree)).T
+        )
         return carried
 
     def edge_points(self, edge: int, order: int) -> tuple[Array, Array]:

@@ -2,10 +2,11 @@
 
     W(u, w) = ∫ h [σ₀ tr E + ½ E : C E] + (h³/24) κ : C κ,   E = ε(u) + ½ ∇w⊗∇w,   κ = ∇∇w
 
-Every form below is ∫ B(v)ᵀ C B(w): a strain operator B, one row per component, and its moduli C. Symmetric tensors are vectors
-(xx, yy, 2xy) for strains and (xx, yy, xy) for stresses. Continuous elements have kinks in slope across edges; the symmetric
-interior penalty form (Engel et al., Comput. Methods Appl. Mech. Eng. 191, 3669 (2002); Brenner & Sung, J. Sci. Comput. 22, 83
-(2005)) makes them consistent with the plate equation.
+Every form below is ∫ B(v)ᵀ C B(w): a strain operator B, one row per component, and its moduli C.
+Symmetric tensors are vectors (xx, yy, 2xy) for strains and (xx, yy, xy) for stresses. Continuous
+elements have kinks in slope across edges; the symmetric interior penalty form (Engel et al.,
+Comput. Methods Appl. Mech. Eng. 191, 3669 (2002); Brenner & Sung, J. Sci. Comput. 22, 83 (2005))
+makes them consistent with the plate equation.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,7 +24,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Strain = Callable[[Jet], Array]
 
-KINKED = 8  # orders of quadrature that a film with a taper takes beyond those that its elements ask for
+# Orders of quadrature that a film with a taper takes beyond those that its elements ask for
+KINKED = 8
 CHUNK = 2000  # triangles evaluated at a time, which bounds the memory of a mesh of any size
 
 
@@ -34,7 +36,10 @@ def plane_stress(young: float, poisson: float) -> Array:
 
 
 def thickness(model: Model, point: Array) -> Array:
-    """Thickness h(x) [m] of the suspended film at points (..., 2): graded as deposited, thinned from below towards the holes."""
+    """Thickness h(x) [m] of the suspended film at points (..., 2).
+
+    Graded as deposited, thinned from below towards the holes.
+    """
     film: Film = model.film
     h = film.thickness + point @ np.asarray(film.gradient)
     if film.taper > 0:
@@ -44,10 +49,12 @@ def thickness(model: Model, point: Array) -> Array:
 
 
 def quadrature_order(model: Model, order: int) -> int:
-    """The order by which polynomials of the given one are integrated over a film: beyond it where a taper's foot kinks the thickness.
+    """The order by which polynomials of the given one are integrated over a film.
 
-    The foot runs through triangles. By as few points as a smooth film takes, it costs up to 2e-5 of a frequency, much the same in all
-    degrees, so that their differences do not show it.
+    Beyond it where a taper's foot kinks the thickness.
+
+    The foot runs through triangles. By as few points as a smooth film takes, it costs up to 2e-5 of
+    a frequency, much the same in all degrees, so that their differences do not show it.
     """
     return order + KINKED if model.film.taper > 0 else order
 
@@ -77,7 +84,10 @@ def in_plane_strain(jet: Jet) -> Array:
 
 
 def stretch(first: Array, second: Array) -> Array:
-    """½ sym(∇a⊗∇b) of slopes (..., 2), as a strain (xx, yy, 2xy): the second-order strain that deflections cause."""
+    """½ sym(∇a⊗∇b) of slopes (..., 2), as a strain (xx, yy, 2xy).
+
+    The second-order strain that deflections cause.
+    """
     xy = first[..., 0] * second[..., 1] + first[..., 1] * second[..., 0]
     return np.stack([first[..., 0] * second[..., 0], first[..., 1] * second[..., 1], xy], -1) / 2
 
@@ -88,13 +98,19 @@ def as_matrix(stress: Array) -> Array:
 
 
 def vector_dofs(space: Space, triangles: slice | Index) -> Index:
-    """Unknowns of u = (u_x, u_y) on the given triangles: those of u_x, then those of u_y, offset by `space.size`."""
+    """Unknowns of u = (u_x, u_y) on the given triangles.
+
+    Those of u_x, then those of u_y, offset by `space.size`.
+    """
     return np.concatenate([space.dofs[triangles], space.dofs[triangles] + space.size], axis=1)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """Some triangles at their quadrature points: which ones, the basis there, and the area element dx (e, q) [m²]."""
+    """Some triangles at their quadrature points.
+
+    Which ones, the basis there, and the area element dx (e, q) [m²].
+    """
 
     triangles: slice
     jet: Jet
@@ -111,7 +127,10 @@ def cells(space: Space, order: int, second: bool = False) -> Iterator[Cell]:
 
 
 def local_matrices(strain: Array, moduli: Array, dx: Array) -> Array:
-    """∫ Bᵀ C B of each triangle or edge: strain (e, q, c, j), moduli (..., c, c), dx (e, q) -> (e, j, j)."""
+    """∫ Bᵀ C B of each triangle or edge.
+
+    strain (e, q, c, j), moduli (..., c, c), dx (e, q) -> (e, j, j).
+    """
     stress = (moduli * dx[..., None, None]) @ strain
     n, q, c, j = strain.shape
     return np.asarray(strain.reshape(n, q * c, j).transpose(0, 2, 1) @ stress.reshape(n, q * c, j))
@@ -120,7 +139,12 @@ def local_matrices(strain: Array, moduli: Array, dx: Array) -> Array:
 def local_vectors(strain: Array, stress: Array, dx: Array) -> Array:
     """∫ Bᵀ s of each triangle: strain (e, q, c, j), stress (e, q, c), dx (e, q) -> (e, j)."""
     n, q, c, j = strain.shape
-    return np.asarray((strain.reshape(n, q * c, j).transpose(0, 2, 1) @ (stress * dx[..., None]).reshape(n, q * c, 1))[..., 0])
+    return np.asarray(
+        (
+            strain.reshape(n, q * c, j).transpose(0, 2, 1)
+            @ (stress * dx[..., None]).reshape(n, q * c, 1)
+        )[..., 0]
+    )
 
 
 class Assembly:
@@ -148,7 +172,10 @@ class Assembly:
 
 @dataclass(frozen=True)
 class Edges:
-    """Some mesh edges with the triangle(s) beside them: triangles (sides, n) and the local edge number in each."""
+    """Some mesh edges with the triangle(s) beside them.
+
+    triangles (sides, n) and the local edge number in each.
+    """
 
     triangles: Index
     local: tuple[int, ...]
@@ -158,7 +185,9 @@ def edges_by_local_number(space: Space, facets: Index) -> Iterator[Edges]:
     """Group facets so that one group has the same local edge number(s) in its neighbouring triangle(s)."""
     mesh = space.mesh
     sides = np.asarray(mesh.f2t[:, facets], dtype=np.int64)  # −1 beyond the film's edge
-    number = np.where(sides >= 0, [np.argmax(mesh.t2f[:, side] == facets, axis=0) for side in sides], -1)
+    number = np.where(
+        sides >= 0, [np.argmax(mesh.t2f[:, side] == facets, axis=0) for side in sides], -1
+    )
     for local in np.unique(number, axis=1).T:
         chosen = np.all(number == local[:, None], axis=0)
         present = local >= 0
@@ -179,15 +208,18 @@ def slope_continuity(
 ) -> Iterator[tuple[Array, Index]]:
     """−{Mₙₙ(w)}[∂ₙv] − {Mₙₙ(v)}[∂ₙw] + σ[∂ₙw][∂ₙv] on interior facets, or with one side on facets where ∂ₙw is held.
 
-    bending: h³/12 C (e, q, 3, 3) [N m] of triangles (e,) at points (e, q, 2). poisson: the largest of the film.
+    bending: h³/12 C (e, q, 3, 3) [N m] of triangles (e,) at points (e, q, 2). poisson: the largest
+    of the film.
     rotation: k [N] of the springs that hold ∂ₙw, Mₙₙ = −k ∂ₙw; infinite where it is zero.
 
-    {M} = Σ ωᵢMᵢ weighs the sides by ωᵢ ∝ 1/Dᵢ, so that a stiff side leaves the soft one its slope (Ern, Stephansen & Zunino, IMA J.
-    Numer. Anal. 29, 235 (2009)). The penalty σ = Σ ωᵢ²·6 Dᵢ(1+|ν|)·(p+1)(p+2)/2·|e|/|K|ᵢ with p = degree − 2 follows from the sharp
-    trace inequality of polynomials on triangles (Warburton & Hesthaven, Comput. Methods Appl. Mech. Eng. 192, 2765 (2003)) and keeps
-    the form coercive on stretched triangles; |K| counts as that of the most squeezed place of a curved one. Springs turn the terms
-    into −θ, θσ with θ = k/(k + σ), and −Mₙₙ(w)Mₙₙ(v)/(k + σ), which is as stable for every k (Juntunen & Stenberg, Math. Comp. 78,
-    1353 (2009)). Yields local matrices and their unknowns.
+    {M} = Σ ωᵢMᵢ weighs the sides by ωᵢ ∝ 1/Dᵢ, so that a stiff side leaves the soft one its slope
+    (Ern, Stephansen & Zunino, IMA J. Numer. Anal. 29, 235 (2009)). The penalty σ = Σ ωᵢ²·6
+    Dᵢ(1+|ν|)·(p+1)(p+2)/2·|e|/|K|ᵢ with p = degree − 2 follows from the sharp trace inequality of
+    polynomials on triangles (Warburton & Hesthaven, Comput. Methods Appl. Mech. Eng. 192, 2765
+    (2003)) and keeps the form coercive on stretched triangles; |K| counts as that of the most
+    squeezed place of a curved one. Springs turn the terms into −θ, θσ with θ = k/(k + σ), and
+    −Mₙₙ(w)Mₙₙ(v)/(k + σ), which is as stable for every k (Juntunen & Stenberg, Math. Comp. 78, 1353
+    (2009)). Yields local matrices and their unknowns.
     """
     p = space.degree - 2
     for edges in edges_by_local_number(space, facets):
@@ -202,21 +234,35 @@ def slope_continuity(
             moduli = bending(triangles, jet.point)
             moments.append(_normal_moment(jet, normal, moduli))
             slopes.append(np.einsum("eqx,eqxj->eqj", normal, jet.gradient))
-            ratios.append(ds.sum(axis=-1, keepdims=True) / (space.least_determinant[triangles, None] / 2))
+            ratios.append(
+                ds.sum(axis=-1, keepdims=True) / (space.least_determinant[triangles, None] / 2)
+            )
             rigid.append(moduli[..., 0, 0])
         soft = 1 / np.stack(rigid)
         weight = soft / soft.sum(axis=0)
         jump = np.concatenate([slopes[0]] + [-s for s in slopes[1:]], -1)
         mean = np.concatenate([w[..., None] * m for w, m in zip(weight, moments, strict=True)], -1)
-        sigma = 6 * (1 + abs(poisson)) * (p + 1) * (p + 2) / 2 * np.sum(weight**2 * np.stack(rigid) * np.stack(ratios), axis=0)
+        sigma = (
+            6
+            * (1 + abs(poisson))
+            * (p + 1)
+            * (p + 2)
+            / 2
+            * np.sum(weight**2 * np.stack(rigid) * np.stack(ratios), axis=0)
+        )
         share = 1 / (1 + sigma / rotation) if rotation > 0 else np.zeros_like(sigma)
         moduli = as_matrix(np.stack([-1 / (rotation + sigma), share * sigma, -share], -1))
         dofs = np.concatenate([space.dofs[t] for t in edges.triangles], axis=1)
         yield local_matrices(np.stack([mean, jump], axis=2), moduli, ds), dofs
 
 
-def side_of_edge(space: Space, triangles: Index, edge: int, order: int, second: bool = False) -> tuple[Jet, Array, Array]:
-    """One edge of each triangle at quadrature points: the basis, the outward normal (e, q, 2) and the length element (e, q) [m]."""
+def side_of_edge(
+    space: Space, triangles: Index, edge: int, order: int, second: bool = False
+) -> tuple[Jet, Array, Array]:
+    """One edge of each triangle at quadrature points.
+
+    The basis, the outward normal (e, q, 2) and the length element (e, q) [m].
+    """
     points, weights = space.edge_points(edge, order)
     jet = space.jet(triangles, points, second)
     start, end = VERTICES[list(EDGES[edge])]
@@ -224,7 +270,11 @@ def side_of_edge(space: Space, triangles: Index, edge: int, order: int, second: 
     length = np.linalg.norm(along, axis=-1)
     normal = np.stack([along[..., 1], -along[..., 0]], -1) / length[..., None]
     inner = jet.jacobian @ (np.full(2, 1 / 3) - points)[None, :, :, None]
-    return jet, -normal * np.sign(np.einsum("eqx,eqx->eq", normal, inner[..., 0]))[..., None], length * weights
+    return (
+        jet,
+        -normal * np.sign(np.einsum("eqx,eqx->eq", normal, inner[..., 0]))[..., None],
+        length * weights,
+    )
 
 
 def _normal_moment(jet: Jet, normal: Array, bending: Array) -> Array:

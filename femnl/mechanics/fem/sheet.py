@@ -1,4 +1,7 @@
-"""What the film is made of, triangle by triangle: the suspended film, and the overhang of its frame where there is one."""
+"""What the film is made of, triangle by triangle.
+
+The suspended film, and the overhang of its frame where there is one.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +15,8 @@ Array = NDArray[np.float64]
 class Sheet:
     """The film's constants in the triangles of a mesh, at points (e, q, 2) [m] where they vary within one.
 
-    Args: domain: its mesh has the subdomain `overhang` where the device has one. poisson: takes the place of Poisson's ratio.
+    Args: domain: its mesh has the subdomain `overhang` where the device has one. poisson: takes the
+    place of Poisson's ratio.
     Attributes: largest_poisson: of what the film is made of.
     """
 
@@ -28,7 +32,9 @@ class Sheet:
         self._thickness = np.array([f.thickness for f in films])
         self._density = np.array([f.density for f in films])
         self._stress = np.array([f.stress for f in films])
-        self._moduli = np.stack([plane_stress(f.young, f.poisson if poisson is None else poisson) for f in films])
+        self._moduli = np.stack(
+            [plane_stress(f.young, f.poisson if poisson is None else poisson) for f in films]
+        )
 
     def _films(self, triangles: Index | slice) -> Index:
         """Which film (e,) the triangles are of; (1,) where all are of one."""
@@ -46,7 +52,9 @@ class Sheet:
 
     def stress(self, triangles: Index | slice) -> Array:
         """The film stress before release as (xx, yy, xy), (e, 1, 3) [Pa]."""
-        return np.asarray(self._stress[self._films(triangles)][:, None, None] * np.array([1.0, 1.0, 0.0]))
+        return np.asarray(
+            self._stress[self._films(triangles)][:, None, None] * np.array([1.0, 1.0, 0.0])
+        )
 
     def moduli(self, triangles: Index | slice) -> Array:
         """C of σ = C ε in plane stress, (e, 1, 3, 3) [Pa]."""
@@ -54,8 +62,12 @@ class Sheet:
 
     def membrane(self, triangles: Index | slice, point: Array) -> Array:
         """Stiffness h C (e, q, 3, 3) [N/m] of strains (xx, yy, 2xy)."""
-        return np.asarray(self.thickness(triangles, point)[..., None, None] * self.moduli(triangles))
+        return np.asarray(
+            self.thickness(triangles, point)[..., None, None] * self.moduli(triangles)
+        )
 
     def bending(self, triangles: Index | slice, point: Array) -> Array:
         """Stiffness h³/12 C (e, q, 3, 3) [N m] of curvatures (xx, yy, 2xy)."""
-        return np.asarray(self.thickness(triangles, point)[..., None, None] ** 3 / 12 * self.moduli(triangles))
+        return np.asarray(
+            self.thickness(triangles, point)[..., None, None] ** 3 / 12 * self.moduli(triangles)
+        )

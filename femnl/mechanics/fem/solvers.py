@@ -19,16 +19,24 @@ Solve = Callable[[Array], Array]
 
 
 def factorize(stiffness: csc_matrix) -> Solve:
-    """Factorise a symmetric positive definite matrix once; the returned function solves K x = b for b (n,) or (n, m).
+    """Factorise a symmetric positive definite matrix once.
 
-    CHOLMOD is used where cvxopt (the optional extra `fast`) is installed, otherwise SuperLU in its symmetric mode.
+    The returned function solves K x = b for b (n,) or (n, m).
+
+    CHOLMOD is used where cvxopt (the optional extra `fast`) is installed, otherwise SuperLU in its
+    symmetric mode.
     Raises: ConvergenceError where the matrix is not positive definite.
     """
     logging.getLogger("femnl.progress").info("solving for %s unknowns", f"{stiffness.shape[0]:,}")
     if HAS_CHOLMOD:
         return _factorize_cholmod(stiffness)
     try:
-        factor = splu(csc_matrix(stiffness), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        factor = splu(
+            csc_matrix(stiffness),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
     except RuntimeError as error:  # exactly singular
         raise ConvergenceError(INDEFINITE) from error
     if np.any(factor.U.diagonal() <= 0):
@@ -47,7 +55,9 @@ def _factorize_cholmod(stiffness: csc_matrix) -> Solve:
     cholmod = import_module("cvxopt.cholmod")
     lower = stiffness.tocoo()
     keep = lower.row >= lower.col
-    stored = cvxopt.spmatrix(lower.data[keep], lower.row[keep].astype(int), lower.col[keep].astype(int), size=lower.shape)
+    stored = cvxopt.spmatrix(
+        lower.data[keep], lower.row[keep].astype(int), lower.col[keep].astype(int), size=lower.shape
+    )
     cholmod.options["supernodal"] = 2
     factor = cholmod.symbolic(stored)
     try:
@@ -64,19 +74,30 @@ def _factorize_cholmod(stiffness: csc_matrix) -> Solve:
 
 
 def lowest_eigenpairs(stiffness: csc_matrix, mass: csc_matrix, count: int) -> tuple[Array, Array]:
-    """Return the `count` lowest solutions of K x = λ M x: λ (count,) rising, and x (n, count) with xᵀMx = 1.
+    """Return the `count` lowest solutions of K x = λ M x.
 
-    Shift–invert Lanczos at zero, so K must be positive definite. Raises: ConvergenceError naming the setting.
+    λ (count,) rising, and x (n, count) with xᵀMx = 1.
+
+    Shift–invert Lanczos at zero, so K must be positive definite. Raises: ConvergenceError naming
+    the setting.
     """
     n = stiffness.shape[0]
     if count >= n - 1:
-        raise ConvergenceError(f"{count} modes were asked of a mesh with {n} unknowns: ask for fewer modes or raise the resolution")
+        raise ConvergenceError(
+            f"{count} modes were asked of a mesh with {n} unknowns: ask for fewer modes or raise "
+            "the resolution"
+        )
     solve = factorize(stiffness)
     inverse = LinearOperator(stiffness.shape, matvec=solve, dtype=float)
     start = np.random.default_rng(0).standard_normal(n)  # a fixed start makes reruns identical
     try:
-        values, vectors = eigsh(stiffness, k=count, M=mass, sigma=0.0, OPinv=inverse, tol=1e-10, v0=start)
+        values, vectors = eigsh(
+            stiffness, k=count, M=mass, sigma=0.0, OPinv=inverse, tol=1e-10, v0=start
+        )
     except ArpackNoConvergence as error:
-        raise ConvergenceError(f"the eigenvalue iteration found {len(error.eigenvalues)} of {count} modes: ask for fewer modes") from error
+        raise ConvergenceError(
+            f"the eigenvalue iteration found {len(error.eigenvalues)} of {count} modes: ask for "
+            "fewer modes"
+        ) from error
     order = np.argsort(values)
     return values[order], vectors[:, order]

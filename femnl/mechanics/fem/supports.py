@@ -10,7 +10,15 @@ from scipy.sparse import coo_matrix, csc_matrix
 from femnl.core.device import Clamp, Edge
 from femnl.core.errors import ParameterError
 from femnl.mechanics.fem.elements import STRAIGHT, Jet, Space
-from femnl.mechanics.fem.forms import Assembly, deflection, edges_by_local_number, local_matrices, side_of_edge, slope, vector_dofs
+from femnl.mechanics.fem.forms import (
+    Assembly,
+    deflection,
+    edges_by_local_number,
+    local_matrices,
+    side_of_edge,
+    slope,
+    vector_dofs,
+)
 
 Array = NDArray[np.float64]
 
@@ -18,9 +26,18 @@ RIGID_CLAMP = Clamp()
 TURN = np.array([[0.0, -1.0], [1.0, 0.0]])  # of a normal to the tangent
 
 
-def free_deflections(space: Space, parity: tuple[int, ...], clamp: Clamp = RIGID_CLAMP) -> NDArray[np.int64]:
-    """Unknowns of w that are free: not on edges held rigidly, nor on mirror lines about which w is odd (parity −1)."""
-    held = [space.boundary_dofs("clamped")] if np.isinf(clamp.deflection) else [np.empty(0, dtype=np.int64)]
+def free_deflections(
+    space: Space, parity: tuple[int, ...], clamp: Clamp = RIGID_CLAMP
+) -> NDArray[np.int64]:
+    """Unknowns of w that are free.
+
+    Not on edges held rigidly, nor on mirror lines about which w is odd (parity −1).
+    """
+    held = (
+        [space.boundary_dofs("clamped")]
+        if np.isinf(clamp.deflection)
+        else [np.empty(0, dtype=np.int64)]
+    )
     held += [space.boundary_dofs(f"mirror-{k}") for k, sign in enumerate(parity) if sign < 0]
     return np.setdiff1d(np.arange(space.size), np.concatenate(held))
 
@@ -36,29 +53,45 @@ def deflection_springs(space: Space, clamp: Clamp) -> csc_matrix:
     springs = Assembly(space.size)
     if np.isfinite(clamp.deflection):
         for triangles, _, jet, ds in _edge(space):
-            springs.add(local_matrices(deflection(jet), np.eye(1), clamp.deflection * ds), space.dofs[triangles])
+            springs.add(
+                local_matrices(deflection(jet), np.eye(1), clamp.deflection * ds),
+                space.dofs[triangles],
+            )
     return springs.matrix()
 
 
 def slope_springs(space: Space, clamp: Clamp) -> csc_matrix:
-    """∫ k_θ ∂ₙw ∂ₙv along the edge, (size, size) [N/m]: the energy of the springs of a solved mode; none where k_θ is infinite."""
+    """∫ k_θ ∂ₙw ∂ₙv along the edge, (size, size) [N/m]: the energy of the springs of a solved mode.
+
+    None where k_θ is infinite.
+    """
     springs = Assembly(space.size)
     if np.isfinite(clamp.rotation):
         for triangles, normal, jet, ds in _edge(space):
             across = np.einsum("eqx,eqxj->eqj", normal, slope(jet))
-            springs.add(local_matrices(across[:, :, None, :], np.eye(1), clamp.rotation * ds), space.dofs[triangles])
+            springs.add(
+                local_matrices(across[:, :, None, :], np.eye(1), clamp.rotation * ds),
+                space.dofs[triangles],
+            )
     return springs.matrix()
 
 
 def in_plane_springs(space: Space, clamp: Clamp) -> csc_matrix:
-    """∫ (kₙ u·n v·n + kₛ u·t v·t) along the edge, (2·size, 2·size) [N/m]; none for a k that is infinite and its direction held."""
+    """∫ (kₙ u·n v·n + kₛ u·t v·t) along the edge, (2·size, 2·size) [N/m].
+
+    None for a k that is infinite and its direction held.
+    """
     springs = Assembly(2 * space.size)
     for stiffness, turn in ((clamp.normal, np.eye(2)), (clamp.shear, TURN)):
         if np.isfinite(stiffness):
             for triangles, normal, jet, ds in _edge(space):
                 along = normal @ turn.T
-                rows = np.concatenate([along[..., :1] * jet.value, along[..., 1:] * jet.value], axis=-1)[:, :, None, :]
-                springs.add(local_matrices(rows, np.eye(1), stiffness * ds), vector_dofs(space, triangles))
+                rows = np.concatenate(
+                    [along[..., :1] * jet.value, along[..., 1:] * jet.value], axis=-1
+                )[:, :, None, :]
+                springs.add(
+                    local_matrices(rows, np.eye(1), stiffness * ds), vector_dofs(space, triangles)
+                )
     return springs.matrix()
 
 
@@ -67,7 +100,11 @@ def in_plane_draw(space: Space, clamp: Clamp) -> Array:
     load = np.zeros(2 * space.size)
     for triangles, normal, jet, ds in _edge(space) if clamp.draw != 0 else ():
         rows = np.concatenate([normal[..., :1] * jet.value, normal[..., 1:] * jet.value], axis=-1)
-        np.add.at(load, vector_dofs(space, triangles), -clamp.normal * clamp.draw * np.einsum("eq,eqj->ej", ds, rows))
+        np.add.at(
+            load,
+            vector_dofs(space, triangles),
+            -clamp.normal * clamp.draw * np.einsum("eq,eqj->ej", ds, rows),
+        )
     return load
 
 
@@ -78,18 +115,26 @@ def _edge(space: Space) -> Iterator[tuple[NDArray[np.int64], Array, Jet, Array]]
         yield edges.triangles[0], normal, jet, ds
 
 
-def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, ...], clamp: Clamp = RIGID_CLAMP) -> csc_matrix:
+def in_plane_supports(
+    space: Space, wedge: float, edge: Edge, even: tuple[bool, ...], clamp: Clamp = RIGID_CLAMP
+) -> csc_matrix:
     """Columns that span the admissible in-plane displacements, (2·size, n_free).
 
-    Clamped outline: u = 0, or with `sliding` only u·n = 0, and nothing in a direction in which springs hold it. Mirror k: u·n = 0
-    where the load is even under it, else u·t = 0. A film that could still move as a whole, as a disc turns on a sliding edge, is held
-    at one point: no load of ours pushes it.
-    Raises: ParameterError where there is no such edge, or where the edge is elastic and asked to be another.
+    Clamped outline: u = 0, or with `sliding` only u·n = 0, and nothing in a direction in which
+    springs hold it. Mirror k: u·n = 0 where the load is even under it, else u·t = 0. A film that
+    could still move as a whole, as a disc turns on a sliding edge, is held at one point: no load of
+    ours pushes it.
+    Raises: ParameterError where there is no such edge, or where the edge is elastic and asked to be
+    another.
     """
     if edge not in get_args(Edge):
         raise ParameterError(f'edge = "{edge}": expected {", ".join(get_args(Edge))}')
     if edge != "clamped" and not clamp.rigid_in_plane:
-        raise ParameterError(f'edge = "{edge}": the geometry\'s table [clamp] says how the edge gives way in plane; use edge = "clamped"')
+        raise ParameterError(
+            f'edge = "{edge}": the geometry\'s table [clamp] says how the edge gives way in '
+            "plane; use edge = "
+            '"clamped"'
+        )
     held: dict[int, list[Array]] = {}
 
     def hold(dofs: NDArray[np.int64], directions: Array) -> None:
@@ -106,7 +151,10 @@ def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, 
         for direction in np.eye(2):
             hold(space.boundary_dofs("clamped"), direction)
     else:
-        for stiffness, turn in ((clamp.normal, np.eye(2)), (0.0 if edge == "sliding" else clamp.shear, TURN)):
+        for stiffness, turn in (
+            (clamp.normal, np.eye(2)),
+            (0.0 if edge == "sliding" else clamp.shear, TURN),
+        ):
             for dofs, normals in _edge_normals(space) if stiffness > 0 else ():
                 if np.isinf(stiffness):
                     hold(dofs, normals @ turn.T)
@@ -128,28 +176,41 @@ def in_plane_supports(space: Space, wedge: float, edge: Edge, even: tuple[bool, 
     return csc_matrix(coo_matrix(entries, shape=(2 * space.size, n)))
 
 
-def _hold_rigid_motion(space: Space, held: dict[int, list[Array]], sprung: list[tuple[NDArray[np.int64], Array]]) -> None:
+def _hold_rigid_motion(
+    space: Space, held: dict[int, list[Array]], sprung: list[tuple[NDArray[np.int64], Array]]
+) -> None:
     """Hold one point in the direction of each rigid motion that neither the held directions nor the sprung ones resist."""
     if not held and not sprung:
         return
     reach = np.abs(space.location).max()
-    dofs = np.concatenate([np.repeat(dof, len(d)) for dof, d in held.items()] + [dofs for dofs, _ in sprung])
+    dofs = np.concatenate(
+        [np.repeat(dof, len(d)) for dof, d in held.items()] + [dofs for dofs, _ in sprung]
+    )
     directions = np.concatenate([*map(np.asarray, held.values()), *(d for _, d in sprung)])
     x, y = space.location[dofs].T / reach
-    rows = np.stack([directions[:, 0], directions[:, 1], x * directions[:, 1] - y * directions[:, 0]], 1)
+    rows = np.stack(
+        [directions[:, 0], directions[:, 1], x * directions[:, 1] - y * directions[:, 0]], 1
+    )
     values, vectors = np.linalg.eigh(rows.T @ rows)
     for a, b, turn in vectors.T[values < RIGID**2 * values[-1]]:
-        motion = np.stack([a - turn * space.location[:, 1] / reach, b + turn * space.location[:, 0] / reach], 1)
+        motion = np.stack(
+            [a - turn * space.location[:, 1] / reach, b + turn * space.location[:, 0] / reach], 1
+        )
         most = int(np.argmax(np.linalg.norm(motion, axis=1)))
         held.setdefault(most, []).append(motion[most] / np.linalg.norm(motion[most]))
 
 
-RIGID = 1e-6  # how far a rigid motion may go along held directions, over its length, and still count as free
-CORNER = 0.05  # sine of the angle between neighbouring normals from which their point is a corner and held fast
+# How far a rigid motion may go along held directions, over its length, and still count as free
+RIGID = 1e-6
+# Sine of the angle between neighbouring normals from which their point is a corner and held fast
+CORNER = 0.05
 
 
 def _admissible(held: list[Array]) -> list[Array]:
-    """Directions in which a point may still move when its motion along the held ones is zero: one, or none at a corner."""
+    """Directions in which a point may still move when its motion along the held ones is zero.
+
+    One, or none at a corner.
+    """
     first = held[0]
     if any(abs(first[0] * d[1] - first[1] * d[0]) > CORNER for d in held[1:]):
         return []
@@ -158,7 +219,10 @@ def _admissible(held: list[Array]) -> list[Array]:
 
 
 def _edge_normals(space: Space) -> list[tuple[NDArray[np.int64], Array]]:
-    """Unit normals of the clamped outline at its unknowns, facet by facet; a corner appears once for each side."""
+    """Unit normals of the clamped outline at its unknowns, facet by facet.
+
+    a corner appears once for each side.
+    """
     facets = space.boundary_facets("clamped")
     result = []
     ends = space.mesh.doflocs[:, space.mesh.facets[:, facets]]
@@ -172,8 +236,11 @@ def _edge_normals(space: Space) -> list[tuple[NDArray[np.int64], Array]]:
         sagitta = c - (a + b) / 2
         along = np.linalg.norm(chord)
         rise = np.linalg.norm(sagitta)
-        half = 2 * np.arctan(2 * rise / along) if rise > STRAIGHT * along else 0.0  # half the angle of the arc
+        # Half the angle of the arc
+        half = 2 * np.arctan(2 * rise / along) if rise > STRAIGHT * along else 0.0
         angle = half * (2 * np.array([0.0, 1.0, *np.linspace(0, 1, space.degree + 1)[1:-1]]) - 1)
-        tangent = np.outer(np.cos(angle), chord / along) - np.outer(np.sin(angle), sagitta / max(rise, 1e-300))
+        tangent = np.outer(np.cos(angle), chord / along) - np.outer(
+            np.sin(angle), sagitta / max(rise, 1e-300)
+        )
         result.append((dofs, np.stack([-tangent[:, 1], tangent[:, 0]], 1)))
     return result

@@ -1,4 +1,7 @@
-"""One cell of a square lattice of holes: the constants of the even film that waves much longer than the pitch see."""
+"""One cell of a square lattice of holes.
+
+The constants of the even film that waves much longer than the pitch see.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -38,10 +41,13 @@ BOTH = (1, 1)
 
 @dataclass(frozen=True)
 class Cell:
-    """What a film with a square lattice of holes amounts to for long waves; means are over whole cells, holes counted as empty.
+    """What a film with a square lattice of holes amounts to for long waves.
 
-    pitch [m]; mass [kg/m²]; tension [N/m] at zero mean strain; c11, c12, c66 [N/m]: in-plane stiffness of mean strain;
-    d_axis, d_mixed [N m]: of ρω² = Tk² + d_axis (k_x⁴ + k_y⁴) + 2 d_mixed k_x² k_y², bending and dispersion together.
+    Means are over whole cells, holes counted as empty.
+
+    pitch [m]; mass [kg/m²]; tension [N/m] at zero mean strain; c11, c12, c66 [N/m]: in-plane
+    stiffness of mean strain; d_axis, d_mixed [N m]: of ρω² = Tk² + d_axis (k_x⁴ + k_y⁴) + 2 d_mixed
+    k_x² k_y², bending and dispersion together.
     """
 
     pitch: float
@@ -62,16 +68,21 @@ class Cell:
 def solve_cell(model: Model, pitch: float) -> Cell:
     """Solve the cell problems of a square lattice of the device's holes in its film.
 
-    The sides of a cell are mirror lines. T = ⟨σ⟩h is exact for the tension of long waves, as div σ = 0 and holes without
-    traction leave a linear w without corrector; the k⁴ terms come from standing waves of `LONG` cells, along x and in both.
+    The sides of a cell are mirror lines. T = ⟨σ⟩h is exact for the tension of long waves, as div σ
+    = 0 and holes without traction leave a linear w without corrector; the k⁴ terms come from
+    standing waves of `LONG` cells, along x and in both.
 
     Args: model: film, taper and the holes' radius are used. pitch: of the lattice [m].
     Raises: ParameterError where holes of that pitch overlap or there are none.
-    Valid: waves much longer than the pitch. Source: validation case `unit_cell`; Bensoussan, Lions & Papanicolaou, Asymptotic
-    Analysis for Periodic Structures (1978), chapter 1 and, for standing waves, chapter 4.
+    Valid: waves much longer than the pitch. Source: validation case `unit_cell`; Bensoussan, Lions
+    & Papanicolaou, Asymptotic Analysis for Periodic Structures (1978), chapter 1 and, for standing
+    waves, chapter 4.
     """
     if len(model.holes.centres) == 0 or not 2 * model.holes.radius < pitch:
-        raise ParameterError(f"pitch = {pitch:g} m: expected more than the diameter {2 * model.holes.radius:g} m of holes that are there")
+        raise ParameterError(
+            f"pitch = {pitch:g} m: expected more than the diameter {2 * model.holes.radius:g} m "
+            "of holes that are there"
+        )
     domain = _cells(model, pitch, 1, 1)
     prestress = solve_prestress(domain, DEGREE)
     space = Space(domain.mesh, DEGREE)
@@ -83,11 +94,23 @@ def solve_cell(model: Model, pitch: float) -> Cell:
         h = thickness(domain.model, cell.jet.point)
         mass += float(np.sum(model.film.density * h * cell.dx)) / area
         tension += float(np.sum(stress[..., :2].mean(axis=-1) * h * cell.dx)) / area
-    wide, narrow, shear = (_stretched(domain, space, np.array(s)) / area for s in ([1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, 1.0]))
+    wide, narrow, shear = (
+        _stretched(domain, space, np.array(s)) / area
+        for s in ([1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, 1.0])
+    )
     k = 2 * np.pi / (LONG * pitch)
     axis = (mass * _standing(model, pitch, 1, k) - tension * k**2) / k**4
     diagonal = (mass * _standing(model, pitch, LONG, k) - 2 * tension * k**2) / k**4
-    return Cell(pitch, mass, tension, (wide + narrow) / 4, (wide - narrow) / 4, shear, axis, diagonal / 2 - axis)
+    return Cell(
+        pitch,
+        mass,
+        tension,
+        (wide + narrow) / 4,
+        (wide - narrow) / 4,
+        shear,
+        axis,
+        diagonal / 2 - axis,
+    )
 
 
 def _cells(model: Model, pitch: float, n_x: int, n_y: int) -> Domain:
@@ -103,7 +126,10 @@ def _cells(model: Model, pitch: float, n_x: int, n_y: int) -> Domain:
     bounds = dict(domain.mesh.boundaries or {})
     outer = np.asarray(bounds.pop("clamped"))
     level = np.ptp(domain.mesh.p[1][domain.mesh.facets[:, outer]], axis=0) < 1e-6 * pitch
-    bounds |= {"mirror-0": np.union1d(bounds["mirror-0"], outer[level]), "mirror-1": np.union1d(bounds["mirror-1"], outer[~level])}
+    bounds |= {
+        "mirror-0": np.union1d(bounds["mirror-0"], outer[level]),
+        "mirror-1": np.union1d(bounds["mirror-1"], outer[~level]),
+    }
     bounded = replace(domain.mesh, _boundaries=bounds)
     return Domain(device, bounded, domain.wedge)
 
@@ -120,17 +146,26 @@ def _stretched(domain: Domain, space: Space, strain: Array) -> float:
         dofs = vector_dofs(space, cell.triangles)
         weight = thickness(domain.model, cell.jet.point) * cell.dx
         energy += float(np.sum(weight) * strain @ moduli @ strain)
-        np.add.at(load, dofs, local_vectors(basis, np.broadcast_to(moduli @ strain, (*weight.shape, 3)), weight))
+        np.add.at(
+            load,
+            dofs,
+            local_vectors(basis, np.broadcast_to(moduli @ strain, (*weight.shape, 3)), weight),
+        )
         matrix.add(local_matrices(basis, moduli, weight), dofs)
     supports = in_plane_supports(space, domain.wedge, "clamped", (strain[2] == 0,) * 2)
     right = supports.T @ load
-    return energy - float(right @ factorize(csc_matrix(supports.T @ matrix.matrix() @ supports))(right))
+    return energy - float(
+        right @ factorize(csc_matrix(supports.T @ matrix.matrix() @ supports))(right)
+    )
 
 
 def _standing(model: Model, pitch: float, rows: int, k: float) -> float:
-    """ω² of the lowest standing wave that is even about the middle of `LONG` × `rows` cells: cos kx, or cos kx cos ky.
+    """ω² of the lowest standing wave that is even about the middle of `LONG` × `rows` cells.
 
-    The uniform motion has no stiffness at all: a spring of k² times the film's mass lifts every ω² by as much.
+    Cos kx, or cos kx cos ky.
+
+    The uniform motion has no stiffness at all: a spring of k² times the film's mass lifts every ω²
+    by as much.
     """
     domain = _cells(model, pitch, LONG, rows)
     operators = Operators(solve_prestress(domain, DEGREE), DEGREE)

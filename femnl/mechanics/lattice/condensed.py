@@ -1,4 +1,7 @@
-"""Modes of a perforated rectangle whose cells are condensed: the unknowns inside a cell are eliminated once for all cells alike."""
+"""Modes of a perforated rectangle whose cells are condensed.
+
+The unknowns inside a cell are eliminated once for all cells alike.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,25 +20,29 @@ from femnl.mechanics.modes import solve_sectors
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-ENTRY_BYTES = 150  # of memory an entry of the tiles' matrices, measured: these, their sum and its factors
+# Of memory an entry of the tiles' matrices, measured: these, their sum and its factors
+ENTRY_BYTES = 150
 CHUNK = 2000  # tiles and modes at a time
 TAKEN = 10  # functions by which a basis is extended
-MISSED = 1e-8  # relative excess of ω² that is mended to first order, and from which the basis is extended
+# Relative excess of ω² that is mended to first order, and from which the basis is extended
+MISSED = 1e-8
 EXTENSIONS = 4
 
 
 def solve_condensed(tiling: Tiling, count: int, degree: int) -> Modes:
     """Modes of a film in tiles, whose inner unknowns are eliminated before the tiles are put together.
 
-    Stiffness and film stress of a tile follow from what its sides do: a film of thousands of holes costs what their sides cost. The
-    basis of a tile holds all that its sides can do to it, and its own slow responses; what it misses is computed from the residual,
-    tile by tile, mended, and taken into the basis where it is more than 1e-8 of ω².
+    Stiffness and film stress of a tile follow from what its sides do: a film of thousands of holes
+    costs what their sides cost. The basis of a tile holds all that its sides can do to it, and its
+    own slow responses; what it misses is computed from the residual, tile by tile, mended, and
+    taken into the basis where it is more than 1e-8 of ω².
 
     Args: count: how many modes. degree: of the elements, 2 to 6, from 1 without bending.
-    Returns: the modes of the whole mesh of all tiles, as `femnl.mechanics.modes.solve_modes` gives them for meshes of other films.
+    Returns: the modes of the whole mesh of all tiles, as `femnl.mechanics.modes.solve_modes` gives
+    them for meshes of other films.
     Raises: ParameterError; ConvergenceError where the basis does not suffice.
-    Source: component mode synthesis, Craig & Bampton, AIAA J. 6, 1313 (1968); held against the same film without any condensation
-        by tests/physics/test_condensed.py.
+    Source: component mode synthesis, Craig & Bampton, AIAA J. 6, 1313 (1968); held against the same
+        film without any condensation by tests/physics/test_condensed.py.
     """
     relaxed = Relaxed(Frame(tiling, degree))
     source = Condensed(relaxed)
@@ -49,7 +56,9 @@ def solve_condensed(tiling: Tiling, count: int, degree: int) -> Modes:
     if source.missed <= MISSED:
         return modes
     raise ConvergenceError(
-        f"{tiling.model.name}: condensed cells leave {source.missed:.1e} of ω² in the highest mode; ask for fewer modes, or for "
+        f"{tiling.model.name}: condensed cells leave {source.missed:.1e} of ω² in the highest "
+        "mode; ask for fewer "
+        "modes, or for "
         "symmetry quarter, which condenses nothing"
     )
 
@@ -57,26 +66,36 @@ def solve_condensed(tiling: Tiling, count: int, degree: int) -> Modes:
 class Condensed:
     """K and M of the deflection of all tiles, in the basis that their sides span together with slow responses of their inside.
 
-    The basis leaves out what tiles of unequal stress answer to waves on their sides in unequal ways: `missed` says how much that is,
-    and `extend` takes it in.
+    The basis leaves out what tiles of unequal stress answer to waves on their sides in unequal
+    ways: `missed` says how much that is, and `extend` takes it in.
 
     Args: relaxed: the film's stress.
-    Attributes: space: of the mesh of all tiles; missed: the largest relative excess of ω² in what `lowest` found.
+    Attributes: space: of the mesh of all tiles; missed: the largest relative excess of ω² in what
+    `lowest` found.
     """
 
     def __init__(self, relaxed: Relaxed) -> None:
         self._relaxed = relaxed
         frame = relaxed.frame
         pairs = zip(frame.sides, relaxed.mean, strict=True)
-        self._flexures = [Flexure(sides, frame.tiling.model, mean, frame.degree) for sides, mean in pairs]
+        self._flexures = [
+            Flexure(sides, frame.tiling.model, mean, frame.degree) for sides, mean in pairs
+        ]
         self.space = frame.numbering.space
         self._assemble()
 
     def _assemble(self) -> None:
         relaxed = self._relaxed
         skeleton = self._relaxed.frame.skeleton
-        entries = sum(len(a) * f.basis.shape[1] ** 2 for a, f in zip(relaxed.amounts, self._flexures, strict=True))
-        need_memory(ENTRY_BYTES * entries, f"condensed cells on {entries:.2g} entries", "lower the resolution")
+        entries = sum(
+            len(a) * f.basis.shape[1] ** 2
+            for a, f in zip(relaxed.amounts, self._flexures, strict=True)
+        )
+        need_memory(
+            ENTRY_BYTES * entries,
+            f"condensed cells on {entries:.2g} entries",
+            "lower the resolution",
+        )
         first = skeleton.n_deflections + skeleton.n_slopes
         self._numbers = []
         stiff = []
@@ -86,14 +105,24 @@ class Condensed:
             inner = flexure.basis.shape[1] - flexure.n_sides
             own = first + np.arange(tiles * inner).reshape(tiles, inner)
             first += tiles * inner
-            self._numbers.append(np.concatenate([skeleton.deflections[k], skeleton.n_deflections + skeleton.slopes[k], own], axis=1))
+            self._numbers.append(
+                np.concatenate(
+                    [skeleton.deflections[k], skeleton.n_deflections + skeleton.slopes[k], own],
+                    axis=1,
+                )
+            )
             still = flexure.reduced(flexure.bend + flexure.tension(relaxed.mean[k]))
             fields = [flexure.reduced(flexure.tension(field)) for field in relaxed.fields[k]]
-            stiff.append(still + np.tensordot(relaxed.amounts[k], np.array(fields).reshape(-1, *still.shape), 1))
+            stiff.append(
+                still
+                + np.tensordot(relaxed.amounts[k], np.array(fields).reshape(-1, *still.shape), 1)
+            )
             heavy.append(flexure.reduced(flexure.inertia))
         self._n = first
         self.missed = 0.0
-        self._stiffness, self._mass = (summed(blocks, self._numbers, first) for blocks in (stiff, heavy))
+        self._stiffness, self._mass = (
+            summed(blocks, self._numbers, first) for blocks in (stiff, heavy)
+        )
         self._corrections: list[list[Array]] = [[] for _ in self._flexures]
 
     def lowest(self, parity: tuple[int, ...], count: int) -> tuple[Array, Array]:
@@ -102,12 +131,16 @@ class Condensed:
         known = self._relaxed.frame.skeleton.free(parity)
         free[: len(known)] = known
         at = np.flatnonzero(free)
-        values, vectors = lowest_eigenpairs(csc_matrix(self._stiffness[at][:, at]), csc_matrix(self._mass[at][:, at]), count)
+        values, vectors = lowest_eigenpairs(
+            csc_matrix(self._stiffness[at][:, at]), csc_matrix(self._mass[at][:, at]), count
+        )
         whole = np.zeros((self._n, count))
         whole[at] = vectors
         shapes = np.zeros((count, self.space.size))
         excess = np.zeros(count)
-        for k, (flexure, numbers, dofs) in enumerate(zip(self._flexures, self._numbers, self._relaxed.frame.numbering.dofs, strict=True)):
+        for k, (flexure, numbers, dofs) in enumerate(
+            zip(self._flexures, self._numbers, self._relaxed.frame.numbering.dofs, strict=True)
+        ):
             n = dofs.shape[1]
             size = len(flexure.basis)
             step = max(CHUNK // count, 1)

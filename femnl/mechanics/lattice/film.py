@@ -64,7 +64,10 @@ class _Film:
     reach: Array
 
     def choose(self, inside: Array | float, outside: Array | float) -> Callable[[Array], Array]:
-        """A field with one value on each side, by the place (..., 2) of points; sides do not share points of quadrature."""
+        """A field with one value on each side, by the place (..., 2) of points.
+
+        Sides do not share points of quadrature.
+        """
 
         def field(point: Array) -> Array:
             within = np.all(np.abs(point) < self.reach, axis=-1)
@@ -75,7 +78,9 @@ class _Film:
     @property
     def membrane(self) -> Callable[[Array], Array]:
         film = self.model.film
-        return self.choose(self.cell.stiffness, film.thickness * plane_stress(film.young, film.poisson))
+        return self.choose(
+            self.cell.stiffness, film.thickness * plane_stress(film.young, film.poisson)
+        )
 
     @property
     def tension(self) -> Callable[[Array], Array]:
@@ -90,37 +95,57 @@ class _Film:
     @property
     def rigidity(self) -> Callable[[Array], Array]:
         film = self.model.film
-        return self.choose((self.cell.d_axis + self.cell.d_mixed) / 2, film.young * film.thickness**3 / 12 / (1 - film.poisson**2))
+        return self.choose(
+            (self.cell.d_axis + self.cell.d_mixed) / 2,
+            film.young * film.thickness**3 / 12 / (1 - film.poisson**2),
+        )
 
 
-def solve_homogenised(model: Model, count: int, edge: Edge | None = None, tensor: bool = False) -> tuple[Modes, Nonlinearity]:
+def solve_homogenised(
+    model: Model, count: int, edge: Edge | None = None, tensor: bool = False
+) -> tuple[Modes, Nonlinearity]:
     """Modes and their nonlinearity of a rectangle with a rectangular array of holes, the array taken as an even film.
 
-    ∫ N : ∇w⊗∇w + D κ : κ = ω² ∫ μ w², N = T + C ε(u), with T, C, D and μ of one cell inside the array and of the film around it.
+    ∫ N : ∇w⊗∇w + D κ : κ = ω² ∫ μ w², N = T + C ε(u), with T, C, D and μ of one cell inside the
+    array and of the film around it.
 
-    Args: count: how many modes. edge: in-plane edge of the nonlinearity, the model's by default. tensor: see `solve_nonlinearity`.
+    Args: count: how many modes. edge: in-plane edge of the nonlinearity, the model's by default.
+    tensor: see `solve_nonlinearity`.
     Returns: Modes on a mesh without holes, whose max|ξ| knows no holes, and their Nonlinearity.
-    Raises: ParameterError for outlines that are no rectangle and holes that are no array about its centre.
-    Valid: waves long against the pitch. Measured against the full model by tests/physics/test_lattice.py.
+    Raises: ParameterError for outlines that are no rectangle and holes that are no array about its
+    centre.
+    Valid: waves long against the pitch. Measured against the full model by
+    tests/physics/test_lattice.py.
     Source: see `solve_cell`.
     """
     pitch, reach = _array(model)
     film = _Film(model, solve_cell(model, pitch), reach)
-    domain = Domain(replace(model, holes=Holes(np.empty((0, 2)), 0.0)), _mesh(model, reach), QUARTER)
+    domain = Domain(
+        replace(model, holes=Holes(np.empty((0, 2)), 0.0)), _mesh(model, reach), QUARTER
+    )
     prestress = _relax(film, domain)
     modes = solve_pencil(_Operators(film, prestress), prestress, count)
     membrane = film.membrane
-    energies = partial(strain_energies, edge=edge or model.edge, membrane=lambda cell: membrane(cell.jet.point))
+    energies = partial(
+        strain_energies, edge=edge or model.edge, membrane=lambda cell: membrane(cell.jet.point)
+    )
     return modes, solve_nonlinearity(modes, edge or model.edge, tensor, energies)
 
 
 def _array(model: Model) -> tuple[float, Array]:
     """Pitch, and half the sides of the box of whole cells."""
     if model.overhang is not None or any(model.film.gradient):
-        raise ParameterError(f"{model.name}: the homogenised film knows no overhang and no gradient of the thickness; solve the full film")
+        raise ParameterError(
+            f"{model.name}: the homogenised film knows no overhang and no gradient of the "
+            "thickness; solve the "
+            "full film"
+        )
     if not all(s.clamped for s in model.outline.segments):
         raise ParameterError(
-            f"{model.name}: the homogenised film is held at all its edges, and one of this film's ends free; solve the full film"
+            f"{model.name}: the homogenised film is held at all its edges, and one of this "
+            "film's ends free; "
+            "solve the "
+            "full film"
         )
     pitch, counts = array(model, "the homogenised film")
     return pitch, np.array(counts) * pitch / 2
@@ -129,11 +154,22 @@ def _array(model: Model) -> tuple[float, Array]:
 def _mesh(model: Model, reach: Array) -> MeshTri2:
     """A quarter in rows and columns of triangles, fine at the clamped edge, with a line on the border of the array."""
     corners = np.array([s.start for s in model.outline.segments])
-    lines = [_lines(half, box, bending_length(model)) for half, box in zip(np.abs(corners).max(axis=0), reach, strict=True)]
+    lines = [
+        _lines(half, box, bending_length(model))
+        for half, box in zip(np.abs(corners).max(axis=0), reach, strict=True)
+    ]
     grid = MeshTri2.from_mesh(MeshTri1.init_tensor(*lines))
     x, y = grid.p
-    edges = {"mirror-0": (y, 0.0), "mirror-1": (x, 0.0), "right": (x, lines[0][-1]), "top": (y, lines[1][-1])}
-    found = {name: np.flatnonzero(np.all(along[grid.facets] == place, axis=0)) for name, (along, place) in edges.items()}
+    edges = {
+        "mirror-0": (y, 0.0),
+        "mirror-1": (x, 0.0),
+        "right": (x, lines[0][-1]),
+        "top": (y, lines[1][-1]),
+    }
+    found = {
+        name: np.flatnonzero(np.all(along[grid.facets] == place, axis=0))
+        for name, (along, place) in edges.items()
+    }
     bounds = {"clamped": np.union1d(found.pop("right"), found.pop("top")), **found}
     return MeshTri2(np.ascontiguousarray(grid.doflocs), grid.t, _boundaries=bounds)
 
@@ -164,7 +200,11 @@ def _relax(film: _Film, domain: Domain) -> Prestress:
         np.add.at(load, dofs, -local_vectors(basis, film.tension(cell.jet.point), cell.dx))
         matrix.add(local_matrices(basis, film.membrane(cell.jet.point), cell.dx), dofs)
     supports = in_plane_supports(space, domain.wedge, "clamped", (True, True), domain.model.clamp)
-    solve = factorize(csc_matrix(supports.T @ (matrix.matrix() + in_plane_springs(space, domain.model.clamp)) @ supports))
+    solve = factorize(
+        csc_matrix(
+            supports.T @ (matrix.matrix() + in_plane_springs(space, domain.model.clamp)) @ supports
+        )
+    )
     return Prestress(domain, DEGREE, supports @ solve(supports.T @ load))
 
 
@@ -183,14 +223,20 @@ class _Operators:
         for cell in cells(self.space, 2 * DEGREE, second=self._bends):
             dofs = self.space.dofs[cell.triangles]
             point = cell.jet.point
-            mass.add(local_matrices(deflection(cell.jet), np.eye(1), film.mass(point) * cell.dx), dofs)
-            local = local_matrices(slope(cell.jet), as_matrix(self._stress(prestress, cell)), cell.dx)
+            mass.add(
+                local_matrices(deflection(cell.jet), np.eye(1), film.mass(point) * cell.dx), dofs
+            )
+            local = local_matrices(
+                slope(cell.jet), as_matrix(self._stress(prestress, cell)), cell.dx
+            )
             if self._bends:
                 local += local_matrices(curvature(cell.jet), bend, film.rigidity(point) * cell.dx)
             stiffness.add(local, dofs)
         if self._bends:
             self._continue_slopes(stiffness, np.flatnonzero(domain.mesh.f2t[1] >= 0))
-        self._stiffness = csc_matrix(stiffness.matrix() + deflection_springs(self.space, domain.model.clamp))
+        self._stiffness = csc_matrix(
+            stiffness.matrix() + deflection_springs(self.space, domain.model.clamp)
+        )
         self.mass = mass.matrix()
 
     def _stress(self, prestress: Prestress, cell: Cell) -> Array:
@@ -198,9 +244,14 @@ class _Operators:
         local = prestress.displacement[vector_dofs(self.space, cell.triangles)]
         strain = np.einsum("eqcj,ej->eqc", in_plane_strain(cell.jet), local)
         point = cell.jet.point
-        return np.asarray(self._film.tension(point) + np.einsum("eqcd,eqd->eqc", self._film.membrane(point), strain))
+        return np.asarray(
+            self._film.tension(point)
+            + np.einsum("eqcd,eqd->eqc", self._film.membrane(point), strain)
+        )
 
-    def _continue_slopes(self, assembly: Assembly, facets: NDArray[np.int64], rotation: float = np.inf) -> None:
+    def _continue_slopes(
+        self, assembly: Assembly, facets: NDArray[np.int64], rotation: float = np.inf
+    ) -> None:
         poisson = self._film.model.film.poisson
         bending = isotropic(self._film.rigidity, poisson)
         for local, dofs in slope_continuity(self.space, facets, bending, poisson, rotation):

@@ -12,7 +12,10 @@ Index = NDArray[np.int64]
 
 
 class Numbering:
-    """Where the unknowns of each tile are among those of the whole mesh: `dofs` of each kind, (tiles, size of the tile's space)."""
+    """Where the unknowns of each tile are among those of the whole mesh.
+
+    `dofs` of each kind, (tiles, size of the tile's space).
+    """
 
     def __init__(self, tiling: Tiling, spaces: list[Space], degree: int) -> None:
         self.space = Space(tiling.domain.mesh, degree)
@@ -35,20 +38,30 @@ class Numbering:
         tiles = len(kind.shifts)
         n = kind.mesh.nelements
         own = kind.mesh.p[:, kind.mesh.t[:3]].transpose(2, 1, 0)  # (e, 3, 2)
-        whole = mesh.p[:, mesh.t[:3, start : start + n * tiles]].transpose(2, 1, 0).reshape(tiles, n, 3, 2)
+        whole = (
+            mesh.p[:, mesh.t[:3, start : start + n * tiles]]
+            .transpose(2, 1, 0)
+            .reshape(tiles, n, 3, 2)
+        )
         away = (whole - kind.shifts[:, None, None])[:, :, :, None] - own[None, :, None]
-        order = np.argmin(np.abs(away).sum(axis=-1), axis=-1)  # (tiles, e, 3): the tile's vertex at each vertex of the whole
+        # (tiles, e, 3): the tile's vertex at each vertex of the whole
+        order = np.argmin(np.abs(away).sum(axis=-1), axis=-1)
         table = _node_turns(self.space.degree)
         return np.asarray(table[order[..., 0], order[..., 1]])
 
 
 def _node_turns(degree: int) -> Index:
-    """By the places of the first two vertices among a triangle's own: its own node at each node of the triangle so turned."""
+    """By the places of the first two vertices among a triangle's own.
+
+    Its own node at each node of the triangle so turned.
+    """
     where = nodes(degree)
     full = np.column_stack([1 - where.sum(axis=1), where])
     table = np.zeros((3, 3, len(where)), dtype=np.int64)
     for order in permutations(range(3)):
         turned = np.empty_like(full)
         turned[:, order] = full
-        table[order[0], order[1]] = np.argmin(np.abs(turned[:, None] - full[None]).sum(axis=-1), axis=1)
+        table[order[0], order[1]] = np.argmin(
+            np.abs(turned[:, None] - full[None]).sum(axis=-1), axis=1
+        )
     return table

@@ -1,4 +1,7 @@
-"""Tiles that move in plane: what their sides share of the load, and the film stress that is left after release."""
+"""Tiles that move in plane.
+
+What their sides share of the load, and the film stress that is left after release.
+"""
 
 from functools import cached_property
 
@@ -18,11 +21,16 @@ from femnl.mechanics.lattice.tiling import Tiling
 
 Array = NDArray[np.float64]
 
-KEPT = 1e-10  # of the largest in-plane displacement that relaxes a tile, what of the others' departures from it is left out
+# Of the largest in-plane displacement that relaxes a tile, what of the others' departures from it
+# is left out
+KEPT = 1e-10
 
 
 class Frame:
-    """Elements of one degree on all tiles: `spaces` and `sides` of each kind, and the `skeleton` of what they share."""
+    """Elements of one degree on all tiles.
+
+    `spaces` and `sides` of each kind, and the `skeleton` of what they share.
+    """
 
     def __init__(self, tiling: Tiling, degree: int) -> None:
         self.tiling = tiling
@@ -64,7 +72,8 @@ class Relaxed:
     """The film stress of all tiles after release, as a mean and a few fields that tiles add to it.
 
     Args: frame: the tiles.
-    Attributes: mean (e, q, 3) [Pa] and fields (r, e, q, 3) [Pa] of each kind, of which its tiles take amounts (tiles, r).
+    Attributes: mean (e, q, 3) [Pa] and fields (r, e, q, 3) [Pa] of each kind, of which its tiles
+    take amounts (tiles, r).
     Raises: ConvergenceError where the film is not supported.
     """
 
@@ -73,7 +82,9 @@ class Relaxed:
         tiling = frame.tiling
         model = tiling.model
         film = tiling.model.film
-        self._membranes = [Membrane(sides, model, film.poisson, 2 * frame.degree) for sides in frame.sides]
+        self._membranes = [
+            Membrane(sides, model, film.poisson, 2 * frame.degree) for sides in frame.sides
+        ]
         self._still = []
         loads = []
         for kind, membrane in zip(tiling.kinds, self._membranes, strict=True):
@@ -82,7 +93,9 @@ class Relaxed:
             self._still.append(still[:, 0])
             loads.append(np.broadcast_to(load.T[:, None], (1, len(kind.shifts), len(load))))
         in_plane = InPlane(frame.skeleton, self._membranes)
-        moved = in_plane.solve(in_plane.gather(loads), frame.skeleton.free_in_plane("clamped", (1, 1)))[:, 0]
+        moved = in_plane.solve(
+            in_plane.gather(loads), frame.skeleton.free_in_plane("clamped", (1, 1))
+        )[:, 0]
         self._edges = [moved[at] for at in in_plane.numbers]
         moduli = plane_stress(film.young, film.poisson)
         even = film.stress * np.array([1.0, 1.0, 0.0])
@@ -93,7 +106,9 @@ class Relaxed:
             centre = edges.mean(axis=0)
             left, size, right = np.linalg.svd(edges - centre, full_matrices=False)
             kept = size > KEPT * np.abs(still).max()
-            strain = membrane.strain(np.column_stack([still + membrane.lift @ centre, membrane.lift @ right[kept].T]))
+            strain = membrane.strain(
+                np.column_stack([still + membrane.lift @ centre, membrane.lift @ right[kept].T])
+            )
             self.mean.append(even + strain[0] @ moduli)
             self.fields.append(strain[1:] @ moduli)
             self.amounts.append(left[:, kept] * size[kept])
@@ -102,13 +117,20 @@ class Relaxed:
         """σ (tiles, e, q, 3) [Pa] of some tiles of a kind."""
         fields = self.fields[kind]
         mean = self.mean[kind]
-        return np.asarray(mean + (self.amounts[kind][tiles] @ fields.reshape(len(fields), mean.size)).reshape(-1, *mean.shape))
+        return np.asarray(
+            mean
+            + (self.amounts[kind][tiles] @ fields.reshape(len(fields), mean.size)).reshape(
+                -1, *mean.shape
+            )
+        )
 
     def prestress(self) -> Prestress:
         """The displacement on the mesh of all tiles."""
         numbering = self.frame.numbering
         whole = np.zeros((2, numbering.space.size))
-        for k, (membrane, still, edges) in enumerate(zip(self._membranes, self._still, self._edges, strict=True)):
+        for k, (membrane, still, edges) in enumerate(
+            zip(self._membranes, self._still, self._edges, strict=True)
+        ):
             local = (still + edges @ membrane.lift.T).reshape(len(edges), 2, -1)
             whole[:, numbering.dofs[k]] = local.transpose(1, 0, 2)
         return Prestress(self.frame.tiling.domain, self.frame.degree, whole.ravel())

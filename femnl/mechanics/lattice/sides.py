@@ -8,17 +8,26 @@ from skfem.refdom import RefLine
 
 from femnl.core.device import Model
 from femnl.mechanics.fem.elements import Space
-from femnl.mechanics.fem.forms import Assembly, as_matrix, edges_by_local_number, local_matrices, thickness
+from femnl.mechanics.fem.forms import (
+    Assembly,
+    as_matrix,
+    edges_by_local_number,
+    local_matrices,
+    thickness,
+)
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 
 class Sides:
-    """Unknowns of a tile on its sides: deflections, and slopes ∂w/∂x or ∂w/∂y across straight edges at Gauss points of them.
+    """Unknowns of a tile on its sides.
+
+    Deflections, and slopes ∂w/∂x or ∂w/∂y across straight edges at Gauss points of them.
 
     Args: space: of the tile's mesh. slopes: whether there are any; a film without bending has none.
-    Attributes: dofs: of the deflections, at `place` (n, 2) [m]; slope_place (n_slopes, 2) [m] and slope_axis (n_slopes,), 0 for ∂w/∂x.
+    Attributes: dofs: of the deflections, at `place` (n, 2) [m]; slope_place (n_slopes, 2) [m] and
+    slope_axis (n_slopes,), 0 for ∂w/∂x.
     """
 
     def __init__(self, space: Space, slopes: bool) -> None:
@@ -30,7 +39,9 @@ class Sides:
         self._axis = np.argmin(np.abs(end - start), axis=1)
         self._length = np.linalg.norm(end - start, axis=1)
         fraction = _gauss(space.degree) if slopes else np.empty(0)
-        self.slope_place = (start[:, None] + (end - start)[:, None] * fraction[:, None]).reshape(-1, 2)
+        self.slope_place = (start[:, None] + (end - start)[:, None] * fraction[:, None]).reshape(
+            -1, 2
+        )
         self.slope_axis: Index = np.repeat(self._axis, len(fraction))
 
     @property
@@ -41,7 +52,8 @@ class Sides:
     def continuity(self, model: Model) -> csc_matrix:
         """−M(w)[v] − M(v)[w] + σ[w][v] on the sides, [w] = ∂ₙw less the slope that is an unknown of its own: w, then slopes.
 
-        Tiles that meet see one slope. M = D (∂²w/∂n² + ν ∂²w/∂t²) and σ as on a clamped edge, see `slope_continuity`.
+        Tiles that meet see one slope. M = D (∂²w/∂n² + ν ∂²w/∂t²) and σ as on a clamped edge, see
+        `slope_continuity`.
         """
         space = self.space
         p = self.space.degree
@@ -65,16 +77,25 @@ class Sides:
             penalty = 6 * rigidity * (1 + abs(film.poisson)) * (p - 1) * p / 2 * ratio[:, None]
             one = np.ones_like(penalty)
             local = local_matrices(
-                np.stack([moment, jump], 2), as_matrix(np.stack([0 * one, penalty, -one], -1)), self._length[at, None] * weights
+                np.stack([moment, jump], 2),
+                as_matrix(np.stack([0 * one, penalty, -one], -1)),
+                self._length[at, None] * weights,
             )
-            whole.add(local, np.concatenate([space.dofs[triangles], space.size + at[:, None] * p + np.arange(p)], axis=1))
+            whole.add(
+                local,
+                np.concatenate(
+                    [space.dofs[triangles], space.size + at[:, None] * p + np.arange(p)], axis=1
+                ),
+            )
         return whole.matrix()
 
     def _outward(self, at: Index) -> Array:
         """1 where the outer normal of a side's edge points along its axis, −1 where it points against it."""
         mesh = self.space.mesh
         facets = self._facets[at]
-        away = mesh.p[:, mesh.facets[:, facets]].mean(axis=1) - mesh.p[:, mesh.t[:3, mesh.f2t[0, facets]]].mean(axis=1)
+        away = mesh.p[:, mesh.facets[:, facets]].mean(axis=1) - mesh.p[
+            :, mesh.t[:3, mesh.f2t[0, facets]]
+        ].mean(axis=1)
         return np.asarray(np.sign(away[self._axis[at], np.arange(len(at))]))
 
 

@@ -17,25 +17,38 @@ SAME = 1e-9  # of the film's size, up to which places are one
 
 
 class Skeleton:
-    """Unknowns on the sides of all tiles: deflections (and in plane u_x, u_y) at `place`, then slopes.
+    """Unknowns on the sides of all tiles.
 
-    Attributes: deflections, slopes: of each kind, (tiles, n) numbers of its unknowns; n_deflections, n_slopes.
+    deflections (and in plane u_x, u_y) at `place`, then slopes.
+
+    Attributes: deflections, slopes: of each kind, (tiles, n) numbers of its unknowns;
+    n_deflections, n_slopes.
     """
 
     def __init__(self, tiling: Tiling, sides: list[Sides]) -> None:
         self._half = tiling.half
         shifts = [kind.shifts for kind in tiling.kinds]
-        self.deflections, self.place, _ = _number([s.place for s in sides], [np.zeros(len(s.place), int) for s in sides], shifts)
-        self.slopes, self.slope_place, self.slope_axis = _number([s.slope_place for s in sides], [s.slope_axis for s in sides], shifts)
+        self.deflections, self.place, _ = _number(
+            [s.place for s in sides], [np.zeros(len(s.place), int) for s in sides], shifts
+        )
+        self.slopes, self.slope_place, self.slope_axis = _number(
+            [s.slope_place for s in sides], [s.slope_axis for s in sides], shifts
+        )
         self.n_deflections, self.n_slopes = len(self.place), len(self.slope_place)
 
     def _on(self, place: Array) -> tuple[Mask, ...]:
         """Whether places are on the right, the top, the mirror y = 0 and the mirror x = 0."""
         near = SAME * self._half.max()
-        return tuple(np.abs(place[:, a] - at) < near for a, at in ((0, self._half[0]), (1, self._half[1]), (1, 0.0), (0, 0.0)))
+        return tuple(
+            np.abs(place[:, a] - at) < near
+            for a, at in ((0, self._half[0]), (1, self._half[1]), (1, 0.0), (0, 0.0))
+        )
 
     def free(self, parity: tuple[int, ...]) -> Mask:
-        """Deflections, then slopes, that are free in modes of a parity about the mirrors: w = ∂ₙw = 0 at the edge."""
+        """Deflections, then slopes, that are free in modes of a parity about the mirrors.
+
+        w = ∂ₙw = 0 at the edge.
+        """
         right, top, *mirrors = self._on(self.place)
         held = right | top
         right, top, *slope_mirrors = self._on(self.slope_place)
@@ -57,9 +70,16 @@ class Skeleton:
         return ~np.concatenate(held)
 
 
-def _number(places: list[Array], marks: list[Index], shifts: list[Array]) -> tuple[list[Index], Array, Index]:
-    """Number the places (n, 2) of each kind at all of its shifts, one number a place and mark; where they are, and the marks."""
-    where = np.concatenate([(p[None] + s[:, None]).reshape(-1, 2) for p, s in zip(places, shifts, strict=True)])
+def _number(
+    places: list[Array], marks: list[Index], shifts: list[Array]
+) -> tuple[list[Index], Array, Index]:
+    """Number the places (n, 2) of each kind at all of its shifts, one number a place and mark.
+
+    Where they are, and the marks.
+    """
+    where = np.concatenate(
+        [(p[None] + s[:, None]).reshape(-1, 2) for p, s in zip(places, shifts, strict=True)]
+    )
     mark = np.concatenate([np.tile(m, len(s)) for m, s in zip(marks, shifts, strict=True)])
     x, y = (distinct(c, SAME * np.abs(where).max(initial=0.0)) for c in where.T)
     key = (x * (y.max(initial=0) + 1) + y) * 2 + mark

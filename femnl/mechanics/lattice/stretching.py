@@ -1,4 +1,7 @@
-"""Second-order stretching of a tiled film: tiles of one kind share the few strains that smooth shapes make in them."""
+"""Second-order stretching of a tiled film.
+
+Tiles of one kind share the few strains that smooth shapes make in them.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,17 +25,23 @@ CHUNK = 20_000  # pairs and tiles at a time
 
 
 def strain_energies(modes: Modes, pairs: Pairs, edge: Edge) -> Array:
-    """G over the whole film for all combinations of pairs, (n_pairs, n_pairs) [N/m³]; see `femnl.mechanics.nonlinearity`.
+    """G over the whole film for all combinations of pairs, (n_pairs, n_pairs) [N/m³].
 
-    In each kind of tile the modes are Σ d_a ψ_a with few ψ. The strains of all ψ_a, ψ_b, and what they relax to while the sides of
-    the tile are held, are computed once; the sides of all tiles then relax together.
+    See `femnl.mechanics.nonlinearity`.
+
+    In each kind of tile the modes are Σ d_a ψ_a with few ψ. The strains of all ψ_a, ψ_b, and what
+    they relax to while the sides of the tile are held, are computed once; the sides of all tiles
+    then relax together.
 
     Args: modes: of a tiled film. Raises: ConvergenceError where the modes are on another mesh.
     """
     model = modes.domain.model
     frame = Frame(tile(model, modes.domain.tiles), modes.degree)
     if not np.array_equal(frame.tiling.domain.mesh.t, modes.domain.mesh.t):
-        raise ConvergenceError(f"{model.name}: these modes were solved with the mesh of another mesher; solve them anew with --no-cache")
+        raise ConvergenceError(
+            f"{model.name}: these modes were solved with the mesh of another mesher; solve them "
+            "anew with --no-cache"
+        )
     poisson = 0.0 if edge == "paper" else model.film.poisson
     # The same points for all integrals: where h varies, G stays the energy of one discrete film.
     membranes = [Membrane(sides, model, poisson, 4 * frame.degree - 4) for sides in frame.sides]
@@ -53,7 +62,10 @@ def strain_energies(modes: Modes, pairs: Pairs, edge: Edge) -> Array:
         loads.append(at_edge)
     in_plane = InPlane(frame.skeleton, membranes)
     right = in_plane.gather(loads)
-    parities = [tuple(a * b for a, b in zip(modes.parity[i], modes.parity[j], strict=True)) for i, j in pairs]
+    parities = [
+        tuple(a * b for a, b in zip(modes.parity[i], modes.parity[j], strict=True))
+        for i, j in pairs
+    ]
     for parity in set(parities):
         members = [n for n, p in enumerate(parities) if p == parity]
         moved = in_plane.solve(right[:, members], frame.skeleton.free_in_plane(edge, parity))
@@ -63,7 +75,10 @@ def strain_energies(modes: Modes, pairs: Pairs, edge: Edge) -> Array:
 
 
 def _common(shapes: Array) -> tuple[Array, Array]:
-    """Few functions ψ (size, r) of which shapes (n, tiles, size), less a constant each, are sums; their amounts (n, tiles, r)."""
+    """Few functions ψ (size, r) of which shapes (n, tiles, size), less a constant each, are sums.
+
+    Their amounts (n, tiles, r).
+    """
     n, tiles, size = shapes.shape
     flat = (shapes - shapes[..., :1]).reshape(-1, size).T
     random = np.random.default_rng(0)
@@ -81,8 +96,13 @@ def _common(shapes: Array) -> tuple[Array, Array]:
 
 
 def _of_kind(sides: Sides, membrane: Membrane, shared: Array) -> tuple[Array, Array]:
-    """Of the strains of all ψ_a, ψ_b: a root of their energies at held sides (r², rank), and their loads on the sides (r², n)."""
-    slopes = np.einsum("eqxj,ejn->neqx", slope(membrane.cell.jet), shared[sides.space.dofs], optimize=True)
+    """Of the strains of all ψ_a, ψ_b.
+
+    a root of their energies at held sides (r², rank), and their loads on the sides (r², n).
+    """
+    slopes = np.einsum(
+        "eqxj,ejn->neqx", slope(membrane.cell.jet), shared[sides.space.dofs], optimize=True
+    )
     r = shared.shape[1]
     first, second = np.triu_indices(r)
     strain = stretch(slopes[first], slopes[second])
@@ -100,4 +120,8 @@ def _of_kind(sides: Sides, membrane: Membrane, shared: Array) -> tuple[Array, Ar
 def _products(amounts: Array, pairs: Pairs) -> Array:
     """Amounts (pairs, tiles, r²) of the strains of all ψ_a, ψ_b that pairs of modes make, from amounts (n, tiles, r) of ψ."""
     i, j = np.array(pairs).T
-    return np.asarray((amounts[i][:, :, :, None] * amounts[j][:, :, None, :]).reshape(len(pairs), amounts.shape[1], -1))
+    return np.asarray(
+        (amounts[i][:, :, :, None] * amounts[j][:, :, None, :]).reshape(
+            len(pairs), amounts.shape[1], -1
+        )
+    )

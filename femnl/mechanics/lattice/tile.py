@@ -30,7 +30,9 @@ from femnl.mechanics.lattice.sides import Sides
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-LOADS = (3, 1)  # degrees of the inertial loads, and of those of the responses to them, that a tile's basis answers to
+# Degrees of the inertial loads, and of those of the responses to them, that a tile's basis answers
+# to
+LOADS = (3, 1)
 
 INDEPENDENT = 1e-9  # of a unit vector, that it adds to others at least
 
@@ -43,7 +45,10 @@ def all_triangles(space: Space, order: int, second: bool = False) -> Cell:
 
 
 def factor(matrix: Array) -> tuple[Array, bool]:
-    """Cholesky's factor of a symmetric matrix, for `cho_solve`. Raises: ConvergenceError where it is not positive definite."""
+    """Cholesky's factor of a symmetric matrix, for `cho_solve`.
+
+    Raises: ConvergenceError where it is not positive definite.
+    """
     try:
         found, lower = cho_factor(matrix)
     except np.linalg.LinAlgError as error:
@@ -61,10 +66,11 @@ def gathered(local: Array, dofs: Index, size: int) -> csc_matrix:
 class Membrane:
     """In-plane response of a tile: ∫ hC ε(u) : ε(v), its inner unknowns eliminated.
 
-    Args: sides: of the tile. model: the film. poisson: of its response. order: of polynomials that are to be integrated exactly.
-    Attributes: cell: the tile's triangles; modulus: hC (e, q, 3, 3) [N/m] in them; edge: unknowns (u_x, then u_y) on the sides;
-        lift (2·size, n): displacements that go with those, at rest inside;
-        stiffness (n, n) of them.
+    Args: sides: of the tile. model: the film. poisson: of its response. order: of polynomials that
+    are to be integrated exactly.
+    Attributes: cell: the tile's triangles; modulus: hC (e, q, 3, 3) [N/m] in them; edge: unknowns
+        (u_x, then u_y) on the sides; lift (2·size, n): displacements that go with those, at rest
+        inside; stiffness (n, n) of them.
     """
 
     def __init__(self, sides: Sides, model: Model, poisson: float, order: int) -> None:
@@ -75,7 +81,9 @@ class Membrane:
         self._basis = in_plane_strain(cell.jet)
         self._dofs = vector_dofs(space, cell.triangles)
         self._size = 2 * space.size
-        whole = gathered(local_matrices(self._basis, self.modulus, cell.dx), self._dofs, self._size).toarray()
+        whole = gathered(
+            local_matrices(self._basis, self.modulus, cell.dx), self._dofs, self._size
+        ).toarray()
         self.edge = np.concatenate([sides.dofs, sides.dofs + space.size])
         self._inner = np.concatenate([sides.inner, sides.inner + space.size])
         self._factor = factor(whole[np.ix_(self._inner, self._inner)])
@@ -87,13 +95,17 @@ class Membrane:
 
     def strain(self, displacement: Array) -> Array:
         """ε (n, e, q, 3) of displacements (2·size, n)."""
-        return np.asarray(np.einsum("eqcj,ejn->neqc", self._basis, displacement[self._dofs], optimize=True))
+        return np.asarray(
+            np.einsum("eqcj,ejn->neqc", self._basis, displacement[self._dofs], optimize=True)
+        )
 
     def load(self, stress: Array) -> Array:
         """−∫ s : ε(v), (2·size, n), of stresses (n, e, q, 3) [N/m]."""
         dx = self.cell.dx
         weighted = (stress * dx[..., None]).transpose(1, 2, 3, 0).reshape(len(dx), -1, len(stress))
-        local = self._basis.reshape(len(dx), -1, self._basis.shape[-1]).transpose(0, 2, 1) @ weighted
+        local = (
+            self._basis.reshape(len(dx), -1, self._basis.shape[-1]).transpose(0, 2, 1) @ weighted
+        )
         whole = np.zeros((self._size, len(stress)))
         np.add.at(whole, self._dofs, -local)
         return whole
@@ -108,9 +120,10 @@ class Membrane:
 class Flexure:
     """K and M of the deflection of a tile, and the basis that its sides span together with its own slow responses.
 
-    Args: sides: of the tile. model: the film. stress: typical relaxed stress (e, q, 3) [Pa], with which the basis is at rest.
-    Attributes: basis (size, m): deflections that go with unknowns on the sides, then with inner ones; n_sides of the former;
-        bend, inertia (size, size): K of bending, M.
+    Args: sides: of the tile. model: the film. stress: typical relaxed stress (e, q, 3) [Pa], with
+    which the basis is at rest.
+    Attributes: basis (size, m): deflections that go with unknowns on the sides, then with inner
+        ones; n_sides of the former; bend, inertia (size, size): K of bending, M.
     """
 
     def __init__(self, sides: Sides, model: Model, stress: Array, degree: int) -> None:
@@ -123,19 +136,31 @@ class Flexure:
         self._weight = h * cell.dx
         self._size = space.size + len(sides.slope_place)
         self._dofs = space.dofs
-        mass = gathered(local_matrices(deflection(cell.jet), np.eye(1), film.density * self._weight), space.dofs, self._size)
+        mass = gathered(
+            local_matrices(deflection(cell.jet), np.eye(1), film.density * self._weight),
+            space.dofs,
+            self._size,
+        )
         bend = csc_matrix((self._size, self._size))
         if bends:
             bend = bend + gathered(
-                local_matrices(curvature(cell.jet), plane_stress(film.young, film.poisson), h**3 / 12 * cell.dx), space.dofs, self._size
+                local_matrices(
+                    curvature(cell.jet), plane_stress(film.young, film.poisson), h**3 / 12 * cell.dx
+                ),
+                space.dofs,
+                self._size,
             )
             joints = Assembly(self._size)
 
             def rigidity(point: Array) -> Array:
-                return np.asarray(film.young * thickness(model, point) ** 3 / 12 / (1 - film.poisson**2))
+                return np.asarray(
+                    film.young * thickness(model, point) ** 3 / 12 / (1 - film.poisson**2)
+                )
 
             inside = np.flatnonzero(space.mesh.f2t[1] >= 0)
-            for local, dofs in slope_continuity(space, inside, isotropic(rigidity, film.poisson), film.poisson):
+            for local, dofs in slope_continuity(
+                space, inside, isotropic(rigidity, film.poisson), film.poisson
+            ):
                 joints.add(local, dofs)
             bend = bend + joints.matrix() + sides.continuity(model)
         self.bend = csc_matrix(bend)
@@ -170,7 +195,8 @@ class Flexure:
     def missed(self, stress: Array, squares: Array, shapes: Array) -> tuple[Array, Array]:
         """What the basis misses of shapes (size, tiles, n) with ω² = squares (n,) in tiles of relaxed stress (tiles, e, q, 3) [Pa].
 
-        The residual r = (K − ω²M) w inside relaxes by z = K⁻¹r, K that of the typical tile, and lowers ω² by zᵀr / wᵀMw.
+        The residual r = (K − ω²M) w inside relaxes by z = K⁻¹r, K that of the typical tile, and
+        lowers ω² by zᵀr / wᵀMw.
 
         Returns: z (size, tiles, n) and Σ zᵀr (n,).
         """
@@ -178,7 +204,9 @@ class Flexure:
         residual = self.bend @ flat - (self.inertia @ flat) * np.tile(squares, shapes.shape[1])
         gradient = self.cell.jet.gradient
         n, q, _, j = gradient.shape
-        slopes = (gradient.reshape(n, 2 * q, j) @ flat[self._dofs]).reshape(n, q, 2, *shapes.shape[1:])
+        slopes = (gradient.reshape(n, 2 * q, j) @ flat[self._dofs]).reshape(
+            n, q, 2, *shapes.shape[1:]
+        )
         weighted = (stress * self._weight[..., None]).transpose(1, 2, 3, 0)[..., None]
         x = slopes[:, :, 0]
         y = slopes[:, :, 1]
@@ -193,7 +221,10 @@ class Flexure:
     def _slow(self, place: Array) -> Array:
         """Responses of the clamped tile to smooth inertial loads, and to the inertia of these, orthogonal."""
         x, y = ((place - place.mean(axis=0)) / np.ptp(place, axis=0)).T
-        loads = np.stack([x**a * y**b for n in range(LOADS[0] + 1) for a in range(n, -1, -1) for b in (n - a,)], 1)
+        loads = np.stack(
+            [x**a * y**b for n in range(LOADS[0] + 1) for a in range(n, -1, -1) for b in (n - a,)],
+            1,
+        )
         first = self.relax(self.inertia[:, : len(place)] @ loads)
         n_second = (LOADS[1] + 1) * (LOADS[1] + 2) // 2
         second = self.relax(self.inertia @ first[:, :n_second])
@@ -208,7 +239,11 @@ class Flexure:
 
     def tension(self, stress: Array) -> csc_matrix:
         """∫ hσ : ∇w⊗∇v of a stress (e, q, 3) [Pa]."""
-        return gathered(local_matrices(slope(self.cell.jet), as_matrix(stress), self._weight), self._dofs, self._size)
+        return gathered(
+            local_matrices(slope(self.cell.jet), as_matrix(stress), self._weight),
+            self._dofs,
+            self._size,
+        )
 
     def reduced(self, matrix: csc_matrix) -> Array:
         """A matrix in the tile's basis."""

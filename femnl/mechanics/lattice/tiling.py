@@ -1,4 +1,7 @@
-"""A perforated rectangle as tiles: cells of its lattice and pieces of the margin, one mesh for each kind of them."""
+"""A perforated rectangle as tiles.
+
+Cells of its lattice and pieces of the margin, one mesh for each kind of them.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,14 +23,20 @@ EVEN = 1e-6  # of the pitch, to which the holes must lie on their lattice
 # elements at the edge in bending lengths, and what they gain per distance
 LAYER_SIZE = 1.5
 GROWTH = 0.7
-FINENESS = (0.7, 0.5)  # of the cells' own mesh, at least, and at small holes: large ones leave narrow necks
+# Of the cells' own mesh, at least, and at small holes: large ones leave narrow necks
+FINENESS = (0.7, 0.5)
 WIDEST = 2.0  # pitches that a margin may be wide: it is one piece from the cells to the edge
-SIZE = 12.5  # pitches that the mesher takes for the outline's length, so that holes alone decide on the size of elements
+# Pitches that the mesher takes for the outline's length, so that holes alone decide on the size of
+# elements
+SIZE = 12.5
 
 
 @dataclass(frozen=True)
 class Kind:
-    """Tiles that are copies of each other: the mesh of the first, where it lies, and the shifts (n, 2) [m] of all from there."""
+    """Tiles that are copies of each other.
+
+    The mesh of the first, where it lies, and the shifts (n, 2) [m] of all from there.
+    """
 
     patches: Array
     shifts: Array
@@ -49,7 +58,10 @@ class Kind:
 
 @dataclass(frozen=True)
 class Tiling:
-    """A quarter of the film, x > 0 and y > 0, in tiles of the given resolution; `half` (2,) [m] are half its sides."""
+    """A quarter of the film, x > 0 and y > 0, in tiles of the given resolution.
+
+    `half` (2,) [m] are half its sides.
+    """
 
     model: Model
     resolution: float
@@ -59,7 +71,10 @@ class Tiling:
     @cached_property
     def domain(self) -> Domain:
         """The mesh of all tiles, kind by kind, tile by tile."""
-        patches = [(kind.patches[None] + kind.shifts[:, None, None]).reshape(-1, 6, 2) for kind in self.kinds]
+        patches = [
+            (kind.patches[None] + kind.shifts[:, None, None]).reshape(-1, 6, 2)
+            for kind in self.kinds
+        ]
         whole = from_patches(np.concatenate(patches))
         outer = np.flatnonzero(whole.f2t[1] < 0)
         x, y = whole.p[:, whole.facets[:, outer]]
@@ -67,7 +82,8 @@ class Tiling:
         on = {
             "mirror-0": np.all(np.abs(y) < near, axis=0),
             "mirror-1": np.all(np.abs(x) < near, axis=0),
-            "clamped": np.all(np.abs(x - self.half[0]) < near, axis=0) | np.all(np.abs(y - self.half[1]) < near, axis=0),
+            "clamped": np.all(np.abs(x - self.half[0]) < near, axis=0)
+            | np.all(np.abs(y - self.half[1]) < near, axis=0),
         }
         on["free"] = ~np.any(list(on.values()), axis=0)
         named = replace(whole, _boundaries={name: outer[found] for name, found in on.items()})
@@ -82,14 +98,23 @@ def array(model: Model, what: str) -> tuple[float, tuple[int, int]]:
     outline = model.outline
     centres = model.holes.centres
     if outline.kind not in ("square", "rectangle"):
-        raise ParameterError(f'{model.name}: outline.kind = "{outline.kind}": {what} needs a square or rectangle')
+        raise ParameterError(
+            f'{model.name}: outline.kind = "{outline.kind}": {what} needs a square or rectangle'
+        )
     columns = [np.unique(np.round(c, 12)) for c in centres.T]
     steps = np.concatenate([np.diff(c) for c in columns])
     if len(steps) == 0 or len(centres) != len(columns[0]) * len(columns[1]):
-        raise ParameterError(f"{model.name}: holes: {what} needs a rectangular array of at least two of them")
+        raise ParameterError(
+            f"{model.name}: holes: {what} needs a rectangular array of at least two of them"
+        )
     pitch = float(steps.mean())
-    if np.abs(steps - pitch).max() > EVEN * pitch or any(abs(c[0] + c[-1]) > EVEN * pitch for c in columns):
-        raise ParameterError(f"{model.name}: holes: {what} needs one pitch along x and y, and the array in the centre")
+    if np.abs(steps - pitch).max() > EVEN * pitch or any(
+        abs(c[0] + c[-1]) > EVEN * pitch for c in columns
+    ):
+        raise ParameterError(
+            f"{model.name}: holes: {what} needs one pitch along x and y, and the array in "
+            "the centre"
+        )
     return pitch, (len(columns[0]), len(columns[1]))
 
 
@@ -101,9 +126,19 @@ def obstacle(model: Model) -> str:
         return str(error)
     margin = _half(model) - np.array(counts) * pitch / 2
     if np.any(margin <= EVEN * pitch) or np.any(margin > WIDEST * pitch):
-        return f"{model.name}: a tiled film needs a margin around the cells of its holes, of {WIDEST:g} pitches at most"
-    if not (model.clamp.rigid and all(s.clamped for s in model.outline.segments)) or model.overhang or any(model.film.gradient):
-        return f"{model.name}: a tiled film needs a rigid edge all around without overhang, and a film without gradient"
+        return (
+            f"{model.name}: a tiled film needs a margin around the cells of its holes, of "
+            f"{WIDEST:g} pitches at most"
+        )
+    if (
+        not (model.clamp.rigid and all(s.clamped for s in model.outline.segments))
+        or model.overhang
+        or any(model.film.gradient)
+    ):
+        return (
+            f"{model.name}: a tiled film needs a rigid edge all around without overhang, and "
+            "a film without gradient"
+        )
     return ""
 
 
@@ -114,7 +149,8 @@ def _half(model: Model) -> Array:
 def tile(model: Model, resolution: float = 1.0) -> Tiling:
     """Cut a quarter of the film into tiles.
 
-    Args: resolution: factor on the number of elements per length. Raises: ParameterError for devices that have no such tiles.
+    Args: resolution: factor on the number of elements per length. Raises: ParameterError for
+    devices that have no such tiles.
     """
     if why := obstacle(model):
         raise ParameterError(why)
@@ -147,7 +183,10 @@ def tile(model: Model, resolution: float = 1.0) -> Tiling:
 
 
 def _stretches(pitch: float, n: int, edge: float) -> dict[str, Array]:
-    """Where tiles start along one axis, by what they are: half a cell at the centre if n is odd, whole cells, the margin."""
+    """Where tiles start along one axis, by what they are.
+
+    Half a cell at the centre if n is odd, whole cells, the margin.
+    """
     found: dict[str, Array] = {"half": np.zeros(1)} if n % 2 else {}
     wholes = pitch * ((n % 2) / 2 + np.arange(n // 2, dtype=float))
     if len(wholes):
@@ -161,7 +200,9 @@ def _quarter(model: Model, pitch: float, resolution: float) -> Array:
     corners = [(-reach, -reach), (reach, -reach), (reach, reach), (-reach, reach)]
     sides = tuple(Segment(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True))
     outline = Outline("rectangle", sides, None, SIZE * pitch)
-    cell = replace(model, outline=outline, holes=Holes(np.zeros((1, 2)), model.holes.radius), bending=False)
+    cell = replace(
+        model, outline=outline, holes=Holes(np.zeros((1, 2)), model.holes.radius), bending=False
+    )
     found = mesh(cell, "quarter", resolution).mesh
     places = np.asarray(found.doflocs).T.copy()
     for line in (0.0, reach):  # so that tiles meet exactly
@@ -177,7 +218,9 @@ def _cell(quarter: Array, pitch: float, name_x: str, name_y: str) -> Array:
             flip = np.ones(2)
             flip[axis] = -1
             patches = np.concatenate([patches, patches * flip])
-    return np.asarray(patches + np.array([pitch / 2 if name == "whole" else 0.0 for name in (name_x, name_y)]))
+    return np.asarray(
+        patches + np.array([pitch / 2 if name == "whole" else 0.0 for name in (name_x, name_y)])
+    )
 
 
 def _whole(side: Array, pitch: float) -> Array:

@@ -3,4 +3,12 @@
 from femnl.mechanics.modes.shapes import ShapeValues, shape_at, shapes_at
 from femnl.mechanics.modes.solve import align, solve_modes, solve_pencil, solve_sectors
 
-__all__ = ["ShapeValues", "align", "shape_at", "shapes_at", "solve_modes", "solve_pencil", "solve_sectors"]
+__all__ = [
+    "ShapeValues",
+    "align",
+    "shape_at",
+    "shapes_at",
+    "solve_modes",
+    "solve_pencil",
+    "solve_sectors",
+]

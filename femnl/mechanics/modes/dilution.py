@@ -18,38 +18,63 @@ Array = NDArray[np.float64]
 def bending_share(modes: Modes) -> Array:
     """Part of the elastic energy of each mode that is stored in bending, clamped edges and rims of holes included.
 
-    s = 1 − (∫ N : ∇ξ⊗∇ξ + ∮ k ξ² + k_θ (∂ₙξ)²) / (m_eff ω²), which is ∂ ln ω² / ∂ ln D at a fixed tension N and fixed springs.
+    s = 1 − (∫ N : ∇ξ⊗∇ξ + ∮ k ξ² + k_θ (∂ₙξ)²) / (m_eff ω²), which is ∂ ln ω² / ∂ ln D at a fixed
+    tension N and fixed springs.
 
     Args: modes: of any wedge. Returns: (n_modes,), NaN where a mode has no frequency.
     """
     domain = modes.domain
     space = Space(modes.domain.mesh, modes.degree)
     order = quadrature_order(domain.model, 2 * modes.degree)
-    springs = deflection_springs(space, domain.model.clamp) + slope_springs(space, domain.model.clamp)
+    springs = deflection_springs(space, domain.model.clamp) + slope_springs(
+        space, domain.model.clamp
+    )
     tension = np.einsum("ni,ni->n", modes.shapes, (springs @ modes.shapes.T).T)
     sheet = Sheet(domain)
-    for cell, stress in zip(cells(space, order), relaxed_stress(modes.prestress, order), strict=True):
-        slopes = np.einsum("eqxj,nej->neqx", slope(cell.jet), modes.shapes[:, space.dofs[cell.triangles]], optimize=True)
+    for cell, stress in zip(
+        cells(space, order), relaxed_stress(modes.prestress, order), strict=True
+    ):
+        slopes = np.einsum(
+            "eqxj,nej->neqx",
+            slope(cell.jet),
+            modes.shapes[:, space.dofs[cell.triangles]],
+            optimize=True,
+        )
         xx, yy, xy = np.moveaxis(stress, -1, 0)
-        energy = xx * slopes[..., 0] ** 2 + yy * slopes[..., 1] ** 2 + 2 * xy * slopes[..., 0] * slopes[..., 1]
-        tension += np.einsum("neq,eq->n", energy, sheet.thickness(cell.triangles, cell.jet.point) * cell.dx)
+        energy = (
+            xx * slopes[..., 0] ** 2
+            + yy * slopes[..., 1] ** 2
+            + 2 * xy * slopes[..., 0] * slopes[..., 1]
+        )
+        tension += np.einsum(
+            "neq,eq->n", energy, sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
+        )
     return np.asarray(1 - domain.copies * tension / modes.stiffness)
 
 
 def dilution(modes: Modes) -> tuple[Array, Array]:
     """Dissipation dilution Q/Q_bend of each mode, where Q_bend = 1/φ is the quality factor of bending alone, E → E(1 + iφ).
 
-    Q/Q_bend = 1/s with s of `bending_share`; for a square membrane about 1/(λ + λ²π²(m² + n²)/4), λ = 2ℓ/L, ℓ = √(D/σh): the
-    first term is the clamped edge's, the second that of the antinodes.
+    Q/Q_bend = 1/s with s of `bending_share`; for a square membrane about 1/(λ + λ²π²(m² + n²)/4), λ
+    = 2ℓ/L, ℓ = √(D/σh): the first term is the clamped edge's, the second that of the antinodes.
 
-    Args: modes: with bending. Returns: (n_modes,), and its discretisation error, an upper estimate, infinite without counterparts.
+    Args: modes: with bending. Returns: (n_modes,), and its discretisation error, an upper estimate,
+    infinite without counterparts.
     Raises: ParameterError where the model has no bending.
-    Valid: small φ; static stress without loss; no gas, no radiation into the frame. In-plane motion adds no loss at small amplitude.
-    Source: Yu, Purdy and Regal, Phys. Rev. Lett. 108, 083603 (2012); held against clamped circular plates by
-        tests/physics/test_dilution.py and validation case `dissipation_dilution`.
+    Valid: small φ; static stress without loss; no gas, no radiation into the frame. In-plane motion
+    adds no loss at small amplitude.
+    Source: Yu, Purdy and Regal, Phys. Rev. Lett. 108, 083603 (2012); held against clamped circular
+        plates by tests/physics/test_dilution.py and validation case `dissipation_dilution`.
     """
     if not modes.domain.model.bending:
-        raise ParameterError(f"{modes.domain.model.name}: bending = false leaves nothing that loses energy; set bending = true")
+        raise ParameterError(
+            f"{modes.domain.model.name}: bending = false leaves nothing that loses energy; set "
+            "bending = true"
+        )
     shares = [bending_share(grade) for grade in modes.grades]
-    error = remainder(shares[:3], shares[0], STEADY) if len(shares) > 1 else np.full(len(shares[0]), np.inf)
+    error = (
+        remainder(shares[:3], shares[0], STEADY)
+        if len(shares) > 1
+        else np.full(len(shares[0]), np.inf)
+    )
     return 1 / shares[0], np.asarray(error / shares[0] ** 2)

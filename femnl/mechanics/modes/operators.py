@@ -35,24 +35,35 @@ class Operators:
     def __init__(self, prestress: Prestress, degree: int) -> None:
         domain = prestress.domain
         if domain.model.bending and degree < 2:
-            raise ParameterError(f"degree = {degree}: bending needs 2 or more, as straight elements have no curvature")
+            raise ParameterError(
+                f"degree = {degree}: bending needs 2 or more, as straight elements have no "
+                "curvature"
+            )
         self.space = Space(domain.mesh, degree)
         self._domain = domain
         self._bends = domain.model.bending
         self._sheet = Sheet(domain)
         stiffness = Assembly(self.space.size)
         order = quadrature_order(domain.model, 2 * degree)
-        for cell, stress in zip(cells(self.space, order, second=self._bends), relaxed_stress(prestress, order), strict=True):
+        for cell, stress in zip(
+            cells(self.space, order, second=self._bends),
+            relaxed_stress(prestress, order),
+            strict=True,
+        ):
             h = self._sheet.thickness(cell.triangles, cell.jet.point)
             dofs = self.space.dofs[cell.triangles]
             local = local_matrices(slope(cell.jet), as_matrix(stress), h * cell.dx)
             if self._bends:
-                local += local_matrices(curvature(cell.jet), self._sheet.moduli(cell.triangles), h**3 / 12 * cell.dx)
+                local += local_matrices(
+                    curvature(cell.jet), self._sheet.moduli(cell.triangles), h**3 / 12 * cell.dx
+                )
             stiffness.add(local, dofs)
         if self._bends:
             inside = np.flatnonzero(domain.mesh.f2t[1] >= 0)
             self._add_slope_continuity(stiffness, inside)
-        self._stiffness = csc_matrix(stiffness.matrix() + deflection_springs(self.space, domain.model.clamp))
+        self._stiffness = csc_matrix(
+            stiffness.matrix() + deflection_springs(self.space, domain.model.clamp)
+        )
         self.mass = mass_matrix(domain, self.space)
 
     def free(self, parity: tuple[int, ...]) -> NDArray[np.int64]:
@@ -60,7 +71,10 @@ class Operators:
         return free_deflections(self.space, parity, self._domain.model.clamp)
 
     def stiffness(self, parity: tuple[int, ...]) -> csc_matrix:
-        """K (size, size) for deflections of the given parity about the mirrors: held slopes depend on it."""
+        """K (size, size) for deflections of the given parity about the mirrors.
+
+        Held slopes depend on it.
+        """
         facets = slope_held_facets(self.space, parity)
         if not self._bends or len(facets) == 0:
             return self._stiffness
@@ -70,9 +84,13 @@ class Operators:
         self._add_slope_continuity(edge, facets[clamped], self._domain.model.clamp.rotation)
         return csc_matrix(self._stiffness + edge.matrix())
 
-    def _add_slope_continuity(self, assembly: Assembly, facets: NDArray[np.int64], rotation: float = np.inf) -> None:
+    def _add_slope_continuity(
+        self, assembly: Assembly, facets: NDArray[np.int64], rotation: float = np.inf
+    ) -> None:
         poisson = self._sheet.largest_poisson
-        for local, dofs in slope_continuity(self.space, facets, self._sheet.bending, poisson, rotation):
+        for local, dofs in slope_continuity(
+            self.space, facets, self._sheet.bending, poisson, rotation
+        ):
             assembly.add(local, dofs)
 
 
@@ -81,6 +99,12 @@ def mass_matrix(domain: Domain, space: Space) -> csc_matrix:
     mass = Assembly(space.size)
     sheet = Sheet(domain)
     for cell in cells(space, quadrature_order(domain.model, 2 * space.degree)):
-        weight = sheet.density(cell.triangles) * sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
-        mass.add(local_matrices(deflection(cell.jet), np.eye(1), weight), space.dofs[cell.triangles])
+        weight = (
+            sheet.density(cell.triangles)
+            * sheet.thickness(cell.triangles, cell.jet.point)
+            * cell.dx
+        )
+        mass.add(
+            local_matrices(deflection(cell.jet), np.eye(1), weight), space.dofs[cell.triangles]
+        )
     return mass.matrix()

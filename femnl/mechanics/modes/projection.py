@@ -18,7 +18,8 @@ from femnl.mechanics.modes.shapes import shapes_at
 
 Array = NDArray[np.float64]
 
-SHARE = np.array([1.0, 1.0, 0.5])  # of a stress, that the integrals of its direction stand for: of a shear, half in xy and half in yx
+# Of a stress, that the integrals of its direction stand for: of a shear, half in xy and half in yx
+SHARE = np.array([1.0, 1.0, 0.5])
 NEIGHBOURS = 40  # points around one over a hole, from which it is bridged
 POINTS = 129  # of the grid along each axis on which shapes are tabulated
 
@@ -26,16 +27,20 @@ POINTS = 129  # of the grid along each axis on which shapes are tabulated
 def project(modes: Modes, units: Units | None = None) -> Projection:
     """Project weighted slopes and masses onto the modes.
 
-    Args: modes: of any wedge; the copies that make up the film are summed with the signs that the modes take there.
-        units: how the film relaxes under each component of a film stress; None where an even film is clamped all around.
-    Returns: integrals over the whole film, see `Projection`; shapes on the grid go on smoothly over holes.
+    Args: modes: of any wedge; the copies that make up the film are summed with the signs that the
+        modes take there. units: how the film relaxes under each component of a film stress; None
+        where an even film is clamped all around.
+    Returns: integrals over the whole film, see `Projection`; shapes on the grid go on smoothly over
+    holes.
     Valid: changes of the film that leave the new modes within the span of these ones.
     """
     domain = modes.domain
     space = Space(modes.domain.mesh, modes.degree)
     sheet = Sheet(modes.domain)
     order = quadrature_order(domain.model, 2 * modes.degree - 2)
-    stresses = repeat(np.eye(3)[:, None, None]) if units is None else unit_stress(domain, units, order)
+    stresses = (
+        repeat(np.eye(3)[:, None, None]) if units is None else unit_stress(domain, units, order)
+    )
     n = len(modes.frequency)
     reach = float(np.abs(modes.domain.mesh.p).max())
     slopes = np.zeros((len(WEIGHTS), 3, n, n))
@@ -44,7 +49,9 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
         local = modes.shapes[:, space.dofs[cell.triangles]].transpose(1, 2, 0)
         value = (cell.jet.value @ local).reshape(-1, n)
         slope = cell.jet.gradient @ local[:, None]
-        pulled = ((as_matrix(stress) @ slope) * SHARE[:, None, None, None, None]).reshape(len(DIRECTIONS), -1, n)
+        pulled = ((as_matrix(stress) @ slope) * SHARE[:, None, None, None, None]).reshape(
+            len(DIRECTIONS), -1, n
+        )
         weights = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
         volume = weights.ravel()
         mass = (sheet.density(cell.triangles) * weights).ravel()
@@ -58,10 +65,17 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
         weights = _turned_weights(turn)
         whole_masses += signs * np.tensordot(weights, masses, 1)
         (a, b), (c, d) = turn
-        mix = np.array([[a * a, b * b, 2 * a * b], [c * c, d * d, 2 * c * d], [a * c, b * d, a * d + b * c]])
+        mix = np.array(
+            [[a * a, b * b, 2 * a * b], [c * c, d * d, 2 * c * d], [a * c, b * d, a * d + b * c]]
+        )
         whole_slopes += signs * np.einsum("kl,cm,lmij->kcij", weights, mix, slopes)
-    cosine = -np.cos(np.linspace(0, np.pi, POINTS))  # dense at the edges, where the clamped film bends sharply
-    grid_x, grid_y = (half * cosine for half in np.abs(domain.mesh.p).max(axis=1)) if domain.wedge < np.pi else (reach * cosine,) * 2
+    # Dense at the edges, where the clamped film bends sharply
+    cosine = -np.cos(np.linspace(0, np.pi, POINTS))
+    grid_x, grid_y = (
+        (half * cosine for half in np.abs(domain.mesh.p).max(axis=1))
+        if domain.wedge < np.pi
+        else (reach * cosine,) * 2
+    )
     shapes = shapes_at(modes, grid_x[None, :], grid_y[:, None])
     if len(domain.model.holes.centres):
         shapes = _over_holes(domain.model, grid_x, grid_y, shapes)
@@ -76,7 +90,9 @@ def _over_holes(model: Model, grid_x: Array, grid_y: Array, shapes: Array) -> Ar
     missing = cKDTree(holes.centres).query(points)[0] <= holes.radius
     values = shapes.reshape(len(shapes), -1).T.copy()
     if np.any(missing):
-        values[missing] = RBFInterpolator(points[~missing], values[~missing], NEIGHBOURS, kernel="thin_plate_spline")(points[missing])
+        values[missing] = RBFInterpolator(
+            points[~missing], values[~missing], NEIGHBOURS, kernel="thin_plate_spline"
+        )(points[missing])
     return values.T.reshape(shapes.shape)
 
 
@@ -93,8 +109,13 @@ def _turned_weights(turn: Array) -> Array:
 
 def _images(domain: Domain, parity: tuple[tuple[int, ...], ...]) -> list[tuple[Array, Array]]:
     """The reflections and rotations (2, 2) that make the film of its wedge, each with the signs (n,) that the modes take."""
-    normals = [np.array([-np.sin(angle), np.cos(angle)]) for angle in (0.0, domain.wedge)][: len(parity[0])]
-    mirrors = [(np.eye(2) - 2 * np.outer(v, v), np.array([p[k] for p in parity], dtype=float)) for k, v in enumerate(normals)]
+    normals = [np.array([-np.sin(angle), np.cos(angle)]) for angle in (0.0, domain.wedge)][
+        : len(parity[0])
+    ]
+    mirrors = [
+        (np.eye(2) - 2 * np.outer(v, v), np.array([p[k] for p in parity], dtype=float))
+        for k, v in enumerate(normals)
+    ]
     found = [(np.eye(2), np.ones(len(parity)))]
     for turn, sign in found:  # grows while new images appear
         for mirror, flip in mirrors:

@@ -15,7 +15,8 @@ from femnl.mechanics.fem.sheet import Sheet
 
 Array = NDArray[np.float64]
 
-EDGE = 1e-9  # in reference coordinates, how far outside a triangle a point still counts as on its edge
+# In reference coordinates, how far outside a triangle a point still counts as on its edge
+EDGE = 1e-9
 ARRIVED = 1e-12  # in reference coordinates, the step at which Newton's method ends
 NEIGHBOURS = 4  # triangles with the nearest centres that are tried first
 SAMPLES = 6  # points along an edge of a triangle at which shapes are searched for their maximum
@@ -27,16 +28,23 @@ STEPS = 8  # of Newton's method towards a maximum
 
 
 def largest_value(space: Space, shape: Array) -> float:
-    """The value of largest magnitude that a shape takes, with its sign; the first in the mesh's order among equals.
+    """The value of largest magnitude that a shape takes, with its sign.
 
-    A lattice of points finds the triangles that may hold it, Newton's method in them and along their edges the extremum.
+    The first in the mesh's order among equals.
+
+    A lattice of points finds the triangles that may hold it, Newton's method in them and along
+    their edges the extremum.
     """
     lattice = reference_basis(space.degree, LATTICE).T
     heights = np.abs(shape[space.dofs] @ lattice).max(axis=1)
     near = np.flatnonzero(heights >= heights.max() * (1 - BETWEEN))
     local = shape[space.dofs[near]]
-    bend = sum(np.abs(local @ reference_basis(space.degree, LATTICE, d).T).max(axis=1) for d in ((2, 0), (1, 1), (0, 2)))
-    # From the nearest point of the lattice to the maximum the value rises by half the bend times the distance squared, at most.
+    bend = sum(
+        np.abs(local @ reference_basis(space.degree, LATTICE, d).T).max(axis=1)
+        for d in ((2, 0), (1, 1), (0, 2))
+    )
+    # From the nearest point of the lattice to the maximum the value rises by half the bend times
+    # the distance squared, at most.
     may = heights[near] + bend / (2 * SAMPLES) ** 2 >= heights.max()
     near = near[may]
     local = local[may]
@@ -45,7 +53,12 @@ def largest_value(space: Space, shape: Array) -> float:
     sign = np.sign(sampled[np.arange(len(near)), start])
     local = local * sign[:, None]
     found = [heights[near], _climb(space.degree, local, LATTICE[start], np.eye(2))]
-    found += [_climb(space.degree, local, (VERTICES[a] + VERTICES[b]) / 2, (VERTICES[b] - VERTICES[a])[None]) for a, b in EDGES]
+    found += [
+        _climb(
+            space.degree, local, (VERTICES[a] + VERTICES[b]) / 2, (VERTICES[b] - VERTICES[a])[None]
+        )
+        for a, b in EDGES
+    ]
     peak = np.max(found, axis=0)
     return float(np.max(peak) * sign[np.argmax(peak >= np.max(peak) * (1 - 1e-6))])
 
@@ -53,7 +66,8 @@ def largest_value(space: Space, shape: Array) -> float:
 def largest_departure(space: Space, shape: Array, other: Array) -> float:
     """The largest difference of two shapes in the triangles where the first is largest, relative to its largest value.
 
-    At a free edge the elements converge more slowly than the difference of two degrees shows: there it counts `RIM` times.
+    At a free edge the elements converge more slowly than the difference of two degrees shows: there
+    it counts `RIM` times.
     """
     basis = reference_basis(space.degree, LATTICE).T
     sampled = np.abs(shape[space.dofs] @ basis).max(axis=1)
@@ -70,17 +84,21 @@ def _climb(degree: int, local: Array, start: Array, directions: Array) -> Array:
     """
     place = np.broadcast_to(start, (len(local), 2))
     highest = np.full(len(local), -np.inf)
-    least = 1e-9 * np.abs(local).max(axis=1, keepdims=True)  # of a bend, which vanishes along edges where the function does
+    # Of a bend, which vanishes along edges where the function does
+    least = 1e-9 * np.abs(local).max(axis=1, keepdims=True)
     for _ in range(STEPS):
         value, gx, gy, xx, xy, yy = (
-            np.einsum("nj,nj->n", reference_basis(degree, place, d), local) for d in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+            np.einsum("nj,nj->n", reference_basis(degree, place, d), local)
+            for d in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
         )
         highest = np.maximum(highest, value)
         slope = directions @ np.stack([gx, gy])
         bend = directions @ np.stack([xx, xy, xy, yy], -1).reshape(-1, 2, 2) @ directions.T
         values, vectors = np.linalg.eigh(bend)
         rise = np.einsum("nij,in->nj", vectors, slope)
-        step = np.einsum("nij,nj->ni", vectors, rise / np.maximum(np.abs(values), least)) @ directions
+        step = (
+            np.einsum("nij,nj->ni", vectors, rise / np.maximum(np.abs(values), least)) @ directions
+        )
         place = place + step * _within(place, step)[:, None]
     return highest
 
@@ -95,7 +113,10 @@ def _within(place: Array, step: Array) -> Array:
 
 
 def walk(space: Space, shapes: Array, order: int) -> Iterator[tuple[slice, Array, Array, Array]]:
-    """Triangles of a mesh, chunk by chunk, at points of quadrature: which, where (e, q, 2), dx (e, q) and values (n, e, q) of shapes."""
+    """Triangles of a mesh, chunk by chunk, at points of quadrature.
+
+    Which, where (e, q, 2), dx (e, q) and values (n, e, q) of shapes.
+    """
     points, weights = space.quadrature(order)
     value = reference_basis(space.degree, points).T
     for start in range(0, len(space.dofs), CHUNK):
@@ -104,17 +125,24 @@ def walk(space: Space, shapes: Array, order: int) -> Iterator[tuple[slice, Array
         yield some, place, area * weights, shapes[:, space.dofs[some]] @ value
 
 
-def canonical_turn(domain: Domain, space: Space, shapes: Array, parity: tuple[tuple[int, ...], ...]) -> Array:
-    """Turn a degenerate set of shapes so that ∫ h ξᵢ ξⱼ cosh(4x/R) is diagonal, R the film's reach; largest first.
+def canonical_turn(
+    domain: Domain, space: Space, shapes: Array, parity: tuple[tuple[int, ...], ...]
+) -> Array:
+    """Turn a degenerate set of shapes so that ∫ h ξᵢ ξⱼ cosh(4x/R) is diagonal, R the film's reach.
 
-    A weight of x alone gives sin·sin on a rectangle, and shapes even or odd in x and y where the film has those mirrors. Its
-    angular harmonics never end, so that it tells cos mθ from sin mθ on a circle too.
+    Largest first.
 
-    Args: shapes (n, size), mass-normalised, and their parities. Returns: orthogonal (n, n), the new shapes from the old ones.
+    A weight of x alone gives sin·sin on a rectangle, and shapes even or odd in x and y where the
+    film has those mirrors. Its angular harmonics never end, so that it tells cos mθ from sin mθ on
+    a circle too.
+
+    Args: shapes (n, size), mass-normalised, and their parities. Returns: orthogonal (n, n), the new
+    shapes from the old ones.
     """
     reach = np.abs(space.location).max()
     spread = np.zeros((len(shapes), len(shapes)))
-    for triangles, point, dx, values in walk(space, shapes, space.degree + 2):  # a label needs no accuracy
+    # A label needs no accuracy
+    for triangles, point, dx, values in walk(space, shapes, space.degree + 2):
         weight = dx * Sheet(domain).thickness(triangles, point) * np.cosh(4 * point[..., 0] / reach)
         spread += (values * weight).reshape(len(shapes), -1) @ values.reshape(len(shapes), -1).T
     width = np.zeros(len(shapes))
@@ -126,11 +154,14 @@ def canonical_turn(domain: Domain, space: Space, shapes: Array, parity: tuple[tu
     return turn[np.argsort(-width, kind="stable")]
 
 
-def label_shapes(domain: Domain, space: Space, shapes: Array, parity: tuple[tuple[int, ...], ...]) -> tuple[str | None, ...]:
+def label_shapes(
+    domain: Domain, space: Space, shapes: Array, parity: tuple[tuple[int, ...], ...]
+) -> tuple[str | None, ...]:
     """Name shapes by their overlap with the ideal sin(mπx/Lx + mπ/2) sin(nπy/Ly + nπ/2) of the outline's box.
 
-    A shape is "(m,n)" where one of them holds three quarters of its norm, "(m,n)+(p,q)" or "(m,n)−(p,q)" where two share it
-    evenly, as symmetry makes them do when they couple; otherwise, and where the outline has no such box, None.
+    A shape is "(m,n)" where one of them holds three quarters of its norm, "(m,n)+(p,q)" or
+    "(m,n)−(p,q)" where two share it evenly, as symmetry makes them do when they couple; otherwise,
+    and where the outline has no such box, None.
     """
     if domain.model.outline.size is None or domain.copies > 4:
         return (None,) * len(shapes)
@@ -142,12 +173,19 @@ def label_shapes(domain: Domain, space: Space, shapes: Array, parity: tuple[tupl
     ideal_norms = np.zeros((highest, highest))
     for _, point, dx, values in walk(space, shapes, space.degree + 2):  # a label needs no accuracy
         x, y = point.reshape(-1, 2).T
-        along_x, along_y = (np.sin(np.pi * orders[:, None] * (z / extent + 0.5)) for z, extent in ((x, width), (y, height)))
+        along_x, along_y = (
+            np.sin(np.pi * orders[:, None] * (z / extent + 0.5))
+            for z, extent in ((x, width), (y, height))
+        )
         weighted = values.reshape(len(shapes), -1) * dx.ravel()
-        overlap += ((weighted[:, None] * along_x).reshape(-1, len(x)) @ along_y.T).reshape(overlap.shape)
+        overlap += ((weighted[:, None] * along_x).reshape(-1, len(x)) @ along_y.T).reshape(
+            overlap.shape
+        )
         norms += np.sum(weighted * values.reshape(len(shapes), -1), axis=1)
         ideal_norms += (along_x**2 * dx.ravel()) @ (along_y**2).T
-    return tuple(_label(o, n, ideal_norms, p) for o, n, p in zip(overlap, norms, parity, strict=True))
+    return tuple(
+        _label(o, n, ideal_norms, p) for o, n, p in zip(overlap, norms, parity, strict=True)
+    )
 
 
 def _label(overlap: Array, norm: float, ideal: Array, parity: tuple[int, ...]) -> str | None:
@@ -170,7 +208,9 @@ def _label(overlap: Array, norm: float, ideal: Array, parity: tuple[int, ...]) -
 
 
 def shape_at(modes: Modes, index: int, x: Array, y: Array) -> Array:
-    """Return ξ of one mode at points (x, y) in m, which broadcast against each other; exactly 0 outside the film.
+    """Return ξ of one mode at points (x, y) in m, which broadcast against each other.
+
+    Exactly 0 outside the film.
 
     Args: index: 0 for the fundamental mode.
     Raises: IndexError where there is no such mode; ParameterError where a point is not finite.
@@ -179,7 +219,10 @@ def shape_at(modes: Modes, index: int, x: Array, y: Array) -> Array:
 
 
 def shapes_at(modes: Modes, x: Array, y: Array) -> Array:
-    """Return ξ of every mode at points (x, y), (n_modes, *shape); as `shape_at`, at the cost of little more than one mode."""
+    """Return ξ of every mode at points (x, y), (n_modes, *shape).
+
+    As `shape_at`, at the cost of little more than one mode.
+    """
     return ShapeValues(modes)(x, y)
 
 
@@ -195,18 +238,30 @@ class ShapeValues:
         self._parity = np.array([modes.parity[k] for k in kept])
 
     def __call__(self, x: Array, y: Array) -> Array:
-        """Return ξ at points (x, y) in m, which broadcast against each other, (n_chosen, *shape). Raises: ParameterError."""
-        points = np.stack(np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)), -1)
+        """Return ξ at points (x, y) in m, which broadcast against each other, (n_chosen, *shape).
+
+        Raises: ParameterError.
+        """
+        points = np.stack(
+            np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)), -1
+        )
         if not np.all(np.isfinite(points)):
-            raise ParameterError("x, y: expected finite numbers in m, found NaN or infinity among the points")
+            raise ParameterError(
+                "x, y: expected finite numbers in m, found NaN or infinity among the points"
+            )
         where, flips = _fold(self._domain, points.reshape(-1, 2), self._parity.shape[1])
         triangle, reference = self._finder.locate(where)
         found = triangle >= 0
         value = np.zeros((len(self._shapes), len(where)))
         basis = reference_basis(self._space.degree, reference[found])
         dofs = self._space.dofs[triangle[found]]
-        rows = csr_array((basis.ravel(), dofs.ravel(), np.arange(len(dofs) + 1) * basis.shape[1]), shape=(len(dofs), self._space.size))
-        value[:, found] = (rows @ self._shapes.T).T * np.prod(self._parity[:, None] ** flips[found], axis=2)
+        rows = csr_array(
+            (basis.ravel(), dofs.ravel(), np.arange(len(dofs) + 1) * basis.shape[1]),
+            shape=(len(dofs), self._space.size),
+        )
+        value[:, found] = (rows @ self._shapes.T).T * np.prod(
+            self._parity[:, None] ** flips[found], axis=2
+        )
         return value.reshape(len(self._shapes), *points.shape[:-1])
 
 
@@ -255,21 +310,30 @@ class Finder:
             reference[point[inside]] = place[inside]
 
         farthest = float(self._reach.max())
-        away, near = map(np.asarray, self._nearest.query(points, NEIGHBOURS, distance_upper_bound=farthest))
+        away, near = map(
+            np.asarray, self._nearest.query(points, NEIGHBOURS, distance_upper_bound=farthest)
+        )
         for k in range(NEIGHBOURS):
             left = np.flatnonzero((triangle < 0) & np.isfinite(away[:, k]))
             settle(left, near[left, k])
-        left = np.flatnonzero((triangle < 0) & np.isfinite(away[:, -1]))  # beside an edge of the film, or the centre is far off
-        pairs = cKDTree(points[left]).sparse_distance_matrix(self._nearest, farthest, output_type="ndarray")
+        # Beside an edge of the film, or the centre is far off
+        left = np.flatnonzero((triangle < 0) & np.isfinite(away[:, -1]))
+        pairs = cKDTree(points[left]).sparse_distance_matrix(
+            self._nearest, farthest, output_type="ndarray"
+        )
         settle(left[pairs["i"]], pairs["j"])
         return triangle, reference
 
     def _place(self, triangle: NDArray[np.int64], points: Array) -> Array:
         """Return reference coordinates of points (n, 2), each in its own triangle, by Newton's method where that is bent."""
-        place: Array = np.einsum("nx,nxr->nr", points - self._origin[triangle], self._inverse[triangle])
+        place: Array = np.einsum(
+            "nx,nxr->nr", points - self._origin[triangle], self._inverse[triangle]
+        )
         bent = self._bent[triangle]
         if bent.any():
-            place[bent] = _invert(self._degree, self._nodes[triangle[bent]], points[bent], np.clip(place[bent], -2, 3))
+            place[bent] = _invert(
+                self._degree, self._nodes[triangle[bent]], points[bent], np.clip(place[bent], -2, 3)
+            )
         return place
 
 
@@ -277,7 +341,13 @@ def _invert(degree: int, nodes: Array, points: Array, place: Array) -> Array:
     """Reference coordinates of points (n, 2), each in its own triangle, whose map has the given degree and nodes, from a first guess."""
     for _ in range(8):
         value = np.einsum("nj,njx->nx", reference_basis(degree, place), nodes)
-        jacobian = np.stack([np.einsum("nj,njx->nx", reference_basis(degree, place, d), nodes) for d in ((1, 0), (0, 1))], -1)
+        jacobian = np.stack(
+            [
+                np.einsum("nj,njx->nx", reference_basis(degree, place, d), nodes)
+                for d in ((1, 0), (0, 1))
+            ],
+            -1,
+        )
         step = np.linalg.solve(jacobian, (points - value)[..., None])[..., 0]
         place = np.clip(place + step, -2, 3)
         if np.abs(step).max(initial=0) < ARRIVED:

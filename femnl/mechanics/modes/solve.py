@@ -17,16 +17,26 @@ from femnl.mechanics.fem.memory import need_memory
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.solvers import lowest_eigenpairs
 from femnl.mechanics.modes.operators import Operators
-from femnl.mechanics.modes.shapes import canonical_turn, label_shapes, largest_departure, largest_value, walk
+from femnl.mechanics.modes.shapes import (
+    canonical_turn,
+    label_shapes,
+    largest_departure,
+    largest_value,
+    walk,
+)
 
 Array = NDArray[np.float64]
-Sectors = tuple[Array, Array, tuple[tuple[int, ...], ...]]  # ω² (n,), mass-normalised shapes (n, size), parities
+# Ω² (n,), mass-normalised shapes (n, size), parities
+Sectors = tuple[Array, Array, tuple[tuple[int, ...], ...]]
 
 # parities about the x axis (mirror 0) and the y axis (mirror 1)
 ODD_IN_Y = (-1, 1)
 ODD_IN_X = (1, -1)
-MODE_BYTES = 20  # of memory a triangle and mode, times the square of the degree: half as many unknowns, 5 copies in the iteration
-CONFUSED = {1: 0.005, 2: 0.05}  # relative difference of frequencies up to which modes one or two degrees apart may be the same
+# Of memory a triangle and mode, times the square of the degree: half as many unknowns, 5 copies in
+# the iteration
+MODE_BYTES = 20
+# Relative difference of frequencies up to which modes one or two degrees apart may be the same
+CONFUSED = {1: 0.005, 2: 0.05}
 COUNTERPART = 0.9  # overlap of mass-normalised shapes from which they are the same mode
 DEGENERATE = 1e-6  # relative splitting of ω² up to which modes count as sharing a frequency
 
@@ -34,15 +44,21 @@ DEGENERATE = 1e-6  # relative splitting of ω² up to which modes count as shari
 def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
     """Solve ∫ N:∇w⊗∇v + D[(1−ν)∇∇w:∇∇v + νΔwΔv] = ω² ∫ ρh wv for the lowest modes.
 
-    Args: prestress: the relaxed film stress. count: how many modes, by rising frequency. degree: of the elements, 2 to 6.
-    Returns: modes with max|ξ| = 1, solved in each symmetry sector of a wedge; those that share a frequency are turned and
-        ordered as `canonical_turn` says, so that a square gives (2,1) before (1,2) whatever the mesh.
-    Raises: ParameterError, ConvergenceError. Valid: wedges of an eighth or twelfth hold the one-dimensional symmetries only; in
-        the mesh of a whole film pairs count as degenerate only where the discretisation splits ω² by less than 1e-6.
-    Source: Kirchhoff plate in tension; validation cases `ideal_square`, `ideal_hexagon`, `ideal_l_shape`, `clamped_plate`.
+    Args: prestress: the relaxed film stress. count: how many modes, by rising frequency. degree: of
+    the elements, 2 to 6.
+    Returns: modes with max|ξ| = 1, solved in each symmetry sector of a wedge; those that share a
+        frequency are turned and ordered as `canonical_turn` says, so that a square gives (2,1)
+        before (1,2) whatever the mesh.
+    Raises: ParameterError, ConvergenceError. Valid: wedges of an eighth or twelfth hold the
+        one-dimensional symmetries only; in the mesh of a whole film pairs count as degenerate only
+        where the discretisation splits ω² by less than 1e-6.
+    Source: Kirchhoff plate in tension; validation cases `ideal_square`, `ideal_hexagon`,
+    `ideal_l_shape`, `clamped_plate`.
     """
     need_memory(
-        MODE_BYTES * degree**2 * prestress.domain.mesh.nelements * count, f"{count} modes", "ask for fewer modes or lower the resolution"
+        MODE_BYTES * degree**2 * prestress.domain.mesh.nelements * count,
+        f"{count} modes",
+        "ask for fewer modes or lower the resolution",
     )
     return solve_pencil(Operators(prestress, degree), prestress, count)
 
@@ -88,7 +104,9 @@ class _Assembled:
     def lowest(self, parity: tuple[int, ...], count: int) -> tuple[Array, Array]:
         free = self.operators.free(parity)
         stiffness = csc_matrix(self.operators.stiffness(parity)[free][:, free])
-        values, vectors = lowest_eigenpairs(stiffness, csc_matrix(self.operators.mass[free][:, free]), count)
+        values, vectors = lowest_eigenpairs(
+            stiffness, csc_matrix(self.operators.mass[free][:, free]), count
+        )
         shapes = np.zeros((count, self.space.size))
         shapes[:, free] = vectors.T
         return values, shapes
@@ -106,15 +124,32 @@ def solve_sectors(source: Source, prestress: Prestress, count: int) -> Modes:
     sectors = _solve_sectors(source, prestress.domain, count)
     values, shapes, parity = _settle_degenerate(source.space, prestress.domain, sectors)
     found = _finish(source.space, prestress, values[:count], shapes[:count], 1.0, parity[:count])
-    return replace(found, label=label_shapes(prestress.domain, source.space, found.shapes, found.parity))
+    return replace(
+        found, label=label_shapes(prestress.domain, source.space, found.shapes, found.parity)
+    )
 
 
-def _finish(space: Space, prestress: Prestress, values: Array, shapes: Array, norm: float, parity: tuple[tuple[int, ...], ...]) -> Modes:
+def _finish(
+    space: Space,
+    prestress: Prestress,
+    values: Array,
+    shapes: Array,
+    norm: float,
+    parity: tuple[tuple[int, ...], ...],
+) -> Modes:
     """Modes of the given ω² and shapes, whose ∫ρhw² over the mesh is `norm`, scaled to max|ξ| = 1, without labels."""
     largest = np.array([largest_value(space, s) for s in shapes])
     label = (None,) * len(shapes)
     effective = prestress.domain.copies * norm / largest**2
-    return Modes(prestress, space.degree, np.sqrt(values) / (2 * np.pi), effective, shapes / largest[:, None], parity, label)
+    return Modes(
+        prestress,
+        space.degree,
+        np.sqrt(values) / (2 * np.pi),
+        effective,
+        shapes / largest[:, None],
+        parity,
+        label,
+    )
 
 
 def _solve_sectors(source: Source, domain: Domain, count: int) -> Sectors:
@@ -145,7 +180,9 @@ def _exchange(space: Space) -> NDArray[np.int64]:
     """The unknown at (y, x) for each unknown at (x, y)."""
     distance, image = cKDTree(space.location).query(space.location[:, ::-1])
     if np.max(distance) > 1e-9 * np.abs(space.location).max():
-        raise ConvergenceError("the mesh is not its own image in the diagonal; mesh the film with symmetry full")
+        raise ConvergenceError(
+            "the mesh is not its own image in the diagonal; mesh the film with symmetry full"
+        )
     return np.asarray(image)
 
 
@@ -171,19 +208,25 @@ def _overlap(domain: Domain, space: Space, first: Array, second: Array) -> Array
     order = quadrature_order(domain.model, 2 * space.degree)
     for triangles, point, dx, values in walk(space, np.concatenate([first, second]), order):
         weighted = values * (sheet.density(triangles) * sheet.thickness(triangles, point) * dx)
-        total += weighted[: len(first)].reshape(len(first), -1) @ values[len(first) :].reshape(len(second), -1).T
+        total += (
+            weighted[: len(first)].reshape(len(first), -1)
+            @ values[len(first) :].reshape(len(second), -1).T
+        )
     return total
 
 
 def align(coarse: Modes, fine: Modes) -> Modes:
     """Order and turn modes of a lower degree on the same mesh so that each is the counterpart of a finer mode.
 
-    Near-degenerate modes mix differently at different accuracy; within such sets (one symmetry, frequencies that the lower
-    degree may confuse) the coarse modes are turned by the orthogonal matrix nearest to their overlap with the fine ones, and
-    frequencies follow as Rayleigh quotients.
+    Near-degenerate modes mix differently at different accuracy; within such sets (one symmetry,
+    frequencies that the lower degree may confuse) the coarse modes are turned by the orthogonal
+    matrix nearest to their overlap with the fine ones, and frequencies follow as Rayleigh
+    quotients.
 
-    Args: coarse: at least as many modes as `fine`; a few more make sure that the highest find their counterparts.
-    Returns: as many modes as `fine`, with `departure` and `coupling`; NaN in the place of modes without a counterpart.
+    Args: coarse: at least as many modes as `fine`; a few more make sure that the highest find their
+    counterparts.
+    Returns: as many modes as `fine`, with `departure` and `coupling`; NaN in the place of modes
+    without a counterpart.
     """
     domain = fine.domain
     space = Space(domain.mesh, coarse.degree)
@@ -192,16 +235,26 @@ def align(coarse: Modes, fine: Modes) -> Modes:
     target = fine.shapes / np.sqrt(fine.effective_mass)[:, None]
     carried = space.prolong(shapes, fine_space)
     overlap = _overlap(domain, fine_space, target, carried) * domain.copies
-    near = np.abs(coarse.frequency[None, :] / fine.frequency[:, None] - 1) < CONFUSED[fine.degree - coarse.degree]
+    near = (
+        np.abs(coarse.frequency[None, :] / fine.frequency[:, None] - 1)
+        < CONFUSED[fine.degree - coarse.degree]
+    )
     alike = np.array([[p == q for q in coarse.parity] for p in fine.parity])
     left, _, right = np.linalg.svd(np.where(near & alike, overlap, 0.0), full_matrices=False)
     turn = left @ right
     square = turn @ ((2 * np.pi * coarse.frequency[:, None]) ** 2 * turn.T)
     lost = np.einsum("ij,ij->i", turn, overlap) < COUNTERPART
-    found = _finish(space, coarse.prestress, np.diagonal(square), turn @ shapes, 1 / domain.copies, fine.parity)
-    together = (near.astype(int) @ near.T > 0) & np.array([[p == q for q in fine.parity] for p in fine.parity])
-    sign = np.sign(np.einsum("ni,ni->n", found.shapes, turn @ shapes))  # opposite extrema may be equally large
-    away = [largest_departure(fine_space, *pair) for pair in zip(target, turn @ carried, strict=True)]
+    found = _finish(
+        space, coarse.prestress, np.diagonal(square), turn @ shapes, 1 / domain.copies, fine.parity
+    )
+    together = (near.astype(int) @ near.T > 0) & np.array(
+        [[p == q for q in fine.parity] for p in fine.parity]
+    )
+    # Opposite extrema may be equally large
+    sign = np.sign(np.einsum("ni,ni->n", found.shapes, turn @ shapes))
+    away = [
+        largest_departure(fine_space, *pair) for pair in zip(target, turn @ carried, strict=True)
+    ]
     blank = np.where(lost, np.nan, 1.0)
     coupling = square / (8 * np.pi**2 * np.sqrt(np.outer(fine.frequency, fine.frequency)))
     return replace(
@@ -211,5 +264,7 @@ def align(coarse: Modes, fine: Modes) -> Modes:
         shapes=found.shapes * sign[:, None],
         label=fine.label,
         departure=np.asarray(away) * blank,
-        coupling=np.where(together & ~np.eye(len(target), dtype=bool), coupling, np.nan) * blank * blank[:, None],
+        coupling=np.where(together & ~np.eye(len(target), dtype=bool), coupling, np.nan)
+        * blank
+        * blank[:, None],
     )

@@ -1,6 +1,11 @@
 """Geometric nonlinearity: the stretching that deflection causes, relaxed in plane, as cubic coefficients of the modes."""
 
-from femnl.mechanics.nonlinearity.cubic import Pairs, energy_remainder, solve_nonlinearity, strain_energies
+from femnl.mechanics.nonlinearity.cubic import (
+    Pairs,
+    energy_remainder,
+    solve_nonlinearity,
+    strain_energies,
+)
 from femnl.mechanics.nonlinearity.inertia import Inertia, respond, solve_inertia
 from femnl.mechanics.nonlinearity.response import in_plane_response
 from femnl.mechanics.nonlinearity.stretching import film_membrane

@@ -31,7 +31,10 @@ Membrane = Callable[[Cell], Array]
 
 
 def film_membrane(modes: Modes, edge: Edge) -> Membrane:
-    """Stiffness h C [N/m] of the film at the points of a cell; without Poisson's ratio for the edge `paper`."""
+    """Stiffness h C [N/m] of the film at the points of a cell.
+
+    Without Poisson's ratio for the edge `paper`.
+    """
     sheet = Sheet(modes.domain, 0.0 if edge == "paper" else None)
     return lambda cell: sheet.membrane(cell.triangles, cell.jet.point)
 
@@ -40,8 +43,9 @@ def film_membrane(modes: Modes, edge: Edge) -> Membrane:
 class Stretching:
     """Integrals over the wedge of second-order strains m_P = ½ sym(∇ξᵢ⊗∇ξⱼ) of pairs P of modes, and the film in plane.
 
-    energies (n_pairs, n_pairs) ∫ h C m_P : m_Q; loads (2·size, n_pairs) −∫ h C m_P : ε(v); stiffness ∫ h C ε(u) : ε(v) with the springs
-    of the edge [N/m]; parities: of each pair under the wedge's mirrors. clamp: of the edge.
+    energies (n_pairs, n_pairs) ∫ h C m_P : m_Q; loads (2·size, n_pairs) −∫ h C m_P : ε(v);
+    stiffness ∫ h C ε(u) : ε(v) with the springs of the edge [N/m]; parities: of each pair under the
+    wedge's mirrors. clamp: of the edge.
     """
 
     space: Space
@@ -55,11 +59,19 @@ class Stretching:
         """Pairs of one parity, and the in-plane displacements that the edge and the mirrors leave to them."""
         for parity in sorted(set(self.parities)):
             members = [k for k, p in enumerate(self.parities) if p == parity]
-            yield members, in_plane_supports(self.space, wedge, edge, tuple(p > 0 for p in parity), self.clamp)
+            yield (
+                members,
+                in_plane_supports(
+                    self.space, wedge, edge, tuple(p > 0 for p in parity), self.clamp
+                ),
+            )
 
 
 def stretching(modes: Modes, pairs: list[tuple[int, int]], membrane: Membrane) -> Stretching:
-    """Integrate the second-order strains of pairs of modes. Args: membrane: h C (..., 3, 3) [N/m] at the points of a cell."""
+    """Integrate the second-order strains of pairs of modes.
+
+    Args: membrane: h C (..., 3, 3) [N/m] at the points of a cell.
+    """
     space = Space(modes.domain.mesh, modes.degree)
     first, second = np.array(pairs).T
     energies = np.zeros((len(pairs), len(pairs)))
@@ -67,7 +79,12 @@ def stretching(modes: Modes, pairs: list[tuple[int, int]], membrane: Membrane) -
     stiffness = Assembly(2 * space.size)
     # The same points for all integrals: where h varies, G stays the energy of one discrete film.
     for cell in cells(space, quadrature_order(modes.domain.model, 4 * modes.degree - 4)):
-        slopes = np.einsum("eqxj,nej->neqx", slope(cell.jet), modes.shapes[:, space.dofs[cell.triangles]], optimize=True)
+        slopes = np.einsum(
+            "eqxj,nej->neqx",
+            slope(cell.jet),
+            modes.shapes[:, space.dofs[cell.triangles]],
+            optimize=True,
+        )
         moduli = membrane(cell)
         strain = stretch(slopes[first], slopes[second])
         stress = (strain[..., None, :] @ moduli)[..., 0, :] * cell.dx[..., None]
@@ -76,9 +93,19 @@ def stretching(modes: Modes, pairs: list[tuple[int, int]], membrane: Membrane) -
         dofs = vector_dofs(space, cell.triangles)
         np.add.at(loads, dofs, -np.einsum("eqcj,neqc->ejn", basis, stress, optimize=True))
         stiffness.add(local_matrices(basis, moduli, cell.dx), dofs)
-    parities = [tuple(a * b for a, b in zip(modes.parity[i], modes.parity[j], strict=True)) for i, j in pairs]
+    parities = [
+        tuple(a * b for a, b in zip(modes.parity[i], modes.parity[j], strict=True))
+        for i, j in pairs
+    ]
     clamp = modes.domain.model.clamp
-    return Stretching(space, energies, loads, csc_matrix(stiffness.matrix() + in_plane_springs(space, clamp)), parities, clamp)
+    return Stretching(
+        space,
+        energies,
+        loads,
+        csc_matrix(stiffness.matrix() + in_plane_springs(space, clamp)),
+        parities,
+        clamp,
+    )
 
 
 def same_parity_only(energies: Array, parities: list[tuple[int, ...]]) -> Array:
@@ -92,6 +119,12 @@ def in_plane_mass(modes: Modes, space: Space) -> csc_matrix:
     sheet = Sheet(modes.domain)
     mass = Assembly(space.size)
     for cell in cells(space, quadrature_order(modes.domain.model, 2 * space.degree)):
-        weight = sheet.density(cell.triangles) * sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
-        mass.add(local_matrices(deflection(cell.jet), np.eye(1), weight), space.dofs[cell.triangles])
+        weight = (
+            sheet.density(cell.triangles)
+            * sheet.thickness(cell.triangles, cell.jet.point)
+            * cell.dx
+        )
+        mass.add(
+            local_matrices(deflection(cell.jet), np.eye(1), weight), space.dofs[cell.triangles]
+        )
     return csc_matrix(block_diag([mass.matrix()] * 2))

@@ -36,11 +36,13 @@ SETTLED = 1e-16  # work of what the last step mends, over that of the load
 
 
 class Film:
-    """W(u, w) = ½ w·Kw + ∫ ½ h C E : E, E = ε(u) + ½ ∇w⊗∇w, about the flat relaxed film, whose tension, bending and edge are in K.
+    """W(u, w) = ½ w·Kw + ∫ ½ h C E .
 
-    States are vectors (3·size,) of u_x, u_y and w at the unknowns of the modes' space. A state whose w is odd about a mirror is its
-    own image there with w reversed; its in-plane part is even. So about a bow of parity b, a motion with w of parity p has u of
-    parity b·p.
+    E, E = ε(u) + ½ ∇w⊗∇w, about the flat relaxed film, whose tension, bending and edge are in K.
+
+    States are vectors (3·size,) of u_x, u_y and w at the unknowns of the modes' space. A state
+    whose w is odd about a mirror is its own image there with w reversed; its in-plane part is even.
+    So about a bow of parity b, a motion with w of parity p has u of parity b·p.
     """
 
     def __init__(self, modes: Modes, edge: Edge) -> None:
@@ -65,18 +67,26 @@ class Film:
         """∫ v of every unknown of w, (size,) [m²]: the load of a pressure of 1 Pa."""
         load = np.zeros(self.space.size)
         for cell in cells(self.space, self.space.degree):
-            np.add.at(load, self.space.dofs[cell.triangles], np.einsum("eqj,eq->ej", cell.jet.value, cell.dx))
+            np.add.at(
+                load,
+                self.space.dofs[cell.triangles],
+                np.einsum("eqj,eq->ej", cell.jet.value, cell.dx),
+            )
         return load
 
     def admissible(self, parity: Parity, bow: Parity) -> csc_matrix:
         """Columns that span the motions with w of a parity about a bow of a parity, (3·size, n_free)."""
         free = self._operators.free(parity)
-        across = csc_matrix((np.ones(len(free)), (free, np.arange(len(free)))), shape=(self.space.size, len(free)))
+        across = csc_matrix(
+            (np.ones(len(free)), (free, np.arange(len(free)))), shape=(self.space.size, len(free))
+        )
         even = tuple(a * b > 0 for a, b in zip(parity, bow, strict=True))
         return csc_matrix(block_diag([self._supports(even), across]))
 
     def _supports(self, even: tuple[bool, ...]) -> csc_matrix:
-        return in_plane_supports(self.space, self.domain.wedge, self.edge, even, self.domain.model.clamp)
+        return in_plane_supports(
+            self.space, self.domain.wedge, self.edge, even, self.domain.model.clamp
+        )
 
     def linear(self, parity: Parity) -> csc_matrix:
         """K of deflections of a parity, and in plane the edge's springs, (3·size, 3·size)."""
@@ -84,7 +94,10 @@ class Film:
         return csc_matrix(block_diag([springs, self._operators.stiffness(parity)]))
 
     def stretching(self, state: Array, stressed: bool = True) -> tuple[Array, csc_matrix]:
-        """First and second derivative of ∫ ½ h C E : E. stressed: else the strain of the state itself counts as relaxed."""
+        """First and second derivative of ∫ ½ h C E : E.
+
+        stressed: else the strain of the state itself counts as relaxed.
+        """
         force = np.zeros(3 * self.space.size)
         tangent = Assembly(3 * self.space.size)
         for cell in self._cells():
@@ -94,7 +107,9 @@ class Film:
             rows = _strain_rows(cell, grad)
             tangent.add(local_matrices(rows, moduli, cell.dx), dofs)
             if stressed:
-                strain = np.einsum("eqcj,ej->eqc", in_plane_strain(cell.jet), state[dofs[:, : -w.shape[1]]]) + stretch(grad, grad)
+                strain = np.einsum(
+                    "eqcj,ej->eqc", in_plane_strain(cell.jet), state[dofs[:, : -w.shape[1]]]
+                ) + stretch(grad, grad)
                 stress = (strain[..., None, :] @ moduli)[..., 0, :]
                 np.add.at(force, dofs, local_vectors(rows, stress, cell.dx))
                 tangent.add(local_matrices(slope(cell.jet), as_matrix(stress), cell.dx), w)
@@ -103,8 +118,9 @@ class Film:
     def second_order(self, state: Array, motions: Array) -> tuple[Array, Array]:
         """What motions x (n, 3·size) cause at second order about a state.
 
-        With E₁(y) = ε(u_y) + sym(∇w₀⊗∇w_y) and E₂(x, y) = ½ sym(∇w_x⊗∇w_y): the load (3·size, n), by unknowns y,
-        ∫ h C [E₁(y) : E₂(x, x) + 2 E₁(x) : E₂(x, y)], and ∫ h C E₂ : E₂ (n,), over the wedge.
+        With E₁(y) = ε(u_y) + sym(∇w₀⊗∇w_y) and E₂(x, y) = ½ sym(∇w_x⊗∇w_y): the load (3·size, n),
+        by unknowns y, ∫ h C [E₁(y) : E₂(x, x) + 2 E₁(x) : E₂(x, y)], and ∫ h C E₂ : E₂ (n,), over
+        the wedge.
         """
         loads = np.zeros((3 * self.space.size, len(motions)))
         energies = np.zeros(len(motions))
@@ -118,7 +134,9 @@ class Film:
                 moved = _strain_rows(cell, grad)[..., -w.shape[1] :]
                 first = np.einsum("eqcj,ej->eqc", rest, motion[dofs])
                 second = stretch(grad, grad)
-                stress, own = (np.einsum("eqcd,eqd->eqc", moduli, strain) for strain in (second, first))
+                stress, own = (
+                    np.einsum("eqcd,eqd->eqc", moduli, strain) for strain in (second, first)
+                )
                 np.add.at(loads[:, k], dofs, local_vectors(rest, stress, cell.dx))
                 np.add.at(loads[:, k], w, local_vectors(moved, own, cell.dx))
                 energies[k] += np.einsum("eqc,eqc,eq->", second, stress, cell.dx)
@@ -130,7 +148,9 @@ class Film:
         state = np.concatenate([np.zeros(2 * size), deflection])
         supports = self._supports(tuple(p > 0 for p in even))
         force, tangent = self.stretching(state)
-        plane = tangent[: 2 * size, : 2 * size] + in_plane_springs(self.space, self.domain.model.clamp)
+        plane = tangent[: 2 * size, : 2 * size] + in_plane_springs(
+            self.space, self.domain.model.clamp
+        )
         solve = factorize(csc_matrix(supports.T @ plane @ supports))
         state[: 2 * size] = -(supports @ solve(supports.T @ force[: 2 * size]))
         return state
@@ -151,11 +171,16 @@ class Film:
             try:
                 step = factorize(csc_matrix(columns.T @ (tangent + linear) @ columns))(rest)
             except ConvergenceError as error:  # a step went so far that the film under it buckles
-                raise ConvergenceError(f"the static deflection did not converge, as {error}; lower the load") from error
+                raise ConvergenceError(
+                    f"the static deflection did not converge, as {error}; lower the load"
+                ) from error
             state = state + columns @ step
             if rest @ step <= SETTLED * abs(force @ state):
                 return state
-        raise ConvergenceError(f"the static deflection did not converge in {STEPS} steps of Newton's method; lower the load")
+        raise ConvergenceError(
+            f"the static deflection did not converge in {STEPS} steps of Newton's method; lower "
+            "the load"
+        )
 
     def _cells(self) -> Iterator[Cell]:
         return cells(self.space, quadrature_order(self.domain.model, 4 * self.space.degree - 4))
@@ -172,4 +197,7 @@ def _strain_rows(cell: Cell, grad: Array) -> Array:
     dy = cell.jet.gradient[:, :, 1]
     wx = grad[..., :1]
     wy = grad[..., 1:]
-    return np.concatenate([in_plane_strain(cell.jet), np.stack([wx * dx, wy * dy, wx * dy + wy * dx], axis=2)], axis=-1)
+    return np.concatenate(
+        [in_plane_strain(cell.jet), np.stack([wx * dx, wy * dy, wx * dy + wy * dx], axis=2)],
+        axis=-1,
+    )

@@ -21,7 +21,8 @@ Array = NDArray[np.float64]
 
 LEAST = 1e-12  # bow [m] whose k₂ is the least that errors of k₂ are measured by
 SHALLOW = 0.1  # of the film's length, how deep a bow may be
-SPARE = 3  # modes beyond those asked for in each symmetry, so that each flat mode finds its bowed one
+# Modes beyond those asked for in each symmetry, so that each flat mode finds its bowed one
+SPARE = 3
 TRIANGLE_BYTES = 270_000  # of memory: three times what the deflection alone takes
 
 
@@ -29,10 +30,12 @@ TRIANGLE_BYTES = 270_000  # of memory: three times what the deflection alone tak
 class Bowed:
     """Modes of a film bent at rest, in the order of the flat film's, in the coordinate q [m] of the point where |ξ| = 1, from rest.
 
-    m q̈ = −k q − k₂ q² − k₃ q³. depth [m]: the largest deflection at rest, with its sign. frequency [Hz], stiffness k [N/m], k2 [N/m²],
-    k3 [N/m³] relaxed in plane. alpha [m⁻²]: the cubic coefficient over k that the motion at ω has, from k₃ and from what k₂ drives at 0
-    and at 2ω in this and in all other modes; k₃/k − (10/9)(k₂/k)² holds the mode's own part. shapes (n_modes, n_dofs) as in `Modes`,
-    of the deflection. Errors: discretisation, absolute, upper estimates, infinite where the modes carry no counterparts.
+    m q̈ = −k q − k₂ q² − k₃ q³. depth [m]: the largest deflection at rest, with its sign. frequency
+    [Hz], stiffness k [N/m], k2 [N/m²], k3 [N/m³] relaxed in plane. alpha [m⁻²]: the cubic
+    coefficient over k that the motion at ω has, from k₃ and from what k₂ drives at 0 and at 2ω in
+    this and in all other modes; k₃/k − (10/9)(k₂/k)² holds the mode's own part. shapes (n_modes,
+    n_dofs) as in `Modes`, of the deflection. Errors: discretisation, absolute, upper estimates,
+    infinite where the modes carry no counterparts.
     """
 
     edge: str
@@ -62,36 +65,55 @@ def solve_static_deflection(
 ) -> Bowed:
     """Frequencies, quadratic and cubic coefficients of a film that is bent at rest.
 
-    About the rest state (u₀, w₀) the energy W of `Film` has the second derivative K_t, and for a mode x with K_t x = ω² M x the load of
-    second order f and A = ∫ h C E₂ : E₂ of `Film.second_order`. Then
+    About the rest state (u₀, w₀) the energy W of `Film` has the second derivative K_t, and for a
+    mode x with K_t x = ω² M x the load of second order f and A = ∫ h C E₂ : E₂ of
+    `Film.second_order`. Then
 
         k₂ = f·x,  k₃ = 2 (A − f·K_uu⁻¹f),  α = (2/k) [A − ⅔ f·K_t⁻¹f − ⅓ f·(K_t − 4ω²M)⁻¹f].
 
-    f pushes the film in plane and out of it: the last two terms are the in-plane relaxation and the response of all modes at 0 and 2ω.
-    A bow b in a mode's own shape, small, gives k + 3k₃b² (k + 2k₃b² where not `stressed`) and k₂ = 3k₃b.
+    f pushes the film in plane and out of it: the last two terms are the in-plane relaxation and the
+    response of all modes at 0 and 2ω. A bow b in a mode's own shape, small, gives k + 3k₃b² (k +
+    2k₃b² where not `stressed`) and k₂ = 3k₃b.
 
-    Args: depth: [m] of a bow in the shape of the mode `shape` (0 is the fundamental), held by whatever load that takes.
-        pressure: [Pa] on an even film, pushing towards +w; instead of depth. stressed: the model's film stress is that of the flat film,
-        which the bow stretches further; false where it is that of the bowed film already, as over a frame that is not flat. edge:
-        in-plane edge, the model's by default.
+    Args: depth: [m] of a bow in the shape of the mode `shape` (0 is the fundamental), held by
+        whatever load that takes. pressure: [Pa] on an even film, pushing towards +w; instead of
+        depth. stressed: the model's film stress is that of the flat film, which the bow stretches
+        further; false where it is that of the bowed film already, as over a frame that is not flat.
+        edge: in-plane edge, the model's by default.
     Returns: Bowed, in the order of the modes.
-    Raises: ParameterError, ConvergenceError (also where 2ω meets another mode: then the two exchange energy, and no α describes it).
-    Valid: shallow bows, |∇w₀| ≪ 1; a load that stays as it is while the film moves; in-plane motion without inertia.
-    Source: expansion of von Kármán's energy; averaging as in Nayfeh & Mook, Nonlinear Oscillations (1979), section 4.1. Held against
-        sine series and Newton's method by tests/physics/test_bow.py and validation case `bowed_film`.
+    Raises: ParameterError, ConvergenceError (also where 2ω meets another mode: then the two
+    exchange energy, and no α describes it).
+    Valid: shallow bows, |∇w₀| ≪ 1; a load that stays as it is while the film moves; in-plane motion
+    without inertia.
+    Source: expansion of von Kármán's energy; averaging as in Nayfeh & Mook, Nonlinear Oscillations
+        (1979), section 4.1. Held against sine series and Newton's method by
+        tests/physics/test_bow.py and validation case `bowed_film`.
     """
     if (depth is None) == (pressure is None):
         raise ParameterError("bow: give either its depth in m or a pressure in Pa")
     if not np.isfinite(depth if depth is not None else pressure or 0.0):
-        raise ParameterError(f"bow: expected a finite number, found {depth if depth is not None else pressure}")
+        raise ParameterError(
+            f"bow: expected a finite number, found {depth if depth is not None else pressure}"
+        )
     length = modes.domain.model.outline.length
     if depth is not None and abs(depth) > SHALLOW * length:
-        raise ParameterError(f"bow: depth = {depth:g} m of a film of {length:g} m is not shallow; expected at most {SHALLOW:g} of that")
+        raise ParameterError(
+            f"bow: depth = {depth:g} m of a film of {length:g} m is not shallow; expected at "
+            f"most {SHALLOW:g} of that"
+        )
     if pressure is not None and not stressed:
-        raise ParameterError("bow: a pressure stretches the film; stressed = False goes with a depth")
+        raise ParameterError(
+            "bow: a pressure stretches the film; stressed = False goes with a depth"
+        )
     if not 0 <= shape < len(modes.frequency):
-        raise ParameterError(f"shape = {shape}: expected 0 to {len(modes.frequency) - 1}, the modes that were solved")
-    need_memory(TRIANGLE_BYTES * modes.domain.mesh.nelements, "the couplings of a bowed film", "lower the resolution")
+        raise ParameterError(
+            f"shape = {shape}: expected 0 to {len(modes.frequency) - 1}, the modes that were solved"
+        )
+    need_memory(
+        TRIANGLE_BYTES * modes.domain.mesh.nelements,
+        "the couplings of a bowed film",
+        "lower the resolution",
+    )
     edge = edge or modes.domain.model.edge
     grades = [_bend(m, edge, depth, pressure, shape, stressed) for m in modes.grades]
     found = grades[0]
@@ -99,14 +121,19 @@ def solve_static_deflection(
     bow = peak[shape] if depth is not None else 0.0
 
     rise = np.abs(found.rise - 1)
-    risen = np.multiply(rise, bow, out=np.zeros_like(rise), where=rise > 0)  # no rise is exact, even where the bow's error is not known
+    # No rise is exact, even where the bow's error is not known
+    risen = np.multiply(rise, bow, out=np.zeros_like(rise), where=rise > 0)
 
     def error(name: str, power: int, bows: int) -> Array:
         """Of a coefficient that goes with max|ξ| to a power, and with the depth to another."""
         if len(grades) < 2:
             return np.full(len(peak), np.inf)
         normal = [np.asarray(getattr(grade, name)) / grade.mass ** (power / 2) for grade in grades]
-        usual = np.abs(3 * found.k3 * (abs(found.depth) + LEAST) / found.mass**1.5) if name == "k2" else np.abs(normal[0])
+        usual = (
+            np.abs(3 * found.k3 * (abs(found.depth) + LEAST) / found.mass**1.5)
+            if name == "k2"
+            else np.abs(normal[0])
+        )
         own = energy_remainder(modes, edge, normal, usual) * found.mass ** (power / 2)
         return np.asarray(own + np.abs(getattr(found, name)) * (power * peak + bows * bow))
 
@@ -128,7 +155,10 @@ def solve_static_deflection(
 
 @dataclass(frozen=True)
 class _Numbers:
-    """What one grade of the modes gives: see `Bowed`. rise: f over that of the flat film; mass: m_eff [kg]."""
+    """What one grade of the modes gives: see `Bowed`.
+
+    rise: f over that of the flat film; mass: m_eff [kg].
+    """
 
     depth: float
     rise: Array
@@ -140,7 +170,14 @@ class _Numbers:
     shapes: Array
 
 
-def _bend(modes: Modes, edge: Edge, depth: float | None, pressure: float | None, shape: int, stressed: bool) -> _Numbers:
+def _bend(
+    modes: Modes,
+    edge: Edge,
+    depth: float | None,
+    pressure: float | None,
+    shape: int,
+    stressed: bool,
+) -> _Numbers:
     film = Film(modes, edge)
     even = tuple(abs(p) for p in modes.parity[0])
     if depth is not None:
@@ -163,7 +200,9 @@ def _bend(modes: Modes, edge: Edge, depth: float | None, pressure: float | None,
     deepest = float(largest_value(film.space, bent)) if np.any(bent) else 0.0
     k3 = 2 * copies * (energies - flat)
     alpha = 2 * copies * (energies - 2 / 3 * still - moved / 3) / k
-    return _Numbers(deepest, np.sqrt(square) / (2 * np.pi * modes.frequency), mass, k, k2, k3, alpha, w)
+    return _Numbers(
+        deepest, np.sqrt(square) / (2 * np.pi * modes.frequency), mass, k, k2, k3, alpha, w
+    )
 
 
 def _bowed_modes(film: Film, modes: Modes, bow: Parity, tangent: csc_matrix) -> tuple[Array, Array]:
@@ -172,7 +211,9 @@ def _bowed_modes(film: Film, modes: Modes, bow: Parity, tangent: csc_matrix) -> 
     square = np.full(len(modes.frequency), np.nan)
     motions = np.zeros((len(modes.frequency), 3 * size))
     for parity in sorted(set(modes.parity)):
-        members = [k for k, p in enumerate(modes.parity) if p == parity and np.isfinite(modes.frequency[k])]
+        members = [
+            k for k, p in enumerate(modes.parity) if p == parity and np.isfinite(modes.frequency[k])
+        ]
         if not members:
             continue
         columns = film.admissible(parity, bow)
@@ -180,7 +221,10 @@ def _bowed_modes(film: Film, modes: Modes, bow: Parity, tangent: csc_matrix) -> 
         mass = csc_matrix(columns.T @ film.inertia @ columns)
         values, vectors = lowest_eigenpairs(stiffness, mass, len(members) + SPARE)
         found = (columns @ vectors).T
-        flat = modes.shapes[members] / np.sqrt(modes.effective_mass[members] / film.domain.copies)[:, None]
+        flat = (
+            modes.shapes[members]
+            / np.sqrt(modes.effective_mass[members] / film.domain.copies)[:, None]
+        )
         overlap = flat @ (film.mass @ found[:, 2 * size :].T)
         rows, chosen = linear_sum_assignment(-(overlap**2))
         for row, column in zip(rows, chosen, strict=True):
@@ -194,8 +238,13 @@ def _bowed_modes(film: Film, modes: Modes, bow: Parity, tangent: csc_matrix) -> 
     return square, motions
 
 
-def _responses(film: Film, tangent: csc_matrix, bow: Parity, loads: Array, square: Array) -> tuple[Array, Array, Array]:
-    """f·x for loads of second order: of the film in its plane alone, of the whole film at rest, and at twice each mode's frequency."""
+def _responses(
+    film: Film, tangent: csc_matrix, bow: Parity, loads: Array, square: Array
+) -> tuple[Array, Array, Array]:
+    """f·x for loads of second order.
+
+    Of the film in its plane alone, of the whole film at rest, and at twice each mode's frequency.
+    """
     size = film.space.size
     columns = film.admissible(bow, bow)
     stiffness = csc_matrix(columns.T @ (tangent + film.linear(bow)) @ columns)

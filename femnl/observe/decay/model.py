@@ -26,9 +26,10 @@ NOISE_ROUNDS = 20
 class Decay:
     """One record of a decay and what is fitted to it.
 
-    time (n,) from 0 [s]; signal (n,) [V]; kind: what it is; reference [Hz]: frequency that phases are counted from; nonlinear:
-    whether d and pull are free. Parameters, in this order: amplitude, decay_rate, damping_ratio*, then for a magnitude floor, for others
-    phase, frequency − reference, pull*, and for a voltage offset (* where nonlinear).
+    time (n,) from 0 [s]; signal (n,) [V]; kind: what it is; reference [Hz]: frequency that phases
+    are counted from; nonlinear: whether d and pull are free. Parameters, in this order: amplitude,
+    decay_rate, damping_ratio*, then for a magnitude floor, for others phase, frequency − reference,
+    pull*, and for a voltage offset (* where nonlinear).
     """
 
     time: Array
@@ -40,7 +41,11 @@ class Decay:
     @property
     def names(self) -> list[str]:
         """Names of the parameters."""
-        more = ["floor"] if self.kind == "magnitude" else ["phase", "frequency", *(["pull"] if self.nonlinear else [])]
+        more = (
+            ["floor"]
+            if self.kind == "magnitude"
+            else ["phase", "frequency", *(["pull"] if self.nonlinear else [])]
+        )
         return [
             "amplitude",
             "decay_rate",
@@ -62,20 +67,29 @@ class Decay:
         return size, p["phase"] + 2 * np.pi * (p["frequency"] * self.time + pulled)
 
     def model(self, values: Numbers) -> Numbers:
-        """Return what the data are compared with: voltage (n,), real and imaginary parts (2n,), or squared magnitude (n,)."""
+        """Return what the data are compared with.
+
+        voltage (n,), real and imaginary parts (2n,), or squared magnitude (n,).
+        """
         size, angle = self.polar(values)
         if self.kind == "magnitude":
             return np.asarray(size**2 + values[-1])
         if self.kind == "complex":
             return np.concatenate([size * np.cos(angle), size * np.sin(angle)])
-        return np.asarray(size * np.cos(angle + 2 * np.pi * self.reference * self.time) + values[-1])
+        return np.asarray(
+            size * np.cos(angle + 2 * np.pi * self.reference * self.time) + values[-1]
+        )
 
     @property
     def data(self) -> Array:
         """What the model is compared with."""
         if self.kind == "magnitude":
             return np.asarray(np.abs(self.signal) ** 2)
-        return np.concatenate([self.signal.real, self.signal.imag]) if self.kind == "complex" else np.asarray(self.signal.real)
+        return (
+            np.concatenate([self.signal.real, self.signal.imag])
+            if self.kind == "complex"
+            else np.asarray(self.signal.real)
+        )
 
     def spread(self, values: Array, noise: float) -> Array:
         """Return the standard deviation of each datum for a noise [V] per sample or quadrature."""
@@ -90,7 +104,8 @@ class Decay:
         free = len(self.data) - len(values)
         noise = float(np.sqrt(np.sum(rest**2) / free))
         if self.kind == "magnitude":
-            # The spread grows as σ where the signal is strong and as σ² where it is weak: the cube root converges for both.
+            # The spread grows as σ where the signal is strong and as σ² where it is weak: the cube
+            # root converges for both.
             noise = float(np.sqrt(max(values[-1], 0.0) / 2)) or noise / float(values[0])
             for _ in range(NOISE_ROUNDS):
                 noise *= float(np.sum((rest / self.spread(values, noise)) ** 2) / free) ** (1 / 3)
@@ -104,18 +119,36 @@ class Decay:
 
     def start(self) -> Array:
         """Return start values: decay by scanning γ and d with amplitude and floor linear, phase by a line through what is strong."""
-        time, amplitude = blocks(self.time, self.signal, self.reference) if self.kind == "voltage" else (self.time, self.signal)
+        time, amplitude = (
+            blocks(self.time, self.signal, self.reference)
+            if self.kind == "voltage"
+            else (self.time, self.signal)
+        )
         power = np.abs(amplitude) ** 2
         gamma, d, square, floor = _scan(time, power, self.nonlinear)
-        p = {"amplitude": np.sqrt(square), "decay_rate": gamma, "damping_ratio": d, "floor": floor, "offset": 0.0}
+        p = {
+            "amplitude": np.sqrt(square),
+            "decay_rate": gamma,
+            "damping_ratio": d,
+            "floor": floor,
+            "offset": 0.0,
+        }
         if self.kind != "magnitude":
-            strong = power > STRONG**2 * max(floor, float(np.mean(power[-max(len(power) // 20, 3) :])), 1e-12 * square)
+            strong = power > STRONG**2 * max(
+                floor, float(np.mean(power[-max(len(power) // 20, 3) :])), 1e-12 * square
+            )
             strong[: max(8, len(power) // 50)] = True
             angle = np.unwrap(np.angle(amplitude[strong]))
             s = -np.expm1(-gamma * time[strong])
-            columns = [np.ones_like(s), 2 * np.pi * time[strong], 2 * np.pi / gamma * s * _log_ratio(d * s)][: 3 if self.nonlinear else 2]
+            columns = [
+                np.ones_like(s),
+                2 * np.pi * time[strong],
+                2 * np.pi / gamma * s * _log_ratio(d * s),
+            ][: 3 if self.nonlinear else 2]
             weight = np.sqrt(power[strong])
-            line = np.linalg.lstsq(np.stack(columns, axis=1) * weight[:, None], angle * weight, rcond=None)[0]
+            line = np.linalg.lstsq(
+                np.stack(columns, axis=1) * weight[:, None], angle * weight, rcond=None
+            )[0]
             p |= dict(zip(("phase", "frequency", "pull"), line, strict=False))
         return np.array([float(p[name]) for name in self.names])
 
@@ -126,22 +159,33 @@ def blocks(time: Array, voltage: NDArray[np.inexact], reference: float) -> tuple
     length = max(int(np.ceil(PERIODS / (reference * interval))), len(time) // BLOCKS)
     count = len(time) // length
     if count < 8:
-        raise MeasurementError(f"signal: {len(time)} samples hold fewer than {8 * PERIODS} periods of {reference:.6g} Hz; record longer")
+        raise MeasurementError(
+            f"signal: {len(time)} samples hold fewer than {8 * PERIODS} periods of "
+            f"{reference:.6g} Hz; "
+            "record longer"
+        )
     window = np.hanning(length + 2)[1:-1] / np.sum(np.hanning(length + 2))
     turned = (voltage - np.mean(voltage)) * np.exp(-2j * np.pi * reference * time)
     rows = slice(0, count * length)
-    return np.mean(time[rows].reshape(count, length), axis=1), 2 * turned[rows].reshape(count, length) @ window
+    return np.mean(time[rows].reshape(count, length), axis=1), 2 * turned[rows].reshape(
+        count, length
+    ) @ window
 
 
 def strongest(time: Array, voltage: Array) -> float:
     """Return the frequency [Hz] of the strongest line of a voltage, to a fraction of its resolution."""
     step = np.diff(time)
     if np.ptp(step) > 1e-3 * np.mean(step):
-        raise MeasurementError("time: samples of a voltage must be evenly spaced; resample, or give the complex amplitude")
+        raise MeasurementError(
+            "time: samples of a voltage must be evenly spaced; resample, or give the complex "
+            "amplitude"
+        )
     power = np.abs(np.fft.rfft((voltage - np.mean(voltage)) * np.hanning(len(voltage)))) ** 2
     k = int(np.clip(np.argmax(power), 1, len(power) - 2))
     left, top, right = np.log(power[k - 1 : k + 2] + np.finfo(float).tiny)
-    return float((k + (left - right) / (2 * (left - 2 * top + right))) / (len(voltage) * np.mean(step)))
+    return float(
+        (k + (left - right) / (2 * (left - 2 * top + right))) / (len(voltage) * np.mean(step))
+    )
 
 
 def _scan(time: Array, power: Array, nonlinear: bool) -> tuple[float, float, float, float]:
@@ -150,11 +194,15 @@ def _scan(time: Array, power: Array, nonlinear: bool) -> tuple[float, float, flo
     for d in (0.0, 0.3, 1.0, 3.0, 10.0, 30.0) if nonlinear else (0.0,):
         for gamma in np.geomspace(0.1, 300, 80) / time[-1]:
             shape = np.exp(-gamma * time) / (1 - d * np.expm1(-gamma * time))
-            (square, floor), rest, *_ = np.linalg.lstsq(np.stack([shape, np.ones_like(shape)], axis=1), power, rcond=None)
+            (square, floor), rest, *_ = np.linalg.lstsq(
+                np.stack([shape, np.ones_like(shape)], axis=1), power, rcond=None
+            )
             if square > 0 and rest.size and rest[0] < best[0]:
                 best = (float(rest[0]), float(gamma), d, float(square), float(floor))
     if not np.isfinite(best[0]):
-        raise MeasurementError("signal: nothing decays; give the record from the moment the drive is switched off")
+        raise MeasurementError(
+            "signal: nothing decays; give the record from the moment the drive is switched off"
+        )
     return best[1:]
 
 

@@ -1,7 +1,8 @@
 """The model of a harmonic map, V_n(x, y) = V_C e^{inφ} Σ_k 2Re(c_k iⁿ e^{ikθ}) J_n(kqUξ), and its derivatives.
 
-The fringe is scaled so that its first overtone is one cosine (c₁ = 1): V_C and θ then mean the same for a sine and for a stack.
-ξ is taken at the point of the simulated membrane that lies under (x, y): shift back, turn back, shrink by the scale.
+The fringe is scaled so that its first overtone is one cosine (c₁ = 1): V_C and θ then mean the same
+for a sine and for a stack. ξ is taken at the point of the simulated membrane that lies under (x,
+y): shift back, turn back, shrink by the scale.
 """
 
 from collections.abc import Callable
@@ -33,7 +34,9 @@ REGISTRATION = ("x", "y", "scale", "rotation")
 
 @dataclass(frozen=True)
 class MapData:
-    """One measured map, flattened: points (n_points,), values and whether present (n_harmonics, n_points).
+    """One measured map, flattened.
+
+    points (n_points,), values and whether present (n_harmonics, n_points).
 
     nominal: θ of the fringe as it was given [rad], None where it was not.
     """
@@ -70,7 +73,10 @@ def flatten(name: str, dataset: xr.Dataset, fringe: PeriodicFringe | None) -> Ma
     where = f"map {name!r}" if name else "map"
     harmonic = dataset["harmonic"].values.astype(np.int64)
     if harmonic.min() < 1:
-        raise MeasurementError(f"{where}: harmonic {harmonic.min()} cannot be fitted, as its offset is not optical; leave it out")
+        raise MeasurementError(
+            f"{where}: harmonic {harmonic.min()} cannot be fitted, as its offset is not optical; "
+            "leave it out"
+        )
     values = np.asarray(dataset["real"].values + 1j * dataset["imag"].values)
     present = np.isfinite(values).reshape(len(harmonic), -1)
     used = np.flatnonzero(present.any(axis=0))
@@ -101,22 +107,33 @@ def flatten(name: str, dataset: xr.Dataset, fringe: PeriodicFringe | None) -> Ma
 def _fringe_of(where: str, dataset: xr.Dataset, fringe: PeriodicFringe | None) -> FourierSeries:
     """Return the fringe to fit, scaled; one cosine of the map's wavelength where none is given."""
     if fringe is None and "wavelength" not in dataset.attrs:
-        raise MeasurementError(f"{where}: without the attribute wavelength [m] no motion in metres can be found; add it to the file")
-    return cosine(float(dataset.attrs["wavelength"])) if fringe is None else unit_fringe(fringe.fourier)
+        raise MeasurementError(
+            f"{where}: without the attribute wavelength [m] no motion in metres can be found; "
+            "add it to the file"
+        )
+    return (
+        cosine(float(dataset.attrs["wavelength"]))
+        if fringe is None
+        else unit_fringe(fringe.fourier)
+    )
 
 
 def locate(data: MapData, x: float, y: float, scale: float, rotation: float) -> tuple[Array, Array]:
     """Return the points of the simulated membrane [m] that lie under those of the map."""
     c = np.cos(rotation)
     s = np.sin(rotation)
-    return (c * (data.x - x) + s * (data.y - y)) / scale, (c * (data.y - y) - s * (data.x - x)) / scale
+    return (c * (data.x - x) + s * (data.y - y)) / scale, (
+        c * (data.y - y) - s * (data.x - x)
+    ) / scale
 
 
 def predict(data: MapData, shape: Shape, values: dict[str, float]) -> ComplexArray:
     """Return V_n at the map's points, (n_harmonics, n_points)."""
     xi = shape(*locate(data, *(values[name] for name in REGISTRATION)))
     motion = real_part(data.series, data.harmonic, values["amplitude"] * xi, values)["motion"]
-    return np.asarray(values["contrast"] * np.exp(1j * data.harmonic[:, None] * values["motion_phase"]) * motion)
+    return np.asarray(
+        values["contrast"] * np.exp(1j * data.harmonic[:, None] * values["motion_phase"]) * motion
+    )
 
 
 def slopes(data: MapData, shape: Shape, values: dict[str, float]) -> dict[str, ComplexArray]:

@@ -20,9 +20,10 @@ NOISY = 2.0
 class Layout:
     """Where each parameter stands in the vector θ of a fit.
 
-    θ = ((f₀ − centre)/width, ln(w/width), α_y/α_c at the strongest drive, [d], ln y_max per position, φ per position, τ·span);
-    f₀ and w count from `centre` in units of `width` [Hz], y_max in V per `reference` [V] of drive, τ in 1/span [Hz].
-    y_max is missing in a fit to phases, φ and τ in a fit to magnitudes, and d, the nonlinear damping at x = 1, unless asked for.
+    θ = ((f₀ − centre)/width, ln(w/width), α_y/α_c at the strongest drive, [d], ln y_max per
+    position, φ per position, τ·span); f₀ and w count from `centre` in units of `width` [Hz], y_max
+    in V per `reference` [V] of drive, τ in 1/span [Hz]. y_max is missing in a fit to phases, φ and
+    τ in a fit to magnitudes, and d, the nonlinear damping at x = 1, unless asked for.
     """
 
     centre: float
@@ -62,22 +63,35 @@ class Layout:
 
     def split(self, theta: Array) -> tuple[float, float, float, float, Array, Array, float]:
         """Return f₀ [Hz], w [Hz], α_y/α_c, d, y_max and φ by position, and τ [s]."""
-        gain = np.exp(np.clip(theta[self.gains], -100, 100)) if self.gain else np.ones(self.n_positions)
+        gain = (
+            np.exp(np.clip(theta[self.gains], -100, 100))
+            if self.gain
+            else np.ones(self.n_positions)
+        )
         phase = theta[self.phases] if self.phase else np.zeros(self.n_positions)
         tau = float(theta[-1]) / self.span if self.phase else 0.0
         damping = float(theta[3]) if self.damping else 0.0
         # A step of a fit may go anywhere; beyond these the arithmetic overflows.
         w = self.width * float(np.exp(np.clip(theta[1], -25, 25)))
         ratio = float(np.clip(theta[2], -1e6, 1e6))
-        return self.centre + self.width * float(np.clip(theta[0], -1e6, 1e6)), w, ratio, damping, gain, phase, tau
+        return (
+            self.centre + self.width * float(np.clip(theta[0], -1e6, 1e6)),
+            w,
+            ratio,
+            damping,
+            gain,
+            phase,
+            tau,
+        )
 
 
 @dataclass(frozen=True)
 class ResponseBranches:
     """The squared amplitudes x of the low and the high state at every point, (2, n), and where they are only a continuation.
 
-    Past a fold, where a sheet has ended, x is continued by the real part of the complex pair of roots, so that the misfit
-    of points still on the sheet tells a fit which way to move the fold. pair (2, n): where that is so. single: the real root there.
+    Past a fold, where a sheet has ended, x is continued by the real part of the complex pair of
+    roots, so that the misfit of points still on the sheet tells a fit which way to move the fold.
+    pair (2, n): where that is so. single: the real root there.
     """
 
     x: Array
@@ -96,11 +110,15 @@ def duffing_branches(delta: Array, a: Array, d: Array, *, continued: bool) -> Re
     pair = np.zeros(real.shape, dtype=bool)
     if continued:
         here = (np.broadcast_to(v, single.shape).ravel() for v in (delta, a, d))
-        compiled(_continue)(real.reshape(2, -1), pair.reshape(2, -1), np.isfinite(roots[2]).ravel(), *here)
+        compiled(_continue)(
+            real.reshape(2, -1), pair.reshape(2, -1), np.isfinite(roots[2]).ravel(), *here
+        )
     return ResponseBranches(real, pair, single)
 
 
-def _continue(x: Array, pair: NDArray[np.bool_], three: NDArray[np.bool_], delta: Array, a: Array, d: Array) -> None:
+def _continue(
+    x: Array, pair: NDArray[np.bool_], three: NDArray[np.bool_], delta: Array, a: Array, d: Array
+) -> None:
     """Continue x (2, n), where there are not three roots, on the sheet that has ended, and mark it in pair (2, n)."""
     for i in range(len(delta)):
         e = delta[i]
@@ -121,7 +139,8 @@ def _continue(x: Array, pair: NDArray[np.bool_], three: NDArray[np.bool_], delta
 def fold(a: float, *, top: bool) -> tuple[float, float]:
     """Return detuning δ and x where the high (`top`) or the low state ends, without nonlinear damping; dδ/da = −x there.
 
-    With R = δ + a x, x = 1/(R² + 1) and (R² + 1)² + 2aR = 0; below the critical a, where no state ends, its double root.
+    With R = δ + a x, x = 1/(R² + 1) and (R² + 1)² + 2aR = 0; below the critical a, where no state
+    ends, its double root.
     """
     size = max(abs(a), STIFFEN)
     roots = np.roots([1.0, 0.0, 2.0, 2 * size, 1.0])
@@ -131,7 +150,9 @@ def fold(a: float, *, top: bool) -> tuple[float, float]:
     return float(np.copysign(r - size * x, -a)), x
 
 
-def response(sweeps: Sweeps, layout: Layout, theta: Array, *, continued: bool) -> tuple[Complex, ResponseBranches]:
+def response(
+    sweeps: Sweeps, layout: Layout, theta: Array, *, continued: bool
+) -> tuple[Complex, ResponseBranches]:
     """Return the voltage [V] on both sheets (2, n): y_max b e^{iφ − 2πi(f − f₀)τ} times the drive."""
     f0, w, ratio, damping, gain, phase, tau = layout.split(theta)
     power = sweeps.drive**2
@@ -145,13 +166,22 @@ def response(sweeps: Sweeps, layout: Layout, theta: Array, *, continued: bool) -
 
 
 def jacobian(
-    sweeps: Sweeps, layout: Layout, theta: Array, both: ResponseBranches, high: Index, voltage: Complex, *, cautious: bool
+    sweeps: Sweeps,
+    layout: Layout,
+    theta: Array,
+    both: ResponseBranches,
+    high: Index,
+    voltage: Complex,
+    *,
+    cautious: bool,
 ) -> Complex:
     """Return dV/dθ (n, size) on the sheet chosen at each point (0 low, 1 high), by implicit differentiation.
 
-    `cautious` limits each derivative to what stays true while the fit moves x by NOISY standard deviations, as a covariance needs.
+    `cautious` limits each derivative to what stays true while the fit moves x by NOISY standard
+    deviations, as a covariance needs.
 
-    x |D|² = 1 with D = δ + a x + i(1 + d x) gives x_p = −x ∂|D|²/∂p / (|D|² + x ∂|D|²/∂x), and V_p = −V b D_p.
+    x |D|² = 1 with D = δ + a x + i(1 + d x) gives x_p = −x ∂|D|²/∂p / (|D|² + x ∂|D|²/∂x), and V_p
+    = −V b D_p.
     """
     f0, w, ratio, damping, _gain, _phase, tau = layout.split(theta)
     power = sweeps.drive**2
@@ -167,7 +197,8 @@ def jacobian(
     imag = 1 + d * root
     square = real**2 + imag**2
     slope = square + 2 * root * (real * a + imag * d)
-    # At a fold the slope is 0 and the derivative infinite over a vanishing range: a floor keeps one point from ruling a fit.
+    # At a fold the slope is 0 and the derivative infinite over a vanishing range: a floor keeps one
+    # point from ruling a fit.
     floor = FOLD * square
     if cautious:
         bend = 4 * (real * a + imag * d) + 2 * root * (a**2 + d**2)

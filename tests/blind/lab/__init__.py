@@ -1,8 +1,9 @@
 """A virtual laboratory: measurement files made without the models that a diagnosis fits.
 
-Films come from sines and from finite elements of another family, order and mesh, responses from time steps of the slow flow, harmonics
-from sampled signals and an FFT, fringes of stacks from a recursion of reflections; instruments round. A file says nothing of what was
-hidden in it: the truth is returned apart.
+Films come from sines and from finite elements of another family, order and mesh, responses from
+time steps of the slow flow, harmonics from sampled signals and an FFT, fringes of stacks from a
+recursion of reflections; instruments round. A file says nothing of what was hidden in it: the truth
+is returned apart.
 """
 
 from dataclasses import asdict, dataclass
@@ -30,7 +31,9 @@ KINDS: dict[str, Any] = {
     "lasers": joint.Lasers,
     "device": joint.Device,
 }
-"""What is in a file: one measurement (holes: a spectrum of a film with holes), but maps under two lasers, and spectrum and sweeps."""
+"""What is in a file: one measurement (holes: a spectrum of a film with holes), but maps under two
+lasers, and spectrum and sweeps.
+"""
 GEOMETRIES = {
     "spectrum": ("square-270um", "rectangle", "hexagon-278um"),
     "holes": ("perforated",),
@@ -61,7 +64,10 @@ def causes(kind: str) -> tuple[str, ...]:
 
 
 def make(case: Case, path: Path) -> dict[str, Any]:
-    """Write the measurement file of a case and return what is in it: base, causes with values, and by how many σ each stands out."""
+    """Write the measurement file of a case and return what is in it.
+
+    Base, causes with values, and by how many σ each stands out.
+    """
     rng = np.random.default_rng([case.seed, *case.kind.encode(), *"+".join(case.causes).encode()])
     bench: Bench = KINDS[case.kind].setup(case.geometry, case.causes, rng)
     base = bench.draw(rng)
@@ -69,8 +75,15 @@ def make(case: Case, path: Path) -> dict[str, Any]:
     wanted = {name: float(np.exp(rng.uniform(*np.log(case.size)))) for name in case.causes}
     hidden, found = sized(bench, base, hidden, wanted)
     groups = bench.measured(base, {name: cause.values for name, cause in hidden.items()}, rng)
-    measurement.write(measurement.bundle(groups, geometry=case.geometry, model=device(case.geometry).text), path)
-    return {"case": asdict(case), "base": base, "causes": {name: cause.values for name, cause in hidden.items()}, "sigma": found}
+    measurement.write(
+        measurement.bundle(groups, geometry=case.geometry, model=device(case.geometry).text), path
+    )
+    return {
+        "case": asdict(case),
+        "base": base,
+        "causes": {name: cause.values for name, cause in hidden.items()},
+        "sigma": found,
+    }
 
 
 __all__ = ["GEOMETRIES", "KINDS", "STRONG", "WEAK", "Case", "Cause", "causes", "make"]

@@ -1,4 +1,7 @@
-"""Shapes of the film with holes at any point of it, from the nodes of `holes`: splines from each hole outwards and along its cell."""
+"""Shapes of the film with holes at any point of it, from the nodes of `holes`.
+
+Splines from each hole outwards and along its cell.
+"""
 
 from dataclasses import dataclass
 from functools import cache
@@ -11,35 +14,60 @@ from scipy.spatial import cKDTree
 
 from tests.blind.lab.bench import Array
 from tests.blind.lab.film import Membrane
-from tests.blind.lab.holes import AROUND, COUNT, OUTWARDS, PITCH, RADIUS, SIDE, cell, kept, rings, shapes
+from tests.blind.lab.holes import (
+    AROUND,
+    COUNT,
+    OUTWARDS,
+    PITCH,
+    RADIUS,
+    SIDE,
+    cell,
+    kept,
+    rings,
+    shapes,
+)
 
 MODES = 12
 CUBIC = 3
 SECTORS = 8
-"""Parts of a cell between which lines of the mesh have kinks: each side of its boundary has one in its middle, too."""
+"""Parts of a cell between which lines of the mesh have kinks: each side of its boundary has one in
+its middle, too.
+"""
 RIM = 1e-6
 """Distance [m] from a hole up to which nothing is read: part of the spot is over it."""
 
 
 @dataclass(frozen=True)
 class Drum(Membrane):
-    """The film with its holes; splines: of the lowest modes, from the hole outwards and along the boundary, in each sector of each cell."""
+    """The film with its holes.
+
+    splines: of the lowest modes, from the hole outwards and along the boundary, in each sector of
+    each cell.
+    """
 
     splines: tuple[NdBSpline, ...]
 
     def at(self, x: Array, y: Array, count: int | None = None) -> Array:
         """Values of the lowest modes at points (n,), 0 over holes and beyond the film, (count, n)."""
         found = np.zeros((len(x), count or MODES))
-        column, row = (np.clip(np.floor(v / PITCH + COUNT / 2), 0, COUNT - 1).astype(np.int64) for v in (x, y))
+        column, row = (
+            np.clip(np.floor(v / PITCH + COUNT / 2), 0, COUNT - 1).astype(np.int64) for v in (x, y)
+        )
         u, v = (here - (n - (COUNT - 1) / 2) * PITCH for here, n in ((x, column), (y, row)))
         a, b = (self._outwards(here, n) for here, n in ((u, column), (v, row)))
-        out = np.maximum(np.maximum(np.abs(a), np.abs(b)), 1e-300)  # of which the cell's boundary is at 1
+        # Of which the cell's boundary is at 1
+        out = np.maximum(np.maximum(np.abs(a), np.abs(b)), 1e-300)
         across = np.abs(a) >= np.abs(b)
         side = np.where(across, np.where(a > 0, 0, 2), np.where(b > 0, 1, 3))
         t = np.choose(side, [b, -a, -b, a]) / out
         r = np.hypot(u, v)
         s = (r - RADIUS) / (r / out - RADIUS)
-        on = (s >= 0) & (out <= 1 + 1e-12) & (np.abs(x) <= self.inner[0] / 2) & (np.abs(y) <= self.inner[1] / 2)
+        on = (
+            (s >= 0)
+            & (out <= 1 + 1e-12)
+            & (np.abs(x) <= self.inner[0] / 2)
+            & (np.abs(y) <= self.inner[1] / 2)
+        )
         place = (column * COUNT + row) * SECTORS + 2 * side + (t >= 0)
         for k in np.unique(place[on]):
             here = np.flatnonzero(on & (place == k))
@@ -48,7 +76,12 @@ class Drum(Membrane):
 
     def over_hole(self, x: Array, y: Array) -> NDArray[np.bool_]:
         """Whether points lie over a hole or on its rim."""
-        near = [v - (np.clip(np.round(v / PITCH + (COUNT - 1) / 2), 0, COUNT - 1) - (COUNT - 1) / 2) * PITCH for v in (x, y)]
+        near = [
+            v
+            - (np.clip(np.round(v / PITCH + (COUNT - 1) / 2), 0, COUNT - 1) - (COUNT - 1) / 2)
+            * PITCH
+            for v in (x, y)
+        ]
         return np.asarray(np.hypot(*near) < RADIUS + RIM)
 
     def _outwards(self, here: Array, n: NDArray[np.int64]) -> Array:

@@ -1,6 +1,9 @@
-"""Modes of clamped films without femnl: sines on rectangles, finite elements of third order on a polygon; bending by its boundary layer.
+"""Modes of clamped films without femnl.
 
-A clamped plate under tension is, up to third order in ℓ/L, a membrane that is smaller by ℓ on every side, with ω² raised by ℓ²k².
+Sines on rectangles, finite elements of third order on a polygon; bending by its boundary layer.
+
+A clamped plate under tension is, up to third order in ℓ/L, a membrane that is smaller by ℓ on every
+side, with ω² raised by ℓ²k².
 """
 
 from dataclasses import dataclass, replace
@@ -22,7 +25,9 @@ from tests.blind.lab.bench import Array
 
 @dataclass(frozen=True)
 class Membrane:
-    """Lowest modes of an ideal membrane, ∫ξᵢξⱼ = δᵢⱼ × area; slopes[w][d]: ∫ φ_w ∂ξᵢ∂ξⱼ / area for φ = 1, x, y, x² + y².
+    """Lowest modes of an ideal membrane, ∫ξᵢξⱼ = δᵢⱼ × area.
+
+    slopes[w][d]: ∫ φ_w ∂ξᵢ∂ξⱼ / area for φ = 1, x, y, x² + y².
 
     orders: (m, n) of each sine, empty for a polygon. half: the size that x and y count in.
     """
@@ -42,9 +47,10 @@ class Membrane:
     def clamped(self, layer: float, depth: float = 0.0) -> Array:
         """k² of each mode with the boundary layer of a plate, which decays as e^{−qd}, q² = 1/ℓ² + k² + 2k_t² (t along the edge).
 
-        Where springs of T/δ per length hold the edge, which still does not turn, its shear force −Dw‴ is theirs: a wave
-        a sin(kd + φ) + (ak/q) cos φ e^{−qd} then has tan φ = k (δℓ²(k² + q²) − 1/q), with d counted from the edge.
-        Exact but for the corners of a rectangle; on a polygon to the third order in ℓ, with k_t² = k²/2 on the average.
+        Where springs of T/δ per length hold the edge, which still does not turn, its shear force
+        −Dw‴ is theirs: a wave a sin(kd + φ) + (ak/q) cos φ e^{−qd} then has tan φ = k (δℓ²(k² + q²)
+        − 1/q), with d counted from the edge. Exact but for the corners of a rectangle; on a polygon
+        to the third order in ℓ, with k_t² = k²/2 on the average.
         """
         if self.space is not None:
             apothem = self.half * np.sqrt(3) / 2
@@ -54,15 +60,22 @@ class Membrane:
             along = k**2
             q = np.sqrt(layer**-2 + along + 2 * along[:, ::-1])
             given = depth * layer**2 * (along + q**2)
-            k = (np.pi * self.orders - 2 * np.arctan(k * (given - 1 / q))) / (np.array(self.inner) + 2 * (layer - depth))
+            k = (np.pi * self.orders - 2 * np.arctan(k * (given - 1 / q))) / (
+                np.array(self.inner) + 2 * (layer - depth)
+            )
         return np.asarray(np.sum(k**2, axis=1))
 
     def at(self, x: Array, y: Array, count: int | None = None) -> Array:
         """Values of the lowest modes at points (n,) of the film, 0 beyond it, (count, n)."""
-        order = np.argsort(self.square, kind="stable")[:count] if count else np.arange(len(self.square))
+        order = (
+            np.argsort(self.square, kind="stable")[:count] if count else np.arange(len(self.square))
+        )
         if self.space is None:
             sides = zip((x, y), self.inner, self.orders[order].T, strict=True)
-            one, two = (np.sin(np.outer(m, np.pi * (p / side + 0.5))) * (np.abs(p) <= side / 2) for p, side, m in sides)
+            one, two = (
+                np.sin(np.outer(m, np.pi * (p / side + 0.5))) * (np.abs(p) <= side / 2)
+                for p, side, m in sides
+            )
             return np.asarray(2 * one * two)
         basis, values, cell_at = self.space
         here = np.stack([x / self.inner[0], y / self.inner[1]])
@@ -77,7 +90,10 @@ class Membrane:
         return found
 
     def held(self, x: Array, y: Array, count: int, layer: float) -> Array:
-        """The same of a plate whose clamped edge lies `layer` outside: a slope g at the membrane's edge becomes g (d − ℓ + ℓ e^{−d/ℓ})."""
+        """The same of a plate whose clamped edge lies `layer` outside.
+
+        a slope g at the membrane's edge becomes g (d − ℓ + ℓ e^{−d/ℓ}).
+        """
         normal, reach = self._sides()
         place = np.stack([x, y])
         away = reach[:, None] + layer - normal @ place
@@ -88,13 +104,18 @@ class Membrane:
         inner = place - out * np.maximum(deep + layer - d, 0)
         slope = self.at(inner[0], inner[1], count) / deep * (d < deep + layer)
         beyond = slope * np.where(d < layer, d - layer, 0)
-        return np.asarray((self.at(x, y, count) + beyond + slope * layer * np.exp(-np.maximum(d, 0) / layer)) * (d > 0))
+        return np.asarray(
+            (self.at(x, y, count) + beyond + slope * layer * np.exp(-np.maximum(d, 0) / layer))
+            * (d > 0)
+        )
 
     def _sides(self) -> tuple[Array, Array]:
         """Outward unit normals (n, 2) of the membrane's sides and their distances from the middle (n,)."""
         if self.space is None:
             width, height = self.inner
-            return np.array([[1, 0], [-1, 0], [0, 1], [0, -1.0]]), np.array([width, width, height, height]) / 2
+            return np.array([[1, 0], [-1, 0], [0, 1], [0, -1.0]]), np.array(
+                [width, width, height, height]
+            ) / 2
         rows = _normals(self.space[0]) / np.array(self.inner)
         size = np.linalg.norm(rows, axis=1)
         return rows / size[:, None], 1 / size
@@ -125,7 +146,10 @@ def membrane(name: str, layer: float, stretch: float = 0.0, basis: int = 14) -> 
     x = factor * (1 + stretch / 2)
     y = factor / (1 + stretch / 2)
     weights = (1.0, x, y, factor**2)  # the stretch of x² + y² is of second order
-    slopes = tuple((w * s[0] / x**2, w * s[1] / y**2, w * s[2] / (x * y)) for w, s in zip(weights, found.slopes, strict=True))
+    slopes = tuple(
+        (w * s[0] / x**2, w * s[1] / y**2, w * s[2] / (x * y))
+        for w, s in zip(weights, found.slopes, strict=True)
+    )
     return replace(found, slopes=slopes, area=found.area * x * y, inner=(x, y))
 
 
@@ -137,14 +161,19 @@ def _rectangle(sides: tuple[float, float], half: float, basis: int) -> Membrane:
     value = np.sin(np.outer(m, np.pi * (t + 0.5)))
     slope = np.pi * m[:, None] * np.cos(np.outer(m, np.pi * (t + 0.5)))
     table = {
-        (p, a, b): 2 * (f * t**p * w) @ g.T for p in range(3) for a, f in enumerate((value, slope)) for b, g in enumerate((value, slope))
+        (p, a, b): 2 * (f * t**p * w) @ g.T
+        for p in range(3)
+        for a, f in enumerate((value, slope))
+        for b, g in enumerate((value, slope))
     }
     orders = np.array([(i, j) for i in m for j in m])
     ix, iy = orders.T - 1
 
     def product(px: int, py: int, ax: int, bx: int, ay: int, by: int) -> Array:
         scale = sides[0] ** (px - ax - bx) * sides[1] ** (py - ay - by)
-        return np.asarray(scale * table[px, ax, bx][np.ix_(ix, ix)] * table[py, ay, by][np.ix_(iy, iy)])
+        return np.asarray(
+            scale * table[px, ax, bx][np.ix_(ix, ix)] * table[py, ay, by][np.ix_(iy, iy)]
+        )
 
     def three(px: int, py: int) -> tuple[Array, Array, Array]:
         mixed = product(px, py, 1, 0, 0, 1)
@@ -153,7 +182,14 @@ def _rectangle(sides: tuple[float, float], half: float, basis: int) -> Membrane:
     x2 = three(2, 0)
     y2 = three(0, 2)
     bowl = (x2[0] + y2[0], x2[1] + y2[1], x2[2] + y2[2])
-    return Membrane((three(0, 0), three(1, 0), three(0, 1), bowl), sides[0] * sides[1], half, orders, sides, None)
+    return Membrane(
+        (three(0, 0), three(1, 0), three(0, 1), bowl),
+        sides[0] * sides[1],
+        half,
+        orders,
+        sides,
+        None,
+    )
 
 
 @cache
@@ -161,7 +197,8 @@ def _polygon(corners: tuple[tuple[float, float], ...], count: int = 90) -> Membr
     """Cubic elements on triangles about the centre, finer towards the corners, where the modes are singular."""
     points = np.array(corners)
     mesh = MeshTri(
-        np.column_stack([np.zeros(2), points.T]), np.array([[0, i + 1, (i + 1) % len(points) + 1] for i in range(len(points))]).T
+        np.column_stack([np.zeros(2), points.T]),
+        np.array([[0, i + 1, (i + 1) % len(points) + 1] for i in range(len(points))]).T,
     )
     mesh = mesh.refined(4)
     reach = float(np.abs(points).max())
@@ -186,7 +223,9 @@ def _polygon(corners: tuple[tuple[float, float], ...], count: int = 90) -> Membr
 
     slopes = (three("1"), three("x"), three("y"), three("x² + y²"))
     finder = Triangulation(mesh.p[0], mesh.p[1], mesh.t.T).get_trifinder()
-    return Membrane(slopes, area, reach, np.empty((0, 2), np.int64), (1.0, 1.0), (space, shapes, finder))
+    return Membrane(
+        slopes, area, reach, np.empty((0, 2), np.int64), (1.0, 1.0), (space, shapes, finder)
+    )
 
 
 def _form(weight: str, a: int, b: int) -> BilinearForm:

@@ -1,6 +1,9 @@
-"""Spectra of a square film with a lattice of holes: quadratic quadrilaterals around each hole, in the plane and out of it.
+"""Spectra of a square film with a lattice of holes.
 
-The film relaxes in its plane under each component of the stress that it had before; its modes, slopes and bending follow from that.
+Quadratic quadrilaterals around each hole, in the plane and out of it.
+
+The film relaxes in its plane under each component of the stress that it had before; its modes,
+slopes and bending follow from that.
 """
 
 import zlib
@@ -13,7 +16,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh, splu
-from skfem import Basis, BilinearForm, ElementQuad2, ElementVector, FacetBasis, LinearForm, MeshQuad, MeshQuad2, asm
+from skfem import (
+    Basis,
+    BilinearForm,
+    ElementQuad2,
+    ElementVector,
+    FacetBasis,
+    LinearForm,
+    MeshQuad,
+    MeshQuad2,
+    asm,
+)
 from skfem.helpers import ddot, sym_grad, trace
 from skfem.models.poisson import mass
 
@@ -30,7 +43,9 @@ RADIUS = 5e-6
 POISSON = 0.23
 """Those of `perforated.toml`."""
 KEPT = Path(__file__).parents[3] / "build"
-"""Where what the film's equations give is kept; without it, or where this file has changed, it is computed again."""
+"""Where what the film's equations give is kept; without it, or where this file has changed, it is
+computed again.
+"""
 AROUND = 64
 OUTWARDS = 16
 MODES = 60
@@ -41,9 +56,10 @@ LOADS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 def solved() -> dict[str, Array]:
     """Integrals over the film and its modes, lengths in units of its side, of ∫φᵢφⱼ = δᵢⱼ × area.
 
-    loads (3, n, n): ∫ T:∇φᵢ∇φⱼ / area for the relaxed film of each load, graded (3, n, n): that of equal stresses times x, y and
-    x² + y²; edge (n,): ∮ √T_nn (∂φ/∂n)² / area of equal stresses;
-    bending (n,): ∫ (1 − ν) |∇∇φ|² + ν (Δφ)² / area; area; shapes (n_nodes, n) at nodes (2, n_nodes).
+    loads (3, n, n): ∫ T:∇φᵢ∇φⱼ / area for the relaxed film of each load, graded (3, n, n): that of
+    equal stresses times x, y and x² + y²; edge (n,): ∮ √T_nn (∂φ/∂n)² / area of equal stresses;
+    bending (n,): ∫ (1 − ν) |∇∇φ|² + ν (Δφ)² / area; area; shapes (n_nodes, n) at nodes (2,
+    n_nodes).
     """
     return kept("film", solve)
 
@@ -65,7 +81,10 @@ def rings(outwards: int) -> Array:
 
 
 def cell(column: int, row: int, around: int, outwards: int, side: float) -> Array:
-    """Corners of the quadrilaterals of one cell, (2, outwards + 1, around), in units of the side; the outer cells take in the margin."""
+    """Corners of the quadrilaterals of one cell, (2, outwards + 1, around), in units of the side.
+
+    The outer cells take in the margin.
+    """
     radius = RADIUS / side
     pitch = PITCH / side
     t = np.linspace(-1, 1, around // 4 + 1)[:-1]
@@ -74,10 +93,18 @@ def cell(column: int, row: int, around: int, outwards: int, side: float) -> Arra
     s = rings(outwards)[:, None]
     margin = (1 - COUNT * pitch) / pitch
     ends = [(1 + margin * (n == 0), 1 + margin * (n == COUNT - 1)) for n in (column, row)]
-    outer = np.stack([np.where(part < 0, part * low, part * high) for part, (low, high) in zip(square, ends, strict=True)])
+    outer = np.stack(
+        [
+            np.where(part < 0, part * low, part * high)
+            for part, (low, high) in zip(square, ends, strict=True)
+        ]
+    )
     turn = np.arctan2(outer[1], outer[0])
     place = (np.array([column, row]) - (COUNT - 1) / 2) * pitch
-    found = [(1 - s) * radius * f(turn) + s * pitch / 2 * part for f, part in zip((np.cos, np.sin), outer, strict=True)]
+    found = [
+        (1 - s) * radius * f(turn) + s * pitch / 2 * part
+        for f, part in zip((np.cos, np.sin), outer, strict=True)
+    ]
     return np.stack(found) + place[:, None, None]
 
 
@@ -85,7 +112,11 @@ def mesh(around: int, outwards: int, side: float = SIDE) -> MeshQuad2:
     """Quadrilaterals between each hole and the sides of its cell; those at the hole follow its arc."""
     radius = RADIUS / side
     pitch = PITCH / side
-    cells = [cell(column, row, around, outwards, side).reshape(2, -1) for column in range(COUNT) for row in range(COUNT)]
+    cells = [
+        cell(column, row, around, outwards, side).reshape(2, -1)
+        for column in range(COUNT)
+        for row in range(COUNT)
+    ]
     i, k = np.meshgrid(np.arange(around), np.arange(outwards))
     corners = [(k + a) * around + (i + b) % around for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
     first = np.stack([corner.ravel() for corner in corners])
@@ -93,7 +124,9 @@ def mesh(around: int, outwards: int, side: float = SIDE) -> MeshQuad2:
     points = np.concatenate(cells, axis=1)
     quads = np.concatenate([first + n * cells[0].shape[1] for n in range(len(cells))], axis=1)
     _, kept, where = np.unique(np.round(points, 9), axis=1, return_index=True, return_inverse=True)
-    plain = MeshQuad2.from_mesh(MeshQuad(np.ascontiguousarray(points[:, kept]), np.ascontiguousarray(where.ravel()[quads])))
+    plain = MeshQuad2.from_mesh(
+        MeshQuad(np.ascontiguousarray(points[:, kept]), np.ascontiguousarray(where.ravel()[quads]))
+    )
     nodes = plain.doflocs.copy()
     rest = nodes - centres[np.abs(nodes[:, :, None] - centres).argmin(axis=2)]
     distance = np.hypot(*rest)
@@ -117,7 +150,9 @@ class Relaxed:
         flat = self.flat
         inner = flat.complement_dofs(flat.get_dofs(self.outer))
         heavy = asm(mass, flat)
-        square, vectors = eigsh(stiffness[inner][:, inner].tocsc(), count, heavy[inner][:, inner].tocsc(), sigma=0.0)
+        square, vectors = eigsh(
+            stiffness[inner][:, inner].tocsc(), count, heavy[inner][:, inner].tocsc(), sigma=0.0
+        )
         shapes = np.zeros((flat.N, count))
         shapes[inner] = vectors * np.sqrt(float(flat.dx.sum()))
         return square, shapes
@@ -125,10 +160,15 @@ class Relaxed:
 
 def relaxed(cells: MeshQuad2, loads: Sequence[tuple[float, float, float]]) -> Relaxed:
     """Let the film go in its plane under each stress that it may have had before."""
-    outer = cells.facets_satisfying(lambda x: np.isclose(np.abs(x).max(axis=0), 0.5, atol=1e-9), boundaries_only=True)
+    outer = cells.facets_satisfying(
+        lambda x: np.isclose(np.abs(x).max(axis=0), 0.5, atol=1e-9), boundaries_only=True
+    )
     flat = Basis(cells, ElementQuad2(), intorder=6)
     plane = Basis(cells, ElementVector(ElementQuad2()), intorder=6)
-    rim, rims = (FacetBasis(cells, element, facets=outer, intorder=6) for element in (ElementQuad2(), ElementVector(ElementQuad2())))
+    rim, rims = (
+        FacetBasis(cells, element, facets=outer, intorder=6)
+        for element in (ElementQuad2(), ElementVector(ElementQuad2()))
+    )
     free = plane.complement_dofs(plane.get_dofs(outer))
     stretch = splu(asm(_elastic, plane)[free][:, free].tocsc())
     tensions = []
@@ -136,7 +176,9 @@ def relaxed(cells: MeshQuad2, loads: Sequence[tuple[float, float, float]]) -> Re
     for load in loads:
         before = np.array([[load[0], load[2]], [load[2], load[1]]])[:, :, None, None]
         moved = np.zeros(plane.N)
-        moved[free] = -stretch.solve(asm(_released, plane, before=before * np.ones(flat.dx.shape))[free])
+        moved[free] = -stretch.solve(
+            asm(_released, plane, before=before * np.ones(flat.dx.shape))[free]
+        )
         tensions.append(before + _stress(sym_grad(_field(plane, moved))))
         if load[2] == 0:
             at_rim = at_rim + before + _stress(sym_grad(_field(rims, moved)))
@@ -147,7 +189,12 @@ def shapes(side: float, count: int) -> dict[str, Array]:
     """k² and values at the nodes of the lowest modes of a film of that side [m] under equal stresses, as in `solved`."""
     film = relaxed(mesh(AROUND, OUTWARDS, side), [(1.0, 1.0, 0.0)])
     square, values = film.modes(asm(_pull, film.flat, tension=film.tensions[0]), count)
-    return {"square": square, "area": np.array(float(film.flat.dx.sum())), "nodes": film.flat.doflocs, "shapes": values}
+    return {
+        "square": square,
+        "area": np.array(float(film.flat.dx.sum())),
+        "nodes": film.flat.doflocs,
+        "shapes": values,
+    }
 
 
 def solve(around: int = AROUND, outwards: int = OUTWARDS) -> dict[str, Array]:
@@ -164,7 +211,10 @@ def solve(around: int = AROUND, outwards: int = OUTWARDS) -> dict[str, Array]:
     even = stiff[0] + stiff[1]
     square, shapes = film.modes(even, MODES)
     smooth = splu(heavy.tocsc())
-    slopes = [smooth.solve(asm(_slope, flat, along=np.full(flat.dx.shape, axis)) @ shapes) for axis in (0, 1)]
+    slopes = [
+        smooth.solve(asm(_slope, flat, along=np.full(flat.dx.shape, axis)) @ shapes)
+        for axis in (0, 1)
+    ]
     edge = np.empty(MODES)
     bending = np.empty(MODES)
     ring = flat.get_dofs(film.outer).all()
@@ -177,9 +227,24 @@ def solve(around: int = AROUND, outwards: int = OUTWARDS) -> dict[str, Array]:
         edge[k] = np.sum(rim.dx * _field(rim, pull) ** 2 / normal**1.5) / area
         a, b = (_field(flat, slope[:, k]).grad for slope in slopes)
         mixed = (a[1] + b[0]) / 2
-        bending[k] = np.sum(flat.dx * ((1 - POISSON) * (a[0] ** 2 + b[1] ** 2 + 2 * mixed**2) + POISSON * (a[0] + b[1]) ** 2)) / area
+        bending[k] = (
+            np.sum(
+                flat.dx
+                * (
+                    (1 - POISSON) * (a[0] ** 2 + b[1] ** 2 + 2 * mixed**2)
+                    + POISSON * (a[0] + b[1]) ** 2
+                )
+            )
+            / area
+        )
     loads = np.array([shapes.T @ (matrix @ shapes) for matrix in stiff]) / area
-    known = {"loads": loads[:3], "graded": loads[3:], "edge": edge, "bending": bending, "area": np.array(area)}
+    known = {
+        "loads": loads[:3],
+        "graded": loads[3:],
+        "edge": edge,
+        "bending": bending,
+        "area": np.array(area),
+    }
     return known | {"nodes": flat.doflocs, "shapes": shapes}
 
 
@@ -194,7 +259,10 @@ def _points(space: Basis) -> Any:
 
 
 def _stress(strain: Any) -> Any:
-    """Plane stress of Young's modulus 1: how stiff the film is does not count where its edge is held."""
+    """Plane stress of Young's modulus 1.
+
+    How stiff the film is does not count where its edge is held.
+    """
     identity = np.eye(2)[:, :, None, None]
     return ((1 - POISSON) * strain + POISSON * trace(strain) * identity) / (1 - POISSON**2)
 
@@ -235,7 +303,8 @@ class Perforated(Membrane):
     def clamped(self, layer: float, depth: float = 0.0) -> Array:
         """k² of each mode where the clamp's boundary layer makes the film smaller by ℓ, less ℓ²k⁴, with its bending in place of that.
 
-        To first order what the edge's pull does over ℓ; to second as on a film without holes, (1 − x)⁻² of 1 + 2x.
+        To first order what the edge's pull does over ℓ; to second as on a film without holes, (1 −
+        x)⁻² of 1 + 2x.
         """
         part = layer * self.edge / self.square
         grown = self.square * (1 + part + 0.75 * part**2)
@@ -243,7 +312,10 @@ class Perforated(Membrane):
 
     def at(self, x: Array, y: Array, count: int | None = None) -> Array:
         """Values of the lowest modes at the nodes nearest to points (n,)."""
-        nearest = [int(np.argmin(np.hypot(self.nodes[0] - a, self.nodes[1] - b))) for a, b in zip(x, y, strict=True)]
+        nearest = [
+            int(np.argmin(np.hypot(self.nodes[0] - a, self.nodes[1] - b)))
+            for a, b in zip(x, y, strict=True)
+        ]
         return np.asarray(self.shapes[nearest, :count].T)
 
 
@@ -285,4 +357,6 @@ def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> Holes
 
 RIGID = ("aspect_ratio", "compliant_clamp")
 """What would need other meshes."""
-CAUSES: dict[str, Callable[[np.random.Generator, Any], Cause]] = {n: draw for n, draw in spectrum.CAUSES.items() if n not in RIGID}
+CAUSES: dict[str, Callable[[np.random.Generator, Any], Cause]] = {
+    n: draw for n, draw in spectrum.CAUSES.items() if n not in RIGID
+}

@@ -1,7 +1,7 @@
 """Maps of harmonics: shapes of a membrane smaller by ℓ on every side with the layer of a plate at its edge; v(t) over a period, an FFT.
 
-Where the film has holes, nothing is read over them. A restoring force of second order bends the motion itself: one period of the free
-oscillator, in time steps.
+Where the film has holes, nothing is read over them. A restoring force of second order bends the
+motion itself: one period of the free oscillator, in time steps.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,9 @@ SAMPLES = 96
 ORDERS = 6
 MODES = 12
 SPOT = np.linspace(-3.6, 3.6, 13)
-"""Points of the laser spot along each axis, in units of its sd: even steps, since the film's edge is a kink of the signal."""
+"""Points of the laser spot along each axis, in units of its sd: even steps, since the film's edge
+is a kink of the signal.
+"""
 WEIGHT = np.exp(-(SPOT**2) / 2)
 HOLED = ("perforated",)
 """Films with holes, over which nothing is read."""
@@ -31,7 +33,10 @@ HOLED = ("perforated",)
 @lru_cache(maxsize=700)  # every point of a spot at its place, beside, and for another size
 def _shapes(name: str, x: bytes, y: bytes) -> Array:
     """Shapes of the lowest modes at points, each with a maximum of 1."""
-    return np.asarray(_film(name).held(np.frombuffer(x), np.frombuffer(y), MODES, _layer(name)) / _largest(name)[:, None])
+    return np.asarray(
+        _film(name).held(np.frombuffer(x), np.frombuffer(y), MODES, _layer(name))
+        / _largest(name)[:, None]
+    )
 
 
 def _layer(name: str) -> float:
@@ -56,19 +61,33 @@ class MapBench:
     """Six harmonics over a film and a fifth beyond; see `Bench`."""
 
     def __init__(
-        self, name: str, causes: tuple[str, ...], rng: np.random.Generator, points: int = 41, wavelength: float = WAVELENGTH
+        self,
+        name: str,
+        causes: tuple[str, ...],
+        rng: np.random.Generator,
+        points: int = 41,
+        wavelength: float = WAVELENGTH,
     ) -> None:
         self.wavelength = wavelength
         self.driven = 0.5 if "crosstalk" in causes else None
         self.name = name
         film = device(name).film
-        self.frequencies = np.sqrt(np.sort(_film(name).square)[:MODES] * film.stress / film.density) / (2 * np.pi)
+        self.frequencies = np.sqrt(
+            np.sort(_film(name).square)[:MODES] * film.stress / film.density
+        ) / (2 * np.pi)
         self.axis = np.linspace(-1.2, 1.2, points) * _film(name).half
         self.noise = 3e-4
         self.stack = device(name).stack
         self.gap = self.stack.layers[self.stack.gap].thickness if self.stack else 0.0
         self.drive = float(self.frequencies[0] * (1 + 1e-3 * rng.uniform(-1, 1)))
-        self.unit = {"amplitude": 1e-8, "contrast": 0.02, "theta": 1.0, "phase": 1.0, "x": 1e-6, "y": 1e-6}
+        self.unit = {
+            "amplitude": 1e-8,
+            "contrast": 0.02,
+            "theta": 1.0,
+            "phase": 1.0,
+            "x": 1e-6,
+            "y": 1e-6,
+        }
 
     def draw(self, rng: np.random.Generator) -> Values:
         """Draw the amplitude [m], contrast [V], phases of fringe and motion [rad], and where the film lies on the stage [m]."""
@@ -83,17 +102,31 @@ class MapBench:
 
     def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
         """Both quadratures over their σ."""
-        rows = np.stack([self._harmonics(base, hidden).ravel() / self.noise for base, hidden in variants])
-        seen = np.where(np.isfinite(rows).all(axis=0), rows, 0)  # a point that comes to lie over a hole tells nothing
+        rows = np.stack(
+            [self._harmonics(base, hidden).ravel() / self.noise for base, hidden in variants]
+        )
+        # A point that comes to lie over a hole tells nothing
+        seen = np.where(np.isfinite(rows).all(axis=0), rows, 0)
         return np.concatenate([seen.real, seen.imag], axis=1)
 
-    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
+    def measured(
+        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+    ) -> dict[str, xr.Dataset]:
         """Quadratures with noise, to a microvolt."""
         values = self._harmonics(base, hidden)
         noise = rng.standard_normal((2, *values.shape))
         noisy = np.round(values + self.noise * (noise[0] + 1j * noise[1]), 6)
-        where = {"noise_sd": self.noise, "wavelength": self.wavelength, "drive_frequency": self.drive, "drive": self.driven}
-        return {"map": measurement.harmonic_map(self.axis, self.axis, np.arange(1, ORDERS + 1), noisy, **where)}
+        where = {
+            "noise_sd": self.noise,
+            "wavelength": self.wavelength,
+            "drive_frequency": self.drive,
+            "drive": self.driven,
+        }
+        return {
+            "map": measurement.harmonic_map(
+                self.axis, self.axis, np.arange(1, ORDERS + 1), noisy, **where
+            )
+        }
 
     def _harmonics(self, base: Values, hidden: dict[str, Values]) -> NDArray[np.complex128]:
         x, y = np.meshgrid(self.axis - base["x"], self.axis - base["y"])
@@ -123,20 +156,29 @@ class MapBench:
             values = values * (turns @ (share / share.sum()))
         if "detector_bandwidth" in hidden:
             lag = 1j * order * omega * hidden["detector_bandwidth"]["time_constant"]
-            values = values * np.exp(lag) / (1 + lag)  # the phase of the motion counts from behind the delay that all harmonics share
+            # The phase of the motion counts from behind the delay that all harmonics share
+            values = values * np.exp(lag) / (1 + lag)
         if "crosstalk" in hidden and self.driven is not None:
-            values = values + (order == 1) * self.driven * (hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"])
+            values = values + (order == 1) * self.driven * (
+                hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"]
+            )
         film = _film(self.name)
-        return np.asarray(np.where(film.over_hole(x, y), np.nan, values) if isinstance(film, Drum) else values)
+        return np.asarray(
+            np.where(film.over_hole(x, y), np.nan, values) if isinstance(film, Drum) else values
+        )
 
-    def _read(self, x: Array, y: Array, base: Values, hidden: dict[str, Values]) -> NDArray[np.complex128]:
+    def _read(
+        self, x: Array, y: Array, base: Values, hidden: dict[str, Values]
+    ) -> NDArray[np.complex128]:
         """Harmonics at points of the film, for a motion whose phase is zero."""
         shapes = _shapes(self.name, x.tobytes(), y.tobytes()).reshape(MODES, *x.shape)
         shape = shapes[0]
         turn = 4 * np.pi / self.wavelength
         theta = np.full(x.shape, base["theta"])
         if "phase_tilt" in hidden:
-            theta = theta + turn * (hidden["phase_tilt"]["slope_x"] * x + hidden["phase_tilt"]["slope_y"] * y)
+            theta = theta + turn * (
+                hidden["phase_tilt"]["slope_x"] * x + hidden["phase_tilt"]["slope_y"] * y
+            )
         if "static_bow" in hidden:
             theta = theta + turn * hidden["static_bow"]["depth"] * shape
         for k in range(1, 5):
@@ -145,7 +187,9 @@ class MapBench:
         tau = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
         u = base["amplitude"] * shape[..., None] * np.cos(tau)
         if "quadratic_stiffness" in hidden:
-            orbit = base["amplitude"] * bent(hidden["quadratic_stiffness"]["kappa2"] * base["amplitude"], SAMPLES)
+            orbit = base["amplitude"] * bent(
+                hidden["quadratic_stiffness"]["kappa2"] * base["amplitude"], SAMPLES
+            )
             u = u + shapes[0][..., None] * (orbit - base["amplitude"] * np.cos(tau))
         if "mechanical_overtones" in hidden:
             sung = hidden["mechanical_overtones"]
@@ -155,19 +199,33 @@ class MapBench:
                 u = u + shapes[k][..., None] * swing
         v = self._lit(u, theta, base, hidden)
         if "detector_saturation" in hidden:
-            limit = base["contrast"] * self._top(hidden) * (1 - hidden["detector_saturation"]["clipped"])
+            limit = (
+                base["contrast"]
+                * self._top(hidden)
+                * (1 - hidden["detector_saturation"]["clipped"])
+            )
             v = np.clip(v, -limit, limit)
-        return np.asarray(2 / SAMPLES * np.moveaxis(np.fft.fft(v, axis=-1)[..., 1 : ORDERS + 1], -1, 0))
+        return np.asarray(
+            2 / SAMPLES * np.moveaxis(np.fft.fft(v, axis=-1)[..., 1 : ORDERS + 1], -1, 0)
+        )
 
     def _top(self, hidden: dict[str, Values]) -> float:
         """Largest value of the fringe, in units of its contrast."""
-        return largest(self.stack, self.wavelength) if "multilayer_fringe" in hidden and self.stack is not None else 1.0
+        return (
+            largest(self.stack, self.wavelength)
+            if "multilayer_fringe" in hidden and self.stack is not None
+            else 1.0
+        )
 
     def _lit(self, u: Array, theta: Array, base: Values, hidden: dict[str, Values]) -> Array:
         if "multilayer_fringe" not in hidden or self.stack is None:
-            return np.asarray(base["contrast"] * np.cos(4 * np.pi / self.wavelength * u + theta[..., None]))
+            return np.asarray(
+                base["contrast"] * np.cos(4 * np.pi / self.wavelength * u + theta[..., None])
+            )
         # What turns a cosine widens or narrows the gap under the film.
-        gap = hidden["multilayer_fringe"]["gap"] + (theta - base["theta"])[..., None] * self.wavelength / (4 * np.pi)
+        gap = hidden["multilayer_fringe"]["gap"] + (theta - base["theta"])[
+            ..., None
+        ] * self.wavelength / (4 * np.pi)
         return base["contrast"] * fringe(self.stack, gap + u, self.wavelength)
 
 
@@ -186,7 +244,9 @@ def largest(stack: Stack, wavelength: float) -> float:
 
 @lru_cache(maxsize=64)
 def bent(kappa: float, samples: int) -> Array:
-    """One period of ü + u + κu² = 0 in units of its first harmonic, whose phase is zero; κ in those units.
+    """One period of ü + u + κu² = 0 in units of its first harmonic, whose phase is zero.
+
+    κ in those units.
 
     By Runge–Kutta steps from one turning point to the next: the way back is the way there.
     """
@@ -194,7 +254,8 @@ def bent(kappa: float, samples: int) -> Array:
     half = np.pi
     for _ in range(8):
         u, v = _orbit(kappa, start, half, samples)
-        half += v[samples // 2] / (u[samples // 2] * (1 + kappa * u[samples // 2]))  # where it turns, v = 0
+        # Where it turns, v = 0
+        half += v[samples // 2] / (u[samples // 2] * (1 + kappa * u[samples // 2]))
         start /= float(2 * np.mean(u * np.cos(2 * np.pi * np.arange(samples) / samples)))
     return _orbit(kappa, start, half, samples)[0]
 
@@ -222,7 +283,10 @@ def _orbit(kappa: float, start: float, half: float, samples: int) -> tuple[Array
 
 
 def reflection(stack: Stack, gap: Array, wavelength: float = WAVELENGTH) -> Array:
-    """R of the stack at normal incidence, layer by layer from the wafer up: r = (r₀ + r e^{−2ikd})/(1 + r₀ r e^{−2ikd})."""
+    """R of the stack at normal incidence, layer by layer from the wafer up.
+
+    r = (r₀ + r e^{−2ikd})/(1 + r₀ r e^{−2ikd}).
+    """
     index = [_index(layer.index, wavelength) for layer in stack.layers]
     inner = np.zeros(np.shape(gap), complex)
     for k in range(len(index) - 2, -1, -1):
@@ -250,7 +314,11 @@ def _stack(rng: np.random.Generator, bench: MapBench) -> Cause:
 
 def _leak(rng: np.random.Generator, bench: MapBench) -> Cause:
     turn = rng.uniform(-np.pi, np.pi)
-    return Cause({"real": 1e-5 * float(np.cos(turn)), "imag": 1e-5 * float(np.sin(turn))}, ("real", "imag"), 1e3)
+    return Cause(
+        {"real": 1e-5 * float(np.cos(turn)), "imag": 1e-5 * float(np.sin(turn))},
+        ("real", "imag"),
+        1e3,
+    )
 
 
 CAUSES: dict[str, Callable[[np.random.Generator, MapBench], Cause]] = {
@@ -265,6 +333,8 @@ CAUSES: dict[str, Callable[[np.random.Generator, MapBench], Cause]] = {
     "quadratic_stiffness": lambda rng, bench: Cause({"kappa2": 3e3 * sign(rng)}, ("kappa2",), 60.0),
     "stage_rotation": lambda rng, bench: Cause({"angle": 1e-3 * sign(rng)}, ("angle",), 200.0),
     "stage_scale": vector(("stretch_x", "stretch_y"), 1e-3, 100.0),
-    "static_bow": lambda rng, bench: Cause({"depth": 1e-2 * WAVELENGTH / (4 * np.pi) * sign(rng)}, ("depth",), 200.0),
+    "static_bow": lambda rng, bench: Cause(
+        {"depth": 1e-2 * WAVELENGTH / (4 * np.pi) * sign(rng)}, ("depth",), 200.0
+    ),
     "trigger_jitter": one("sd", 3e-9, 25.0),
 }

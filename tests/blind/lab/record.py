@@ -1,4 +1,7 @@
-"""A record of drive and output of one oscillator: many small Runge–Kutta steps under a band-limited noise."""
+"""A record of drive and output of one oscillator.
+
+Many small Runge–Kutta steps under a band-limited noise.
+"""
 
 from collections.abc import Callable
 from functools import cache
@@ -27,11 +30,24 @@ class RecordBench:
         self.noise = float(rng.choice([1e-4, 3e-4]))
         spectrum = np.fft.rfft(rng.standard_normal(COUNT))
         spectrum[np.fft.rfftfreq(COUNT, 1 / RATE) > BAND] = 0
-        # Between the samples and half-way between the steps, exactly what the band allows; before the record it repeats itself.
-        fine = np.fft.irfft(np.pad(spectrum, (0, COUNT * SUBSTEPS + 1 - len(spectrum))), 2 * COUNT * SUBSTEPS) * 2 * SUBSTEPS
+        # Between the samples and half-way between the steps, exactly what the band allows; before
+        # the record it repeats itself.
+        fine = (
+            np.fft.irfft(
+                np.pad(spectrum, (0, COUNT * SUBSTEPS + 1 - len(spectrum))), 2 * COUNT * SUBSTEPS
+            )
+            * 2
+            * SUBSTEPS
+        )
         self.drive = 0.1 * fine / np.std(fine) * rng.uniform(0.8, 1.2)
         self.size = 0.3
-        self.unit = {"frequency": 70.0, "linewidth": 10.0, "stiffness": 1.0, "offset": 0.01, "alpha": 4.0}
+        self.unit = {
+            "frequency": 70.0,
+            "linewidth": 10.0,
+            "stiffness": 1.0,
+            "offset": 0.01,
+            "alpha": 4.0,
+        }
 
     def draw(self, rng: np.random.Generator) -> Values:
         """Draw f₀ and w [Hz], stiffness [V/V], offset [V] and α [V⁻²], of a motion that forgets its begin: some would be chaotic."""
@@ -49,26 +65,52 @@ class RecordBench:
 
     def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
         """The output over its σ; all variants are stepped side by side."""
-        return self._run([base for base, _ in variants], [hidden for _, hidden in variants]) / self.noise
+        return (
+            self._run([base for base, _ in variants], [hidden for _, hidden in variants])
+            / self.noise
+        )
 
-    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
+    def measured(
+        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+    ) -> dict[str, xr.Dataset]:
         """Output with noise, in steps of the converter; the drive as it was."""
         output = self._run([base], [hidden])[0]
         noisy = ADC * np.round((output + self.noise * rng.standard_normal(COUNT)) / ADC)
         time = np.arange(COUNT) / RATE
-        return {"record": measurement.trace(time, noisy[None], drive_voltage=self.drive[None, :: 2 * SUBSTEPS], noise_sd=self.noise)}
+        return {
+            "record": measurement.trace(
+                time,
+                noisy[None],
+                drive_voltage=self.drive[None, :: 2 * SUBSTEPS],
+                noise_sd=self.noise,
+            )
+        }
 
-    def _run(self, bases: list[Values], hidden: list[dict[str, Values]], begin: float | Array = 0.0) -> Array:
+    def _run(
+        self, bases: list[Values], hidden: list[dict[str, Values]], begin: float | Array = 0.0
+    ) -> Array:
         def spec(cause: str, name: str) -> Array:
             return np.array([h.get(cause, {}).get(name, 0.0) for h in hidden])
 
         f0, width, stiffness, offset, alpha = (
-            np.array([base[name] for base in bases]) for name in ("frequency", "linewidth", "stiffness", "offset", "alpha")
+            np.array([base[name] for base in bases])
+            for name in ("frequency", "linewidth", "stiffness", "offset", "alpha")
         )
         square = (2 * np.pi * f0) ** 2
         loss = (2 * np.pi * width, spec("nonlinear_damping", "eta"))
-        forces = (square, square / stiffness, offset, spec("quadratic_stiffness", "kappa2"), alpha, spec("quintic_stiffness", "alpha5"))
-        return np.asarray(_compiled()(self.drive, np.stack([*forces, *loss], axis=1), np.zeros(len(bases)) + begin))
+        forces = (
+            square,
+            square / stiffness,
+            offset,
+            spec("quadratic_stiffness", "kappa2"),
+            alpha,
+            spec("quintic_stiffness", "alpha5"),
+        )
+        return np.asarray(
+            _compiled()(
+                self.drive, np.stack([*forces, *loss], axis=1), np.zeros(len(bases)) + begin
+            )
+        )
 
 
 @cache
@@ -78,7 +120,10 @@ def _compiled() -> Callable[[Array, Array, Array], Array]:
 
 
 def _integrate(drive: Array, oscillators: Array, begin: Array) -> Array:
-    """Classical Runge–Kutta steps of each oscillator (n, 8) under a drive by half steps; the first eighth is a run-in before the record."""
+    """Classical Runge–Kutta steps of each oscillator (n, 8) under a drive by half steps.
+
+    The first eighth is a run-in before the record.
+    """
     h = 1 / (RATE * SUBSTEPS)
     found = np.empty((len(oscillators), COUNT))
     for k in range(len(oscillators)):
@@ -112,6 +157,8 @@ def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> Recor
 
 CAUSES: dict[str, Callable[[np.random.Generator, RecordBench], Cause]] = {
     "nonlinear_damping": lambda rng, bench: Cause({"eta": 0.1}, ("eta",), 300.0),
-    "quadratic_stiffness": lambda rng, bench: Cause({"kappa2": 1e-3 * sign(rng)}, ("kappa2",), 300.0),
+    "quadratic_stiffness": lambda rng, bench: Cause(
+        {"kappa2": 1e-3 * sign(rng)}, ("kappa2",), 300.0
+    ),
     "quintic_stiffness": lambda rng, bench: Cause({"alpha5": 0.3 * sign(rng)}, ("alpha5",), 30.0),
 }

@@ -12,15 +12,22 @@ from tests.blind.lab.bench import Array, Cause, Values, sign
 from tests.blind.lab.film import Membrane, device, membrane
 
 BENDING_SD = 0.03
-"""Relative standard deviation of ℓ from film to film: what thickness, modulus and stress of a geometry are worth."""
+"""Relative standard deviation of ℓ from film to film: what thickness, modulus and stress of a
+geometry are worth.
+"""
 POLYGON = 4.0
-"""How much noisier measurements of polygons are: the average over directions in their boundary layer is good to 1e-6."""
+"""How much noisier measurements of polygons are: the average over directions in their boundary
+layer is good to 1e-6.
+"""
 DIGIT = 0.1
 """Last digit [Hz] that the instrument writes."""
 
 
 class SpectrumBench:
-    """A list of the lowest modes; see `Bench`. less: how much less exact the film is than instruments may be."""
+    """A list of the lowest modes; see `Bench`.
+
+    less: how much less exact the film is than instruments may be.
+    """
 
     less = 1.0
 
@@ -32,7 +39,9 @@ class SpectrumBench:
         self.sd *= POLYGON if device(name).outline.size is None else self.less
         self.time = 600.0 * rng.permutation(self.count) if timed or rng.uniform() < 0.5 else None
         film = self.film
-        self.layer = film.thickness * np.sqrt(film.young / (12 * (1 - film.poisson**2) * film.stress))
+        self.layer = film.thickness * np.sqrt(
+            film.young / (12 * (1 - film.poisson**2) * film.stress)
+        )
         self.speed = np.sqrt(film.stress / film.density)
         self.unit = {"speed": self.speed, "bending": 1.0}
 
@@ -42,17 +51,31 @@ class SpectrumBench:
 
     def draw(self, rng: np.random.Generator) -> Values:
         """Draw c [m/s] and ℓ in units of the geometry's."""
-        return {"speed": self.speed * (1 + 0.05 * rng.uniform(-1, 1)), "bending": 1 + BENDING_SD * rng.standard_normal()}
+        return {
+            "speed": self.speed * (1 + 0.05 * rng.uniform(-1, 1)),
+            "bending": 1 + BENDING_SD * rng.standard_normal(),
+        }
 
     def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
         """Frequencies over their σ, and what is known of ℓ."""
-        return np.stack([np.append(self._lines(base, hidden)[0] / self.sd, base["bending"] / BENDING_SD) for base, hidden in variants])
+        return np.stack(
+            [
+                np.append(self._lines(base, hidden)[0] / self.sd, base["bending"] / BENDING_SD)
+                for base, hidden in variants
+            ]
+        )
 
-    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
+    def measured(
+        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+    ) -> dict[str, xr.Dataset]:
         """Frequencies with noise, labelled by their shapes where (m,n) has a meaning."""
         frequency, names = self._lines(base, hidden)
         noisy = np.round((frequency + self.sd * rng.standard_normal(self.count)) / DIGIT) * DIGIT
-        return {"spectrum": measurement.spectrum(noisy, np.full(self.count, self.sd), names or None, self.time)}
+        return {
+            "spectrum": measurement.spectrum(
+                noisy, np.full(self.count, self.sd), names or None, self.time
+            )
+        }
 
     def _lines(self, base: Values, hidden: dict[str, Values]) -> tuple[Array, list[str]]:
         film = self.film
@@ -64,24 +87,34 @@ class SpectrumBench:
         modes = self.membrane(layer - depth, hidden.get("aspect_ratio", {}).get("elongation", 0.0))
         k2 = modes.square
         plate = modes.clamped(layer, depth)
-        own = np.sqrt(c2 * (plate + layer**2 * plate**2)) * (1 - hidden.get("hole_dispersion", {}).get("beta_area", 0.0) * k2)
+        own = np.sqrt(c2 * (plate + layer**2 * plate**2)) * (
+            1 - hidden.get("hole_dispersion", {}).get("beta_area", 0.0) * k2
+        )
         stiffness = np.diag(own**2) + c2 * (modes.slopes[0][0] + modes.slopes[0][1] - np.diag(k2))
         mass = np.eye(len(k2))
         if "stress_anisotropy" in hidden:
-            stiffness = stiffness + c2 * hidden["stress_anisotropy"]["anisotropy"] / 2 * (modes.slopes[0][0] - modes.slopes[0][1])
+            stiffness = stiffness + c2 * hidden["stress_anisotropy"]["anisotropy"] / 2 * (
+                modes.slopes[0][0] - modes.slopes[0][1]
+            )
         if "shear_stress" in hidden:
             stiffness = stiffness + 2 * c2 * hidden["shear_stress"]["shear"] * modes.slopes[0][2]
         if "tension_gradient" in hidden:
-            for spec, (xx, yy, _) in zip(("slope_x", "slope_y", "bowl"), modes.slopes[1:], strict=True):
-                stiffness = stiffness + c2 * hidden["tension_gradient"][spec] / modes.half * (xx + yy) * (
-                    1 / modes.half if spec == "bowl" else 1
-                )
+            for spec, (xx, yy, _) in zip(
+                ("slope_x", "slope_y", "bowl"), modes.slopes[1:], strict=True
+            ):
+                stiffness = stiffness + c2 * hidden["tension_gradient"][spec] / modes.half * (
+                    xx + yy
+                ) * (1 / modes.half if spec == "bowl" else 1)
         if "added_mass" in hidden:
             particle = hidden["added_mass"]
             shape = modes.at(np.array([particle["x"]]), np.array([particle["y"]]))[:, 0]
-            mass = mass + particle["mass"] / (density * film.thickness * modes.area) * np.outer(shape, shape)
+            mass = mass + particle["mass"] / (density * film.thickness * modes.area) * np.outer(
+                shape, shape
+            )
         if "gas_loading" in hidden:
-            mass = mass + np.diag(2 * hidden["gas_loading"]["gas_density"] / (np.sqrt(k2) * density * film.thickness))
+            mass = mass + np.diag(
+                2 * hidden["gas_loading"]["gas_density"] / (np.sqrt(k2) * density * film.thickness)
+            )
         square, vectors = eigh(stiffness, mass, subset_by_index=(0, self.count - 1))
         frequency = np.sqrt(square) / (2 * np.pi)
         if "frame_mode" in hidden:
@@ -108,7 +141,9 @@ def _names(modes: Membrane, vectors: Array) -> list[str]:
 def _repelled(frequency: Array, coupling_square: float, frame_frequency: float) -> Array:
     """Frequencies of the film's part of two coupled oscillators, mode by mode."""
     half = (frequency - frame_frequency) / 2
-    return np.asarray((frequency + frame_frequency) / 2 + np.sign(half) * np.sqrt(half**2 + coupling_square))
+    return np.asarray(
+        (frequency + frame_frequency) / 2 + np.sign(half) * np.sqrt(half**2 + coupling_square)
+    )
 
 
 def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> SpectrumBench:
@@ -116,7 +151,9 @@ def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> Spect
     return SpectrumBench(name, "frequency_drift" in causes, rng)
 
 
-def _simple(spec: str, low: float, most: float, signed: bool = False) -> Callable[[np.random.Generator, SpectrumBench], Cause]:
+def _simple(
+    spec: str, low: float, most: float, signed: bool = False
+) -> Callable[[np.random.Generator, SpectrumBench], Cause]:
     def draw(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
         return Cause({spec: low * (sign(rng) if signed else 1)}, (spec,), most / low)
 
@@ -140,13 +177,21 @@ def _frame(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
     lines = np.sort(bench.clean([(dict(bench.unit), {})])[0][:-1]) * bench.sd
     k = int(rng.integers(0, len(lines)))
     distance = sign(rng) * np.exp(rng.uniform(np.log(3e-4), np.log(1e-2)))
-    return Cause({"coupling_square": 1e3, "frame_frequency": float(lines[k] * (1 + distance))}, ("coupling_square",), 1e4)
+    return Cause(
+        {"coupling_square": 1e3, "frame_frequency": float(lines[k] * (1 + distance))},
+        ("coupling_square",),
+        1e4,
+    )
 
 
 def _gradient(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
     slopes = rng.standard_normal(3)
     slopes = 1e-3 * slopes / np.linalg.norm(slopes)
-    return Cause(dict(zip(("slope_x", "slope_y", "bowl"), map(float, slopes), strict=True)), ("slope_x", "slope_y", "bowl"), 100.0)
+    return Cause(
+        dict(zip(("slope_x", "slope_y", "bowl"), map(float, slopes), strict=True)),
+        ("slope_x", "slope_y", "bowl"),
+        100.0,
+    )
 
 
 CAUSES: dict[str, Callable[[np.random.Generator, SpectrumBench], Cause]] = {

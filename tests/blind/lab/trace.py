@@ -1,6 +1,9 @@
-"""Time traces at one spot of a film that is driven through its resonance: sampled, rounded, started by a trigger.
+"""Time traces at one spot of a film that is driven through its resonance.
 
-The signal is made in time: a motion, its fringe, a clip, a low pass, an average over the errors of the trigger.
+Sampled, rounded, started by a trigger.
+
+The signal is made in time: a motion, its fringe, a clip, a low pass, an average over the errors of
+the trigger.
 """
 
 from collections.abc import Callable
@@ -34,11 +37,14 @@ class TraceBench:
         self.rate = self.f0 * rng.uniform(50, 70)
         self.width = rng.uniform(3, 6)
         self.frequency = self.f0 + np.linspace(-2.5, 2.5, self.steps) * self.width
-        self.start = rng.uniform(-np.pi, np.pi, self.steps)  # the trigger follows the drive's generator, and not the step before
+        # The trigger follows the drive's generator, and not the step before
+        self.start = rng.uniform(-np.pi, np.pi, self.steps)
         self.stack = device(name).stack
         self.gap = self.stack.layers[self.stack.gap].thickness if self.stack else 0.0
         self.unit = {"contrast": 0.02, "theta": 1.0}
-        self.unit |= {f"amplitude[{i}]": 1e-8 for i in range(self.steps)} | {f"phase[{i}]": 1.0 for i in range(self.steps)}
+        self.unit |= {f"amplitude[{i}]": 1e-8 for i in range(self.steps)} | {
+            f"phase[{i}]": 1.0 for i in range(self.steps)
+        }
 
     def draw(self, rng: np.random.Generator) -> Values:
         """Draw contrast [V], phase of the fringe [rad], and from a resonance amplitude [m] and phase [rad] at each step."""
@@ -46,7 +52,10 @@ class TraceBench:
         linear = 1 / (1 + 2j * (self.frequency - self.f0) / self.width)
         base = {"contrast": 0.02, "theta": rng.uniform(0.2, 1.35), "largest": largest}
         base |= {f"amplitude[{i}]": float(largest * abs(a)) for i, a in enumerate(linear)}
-        return base | {f"phase[{i}]": float(np.angle(a) + p) for i, (a, p) in enumerate(zip(linear, self.start, strict=True))}
+        return base | {
+            f"phase[{i}]": float(np.angle(a) + p)
+            for i, (a, p) in enumerate(zip(linear, self.start, strict=True))
+        }
 
     def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
         """Every sample over its σ, less its mean, which says nothing."""
@@ -56,19 +65,28 @@ class TraceBench:
             rows.append(((volts - volts.mean(axis=1, keepdims=True)) / self.noise).ravel())
         return np.stack(rows)
 
-    def measured(self, base: Values, hidden: dict[str, Values], rng: np.random.Generator) -> dict[str, xr.Dataset]:
+    def measured(
+        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+    ) -> dict[str, xr.Dataset]:
         """Samples with noise, in steps of the converter."""
         volts = self._sampled(base, hidden)
         noisy = ADC * np.round((volts + self.noise * rng.standard_normal(volts.shape)) / ADC)
         sd = float(np.hypot(self.noise, ADC / np.sqrt(12)))
         time = np.arange(self.samples) / self.rate
-        return {"trace": measurement.trace(time, noisy, drive_frequency=self.frequency, noise_sd=sd, wavelength=WAVELENGTH)}
+        return {
+            "trace": measurement.trace(
+                time, noisy, drive_frequency=self.frequency, noise_sd=sd, wavelength=WAVELENGTH
+            )
+        }
 
     def _sampled(self, base: Values, hidden: dict[str, Values]) -> Array:
         time = np.arange(self.samples) / self.rate
         rows = []
         for i, f in enumerate(self.frequency):
-            series = np.fft.rfft(self._period(base[f"amplitude[{i}]"], base, hidden))[: HIGHEST + 1] / PERIOD
+            series = (
+                np.fft.rfft(self._period(base[f"amplitude[{i}]"], base, hidden))[: HIGHEST + 1]
+                / PERIOD
+            )
             series[1:] *= 2
             order = np.arange(HIGHEST + 1)
             omega = 2 * np.pi * f
@@ -80,7 +98,8 @@ class TraceBench:
                 series[1] += hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"]
             if "detector_bandwidth" in hidden:
                 lag = 1j * order * omega * hidden["detector_bandwidth"]["time_constant"]
-                series = series * np.exp(lag) / (1 + lag)  # the trigger comes later by the delay that all harmonics share
+                # The trigger comes later by the delay that all harmonics share
+                series = series * np.exp(lag) / (1 + lag)
             turn = np.exp(1j * omega * time)
             rows.append(np.polynomial.polynomial.polyval(turn, series).real)
         return np.array(rows)
@@ -94,13 +113,19 @@ class TraceBench:
             sung = hidden["mechanical_overtones"]
             swing = amplitude / base["largest"]
             for n in (2, 3):
-                u = u + swing**n * (sung[f"cos{n}"] * np.cos(n * PHASE) + sung[f"sin{n}"] * np.sin(n * PHASE))
+                u = u + swing**n * (
+                    sung[f"cos{n}"] * np.cos(n * PHASE) + sung[f"sin{n}"] * np.sin(n * PHASE)
+                )
         if "multilayer_fringe" in hidden and self.stack is not None:
             v = fringe(self.stack, hidden["multilayer_fringe"]["gap"] + u, WAVELENGTH)
         else:
             v = np.cos(4 * np.pi / WAVELENGTH * u + base["theta"])
         if "detector_saturation" in hidden:
-            top = largest(self.stack, WAVELENGTH) if "multilayer_fringe" in hidden and self.stack is not None else 1.0
+            top = (
+                largest(self.stack, WAVELENGTH)
+                if "multilayer_fringe" in hidden and self.stack is not None
+                else 1.0
+            )
             limit = top * (1 - hidden["detector_saturation"]["clipped"])
             v = np.clip(v, -limit, limit)
         return np.asarray(base["contrast"] * v)
