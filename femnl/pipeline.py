@@ -177,10 +177,8 @@ def solve_modes_to(
             moved = 0.0 if earlier is None else float(np.abs(modes.frequency / earlier - 1).max())
             raise ConvergenceError(
                 f"tolerance = {tolerance:g}: stopped at a relative error of "
-                f"{max(best, moved):.1e} (mode "
-                f"{worst + 1}), which degree "
-                f"{degree} at resolution {resolution:.3g} no longer lowers; ask for no more "
-                "than that"
+                f"{max(best, moved):.1e} (mode {worst + 1}), which degree {degree} at resolution "
+                f"{resolution:.3g} no longer lowers; ask for no more than that"
             )
         best = min(best, float(errors[worst]))
         earlier = modes.frequency

@@ -63,9 +63,8 @@ def line_scan(
     ]
     mean, sd = with_error(scan.attrs["alpha_ratio"], scan.attrs["alpha_ratio_sd"])
     verdict = (
-        f"  α_y/α_c = {mean} ± {sd} over all places at the drive {scan.attrs['drive']:g} "
-        "V; they scatter about it "
-        "with χ²/ν = "
+        f"  α_y/α_c = {mean} ± {sd} over all places at the drive {scan.attrs['drive']:g} V; they "
+        "scatter about it with χ²/ν = "
     )
     values = {
         key: scan[key].values

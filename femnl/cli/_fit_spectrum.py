@@ -167,10 +167,7 @@ def _said(found: Assignment) -> list[str]:
     )
     said = [
         f"probability of this assignment {found.best.probability:.3g}{whole}; measured over "
-        "simulated frequency "
-        f"{scale} "
-        f"± {sd}, "
-        f"modes scatter by {found.model_sd * 1e6:.0f} ppm"
+        f"simulated frequency {scale} ± {sd}, modes scatter by {found.model_sd * 1e6:.0f} ppm"
     ]
     if found.runner_up is not None:
         changed = [

@@ -63,9 +63,7 @@ def run(words: list[str]) -> int:
     except OSError as error:
         return _fail(
             f"{error.filename or 'output'}: {error.strerror or error}; check the path, its "
-            "permissions and the "
-            "room on "
-            "the disk"
+            "permissions and the room on the disk"
         )
     return status if isinstance(status, int) else 0
 

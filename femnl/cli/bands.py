@@ -68,10 +68,8 @@ def command(
             for name, k in bands.corners[:-1]
         ]
         title = (
-            f"{geometry}: {_name(bands.lattice)}, long waves {bands.speed:.2f} m/s; f in "
-            "MHz, ± of the row "
-            "relative to "
-            "its highest"
+            f"{geometry}: {_name(bands.lattice)}, long waves {bands.speed:.2f} m/s; f in MHz, ± "
+            "of the row relative to its highest"
         )
         console().print(table(title, ["", *(f"band {k + 1}" for k in range(count)), "±"], rows))
         gaps = ", ".join(f"{low / 1e6:.6g} … {high / 1e6:.6g} MHz" for low, high in bands.gaps)

@@ -115,8 +115,7 @@ def command(
         if inertia or bow is not None or dilution:
             raise ParameterError(
                 "--homogenised: the even film tells nothing of --inertia, --bow or --dilution; "
-                "solve the full film "
-                "for them"
+                "solve the full film for them"
             )
         modes, nonlinearity = solve_homogenised(model, count, tensor=tensor)
     else:

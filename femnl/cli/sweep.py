@@ -101,8 +101,7 @@ def command(
             after = costs(sweep, store)
             note(
                 f"{path}: {after.points - after.missing} of {after.points} points are kept; the "
-                "same command goes on "
-                "from here"
+                "same command goes on from here"
             )
             raise
         after = costs(sweep, store)

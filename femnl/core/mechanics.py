@@ -108,8 +108,7 @@ class Modes:
         high = self.frequency.max()
         return (
             f"<Modes of {self.domain.model.name}: {len(self.frequency)}, from {low:.7g} Hz to "
-            f"{high:.7g} Hz, degree "
-            f"{self.degree}>"
+            f"{high:.7g} Hz, degree {self.degree}>"
         )
 
     @property

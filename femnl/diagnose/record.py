@@ -130,11 +130,8 @@ class RecordModel:
         if left > HOPELESS * moved:
             raise MeasurementError(
                 f"trace: no oscillator with a cubic force follows the output: of {moved:.3g} V "
-                f"rms {left:.3g} V "
-                "are left; "
-                "check that drive "
-                "and output belong together and run at the same time, or give a record of a "
-                "weaker drive"
+                f"rms {left:.3g} V are left; check that drive and output belong together and run "
+                "at the same time, or give a record of a weaker drive"
             )
         # The derivative by the begin: in a chaotic motion it grows, and a model that is a little
         # wrong follows that nowhere.
@@ -142,10 +139,8 @@ class RecordModel:
         if left > FOLLOWED * self.noise and grown * left > largest:
             raise MeasurementError(
                 "trace: with the forces that come closest the motion is chaotic: changes of its "
-                f"begin grow {grown:.2g} times, "
-                "and the "
-                f"{left:.2g} V that are left to more than the motion; give a record of a "
-                "weaker drive"
+                f"begin grow {grown:.2g} times, and the {left:.2g} V that are left to more than "
+                "the motion; give a record of a weaker drive"
             )
         linearly = float(
             np.nanstd((simulate_oscillator(linear, drive, 1 / self._interval) - output)[late])
@@ -153,10 +148,8 @@ class RecordModel:
         self.notes: tuple[str, ...] = (
             f"trace: {note}",
             "trace: a free run from the drive alone; a linear oscillator that begins at rest "
-            f"leaves {linearly:.3g} V rms, "
-            "and the "
-            f"cubic term of the base model lowers that to {left:.3g} V; volts of the output "
-            "stand for metres",
+            f"leaves {linearly:.3g} V rms, and the cubic term of the base model lowers that to "
+            f"{left:.3g} V; volts of the output stand for metres",
             f"trace: {len(self._at)} of {length} samples are compared; y and its speed at the "
             "first one are fitted",
         )
@@ -321,7 +314,5 @@ class RecordModel:
         size = float(np.sqrt(np.mean(residuals**2)) * self.noise)
         return (
             f"the free run leaves {size:.3g} V rms, most between {start:.3g} and {stop:.3g} s "
-            f"({max(rms):.3g}σ "
-            "against "
-            f"{min(rms):.3g}σ)"
+            f"({max(rms):.3g}σ against {min(rms):.3g}σ)"
         )

@@ -131,16 +131,14 @@ class ResponseModel:
         }
         label = film.modes.label[self.mode] or str(self.mode + 1)
         soft = (
-            "response: the sweeps soften, which the geometry alone cannot do; in their "
-            "metres α is as large as "
-            "simulated, but negative"
+            "response: the sweeps soften, which the geometry alone cannot do; in their metres α "
+            "is as large as simulated, but negative"
         )
         self.notes = (
             *(f"response: {note}" for note in self.sweeps.notes),
             *([soft] if self.softens else []),
             f"response: metres rest on the simulated α of mode {label}, "
-            f"{self.simulated_alpha:.3g} "
-            f"m⁻², known to {ALPHA_SD:.0%}",
+            f"{self.simulated_alpha:.3g} m⁻², known to {ALPHA_SD:.0%}",
         )
 
     @property
@@ -417,7 +415,6 @@ def _mode(dataset: xr.Dataset, film: SimulatedFilm, frequency: float) -> int:
     if label not in film.modes.label:
         raise MeasurementError(
             f"response: mode = {named!r} is none of the first {len(film.modes.label)} modes of "
-            f"{film.model.name}; "
-            "correct it"
+            f"{film.model.name}; correct it"
         )
     return film.modes.label.index(label)

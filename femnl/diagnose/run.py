@@ -48,8 +48,7 @@ def pose_trace(dataset: xr.Dataset, film: SimulatedFilm) -> MeasurementModel:
         return TraceModel(dataset, film)
     raise MeasurementError(
         "trace: neither wavelength nor drive_voltage is there: add the laser's wavelength [m], "
-        "or the drive that was "
-        "recorded"
+        "or the drive that was recorded"
     )
 
 
@@ -122,9 +121,7 @@ def _sent(effects: list[Effect], workers: int) -> list[Effect | str]:
         ):
             raise ParameterError(
                 f"effects: {effect.name} is defined where other processes cannot import it; "
-                "define it in a module, "
-                "or take "
-                "workers = 1"
+                "define it in a module, or take workers = 1"
             )
     return found
 

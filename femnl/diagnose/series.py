@@ -190,8 +190,7 @@ class SeriesModel:
         ends = rows[worst][order[0]], rows[worst][order[-1]]
         span = (
             f"{ends[0]:+.1f}σ at {control} = {axis[order[0]]:.3g} {CONTROLS[control]} to "
-            f"{ends[1]:+.1f}σ at "
-            f"{axis[order[-1]]:.3g}"
+            f"{ends[1]:+.1f}σ at {axis[order[-1]]:.3g}"
         )
         return (
             f"{worst} is not constant: from {span} {CONTROLS[control]}; rms "

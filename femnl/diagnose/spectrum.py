@@ -112,8 +112,7 @@ class SpectrumModel:
             if f"({name})" not in names:
                 raise MeasurementError(
                     f"spectrum/label: {name!r} is none of the first {len(names)} modes of "
-                    f"{self.film.model.name}; "
-                    "correct it"
+                    f"{self.film.model.name}; correct it"
                 )
             found.append(names.index(f"({name})"))
         if len(set(found)) < len(found):

@@ -284,8 +284,7 @@ class TraceModel:
         )
         return (
             f"harmonic {self.harmonic[k]} deviates most, and most strongly at "
-            f"{self.frequency[step]:.9g} Hz; "
-            f"rms by harmonic {table}"
+            f"{self.frequency[step]:.9g} Hz; rms by harmonic {table}"
         )
 
 

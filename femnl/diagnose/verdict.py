@@ -196,8 +196,7 @@ def measure_next(judged: Judgement, found: list[Candidate]) -> str:
         if judged.verdict == "explained":
             return (
                 f"nothing is left to separate: the next best explanation, {names[1]}, is "
-                f"{apart:.3g}σ worse on "
-                "these data"
+                f"{apart:.3g}σ worse on these data"
             )
     phrase = max(separation, key=lambda key: separation[key])
     if separation[phrase] < 1:

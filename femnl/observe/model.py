@@ -120,9 +120,7 @@ def scale_of(base_model: MeasurementModel, spec: ParameterSpec) -> float:
         known = ", ".join(sorted(base_model.scales)) or "none"
         raise ParameterError(
             f"parameter {spec.name}: its range counts in '{spec.scale}', which a "
-            f"{base_model.kind} "
-            "does not "
-            f"give; it gives: {known}"
+            f"{base_model.kind} does not give; it gives: {known}"
         )
     return base_model.scales[spec.scale]
 

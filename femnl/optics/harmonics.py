@@ -119,9 +119,7 @@ def harmonics_by_fft(
         n_samples = 2 * n_samples
     raise ConvergenceError(
         f"harmonics of f(u) still move by more than {tolerance:g} with {MOST_SAMPLES} samples a "
-        "period: raise the "
-        "tolerance or "
-        "smooth f"
+        "period: raise the tolerance or smooth f"
     )
 
 

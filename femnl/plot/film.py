@@ -80,8 +80,7 @@ def film_field(modes: Modes, surface: Surface, what: str, mode: int = 1) -> Fiel
     if not 1 <= mode <= len(modes.frequency):
         raise ParameterError(
             f"mode {mode}: {len(modes.frequency)} modes were solved; choose 1 to "
-            f"{len(modes.frequency)} or "
-            "solve more"
+            f"{len(modes.frequency)} or solve more"
         )
     return Field(surface.shapes[mode - 1], "shape ξ", DIVERGING, Normalize(-1.0, 1.0))
 

@@ -36,9 +36,7 @@ def need_offscreen() -> None:
     os.environ[CHOICE] = _first_usable(
         OFFSCREEN,
         "pictures need OpenGL without a display; neither EGL nor OSMesa works here: install one "
-        "(Debian: apt-get "
-        "install "
-        "libegl1)",
+        "(Debian: apt-get install libegl1)",
     )
 
 

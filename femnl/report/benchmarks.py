@@ -49,10 +49,8 @@ def _words(found: Mapping[str, Any]) -> str:
     beside = "beside other programs" if found["load_before"] > BUSY else "on an idle machine"
     return (
         f"{found['command']}, {found['date']}: {seconds} s {beside} (load {load} before it), "
-        f"{used} s of processor "
-        "time in "
-        "all processes; "
-        f"{found['processor']}, {found['system']}, {found['threads']}."
+        f"{used} s of processor time in all processes; {found['processor']}, {found['system']}, "
+        f"{found['threads']}."
     )
 
 

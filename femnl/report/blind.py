@@ -83,10 +83,7 @@ def _pictures(board: Mapping[str, Any]) -> list[Picture]:
     if "confusion" in board:
         caption = (
             "Answers to files that hide one cause of at least 5σ, or none: how many got which; "
-            "colours are shares of "
-            "the row. "
-            "A tie names "
-            "several sets of causes as equals."
+            "colours are shares of the row. A tie names several sets of causes as equals."
         )
         pictures.append(
             embed(
@@ -95,10 +92,8 @@ def _pictures(board: Mapping[str, Any]) -> list[Picture]:
         )
     if "detection" in board:
         caption = (
-            "Each lone cause, hidden ever more weakly: its size in draws that named it "
-            "and in draws that did "
-            "not; the "
-            "line is 5σ."
+            "Each lone cause, hidden ever more weakly: its size in draws that named it and in "
+            "draws that did not; the line is 5σ."
         )
         figure = detection_figure(board["detection"], board["limits"])
         pictures.append(

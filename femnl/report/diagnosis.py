@@ -131,18 +131,14 @@ def _picture(comparison: Comparison) -> Picture:
     if isinstance(comparison, Images):
         caption = (
             "Each harmonic in the quadrature that holds its signal: measured; for each model "
-            "what it predicts, in "
-            "the same "
-            "colours; "
-            "and what it leaves in σ. White is zero; ranges are written at the left, those of "
-            "what is left at the right."
+            "what it predicts, in the same colours; and what it leaves in σ. White is zero; "
+            "ranges are written at the left, those of what is left at the right."
         )
         words = f"Maps of the harmonics: measured, {models}, and what they leave"
     else:
         caption = (
-            f"{comparison.y.capitalize()} against {comparison.x}: measured, as the models "
-            "predict it, "
-            "and what each of them leaves in σ (grey: ±2σ)."
+            f"{comparison.y.capitalize()} against {comparison.x}: measured, as the models predict "
+            "it, and what each of them leaves in σ (grey: ±2σ)."
         )
         words = f"{comparison.y} against {comparison.x}: measured, {models}, and what they leave"
     return embed(comparison_figure(comparison), words, f"{comparison.title}: {caption}")

@@ -86,9 +86,8 @@ def describe_geometry(geometry: Geometry, say: Say) -> Part:
     ]
     if len(model.holes.centres):
         caption = (
-            "Stress after release: holes are free, so that the tension flows around them. "
-            "The scale is stretched at its "
-            "lower end."
+            "Stress after release: holes are free, so that the tension flows around them. The "
+            "scale is stretched at its lower end."
         )
         pictures.append(
             embed(film_figure(modes, "stress"), f"Relaxed stress of {model.name}", caption)

@@ -35,8 +35,7 @@ def provenance(models: Sequence[Model]) -> list[tuple[str, str]]:
         (
             "Python",
             f"{platform.python_version()} on {platform.system()} {platform.machine()}, "
-            f"{os.cpu_count()} "
-            "processors",
+            f"{os.cpu_count()} processors",
         )
     ]
     rows += [(name, _version(name)) for name in PACKAGES]

@@ -34,10 +34,8 @@ from femnl.report.shape import turning
 NAME = "index.html"
 IN_PLANE = (
     "The fundamental mode, deflected by 1 µm, stretches the film, which gives way in its own "
-    "plane as far as its "
-    "edge lets "
-    "it: α is what "
-    "stretching remains. Displacements go as the square of the deflection."
+    "plane as far as its edge lets it: α is what stretching remains. Displacements go as the "
+    "square of the deflection."
 )
 
 

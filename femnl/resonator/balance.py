@@ -121,8 +121,7 @@ class Balance:
                 return x
         raise ConvergenceError(
             f"n_harmonics = {self.n_harmonics}: no periodic motion found near the start at "
-            f"{omega * self.rate / (2 * np.pi):.9g} Hz; "
-            "start closer, or keep more harmonics"
+            f"{omega * self.rate / (2 * np.pi):.9g} Hz; start closer, or keep more harmonics"
         )
 
     def multipliers(self, x: Array, omega: float) -> Complex:

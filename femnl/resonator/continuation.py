@@ -168,8 +168,7 @@ def _linear_start(
     if push.shape != (modes.count,) or not np.any(push) or n_harmonics < 1:
         raise ParameterError(
             f"force = {push}, n_harmonics = {n_harmonics}: give {modes.count} forces, not all "
-            "zero, and at least one "
-            "harmonic"
+            "zero, and at least one harmonic"
         )
     amplitude = push / (modes.omega**2 - omega**2 + 1j * omega * modes.damping)
     equations = Balance.of(modes, push, n_harmonics)
@@ -216,9 +215,7 @@ def _settle(equations: Balance, modes: CoupledModes, last: Array, omega: float) 
             return x
     raise ConvergenceError(
         f"frequency = {frequency:.9g} Hz: no periodic motion reached within {MAX_BLOCKS} blocks "
-        f"of {periods} periods; the "
-        "motion may be "
-        "quasi-periodic or chaotic: use integrate"
+        f"of {periods} periods; the motion may be quasi-periodic or chaotic: use integrate"
     )
 
 

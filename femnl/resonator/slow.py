@@ -58,9 +58,8 @@ def critical_point(resonator: Resonator) -> tuple[float, float, float]:
     if abs(a) <= np.sqrt(3) * d or a == 0:
         raise ParameterError(
             f"alpha: an effective {resonator.effective_alpha:g} m⁻² never makes the response "
-            "vertical with a nonlinear "
-            "damping of "
-            f"{resonator.nonlinear_damping:g} m⁻²; raise alpha or lower nonlinear_damping"
+            f"vertical with a nonlinear damping of {resonator.nonlinear_damping:g} m⁻²; raise "
+            "alpha or lower nonlinear_damping"
         )
     roots = np.roots([a**2 - 3 * d**2, 8 * a * b * d, b**2 * (d**2 - 3 * a**2)]).real
     delta = roots[np.argmin(roots * a)]
@@ -91,8 +90,7 @@ def branches(resonator: Resonator, force: float, frequency: ArrayLike) -> Branch
     if force <= 0 or resonator.nonlinear_damping < 0:
         raise ParameterError(
             f"force = {force:g} m/s², nonlinear_damping = {resonator.nonlinear_damping:g} m⁻²: "
-            "give a positive force and a "
-            "damping ≥ 0"
+            "give a positive force and a damping ≥ 0"
         )
     flow = _Flow.of(resonator, force, omega)
     x = (
@@ -217,6 +215,5 @@ class _Flow:
                 return complex(attractors[np.argmin(distance)])
         raise ConvergenceError(
             f"frequency: no steady state within {5 * MAX_SPANS} decay times of the amplitude; "
-            "move the point off "
-            "the jump"
+            "move the point off the jump"
         )

@@ -110,10 +110,7 @@ def read_axis(table: dict[str, Any]) -> Axis:
             first = next(iter(values))
             raise ParameterError(
                 f"axis {path}: {Axis({path: given}).points} values beside {axis.points} of "
-                f"{first}, with which it "
-                "varies; "
-                "give as many, "
-                "or an [[axis]] of its own"
+                f"{first}, with which it varies; give as many, or an [[axis]] of its own"
             )
     return axis
 

@@ -78,8 +78,7 @@ def _record(future: Future[Record], point: Point, settings: Settings, address: s
     if future.status in ("cancelled", "lost"):
         raise ParameterError(
             f"--scheduler {address}: the scheduler has gone; start it again and repeat the "
-            "command, which goes on "
-            "from here"
+            "command, which goes on from here"
         )
     if future.status == "error":
         return failure(point, settings, f"on the cluster: {future.exception()!r}")

@@ -216,9 +216,8 @@ def _check(sweep: Sweep, spec: SpecFile, bending: bool) -> None:
             isinstance(values, Range) and values.points is None for values in axis.values.values()
         ):
             raise ParameterError(
-                f"axis {first}: its range gives no points; write points = 5, or sample all "
-                "ranges with a table "
-                "[sample]"
+                f"axis {first}: its range gives no points; write points = 5, or sample all ranges "
+                "with a table [sample]"
             )
     if sweep.count > MOST:
         what = (

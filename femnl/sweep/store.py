@@ -107,18 +107,15 @@ def _refuse_others(path: Path, header: dict[str, Any], settings: Settings) -> No
     """Points solved differently never meet in one store."""
     if header["femnl_sweep"] != VERSION:
         raise ParameterError(
-            f"{path}: solved by version {header['femnl_sweep']} of sweeps, and this is "
-            f"{VERSION}; name another store "
-            "with --out"
+            f"{path}: solved by version {header['femnl_sweep']} of sweeps, and this is {VERSION}; "
+            "name another store with --out"
         )
     asked = json.loads(json.dumps(asdict(settings)))
     for name, value in asked.items():
         if header["settings"].get(name) != value:
             raise ParameterError(
-                f"{path}: was solved with {name} = {json.dumps(header['settings'].get(name))} "
-                f"and not {json.dumps(value)}; "
-                "set it back, "
-                "or name another store with --out"
+                f"{path}: was solved with {name} = {json.dumps(header['settings'].get(name))} and "
+                f"not {json.dumps(value)}; set it back, or name another store with --out"
             )
 
 

@@ -257,10 +257,7 @@ def test_a_benchmark_says_on_which_machine_and_beside_what_it_ran(tmp_path: Path
     (race,) = benchmarks(tmp_path)
     assert race.words == (
         "python -m benchmarks.race, 2026-01-02: 12.3 s beside other programs (load 2.5 before "
-        "it), 9 s of processor "
-        "time in "
-        "all processes; "
-        "abacus, desk, fingers: 10."
+        "it), 9 s of processor time in all processes; abacus, desk, fingers: 10."
     )
     assert race.tables == [(["run", "time (s)"], [["femnl", "1.23"], ["none", "–"]])]
     assert benchmarks(tmp_path / "none") == []

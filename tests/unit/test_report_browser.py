@@ -111,8 +111,7 @@ def test_text_stands_out_from_its_background(
     page, _, _ = opened(browser, report, 1280, scheme)
     colours = page.evaluate(
         "['body', 'figcaption', 'nav a', '.good', '.bad'].map(s => "
-        "getComputedStyle(document.querySelector(s)).color)"
-        ".concat(getComputedStyle(document.body).backgroundColor)"
+        "getComputedStyle(document.querySelector(s)).color).concat(getComputedStyle(document.body).backgroundColor)"
     )
     *inks, paper = [luminance(colour) for colour in colours]
     assert (paper < 0.05) == (scheme == "dark")

@@ -204,8 +204,7 @@ def test_a_scheduler_that_dies_is_one_line_and_what_was_solved_stays(
     assert client.returncode == 2
     assert errors.splitlines()[1:] == [
         f"femnl: --scheduler {address}: the scheduler has gone; start it again and repeat the "
-        "command, which goes on "
-        "from here"
+        "command, which goes on from here"
     ]
     assert len(records(store)) >= 2
 

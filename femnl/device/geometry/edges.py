@@ -67,9 +67,7 @@ class FilmTable(Table):
         if least <= 0:
             raise GeometryError(
                 f"[film] gradient = [{x:.4g}, {y:.4g}]: nothing is left of the film at a corner "
-                "of its box; lower "
-                "gradient"
-                f"{' or taper' if self.taper else ''}"
+                f"of its box; lower gradient{' or taper' if self.taper else ''}"
             )
         return Film(
             self.thickness,

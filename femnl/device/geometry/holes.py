@@ -131,9 +131,8 @@ def refuse_overlap(holes: Holes) -> None:
         verb = "overlap" if gap < 2 * holes.radius * (1 - TOUCHING) else "touch"
         raise GeometryError(
             f"[holes] {name(holes, first)} and {name(holes, second)} {verb}: their centres are "
-            f"{gap * 1e6:.4g} um "
-            "apart and "
-            f"their radius is {holes.radius * 1e6:.4g} um; move them apart or lower radius"
+            f"{gap * 1e6:.4g} um apart and their radius is {holes.radius * 1e6:.4g} um; move them "
+            "apart or lower radius"
         )
 
 
@@ -158,8 +157,7 @@ def refuse_outside(holes: Holes, outline: Outline) -> None:
     others = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
     raise GeometryError(
         f"[holes] {name(holes, int(bad[0]))} of radius {holes.radius * 1e6:.4g} um {verb} the "
-        f"outline{others}; "
-        "use fewer holes, move them, lower radius or enlarge the outline"
+        f"outline{others}; use fewer holes, move them, lower radius or enlarge the outline"
     )
 
 

@@ -263,8 +263,7 @@ def _refuse_crossings(corners: Array) -> None:
         ):
             raise GeometryError(
                 f"[outline] points: edge {(k + 1) % number + 1} folds back onto edge {k + 1}; "
-                "give the corners "
-                "in order"
+                "give the corners in order"
             )
         others = np.arange(k + 2, number - (k == 0))
         meets = others[_meet(corners[k], ends[k], corners[others], ends[others], 1e-12 * extent**2)]

@@ -73,8 +73,7 @@ def to_si(value: Any, dimension: Dimension, sign: str = "positive") -> float:
     if abs(si) > dimension.largest or 0 < abs(si) < dimension.smallest:
         raise refusal(
             f"expected {dimension.name} from {dimension.smallest:g} to {dimension.largest:g} "
-            f"{dimension.unit}, check "
-            "the unit"
+            f"{dimension.unit}, check the unit"
         )
     return si
 

@@ -92,8 +92,7 @@ def describe(model: Model) -> str:
         held = f", overhang {model.overhang.width * 1e6:.4g} µm{held}"
     return (
         f"{model.outline.kind}, {extent}, {holes}, film {film.thickness * 1e9:.5g} nm at "
-        f"{film.stress / 1e6:.5g} "
-        f"MPa{held}"
+        f"{film.stress / 1e6:.5g} MPa{held}"
     )
 
 
@@ -112,8 +111,7 @@ def _read(path: Path) -> Model:
             raise GeometryError(
                 one_line(
                     f"{path}: {size / 2**20:.0f} MiB, and a geometry has at most "
-                    f"{LARGEST / 2**20:g}; check "
-                    "the path"
+                    f"{LARGEST / 2**20:g}; check the path"
                 )
             )
         text = path.read_text(encoding="utf-8-sig")  # editors on Windows put a mark first

@@ -58,8 +58,7 @@ def union_of_discs(holes: Holes, radius: float) -> tuple[Segment, ...]:
         pillar = starts[next(loop for loop in loops if loop is not outer)].mean(axis=0)
         raise GeometryError(
             f"[outline] etch_radius = {radius * 1e6:.4g} um leaves pillars under the film "
-            f"({len(loops) - 1}), one at "
-            f"{place(pillar)}; raise etch_radius or lower pitch"
+            f"({len(loops) - 1}), one at {place(pillar)}; raise etch_radius or lower pitch"
         )
     points = [(float(x), float(y)) for x, y in starts]
     middles = [(float(x), float(y)) for x, y in centres[discs]]
@@ -97,9 +96,7 @@ def _followers(starts: Array, ends: Array, radius: float) -> NDArray[np.intp]:
     if np.any(gaps > 1e-6 * radius) or len(np.unique(follower)) < len(follower):
         raise GeometryError(
             f"[outline] etch_radius = {radius * 1e6:.6g} um: circles meet in a point there, and "
-            "the film's edge is not "
-            "a curve; "
-            "change etch_radius by a nanometre"
+            "the film's edge is not a curve; change etch_radius by a nanometre"
         )
     return np.asarray(follower, dtype=np.intp)
 
@@ -126,9 +123,8 @@ def _refuse_pieces(holes: Holes, pairs: NDArray[np.intp], radius: float) -> None
         lone = int(np.flatnonzero(piece != piece[0])[0])
         raise GeometryError(
             f"[outline] etch_radius = {radius * 1e6:.4g} um leaves the film in {pieces} pieces: "
-            f"{name(holes, 0)} and "
-            f"{name(holes, lone)} "
-            "are not joined; raise etch_radius above half the pitch"
+            f"{name(holes, 0)} and {name(holes, lone)} are not joined; raise etch_radius above "
+            "half the pitch"
         )
 
 

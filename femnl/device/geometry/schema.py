@@ -169,8 +169,7 @@ class GeometryFile(Table):
         if self.film.taper > 0 and not len(holes.centres):
             raise GeometryError(
                 f"[film] taper = {self.film.taper * 1e9:.4g} nm: there are no holes to thin the "
-                "film around; write a "
-                "table [holes]"
+                "film around; write a table [holes]"
             )
         film = self.film.film(outline)
         overhang = (

@@ -133,17 +133,14 @@ def _build(model: Model, wedge: float, resolution: float, degree: int, copies: i
             raise
         raise GeometryError(
             f"{model.name}: the mesher failed ({error}); check for holes or edges closer to each "
-            "other than 1e-8 of "
-            "the outline"
+            "other than 1e-8 of the outline"
         ) from error
     mirrors = {f"mirror-{k}": tags for k, tags in enumerate(curves.mirrors)}
     raw = collect({"clamped": curves.clamped, "free": curves.free + curves.holes, **mirrors}, unit)
     if len(raw.triangles) == 0:
         raise GeometryError(
             f"{model.name}: the outline encloses no film; give its edges in order, "
-            "counter-clockwise and "
-            "without "
-            "crossings"
+            "counter-clockwise and without crossings"
         )
     return raw
 

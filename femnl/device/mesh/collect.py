@@ -121,6 +121,5 @@ def check_unfolded(model: Model, result: MeshTri2) -> None:
         x, y = space.location[space.dofs[folded[0], 0]]
         raise GeometryError(
             f"{model.name}: {len(folded)} curved elements fold over, the first at ({x:.4g}, "
-            f"{y:.4g}) m; raise the "
-            "resolution"
+            f"{y:.4g}) m; raise the resolution"
         )

@@ -183,8 +183,7 @@ def _rival(problem: MapResiduals, vector: Array, chi2: float, which: int, mirror
         )
     return (
         f"θ{where} is {'preferred to' if excess > TELLING else 'hardly told from'} {mirror}, "
-        "which costs Δχ² = "
-        f"{excess:.3g}"
+        f"which costs Δχ² = {excess:.3g}"
     )
 
 

@@ -122,9 +122,8 @@ def fit_oscillator(
     if not (damping > 0 and 0 < stiffness < (np.pi / interval) ** 2):
         raise ConvergenceError(
             f"output: of mass 1, the oscillator that comes closest has damping {damping:.3g}/s "
-            f"and stiffness {stiffness:.3g}/s²: it does "
-            "not come to rest, or is faster than half the sampling rate; fit another part of "
-            "the record, or other terms"
+            f"and stiffness {stiffness:.3g}/s²: it does not come to rest, or is faster than half "
+            "the sampling rate; fit another part of the record, or other terms"
         )
     residual, slopes = _misfit(names, values, record)
     noise = float(np.std(residual))

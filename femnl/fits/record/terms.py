@@ -61,10 +61,9 @@ def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsF
     n_fitted, n_tested = (int(np.count_nonzero(part)) for part in (counted & ~test, counted & test))
     if n_fitted < 100 or (held_out is not None and n_tested < 100):
         raise MeasurementError(
-            f"trace: of {len(output)} samples {n_fitted} are left to fit and {n_tested} held "
-            "out, without the "
-            f"{np.count_nonzero(~counted)} in which the oscillator settles or the drive's spline "
-            "ends; both need 100"
+            f"trace: of {len(output)} samples {n_fitted} are left to fit and {n_tested} held out, "
+            f"without the {np.count_nonzero(~counted)} in which the oscillator settles or the "
+            "drive's spline ends; both need 100"
         )
     models: list[TermsFit] = []
     for count in range(len(ORDER) + 1):

@@ -79,8 +79,7 @@ def parameters(
     if calibration is not None and (calibration.shape != (layout.n_positions,) or not layout.gain):
         raise ParameterError(
             f"responsivity: {calibration.size} values; give {layout.n_positions}, one for each "
-            "position, and fit "
-            "magnitudes"
+            "position, and fit magnitudes"
         )
 
     def derive(x: Complex) -> dict[str, tuple[complex, str]]:

@@ -118,9 +118,8 @@ def assign(
         )
     if not (0 < band[0] <= lines.min() and lines.max() <= band[1]):
         raise ParameterError(
-            f"assign: lines from {lines.min():g} to {lines.max():g} Hz leave the band "
-            f"{band[0]:g} to {band[1]:g} Hz; "
-            "widen it"
+            f"assign: lines from {lines.min():g} to {lines.max():g} Hz leave the band {band[0]:g} "
+            f"to {band[1]:g} Hz; widen it"
         )
     posterior = _Posterior(lines, sd, modes, band, scale_sd)
     found = _enumerate(posterior)

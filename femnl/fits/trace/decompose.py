@@ -83,9 +83,7 @@ def _harmonics(
         highest = int(np.ceil(0.5 / (frequency * interval))) - 1
         raise ParameterError(
             f"harmonic {n_harmonics} of {frequency:g} Hz lies beyond half the sampling rate "
-            f"{1 / interval:g} Hz: "
-            "ask for "
-            f"{highest} at most"
+            f"{1 / interval:g} Hz: ask for {highest} at most"
         )
     turns = 2 * np.pi * frequency * np.outer(t, np.arange(1, n_harmonics + 1))
     design = np.column_stack([np.ones(t.size), np.cos(turns), -np.sin(turns)])
@@ -94,8 +92,7 @@ def _harmonics(
         periods = np.ptp(t) * frequency
         raise MeasurementError(
             f"a record of {periods:.2g} periods at {frequency:g} Hz cannot tell {n_harmonics} "
-            "harmonics apart: "
-            "record longer"
+            "harmonics apart: record longer"
         )
     noise = float(np.sqrt(np.sum((v - design @ solution) ** 2) / (t.size - n_unknown)))
     sd = noise * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))

@@ -53,8 +53,7 @@ def text_lines(path: Path) -> list[str]:
     if path.stat().st_size > LARGEST:
         raise MeasurementError(
             f"{path}: {path.stat().st_size / 2**30:.1f} GiB of text, more than "
-            f"{LARGEST / 2**30:g}; "
-            "split it"
+            f"{LARGEST / 2**30:g}; split it"
         )
     try:
         return path.read_text(encoding="utf-8-sig").splitlines()

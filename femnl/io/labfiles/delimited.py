@@ -39,8 +39,7 @@ def read_table(path: Path, spec: Spec) -> dict[str, NDArray[Any]]:
     if path.stat().st_size > LARGEST:
         raise MeasurementError(
             f"{path}: {path.stat().st_size / 2**30:.1f} GiB of text, more than "
-            f"{LARGEST / 2**30:g}; "
-            "split it"
+            f"{LARGEST / 2**30:g}; split it"
         )
     try:
         with warnings.catch_warnings():

@@ -77,9 +77,8 @@ def read_field(path: Path, unit: str) -> Field:
     start = end + 4 - end % 4
     if len(data) - start != 4 * int(n_x) * int(n_y):
         raise MeasurementError(
-            f"{path}: {len(data) - start} bytes of data where {int(n_x)} × {int(n_y)} pixels "
-            f"need {4 * int(n_x * n_y)}; "
-            "export it again"
+            f"{path}: {len(data) - start} bytes of data where {int(n_x)} × {int(n_y)} pixels need "
+            f"{4 * int(n_x * n_y)}; export it again"
         )
     values = (
         np.frombuffer(data, dtype="<f4", offset=start).reshape(int(n_y), int(n_x)).astype(float)

@@ -96,8 +96,7 @@ def _by_field(path: Path, rows: list[list[str]]) -> dict[str, dict[str, NDArray[
         if len(row) < 4:
             raise MeasurementError(
                 f"{path}: line {number} has {len(row)} cells, not chunk, timestamp, size, "
-                "fieldname, …; export "
-                "it again"
+                "fieldname, …; export it again"
             )
         chunk = row[0].strip()
         size = _count(row[2], path, number)
@@ -106,8 +105,7 @@ def _by_field(path: Path, rows: list[list[str]]) -> dict[str, dict[str, NDArray[
             if len(row) - 4 < size:
                 raise MeasurementError(
                     f"{path}: line {number} announces {size} values of {name} and has "
-                    f"{len(row) - 4}; export "
-                    "it again"
+                    f"{len(row) - 4}; export it again"
                 )
             chunks.setdefault(chunk, {})[name] = _floats(row[4 : 4 + size], path, number)
     return chunks

@@ -91,8 +91,7 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
     if not groups:
         raise MeasurementError(
             f"{where}: no demodulator record in it (/000/dev…/demods/…/sample); save the "
-            "sweeper's or the "
-            "acquisition's data"
+            "sweeper's or the acquisition's data"
         )
     return groups, notes
 

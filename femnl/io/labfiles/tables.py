@@ -227,8 +227,7 @@ def _map(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
         row = int(np.setdiff1d(np.arange(flat.size), np.unique(flat, return_index=True)[1])[0])
         raise MeasurementError(
             f"{where}: row {row + 1} repeats the place x = {columns['x'][row]:g}, y = "
-            f"{columns['y'][row]:g}; "
-            "delete one"
+            f"{columns['y'][row]:g}; delete one"
         )
     volts.ravel()[flat] = columns["real"] + 1j * columns["imag"]
     scalars = scalar_values(

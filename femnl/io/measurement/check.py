@@ -152,8 +152,7 @@ def _attributes(
     if isinstance(wavelength, float) and not 1e-7 < wavelength < 1e-4:
         raise MeasurementError(
             f"{where}: attribute wavelength is {wavelength:g} m; give it in m, or as a text with "
-            "its unit such as "
-            "'632.8 nm'"
+            "its unit such as '632.8 nm'"
         )
     return clean
 
@@ -175,8 +174,7 @@ def _demand(kind: Kind, name: str, arrays: Mapping[str, NDArray[Any]], where: st
             has = ", ".join(arrays) or "none"
             raise MeasurementError(
                 f"{where}: dataset {key} is missing; kind {name} needs {key} {item.dims} in "
-                f"{item.unit or '1'} "
-                f"(found: {has})"
+                f"{item.unit or '1'} (found: {has})"
             )
     for choice in kind.needs:
         if not any(key in arrays for key in choice):

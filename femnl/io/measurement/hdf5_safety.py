@@ -43,8 +43,7 @@ def open_hdf5(path: Path) -> h5py.File:
         if total[0] > max(SMALL, RATIO * path.stat().st_size):
             raise MeasurementError(
                 f"{path}: declares {total[0] / 2**20:.0f} MiB of data in {path.stat().st_size} "
-                "bytes, which no measurement does; "
-                "export it again without the empty parts"
+                "bytes, which no measurement does; export it again without the empty parts"
             )
     except (RuntimeError, OSError, KeyError, ValueError, TypeError, OverflowError) as error:
         file.close()

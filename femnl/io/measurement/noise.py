@@ -35,8 +35,7 @@ def noise_sd(dataset: xr.Dataset) -> tuple[float, str]:
     return (
         sd,
         f"noise {sd:.3g}{' V' if dataset.attrs['kind'] != 'series' else ''}, estimated from the "
-        "data: noise_sd is not in "
-        "the file",
+        "data: noise_sd is not in the file",
     )
 
 

@@ -121,9 +121,8 @@ def _mend_sweeps(dataset: xr.Dataset, where: str, notes: list[str]) -> xr.Datase
     placeless = np.isnan(table[0]) & np.isfinite(table[1:]).any(axis=0)
     if placeless.any():
         notes.append(
-            f"{where}/frequency: {np.count_nonzero(placeless)} points have data but no "
-            "frequency, taken "
-            "as missing"
+            f"{where}/frequency: {np.count_nonzero(placeless)} points have data but no frequency, "
+            "taken as missing"
         )
         table[:, placeless] = np.nan
     falling = np.any(np.diff(np.where(np.isnan(table[0]), _LAST, table[0]), axis=1) < 0, axis=1)

@@ -91,8 +91,7 @@ def solve_bands(
     if len(model.holes.centres) > 0 and not 2 * model.holes.radius < lattice.pitch:
         raise ParameterError(
             f"pitch = {lattice.pitch:g} m: expected more than the diameter "
-            f"{2 * model.holes.radius:g} m "
-            "of the holes"
+            f"{2 * model.holes.radius:g} m of the holes"
         )
     places, corners = lattice.path(steps) if wave is None else (np.asarray(wave, dtype=float), ())
     if places.ndim != 2 or places.shape[1] != 2 or not np.all(np.isfinite(places)):

@@ -57,9 +57,7 @@ def solve_condensed(tiling: Tiling, count: int, degree: int) -> Modes:
         return modes
     raise ConvergenceError(
         f"{tiling.model.name}: condensed cells leave {source.missed:.1e} of ω² in the highest "
-        "mode; ask for fewer "
-        "modes, or for "
-        "symmetry quarter, which condenses nothing"
+        "mode; ask for fewer modes, or for symmetry quarter, which condenses nothing"
     )
 
 

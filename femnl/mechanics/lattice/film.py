@@ -137,15 +137,12 @@ def _array(model: Model) -> tuple[float, Array]:
     if model.overhang is not None or any(model.film.gradient):
         raise ParameterError(
             f"{model.name}: the homogenised film knows no overhang and no gradient of the "
-            "thickness; solve the "
-            "full film"
+            "thickness; solve the full film"
         )
     if not all(s.clamped for s in model.outline.segments):
         raise ParameterError(
-            f"{model.name}: the homogenised film is held at all its edges, and one of this "
-            "film's ends free; "
-            "solve the "
-            "full film"
+            f"{model.name}: the homogenised film is held at all its edges, and one of this film's "
+            "ends free; solve the full film"
         )
     pitch, counts = array(model, "the homogenised film")
     return pitch, np.array(counts) * pitch / 2

@@ -150,9 +150,8 @@ def respond(
     # Without a solution the iteration still ends, at the least residual.
     if not np.linalg.norm(load - shifted @ found) <= SETTLED * np.linalg.norm(load):
         raise ConvergenceError(
-            f"the response at {np.sqrt(square) / (2 * np.pi):.6g} Hz, sum or difference of "
-            "modes, did not converge: it "
-            "meets a resonance; "
-            "change the device a little, or ask for fewer modes"
+            f"the response at {np.sqrt(square) / (2 * np.pi):.6g} Hz, sum or difference of modes, "
+            "did not converge: it meets a resonance; change the device a little, or ask for "
+            "fewer modes"
         )
     return np.asarray(found)

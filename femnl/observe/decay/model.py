@@ -161,8 +161,7 @@ def blocks(time: Array, voltage: NDArray[np.inexact], reference: float) -> tuple
     if count < 8:
         raise MeasurementError(
             f"signal: {len(time)} samples hold fewer than {8 * PERIODS} periods of "
-            f"{reference:.6g} Hz; "
-            "record longer"
+            f"{reference:.6g} Hz; record longer"
         )
     window = np.hanning(length + 2)[1:-1] / np.sum(np.hanning(length + 2))
     turned = (voltage - np.mean(voltage)) * np.exp(-2j * np.pi * reference * time)

@@ -85,9 +85,8 @@ def collect(dataset: xr.Dataset) -> Sweeps:
     """
     if dataset.attrs.get("kind") != "response":
         raise MeasurementError(
-            f"kind = {dataset.attrs.get('kind')!r}: a Duffing response is fitted to a "
-            "measurement of kind "
-            "'response'"
+            f"kind = {dataset.attrs.get('kind')!r}: a Duffing response is fitted to a measurement "
+            "of kind 'response'"
         )
     noise, sentence = noise_sd(dataset)
     notes = [sentence]
