@@ -41,7 +41,6 @@ FLOORS = (
         "observe.response",
         "observe.map",
         "observe.record",
-        "observe.decay",
     ),
     ("sweep", "fits", "validation"),
     ("diagnose",),

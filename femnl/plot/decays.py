@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import uniform_filter1d
 
 from femnl.core.fit import Fit
+from femnl.fits.decay.model import blocks
 from femnl.fits.decay.ringdown import predict_ringdown
-from femnl.observe.decay.model import blocks
 from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters, prefixed, style
 
 _STRONG = 10.0  # noise of a block, below which its frequency says nothing

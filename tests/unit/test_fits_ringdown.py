@@ -8,9 +8,9 @@ import pytest
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit
 from femnl.core.resonator import Array, Complex, Resonator
+from femnl.fits.decay.model import Decay, Signal
 from femnl.fits.decay.ringdown import fit_ringdown, fit_ringdown_trace
 from femnl.io.measurement import trace
-from femnl.observe.decay.model import Decay, Signal
 from femnl.resonator import couple, integrate, ring_down
 
 MODE = Resonator(2e4, 4000, alpha=3e10, nonlinear_damping=1.2e14)

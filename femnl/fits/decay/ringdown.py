@@ -10,7 +10,7 @@ from scipy.optimize import leastsq
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.fits.covariance import covariance, derived
-from femnl.observe.decay.model import Array, Decay, Numbers, Signal, strongest
+from femnl.fits.decay.model import Array, Decay, Numbers, Signal, strongest
 
 UNITS = {
     "amplitude": "V",

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.measurement.contract import KINDS, Item, Kind
+from femnl.io.measurement.contract import KINDS, Contract, Item
 from femnl.io.measurement.repair import mend
 from femnl.io.measurement.shapes import fit_shapes
 from femnl.io.measurement.units import quantity, to_si
@@ -108,7 +108,7 @@ def _values(variable: xr.Variable, item: Item, where: str, notes: list[str]) -> 
 
 def _attributes(
     attributes: Mapping[Hashable, Any],
-    kind: Kind,
+    kind: Contract,
     arrays: dict[str, NDArray[Any]],
     where: str,
     notes: list[str],
@@ -168,7 +168,7 @@ def _plain(value: object) -> object:
     return value
 
 
-def _demand(kind: Kind, name: str, arrays: Mapping[str, NDArray[Any]], where: str) -> None:
+def _demand(kind: Contract, name: str, arrays: Mapping[str, NDArray[Any]], where: str) -> None:
     for key, item in kind.datasets.items():
         if item.required and key not in arrays:
             has = ", ".join(arrays) or "none"

@@ -8,13 +8,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.measurement.contract import Kind
+from femnl.io.measurement.contract import Contract
 
 _PAIRS = ("real", "imag")
 _LAST = 1e300  # missing points stand behind all others
 
 
-def mend(dataset: xr.Dataset, kind: Kind, where: str, notes: list[str]) -> xr.Dataset:
+def mend(dataset: xr.Dataset, kind: Contract, where: str, notes: list[str]) -> xr.Dataset:
     """Sort axes, drop rows without a place and pair missing values.
 
     Args: dataset: shaped and in SI; where: for messages; notes: every change is appended here.

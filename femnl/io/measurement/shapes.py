@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.measurement.contract import Item, Kind
+from femnl.io.measurement.contract import Contract, Item
 
 Array = NDArray[Any]
 
 
 def fit_shapes(
-    kind: Kind,
+    kind: Contract,
     arrays: Mapping[str, Array],
     names: Mapping[str, tuple[Hashable, ...]],
     where: str,

@@ -1,1 +1,29 @@
 """Harmonic maps: complex amplitudes of each harmonic over the film."""
+
+from femnl.core.kinds import AMPLITUDE, NOISE, WAVELENGTH, Contract, Item, KindSpec
+
+KIND = KindSpec(
+    name="map",
+    stages=("placement", "motion", "fringe", "harmonics"),
+    scales=frozenset(("period", "reach", "slope", "stack", "wavelength")),
+    pose="femnl.fits.map.pose:pose",
+    figure="femnl.plot.measurement:harmonic_map_figure",
+    contract=Contract(
+        dims=("harmonic", "y", "x"),
+        datasets={
+            **{
+                part: Item(("harmonic", "y", "x"), unit, required=True)
+                for part, unit in AMPLITUDE.items()
+            },
+            "x": Item(("x",), "m", required=True, coordinate=True, axis=True),
+            "y": Item(("y",), "m", required=True, coordinate=True, axis=True),
+            "harmonic": Item(("harmonic",), "", required=True, coordinate=True, axis=True),
+        },
+        attributes={
+            "noise_sd": NOISE,
+            "wavelength": WAVELENGTH,
+            "drive": Item(unit="V"),
+            "drive_frequency": Item(unit="Hz", positive=True),
+        },
+    ),
+)

@@ -1,1 +1,22 @@
-"""Records: drive and output of one oscillator, sampled in time."""
+"""Records: drive and output of one oscillator in volts, sampled in time."""
+
+from typing import Any
+
+from femnl.core.kinds import KindSpec
+
+
+def is_record(dataset: Any) -> bool:
+    """Return whether a trace holds its drive and no wavelength, so that it tells of one oscillator."""
+    return "wavelength" not in dataset.attrs and "drive_voltage" in dataset
+
+
+KIND = KindSpec(
+    name="record",
+    of="trace",
+    recognise=is_record,
+    stages=("equation",),
+    scales=frozenset(("curvature", "curvature_square", "slope")),
+    pose="femnl.fits.record.pose:pose",
+    figure="femnl.plot.measurement:trace_figure",
+    needs_device=False,
+)

@@ -1,1 +1,43 @@
 """Driven responses: sweeps over the frequency of the drive."""
+
+from femnl.core.kinds import AMPLITUDE, NOISE, WAVELENGTH, Contract, Item, KindSpec, label
+
+KIND = KindSpec(
+    name="response",
+    stages=("oscillator", "signal"),
+    scales=frozenset(
+        (
+            "curvature",
+            "curvature_square",
+            "drive_square",
+            "frequency",
+            "linewidth",
+            "linewidth_square",
+            "moving",
+            "slope",
+            "time",
+            "wavelength",
+        )
+    ),
+    pose="femnl.fits.response.pose:pose",
+    figure="femnl.plot.measurement:response_figure",
+    contract=Contract(
+        dims=("sweep", "point"),
+        datasets={
+            "frequency": Item(
+                ("sweep", "point"), "Hz", required=True, coordinate=True, positive=True
+            ),
+            **{
+                part: Item(("sweep", "point"), unit, required=True)
+                for part, unit in AMPLITUDE.items()
+            },
+            "drive": label("sweep", "V"),
+            "direction": label("sweep", ""),
+            "x": label("sweep", "m"),
+            "y": label("sweep", "m"),
+            "harmonic": label("sweep", ""),
+            "time": label("sweep", "s"),
+        },
+        attributes={"noise_sd": NOISE, "wavelength": WAVELENGTH, "mode": Item(unit=None)},
+    ),
+)

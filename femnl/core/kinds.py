@@ -1,0 +1,130 @@
+"""Kinds of measurement: what a file of each holds, and where its model, fits and picture are.
+
+A kind is a package of `femnl/observe` whose `__init__` defines `KIND`; a new one is found by itself.
+That `__init__` imports nothing heavy, so that files are read without any model.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+from types import MappingProxyType
+from typing import Any
+
+from femnl.core.errors import MeasurementError
+
+_OBSERVE = "femnl.observe"
+
+
+@dataclass(frozen=True)
+class Item:
+    """One dataset or scalar attribute of a measurement file.
+
+    dims: its dimensions. unit: its SI unit, "" for a plain number, None for text. axis: values must
+    rise strictly along the single dimension. coordinate: it labels the data; all else is data.
+    """
+
+    dims: tuple[str, ...] = ()
+    unit: str | None = ""
+    required: bool = False
+    coordinate: bool = False
+    axis: bool = False
+    positive: bool = False
+
+
+@dataclass(frozen=True)
+class Contract:
+    """What a group of a measurement file holds.
+
+    dims: in the order of the file. datasets and attributes: by name. needs: of each group of names
+    at least one dataset must be there.
+    """
+
+    dims: tuple[str, ...]
+    datasets: Mapping[str, Item]
+    attributes: Mapping[str, Item] = field(default_factory=dict)
+    needs: tuple[tuple[str, ...], ...] = ()
+
+
+def _default_modes(dataset: Any) -> int:
+    return 12
+
+
+@dataclass(frozen=True)
+class KindSpec:
+    """One kind of measurement, as its package in `femnl/observe` states it.
+
+    name: as diagnoses and effects use it. stages: those whose values effects may change, in the
+    order in which the model runs them. scales: names of the numbers that its models give for the
+    ranges of parameters (`ParameterSpec.scale`) and for the `needs` of effects. pose and figure:
+    "module:function", imported when they are called: `pose(dataset, film)` returns the
+    `MeasurementModel` of a group, `figure(dataset)` draws it. contract: what a group of a file
+    holds, None where the kind is a special case of another. of: that other kind, whose name the file
+    gives. recognise: whether a group of the kind `of` is this special case. modes: how many modes of
+    the film the model needs, from the group. needs_device: whether the model needs a film at all.
+    """
+
+    name: str
+    stages: tuple[str, ...]
+    scales: frozenset[str]
+    pose: str
+    figure: str
+    contract: Contract | None = None
+    of: str = ""
+    recognise: Callable[[Any], bool] | None = None
+    modes: Callable[[Any], int] = _default_modes
+    needs_device: bool = True
+
+
+CONTROLS: Mapping[str, str] = MappingProxyType(
+    {"pressure": "Pa", "temperature": "K", "laser_power": "W", "drive": "V", "time": "s"}
+)
+"""Control variables that a series may be taken against, with their units."""
+NOISE = Item(unit="V", positive=True)
+WAVELENGTH = Item(unit="m", positive=True)
+AMPLITUDE: Mapping[str, str] = MappingProxyType({"real": "V", "imag": "V"})
+"""Parts of a complex amplitude, with their units."""
+
+
+def label(dim: str, unit: str | None) -> Item:
+    """Return the item of a coordinate along one dimension."""
+    return Item((dim,), unit, coordinate=True)
+
+
+@cache
+def kinds() -> Mapping[str, KindSpec]:
+    """Return every kind by name: the constant KIND of each package in `femnl/observe`."""
+    # Found by name, since modules of this floor import none of a higher one.
+    packages = [
+        found.name for found in iter_modules(import_module(_OBSERVE).__path__) if found.ispkg
+    ]
+    specs = [import_module(f"{_OBSERVE}.{name}").KIND for name in packages]
+    return MappingProxyType({spec.name: spec for spec in specs})
+
+
+def contracts() -> Mapping[str, Contract]:
+    """Return what each kind of group in a measurement file holds, by the kind that the file names."""
+    return {spec.name: spec.contract for spec in kinds().values() if spec.contract is not None}
+
+
+def kind_of(dataset: Any) -> KindSpec:
+    """Return the kind of a group: the special case that recognises it, else the kind it names.
+
+    Args: dataset: a group as read, with the attribute `kind`.
+    Raises: MeasurementError for a kind that is not known.
+    """
+    name = str(dataset.attrs["kind"])
+    for spec in kinds().values():
+        if spec.of == name and spec.recognise is not None and spec.recognise(dataset):
+            return spec
+    if name not in kinds():
+        raise MeasurementError(f"kind is {name!r}; known are {', '.join(contracts())}")
+    return kinds()[name]
+
+
+def function(reference: str) -> Callable[..., Any]:
+    """Return the function that a text "module:name" names, and import its module."""
+    module, _, name = reference.partition(":")
+    found: Callable[..., Any] = getattr(import_module(module), name)
+    return found

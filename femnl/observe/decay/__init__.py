@@ -1,1 +1,0 @@
-"""Decays: free motion after the drive is switched off."""

@@ -1,0 +1,30 @@
+"""Series: frequency and quality factor of one mode against control variables."""
+
+from femnl.core.kinds import CONTROLS, Contract, Item, KindSpec, label
+
+_RECORDED = (*CONTROLS, "frequency", "quality_factor")
+
+KIND = KindSpec(
+    name="series",
+    stages=("points",),
+    scales=frozenset(
+        (
+            *_RECORDED,
+            *(f"per_{name}" for name in CONTROLS),
+            *(f"per_{name}_square" for name in CONTROLS),
+        )
+    ),
+    pose="femnl.fits.series.pose:pose",
+    figure="femnl.plot.measurement:series_figure",
+    contract=Contract(
+        dims=("point",),
+        datasets={
+            **{name: label("point", unit) for name, unit in CONTROLS.items()},
+            "frequency": Item(("point",), "Hz", positive=True),
+            "frequency_sd": Item(("point",), "Hz", positive=True),
+            "quality_factor": Item(("point",), "", positive=True),
+            "quality_factor_sd": Item(("point",), "", positive=True),
+        },
+        needs=(tuple(CONTROLS), ("frequency", "quality_factor")),
+    ),
+)

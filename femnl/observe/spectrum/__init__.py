@@ -1,0 +1,31 @@
+"""Spectra: frequencies of modes, with quality factors where known."""
+
+from typing import Any
+
+from femnl.core.kinds import Contract, Item, KindSpec, label
+
+
+def modes_needed(dataset: Any) -> int:
+    """Return how many simulated modes the measured ones are assigned among."""
+    return max(48, 4 * int(dataset.sizes["mode"]))
+
+
+KIND = KindSpec(
+    name="spectrum",
+    stages=("operators", "frequencies"),
+    scales=frozenset(("frequency", "layer_square", "mass", "reach", "time")),
+    pose="femnl.fits.spectrum.pose:pose",
+    figure="femnl.plot.measurement:spectrum_figure",
+    contract=Contract(
+        dims=("mode",),
+        datasets={
+            "frequency": Item(("mode",), "Hz", required=True, positive=True),
+            "frequency_sd": Item(("mode",), "Hz", required=True, positive=True),
+            "label": label("mode", None),
+            "time": label("mode", "s"),
+            "quality_factor": Item(("mode",), "", positive=True),
+            "quality_factor_sd": Item(("mode",), "", positive=True),
+        },
+    ),
+    modes=modes_needed,
+)

@@ -1,0 +1,27 @@
+"""Traces: the voltage of a readout in time, at one spot, while a mode is driven."""
+
+from femnl.core.kinds import NOISE, WAVELENGTH, Contract, Item, KindSpec, label
+
+KIND = KindSpec(
+    name="trace",
+    stages=("motion", "fringe", "harmonics"),
+    scales=frozenset(("period", "slope", "stack", "wavelength")),
+    pose="femnl.fits.trace.pose:pose",
+    figure="femnl.plot.measurement:trace_figure",
+    contract=Contract(
+        dims=("step", "time"),
+        datasets={
+            "voltage": Item(("step", "time"), "V", required=True),
+            "drive_voltage": Item(("step", "time"), "V"),
+            "time": Item(("time",), "s", required=True, coordinate=True, axis=True),
+            "drive_frequency": label("step", "Hz"),
+        },
+        attributes={
+            "noise_sd": NOISE,
+            "wavelength": WAVELENGTH,
+            "x": Item(unit="m"),
+            "y": Item(unit="m"),
+        },
+        needs=(("drive_frequency", "drive_voltage"),),
+    ),
+)
