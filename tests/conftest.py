@@ -1,4 +1,4 @@
-"""What many tests share: devices written as geometry files, and programs that can be interrupted."""
+"""Fixtures of many tests: devices as geometry files, and programs that can be interrupted."""
 
 import resource
 import signal

@@ -1,4 +1,7 @@
-"""The house of femnl: a module imports from lower floors only, gmsh and weak forms have one room each, and no room is too large."""
+"""The order of the packages: a module imports from lower floors only.
+
+gmsh and weak forms have one package each, and no file is too long.
+"""
 
 import ast
 from collections.abc import Iterator
@@ -70,7 +73,7 @@ def module_of(path: Path) -> str:
 
 
 def room(parts: tuple[str, ...]) -> str:
-    """Name what the table calls the longest part of a dotted name, the first part where it knows none."""
+    """Return the longest beginning of a dotted name that the table knows, else its first part."""
     known = [".".join(parts[:n]) for n in range(len(parts), 0, -1)]
     return next((name for name in known if name in FLOOR), parts[0])
 
