@@ -94,7 +94,10 @@ def run(folder: Path) -> Path:
 
 
 def summary(rows: list[Row]) -> list[tuple[str | float, ...]]:
-    """By fringe and method: median of |relative error| of the amplitude below and from z = 1 on, and the largest from there on."""
+    """Return the errors of the amplitude by fringe and method.
+
+    The median of |relative error| below z = 1 and from there on, and the largest from z = 1 on.
+    """
     table: list[tuple[str | float, ...]] = [
         ("data and method", "median, z < 1", "median, z ≥ 1", "largest, z ≥ 1")
     ]

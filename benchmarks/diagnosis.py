@@ -1,4 +1,4 @@
-"""Diagnoses of eight sweeps, of a spectrum and of a map of 6 × 101 × 101 values against the whole library, on one and on two workers.
+"""Diagnose eight sweeps, a spectrum and a map of 6 × 101 × 101 values on one and on two workers.
 
 Run `python -m benchmarks.diagnosis [FOLDER]`; it writes diagnosis.csv. Files are those of the
 virtual laboratory, with one cause each, which the library has or lacks; where it lacks it, sets of

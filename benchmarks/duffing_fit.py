@@ -42,7 +42,10 @@ SUCCESS = 5.0
 
 @dataclass(frozen=True)
 class Case:
-    """One simulated sweep: data, truth by name, and standard deviations from the Fisher information at the truth."""
+    """One simulated sweep with its truth.
+
+    Data, truth by name, and standard deviations from the Fisher information at the truth.
+    """
 
     frequency: Array
     voltage: Complex
@@ -189,7 +192,10 @@ def with_lmfit(case: Case, start: Values) -> tuple[Values, Values, float]:
 
 
 def guess(case: Case) -> Values:
-    """Start as users do: the highest point, its height, the width at half power, no nonlinearity."""
+    """Start as users do, without nonlinearity.
+
+    From the highest point, its height and the width at half power.
+    """
     size = np.abs(case.voltage)
     top = int(np.argmax(size))
     wide = case.frequency[size > size[top] / np.sqrt(2)]
@@ -206,7 +212,10 @@ def guess(case: Case) -> Values:
 
 
 def poor(case: Case) -> Values:
-    """Start a factor of two off in w, y_max and α, three linewidths off in f₀, one radian off in phase."""
+    """Start far from the truth.
+
+    A factor of two off in w, y_max and α, three linewidths in f₀, one radian in phase.
+    """
     t = exact(case)
     moved = {
         "f0": t["f0"] + 3 * t["w"],

@@ -67,7 +67,10 @@ def tapered(film: Film) -> Film:
 
 
 def drawn(ledge: Ledge, thickness: float, stress: float, oxide: float) -> Clamp:
-    """The edge on its ledge: springs at rest where oxide pushes and the film on it, `thickness` thick, pulls the edge."""
+    """Return the edge on its ledge as springs, at rest where oxide and film balance.
+
+    The oxide pushes the edge, and the film on it, `thickness` thick, pulls it.
+    """
     rest = -ledge.relaxation * oxide - stress * thickness / ledge.normal
     return Clamp(normal=ledge.normal, shear=ledge.shear, draw=rest)
 
@@ -84,7 +87,7 @@ def with_radius(device: Model, radius: float) -> Model:
 
 
 def rigid_edges(device: Model) -> Iterator[tuple[str, float, float, float, float]]:
-    """Film, thickness and radius of the holes [nm, µm], taper [nm] and f22 − 2 f11 [Hz], with edges that do not give way."""
+    """Return film, holes [nm, µm], taper [nm] and f22 − 2 f11 [Hz] with edges that do not give way."""
     for bending in (True, False):
         for thickness in THICKNESS if bending else THICKNESS[-1:]:
             for radius in RADII:
@@ -129,7 +132,9 @@ def yielding_edges(device: Model, ledge: Ledge) -> Array:
 
 
 def plausibility(device: Model, ledge: Ledge) -> tuple[float, float, float]:
-    """Mean and standard deviation [Hz] of f22 − 2 f11 over what is known of the device, and how far below that 249 Hz lies in them.
+    """Return what f22 − 2 f11 [Hz] is expected to be, and how far off 249 Hz lies.
+
+    Mean and standard deviation over what is known of the device, and the distance in them.
 
     Linear in each quantity about its mean; draws of radii beyond 0.5 … 1.4 µm are left out.
     """
@@ -182,7 +187,7 @@ def full(ledge: Ledge) -> None:
 
 
 def hexagon(ledge: Ledge) -> None:
-    """How far the ten ratios of the hexagon are from those of films, holes and edges, root mean square."""
+    """Return the rms deviation of the hexagon's ten ratios from those of each candidate film."""
     even = load("hexagon-278um")
     holes = load("hexagon-278um-perforated")
     film = tapered(even.film)

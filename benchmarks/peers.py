@@ -65,7 +65,7 @@ def whole(symmetry: str, n: int) -> list[float]:
 
 
 def quick(n: int) -> list[float]:
-    """Modes, α and k₃ of all pairs of modes by condensed cells of one degree, without error bars."""
+    """Solve modes, α and k₃ of all pairs by condensed cells of one degree, without error bars."""
     model = device(n)
     modes = solve_condensed(tile(model), COUNT, QUICK)
     solve_cubic(modes, model.edge, tensor=True, energies=partial(strain_energies, edge=model.edge))

@@ -12,7 +12,11 @@ from femnl.core.device import Model
 
 
 def plain_scikit_fem(model: Model, count: int) -> list[float]:
-    """Ratios f/f₁: boolean cut of all holes, quadratic elements on straight triangles, spsolve in plane, eigsh out of it."""
+    """Return the ratios f/f₁ as a plain finite-element script would.
+
+    Boolean cut of all holes, quadratic elements on straight triangles, spsolve in plane, eigsh
+    out of it.
+    """
     film = model.film
     half = model.outline.length / 2
     unit = 1e6

@@ -28,7 +28,7 @@ Rows = list[tuple[str, float, float]]
 
 
 def timed(name: str, rows: Rows, stage: Callable[[], T]) -> T:
-    """Run a stage and note its wall and processor time, that of processes which it starts included."""
+    """Run a stage and note its wall and processor time, with that of processes that it starts."""
     start = time.perf_counter()
     used = _cpu()
     result = stage()

@@ -1,4 +1,4 @@
-"""Run the benchmarks of this folder, each in a process of its own, and keep what they found for the report.
+"""Run the benchmarks of this folder, each in its own process, and keep their results.
 
 Run `python benchmarks/run.py [NAME …]` (all where none is named); it writes build/benchmarks/NAME/
 and brings validation/benchmarks.json, which `femnl report` shows, up to date for those that were

@@ -51,7 +51,7 @@ def in_process(points: Iterator[Point], settings: Settings) -> Iterator[Record]:
 def timed(
     name: str, solve: Callable[[Iterator[Point], Settings], Iterator[Record]], folder: Path
 ) -> dict[str, float | str]:
-    """Run the whole sweep; seconds between the first and the last record, and the seconds that the points took of them."""
+    """Run the whole sweep and return its seconds and those that its points took."""
     sweep = read_sweep(folder / "sweep.toml")
     stamps: list[tuple[float, float, float]] = []
     load = os.getloadavg()[0]
@@ -81,7 +81,7 @@ def timed(
 
 
 def main(folder: Path) -> None:
-    """Measure and print; figures of a machine that others load are worth less than its load says."""
+    """Measure and print; figures of a busy machine are worth less, as its load says."""
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name:
         place = Path(name)

@@ -1,4 +1,7 @@
-"""The documentation site: `make docs` writes docs/_build/html without a network, and the pages need none either."""
+"""Settings of the documentation site.
+
+`make docs` writes docs/_build/html without a network, and the pages need none either.
+"""
 
 import logging
 import sys
@@ -91,7 +94,7 @@ def draw_equation(writer: Any, node: Any) -> None:
 def lay_out(
     app: object, what: str, name: str, value: object, options: object, lines: list[str]
 ) -> None:
-    """Keep |ξ| and * as they stand, and begin a line with each of Args, Returns, Raises, Valid and Source."""
+    """Keep |ξ| and * as they are, and start a line with each of Args, Returns, Raises, Valid, Source."""
     text = [
         line.replace("\\", r"\\").replace("|", r"\|").replace("*", r"\*").replace("_ ", r"\_ ")
         for line in lines

@@ -1,4 +1,4 @@
-"""The wheel: it carries geometries and cases, works away from the repository, and comes out the same twice."""
+"""The wheel carries geometries and cases, works anywhere, and is built reproducibly."""
 
 import hashlib
 import os

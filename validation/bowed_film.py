@@ -1,4 +1,4 @@
-"""Frequency, quadratic and cubic coefficients of a bowed square, held to sine series that know no elements."""
+"""Frequency and coefficients of a bowed square against sine series that know no elements."""
 
 from collections.abc import Iterator
 

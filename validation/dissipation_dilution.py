@@ -1,4 +1,4 @@
-"""Dissipation dilution: tension, which loses nothing, lifts Q above that of bending, and the clamped edge takes most of it back."""
+"""Dissipation dilution: tension lifts Q above that of bending, the clamped edge takes most back."""
 
 from collections.abc import Iterator
 

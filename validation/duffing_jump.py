@@ -1,4 +1,4 @@
-"""Where a strongly driven Duffing mode falls from its upper branch, and where its response first becomes vertical."""
+"""Where a driven Duffing mode falls from its upper branch, and where its response turns vertical."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ MODE = Resonator(frequency=F0, quality_factor=F0 / W, alpha=5.76e9)
 
 
 def compute() -> Iterator[float]:
-    """Read the critical point and, at ten times the critical Duffing parameter, the end of the upper branch."""
+    """Read the critical point, and the end of the upper branch at ten times the critical parameter."""
     force, _, amplitude = critical_point(MODE)
     peak = force / (MODE.omega * MODE.damping)
     yield MODE.alpha * peak**2 * MODE.quality_factor

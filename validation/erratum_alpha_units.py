@@ -21,7 +21,10 @@ def highest(frequency: float) -> complex:
 
 
 def compute() -> Iterator[float]:
-    """Read α_y off the top of a simulated backbone, where A is 90° behind, and put it into the printed relation."""
+    """Read α_y off the top of a simulated backbone and put it into the printed relation.
+
+    At the top A is 90° behind the drive.
+    """
     f0 = MODE.frequency
     w = MODE.linewidth
     top = bisect(lambda frequency: highest(frequency).real, f0, f0 + 100 * w, xtol=1e-9)

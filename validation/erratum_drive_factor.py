@@ -13,7 +13,10 @@ MODE = Resonator(frequency=1.0, quality_factor=20.0)
 
 
 def compute() -> Iterator[float]:
-    """Drive a linear mode at f₀ from rest for 150 periods, over which its transient decays by e^−23, and read its last period."""
+    """Drive a linear mode at f₀ from rest for 150 periods, and read the last of them.
+
+    Its transient has then decayed by e^−23.
+    """
     unit = FORCE / (MODE.omega * MODE.damping)
     time = np.concatenate([[0.0], np.linspace(149, 150, 64, endpoint=False)])
     motion, _ = integrate(couple([MODE]), FORCE, MODE.frequency, 0.0, 0.0, time)

@@ -13,7 +13,7 @@ DEPTH = 8.85
 
 
 def compute() -> Iterator[float]:
-    """Compare the 21st harmonic with the strongest one, from samples of one period of the motion."""
+    """Compare the 21st harmonic with the strongest, from samples of one period of the motion."""
     stack = femnl.load("square-270um").stack
     # At θ = 90° the odd harmonics are strongest: no other θ gives the sine a larger share of n =
     # 21.

@@ -1,4 +1,4 @@
-"""k₃ from the static deflection of the full geometrically nonlinear film, by Newton's method on its energy."""
+"""k₃ from the static deflection of the full nonlinear film, by Newton's method on its energy."""
 
 from collections.abc import Iterator
 

@@ -53,7 +53,10 @@ bending = false
 
 
 def relaxed(radius: float) -> tuple[float, float]:
-    """⟨σ⟩/σ₀ over the whole cell, and the tension over σ₀h that resists a deflection w which rises by one pitch a pitch."""
+    """Return ⟨σ⟩/σ₀ over the whole cell, and the tension over σ₀h that resists a deflection.
+
+    The deflection w rises by one pitch a pitch.
+    """
     model = geometry.parse(GEOMETRY.format(radius=radius))
     domain = mesh(model, "quarter", RESOLUTION)
     prestress = solve_prestress(domain, DEGREE, "sliding")

@@ -234,7 +234,10 @@ def _alone(records: list[Record]) -> dict[str, list[Record]]:
 
 
 def _limits(records: list[Record]) -> dict[str, dict[str, float] | None]:
-    """σ, and strength in units of the cause, at which a logistic curve through the draws reaches the share found."""
+    """Return where a logistic curve through the draws reaches the share found.
+
+    In σ, and as a strength in units of the cause.
+    """
     found: dict[str, dict[str, float] | None] = {}
     for name, rows in _alone(records).items():
         cause = rows[0]["causes"][0]
@@ -256,7 +259,10 @@ def _limits(records: list[Record]) -> dict[str, dict[str, float] | None]:
 
 
 def _logistic(x: np.ndarray[Any, Any], hit: np.ndarray[Any, Any]) -> float | None:
-    """Return exp(x) where a logistic curve that ends at 1 − `LAPSE` says `FOUND`, if there were draws on either side."""
+    """Return exp(x) where the logistic curve says `FOUND`, if there are draws on either side.
+
+    The curve ends at 1 − `LAPSE`.
+    """
     if hit.min() == hit.max() or len(hit) < FEWEST:
         return None
 

@@ -27,7 +27,10 @@ ROUNDS = 10
 def plan(
     folder: Path, rounds: int, seed: int | None, kinds: tuple[str, ...]
 ) -> tuple[int, list[Job], Path]:
-    """Return the seed, the draws that are still to be made, and the file of results, whose torn last line is cut off."""
+    """Return the seed, the draws still to be made, and the file of results.
+
+    A torn last line of that file is cut off.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     note = folder / "study.json"
     results = folder / "results.jsonl"
@@ -66,7 +69,10 @@ def finished(
 
 
 def _on_worker(job: Job) -> dict[str, Any]:
-    """Run a draw; its file belongs to this worker alone, and xarray shall ask no cluster for a lock on it."""
+    """Run a draw.
+
+    Its file belongs to this worker alone, so xarray needs no lock of a cluster.
+    """
     import dask
 
     with dask.config.set(scheduler="synchronous"):

@@ -1,4 +1,4 @@
-"""Causes hidden in files of the virtual laboratory are found again, and nothing is found where nothing is hidden.
+"""Causes hidden in files of the virtual laboratory are found, and none is where none is hidden.
 
 The seeds are fixed here; the blind study (`python -m tests.blind.study`) draws fresh ones.
 """

@@ -22,7 +22,10 @@ nested sampling need not look.
 
 
 def nested(result: FitResult) -> tuple[float, float]:
-    """Return log ∫ likelihood × prior and its standard deviation, by nested sampling in the box that holds the likelihood."""
+    """Return log ∫ likelihood × prior and its standard deviation, by nested sampling.
+
+    The box of the integral holds the likelihood.
+    """
     model = result.model
     low, high = model.bounds
     sd = np.sqrt(np.diag(result.covariance))

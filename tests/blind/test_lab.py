@@ -150,7 +150,10 @@ def test_every_geometry_comes_up_and_no_round_repeats_another() -> None:
 def stiff_string(
     layer: float, depth: float, n: int = 130
 ) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """(ω/c)² of the lowest modes of a stiff string of length 1 that springs 1/δ hold and nothing turns at its ends, by Legendre–Ritz."""
+    """Return (ω/c)² of a stiff string of length 1 by Legendre–Ritz.
+
+    Springs 1/δ hold its ends, and nothing turns them.
+    """
     bubble = Legendre([2 / 3, 0, -2 / 3])
     slopes = [Legendre([0.0]), *(bubble * Legendre.basis(j) for j in range(n))]
     shapes = [Legendre([1.0]), *(slope.integ() for slope in slopes[1:])]
@@ -315,7 +318,7 @@ def test_a_cause_that_the_base_can_take_up_does_not_stand_out() -> None:
 
 
 class Spot(Root):
-    """A cause of a size and a place, beside one that moves nothing but what the place moves, too."""
+    """Return a cause with a size and a place, beside one that moves nothing but what the place moves."""
 
     def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
         rows = []

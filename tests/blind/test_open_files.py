@@ -56,7 +56,10 @@ def test_the_hidden_cause_of_an_open_file_is_named_and_none_where_none_is_hidden
 
 
 def _assert_on_an_image_of(x: Parameter, y: Parameter, truth: dict[str, float]) -> None:
-    """The particle is where it was put, in the file from a corner, or at an image of that under the eight symmetries of the square."""
+    """Return whether the particle is where it was put, or at an image of that place.
+
+    The file counts from a corner; the square has eight symmetries.
+    """
     there = [truth[axis] - SIDE / 2 for axis in ("x", "y")]
     images = [(sx * a, sy * b) for a, b in (there, there[::-1]) for sx in (1, -1) for sy in (1, -1)]
     near = min(max(abs(x.value - a) / x.sd, abs(y.value - b) / y.sd) for a, b in images)

@@ -29,7 +29,7 @@ SEED = 5
 
 @dataclass(frozen=True)
 class World:
-    """Motion of the fundamental mode, and of the modes nearest to two and three times its frequency at these harmonics, in m."""
+    """Return the motion [m] of the fundamental mode and of those near 2 and 3 times its frequency."""
 
     fundamental: float
     overtones: tuple[float, float]

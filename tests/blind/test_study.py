@@ -112,9 +112,7 @@ def test_the_scoreboard_counts_what_the_records_say() -> None:
     assert (rates["68 % intervals hold"]["k"], rates["gain within 10 % of the best"]["k"]) == (1, 1)
 
 
-def test_an_answer_that_fits_nearly_as_well_as_the_cause_that_is_lacking_is_told_apart_from_one_that_does_not() -> (
-    None
-):
+def test_an_answer_nearly_as_good_as_the_lacking_cause_is_counted_apart() -> None:
     rows = []
     for file, left, verdict, named in (
         ("near", 120.0, "explained", ["photothermal"]),
@@ -148,9 +146,7 @@ def test_the_table_has_every_rate_by_kind() -> None:
     assert lines[3] == "| cause named, alone or among equals | 1 of 1 | 2.5 … 100.0 % | 1 of 1 |"
 
 
-def test_the_limit_of_detection_is_where_95_percent_are_named_and_one_that_chance_lost_far_above_moves_it_little() -> (
-    None
-):
+def test_the_limit_of_detection_is_where_95_percent_are_named() -> None:
     rng = np.random.default_rng(7)
     size = np.exp(rng.uniform(np.log(0.7), np.log(300), 4000))
     named = rng.random(4000) < 0.99 * expit(4 * np.log(size / 4))

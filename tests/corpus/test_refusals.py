@@ -1,4 +1,4 @@
-"""Whatever cannot be done is met with one line on standard error that says what to change, status 2, and no other output."""
+"""What cannot be done gets one line on standard error with the remedy, status 2, and no output."""
 
 import os
 import tomllib

@@ -123,7 +123,10 @@ def plate_on_springs(order: int, layer: float, clamp: Clamp) -> float:
 
 
 def everywhere(prestress: Prestress) -> tuple[Array, Array]:
-    """Distance (n,) from the origin and mean (xx + yy)/2 and deviator of the stress (n, 2) [Pa] at the points of quadrature."""
+    """Return distance (n,) from the origin and stress (n, 2) [Pa] at the points of quadrature.
+
+    The stress is given by its mean (xx + yy)/2 and its deviator.
+    """
     space = Space(prestress.domain.mesh, prestress.degree)
     point = np.concatenate([cell.jet.point.reshape(-1, 2) for cell in cells(space, 8)])
     xx, yy, xy = np.concatenate([s.reshape(-1, 3) for s in relaxed_stress(prestress, 8)]).T

@@ -48,7 +48,10 @@ FILM = (
 
 @dataclass(frozen=True)
 class Film:
-    """One film of a battery; exact holds numbers known otherwise, by quantity, for the lowest modes."""
+    """One film of a battery.
+
+    exact: numbers known otherwise, by quantity, for the lowest modes.
+    """
 
     name: str
     model: Model
@@ -69,7 +72,7 @@ def outline(kind: str) -> Model:
 
 
 def stiff(model: Model, layer: float, tension: float = 1.0) -> Model:
-    """The film with a bending length √(D/σh) of `layer` [m] at a stress of 1 Pa, under another stress."""
+    """Return the film with a bending length √(D/σh) of `layer` [m] at 1 Pa, under another stress."""
     film = model.film
     young = 12 * (1 - film.poisson**2) * (layer / film.thickness) ** 2
     return replace(model, bending=True, film=replace(film, young=young, stress=tension))
@@ -86,7 +89,7 @@ def pierced(
 
 
 def ideal(kind: str) -> dict[str, Array]:
-    """Frequencies (Hz at 1 m/s) and effective masses of films that have closed forms or published digits."""
+    """Return films whose frequencies (Hz at 1 m/s) or masses are known in closed form or published."""
     if kind in ("square", "rectangle"):
         width = 1.0 if kind == "square" else 1.4
         orders = [(m, n) for m in range(1, 7) for n in range(1, 7)]
@@ -197,7 +200,10 @@ def bars(modes: Modes, duffing: Nonlinearity) -> dict[str, Array]:
 
 
 def reference(film: Film, like: Modes) -> dict[str, Array]:
-    """What the film's numbers are, by closed forms where there are any, else by degree 6 on a finer mesh; in the order of `like`."""
+    """Return the film's numbers, in the order of `like`.
+
+    By closed forms where there are any, else by degree 6 on a finer mesh.
+    """
     modes = finer_modes(film, like)
     known = numbers(modes, solve_nonlinearity(modes, film.edge, tensor=True))
     for name, exact in film.exact.items():

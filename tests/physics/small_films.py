@@ -1,4 +1,4 @@
-"""Small perforated films, and films with modes close in frequency, against which error bars are held as against the fifty films."""
+"""Small perforated films and films with close modes: batteries for the error bars."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ def film(
     bending: bool = True,
     taper: float = 0.0,
 ) -> Model:
-    """A rectangle with n_x × n_y holes in the film of the shipped device, tapered towards them where asked for."""
+    """Return a rectangle with n_x × n_y holes in the shipped film, tapered towards them if asked for."""
     base = geometry.load("square-270um-perforated")
     half = np.array([n_x, n_y]) * PITCH / 2 + margin
     corners = [(sx * half[0], sy * half[1]) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
@@ -32,7 +32,10 @@ def film(
 
 
 def perforated(count: int, seed: int) -> list[Film]:
-    """Films with few holes of random size and margin, two in three in tiles, with and without bending in turn."""
+    """Return films with few holes of random size and margin.
+
+    Two in three are made of tiles; bending is on and off in turn.
+    """
     rng = np.random.default_rng(seed)
     found = []
     for k in range(count):
@@ -91,7 +94,10 @@ def sloped(model: Model, by: float) -> Model:
 
 
 def squares() -> list[Film]:
-    """Films whose modes (1,3)+(3,1) and (1,3)−(3,1) are close and cannot mix, on meshes that have the diagonal mirror."""
+    """Return films whose modes (1,3)+(3,1) and (1,3)−(3,1) are close and cannot mix.
+
+    Their meshes have the diagonal mirror.
+    """
     bare = outline("square")
     holes = pierced(bare, 0.05)
     arrays = [
@@ -113,7 +119,7 @@ def squares() -> list[Film]:
 
 
 def skewed() -> list[Film]:
-    """Films whose close modes do mix: their diagonal mirror is broken, or only their mesh has none."""
+    """Return films whose close modes mix, since film or mesh lacks the diagonal mirror."""
     bare = outline("square")
     return [
         *(Film(f"rectangle, {width}", stiff(rectangle(width), 0.1)) for width in (1.001, 1.0001)),

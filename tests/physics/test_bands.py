@@ -1,4 +1,4 @@
-"""Bands against folded plane waves, standing waves of many cells, and the even film that long waves see."""
+"""Bands against folded plane waves, standing waves of many cells, and the even film of long waves."""
 
 from dataclasses import replace
 from itertools import product

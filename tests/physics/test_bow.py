@@ -1,4 +1,7 @@
-"""Bowed films against sine series that know no elements, integration in time, Newton's method on the whole energy, and limits."""
+"""Bowed films against methods that know no elements, and against limits.
+
+Sine series, integration in time, and Newton's method on the whole energy.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -153,7 +156,7 @@ class Rest:
         return np.outer(sign, sign).ravel()
 
     def time_alpha(self, size: float) -> float:
-        """α of the first mode from its frequency in free motion of 30 periods, at two amplitudes."""
+        """Return α of the first mode from free motion of 30 periods at two amplitudes."""
         omega, shape = self.mode(0)
         load = np.einsum("ijk,j,k->i", self.quadratic, shape, shape)
         shifts = []

@@ -216,7 +216,10 @@ def test_an_elastic_edge_is_no_sliding_one(device: Device) -> None:
 
 
 def plain_ratio(stiffness: float, n: int) -> float:
-    """f(2,2)/f(1,1) of the square film on normal and shear springs by scikit-fem's own elements on a plain grid, graded to the edges."""
+    """Return f(2,2)/f(1,1) of the square film on normal and shear springs.
+
+    By scikit-fem's own elements on a plain grid, graded to the edges.
+    """
     line = np.sin(np.pi / 2 * np.linspace(-1, 1, 2 * n + 1))
     grid = MeshTri.init_tensor(line, line)
     plane = Basis(grid, ElementVector(ElementTriP2()))

@@ -1,4 +1,4 @@
-"""Dissipation dilution against clamped circular plates, whose frequencies are exact, and the formula for square membranes."""
+"""Dissipation dilution against circular plates, which are exact, and the formula for squares."""
 
 from collections.abc import Callable
 

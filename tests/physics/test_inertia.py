@@ -1,4 +1,4 @@
-"""In-plane inertia: a closed form on sliding edges, integration in time of the coupled film, and the limit of a stiff film."""
+"""In-plane inertia against a closed form, integration in time, and the limit of a stiff film."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -93,7 +93,7 @@ def test_the_change_falls_as_the_square_of_the_speeds_ratio(device: Device) -> N
 
 
 class Coupled:
-    """Two modes and what the film in its plane does under their load, as ordinary differential equations."""
+    """Two modes and the film in its plane under their load, as ordinary differential equations."""
 
     def __init__(self, modes: Modes, edge: Edge) -> None:
         pairs = [(0, 0), (0, 1), (1, 1)]
@@ -148,7 +148,7 @@ class Coupled:
         return -(self.k * q + own) / self.m, self.loads @ pairs - self.square * u
 
     def frequency(self, amplitude: tuple[float, float], mode: int) -> float:
-        """The angular frequency [rad/s] at which a mode moves, from 30 of its periods after a start in step with its load."""
+        """Return the angular frequency [rad/s] of a mode from 30 periods, started in step with its load."""
         size = len(self.square)
         start = np.zeros(size)
         for k, pair in ((0, 0), (1, 2)):

@@ -1,4 +1,7 @@
-"""An undercut strip of the frame around a film, against closed forms of films that are joined, and the error bars of such devices."""
+"""An undercut strip of the frame around a film, against closed forms of joined films.
+
+The error bars of such devices hold.
+"""
 
 from dataclasses import replace
 

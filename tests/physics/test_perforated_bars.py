@@ -1,4 +1,7 @@
-"""Error bars of small perforated films, whose low degrees err alike before their stress is resolved."""
+"""Error bars of small perforated films.
+
+Low degrees err alike there before their stress is resolved.
+"""
 
 from functools import cache
 

@@ -53,7 +53,9 @@ def clamped_line(size: int, parity: int) -> tuple[Array, Array, Array]:
 
 
 def spectral_frequency(layer: float, parity: tuple[int, int], size: int) -> float:
-    """Lowest ω/√(T/ρh) of the clamped square of side 1 with ℓ = `layer`, in one parity class, by Ritz with Legendre polynomials.
+    """Return the lowest ω/√(T/ρh) of the clamped square of side 1 in one parity class.
+
+    By Ritz with Legendre polynomials; ℓ = `layer`.
 
     Inverse iteration; each solve by conjugate gradients, preconditioned with the separable part,
     which is within a factor of two.
@@ -126,9 +128,7 @@ def test_published_frequencies_of_the_clamped_plate_in_tension_are_those_of_lege
     assert published[f"Ω1 at Ta²/D = {tension}"] == pytest.approx(omega, rel=4e-8)
 
 
-def test_published_frequencies_of_the_clamped_plate_without_tension_are_those_of_legendre_polynomials() -> (
-    None
-):
+def test_published_frequencies_of_the_clamped_plate_are_those_of_legendre_polynomials() -> None:
     lines = [clamped_line(12, parity) for parity in (0, 1)]
     squares = [
         eigh(

@@ -1,4 +1,7 @@
-"""The reference numbers of ideal shapes that no book gives to enough digits, computed again by methods that share no element with femnl."""
+"""Reference numbers of ideal shapes, computed by methods that share no element with femnl.
+
+No book gives these numbers to enough digits.
+"""
 
 from collections.abc import Callable
 
@@ -80,7 +83,10 @@ class Hexagon:
         return np.hstack(columns)
 
     def fit(self, eigenvalue: float) -> tuple[float, Array]:
-        """How far the best combination of unit size misses the other edges' conditions, and its coefficients."""
+        """Return how far the best combination of unit size misses the other edges' conditions.
+
+        And the coefficients of that combination.
+        """
         top = self.values(eigenvalue, self.top)
         left = (
             self.values(eigenvalue, self.left, 0)
@@ -161,7 +167,10 @@ def test_the_effective_mass_of_the_hexagon_is_that_of_particular_solutions() -> 
 
 
 def in_plane_modes(n: int) -> tuple[Array, Array, Array, Array]:
-    """Legendre polynomials that vanish at ±½, their derivatives (points, n), and Gauss points and weights on [−½, ½]."""
+    """Return Legendre polynomials that vanish at ±½ and their derivatives, (points, n).
+
+    And Gauss points and weights on [−½, ½].
+    """
     nodes, weights = legendre.leggauss(2 * n + 20)
     series = np.eye(n + 2)[:, :n] - np.eye(n + 2, n, -2)
     values = legendre.legvander(nodes, n + 1) @ series
@@ -264,7 +273,7 @@ def test_the_cubic_stiffness_of_the_circle_is_that_of_its_radial_problem(poisson
 
 @pytest.fixture(scope="module")
 def scikit_hexagon(device: Callable[..., Model]) -> tuple[Basis, Array]:
-    """The first mode of the hexagon of side 1, max ξ = 1, by scikit-fem's own elements and forms."""
+    """Return the first mode of the hexagon of side 1, max ξ = 1, by scikit-fem's own elements."""
     graded = mesh(device('kind = "regular-polygon"\nsides = 6\nlong_axis = "2 m"'), "full", 1).mesh
     basis = Basis(MeshTri1(np.asarray(graded.p), graded.t), ElementTriP4(), intorder=12)
     inside = basis.complement_dofs(basis.get_dofs())

@@ -1,4 +1,4 @@
-"""What a change of the film stress leaves of itself around holes, and shapes that go on over them."""
+"""What holes leave of a change of the film stress, and shapes continued over them."""
 
 from dataclasses import replace
 from functools import cache
@@ -52,7 +52,10 @@ def solved(symmetry: str = "auto") -> tuple[Modes, Projection]:
 
 
 def split(found: Projection, mass: Array, stress: tuple[float, float, float]) -> Array:
-    """Frequencies, in units of the speed of waves over 2π, under a film stress (xx, yy, xy) in units of the even one."""
+    """Return frequencies, in units of c/2π, under a film stress (xx, yy, xy).
+
+    The stress is in units of the even one.
+    """
     xx, yy, xy = stress
     stiffness = xx * found.slopes[0, 0] + yy * found.slopes[0, 1] + 2 * xy * found.slopes[0, 2]
     return np.asarray(np.sqrt(eigh(stiffness, mass, eigvals_only=True)))

@@ -1,4 +1,7 @@
-"""Sweeps, transients and ring-downs of the resonator against time integration, and the published formulas put right by it."""
+"""Sweeps, transients and ring-downs against time integration.
+
+The published formulas are corrected by it.
+"""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Films of uneven thickness, against closed forms in the plane and one-dimensional Ritz series out of it."""
+"""Films of uneven thickness against closed forms in the plane and Ritz series out of it."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What holds for every device: areas, orientation, scaling, and one line for whatever is no device."""
+"""What holds for every device: areas, orientation, scaling, and one line for what is none."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ FILM = (
 
 @st.composite
 def outlines(draw: st.DrawFn) -> tuple[str, float]:
-    """An outline of any shipped kind, and half the side of a square about the origin that lies inside it, in µm."""
+    """Draw an outline of any shipped kind, and half the side [µm] of a square that lies inside it."""
     size = draw(st.floats(20, 500))
     kind = draw(st.sampled_from(["square", "rectangle", "circle", "regular-polygon", "polygon"]))
     if kind == "square":

@@ -1,4 +1,7 @@
-"""Mutated geometry and measurement files, found by coverage, give a device or data, or one line, and never a traceback or a hang."""
+"""Mutated geometry and measurement files give a device, data, or one line.
+
+Found by coverage; never a traceback or a hang.
+"""
 
 import importlib.util
 import os

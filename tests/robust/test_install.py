@@ -1,4 +1,4 @@
-"""The wheel, installed by pip into an environment of its own, works there without the repository and without a network."""
+"""The wheel, installed in a fresh environment, works without repository and network."""
 
 import os
 import subprocess
@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def femnl(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The command in a fresh environment that sees the dependencies of this one, and femnl from the wheel alone."""
+    """Return the command in an environment with the dependencies of this one and femnl's wheel."""
     folder = tmp_path_factory.mktemp("install")
     build = [
         sys.executable,

@@ -1,4 +1,4 @@
-"""A problem small enough to see through: data in units of their σ, whose base model is a constant."""
+"""A model small enough to see through: data in units of σ, whose base model is a constant."""
 
 from collections.abc import Mapping, Sequence
 

@@ -74,7 +74,10 @@ class Written:
 
 
 def make_report(folder: Path) -> Written:
-    """Write a report on one small device and four cases, of which one differs and one breaks, with the shipped study and benchmarks."""
+    """Write a report on one small device and four cases.
+
+    One case differs and one breaks; the shipped study and benchmarks are in it.
+    """
     geometry = folder / "square-100um.toml"
     geometry.write_text(GEOMETRY, encoding="utf-8")
     cases = folder / "cases"

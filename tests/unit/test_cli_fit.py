@@ -186,7 +186,10 @@ def test_ring_downs_and_their_envelopes_give_frequency_and_quality_factor(
 
 
 def driven_record(path: str) -> None:
-    """An oscillator of 60 Hz with k₂, k₃ and an offset under a noisy drive, 1 kHz, which does not begin at rest."""
+    """Return a record of an oscillator of 60 Hz under a noisy drive, sampled at 1 kHz.
+
+    With k₂, k₃ and an offset; it does not begin at rest.
+    """
     rng = np.random.default_rng(6)
     spectrum = np.fft.rfft(rng.normal(size=1400))
     spectrum[np.fft.rfftfreq(1400, 1e-3) > 150] = 0

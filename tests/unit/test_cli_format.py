@@ -1,4 +1,4 @@
-"""Tables in the forms of papers and programs, help by chapters, completion, and steps shown on a terminal alone."""
+"""Tables for papers and programs, help by chapters, completion, and progress on a terminal alone."""
 
 import csv
 import io

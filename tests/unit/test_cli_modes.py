@@ -1,4 +1,4 @@
-"""`femnl modes`: a tolerance that is met, an even film for the holes, and errors of every number."""
+"""`femnl modes`: tolerances are met, an even film stands for the holes, every number has an error."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Where the fits of a record of drive and output start, what of it is compared, and which records are refused."""
+"""Fits of a record: where they start, which samples they compare, and which records are refused."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,10 @@ from tests.blind.lab.record import RecordBench
 
 
 def driven(strength: float, seed: int = 0) -> RecordModel:
-    """The problem of a record under this part of the common drive, of an oscillator that is stiff and rings for long."""
+    """Return the model of a record under a part of the common drive.
+
+    The oscillator is stiff and rings for long.
+    """
     rng = np.random.default_rng(seed)
     bench = RecordBench(rng)
     bench.drive *= strength * 0.1 / np.std(bench.drive)

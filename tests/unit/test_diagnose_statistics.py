@@ -118,7 +118,10 @@ def test_residuals_are_looked_at_from_both_sides(deviation: Array, worst: str) -
 
 
 class Folded(Level):
-    """Data that tell the size of the level alone, as those of a fringe do of u and θ, so that a model may be on either side."""
+    """Data that tell the size of the level alone, so that a model may be on either side.
+
+    As those of a fringe do of u and θ.
+    """
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         return np.asarray(

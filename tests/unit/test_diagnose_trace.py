@@ -145,7 +145,10 @@ def test_a_fringe_or_a_motion_of_another_form_is_seen_without_a_cause_to_look_fo
 
 
 def record(path: Path, quadratic: float) -> Diagnosis:
-    """Diagnose a record of an oscillator with cubic stiffness under a noisy drive, by adaptive integration."""
+    """Diagnose a record of an oscillator with cubic stiffness under a noisy drive.
+
+    It is simulated by adaptive integration.
+    """
     rate = 610.0
     count = 2400
     rng = np.random.default_rng(1)

@@ -1,4 +1,4 @@
-"""What a diagnosis shows: data beside models, free forms where no cause is known, one page that tells it all."""
+"""What a diagnosis shows: data beside models, free forms where no cause is known, one page."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +22,7 @@ SEED = 11
 
 @pytest.fixture(scope="module")
 def unexplained(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
-    """A resonance whose frequency follows the cube of the pressure, which no cause in the library makes it do."""
+    """Return a resonance that follows the cube of the pressure, as no cause in the library does."""
     pressure = np.linspace(0, 100, 60)
     frequency = 1e6 + 40 * ((pressure - 50) / 50) ** 3 + np.random.default_rng(SEED).normal(size=60)
     dataset = measurement.series({"pressure": pressure}, frequency, np.full(60, 1.0))

@@ -1,4 +1,4 @@
-"""What a geometry file says of its film's thickness, of springs at its edge and of an overhang, and what it may not say."""
+"""Thickness of the film, springs at its edge and overhang in a geometry file, and what is refused."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The library of effects: every file keeps the contract, and effects that do not act change nothing."""
+"""The library of effects: every file keeps the contract, and idle effects change nothing."""
 
 import numpy as np
 import pytest

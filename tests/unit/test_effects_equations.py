@@ -1,4 +1,4 @@
-"""What each effect does to its stage, against integrals over the film, steps in time and averages over the instrument."""
+"""Each effect on its stage, against integrals over the film, steps in time and averages."""
 
 import numpy as np
 import pytest

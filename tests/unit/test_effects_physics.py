@@ -1,4 +1,4 @@
-"""The physics of single effects, against integration in time, closed forms and other discretisations."""
+"""The physics of single effects, against integration in time, closed forms and other meshes."""
 
 from dataclasses import replace
 
@@ -157,7 +157,7 @@ def test_a_compliant_clamp_of_a_square_lowers_low_modes_most() -> None:
 
 
 def averaged(mode: Oscillator) -> NDArray[np.complex128]:
-    """Amplitude on the low sheet, as the equation of the stage says, by iteration of its coefficient."""
+    """Return the amplitude on the low branch by iterating the coefficient of the stage's equation."""
     per = 2 / mode.linewidth
     f0 = mode.frequency[0]
     linear = mode.peak * mode.force[0]
@@ -201,7 +201,7 @@ def test_quadratic_stiffness_lowers_alpha_by_ten_ninths_of_its_square() -> None:
     alpha = 1.6
 
     def rate(amplitude: float) -> float:
-        """Frequency of the free oscillation between the turning points a and b, 2π over its period, from its energy."""
+        """Return the frequency of the free oscillation between turning points a and b, from its energy."""
 
         def energy(u: Array | float) -> Array | float:
             return u**2 / 2 + kappa * u**3 / 3 + alpha * u**4 / 4
@@ -432,7 +432,10 @@ def test_a_frame_far_from_a_mode_pulls_it_as_the_coupled_pair_does() -> None:
 
 
 def stiff_string(layer: float, depth: float, n: int = 130) -> Array:
-    """(ω/c)² of a stiff string of length 1, layer ℓ, that springs 1/δ hold and nothing turns at its ends, by Legendre–Ritz."""
+    """Return (ω/c)² of a stiff string of length 1 with layer ℓ, by Legendre–Ritz.
+
+    Springs 1/δ hold its ends, and nothing turns them.
+    """
     bubble = Legendre([2 / 3, 0, -2 / 3])
     slopes = [Legendre([0.0]), *(bubble * Legendre.basis(j) for j in range(n))]
     shapes = [Legendre([1.0]), *(slope.integ() for slope in slopes[1:])]

@@ -1,4 +1,4 @@
-"""Metres from harmonics: the published method where it holds and where it fails, and displacement without a mode shape."""
+"""Metres from harmonics: where the published method holds and fails, and motion without a shape."""
 
 import numpy as np
 import pytest

@@ -283,7 +283,7 @@ def test_noise_is_estimated_where_the_file_does_not_say() -> None:
 
 
 def coverage(n_draws: int) -> Array:
-    """Draws of the fit's deviations from the truth in standard deviations, (n_draws, n_parameters)."""
+    """Return deviations of the fit from the truth in standard deviations, (n_draws, n_parameters)."""
     truth = {"amplitude": 3e-7, **TRUTH}
     draws = (
         fit_map(measured(sine(), 3e-7, 1000 + i, square(), n_points=21, noise=1e-3), square())
@@ -307,7 +307,10 @@ def test_intervals_of_every_parameter_hold_the_truth_in_68_percent_of_400_draws(
 
 
 def failures(seeds: range) -> list[int]:
-    """Seeds of random maps (depth, working point, placement, noise, mode) whose fit misses the truth."""
+    """Return seeds of random maps whose fit misses the truth.
+
+    Depth, working point, placement, noise and mode are drawn.
+    """
     missed = []
     for seed in seeds:
         rng = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""Free-run fits of one oscillator, on simulations by another integrator and on the Silverbox record."""
+"""Free-run fits of one oscillator, on simulations by another integrator and on Silverbox."""
 
 from pathlib import Path
 

@@ -40,7 +40,7 @@ def simulate(
     seed: int = 0,
     distort: bool = False,
 ) -> xr.Dataset:
-    """Up and down sweeps at each drive and position, by following the slow flow through its jumps."""
+    """Return up and down sweeps at each drive and place: the slow flow is followed through its jumps."""
     rng = np.random.default_rng(seed)
     # The grid moves with the seed, so that a fold may lie anywhere between two points.
     frequency = (

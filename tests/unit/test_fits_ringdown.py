@@ -1,4 +1,4 @@
-"""Ring-downs against the closed law, against time integration, and by the coverage of their intervals."""
+"""Ring-downs against the closed law and time integration, and the coverage of their intervals."""
 
 from typing import Any
 

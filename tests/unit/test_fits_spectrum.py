@@ -32,7 +32,10 @@ class Truth:
 def sweep(
     truth: Truth, seed: int, n: int = 4000, top: float = 4e6, with_noise: bool = True
 ) -> xr.Dataset:
-    """A sweep from 1 MHz with lines of random phase on a sloping, rotating background larger than many lines."""
+    """Return a sweep from 1 MHz with lines of random phase on a large background.
+
+    The background slopes, rotates, and is larger than many lines.
+    """
     rng = np.random.default_rng(seed)
     f = np.linspace(1e6, top, n)
     volts = np.zeros(n, dtype=complex)
@@ -105,7 +108,7 @@ def test_noise_on_a_sloping_background_holds_no_line() -> None:
 
 
 def study(seeds: range) -> tuple[int, Array]:
-    """How many random sweeps were read without a fault, and the deviations of their frequencies in standard deviations."""
+    """Return how many random sweeps were read without a fault, and the frequencies' errors in sd."""
     good = 0
     pulls = [np.empty(0)]
     for seed in seeds:

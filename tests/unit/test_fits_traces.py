@@ -1,4 +1,4 @@
-"""Traces: harmonics against those that were put in, noise that is estimated, jitter that is undone."""
+"""Traces: harmonics as they were put in, noise estimated, jitter undone."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The weak forms: symmetric, blind to rigid motions, exact on polynomials, stable on stretched triangles."""
+"""The weak forms: symmetric, blind to rigid motions, exact on polynomials, stable when stretched."""
 
 from collections.abc import Callable
 

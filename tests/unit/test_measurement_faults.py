@@ -1,4 +1,4 @@
-"""Faulty measurement files: each is either refused in one line with its remedy, or mended in words."""
+"""Faulty measurement files: each is refused in one line with its remedy, or repaired and told."""
 
 import contextlib
 from collections.abc import Callable

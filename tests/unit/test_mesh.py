@@ -1,4 +1,4 @@
-"""Meshes: true to the outline, named all around, graded, reproducible, and refused where they cannot be."""
+"""Meshes: true to the outline, named all around, graded, reproducible, or refused."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -27,10 +27,13 @@ def stack(
 
 
 def airy(film: complex, wafer: complex, thickness: float, gap: float, wavelength: float) -> float:
-    """R from the recursion of Airy's sums over round trips, with absorption as n − ik and time as exp(+iωt)."""
+    """Return R from Airy's sums over round trips, absorption as n − ik and time as exp(+iωt)."""
 
     def add(left: complex, right: complex, beneath: complex, d: float) -> complex:
-        """Reflection at the boundary left|right in front of a layer of thickness d that ends in the reflection `beneath`."""
+        """Return the reflection at the boundary left|right in front of a layer of thickness d.
+
+        The layer ends in the reflection `beneath`.
+        """
         fresnel = (left - right) / (left + right)
         turn = beneath * np.exp(-4j * np.pi * right * d / wavelength)
         return complex((fresnel + turn) / (1 + fresnel * turn))
@@ -51,9 +54,7 @@ def test_transfer_matrices_agree_with_the_recursion_of_airy(seed: int) -> None:
     assert fringe(u) == pytest.approx(airy(film, wafer, thickness, gap + u, RED), abs=2e-14)
 
 
-def test_fourier_series_of_the_multilayer_fringe_agrees_with_transfer_matrices_far_from_the_first_period() -> (
-    None
-):
+def test_fourier_series_of_the_multilayer_fringe_agrees_with_transfer_matrices() -> None:
     fringe = MultilayerFringe(stack(), RED, gain=0.7, offset=-0.2)
     u = np.linspace(-3e-6, 3e-6, 41)
     assert fringe(u) == pytest.approx(

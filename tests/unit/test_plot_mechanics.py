@@ -1,4 +1,4 @@
-"""Pictures of the film: to scale, with round holes and the right colours, and one clear line where nothing can draw."""
+"""Pictures of the film: to scale, with round holes and the right colours, or one clear line."""
 
 import os
 import subprocess

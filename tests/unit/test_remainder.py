@@ -1,4 +1,7 @@
-"""What is left of a number that three degrees do not show to converge, in numbers that no constant of the code enters."""
+"""The error of a number that three degrees do not show to converge.
+
+Tested on numbers that no constant of the code enters.
+"""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The report: its numbers, and what it says of a case that fails, of the blind study and of benchmarks."""
+"""The report: its numbers, failing cases, the blind study and the benchmarks."""
 
 import html
 import json

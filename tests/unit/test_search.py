@@ -43,7 +43,7 @@ def line(data: Array, needs_global_search: bool = False) -> Level:
 def effect(
     name: str, change: Callable[[float], Array], low: float = -10.0, whole: bool = False
 ) -> Effect:
-    """One strength, or one whole number beside it, that adds a function of itself to the prediction."""
+    """Return an effect that adds a function of its strength, or of a whole number, to the prediction."""
 
     def act(value: Array, values: Values) -> Array:
         return (
@@ -123,9 +123,7 @@ def test_a_block_that_bends_over_what_the_others_leave_open_is_no_misfit() -> No
     assert min(drawn) > 0.01 / 50
 
 
-def test_noise_of_its_own_is_not_held_against_the_prediction_of_a_block_but_a_level_of_its_own_is() -> (
-    None
-):
+def test_a_block_is_judged_by_its_level_and_not_by_its_noise() -> None:
     noise = np.random.default_rng(6).standard_normal(40)
     beside = 5.0 * np.array([1, -1, -1, 1, 0, 0, 1, -1, -1, 1])  # neither level nor slope
     loud = cross_validate(
@@ -243,9 +241,7 @@ def test_every_pair_that_does_as_well_as_the_best_is_found() -> None:
     assert judge(found).verdict == "ambiguous"
 
 
-def test_a_shape_that_the_data_would_have_beyond_its_bound_is_stuck_however_little_they_know_it() -> (
-    None
-):
+def test_a_shape_that_the_data_would_have_beyond_its_bound_is_stuck() -> None:
     def act(value: Array, values: Values) -> Array:
         return value + values["strength"] * (
             np.abs(PLACE) ** values["power"] + 1e-6 * values["idle"] * PLACE
@@ -362,9 +358,7 @@ def test_what_is_held_out_of_a_free_form_is_what_is_left_out_of_a_cause() -> Non
     assert held_out(result, 20) == pytest.approx(cross_validate(result, 20).chi2_reduced, rel=1e-12)
 
 
-def test_causes_are_held_to_a_higher_p_value_than_the_base_model_and_several_to_a_higher_one_of_what_was_left_out() -> (
-    None
-):
+def test_causes_are_held_to_a_higher_p_value_than_the_base_model() -> None:
     base, one = search(line(3 + 2 * PLACE + np.random.default_rng(4).standard_normal(40)), [SLOPE])
     data = base.result.model.base_model.residuals((), {"level": 0.0}, ())
     two = replace(one, result=solved(data, SLOPE, effect("bend", lambda s: s * PLACE**2)))

@@ -1,4 +1,4 @@
-"""Results on disk: read back as written, opened by other programs, kept by content, never half-written."""
+"""Results on disk: read back as written, opened by other programs, never half-written."""
 
 import logging
 from collections.abc import Callable

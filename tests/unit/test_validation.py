@@ -1,4 +1,4 @@
-"""The runner of the validation cases: what agrees, what differs, and that nothing broken is hidden."""
+"""The runner of the validation cases: what agrees, what differs, and nothing broken is hidden."""
 
 import json
 import math
@@ -20,7 +20,10 @@ CASE = Case(claim="one is one", source="arithmetic, by hand", references=(ONE,),
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with a case that agrees, one that differs, one that crashes, one that does not parse, and one without a case."""
+    """Return a folder with five cases.
+
+    One agrees, one differs, one crashes, one does not parse, and one file has no case.
+    """
     for name, text in {
         "agrees": CASE.format(value="(1.05, 0.06)"),
         "differs": CASE.format(value="1.2"),

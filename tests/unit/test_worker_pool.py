@@ -80,7 +80,7 @@ def refuse() -> int:
 
 
 def shared(run: Run) -> set[int]:
-    """Do jobs until two processes have shared them, which takes as long as a helper takes to start."""
+    """Do jobs until two processes have shared them: as long as a helper takes to start."""
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline:
         found = set(run([Job(f"job {k}", who) for k in range(4)]))

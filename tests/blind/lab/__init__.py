@@ -49,7 +49,11 @@ GEOMETRIES = {
 
 @dataclass(frozen=True)
 class Case:
-    """One file: its kind, the causes in it, the device, the range of their sizes in σ, and the seed that draws everything else."""
+    """One file to make.
+
+    Its kind, the causes in it, the device, the range of their sizes in σ, and the seed of all
+    else.
+    """
 
     kind: str
     causes: tuple[str, ...]

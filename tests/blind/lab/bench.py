@@ -1,4 +1,4 @@
-"""What every kind of measurement of the laboratory gives, and by how many σ a cause stands out in it."""
+"""What every kind of measurement of the laboratory gives, and how detectable a cause is in it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -37,7 +37,10 @@ FOLLOWED = 4
 
 @dataclass(frozen=True)
 class Cause:
-    """A cause as drawn: its values, which of them grow with its strength, and how much they may still grow."""
+    """A cause as drawn.
+
+    Its values, which of them grow with its strength, and how much they may still grow.
+    """
 
     values: Values
     strengths: tuple[str, ...]
@@ -80,7 +83,9 @@ def scaled(cause: Cause, factor: float) -> Cause:
 def sizes(
     bench: Bench, base: Values, hidden: dict[str, Cause], rounds: int = 0
 ) -> dict[str, float]:
-    """By how many σ each cause moves the data beyond what base parameters and the other causes could, whatever their values.
+    """Return at how many σ each cause is detectable.
+
+    How far it moves the data beyond what base parameters and the other causes can make up for.
 
     To first order; with rounds, base and strengths are moved so many times along their tangents,
     and what that leaves counts if it is less.

@@ -48,7 +48,7 @@ class Drum(Membrane):
     splines: tuple[NdBSpline, ...]
 
     def at(self, x: Array, y: Array, count: int | None = None) -> Array:
-        """Values of the lowest modes at points (n,), 0 over holes and beyond the film, (count, n)."""
+        """Return the lowest modes at points (n,), 0 over holes and beyond the film, (count, n)."""
         found = np.zeros((len(x), count or MODES))
         column, row = (
             np.clip(np.floor(v / PITCH + COUNT / 2), 0, COUNT - 1).astype(np.int64) for v in (x, y)

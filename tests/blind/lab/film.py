@@ -45,7 +45,9 @@ class Membrane:
         return np.asarray(np.diag(self.slopes[0][0] + self.slopes[0][1]))
 
     def clamped(self, layer: float, depth: float = 0.0) -> Array:
-        """k² of each mode with the boundary layer of a plate, which decays as e^{−qd}, q² = 1/ℓ² + k² + 2k_t² (t along the edge).
+        """Return k² of each mode with the boundary layer of a plate.
+
+        The layer decays as e^{−qd}, q² = 1/ℓ² + k² + 2k_t² (t along the edge).
 
         Where springs of T/δ per length hold the edge, which still does not turn, its shear force
         −Dw‴ is theirs: a wave a sin(kd + φ) + (ak/q) cos φ e^{−qd} then has tan φ = k (δℓ²(k² + q²)
@@ -110,7 +112,7 @@ class Membrane:
         )
 
     def _sides(self) -> tuple[Array, Array]:
-        """Outward unit normals (n, 2) of the membrane's sides and their distances from the middle (n,)."""
+        """Return outward unit normals (n, 2) of the sides and their distances from the middle (n,)."""
         if self.space is None:
             width, height = self.inner
             return np.array([[1, 0], [-1, 0], [0, 1], [0, -1.0]]), np.array(
@@ -133,7 +135,7 @@ def device(name: str) -> Model:
 
 
 def membrane(name: str, layer: float, stretch: float = 0.0, basis: int = 14) -> Membrane:
-    """The film of a geometry, smaller by `layer` on every side, with sides stretched by ±stretch/2."""
+    """Return the film of a geometry, smaller by `layer` on every side, stretched by ±stretch/2."""
     outline = device(name).outline
     if outline.size is not None:
         width, height = outline.size
@@ -194,7 +196,7 @@ def _rectangle(sides: tuple[float, float], half: float, basis: int) -> Membrane:
 
 @cache
 def _polygon(corners: tuple[tuple[float, float], ...], count: int = 90) -> Membrane:
-    """Cubic elements on triangles about the centre, finer towards the corners, where the modes are singular."""
+    """Return cubic elements on triangles about the centre, finer at corners: modes are singular there."""
     points = np.array(corners)
     mesh = MeshTri(
         np.column_stack([np.zeros(2), points.T]),

@@ -76,7 +76,7 @@ def kept(name: str, solve: Callable[[], dict[str, Array]]) -> dict[str, Array]:
 
 
 def rings(outwards: int) -> Array:
-    """Parts of the way from the hole to the side of its cell at which nodes lie, (outwards + 1,)."""
+    """Return where nodes lie between hole and side of the cell, in parts of the way, (outwards + 1,)."""
     return np.asarray(np.linspace(0, 1, outwards + 1) ** 1.3)
 
 
@@ -109,7 +109,7 @@ def cell(column: int, row: int, around: int, outwards: int, side: float) -> Arra
 
 
 def mesh(around: int, outwards: int, side: float = SIDE) -> MeshQuad2:
-    """Quadrilaterals between each hole and the sides of its cell; those at the hole follow its arc."""
+    """Return quadrilaterals between each hole and its cell's sides; those at the hole follow its arc."""
     radius = RADIUS / side
     pitch = PITCH / side
     cells = [
@@ -137,7 +137,11 @@ def mesh(around: int, outwards: int, side: float = SIDE) -> MeshQuad2:
 
 @dataclass(frozen=True)
 class Relaxed:
-    """A film on its mesh, with the tension (2, 2, n_cells, n_points) that each load leaves, and that at the edge of all together."""
+    """A film on its mesh with its tension.
+
+    The tension (2, 2, n_cells, n_points) that each load leaves, and that at the edge under all
+    loads.
+    """
 
     flat: Basis
     rim: FacetBasis
@@ -186,7 +190,10 @@ def relaxed(cells: MeshQuad2, loads: Sequence[tuple[float, float, float]]) -> Re
 
 
 def shapes(side: float, count: int) -> dict[str, Array]:
-    """k² and values at the nodes of the lowest modes of a film of that side [m] under equal stresses, as in `solved`."""
+    """Return k² and nodal values of the lowest modes under equal stresses, as in `solved`.
+
+    side [m]: of the film.
+    """
     film = relaxed(mesh(AROUND, OUTWARDS, side), [(1.0, 1.0, 0.0)])
     square, values = film.modes(asm(_pull, film.flat, tension=film.tensions[0]), count)
     return {
@@ -301,7 +308,10 @@ class Perforated(Membrane):
     shapes: Array
 
     def clamped(self, layer: float, depth: float = 0.0) -> Array:
-        """k² of each mode where the clamp's boundary layer makes the film smaller by ℓ, less ℓ²k⁴, with its bending in place of that.
+        """Return k² of each mode with the clamp's boundary layer.
+
+        The layer makes the film smaller by ℓ; ℓ²k⁴ is taken off and the film's own bending
+        put in.
 
         To first order what the edge's pull does over ℓ; to second as on a film without holes, (1 −
         x)⁻² of 1 + 2x.

@@ -22,7 +22,10 @@ POINTS = 25
 
 
 class JointBench:
-    """Benches side by side, base parameters named "measurement.parameter" but for those that they share; see `Bench`."""
+    """Benches side by side, see `Bench`.
+
+    Base parameters are named "measurement.parameter", except those that the benches share.
+    """
 
     def __init__(
         self,

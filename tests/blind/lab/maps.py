@@ -1,4 +1,6 @@
-"""Maps of harmonics: shapes of a membrane smaller by ℓ on every side with the layer of a plate at its edge; v(t) over a period, an FFT.
+"""Maps of harmonics: shapes of a membrane, v(t) over a period, and an FFT.
+
+The membrane is smaller by ℓ on every side, with the layer of a plate at its edge.
 
 Where the film has holes, nothing is read over them. A restoring force of second order bends the
 motion itself: one period of the free oscillator, in time steps.
@@ -90,7 +92,7 @@ class MapBench:
         }
 
     def draw(self, rng: np.random.Generator) -> Values:
-        """Draw the amplitude [m], contrast [V], phases of fringe and motion [rad], and where the film lies on the stage [m]."""
+        """Draw amplitude [m], contrast [V], phases [rad] of fringe and motion, and the film's place [m]."""
         return {
             "amplitude": rng.uniform(1.5e-7, 4.5e-7),
             "contrast": 0.02,
@@ -230,7 +232,7 @@ class MapBench:
 
 
 def fringe(stack: Stack, gap: Array, wavelength: float) -> Array:
-    """R of the stack less its mean over half a wavelength, in units of the first of its Fourier coefficients."""
+    """Return R of the stack less its mean over λ/2, in units of its first Fourier coefficient."""
     period = np.linspace(0, wavelength / 2, 512, endpoint=False)
     whole = reflection(stack, period, wavelength)
     first = 2 * abs(np.mean(whole * np.exp(4j * np.pi * period / wavelength)))

@@ -50,7 +50,10 @@ class RecordBench:
         }
 
     def draw(self, rng: np.random.Generator) -> Values:
-        """Draw f₀ and w [Hz], stiffness [V/V], offset [V] and α [V⁻²], of a motion that forgets its begin: some would be chaotic."""
+        """Draw f₀ and w [Hz], stiffness [V/V], offset [V] and α [V⁻²].
+
+        The motion forgets how it began: some draws would be chaotic, and are left out.
+        """
         while True:
             found = {
                 "frequency": rng.uniform(60, 75),

@@ -1,4 +1,4 @@
-"""Up and down sweeps of one mode, by time steps of its slow flow and of that of a second mode which it may drive.
+"""Up and down sweeps of one mode, by time steps of its slow flow and that of a mode it drives.
 
 A restoring force of second order enters through the frequency of the free oscillation, from the
 energy between its turning points.
@@ -83,7 +83,7 @@ class ResponseBench:
         )
 
     def draw(self, rng: np.random.Generator) -> Values:
-        """Draw f₀, w [Hz], the linear peak [m/V], the gain [V/m], its phase, and the film's own α [m⁻²]."""
+        """Draw f₀, w [Hz], the linear peak [m/V], the gain [V/m], its phase, and α [m⁻²] of the film."""
         return {
             "frequency": self.f0 + rng.uniform(-2, 2),
             "linewidth": self.linewidth * rng.uniform(0.9, 1.1),
@@ -240,7 +240,9 @@ def _settle(
     coupling: Array,
     power: NDArray[np.int64],
 ) -> None:
-    """Step every a (n,) by da/ds = −i (drive − a (δ + cubic|a|² + quintic|a|⁴ + i (1 + loss|a|²))) until none changes any more.
+    """Step every a (n,) in time until none changes any more.
+
+    da/ds = −i (drive − a (δ + cubic|a|² + quintic|a|⁴ + i (1 + loss|a|²))).
 
     By Runge–Kutta steps; coupled to a mode b at p times the drive, db/ds = i (b turn + g aᵖ), and +
     i g a*^{p−1} b in da/ds, by the implicit midpoint rule, which keeps the fast turning of that

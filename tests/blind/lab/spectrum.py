@@ -1,4 +1,7 @@
-"""Eigenfrequencies of a film with whatever is wrong with it, by a Ritz expansion in the modes of the ideal membrane."""
+"""Frequencies of a film with whatever is wrong with it, by a Ritz expansion.
+
+The basis is the modes of the ideal membrane.
+"""
 
 from collections.abc import Callable
 
@@ -125,7 +128,10 @@ class SpectrumBench:
 
 
 def _depth(cubed: float, layer: float) -> float:
-    """Depth δ of an edge that gives way, from (δ − ℓ)³ + ℓ³, which is what it does to frequencies alike on all sides of a square."""
+    """Return the depth δ of an edge that gives way, from (δ − ℓ)³ + ℓ³.
+
+    That is what it does to the frequencies of a square, alike on all sides.
+    """
     return float(layer + np.cbrt(cubed - layer**3)) if cubed else 0.0
 
 
