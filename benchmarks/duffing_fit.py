@@ -129,6 +129,7 @@ def with_femnl(case: Case) -> tuple[Values, Values]:
 
 def duffing(
     f: Array,
+    *,
     f0: float,
     w: float,
     y_max: float,
@@ -336,9 +337,15 @@ def main() -> None:
         writer = csv.DictWriter(file, rows[0])
         writer.writeheader()
         writer.writerows(rows)
-    head = f"{'method':24}{'count':>7}{'success':>9}{'bias α':>9}{'rms α':>9}{'68 % w':>9}{'mean':>11}{'median':>11}"
+    head = (
+        f"{'method':24}{'count':>7}{'success':>9}{'bias α':>9}{'rms α':>9}{'68 % w':>9}"
+        f"{'mean':>11}{'median':>11}"
+    )
     body = [
-        f"{row['method']:24}{row['resonators']:7d}{row['success']:9.1%}{row['bias_alpha_ratio']:9.3f}{row['rms_alpha_ratio']:9.3f}{row['coverage_linewidth']:9.1%}{1e3 * float(row['time_mean']):8.1f} ms{1e3 * float(row['time_median']):8.1f} ms"
+        f"{row['method']:24}{row['resonators']:7d}{row['success']:9.1%}"
+        f"{row['bias_alpha_ratio']:9.3f}{row['rms_alpha_ratio']:9.3f}"
+        f"{row['coverage_linewidth']:9.1%}{1e3 * float(row['time_mean']):8.1f} ms"
+        f"{1e3 * float(row['time_median']):8.1f} ms"
         for row in rows
     ]
     own = rows[0]

@@ -87,7 +87,7 @@ def with_radius(device: Model, radius: float) -> Model:
 
 
 def rigid_edges(device: Model) -> Iterator[tuple[str, float, float, float, float]]:
-    """Return film, holes [nm, µm], taper [nm] and f22 − 2 f11 [Hz] with edges that do not give way."""
+    """Return film, holes [nm, µm], taper [nm] and f22 − 2 f11 [Hz] with stiff edges."""
     for bending in (True, False):
         for thickness in THICKNESS if bending else THICKNESS[-1:]:
             for radius in RADII:

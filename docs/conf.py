@@ -94,7 +94,7 @@ def draw_equation(writer: Any, node: Any) -> None:
 def lay_out(
     app: object, what: str, name: str, value: object, options: object, lines: list[str]
 ) -> None:
-    """Keep |ξ| and * as they are, and start a line with each of Args, Returns, Raises, Valid, Source."""
+    """Keep |ξ| and * as they are, and start a line with each of Args, Returns, Raises."""
     text = [
         line.replace("\\", r"\\").replace("|", r"\|").replace("*", r"\*").replace("_ ", r"\_ ")
         for line in lines

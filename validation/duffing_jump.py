@@ -1,4 +1,4 @@
-"""Where a driven Duffing mode falls from its upper branch, and where its response turns vertical."""
+"""Where a driven Duffing mode falls from its upper branch, and where it turns vertical."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ MODE = Resonator(frequency=F0, quality_factor=F0 / W, alpha=5.76e9)
 
 
 def compute() -> Iterator[float]:
-    """Read the critical point, and the end of the upper branch at ten times the critical parameter."""
+    """Read the critical point, and the end of the upper branch at ten times its parameter."""
     force, _, amplitude = critical_point(MODE)
     peak = force / (MODE.omega * MODE.damping)
     yield MODE.alpha * peak**2 * MODE.quality_factor

@@ -1,4 +1,4 @@
-"""Edges that give way: a drum on springs, a hinged plate in tension, a disc that draws its edge in."""
+"""Edges that give way: a drum on springs, a hinged plate, a disc that draws its edge in."""
 
 from collections.abc import Iterator
 from math import pi

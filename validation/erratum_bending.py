@@ -11,7 +11,7 @@ THIN = 102e-9
 
 
 def compute() -> Iterator[tuple[float, float]]:
-    """Solve the film without holes with bending, at the printed thickness and at what 249 Hz needs."""
+    """Solve the film without holes with bending, as thick as printed and as 249 Hz needs."""
     model = femnl.load("square-270um")
     for thickness in (model.film.thickness, THIN):
         modes = femnl.solve_modes(

@@ -12,7 +12,10 @@ name = "l-shape"
 source = "the classical test of corners: three unit squares around a corner of 270°"
 [outline]
 kind = "polygon"
-points = [["0 m", "0 m"], ["1 m", "0 m"], ["1 m", "1 m"], ["-1 m", "1 m"], ["-1 m", "-1 m"], ["0 m", "-1 m"]]
+points = [
+    ["0 m", "0 m"], ["1 m", "0 m"], ["1 m", "1 m"],
+    ["-1 m", "1 m"], ["-1 m", "-1 m"], ["0 m", "-1 m"],
+]
 [film]
 thickness = "1 um"
 young = "250 GPa"
@@ -33,7 +36,7 @@ def compute() -> Iterator[tuple[float, float]]:
 
 
 CASE = Case(
-    claim="The L-shaped membrane's first eigenvalue is right to 1e-8 in spite of its corner of 270°",
+    claim="The L-shaped membrane's first eigenvalue is right to 1e-8 despite its corner of 270°",
     source="Betcke & Trefethen, SIAM Rev. 47, 469 (2005): λ1 = 9.6397238440219; one more digit "
     "from Trefethen's later "
     "computations",

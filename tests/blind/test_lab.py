@@ -318,7 +318,7 @@ def test_a_cause_that_the_base_can_take_up_does_not_stand_out() -> None:
 
 
 class Spot(Root):
-    """Return a cause with a size and a place, beside one that moves nothing but what the place moves."""
+    """Return a cause with a size and a place, beside one that moves what the place moves."""
 
     def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
         rows = []

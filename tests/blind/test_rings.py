@@ -29,7 +29,7 @@ SEED = 5
 
 @dataclass(frozen=True)
 class World:
-    """Return the motion [m] of the fundamental mode and of those near 2 and 3 times its frequency."""
+    """Return the motion [m] of the fundamental mode and of those near 2 and 3 times it."""
 
     fundamental: float
     overtones: tuple[float, float]

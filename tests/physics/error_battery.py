@@ -72,7 +72,7 @@ def outline(kind: str) -> Model:
 
 
 def stiff(model: Model, layer: float, tension: float = 1.0) -> Model:
-    """Return the film with a bending length √(D/σh) of `layer` [m] at 1 Pa, under another stress."""
+    """Return the film with a bending length √(D/σh) of `layer` [m], under another stress."""
     film = model.film
     young = 12 * (1 - film.poisson**2) * (layer / film.thickness) ** 2
     return replace(model, bending=True, film=replace(film, young=young, stress=tension))
@@ -89,7 +89,7 @@ def pierced(
 
 
 def ideal(kind: str) -> dict[str, Array]:
-    """Return films whose frequencies (Hz at 1 m/s) or masses are known in closed form or published."""
+    """Return films whose frequencies (Hz at 1 m/s) or masses are known otherwise."""
     if kind in ("square", "rectangle"):
         width = 1.0 if kind == "square" else 1.4
         orders = [(m, n) for m in range(1, 7) for n in range(1, 7)]

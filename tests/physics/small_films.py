@@ -19,7 +19,7 @@ def film(
     bending: bool = True,
     taper: float = 0.0,
 ) -> Model:
-    """Return a rectangle with n_x × n_y holes in the shipped film, tapered towards them if asked for."""
+    """Return a rectangle with n_x × n_y holes in the shipped film, tapered if asked for."""
     base = geometry.load("square-270um-perforated")
     half = np.array([n_x, n_y]) * PITCH / 2 + margin
     corners = [(sx * half[0], sy * half[1]) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]

@@ -1,4 +1,4 @@
-"""Bands against folded plane waves, standing waves of many cells, and the even film of long waves."""
+"""Bands against folded plane waves, standing waves of many cells, and an even film."""
 
 from dataclasses import replace
 from itertools import product

@@ -148,7 +148,7 @@ class Coupled:
         return -(self.k * q + own) / self.m, self.loads @ pairs - self.square * u
 
     def frequency(self, amplitude: tuple[float, float], mode: int) -> float:
-        """Return the angular frequency [rad/s] of a mode from 30 periods, started in step with its load."""
+        """Return the angular frequency [rad/s] of a mode from 30 of its periods."""
         size = len(self.square)
         start = np.zeros(size)
         for k, pair in ((0, 0), (1, 2)):

@@ -22,7 +22,7 @@ FILM = (
 
 @st.composite
 def outlines(draw: st.DrawFn) -> tuple[str, float]:
-    """Draw an outline of any shipped kind, and half the side [µm] of a square that lies inside it."""
+    """Draw an outline of any kind, and half the side [µm] of a square inside it."""
     size = draw(st.floats(20, 500))
     kind = draw(st.sampled_from(["square", "rectangle", "circle", "regular-polygon", "polygon"]))
     if kind == "square":

@@ -1,4 +1,4 @@
-"""Tables for papers and programs, help by chapters, completion, and progress on a terminal alone."""
+"""Tables for papers and programs, help by chapters, completion, and progress."""
 
 import csv
 import io

@@ -1,4 +1,4 @@
-"""`femnl modes`: tolerances are met, an even film stands for the holes, every number has an error."""
+"""`femnl modes`: tolerances, an even film for the holes, and errors of every number."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Thickness of the film, springs at its edge and overhang in a geometry file, and what is refused."""
+"""Thickness of the film, springs at its edge and overhang, and what is refused."""
 
 from dataclasses import replace
 from pathlib import Path

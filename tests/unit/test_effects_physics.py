@@ -157,7 +157,7 @@ def test_a_compliant_clamp_of_a_square_lowers_low_modes_most() -> None:
 
 
 def averaged(mode: Oscillator) -> NDArray[np.complex128]:
-    """Return the amplitude on the low branch by iterating the coefficient of the stage's equation."""
+    """Return the amplitude on the low branch by iterating the stage's equation."""
     per = 2 / mode.linewidth
     f0 = mode.frequency[0]
     linear = mode.peak * mode.force[0]
@@ -201,7 +201,7 @@ def test_quadratic_stiffness_lowers_alpha_by_ten_ninths_of_its_square() -> None:
     alpha = 1.6
 
     def rate(amplitude: float) -> float:
-        """Return the frequency of the free oscillation between turning points a and b, from its energy."""
+        """Return the frequency of free oscillation between turning points a and b."""
 
         def energy(u: Array | float) -> Array | float:
             return u**2 / 2 + kappa * u**3 / 3 + alpha * u**4 / 4

@@ -132,7 +132,7 @@ def test_derivatives_on_curved_triangles_match_finite_differences_of_the_mapped_
         return np.asarray(np.einsum("eqxj,ej->eqx", space.jet(bent, place).gradient, field))
 
     def difference(quantity: Callable[[Array], Array]) -> Array:
-        """Return fourth-order central differences along both axes of the triangle, in the last axis."""
+        """Return fourth-order central differences along both axes, in the last axis."""
         columns = []
         step = 1e-3
         for shift in step * np.eye(2):

@@ -57,6 +57,7 @@ def measured(
     amplitude: float,
     seed: int,
     shape: Shape,
+    *,
     n_points: int = 31,
     noise: float = 3e-4,
     phase: float = 0.4,
@@ -283,7 +284,7 @@ def test_noise_is_estimated_where_the_file_does_not_say() -> None:
 
 
 def coverage(n_draws: int) -> Array:
-    """Return deviations of the fit from the truth in standard deviations, (n_draws, n_parameters)."""
+    """Return deviations from the truth in standard deviations, (n_draws, n_parameters)."""
     truth = {"amplitude": 3e-7, **TRUTH}
     draws = (
         fit_map(measured(sine(), 3e-7, 1000 + i, square(), n_points=21, noise=1e-3), square())

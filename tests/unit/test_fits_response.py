@@ -40,7 +40,7 @@ def simulate(
     seed: int = 0,
     distort: bool = False,
 ) -> xr.Dataset:
-    """Return up and down sweeps at each drive and place: the slow flow is followed through its jumps."""
+    """Return up and down sweeps at each drive and place, followed through their jumps."""
     rng = np.random.default_rng(seed)
     # The grid moves with the seed, so that a fold may lie anywhere between two points.
     frequency = (

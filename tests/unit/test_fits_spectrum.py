@@ -108,7 +108,7 @@ def test_noise_on_a_sloping_background_holds_no_line() -> None:
 
 
 def study(seeds: range) -> tuple[int, Array]:
-    """Return how many random sweeps were read without a fault, and the frequencies' errors in sd."""
+    """Return how many random sweeps were read without a fault, and errors in sd."""
     good = 0
     pulls = [np.empty(0)]
     for seed in seeds:

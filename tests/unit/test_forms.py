@@ -1,4 +1,4 @@
-"""The weak forms: symmetric, blind to rigid motions, exact on polynomials, stable when stretched."""
+"""The weak forms: symmetric, blind to rigid motions, exact on polynomials, stable."""
 
 from collections.abc import Callable
 

@@ -43,7 +43,7 @@ def line(data: Array, needs_global_search: bool = False) -> Level:
 def effect(
     name: str, change: Callable[[float], Array], low: float = -10.0, whole: bool = False
 ) -> Effect:
-    """Return an effect that adds a function of its strength, or of a whole number, to the prediction."""
+    """Return an effect that adds a function of its strength to the prediction."""
 
     def act(value: Array, values: Values) -> Array:
         return (

@@ -196,7 +196,8 @@ class TestSpec:
                 'from is in "um" and to in "mm"; write both in one unit',
             ),
             (
-                '[[axis]]\noutline.side = {from = "0 um", to = "1 um", points = 3, spacing = "log"}',
+                "[[axis]]\n"
+                'outline.side = {from = "0 um", to = "1 um", points = 3, spacing = "log"}',
                 "even ratios need two positive ends",
             ),
             (

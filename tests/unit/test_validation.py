@@ -14,7 +14,12 @@ from femnl.validation import Case, Reference, Row, compare, find, load, record, 
 CASE = """
 from femnl.validation import Case, Reference
 ONE = Reference("one", 1.0, "m", absolute=0.1)
-CASE = Case(claim="one is one", source="arithmetic, by hand", references=(ONE,), compute=lambda: [{value}])
+CASE = Case(
+    claim="one is one",
+    source="arithmetic, by hand",
+    references=(ONE,),
+    compute=lambda: [{value}],
+)
 """
 
 

@@ -112,7 +112,7 @@ class Membrane:
         )
 
     def _sides(self) -> tuple[Array, Array]:
-        """Return outward unit normals (n, 2) of the sides and their distances from the middle (n,)."""
+        """Return outward unit normals (n, 2) of the sides and their distances from the middle."""
         if self.space is None:
             width, height = self.inner
             return np.array([[1, 0], [-1, 0], [0, 1], [0, -1.0]]), np.array(
@@ -196,7 +196,7 @@ def _rectangle(sides: tuple[float, float], half: float, basis: int) -> Membrane:
 
 @cache
 def _polygon(corners: tuple[tuple[float, float], ...], count: int = 90) -> Membrane:
-    """Return cubic elements on triangles about the centre, finer at corners: modes are singular there."""
+    """Return cubic elements on triangles about the centre, finer at the singular corners."""
     points = np.array(corners)
     mesh = MeshTri(
         np.column_stack([np.zeros(2), points.T]),

@@ -76,7 +76,7 @@ def kept(name: str, solve: Callable[[], dict[str, Array]]) -> dict[str, Array]:
 
 
 def rings(outwards: int) -> Array:
-    """Return where nodes lie between hole and side of the cell, in parts of the way, (outwards + 1,)."""
+    """Return where nodes lie between hole and side of the cell, as shares, (outwards + 1,)."""
     return np.asarray(np.linspace(0, 1, outwards + 1) ** 1.3)
 
 
@@ -109,7 +109,7 @@ def cell(column: int, row: int, around: int, outwards: int, side: float) -> Arra
 
 
 def mesh(around: int, outwards: int, side: float = SIDE) -> MeshQuad2:
-    """Return quadrilaterals between each hole and its cell's sides; those at the hole follow its arc."""
+    """Return quadrilaterals between each hole and its cell; those at the hole follow its arc."""
     radius = RADIUS / side
     pitch = PITCH / side
     cells = [

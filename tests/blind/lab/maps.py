@@ -92,7 +92,7 @@ class MapBench:
         }
 
     def draw(self, rng: np.random.Generator) -> Values:
-        """Draw amplitude [m], contrast [V], phases [rad] of fringe and motion, and the film's place [m]."""
+        """Draw amplitude [m], contrast [V], phases [rad] of fringe and motion, and place [m]."""
         return {
             "amplitude": rng.uniform(1.5e-7, 4.5e-7),
             "contrast": 0.02,

@@ -6,6 +6,7 @@ energy between its turning points.
 
 from collections.abc import Callable
 from functools import cache
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -83,7 +84,7 @@ class ResponseBench:
         )
 
     def draw(self, rng: np.random.Generator) -> Values:
-        """Draw f₀, w [Hz], the linear peak [m/V], the gain [V/m], its phase, and α [m⁻²] of the film."""
+        """Draw f₀, w [Hz], the linear peak [m/V], the gain [V/m], its phase, and α [m⁻²]."""
         return {
             "frequency": self.f0 + rng.uniform(-2, 2),
             "linewidth": self.linewidth * rng.uniform(0.9, 1.1),
@@ -149,7 +150,9 @@ class ResponseBench:
             whole = np.broadcast_arrays(
                 detuning, cubic, quintic, loss, drive, turn, coupling, order
             )
-            _compiled()(state, other, bool(np.any(coupling)), *(part.ravel() for part in whole))
+            _compiled()(
+                state, other, bool(np.any(coupling)), _Flow(*(part.ravel() for part in whole))
+            )
             motion[:, np.arange(8), point] = state.reshape(drive.shape)
         z = (
             4
@@ -227,19 +230,20 @@ def _compiled() -> Callable[..., None]:
     return numba.njit(error_model="numpy")(_settle)
 
 
-def _settle(
-    a: Complex,
-    b: Complex,
-    coupled: bool,
-    delta: Array,
-    cubic: Array,
-    quintic: Array,
-    loss: Array,
-    drive: Complex,
-    turn: Complex,
-    coupling: Array,
-    power: NDArray[np.int64],
-) -> None:
+class _Flow(NamedTuple):
+    """The slow flow of each point, (n,): see `_settle`."""
+
+    delta: Array
+    cubic: Array
+    quintic: Array
+    loss: Array
+    drive: Complex
+    turn: Complex
+    coupling: Array
+    power: NDArray[np.int64]
+
+
+def _settle(a: Complex, b: Complex, coupled: bool, flow: _Flow) -> None:
     """Step every a (n,) in time until none changes any more.
 
     da/ds = −i (drive − a (δ + cubic|a|² + quintic|a|⁴ + i (1 + loss|a|²))).
@@ -248,6 +252,7 @@ def _settle(
     i g a*^{p−1} b in da/ds, by the implicit midpoint rule, which keeps the fast turning of that
     mode stable. The amplitude of b counts so that its own g is the same.
     """
+    delta, cubic, quintic, loss, drive, turn, coupling, power = flow
     h = STRIDE
     largest = np.abs(drive).max()
     for n in range(STEPS):

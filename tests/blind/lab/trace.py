@@ -47,7 +47,7 @@ class TraceBench:
         }
 
     def draw(self, rng: np.random.Generator) -> Values:
-        """Draw contrast [V], phase of the fringe, and a resonance: amplitude [m] and phase at each step."""
+        """Draw contrast [V], phase of the fringe, and amplitude [m] and phase at each step."""
         largest = rng.uniform(2e-7, 5e-7)
         linear = 1 / (1 + 2j * (self.frequency - self.f0) / self.width)
         base = {"contrast": 0.02, "theta": rng.uniform(0.2, 1.35), "largest": largest}
