@@ -38,7 +38,11 @@ def _signals() -> int:
 
 
 def _stop_what_cannot_hear(signals: int) -> None:
-    """Python hears an interrupt only between two of its own steps, and a mesher or solver may take minutes for one."""
+    """Turn an interrupt into one line at once.
+
+    Python hears an interrupt only between its own steps, and a mesher or solver may take
+    minutes for one.
+    """
     os.read(signals, 1)
     sleep(GRACE)
     sys.stderr.write(LINE)

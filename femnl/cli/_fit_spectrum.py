@@ -29,7 +29,7 @@ _BEYOND = 1.3
 def overview(
     name: str, dataset: xr.Dataset, device: Model | None, cache: bool
 ) -> dict[str, Outcome]:
-    """Find the lines of every sweep, and give them to the modes of the device where there is one."""
+    """Find the lines of every sweep, and assign them to the modes of the device if there is one."""
     outcomes = {}
     for sweep in range(dataset.sizes["sweep"]):
         own = name if dataset.sizes["sweep"] == 1 else f"{name}, sweep {sweep + 1}"

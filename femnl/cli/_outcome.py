@@ -18,7 +18,11 @@ from femnl.core.fit import Fit
 
 @dataclass(frozen=True)
 class Outcome:
-    """One result: the record that JSON prints, what is shown, figures by name (drawn when asked for), and a spectrum to write."""
+    """One result of a fit.
+
+    The record that JSON prints, the text, figures by name (drawn when asked for), and a
+    spectrum to write.
+    """
 
     record: dict[str, Any]
     shown: list[Group | str]

@@ -1,4 +1,4 @@
-"""How commands print: tables that copy into a paper, numbers with their errors, one object of JSON."""
+"""How commands print: tables that copy into a paper, numbers with errors, one JSON object."""
 
 import json
 import logging

@@ -55,7 +55,7 @@ def command(
     out: Out = None,
     cache: Cache = True,
 ) -> None:
-    """Predict the maps of the drive's harmonics for one mode, as a measurement file and a figure."""
+    """Predict the maps of the drive's harmonics for one mode, as a file and a figure."""
     if not 0 < z <= LARGEST_Z:
         raise ParameterError(
             f"--z {z:g}: expected a positive modulation up to {LARGEST_Z}, such as 4.218"

@@ -95,7 +95,7 @@ def command(
     cache: Cache = True,
     as_json: Json = False,
 ) -> None:
-    """Solve the modes of a device: frequencies, effective masses, geometric Duffing coefficients."""
+    """Solve the modes of a device: frequencies, effective masses, Duffing coefficients."""
     kind = suffix_of(out, (".nc", ".vtu")) if out else ""
     if out:
         need_room(out)

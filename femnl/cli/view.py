@@ -41,7 +41,7 @@ def command(
     bending: Bending = None,
     cache: Cache = True,
 ) -> None:
-    """Show the mesh, the relaxed stress, the thickness or a mode shape, in a window or as a picture."""
+    """Show the mesh, the relaxed stress, the thickness or a mode shape."""
     if out:
         suffix_of(out, FORMATS)
         need_room(out)

@@ -31,7 +31,7 @@ class Segment:
     clamped: bool = True
 
     def direction(self, point: tuple[float, float]) -> NDArray[np.float64]:
-        """The direction in which the outline is walked at one of the ends; a vector of any length."""
+        """Return the direction in which the outline runs at one of the ends, of any length."""
         if self.centre is None:
             return np.subtract(self.end, self.start)
         x, y = np.subtract(point, self.centre)
@@ -40,7 +40,9 @@ class Segment:
 
 @dataclass(frozen=True)
 class Outline:
-    """The closed boundary of the suspended film, counter-clockwise, origin at the centre of the membrane.
+    """The closed boundary of the suspended film.
+
+    Counter-clockwise, with the origin at the centre of the membrane.
 
     kind: the word of the geometry file. segments: consecutive, each starting where the last one
     ended.
@@ -56,7 +58,7 @@ class Outline:
 
     @property
     def corners(self) -> tuple[tuple[int, float], ...]:
-        """Segments that start at a corner, by their place in `segments`, with the corner's inner angle [rad]."""
+        """Return the segments that start at a corner and the corner's inner angle [rad]."""
         found = []
         for k, after in enumerate(self.segments):
             incoming = self.segments[k - 1].direction(self.segments[k - 1].end)
@@ -82,7 +84,10 @@ class Holes:
 
 @dataclass(frozen=True)
 class Film:
-    """The film: thickness [m], Young's modulus [Pa], Poisson's ratio, density [kg/m³], film stress before release [Pa].
+    """The film.
+
+    thickness [m], Young's modulus [Pa], Poisson's ratio, density [kg/m³], film stress before
+    release [Pa].
 
     taper [m] and taper_length [m] describe a bottom thinned by the release etch: at distance d from
     the nearest hole's rim the thickness is less by taper·max(0, 1 − d/taper_length). gradient:

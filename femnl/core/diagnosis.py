@@ -1,4 +1,4 @@
-"""What a diagnosis says: the contract of `diagnosis.json`, version 1.0, and what its report shows beside it."""
+"""What a diagnosis says: `diagnosis.json`, version 1.0, and what its report shows beside it."""
 
 from dataclasses import dataclass
 from typing import Literal

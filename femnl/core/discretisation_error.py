@@ -1,4 +1,4 @@
-"""What the discretisation still leaves of a number, from how it settled through three degrees of the same mesh."""
+"""Discretisation errors, from how a number settles through three degrees of the same mesh."""
 
 from collections.abc import Sequence
 
@@ -35,7 +35,10 @@ def remainder(
 
 
 def steps(values: Sequence[Array], scale: Array) -> tuple[Array, Array]:
-    """Relative differences of the finest approximation to the next, and of that to the coarsest, NaN where there is none."""
+    """Return the relative differences of the finest to the next and of that to the coarsest.
+
+    NaN where there is none.
+    """
     fine, coarse, *more = (value / scale for value in values)
     return np.abs(fine - coarse), np.abs(coarse - more[0]) if more else np.full(fine.shape, np.nan)
 
@@ -51,7 +54,9 @@ def settle(last: Array, before: Array, safety: float, least: float | Array) -> A
 
 
 def share_left(last: Array, before: Array, safety: float, least: float | Array) -> Array:
-    """The part of the last differences that is left, from `least` to `MOST`, which stands where there is none `before` them.
+    """Return the part of the last differences that is left, between `least` and `MOST`.
+
+    `MOST` stands where there are none `before` them.
 
     The pace is the geometric mean of a number's own and of what is usual among all: each alone is
     off by chance, either way.

@@ -38,7 +38,9 @@ same type.
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """One parameter: its unit and prior, uniform on [low, high] or with `log` uniform in its logarithm.
+    """One parameter: its unit and its prior.
+
+    The prior is uniform on [low, high], or with `log` uniform in the logarithm.
 
     low and high count in `unit`, times the fact of the measurement that `scale` names (such as
     "reach", half the size of the film in m). Where `strength` is set, the effect vanishes as all

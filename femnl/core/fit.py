@@ -1,4 +1,4 @@
-"""What a fit hands on: parameters in SI with their standard deviations, and how well the data are met."""
+"""Results of fits: parameters in SI with standard deviations, and how well the data are met."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,10 @@ from femnl.core.arrays import freeze
 
 @dataclass(frozen=True)
 class Parameter:
-    """One fitted number: value and standard deviation sd (68 % where normal; inf where the data say nothing), in `unit`."""
+    """One fitted number in `unit`.
+
+    value, and standard deviation sd (68 % where normal; inf where the data say nothing).
+    """
 
     name: str
     value: float

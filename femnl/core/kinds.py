@@ -104,7 +104,7 @@ def kinds() -> Mapping[str, KindSpec]:
 
 
 def contracts() -> Mapping[str, Contract]:
-    """Return what each kind of group in a measurement file holds, by the kind that the file names."""
+    """Return what each kind of group in a measurement file holds, by its kind."""
     return {spec.name: spec.contract for spec in kinds().values() if spec.contract is not None}
 
 

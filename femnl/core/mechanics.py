@@ -174,7 +174,10 @@ class Modes:
 
     @property
     def _mixing(self) -> Array:
-        """The angles cᵢⱼ/|fᵢ − fⱼ| by which couplings that the discretisation leaves mix each shape with its neighbours, summed."""
+        """Return the angles by which the discretisation mixes each shape with its neighbours.
+
+        The sum of cᵢⱼ/|fᵢ − fⱼ| over the couplings cᵢⱼ that the discretisation leaves.
+        """
         f = self.frequency
         couplings = [m.coupling for m in self.grades if m.coupling is not None]
         if not couplings:
@@ -225,7 +228,9 @@ class Modes:
 
 @dataclass(frozen=True)
 class Nonlinearity:
-    """Geometric cubic coefficients in the coordinate q = displacement [m] of the point where |ξ| = 1.
+    """Geometric cubic coefficients in the coordinate q of the point where |ξ| = 1.
+
+    q is its displacement [m].
 
     k3 [N/m³] and alpha = k3/k [m⁻²] of each mode, so that m q̈ = −k q − k₃ q³. k3_error,
     alpha_error: discretisation errors, upper estimates, infinite where the modes carry no
@@ -247,7 +252,7 @@ class Nonlinearity:
 
 @dataclass(frozen=True)
 class Surface:
-    """The whole film as quadratic triangles with fields at their nodes, for pictures and other programs.
+    """The whole film as quadratic triangles with nodal fields, for pictures and other programs.
 
     points (n, 2) [m]; triangles (m, 6) in VTK's order; shapes (n_modes, n); thickness (n,) [m];
     stress (n, 3) [Pa] as (xx, yy, xy): the relaxed film stress; in_plane (n, 2) [m]: the

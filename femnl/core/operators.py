@@ -1,4 +1,4 @@
-"""Modes as a small dense problem: projections of the film's operators onto the lowest base modes."""
+"""Modes as a small dense problem: the film's operators on the lowest base modes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +19,9 @@ CUBIC = 3
 
 @dataclass(frozen=True)
 class Units:
-    """How a film relaxes in its plane, as around holes, under a film stress of each of `DIRECTIONS`.
+    """How a film relaxes in its plane under a film stress of each of `DIRECTIONS`.
+
+    It does so around holes.
 
     displacement (3, n_dofs) [m/Pa] at the dofs of the vector element of the given polynomial degree
     on the mesh of the modes.
@@ -34,7 +36,9 @@ class Units:
 
 @dataclass(frozen=True)
 class Projection:
-    """Integrals of the base modes ξᵢ over the whole film, from which effects make small changes of K and M.
+    """Integrals of the base modes ξᵢ over the whole film.
+
+    From them effects make small changes of K and M.
 
     slopes (6, 3, n, n) [m]: ∫ h φ s : ½(∇ξᵢ∇ξⱼ + ∇ξⱼ∇ξᵢ) with the weights φ of `WEIGHTS` and s what
     a film stress of 1 in one of `DIRECTIONS` (xy: ½ in xy and in yx) leaves in the film, itself

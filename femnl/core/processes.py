@@ -1,4 +1,4 @@
-"""Processes of this machine that answer what they are sent, one at a time, until their connection closes."""
+"""Processes of this machine that answer tasks one at a time until their connection closes."""
 
 import os
 import signal

@@ -37,7 +37,10 @@ class FourierSeries:
 
 @runtime_checkable
 class PeriodicFringe(Protocol):
-    """A fringe f(u) that repeats itself and knows its Fourier series, so that its harmonics are sums of Bessel functions."""
+    """A periodic fringe f(u) that knows its Fourier series.
+
+    Its harmonics are sums of Bessel functions.
+    """
 
     def __call__(self, u: ArrayLike) -> Array:
         """Return f(u) [V] at displacements u [m]."""

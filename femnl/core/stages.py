@@ -60,7 +60,7 @@ class ModalSystem:
         return np.asarray(k2 + length**2 * k2**2)
 
     def stretched(self, weight: int, xx: float, yy: float, xy: float = 0.0) -> "ModalSystem":
-        """Add a film stress [Pa] with components xx, yy, xy times the weight of that index (see `WEIGHTS`)."""
+        """Add a film stress [Pa] xx, yy, xy times the weight of that index (see `WEIGHTS`)."""
         slopes = self.projection.slopes[weight]
         return replace(
             self, stiffness=self.stiffness + xx * slopes[0] + yy * slopes[1] + 2 * xy * slopes[2]
@@ -69,7 +69,10 @@ class ModalSystem:
 
 @dataclass(frozen=True)
 class Lines:
-    """Stage `frequencies`: what is read off for each measured mode, (n,) [Hz], and when [s] (empty where not recorded)."""
+    """Stage `frequencies`: what is read off for each measured mode, (n,) [Hz].
+
+    And when, (n,) [s], empty where that was not recorded.
+    """
 
     frequency: Array
     time: Array
@@ -77,7 +80,9 @@ class Lines:
 
 @dataclass(frozen=True)
 class Oscillator:
-    """Stage `oscillator`: one driven mode, A [m] (f₀(1 + ⅜αA² + 5/16 α₅A⁴) + Π(A/A_s)^{2(p−1)} − f + i(w/2)(1 + ¼ηA²)) = (w/2) A₁ F.
+    """Stage `oscillator`: one driven mode.
+
+    A [m] (f₀(1 + ⅜αA² + 5/16 α₅A⁴) + Π(A/A_s)^{2(p−1)} − f + i(w/2)(1 + ¼ηA²)) = (w/2) A₁ F.
 
     frequency f₀ (n_sweeps,) and linewidth w [Hz]; alpha [m⁻²]; quintic α₅ [m⁻⁴]; damping η [m⁻²];
     force F (n_sweeps,) in V of drive, peak A₁ [m/V]: the linear amplitude at resonance; time
@@ -102,7 +107,9 @@ class Oscillator:
 
 @dataclass(frozen=True)
 class Equation:
-    """Stage `equation`: c (1 + ηy²) ẏ + k (y + κ₂y² + αy³ + α₅y⁵), the forces on one mode while it moves freely in time.
+    """Stage `equation`: the forces on one mode while it moves freely in time.
+
+    c (1 + ηy²) ẏ + k (y + κ₂y² + αy³ + α₅y⁵).
 
     quadratic κ₂, cubic α, quintic α₅ and damping η in powers of 1/y, where y is what the record
     holds.
@@ -132,7 +139,10 @@ class Signal:
 
 @dataclass(frozen=True)
 class Placement:
-    """Stage `placement`: the points of the simulated film (x, y) (n_points,) [m] that the laser meets, and the sd [m] of its spot."""
+    """Stage `placement`: where the laser meets the simulated film.
+
+    x, y (n_points,) [m], and the sd [m] of its spot.
+    """
 
     x: Array
     y: Array
@@ -141,7 +151,9 @@ class Placement:
 
 @dataclass(frozen=True)
 class Motion:
-    """Stage `motion`: u(t) = Σ_m Re(displacement_m e^{imωt}) at every point, and the phase θ of the fringe there.
+    """Stage `motion`: the displacement at every point, and the phase of the fringe there.
+
+    u(t) = Σ_m Re(displacement_m e^{imωt}); θ is the phase.
 
     displacement (n_orders, n_points) [m], orders from 1; theta (n_points,) [rad]; x, y (n_points,)
     [m] on the film; shapes (n_modes, n_points): ξ of the lowest modes; frequencies (n_modes,) [Hz];
@@ -173,7 +185,9 @@ class Motion:
 
 @dataclass(frozen=True)
 class Fringe:
-    """Stage `fringe`: v = V_C Re Σ_k c_k e^{ik(qu + θ)}, c (n_overtones + 1,), clipped at ±limit in units of its largest value.
+    """Stage `fringe`: v = V_C Re Σ_k c_k e^{ik(qu + θ)}, c (n_overtones + 1,).
+
+    It is clipped at ±limit in units of its largest value.
 
     stack: of the geometry, None where it gives none; wavelength [m], q = 4π/wavelength.
     """
@@ -199,7 +213,10 @@ class Harmonics:
 
 @dataclass(frozen=True)
 class Points:
-    """Stage `points`: frequency [Hz] and quality factor against the control variables that were recorded, each (n,)."""
+    """Stage `points`: frequency [Hz] and quality factor, each (n,).
+
+    Against the control variables that were recorded.
+    """
 
     frequency: Array
     quality_factor: Array

@@ -1,4 +1,4 @@
-"""Criticise the base model of a measurement, name the cause of what it gets wrong, and measure the gain."""
+"""Criticise the model of a measurement, name the cause of what it gets wrong, measure the gain."""
 
 from femnl.diagnose.run import diagnose, record, write
 

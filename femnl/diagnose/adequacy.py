@@ -1,4 +1,4 @@
-"""Is a model adequate? One p-value for all the ways in which its residuals were looked at, and the causes that they point to."""
+"""Is a model adequate? One p-value for all score tests, and the causes that they point to."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -112,7 +112,10 @@ def _same(result: FitResult, vector: Array) -> bool:
 def _effect_looks(
     result: FitResult, own: Array, effect: Effect, base: Values, values: Sequence[Values]
 ) -> list[ScoreTest]:
-    """Try the effect at small strength in each of its shapes, with those values of the base parameters and of the model's effects."""
+    """Try the effect at small strength in each of its shapes.
+
+    At these values of the base parameters and of the model's effects.
+    """
     wider = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     low, high = wider.bounds
     first = len(low) - len(effect.parameters)
@@ -289,7 +292,10 @@ def _tail(square: Array, degrees: int | NDArray[np.int64]) -> Array:
 
 
 def _p_values(residuals: Array, degrees: int, found: list[ScoreTest]) -> Array:
-    """Return the p-values of every look, of χ², of the largest outlier and of the neighbours' correlation, (m, n_looks + 3)."""
+    """Return the p-values of every test, (m, n_tests + 3).
+
+    The last three are those of χ², of the largest outlier and of the neighbours' correlation.
+    """
     n = residuals.shape[1]
     columns = [
         _tail(np.sum((residuals @ test.basis.T) ** 2, axis=1), len(test.basis)) for test in found
@@ -305,7 +311,10 @@ def _p_values(residuals: Array, degrees: int, found: list[ScoreTest]) -> Array:
 
 
 def _simulated(result: FitResult, found: list[ScoreTest], rng: np.random.Generator) -> Array:
-    """Draw residuals as white noise beside the model's tangents, ranked as the data are, and look at them."""
+    """Draw residuals as white noise beside the model's tangents, and test them.
+
+    They are ranked as the data are.
+    """
     own, _ = np.linalg.qr(result.jacobian[:, result.free])
     noise = rng.standard_normal((N_DRAWS, len(result.residuals)))
     for ranked in result.model.base_model.ranked:

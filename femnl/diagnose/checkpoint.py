@@ -1,4 +1,4 @@
-"""Finished fits of a diagnosis on disk, so that one that was interrupted goes on where it stopped."""
+"""Finished fits of a diagnosis on disk, so that an interrupted one goes on where it stopped."""
 
 import hashlib
 import json

@@ -75,7 +75,7 @@ def _measured(base: FitResult, sentence: str) -> FreeForm | None:
 
 
 def fitted_forms(base: FitResult) -> list[FitResult]:
-    """Return the fit of every free form that suits the problem of a base model's fit and moves its data.
+    """Return the fit of every free form that suits the base model and moves its data.
 
     Of the expansions of one form, shorter or longer, the one of the largest evidence.
     """

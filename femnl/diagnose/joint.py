@@ -90,7 +90,7 @@ class JointModel:
         self.start = self._best_start(starts)
 
     def _named(self, group: str) -> dict[str, str]:
-        """Name the base parameters of a measurement: those that others share by their plain name."""
+        """Name the base parameters of a measurement, those that others share by their plain name."""
         base_model = self.groups[group]
         names = {spec.name: f"{group}.{spec.name}" for spec in base_model.base}
         for name in _shareable(base_model):
@@ -131,7 +131,7 @@ class JointModel:
         ).vector
 
     def pool(self, library: Iterable[Effect]) -> list[Effect]:
-        """Return the effects that can show in any of the measurements, with their parameters here."""
+        """Return the effects that can show in any of the measurements, with parameters here."""
         found = []
         for effect in library:
             acting = [
@@ -309,7 +309,7 @@ class JointModel:
         )
 
     def bought(self, result: FitResult) -> tuple[str, ...]:
-        """Say what the joint fit knows of each shared parameter, beside what each measurement alone does."""
+        """Say what the joint fit and each measurement alone know of each shared parameter."""
         base, values = result.model.split(result.vector)
         alone = {}
         for group, base_model in self.groups.items():

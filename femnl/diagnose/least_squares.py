@@ -1,4 +1,4 @@
-"""Least squares with numerical tangents that suit any parameter, evidence by Laplace's method, and held-out prediction."""
+"""Least squares with numerical tangents, evidence by Laplace's method, cross-validation."""
 
 import hashlib
 from dataclasses import dataclass
@@ -62,7 +62,10 @@ class CrossValidation:
 
 @dataclass(frozen=True)
 class FitResult:
-    """A fitted model: vector, residuals (n,), jacobian (n, p), covariance with the priors' ranges (p, p)."""
+    """A fitted model.
+
+    vector, residuals (n,), jacobian (n, p), covariance with the priors' ranges (p, p).
+    """
 
     model: ExtendedModel
     vector: Array
@@ -82,7 +85,9 @@ class FitResult:
 
     @property
     def log_evidence(self) -> float:
-        """Logarithm of ∫ likelihood × prior by Laplace's method, up to a constant that all models of the problem share.
+        """Logarithm of ∫ likelihood × prior by Laplace's method.
+
+        Up to a constant that all models of the measurement share.
 
         Base parameters have uniform priors, so that only their widths enter, which cancel unless an
         effect replaces them. How strong an effect is, is not known even to the order of magnitude:
@@ -102,14 +107,14 @@ class FitResult:
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Which parameters (p,) did not end at a bound, and so can still take up what the data show."""
+        """Which parameters (p,) did not end at a bound, and can still take up deviations."""
         low, high = self.model.bounds
         near = AT_BOUND * (high - low)
         return np.asarray((self.vector - low >= near) & (high - self.vector >= near))
 
     @property
     def stuck(self) -> list[str]:
-        """Names of the parameters of effects that ended at a bound, or that the data push against one.
+        """Names of the effects' parameters that ended at a bound, or that the data push there.
 
         A shape that the data hardly know may end anywhere, but not where χ² would fall clearly
         beyond its bound.
@@ -166,7 +171,7 @@ def fit(
 
 
 def improve(model: ExtendedModel, start: Array, most: int, near: FitResult) -> tuple[float, Array]:
-    """Return χ² and the vector of a fit that is to be ranked and carried on, without what only a result needs."""
+    """Return χ² and the vector of a fit that is only to be ranked and continued."""
     end, _ = _recalled(model, start, None, most, near)
     return float(np.sum(model.residuals(end) ** 2)), end
 
@@ -285,7 +290,10 @@ def _minimise(
 
 
 def covariance(slopes: Array, width: Array) -> Array:
-    """Return the covariance of the parameters from their Fisher information and that of their uniform priors, 12/width²."""
+    """Return the covariance of the parameters.
+
+    From their Fisher information and that of their uniform priors, 12/width².
+    """
     # By singular values: a Fisher matrix would square what the strongest direction exceeds the
     # weakest by, and drown the prior's 12.
     _, size, turned = np.linalg.svd(np.linalg.qr(slopes * width, mode="r"))

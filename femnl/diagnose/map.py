@@ -375,7 +375,10 @@ class MapModel:
 
 
 def _upright(found: dict[str, float]) -> dict[str, float]:
-    """Of the two motions that read the same, u at a fringe phase θ and −u at −θ, take the one within a quarter turn of the drive."""
+    """Choose between two motions that read the same, u at a fringe phase θ and −u at −θ.
+
+    Take the one within a quarter turn of the drive.
+    """
     phase = (found["motion_phase"] + np.pi / 2) % (2 * np.pi) - np.pi / 2
     if phase <= np.pi / 2:
         return found | {"motion_phase": phase}

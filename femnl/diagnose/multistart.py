@@ -49,7 +49,10 @@ nearer to zero, by a third.
 
 
 def extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) -> FitResult:
-    """Fit with one more effect, from where looks point or as far towards that as is no worse than without it."""
+    """Fit with one more effect, from where score tests point.
+
+    Or as far towards that as is no worse than without the effect.
+    """
     base, earlier = result.model.split(result.vector)
     model = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     limits = {
@@ -98,7 +101,10 @@ def extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) 
 
 
 def replaced(result: FitResult, effect: Effect) -> FitResult | None:
-    """Fit with an effect that has no strength, from the places all over its priors where it leaves least, unless absurdly much."""
+    """Fit with an effect without a strength, from the best of places all over its priors.
+
+    Unless all of them leave absurdly much.
+    """
     base, earlier = result.model.split(result.vector)
     model = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     lowest: list[Array] = []
@@ -121,7 +127,7 @@ def replaced(result: FitResult, effect: Effect) -> FitResult | None:
 
 
 def sought_beyond(result: FitResult) -> FitResult | None:
-    """Fit from beyond the jumps of the data, and from where parameters that move data of their own suit these best."""
+    """Fit from beyond the jumps of the data, and from the best of the independent blocks."""
     return min([*_over_jumps(result), *_from_all_over(result)], key=lambda s: s.chi2, default=None)
 
 
@@ -166,7 +172,10 @@ def sought_again(result: FitResult, k: int) -> FitResult | None:
 
 
 def unlike(found: list[ScoreTest]) -> list[ScoreTest]:
-    """Return the best looks of one effect that do not all point the same way, as mirror images and neighbours do."""
+    """Return the best score tests of one effect that point to different places.
+
+    Mirror images and neighbours point to the same.
+    """
     kept: list[ScoreTest] = []
     for test in found:
         if all(
@@ -183,7 +192,10 @@ def unlike(found: list[ScoreTest]) -> list[ScoreTest]:
 def _finished(
     model: ExtendedModel, starts: Iterable[Array], near: FitResult, most: int = ROUGH
 ) -> list[FitResult]:
-    """Fit to the end from every start, or where there are many, from what the best come to after a few evaluations."""
+    """Fit to the end from every start.
+
+    Where there are many, only from what the best come to after a few evaluations.
+    """
     chosen = list(starts)
     if len(chosen) > REFINED:
         rough = sorted(
@@ -208,7 +220,9 @@ def _over_jumps(result: FitResult) -> list[FitResult]:
 
 
 def _from_all_over(result: FitResult) -> list[FitResult]:
-    """Fit from where parameters that move data of their own suit these best, sought over all their range, angles turned by half or not.
+    """Fit from where the parameters of independent blocks suit their data best.
+
+    They are scanned over all their range, angles turned by half or not.
 
     Without the effects each of them may have come to rest in a valley of its own, as the amplitude
     at a step of a trace whose harmonics are worn down: a small one looks much like a large one, and

@@ -1,4 +1,4 @@
-"""A long record of drive and motion against one oscillator with a cubic restoring force, by its free run."""
+"""A long record of drive and motion against one oscillator with a cubic force, by free run."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -157,7 +157,10 @@ class RecordModel:
     def _nearest(
         self, drive: Array, output: Array, linear: Fit, begin: Array
     ) -> tuple[Array, Drive]:
-        """Return mass, damping, stiffness, offset and cubic term that follow the record's first part best, and the drive in their steps."""
+        """Return the terms that follow the record's first part best, and the drive in steps.
+
+        Mass, damping, stiffness, offset and cubic term.
+        """
         names = (*LINEAR, "offset", "cubic")
         first = slice(EDGE, max(int(HORIZONS[0][0] * len(output)), 3 * EDGE))
         found = []
@@ -179,7 +182,10 @@ class RecordModel:
         return values, held
 
     def _followed(self) -> tuple[float, Array]:
-        """Return what the base model leaves [V rms], and its vector, where it follows the record over longer and longer parts."""
+        """Return what the base model leaves [V rms], and its vector.
+
+        It follows the record over longer and longer parts.
+        """
         model = ExtendedModel(self)
         found = []
         for parts in HORIZONS:
@@ -192,7 +198,7 @@ class RecordModel:
         return min(found, key=lambda one: one[0])
 
     def pool(self, library: Iterable[Effect]) -> list[Effect]:
-        """Return the effects on the forces, with the ranges and units of their parameters in volts of the output."""
+        """Return the effects on the forces, with ranges and units in volts of the output."""
         found = []
         for effect in library:
             if "equation" in effect.changes:
@@ -265,7 +271,7 @@ class RecordModel:
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """The forces that the same record would show at other sizes of the motion, in parts of the linear one."""
+        """The forces that the same record would show at other sizes of the motion."""
         forces = apply("equation", Equation(0.0, base["alpha"], 0.0, 0.0), effects, values)
         y = 2 / self.scales["slope"] * np.linspace(-1, 1, 41)
         nonlinear = y**2 * (forces.quadratic + y * (forces.cubic + y**2 * forces.quintic))

@@ -148,7 +148,10 @@ class ResponseModel:
         return np.concatenate([self.sweeps.sweep, self.sweeps.sweep, known]).astype(np.int64)
 
     def _whole(self, points: ComplexArray, alpha: float = 0.0) -> Array:
-        """Return real and imaginary parts of (n_points,), and what the film's own α deviates from the simulated one where sweeps soften."""
+        """Return real and imaginary parts of (n_points,) values, and the deviation of α.
+
+        That of the film's own α from the simulated one, where sweeps soften.
+        """
         return np.concatenate([points.real, points.imag, [alpha] if self.softens else []])
 
     def predict(
@@ -158,7 +161,10 @@ class ResponseModel:
         values: Sequence[Values],
         instead: Sweeps | None = None,
     ) -> ComplexArray:
-        """Return the voltage (n,) [V] of the state that each point of a sweep is on, or would be on with other drives."""
+        """Return the voltage (n,) [V] of the state that each point of a sweep is on.
+
+        Or would be on with other drives.
+        """
         data = instead or self.sweeps
         mode, _ = self._mode(effects, base, values, data)
         force = mode.force[data.sweep]
@@ -253,7 +259,7 @@ class ResponseModel:
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Gain and phase at each drive and of strong signals, backgrounds, f₀ and w of each sweep and of strong motion."""
+        """Gains, phases, backgrounds, f₀ and w of each sweep, and those of strong motion."""
         volts = self.predict(effects, base, values) / self.sweeps.noise
         share = np.asarray(np.abs(volts) * self.sweeps.noise / self._largest, float)
         found: dict[str, Array] = {}
@@ -388,7 +394,7 @@ def _on_sheets(
     scale: Array,
     order: float,
 ) -> ComplexArray:
-    """Return b = 1/(δ + i + a x), x = |b|², on the low and on the high sheet, continued past its fold, (2, n).
+    """Return b = 1/(δ + i + a x), x = |b|², on the low and the high branch, (2, n).
 
     a(x) = cubic + fifth·x + pulled·(scale·x)^(order − 2) is put to the amplitude at hand, round by
     round.

@@ -141,7 +141,7 @@ def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None
 def _posed(
     path: Path, geometry: str | None, chosen: list[Effect | str], backwards: bool = False
 ) -> Posed:
-    """Return the problem that a file poses, several measurements jointly, and those of the effects that may explain it.
+    """Return the model that a file poses, and the effects that may explain its deviations.
 
     chosen: effects, those of the library by name. backwards: see `JointModel`.
     """
@@ -186,7 +186,7 @@ def _searched(
 
 
 def _oscillates(dataset: xr.Dataset) -> bool:
-    """Whether a group is a record of drive and output in volts, which tells of one oscillator and nothing of a film."""
+    """Whether a group is a record of one oscillator in volts, which tells nothing of a film."""
     return (
         dataset.attrs["kind"] == "trace"
         and "wavelength" not in dataset.attrs
@@ -261,7 +261,7 @@ def conclude(
 
 
 def _compare(base: Candidate, best: Candidate) -> tuple[Comparison, ...]:
-    """The data beside the base model, and beside the one that the verdict rests on where it is another."""
+    """Compare the data with the base model and with the one that the verdict rests on."""
     models = [_named(base, "base model")]
     models += [_named(best, " + ".join(best.names))] if best is not base else []
     return base.result.model.base_model.compare(models)
@@ -273,7 +273,7 @@ def _named(candidate: Candidate, name: str) -> Named:
 
 
 def _described(forms: tuple[FreeForm, ...], before: Quality) -> str:
-    """Say which free form predicts best what it did not see, if any does better than the base model."""
+    """Say which free form predicts held-out data best, if any does better than the base."""
     if not forms:
         return ""
     best = forms[0].quality.heldout_chi2_reduced

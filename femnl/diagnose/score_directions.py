@@ -32,7 +32,10 @@ UNEVEN = {
 def smooth_film(
     base_model: MeasurementModel, effects: Sequence[Effect], base: Values, values: Sequence[Values]
 ) -> dict[str, Array]:
-    """Return how residuals answer to a mass and a tension that vary over the film, by their dependence on the place."""
+    """Return how residuals answer to a mass and a tension that vary over the film.
+
+    By name of their dependence on the place.
+    """
     found: dict[str, Array] = {}
     for what, form in (("mass", MASS), ("tension", TENSION)):
         names = {spec.name: f"{what} that varies as {spec.name}" for spec in form.parameters}
@@ -43,7 +46,7 @@ def smooth_film(
 def forces(
     base_model: MeasurementModel, effects: Sequence[Effect], base: Values, values: Sequence[Values]
 ) -> dict[str, Array]:
-    """Return how residuals answer to restoring and damping forces of higher order, by what they are."""
+    """Return how residuals answer to restoring and damping forces of higher order."""
     names = {
         "quadratic": "force as u²",
         "cubic": "force as u³",
@@ -68,7 +71,10 @@ def fringe_terms(
 def overtones(
     base_model: MeasurementModel, effects: Sequence[Effect], base: Values, values: Sequence[Values]
 ) -> dict[str, Array]:
-    """Return how residuals answer to motion at 2 and 3 times the drive, the same all over the film, by order and phase."""
+    """Return how residuals answer to motion at 2 and 3 times the drive, by order and phase.
+
+    The motion is the same all over the film.
+    """
     names = {
         spec.name: f"{spec.name[:-1]} motion at {spec.name[-1]}f" for spec in OVERTONES.parameters
     }

@@ -78,7 +78,10 @@ PER_CAUSE = 0.1
 
 @dataclass(frozen=True)
 class Pointer:
-    """An effect that residuals point to, and its parameters where the best looks that differ would start a fit."""
+    """An effect that residuals point to.
+
+    With the values of its parameters from which fits start.
+    """
 
     effect: Effect
     shapes: tuple[dict[str, float], ...]
@@ -86,7 +89,11 @@ class Pointer:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A fitted set of causes: its p-value, the look that speaks most against it, and where its residuals point (None: not looked at)."""
+    """A fitted set of causes.
+
+    Its p-value, the score test that speaks most against it, and where its residuals point
+    (None: not tested).
+    """
 
     result: FitResult
     p_value: float
@@ -137,7 +144,7 @@ def criticise(result: FitResult, library: list[Effect]) -> Candidate:
 
 
 def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) -> list[Pointer]:
-    """Return the effects that promise most, and those whose looks are the least likely by chance."""
+    """Return the effects that promise most, and those whose tests are least likely by chance."""
     best: dict[str, list[ScoreTest]] = {}
     for test in sorted(found, key=lambda test: -test.gain):
         if test.effect is not None and test.gain > 0:
@@ -301,7 +308,7 @@ def _excess(candidate: Candidate) -> float:
 
 
 def _from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[FitResult]:
-    """Fit the pairs that promise most where one effect is sought from afar beside each other one."""
+    """Fit the pairs that promise most, one effect scanned globally beside each other one."""
     base = found[0].result
     alone = {c.names[0]: c.result for c in found if len(c.names) == 1}
     rest = [effect for effect in library if effect.name not in alone]
@@ -336,7 +343,7 @@ def _alone(base: FitResult, effect: Effect) -> FitResult:
 
 
 def _roughly(single: FitResult, other: Effect) -> tuple[float, Array]:
-    """Return χ² and the vector to which a few evaluations lead from where another effect suits best beside one."""
+    """Return χ² and the vector after a few evaluations from where another effect suits best."""
     model = ExtendedModel(single.model.base_model, (*single.model.effects, other))
     (_, own) = single.model.split(single.vector)
     starts = [
@@ -361,7 +368,7 @@ def _shaped(effect: Effect) -> tuple[int, int]:
 
 
 def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitResult | None]]:
-    """Return the fits of each parent's model with one more effect, for each of those that its residuals point to."""
+    """Return the fits of each parent's model with one more effect that its residuals point to."""
     jobs: list[Job[FitResult | None]] = []
     for parent in parents:
         result = parent.result
@@ -381,7 +388,7 @@ def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitRes
 
 
 def _seeking(candidates: list[Candidate]) -> list[Job[FitResult | None]]:
-    """Return the fits that seek each cause of some sets anew, and what else may have been missed."""
+    """Return fits that scan each cause of some sets anew, and what else may have been missed."""
     jobs: list[Job[FitResult | None]] = []
     for result in (c.result for c in candidates):
         jobs.append(_job("seeking", _names(result), result, partial(sought_beyond, result)))

@@ -1,4 +1,4 @@
-"""Frequency and quality factor against a control variable, where the base model says that nothing changes."""
+"""Frequency and quality factor against a control variable; the base model is constant."""
 
 from collections.abc import Mapping, Sequence
 
@@ -129,7 +129,10 @@ class SeriesModel:
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Each control variable over its range with the others held, so that causes that moved together part."""
+        """Vary each control variable over its range with the others held.
+
+        That separates causes that moved together.
+        """
         found = {}
         for name in self.control:
             held = {

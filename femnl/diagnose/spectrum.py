@@ -129,7 +129,7 @@ class SpectrumModel:
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Deviations in proportion to frequency squared and to the time of acquisition, and a film that varies over the place."""
+        """Deviations with frequency squared and with the time of acquisition, and an uneven film."""
         found = {
             "rise with frequency": (self.frequency / self.frequency.max()) ** 2
             * self.frequency
@@ -144,7 +144,7 @@ class SpectrumModel:
         )
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
-        """Return (f − f_predicted)/σ of each mode, and the deviation of ℓ from the geometry's in units of its own σ."""
+        """Return (f − f_predicted)/σ of each mode, and the deviation of ℓ in units of its own σ."""
         frequency, share, plain = self._solved(effects, base, values)
 
         def misfit(chosen: NDArray[np.int64]) -> Array:
@@ -160,7 +160,9 @@ class SpectrumModel:
     def _solved(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> tuple[Array, Array, Array]:
-        """Return the frequencies of the changed modes, the share (base, changed) of each base mode in them, and its own frequency.
+        """Return the frequencies of the changed modes and the shares of base modes in them.
+
+        shares: (base, changed); and the own frequency of each base mode.
 
         Where nothing has a label the shares are left out.
         """
@@ -170,7 +172,7 @@ class SpectrumModel:
         return np.sqrt(np.maximum(square, 0)) / (2 * np.pi), vectors**2 * mass[:, None], plain
 
     def _unchanged(self, speed: float, bending_length: float) -> tuple[Array, Array, ModalSystem]:
-        """Return the frequencies and masses of the modes of the film that nothing changes, and its matrices."""
+        """Return frequencies and masses of the unchanged film's modes, and its matrices."""
         plain = self.film.frequency(speed, bending_length)
         # The geometry states its stress and assumes its density, so that c is carried by the
         # density.

@@ -24,7 +24,9 @@ TRIES = 6
 
 
 def tangents(model: ExtendedModel, vector: Array, at: Array, first: Array) -> tuple[Array, Array]:
-    """Return for each parameter a step that changes the residuals by about `TARGET` in all, and their derivatives with these steps.
+    """Return a step for each parameter, and the derivatives of the residuals with it.
+
+    A step changes the residuals by about `TARGET` in all.
 
     first: the steps that are tried first.
     """
@@ -53,7 +55,10 @@ def tangents(model: ExtendedModel, vector: Array, at: Array, first: Array) -> tu
 
 
 def steps_for(model: ExtendedModel, size: Array, steps: Array | None = None) -> Array:
-    """Return steps that change the residuals by about `TARGET` where their derivatives have these norms, the given ones where none."""
+    """Return steps that change the residuals by about `TARGET`.
+
+    From the norms of the derivatives; the given steps where these are 0.
+    """
     width = np.subtract(*model.bounds[::-1])
     steps = FIRST * width if steps is None else steps
     return np.asarray(
@@ -76,7 +81,10 @@ def jacobian_at(model: ExtendedModel, vector: Array, at: Array, steps: Array) ->
 def _lanes(
     model: ExtendedModel, at: Array
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
-    """Yield the places of parameters that can be moved together, and the residuals (n_places, n) that each of them moves."""
+    """Yield the places of parameters that can be moved together, and what each moves.
+
+    The residuals are given as a mask (n_places, n).
+    """
     left = {(owner, spec.name): i for i, (owner, spec) in enumerate(model.parameters)}
     for group in (
         ()

@@ -1,4 +1,4 @@
-"""Time traces at one spot against a sinusoidal motion under a sinusoidal fringe, step by step of the drive."""
+"""Time traces at one spot: a sinusoidal motion under a sinusoidal fringe, step by step."""
 
 from collections.abc import Mapping, Sequence
 
@@ -141,7 +141,10 @@ class TraceModel:
     def predict(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> tuple[ComplexArray, Array]:
-        """Return V_n [V] as they are measured, (n_harmonics, n_steps), and the noise [V] per sample that they leave, (n_steps,)."""
+        """Return V_n [V] as measured, (n_harmonics, n_steps), and the noise they leave.
+
+        The noise [V] is per sample, (n_steps,).
+        """
         n = self.n_steps
         swing = np.array(
             [base[f"amplitude[{i}]"] * np.exp(1j * base[f"motion_phase[{i}]"]) for i in range(n)]
@@ -174,7 +177,7 @@ class TraceModel:
         return measured + folded, np.sqrt(self._noise**2 + np.maximum(power, 0))
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
-        """Return (V − V_predicted)/σ of all real, then of all imaginary parts, and what else is left of each record."""
+        """Return (V − V_predicted)/σ of real and imaginary parts, and the rest of each record."""
         predicted, noise = self.predict(effects, base, values)
         rest = (
             (self._left / noise - 1) * np.sqrt(2 * self._degrees) if len(self._left) else self._left
@@ -190,7 +193,7 @@ class TraceModel:
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Gain and phase of each harmonic, what the drive adds, the noise beside, terms of the fringe, and motion at multiples."""
+        """Gain and phase of harmonics, what the drive adds, noise, fringe terms, and overtones."""
         volts, _ = self.predict(effects, base, values)
         found: dict[str, Array] = {}
         for k, n in enumerate(self.harmonic):
@@ -297,7 +300,10 @@ def _times(traces: xr.Dataset) -> list[Array]:
 def _folding(
     time: Array, frequency: float, n_harmonics: int, highest: int
 ) -> tuple[ComplexArray, Array]:
-    """Return what the harmonics beyond the measured ones, as real then imaginary parts, add to those, and to the sum of squares left."""
+    """Return what the harmonics beyond the measured ones add.
+
+    As real, then imaginary parts, and to the sum of squares that is left.
+    """
     turns = 2 * np.pi * frequency * np.outer(time, np.arange(1, highest + 1))
     cosine = np.cos(turns)
     sine = -np.sin(turns)
@@ -309,7 +315,7 @@ def _folding(
 
 
 def _chosen(dataset: xr.Dataset) -> NDArray[np.int64]:
-    """Return the steps that are looked at: evenly spaced, those without gaps only in part left out."""
+    """Return the steps that are compared, evenly spaced; those only partly without gaps go."""
     usable = np.flatnonzero(np.isfinite(dataset["voltage"].values).sum(axis=1) > 2 * PER_HARMONIC)
     if not len(usable):
         raise MeasurementError(

@@ -36,7 +36,11 @@ RIVALS = 3
 
 @dataclass(frozen=True)
 class Judgement:
-    """The verdict, the candidate chosen (the base where none is), its rivals, and the probability of every candidate."""
+    """The verdict.
+
+    With the candidate chosen (the base where none is), its rivals, and the probability of every
+    candidate.
+    """
 
     verdict: Verdict
     chosen: Candidate
@@ -104,7 +108,9 @@ def judge(found: list[Candidate]) -> Judgement:
 
 
 def _scatter(base: Candidate) -> float:
-    """Logarithm of evidence times prior odds of deviations at random, of an unknown size and cause, which a combination must outdo.
+    """Return the log evidence that a combination of causes must outdo.
+
+    That of deviations at random, of unknown size and cause, times their prior odds.
 
     Residuals of s times their σ, s with a uniform prior in its logarithm: χ²/2 − (d/2)(ln χ²/d + 1)
     over the base model.
@@ -122,7 +128,9 @@ def _scatter(base: Candidate) -> float:
 
 
 def _smooth(base: Candidate) -> float:
-    """Logarithm of evidence times prior odds of one unknown cause of the free form that suits best, which no set may be far behind.
+    """Return the log evidence of one unknown cause, the free form that suits best.
+
+    Times its prior odds; no set may be far behind it.
 
     Several causes together, or one that fits badly, can imitate a cause that is missing, but not as
     simply as its own form.
@@ -138,7 +146,9 @@ def _ties(candidate: Candidate, best: Candidate) -> bool:
 
 
 def _doubted(candidate: Candidate, best: Candidate) -> bool:
-    """Whether a set with fewer or more causes than the best may be the right one for all that chance and evidence say.
+    """Return whether a set with fewer or more causes than the best may be the right one.
+
+    For all that chance and evidence say.
 
     One with fewer, whose fit is rare but not too rare for chance: more causes fit more anyway, and
     are not the clearer for it. One with more, where the fit of the best is doubtful.

@@ -9,7 +9,9 @@ from femnl.core.stages import ModalSystem
 
 
 def load(system: ModalSystem, values: Values) -> ModalSystem:
-    """Add Δm ξᵢ(x₀) ξⱼ(x₀) to the masses, raised by the compliance G of all higher modes, on which the particle rides.
+    """Add Δm ξᵢ(x₀) ξⱼ(x₀) to the masses.
+
+    Raised by the compliance G of all higher modes, on which the particle rides.
 
     Eliminating a mass on a spring 1/G turns Δm into Δm/(1 − ω²ΔmG), taken here at the frequencies
     of both modes. G = s/2πT grows with the logarithm of cut-off wavelength over size of the

@@ -16,7 +16,9 @@ ROUNDS = 8
 
 
 def loosen(system: ModalSystem, values: Values) -> ModalSystem:
-    """Replace the clamp w = 0 by springs of T/δ per length, which lengthen the film by atan k(δ − ℓ)/k instead of −atan(kℓ)/k at each edge.
+    """Replace the clamp w = 0 by springs of T/δ per length.
+
+    They lengthen the film by atan k(δ − ℓ)/k instead of −atan(kℓ)/k at each edge.
 
     On a rectangle it acts along x and y apart, each a function of the operator −∂² in that
     direction. What it does to all long waves alike, L → L + 2δ, stays in the speed of waves. The

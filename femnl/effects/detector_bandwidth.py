@@ -9,7 +9,10 @@ from femnl.core.stages import Harmonics
 
 
 def slow(harmonics: Harmonics, values: Values) -> Harmonics:
-    """Divide V_n by 1 + inωτ and undo the delay τ that all harmonics share, which the phase of the motion takes up."""
+    """Divide V_n by 1 + inωτ and undo the delay τ that all harmonics share.
+
+    The phase of the motion takes up that delay.
+    """
     lag = 2 * np.pi * harmonics.frequency * values["time_constant"] * harmonics.harmonic[:, None]
     return replace(harmonics, values=harmonics.values * np.exp(1j * lag) / (1 + 1j * lag))
 

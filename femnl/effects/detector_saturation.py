@@ -9,12 +9,15 @@ from femnl.core.stages import Fringe, Signal
 
 
 def clip(fringe: Fringe, values: Values) -> Fringe:
-    """Clip the signal at ±(1 − s) of the fringe's largest value: where s = 0, no fringe is clipped."""
+    """Clip the signal at ±(1 − s) of the fringe's largest value; s = 0 clips nothing."""
     return replace(fringe, limit=min(fringe.limit, 1 - values["clipped"]))
 
 
 def clip_sweep(signal: Signal, values: Values) -> Signal:
-    """Clip the sinusoid at ±(1 − s) of the strongest signal, which leaves (2/π)(asin r + r √(1 − r²)) of one 1/r times the limit."""
+    """Clip the sinusoid at ±(1 − s) of the strongest signal.
+
+    That leaves (2/π)(asin r + r √(1 − r²)) of one 1/r times the limit.
+    """
     size = np.abs(signal.voltage)
     r = np.minimum((1 - values["clipped"]) * signal.largest / np.where(size > 0, size, 1.0), 1.0)
     return replace(

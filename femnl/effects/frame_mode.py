@@ -9,7 +9,7 @@ from femnl.core.stages import Lines
 
 
 def pull(lines: Lines, values: Values) -> Lines:
-    """Take, of the two frequencies of each mode coupled to the frame, the one on the mode's own side."""
+    """Couple each mode to the frame, and take the frequency on the mode's own side."""
     half = (lines.frequency - values["frame_frequency"]) / 2
     shift = np.sqrt(half**2 + values["coupling_square"]) - np.abs(half)
     return replace(lines, frequency=lines.frequency + np.where(half < 0, -shift, shift))

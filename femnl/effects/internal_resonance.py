@@ -7,7 +7,9 @@ from femnl.core.stages import Oscillator
 
 
 def couple(mode: Oscillator, values: Values) -> Oscillator:
-    """Let a second mode, driven at p times the drive by the p-th power of the first, act back on it: Π = −g²/(f_j/p − f + iw_j/2).
+    """Let a second mode, driven at p times the drive, act back on the first.
+
+    It is driven by the p-th power of the first: Π = −g²/(f_j/p − f + iw_j/2).
 
     Its equation at pf is B p(f_j/p − f + iw_j/2) ∝ A^p, and the force back on the first is ∝
     A*^{p−1} B.

@@ -7,7 +7,9 @@ from femnl.core.stages import Motion
 
 
 def sing(motion: Motion, values: Values) -> Motion:
-    """Add U_n ξ_j at nω, with ξ_j the mode whose frequency is nearest to n times that of the driven one.
+    """Add U_n ξ_j at nω.
+
+    ξ_j is the mode whose frequency is nearest to n times that of the driven one.
 
     Phases follow those of the driven motion, and so does the size: U_n is that at the largest swing
     and falls as its n-th power.

@@ -1,4 +1,4 @@
-"""Uncertainties of a least-squares fit from its Jacobian, parameters that the data do not determine named instead of inverted."""
+"""Uncertainties of a least-squares fit from its Jacobian; undetermined parameters are named."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -66,7 +66,9 @@ def covariance(jacobian: Array, names: Sequence[str], unit: Array) -> tuple[Arra
 def derived(
     derive: Callable[[Complex], Mapping[str, tuple[complex, str]]], values: Array, found: Array
 ) -> dict[str, Parameter]:
-    """Return what follows from fitted parameters, with standard deviations to first order, infinite where an undetermined one enters.
+    """Return what follows from fitted parameters, with standard deviations to first order.
+
+    Infinite where an undetermined parameter enters.
 
     Args:
         derive: parameters (k,), complex for derivatives, → name → (value, unit).

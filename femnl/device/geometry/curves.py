@@ -30,7 +30,7 @@ def turn(segment: Segment) -> float:
 
 
 def point_at(segment: Segment, fraction: ArrayLike) -> Array:
-    """Return points (..., 2) [m] at fractions of a segment's length, 0 at its start and 1 at its end."""
+    """Return points (..., 2) [m] at fractions of a segment's length, from 0 to 1."""
     part = np.asarray(fraction, float)[..., None]
     start = np.asarray(segment.start)
     if segment.centre is None:
@@ -113,7 +113,10 @@ def distance(outline: Outline, points: Array) -> Array:
 
 
 def polyline(outline: Outline, per_turn: int = 180) -> Array:
-    """Return points (n, 2) [m] along an outline, closed (the last is the first), arcs cut into `per_turn` pieces a full turn."""
+    """Return points (n, 2) [m] along an outline, closed: the last is the first.
+
+    Arcs are cut into `per_turn` pieces a full turn.
+    """
     pieces = [
         point_at(s, np.arange(n) / n)
         for s in outline.segments

@@ -1,4 +1,4 @@
-"""The tables of the film and of what holds its edge: springs, and an undercut strip of the frame."""
+"""The tables of the film and of its edge: springs, and an undercut strip of the frame."""
 
 from typing import Annotated, Self
 
@@ -120,7 +120,9 @@ class OverhangTable(Table):
     stress: Pressure | None = None
 
     def overhang(self, outline: OutlineTable, holes: Holes, film: FilmTable) -> Overhang:
-        """Return the strip between the outline and its outer rim, whose sides are the outline's, `width` further out.
+        """Return the strip between the outline and its outer rim.
+
+        The sides of the rim are the outline's, `width` further out.
 
         Raises:
             GeometryError: an outline around which there is no such strip.

@@ -1,4 +1,4 @@
-"""Release holes: lattices and lists of centres, and whether they leave a film between them and the outline."""
+"""Release holes: lattices and lists of centres, and whether they leave a film between them."""
 
 from typing import Annotated, Literal, Self
 

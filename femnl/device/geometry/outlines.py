@@ -108,7 +108,9 @@ class Polygon(Table):
     free: list[int] = Field(default_factory=list)
 
     def widened(self, width: float) -> Self:
-        """Return the polygon with every edge moved outwards by `width` [m], so far that neighbours meet again.
+        """Return the polygon with every edge moved outwards by `width` [m].
+
+        Edges are lengthened until neighbours meet again.
 
         Raises:
             GeometryError: free edges, or edges so short that they vanish.
@@ -174,7 +176,9 @@ class Polygon(Table):
 
 
 class Etched(Table):
-    """What an isotropic etch of `etch_radius` around the centre of every release hole sets free, scallops included.
+    """What an isotropic etch around every release hole sets free, scallops included.
+
+    `etch_radius`: from the centre of the hole.
 
     Its length is the larger side of its box; a rectangular grid of holes about the origin also
     gives the box for (m,n) labels.
@@ -241,7 +245,7 @@ def _is_centred_grid(centres: Array, tolerance: float) -> bool:
 
 
 def _refuse_crossings(corners: Array) -> None:
-    """Refuse a polygon with edges of no length, or edges that meet anywhere but at their common corner."""
+    """Refuse a polygon with edges of no length, or edges that meet away from corners."""
     number = len(corners)
     extent = np.ptp(corners, axis=0).max()
     ends = np.roll(corners, -1, axis=0)
@@ -275,7 +279,10 @@ def _refuse_crossings(corners: Array) -> None:
 
 
 def _meet(a: Array, b: Array, c: Array, d: Array, tolerance: float) -> NDArray[np.bool_]:
-    """Return which of the segments c–d (n, 2) cross or touch the segment a–b, twice-areas below `tolerance` counting as 0."""
+    """Return which of the segments c–d (n, 2) cross or touch the segment a–b.
+
+    Twice the areas below `tolerance` count as 0.
+    """
     sides = [_cross(b - a, c - a), _cross(b - a, d - a), _cross(d - c, a - c), _cross(d - c, b - c)]
     c_side, d_side, a_side, b_side = (
         np.where(np.abs(s) <= tolerance, 0, np.sign(s)) for s in sides

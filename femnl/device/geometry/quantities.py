@@ -21,7 +21,10 @@ _QUANTITY = re.compile(
 
 @dataclass(frozen=True)
 class Dimension:
-    """A physical dimension: what to call it, its SI unit, how to write one, and the magnitudes beyond any device."""
+    """A physical dimension.
+
+    Its name, its SI unit, how to write one, and the magnitudes beyond any device.
+    """
 
     name: str
     unit: str

@@ -37,7 +37,10 @@ _COMPLEX = re.compile(
 
 
 def _indices(value: Any) -> Indices:
-    """Return index by wavelength from a table such as {"632.8 nm" = 2.0395, "532 nm" = "4.1366 - 0.0338i"}."""
+    """Return index by wavelength from a table.
+
+    Such as {"632.8 nm" = 2.0395, "532 nm" = "4.1366 - 0.0338i"}.
+    """
     if not isinstance(value, dict) or not value:
         raise refusal('expected indices by wavelength, write e.g. index = {"632.8 nm" = 2.0395}')
     table = {_wavelength(wavelength): _index(index) for wavelength, index in value.items()}
@@ -79,7 +82,10 @@ def _layer_thickness(value: Any) -> float | str:
 
 
 class LayerTable(Table):
-    """One layer of the stack; thickness "film" and "gap" stand for those given elsewhere, and the outer media have none."""
+    """One layer of the stack.
+
+    A thickness "film" or "gap" is the one given elsewhere; the outer media have none.
+    """
 
     material: str
     thickness: Annotated[Thickness, BeforeValidator(_layer_thickness)] = None
@@ -137,7 +143,10 @@ class ModelTable(Table):
 
 
 class GeometryFile(Table):
-    """A whole geometry file. `assumed` names the values, as "film.young", that the source does not give."""
+    """A whole geometry file.
+
+    `assumed` names the values, such as "film.young", that the source does not give.
+    """
 
     name: Annotated[str, AfterValidator(_plain_name)]
     source: str = ""

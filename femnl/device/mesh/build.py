@@ -146,7 +146,11 @@ def _build(model: Model, wedge: float, resolution: float, degree: int, copies: i
 
 
 def _draw(model: Model, wedge: float, unit: float) -> None:
-    """The film's surface: edge, cut to the wedge, minus the holes that reach into it, split along the outline, one operation each."""
+    """Return the film's surface.
+
+    Edge, cut to the wedge, minus the holes that reach into it, split along the outline, one
+    operation each.
+    """
     occ = gmsh.model.occ
     points: dict[tuple[float, float], int] = {}
 
@@ -260,7 +264,9 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
 
 
 def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> float:
-    """Element size h: growing linearly with the distance from clamped edges, arcs, corners and holes.
+    """Return the element size h.
+
+    It grows linearly with the distance from clamped edges, arcs, corners and holes.
 
     Returns: about how many triangles that makes: ∫ dA / (h²√3/4), where every curve of length l
         adds ∫ l dx / (s + g x)² = l / (s g), and every corner of angle β ∫ βr dr / (s + g r)² = β

@@ -19,7 +19,10 @@ JOIN = 1e-9  # of the largest coordinate, up to which corners are the same
 
 @dataclass(frozen=True)
 class Raw:
-    """Points (n, 2) [m], second-order triangles (m, 6) and, by the name of a boundary, the ends (k, 2) of the edges on it."""
+    """Return points (n, 2) [m], second-order triangles (m, 6) and edges by boundary.
+
+    The edges (k, 2) of each named boundary, by their ends.
+    """
 
     points: Array
     triangles: Index
@@ -43,7 +46,10 @@ def collect(named: dict[str, list[int]], unit: float) -> Raw:
 
 
 def double(raw: Raw) -> Raw:
-    """Put the mesh of an eighth (mirrors: the x axis and the diagonal) and its image in the diagonal together to a quarter's."""
+    """Put the mesh of an eighth and its image in the diagonal together to that of a quarter.
+
+    The mirrors of an eighth are the x axis and the diagonal.
+    """
     diagonal = np.unique(raw.edges["mirror-1"])
     middle = np.abs(raw.points[:, 0] - raw.points[:, 1]) <= 1e-9 * np.abs(raw.points).max()
     middle[diagonal] = True
@@ -63,7 +69,10 @@ def double(raw: Raw) -> Raw:
 
 
 def assemble(raw: Raw) -> MeshTri2:
-    """Make scikit-fem's mesh: vertices of each triangle sorted, middles of edges numbered by facet, boundaries named."""
+    """Make scikit-fem's mesh.
+
+    Vertices of each triangle sorted, middles of edges numbered by facet, boundaries named.
+    """
     corners = np.unique(raw.triangles[:, :3])
     vertex = np.full(len(raw.points), -1)
     vertex[corners] = np.arange(len(corners))
@@ -89,7 +98,7 @@ def assemble(raw: Raw) -> MeshTri2:
 
 
 def distinct(values: Array, apart: float) -> Index:
-    """Number values (n,) in their order, those that differ by less than `independent_blocks` alike."""
+    """Number values (n,) in their order, alike where they differ by less than `apart`."""
     order = np.argsort(values)
     numbers = np.empty(len(values), dtype=np.int64)
     numbers[order] = (
@@ -99,7 +108,10 @@ def distinct(values: Array, apart: float) -> Index:
 
 
 def from_patches(patches: Array) -> MeshTri2:
-    """Join second-order triangles (m, 6, 2) [m], corners before middles, wherever their corners meet."""
+    """Join second-order triangles (m, 6, 2) [m] wherever their corners meet.
+
+    In each, corners stand before middles.
+    """
     corners = patches[:, :3].reshape(-1, 2)
     key = np.stack([distinct(c, JOIN * np.abs(corners).max()) for c in corners.T], 1)
     _, first, index = np.unique(

@@ -21,7 +21,9 @@ PLATE_ERROR = 1e-5
 def singular_corners(
     model: Model, resolution: float, layer: float
 ) -> Iterator[tuple[Array, float, float]]:
-    """Yield corners of the edge wider than 90°, their inner angle [rad] and the element size [m] there, and all where two films meet.
+    """Yield corners of the edge wider than 90°, their inner angle [rad] and element size [m].
+
+    And all corners where two films meet.
 
     Near a corner of inner angle β the deflection goes as r^(π/β), so that elements of size s leave
     an energy s^(2π/β). Within the bending length ℓ of a corner the film is a plate, whose

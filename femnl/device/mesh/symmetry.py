@@ -42,7 +42,10 @@ def find_wedge(model: Model, symmetry: str) -> float:
 
 
 def has_symmetry(model: Model, wedge: float) -> bool:
-    """Whether the device maps onto itself under the mirror lines at angle 0 and, for wedges below π, at `wedge`."""
+    """Return whether the device maps onto itself under its mirror lines.
+
+    At angle 0 and, for wedges below π, at `wedge`.
+    """
     if wedge == FULL:
         return True
     angles = (0.0,) if wedge == HALF else (0.0, wedge)

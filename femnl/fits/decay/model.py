@@ -118,7 +118,11 @@ class Decay:
         return np.stack(columns, axis=1)
 
     def start(self) -> Array:
-        """Return start values: decay by scanning γ and d with amplitude and floor linear, phase by a line through what is strong."""
+        """Return start values.
+
+        The decay by scanning γ and d with amplitude and floor linear, the phase by a line
+        through what is strong.
+        """
         time, amplitude = (
             blocks(self.time, self.signal, self.reference)
             if self.kind == "voltage"
@@ -154,7 +158,10 @@ class Decay:
 
 
 def blocks(time: Array, voltage: NDArray[np.inexact], reference: float) -> tuple[Array, Complex]:
-    """Return mid times and complex amplitudes of Hann-weighted blocks of a voltage, at least PERIODS periods each."""
+    """Return mid times and complex amplitudes of Hann-weighted blocks of a voltage.
+
+    Each block has at least PERIODS periods.
+    """
     interval = float(np.median(np.diff(time)))
     length = max(int(np.ceil(PERIODS / (reference * interval))), len(time) // BLOCKS)
     count = len(time) // length
@@ -172,7 +179,7 @@ def blocks(time: Array, voltage: NDArray[np.inexact], reference: float) -> tuple
 
 
 def strongest(time: Array, voltage: Array) -> float:
-    """Return the frequency [Hz] of the strongest line of a voltage, to a fraction of its resolution."""
+    """Return the frequency [Hz] of the strongest line, to a fraction of the resolution."""
     step = np.diff(time)
     if np.ptp(step) > 1e-3 * np.mean(step):
         raise MeasurementError(
@@ -188,7 +195,10 @@ def strongest(time: Array, voltage: Array) -> float:
 
 
 def _scan(time: Array, power: Array, nonlinear: bool) -> tuple[float, float, float, float]:
-    """Return γ, d, A₀² and floor of the best of many decays, the last two by linear least squares."""
+    """Return γ, d, A₀² and floor of the best of many decays.
+
+    The last two follow by linear least squares.
+    """
     best = (np.inf, 0.0, 0.0, 0.0, 0.0)
     for d in (0.0, 0.3, 1.0, 3.0, 10.0, 30.0) if nonlinear else (0.0,):
         for gamma in np.geomspace(0.1, 300, 80) / time[-1]:

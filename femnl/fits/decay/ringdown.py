@@ -1,4 +1,4 @@
-"""Fit free decays: frequency, quality factor, and how both change with amplitude, down into the noise."""
+"""Fit free decays: frequency, quality factor, and how both change with amplitude."""
 
 from typing import get_args
 
@@ -37,7 +37,10 @@ def fit_ringdown(
     noise_sd: float | None = None,
     responsivity: float | None = None,
 ) -> Fit:
-    """Fit v(t) = Re A(t), |A|² = A₀² e^{−γt}/(1 + d s), arg A = φ + 2πf t + (2π·pull/γ) ln(1 + d s)/d, s = 1 − e^{−γt}.
+    """Fit a free decay v(t) = Re A(t).
+
+    |A|² = A₀² e^{−γt}/(1 + d s), arg A = φ + 2πf t + (2π·pull/γ) ln(1 + d s)/d, s = 1 −
+    e^{−γt}.
 
     d = ηA₀²/4 is the nonlinear damping and pull = ⅜ f α A₀² the shift of the frequency at the first
     amplitude A₀; f and the quality factor are those of small motion.
@@ -125,7 +128,9 @@ def fit_ringdown_trace(
 
 
 def predict_ringdown(fit: Fit, time: ArrayLike) -> NDArray[np.complex128]:
-    """Return the complex amplitude A(t) (n,) [V] of a fit at times [s] from the first that was fitted, v = Re A + offset.
+    """Return the complex amplitude A(t) (n,) [V] of a fit, v = Re A + offset.
+
+    Times [s] count from the first that was fitted.
 
     Of a magnitude it has the modulus without the noise: |v|² = |A|² + floor.
     """

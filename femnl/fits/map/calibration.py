@@ -20,7 +20,9 @@ STEP = 0.02
 
 
 def taylor_amplitude(harmonics: ArrayLike, wavelength: float) -> tuple[Array, Array]:
-    """Return the amplitude of one spot from a fringe expanded to fourth order, once from V₃/V₁ and once from V₄/V₂.
+    """Return the amplitude of one spot from a fringe expanded to fourth order.
+
+    Once from V₃/V₁ and once from V₄/V₂.
 
     With f⁽³⁾ = −q²f⁽¹⁾ and f⁽⁴⁾ = −q²f⁽²⁾ of a sine, q = 4π/λ and z = qU, the expansion gives
     −V₃/V₁ = (z²/24)/(1 − z²/8) and −V₄/V₂ = (z²/48)/(1 − z²/12) after the phases nφ are taken off,
@@ -55,7 +57,9 @@ def taylor_amplitude(harmonics: ArrayLike, wavelength: float) -> tuple[Array, Ar
 def displacement(
     data: xr.Dataset, fit: MapFit, fringe: PeriodicFringe | None = None
 ) -> tuple[Array, Array]:
-    """Return the displacement amplitude at every point of a map from its harmonics alone, without the mode shape.
+    """Return the displacement at every point of a map without the mode shape.
+
+    From its harmonics alone.
 
     a(x, y) minimises Σ_n |V_n − V_C e^{inφ} g_n(a)|², with V_C, θ, φ and the form of the fringe
     from a fit of the map.

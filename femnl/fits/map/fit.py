@@ -1,4 +1,4 @@
-"""Fits of harmonic maps: amplitude of motion in metres, fringe and placement of the membrane, from all harmonics at once."""
+"""Fits of harmonic maps: motion in metres, fringe and placement, from all harmonics at once."""
 
 from collections.abc import Mapping, Sequence
 
@@ -162,7 +162,10 @@ def _negate(values: dict[str, float], names: Sequence[str]) -> None:
 
 
 def _rival(problem: MapResiduals, vector: Array, chi2: float, which: int, mirror: str) -> str:
-    """Say what another working point of the same V_C, |sin θ| and |cos θ| costs, everything else adapted."""
+    """Say what another working point of the same V_C, |sin θ| and |cos θ| costs.
+
+    Everything else is adapted to it.
+    """
     sign, shift = MIRRORS[mirror]
     trials = []
     for quarter in range(4):

@@ -84,7 +84,10 @@ class MapResiduals:
         return np.concatenate(parts)
 
     def _possible(self, vector: Array) -> bool:
-        """Say whether the motion is within twice the range of the search and the membrane within twice and half its size."""
+        """Say whether motion and membrane are within the search.
+
+        The motion within twice its range, the membrane within twice and half its size.
+        """
         depth = max(data.wavenumber for data in self.maps) * abs(vector[0])
         return bool(
             depth < 2 * LARGEST and all(0.5 < values["scale"] < 2 for values in self.unpack(vector))
@@ -174,7 +177,10 @@ class MapResiduals:
         return replace(self, shape=shape)
 
     def starts(self) -> list[Array]:
-        """Return starting points at the best optima of U, the membrane placed about the origin or about the centre of the signal."""
+        """Return starting points at the best optima of U.
+
+        The membrane lies about the origin or about the centre of the signal.
+        """
         placements = [self._placements(data) for data in self.maps]
         return [
             self.pack(start.amplitude, start.maps)

@@ -138,7 +138,10 @@ def _bessel(harmonic: tuple[int, ...], n_overtones: int, ratio: float, n_amplitu
 
 
 def _gather(data: MapData, xi: Array) -> tuple[ComplexArray, Array]:
-    """Return the sums of V_n and of ones over the classes of ξ, each point shared linearly between two neighbours."""
+    """Return the sums of V_n and of ones over classes of ξ.
+
+    Each point is shared linearly between two neighbours.
+    """
     position = (np.clip(xi, -1, 1) + 1) * (BINS - 1) / 2
     left = np.minimum(position.astype(int), BINS - 2)
     share = position - left

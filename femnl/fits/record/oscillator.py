@@ -1,4 +1,4 @@
-"""Fit mass, damping and nonlinear stiffness of one oscillator to a long record of its drive and its motion."""
+"""Fit mass, damping and nonlinear stiffness of an oscillator to drive and motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -172,14 +172,20 @@ def simulate_oscillator(
 
 
 def settled(drive: Array, output: Array, sampling_rate: float) -> NDArray[np.bool_]:
-    """Return which samples (n,) are known and predicted by a free run, as far as the linear oscillator tells; see `predictable`."""
+    """Return which samples (n,) are known and predicted by a free run.
+
+    As far as the linear oscillator tells; see `predictable`.
+    """
     known = np.isfinite(output) & np.isfinite(drive)
     mass, damping, _ = linear_start(drive[known], output[known], 1 / sampling_rate)
     return known & predictable(len(output), damping / mass / (2 * sampling_rate))
 
 
 def begun(output: Array, interval: float) -> Array:
-    """Return y and ẏ (2,) at the first sample of an output (n,), from the polynomial through the first ones that are known."""
+    """Return y and ẏ (2,) at the first sample of an output (n,).
+
+    From the polynomial through the first samples that are known.
+    """
     first = np.flatnonzero(np.isfinite(output))[:FIRST]
     return np.asarray(
         np.polynomial.polynomial.polyfit(interval * first, output[first], FIRST - 1)[:2]
@@ -205,7 +211,10 @@ def _coefficients(names: Sequence[str], values: Numbers) -> Numbers:
 
 
 def _misfit(names: Sequence[str], values: Array, record: _Record) -> tuple[Array, Array]:
-    """Return what the free run leaves of the fitted samples (n,), and its derivatives (n, k) by complex steps."""
+    """Return what the free run leaves of the fitted samples (n,).
+
+    And its derivatives (n, k) by complex steps.
+    """
     steps = STEP * np.where(values != 0, np.abs(values), 1.0)
     shifted = values[:, None] + 1j * np.diag(steps)
     run = free_run(_coefficients(names, shifted), record.drive)[:, record.chosen]
@@ -289,7 +298,10 @@ def equation_start(
 
 
 def linear_start(u: Array, y: Array, interval: float) -> Array:
-    """Return mass, damping and stiffness of the linear recursion y₂ = a₁ y₁ + a₂ y₀ + b₂ u₂ + b₁ u₁ + b₀ u₀ + const."""
+    """Return mass, damping and stiffness of a linear recursion.
+
+    y₂ = a₁ y₁ + a₂ y₀ + b₂ u₂ + b₁ u₁ + b₀ u₀ + const.
+    """
     if np.ptp(u) == 0:
         raise MeasurementError(
             f"drive: {u[0] + 0.0:g} all along; give the record of a drive that moves the oscillator"

@@ -30,7 +30,9 @@ def fit_response(
     force_per_volt: float | None = None,
     responsivity: ArrayLike | None = None,
 ) -> Fit:
-    """Fit all sweeps of a driven response at once with shared f₀, w, α_y/α_c and delay, and y_max and φ for each position.
+    """Fit all sweeps of a driven response at once.
+
+    f₀, w, α_y/α_c and delay are shared; y_max and φ belong to each position.
 
     y(f) = V/drive = y_max (w/2) e^{iφ − 2πi(f − f₀)τ} / (f₀ (1 + ⅜ α_y |y|²) − f + i w/2 (1 + d
     |y/y_max|²)). In y, α_y grows with the square of the drive; it is quoted, as α_y/α_c and d are,
@@ -87,7 +89,9 @@ def fit_response(
 
 
 def predict_response(fit: Fit, dataset: xr.Dataset) -> xr.DataArray:
-    """Return the complex voltage (sweep, point) [V] of a fit at the points of a dataset, NaN where nothing was fitted.
+    """Return the complex voltage (sweep, point) [V] of a fit at the points of a dataset.
+
+    NaN where nothing was fitted.
 
     States are chosen as in the fit: by the data of each sweep. A missing y_max is taken as 1 V/V, a
     missing phase as 0.

@@ -21,7 +21,10 @@ FOLD = 0.1
 
 
 def refine(sweeps: Sweeps, layout: Layout, theta: Array) -> Array:
-    """Improve θ by Gauss–Newton steps on the implicit equation, weighted by what the noise of each point makes of it."""
+    """Improve θ by Gauss–Newton steps on the implicit equation.
+
+    Each point is weighted by its noise as it enters the equation.
+    """
     for _ in range(ROUNDS):
         residual, slopes = _whitened(sweeps, layout, theta)
         # Data without a resonance lead nowhere; the explicit fit says so
@@ -47,7 +50,7 @@ def refine(sweeps: Sweeps, layout: Layout, theta: Array) -> Array:
 
 
 def _whitened(sweeps: Sweeps, layout: Layout, theta: Array) -> tuple[Array, Array]:
-    """Return the equation's residuals (2n,) in standard deviations of the noise they carry, and their derivatives by θ."""
+    """Return the equation's residuals (2n,) in σ, and their derivatives by θ."""
     f0, w, ratio, damping, gain, phase, tau = layout.split(theta)
     away = sweeps.frequency - f0
     scale = gain[sweeps.position] * sweeps.drive

@@ -27,7 +27,10 @@ WEAKEST = 4.0
 
 @dataclass(frozen=True)
 class Jump:
-    """A sweep jumps before the point `point`, from the top fold of the high state or from the fold of the low one."""
+    """A sweep jumps before the point `point`, from one fold.
+
+    The top fold of the high branch, or the fold of the low one.
+    """
 
     point: int
     top: bool
@@ -35,7 +38,10 @@ class Jump:
 
 @dataclass
 class Misfit:
-    """Residuals of one fit. What depends on the model but must not be bent by it is set by `assign` and fixed in between.
+    """Residuals of one fit.
+
+    What depends on the model but must not be bent by it is set by `assign` and fixed in
+    between.
 
     strict: use only states that exist, else also the continuation of a sheet past its fold. high
     (n,): the sheet of each point, 0 low, 1 high. spread (n,): standard deviation of |V|/σ, less
@@ -117,7 +123,10 @@ class Misfit:
         return np.vstack([points, *(self._jump(theta, jump)[1] for jump in self.jumps)])
 
     def _response(self, theta: Array) -> tuple[Complex, ResponseBranches]:
-        """Return both sheets; residual, Jacobian and choice of states ask for the same θ in turn."""
+        """Return both branches.
+
+        Residual, Jacobian and choice of states ask for the same θ in turn.
+        """
         key = theta.tobytes()
         if self.last is None or self.last[0] != key:
             self.last = key, *response(self.sweeps, self.layout, theta, continued=not self.strict)
@@ -136,7 +145,10 @@ class Misfit:
         return int(np.count_nonzero(both.pair[self.high, np.arange(len(self.high))]))
 
     def real_state(self, theta: Array) -> tuple[Complex, ResponseBranches]:
-        """Return the voltage of the chosen states, the only root where the chosen sheet has ended, and the sheets."""
+        """Return the voltage of the chosen states, and the branches.
+
+        The only root where the chosen branch has ended.
+        """
         voltage, both = response(self.sweeps, self.layout, theta, continued=True)
         points = np.arange(voltage.shape[1])
         chosen = np.where(both.pair[self.high, points], 1 - self.high, self.high)
@@ -183,7 +195,9 @@ class Misfit:
 
 
 def rice(size: Array) -> tuple[Array, Array, Array]:
-    """Return mean and standard deviation of |V|/σ where the noiseless |V|/σ is `size`, and the derivative of the mean.
+    """Return mean and standard deviation of |V|/σ, and the derivative of the mean.
+
+    Where the noiseless |V|/σ is `size`.
 
     The mean is √(π/2) L½(−size²/2): noise lifts a weak magnitude.
     Source: Rice (1945), Bell System Technical Journal 24, 46, section 3.10.

@@ -64,7 +64,7 @@ def parameters(
     force_per_volt: float | None,
     responsivity: ArrayLike | None,
 ) -> dict[str, Parameter]:
-    """Return the free parameters with their standard deviations, and what follows from them to first order."""
+    """Return the free parameters with standard deviations, and what follows from them."""
     names, values, _ = natural(layout, theta)
     sd = np.sqrt(np.diag(found))
     out = {

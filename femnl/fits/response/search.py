@@ -1,4 +1,7 @@
-"""Start values of a response fit where they take a search over one or two parameters, each trial being linear in the others."""
+"""Start values of a response fit by searching one or two parameters.
+
+Each trial is linear in the others.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +34,10 @@ Start = tuple[float, float, float, float, complex, float]
 
 
 def search_backbone(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
-    """Straighten the backbone by each slope β, g = f − β|V|², and fit the line drive = V (p₀ + p₁ g)."""
+    """Straighten the backbone by each slope β and fit a line.
+
+    g = f − β|V|², drive = V (p₀ + p₁ g).
+    """
     kept = _thin(at)
     f = sweeps.frequency[kept]
     drive = sweeps.drive[kept]
@@ -99,7 +105,10 @@ def search_grid(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
 
 
 def search_magnitude(sweeps: Sweeps, at: Mask) -> list[Start]:
-    """Straighten the backbone by each slope β, g = f − β|V|², and fit the Lorentzian |V|² g² = C² drive² + 2 f₀ |V|² g − K |V|²."""
+    """Straighten the backbone by each slope β and fit a Lorentzian.
+
+    g = f − β|V|², |V|² g² = C² drive² + 2 f₀ |V|² g − K |V|².
+    """
     kept = _thin(at)
     f = sweeps.frequency[kept]
     v = np.abs(sweeps.voltage[kept])
@@ -135,7 +144,10 @@ def search_magnitude(sweeps: Sweeps, at: Mask) -> list[Start]:
 
 
 def search_phase(sweeps: Sweeps, at: Mask) -> list[Start]:
-    """Fit f = f₀ − (w/2)(cot ψ − a sin² ψ), ψ = −arg b, which is linear and does not see π, for each phase and delay tried."""
+    """Fit f = f₀ − (w/2)(cot ψ − a sin² ψ), ψ = −arg b, for each phase and delay tried.
+
+    It is linear and blind to π.
+    """
     kept = _thin(at)
     f = sweeps.frequency[kept]
     v = sweeps.voltage[kept]

@@ -45,7 +45,11 @@ class _Search:
     reached: list[float] = field(default_factory=list)
 
     def descend(self, theta: Array, *, strict: bool) -> Misfit:
-        """Minimise from θ, with only states that exist (`strict`) or also their continuation past a fold; keep the result if better."""
+        """Minimise from θ and keep the result if it is better.
+
+        `strict`: only with states that exist; else also with their continuation past a
+        fold.
+        """
         tried = replace(self.misfit, strict=strict, last=None)
         found = settle(tried, np.clip(theta, self.low, self.high), self.low, self.high)
         cost = tried.cost(found)
@@ -109,7 +113,10 @@ def solve(sweeps: Sweeps, layout: Layout, use: Use, bounds: Bounds) -> tuple[Mis
 
 
 def _all_starts(sweeps: Sweeps, layout: Layout, use: Use) -> Iterator[Array]:
-    """Yield starts; for a magnitude or a phase, what both quadratures say at a glance comes first, and what they say in full last.
+    """Yield starts.
+
+    For a magnitude or a phase the quick estimate from both quadratures comes first, and the
+    full one last.
 
     Where the readout is linear, that is the answer; where it is not, it does no harm.
     """

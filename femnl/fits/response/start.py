@@ -70,7 +70,10 @@ def starts(sweeps: Sweeps, use: Use, layout: Layout) -> Iterator[Array]:
 
 
 def _delay(sweeps: Sweeps) -> float:
-    """Return the delay [s] at which the linear form fits best over all positions, by one projection for all delays."""
+    """Return the delay [s] at which the linear form fits best over all positions.
+
+    One projection serves all delays.
+    """
     tau = DELAYS / sweeps.span
     misfit = np.zeros(len(tau))
     for p in range(sweeps.n_positions):

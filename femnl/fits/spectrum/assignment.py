@@ -44,7 +44,7 @@ class _Posterior:
         self.known: dict[Choice, float] = {}
 
     def scale(self, choice: Choice) -> tuple[Array, Array, Array]:
-        """For each s: posterior mean and variance of ln c, and the log evidence of the assigned lines."""
+        """Return for each s the posterior mean and variance of ln c, and the log evidence."""
         taken = np.array([index for index, mode in enumerate(choice) if mode >= 0], dtype=int)
         shift = self.lines[taken] - self.modes[[choice[index] for index in taken]]
         variance = _MODEL_SD[:, None] ** 2 + self.spread[taken] ** 2
@@ -189,7 +189,10 @@ def _enumerate(posterior: _Posterior) -> dict[Choice, float]:
 
 
 def _seeds(posterior: _Posterior) -> set[Choice]:
-    """Nearest modes, each given once, at the scale of every pair of a line and a mode, for a tight and a loose simulation."""
+    """Return the nearest modes, each given once, at the scale of every pair of line and mode.
+
+    For a tight and a loose simulation.
+    """
     seeds = {(-1,) * posterior.lines.size}
     for line in posterior.lines:
         for scale in line - posterior.modes:

@@ -24,7 +24,9 @@ MARGIN = 0.02
 def fit_film(
     dataset: xr.Dataset, labels: Sequence[str | None], simulated: ArrayLike, film: Film
 ) -> FilmFit:
-    """Fit f_i = c/c_sim · g_i to the lines of a spectrum, with a scatter of the simulation about them.
+    """Fit f_i = c/c_sim · g_i to the lines of a spectrum.
+
+    The simulation may scatter about them.
 
     ln(f_i/g_i) = ln(c/c_sim) + e_i, e_i of variance (σ_i/f_i)² + s²; s is such that χ² equals its n
     − 1 degrees of freedom, and 0 where the errors of measurement explain everything. c = √(σ/ρ) of

@@ -52,7 +52,7 @@ class Cluster:
 
 
 def polynomials(f: Array, window: tuple[float, float]) -> Array:
-    """Legendre polynomials up to the degree of the background on the window, (n_points, degree + 1)."""
+    """Legendre polynomials up to the background's degree on the window, (n_points, degree + 1)."""
     low, high = window
     return np.asarray(
         np.polynomial.legendre.legvander(2 * (f - low) / (high - low) - 1, _DEGREE), dtype=float
@@ -72,7 +72,10 @@ def _stack(values: Complex) -> Array:
 
 
 class _Problem:
-    """Variable projection: frequencies and widths are searched, amplitudes and background follow by linear least squares.
+    """Variable projection.
+
+    Frequencies and widths are searched; amplitudes and background follow by linear least
+    squares.
 
     Unknowns are the shift of each line in units of its starting width, and the logarithm of the
     ratio of widths.
