@@ -78,7 +78,10 @@ def solve_modes(
     cache: bool = True,
     degree: int = DEGREE,
 ) -> Modes:
-    """Modes of a device: mesh, relaxed film stress, prestressed modes, and the same at lower degrees to estimate errors.
+    """Solve the modes of a device.
+
+    Mesh, relaxed film stress, prestressed modes, and the same at lower degrees to estimate
+    errors.
 
     Args: count: how many, by rising frequency. symmetry, resolution: of the mesh, see
         `femnl.device.mesh.mesh`; where symmetry is `auto`, a rectangle with a rectangular array of
@@ -229,7 +232,9 @@ def harmonic_maps(
     harmonics: int = 6,
     points: int = GRID,
 ) -> HarmonicMap:
-    """Maps V_n(x, y) of harmonics 1…n of the drive when one mode moves by `amplitude` [m] where |ξ| = 1.
+    """Return maps V_n(x, y) of harmonics 1…n of the drive when one mode moves.
+
+    By `amplitude` [m] where |ξ| = 1.
 
     Args: index: 0 for the fundamental mode. fringe: f(u), u [m] → v [V]. wavelength: of the laser
         [m], recorded with the map. points: along each axis of a square grid that covers the film

@@ -107,7 +107,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Row:
-    """One reference beside femnl's value, whose own error bound is `error` (None where it gives none)."""
+    """One reference beside femnl's value, whose error bound is `error` (None: none)."""
 
     reference: Reference
     value: float
@@ -120,7 +120,7 @@ class Row:
 
     @property
     def verdict(self) -> Literal["agrees", "differs", "printed number stands"]:
-        """Whether the value meets the reference within the tolerance, and misses the printed number of an erratum."""
+        """Whether the value meets the reference, and misses the printed number of an erratum."""
         reference = self.reference
         if not abs(self.difference) <= reference.tolerance:
             return "differs"
@@ -256,7 +256,7 @@ def _attempt(action: Callable[[T], R], argument: T) -> tuple[R | None, str | Non
 
 
 def record(result: Result) -> dict[str, Any]:
-    """Return a result as plain values for JSON, with every row's difference, tolerance and verdict spelt out."""
+    """Return a result as plain values for JSON, with every row's difference spelt out."""
     rows = [
         {
             "quantity": row.reference.quantity,

@@ -53,7 +53,10 @@ class Resonator:
 
 @dataclass(frozen=True)
 class CoupledModes:
-    """Modes q̈ᵢ + γᵢ (1 + ηᵢ qᵢ²) q̇ᵢ + ωᵢ² qᵢ + Σ quadraticᵢⱼₖ qⱼqₖ + Σ cubicᵢⱼₖₗ qⱼqₖqₗ + quinticᵢ qᵢ⁵ = 𝓕ᵢ cos ωt.
+    """Coupled nonlinear modes under one drive.
+
+    q̈ᵢ + γᵢ (1 + ηᵢ qᵢ²) q̇ᵢ + ωᵢ² qᵢ + Σ quadraticᵢⱼₖ qⱼqₖ + Σ cubicᵢⱼₖₗ qⱼqₖqₗ + quinticᵢ qᵢ⁵
+    = 𝓕ᵢ cos ωt.
 
     frequency (n,) [Hz]; damping γ (n,) [1/s]; quadratic (n,n,n) [s⁻² m⁻¹] and cubic (n,n,n,n) [s⁻²
     m⁻²], symmetric in all but the first index; quintic (n,) [s⁻² m⁻⁴]; nonlinear_damping η (n,)

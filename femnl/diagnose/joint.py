@@ -90,7 +90,7 @@ class JointModel:
         self.start = self._best_start(starts)
 
     def _named(self, group: str) -> dict[str, str]:
-        """Name the base parameters of a measurement, those that others share by their plain name."""
+        """Name the base parameters of a measurement; shared ones keep their plain name."""
         base_model = self.groups[group]
         names = {spec.name: f"{group}.{spec.name}" for spec in base_model.base}
         for name in _shareable(base_model):

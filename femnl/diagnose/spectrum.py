@@ -129,7 +129,7 @@ class SpectrumModel:
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Deviations with frequency squared and with the time of acquisition, and an uneven film."""
+        """Deviations with frequency squared and with time, and an uneven film."""
         found = {
             "rise with frequency": (self.frequency / self.frequency.max()) ** 2
             * self.frequency

@@ -23,7 +23,9 @@ Named = tuple[str, Sequence[Effect], Values, Sequence[Values]]
 
 @dataclass(frozen=True, eq=False)
 class Ranked:
-    """Residuals (value − prediction)/sd, at these places, whose values have no names and go to the predictions by rising size.
+    """Residuals of values without names, which go to the predictions by rising size.
+
+    (value − prediction)/sd, at these places.
 
     Approximate where frequencies drift, since the order is that of the values as measured. Data of
     more than EXACT residuals (`criticism`), as a spectrum joined with maps, are judged as if their
@@ -81,13 +83,16 @@ class MeasurementModel(Protocol):
         ...
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
-        """Return (data − prediction)/σ of the base model extended by effects, each with its values."""
+        """Return (data − prediction)/σ of the base model extended by effects."""
         ...
 
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """What measurements not yet made would give, in σ of the present ones, by a phrase that names each."""
+        """Return what measurements not yet made would give, in σ of the present ones.
+
+        By a phrase that names each.
+        """
         ...
 
     def systematic(self, unit: str) -> float:
@@ -95,7 +100,10 @@ class MeasurementModel(Protocol):
         ...
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """Other values of the base parameters that predict about the same, and from which an effect may lead elsewhere."""
+        """Return other base parameters that predict about the same.
+
+        From there an effect may lead elsewhere.
+        """
         ...
 
     def compare(self, models: Sequence["Named"]) -> tuple[Comparison, ...]:

@@ -147,7 +147,10 @@ class MultilayerFringe:
             n_samples *= 2
 
     def reflectance(self, u: float) -> float:
-        """Return the power reflectivity R of the stack with the gap widened by u [m], by transfer matrices."""
+        """Return the reflectivity R of the stack with the gap widened by u [m].
+
+        By transfer matrices.
+        """
         thickness = [layer.thickness for layer in self._layers.layers]
         thickness[self._layers.gap] += u
         # tmm counts time as exp(−iωt), where absorption is n + ik.
@@ -172,7 +175,7 @@ class MultilayerFringe:
 
 
 def _index(table: tuple[tuple[float, complex], ...], material: str, wavelength: float) -> complex:
-    """Return the index listed at `wavelength`, which a picometre of rounding may separate from the one asked for."""
+    """Return the index listed at `wavelength`, but for a picometre of rounding."""
     for listed, index in table:
         if abs(listed - wavelength) < 1e-12:
             return complex(index)

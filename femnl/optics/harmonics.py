@@ -1,4 +1,6 @@
-"""Harmonics of the drive that a nonlinear readout v = f(u) makes of a sinusoidal motion u(t) = u₀ + U cos(ωt + φ).
+"""Harmonics of the drive that a nonlinear readout v = f(u) makes of a sinusoidal motion.
+
+u(t) = u₀ + U cos(ωt + φ).
 
 v(t) = Σ_n Re(V_n e^{inωt}), so |V_n| = 2|v_n| and V_0 = v_0. A negative U means motion in
 antiphase.
@@ -218,7 +220,9 @@ def signal_phase(volts: ComplexArray) -> float:
 
 
 def along_line(images: Images) -> Curves:
-    """Turn harmonics over a grid of a single row or column into curves of the quadrature that holds each one's signal, see `signal_phase`.
+    """Turn harmonics over a grid of a single row or column into curves.
+
+    Of the quadrature that holds each one's signal, see `signal_phase`.
 
     Args: images with n_x = 1 or n_y = 1. Returns: a curve [V] for each harmonic against x or y, the
     data's sd, the models' predictions.

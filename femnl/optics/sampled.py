@@ -1,4 +1,7 @@
-"""Harmonics of a fringe at many points at once, where each point has its own amplitude and its own phase of the fringe."""
+"""Harmonics of a fringe at many points at once.
+
+Each point has its own amplitude and its own phase of the fringe.
+"""
 
 from functools import lru_cache
 
@@ -104,7 +107,9 @@ def _sum(
     lit: ComplexArray,
     harmonic: Orders,
 ) -> None:
-    """Sum the terms lit_k e^{ikθ} of a fringe at each point, with J_n from the table by cubic Hermite interpolation.
+    """Sum the terms lit_k e^{ikθ} of a fringe at each point.
+
+    J_n comes from the table by cubic Hermite interpolation.
 
     place (n_points,): argument of the Bessel functions of the first order, in nodes; turns: e^{ikθ}
     (n_orders, n_points), or (n_orders, 1) of all alike.
@@ -147,7 +152,10 @@ def _powers(unit: ComplexArray, harmonic: Orders) -> ComplexArray:
 
 @lru_cache(maxsize=16)
 def _table(harmonic: tuple[int, ...], longest: int) -> Array:
-    """Return the coefficients of J_n between nodes up to z = longest, lowest power first, (n_nodes, n_harmonics, 4)."""
+    """Return the coefficients of J_n between nodes up to z = longest.
+
+    Lowest power first, (n_nodes, n_harmonics, 4).
+    """
     z = np.arange(longest * NODES + 2) / NODES
     n = np.array(harmonic)[:, None]
     value = jv(n, z)
@@ -211,7 +219,10 @@ def _polar(swing: ComplexArray) -> tuple[Array, ComplexArray]:
 def _sampled(
     swings: Array, moves: Array, theta: Array, sums: Array, pieces: Array, top: float
 ) -> Array:
-    """Return the sums (m, n_samples) over a fringe at the phases swings (n_samples, k) times moves (k, n_points) + θ, (m, n_points)."""
+    """Return the sums (m, n_samples) over a fringe, (m, n_points).
+
+    At the phases swings (n_samples, k) times moves (k, n_points) + θ.
+    """
     found = np.empty((len(sums), moves.shape[1]))
     read = compiled(_read)
     step = max(1, PIECE * SAMPLES // len(swings))
@@ -227,7 +238,10 @@ def _sampled(
 
 
 def _pieces(series: ComplexArray) -> Array:
-    """Return the coefficients of Re Σ_k c_k e^{ikφ} between `PHASES` nodes of φ over a period, lowest power first, (n_nodes, 4)."""
+    """Return the coefficients of Re Σ_k c_k e^{ikφ} between `PHASES` nodes of φ.
+
+    Over a period, lowest power first, (n_nodes, 4).
+    """
     slopes = 2j * np.pi / PHASES * np.arange(len(series)) * series
     value, slope = (
         np.fft.irfft(np.append(0, part[1:]), PHASES) * PHASES / 2 for part in (series, slopes)

@@ -35,7 +35,7 @@ def cosine(wavelength: float) -> FourierSeries:
 
 
 def unit_fringe(series: FourierSeries) -> FourierSeries:
-    """Return the fringe without offset, scaled and shifted to c₁ = 1, without its faintest overtones."""
+    """Return the fringe without offset and faint overtones, scaled and shifted to c₁ = 1."""
     first = series.coefficients[1] if len(series.coefficients) > 1 else 0.0
     if first == 0:
         raise ParameterError(
@@ -48,7 +48,10 @@ def unit_fringe(series: FourierSeries) -> FourierSeries:
 
 
 def overtone_weights(series: FourierSeries, harmonic: Orders, theta: Array) -> tuple[Array, Array]:
-    """Return 2Re(c_k iⁿ e^{ikθ}) and its derivative by θ, shape (*theta.shape, n_harmonics, n_overtones)."""
+    """Return 2Re(c_k iⁿ e^{ikθ}) and its derivative by θ.
+
+    Shape (*theta.shape, n_harmonics, n_overtones).
+    """
     k = np.arange(1, len(series.coefficients))
     turned = (
         series.coefficients[1:] * 1j ** harmonic[:, None] * np.exp(1j * k * theta[..., None, None])
@@ -59,7 +62,9 @@ def overtone_weights(series: FourierSeries, harmonic: Orders, theta: Array) -> t
 def real_part(
     series: FourierSeries, harmonic: Orders, displacement: Array, values: dict[str, float]
 ) -> dict[str, Array]:
-    """Return g_n(a) = V_n e^{−inφ}/V_C as `motion`, and its derivatives by a [m], by θ and by the free overtones.
+    """Return g_n(a) = V_n e^{−inφ}/V_C as `motion`, and its derivatives.
+
+    By a [m], by θ and by the free overtones.
 
     g_n = (2/N) Σ_j f(qa cos ψ_j + θ) cos nψ_j at ψ_j = π(j + ½)/N, which is exact once 2N exceeds
     the content of v(t) (the sum over Bessel functions of `readout` is the same to rounding and far
@@ -96,7 +101,10 @@ def real_part(
 def _free_overtones(
     series: FourierSeries, values: dict[str, float]
 ) -> tuple[ComplexArray, dict[str, tuple[int, complex]]]:
-    """Return the coefficients of the fringe with what the parameters add to its overtones, and order and unit of each such parameter."""
+    """Return the coefficients of the fringe with its free overtones.
+
+    And order and unit of each parameter.
+    """
     free = {
         name: (int(name.split("_")[1]), 1j if name.endswith("imag") else 1 + 0j)
         for name in values

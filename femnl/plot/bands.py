@@ -13,7 +13,7 @@ DPI = 200
 
 
 def bands_figure(bands: Bands) -> Figure:
-    """Draw frequency against the way along the path, the straight line of long waves dashed, gaps shaded."""
+    """Draw frequency along the path, long waves as a dashed line, gaps shaded."""
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(bands.wave, axis=0), axis=1))])
     divisor, unit = prefixed(bands.frequency, "Hz")
     top = 1.05 * bands.frequency.max() / divisor

@@ -99,7 +99,7 @@ def _curves(found: Curves) -> Figure:
 
 
 def _zero(x: Array) -> float:
-    """A round number near the middle of values that span a small part of their size, to be taken off; 0 otherwise."""
+    """A round number near the middle of values that span little of their size; else 0."""
     span = float(np.ptp(x))
     middle = float(np.mean(x))
     if not 0 < span < 0.02 * abs(middle):
@@ -123,7 +123,10 @@ def _residual_axis(axes: Axes, largest: float) -> None:
 
 
 def _images(found: Images) -> Figure:
-    """One row a harmonic: measured, then for each model what it predicts (same colours) and what it leaves in σ (same colours)."""
+    """One row a harmonic: measured, predicted, and what is left in σ.
+
+    For each model; the same colours throughout.
+    """
     count = len(found.models)
     columns = 1 + 2 * count
     panel = min(WIDTH / columns, 1.9)

@@ -1,4 +1,4 @@
-"""Motions in time: free decays with their fit, and what oscillator models leave of a driven record."""
+"""Motions in time: free decays with their fit, and residuals of oscillator models."""
 
 from collections.abc import Mapping
 
@@ -19,7 +19,9 @@ _THIN = 4000  # points of a magnitude that are drawn
 
 
 def ringdown_figure(time: ArrayLike, signal: ArrayLike, fit: Fit) -> Figure:
-    """Draw a free decay: amplitude on a logarithmic scale, and how far its frequency lies above that of small motion.
+    """Draw a free decay: amplitude on a logarithmic scale, and shift of the frequency.
+
+    The shift is from that of small motion.
 
     Args: time (n,) [s]; signal (n,) [V], the voltage or, for a fit of magnitudes, the magnitude;
     fit: from `fit_ringdown`.
@@ -98,7 +100,7 @@ def _rate(amplitude: NDArray[np.complex128], time: NDArray[np.float64]) -> NDArr
 def oscillator_figure(
     dataset: xr.Dataset, errors: Mapping[str, NDArray[np.float64]], held_out: slice | None = None
 ) -> Figure:
-    """Draw the output of a driven oscillator and below it the running rms error of the free runs of models.
+    """Draw the output of a driven oscillator and the running rms error of models.
 
     Args: dataset of kind `trace`, one step; errors: by the name of the model, (n,) [V]; held_out:
     samples that were not fitted, shaded.

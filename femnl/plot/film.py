@@ -129,7 +129,7 @@ def draw_raised(modes: Modes, surface: Surface, field: Field, width: int = 1400)
 def raise_film(
     plotter: pv.Plotter, modes: Modes, surface: Surface, field: Field, bar: bool = False
 ) -> None:
-    """Put the relief of a shape and the outline at rest into a scene, and look at it from the front and above."""
+    """Put the relief of a shape and the outline at rest into a scene, seen from above."""
     height = RELIEF * METRE * modes.domain.model.outline.length
     solid = _triangles(surface, field, None)
     # The shade of a shape runs from 0 to 1 where ξ runs from −1 to 1.
@@ -176,7 +176,7 @@ def add_film(
 
 
 def _colours(field: Field, bar: bool) -> dict[str, Any]:
-    """Options of add_mesh; annotations are what the scalar bar of a window writes at quarters of the scale."""
+    """Options of add_mesh; annotations are labels of a window's scalar bar at quarters."""
     quarters = np.linspace(0.0, 1.0, 5)
     marks = {
         float(shade): f"{value:.3g}"

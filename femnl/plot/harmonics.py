@@ -1,4 +1,4 @@
-"""Harmonics of recorded traces against the frequency of the drive, and the motion that explains them."""
+"""Harmonics of traces against the frequency of the drive, and the motion that explains them."""
 
 import numpy as np
 from matplotlib.colors import LogNorm
@@ -23,7 +23,9 @@ _FIRST = 5  # harmonics drawn as lines
 
 
 def harmonics_figure(spectrum: HarmonicSpectrum, motion: MotionFit | None = None) -> Figure:
-    """Draw |V_n| over drive frequency and harmonic, its first harmonics as lines, and with a fit the amplitude of motion.
+    """Draw |V_n| over drive frequency and harmonic, the first harmonics as lines.
+
+    With a fit, the amplitude of motion too.
 
     Args: spectrum: from `femnl.fits.trace.decompose.decompose`; motion: from
     `femnl.fits.trace.spot.fit_spot`.

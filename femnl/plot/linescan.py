@@ -1,4 +1,4 @@
-"""A line over the membrane: what the readout's place changes in a response, and what it does not."""
+"""A line over the membrane: what the place changes in a response, and what it does not."""
 
 import numpy as np
 import xarray as xr
@@ -9,7 +9,9 @@ from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters
 
 
 def line_scan_figure(scan: xr.Dataset) -> Figure:
-    """Draw α_y and α_y/α_c against the place along a line, as figure 2 (e), (f) of arXiv:2502.19191.
+    """Draw α_y and α_y/α_c against the place along a line.
+
+    As figure 2 (e), (f) of arXiv:2502.19191.
 
     Args: scan: from `femnl.fits.response.linescan.fit_line_scan`. Returns: the Figure; the upper
     panel is left out where α_y was not seen.

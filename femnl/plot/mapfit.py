@@ -28,7 +28,9 @@ _ROW = 1.45  # inches
 def map_fit_figure(
     dataset: xr.Dataset, prediction: NDArray[np.complex128], residual: NDArray[np.complex128]
 ) -> Figure:
-    """Draw for each harmonic n the quadrature Re(V_n e^{−iψ_n}) of data and prediction on one scale, and the residual in both quadratures.
+    """Draw each harmonic's quadrature Re(V_n e^{−iψ_n}) of data and prediction.
+
+    On one scale, with the residual in both quadratures.
 
     Args: dataset of kind `map`; prediction [V] and residual [standard deviations], both
     (n_harmonics, n_y, n_x), as in `MapFit`.

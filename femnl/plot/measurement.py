@@ -39,7 +39,7 @@ def figure(dataset: xr.Dataset, outline: ArrayLike | None = None) -> Figure:
 
 
 def spectrum_figure(dataset: xr.Dataset) -> Figure:
-    """Draw a `spectrum`: a line for each mode at its frequency, as high as its quality factor where known, with labels."""
+    """Draw a `spectrum`: a line for each mode, as high as its quality factor where known."""
     frequency = dataset["frequency"].values
     divisor, unit = prefixed(frequency, "Hz")
     quality = dataset["quality_factor"].values if "quality_factor" in dataset else None
@@ -108,7 +108,10 @@ def _label_lines(
 
 
 def series_figure(dataset: xr.Dataset) -> Figure:
-    """Draw a `series`: frequency as its relative change, and quality factor, against the first control variable."""
+    """Draw a `series`: relative change of frequency, and quality factor.
+
+    Against the first control variable.
+    """
     control = next(iter(dataset.coords))
     x = dataset[control].values
     drawn = [key for key in ("frequency", "quality_factor") if key in dataset]

@@ -111,7 +111,7 @@ def film_figure(modes: Modes, what: str, mode: int = 1) -> Figure:
 
 
 def mode_gallery(modes: Modes, count: int = 10) -> Figure:
-    """Draw the first mode shapes from above, each with its label and frequency, colours centred on zero."""
+    """Draw the first mode shapes from above, with labels and frequencies."""
     surface = unfold(modes)
     box = film_box(modes.domain.model.edge_outline)
     count = min(count, len(modes.frequency))

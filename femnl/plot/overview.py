@@ -113,7 +113,7 @@ def _spread(x: Array, gap: float) -> Array:
 
 
 def film_figure(film: FilmFit) -> Figure:
-    """Draw how far each line of a spectrum lies from its simulated mode at the common scale, labels above.
+    """Draw how far each line lies from its simulated mode at the common scale.
 
     Args: film: from `femnl.fits.spectrum.film.fit_film`. Returns: the Figure.
     """

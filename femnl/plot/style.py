@@ -54,7 +54,10 @@ def style() -> Iterator[None]:
 
 
 def new_figure(width: float = WIDTH, height: float = 3.0) -> Figure:
-    """A figure of the given size [inch] that belongs to no window, so that drawing needs no display; call it inside `style()`."""
+    """A figure of the given size [inch] that belongs to no window and needs no display.
+
+    Call it inside `style()`.
+    """
     return Figure(figsize=(width, height), layout="constrained")
 
 

@@ -139,7 +139,7 @@ def _line(
     colour: str,
     label: str | None = None,
 ) -> None:
-    """Draw y(x); a long one as the band between the extremes of each column, so that no spike is lost."""
+    """Draw y(x); a long one as the band between extremes, so that no spike is lost."""
     if x.size <= 2 * _COLUMNS:
         axes.plot(x, y, color=colour, label=label, linewidth=0.9)
         return

@@ -1,4 +1,4 @@
-"""Benchmarks on the page: what `make benchmarks` kept beside the validation cases, each with its machine and what else ran there."""
+"""Benchmarks on the page: what `make benchmarks` kept, each with its machine and its load."""
 
 import json
 from collections.abc import Mapping

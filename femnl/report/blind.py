@@ -20,7 +20,7 @@ HALF = 0.04
 
 @dataclass(frozen=True)
 class Blind:
-    """Rates with their targets, rates by kind of measurement, limits of detection in σ, as rows of tables; and the figures."""
+    """Rates with their targets, rates by kind, limits of detection in σ, and the figures."""
 
     draws: int
     seeds: str

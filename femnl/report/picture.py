@@ -11,7 +11,7 @@ DPI = 150
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure of the page: its data URI, size in CSS pixels, the words that replace it, and its caption."""
+    """A figure of the page: data URI, size in CSS pixels, alternative text, caption."""
 
     uri: str
     width: int

@@ -21,7 +21,9 @@ class Drive:
 
 @dataclass(frozen=True)
 class Published:
-    """Published numbers of a device, each by the mode's label or, where modes have none, by its number.
+    """Published numbers of a device, by the mode's label.
+
+    By its number where modes have no label.
 
     frequency [Hz] measured; ratio f/f₁, and whether it was `measured` or `simulated`; ideal f/f₁ of
     a membrane without bending; alpha [m⁻²] from the published formula. drives: the published
@@ -42,7 +44,7 @@ class Published:
 
 @dataclass(frozen=True)
 class Device:
-    """A device of the report: how it is called, the geometries that model it, and what is published on it."""
+    """A device of the report: its name, the geometries that model it, published numbers."""
 
     title: str
     geometries: tuple[str, ...]

@@ -29,7 +29,7 @@ LEVEL = 0.01
 
 @dataclass(frozen=True)
 class Maps:
-    """The maps of one drive: its numbers, a picture for each fringe, and a table that compares the two by harmonic."""
+    """The maps of one drive: numbers, a picture for each fringe, and a table by harmonic."""
 
     drive: Drive
     amplitude: str
@@ -39,7 +39,10 @@ class Maps:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """The harmonics at the antinode, and what each fringe gives for the highest one that was published, the sine at its best θ."""
+    """The harmonics at the antinode, and the highest one that was published.
+
+    What each fringe gives for it, the sine at its best θ.
+    """
 
     picture: Picture
     drive: Drive
@@ -49,7 +52,10 @@ class Spectrum:
 
 
 def fringes(stack: Stack, wavelength: float) -> tuple[SineFringe, MultilayerFringe]:
-    """Return the stack's fringe, 1 V at full reflection, and the sine that is its mean and first Fourier term."""
+    """Return the stack's fringe, 1 V at full reflection, and its mean and first term.
+
+    The latter is a sine.
+    """
     multilayer = MultilayerFringe(stack, wavelength)
     mean, first = multilayer.fourier.coefficients[:2]
     return SineFringe(
@@ -91,7 +97,10 @@ def _picture(geometry: Geometry, drive: Drive, name: str, result: HarmonicMap) -
 
 
 def _compare(sine: HarmonicMap, multilayer: HarmonicMap) -> list[Row]:
-    """By harmonic: largest |V_n| of each fringe, and the rms of their difference over the rms of the multilayer's map."""
+    """By harmonic: largest |V_n| of each fringe, and the rms of their difference.
+
+    Over the rms of the multilayer's map.
+    """
     rows: list[Row] = []
     for n, one, other in zip(sine.harmonic, sine.values, multilayer.values, strict=True):
         difference = np.sqrt(np.nanmean(np.abs(one - other) ** 2) / np.nanmean(np.abs(other) ** 2))

@@ -55,7 +55,7 @@ def confusion_figure(confusion: Mapping[str, Any]) -> Figure:
 
 
 def detection_figure(detection: Mapping[str, Any], limits: Mapping[str, Any]) -> Figure:
-    """Draw, for each cause and kind of measurement, the sizes at which it was named and those at which it was not."""
+    """Draw for each cause and kind the sizes at which it was named and was not."""
     with style():
         figure = new_figure(height=0.17 * len(detection) + 1.0)
         axes = figure.add_subplot()

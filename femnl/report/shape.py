@@ -1,4 +1,4 @@
-"""Mode shapes that a reader can turn: their data for plotly.js, which stands in the page with them."""
+"""Mode shapes that a reader can turn: data for plotly.js, which stands in the page."""
 
 from base64 import b64encode
 from dataclasses import dataclass
@@ -27,7 +27,11 @@ FLAT = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
 @dataclass(frozen=True)
 class Shape:
-    """Shapes to turn: the device's name, words for each mode, plotly.js, what it draws, and the picture for where it cannot."""
+    """Shapes to turn.
+
+    The device's name, words for each mode, plotly.js, what it draws, and a picture to replace
+    it.
+    """
 
     name: str
     modes: list[str]
@@ -98,7 +102,7 @@ def turning(modes: Modes) -> Shape:
 
 
 def _surface(modes: Modes) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Nodes of the whole film [m], each there once, flat triangles between them, and the shapes there."""
+    """Nodes of the whole film [m], each once, flat triangles between them, and shapes."""
     surface = unfold(modes)
     places = np.round(surface.points / (SAME * modes.domain.model.outline.length)).astype(np.int64)
     _, first, index = np.unique(places, axis=0, return_index=True, return_inverse=True)

@@ -63,7 +63,9 @@ def write_report(
     cases: Path | None = None,
     select: Sequence[str] = (),
 ) -> Path:
-    """Solve the devices, run the validation cases, and write `index.html`, a page that needs no other file, into a folder.
+    """Solve the devices, run the validation cases, and write `index.html` into a folder.
+
+    The page needs no other file.
 
     Args: out: the folder, made where it is missing. progress: told, in a few words, what comes
         next. cache: take modes solved earlier from disk. devices: those to report on. cases: the

@@ -1,4 +1,4 @@
-"""Nonlinear resonators: driven response with all branches, sweeps, coupled modes, transients and ring-downs."""
+"""Nonlinear resonators: all branches, sweeps, coupled modes, transients and ring-downs."""
 
 from femnl.resonator.continuation import balance, curve, sweep_modes
 from femnl.resonator.motion import integrate

@@ -21,7 +21,9 @@ MIN_FLOQUET_STEPS = 256
 
 @dataclass(frozen=True)
 class Balance:
-    """The algebraic equations for the Fourier coefficients of a periodic motion, in dimensionless form.
+    """The algebraic equations for the Fourier coefficients of a periodic motion.
+
+    In dimensionless form.
 
     The unknowns are, mode by mode, the constant and then Re and Im of each harmonic, q = a₀ + Σ
     Re(a_h e^{ihτ}), τ = ωt; time is in units of 1/ω₁ and displacement in `length` [m].
@@ -66,7 +68,7 @@ class Balance:
         return 2 * self.n_harmonics + 1
 
     def pack(self, coefficients: Complex) -> Array:
-        """Turn complex coefficients (modes, H' + 1) [m] into unknowns; missing harmonics are zero."""
+        """Turn complex coefficients (modes, H' + 1) [m] into unknowns; missing ones are zero."""
         x = np.zeros((self.modes.count, self.size))
         kept = min(coefficients.shape[1] - 1, self.n_harmonics)
         x[:, 0] = coefficients[:, 0].real
@@ -80,7 +82,10 @@ class Balance:
         return np.asarray(np.hstack([rows[:, :1], rows[:, 1::2] + 1j * rows[:, 2::2]]))
 
     def residual(self, x: Array, omega: float) -> tuple[Array, Array, Array]:
-        """Return the residual, its Jacobian by the unknowns and its derivative by the (dimensionless) drive frequency."""
+        """Return the residual and its derivatives by unknowns and by the drive frequency.
+
+        The frequency is dimensionless.
+        """
         modes = self.modes
         n = self.modes.count
         size = self.size
@@ -125,7 +130,10 @@ class Balance:
         )
 
     def multipliers(self, x: Array, omega: float) -> Complex:
-        """Return the Floquet multipliers (2n,) over one drive period, by the fourth-order Magnus expansion (Blanes et al. 2009)."""
+        """Return the Floquet multipliers (2n,) over one drive period.
+
+        By the fourth-order Magnus expansion (Blanes et al. 2009).
+        """
         modes = self.modes
         n = self.modes.count
         count = max(MIN_FLOQUET_STEPS, 24 * self.n_harmonics)

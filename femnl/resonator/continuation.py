@@ -29,7 +29,9 @@ SETTLING = 1e-6
 def balance(
     resonator: Resonator, force: float, frequency: float, n_harmonics: int
 ) -> PeriodicMotion:
-    """Return every periodic motion of one mode near its rotating-wave states, by harmonic balance of the full equation.
+    """Return every periodic motion of one mode near its rotating-wave states.
+
+    By harmonic balance of the full equation.
 
     Args:
         resonator: the mode.
@@ -56,7 +58,9 @@ def balance(
 def curve(
     modes: CoupledModes, force: ArrayLike, start: float, stop: float, n_harmonics: int
 ) -> PeriodicMotion:
-    """Follow the response from drive frequency `start` round all its folds until it leaves through `stop` [Hz].
+    """Follow the response from drive frequency `start` round all its folds.
+
+    Until it leaves through `stop` [Hz].
 
     Pseudo-arclength continuation: Newton's method on the balance and on the distance along the
     tangent.
@@ -134,7 +138,9 @@ def _advance(
 def sweep_modes(
     modes: CoupledModes, force: ArrayLike, frequency: ArrayLike, n_harmonics: int
 ) -> PeriodicMotion:
-    """Return the stable motions as the drive steps slowly through the frequencies in the order given, jumps included.
+    """Return the stable motions as the drive steps slowly through the frequencies.
+
+    In the order given, jumps included.
 
     From point to point the last motion starts the balance; where that fails or the motion found is
     unstable or far away, the equations are integrated in time from the last motion until a stable
@@ -188,7 +194,7 @@ def _reach(equations: Balance, modes: CoupledModes, last: Array, omega: float) -
 
 
 def _settle(equations: Balance, modes: CoupledModes, last: Array, omega: float) -> Array:
-    """Integrate in time from the last motion until a stable periodic one is reached, and return that one."""
+    """Integrate in time from the last motion until a stable periodic one is reached."""
     frequency = omega * equations.rate / (2 * np.pi)
     push = equations.force * equations.length * equations.rate**2
     start = equations.unpack(last)

@@ -20,7 +20,9 @@ def integrate(
     time: ArrayLike,
     tolerance: float = 1e-10,
 ) -> tuple[Array, Array]:
-    """Return displacement [m] and velocity [m/s], both (modes, times), under 𝓕 cos ωt from a given state at time[0].
+    """Return displacement [m] and velocity [m/s], both (modes, times), under 𝓕 cos ωt.
+
+    From a given state at time[0].
 
     Args:
         modes: the equations.

@@ -12,7 +12,9 @@ EXACT = 1e-13
 
 
 def duffing_roots(detuning: ArrayLike, stiffening: ArrayLike, damping: ArrayLike = 0.0) -> Array:
-    """Return every steady squared amplitude x = |b|² of a normalised Duffing resonator, by rising x.
+    """Return every steady squared amplitude x = |b|² of a normalised Duffing resonator.
+
+    By rising x.
 
     b = 1 / (δ + a x + i (1 + d x)), hence x [(δ + a x)² + (1 + d x)²] = 1.
 
@@ -40,7 +42,10 @@ def _solve(x: Array, delta: Array, a: Array, d: Array) -> None:
     """Write the roots (3, n) at every point."""
 
     def polished(x: float, delta: float, a: float, d: float) -> float:
-        """Take Newton steps where they lower the residual x |D|² − 1, so that a root at a fold is left alone, until none gains much."""
+        """Take Newton steps where they lower the residual x |D|² − 1, until none gains much.
+
+        So a root at a fold is left alone.
+        """
         real = delta + a * x
         imag = 1 + d * x
         square = real * real + imag * imag

@@ -41,7 +41,9 @@ def critical_alpha(frequency: ArrayLike, linewidth: ArrayLike, peak: ArrayLike) 
 
 
 def critical_point(resonator: Resonator) -> tuple[float, float, float]:
-    """Return force [m/s²], drive frequency [Hz] and amplitude [m] at which the driven response first becomes vertical.
+    """Return the drive at which the driven response first becomes vertical.
+
+    Force [m/s²], drive frequency [Hz] and amplitude [m].
 
     With D(X) = δ + a X + i (b + d X) and X = |A|², it is the double root of d(X|D|²)/dX.
 
@@ -104,7 +106,9 @@ def branches(resonator: Resonator, force: float, frequency: ArrayLike) -> Branch
 
 
 def sweep(resonator: Resonator, force: float, frequency: ArrayLike) -> Complex:
-    """Return the complex amplitude [m] as the drive steps slowly through the frequencies in the order given, jumps included.
+    """Return the complex amplitude [m] as the drive steps slowly through the frequencies.
+
+    In the order given, jumps included.
 
     The drive is switched on at the first frequency with the mode at rest. Where several states are
     stable, the one reached is found by integrating the slow flow 2iω dA/dt = 𝓕 − A D(|A|²) from the
@@ -173,7 +177,7 @@ class _Flow:
         return np.isfinite(x) & (slope > 0) & (1 + 2 * self.loss * x > 0)
 
     def quintic_roots(self) -> Array:
-        """Return the real squared amplitudes (n, m) at each frequency, ascending, NaN behind them."""
+        """Return the real squared amplitudes (n, m) at each frequency, ascending, then NaN."""
         a = self.cubic
         c = self.quintic
         d = self.loss

@@ -68,7 +68,7 @@ def couple(
 
 
 def scaled(modes: CoupledModes, length: float, rate: float) -> CoupledModes:
-    """Return the same modes with displacements in units of `length` [m] and time in units of 1/`rate` [rad/s]."""
+    """Return the same modes in units of `length` [m] and of time 1/`rate` [rad/s]."""
     return replace(
         modes,
         frequency=modes.frequency / rate,
@@ -81,7 +81,7 @@ def scaled(modes: CoupledModes, length: float, rate: float) -> CoupledModes:
 
 
 def nonlinear_force(modes: CoupledModes, q: Array, v: Array) -> Array:
-    """Return the nonlinear terms of the left side (n, t) at displacements q and velocities v (n, t)."""
+    """Return the nonlinear terms (n, t) at displacements q and velocities v (n, t)."""
     quintic = modes.quintic[:, None]
     damping = (modes.damping * modes.nonlinear_damping)[:, None]
     tangent = np.einsum("ijk,kt->ijt", modes.quadratic, q) + np.einsum(
@@ -91,7 +91,10 @@ def nonlinear_force(modes: CoupledModes, q: Array, v: Array) -> Array:
 
 
 def nonlinear_slopes(modes: CoupledModes, q: Array, v: Array) -> tuple[Array, Array]:
-    """Return the derivatives of `nonlinear_force` by displacement (n, n, t) and by the mode's own velocity (n, t)."""
+    """Return the derivatives of `nonlinear_force`.
+
+    By displacement (n, n, t) and by the mode's own velocity (n, t).
+    """
     quintic = modes.quintic[:, None]
     damping = (modes.damping * modes.nonlinear_damping)[:, None]
     stiffness = 2 * np.einsum("ijk,kt->ijt", modes.quadratic, q) + 3 * np.einsum(

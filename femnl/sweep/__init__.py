@@ -1,4 +1,4 @@
-"""Design sweeps: many devices that differ in a few values of their geometry file, solved and kept one by one."""
+"""Design sweeps: many devices that differ in a few values of their geometry file."""
 
 from femnl.sweep.collect import collect, write_tables
 from femnl.sweep.run import Report, costs, engine, need_room_for, run

@@ -22,7 +22,9 @@ _SPACINGS = ("linear", "log")
 
 @dataclass(frozen=True)
 class Range:
-    """Values from `low` to `high` in one unit ("" for plain numbers), evenly spaced or, where `log`, in even ratios.
+    """Values from `low` to `high` in one unit ("" for plain numbers).
+
+    Evenly spaced or, where `log`, in even ratios.
 
     points: how many; None where a sample says how many.
     """
@@ -141,7 +143,9 @@ def check_axis(axis: Axis, base: Tables) -> None:
 
 
 def locate(tables: Tables, path: str) -> tuple[Any, Any]:
-    """Return the table (or list, counted from 1) of a geometry that holds the value at a path, and the value's key there.
+    """Return the table of a geometry that holds the value at a path, and its key there.
+
+    Or the list, counted from 1.
 
     Raises: KeyError where there is none.
     """

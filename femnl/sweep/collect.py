@@ -20,7 +20,9 @@ from femnl.sweep.store import Store
 
 
 def collect(sweep: Sweep, store: Store) -> xr.Dataset:
-    """Return what the store knows of every point of the sweep, in the order of the sweep file, in SI units.
+    """Return what the store knows of every point of the sweep, in SI units.
+
+    In the order of the sweep file.
 
     Returns: along `point`, a coordinate for everything that varies and `error`, the reason of a
         failure or nothing; along `point` and `mode`, the kept results, their errors (infinite where

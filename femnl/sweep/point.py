@@ -1,4 +1,4 @@
-"""One point of a sweep: a device as the tables of its geometry file, what is asked of it, and the answer as plain numbers."""
+"""One point of a sweep: a device as tables, what is asked of it, and plain answers."""
 
 import hashlib
 import json
@@ -65,7 +65,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Point:
-    """A device of a sweep: the tables of its geometry, and the values that make it differ from the others, as written."""
+    """A device of a sweep: the tables of its geometry, and the values that vary, as written."""
 
     tables: Tables
     varied: dict[str, Any]

@@ -74,7 +74,7 @@ def run(
 
 
 def _missing(sweep: Sweep, store: Store, places: set[int] | None) -> Iterator[Point]:
-    """Points that the store lacks, each once; `places` in the order of the sweep, all where None."""
+    """Points that the store lacks, each once; `places` in the order of the sweep or None."""
     begun = set(store.records)
     for place, point in enumerate(sweep.points(store.seed)):
         if (places is None or place in places) and (key := point.key(sweep.settings)) not in begun:

@@ -36,7 +36,7 @@ class Strict(BaseModel):
 
 
 class SampleTable(Strict):
-    """How ranges are sampled: `points` points by `method`, a quasi-random sequence of the given seed."""
+    """How ranges are sampled: `points` points by `method`, quasi-random by a seed."""
 
     points: Annotated[int, Field(ge=1)]
     method: Literal["sobol", "halton", "latin-hypercube"] = "sobol"

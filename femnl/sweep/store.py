@@ -1,4 +1,4 @@
-"""The store of a sweep: a header and one line of JSON a point, each on the disk before the next is begun."""
+"""The store of a sweep: a header and a line of JSON a point, each written before the next."""
 
 import fcntl
 import json

@@ -1,4 +1,4 @@
-"""Lines of a wide sweep: found one after the other in what the lines before leave, and fitted together where they overlap."""
+"""Lines of a wide sweep, found one after the other and fitted together where they overlap."""
 
 from collections.abc import Iterable
 
@@ -25,7 +25,9 @@ _FALSE = 1e-3  # probability that noise alone gives one line in the whole sweep
 
 
 def find_peaks(dataset: xr.Dataset, sweep: int = 0) -> Peaks:
-    """Find and fit the resonances of a wide sweep, wide and narrow ones, overlapping ones, on a sloping background.
+    """Find and fit the resonances of a wide sweep.
+
+    Wide and narrow ones, overlapping ones, on a sloping background.
 
     V(f) = Σ_k A_k f_kγ_k/(f_k² − f² + i f γ_k) + smooth. Matched filters of all widths look for the
     strongest line in the residual; it is fitted together with all lines that it touches, taken off,
@@ -97,7 +99,7 @@ def _settled(before: list[Cluster], after: list[Cluster]) -> bool:
 def _greedy(
     f: Array, flat: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float
 ) -> list[Cluster]:
-    """Add the strongest lines of the residual, fit, drop what does not pay; until no line is won."""
+    """Add the strongest lines of the residual, fit, drop what does not pay, and repeat."""
     for _ in range(_PASSES):
         fresh = _fresh_lines(*scan(f, flat - _sum(f, clusters), noise, widest), limit)
         if not len(fresh):
@@ -141,7 +143,10 @@ def _rebuild(
 
 
 def _background(f: Array, volts: Complex) -> Complex:
-    """A smooth complex curve through what is left, with weights 1/(1 + (r/s)²) so that lines hardly pull it (s: median residual)."""
+    """A smooth complex curve through what is left.
+
+    Weights 1/(1 + (r/s)²) keep lines from pulling it (s: median residual).
+    """
     basis = np.polynomial.legendre.legvander(2 * (f - f[0]) / (f[-1] - f[0]) - 1, _SMOOTH).astype(
         complex
     )
@@ -164,7 +169,7 @@ def _sum(f: Array, clusters: Iterable[Cluster]) -> Complex:
 
 
 def _fresh_lines(score: Array, centre: Array, width: Array, limit: float) -> Array:
-    """The strongest filters, each alone within its reach: (n, 2) of frequency and linewidth [Hz]."""
+    """The strongest filters, each alone within its reach, as frequency and linewidth (n, 2)."""
     taken: list[tuple[float, float]] = []
     for index in np.argsort(score)[::-1]:
         if score[index] < limit or (taken and score[index] < 1e-2 * score.max()):
@@ -206,7 +211,7 @@ def _relax(
     limit: float,
     widest: float,
 ) -> list[Cluster]:
-    """Fit every group of lines with all others taken off, until the tails that they lend each other have settled."""
+    """Fit every group of lines with all others taken off, until their tails have settled."""
     new = {tuple(row) for row in fresh}
     for _ in range(_ROUNDS):
         for group in _groups(np.vstack([_table(clusters), np.array(sorted(new)).reshape(-1, 2)])):
@@ -259,7 +264,7 @@ def _starts(group: Array, fresh: set[tuple[float, ...]]) -> list[Array]:
 
 
 def _window(f: Array, table: Array) -> tuple[float, float]:
-    """The part of the sweep that lines reach, wide enough for as many points as the fit has unknowns."""
+    """The part of the sweep that lines reach, with as many points as the fit has unknowns."""
     spacing = float(np.median(np.diff(f)))
     reach = np.maximum(REACH * table[:, 1], 8 * spacing)
     low = float(np.min(table[:, 0] - reach))
@@ -306,7 +311,7 @@ def _gain(
 def _drop_weak(
     f: Array, volts: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float
 ) -> list[Cluster]:
-    """Take out, one after the other, lines that do not pay for themselves, and bends of the background."""
+    """Take out one by one the lines and bends of the background that do not pay."""
     kept = list(clusters)
     for cluster in clusters:
         place = kept.index(cluster)

@@ -1,4 +1,7 @@
-"""Time traces: harmonics with their noise floor at each drive frequency, and what the jitter of the trigger does to averages."""
+"""Time traces: harmonics with their noise floor at each drive frequency.
+
+And what the jitter of the trigger does to averages.
+"""
 
 import numpy as np
 import xarray as xr
@@ -69,7 +72,7 @@ def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
 def _harmonics(
     time: Array, voltage: Array, frequency: float, n_harmonics: int
 ) -> tuple[ComplexArray, Array, float]:
-    """Return V_n, their standard deviation per quadrature, and the noise per sample of one record."""
+    """Return V_n, their standard deviations, and the noise per sample of one record."""
     used = np.isfinite(voltage)
     t = time[used]
     v = voltage[used]
@@ -140,12 +143,17 @@ def _drive_frequency(time: Array, drive: Array) -> float:
 
 
 def jitter_gain(harmonic: ArrayLike, frequency: float, jitter: float) -> Array:
-    """Return by how much trigger jitter weakens harmonic n in an average, e^{−(nωs)²/2}, for delays of standard deviation s [s]."""
+    """Return by how much trigger jitter weakens harmonic n in an average.
+
+    e^{−(nωs)²/2}, for delays of standard deviation s [s].
+    """
     return np.asarray(np.exp(-((2 * np.pi * frequency * jitter * np.asarray(harmonic)) ** 2) / 2))
 
 
 def align(shots: HarmonicSpectrum) -> tuple[HarmonicSpectrum, Fit]:
-    """Average repeated records after undoing the delay of each, and measure the jitter of the trigger.
+    """Average repeated records after undoing the delay of each.
+
+    And measure the jitter of the trigger.
 
     V_n of record j is M_n e^{−inωδ_j}: M and δ are found in turn, all harmonics together. A plain
     mean of the records would give M_n e^{−(nωs)²/2}; the mean of the aligned ones gives M_n.

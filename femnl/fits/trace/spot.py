@@ -24,7 +24,9 @@ WALL = 1e9
 def fit_spot(
     spectrum: HarmonicSpectrum, wavelength: float, fringe: PeriodicFringe | None = None
 ) -> MotionFit:
-    """Fit the harmonics of all steps of a drive by one fringe and a motion U cos(ωt + φ) at each step.
+    """Fit the harmonics of all steps of a drive by one fringe.
+
+    The motion is U cos(ωt + φ) at each step.
 
     V_n = V_C e^{inφ} Σ_k 2Re(c_k iⁿ e^{ikθ}) J_n(kqU): V_C and θ are shared, U and φ belong to a
     step. No smoothness along the steps is assumed; the offset V_0 is not used.
@@ -126,7 +128,7 @@ class _Spot:
         return found.x, float(2 * found.cost)
 
     def settle(self, vector: Array) -> tuple[Array, float]:
-        """Return the minimum reached by turns of a search of every step's motion and a refinement of everything."""
+        """Return the minimum reached by searching every step's motion and refining all in turn."""
         best = self.refine(vector, 100)
         for _ in range(5):
             fringe = self.split(best[0])[0]
@@ -137,7 +139,10 @@ class _Spot:
         return best
 
     def starts(self) -> list[Array]:
-        """Return starting points: the best few of a grid over θ and V_C, with the motion of every step searched at each."""
+        """Return starting points: the best few of a grid over θ and V_C.
+
+        The motion of every step is searched at each.
+        """
         symmetric = bool(np.abs(self.series.coefficients.imag).max() < 1e-9)
         theta = np.arange(0, np.pi if symmetric else 2 * np.pi, np.pi / 32) + np.pi / 64
         contrast = np.abs(self.values).max() * np.geomspace(0.6, 30, 40)
@@ -181,7 +186,10 @@ class _Spot:
         return np.arange(STEP, DEEPEST, STEP)
 
     def _match(self, theta: float, steps: Orders, orders: Orders) -> tuple[Array, Array, Array]:
-        """Return for each step and z the largest overlap of data and unit fringe over φ, the norm of the fringe, and that φ."""
+        """Return for each step and z the largest overlap of data and unit fringe over φ.
+
+        And the norm of the fringe, and that φ.
+        """
         n = self.harmonic[orders]
         fringe = {"contrast": 1.0, "fringe_phase": theta}
         unit = real_part(self.series, n, self._grid / self.wavenumber, fringe)["motion"].T
@@ -194,7 +202,10 @@ class _Spot:
         return met.max(axis=2), (unit**2 @ weight).T, phi[met.argmax(axis=2)]
 
     def canonical(self, vector: Array) -> Array:
-        """Return the equal solution with U ≥ 0, V_C > 0 for a cosine, θ of a symmetric fringe in [0, π], and φ in (−π, π]."""
+        """Return the equal solution with U ≥ 0 and φ in (−π, π].
+
+        V_C > 0 for a cosine, θ of a symmetric fringe in [0, π].
+        """
         fringe, amplitude, phase = self.split(vector)
         contrast = fringe["contrast"]
         theta = fringe["fringe_phase"]

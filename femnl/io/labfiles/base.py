@@ -76,7 +76,7 @@ def scalar_values(spec: Spec, names: dict[str, str], where: str) -> dict[str, fl
 def per_sweep(
     spec: Spec, name: str, unit: str, sweeps: int, where: str
 ) -> NDArray[np.float64] | None:
-    """Read a value of the table [values] that may be given once or as a list, one for each sweep."""
+    """Read a value of the table [values], given once or as a list, one for each sweep."""
     if name not in spec.values:
         return None
     value = spec.values[name]

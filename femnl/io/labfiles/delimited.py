@@ -1,4 +1,6 @@
-"""Text tables: comma, semicolon, tab or blank separated, with a TOML that says what the columns are.
+"""Text tables: comma, semicolon, tab or blank separated.
+
+A TOML beside the file says what the columns are.
 
 The TOML has the table's name with .toml, or is named by the user. For example, for a sweep recorded
 in kHz and degrees:
@@ -35,7 +37,10 @@ _SUFFIXES = (".csv", ".txt", ".dat", ".tsv")
 
 
 def read_table(path: Path, spec: Spec) -> dict[str, NDArray[Any]]:
-    """Read a text table into its columns by heading (or number from 1). Raises: MeasurementError."""
+    """Read a text table into its columns by heading (or number from 1).
+
+    Raises: MeasurementError.
+    """
     if path.stat().st_size > LARGEST:
         raise MeasurementError(
             f"{path}: {path.stat().st_size / 2**30:.1f} GiB of text, more than "

@@ -1,4 +1,6 @@
-"""MATLAB files, versions 5 to 7 and 7.3, with a TOML that says which variable is what (as for text tables).
+"""MATLAB files, versions 5 to 7 and 7.3.
+
+A TOML beside the file says which variable is what, as for text tables.
 
 Version 7.3 is HDF5 behind a 512-byte user block, arrays stored column first, so with their axes
 reversed; complex numbers are a compound of real and imag. Up to version 7 scipy reads the file.

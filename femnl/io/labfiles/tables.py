@@ -182,7 +182,10 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
 
 
 def _cuts(frequency: NDArray[np.float64], changes: NDArray[np.bool_], turns: bool) -> list[int]:
-    """Where sweeps begin: at a change of what labels them, and (if `turns`) where the frequency turns back."""
+    """Return where sweeps begin: where a label changes, or the frequency turns back.
+
+    The latter if `turns`.
+    """
     cuts = [0]
     heading = 0.0
     reached = 0

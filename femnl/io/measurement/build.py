@@ -82,7 +82,9 @@ def response(
     wavelength: float | None = None,
     mode: str | None = None,
 ) -> xr.Dataset:
-    """Driven response: v(t) = Re(V e^{inωt}) against drive frequency, sweep by sweep in the order taken.
+    """Driven response: v(t) = Re(V e^{inωt}) against drive frequency.
+
+    Sweep by sweep, in the order taken.
 
     Args: frequency [Hz] and complex amplitude V [V], (sweep, point), frequency also (point,) for
     all sweeps; per sweep, or one number for all: drive [V], direction (+1 up, −1 down), x, y [m],
@@ -179,7 +181,9 @@ def series(
     quality_factor: ArrayLike | None = None,
     quality_factor_sd: ArrayLike | None = None,
 ) -> xr.Dataset:
-    """Frequency and quality factor against a control variable, all arrays of shape (point,) in the order taken.
+    """Frequency and quality factor against a control variable.
+
+    All arrays have shape (point,), in the order taken.
 
     Args: control: pressure [Pa], temperature [K], laser_power [W], drive [V] or time [s] by name;
     frequency [Hz], quality_factor and their sd.

@@ -20,7 +20,7 @@ _FIXED = ("kind", "convention")
 
 
 def text(value: object) -> str:
-    """Read an attribute as text, whether it was stored as a string, as bytes or as an array that holds one of them."""
+    """Read an attribute as text, stored as a string, as bytes or as an array of one."""
     if isinstance(value, np.ndarray) and value.size == 1:
         value = value.reshape(-1)[0]
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
@@ -113,7 +113,11 @@ def _attributes(
     where: str,
     notes: list[str],
 ) -> dict[str, str | float]:
-    """Attributes in SI; one value given as attribute where the contract has one per sweep or point is noted and kept for all."""
+    """Return attributes in SI.
+
+    One value given as attribute where the contract has one per sweep or point is kept for all,
+    and noted.
+    """
     clean: dict[str, str | float] = {}
     for key, value in attributes.items():
         name = str(key)

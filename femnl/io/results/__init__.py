@@ -1,4 +1,4 @@
-"""Results on disk: NetCDF that femnl reads back, VTU for other programs, and the cache of solved modes."""
+"""Results on disk: NetCDF that femnl reads, VTU for other programs, and a cache of modes."""
 
 from femnl.io.results.atomic import make_folder, need_room, write_whole
 from femnl.io.results.cache import cached_modes, cached_nonlinearity

@@ -33,7 +33,7 @@ def cached_modes(model: Model, options: tuple[object, ...], solve: Callable[[], 
 def cached_nonlinearity(
     modes: Modes, edge: str, tensor: bool, solve: Callable[[], Nonlinearity]
 ) -> Nonlinearity:
-    """Read the nonlinearity of these very modes from the cache, or solve and keep it; see `kept`."""
+    """Read the nonlinearity of these modes from the cache, or solve and keep it; see `kept`."""
     digest = hashlib.sha256(key(modes.domain.model, (edge, tensor)).encode())
     for solved in modes.grades:
         for part in (
@@ -73,7 +73,7 @@ def kept(
     solve: Callable[[], Result],
     write: Callable[[Path, Result], None],
 ) -> Result:
-    """Read an earlier result from `path`, or solve it and let `write` fill a file that is kept there.
+    """Read an earlier result from `path`, or solve it and keep it there by `write`.
 
     A digest at the end of the file tells whether it is as it was written. A file that is not, or a
     folder that cannot be written, is reported as a warning and the result is solved.
@@ -145,7 +145,10 @@ def key(model: Model, options: tuple[object, ...]) -> str:
 
 @cache
 def _code() -> str:
-    """A digest of the source of every stage that results depend on, so that a change of code never meets an old file."""
+    """A digest of the source of every stage that results depend on.
+
+    So a change of code never meets an old file.
+    """
     root = Path(__file__).parents[2]
     files = sorted(
         f

@@ -1,4 +1,4 @@
-"""Solved modes as NetCDF: everything needed to evaluate shapes and nonlinearity again, in SI units."""
+"""Solved modes as NetCDF: all that shapes and nonlinearity need again, in SI units."""
 
 from dataclasses import replace
 from pathlib import Path

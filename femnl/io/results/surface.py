@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 def unfold(modes: Modes) -> Surface:
-    """Evaluate modes and relaxed stress at the nodes of the mesh and mirror them over the whole film.
+    """Evaluate modes and relaxed stress at the nodes, mirrored over the whole film.
 
     Thickness and stress at a node are means over the triangles that meet there.
     """

@@ -15,7 +15,7 @@ from femnl.mechanics.fem.elements import Space
 
 
 def write_vtu(path: Path, modes: Modes) -> None:
-    """Write the whole film as quadratic triangles with every mode shape, the relaxed stress and the thickness at the nodes."""
+    """Write the whole film as quadratic triangles with shapes, stress and thickness at nodes."""
     import meshio
 
     surface = unfold(modes)
@@ -34,7 +34,9 @@ def write_vtu(path: Path, modes: Modes) -> None:
 
 
 def write_mesh(path: Path, domain: Domain) -> None:
-    """Write the mesh of a film or of its wedge in the format that meshio knows by the suffix of `path`.
+    """Write the mesh of a film or of its wedge in the format of the suffix of `path`.
+
+    meshio knows the formats.
 
     Raises: ParameterError for a suffix that meshio does not write.
     """

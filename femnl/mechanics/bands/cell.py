@@ -34,7 +34,9 @@ BYTES = 90_000  # of memory a triangle, as of the modes of a film
 
 
 def cell_domain(model: Model, lattice: Lattice, resolution: float) -> Domain:
-    """The whole cell around a hole at the origin, or without one, with all of the lattice's mirrors; its sides are `clamped`.
+    """The whole cell around a hole at the origin, or without one.
+
+    It has all of the lattice's mirrors; its sides are `clamped`.
 
     Raises: ParameterError.
     """
@@ -203,7 +205,7 @@ def _finder(place: Array, pitch: float) -> Callable[[Array], Index]:
 
 
 def _strip(domain: Domain, step: Array) -> tuple[MeshTri2, Index]:
-    """The triangles on both sides of the side that a step of the lattice crosses, and the facets on it."""
+    """The triangles on both sides of the side that a step of the lattice crosses, and facets."""
     grid = domain.mesh
     pitch = float(np.linalg.norm(step))
     sides = np.asarray((grid.boundaries or {})["clamped"])

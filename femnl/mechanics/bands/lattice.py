@@ -1,4 +1,4 @@
-"""Lattices of holes: their vectors, cells, and the paths in wave vectors along which bands are drawn."""
+"""Lattices of holes: vectors, cells, and the paths of wave vectors along which bands run."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -41,7 +41,7 @@ class Lattice:
 
     @property
     def corners(self) -> Array:
-        """Corners (turns, 2) [m] of the cell that is nearest to the hole at the origin, counter-clockwise."""
+        """Corners (turns, 2) [m] of the cell around the origin's hole, counter-clockwise."""
         angle = 2 * np.pi / self.turns * (np.arange(self.turns) + 0.5)
         return np.asarray(
             self.pitch
@@ -52,14 +52,16 @@ class Lattice:
 
     @property
     def points(self) -> dict[str, Array]:
-        """Wave vectors (2,) [rad/m] of the corners of the irreducible part, in the order in which bands are drawn."""
+        """Wave vectors (2,) [rad/m] of the irreducible part's corners, in drawing order."""
         k = np.pi / self.pitch
         if self.kind == "square":
             return {"Γ": np.zeros(2), "X": np.array([k, 0]), "M": np.array([k, k])}
         return {"Γ": np.zeros(2), "M": np.array([k, k / np.sqrt(3)]), "K": np.array([4 * k / 3, 0])}
 
     def path(self, steps: int) -> tuple[Array, tuple[tuple[str, int], ...]]:
-        """Wave vectors (n, 2) [rad/m] around the irreducible part, and the places of its corners among them.
+        """Wave vectors (n, 2) [rad/m] around the irreducible part.
+
+        And the places of its corners among them.
 
         Args: steps: along the first side; the others have as many a length, at least one.
         """

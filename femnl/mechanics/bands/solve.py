@@ -54,7 +54,7 @@ class Bands:
 
     @property
     def gaps(self) -> tuple[tuple[float, float], ...]:
-        """Ranges of frequency [Hz] between bands in which no wave of these wave vectors lies, with their errors taken off."""
+        """Ranges of frequency [Hz] between bands without a wave, less their errors."""
         low = (self.frequency + self.frequency_error).max(axis=0)[:-1]
         high = (self.frequency - self.frequency_error).min(axis=0)[1:]
         return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True) if b > a)

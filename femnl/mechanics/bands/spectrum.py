@@ -1,4 +1,7 @@
-"""Lowest eigenvalues of a pencil with every copy of those that are shared, as waves at the corners of the irreducible part share theirs."""
+"""Lowest eigenvalues of a pencil, with every copy of those that are shared.
+
+As waves at the corners of the irreducible part share theirs.
+"""
 
 import numpy as np
 from numpy.typing import NDArray

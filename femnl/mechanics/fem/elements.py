@@ -1,4 +1,4 @@
-"""Lagrange elements of degree 1 to 6 on curved triangles, evaluated with first and second derivatives.
+"""Lagrange elements of degree 1 to 6 on curved triangles, with first and second derivatives.
 
 Numbering of unknowns and reference triangle are scikit-fem's; the tables here add the degrees and
 the second derivatives that its H1 elements lack, with the curvature of the mapping included, for
@@ -56,7 +56,7 @@ def _monomials(points: Array, degree: int, order: tuple[int, int]) -> Array:
 
 @cache
 def nodes(degree: int) -> Array:
-    """Return the points (n_basis, 2) of the reference triangle to which the unknowns of the Lagrange element belong.
+    """Return the points (n_basis, 2) of the reference triangle that carry the unknowns.
 
     Vertices first, then along each edge from its lower to its higher vertex, then inside.
     """
@@ -82,7 +82,7 @@ def _coefficients(degree: int) -> Array:
 
 
 def reference_basis(degree: int, points: Array, order: tuple[int, int] = (0, 0)) -> Array:
-    """Return ∂ₓᵃ∂ᵧᵇ φ_j of the Lagrange basis on the reference triangle at points (n, 2), shape (n, n_basis)."""
+    """Return ∂ₓᵃ∂ᵧᵇ φ_j of the Lagrange basis at reference points (n, 2), (n, n_basis)."""
     return np.asarray(_monomials(points, degree, order) @ _coefficients(degree))
 
 
@@ -108,7 +108,10 @@ def _inverse(matrices: Array) -> Array:
 
 
 def _along_arcs(start: Array, end: Array, sagitta: Array, fraction: Array) -> Array:
-    """Points (f, n, 2) at fractions (f,) of the angle of arcs (n, 2) whose middle lies `sagitta` from that of the chord."""
+    """Points (f, n, 2) at fractions (f,) of the angle of arcs (n, 2).
+
+    The middle of an arc lies `sagitta` from that of its chord.
+    """
     chord = end - start
     height = np.linalg.norm(sagitta, axis=1)
     half = 2 * np.arctan(2 * height / np.linalg.norm(chord, axis=1))
@@ -164,7 +167,10 @@ class Space:
 
     @cached_property
     def map_nodes(self) -> Array:
-        """Nodes (e, n, 2) [m] of the map from the reference triangle to each triangle, a polynomial of `map_degree`."""
+        """Nodes (e, n, 2) [m] of the polynomial map from the reference triangle to each.
+
+        It has the degree `map_degree`.
+        """
         degree = self.map_degree
         place = np.asarray(self.mesh.doflocs).T[_by_triangle(_numbering(self.mesh, 2))]
         if degree > 2:
@@ -182,7 +188,10 @@ class Space:
 
     @cached_property
     def least_determinant(self) -> Array:
-        """The smallest |det ∂x/∂X| [m²] of each triangle's map, (e,), found at points along its edges and inside."""
+        """The smallest |det ∂x/∂X| [m²] of each triangle's map, (e,).
+
+        Found at points along its edges and inside.
+        """
         points = nodes(6)
         determinants = [
             np.abs(np.linalg.det(self.jet(slice(k, k + 2000), points).jacobian)).min(axis=1)
@@ -192,7 +201,10 @@ class Space:
 
     @cached_property
     def _boundary(self) -> tuple[NDArray[np.int64], Array, Array, Array, NDArray[np.bool_]]:
-        """Facets where a film ends, their ends, where their middles lie off the chord, and whether that makes them arcs."""
+        """Facets where a film ends and their ends.
+
+        And where their middles lie off the chord, and whether that makes them arcs.
+        """
         mesh = self.mesh
         ends = mesh.f2t[1] < 0
         if mesh.subdomains:  # two films meet, too
@@ -227,20 +239,20 @@ class Space:
         return np.concatenate([ends, between]).astype(np.int64)
 
     def facet_unknowns(self, facet: int) -> NDArray[np.int64]:
-        """Unknowns on one facet: its two ends, lower vertex first, then those between them in the same direction."""
+        """Unknowns on one facet: its ends, lower vertex first, then those between."""
         numbering = self._numbering
         ends = np.asarray(numbering.nodal_dofs)[0, self.mesh.facets[:, facet]]
         return np.concatenate([ends, np.asarray(numbering.facet_dofs)[:, facet]]).astype(np.int64)
 
     def quadrature(self, order: int) -> tuple[Array, Array]:
-        """Points (q, 2) and weights (q,) on the reference triangle, exact to the given polynomial order."""
+        """Points (q, 2) and weights (q,) on the reference triangle, exact to an order."""
         if order > TABULATED:
             return _conical(order // 2 + 1)
         points, weights = get_quadrature(RefTri, order)
         return np.asarray(points).T, np.asarray(weights)
 
     def measure(self, triangles: NDArray[np.int64] | slice, points: Array) -> tuple[Array, Array]:
-        """Where reference points (q, 2) of triangles are, (e, q, 2) [m], and |det ∂x/∂X| there, (e, q) [m²]."""
+        """Where reference points (q, 2) lie, (e, q, 2) [m], and |det ∂x/∂X|, (e, q) [m²]."""
         place = self.map_nodes[triangles]
         first, second = (reference_basis(self.map_degree, points, d) @ place for d in FIRST)
         return reference_basis(self.map_degree, points) @ place, np.abs(

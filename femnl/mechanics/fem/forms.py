@@ -182,7 +182,7 @@ class Edges:
 
 
 def edges_by_local_number(space: Space, facets: Index) -> Iterator[Edges]:
-    """Group facets so that one group has the same local edge number(s) in its neighbouring triangle(s)."""
+    """Group facets by their local edge numbers in the neighbouring triangles."""
     mesh = space.mesh
     sides = np.asarray(mesh.f2t[:, facets], dtype=np.int64)  # −1 beyond the film's edge
     number = np.where(
@@ -198,7 +198,7 @@ Bending = Callable[[Index, Array], Array]
 
 
 def isotropic(rigidity: Callable[[Array], Array], poisson: float) -> Bending:
-    """h³/12 C (e, q, 3, 3) [N m] of a film with the flexural rigidity D(x) [N m] at points (e, q, 2)."""
+    """h³/12 C (e, q, 3, 3) [N m] of a film with rigidity D(x) [N m] at points (e, q, 2)."""
     moduli = plane_stress(1 - poisson**2, poisson)
     return lambda _, point: rigidity(point)[..., None, None] * moduli
 
@@ -206,7 +206,10 @@ def isotropic(rigidity: Callable[[Array], Array], poisson: float) -> Bending:
 def slope_continuity(
     space: Space, facets: Index, bending: Bending, poisson: float, rotation: float = np.inf
 ) -> Iterator[tuple[Array, Index]]:
-    """−{Mₙₙ(w)}[∂ₙv] − {Mₙₙ(v)}[∂ₙw] + σ[∂ₙw][∂ₙv] on interior facets, or with one side on facets where ∂ₙw is held.
+    """The jump terms of C⁰ interior-penalty bending.
+
+    −{Mₙₙ(w)}[∂ₙv] − {Mₙₙ(v)}[∂ₙw] + σ[∂ₙw][∂ₙv] on interior facets, or with one side on facets
+    where ∂ₙw is held.
 
     bending: h³/12 C (e, q, 3, 3) [N m] of triangles (e,) at points (e, q, 2). poisson: the largest
     of the film.

@@ -13,7 +13,9 @@ Array = NDArray[np.float64]
 
 
 class Sheet:
-    """The film's constants in the triangles of a mesh, at points (e, q, 2) [m] where they vary within one.
+    """The film's constants in the triangles of a mesh.
+
+    At points (e, q, 2) [m] where they vary within a triangle.
 
     Args: domain: its mesh has the subdomain `overhang` where the device has one. poisson: takes the
     place of Poisson's ratio.

@@ -43,7 +43,10 @@ def unit_stress(domain: Domain, units: Units, order: int) -> list[Array]:
 def _strains(
     domain: Domain, degree: int, displacements: Array, order: int
 ) -> Iterator[tuple[slice, Array]]:
-    """ε of in-plane displacements (n, n_dofs) at the quadrature points of each chunk, (n, e, q, 3) as (xx, yy, 2xy)."""
+    """Strains of in-plane displacements (n, n_dofs) at the points of each chunk.
+
+    (n, e, q, 3) as (xx, yy, 2xy).
+    """
     space = Space(domain.mesh, degree)
     for cell in cells(space, order):
         local = displacements[:, vector_dofs(space, cell.triangles)]

@@ -1,4 +1,4 @@
-"""Which unknowns an edge or a mirror line leaves free, and the springs of an edge that gives way."""
+"""Unknowns that an edge or a mirror line leaves free, and springs of a yielding edge."""
 
 from collections.abc import Iterator
 from typing import get_args
@@ -43,7 +43,7 @@ def free_deflections(
 
 
 def slope_held_facets(space: Space, parity: tuple[int, ...]) -> NDArray[np.int64]:
-    """Facets on which ∂ₙw = 0: clamped edges, and mirror lines about which w is even (parity +1)."""
+    """Facets on which ∂ₙw = 0: clamped edges, and mirror lines of even parity (+1)."""
     names = ["clamped"] + [f"mirror-{k}" for k, sign in enumerate(parity) if sign > 0]
     return np.concatenate([space.boundary_facets(name) for name in names])
 
@@ -109,7 +109,7 @@ def in_plane_draw(space: Space, clamp: Clamp) -> Array:
 
 
 def _edge(space: Space) -> Iterator[tuple[NDArray[np.int64], Array, Jet, Array]]:
-    """The edge's triangles (e,), outward normals (e, q, 2), basis and length elements (e, q) [m] on it."""
+    """The edge's triangles (e,), outward normals (e, q, 2), basis and ds (e, q) [m]."""
     for edges in edges_by_local_number(space, space.boundary_facets("clamped")):
         jet, normal, ds = side_of_edge(space, edges.triangles[0], edges.local[0], 2 * space.degree)
         yield edges.triangles[0], normal, jet, ds
@@ -179,7 +179,7 @@ def in_plane_supports(
 def _hold_rigid_motion(
     space: Space, held: dict[int, list[Array]], sprung: list[tuple[NDArray[np.int64], Array]]
 ) -> None:
-    """Hold one point in the direction of each rigid motion that neither the held directions nor the sprung ones resist."""
+    """Hold one point in the direction of each rigid motion that nothing else resists."""
     if not held and not sprung:
         return
     reach = np.abs(space.location).max()

@@ -135,7 +135,10 @@ def _cells(model: Model, pitch: float, n_x: int, n_y: int) -> Domain:
 
 
 def _stretched(domain: Domain, space: Space, strain: Array) -> float:
-    """∫ h C (ε + ε(u)) : (ε + ε(u)) over the quarter cell under a mean strain ε (xx, yy, 2xy), u periodic."""
+    """∫ h C (ε + ε(u)) : (ε + ε(u)) over the quarter cell, u periodic.
+
+    Under a mean strain ε (xx, yy, 2xy).
+    """
     film = domain.model.film
     moduli = plane_stress(film.young, film.poisson)
     energy = 0.0

@@ -30,7 +30,9 @@ EXTENSIONS = 4
 
 
 def solve_condensed(tiling: Tiling, count: int, degree: int) -> Modes:
-    """Modes of a film in tiles, whose inner unknowns are eliminated before the tiles are put together.
+    """Modes of a film in tiles.
+
+    Inner unknowns are eliminated before the tiles are put together.
 
     Stiffness and film stress of a tile follow from what its sides do: a film of thousands of holes
     costs what their sides cost. The basis of a tile holds all that its sides can do to it, and its
@@ -62,7 +64,9 @@ def solve_condensed(tiling: Tiling, count: int, degree: int) -> Modes:
 
 
 class Condensed:
-    """K and M of the deflection of all tiles, in the basis that their sides span together with slow responses of their inside.
+    """K and M of the deflection of all tiles, in the basis of their sides.
+
+    Together with slow responses of their inside.
 
     The basis leaves out what tiles of unequal stress answer to waves on their sides in unequal
     ways: `missed` says how much that is, and `extend` takes it in.

@@ -1,4 +1,7 @@
-"""Modes of a perforated rectangle whose lattice of holes is replaced by an even film, with the margin without holes around it."""
+"""Modes of a perforated rectangle with an even film in the place of its lattice of holes.
+
+The margin without holes around the lattice stays.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -57,7 +60,7 @@ ACROSS = 8
 
 @dataclass(frozen=True)
 class _Film:
-    """Two films: the lattice's inside the box |x| < reach[0], |y| < reach[1], the bare one around it."""
+    """Two films: the lattice's in the box |x| < reach[0], |y| < reach[1], the bare one around."""
 
     model: Model
     cell: LatticeCell
@@ -104,7 +107,9 @@ class _Film:
 def solve_homogenised(
     model: Model, count: int, edge: Edge | None = None, tensor: bool = False
 ) -> tuple[Modes, Nonlinearity]:
-    """Modes and their nonlinearity of a rectangle with a rectangular array of holes, the array taken as an even film.
+    """Modes and nonlinearity of a rectangle with a rectangular array of holes.
+
+    The array is taken as an even film.
 
     ∫ N : ∇w⊗∇w + D κ : κ = ω² ∫ μ w², N = T + C ε(u), with T, C, D and μ of one cell inside the
     array and of the film around it.
@@ -149,7 +154,10 @@ def _array(model: Model) -> tuple[float, Array]:
 
 
 def _mesh(model: Model, reach: Array) -> MeshTri2:
-    """A quarter in rows and columns of triangles, fine at the clamped edge, with a line on the border of the array."""
+    """A quarter in rows and columns of triangles, fine at the clamped edge.
+
+    With a line on the border of the array.
+    """
     corners = np.array([s.start for s in model.outline.segments])
     lines = [
         _lines(half, box, bending_length(model))

@@ -33,7 +33,10 @@ class Numbering:
             self.dofs.append(found)
 
     def _turns(self, kind: Kind, start: int) -> Index:
-        """For each tile and triangle, the tile's node (tiles, e, n_basis) at each node of the whole mesh's triangle."""
+        """For each tile and triangle, the tile's node at each node of the whole mesh's triangle.
+
+        Shape (tiles, e, n_basis).
+        """
         mesh = self.space.mesh
         tiles = len(kind.shifts)
         n = kind.mesh.nelements

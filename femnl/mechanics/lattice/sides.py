@@ -50,7 +50,9 @@ class Sides:
         return np.setdiff1d(np.arange(self.space.size), self.dofs)
 
     def continuity(self, model: Model) -> csc_matrix:
-        """−M(w)[v] − M(v)[w] + σ[w][v] on the sides, [w] = ∂ₙw less the slope that is an unknown of its own: w, then slopes.
+        """The jump terms on the sides, −M(w)[v] − M(v)[w] + σ[w][v].
+
+        [w] = ∂ₙw less the slope that is an unknown of its own: w, then slopes.
 
         Tiles that meet see one slope. M = D (∂²w/∂n² + ν ∂²w/∂t²) and σ as on a clamped edge, see
         `slope_continuity`.
@@ -90,7 +92,7 @@ class Sides:
         return whole.matrix()
 
     def _outward(self, at: Index) -> Array:
-        """1 where the outer normal of a side's edge points along its axis, −1 where it points against it."""
+        """1 where the outer normal of a side's edge points along its axis, else −1."""
         mesh = self.space.mesh
         facets = self._facets[at]
         away = mesh.p[:, mesh.facets[:, facets]].mean(axis=1) - mesh.p[
@@ -104,7 +106,10 @@ def _gauss(n: int) -> Array:
 
 
 def _on_edge(n: int, order: int) -> Array:
-    """The polynomials (q, n) on an edge that are 1 at one of its n Gauss points and 0 at the others, at points of quadrature."""
+    """The polynomials (q, n) on an edge that are 1 at one Gauss point and 0 at the others.
+
+    At the points of quadrature.
+    """
     where = np.asarray(get_quadrature(RefLine, order)[0])[0]
     powers = np.vander(_gauss(n), increasing=True)
     return np.asarray(np.linalg.solve(powers.T, np.vander(where, n, increasing=True).T).T)

@@ -1,4 +1,4 @@
-"""The sides of all tiles together: which unknowns they share, and which an edge or a mirror holds."""
+"""The sides of all tiles together: unknowns they share, and those an edge or mirror holds."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +90,7 @@ def _number(
 
 
 def summed(blocks: list[Array], numbers: list[Index], size: int) -> csc_matrix:
-    """The sum of the tiles' matrices (tiles or 1, n, n), kind by kind, at their unknowns (tiles, n)."""
+    """The sum of the tiles' matrices (tiles or 1, n, n), kind by kind, at (tiles, n)."""
     data = []
     rows = []
     columns = []

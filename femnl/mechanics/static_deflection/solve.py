@@ -206,7 +206,10 @@ def _bend(
 
 
 def _bowed_modes(film: Film, modes: Modes, bow: Parity, tangent: csc_matrix) -> tuple[Array, Array]:
-    """ω² (n,) of the bowed modes that follow from each flat one, and their motions (n, 3·size) with max|w| = 1."""
+    """ω² (n,) of the deflected modes that follow from each flat one, and their motions.
+
+    The motions (n, 3·size) have max|w| = 1.
+    """
     size = film.space.size
     square = np.full(len(modes.frequency), np.nan)
     motions = np.zeros((len(modes.frequency), 3 * size))

@@ -1,4 +1,6 @@
-"""The model of a harmonic map, V_n(x, y) = V_C e^{inφ} Σ_k 2Re(c_k iⁿ e^{ikθ}) J_n(kqUξ), and its derivatives.
+"""The model of a harmonic map and its derivatives.
+
+V_n(x, y) = V_C e^{inφ} Σ_k 2Re(c_k iⁿ e^{ikθ}) J_n(kqUξ).
 
 The fringe is scaled so that its first overtone is one cosine (c₁ = 1): V_C and θ then mean the same
 for a sine and for a stack. ξ is taken at the point of the simulated membrane that lies under (x,
@@ -61,7 +63,7 @@ class MapData:
         return 2 * np.pi / self.series.period
 
     def image(self, values: ComplexArray) -> ComplexArray:
-        """Return values (n_harmonics, n_points) laid out as (n_harmonics, n_y, n_x), NaN where nothing was measured."""
+        """Return values (n_harmonics, n_points) as (n_harmonics, n_y, n_x), NaN in gaps."""
         index, shape = self.pixels
         full = np.full((len(self.harmonic), shape[0] * shape[1]), np.nan + 0j)
         full[:, index] = np.where(self.present, values, np.nan)
@@ -69,7 +71,10 @@ class MapData:
 
 
 def flatten(name: str, dataset: xr.Dataset, fringe: PeriodicFringe | None) -> MapData:
-    """Return the measured points of a `map`, with the fringe that will be fitted to it (one cosine of period λ/2 unless given)."""
+    """Return the measured points of a `map`, with the fringe that will be fitted to it.
+
+    One cosine of period λ/2 unless given.
+    """
     where = f"map {name!r}" if name else "map"
     harmonic = dataset["harmonic"].values.astype(np.int64)
     if harmonic.min() < 1:

@@ -66,7 +66,10 @@ class Axis:
 
     @cached_property
     def _diffusion(self) -> tuple[Array, Array, Array]:
-        """Square roots of the nodes' widths, and eigenvalues and vectors of the second difference without flux through the ends."""
+        """Roots of the nodes' widths, and the spectrum of the second difference.
+
+        Its eigenvalues and vectors, without flux through the ends.
+        """
         step = np.diff(self.nodes)
         width = (np.append(step, 0) + np.insert(step, 0, 0)) / 2
         off = 1 / (step * np.sqrt(width[1:] * width[:-1]))

@@ -6,7 +6,7 @@ from femnl.core.kinds import KindSpec
 
 
 def is_record(dataset: Any) -> bool:
-    """Return whether a trace holds its drive and no wavelength, so that it tells of one oscillator."""
+    """Return whether a trace holds its drive and no wavelength: a record of one oscillator."""
     return "wavelength" not in dataset.attrs and "drive_voltage" in dataset
 
 

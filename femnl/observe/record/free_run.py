@@ -52,7 +52,9 @@ class Drive:
 
 
 def stages(drive: Array, interval: float, hold: Hold, steps: int = 1) -> Drive:
-    """Return a drive (n,) of samples by interval [s] at the stages of so many steps a sample, see `steps_needed`.
+    """Return a drive (n,) of samples by interval [s] at the stages of so many steps.
+
+    Steps from one sample to the next, see `steps_needed`.
 
     zero-order: u is constant from each sample to the next, as behind a digital-to-analogue
     converter. band-limited: u is the smooth signal through the samples, as where the drive was
@@ -82,7 +84,9 @@ def stages(drive: Array, interval: float, hold: Hold, steps: int = 1) -> Drive:
 
 
 def steps_needed(coefficients: Numbers, largest: float, interval: float) -> int:
-    """Return how many steps from sample to sample follow the fastest swing of an oscillator (8,) or (7,) up to y = ±largest.
+    """Return how many steps from sample to sample follow the fastest swing.
+
+    Of an oscillator (8,) or (7,) up to y = ±largest.
 
     At most MOST: what swings faster is not sampled.
     """
@@ -95,7 +99,9 @@ def steps_needed(coefficients: Numbers, largest: float, interval: float) -> int:
 
 
 def predictable(n: int, decay: float) -> NDArray[np.bool_]:
-    """Return which of n samples (n,) a free run from rest under a band-limited drive can predict of a record cut from a longer motion.
+    """Return which of n samples (n,) a free run from rest can predict.
+
+    Under a band-limited drive, of a record cut from a longer motion.
 
     Not those at its begin, where that motion has not died away (at most half of them), nor the last
     ones, where the drive's spline ends.

@@ -87,7 +87,9 @@ class Layout:
 
 @dataclass(frozen=True)
 class ResponseBranches:
-    """The squared amplitudes x of the low and the high state at every point, (2, n), and where they are only a continuation.
+    """The squared amplitudes x of the low and the high state at every point, (2, n).
+
+    And where they are only a continuation.
 
     Past a fold, where a sheet has ended, x is continued by the real part of the complex pair of
     roots, so that the misfit of points still on the sheet tells a fit which way to move the fold.
@@ -100,7 +102,9 @@ class ResponseBranches:
 
 
 def duffing_branches(delta: Array, a: Array, d: Array, *, continued: bool) -> ResponseBranches:
-    """Return both sheets of the response at detunings δ (n,), stiffening a (n,) and nonlinear damping d (n,).
+    """Return both branches of the response, (2, n).
+
+    At detunings δ (n,), stiffening a (n,) and nonlinear damping d (n,).
 
     Past its fold a sheet is `continued`, or else it joins the only state that is left.
     """
@@ -119,7 +123,10 @@ def duffing_branches(delta: Array, a: Array, d: Array, *, continued: bool) -> Re
 def _continue(
     x: Array, pair: NDArray[np.bool_], three: NDArray[np.bool_], delta: Array, a: Array, d: Array
 ) -> None:
-    """Continue x (2, n), where there are not three roots, on the sheet that has ended, and mark it in pair (2, n)."""
+    """Continue x (2, n) on the branch that has ended, and mark it in pair (2, n).
+
+    That is where there are not three roots.
+    """
     for i in range(len(delta)):
         e = delta[i]
         b = a[i]
@@ -137,7 +144,9 @@ def _continue(
 
 
 def fold(a: float, *, top: bool) -> tuple[float, float]:
-    """Return detuning δ and x where the high (`top`) or the low state ends, without nonlinear damping; dδ/da = −x there.
+    """Return detuning δ and x where the high (`top`) or the low state ends.
+
+    Without nonlinear damping; dδ/da = −x there.
 
     With R = δ + a x, x = 1/(R² + 1) and (R² + 1)² + 2aR = 0; below the critical a, where no state
     ends, its double root.
@@ -153,7 +162,7 @@ def fold(a: float, *, top: bool) -> tuple[float, float]:
 def response(
     sweeps: Sweeps, layout: Layout, theta: Array, *, continued: bool
 ) -> tuple[Complex, ResponseBranches]:
-    """Return the voltage [V] on both sheets (2, n): y_max b e^{iφ − 2πi(f − f₀)τ} times the drive."""
+    """Return the voltage [V] on both branches: y_max b e^{iφ − 2πi(f − f₀)τ} times drive."""
     f0, w, ratio, damping, gain, phase, tau = layout.split(theta)
     power = sweeps.drive**2
     delta = 2 * (f0 - sweeps.frequency) / w
@@ -175,7 +184,9 @@ def jacobian(
     *,
     cautious: bool,
 ) -> Complex:
-    """Return dV/dθ (n, size) on the sheet chosen at each point (0 low, 1 high), by implicit differentiation.
+    """Return dV/dθ (n, size) on the branch chosen at each point (0 low, 1 high).
+
+    By implicit differentiation.
 
     `cautious` limits each derivative to what stays true while the fit moves x by NOISY standard
     deviations, as a covariance needs.
