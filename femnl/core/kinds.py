@@ -1,7 +1,7 @@
 """Kinds of measurement: what a file of each holds, and where its model, fits and picture are.
 
-A kind is a package of `femnl/observe` whose `__init__` defines `KIND`; a new one is found by itself.
-That `__init__` imports nothing heavy, so that files are read without any model.
+A kind is a package of `femnl/observe` whose `__init__` defines `KIND`; a new one is found by
+itself. That `__init__` imports nothing heavy, so that files are read without any model.
 """
 
 from collections.abc import Callable, Mapping
@@ -60,9 +60,9 @@ class KindSpec:
     ranges of parameters (`ParameterSpec.scale`) and for the `needs` of effects. pose and figure:
     "module:function", imported when they are called: `pose(dataset, film)` returns the
     `MeasurementModel` of a group, `figure(dataset)` draws it. contract: what a group of a file
-    holds, None where the kind is a special case of another. of: that other kind, whose name the file
-    gives. recognise: whether a group of the kind `of` is this special case. modes: how many modes of
-    the film the model needs, from the group. needs_device: whether the model needs a film at all.
+    holds, None where the kind is a special case of another. of: that other kind, whose name the
+    file gives. recognise: whether a group of the kind `of` is this special case. modes: how many
+    modes of the film the model needs, from the group. needs_device: whether the model needs a film.
     """
 
     name: str

@@ -26,7 +26,7 @@ EFFECT = Effect(
         ParameterSpec("bowl", "1", -0.2, 0.2),
     ),
     changes={"operators": tilt},
-    source="∫ δT |∇ξ|² of first-order perturbation theory, here to all orders within the base modes",
+    source="∫ δT |∇ξ|² of perturbation theory, here to all orders within the base modes",
     limits="lowest orders of a smooth variation; in-plane equilibrium is not imposed",
     sentence="the film stress varies over the film",
 )

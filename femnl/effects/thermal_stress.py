@@ -14,7 +14,8 @@ def relax(points: Points, values: Values) -> Points:
 
 EFFECT = Effect(
     name="thermal_stress",
-    equation="f² → f² (1 − s ΔT), s = E(α_film − α_wafer)/((1 − ν)σ₀), ΔT from the mean temperature",
+    equation="f² → f² (1 − s ΔT), s = E(α_film − α_wafer)/((1 − ν)σ₀), "
+    "ΔT from the mean temperature",
     parameters=(ParameterSpec("slope", "1/K", -0.5, 0.5, scale="per_temperature"),),
     changes={"points": relax},
     source="σ(T) = σ₀ − E(α_film − α_wafer)ΔT/(1 − ν)",

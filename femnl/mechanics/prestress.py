@@ -1,4 +1,4 @@
-"""The film stress after release: it relaxes in plane until holes and free edges carry no traction."""
+"""The film stress after release, relaxed until holes and free edges carry no traction."""
 
 from collections.abc import Callable
 

@@ -55,9 +55,9 @@ def _group(dataset: xr.Dataset) -> list[str]:
         for key, value in dataset.attrs.items()
         if key not in ("kind", "convention", "noise_sd")
     }
+    units = {key: item.unit for key, item in contract.attributes.items()}
     lines += [
-        f"{str(key).replace('_', ' ')}: "
-        f"{_attribute(value, contract.attributes[key].unit if key in contract.attributes else None)}"
+        f"{str(key).replace('_', ' ')}: {_attribute(value, units.get(str(key)))}"
         for key, value in shown.items()
     ]
     if kind in ("response", "map", "trace") and (

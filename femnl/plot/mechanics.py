@@ -194,9 +194,8 @@ def _heading(modes: Modes, what: str, mode: int) -> str:
     name = modes.domain.model.name
     if what != "shape":
         return f"{name}: {'relaxed stress' if what == 'stress' else what}"
-    return f"{name}: mode {mode} {modes.label[mode - 1] or ''} at {_frequency(modes, mode - 1)}".replace(
-        "  ", " "
-    )
+    label = modes.label[mode - 1] or ""
+    return f"{name}: mode {mode} {label} at {_frequency(modes, mode - 1)}".replace("  ", " ")
 
 
 def _frequency(modes: Modes, index: int) -> str:

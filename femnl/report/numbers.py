@@ -25,7 +25,8 @@ def with_error(value: float, error: float | None) -> str:
     decimals = -floor(log10(error) + 1e-9)
     power = floor(log10(max(abs(value), error)))
     if power and not (0 <= decimals <= 12 and (value == 0 or abs(value) >= 1e-3)):
-        return f"({with_error(value / 10.0**power, error / 10.0**power)})·10{str(power).translate(SUPERSCRIPT)}"
+        mantissa = with_error(value / 10.0**power, error / 10.0**power)
+        return f"({mantissa})·10{str(power).translate(SUPERSCRIPT)}"
     if decimals > 12:
         return plain(value, 13)
     decimals = max(decimals, 0)

@@ -118,7 +118,10 @@ def _of_kind(sides: Sides, membrane: Membrane, shared: Array) -> tuple[Array, Ar
 
 
 def _products(amounts: Array, pairs: Pairs) -> Array:
-    """Amounts (pairs, tiles, r²) of the strains of all ψ_a, ψ_b that pairs of modes make, from amounts (n, tiles, r) of ψ."""
+    """Amounts (pairs, tiles, r²) of the strains of all ψ_a, ψ_b in pairs of modes.
+
+    From amounts (n, tiles, r) of ψ.
+    """
     i, j = np.array(pairs).T
     return np.asarray(
         (amounts[i][:, :, :, None] * amounts[j][:, :, None, :]).reshape(

@@ -1,4 +1,7 @@
-"""One kind of tile: what its inner unknowns leave of stiffness, mass and in-plane response on the sides that it shares."""
+"""One kind of tile: stiffness, mass and in-plane response on the sides that it shares.
+
+What its inner unknowns leave of them.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,14 +114,16 @@ class Membrane:
         return whole
 
     def respond(self, load: Array) -> tuple[Array, Array]:
-        """Displacement (2·size, n) under loads while the sides are held, and what the loads amount to on the sides."""
+        """Displacement (2·size, n) under loads while the sides are held, and loads on the sides."""
         still = np.zeros_like(load)
         still[self._inner] = cho_solve(self._factor, load[self._inner])
         return still, self.lift.T @ load
 
 
 class Flexure:
-    """K and M of the deflection of a tile, and the basis that its sides span together with its own slow responses.
+    """K and M of the deflection of a tile, and its basis.
+
+    What its sides span together with its own slow responses.
 
     Args: sides: of the tile. model: the film. stress: typical relaxed stress (e, q, 3) [Pa], with
     which the basis is at rest.
@@ -186,14 +191,16 @@ class Flexure:
         self.basis = np.concatenate([self.basis, self._independent(found)], axis=1)
 
     def _independent(self, found: Array) -> Array:
-        """Orthonormal columns (size, m) that span what is new in the given ones, which are zero on the sides."""
+        """Orthonormal columns (size, m) of what is new in the given ones, zero on the sides."""
         left, size, _ = np.linalg.svd(found[self.inner], full_matrices=False)
         whole = np.zeros((self._size, int(np.sum(size > INDEPENDENT))))
         whole[self.inner] = left[:, : whole.shape[1]]
         return whole
 
     def missed(self, stress: Array, squares: Array, shapes: Array) -> tuple[Array, Array]:
-        """What the basis misses of shapes (size, tiles, n) with ω² = squares (n,) in tiles of relaxed stress (tiles, e, q, 3) [Pa].
+        """What the basis misses of shapes (size, tiles, n) with ω² = squares (n,).
+
+        In tiles of relaxed stress (tiles, e, q, 3) [Pa].
 
         The residual r = (K − ω²M) w inside relaxes by z = K⁻¹r, K that of the typical tile, and
         lowers ω² by zᵀr / wᵀMw.
@@ -219,7 +226,7 @@ class Flexure:
         return correction.reshape(shapes.shape), energy.reshape(shapes.shape[1:]).sum(axis=0)
 
     def _slow(self, place: Array) -> Array:
-        """Responses of the clamped tile to smooth inertial loads, and to the inertia of these, orthogonal."""
+        """Return responses of the clamped tile to smooth inertial loads, orthogonal."""
         x, y = ((place - place.mean(axis=0)) / np.ptp(place, axis=0)).T
         loads = np.stack(
             [x**a * y**b for n in range(LOADS[0] + 1) for a in range(n, -1, -1) for b in (n - a,)],

@@ -91,7 +91,9 @@ class Tiling:
 
 
 def array(model: Model, what: str) -> tuple[float, tuple[int, int]]:
-    """Pitch [m], and the numbers of holes along x and y, of a rectangular array of holes in the centre of a rectangle.
+    """Pitch [m] and numbers of holes along x and y of a rectangular array of holes.
+
+    In the centre of a rectangle.
 
     Args: what: needs it, for the message. Raises: ParameterError where the device is no such thing.
     """
@@ -211,7 +213,7 @@ def _quarter(model: Model, pitch: float, resolution: float) -> Array:
 
 
 def _cell(quarter: Array, pitch: float, name_x: str, name_y: str) -> Array:
-    """A whole cell, or the half or quarter beside mirrors, with its lower left corner at the origin."""
+    """A whole cell, or the half or quarter beside mirrors, from its corner at the origin."""
     patches = quarter
     for axis, name in enumerate((name_x, name_y)):
         if name == "whole":
@@ -238,7 +240,10 @@ def _margin(width: float, layer: float, resolution: float, size: float) -> Array
 
 
 def _grid(x: Array, y: Array) -> Array:
-    """Triangles (m, 6, 2) of rows and columns between the given places, each rectangle cut along its rising diagonal."""
+    """Triangles (m, 6, 2) of rows and columns between the given places.
+
+    Each rectangle is cut along its rising diagonal.
+    """
     corner = np.stack(np.meshgrid(x, y, indexing="ij"), -1)
     a = corner[:-1, :-1]
     b = corner[1:, :-1]

@@ -1,4 +1,4 @@
-"""Dissipation dilution: how far tension, which loses nothing, lifts Q above that of the bending film."""
+"""Dissipation dilution: how far tension lifts Q above that of the bending film."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,9 @@ Array = NDArray[np.float64]
 
 
 def bending_share(modes: Modes) -> Array:
-    """Part of the elastic energy of each mode that is stored in bending, clamped edges and rims of holes included.
+    """Part of the elastic energy of each mode that is stored in bending.
+
+    Clamped edges and rims of holes included.
 
     s = 1 − (∫ N : ∇ξ⊗∇ξ + ∮ k ξ² + k_θ (∂ₙξ)²) / (m_eff ω²), which is ∂ ln ω² / ∂ ln D at a fixed
     tension N and fixed springs.
@@ -53,7 +55,9 @@ def bending_share(modes: Modes) -> Array:
 
 
 def dilution(modes: Modes) -> tuple[Array, Array]:
-    """Dissipation dilution Q/Q_bend of each mode, where Q_bend = 1/φ is the quality factor of bending alone, E → E(1 + iφ).
+    """Dissipation dilution Q/Q_bend of each mode.
+
+    Q_bend = 1/φ is the quality factor of bending alone, E → E(1 + iφ).
 
     Q/Q_bend = 1/s with s of `bending_share`; for a square membrane about 1/(λ + λ²π²(m² + n²)/4), λ
     = 2ℓ/L, ℓ = √(D/σh): the first term is the clamped edge's, the second that of the antinodes.

@@ -26,7 +26,10 @@ Array = NDArray[np.float64]
 
 
 class Operators:
-    """K and M of ∫ N : ∇w⊗∇v + D[(1−ν)∇∇w:∇∇v + ν Δw Δv] + ∮ k w v + k_θ ∂ₙw ∂ₙv = ω² ∫ ρh w v, with N = h(σ₀ I + C ε(u)).
+    """K and M of the deflection w.
+
+    ∫ N : ∇w⊗∇v + D[(1−ν)∇∇w:∇∇v + ν Δw Δv] + ∮ k w v + k_θ ∂ₙw ∂ₙv = ω² ∫ ρh w v, with N = h(σ₀
+    I + C ε(u)).
 
     Args: prestress: the relaxed stress. degree: polynomial degree of w, 2 to 4 (1 without bending).
     Attributes: space; mass (size, size) on all unknowns.

@@ -1,4 +1,4 @@
-"""Integrals of the base modes over the whole film, which carry changes of tension and mass to a small dense problem."""
+"""Integrals of the base modes over the film: changes of tension and mass as small matrices."""
 
 from itertools import repeat
 
@@ -83,7 +83,7 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
 
 
 def _over_holes(model: Model, grid_x: Array, grid_y: Array, shapes: Array) -> Array:
-    """Bridge holes by thin-plate splines through the nearest points of the grid that are on the film."""
+    """Bridge holes by thin-plate splines through the nearest grid points on the film."""
     x, y = np.meshgrid(grid_x, grid_y)
     points = np.stack([x.ravel(), y.ravel()], axis=1)
     holes = model.holes
@@ -108,7 +108,10 @@ def _turned_weights(turn: Array) -> Array:
 
 
 def _images(domain: Domain, parity: tuple[tuple[int, ...], ...]) -> list[tuple[Array, Array]]:
-    """The reflections and rotations (2, 2) that make the film of its wedge, each with the signs (n,) that the modes take."""
+    """The reflections and rotations (2, 2) that make the film of its wedge.
+
+    Each with the signs (n,) that the modes take.
+    """
     normals = [np.array([-np.sin(angle), np.cos(angle)]) for angle in (0.0, domain.wedge)][
         : len(parity[0])
     ]

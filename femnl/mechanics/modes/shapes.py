@@ -64,7 +64,9 @@ def largest_value(space: Space, shape: Array) -> float:
 
 
 def largest_departure(space: Space, shape: Array, other: Array) -> float:
-    """The largest difference of two shapes in the triangles where the first is largest, relative to its largest value.
+    """The largest difference of two shapes in the triangles where the first is largest.
+
+    Relative to its largest value.
 
     At a free edge the elements converge more slowly than the difference of two degrees shows: there
     it counts `RIM` times.
@@ -78,7 +80,9 @@ def largest_departure(space: Space, shape: Array, other: Array) -> float:
 
 
 def _climb(degree: int, local: Array, start: Array, directions: Array) -> Array:
-    """Values (n,) where Newton's method ends that climbs functions (n, n_basis) of triangles along directions (d, 2) from a start.
+    """Climb functions (n, n_basis) of triangles along directions (d, 2) by Newton's method.
+
+    Return the values (n,) where it ends.
 
     Points stay in their triangle: a step that leaves it ends at its border.
     """
@@ -157,7 +161,9 @@ def canonical_turn(
 def label_shapes(
     domain: Domain, space: Space, shapes: Array, parity: tuple[tuple[int, ...], ...]
 ) -> tuple[str | None, ...]:
-    """Name shapes by their overlap with the ideal sin(mπx/Lx + mπ/2) sin(nπy/Ly + nπ/2) of the outline's box.
+    """Name shapes by their overlap with the ideal modes of the outline's box.
+
+    sin(mπx/Lx + mπ/2) sin(nπy/Ly + nπ/2).
 
     A shape is "(m,n)" where one of them holds three quarters of its norm, "(m,n)+(p,q)" or
     "(m,n)−(p,q)" where two share it evenly, as symmetry makes them do when they couple; otherwise,
@@ -227,7 +233,10 @@ def shapes_at(modes: Modes, x: Array, y: Array) -> Array:
 
 
 class ShapeValues:
-    """ξ of some modes, all unless chosen, as a function of points that is prepared once and asked often; see `shapes_at`."""
+    """ξ of some modes, all unless chosen, as a function of points; see `shapes_at`.
+
+    It is prepared once and asked often.
+    """
 
     def __init__(self, modes: Modes, chosen: Sequence[int] | None = None) -> None:
         kept = list(range(len(modes.frequency)) if chosen is None else chosen)
@@ -296,7 +305,7 @@ class Finder:
         self._bent = np.abs(self._nodes - flat).max(axis=(1, 2)) > ARRIVED * self._reach
 
     def locate(self, points: Array) -> tuple[NDArray[np.int64], Array]:
-        """Return the triangle that holds each point (n, 2), −1 where none does, and the point's place in it (n, 2)."""
+        """Return the triangle that holds each point (n, 2), −1 for none, and the place in it."""
         triangle = np.full(len(points), -1)
         reference = np.zeros((len(points), 2))
 
@@ -325,7 +334,10 @@ class Finder:
         return triangle, reference
 
     def _place(self, triangle: NDArray[np.int64], points: Array) -> Array:
-        """Return reference coordinates of points (n, 2), each in its own triangle, by Newton's method where that is bent."""
+        """Return reference coordinates of points (n, 2), each in its own triangle.
+
+        By Newton's method where that is bent.
+        """
         place: Array = np.einsum(
             "nx,nxr->nr", points - self._origin[triangle], self._inverse[triangle]
         )
@@ -338,7 +350,10 @@ class Finder:
 
 
 def _invert(degree: int, nodes: Array, points: Array, place: Array) -> Array:
-    """Reference coordinates of points (n, 2), each in its own triangle, whose map has the given degree and nodes, from a first guess."""
+    """Reference coordinates of points (n, 2), each in its own triangle, from a first guess.
+
+    The triangle's map has the given degree and nodes.
+    """
     for _ in range(8):
         value = np.einsum("nj,njx->nx", reference_basis(degree, place), nodes)
         jacobian = np.stack(

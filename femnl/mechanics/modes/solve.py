@@ -1,4 +1,4 @@
-"""Prestressed modes of the film, solved symmetry sector by symmetry sector, normalised, paired and labelled."""
+"""Prestressed modes by symmetry sector, normalised, paired and labelled."""
 
 from dataclasses import dataclass, replace
 from itertools import product
@@ -64,7 +64,7 @@ def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
 
 
 class Pencil(Protocol):
-    """K and M of deflections; K depends on the parity about the mirrors, because slopes that these hold do."""
+    """K and M of deflections; K depends on the parity about mirrors, which hold slopes."""
 
     space: Space
     mass: csc_matrix
@@ -87,7 +87,10 @@ class Source(Protocol):
         ...
 
     def lowest(self, parity: tuple[int, ...], count: int) -> tuple[Array, Array]:
-        """ω² (count,) rising and shapes (count, size) with ∫ρhw² = 1 over the mesh of the lowest modes of a parity."""
+        """ω² (count,) rising and shapes (count, size) of the lowest modes of a parity.
+
+        ∫ρhw² = 1 over the mesh.
+        """
         ...
 
 
@@ -137,7 +140,10 @@ def _finish(
     norm: float,
     parity: tuple[tuple[int, ...], ...],
 ) -> Modes:
-    """Modes of the given ω² and shapes, whose ∫ρhw² over the mesh is `norm`, scaled to max|ξ| = 1, without labels."""
+    """Modes of the given ω² and shapes, scaled to max|ξ| = 1, without labels.
+
+    `norm`: their ∫ρhw² over the mesh.
+    """
     largest = np.array([largest_value(space, s) for s in shapes])
     label = (None,) * len(shapes)
     effective = prestress.domain.copies * norm / largest**2
@@ -153,7 +159,9 @@ def _finish(
 
 
 def _solve_sectors(source: Source, domain: Domain, count: int) -> Sectors:
-    """ω², shapes and parities of at least the `count` lowest modes and of all that share a frequency with them.
+    """ω², shapes and parities of at least the `count` lowest modes.
+
+    And of all that share a frequency with them.
 
     Sectors are asked for more until none can hide one.
     """
@@ -216,7 +224,9 @@ def _overlap(domain: Domain, space: Space, first: Array, second: Array) -> Array
 
 
 def align(coarse: Modes, fine: Modes) -> Modes:
-    """Order and turn modes of a lower degree on the same mesh so that each is the counterpart of a finer mode.
+    """Order and turn modes of a lower degree on the same mesh.
+
+    Each is then the counterpart of a finer mode.
 
     Near-degenerate modes mix differently at different accuracy; within such sets (one symmetry,
     frequencies that the lower degree may confuse) the coarse modes are turned by the orthogonal

@@ -1,4 +1,7 @@
-"""Geometric nonlinearity: the stretching that deflection causes, relaxed in plane, as cubic coefficients of the modes."""
+"""Geometric nonlinearity: cubic coefficients from the stretching that deflection causes.
+
+Relaxed in plane.
+"""
 
 from femnl.mechanics.nonlinearity.cubic import (
     Pairs,

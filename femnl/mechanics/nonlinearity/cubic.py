@@ -99,7 +99,9 @@ def _coefficients(
 
 
 def energy_remainder(modes: Modes, edge: Edge, values: Sequence[Array], scale: Array) -> Array:
-    """What the discretisation leaves of stretching energies of mass-normalised shapes, by three degrees or two.
+    """What the discretisation leaves of stretching energies of mass-normalised shapes.
+
+    By three degrees or two.
 
     At an inner corner of the outline, and at corners of sliding edges other than 90°, the in-plane
     displacement converges slowly.

@@ -51,7 +51,9 @@ class Inertia:
 
 
 def solve_inertia(modes: Modes, edge: Edge | None = None, cross: bool = False) -> Inertia:
-    """What the inertia of the film in its plane changes of k₃ and α, as it follows the second-order load at 0 and at 2ω.
+    """What the inertia of the film in its plane changes of k₃ and α.
+
+    The film follows the second-order load at 0 and at 2ω.
 
     The load of modes i, j moving at ω_i, ω_j has the frequencies ω_i ± ω_j. With S_P(s) = f·(K −
     sM)⁻¹f, f the in-plane load of a pair P, the part of the cubic force in step with the motion

@@ -1,4 +1,4 @@
-"""The displacement in the film's plane by which it gives way to the stretching of a deflected mode."""
+"""The displacement in plane by which the film gives way to a deflected mode's stretching."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -41,7 +41,9 @@ def film_membrane(modes: Modes, edge: Edge) -> Membrane:
 
 @dataclass(frozen=True)
 class Stretching:
-    """Integrals over the wedge of second-order strains m_P = ½ sym(∇ξᵢ⊗∇ξⱼ) of pairs P of modes, and the film in plane.
+    """Integrals over the wedge of second-order strains of pairs P of modes.
+
+    m_P = ½ sym(∇ξᵢ⊗∇ξⱼ), and the film in plane.
 
     energies (n_pairs, n_pairs) ∫ h C m_P : m_Q; loads (2·size, n_pairs) −∫ h C m_P : ε(v);
     stiffness ∫ h C ε(u) : ε(v) with the springs of the edge [N/m]; parities: of each pair under the
@@ -56,7 +58,7 @@ class Stretching:
     clamp: Clamp
 
     def sectors(self, wedge: float, edge: Edge) -> Iterator[tuple[list[int], csc_matrix]]:
-        """Pairs of one parity, and the in-plane displacements that the edge and the mirrors leave to them."""
+        """Pairs of one parity, and in-plane displacements that edge and mirrors leave to them."""
         for parity in sorted(set(self.parities)):
             members = [k for k, p in enumerate(self.parities) if p == parity]
             yield (

@@ -1,4 +1,4 @@
-"""The strain energy of the film in all its unknowns, in plane and out of it, and its derivatives."""
+"""The strain energy of the film in all its unknowns, and its derivatives."""
 
 from collections.abc import Iterator
 
@@ -75,7 +75,7 @@ class Film:
         return load
 
     def admissible(self, parity: Parity, bow: Parity) -> csc_matrix:
-        """Columns that span the motions with w of a parity about a bow of a parity, (3·size, n_free)."""
+        """Columns that span the motions of a parity about a bow of a parity, (3·size, n_free)."""
         free = self._operators.free(parity)
         across = csc_matrix(
             (np.ones(len(free)), (free, np.arange(len(free)))), shape=(self.space.size, len(free))
@@ -156,7 +156,9 @@ class Film:
         return state
 
     def deflect(self, load: Array, parity: Parity, state: Array | None = None) -> Array:
-        """The state that carries a load (size,) [N per unknown] of w, by Newton's method from a nearby one, else from the flat film.
+        """The state that carries a load (size,) [N per unknown] of w, by Newton's method.
+
+        From a nearby state, else from the flat film.
 
         Raises: ConvergenceError.
         """
@@ -192,7 +194,10 @@ class Film:
 
 
 def _strain_rows(cell: Cell, grad: Array) -> Array:
-    """ε(u) + sym(∇w₀⊗∇w) of unknowns (u_x, u_y, w), rows (xx, yy, 2xy), for ∇w₀ = `grad` (e, q, 2)."""
+    """ε(u) + sym(∇w₀⊗∇w) of unknowns (u_x, u_y, w), rows (xx, yy, 2xy).
+
+    For ∇w₀ = `grad` (e, q, 2).
+    """
     dx = cell.jet.gradient[:, :, 0]
     dy = cell.jet.gradient[:, :, 1]
     wx = grad[..., :1]

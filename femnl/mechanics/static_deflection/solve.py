@@ -28,7 +28,9 @@ TRIANGLE_BYTES = 270_000  # of memory: three times what the deflection alone tak
 
 @dataclass(frozen=True)
 class Bowed:
-    """Modes of a film bent at rest, in the order of the flat film's, in the coordinate q [m] of the point where |ξ| = 1, from rest.
+    """Modes of a film bent at rest, in the order of the flat film's.
+
+    In the coordinate q [m] of the point where |ξ| = 1, from rest.
 
     m q̈ = −k q − k₂ q² − k₃ q³. depth [m]: the largest deflection at rest, with its sign. frequency
     [Hz], stiffness k [N/m], k2 [N/m²], k3 [N/m³] relaxed in plane. alpha [m⁻²]: the cubic
