@@ -229,6 +229,7 @@ def harmonic_maps(
     fringe: Fringe,
     amplitude: float,
     wavelength: float,
+    *,
     harmonics: int = 6,
     points: int = GRID,
 ) -> HarmonicMap:
@@ -248,5 +249,11 @@ def harmonic_maps(
     axis = np.linspace(-reach, reach, points)
     shape = shape_at(modes, index, axis[None, :], axis[:, None])
     return harmonic_map(
-        fringe, np.arange(1, harmonics + 1), shape, amplitude, axis, axis, wavelength
+        fringe,
+        np.arange(1, harmonics + 1),
+        shape,
+        amplitude,
+        x=axis,
+        y=axis,
+        wavelength=wavelength,
     )

@@ -20,6 +20,7 @@ Out = Annotated[
 
 def command(
     geometry: Geometry,
+    *,
     count: Annotated[int, typer.Option("--count", "-n", help="How many bands.", min=1)] = 6,
     steps: Annotated[
         int,

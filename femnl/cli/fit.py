@@ -1,5 +1,6 @@
 """`femnl fit FILE`: parameters with their uncertainties, from every measurement of a file."""
 
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Annotated, get_args
@@ -14,7 +15,9 @@ from femnl.cli._fit_spectrum import film, overview
 from femnl.cli._fit_trace import harmonics, oscillator, ringdown
 from femnl.cli._outcome import Outcome
 from femnl.cli._output import console, note, print_json
+from femnl.core.device import Model
 from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.readout import PeriodicFringe
 from femnl.fits.response.misfit import Use
 from femnl.io import measurement
 from femnl.io.results import write_whole
@@ -95,6 +98,7 @@ Out = Annotated[
 def command(
     context: typer.Context,
     file: File,
+    *,
     meaning: As = None,
     use: UseOption = "complex",
     nonlinear_damping: Damping = False,
@@ -124,29 +128,25 @@ def command(
     )
     device = partial(measured_device, tree.attrs, file, geometry)
     has_device = geometry is not None or not {"model", "geometry"}.isdisjoint(tree.attrs)
+    fit: dict[str, Callable[[str, xr.Dataset], Mapping[str, Outcome]]] = {
+        "overview": lambda name, data: overview(
+            name, data, device() if has_device else None, cache
+        ),
+        "line-scan": lambda name, data: line_scan(name, data, how, nonlinear_damping),
+        "ring-down": lambda name, data: ringdown(name, data, envelope=False),
+        "envelope": lambda name, data: ringdown(name, data, envelope=True),
+        "oscillator": lambda name, data: oscillator(name, data, part),
+        "response": lambda name, data: response(name, data, how, nonlinear_damping),
+        "spectrum": lambda name, data: film(name, data, device(), cache),
+        "trace": lambda name, data: harmonics(
+            name, data, n_harmonics, _fringe_of(data, fringe, device)
+        ),
+    }
     results: dict[str, Outcome] = {}
     for name, dataset in groups.items():
-        kind = dataset.attrs["kind"]
-        if meaning == "overview":
-            results |= overview(name, dataset, device() if has_device else None, cache)
-        elif meaning == "line-scan":
-            results |= line_scan(name, dataset, how, nonlinear_damping)
-        elif meaning in ("ring-down", "envelope"):
-            results |= ringdown(name, dataset, envelope=meaning == "envelope")
-        elif meaning == "oscillator":
-            results |= oscillator(name, dataset, part)
-        elif kind == "response":
-            results |= response(name, dataset, how, nonlinear_damping)
-        elif kind == "spectrum":
-            results |= film(name, dataset, device(), cache)
-        elif kind == "trace":
-            moving = "wavelength" in dataset.attrs
-            results |= harmonics(
-                name,
-                dataset,
-                n_harmonics,
-                readout(fringe, device(), dataset, ("sine", "multilayer")) if moving else None,
-            )
+        meant = meaning or str(dataset.attrs["kind"])
+        if meant in fit:
+            results |= fit[meant](name, dataset)
     named = {name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] == "map"}
     if named:
         results |= maps(named, device(), index, fringe, cache)
@@ -167,6 +167,15 @@ def command(
             file.stem,
             kept | ({"geometry": device().name, "model": device().text} if has_device else {}),
         )
+
+
+def _fringe_of(
+    dataset: xr.Dataset, fringe: str, device: Callable[[], Model]
+) -> PeriodicFringe | None:
+    """Return the fringe of a trace, None where no wavelength turns it into metres."""
+    if "wavelength" not in dataset.attrs:
+        return None
+    return readout(fringe, device(), dataset, ("sine", "multilayer"))
 
 
 def _groups(tree: xr.DataTree, file: Path, meaning: str | None) -> dict[str, xr.Dataset]:

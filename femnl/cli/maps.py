@@ -45,6 +45,7 @@ Out = Annotated[
 def command(
     geometry: Geometry,
     z: Z,
+    *,
     mode: Annotated[int, typer.Option(help="Which mode, from 1.")] = 1,
     wavelength: Wavelength = "632.8 nm",
     harmonics: Shown = 6,
@@ -83,7 +84,9 @@ def command(
         f"nm, {fringe} fringe"
     )
     readout = _fringe(model, fringe, length, theta)
-    result = harmonic_maps(modes, index, readout, amplitude, length, harmonics, points)
+    result = harmonic_maps(
+        modes, index, readout, amplitude, length, harmonics=harmonics, points=points
+    )
     dataset = measurement.harmonic_map(
         result.x, result.y, result.harmonic, result.values, wavelength=length
     )

@@ -79,6 +79,7 @@ Dilution = Annotated[
 
 def command(
     geometry: Geometry,
+    *,
     count: Count = 10,
     edge: EdgeOption = None,
     bending: Bending = None,
@@ -119,7 +120,15 @@ def command(
             )
         modes, nonlinearity = solve_homogenised(model, count, tensor=tensor)
     else:
-        modes = _solve(model, count, symmetry, resolution, tolerance, tolerance_of, cache)
+        modes = _solve(
+            model,
+            count,
+            symmetry=symmetry,
+            resolution=resolution,
+            tolerance=tolerance,
+            of=tolerance_of,
+            cache=cache,
+        )
         nonlinearity = solve_nonlinearity(modes, tensor=tensor, cache=cache)
     more = More.solve(modes, inertia, rest, dilution, tensor)
     if as_json:
@@ -138,6 +147,7 @@ def command(
 def _solve(
     model: Model,
     count: int,
+    *,
     symmetry: str,
     resolution: float,
     tolerance: float | None,

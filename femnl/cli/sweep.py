@@ -63,6 +63,7 @@ Retry = Annotated[bool, typer.Option("--retry", help="Try points again that fail
 
 def command(
     spec: Spec,
+    *,
     out: Out = None,
     workers: Workers = None,
     scheduler: Scheduler = None,

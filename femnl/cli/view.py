@@ -33,6 +33,7 @@ Out = Annotated[
 
 def command(
     geometry: Geometry,
+    *,
     what: What = "shape",
     mode: Annotated[int, typer.Option(help="Which shape, from 1.")] = 1,
     out: Out = None,

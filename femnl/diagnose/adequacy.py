@@ -1,7 +1,8 @@
 """Is a model adequate? One p-value for all score tests, and the causes that they point to."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,22 +130,26 @@ def _effect_looks(
     )
     found = []
     steps = {spec.name: 1e-6 * b for spec, _, b in strengths}
+    excess = float(result.residuals @ result.residuals) - len(result.residuals)
+    target = max(0.1, SECANT * max(excess, 0.0) ** 0.5)
     for trial in trials:
         shape = {k.name: _at(k, a, b, t) for (k, a, b), t in zip(shaping, trial, strict=True)}
         zero = shape | {spec.name: 0.0 for spec, _, _ in strengths}
+
+        def change(name: str, strength: float, idle: Values = zero) -> Array:
+            at_strength = wider.pack(base, [*values, {**idle, name: strength}])
+            return np.asarray(wider.residuals(at_strength) - result.residuals)
+
         tangents = np.stack(
             [
-                _tangent(wider, base, values, zero, spec.name, steps, b, result.residuals)
+                _tangent(partial(change, spec.name), spec.name, steps, b, target)
                 for spec, _, b in strengths
             ]
         )
         basis = _beside(own, tangents)
         if len(basis) == 0:  # of second order, or not to be seen at all
             tangents = np.stack(
-                [
-                    _chord(wider, base, values, zero, spec.name, a, b, result.residuals)
-                    for spec, a, b in strengths
-                ]
+                [_chord(partial(change, spec.name), a, b) for spec, a, b in strengths]
             )
             basis = _beside(own, tangents)
         if len(basis) == 0:
@@ -179,14 +184,11 @@ def _at(spec: ParameterSpec, low: float, high: float, part: float) -> float:
 
 
 def _tangent(
-    model: ExtendedModel,
-    base: Values,
-    values: Sequence[Values],
-    zero: dict[str, float],
+    change: Callable[[float], Array],
     name: str,
     steps: dict[str, float],
     high: float,
-    at: Array,
+    target: float,
 ) -> Array:
     """Return the derivative of the residuals by one strength at zero.
 
@@ -195,12 +197,14 @@ def _tangent(
     An effect that grows as the square of its strength has none there: the larger the misfit, the
     longer the secant. Where modes exchange labels at once no step does: the direction of the jump
     is returned, and other shapes do not begin with the step that sought it.
+
+    Args: change: of the residuals by a strength. name: of the strength. steps: by name, where to
+        begin; changed. high: the largest strength. target: size of the change that a step makes.
     """
     step = steps[name]
-    target = max(0.1, SECANT * max(float(at @ at) - len(at), 0.0) ** 0.5)
     for _ in range(5):
-        change = model.residuals(model.pack(base, [*values, zero | {name: step}])) - at
-        size = float(np.linalg.norm(change))
+        moved = change(step)
+        size = float(np.linalg.norm(moved))
         used = step
         if 0.1 < size / target < 10:
             steps[name] = used
@@ -212,24 +216,13 @@ def _tangent(
         )
         if step == used:
             break
-    return np.asarray(change / used)
+    return np.asarray(moved / used)
 
 
-def _chord(
-    model: ExtendedModel,
-    base: Values,
-    values: Sequence[Values],
-    zero: dict[str, float],
-    name: str,
-    low: float,
-    high: float,
-    at: Array,
-) -> Array:
+def _chord(change: Callable[[float], Array], low: float, high: float) -> Array:
     """Return the change of the residuals per strength at a finite strength."""
     step = CHORD * (high - max(low, 0.0))
-    return np.asarray(
-        (model.residuals(model.pack(base, [*values, zero | {name: step}])) - at) / step
-    )
+    return np.asarray(change(step) / step)
 
 
 def _beside(own: Array, tangents: Array) -> Array:

@@ -130,6 +130,7 @@ def harmonic_map(
     harmonic: ArrayLike,
     shape: ArrayLike,
     amplitude: float,
+    *,
     x: ArrayLike,
     y: ArrayLike,
     wavelength: float,

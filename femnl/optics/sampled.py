@@ -65,7 +65,7 @@ def _harmonics(
     series[orders] = coefficients[orders]
     if len(displacement) == 1 and np.isinf(limit):
         return _by_bessel(displacement[0], theta, series, orders, q, harmonic)
-    return _by_sampling(displacement, theta, series, orders, q, limit, harmonic)
+    return _by_sampling(q * displacement, theta, series, orders, limit, harmonic)
 
 
 def _by_bessel(
@@ -88,10 +88,8 @@ def _by_bessel(
         found,
         NODES * q * amplitude,
         unit,
-        np.exp(1j * np.outer(orders, phase)),
+        (orders, 2 * series[orders], np.exp(1j * np.outer(orders, phase))),
         table,
-        orders,
-        2 * series[orders],
         harmonic,
     )
     return found
@@ -101,19 +99,19 @@ def _sum(
     found: ComplexArray,
     place: Array,
     unit: ComplexArray,
-    turns: ComplexArray,
+    terms: tuple[Orders, ComplexArray, ComplexArray],
     table: Array,
-    orders: Orders,
-    lit: ComplexArray,
     harmonic: Orders,
 ) -> None:
     """Sum the terms lit_k e^{ikθ} of a fringe at each point.
 
     J_n comes from the table by cubic Hermite interpolation.
 
-    place (n_points,): argument of the Bessel functions of the first order, in nodes; turns: e^{ikθ}
-    (n_orders, n_points), or (n_orders, 1) of all alike.
+    Args: found: V_n, (n_harmonics, n_points), filled in. place (n_points,): argument of the Bessel
+        functions of the first order, in nodes. unit (n_points,): e^{iφ}. terms: orders k, lit_k,
+        and e^{ikθ} (n_orders, n_points), or (n_orders, 1) where all are alike. table: see `_table`.
     """
+    orders, lit, turns = terms
     summed = np.empty(len(harmonic))
     quarter = harmonic % 4
     each = int(turns.shape[1] > 1)
@@ -173,36 +171,39 @@ def _largest(series: ComplexArray) -> float:
 
 
 def _by_sampling(
-    displacement: ComplexArray,
+    depth: ComplexArray,
     theta: Array,
     series: ComplexArray,
     orders: Orders,
-    q: float,
     limit: float,
     harmonic: Orders,
 ) -> ComplexArray:
-    reach = (
-        q
-        * np.sum(np.abs(displacement) * np.arange(1, len(displacement) + 1)[:, None], axis=0).max()
-    )
+    """Return the harmonics from samples of a period.
+
+    Args: depth: motion times q, by order of the drive, (n_orders, n_points) [rad]. theta: phase of
+        the fringe (n_points,) [rad]. series: its coefficients; orders: those that are not zero.
+        limit: where the detector clips, in units of the fringe's largest value. harmonic: orders n.
+    Returns: V_n/V_C, (n_harmonics, n_points).
+    """
+    reach = np.sum(np.abs(depth) * np.arange(1, len(depth) + 1)[:, None], axis=0).max()
     # A clipped signal has many harmonics that would be folded back
     sharp = 1 if np.isinf(limit) else 4
     n_samples = sharp * (32 + 2 * int(harmonic.max() + orders.max() * reach))
     top = limit * _largest(series) if np.isfinite(limit) else np.inf
     tau = 2 * np.pi * np.arange(n_samples) / n_samples
     angles = np.outer(harmonic, tau)
-    # Counted from its turning point, the signal is even: half a period tells the whole
-    if len(displacement) == 1:
+    # Counted from its turning point, the signal is even: half a period is enough
+    if len(depth) == 1:
         half = slice(n_samples // 2 + 1)
         sums = 4 / n_samples * np.cos(angles[:, half])
         sums[:, [0, -1]] /= 2
-        amplitude, unit = _polar(displacement[0])
+        amplitude, unit = _polar(depth[0])
         return _sampled(
-            np.cos(tau[half])[:, None], q * amplitude[None], theta, sums, _pieces(series), top
+            np.cos(tau[half])[:, None], amplitude[None], theta, sums, _pieces(series), top
         ) * _powers(unit, harmonic)
-    overtones = np.outer(np.arange(1, len(displacement) + 1), tau)
+    overtones = np.outer(np.arange(1, len(depth) + 1), tau)
     swings = np.hstack([np.cos(overtones).T, -np.sin(overtones).T])
-    moves = q * np.vstack([displacement.real, displacement.imag])
+    moves = np.vstack([depth.real, depth.imag])
     sums = 2 / n_samples * np.vstack([np.cos(angles), -np.sin(angles)])
     found = _sampled(swings, moves, theta, sums, _pieces(series), top)
     return np.asarray(found[: len(harmonic)] + 1j * found[len(harmonic) :])

@@ -52,7 +52,7 @@ def harmonic_map_figure(
         )
         panels = figure.subplots(rows, columns, squeeze=False).ravel()
         for axes, n, values in zip(panels, harmonics, volts, strict=False):
-            _panel(axes, int(n), values, x, y, line, box)
+            _panel(axes, int(n), values, x=x, y=y, line=line, box=box)
         for axes in panels[harmonics.size :]:
             axes.set_axis_off()
         scale_bar(panels[0], box[1] - box[0])
@@ -113,6 +113,7 @@ def _panel(
     axes: Axes,
     n: int,
     volts: NDArray[np.complex128],
+    *,
     x: NDArray[np.float64],
     y: NDArray[np.float64],
     line: NDArray[np.float64] | None,

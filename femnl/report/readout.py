@@ -73,7 +73,13 @@ def maps(geometry: Geometry, stack: Stack, drive: Drive, say: Say) -> Maps:
     kinds: dict[str, Fringe] = {"sine": sine, "multilayer": multilayer}
     for name, fringe in kinds.items():
         result = harmonic_maps(
-            geometry.modes, 0, fringe, amplitude, drive.wavelength, HARMONICS, POINTS
+            geometry.modes,
+            0,
+            fringe,
+            amplitude,
+            drive.wavelength,
+            harmonics=HARMONICS,
+            points=POINTS,
         )
         results.append(result)
         pictures.append(_picture(geometry, drive, name, result))

@@ -18,6 +18,7 @@ def integrate(
     displacement: ArrayLike,
     velocity: ArrayLike,
     time: ArrayLike,
+    *,
     tolerance: float = 1e-10,
 ) -> tuple[Array, Array]:
     """Return displacement [m] and velocity [m/s], both (modes, times), under 𝓕 cos ωt.

@@ -28,7 +28,7 @@ def modes(device: Callable[..., Model]) -> Modes:
 @pytest.fixture(scope="module")
 def maps(modes: Modes) -> HarmonicMap:
     """Two harmonics of a displacement squared and plain."""
-    return harmonic_maps(modes, 0, lambda u: u**2 + u, 1e-7, 633e-9, 2, 21)
+    return harmonic_maps(modes, 0, lambda u: u**2 + u, 1e-7, 633e-9, harmonics=2, points=21)
 
 
 def test_words_say_what_it_is_in_one_line(modes: Modes, maps: HarmonicMap) -> None:

@@ -145,7 +145,7 @@ def test_harmonic_map_holds_the_harmonics_of_each_point() -> None:
     y = np.linspace(-1, 1, 3)
     shape = np.cos(y)[:, None] * np.cos(x)
     fringe = SineFringe(RED, 0.1, 0.2, 0.7)
-    found = harmonic_map(fringe, [1, 3], shape, 4e-7, x, y, RED, phase=0.2)
+    found = harmonic_map(fringe, [1, 3], shape, 4e-7, x=x, y=y, wavelength=RED, phase=0.2)
     assert found.values.shape == (2, 3, 4)
     assert found.values[1, 2, 3] == pytest.approx(
         harmonics(fringe, [3], 4e-7 * shape[2, 3], 0.2)[0]
@@ -156,7 +156,13 @@ def test_harmonic_map_holds_the_harmonics_of_each_point() -> None:
 def test_harmonic_map_refuses_a_shape_on_another_grid() -> None:
     with pytest.raises(ParameterError, match="evaluate it on the same grid"):
         harmonic_map(
-            SineFringe(RED, 0, 1, 0), [1], np.ones((2, 2)), 1e-7, np.arange(3), np.arange(2), RED
+            SineFringe(RED, 0, 1, 0),
+            [1],
+            np.ones((2, 2)),
+            1e-7,
+            x=np.arange(3),
+            y=np.arange(2),
+            wavelength=RED,
         )
 
 

@@ -60,7 +60,10 @@ def _whitened(sweeps: Sweeps, layout: Layout, theta: Array) -> tuple[Array, Arra
     slope = STIFFEN * ratio * power + 1j * damping * power
     inverse = -2 * away / w + 1j + slope * x
     turn = z / np.abs(z)
-    by_theta = _slopes(sweeps, layout, z, inverse, slope, -2 * away / w, w, tau, away)
+    delta = -2 * away / w
+    by_theta = _slopes(
+        sweeps, layout, z, inverse=inverse, slope=slope, delta=delta, w=w, tau=tau, away=away
+    )
     equation = (
         np.column_stack([z * inverse - 1, by_theta]) * (turn.conj() * scale / sweeps.noise)[:, None]
     )
@@ -89,6 +92,7 @@ def _slopes(
     sweeps: Sweeps,
     layout: Layout,
     z: Complex,
+    *,
     inverse: Complex,
     slope: Complex,
     delta: Array,

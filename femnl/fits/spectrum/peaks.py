@@ -72,7 +72,7 @@ def _search(f: Array, volts: Complex, noise: float) -> list[Cluster]:
     clusters: list[Cluster] = []
     for _ in range(_PASSES):
         flat = volts - _background(f, volts - _sum(f, clusters))
-        found = _relax(f, flat, noise, clusters, np.empty((0, 2)), limit, widest)
+        found = _relax(f, flat, noise, clusters, np.empty((0, 2)), limit=limit, widest=widest)
         found = _greedy(
             f, flat, noise, _drop_weak(f, flat, noise, found, limit, widest), limit, widest
         )
@@ -105,7 +105,12 @@ def _greedy(
         if not len(fresh):
             return clusters
         found = _drop_weak(
-            f, flat, noise, _relax(f, flat, noise, clusters, fresh, limit, widest), limit, widest
+            f,
+            flat,
+            noise,
+            _relax(f, flat, noise, clusters, fresh, limit=limit, widest=widest),
+            limit,
+            widest,
         )
         if _table(found).shape[0] <= _table(clusters).shape[0]:
             return clusters
@@ -208,6 +213,7 @@ def _relax(
     noise: float,
     clusters: list[Cluster],
     fresh: Array,
+    *,
     limit: float,
     widest: float,
 ) -> list[Cluster]:

@@ -132,35 +132,57 @@ def in_plane_supports(
     if edge != "clamped" and not clamp.rigid_in_plane:
         raise ParameterError(
             f'edge = "{edge}": the geometry\'s table [clamp] says how the edge gives way in '
-            "plane; use edge = "
-            '"clamped"'
+            'plane; use edge = "clamped"'
         )
-    held: dict[int, list[Array]] = {}
+    held, sprung = _held_in_plane(space, wedge, edge, even, clamp)
+    _hold_rigid_motion(space, held, sprung)
+    return _admissible_columns(space, held)
 
-    def hold(dofs: NDArray[np.int64], directions: Array) -> None:
-        for dof, direction in zip(dofs, np.broadcast_to(directions, (len(dofs), 2)), strict=True):
-            held.setdefault(int(dof), []).append(direction)
 
+Held = dict[int, list[Array]]
+"""Directions in which each unknown point is held."""
+Sprung = list[tuple[NDArray[np.int64], Array]]
+"""Points that springs hold, and the directions in which they do."""
+
+
+def _held_in_plane(
+    space: Space, wedge: float, edge: Edge, even: tuple[bool, ...], clamp: Clamp
+) -> tuple[Held, Sprung]:
+    """Return what mirrors, a rigid edge and springs hold.
+
+    Args: as for `in_plane_supports`.
+    """
+    held: Held = {}
+    sprung: Sprung = []
     for k, angle in enumerate((0.0, wedge)):
         along = np.array([np.cos(angle), np.sin(angle)])
         normal = np.array([-along[1], along[0]])
         if k < len(even):
-            hold(space.boundary_dofs(f"mirror-{k}"), normal if even[k] else along)
-    sprung: list[tuple[NDArray[np.int64], Array]] = []
+            _hold(held, space.boundary_dofs(f"mirror-{k}"), normal if even[k] else along)
     if edge != "sliding" and clamp.rigid_in_plane:
         for direction in np.eye(2):
-            hold(space.boundary_dofs("clamped"), direction)
-    else:
-        for stiffness, turn in (
-            (clamp.normal, np.eye(2)),
-            (0.0 if edge == "sliding" else clamp.shear, TURN),
-        ):
-            for dofs, normals in _edge_normals(space) if stiffness > 0 else ():
-                if np.isinf(stiffness):
-                    hold(dofs, normals @ turn.T)
-                else:
-                    sprung.append((dofs, normals @ turn.T))
-    _hold_rigid_motion(space, held, sprung)
+            _hold(held, space.boundary_dofs("clamped"), direction)
+        return held, sprung
+    shear = 0.0 if edge == "sliding" else clamp.shear
+    for stiffness, turn in ((clamp.normal, np.eye(2)), (shear, TURN)):
+        if stiffness == 0:
+            continue
+        for dofs, normals in _edge_normals(space):
+            if np.isinf(stiffness):
+                _hold(held, dofs, normals @ turn.T)
+            else:
+                sprung.append((dofs, normals @ turn.T))
+    return held, sprung
+
+
+def _hold(held: Held, dofs: NDArray[np.int64], directions: Array) -> None:
+    """Add directions (2,) or (n, 2) in which points (n,) are held."""
+    for dof, direction in zip(dofs, np.broadcast_to(directions, (len(dofs), 2)), strict=True):
+        held.setdefault(int(dof), []).append(direction)
+
+
+def _admissible_columns(space: Space, held: Held) -> csc_matrix:
+    """Return columns that span the motions which `held` admits, (2·size, n_free)."""
     anywhere = np.setdiff1d(np.arange(space.size), np.fromiter(held, dtype=np.int64))
     rows = [anywhere, anywhere + space.size]
     columns = [np.arange(len(anywhere)), np.arange(len(anywhere)) + len(anywhere)]
@@ -176,9 +198,7 @@ def in_plane_supports(
     return csc_matrix(coo_matrix(entries, shape=(2 * space.size, n)))
 
 
-def _hold_rigid_motion(
-    space: Space, held: dict[int, list[Array]], sprung: list[tuple[NDArray[np.int64], Array]]
-) -> None:
+def _hold_rigid_motion(space: Space, held: Held, sprung: Sprung) -> None:
     """Hold one point in the direction of each rigid motion that nothing else resists."""
     if not held and not sprung:
         return
