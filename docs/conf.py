@@ -72,7 +72,9 @@ def keep_figures(block: Any, variables: dict[str, Any], settings: dict[str, Any]
 
 
 def setup(app: Any) -> None:
-    """Draw formulas as MathML, and take docstrings as they are written."""
+    """Draw the architecture and formulas, and take docstrings as they are written."""
+    architecture = import_module("architecture")
+    architecture.PICTURE.write_text(architecture.draw(), encoding="utf-8")
     app.add_html_math_renderer(
         "mathml", inline_renderers=(draw_formula, None), block_renderers=(draw_equation, None)
     )

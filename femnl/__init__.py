@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # what a type checker reads; at run time the names load when 
     from femnl.pipeline import solve_modes_to as solve_modes_to
     from femnl.pipeline import solve_nonlinearity as solve_nonlinearity
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Heavy libraries load when a name is first used, so that the command line answers at once.
 _HOMES = {

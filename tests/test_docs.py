@@ -20,7 +20,20 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"# file: (\S+)\n")
 # The others solve devices
-QUICK = ("index", "effect", "validation", "report", "degeneracies", "import")
+QUICK = (
+    "architecture",
+    "commands",
+    "degeneracies",
+    "diagnosis-json",
+    "effect",
+    "fit",
+    "import",
+    "index",
+    "measurement-format",
+    "plugins",
+    "report",
+    "validation",
+)
 
 
 @pytest.fixture(autouse=True)

@@ -79,7 +79,7 @@ def diagnose(
             than one keeps what it runs under `if __name__ == "__main__"`, and effects of its own in
             a module.
 
-    Returns: the diagnosis, see `measurement-format.md`, "Diagnosis"; the same whatever the workers.
+    Returns: the diagnosis, see docs/reference/diagnosis-json.md; the same whatever the workers.
     Raises: MeasurementError, GeometryError, ConvergenceError, ParameterError.
     Valid: noise normal, of the standard deviation that the file states or the data show. Fits are
         kept in the user's cache until all are done: the same call after an interruption goes on

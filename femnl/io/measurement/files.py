@@ -24,7 +24,7 @@ def read(path: str | Path) -> xr.DataTree:
     coordinates; its attribute `repairs` is a tuple of lines, one for each thing that had to be
     changed, empty for a clean file.
     Raises: MeasurementError with file, group, dataset, value and remedy.
-    Source: the measurement file format, version 1.0 (README).
+    Source: docs/reference/measurement-format.md.
     """
     path = Path(path)
     with open_hdf5(path) as file, _whole(path):
