@@ -1,16 +1,19 @@
 """Options that every command on a device shares."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
-from femnl.core.device import Edge, Model
 from femnl.core.errors import ParameterError
 from femnl.core.resources import geometries
-from femnl.device.geometry import load
 from femnl.device.mesh import WEDGES
+
+if TYPE_CHECKING:
+    from femnl.core.device import Model
 
 
 def _shipped(begun: str) -> list[str]:
@@ -58,6 +61,9 @@ Json = Annotated[
 
 def load_device(geometry: str, bending: bool | None = None, edge: str | None = None) -> Model:
     """Read the geometry and apply what the command line overrides."""
+    from femnl.core.device import Edge
+    from femnl.device.geometry import load
+
     model = load(geometry)
     if bending is not None:
         model = replace(model, bending=bending)

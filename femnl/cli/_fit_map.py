@@ -1,19 +1,19 @@
 """Fits of `femnl fit` to harmonic maps, all of a file with one amplitude."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from functools import partial
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from femnl.cli._outcome import Outcome, record, show
-from femnl.core.device import Model
 from femnl.core.errors import ParameterError
-from femnl.core.readout import PeriodicFringe
-from femnl.fits.map.fit import fit_map
-from femnl.mechanics.modes import shape_at
-from femnl.optics.fringe import MultilayerFringe
-from femnl.pipeline import solve_modes
-from femnl.plot.mapfit import map_fit_figure
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from femnl.core.device import Model
+    from femnl.core.readout import PeriodicFringe
 
 FRINGES = ("sine", "multilayer", "free")
 # Of a fringe whose form is fitted too; enough for the reflection of a film above a wafer
@@ -24,6 +24,11 @@ def maps(
     named: Mapping[str, xr.Dataset], device: Model, index: int, fringe: str, cache: bool
 ) -> dict[str, Outcome]:
     """Fit maps with the simulated shape of one mode."""
+    from femnl.fits.map.fit import fit_map
+    from femnl.mechanics.modes import shape_at
+    from femnl.pipeline import solve_modes
+    from femnl.plot.mapfit import map_fit_figure
+
     modes = solve_modes(device, max(10, index + 1), cache=cache)
     # The parameters of a single map go without its name.
     short = dict(named) if len(named) > 1 else {"": next(iter(named.values()))}
@@ -49,6 +54,8 @@ def readout(
     kind: str, device: Model, dataset: xr.Dataset, allowed: tuple[str, ...]
 ) -> PeriodicFringe | None:
     """The fringe of that name, None where it is a sine or its form is to be fitted."""
+    from femnl.optics.fringe import MultilayerFringe
+
     if kind not in allowed:
         raise ParameterError(
             f"--fringe {kind}: a {dataset.attrs['kind']} takes one of {', '.join(allowed)}"

@@ -1,18 +1,18 @@
 """Fits of `femnl fit` to driven responses: all sweeps together, or place by place along a line."""
 
-from functools import partial
+from __future__ import annotations
 
-import numpy as np
-import xarray as xr
+from functools import partial
+from typing import TYPE_CHECKING
 
 from femnl.cli._outcome import Outcome, record, show, with_error
 from femnl.cli._output import note, table
 from femnl.core.errors import ParameterError
-from femnl.fits.response.fit import fit_response, predict_response
-from femnl.fits.response.linescan import FIELDS, fit_line_scan
-from femnl.fits.response.misfit import Use
-from femnl.plot.linescan import line_scan_figure
-from femnl.plot.response import response_figure
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from femnl.fits.response.misfit import Use
 
 # χ²/ν, and relative width from which on a sweep may hold many modes
 _MISFIT = 2.0
@@ -23,6 +23,11 @@ def response(
     name: str, dataset: xr.Dataset, use: Use, nonlinear_damping: bool
 ) -> dict[str, Outcome]:
     """Fit all sweeps at once."""
+    import numpy as np
+
+    from femnl.fits.response.fit import fit_response, predict_response
+    from femnl.plot.response import response_figure
+
     fit = fit_response(dataset, use, nonlinear_damping=nonlinear_damping)
     f = dataset["frequency"].values
     if fit.chi2_reduced > _MISFIT and np.nanmax(f) > (1 + _WIDE) * np.nanmin(f):
@@ -40,6 +45,9 @@ def line_scan(
     name: str, dataset: xr.Dataset, use: Use, nonlinear_damping: bool
 ) -> dict[str, Outcome]:
     """Fit every position on its own."""
+    from femnl.fits.response.linescan import FIELDS, fit_line_scan
+    from femnl.plot.linescan import line_scan_figure
+
     scan = fit_line_scan(dataset, use, nonlinear_damping=nonlinear_damping)
     if scan.sizes["position"] < 2:
         raise ParameterError(
@@ -83,5 +91,7 @@ def line_scan(
 
 def _uniform(scan: xr.Dataset) -> bool:
     """Whether the places scatter no more than three standard deviations of χ²/ν allow."""
+    import numpy as np
+
     degrees = scan.sizes["position"] - 1
     return bool(scan.attrs["scatter"] < 1 + 3 * np.sqrt(2 / degrees))

@@ -1,23 +1,21 @@
 """Fits of `femnl fit` that compare lines with simulated modes: wide sweeps and spectra."""
 
+from __future__ import annotations
+
 from dataclasses import asdict
 from functools import partial
-from typing import Any
-
-import numpy as np
-import xarray as xr
+from typing import TYPE_CHECKING, Any
 
 from femnl.cli._outcome import Outcome, record, show, with_error
 from femnl.cli._output import table
-from femnl.core.device import Model
 from femnl.core.errors import MeasurementError
-from femnl.core.mechanics import Modes
-from femnl.core.spectrum import Assignment, Peaks
-from femnl.fits.spectrum.film import fit_film
-from femnl.fits.spectrum.overview import label_peaks, to_spectrum
-from femnl.fits.spectrum.peaks import find_peaks
-from femnl.pipeline import solve_modes
-from femnl.plot.overview import film_figure, overview_figure
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from femnl.core.device import Model
+    from femnl.core.mechanics import Modes
+    from femnl.core.spectrum import Assignment, Peaks
 
 # simulated modes
 _FIRST = 10
@@ -30,6 +28,10 @@ def overview(
     name: str, dataset: xr.Dataset, device: Model | None, cache: bool
 ) -> dict[str, Outcome]:
     """Find the lines of every sweep, and assign them to the modes of the device if there is one."""
+    from femnl.fits.spectrum.overview import label_peaks, to_spectrum
+    from femnl.fits.spectrum.peaks import find_peaks
+    from femnl.plot.overview import overview_figure
+
     outcomes = {}
     for sweep in range(dataset.sizes["sweep"]):
         own = name if dataset.sizes["sweep"] == 1 else f"{name}, sweep {sweep + 1}"
@@ -53,6 +55,11 @@ def overview(
 
 def film(name: str, dataset: xr.Dataset, device: Model, cache: bool) -> dict[str, Outcome]:
     """Fit the speed of waves in the film to a spectrum."""
+    import numpy as np
+
+    from femnl.fits.spectrum.film import fit_film
+    from femnl.plot.overview import film_figure
+
     modes = _modes_up_to(device, float(np.nanmax(dataset["frequency"].values)), cache)
     found = fit_film(dataset, modes.label, modes.frequency, device.film)
     rows = [
@@ -92,6 +99,8 @@ def film(name: str, dataset: xr.Dataset, device: Model, cache: bool) -> dict[str
 
 def _modes_up_to(device: Model, highest: float, cache: bool) -> Modes:
     """So many modes that the simulation reaches a little beyond the highest frequency measured."""
+    from femnl.pipeline import solve_modes
+
     count = _FIRST
     modes = solve_modes(device, count, cache=cache)
     while modes.frequency[-1] < _BEYOND * highest and count < _MOST:
@@ -101,6 +110,8 @@ def _modes_up_to(device: Model, highest: float, cache: bool) -> Modes:
 
 
 def _overview_record(peaks: Peaks, found: Assignment | None) -> dict[str, Any]:
+    import numpy as np
+
     names = (
         "frequency",
         "frequency_sd",
@@ -135,6 +146,8 @@ def _assignment_record(found: Assignment) -> dict[str, Any]:
 
 
 def _overview_shown(name: str, peaks: Peaks, found: Assignment | None) -> list[Any]:
+    import numpy as np
+
     labels = (
         ["–"] * peaks.frequency.size
         if found is None

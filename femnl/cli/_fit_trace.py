@@ -1,21 +1,21 @@
 """Fits of `femnl fit` to records in time: harmonics and motion, free decays, driven oscillators."""
 
-from functools import partial
+from __future__ import annotations
 
-import numpy as np
-import xarray as xr
+from functools import partial
+from typing import TYPE_CHECKING
+
 from rich.console import Group
 
 from femnl.cli._outcome import Outcome, record, show, with_error
 from femnl.cli._output import table
 from femnl.core.errors import MeasurementError
-from femnl.core.readout import HarmonicSpectrum, PeriodicFringe
-from femnl.fits.decay.ringdown import fit_ringdown
-from femnl.fits.record.terms import TermsFit, fit_terms
-from femnl.fits.trace.decompose import decompose
-from femnl.fits.trace.spot import fit_spot
-from femnl.plot.decays import oscillator_figure, ringdown_figure
-from femnl.plot.harmonics import harmonics_figure
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from femnl.core.readout import HarmonicSpectrum, PeriodicFringe
+    from femnl.fits.record.terms import TermsFit
 
 _WORDS = {
     "offset": "offset u₀",
@@ -29,6 +29,12 @@ def harmonics(
     name: str, dataset: xr.Dataset, count: int, fringe: PeriodicFringe | None
 ) -> dict[str, Outcome]:
     """Decompose into harmonics of the drive; with a wavelength, find the motion in metres too."""
+    import numpy as np
+
+    from femnl.fits.trace.decompose import decompose
+    from femnl.fits.trace.spot import fit_spot
+    from femnl.plot.harmonics import harmonics_figure
+
     spectrum = decompose(dataset, count)
     values = {
         "real": spectrum.values.real,
@@ -67,6 +73,8 @@ def harmonics(
 
 
 def _harmonics_shown(name: str, spectrum: HarmonicSpectrum) -> list[Group | str]:
+    import numpy as np
+
     strongest = int(np.argmax(np.abs(spectrum.values[1:]).max(axis=0)))
     rows = [
         [f"{n}", f"{abs(value) * 1e3:.4g}", f"{np.degrees(np.angle(value)):.1f}", f"{sd * 1e3:.2g}"]
@@ -89,6 +97,9 @@ def ringdown(name: str, dataset: xr.Dataset, *, envelope: bool) -> dict[str, Out
 
     An envelope is the magnitude of a signal demodulated at the step's drive frequency.
     """
+    from femnl.fits.decay.ringdown import fit_ringdown
+    from femnl.plot.decays import ringdown_figure
+
     outcomes = {}
     time = dataset["time"].values
     for step in range(dataset.sizes["step"]):
@@ -111,6 +122,11 @@ def ringdown(name: str, dataset: xr.Dataset, *, envelope: bool) -> dict[str, Out
 
 def oscillator(name: str, dataset: xr.Dataset, held_out: slice | None) -> dict[str, Outcome]:
     """Fit the oscillator that turns the drive into the voltage, one term after the other."""
+    import numpy as np
+
+    from femnl.fits.record.terms import fit_terms
+    from femnl.plot.decays import oscillator_figure
+
     if held_out is not None and not held_out.stop <= dataset.sizes["time"]:
         raise MeasurementError(
             f"--held-out {held_out.start}:{held_out.stop}: {name} has only "

@@ -94,7 +94,7 @@ class _Contents(typer.core.TyperGroup):
 
 def _with_format(command: Callable[..., None]) -> Callable[..., None]:
     """Give a command that prints one JSON object the option --format too."""
-    parameters = signature(command).parameters
+    parameters = signature(command, eval_str=True).parameters
     if "as_json" not in parameters:
         return command
 

@@ -3,19 +3,24 @@
 In-plane inertia, a bow, dissipation dilution.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from femnl.cli._output import console, scientific, table
 from femnl.core.errors import MeasurementError, ParameterError
-from femnl.core.mechanics import Modes, Nonlinearity
-from femnl.io import measurement
 from femnl.mechanics.modes.dilution import dilution
-from femnl.mechanics.nonlinearity import Inertia, solve_inertia
-from femnl.mechanics.static_deflection import Bowed, solve_static_deflection
+from femnl.mechanics.nonlinearity import solve_inertia
+from femnl.mechanics.static_deflection import solve_static_deflection
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from femnl.core.mechanics import Modes, Nonlinearity
+    from femnl.mechanics.nonlinearity import Inertia
+    from femnl.mechanics.static_deflection import Bowed
 
 DIGITS = 6
 
@@ -36,7 +41,7 @@ class More:
         bow: tuple[float | None, float | None] | None,
         dilute: bool,
         tensor: bool,
-    ) -> "More":
+    ) -> More:
         """Solve what the options ask for. bow: depth or pressure, see `bow_of`."""
         return cls(
             solve_inertia(modes, cross=tensor) if inertia else None,
@@ -145,6 +150,8 @@ def bow_of(words: str) -> tuple[float | None, float | None]:
 
     Raises: ParameterError.
     """
+    from femnl.io import measurement
+
     number = words.strip()[-1:].isdigit()  # what has no unit may be either
     for place, unit in enumerate(() if number else ("m", "Pa")):
         try:

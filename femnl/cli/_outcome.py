@@ -3,17 +3,21 @@
 Numbers for programs, tables for people, figures and files for a folder.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-import xarray as xr
-from matplotlib.figure import Figure
 from rich.console import Group
 
 from femnl.cli._output import scientific, table
-from femnl.core.fit import Fit
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    from femnl.core.fit import Fit
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,8 @@ def show(name: str, fit: Fit) -> list[Group | str]:
 
 def with_error(value: float, sd: float) -> tuple[str, str]:
     """A value to the digits that its standard deviation, given to two digits, leaves."""
+    import numpy as np
+
     if not np.isfinite(sd) or sd <= 0 or value == 0:
         return scientific(value, 6), "unknown" if not np.isfinite(sd) else "0"
     digits = max(1, int(np.floor(np.log10(abs(value)))) - int(np.floor(np.log10(sd))) + 2)

@@ -1,16 +1,17 @@
 """`femnl bands GEOMETRY`: frequencies of waves in the film's lattice of holes."""
 
-from pathlib import Path
-from typing import Annotated
+from __future__ import annotations
 
-import numpy as np
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
 import typer
 
 from femnl.cli._device import Bending, Geometry, Json, load_device, suffix_of
 from femnl.cli._output import console, note, print_json, table
-from femnl.io.results import need_room
-from femnl.mechanics.bands import Lattice, solve_bands
-from femnl.plot.bands import draw_bands
+
+if TYPE_CHECKING:
+    from femnl.mechanics.bands import Lattice
 
 FORMATS = (".png", ".pdf", ".svg")
 Out = Annotated[
@@ -36,6 +37,12 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Solve the bands of flexural waves in the lattice of holes, as if the film had no edge."""
+    import numpy as np
+
+    from femnl.io.results import need_room
+    from femnl.mechanics.bands import solve_bands
+    from femnl.plot.bands import draw_bands
+
     if out:
         suffix_of(out, FORMATS)
         need_room(out)

@@ -1,16 +1,18 @@
 """`femnl diagnose FILE`: what the simulation gets wrong, and why."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from femnl.cli._device import Json
 from femnl.cli._output import console, note, print_json, scientific, table
-from femnl.core.diagnosis import Diagnosis
-from femnl.diagnose import diagnose, record, write
-from femnl.report.diagnosis import write_diagnosis
+
+if TYPE_CHECKING:
+    from femnl.core.diagnosis import Diagnosis
 
 MOST = 4
 """Workers unless the user asks for more: the fits that do not wait for each other are about a
@@ -42,6 +44,9 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Compare a measurement with the simulation, and name the physical cause of what deviates."""
+    from femnl.diagnose import diagnose, record, write
+    from femnl.report.diagnosis import write_diagnosis
+
     found = diagnose(file, geometry, workers=workers or min(MOST, len(os.sched_getaffinity(0))))
     folder = out or (None if as_json else Path(f"{file.stem}-diagnosis"))
     if folder is not None:

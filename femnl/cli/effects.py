@@ -2,11 +2,12 @@
 
 from femnl.cli._device import Json
 from femnl.cli._output import console, print_json, table
-from femnl.effects import library
 
 
 def command(as_json: Json = False) -> None:
     """List the physical causes that can hide in data: equation, parameters, kinds of data."""
+    from femnl.effects import library
+
     effects = library().values()
     if as_json:
         names = ("name", "equation", "kinds", "source", "limits", "sentence")

@@ -1,9 +1,11 @@
 """`femnl fit FILE`: parameters with their uncertainties, from every measurement of a file."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 import xarray as xr
@@ -15,13 +17,12 @@ from femnl.cli._fit_spectrum import film, overview
 from femnl.cli._fit_trace import harmonics, oscillator, ringdown
 from femnl.cli._outcome import Outcome
 from femnl.cli._output import console, note, print_json
-from femnl.core.device import Model
 from femnl.core.errors import MeasurementError, ParameterError
-from femnl.core.readout import PeriodicFringe
 from femnl.fits.response.misfit import Use
-from femnl.io import measurement
-from femnl.io.results import write_whole
-from femnl.pipeline import measured_device
+
+if TYPE_CHECKING:
+    from femnl.core.device import Model
+    from femnl.core.readout import PeriodicFringe
 
 USES: tuple[Use, ...] = get_args(Use)
 FITTED = ("response", "spectrum", "trace", "map")
@@ -115,6 +116,9 @@ def command(
 
     All maps of a file are fitted with one amplitude.
     """
+    from femnl.io import measurement
+    from femnl.pipeline import measured_device
+
     index = check_mode(mode)
     how = _use(use)
     part = _part(held_out)
@@ -237,6 +241,9 @@ def _write(
     results: dict[str, Outcome], folder: Path, stem: str, attributes: dict[str, str]
 ) -> None:
     """Draw the figures and write the spectra that fits found, named after file and measurement."""
+    from femnl.io import measurement
+    from femnl.io.results import write_whole
+
     folder.mkdir(parents=True, exist_ok=True)
     for name, result in results.items():
         start = f"{stem}-{name}".replace(", ", "-").replace(" ", "-")

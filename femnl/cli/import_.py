@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from femnl.cli._output import note
-from femnl.io.labfiles import import_file
 
 Sources = Annotated[
     list[Path],
@@ -25,6 +24,8 @@ Spec = Annotated[
 
 def command(sources: Sources, dest: Dest, spec: Spec = None) -> None:
     """Import lab files into one measurement file; every repair is told."""
+    from femnl.io.labfiles import import_file
+
     tree = import_file(sources[0] if len(sources) == 1 else sources, dest, spec)
     for repair in tree.attrs["repairs"]:
         note(f"repaired: {repair}")

@@ -1,8 +1,10 @@
 """`femnl maps GEOMETRY`: what the readout shows of one moving mode."""
 
+from __future__ import annotations
+
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -10,15 +12,11 @@ import typer
 import femnl
 from femnl.cli._device import Bending, Cache, Geometry, check_mode, load_device, suffix_of
 from femnl.cli._output import note
-from femnl.core.device import Model
 from femnl.core.errors import ParameterError
-from femnl.device.geometry.curves import polyline
-from femnl.io import measurement
-from femnl.io.results import need_room, write_whole
-from femnl.optics.fringe import MultilayerFringe, SineFringe
-from femnl.optics.harmonics import Fringe
-from femnl.pipeline import harmonic_maps, solve_modes
-from femnl.plot.maps import harmonic_map_figure
+
+if TYPE_CHECKING:
+    from femnl.core.device import Model
+    from femnl.optics.harmonics import Fringe
 
 LARGEST_Z = 1000  # the amplitude is then 80 wavelengths, and no film moves so far
 
@@ -57,6 +55,12 @@ def command(
     cache: Cache = True,
 ) -> None:
     """Predict the maps of the drive's harmonics for one mode, as a file and a figure."""
+    from femnl.device.geometry.curves import polyline
+    from femnl.io import measurement
+    from femnl.io.results import need_room, write_whole
+    from femnl.pipeline import harmonic_maps, solve_modes
+    from femnl.plot.maps import harmonic_map_figure
+
     if not 0 < z <= LARGEST_Z:
         raise ParameterError(
             f"--z {z:g}: expected a positive modulation up to {LARGEST_Z}, such as 4.218"
@@ -109,6 +113,8 @@ def _fringe(model: Model, kind: str, wavelength: float, theta: float) -> Fringe:
 
     1 V for the sine, 1 V per unit of reflectivity for the stack.
     """
+    from femnl.optics.fringe import MultilayerFringe, SineFringe
+
     if kind == "sine":
         return SineFringe(wavelength, 0.0, 1.0, theta)
     if kind != "multilayer":

@@ -7,8 +7,6 @@ import typer
 
 from femnl.cli._device import Bending, Geometry, Json, Resolution, Symmetry, load_device
 from femnl.cli._output import console, note, print_json, table
-from femnl.device.mesh import mesh
-from femnl.io.results import check_suffix, need_room, write_mesh
 
 Out = Annotated[
     Path | None,
@@ -27,6 +25,9 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Mesh a device and say what came out."""
+    from femnl.device.mesh import mesh
+    from femnl.io.results import check_suffix, need_room, write_mesh
+
     if out:
         check_suffix(out)
         need_room(out)

@@ -1,9 +1,10 @@
 """`femnl modes GEOMETRY`: frequencies, effective masses and Duffing coefficients."""
 
-from pathlib import Path
-from typing import Annotated, Any
+from __future__ import annotations
 
-import numpy as np
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
 import typer
 
 from femnl.cli._device import (
@@ -20,12 +21,12 @@ from femnl.cli._device import (
 )
 from femnl.cli._modes_more import More, bow_of
 from femnl.cli._output import console, note, print_json, scientific, table
-from femnl.core.device import Model
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Modes, Nonlinearity
-from femnl.io.results import need_room, write_modes, write_vtu
-from femnl.mechanics.lattice import solve_homogenised
-from femnl.pipeline import Certified, solve_modes, solve_modes_to, solve_nonlinearity
+from femnl.pipeline import Certified
+
+if TYPE_CHECKING:
+    from femnl.core.device import Model
+    from femnl.core.mechanics import Modes, Nonlinearity
 
 Out = Annotated[
     Path | None,
@@ -97,6 +98,10 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Solve the modes of a device: frequencies, effective masses, Duffing coefficients."""
+    from femnl.io.results import need_room, write_modes, write_vtu
+    from femnl.mechanics.lattice import solve_homogenised
+    from femnl.pipeline import solve_nonlinearity
+
     kind = suffix_of(out, (".nc", ".vtu")) if out else ""
     if out:
         need_room(out)
@@ -154,6 +159,8 @@ def _solve(
     of: Certified | None,
     cache: bool,
 ) -> Modes:
+    from femnl.pipeline import solve_modes, solve_modes_to
+
     if tolerance is None:
         if of is not None:
             raise ParameterError(
@@ -198,6 +205,8 @@ def _record(modes: Modes, nonlinearity: Nonlinearity) -> dict[str, Any]:
 
 
 def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
+    import numpy as np
+
     model = modes.domain.model
     rows = [
         [

@@ -7,8 +7,6 @@ import typer
 
 from femnl.cli._device import Cache
 from femnl.cli._output import note
-from femnl.report.paper import find_browser, print_page
-from femnl.report.write import write_report
 
 
 def command(
@@ -24,6 +22,9 @@ def command(
     cache: Cache = True,
 ) -> None:
     """Write the validation report: one page that needs no other file."""
+    from femnl.report.paper import find_browser, print_page
+    from femnl.report.write import write_report
+
     browser = find_browser() if pdf else None
     page = write_report(out, note, cache)
     note(f"wrote {page}")

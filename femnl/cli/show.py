@@ -1,21 +1,20 @@
 """`femnl show FILE`: what a measurement file holds, in words and as figures."""
 
+from __future__ import annotations
+
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-import xarray as xr
-from numpy.typing import NDArray
 
 from femnl.cli._output import console, note, table
 from femnl.core.errors import GeometryError
-from femnl.device.geometry.curves import polyline
-from femnl.io import measurement
-from femnl.io.results import make_folder, write_whole
-from femnl.pipeline import measured_device
-from femnl.plot.measurement import figures
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray as xr
+    from numpy.typing import NDArray
 
 Out = Annotated[
     Path, typer.Option(help="Folder for the figures, one a measurement; it is made where missing.")
@@ -27,6 +26,10 @@ def command(
     out: Out = Path(),
 ) -> None:
     """Print what a measurement file holds, and draw every measurement in it."""
+    from femnl.io import measurement
+    from femnl.io.results import make_folder, write_whole
+    from femnl.plot.measurement import figures
+
     tree = measurement.read(file)
     for repair in tree.attrs["repairs"]:
         note(f"repaired: {repair}")
@@ -64,6 +67,9 @@ def _outline(tree: xr.DataTree, file: Path) -> NDArray[np.float64] | None:
 
     None where the file names no device that femnl knows.
     """
+    from femnl.device.geometry.curves import polyline
+    from femnl.pipeline import measured_device
+
     if (
         not any(node.attrs["kind"] == "map" for node in tree.children.values())
         or "geometry" not in tree.attrs

@@ -1,5 +1,7 @@
 """`femnl sweep SPEC`: many devices that differ in a few values."""
 
+from __future__ import annotations
+
 import math
 import os
 import sys
@@ -7,7 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -23,16 +25,9 @@ from rich.progress import (
 from femnl.cli._device import Json, suffix_of
 from femnl.cli._output import console, note, print_json, table
 from femnl.core.errors import ParameterError
-from femnl.sweep import (
-    Report,
-    costs,
-    engine,
-    need_room_for,
-    open_store,
-    read_sweep,
-    run,
-    write_tables,
-)
+
+if TYPE_CHECKING:
+    from femnl.sweep import Report
 
 EVERY = 60.0  # seconds between lines of progress where standard error is no terminal
 
@@ -72,6 +67,8 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Solve many devices that differ in a few values; a repeated command goes on from there."""
+    from femnl.sweep import costs, engine, need_room_for, open_store, read_sweep, run, write_tables
+
     path = out or spec.with_suffix(".jsonl")
     suffix_of(path, (".jsonl",))
     if workers is not None and scheduler not in (None, "local"):

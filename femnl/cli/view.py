@@ -17,10 +17,6 @@ from femnl.cli._device import (
 )
 from femnl.cli._output import note
 from femnl.core.errors import ParameterError
-from femnl.io.results import need_room
-from femnl.pipeline import solve_modes
-from femnl.plot.film import WHAT
-from femnl.plot.mechanics import FORMATS, view
 
 What = Annotated[str, typer.Argument(help="mesh, stress, shape or thickness.")]
 Out = Annotated[
@@ -43,6 +39,11 @@ def command(
     cache: Cache = True,
 ) -> None:
     """Show the mesh, the relaxed stress, the thickness or a mode shape."""
+    from femnl.io.results import need_room
+    from femnl.pipeline import solve_modes
+    from femnl.plot.film import WHAT
+    from femnl.plot.mechanics import FORMATS, view
+
     if out:
         suffix_of(out, FORMATS)
         need_room(out)
