@@ -3,31 +3,28 @@
 From a device to its modes, their nonlinearity and what the readout shows of them.
 """
 
+from __future__ import annotations
+
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femnl.core.choices import Certified
 from femnl.core.device import Edge, Model
 from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
 from femnl.core.mechanics import Modes, Nonlinearity
 from femnl.core.readout import Array, HarmonicMap
 from femnl.device.geometry import load, load_shipped, parse
-from femnl.device.mesh import mesh
-from femnl.io.results import cached_modes, cached_nonlinearity
-from femnl.mechanics import nonlinearity, prestress
-from femnl.mechanics.fem.elements import DEGREES
-from femnl.mechanics.lattice import obstacle, solve_condensed, strain_energies, tile
-from femnl.mechanics.modes import align, shape_at
-from femnl.mechanics.modes import solve_modes as solve_on_mesh
-from femnl.optics.harmonics import Fringe, harmonic_map
+from femnl.io.results.cache import cached_modes, cached_nonlinearity
 
-Certified = Literal["frequency", "all"]
-"""Numbers that a tolerance is of: f and f/f₁, or m_eff, k₃ and α as well."""
+if TYPE_CHECKING:
+    from femnl.optics.harmonics import Fringe
+
 DEGREE = 4
 COARSE = 0.6  # resolution from which a tolerance is approached
 STEP = 8.0  # by which an error has to fall for a higher degree to pay, rather than smaller elements
@@ -94,6 +91,8 @@ def solve_modes(
     """
 
     def solve() -> Modes:
+        from femnl.mechanics.modes import align
+
         at_degree = _road(model, symmetry, resolution, count, degree)
         fine = at_degree(count, degree)
         middle = align(at_degree(count + SPARE, degree - 1), fine)
@@ -122,12 +121,15 @@ def _road(
 
     In condensed tiles where the device has them, else on one mesh.
     """
+    from femnl.device.mesh import mesh
+    from femnl.mechanics.lattice import obstacle, solve_condensed, tile
+    from femnl.mechanics.modes import solve_modes as solve_on_mesh
+    from femnl.mechanics.prestress import solve_prestress
+
     if symmetry == "auto" and count + SPARE <= len(model.holes.centres) and not obstacle(model):
         return partial(solve_condensed, tile(model, resolution))
     domain = mesh(model, symmetry, resolution, highest)
-    return lambda count, degree: solve_on_mesh(
-        prestress.solve_prestress(domain, degree), count, degree
-    )
+    return lambda count, degree: solve_on_mesh(solve_prestress(domain, degree), count, degree)
 
 
 def solve_modes_to(
@@ -154,6 +156,8 @@ def solve_modes_to(
             f"tolerance = {tolerance:g}: expected a relative error from 2e-11, where rounding "
             "sets in, to 0.1"
         )
+    from femnl.mechanics.fem.elements import DEGREES
+
     degree = DEGREE
     resolution = COARSE
     best = np.inf
@@ -217,6 +221,9 @@ def solve_nonlinearity(
     chosen = edge or modes.domain.model.edge
 
     def solve() -> Nonlinearity:
+        from femnl.mechanics import nonlinearity
+        from femnl.mechanics.lattice import strain_energies
+
         energies = partial(strain_energies, edge=chosen) if modes.domain.tiles else None
         return nonlinearity.solve_nonlinearity(modes, chosen, tensor, energies)
 
@@ -242,6 +249,9 @@ def harmonic_maps(
         and a tenth more on every side.
     Returns: complex amplitudes, v(t) = Σ_n Re(V_n e^{inωt}), without noise.
     """
+    from femnl.mechanics.modes import shape_at
+    from femnl.optics.harmonics import harmonic_map
+
     corners = np.array([s.start for s in modes.domain.model.outline.segments])
     low = modes.domain.mesh.p.min()
     high = modes.domain.mesh.p.max()

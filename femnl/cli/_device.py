@@ -8,12 +8,20 @@ from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
+from femnl.core import choices
 from femnl.core.errors import ParameterError
-from femnl.core.resources import geometries
-from femnl.device.mesh import WEDGES
+from femnl.core.resources import find_geometry, geometries, need_file
 
 if TYPE_CHECKING:
     from femnl.core.device import Model
+
+SYMMETRIES = get_args(choices.Symmetry)
+
+
+def _known(geometry: str) -> str:
+    """Refuse a geometry that is not there before anything heavy is loaded."""
+    find_geometry(geometry)
+    return geometry
 
 
 def _shipped(begun: str) -> list[str]:
@@ -27,7 +35,12 @@ Geometry = Annotated[
         help="A shipped name (see `femnl geometries`) or the path of a TOML file.",
         show_default=False,
         autocompletion=_shipped,
+        callback=_known,
     ),
+]
+MeasurementFile = Annotated[
+    Path,
+    typer.Argument(help="A measurement file (.nc).", show_default=False, callback=need_file),
 ]
 Bending = Annotated[
     bool | None,
@@ -46,7 +59,8 @@ EdgeOption = Annotated[
     ),
 ]
 Symmetry = Annotated[
-    str, typer.Option(help=f"Part of the film to mesh: auto, {', '.join(WEDGES)}.")
+    str,
+    typer.Option(help=f"Part of the film to mesh: auto, {', '.join(SYMMETRIES)}."),
 ]
 Resolution = Annotated[float, typer.Option(help="Factor on the number of elements per length.")]
 Cache = Annotated[bool, typer.Option("--cache/--no-cache", help="Use solutions kept on disk.")]

@@ -12,7 +12,7 @@ from femnl.core.errors import ParameterError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from femnl.fits.response.misfit import Use
+    from femnl.core.choices import Use
 
 # χ²/ν, and relative width from which on a sweep may hold many modes
 _MISFIT = 2.0

@@ -5,14 +5,13 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from rich.console import Group
-
 from femnl.cli._outcome import Outcome, record, show, with_error
 from femnl.cli._output import table
 from femnl.core.errors import MeasurementError
 
 if TYPE_CHECKING:
     import xarray as xr
+    from rich.console import Group
 
     from femnl.core.readout import HarmonicSpectrum, PeriodicFringe
     from femnl.fits.record.terms import TermsFit

@@ -1,14 +1,17 @@
 """Tables in the form that a paper, a spreadsheet or a program wants."""
 
+from __future__ import annotations
+
 import csv
 import io
 import re
 import unicodedata
 from collections.abc import Sequence
 from contextvars import ContextVar
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
-from rich.table import Table
+if TYPE_CHECKING:
+    from rich.table import Table
 
 Style = Literal["text", "markdown", "latex", "csv", "json"]
 STYLES: tuple[Style, ...] = get_args(Style)

@@ -1,5 +1,6 @@
 """Find the command that was asked for, run it, and turn every foreseen failure into one line."""
 
+import ast
 import logging
 import os
 import sys
@@ -7,6 +8,7 @@ from collections.abc import Callable
 from functools import wraps
 from importlib import import_module
 from inspect import Parameter, Signature, signature
+from pathlib import Path
 from pkgutil import iter_modules
 from typing import Annotated, Any
 
@@ -128,10 +130,32 @@ def _app(words: list[str]) -> typer.Typer:
         for module in iter_modules(sys.modules[__package__].__path__)
         if not module.name.startswith("_")
     }
-    asked = next((word for word in words if not word.startswith("-")), None)
-    for name in [asked] if asked in names else sorted(names):
-        app.command(name)(_with_format(import_module(f"{__package__}.{names[str(name)]}").command))
+    asked = next((word for word in (*words, *_being_completed()) if not word.startswith("-")), "")
+    if asked in names:
+        command = import_module(f"{__package__}.{names[asked]}").command
+        app.command(asked)(_with_format(command))
+    else:
+        for name, module in sorted(names.items()):
+            app.command(name, help=_summary(module))(_listed)
     return app
+
+
+def _being_completed() -> list[str]:
+    """The words after `femnl` of a line that the shell asks to complete."""
+    line = os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS", "")
+    return line.split()[1:] if "_FEMNL_COMPLETE" in os.environ else []
+
+
+def _listed() -> None:
+    """Stand for a command in the list of them, which needs none of their modules."""
+
+
+def _summary(module: str) -> str:
+    """What a command says of itself, read without running its module."""
+    tree = ast.parse((Path(__file__).parent / f"{module}.py").read_text(encoding="utf-8"))
+    functions = (node for node in tree.body if isinstance(node, ast.FunctionDef))
+    command = next(function for function in functions if function.name == "command")
+    return ast.get_docstring(command) or ""
 
 
 def _version(wanted: bool) -> None:

@@ -10,9 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from femnl.cli._output import console, scientific, table
 from femnl.core.errors import MeasurementError, ParameterError
-from femnl.mechanics.modes.dilution import dilution
-from femnl.mechanics.nonlinearity import solve_inertia
-from femnl.mechanics.static_deflection import solve_static_deflection
 
 if TYPE_CHECKING:
     import numpy as np
@@ -43,6 +40,10 @@ class More:
         tensor: bool,
     ) -> More:
         """Solve what the options ask for. bow: depth or pressure, see `bow_of`."""
+        from femnl.mechanics.modes.dilution import dilution
+        from femnl.mechanics.nonlinearity import solve_inertia
+        from femnl.mechanics.static_deflection import solve_static_deflection
+
         return cls(
             solve_inertia(modes, cross=tensor) if inertia else None,
             solve_static_deflection(modes, *bow) if bow is not None else None,

@@ -1,17 +1,20 @@
 """How commands print: tables that copy into a paper, numbers with errors, one JSON object."""
 
+from __future__ import annotations
+
 import json
 import logging
 import math
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
-from rich.console import Console, Group
-from rich.table import Table
-from rich.text import Text
 
 from femnl.cli._format import chosen, render
+
+if TYPE_CHECKING:
+    from rich.console import Group
+    from rich.table import Table
 
 CLEAR = "\r\x1b[K"  # of a terminal: to the start of the line, and empty it
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -25,6 +28,10 @@ class Printer:
 
     def print(self, what: str | Table | Group) -> None:
         """Print a sentence, a table, or a table under its title."""
+        from rich.console import Console, Group
+        from rich.table import Table
+        from rich.text import Text
+
         clear()
         if chosen.get() == "text":
             # Wide enough for any table where the output is not a terminal.
@@ -85,6 +92,10 @@ def _plain(value: Any) -> Any:
 
 def table(title: str, columns: list[str], rows: list[list[str]]) -> Group:
     """A plain table under its title: text left, numbers right."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
     result = Table(box=None, pad_edge=False, header_style="bold")
     for k, column in enumerate(columns):
         numbers = all(row[k][:1] in "0123456789-−–" for row in rows)

@@ -39,7 +39,7 @@ def command(
     """Solve the bands of flexural waves in the lattice of holes, as if the film had no edge."""
     import numpy as np
 
-    from femnl.io.results import need_room
+    from femnl.io.results.atomic import need_room
     from femnl.mechanics.bands import solve_bands
     from femnl.plot.bands import draw_bands
 

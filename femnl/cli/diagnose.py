@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from femnl.cli._device import Json
+from femnl.cli._device import Json, MeasurementFile
 from femnl.cli._output import console, note, print_json, scientific, table
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ MOST = 4
 """Workers unless the user asks for more: the fits that do not wait for each other are about a
 dozen.
 """
-File = Annotated[Path, typer.Argument(help="A measurement file (.nc).", show_default=False)]
 Geometry = Annotated[
     str | None, typer.Option(help="Geometry to use instead of the file's own.", show_default=False)
 ]
@@ -37,7 +36,7 @@ Out = Annotated[
 
 
 def command(
-    file: File,
+    file: MeasurementFile,
     geometry: Geometry = None,
     workers: Workers = None,
     out: Out = None,

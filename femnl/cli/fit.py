@@ -8,19 +8,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
-import xarray as xr
 
-from femnl.cli._device import Cache, Json, check_mode
+from femnl.cli._device import Cache, Json, MeasurementFile, check_mode
 from femnl.cli._fit_map import maps, readout
 from femnl.cli._fit_response import line_scan, response
 from femnl.cli._fit_spectrum import film, overview
 from femnl.cli._fit_trace import harmonics, oscillator, ringdown
 from femnl.cli._outcome import Outcome
 from femnl.cli._output import console, note, print_json
+from femnl.core.choices import Use
 from femnl.core.errors import MeasurementError, ParameterError
-from femnl.fits.response.misfit import Use
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from femnl.core.device import Model
     from femnl.core.readout import PeriodicFringe
 
@@ -45,7 +46,6 @@ APPLIES = {
     "held_out": ("oscillator",),
 }
 
-File = Annotated[Path, typer.Argument(help="A measurement file (.nc).", show_default=False)]
 As = Annotated[
     str | None,
     typer.Option(
@@ -98,7 +98,7 @@ Out = Annotated[
 
 def command(
     context: typer.Context,
-    file: File,
+    file: MeasurementFile,
     *,
     meaning: As = None,
     use: UseOption = "complex",
@@ -242,7 +242,7 @@ def _write(
 ) -> None:
     """Draw the figures and write the spectra that fits found, named after file and measurement."""
     from femnl.io import measurement
-    from femnl.io.results import write_whole
+    from femnl.io.results.atomic import write_whole
 
     folder.mkdir(parents=True, exist_ok=True)
     for name, result in results.items():

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 import femnl
@@ -48,7 +48,7 @@ def command(
     wavelength: Wavelength = "632.8 nm",
     harmonics: Shown = 6,
     fringe: Readout = "sine",
-    theta: Theta = np.pi / 4,
+    theta: Theta = math.pi / 4,
     points: Points = 101,
     bending: Bending = None,
     out: Out = None,
@@ -57,7 +57,7 @@ def command(
     """Predict the maps of the drive's harmonics for one mode, as a file and a figure."""
     from femnl.device.geometry.curves import polyline
     from femnl.io import measurement
-    from femnl.io.results import need_room, write_whole
+    from femnl.io.results.atomic import need_room, write_whole
     from femnl.pipeline import harmonic_maps, solve_modes
     from femnl.plot.maps import harmonic_map_figure
 
@@ -65,7 +65,7 @@ def command(
         raise ParameterError(
             f"--z {z:g}: expected a positive modulation up to {LARGEST_Z}, such as 4.218"
         )
-    if not -np.pi <= theta <= np.pi:
+    if not -math.pi <= theta <= math.pi:
         raise ParameterError(
             f"--theta {theta:g}: expected an angle in rad from −π to π, such as 0.785"
         )
@@ -80,7 +80,7 @@ def command(
             f'--wavelength "{wavelength}": {length:g} m is no wavelength of light; write e.g. '
             '"632.8 nm"'
         )
-    amplitude = z * length / (4 * np.pi)
+    amplitude = z * length / (4 * math.pi)
     modes = solve_modes(model, max(10, mode), cache=cache)
     name = f"mode {modes.label[index] or mode}"
     title = (

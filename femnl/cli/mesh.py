@@ -26,7 +26,8 @@ def command(
 ) -> None:
     """Mesh a device and say what came out."""
     from femnl.device.mesh import mesh
-    from femnl.io.results import check_suffix, need_room, write_mesh
+    from femnl.io.results.atomic import need_room
+    from femnl.io.results.vtu import check_suffix, write_mesh
 
     if out:
         check_suffix(out)

@@ -21,8 +21,8 @@ from femnl.cli._device import (
 )
 from femnl.cli._modes_more import More, bow_of
 from femnl.cli._output import console, note, print_json, scientific, table
+from femnl.core.choices import Certified
 from femnl.core.errors import ParameterError
-from femnl.pipeline import Certified
 
 if TYPE_CHECKING:
     from femnl.core.device import Model
@@ -98,8 +98,7 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Solve the modes of a device: frequencies, effective masses, Duffing coefficients."""
-    from femnl.io.results import need_room, write_modes, write_vtu
-    from femnl.mechanics.lattice import solve_homogenised
+    from femnl.io.results.atomic import need_room
     from femnl.pipeline import solve_nonlinearity
 
     kind = suffix_of(out, (".nc", ".vtu")) if out else ""
@@ -123,6 +122,8 @@ def command(
                 "--homogenised: the even film tells nothing of --inertia, --bow or --dilution; "
                 "solve the full film for them"
             )
+        from femnl.mechanics.lattice import solve_homogenised
+
         modes, nonlinearity = solve_homogenised(model, count, tensor=tensor)
     else:
         modes = _solve(
@@ -142,6 +143,9 @@ def command(
         _show(modes, nonlinearity)
         more.show(modes, nonlinearity)
     if out:
+        from femnl.io.results.netcdf import write_modes
+        from femnl.io.results.vtu import write_vtu
+
         if kind == ".nc":
             write_modes(out, modes, nonlinearity)
         else:

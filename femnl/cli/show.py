@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from femnl.cli._device import MeasurementFile
 from femnl.cli._output import console, note, table
 from femnl.core.errors import GeometryError
 
@@ -22,12 +23,12 @@ Out = Annotated[
 
 
 def command(
-    file: Annotated[Path, typer.Argument(help="A measurement file (.nc).", show_default=False)],
+    file: MeasurementFile,
     out: Out = Path(),
 ) -> None:
     """Print what a measurement file holds, and draw every measurement in it."""
     from femnl.io import measurement
-    from femnl.io.results import make_folder, write_whole
+    from femnl.io.results.atomic import make_folder, write_whole
     from femnl.plot.measurement import figures
 
     tree = measurement.read(file)

@@ -12,26 +12,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from femnl.cli._device import Json, suffix_of
 from femnl.cli._output import console, note, print_json, table
 from femnl.core.errors import ParameterError
+from femnl.core.resources import need_file
 
 if TYPE_CHECKING:
     from femnl.sweep import Report
 
 EVERY = 60.0  # seconds between lines of progress where standard error is no terminal
 
-Spec = Annotated[Path, typer.Argument(help="Sweep file, TOML.", show_default=False)]
+Spec = Annotated[
+    Path, typer.Argument(help="Sweep file, TOML.", show_default=False, callback=need_file)
+]
 Out = Annotated[
     Path | None,
     typer.Option(
@@ -194,18 +188,21 @@ def _progress(report: Report) -> Iterator[Any]:
 
     Called with whether a point failed.
     """
+    from rich import progress
+    from rich.console import Console
+
     failed = sum(report.failed.values())
     done = report.points - report.missing
     last = time.monotonic()
     if sys.stderr.isatty():
         columns = (
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.description}"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
+            progress.BarColumn(),
+            progress.MofNCompleteColumn(),
+            progress.TextColumn("{task.description}"),
+            progress.TimeElapsedColumn(),
+            progress.TimeRemainingColumn(),
         )
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        with progress.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
             task = bar.add_task(f"{failed} failed", total=report.points, completed=done)
 
             def advance(bad: bool) -> None:

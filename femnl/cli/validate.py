@@ -4,7 +4,6 @@ from typing import Annotated
 
 import typer
 
-from femnl import validation
 from femnl.cli._device import Json
 from femnl.cli._output import console, note, print_json
 from femnl.core import resources
@@ -21,6 +20,8 @@ def command(
 
     The status is 1 where one differs.
     """
+    from femnl import validation
+
     results = []
     for result in validation.run(resources.cases(), names or ()):
         results.append(result)

@@ -39,7 +39,7 @@ def command(
     cache: Cache = True,
 ) -> None:
     """Show the mesh, the relaxed stress, the thickness or a mode shape."""
-    from femnl.io.results import need_room
+    from femnl.io.results.atomic import need_room
     from femnl.pipeline import solve_modes
     from femnl.plot.film import WHAT
     from femnl.plot.mechanics import FORMATS, view

@@ -29,3 +29,8 @@ class MissingLibraryError(FemnlError):
 
 class ParameterError(FemnlError):
     """An argument of a command or function is outside what it can mean."""
+
+
+def one_line(text: str) -> str:
+    """Return text with everything unprintable escaped, line ends first of all."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -3,7 +3,13 @@
 Inside an installed wheel, or at the top of a checkout.
 """
 
+import tomllib
+from collections.abc import Mapping
+from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
+
+from femnl.core.errors import GeometryError, MeasurementError, one_line
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -11,6 +17,75 @@ _PACKAGE = Path(__file__).parents[1]
 def geometries() -> Path:
     """Return the folder of the shipped geometry files, one TOML a device."""
     return _folder("geometries")
+
+
+def find_geometry(name_or_path: str | Path) -> Path:
+    """Return the file of a geometry: that of a shipped name, else the path itself.
+
+    Raises: GeometryError where it is neither.
+    """
+    path = Path(name_or_path)
+    if str(name_or_path) not in _names() and (path.suffix == ".toml" or path.is_file()):
+        return path
+    return find_shipped(str(name_or_path), "neither a shipped geometry nor a file")
+
+
+def find_shipped(name: str, otherwise: str = "no shipped geometry") -> Path:
+    """Return the file of a shipped geometry, and never one elsewhere.
+
+    Raises: GeometryError where there is none; `otherwise` says what the name is instead.
+    """
+    names = _names()
+    if name in names:
+        return geometries() / f"{name}.toml"
+    close = get_close_matches(name, names, n=1)
+    hint = f"did you mean {close[0]}?" if close else f"shipped are {', '.join(names)}"
+    raise GeometryError(one_line(f"{name}: {otherwise}; {hint}"))
+
+
+def need_file(path: Path) -> Path:
+    """Return the path of a file that must be there.
+
+    Raises: MeasurementError where nothing is.
+    """
+    if not path.is_file():
+        raise MeasurementError(f"{path}: no such file; check the path")
+    return path
+
+
+def _names() -> list[str]:
+    return sorted(path.stem for path in geometries().glob("*.toml"))
+
+
+def shipped() -> list[tuple[str, str]]:
+    """List the shipped geometries: name and a one-line description of each, by name.
+
+    The description quotes the files, so that a list needs no units, meshes or arrays.
+    """
+    files = sorted(geometries().glob("*.toml"))
+    return [(file.stem, _described(tomllib.loads(file.read_text("utf-8")))) for file in files]
+
+
+def _described(tables: Mapping[str, Mapping[str, Any]]) -> str:
+    """Quote the outline, the holes and the film of a geometry file in one line."""
+    outline = dict(tables["outline"])
+    film = tables["film"]
+    holes = f"holes {_quoted(tables['holes'])}" if "holes" in tables else "no holes"
+    parts = [
+        f"{outline.pop('kind')}, {_quoted(outline)}".rstrip(", "),
+        holes,
+        f"film {film['thickness']} at {film['stress']}",
+        *(f"{name} {_quoted(tables[name])}" for name in ("clamp", "overhang") if name in tables),
+    ]
+    return "; ".join(parts)
+
+
+def _quoted(table: Mapping[str, Any]) -> str:
+    """Quote the plain values of a table; lists of points would fill pages."""
+    plain = {name: value for name, value in table.items() if not isinstance(value, list)}
+    if "count" in table:
+        plain["count"] = " × ".join(map(str, table["count"]))
+    return ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in plain.items())
 
 
 def cases() -> Path:

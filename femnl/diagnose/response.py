@@ -17,7 +17,7 @@ from femnl.core.stages import Oscillator, Signal
 from femnl.fits.response.fit import fit_response
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import Named, Ranked, apply
-from femnl.observe.response.branches import duffing_branches
+from femnl.observe.response.states import branch_amplitudes, follow
 from femnl.observe.response.sweeps import Sweeps, collect
 
 ALPHA_SD = 0.2
@@ -34,18 +34,6 @@ of the strongest ones alone.
 """
 BEYOND = 4
 """Power of the signal with which f₀ and w may: the next beyond the cubic force."""
-SIDES = np.arange(2)
-"""Indices of the low and the high sheet."""
-ROUNDS = 12
-"""Iterations of the amplitude under a quintic term or a resonance of higher order, small
-corrections of the cubic one.
-"""
-SETTLED = 1e-6
-"""Relative change of a squared amplitude at which they end."""
-FAINT = 1e-6
-"""Squared amplitude, in that of one linewidth of stiffening, from which on a resonance of any order
-acts.
-"""
 
 
 class ResponseModel:
@@ -99,7 +87,7 @@ class ResponseModel:
         )
         self.softens = ratio * self.simulated_alpha < 0
         self._names = names
-        self._solved = recent(_on_sheets)
+        self._solved = recent(branch_amplitudes)
         masks = [self._whole((1 + 1j) * (self.sweeps.position == p)) > 0 for p in range(n)]
         self.independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = tuple(
             {f"{name}{place}": mask for place, mask in zip(names, masks, strict=True)}
@@ -244,7 +232,7 @@ class ResponseModel:
             ],
             np.int64,
         )
-        compiled(_follow)(found, self.sweeps.voltage, both, spans, int(alpha >= 0))
+        compiled(follow)(found, self.sweeps.voltage, both, spans, int(alpha >= 0))
         return found
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
@@ -354,62 +342,6 @@ class ResponseModel:
         offset = self.sweeps.frequency[k] - self.start[0]
         drive = f"the drive of {worst * self.sweeps.reference:.3g} V deviates most"
         return f"{drive}, most strongly {offset:+.3g} Hz from resonance; rms by drive {table}"
-
-
-def _follow(
-    found: ComplexArray,
-    measured: ComplexArray,
-    both: ComplexArray,
-    spans: NDArray[np.int64],
-    first: int,
-) -> None:
-    """Put in place the sheet (2, n) of each point.
-
-    spans (n_sweeps, 3): start, stop, and whether a sweep begins on the first sheet.
-    """
-    last = 1 - first
-    for k in range(len(spans)):
-        start = spans[k, 0]
-        stop = spans[k, 1]
-        jump = start
-        left = 0.0
-        least = 0.0
-        for i in range(start, stop):
-            gain = abs(measured[i] - both[first, i]) ** 2 - abs(measured[i] - both[last, i]) ** 2
-            found[i] = both[first if gain <= 0 else last, i]
-            left += gain
-            if left < least:
-                jump = i + 1
-                least = left
-        if spans[k, 2]:
-            found[start:jump] = both[first, start:jump]
-            found[jump:stop] = both[last, jump:stop]
-
-
-def _on_sheets(
-    delta: Array,
-    cubic: ComplexArray,
-    fifth: Array,
-    pulled: ComplexArray,
-    scale: Array,
-    order: float,
-) -> ComplexArray:
-    """Return b = 1/(δ + i + a x), x = |b|², on the low and the high branch, (2, n).
-
-    a(x) = cubic + fifth·x + pulled·(scale·x)^(order − 2) is put to the amplitude at hand, round by
-    round.
-    """
-    a = cubic + pulled
-    x = duffing_branches(delta, a.real, a.imag, continued=True).x
-    if np.any(fifth) or (np.any(pulled) and order != 2):
-        for _ in range(ROUNDS):
-            a = cubic + fifth * x + pulled * np.maximum(x * scale, FAINT) ** (order - 2)
-            # Both at once: row s of sheet s is the one that goes on from x[s].
-            before = x
-            x = duffing_branches(delta, a.real, a.imag, continued=True).x[SIDES, SIDES]
-            if np.all(np.abs(x - before).max(axis=1) < SETTLED * np.abs(x).max(axis=1)):
-                break
-    return np.asarray(1 / (delta + a.real * x + 1j * (1 + a.imag * x)))
 
 
 def _mode(dataset: xr.Dataset, film: SimulatedFilm, frequency: float) -> int:

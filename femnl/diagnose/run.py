@@ -19,13 +19,14 @@ from femnl.core.diagnosis import Alternative, Diagnosis, FreeForm, Quality, Tria
 from femnl.core.effect import Effect
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Parameter
+from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.checkpoint import remembered
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointModel
 from femnl.diagnose.map import MapModel
 from femnl.diagnose.record import RecordModel
 from femnl.diagnose.response import ResponseModel
-from femnl.diagnose.search import Candidate, applicable, search
+from femnl.diagnose.search import applicable, search
 from femnl.diagnose.series import SeriesModel
 from femnl.diagnose.spectrum import SpectrumModel
 from femnl.diagnose.trace import TraceModel
@@ -33,7 +34,7 @@ from femnl.diagnose.verdict import judge, measure_next
 from femnl.diagnose.worker_pool import Posed, Run, worker_pool
 from femnl.effects import library
 from femnl.io import measurement
-from femnl.io.results import write_whole
+from femnl.io.results.atomic import write_whole
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import MeasurementModel, Named
 from femnl.pipeline import measured_device

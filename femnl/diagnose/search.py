@@ -5,17 +5,23 @@ Ranked cheaply, fitted, compared.
 
 import logging
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
 from typing import TypeVar
 
-import numpy as np
 from scipy.stats import chi2
 
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
-from femnl.diagnose.adequacy import ScoreTest, adequacy, score_tests
+from femnl.diagnose.candidate import (
+    DOUBTFUL,
+    FALSE_ALARMS,
+    HOPELESS,
+    Candidate,
+    Names,
+    criticise,
+    names_of,
+)
 from femnl.diagnose.global_starts import scan
 from femnl.diagnose.least_squares import FitResult, fit, improve
 from femnl.diagnose.multistart import (
@@ -25,36 +31,12 @@ from femnl.diagnose.multistart import (
     replaced,
     sought_again,
     sought_beyond,
-    unlike,
 )
 from femnl.diagnose.worker_pool import Job, Run, in_turn
 from femnl.observe.model import ExtendedModel, MeasurementModel
 
 PROGRESS = logging.getLogger("femnl.progress")
 T = TypeVar("T")
-Names = tuple[str, ...]
-FALSE_ALARMS = 0.01
-"""p-value below which causes are sought beside the base model, and below which a set of causes does
-not explain the data.
-"""
-HOPELESS = 1e-3
-"""p-value that is rare, but not too rare for chance, for what the base model or one cause predicts
-of data that were left out.
-"""
-DOUBTFUL = 0.05
-"""p-value below which a set that explains the data may lack a cause that is too weak to rule it
-out.
-"""
-MOST = 7
-"""Effects that are fitted at each step, those that the residuals point to most."""
-TELLING = 2
-"""Effects whose looks are the least likely by chance, which are fitted however little they promise:
-what is of second order shows that it is there, but not how much it could take up."""
-FEWEST = 4
-FAINT = 0.01
-"""Effects that are fitted in any case, and the part of the excess of χ² that any other must promise
-to take up.
-"""
 BEAM = 2
 PEERS = 2.0
 """Sets of causes that are extended at each step; single causes up to this ratio of what they and
@@ -72,56 +54,6 @@ where no set explains the data well.
 """
 LARGEST = 3
 """Causes in the largest set."""
-PER_CAUSE = 0.1
-"""Prior odds of one more cause."""
-
-
-@dataclass(frozen=True)
-class Pointer:
-    """An effect that residuals point to.
-
-    With the values of its parameters from which fits start.
-    """
-
-    effect: Effect
-    shapes: tuple[dict[str, float], ...]
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A fitted set of causes.
-
-    Its p-value, the score test that speaks most against it, and where its residuals point
-    (None: not tested).
-    """
-
-    result: FitResult
-    p_value: float
-    worst: str
-    pointers: tuple[Pointer, ...] | None
-
-    @property
-    def names(self) -> Names:
-        """Names of the causes, sorted."""
-        return _names(self.result)
-
-    @property
-    def weight(self) -> float:
-        """Logarithm of evidence times prior odds."""
-        return self.result.log_evidence + len(self.names) * float(np.log(PER_CAUSE))
-
-    @property
-    def viable(self) -> bool:
-        """Whether the set explains the data: adequate, with no parameter at a bound."""
-        return self.p_value >= (FALSE_ALARMS if self.names else HOPELESS) and not self.result.stuck
-
-    @property
-    def least(self) -> float:
-        """p-value of data left out below which the set does not explain them.
-
-        One cause is given the benefit of the doubt.
-        """
-        return HOPELESS if len(self.names) <= 1 else FALSE_ALARMS
 
 
 def applicable(base_model: MeasurementModel, library: Iterable[Effect]) -> list[Effect]:
@@ -131,37 +63,6 @@ def applicable(base_model: MeasurementModel, library: Iterable[Effect]) -> list[
         for effect in library
         if base_model.kind in effect.kinds
         and all(fact in base_model.scales for fact in effect.needs)
-    ]
-
-
-def criticise(result: FitResult, library: list[Effect]) -> Candidate:
-    """Look at the residuals in every way, the effects that the model lacks included."""
-    mine = {effect.name for effect in result.model.effects}
-    others = [effect for effect in library if effect.name not in mine]
-    found = score_tests(result, others)
-    p_value, worst = adequacy(result, found)
-    return Candidate(result, p_value, worst, tuple(_pointers(result, found, others)))
-
-
-def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) -> list[Pointer]:
-    """Return the effects that promise most, and those whose tests are least likely by chance."""
-    best: dict[str, list[ScoreTest]] = {}
-    for test in sorted(found, key=lambda test: -test.gain):
-        if test.effect is not None and test.gain > 0:
-            best.setdefault(test.name, []).append(test)
-    excess = result.chi2 - result.degrees
-    promising = {
-        name
-        for i, name in enumerate(best)
-        if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)
-    }
-    promising.update(
-        sorted(best, key=lambda name: min(test.p_value for test in best[name]))[:TELLING]
-    )
-    return [
-        Pointer(e, tuple(test.values for test in unlike(best[e.name])))
-        for e in library
-        if e.name in promising
     ]
 
 
@@ -274,7 +175,7 @@ def _looked_at(candidates: list[Candidate], library: list[Effect], run: Run) -> 
     """Criticise what has not been yet."""
     todo = [c.result for c in candidates if c.pointers is None]
     fresh = iter(
-        run([_job("looking at", _names(s), s, partial(criticise, s, library)) for s in todo])
+        run([_job("looking at", names_of(s), s, partial(criticise, s, library)) for s in todo])
     )
     return [next(fresh) if c.pointers is None else c for c in candidates]
 
@@ -291,7 +192,7 @@ def _keep(
     """
     best: dict[Names, FitResult] = {}
     for result in (result for result in results if result is not None):
-        names = _names(result)
+        names = names_of(result)
         known = best[names] if names in best else grown[names].result if names in grown else None
         if known is None or result.chi2 < known.chi2:
             best[names] = result
@@ -322,14 +223,14 @@ def _from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[
     ]
     rough = run(
         [
-            _job("seeking", _names(single, other), base, partial(_roughly, single, other))
+            _job("seeking", names_of(single, other), base, partial(_roughly, single, other))
             for single, other in pairs
         ]
     )
     best = sorted(zip(rough, pairs, strict=True), key=lambda pair: pair[0][0])[: AGAIN[PAIR]]
     return run(
         [
-            _job("trying", _names(single, other), base, partial(_paired, single, other, v))
+            _job("trying", names_of(single, other), base, partial(_paired, single, other, v))
             for (_, v), (single, other) in best
         ]
     )
@@ -375,14 +276,15 @@ def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitRes
         mine = parent.names
         for pointer in parent.pointers or ():
             find = partial(extended, result, pointer.effect, list(pointer.shapes))
-            jobs.append(_job("trying", _names(result, pointer.effect), result, find))
+            jobs.append(_job("trying", names_of(result, pointer.effect), result, find))
         others = [
             e
             for e in library
             if e.name not in mine and not any(spec.strength for spec in e.parameters)
         ]
         jobs += [
-            _job("trying", _names(result, e), result, partial(replaced, result, e)) for e in others
+            _job("trying", names_of(result, e), result, partial(replaced, result, e))
+            for e in others
         ]
     return jobs
 
@@ -391,15 +293,11 @@ def _seeking(candidates: list[Candidate]) -> list[Job[FitResult | None]]:
     """Return fits that scan each cause of some sets anew, and what else may have been missed."""
     jobs: list[Job[FitResult | None]] = []
     for result in (c.result for c in candidates):
-        jobs.append(_job("seeking", _names(result), result, partial(sought_beyond, result)))
+        jobs.append(_job("seeking", names_of(result), result, partial(sought_beyond, result)))
         for k, effect in enumerate(result.model.effects):
             doing = f"seeking {effect.name} again in"
-            jobs.append(_job(doing, _names(result), result, partial(sought_again, result, k)))
+            jobs.append(_job(doing, names_of(result), result, partial(sought_again, result, k)))
     return jobs
-
-
-def _names(result: FitResult, *more: Effect) -> Names:
-    return tuple(sorted(effect.name for effect in (*result.model.effects, *more)))
 
 
 def _job(doing: str, names: Names, result: FitResult, find: Callable[[], T]) -> Job[T]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from femnl.core.diagnosis import Verdict
+from femnl.diagnose.candidate import DOUBTFUL, FALSE_ALARMS, HOPELESS, PER_CAUSE, Candidate
 from femnl.diagnose.freeform import fitted_forms
 from femnl.diagnose.least_squares import CrossValidation
-from femnl.diagnose.search import DOUBTFUL, FALSE_ALARMS, HOPELESS, PER_CAUSE, Candidate
 
 CLEAR = 0.99
 """Posterior probability from which on one set of causes is told alone: a wrong one is to be told in

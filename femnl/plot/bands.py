@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from femnl.io.results import write_whole
+from femnl.io.results.atomic import write_whole
 from femnl.mechanics.bands import Bands
 from femnl.plot.style import COLOURS, INK, new_figure, prefixed, style
 

@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 from femnl.core.device import Holes, Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Modes
-from femnl.io.results import unfold
 from femnl.io.results.atomic import write_whole
+from femnl.io.results.surface import unfold
 from femnl.plot.film import (
     PAPER,
     Box,

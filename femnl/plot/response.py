@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from femnl.fits.response.misfit import Use
+from femnl.core.choices import Use
 from femnl.io.measurement import amplitude, noise_sd
 from femnl.plot.style import (
     COLOURS,

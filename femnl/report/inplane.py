@@ -12,7 +12,7 @@ from matplotlib.tri import Triangulation
 from femnl.core.device import Edge
 from femnl.core.mechanics import Modes
 from femnl.device.geometry.curves import polyline
-from femnl.io.results import unfold
+from femnl.io.results.surface import unfold
 from femnl.mechanics.nonlinearity import in_plane_response
 from femnl.plot.style import INK, SEQUENTIAL, new_figure, style
 from femnl.report.shape import FLAT

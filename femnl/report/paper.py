@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 
 from femnl.core.errors import MissingLibraryError, ParameterError
-from femnl.io.results import write_whole
+from femnl.io.results.atomic import write_whole
 
 BROWSERS = (
     "chromium",

@@ -12,7 +12,7 @@ from plotly.offline.offline import get_plotlyjs
 
 from femnl.core.mechanics import Modes
 from femnl.device.geometry.curves import polyline
-from femnl.io.results import unfold
+from femnl.io.results.surface import unfold
 from femnl.plot.mechanics import film_figure
 from femnl.plot.style import DIVERGING
 from femnl.report.picture import Picture, embed

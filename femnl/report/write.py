@@ -7,7 +7,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
 from femnl.core import resources
-from femnl.io.results import make_folder, write_whole
+from femnl.io.results.atomic import make_folder, write_whole
 from femnl.plot.screen import need_offscreen
 from femnl.report.benchmarks import benchmarks
 from femnl.report.blind import blind

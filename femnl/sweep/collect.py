@@ -13,7 +13,7 @@ import xarray as xr
 from pydantic_core import PydanticCustomError
 
 from femnl.device.geometry.quantities import DENSITY, LENGTH, PRESSURE, to_si
-from femnl.io.results import write_whole
+from femnl.io.results.atomic import write_whole
 from femnl.sweep.point import KEPT, Record
 from femnl.sweep.spec import Sweep
 from femnl.sweep.store import Store

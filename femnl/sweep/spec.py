@@ -10,9 +10,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from femnl.core.errors import ParameterError
+from femnl.core.errors import ParameterError, one_line
 from femnl.device.geometry import load
-from femnl.device.geometry.tables import one_line, suggest
+from femnl.device.geometry.tables import suggest
 from femnl.device.mesh import WEDGES
 from femnl.mechanics.fem.memory import need_memory
 from femnl.sweep.axes import Axis, Range, check_axis, locate, put, read_axis

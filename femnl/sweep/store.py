@@ -12,7 +12,7 @@ from typing import IO, Any
 import numpy as np
 
 from femnl.core.errors import ParameterError
-from femnl.io.results import need_room, write_whole
+from femnl.io.results.atomic import need_room, write_whole
 from femnl.sweep.point import VERSION, Record, Settings
 
 

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from femnl.core.mechanics import Modes
-from femnl.io import results as storage
+from femnl.io.results.netcdf import read_modes, write_modes
 from femnl.pipeline import solve_modes, solve_nonlinearity
 from tests.physics.error_battery import Film, finer_modes, measure, outline, stiff
 from tests.physics.small_films import film, rectangle, skewed, sloped, squares, stretched
@@ -84,8 +84,8 @@ def test_couplings_vanish_where_film_and_mesh_have_the_mirror_and_nowhere_else()
 def test_modes_read_back_have_the_same_error_bars(tmp_path: Path) -> None:
     model = stretched(film(4, 4), 1e-3)
     modes = solve_modes(model, 6, resolution=0.8, cache=False)
-    storage.write_modes(tmp_path / "modes.nc", modes)
-    again = storage.read_modes(tmp_path / "modes.nc", model)
+    write_modes(tmp_path / "modes.nc", modes)
+    again = read_modes(tmp_path / "modes.nc", model)
     np.testing.assert_array_equal(again.effective_mass_error, modes.effective_mass_error)
     np.testing.assert_array_equal(again.ratio_error, modes.ratio_error)
     np.testing.assert_allclose(

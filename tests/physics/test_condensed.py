@@ -15,7 +15,7 @@ from scipy.sparse import csc_matrix
 
 from femnl.core.device import Clamp, Edge, Model
 from femnl.core.errors import ConvergenceError, ParameterError
-from femnl.io import results as storage
+from femnl.io.results.netcdf import read_modes, write_modes
 from femnl.mechanics import lattice, nonlinearity
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.solvers import lowest_eigenpairs
@@ -218,8 +218,8 @@ def test_degenerate_pairs_of_a_tiled_square_are_degenerate() -> None:
 def test_tiled_modes_read_back_have_the_same_nonlinearity(tmp_path: Path) -> None:
     model = film(3, 3)
     modes = solve_condensed(tile(model, 0.9), 2, 3)
-    storage.write_modes(tmp_path / "modes.nc", modes)
-    again = storage.read_modes(tmp_path / "modes.nc", model)
+    write_modes(tmp_path / "modes.nc", modes)
+    again = read_modes(tmp_path / "modes.nc", model)
     assert again.domain.tiles == 0.9
     np.testing.assert_array_equal(
         solve_nonlinearity(again, cache=False).k3, solve_nonlinearity(modes, cache=False).k3

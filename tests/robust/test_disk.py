@@ -20,7 +20,7 @@ import pytest
 from femnl.cli._main import run
 from femnl.core.errors import ParameterError
 from femnl.io import measurement
-from femnl.io.results import write_whole
+from femnl.io.results.atomic import write_whole
 from femnl.io.results.cache import kept
 
 DRUM = ["modes", "circle", "--count", "1", "--resolution", "0.5"]

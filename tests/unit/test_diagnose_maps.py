@@ -6,9 +6,10 @@ from numpy.typing import NDArray
 
 from femnl.core.comparison import Curves
 from femnl.device.geometry import load
+from femnl.diagnose.candidate import FALSE_ALARMS, criticise
 from femnl.diagnose.least_squares import fit
 from femnl.diagnose.map import MapModel
-from femnl.diagnose.search import FALSE_ALARMS, applicable, criticise
+from femnl.diagnose.search import applicable
 from femnl.effects import library
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from femnl import load
 from femnl.core.diagnosis import Diagnosis
 from femnl.diagnose import diagnose
+from femnl.diagnose.candidate import FALSE_ALARMS, criticise
 from femnl.diagnose.least_squares import fit
 from femnl.diagnose.response import ResponseModel
-from femnl.diagnose.search import FALSE_ALARMS, criticise, search
+from femnl.diagnose.search import search
 from femnl.effects import library
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm

@@ -16,8 +16,9 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.core.stages import Placement
 from femnl.diagnose.adequacy import score_tests
+from femnl.diagnose.candidate import Candidate, criticise
 from femnl.diagnose.least_squares import DECADES, FitResult, fit
-from femnl.diagnose.search import Candidate, applicable, criticise
+from femnl.diagnose.search import applicable
 from femnl.diagnose.spectrum import BENDING_SD, SpectrumModel
 from femnl.diagnose.verdict import CLEAR, judge
 from femnl.effects import library

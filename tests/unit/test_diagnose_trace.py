@@ -16,8 +16,8 @@ from femnl.core.diagnosis import Diagnosis
 from femnl.core.errors import MeasurementError
 from femnl.device.geometry import load
 from femnl.diagnose import diagnose
+from femnl.diagnose.candidate import FALSE_ALARMS, criticise
 from femnl.diagnose.least_squares import fit
-from femnl.diagnose.search import FALSE_ALARMS, criticise
 from femnl.diagnose.trace import TraceModel
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm

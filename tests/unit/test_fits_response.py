@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from femnl.core.choices import Use
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit
 from femnl.core.resonator import Array, Complex, Resonator
 from femnl.fits.response.fit import fit_response, predict_response
 from femnl.fits.response.linescan import fit_line_scan
-from femnl.fits.response.misfit import Misfit, Use, rice
+from femnl.fits.response.misfit import Misfit, rice
 from femnl.io.measurement import response
 from femnl.observe.response.branches import STIFFEN, Layout, fold
 from femnl.observe.response.sweeps import collect

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pint import UnitRegistry
 
 from femnl.core import resources
 from femnl.core.errors import GeometryError
 from femnl.device.geometry import curves, load, parse, shipped
+from femnl.device.geometry.quantities import USUAL
 from femnl.device.geometry.tables import EXAMPLES, Table
 
 SHIPPED = {
@@ -286,3 +288,9 @@ def test_every_key_of_the_schema_has_an_example_for_messages() -> None:
         "clamp",
         "overhang",
     } == set(EXAMPLES)
+
+
+@pytest.mark.parametrize(("unit", "si"), USUAL, ids=" ".join)
+def test_a_usual_unit_is_as_large_as_pint_says(unit: str, si: str) -> None:
+    registry: UnitRegistry[Decimal] = UnitRegistry(non_int_type=Decimal)
+    assert USUAL[unit, si] == registry.Quantity(Decimal(1), unit).to(si).magnitude

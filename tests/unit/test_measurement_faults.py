@@ -87,7 +87,7 @@ REFUSED: dict[str, tuple[Damage, str]] = {
     ),
     "unknown kind": (
         _attribute("map", "kind", "picture"),
-        "map: kind is 'picture'; give the group an attribute kind, one of spectrum",
+        "map: kind is 'picture'; give the group an attribute kind, one of map, ",
     ),
     "no kind": (lambda f: f["map"].attrs.pop("kind"), "map: kind is ''"),
     "missing dataset": (lambda f: f["response"].pop("imag"), "response: dataset imag is missing"),

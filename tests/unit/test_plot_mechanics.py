@@ -12,7 +12,7 @@ from matplotlib.image import imread
 from femnl.core.errors import MissingLibraryError, ParameterError
 from femnl.core.mechanics import Modes
 from femnl.device.geometry import parse
-from femnl.io.results import unfold
+from femnl.io.results.surface import unfold
 from femnl.pipeline import solve_modes
 from femnl.plot import screen
 from femnl.plot.film import draw_flat, draw_raised, film_box, film_field

@@ -15,8 +15,11 @@ from femnl.core.device import Edge, Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Modes, Nonlinearity
 from femnl.device.mesh import mesh
-from femnl.io import results as storage
 from femnl.io.results.atomic import write_whole
+from femnl.io.results.cache import cached_modes, cached_nonlinearity
+from femnl.io.results.netcdf import read_modes, write_modes
+from femnl.io.results.surface import unfold
+from femnl.io.results.vtu import write_mesh, write_vtu
 from femnl.mechanics.modes import shape_at, solve_modes
 from femnl.mechanics.nonlinearity import solve_nonlinearity
 from femnl.mechanics.prestress import solve_prestress
@@ -34,12 +37,12 @@ def solve(model: Model, symmetry: str = "auto") -> Modes:
 def test_modes_read_back_as_they_were_written(device: Callable[..., Model], tmp_path: Path) -> None:
     model = device(SQUARE, HOLES)
     modes = solve(model)
-    storage.write_modes(
+    write_modes(
         tmp_path / "m.nc",
         replace(modes, coarse=modes),
         solve_nonlinearity(modes, "clamped", tensor=True),
     )
-    again = storage.read_modes(tmp_path / "m.nc", model)
+    again = read_modes(tmp_path / "m.nc", model)
     assert again.label == modes.label
     assert again.parity == modes.parity
     np.testing.assert_array_equal(again.shapes, modes.shapes)
@@ -67,7 +70,7 @@ def test_unfolded_film_covers_the_outline_once_with_the_shapes_of_the_modes(
     device: Callable[..., Model], outline: str, symmetry: str, area: float
 ) -> None:
     modes = solve(device(outline, HOLES), symmetry)
-    surface = storage.unfold(modes)
+    surface = unfold(modes)
     a, b, c = (surface.points[surface.triangles[:, k]] for k in range(3))
     twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     assert twice.min() > 0
@@ -88,7 +91,7 @@ def test_unfolded_film_covers_the_outline_once_with_the_shapes_of_the_modes(
 
 
 def test_relaxed_stress_at_a_hole_carries_no_traction(device: Callable[..., Model]) -> None:
-    surface = storage.unfold(solve(device(SQUARE, HOLES)))
+    surface = unfold(solve(device(SQUARE, HOLES)))
     radius = np.hypot(*surface.points.T)
     rim = np.isclose(radius, 4e-6, rtol=1e-4)
     normal = surface.points[rim] / radius[rim, None]
@@ -106,7 +109,7 @@ def test_vtu_opens_in_meshio_with_every_shape_and_the_stress(
     device: Callable[..., Model], tmp_path: Path
 ) -> None:
     modes = solve(device(SQUARE))
-    storage.write_vtu(tmp_path / "m.vtu", modes)
+    write_vtu(tmp_path / "m.vtu", modes)
     stored = meshio.read(tmp_path / "m.vtu")
     assert stored.cells[0].type == "triangle6"
     assert "mode_1_(1,1)" in stored.point_data
@@ -117,12 +120,12 @@ def test_mesh_is_written_in_the_format_its_suffix_names_and_others_are_refused(
     device: Callable[..., Model], tmp_path: Path
 ) -> None:
     domain = mesh(device(SQUARE))
-    storage.write_mesh(tmp_path / "m.vtk", domain)
+    write_mesh(tmp_path / "m.vtk", domain)
     assert len(meshio.read(tmp_path / "m.vtk").cells[0].data) == domain.mesh.nelements
     with pytest.raises(
         ParameterError, match=r"m\.docx: meshio writes no files that end in '\.docx'"
     ):
-        storage.write_mesh(tmp_path / "m.docx", domain)
+        write_mesh(tmp_path / "m.docx", domain)
 
 
 def test_a_failing_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
@@ -157,7 +160,7 @@ class TestCache:
             calls.append(1)
             return solve(model)
 
-        first, second = (storage.cached_modes(model, (6,), count) for _ in range(2))
+        first, second = (cached_modes(model, (6,), count) for _ in range(2))
         assert len(calls) == 1
         np.testing.assert_array_equal(first.frequency, second.frequency)
 
@@ -180,22 +183,22 @@ class TestCache:
             (thicker, (6,)),
             (replace(plain, bending=True), (6,)),
         ):
-            storage.cached_modes(model, options, partial(solve_and_count, model))
+            cached_modes(model, options, partial(solve_and_count, model))
         assert len(calls) == 5
 
     def test_a_damaged_file_is_reported_and_solved_anew(
         self, device: Callable[..., Model], tmp_path: Path, caplog: pytest.LogCaptureFixture
     ) -> None:
         model = device(SQUARE)
-        expected = storage.cached_modes(model, (6,), lambda: solve(model)).frequency
+        expected = cached_modes(model, (6,), lambda: solve(model)).frequency
         (path,) = (tmp_path / "femnl").glob("*.nc")
         path.write_bytes(path.read_bytes()[:1000])
         with caplog.at_level(logging.WARNING):
-            again = storage.cached_modes(model, (6,), lambda: solve(model))
+            again = cached_modes(model, (6,), lambda: solve(model))
         assert "unreadable in the cache" in caplog.text
         np.testing.assert_allclose(again.frequency, expected, rtol=1e-12)
         caplog.clear()
-        storage.cached_modes(model, (6,), lambda: solve(model))
+        cached_modes(model, (6,), lambda: solve(model))
         assert not caplog.text
 
     @pytest.mark.parametrize("tensor", [False, True])
@@ -210,12 +213,12 @@ class TestCache:
             return solve_nonlinearity(modes, edge, tensor)
 
         first, second = (
-            storage.cached_nonlinearity(modes, "clamped", tensor, partial(count, "clamped"))
+            cached_nonlinearity(modes, "clamped", tensor, partial(count, "clamped"))
             for _ in range(2)
         )
         assert calls == ["clamped"]
         np.testing.assert_array_equal(first.alpha, second.alpha)
         assert (second.tensor is not None) == tensor
-        sliding = storage.cached_nonlinearity(modes, "sliding", tensor, partial(count, "sliding"))
+        sliding = cached_nonlinearity(modes, "sliding", tensor, partial(count, "sliding"))
         assert calls == ["clamped", "sliding"]
         assert sliding.alpha[0] < first.alpha[0]

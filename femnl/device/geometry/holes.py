@@ -5,7 +5,6 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
-from scipy.spatial import cKDTree
 
 from femnl.core.device import Holes, Outline
 from femnl.core.errors import GeometryError
@@ -119,6 +118,8 @@ def refuse_overlap(holes: Holes) -> None:
     """
     if len(holes.centres) < 2:
         return
+    from scipy.spatial import cKDTree
+
     gaps, nearest = (
         np.asarray(found) for found in cKDTree(holes.centres).query(holes.centres, k=2)
     )

@@ -1,15 +1,18 @@
 """Numbers with units, as geometry files write them: "270 um" becomes 270e-6, correctly rounded."""
 
+from __future__ import annotations
+
 import re
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache, partial
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pint import UnitRegistry
-from pint.errors import PintError
 from pydantic import BeforeValidator
 from pydantic_core import PydanticCustomError
+
+if TYPE_CHECKING:
+    from pint import UnitRegistry
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 _FACTOR = r"[A-Za-zµμΩÅ]+(?:(?:\^|\*\*)-?[1-9]|[²³])?"
@@ -17,6 +20,20 @@ _FACTOR = r"[A-Za-zµμΩÅ]+(?:(?:\^|\*\*)-?[1-9]|[²³])?"
 _QUANTITY = re.compile(
     rf"\s*({_NUMBER})\s*({_FACTOR}(?:\s*[*/·]\s*{_FACTOR}|\s+{_FACTOR}){{0,9}})?\s*", re.ASCII
 )
+
+
+USUAL: dict[tuple[str, str], Decimal] = {
+    ("m", "m"): Decimal(1),
+    ("mm", "m"): Decimal("1e-3"),
+    ("um", "m"): Decimal("1e-6"),
+    ("µm", "m"): Decimal("1e-6"),
+    ("nm", "m"): Decimal("1e-9"),
+    ("Pa", "Pa"): Decimal(1),
+    ("MPa", "Pa"): Decimal("1e6"),
+    ("GPa", "Pa"): Decimal("1e9"),
+    ("kg/m^3", "kg/m^3"): Decimal(1),
+}
+"""Sizes of the units that most files are written in: loading pint takes as long as all else."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +105,8 @@ def refusal(reason: str, key: str | None = None) -> PydanticCustomError:
 
 @cache
 def _registry() -> UnitRegistry[Decimal]:
+    from pint import UnitRegistry
+
     return UnitRegistry(non_int_type=Decimal)
 
 
@@ -97,6 +116,10 @@ def _factor(unit: str, si: str) -> Decimal | None:
 
     0 if the dimensions differ, None if the unit is unknown.
     """
+    if (unit, si) in USUAL:
+        return USUAL[unit, si]
+    from pint.errors import PintError
+
     registry = _registry()
     try:
         parsed = registry.parse_units(unit)

@@ -1,7 +1,6 @@
 """From a geometry's name, file or text to a Model."""
 
 import tomllib
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +8,9 @@ from pydantic import ValidationError
 
 from femnl.core import resources
 from femnl.core.device import Model
-from femnl.core.errors import GeometryError
+from femnl.core.errors import GeometryError, one_line
 from femnl.device.geometry.schema import GeometryFile
-from femnl.device.geometry.tables import complaint, one_line
+from femnl.device.geometry.tables import complaint
 
 LARGEST = 2**24
 """Bytes of a geometry file; a list of the most holes allowed has a third of it."""
@@ -27,24 +26,16 @@ def load(name_or_path: str | Path) -> Model:
         GeometryError: no such geometry, or a file that does not describe a device: one line with
             file, key, value and remedy.
     """
-    path = Path(name_or_path)
-    if str(name_or_path) not in _names() and (path.suffix == ".toml" or path.is_file()):
-        return _read(path)
-    return load_shipped(str(name_or_path), "neither a shipped geometry nor a file")
+    return _read(resources.find_geometry(name_or_path))
 
 
-def load_shipped(name: str, otherwise: str = "no shipped geometry") -> Model:
+def load_shipped(name: str) -> Model:
     """Read a shipped geometry by its name, and never a file elsewhere.
 
     Raises:
-        GeometryError: no such geometry: `otherwise` says what the name is instead.
+        GeometryError: no such geometry.
     """
-    names = _names()
-    if name in names:
-        return _read(resources.geometries() / f"{name}.toml")
-    close = get_close_matches(name, names, n=1)
-    hint = f"did you mean {close[0]}?" if close else f"shipped are {', '.join(names)}"
-    raise GeometryError(one_line(f"{name}: {otherwise}; {hint}"))
+    return _read(resources.find_shipped(name))
 
 
 def parse(text: str, origin: str = "geometry") -> Model:
@@ -69,11 +60,6 @@ def parse(text: str, origin: str = "geometry") -> Model:
     return model
 
 
-def shipped() -> list[tuple[str, str]]:
-    """List the shipped geometries: name and a one-line description of each, by name."""
-    return [(name, describe(load(name))) for name in _names()]
-
-
 def describe(model: Model) -> str:
     """Describe a device in one line."""
     n = len(model.holes.centres)
@@ -94,10 +80,6 @@ def describe(model: Model) -> str:
         f"{model.outline.kind}, {extent}, {holes}, film {film.thickness * 1e9:.5g} nm at "
         f"{film.stress / 1e6:.5g} MPa{held}"
     )
-
-
-def _names() -> list[str]:
-    return sorted(path.stem for path in resources.geometries().glob("*.toml"))
 
 
 def _read(path: Path) -> Model:

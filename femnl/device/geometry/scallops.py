@@ -7,9 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from femnl.core.device import Holes, Segment
 from femnl.core.errors import GeometryError
@@ -36,6 +33,8 @@ def union_of_discs(holes: Holes, radius: float) -> tuple[Segment, ...]:
     Raises:
         GeometryError: discs that do not hang together, or that leave pillars between them.
     """
+    from scipy.spatial import cKDTree
+
     centres = holes.centres
     tree = cKDTree(holes.centres)
     if tree.count_neighbors(tree, 2 * radius) > MOST_PAIRS:
@@ -92,6 +91,8 @@ def _open_arcs(
 
 def _followers(starts: Array, ends: Array, radius: float) -> NDArray[np.intp]:
     """Return for every arc the one that starts where it ends."""
+    from scipy.spatial import cKDTree
+
     gaps, follower = (np.asarray(found) for found in cKDTree(starts).query(ends))
     if np.any(gaps > 1e-6 * radius) or len(np.unique(follower)) < len(follower):
         raise GeometryError(
@@ -116,6 +117,9 @@ def _loops(follower: NDArray[np.intp]) -> Iterator[list[int]]:
 
 
 def _refuse_pieces(holes: Holes, pairs: NDArray[np.intp], radius: float) -> None:
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     number = len(holes.centres)
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(number, number))
     pieces, piece = connected_components(graph, directed=False)

@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
+from femnl.core.errors import one_line
 from femnl.device.geometry.quantities import refusal
 
 EXAMPLES = {
@@ -129,11 +130,6 @@ def show(value: Any) -> str:
     else:
         text = json.dumps(value, ensure_ascii=False, default=str)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
-
-
-def one_line(text: str) -> str:
-    """Return text with everything unprintable escaped, line ends first of all."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def _place(loc: list[Any], table: bool = False) -> str:

@@ -11,10 +11,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from femnl.core.choices import Use
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit
 from femnl.fits.covariance import covariance, strongest_correlation
-from femnl.fits.response.misfit import Misfit, Use, usable
+from femnl.fits.response.misfit import Misfit, usable
 from femnl.fits.response.result import natural, parameters, vector
 from femnl.fits.response.solve import Bounds, solve
 from femnl.observe.response.branches import Layout

@@ -6,8 +6,8 @@ What depends on the readout's place, and what does not.
 import numpy as np
 import xarray as xr
 
+from femnl.core.choices import Use
 from femnl.fits.response.fit import fit_response
-from femnl.fits.response.misfit import Use
 
 FIELDS = ("frequency", "linewidth", "alpha_ratio", "y_max", "alpha_y", "alpha_c")
 

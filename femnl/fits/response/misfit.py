@@ -4,12 +4,12 @@ Complex value, magnitude, phase, or phase modulo π.
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import i0e, i1e
 
+from femnl.core.choices import Use
 from femnl.observe.response.branches import (
     STIFFEN,
     Layout,
@@ -20,7 +20,6 @@ from femnl.observe.response.branches import (
 )
 from femnl.observe.response.sweeps import Array, Complex, Index, Sweeps
 
-Use = Literal["complex", "magnitude", "phase", "phase-mod-pi"]
 # Phases of points weaker than this many standard deviations are far from normal, and are left out.
 WEAKEST = 4.0
 

@@ -10,9 +10,10 @@ from itertools import islice
 import numpy as np
 from scipy.optimize import least_squares, leastsq
 
+from femnl.core.choices import Use
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.fits.response.implicit import refine
-from femnl.fits.response.misfit import Misfit, Use
+from femnl.fits.response.misfit import Misfit
 from femnl.fits.response.result import natural
 from femnl.fits.response.start import starts
 from femnl.observe.response.branches import Layout

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from femnl.fits.response.misfit import Use
+from femnl.core.choices import Use
 from femnl.fits.response.search import (
     DELAYS,
     Mask,

@@ -12,6 +12,7 @@ from pathlib import Path
 import xarray as xr
 
 from femnl.core.errors import MeasurementError
+from femnl.core.resources import need_file
 from femnl.io.labfiles.base import Format
 from femnl.io.labfiles.spec import Spec, read_spec
 from femnl.io.measurement import bundle, write
@@ -96,8 +97,7 @@ def _files(source: str | Path | Sequence[str | Path]) -> list[Path]:
                 f"{', '.join(kind.name for kind in formats())}"
             )
     for path in paths:
-        if not path.is_file():
-            raise MeasurementError(f"{path}: no such file; check the path")
+        need_file(path)
     if not paths:
         raise MeasurementError("import: no file given; name at least one")
     return paths

@@ -10,6 +10,7 @@ from pathlib import Path
 import h5py
 
 from femnl.core.errors import MeasurementError
+from femnl.core.resources import need_file
 
 LIMIT = 2**32
 SMALL = 2**26  # bytes declared that are never too many
@@ -27,8 +28,7 @@ def open_hdf5(path: Path) -> h5py.File:
     Args: path: the file. Returns: the open h5py file, to be closed by the caller.
     Raises: MeasurementError for a missing, truncated, foreign or oversized file.
     """
-    if not path.is_file():
-        raise MeasurementError(f"{path}: no such file; check the path")
+    need_file(path)
     _walk_heaps(path)
     try:
         file = h5py.File(path, "r")

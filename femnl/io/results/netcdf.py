@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import h5py
 import numpy as np
 from skfem import MeshTri2
 
@@ -55,30 +56,28 @@ def read_modes(path: Path, model: Model) -> Modes:
 
     Raises: OSError, KeyError or ValueError for a file that `write_modes` did not write.
     """
-    import xarray as xr
-
-    with xr.open_datatree(path, engine="h5netcdf") as tree:
-        tree.load()
-    if tree.attrs["femnl_modes"] != VERSION:
-        raise ValueError(f"{path}: version {tree.attrs['femnl_modes']} where {VERSION} is read")
-    stored = tree["mesh"].to_dataset()
-    overhang = {"overhang": stored["overhang"].values} if "overhang" in stored else None
-    boundaries = {
-        str(name).removeprefix("boundary_"): stored[name].values
-        for name in stored
-        if str(name).startswith("boundary_")
-    }
-    mesh = MeshTri2(
-        np.ascontiguousarray(stored.points.values),
-        np.ascontiguousarray(stored.triangles.values),
-        _boundaries=boundaries,
-        _subdomains=overhang,
-    )
-    domain = Domain(model, mesh, float(tree.attrs["wedge"]), tiles=float(tree.attrs["tiles"]))
-    found: Modes | None = None
-    for name in reversed(("modes", *GRADES)):
-        if name in tree.children:
-            found = replace(_modes(tree[name].to_dataset(), domain), coarse=found)
+    # Without xarray: to load it takes as long as all else of a command whose modes are kept
+    with h5py.File(path) as file:
+        version = _attribute(file, "femnl_modes")
+        if version != VERSION:
+            raise ValueError(f"{path}: version {version} where {VERSION} is read")
+        stored = {name: values[...] for name, values in file["mesh"].items()}
+        mesh = MeshTri2(
+            np.ascontiguousarray(stored["points"]),
+            np.ascontiguousarray(stored["triangles"]),
+            _boundaries={
+                name.removeprefix("boundary_"): values
+                for name, values in stored.items()
+                if name.startswith("boundary_")
+            },
+            _subdomains={"overhang": stored["overhang"]} if "overhang" in stored else None,
+        )
+        wedge, tiles = (float(_attribute(file, name)) for name in ("wedge", "tiles"))
+        domain = Domain(model, mesh, wedge, tiles=tiles)
+        found: Modes | None = None
+        for name in reversed(("modes", *GRADES)):
+            if name in file:
+                found = replace(_modes(file[name], domain), coarse=found)
     if found is None:
         raise KeyError(f"{path}: holds no group modes")
     return found
@@ -145,18 +144,26 @@ def _modes_dataset(modes: Modes, nonlinearity: Nonlinearity | None) -> "xr.Datas
     )
 
 
-def _modes(data: "xr.Dataset", domain: Domain) -> Modes:
-    prestress = Prestress(domain, int(data.attrs["prestress_degree"]), data.displacement.values)
-    parity = tuple(tuple(int(s) for s in row) for row in data.parity.values)
-    label = tuple(str(text) or None for text in data.label.values)
+def _attribute(group: h5py.Group, name: str) -> Any:
+    """Return one value: a number is stored as an array of one."""
+    value = group.attrs[name]
+    return value.item() if isinstance(value, np.ndarray) else value
+
+
+def _modes(data: h5py.Group, domain: Domain) -> Modes:
+    degree = int(_attribute(data, "prestress_degree"))
+    prestress = Prestress(domain, degree, data["displacement"][...])
+    parity = tuple(tuple(int(s) for s in row) for row in data["parity"][...])
+    label = tuple(str(text) or None for text in data["label"].asstr()[...])
     departure, coupling = (
-        data[name].values if name in data else None for name in ("departure", "coupling")
+        data[name][...] if name in data else None for name in ("departure", "coupling")
     )
-    numbers = (data.frequency.values, data.effective_mass.values, data.shapes.values)
     return Modes(
         prestress,
-        int(data.attrs["degree"]),
-        *numbers,
+        int(_attribute(data, "degree")),
+        data["frequency"][...],
+        data["effective_mass"][...],
+        data["shapes"][...],
         parity,
         label,
         departure=departure,

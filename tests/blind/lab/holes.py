@@ -30,7 +30,7 @@ from skfem import (
 from skfem.helpers import ddot, sym_grad, trace
 from skfem.models.poisson import mass
 
-from femnl.io.results import write_whole
+from femnl.io.results.atomic import write_whole
 from tests.blind.lab import spectrum
 from tests.blind.lab.bench import Array, Cause
 from tests.blind.lab.film import Membrane

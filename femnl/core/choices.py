@@ -1,0 +1,10 @@
+"""Words that a user chooses from; they stand here so that help is printed without any library."""
+
+from typing import Literal
+
+Certified = Literal["frequency", "all"]
+"""Numbers that a tolerance is of: f and f/f₁, or m_eff, k₃ and α as well."""
+Use = Literal["complex", "magnitude", "phase", "phase-mod-pi"]
+"""What a fit takes of measured amplitudes."""
+Symmetry = Literal["full", "half", "quarter", "eighth", "twelfth"]
+"""Parts of a film that may be meshed."""
