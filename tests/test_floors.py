@@ -38,12 +38,16 @@ FLOORS = (
     ),
     ("effects", "mechanics.lattice", "mechanics.static_deflection", "mechanics.bands"),
     ("pipeline",),
+    ("observe.model", "observe.film"),
+    ("observe.free_forms",),
+    ("observe.score_directions",),
     (
-        "observe.model",
-        "observe.film",
-        "observe.response",
         "observe.map",
         "observe.record",
+        "observe.response",
+        "observe.series",
+        "observe.spectrum",
+        "observe.trace",
     ),
     ("sweep", "fits", "validation"),
     ("diagnose",),
@@ -54,7 +58,7 @@ FLOORS = (
 )
 # The front of the library, femnl itself, lends names of floors up to predict; floors above it may
 # use it.
-FRONT = 6
+FRONT = 9
 FLOOR = {"": FRONT} | {module: floor for floor, modules in enumerate(FLOORS) for module in modules}
 ONLY_IMPORTER = {"gmsh": "device.mesh"}
 FORMS = {"BilinearForm", "LinearForm", "Functional"}

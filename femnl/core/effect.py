@@ -58,7 +58,7 @@ class ParameterSpec:
     whole: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Effect:
     """One physical cause, as its file in `femnl/effects/` states it.
 

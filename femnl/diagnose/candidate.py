@@ -6,8 +6,8 @@ import numpy as np
 
 from femnl.core.effect import Effect
 from femnl.diagnose.adequacy import ScoreTest, adequacy, score_tests
-from femnl.diagnose.least_squares import FitResult
 from femnl.diagnose.multistart import unlike
+from femnl.fits.least_squares import FitResult
 
 Names = tuple[str, ...]
 FALSE_ALARMS = 0.01

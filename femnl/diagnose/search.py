@@ -23,7 +23,6 @@ from femnl.diagnose.candidate import (
     names_of,
 )
 from femnl.diagnose.global_starts import scan
-from femnl.diagnose.least_squares import FitResult, fit, improve
 from femnl.diagnose.multistart import (
     FAR,
     REFINED,
@@ -33,6 +32,7 @@ from femnl.diagnose.multistart import (
     sought_beyond,
 )
 from femnl.diagnose.worker_pool import Job, Run, in_turn
+from femnl.fits.least_squares import FitResult, fit, improve
 from femnl.observe.model import ExtendedModel, MeasurementModel
 
 PROGRESS = logging.getLogger("femnl.progress")
@@ -54,16 +54,6 @@ where no set explains the data well.
 """
 LARGEST = 3
 """Causes in the largest set."""
-
-
-def applicable(base_model: MeasurementModel, library: Iterable[Effect]) -> list[Effect]:
-    """Return the effects that can show in this measurement."""
-    return [
-        effect
-        for effect in library
-        if base_model.kind in effect.kinds
-        and all(fact in base_model.scales for fact in effect.needs)
-    ]
 
 
 def search(

@@ -10,7 +10,7 @@ import numpy as np
 from femnl.core.diagnosis import Verdict
 from femnl.diagnose.candidate import DOUBTFUL, FALSE_ALARMS, HOPELESS, PER_CAUSE, Candidate
 from femnl.diagnose.freeform import fitted_forms
-from femnl.diagnose.least_squares import CrossValidation
+from femnl.fits.least_squares import CrossValidation
 
 CLEAR = 0.99
 """Posterior probability from which on one set of causes is told alone: a wrong one is to be told in

@@ -13,10 +13,10 @@ from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, Generic, TypeVar
 
+from femnl.core.checkpoint import CHECKPOINT, Found, Share
 from femnl.core.effect import Effect
 from femnl.core.errors import FemnlError
 from femnl.core.processes import Worker, answer, one_thread
-from femnl.diagnose.checkpoint import CHECKPOINT, Found, Share
 from femnl.observe.model import MeasurementModel
 
 PROGRESS = logging.getLogger("femnl.progress")

@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 
 from femnl import load
+from femnl.core.checkpoint import remembered
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
-from femnl.diagnose.checkpoint import remembered
 from femnl.diagnose.global_starts import scan
-from femnl.diagnose.least_squares import (
+from femnl.diagnose.search import search
+from femnl.diagnose.verdict import judge
+from femnl.effects import library
+from femnl.fits.least_squares import (
     CrossValidation,
     FitResult,
     covariance,
@@ -23,10 +26,7 @@ from femnl.diagnose.least_squares import (
     fit,
     held_out,
 )
-from femnl.diagnose.search import search
-from femnl.diagnose.spectrum import SpectrumModel
-from femnl.diagnose.verdict import judge
-from femnl.effects import library
+from femnl.fits.spectrum.pose import pose as pose_spectrum
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import ExtendedModel
@@ -319,13 +319,14 @@ def test_a_fit_follows_a_curved_valley_to_its_end() -> None:
     # Slopes of the stress act in second order on the pairs of a hexagon: what the data know is a
     # circle of slopes.
     film = SimulatedFilm(load("hexagon-278um"), 52)
-    base_model = SpectrumModel(
+    base_model = pose_spectrum(
         measurement.spectrum(film.modes.frequency[:13], np.full(13, 20.0)), film
     )
     model = ExtendedModel(base_model, (library()["tension_gradient"],))
     base = dict(zip((spec.name for spec in base_model.base), base_model.start, strict=True))
     truth = model.pack(base, [{"slope_x": -0.0009, "slope_y": -0.0402, "bowl": -0.0069}])
-    base_model.frequency = base_model.frequency - base_model.sd * model.residuals(truth)[:-1]
+    shifted = base_model.frequency - base_model.sd * model.residuals(truth)[:-1]
+    model = replace(model, base_model=replace(base_model, frequency=shifted))
     assert np.sum(model.residuals(truth) ** 2) < 1e-12
     end = fit(model, model.pack(base, [{"slope_x": -0.0137, "slope_y": -0.0224, "bowl": -0.0074}]))
     assert end.chi2 < 1e-3

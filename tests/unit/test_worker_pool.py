@@ -18,14 +18,14 @@ import numpy as np
 import psutil
 import pytest
 
+from femnl.core.checkpoint import remembered
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.readout import Array
 from femnl.diagnose import diagnose, record
-from femnl.diagnose.checkpoint import remembered
-from femnl.diagnose.least_squares import FitResult, fit
 from femnl.diagnose.worker_pool import Job, worker_pool
 from femnl.effects import library
+from femnl.fits.least_squares import FitResult, fit
 from femnl.io import measurement
 from femnl.observe.model import ExtendedModel, MeasurementModel
 from tests.unit.level import Level

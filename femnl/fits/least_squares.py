@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
+from femnl.core.checkpoint import CHECKPOINT
 from femnl.core.readout import Array
-from femnl.diagnose.checkpoint import CHECKPOINT
-from femnl.diagnose.tangents import jacobian_at, steps_for, tangents
+from femnl.fits.tangents import jacobian_at, steps_for, tangents
 from femnl.observe.model import ExtendedModel
 
 INSIDE = 1e-9
