@@ -212,7 +212,7 @@ class JointModel(MeasurementModel):
             model = ExtendedModel(
                 base_model, tuple(self.originals[effect.name] for effect in acting)
             )
-            alone[group] = fit(model, model.pack(own, numbers))
+            alone[group] = fit(model, model.pack(own, numbers), checkpoint=result.checkpoint)
         notes = []
         for k, (owner, spec) in enumerate(result.model.parameters):
             told = []

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import Effect, ParameterSpec
 from femnl.core.readout import Array
 from femnl.diagnose.joint import JointModel
@@ -35,7 +36,10 @@ class _Adapted:
 
 
 def pose_joint(
-    groups: Groups, library: Iterable[Effect], backwards: bool = False
+    groups: Groups,
+    library: Iterable[Effect],
+    backwards: bool = False,
+    checkpoint: Checkpoint | None = None,
 ) -> tuple[JointModel, list[Effect]]:
     """Return the model of all measurements of a file, and the effects that can show in it.
 
@@ -43,7 +47,8 @@ def pose_joint(
     one set of parameters; those of a laser one for each kind of measurement and wavelength.
 
     Args: groups: the model of each measurement by name. library: effects. backwards: whether all
-    other maps start in antiphase to the first, which an asymmetric fringe can tell.
+    other maps start in antiphase to the first, which an asymmetric fringe can tell. checkpoint:
+    keeps the fits that find the start.
     """
     names = {group: _named(groups, group) for group in groups}
     base, starts = _merged(groups, names, backwards)
@@ -62,7 +67,7 @@ def pose_joint(
         scales=adapted.scales,
         notes=tuple(f"{name}: {note}" for name, group in groups.items() for note in group.notes),
     )
-    return replace(model, start=_best_start(model, starts)), adapted.effects
+    return replace(model, start=_best_start(model, starts, checkpoint)), adapted.effects
 
 
 def _named(groups: Groups, group: str) -> dict[str, str]:
@@ -102,7 +107,9 @@ def _merged(
     return tuple(merged.values()), starts
 
 
-def _best_start(model: JointModel, starts: dict[str, list[float]]) -> Array:
+def _best_start(
+    model: JointModel, starts: dict[str, list[float]], checkpoint: Checkpoint | None
+) -> Array:
     """Start shared parameters at the value of the measurement from which all are met best."""
     most = max(len(values) for values in starts.values())
     if all(np.ptp(values) <= DIFFERENT * abs(np.mean(values)) for values in starts.values()):
@@ -111,7 +118,7 @@ def _best_start(model: JointModel, starts: dict[str, list[float]]) -> Array:
         np.array([starts[k.name][min(i, len(starts[k.name]) - 1)] for k in model.base])
         for i in range(most)
     ]
-    fits = [fit(ExtendedModel(model), start, most=ROUGH) for start in tried]
+    fits = [fit(ExtendedModel(model), start, most=ROUGH, checkpoint=checkpoint) for start in tried]
     return min(fits, key=lambda s: s.chi2).vector
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from threadpoolctl import threadpool_limits
 
-from femnl.core.checkpoint import remembered
+from femnl.core.checkpoint import Checkpoint, remembered
 from femnl.core.comparison import Comparison
 from femnl.core.device import Model
 from femnl.core.diagnosis import Alternative, Diagnosis, FreeForm, Quality, Trial, Verdict
@@ -27,7 +27,7 @@ from femnl.diagnose.joint import JointModel
 from femnl.diagnose.pose_joint import pose_joint
 from femnl.diagnose.search import search
 from femnl.diagnose.verdict import judge, measure_next
-from femnl.diagnose.worker_pool import Posed, Run, worker_pool
+from femnl.diagnose.worker_pool import Pose, Posed, Run, worker_pool
 from femnl.effects import library
 from femnl.io import measurement
 from femnl.io.results.atomic import write_whole
@@ -74,12 +74,12 @@ def diagnose(
     # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work
     # they wait for each other.
     with (
-        remembered(digest, model, [effect.name for effect in pool]),
+        remembered(digest, model, [effect.name for effect in pool]) as checkpoint,
         threadpool_limits(1, user_api="blas"),
         ExitStack() as helpers,
     ):
         found, run = _searched(
-            partial(_posed, path, geometry, _sent(pool, workers)), workers, helpers
+            partial(_posed, path, geometry, _sent(pool, workers)), workers, helpers, checkpoint
         )
         base_model = found[0].result.model.base_model
         concluded = conclude(
@@ -119,7 +119,12 @@ def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None
 
 
 def _posed(
-    path: Path, geometry: str | None, chosen: list[Effect | str], backwards: bool = False
+    path: Path,
+    geometry: str | None,
+    chosen: list[Effect | str],
+    checkpoint: Checkpoint | None,
+    *,
+    backwards: bool = False,
 ) -> Posed:
     """Return the model that a file poses, and the effects that may explain its deviations.
 
@@ -127,24 +132,27 @@ def _posed(
     """
     effects = [library()[effect] if isinstance(effect, str) else effect for effect in chosen]
     tree, model = _opened(path, geometry)
-    groups = {name: pose(name, node.to_dataset(), model) for name, node in tree.children.items()}
+    groups = {
+        name: pose(name, node.to_dataset(), model, checkpoint)
+        for name, node in tree.children.items()
+    }
     if len(groups) > 1:
-        return pose_joint(groups, effects, backwards)
+        return pose_joint(groups, effects, backwards, checkpoint)
     (only,) = groups.values()
     return only, only.usable_effects(effects)
 
 
 def _searched(
-    pose: Callable[..., Posed], workers: int, helpers: ExitStack
+    pose: Callable[..., Posed], workers: int, helpers: ExitStack, checkpoint: Checkpoint
 ) -> tuple[list[Candidate], Run]:
     """Fit what may explain one measurement, or several jointly.
 
     Return what was fitted, and what does further jobs of that problem.
     """
 
-    def sought(pose: Callable[[], Posed]) -> tuple[list[Candidate], Run]:
-        mine = helpers.enter_context(worker_pool(pose, workers))
-        return search(*mine.posed(), mine.run), mine.run
+    def sought(pose: Pose) -> tuple[list[Candidate], Run]:
+        mine = helpers.enter_context(worker_pool(pose, workers, checkpoint))
+        return search(*mine.posed(), mine.run, checkpoint), mine.run
 
     found, run = sought(pose)
     base_model = found[0].result.model.base_model
@@ -160,17 +168,20 @@ def _searched(
     return max(((found, run), other), key=lambda one: max(candidate.weight for candidate in one[0]))
 
 
-def pose(name: str, dataset: xr.Dataset, model: Model | None) -> MeasurementModel:
+def pose(
+    name: str, dataset: xr.Dataset, model: Model | None, checkpoint: Checkpoint | None = None
+) -> MeasurementModel:
     """Return the model of a group of a measurement file, by its kind.
 
-    Args: name: of the group. model: the device, None where no kind needs one.
+    Args: name: of the group. model: the device, None where no kind needs one. checkpoint: keeps the
+    fits that this takes.
     Raises: MeasurementError for a kind that needs a device where there is none.
     """
     spec = kind_of(dataset)
     film = None if model is None else SimulatedFilm(model, spec.modes(dataset))
     if film is None and spec.needs_device:
         raise MeasurementError(f"{name}: a {spec.name} needs a device; give it with --geometry")
-    posed: MeasurementModel = function(spec.pose)(dataset, film)
+    posed: MeasurementModel = function(spec.pose)(dataset, film, checkpoint)
     return posed
 
 

@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 
 from femnl.core.comparison import Curves
 from femnl.device.geometry import load
-from femnl.diagnose.candidate import FALSE_ALARMS, criticise
+from femnl.diagnose.candidate import criticise
+from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.effects import library
 from femnl.fits.least_squares import fit
 from femnl.fits.map.pose import pose as pose_map
@@ -111,7 +112,10 @@ def test_what_deviates_a_little_at_any_stage_is_seen_without_a_cause_to_look_for
         measurement.harmonic_map(axis, axis, np.arange(1, 7), harmonics, **about), FILM
     )
     found = criticise(fit(ExtendedModel(posed), posed.start), [])
-    assert (found.p_value < FALSE_ALARMS) == bool(deviation), (found.p_value, found.worst)
+    assert (found.p_value < THRESHOLDS.base_inadequate) == bool(deviation), (
+        found.p_value,
+        found.worst,
+    )
     # χ² alone would not tell: the deviation is spread over twenty thousand data.
     assert abs(found.result.chi2 / found.result.degrees - 1) < 0.03
     if deviation:
@@ -139,7 +143,7 @@ def test_a_map_of_a_single_line_is_diagnosed_and_drawn_as_curves(axis: str) -> N
     found = criticise(
         fit(ExtendedModel(posed), posed.start), posed.usable_effects(library().values())
     )
-    assert found.p_value > FALSE_ALARMS, found.worst
+    assert found.p_value > THRESHOLDS.base_inadequate, found.worst
     assert len(np.unique(posed.blocks)) == 3
     base, _ = found.result.model.split(found.result.vector)
     (drawn,) = posed.compare([("base model", (), base, ())])

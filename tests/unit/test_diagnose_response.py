@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from femnl import load
 from femnl.core.diagnosis import Diagnosis
 from femnl.diagnose import diagnose
-from femnl.diagnose.candidate import FALSE_ALARMS, criticise
+from femnl.diagnose.candidate import criticise
 from femnl.diagnose.search import search
+from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.effects import library
 from femnl.fits.least_squares import fit
 from femnl.fits.response.pose import pose as pose_response
@@ -145,7 +146,10 @@ def test_what_one_drive_or_sweep_has_of_its_own_is_seen_without_a_cause_to_look_
     (group,) = measurement.read(path).children.values()
     base_model = pose_response(group.to_dataset(), SimulatedFilm(load("square-270um"), 12))
     found = criticise(fit(ExtendedModel(base_model), base_model.start), [])
-    assert (found.p_value < FALSE_ALARMS) == bool(causes), (found.p_value, found.worst)
+    assert (found.p_value < THRESHOLDS.base_inadequate) == bool(causes), (
+        found.p_value,
+        found.worst,
+    )
     assert abs(found.result.chi2 / found.result.degrees - 1) < 0.15  # χ² alone would hardly tell
     assert not causes or seen in found.worst
 

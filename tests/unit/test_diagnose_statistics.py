@@ -17,7 +17,8 @@ from femnl.core.readout import Array
 from femnl.core.stages import Placement
 from femnl.diagnose.adequacy import score_tests
 from femnl.diagnose.candidate import Candidate, criticise
-from femnl.diagnose.verdict import CLEAR, judge
+from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.diagnose.verdict import judge
 from femnl.effects import library
 from femnl.fits.least_squares import DECADES, FitResult, fit
 from femnl.fits.spectrum.pose import BENDING_SD
@@ -255,7 +256,7 @@ def test_two_causes_that_do_as_well_are_a_tie_told_with_both() -> None:
     )
     assert found.verdict == "ambiguous"
     assert {found.chosen.names, *(c.names for c in found.rivals)} == {("wave1",), ("twin",)}
-    assert all(share < CLEAR for share in found.share.values())
+    assert all(share < THRESHOLDS.named_alone for share in found.share.values())
 
 
 def test_effects_need_what_the_measurement_must_have_recorded() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.readout import Array
 from femnl.fits.map.fit import fit_map
@@ -28,7 +29,9 @@ FITTED = ("amplitude", "contrast", "fringe_phase", "motion_phase", "x", "y")
 """Parameters of a fitted map, in the order of the model's."""
 
 
-def pose(dataset: xr.Dataset, film: SimulatedFilm) -> MapModel:
+def pose(
+    dataset: xr.Dataset, film: SimulatedFilm, checkpoint: Checkpoint | None = None
+) -> MapModel:
     """Return the model of a map of harmonics.
 
     Its mode is the one near the frequency of the drive that fits best.

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 
+from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.fit import Fit
@@ -52,8 +53,14 @@ class _Record:
     interval: float
 
 
-def pose(dataset: xr.Dataset, film: SimulatedFilm | None = None) -> RecordModel:
+def pose(
+    dataset: xr.Dataset,
+    film: SimulatedFilm | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> RecordModel:
     """Return the model of a record of drive and output, which needs no film.
+
+    checkpoint: keeps the fits that follow the record.
 
     Raises: MeasurementError for more than one record, for an output that no oscillator with a cubic
     force follows, and for a chaotic motion.
@@ -68,7 +75,7 @@ def pose(dataset: xr.Dataset, film: SimulatedFilm | None = None) -> RecordModel:
     begin = begun(record.output, record.interval)
     terms, held = _nearest(record, linear, begin)
     model = _at_start(record, terms, held, begin, noise)
-    left, start = _followed(model)
+    left, start = _followed(model, checkpoint)
     model = replace(model, start=start)
     _refuse_what_does_not_follow(model, left)
     simulated = simulate_oscillator(linear, record.drive, 1 / record.interval)
@@ -172,7 +179,7 @@ def _nearest(record: _Record, linear: Fit, begin: Array) -> tuple[Array, Drive]:
     return values, held
 
 
-def _followed(model: RecordModel) -> tuple[float, Array]:
+def _followed(model: RecordModel, checkpoint: Checkpoint | None) -> tuple[float, Array]:
     """Return what the base model leaves [V rms], and its vector.
 
     It follows the record over longer and longer parts.
@@ -183,7 +190,7 @@ def _followed(model: RecordModel) -> tuple[float, Array]:
         vector = model.start
         for part in parts:
             used = np.arange(len(model.at)) < len(model.at) * part
-            vector = fit(extended, vector, used).vector
+            vector = fit(extended, vector, used, checkpoint=checkpoint).vector
         left = model.noise * float(np.std(extended.residuals(vector)))
         found.append((left, vector))
         if left <= FOLLOWED * model.noise:

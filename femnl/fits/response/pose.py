@@ -3,6 +3,7 @@
 import numpy as np
 import xarray as xr
 
+from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.fit import Fit
@@ -16,7 +17,9 @@ MOVING = 0.3
 """Part of the largest signal from which on the mode moves strongly."""
 
 
-def pose(dataset: xr.Dataset, film: SimulatedFilm) -> ResponseModel:
+def pose(
+    dataset: xr.Dataset, film: SimulatedFilm, checkpoint: Checkpoint | None = None
+) -> ResponseModel:
     """Return the model of driven sweeps: one Duffing mode with linear readout.
 
     Raises: MeasurementError where the file names a mode that the film does not have.

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
+from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
@@ -18,7 +19,9 @@ QUANTITIES = {"frequency": "Hz", "quality_factor": "1"}
 """What a series may hold, with the unit of its constant."""
 
 
-def pose(dataset: xr.Dataset, film: SimulatedFilm) -> SeriesModel:
+def pose(
+    dataset: xr.Dataset, film: SimulatedFilm, checkpoint: Checkpoint | None = None
+) -> SeriesModel:
     """Return the model of a series.
 
     Raises: MeasurementError for fewer than four usable points.

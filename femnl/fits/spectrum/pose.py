@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
@@ -20,7 +21,9 @@ FARTHEST = 4.0
 """How many of those ℓ may deviate."""
 
 
-def pose(dataset: xr.Dataset, film: SimulatedFilm) -> SpectrumModel:
+def pose(
+    dataset: xr.Dataset, film: SimulatedFilm, checkpoint: Checkpoint | None = None
+) -> SpectrumModel:
     """Return the model of a spectrum, whose base parameters are c and ℓ of the film.
 
     Raises: MeasurementError for fewer than three usable modes, and for labels that name no mode or

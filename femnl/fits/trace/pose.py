@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array, ComplexArray
@@ -25,7 +26,9 @@ PER_HARMONIC = 4
 """Samples of a record that each harmonic needs."""
 
 
-def pose(dataset: xr.Dataset, film: SimulatedFilm) -> TraceModel:
+def pose(
+    dataset: xr.Dataset, film: SimulatedFilm, checkpoint: Checkpoint | None = None
+) -> TraceModel:
     """Return the model of traces at one spot under a fringe.
 
     Raises: MeasurementError where the wavelength is not known, and for too few samples.
