@@ -5,12 +5,19 @@ coefficient; V_0 = v_0.
 """
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femnl.core.arrays import freeze
+from femnl.core.kinds import function
+from femnl.core.numbers import micrometres, with_error
+from femnl.core.tables import Table, Tabulated
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -53,7 +60,7 @@ class PeriodicFringe(Protocol):
 
 
 @dataclass(frozen=True)
-class HarmonicMap:
+class HarmonicMap(Tabulated):
     """Amplitudes of the harmonics of the drive over the membrane, at one wavelength.
 
     x (n_x,), y (n_y,) [m] from the centre of the membrane; harmonic (n_harmonics,) integers n;
@@ -79,6 +86,45 @@ class HarmonicMap:
             f"<HarmonicMap of {names}: {len(self.y)} × {len(self.x)} points at "
             f"{self.wavelength * 1e9:.5g} nm>"
         )
+
+    def plot(self) -> "Figure":
+        """Draw a panel for each harmonic, in the quadrature that holds the signal."""
+        # By name, as `to_dataset`: this floor imports none of a higher one
+        figure: Figure = function("femnl.plot.maps:harmonic_map_figure")(self.to_dataset())
+        return figure
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the measurement of kind `map` that these are; `femnl.measurement` writes it.
+
+        Returns: Dataset of real and imag [V] (harmonic, y, x), SI units as attributes.
+        """
+        found: xr.Dataset = function("femnl.io.measurement:harmonic_map")(
+            self.x,
+            self.y,
+            self.harmonic,
+            self.values,
+            noise_sd=self.noise_sd,
+            wavelength=self.wavelength,
+        )
+        return found
+
+    def _tables(self) -> list[Table]:
+        size = np.abs(self.values).reshape(len(self.harmonic), -1)
+        known = np.isfinite(size)
+        largest = np.where(known, size, -1.0).argmax(axis=1)
+        rows, columns = np.unravel_index(largest, self.values.shape[1:])
+        peaks = size[np.arange(len(size)), largest]
+        found = {
+            "harmonic": [f"{n}f" for n in self.harmonic],
+            "largest |V| (V)": [with_error(peak, self.noise_sd) for peak in peaks],
+            "at x (µm)": [micrometres(x) for x in self.x[columns]],
+            "at y (µm)": [micrometres(y) for y in self.y[rows]],
+            "points": [str(count) for count in known.sum(axis=1)],
+        }
+        title = f"Harmonic maps of {len(self.y)} × {len(self.x)} points"
+        title += f" at {self.wavelength * 1e9:.5g} nm"
+        note = "noise is not known" if self.noise_sd is None else "±: noise of each quadrature"
+        return [Table(title, found, [note])]
 
 
 @dataclass(frozen=True)
