@@ -150,15 +150,19 @@ class Diagnosis(Tabulated):
             f"χ² per held-out datum: {before:.4g} before, {after:.4g} after",
             self.measure_next,
         ]
+        tables = [Table(title, found, notes)]
+        return [*tables, self._tried()] if self.trials else tables
+
+    def _tried(self) -> Table:
         best = self._ranked()[:SHOWN]
-        tried = {
+        columns = {
             "causes": [_joined(trial.causes) for trial in best],
             "χ²": [plain(trial.chi2, 5) for trial in best],
             "log evidence": [plain(trial.log_evidence, 4) for trial in best],
             "p-value": [_p_value(trial.p_value) for trial in best],
         }
-        more = f"{len(best)} of {len(self.trials)} trials; log evidence over that of the base model"
-        return [Table(title, found, notes), Table("What was tried, best first", tried, [more])]
+        note = f"{len(best)} of {len(self.trials)} trials; log evidence over that of the base model"
+        return Table("What was tried, best first", columns, [note])
 
 
 def _p_value(p: float) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femnl.core.arrays import freeze
 from femnl.core.errors import ParameterError
 from femnl.core.kinds import function
-from femnl.core.numbers import with_error
+from femnl.core.numbers import measured
 from femnl.core.tables import Table, Tabulated, dataframe, dataset
 
 if TYPE_CHECKING:
@@ -39,14 +39,9 @@ def parameter_columns(parameters: Iterable[Parameter]) -> dict[str, list[str]]:
     listed = list(parameters)
     return {
         "parameter": [p.name for p in listed],
-        "value": [_value(p) for p in listed],
+        "value": measured([p.value for p in listed], [p.sd for p in listed]),
         "unit": ["" if p.unit == "1" else p.unit for p in listed],
     }
-
-
-def _value(parameter: Parameter) -> str:
-    known = with_error(parameter.value, parameter.sd, 2)
-    return known if np.isfinite(parameter.sd) else f"{known} ± unknown"
 
 
 @dataclass(frozen=True)
@@ -197,10 +192,9 @@ class MotionFit(Tabulated):
         return dataframe(self.to_dataset())
 
     def _tables(self) -> list[Table]:
-        nanometres = zip(self.amplitude * 1e9, self.amplitude_sd * 1e9, strict=True)
         columns = {
             "step": [str(k + 1) for k in range(len(self.amplitude))],
-            "amplitude (nm)": [with_error(*u, 2) for u in nanometres],
-            "phase (rad)": [with_error(*p, 2) for p in zip(self.phase, self.phase_sd, strict=True)],
+            "amplitude (nm)": measured(self.amplitude * 1e9, self.amplitude_sd * 1e9),
+            "phase (rad)": measured(self.phase, self.phase_sd),
         }
         return [*self.fit._tables(), Table("Motion at each step of the drive", columns)]

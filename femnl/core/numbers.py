@@ -1,5 +1,6 @@
 """Numbers as a reader wants them: as many digits as the error leaves."""
 
+from collections.abc import Iterable
 from math import floor, inf, isfinite, log10
 
 MINUS = str.maketrans("-", "−")
@@ -31,6 +32,14 @@ def with_error(value: float, error: float | None, digits: int = 1) -> str:
         return plain(value, 13)
     decimals = max(decimals, 0)
     return f"{value:.{decimals}f} ± {error:.{decimals}f}".translate(MINUS)
+
+
+def measured(values: Iterable[float], sd: Iterable[float]) -> list[str]:
+    """Numbers with their standard deviations to two digits, unknown where those are not finite."""
+    return [
+        with_error(value, s, 2) if isfinite(s) else f"{plain(value)} ± unknown"
+        for value, s in zip(values, sd, strict=True)
+    ]
 
 
 def micrometres(length: float) -> str:

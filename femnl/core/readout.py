@@ -109,22 +109,25 @@ class HarmonicMap(Tabulated):
         return found
 
     def _tables(self) -> list[Table]:
-        size = np.abs(self.values).reshape(len(self.harmonic), -1)
-        known = np.isfinite(size)
-        largest = np.where(known, size, -1.0).argmax(axis=1)
-        rows, columns = np.unravel_index(largest, self.values.shape[1:])
-        peaks = size[np.arange(len(size)), largest]
-        found = {
-            "harmonic": [f"{n}f" for n in self.harmonic],
-            "largest |V| (V)": [with_error(peak, self.noise_sd) for peak in peaks],
-            "at x (µm)": [micrometres(x) for x in self.x[columns]],
-            "at y (µm)": [micrometres(y) for y in self.y[rows]],
-            "points": [str(count) for count in known.sum(axis=1)],
-        }
+        rows = [self._row(index) for index in range(len(self.harmonic))]
+        names = ("harmonic", "largest |V| (V)", "at x (µm)", "at y (µm)", "points")
+        columns = dict(zip(names, zip(*rows, strict=True), strict=True))
         title = f"Harmonic maps of {len(self.y)} × {len(self.x)} points"
         title += f" at {self.wavelength * 1e9:.5g} nm"
         note = "noise is not known" if self.noise_sd is None else "±: noise of each quadrature"
-        return [Table(title, found, [note])]
+        return [Table(title, columns, [note])]
+
+    def _row(self, index: int) -> list[str]:
+        """Return where a harmonic is the largest, and how many of its points were measured."""
+        size = np.abs(self.values[index])
+        name = f"{self.harmonic[index]}f"
+        measured = np.count_nonzero(np.isfinite(size))
+        if not measured:
+            return [name, "–", "–", "–", "0"]
+        row, column = np.unravel_index(np.nanargmax(size), size.shape)
+        largest = with_error(size[row, column], self.noise_sd)
+        place = [micrometres(self.x[column]), micrometres(self.y[row])]
+        return [name, largest, *place, str(measured)]
 
 
 @dataclass(frozen=True)

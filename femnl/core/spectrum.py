@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from femnl.core.arrays import freeze
 from femnl.core.fit import Fit
 from femnl.core.kinds import function
-from femnl.core.numbers import plain, with_error
+from femnl.core.numbers import measured, plain
 from femnl.core.tables import Table, Tabulated, dataframe, dataset
 
 if TYPE_CHECKING:
@@ -96,10 +96,10 @@ class Peaks(Tabulated):
     def _tables(self) -> list[Table]:
         columns = {
             "line": [str(k + 1) for k in range(len(self.frequency))],
-            "f (Hz)": _with_errors(self.frequency, self.frequency_sd),
-            "f/Q (Hz)": _with_errors(self.linewidth, self.linewidth_sd),
-            "Q": _with_errors(self.quality_factor, self.quality_factor_sd),
-            "|A| (V)": _with_errors(np.abs(self.amplitude), self.amplitude_sd),
+            "f (Hz)": measured(self.frequency, self.frequency_sd),
+            "f/Q (Hz)": measured(self.linewidth, self.linewidth_sd),
+            "Q": measured(self.quality_factor, self.quality_factor_sd),
+            "|A| (V)": measured(np.abs(self.amplitude), self.amplitude_sd),
         }
         title = f"{len(self.frequency)} lines, χ²/ν = {self.chi2_reduced:.4g}"
         return [Table(title, columns, self.notes)]
@@ -171,7 +171,8 @@ class Assignment(Tabulated):
             "away (ppm)": _ppm(self.deviation),
         }
         title = f"Modes of {len(self.deviation)} lines, probability {self.best.probability:.3g}"
-        notes = [f"measured over simulated frequency: {with_error(self.scale, self.scale_sd, 2)}"]
+        (scale,) = measured([self.scale], [self.scale_sd])
+        notes = [f"measured over simulated frequency: {scale}"]
         if self.runner_up is not None:
             others = ", ".join(label or "none" for label in self.runner_up.label)
             notes.append(f"runner-up, probability {self.runner_up.probability:.2g}: {others}")
@@ -241,16 +242,12 @@ class FilmFit(Tabulated):
         scaled = self.simulated * self.fit["scale"]
         columns = {
             "mode": self.label,
-            "f (Hz)": _with_errors(self.frequency, self.frequency_sd),
+            "f (Hz)": measured(self.frequency, self.frequency_sd),
             "simulated, scaled (Hz)": [plain(f, 9) for f in scaled],
             "away (ppm)": _ppm(self.deviation),
         }
         found = [*self.fit._tables(), Table("Lines beside the simulation", columns)]
         return found if self.assignment is None else [*found, *self.assignment._tables()]
-
-
-def _with_errors(values: Array, sd: Array) -> list[str]:
-    return [with_error(value, error, 2) for value, error in zip(values, sd, strict=True)]
 
 
 def _ppm(shares: Array) -> list[str]:

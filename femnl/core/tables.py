@@ -14,6 +14,11 @@ if TYPE_CHECKING:
 Columns = Mapping[str, tuple[ArrayLike, str]]
 """Values (n,) and their SI unit, "1" for plain numbers and "" for text, by name."""
 
+_STYLE = """<style>
+.femnl th, .femnl td { text-align: right; padding: 0.1em 0.6em }
+.femnl th:first-child { text-align: left }
+</style>"""
+
 
 @dataclass(frozen=True)
 class Table:
@@ -26,21 +31,25 @@ class Table:
     def text(self) -> str:
         """Return aligned plain text."""
         frame = self._frame()
-        body = [] if frame.empty else [frame.to_string(index=False)]
+        # Two spaces part the names of columns, as they part numbers
+        widths = [len(name) + 1 for name in frame.columns]
+        body = [] if frame.empty else [frame.to_string(col_space=widths)]
         return "\n".join([self.title, *body, *(f"  {note}" for note in self.notes)])
 
     def html(self) -> str:
         """Return HTML that needs no other file, its text escaped."""
         title = f"<p><strong>{escape(self.title)}</strong></p>"
         frame = self._frame()
-        body = [] if frame.empty else [frame.to_html(index=False, border=0)]
-        notes = [f"<p>{escape(note)}</p>" for note in self.notes]
-        return "\n".join(["<div>", title, *body, *notes, "</div>"])
+        body = [] if frame.empty else [frame.to_html(border=0, classes="femnl")]
+        notes = "<br/>\n".join(escape(note) for note in self.notes)
+        return "\n".join(["<div>", title, *body, f"<p>{notes}</p>", "</div>"])
 
     def _frame(self) -> "pd.DataFrame":
         import pandas as pd
 
-        return pd.DataFrame(self.columns)
+        # The first column names the rows, and its own name stands in the line of the others
+        first = next(iter(self.columns))
+        return pd.DataFrame(self.columns).set_index(first).rename_axis(index=None, columns=first)
 
 
 class Tabulated:
@@ -59,7 +68,7 @@ class Tabulated:
         return self.summary()
 
     def _repr_html_(self) -> str:
-        return "\n".join(table.html() for table in self._tables())
+        return "\n".join([_STYLE, *(table.html() for table in self._tables())])
 
 
 def dataset(dim: str, coordinates: Columns, values: Columns) -> "xr.Dataset":
