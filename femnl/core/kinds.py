@@ -64,6 +64,7 @@ class KindSpec:
     holds, None where the kind is a special case of another. of: that other kind, whose name the
     file gives. recognise: whether a group of the kind `of` is this special case. modes: how many
     modes of the film the model needs, from the group. needs_device: whether the model needs a film.
+    places: whether the figure shows places on the film, and so takes its outline too.
     """
 
     name: str
@@ -76,6 +77,7 @@ class KindSpec:
     recognise: Callable[[Any], bool] | None = None
     modes: Callable[[Any], int] = _default_modes
     needs_device: bool = True
+    places: bool = False
 
 
 CONTROLS: Mapping[str, str] = MappingProxyType(

@@ -283,33 +283,34 @@ def measure_next(judged: Judgement, found: list[Candidate]) -> str:
     best = judged.chosen
     others = [c for c in sorted(found, key=lambda c: -c.weight) if c is not best]
     rivals = judged.rivals or tuple(others[:1])
-    if not rivals:
+    if not rivals and judged.verdict == "adequate":
         return (
             "nothing is left to separate: the base model explains these data and no "
             "extension was needed"
         )
+    if not rivals:
+        return "no cause of the library acts on these data: measure another quantity of this device"
     rival = rivals[0]
-    separation = {}
-    for phrase, predicted in _predicted_measurements(best).items():
-        separation[phrase] = float(
-            np.linalg.norm(predicted - _predicted_measurements(rival)[phrase])
+    one = " + ".join(best.names) or "the base model"
+    other = " + ".join(rival.names) or "the base model"
+    if judged.verdict == "explained":
+        worse = float(np.sqrt(max(rival.result.chi2 - best.result.chi2, 0.0)))
+        return (
+            f"nothing is left to separate: the next best explanation, {other}, is {worse:.3g}σ "
+            "worse on these data"
         )
-    names = [" + ".join(c.names) or "the base model" for c in (best, rival)]
-    if judged.verdict in ("explained", "unexplained") and not judged.rivals:
-        apart = float(np.sqrt(max(rival.result.chi2 - best.result.chi2, 0.0)))
-        if judged.verdict == "explained":
-            return (
-                f"nothing is left to separate: the next best explanation, {names[1]}, is "
-                f"{apart:.3g}σ worse on these data"
-            )
+    theirs = _predicted_measurements(rival)
+    separation = {
+        phrase: float(np.linalg.norm(predicted - theirs[phrase]))
+        for phrase, predicted in _predicted_measurements(best).items()
+    }
     phrase = max(separation, key=lambda key: separation[key])
     if separation[phrase] < 1:
-        most = f"at most {separation[phrase]:.2g}σ"
         return (
-            f"no further measurement of this kind separates {names[0]} from {names[1]} "
-            f"({most}): use another kind"
+            f"no further measurement of this kind separates {one} from {other} (at most "
+            f"{separation[phrase]:.2g}σ): use another kind"
         )
-    return f"measure {phrase}: it separates {names[0]} from {names[1]} by {separation[phrase]:.3g}σ"
+    return f"measure {phrase}: it separates {one} from {other} by {separation[phrase]:.3g}σ"
 
 
 def _predicted_measurements(

@@ -1,15 +1,15 @@
 """Figures of measurement files: one for each group, whatever its kind."""
 
+from collections.abc import Callable
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from femnl.plot.maps import harmonic_map_figure
-from femnl.plot.response import response_figure
+from femnl.core.kinds import function, kind_of
 from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters, prefixed, style
-from femnl.plot.traces import trace_figure
 
 _CLOSE = 0.035  # of the axis: labels of lines nearer than this share one place
 
@@ -25,17 +25,10 @@ def figures(tree: xr.DataTree, outline: ArrayLike | None = None) -> dict[str, Fi
 
 
 def figure(dataset: xr.Dataset, outline: ArrayLike | None = None) -> Figure:
-    """Draw one measurement of any kind; outline [m] goes into a map."""
-    kind = dataset.attrs["kind"]
-    if kind == "map":
-        return harmonic_map_figure(dataset, outline)
-    draw = {
-        "spectrum": spectrum_figure,
-        "response": response_figure,
-        "trace": trace_figure,
-        "series": series_figure,
-    }
-    return draw[kind](dataset)
+    """Draw one measurement of any kind; outline [m] goes where places are drawn."""
+    spec = kind_of(dataset)
+    draw: Callable[..., Figure] = function(spec.figure)
+    return draw(dataset, outline) if spec.places else draw(dataset)
 
 
 def spectrum_figure(dataset: xr.Dataset) -> Figure:

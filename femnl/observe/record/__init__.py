@@ -17,6 +17,6 @@ KIND = KindSpec(
     stages=("equation",),
     scales=frozenset(("curvature", "curvature_square", "slope")),
     pose="femnl.fits.record.pose:pose",
-    figure="femnl.plot.measurement:trace_figure",
+    figure="femnl.plot.traces:trace_figure",
     needs_device=False,
 )

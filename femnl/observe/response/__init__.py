@@ -20,7 +20,7 @@ KIND = KindSpec(
         )
     ),
     pose="femnl.fits.response.pose:pose",
-    figure="femnl.plot.measurement:response_figure",
+    figure="femnl.plot.response:response_figure",
     contract=Contract(
         dims=("sweep", "point"),
         datasets={
