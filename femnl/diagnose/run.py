@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import replace
@@ -16,7 +17,7 @@ from threadpoolctl import threadpool_limits
 from femnl.core.comparison import Comparison
 from femnl.core.device import Model
 from femnl.core.diagnosis import Alternative, Diagnosis, FreeForm, Quality, Trial, Verdict
-from femnl.core.effect import Effect
+from femnl.core.effect import Effect, EffectFile
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Parameter
 from femnl.diagnose.candidate import Candidate
@@ -32,7 +33,7 @@ from femnl.diagnose.spectrum import SpectrumModel
 from femnl.diagnose.trace import TraceModel
 from femnl.diagnose.verdict import judge, measure_next
 from femnl.diagnose.worker_pool import Posed, Run, worker_pool
-from femnl.effects import library
+from femnl.effects import fingerprint, library, read_effect
 from femnl.io import measurement
 from femnl.io.results.atomic import write_whole
 from femnl.observe.film import SimulatedFilm
@@ -78,7 +79,7 @@ def diagnose(
         effects: the causes to consider; the whole library unless given.
         workers: processes that fit side by side, this one among them. A script that asks for more
             than one keeps what it runs under `if __name__ == "__main__"`, and effects of its own in
-            a module.
+            a module, or in a folder that `femnl.effects.from_folder` reads.
 
     Returns: the diagnosis, see docs/reference/diagnosis-json.md; the same whatever the workers.
     Raises: MeasurementError, GeometryError, ConvergenceError, ParameterError.
@@ -90,12 +91,12 @@ def diagnose(
         raise ParameterError(f"workers: {workers} is none; give a whole number of at least 1")
     path = Path(path)
     tree, model = _opened(path, geometry)
-    pool = list(library().values() if effects is None else effects)
+    pool = _pool(effects)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work
     # they wait for each other.
     with (
-        remembered(digest, model, [effect.name for effect in pool]),
+        remembered(digest, model, fingerprint(pool)),
         threadpool_limits(1, user_api="blas"),
         ExitStack() as helpers,
     ):
@@ -109,22 +110,61 @@ def diagnose(
     return replace(concluded, geometry=geometry)
 
 
-def _sent(effects: list[Effect], workers: int) -> list[Effect | str]:
-    """Return effects as other processes may be told of them: those of the library by name."""
-    found: list[Effect | str] = [
-        effect.name if library().get(effect.name) is effect else effect for effect in effects
-    ]
+def _pool(effects: Iterable[Effect] | None) -> list[Effect]:
+    """Return the causes to consider. Raises: ParameterError where two have one name."""
+    pool = list(library().values() if effects is None else effects)
+    names = Counter(effect.name for effect in pool)
+    for name, count in names.items():
+        if count > 1:
+            raise ParameterError(
+                f"effects: {count} are called {name!r}; give each a name of its own"
+            )
+    return pool
+
+
+Sent = Effect | EffectFile | str
+"""An effect as other processes may be told of it; see `_sent`."""
+
+
+def _sent(effects: list[Effect], workers: int) -> list[Sent]:
+    """Return effects as other processes may be told of them.
+
+    Those of the library go by name, those of a folder as the file that was read, others as they
+    are. Raises: ParameterError for one of these that other processes cannot import.
+    """
+    found = [_reference(effect) for effect in effects]
     for effect in found:
-        if (
-            workers > 1
-            and isinstance(effect, Effect)
-            and any("<" in getattr(c, "__qualname__", "") for c in effect.changes.values())
-        ):
+        if workers > 1 and isinstance(effect, Effect) and not _importable(effect):
             raise ParameterError(
                 f"effects: {effect.name} is defined where other processes cannot import it; "
                 "define it in a module, or take workers = 1"
             )
     return found
+
+
+def _reference(effect: Effect) -> Sent:
+    if library().get(effect.name) is effect:
+        return effect.name
+    # An effect that was changed since it was read is no longer that of its file.
+    if effect.file is not None and read_effect(effect.file) is effect:
+        return effect.file
+    return effect
+
+
+def _importable(effect: Effect) -> bool:
+    """Whether modules define what an effect does, not functions, notebooks or files of a folder."""
+    places = [
+        f"{change.__module__} {getattr(change, '__qualname__', '')}"
+        for change in effect.changes.values()
+    ]
+    return not any("<" in place for place in places)
+
+
+def _effect(sent: Sent) -> Effect:
+    """Return the effect that was sent, as this process has it."""
+    if isinstance(sent, str):
+        return library()[sent]
+    return read_effect(sent) if isinstance(sent, EffectFile) else sent
 
 
 def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None]:
@@ -139,14 +179,12 @@ def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None
     return tree, None if bare else measured_device(tree.attrs, path, geometry)
 
 
-def _posed(
-    path: Path, geometry: str | None, chosen: list[Effect | str], backwards: bool = False
-) -> Posed:
+def _posed(path: Path, geometry: str | None, chosen: list[Sent], backwards: bool = False) -> Posed:
     """Return the model that a file poses, and the effects that may explain its deviations.
 
-    chosen: effects, those of the library by name. backwards: see `JointModel`.
+    chosen: effects, as `_sent` returns them. backwards: see `JointModel`.
     """
-    effects = [library()[effect] if isinstance(effect, str) else effect for effect in chosen]
+    effects = [_effect(sent) for sent in chosen]
     tree, model = _opened(path, geometry)
     base_models = {
         name: pose(name, node.to_dataset(), model) for name, node in tree.children.items()
