@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import replace
@@ -17,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from femnl.core.comparison import Comparison
 from femnl.core.device import Model
 from femnl.core.diagnosis import Alternative, Diagnosis, FreeForm, Quality, Trial, Verdict
-from femnl.core.effect import Effect, EffectFile
+from femnl.core.effect import Effect
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Parameter
 from femnl.diagnose.candidate import Candidate
@@ -28,12 +27,13 @@ from femnl.diagnose.map import MapModel
 from femnl.diagnose.record import RecordModel
 from femnl.diagnose.response import ResponseModel
 from femnl.diagnose.search import applicable, search
+from femnl.diagnose.sent import Sent, considered, received, sent
 from femnl.diagnose.series import SeriesModel
 from femnl.diagnose.spectrum import SpectrumModel
 from femnl.diagnose.trace import TraceModel
 from femnl.diagnose.verdict import judge, measure_next
 from femnl.diagnose.worker_pool import Posed, Run, worker_pool
-from femnl.effects import fingerprint, library, read_effect
+from femnl.effects import fingerprint
 from femnl.io import measurement
 from femnl.io.results.atomic import write_whole
 from femnl.observe.film import SimulatedFilm
@@ -91,7 +91,7 @@ def diagnose(
         raise ParameterError(f"workers: {workers} is none; give a whole number of at least 1")
     path = Path(path)
     tree, model = _opened(path, geometry)
-    pool = _pool(effects)
+    pool = considered(effects)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work
     # they wait for each other.
@@ -101,70 +101,13 @@ def diagnose(
         ExitStack() as helpers,
     ):
         found, run = _searched(
-            partial(_posed, path, geometry, _sent(pool, workers)), workers, helpers
+            partial(_posed, path, geometry, sent(pool, workers)), workers, helpers
         )
         base_model = found[0].result.model.base_model
         concluded = conclude(
             str(path), digest, found, (*tree.attrs.get("repairs", ()), *base_model.notes), run
         )
     return replace(concluded, geometry=geometry)
-
-
-def _pool(effects: Iterable[Effect] | None) -> list[Effect]:
-    """Return the causes to consider. Raises: ParameterError where two have one name."""
-    pool = list(library().values() if effects is None else effects)
-    names = Counter(effect.name for effect in pool)
-    for name, count in names.items():
-        if count > 1:
-            raise ParameterError(
-                f"effects: {count} are called {name!r}; give each a name of its own"
-            )
-    return pool
-
-
-Sent = Effect | EffectFile | str
-"""An effect as other processes may be told of it; see `_sent`."""
-
-
-def _sent(effects: list[Effect], workers: int) -> list[Sent]:
-    """Return effects as other processes may be told of them.
-
-    Those of the library go by name, those of a folder as the file that was read, others as they
-    are. Raises: ParameterError for one of these that other processes cannot import.
-    """
-    found = [_reference(effect) for effect in effects]
-    for effect in found:
-        if workers > 1 and isinstance(effect, Effect) and not _importable(effect):
-            raise ParameterError(
-                f"effects: {effect.name} is defined where other processes cannot import it; "
-                "define it in a module, or take workers = 1"
-            )
-    return found
-
-
-def _reference(effect: Effect) -> Sent:
-    if library().get(effect.name) is effect:
-        return effect.name
-    # An effect that was changed since it was read is no longer that of its file.
-    if effect.file is not None and read_effect(effect.file) is effect:
-        return effect.file
-    return effect
-
-
-def _importable(effect: Effect) -> bool:
-    """Whether modules define what an effect does, not functions, notebooks or files of a folder."""
-    places = [
-        f"{change.__module__} {getattr(change, '__qualname__', '')}"
-        for change in effect.changes.values()
-    ]
-    return not any("<" in place for place in places)
-
-
-def _effect(sent: Sent) -> Effect:
-    """Return the effect that was sent, as this process has it."""
-    if isinstance(sent, str):
-        return library()[sent]
-    return read_effect(sent) if isinstance(sent, EffectFile) else sent
 
 
 def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None]:
@@ -182,9 +125,9 @@ def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None
 def _posed(path: Path, geometry: str | None, chosen: list[Sent], backwards: bool = False) -> Posed:
     """Return the model that a file poses, and the effects that may explain its deviations.
 
-    chosen: effects, as `_sent` returns them. backwards: see `JointModel`.
+    chosen: effects, as `sent` returns them. backwards: see `JointModel`.
     """
-    effects = [_effect(sent) for sent in chosen]
+    effects = [received(effect) for effect in chosen]
     tree, model = _opened(path, geometry)
     base_models = {
         name: pose(name, node.to_dataset(), model) for name, node in tree.children.items()
