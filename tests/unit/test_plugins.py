@@ -117,7 +117,9 @@ def test_helpers_fit_an_effect_of_a_package(
 ) -> None:
     monkeypatch.syspath_prepend(str(site))
     forget()
-    fitted_by_two(partial(diagnosis._posed, series, None, sent(library().values(), 2)))
+    names = sent(library().values(), 2)
+    assert CAUSE in names
+    fitted_by_two(partial(diagnosis._posed, series, None, names))
 
 
 def fitted_by_two(pose: Callable[..., Posed]) -> None:
@@ -226,7 +228,8 @@ def digest_elsewhere(site: Path) -> str:
 def test_the_digest_of_the_library_holds_every_file_of_a_package(site: Path) -> None:
     first = digest_elsewhere(site)
     assert digest_elsewhere(site) == first
-    helper = site / "our_lab" / "helper.py"
+    helper = site / "our_lab" / "parts" / "helper.py"
+    helper.parent.mkdir()
     helper.write_text("FACTOR = 2")
     second = digest_elsewhere(site)
     helper.unlink()
@@ -235,7 +238,7 @@ def test_the_digest_of_the_library_holds_every_file_of_a_package(site: Path) -> 
 
 
 def test_the_digest_of_an_effect_holds_its_numbers() -> None:
-    ours = library()["gas_damping"]
+    ours = replace(library()["gas_damping"])
     wider = replace(ours, parameters=(replace(ours.parameters[0], high=2.0),))
     assert fingerprint([wider]) == fingerprint([wider]) != fingerprint([ours])
 
