@@ -59,8 +59,8 @@ def __dir__() -> list[str]:
     return __all__
 
 
-# What a notebook shows as a picture, and who draws it; like the names above, only when it is
-# needed.
+# What a notebook shows as a picture, beside its table, and who draws it; like the names above, only
+# when it is needed.
 _PICTURED = (
     ("femnl.core.device", "Model"),
     ("femnl.core.mechanics", "Modes"),
@@ -69,15 +69,17 @@ _PICTURED = (
 _PAINTER = "femnl.plot.notebook"
 
 
-def _picture(value: Any) -> Any:
-    return import_module(_PAINTER).picture(value)
+def _bundle(value: Any) -> Any:
+    # A terminal shows neither, and to draw takes seconds
+    shown = sys.modules["IPython"].get_ipython().display_formatter.active_types
+    return import_module(_PAINTER).bundle(value) if "image/png" in shown else {}
 
 
 def _show_pictures_in_notebooks() -> None:
     shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
     if shell is not None:
         for module, name in _PICTURED:
-            shell.display_formatter.formatters["image/png"].for_type_by_name(module, name, _picture)
+            shell.display_formatter.mimebundle_formatter.for_type_by_name(module, name, _bundle)
 
 
 _show_pictures_in_notebooks()

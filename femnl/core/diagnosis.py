@@ -1,12 +1,22 @@
 """What a diagnosis says: `diagnosis.json`, version 1.0, and what its report shows beside it."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from femnl.core.comparison import Comparison
-from femnl.core.fit import Parameter
+from femnl.core.errors import ParameterError
+from femnl.core.fit import Parameter, parameter_columns
+from femnl.core.kinds import function
+from femnl.core.numbers import plain
+from femnl.core.tables import Table, Tabulated
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 Verdict = Literal["adequate", "explained", "ambiguous", "unexplained"]
+SHOWN = 10
+"""Trials that a table lists, the best ones."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +63,7 @@ class FreeForm:
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Diagnosis(Tabulated):
     """The verdict on one measurement file.
 
     parameters: by owner ("base" or the cause), then by name. For the report: base_parameters, those
@@ -86,3 +96,79 @@ class Diagnosis:
     def gain(self) -> float:
         """Held-out χ² before over after."""
         return self.before.heldout_chi2_reduced / self.after.heldout_chi2_reduced
+
+    def __repr__(self) -> str:
+        """Verdict, causes, probability and file."""
+        return f"<Diagnosis of {self.file}: {self._finding()}, probability {self.probability:.3g}>"
+
+    def plot(self, comparison: int = 0) -> "Figure":
+        """Draw data, models and what each leaves, of one comparison.
+
+        Args: comparison: which of `comparisons`, from 0; of several measurements there are several.
+        Raises: ParameterError where there is none of that number.
+        """
+        count = len(self.comparisons)
+        if not 0 <= comparison < count:
+            raise ParameterError(f"comparison = {comparison}: this diagnosis holds {count}, from 0")
+        draw = function("femnl.plot.comparison:comparison_figure")
+        figure: Figure = draw(self.comparisons[comparison])
+        return figure
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a row a trial, the one of highest evidence first.
+
+        Returns: causes joined by " + ", "base model" where there are none; chi2; log_evidence,
+            natural and over that of the base model; p_value; against, sentences joined by "; ".
+        """
+        import pandas as pd
+
+        ranked = self._ranked()
+        columns = {
+            "causes": [_joined(trial.causes) for trial in ranked],
+            "chi2": [trial.chi2 for trial in ranked],
+            "log_evidence": [trial.log_evidence for trial in ranked],
+            "p_value": [trial.p_value for trial in ranked],
+            "against": ["; ".join(trial.against) for trial in ranked],
+        }
+        return pd.DataFrame(columns)
+
+    def _finding(self) -> str:
+        return f"{self.verdict}: {_joined(self.causes)}" if self.causes else self.verdict
+
+    def _ranked(self) -> list[Trial]:
+        return sorted(self.trials, key=lambda trial: -trial.log_evidence)
+
+    def _tables(self) -> list[Table]:
+        owners = [owner for owner, own in self.parameters.items() for _ in own]
+        listed = [parameter for own in self.parameters.values() for parameter in own.values()]
+        found = {"of": owners} | parameter_columns(listed)
+        title = f"{self.file}: {self._finding()} (probability {self.probability:.3g})"
+        before = self.before.heldout_chi2_reduced
+        after = self.after.heldout_chi2_reduced
+        notes = [
+            self.where,
+            f"χ² per held-out datum: {before:.4g} before, {after:.4g} after",
+            self.measure_next,
+        ]
+        tables = [Table(title, found, notes)]
+        return [*tables, self._tried()] if self.trials else tables
+
+    def _tried(self) -> Table:
+        best = self._ranked()[:SHOWN]
+        columns = {
+            "causes": [_joined(trial.causes) for trial in best],
+            "χ²": [plain(trial.chi2, 5) for trial in best],
+            "log evidence": [plain(trial.log_evidence, 4) for trial in best],
+            "p-value": [_p_value(trial.p_value) for trial in best],
+        }
+        note = f"{len(best)} of {len(self.trials)} trials; log evidence over that of the base model"
+        return Table("What was tried, best first", columns, [note])
+
+
+def _p_value(p: float) -> str:
+    """Return a p-value, and a bound where it is too small for a number."""
+    return plain(p, 2) if p > 0 else "< 10⁻³⁰⁰"
+
+
+def _joined(causes: tuple[str, ...]) -> str:
+    return " + ".join(causes) or "base model"

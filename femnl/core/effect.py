@@ -66,7 +66,7 @@ class EffectFile:
     text: bytes = field(repr=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Effect:
     """One physical cause, as its file in `femnl/effects/` states it.
 

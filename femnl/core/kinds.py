@@ -58,8 +58,9 @@ class KindSpec:
     name: as diagnoses and effects use it. stages: those whose values effects may change, in the
     order in which the model runs them. scales: names of the numbers that its models give for the
     ranges of parameters (`ParameterSpec.scale`) and for the `needs` of effects. pose and figure:
-    "module:function", imported when they are called: `pose(dataset, film)` returns the
-    `MeasurementModel` of a group, `figure(dataset)` draws it. contract: what a group of a file
+    "module:function", imported when they are called: `pose(dataset, film, checkpoint)` returns the
+    `MeasurementModel` of a group, and keeps the fits that this takes in the checkpoint;
+    `figure(dataset)` draws the group. contract: what a group of a file
     holds, None where the kind is a special case of another. of: that other kind, whose name the
     file gives. recognise: whether a group of the kind `of` is this special case. modes: how many
     modes of the film the model needs, from the group. needs_device: whether the model needs a film.

@@ -1,6 +1,7 @@
 """What the mechanical stages hand on: mesh, relaxed stress, modes and geometric nonlinearity."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,14 @@ from skfem import MeshTri2
 from femnl.core.arrays import freeze
 from femnl.core.device import Model
 from femnl.core.discretisation_error import ROUNDING, SAFETY, remainder, settle, share_left, steps
+from femnl.core.kinds import function
+from femnl.core.numbers import with_error
+from femnl.core.tables import Table, Tabulated, dataframe, dataset
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -22,6 +31,8 @@ UNLIKE = 0.03
 # The same at an inner or yielding corner, or where a taper's foot kinks the film: that converges
 # slowly in the degree
 REENTRANT = 0.5
+ERRORS = "±: discretisation errors, upper estimates"
+NO_ERRORS = "errors are not known: the modes carry no counterpart of lower degree"
 
 
 @dataclass(frozen=True)
@@ -72,7 +83,7 @@ class Prestress:
 
 
 @dataclass(frozen=True)
-class Modes:
+class Modes(Tabulated):
     """Prestressed modes by rising frequency; shapes have max|ξ| = 1, positive at that point.
 
     frequency [Hz], effective_mass [kg] (∫ρhξ² over the whole film), shapes (n_modes, n_dofs) at the
@@ -225,9 +236,69 @@ class Modes:
         """Modal stiffness k = m_eff ω², in N/m."""
         return np.asarray(self.effective_mass * (2 * np.pi * self.frequency) ** 2)
 
+    def plot(self) -> "Figure":
+        """Draw the first ten shapes from above, with labels and frequencies.
+
+        Raises: MissingLibraryError without OpenGL.
+        """
+        # By name, as everything drawn here: this floor imports none of a higher one
+        figure: Figure = function("femnl.plot.mechanics:mode_gallery")(self)
+        return figure
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return frequencies, ratios, masses and stiffnesses with errors, and the shapes.
+
+        Returns: Dataset over `mode` (from 1), SI units as attributes; `shape` (mode, point) with
+            max|ξ| = 1 at points x, y [m] of the whole film.
+        """
+        surface = function("femnl.io.results.surface:unfold")(self)
+        x, y = surface.points.T
+        places = {"x": ("point", x, {"units": "m"}), "y": ("point", y, {"units": "m"})}
+        shape = (("mode", "point"), surface.shapes, {"units": "1"})
+        return self._columns().assign_coords(places).assign(shape=shape)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a row a mode (from 1), in SI; `attrs["units"]` holds the units by column."""
+        return dataframe(self._columns())
+
+    def _columns(self) -> "xr.Dataset":
+        found = dataset(
+            "mode",
+            {
+                "mode": (np.arange(1, len(self.frequency) + 1), ""),
+                "label": ([label or "" for label in self.label], ""),
+            },
+            {
+                "frequency": (self.frequency, "Hz"),
+                "frequency_error": (self.frequency_error, "Hz"),
+                "ratio": (self.ratio, "1"),
+                "ratio_error": (self.ratio_error, "1"),
+                "effective_mass": (self.effective_mass, "kg"),
+                "effective_mass_error": (self.effective_mass_error, "kg"),
+                "stiffness": (self.stiffness, "N/m"),
+            },
+        )
+        return found.assign_attrs(geometry=self.domain.model.name)
+
+    def _tables(self) -> list[Table]:
+        model = self.domain.model
+        megahertz = zip(self.frequency * 1e-6, self.frequency_error * 1e-6, strict=True)
+        nanograms = zip(self.effective_mass * 1e12, self.effective_mass_error * 1e12, strict=True)
+        columns = {
+            "mode": [str(k + 1) for k in range(len(self.frequency))],
+            "label": [label or "–" for label in self.label],
+            "f (MHz)": [with_error(*f) for f in megahertz],
+            "f/f₁": [with_error(*r) for r in zip(self.ratio, self.ratio_error, strict=True)],
+            "m_eff (ng)": [with_error(*m) for m in nanograms],
+        }
+        title = f"{model.name}: {len(self.frequency)} modes"
+        title += f" {'with' if model.bending else 'without'} bending, degree {self.degree}"
+        note = NO_ERRORS if self.coarse is None else ERRORS
+        return [Table(title, columns, [note])]
+
 
 @dataclass(frozen=True)
-class Nonlinearity:
+class Nonlinearity(Tabulated):
     """Geometric cubic coefficients in the coordinate q of the point where |ξ| = 1.
 
     q is its displacement [m].
@@ -248,6 +319,55 @@ class Nonlinearity:
 
     def __post_init__(self) -> None:
         freeze(self)
+
+    def __repr__(self) -> str:
+        """Number of modes, in-plane edge, and α of the first."""
+        return (
+            f"<Nonlinearity of {len(self.k3)} modes, in-plane edge {self.edge}, "
+            f"α = {self.alpha[0]:.7g} m⁻² of the first>"
+        )
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return k₃ and α with errors, and the tensor where there is one.
+
+        Returns: Dataset over `mode` (from 1), SI units as attributes; `tensor` over the dimensions
+            i, j, k, l.
+        """
+        found = self._columns()
+        tensors = {"tensor": self.tensor, "tensor_error": self.tensor_error}
+        for name, values in tensors.items():
+            if values is not None:
+                found[name] = (tuple("ijkl"), values, {"units": "N/m³"})
+        return found
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a row a mode (from 1), in SI; `attrs["units"]` holds the units by column."""
+        return dataframe(self._columns())
+
+    def _columns(self) -> "xr.Dataset":
+        found = dataset(
+            "mode",
+            {"mode": (np.arange(1, len(self.k3) + 1), "")},
+            {
+                "k3": (self.k3, "N/m³"),
+                "k3_error": (self.k3_error, "N/m³"),
+                "alpha": (self.alpha, "m⁻²"),
+                "alpha_error": (self.alpha_error, "m⁻²"),
+            },
+        )
+        return found.assign_attrs(edge=self.edge)
+
+    def _tables(self) -> list[Table]:
+        per_micrometre = zip(self.alpha * 1e-12, self.alpha_error * 1e-12, strict=True)
+        columns = {
+            "mode": [str(k + 1) for k in range(len(self.k3))],
+            "k₃ (N/m³)": [with_error(*k) for k in zip(self.k3, self.k3_error, strict=True)],
+            "α (µm⁻²)": [with_error(*a) for a in per_micrometre],
+        }
+        notes = [ERRORS if np.isfinite(self.k3_error).all() else NO_ERRORS]
+        if self.tensor is not None:
+            notes.append("the full cubic tensor [N/m³] is in `tensor`")
+        return [Table(f"Duffing coefficients, in-plane edge {self.edge}", columns, notes)]
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,19 @@ coefficient; V_0 = v_0.
 """
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from femnl.core.arrays import freeze
+from femnl.core.kinds import function
+from femnl.core.numbers import micrometres, with_error
+from femnl.core.tables import Table, Tabulated
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -53,7 +60,7 @@ class PeriodicFringe(Protocol):
 
 
 @dataclass(frozen=True)
-class HarmonicMap:
+class HarmonicMap(Tabulated):
     """Amplitudes of the harmonics of the drive over the membrane, at one wavelength.
 
     x (n_x,), y (n_y,) [m] from the centre of the membrane; harmonic (n_harmonics,) integers n;
@@ -79,6 +86,48 @@ class HarmonicMap:
             f"<HarmonicMap of {names}: {len(self.y)} × {len(self.x)} points at "
             f"{self.wavelength * 1e9:.5g} nm>"
         )
+
+    def plot(self) -> "Figure":
+        """Draw a panel for each harmonic, in the quadrature that holds the signal."""
+        # By name, as `to_dataset`: this floor imports none of a higher one
+        figure: Figure = function("femnl.plot.maps:harmonic_map_figure")(self.to_dataset())
+        return figure
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the measurement of kind `map` that these are; `femnl.measurement` writes it.
+
+        Returns: Dataset of real and imag [V] (harmonic, y, x), SI units as attributes.
+        """
+        found: xr.Dataset = function("femnl.io.measurement:harmonic_map")(
+            self.x,
+            self.y,
+            self.harmonic,
+            self.values,
+            noise_sd=self.noise_sd,
+            wavelength=self.wavelength,
+        )
+        return found
+
+    def _tables(self) -> list[Table]:
+        rows = [self._row(index) for index in range(len(self.harmonic))]
+        names = ("harmonic", "largest |V| (V)", "at x (µm)", "at y (µm)", "points")
+        columns = dict(zip(names, zip(*rows, strict=True), strict=True))
+        title = f"Harmonic maps of {len(self.y)} × {len(self.x)} points"
+        title += f" at {self.wavelength * 1e9:.5g} nm"
+        note = "noise is not known" if self.noise_sd is None else "±: noise of each quadrature"
+        return [Table(title, columns, [note])]
+
+    def _row(self, index: int) -> list[str]:
+        """Return where a harmonic is the largest, and how many of its points were measured."""
+        size = np.abs(self.values[index])
+        name = f"{self.harmonic[index]}f"
+        measured = np.count_nonzero(np.isfinite(size))
+        if not measured:
+            return [name, "–", "–", "–", "0"]
+        row, column = np.unravel_index(np.nanargmax(size), size.shape)
+        largest = with_error(size[row, column], self.noise_sd)
+        place = [micrometres(self.x[column]), micrometres(self.y[row])]
+        return [name, largest, *place, str(measured)]
 
 
 @dataclass(frozen=True)

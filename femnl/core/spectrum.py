@@ -1,18 +1,27 @@
 """Lines found in a wide sweep, and which simulated mode each of them is."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.arrays import freeze
 from femnl.core.fit import Fit
+from femnl.core.kinds import function
+from femnl.core.numbers import measured, plain
+from femnl.core.tables import Table, Tabulated, dataframe, dataset
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Peaks:
+class Peaks(Tabulated):
     """Resonances of a wide sweep by rising frequency.
 
     V(f) = Σ_k A_k f_kγ_k/(f_k² − f² + i f γ_k) on a smooth background.
@@ -48,6 +57,53 @@ class Peaks:
         """Standard deviation of Q, that of the linewidth alone."""
         return np.asarray(self.quality_factor * self.linewidth_sd / self.linewidth)
 
+    def __repr__(self) -> str:
+        """Number of lines, and the range that was swept."""
+        low, high = self.band
+        return f"<Peaks: {len(self.frequency)} lines from {low:.7g} Hz to {high:.7g} Hz>"
+
+    def plot(self, data: "xr.Dataset", sweep: int = 0) -> "Figure":
+        """Draw the lines in the sweep that they were found in.
+
+        Args: data: of kind `response`; sweep: which of its sweeps, from 0.
+        """
+        draw = function("femnl.plot.overview:overview_figure")
+        figure: Figure = draw(data, self, sweep=sweep)
+        return figure
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return the lines over `peak` (from 1), SI units as attributes; real and imag are of A."""
+        return dataset(
+            "peak",
+            {"peak": (np.arange(1, len(self.frequency) + 1), "")},
+            {
+                "frequency": (self.frequency, "Hz"),
+                "frequency_sd": (self.frequency_sd, "Hz"),
+                "linewidth": (self.linewidth, "Hz"),
+                "linewidth_sd": (self.linewidth_sd, "Hz"),
+                "quality_factor": (self.quality_factor, "1"),
+                "quality_factor_sd": (self.quality_factor_sd, "1"),
+                "real": (self.amplitude.real, "V"),
+                "imag": (self.amplitude.imag, "V"),
+                "amplitude_sd": (self.amplitude_sd, "V"),
+            },
+        )
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a row a line (from 1), in SI; `attrs["units"]` holds the units by column."""
+        return dataframe(self.to_dataset())
+
+    def _tables(self) -> list[Table]:
+        columns = {
+            "line": [str(k + 1) for k in range(len(self.frequency))],
+            "f (Hz)": measured(self.frequency, self.frequency_sd),
+            "f/Q (Hz)": measured(self.linewidth, self.linewidth_sd),
+            "Q": measured(self.quality_factor, self.quality_factor_sd),
+            "|A| (V)": measured(np.abs(self.amplitude), self.amplitude_sd),
+        }
+        title = f"{len(self.frequency)} lines, χ²/ν = {self.chi2_reduced:.4g}"
+        return [Table(title, columns, self.notes)]
+
 
 @dataclass(frozen=True)
 class Labelling:
@@ -62,7 +118,7 @@ class Labelling:
 
 
 @dataclass(frozen=True)
-class Assignment:
+class Assignment(Tabulated):
     """Which simulated mode each measured peak is.
 
     deviation: f/(c g) − 1 of each peak from its mode at the common scale, NaN for a spurious one.
@@ -87,9 +143,48 @@ class Assignment:
     def __post_init__(self) -> None:
         freeze(self)
 
+    def __repr__(self) -> str:
+        """Number of lines, and the probability of the best labelling."""
+        return (
+            f"<Assignment of {len(self.deviation)} lines, probability {self.best.probability:.3g}>"
+        )
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a row a line (from 1): label, that of the runner-up ("" without) and deviation."""
+        rival = self.best if self.runner_up is None else self.runner_up
+        return dataframe(
+            dataset(
+                "peak",
+                {"peak": (np.arange(1, len(self.deviation) + 1), "")},
+                {
+                    "label": ([label or "" for label in self.best.label], ""),
+                    "runner_up": ([label or "" for label in rival.label], ""),
+                    "deviation": (self.deviation, "1"),
+                },
+            )
+        )
+
+    def _tables(self) -> list[Table]:
+        columns = {
+            "line": [str(k + 1) for k in range(len(self.deviation))],
+            "mode": [label or "none" for label in self.best.label],
+            "away (ppm)": _ppm(self.deviation),
+        }
+        title = f"Modes of {len(self.deviation)} lines, probability {self.best.probability:.3g}"
+        (scale,) = measured([self.scale], [self.scale_sd])
+        notes = [f"measured over simulated frequency: {scale}"]
+        if self.runner_up is not None:
+            others = ", ".join(label or "none" for label in self.runner_up.label)
+            notes.append(f"runner-up, probability {self.runner_up.probability:.2g}: {others}")
+        if self.missing:
+            notes.append(f"modes of this range without a line: {', '.join(self.missing)}")
+        hardly = "frequencies alone hardly separate"
+        notes += [f"{hardly} {', '.join(group)}" for group in self.ambiguous]
+        return [Table(title, columns, notes)]
+
 
 @dataclass(frozen=True)
-class FilmFit:
+class FilmFit(Tabulated):
     """A measured spectrum beside the simulated one.
 
     One scale for all modes, and how far each lies from it.
@@ -110,3 +205,50 @@ class FilmFit:
 
     def __post_init__(self) -> None:
         freeze(self)
+
+    def __repr__(self) -> str:
+        """The fit, and how many modes."""
+        return f"<FilmFit of {len(self.label)} modes: {self.fit!r}>"
+
+    def plot(self) -> "Figure":
+        """Draw how far each line lies from its simulated mode at the common scale."""
+        figure: Figure = function("femnl.plot.overview:film_figure")(self)
+        return figure
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return measured and simulated frequencies over `mode` (from 1).
+
+        Returns: Dataset with SI units as attributes; `simulated` is before the common scale.
+        """
+        return dataset(
+            "mode",
+            {
+                "mode": (np.arange(1, len(self.label) + 1), ""),
+                "label": (list(self.label), ""),
+            },
+            {
+                "frequency": (self.frequency, "Hz"),
+                "frequency_sd": (self.frequency_sd, "Hz"),
+                "simulated": (self.simulated, "Hz"),
+                "deviation": (self.deviation, "1"),
+            },
+        )
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a row a mode (from 1), in SI; `attrs["units"]` holds the units by column."""
+        return dataframe(self.to_dataset())
+
+    def _tables(self) -> list[Table]:
+        scaled = self.simulated * self.fit["scale"]
+        columns = {
+            "mode": self.label,
+            "f (Hz)": measured(self.frequency, self.frequency_sd),
+            "simulated, scaled (Hz)": [plain(f, 9) for f in scaled],
+            "away (ppm)": _ppm(self.deviation),
+        }
+        found = [*self.fit._tables(), Table("Lines beside the simulation", columns)]
+        return found if self.assignment is None else [*found, *self.assignment._tables()]
+
+
+def _ppm(shares: Array) -> list[str]:
+    return ["–" if np.isnan(share) else f"{share * 1e6:.1f}" for share in shares]

@@ -12,7 +12,7 @@ from scipy.stats.qmc import Sobol
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.diagnose.least_squares import FitResult
+from femnl.fits.least_squares import FitResult
 from femnl.observe.model import ExtendedModel
 
 N_DRAWS = 4000

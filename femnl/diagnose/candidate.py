@@ -6,34 +6,11 @@ import numpy as np
 
 from femnl.core.effect import Effect
 from femnl.diagnose.adequacy import ScoreTest, adequacy, score_tests
-from femnl.diagnose.least_squares import FitResult
 from femnl.diagnose.multistart import unlike
+from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.fits.least_squares import FitResult
 
 Names = tuple[str, ...]
-FALSE_ALARMS = 0.01
-"""p-value below which causes are sought beside the base model, and below which a set of causes does
-not explain the data.
-"""
-HOPELESS = 1e-3
-"""p-value that is rare, but not too rare for chance, for what the base model or one cause predicts
-of data that were left out.
-"""
-DOUBTFUL = 0.05
-"""p-value below which a set that explains the data may lack a cause that is too weak to rule it
-out.
-"""
-MOST = 7
-"""Effects that are fitted at each step, those that the residuals point to most."""
-TELLING = 2
-"""Effects whose looks are the least likely by chance, which are fitted however little they promise:
-what is of second order shows that it is there, but not how much it could take up."""
-FEWEST = 4
-FAINT = 0.01
-"""Effects that are fitted in any case, and the part of the excess of χ² that any other must promise
-to take up.
-"""
-PER_CAUSE = 0.1
-"""Prior odds of one more cause."""
 
 
 @dataclass(frozen=True)
@@ -68,20 +45,23 @@ class Candidate:
     @property
     def weight(self) -> float:
         """Logarithm of evidence times prior odds."""
-        return self.result.log_evidence + len(self.names) * float(np.log(PER_CAUSE))
+        return self.result.log_evidence + len(self.names) * float(np.log(THRESHOLDS.odds_per_cause))
 
     @property
     def viable(self) -> bool:
         """Whether the set explains the data: adequate, with no parameter at a bound."""
-        return self.p_value >= (FALSE_ALARMS if self.names else HOPELESS) and not self.result.stuck
+        rare = THRESHOLDS.set_inadequate if self.names else THRESHOLDS.chance_excluded
+        return self.p_value >= rare and not self.result.stuck
 
     @property
-    def least(self) -> float:
+    def least_heldout(self) -> float:
         """p-value of data left out below which the set does not explain them.
 
         One cause is given the benefit of the doubt.
         """
-        return HOPELESS if len(self.names) <= 1 else FALSE_ALARMS
+        if len(self.names) <= 1:
+            return THRESHOLDS.chance_excluded
+        return THRESHOLDS.set_inadequate
 
 
 def criticise(result: FitResult, library: list[Effect]) -> Candidate:
@@ -103,11 +83,11 @@ def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) 
     promising = {
         name
         for i, name in enumerate(best)
-        if i < FEWEST or (i < MOST and best[name][0].gain > FAINT * excess)
+        if i < THRESHOLDS.fewest_effects
+        or (i < THRESHOLDS.most_effects and best[name][0].gain > THRESHOLDS.least_gain * excess)
     }
-    promising.update(
-        sorted(best, key=lambda name: min(test.p_value for test in best[name]))[:TELLING]
-    )
+    by_chance = sorted(best, key=lambda name: min(test.p_value for test in best[name]))
+    promising.update(by_chance[: THRESHOLDS.surprising_effects])
     return [
         Pointer(e, tuple(test.values for test in unlike(best[e.name])))
         for e in library

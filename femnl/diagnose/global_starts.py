@@ -11,7 +11,7 @@ from scipy.stats.qmc import Sobol
 
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
-from femnl.diagnose.least_squares import FitResult
+from femnl.fits.least_squares import FitResult
 from femnl.observe.model import ExtendedModel, MeasurementModel, scale_of
 
 RAYS = 64

@@ -11,7 +11,7 @@ from femnl.core.effect import Effect
 from femnl.core.readout import Array
 from femnl.diagnose.adequacy import ScoreTest, score_tests
 from femnl.diagnose.global_starts import centres, scan
-from femnl.diagnose.least_squares import FitResult, fit, improve
+from femnl.fits.least_squares import FitResult, fit, improve
 from femnl.observe.model import ExtendedModel, scale_of
 
 SHAPES = 4

@@ -13,26 +13,22 @@ import numpy as np
 import xarray as xr
 from threadpoolctl import threadpool_limits
 
+from femnl.core.checkpoint import Checkpoint, remembered
 from femnl.core.comparison import Comparison
 from femnl.core.device import Model
 from femnl.core.diagnosis import Alternative, Diagnosis, FreeForm, Quality, Trial, Verdict
 from femnl.core.effect import Effect
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Parameter
+from femnl.core.kinds import function, kind_of
 from femnl.diagnose.candidate import Candidate
-from femnl.diagnose.checkpoint import remembered
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointModel
-from femnl.diagnose.map import MapModel
-from femnl.diagnose.record import RecordModel
-from femnl.diagnose.response import ResponseModel
-from femnl.diagnose.search import applicable, search
+from femnl.diagnose.pose_joint import pose_joint
+from femnl.diagnose.search import search
 from femnl.diagnose.sent import Sent, considered, received, sent
-from femnl.diagnose.series import SeriesModel
-from femnl.diagnose.spectrum import SpectrumModel
-from femnl.diagnose.trace import TraceModel
 from femnl.diagnose.verdict import judge, measure_next
-from femnl.diagnose.worker_pool import Posed, Run, worker_pool
+from femnl.diagnose.worker_pool import Pose, Posed, Run, worker_pool
 from femnl.effects import fingerprint
 from femnl.io import measurement
 from femnl.io.results.atomic import write_whole
@@ -44,23 +40,6 @@ SHOWN = 1e-6
 """Probability below which alternatives are not listed."""
 
 
-def pose_trace(dataset: xr.Dataset, film: SimulatedFilm) -> MeasurementModel:
-    """Harmonics of a fringe, where the laser's wavelength is known."""
-    if "wavelength" in dataset.attrs:
-        return TraceModel(dataset, film)
-    raise MeasurementError(
-        "trace: neither wavelength nor drive_voltage is there: add the laser's wavelength [m], "
-        "or the drive that was recorded"
-    )
-
-
-PROBLEMS: dict[str, Callable[[xr.Dataset, SimulatedFilm], MeasurementModel]] = {
-    "spectrum": SpectrumModel,
-    "map": MapModel,
-    "response": ResponseModel,
-    "series": SeriesModel,
-    "trace": pose_trace,
-}
 VERSION = "1.0"
 
 
@@ -96,12 +75,12 @@ def diagnose(
     # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work
     # they wait for each other.
     with (
-        remembered(digest, model, fingerprint(pool)),
+        remembered(digest, model, fingerprint(pool)) as checkpoint,
         threadpool_limits(1, user_api="blas"),
         ExitStack() as helpers,
     ):
         found, run = _searched(
-            partial(_posed, path, geometry, sent(pool, workers)), workers, helpers
+            partial(_posed, path, geometry, sent(pool, workers)), workers, helpers, checkpoint
         )
         base_model = found[0].result.model.base_model
         concluded = conclude(
@@ -117,41 +96,46 @@ def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None
     bare = (
         geometry is None
         and tree.attrs.keys().isdisjoint(("model", "geometry"))
-        and all(map(_oscillates, groups))
+        and not any(kind_of(group).needs_device for group in groups)
     )
     return tree, None if bare else measured_device(tree.attrs, path, geometry)
 
 
-def _posed(path: Path, geometry: str | None, chosen: list[Sent], backwards: bool = False) -> Posed:
+def _posed(
+    path: Path,
+    geometry: str | None,
+    chosen: list[Sent],
+    checkpoint: Checkpoint | None,
+    *,
+    backwards: bool = False,
+) -> Posed:
     """Return the model that a file poses, and the effects that may explain its deviations.
 
-    chosen: effects, as `sent` returns them. backwards: see `JointModel`.
+    chosen: effects, as `sent` returns them. backwards: see `pose_joint`.
     """
     effects = [received(effect) for effect in chosen]
     tree, model = _opened(path, geometry)
-    base_models = {
-        name: pose(name, node.to_dataset(), model) for name, node in tree.children.items()
+    groups = {
+        name: pose(name, node.to_dataset(), model, checkpoint)
+        for name, node in tree.children.items()
     }
-    if len(base_models) > 1:
-        joint = JointModel(base_models, backwards=backwards)
-        return joint, joint.pool(effects)
-    ((_, base_model),) = base_models.items()
-    return base_model, base_model.pool(effects) if isinstance(
-        base_model, RecordModel
-    ) else applicable(base_model, effects)
+    if len(groups) > 1:
+        return pose_joint(groups, effects, backwards, checkpoint)
+    (only,) = groups.values()
+    return only, only.usable_effects(effects)
 
 
 def _searched(
-    pose: Callable[..., Posed], workers: int, helpers: ExitStack
+    pose: Callable[..., Posed], workers: int, helpers: ExitStack, checkpoint: Checkpoint
 ) -> tuple[list[Candidate], Run]:
     """Fit what may explain one measurement, or several jointly.
 
     Return what was fitted, and what does further jobs of that problem.
     """
 
-    def sought(pose: Callable[[], Posed]) -> tuple[list[Candidate], Run]:
-        mine = helpers.enter_context(worker_pool(pose, workers))
-        return search(*mine.posed(), mine.run), mine.run
+    def sought(pose: Pose) -> tuple[list[Candidate], Run]:
+        mine = helpers.enter_context(worker_pool(pose, workers, checkpoint))
+        return search(*mine.posed(), mine.run, checkpoint), mine.run
 
     found, run = sought(pose)
     base_model = found[0].result.model.base_model
@@ -167,30 +151,21 @@ def _searched(
     return max(((found, run), other), key=lambda one: max(candidate.weight for candidate in one[0]))
 
 
-def _oscillates(dataset: xr.Dataset) -> bool:
-    """Whether a group is a record of one oscillator in volts, which tells nothing of a film."""
-    return (
-        dataset.attrs["kind"] == "trace"
-        and "wavelength" not in dataset.attrs
-        and "drive_voltage" in dataset
-    )
+def pose(
+    name: str, dataset: xr.Dataset, model: Model | None, checkpoint: Checkpoint | None = None
+) -> MeasurementModel:
+    """Return the model of a group of a measurement file, by its kind.
 
-
-def pose(name: str, dataset: xr.Dataset, model: Model | None) -> MeasurementModel:
-    """Return the problem that a group of a measurement file poses.
-
-    That of an oscillator's record needs no device.
+    Args: name: of the group. model: the device, None where no kind needs one. checkpoint: keeps the
+    fits that this takes.
+    Raises: MeasurementError for a kind that needs a device where there is none.
     """
-    if model is None or _oscillates(dataset):
-        return RecordModel(dataset)
-    kind = str(dataset.attrs["kind"])
-    if kind not in PROBLEMS:
-        raise MeasurementError(
-            f"{name}: a diagnosis of kind {kind!r} is not available; known are "
-            f"{', '.join(PROBLEMS)}"
-        )
-    count = max(48, 4 * dataset.sizes.get("mode", 0)) if kind == "spectrum" else 12
-    return PROBLEMS[kind](dataset, SimulatedFilm(model, count))
+    spec = kind_of(dataset)
+    film = None if model is None else SimulatedFilm(model, spec.modes(dataset))
+    if film is None and spec.needs_device:
+        raise MeasurementError(f"{name}: a {spec.name} needs a device; give it with --geometry")
+    posed: MeasurementModel = function(spec.pose)(dataset, film, checkpoint)
+    return posed
 
 
 def conclude(

@@ -11,19 +11,11 @@ from typing import TypeVar
 
 from scipy.stats import chi2
 
+from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
-from femnl.diagnose.candidate import (
-    DOUBTFUL,
-    FALSE_ALARMS,
-    HOPELESS,
-    Candidate,
-    Names,
-    criticise,
-    names_of,
-)
+from femnl.diagnose.candidate import Candidate, Names, criticise, names_of
 from femnl.diagnose.global_starts import scan
-from femnl.diagnose.least_squares import FitResult, fit, improve
 from femnl.diagnose.multistart import (
     FAR,
     REFINED,
@@ -32,92 +24,112 @@ from femnl.diagnose.multistart import (
     sought_again,
     sought_beyond,
 )
+from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job, Run, in_turn
+from femnl.fits.least_squares import FitResult, fit, improve
 from femnl.observe.model import ExtendedModel, MeasurementModel
 
 PROGRESS = logging.getLogger("femnl.progress")
 T = TypeVar("T")
-BEAM = 2
-PEERS = 2.0
-"""Sets of causes that are extended at each step; single causes up to this ratio of what they and
-the best leave of χ² are, too.
-"""
+SIZES = ("single causes", "pairs", "triples")
+"""The steps of the search, by the size of the sets that they fit."""
 PAIR = 1
-"""Step at which pairs of causes are sought."""
-NEARLY = 0.01
-"""Part of what the base model leaves beyond noise, up to which a set beside one that explains the
-data is fitted anew: it may equal it.
-"""
-AGAIN = (3, 3, 1)
-"""Sets of one, two and three whose causes are sought anew, or pairs that are fitted from afar,
-where no set explains the data well.
-"""
-LARGEST = 3
-"""Causes in the largest set."""
-
-
-def applicable(base_model: MeasurementModel, library: Iterable[Effect]) -> list[Effect]:
-    """Return the effects that can show in this measurement."""
-    return [
-        effect
-        for effect in library
-        if base_model.kind in effect.kinds
-        and all(fact in base_model.scales for fact in effect.needs)
-    ]
+"""The step of pairs."""
 
 
 def search(
-    base_model: MeasurementModel, library: list[Effect], run: Run = in_turn
+    base_model: MeasurementModel,
+    library: list[Effect],
+    run: Run = in_turn,
+    checkpoint: Checkpoint | None = None,
 ) -> list[Candidate]:
     """Return the base model first, then every set of causes that was fitted.
 
     Greedy: sets grow by the effects that their residuals point to most, and no further once one of
-    them explains the data well.
-    run: does jobs that do not wait for each other.
+    them explains the data beyond doubt.
+
+    Args: base_model, library: the data and the effects that may act on them. run: does jobs that do
+    not wait for each other. checkpoint: keeps every fit.
     """
-    model = ExtendedModel(base_model)
     PROGRESS.info("%s: fitting the base model", base_model.kind)
-    base = criticise(fit(model, base_model.start), library)
+    first = fit(ExtendedModel(base_model), base_model.start, checkpoint=checkpoint)
+    base = criticise(first, library)
     found = [base]
-    if base.p_value >= FALSE_ALARMS:
+    if base.p_value >= THRESHOLDS.base_inadequate:
         return found
-    beam = [base]
-    for size in range(LARGEST):
-        grown: dict[Names, Candidate] = {}
-        parents = list(beam)
-        done = list[Candidate]()
-        while parents:
-            _keep(grown, run(_growing(parents, library)), library, run)
-            done += parents
-            parents = (
-                _partners(grown, found, done, library, run)
-                if size == PAIR and (base_model.needs_global_search or _settled(grown))
-                else []
+    parents = [base]
+    for size in range(len(SIZES)):
+        grown = _grown(parents, found, size, library, run)
+        if _settled(grown):
+            short = [c for c in grown.values() if _falls_short(c, base)]
+            return _simpler(
+                [*found, *_kept(grown, run(_seeking(short)), library, run).values()], library, run
             )
-        if not _settled(grown):
-            ranked = sorted(grown.values(), key=lambda c: -c.weight)
-            if base_model.needs_global_search and size == PAIR:
-                others = _from_afar(found, library, run)
-            else:
-                few = len(ranked) if base_model.needs_global_search and size == 0 else AGAIN[size]
-                others = run(_seeking(ranked[:few]))
-            _keep(grown, others, library, run)
-        else:
-            short = [
-                c for c in grown.values() if not c.viable and _excess(c) < NEARLY * _excess(base)
-            ]
-            _keep(grown, run(_seeking(short)), library, run)
+        grown = _kept(grown, _sought_anew(grown, found, size, library, run), library, run)
         found += grown.values()
-        beam = sorted(grown.values(), key=lambda c: -c.weight)
-        beam = [
-            c
-            for i, c in enumerate(beam)
-            if i < BEAM or (size == 0 and _excess(c) < PEERS * _excess(beam[0]))
-        ]
         if _settled(grown):
             break
-        beam = _looked_at(beam, library, run)
+        parents = _looked_at(_worth_extending(grown, size), library, run)
     return _simpler(found, library, run)
+
+
+def _grown(
+    parents: list[Candidate],
+    found: list[Candidate],
+    size: int,
+    library: list[Effect],
+    run: Run,
+) -> dict[Names, Candidate]:
+    """Return each parent with one more cause; of pairs, with other partners of the best too."""
+    grown: dict[Names, Candidate] = {}
+    done = list[Candidate]()
+    while parents:
+        grown = _kept(grown, run(_growing(parents, library)), library, run)
+        done += parents
+        parents = []
+        if size == PAIR and (_needs_global_search(found) or _settled(grown)):
+            parents = _partners(grown, found, done, library, run)
+    return grown
+
+
+def _sought_anew(
+    grown: dict[Names, Candidate],
+    found: list[Candidate],
+    size: int,
+    library: list[Effect],
+    run: Run,
+) -> list[FitResult | None]:
+    """Return fits from elsewhere, where no set explains the data beyond doubt.
+
+    Tangents may have led astray: the best sets are sought anew, all single causes where effects act
+    by jumps, and there pairs from afar.
+    """
+    ranked = sorted(grown.values(), key=lambda c: -c.weight)
+    if _needs_global_search(found) and size == PAIR:
+        return [*_from_afar(found, library, run)]
+    everywhere = _needs_global_search(found) and size == 0
+    few = len(ranked) if everywhere else THRESHOLDS.sought_again[size]
+    return run(_seeking(ranked[:few]))
+
+
+def _worth_extending(grown: dict[Names, Candidate], size: int) -> list[Candidate]:
+    """Return the likeliest sets, and single causes that leave about as little as the best."""
+    ranked = sorted(grown.values(), key=lambda c: -c.weight)
+    near = THRESHOLDS.peer_ratio * _excess(ranked[0]) if ranked else 0.0
+    return [
+        c for i, c in enumerate(ranked) if i < THRESHOLDS.beam or (size == 0 and _excess(c) < near)
+    ]
+
+
+def _falls_short(candidate: Candidate, base: Candidate) -> bool:
+    """Whether a set explains nearly all that the base model leaves, and may explain it all."""
+    return not candidate.viable and _excess(candidate) < (
+        THRESHOLDS.nearly_explained * _excess(base)
+    )
+
+
+def _needs_global_search(found: list[Candidate]) -> bool:
+    return found[0].result.model.base_model.needs_global_search
 
 
 def _simpler(found: list[Candidate], library: list[Effect], run: Run) -> list[Candidate]:
@@ -138,12 +150,8 @@ def _simpler(found: list[Candidate], library: list[Effect], run: Run) -> list[Ca
             fewer = ExtendedModel(model.base_model, (*model.effects[:k], *model.effects[k + 1 :]))
             names = tuple(sorted(effect.name for effect in fewer.effects))
             before = kept.get(names)
-            _keep(
-                kept,
-                [fit(fewer, fewer.pack(start, [*values[:k], *values[k + 1 :]]), near=result)],
-                library,
-                run,
-            )
+            again = fit(fewer, fewer.pack(start, [*values[:k], *values[k + 1 :]]), near=result)
+            kept = _kept(kept, [again], library, run)
             if kept[names] is not before and kept[names].viable and len(names) > 1:
                 todo.append(kept[names])
     return list(kept.values())
@@ -151,7 +159,10 @@ def _simpler(found: list[Candidate], library: list[Effect], run: Run) -> list[Ca
 
 def _settled(grown: dict[Names, Candidate]) -> bool:
     """Whether a set explains the data beyond doubt."""
-    return any(candidate.viable and candidate.p_value >= DOUBTFUL for candidate in grown.values())
+    return any(
+        candidate.viable and candidate.p_value >= THRESHOLDS.set_doubtful
+        for candidate in grown.values()
+    )
 
 
 def _partners(
@@ -180,28 +191,28 @@ def _looked_at(candidates: list[Candidate], library: list[Effect], run: Run) -> 
     return [next(fresh) if c.pointers is None else c for c in candidates]
 
 
-def _keep(
+def _kept(
     grown: dict[Names, Candidate],
     results: Iterable[FitResult | None],
     library: list[Effect],
     run: Run,
-) -> None:
-    """Criticise what was fitted, the best of each set of causes.
+) -> dict[Names, Candidate]:
+    """Return what was known with what was fitted, the best of each set of causes, criticised.
 
-    Where χ² alone rules it out, leave it at that.
+    Where χ² alone rules a set out, it is left at that.
     """
     best: dict[Names, FitResult] = {}
     for result in (result for result in results if result is not None):
         names = names_of(result)
-        known = best[names] if names in best else grown[names].result if names in grown else None
+        known = best.get(names) or (grown[names].result if names in grown else None)
         if known is None or result.chi2 < known.chi2:
             best[names] = result
     plain = {
         names: Candidate(s, float(chi2.sf(s.chi2, s.degrees)), "chi-square", None)
         for names, s in best.items()
     }
-    worth = [c for c in plain.values() if c.p_value >= HOPELESS / 10]
-    grown |= plain | {c.names: c for c in _looked_at(worth, library, run)}
+    worth = [c for c in plain.values() if c.p_value >= THRESHOLDS.chance_excluded / 10]
+    return grown | plain | {c.names: c for c in _looked_at(worth, library, run)}
 
 
 def _excess(candidate: Candidate) -> float:
@@ -227,7 +238,9 @@ def _from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[
             for single, other in pairs
         ]
     )
-    best = sorted(zip(rough, pairs, strict=True), key=lambda pair: pair[0][0])[: AGAIN[PAIR]]
+    best = sorted(zip(rough, pairs, strict=True), key=lambda pair: pair[0][0])[
+        : THRESHOLDS.sought_again[PAIR]
+    ]
     return run(
         [
             _job("trying", names_of(single, other), base, partial(_paired, single, other, v))

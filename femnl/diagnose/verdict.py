@@ -1,110 +1,198 @@
-"""From fitted candidates to the verdict.
+"""From fitted candidates to the verdict, by rules in order; the first that applies decides.
 
-Evidence and held-out prediction must agree, ties are told as ties.
+Evidence and held-out prediction must agree, and equals are reported as indistinguishable.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from femnl.core.diagnosis import Verdict
-from femnl.diagnose.candidate import DOUBTFUL, FALSE_ALARMS, HOPELESS, PER_CAUSE, Candidate
+from femnl.diagnose.candidate import Candidate, Names
 from femnl.diagnose.freeform import fitted_forms
-from femnl.diagnose.least_squares import CrossValidation
+from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.fits.least_squares import CrossValidation
 
-CLEAR = 0.99
-"""Posterior probability from which on one set of causes is told alone: a wrong one is to be told in
-less than one of a hundred files.
-"""
-ODDS = float(np.log(19))
-"""Logarithm of odds up to which a set of causes is no less likely than another, for all that is
-known of priors.
-"""
-TIE = 4.0
-"""Difference in χ² up to which a set with no more parameters does as well, whatever the priors'
-widths say.
-"""
-CONTRADICTED = 2.0
-"""Standard errors by which a rival's logarithm of the density of unseen data must exceed the best
-set's to contradict the evidence.
-"""
-SCATTERED = 1e3
-"""Largest deviations of unknown cause, in σ, that are allowed for."""
-RIVALS = 3
-"""Rivals of the best, whose held-out prediction is computed as well."""
+EVEN = float(np.log(THRESHOLDS.even_odds))
+"""Logarithm of the odds up to which a set is no less likely than another."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """The verdict.
+    """The verdict, and the rule that decided it.
 
-    With the candidate chosen (the base where none is), its rivals, and the probability of every
-    candidate.
+    chosen: the candidate that the verdict rests on, the base where no cause is named; rivals of it;
+    share: the probability of every candidate, by its names.
     """
 
     verdict: Verdict
     chosen: Candidate
     rivals: tuple[Candidate, ...]
-    share: dict[tuple[str, ...], float]
+    share: dict[Names, float]
+    rule: str = ""
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Fitted candidates, the base model first, with what the rules ask of them."""
+
+    found: list[Candidate]
+
+    @property
+    def base(self) -> Candidate:
+        """The base model."""
+        return self.found[0]
+
+    @cached_property
+    def prior_share(self) -> dict[Names, float]:
+        """Evidence times prior odds of every candidate, in parts of their sum."""
+        weights = np.array([c.weight for c in self.found])
+        shares = np.exp(weights - weights.max())
+        total = shares.sum()
+        return {c.names: float(s / total) for c, s in zip(self.found, shares, strict=True)}
+
+    @cached_property
+    def likely(self) -> list[Candidate]:
+        """Sets that explain all data together, the most likely first.
+
+        Each of their causes is worth its parameters. Several causes, or one that fits badly, must
+        also outdo a smooth form of unknown cause, and several causes deviations at random: in just
+        the right ratio they imitate what the library lacks.
+        """
+        tried = self.found[1:]
+        worth = [
+            c
+            for c in tried
+            if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in tried)
+        ]
+        likely = [c for c in worth if c.viable]
+        if any(len(c.names) > 1 or c.p_value < THRESHOLDS.set_doubtful for c in likely):
+            smooth = _smooth(self.base) - EVEN
+            likely = [
+                c
+                for c in likely
+                if c.weight > smooth and (len(c.names) == 1 or c.weight > _scatter(self.base))
+            ]
+        return sorted(likely, key=lambda c: -c.weight)
+
+    @cached_property
+    def viable(self) -> list[Candidate]:
+        """Those of the likeliest sets that predict each part of the data from the others.
+
+        What fits all data together, but no part by what the others say, is bent to them, no cause.
+        """
+        nearest = self.likely[: 1 + THRESHOLDS.most_rivals]
+        return [c for c in nearest if c.result.cross_validation.p_value >= c.least_heldout]
+
+    @property
+    def best(self) -> Candidate:
+        """The most likely viable set."""
+        return self.viable[0]
+
+    @cached_property
+    def doubted(self) -> list[Candidate]:
+        """Sets that differ from the best by some causes, and may be right for all that is known."""
+        return [c for c in self.found[1:] if c not in self.viable and _may_be_right(c, self.best)]
+
+    @cached_property
+    def share(self) -> dict[Names, float]:
+        """Probability of every candidate; those that may be right share the whole."""
+        possible = [c.names for c in (*self.viable, *self.doubted)]
+        total = sum(self.prior_share[names] for names in possible)
+        return self.prior_share | {names: self.prior_share[names] / total for names in possible}
+
+    @cached_property
+    def rivals(self) -> list[Candidate]:
+        """Sets that keep the best from being named alone: first those that are likely enough.
+
+        Where there are none, all viable ones, if they predict held-out data better than the best,
+        or if the best predicts it no better than the base model.
+        """
+        others = self.viable[1:]
+        unlikely = (1 - THRESHOLDS.named_alone) / 2
+        near = [c for c in others if self.share[c.names] > unlikely or _equals(c, self.best)]
+        if near or self.doubted:
+            return near + self.doubted
+        if _contradicted(self.best, others) or not self.predicts_better_than_base:
+            return others
+        return []
+
+    @cached_property
+    def predicts_better_than_base(self) -> bool:
+        """Whether the best set predicts held-out data better than the base model."""
+        return _predicts_better(
+            self.best.result.cross_validation, self.base.result.cross_validation
+        )
+
+
+Rule = Callable[[Weighed], Judgement | None]
+
+
+def base_explains_the_data(weighed: Weighed) -> Judgement | None:
+    """The base model is adequate: no cause is sought where noise suffices."""
+    if weighed.base.p_value < THRESHOLDS.base_inadequate:
+        return None
+    return Judgement("adequate", weighed.base, (), weighed.prior_share)
+
+
+def no_cause_is_worth_its_parameters(weighed: Weighed) -> Judgement | None:
+    """The misfit is rare, but not too rare for chance, and no cause makes it likelier."""
+    if not weighed.base.viable or any(c.weight > weighed.base.weight for c in weighed.viable):
+        return None
+    return Judgement("adequate", weighed.base, (), weighed.prior_share)
+
+
+def no_set_explains_the_data(weighed: Weighed) -> Judgement | None:
+    """No set of causes explains all data and predicts each part from the others."""
+    if weighed.viable:
+        return None
+    return Judgement("unexplained", weighed.base, (), weighed.prior_share)
+
+
+def only_set_predicts_no_better(weighed: Weighed) -> Judgement | None:
+    """The one set left predicts held-out data no better than the base model: no explanation."""
+    if weighed.rivals or weighed.predicts_better_than_base:
+        return None
+    return Judgement("unexplained", weighed.base, (), weighed.share)
+
+
+def one_set_stands_alone(weighed: Weighed) -> Judgement | None:
+    """One set explains the data, and no other may be right."""
+    if weighed.rivals:
+        return None
+    return Judgement("explained", weighed.best, (), weighed.share)
+
+
+def several_sets_are_left(weighed: Weighed) -> Judgement | None:
+    """Several sets may be right; the simplest of those as likely as the best gives the name."""
+    best = weighed.best
+    near = [c for c in weighed.rivals if best.weight - c.weight < EVEN or _equals(c, best)]
+    simplest = min([best, *near], key=lambda c: (len(c.names), c.result.vector.size, -c.weight))
+    others = tuple(c for c in (best, *weighed.rivals) if c is not simplest)
+    return Judgement("ambiguous", simplest, others, weighed.share)
+
+
+RULES: tuple[Rule, ...] = (
+    base_explains_the_data,
+    no_cause_is_worth_its_parameters,
+    no_set_explains_the_data,
+    only_set_predicts_no_better,
+    one_set_stands_alone,
+    several_sets_are_left,
+)
+"""In this order; the last one always applies."""
 
 
 def judge(found: list[Candidate]) -> Judgement:
-    """Weigh what was fitted; the first candidate is the base model."""
-    base = found[0]
-    tried = found[1:]
-    weights = np.array([c.weight for c in found])
-    shares = np.exp(weights - weights.max())
-    share = {c.names: float(s) for c, s in zip(found, shares / shares.sum(), strict=True)}
-    if base.p_value >= FALSE_ALARMS:
-        return Judgement("adequate", base, (), share)
-    # A set is no explanation with a cause in it that the evidence does not ask for.
-    worth = [
-        c
-        for c in tried
-        if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in tried)
-    ]
-    likely = [c for c in worth if c.viable]
-    if any(len(c.names) > 1 or c.p_value < DOUBTFUL for c in likely):
-        smooth = _smooth(base) - ODDS
-        likely = [
-            c
-            for c in likely
-            if c.weight > smooth and (len(c.names) == 1 or c.weight > _scatter(base))
-        ]
-    # What fits all the data together, but not each part by what the others say, is bent to them and
-    # no cause.
-    viable = [
-        c
-        for c in sorted(likely, key=lambda c: -c.weight)[: 1 + RIVALS]
-        if c.result.cross_validation.p_value >= c.least
-    ]
-    if base.viable and all(c.weight <= base.weight for c in viable):
-        # Rare, but not too rare for chance, and no cause is worth its parameters
-        return Judgement("adequate", base, (), share)
-    if not viable:
-        return Judgement("unexplained", base, (), share)
-    best = viable[0]
-    doubted = [c for c in tried if c not in viable and _doubted(c, best)]
-    total = sum(share[c.names] for c in (*viable, *doubted))
-    share |= {c.names: share[c.names] / total for c in (*viable, *doubted)}
-    rivals = [c for c in viable[1:] if share[c.names] > (1 - CLEAR) / 2 or _ties(c, best)] + doubted
-    if not rivals and len(viable) > 1 and _contradicted(best, viable[1:]):
-        rivals = viable[1:]
-    if not rivals and not _predicts_better(
-        best.result.cross_validation, base.result.cross_validation
-    ):
-        # Evidence speaks for a set that predicts unseen data no better than the base model: that
-        # explains nothing.
-        if len(viable) == 1:
-            return Judgement("unexplained", base, (), share)
-        rivals = viable[1:]
-    if not rivals:
-        return Judgement("explained", best, (), share)
-    near = [best, *(c for c in rivals if best.weight - c.weight < ODDS or _ties(c, best))]
-    simplest = min(near, key=lambda c: (len(c.names), c.result.vector.size, -c.weight))
-    return Judgement(
-        "ambiguous", simplest, tuple(c for c in (best, *rivals) if c is not simplest), share
-    )
+    """Return the verdict of the first rule that applies; the first candidate is the base model."""
+    weighed = Weighed(found)
+    for rule in RULES:
+        judgement = rule(weighed)
+        if judgement is not None:
+            return replace(judgement, rule=rule.__name__.replace("_", " "))
+    raise AssertionError("the last rule always applies")
 
 
 def _scatter(base: Candidate) -> float:
@@ -117,13 +205,13 @@ def _scatter(base: Candidate) -> float:
     """
     chi2 = base.result.chi2
     d = base.result.degrees
-    size = float(np.log(np.sqrt(np.pi / d) / np.log(SCATTERED)))
+    size = float(np.log(np.sqrt(np.pi / d) / np.log(THRESHOLDS.largest_scatter)))
     return (
         base.weight
         + (chi2 - d) / 2
         - d / 2 * float(np.log(chi2 / d))
         + size
-        + 2 * float(np.log(PER_CAUSE))
+        + 2 * float(np.log(THRESHOLDS.odds_per_cause))
     )
 
 
@@ -136,48 +224,52 @@ def _smooth(base: Candidate) -> float:
     simply as its own form.
     """
     return max((s.log_evidence for s in fitted_forms(base.result)), default=-np.inf) + 2 * float(
-        np.log(PER_CAUSE)
+        np.log(THRESHOLDS.odds_per_cause)
     )
 
 
-def _ties(candidate: Candidate, best: Candidate) -> bool:
+def _equals(candidate: Candidate, best: Candidate) -> bool:
+    """Whether a set with no more parameters leaves about the same χ² as the best."""
     fewer = candidate.result.vector.size <= best.result.vector.size
-    return fewer and candidate.result.chi2 - best.result.chi2 < TIE
+    return fewer and candidate.result.chi2 - best.result.chi2 < THRESHOLDS.equal_chi2
 
 
-def _doubted(candidate: Candidate, best: Candidate) -> bool:
-    """Return whether a set with fewer or more causes than the best may be the right one.
-
-    For all that chance and evidence say.
+def _may_be_right(candidate: Candidate, best: Candidate) -> bool:
+    """Whether a set with fewer or more causes than the best may be the right one.
 
     One with fewer, whose fit is rare but not too rare for chance: more causes fit more anyway, and
     are not the clearer for it. One with more, where the fit of the best is doubtful.
     """
-    if best.weight - candidate.weight > ODDS or candidate.result.stuck:
+    if best.weight - candidate.weight > EVEN or candidate.result.stuck:
         return False
     names = set(candidate.names)
     own = set(best.names)
     if names < own:
-        return min(candidate.p_value, candidate.result.cross_validation.p_value) >= HOPELESS
+        return _least_p(candidate) >= THRESHOLDS.chance_excluded
     return (
         names > own
-        and best.p_value < DOUBTFUL
-        and min(candidate.p_value, candidate.result.cross_validation.p_value) >= candidate.least
+        and best.p_value < THRESHOLDS.set_doubtful
+        and _least_p(candidate) >= candidate.least_heldout
     )
+
+
+def _least_p(candidate: Candidate) -> float:
+    """Return the smaller p-value, of all data or of held-out data."""
+    return min(candidate.p_value, candidate.result.cross_validation.p_value)
 
 
 def _contradicted(best: Candidate, others: list[Candidate]) -> bool:
     """Whether another set predicts unseen data clearly better.
 
-    Not in one block alone, as where chance struck, but on the whole.
-
-    Whether a cause more than in the best set is worth it, is for the evidence to say.
+    Not in one block alone, as where chance struck, but on the whole. Whether one cause more than in
+    the best set is worth its parameters is for the evidence to say.
     """
     for other in (c for c in others if not set(best.names) < set(c.names)):
         gains = np.subtract(
             other.result.cross_validation.densities, best.result.cross_validation.densities
         )
-        if np.sum(gains) > CONTRADICTED * np.sqrt(len(gains)) * np.std(gains, ddof=1):
+        error = np.sqrt(len(gains)) * np.std(gains, ddof=1)
+        if np.sum(gains) > THRESHOLDS.contradicting_errors * error:
             return True
     return False
 
@@ -198,8 +290,10 @@ def measure_next(judged: Judgement, found: list[Candidate]) -> str:
         )
     rival = rivals[0]
     separation = {}
-    for phrase, predicted in _experiments(best).items():
-        separation[phrase] = float(np.linalg.norm(predicted - _experiments(rival)[phrase]))
+    for phrase, predicted in _predicted_measurements(best).items():
+        separation[phrase] = float(
+            np.linalg.norm(predicted - _predicted_measurements(rival)[phrase])
+        )
     names = [" + ".join(c.names) or "the base model" for c in (best, rival)]
     if judged.verdict in ("explained", "unexplained") and not judged.rivals:
         apart = float(np.sqrt(max(rival.result.chi2 - best.result.chi2, 0.0)))
@@ -218,7 +312,7 @@ def measure_next(judged: Judgement, found: list[Candidate]) -> str:
     return f"measure {phrase}: it separates {names[0]} from {names[1]} by {separation[phrase]:.3g}σ"
 
 
-def _experiments(
+def _predicted_measurements(
     candidate: Candidate,
 ) -> dict[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
     model = candidate.result.model

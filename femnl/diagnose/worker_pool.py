@@ -5,25 +5,29 @@ Here, and in processes that pose the same problem.
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import partial
+from dataclasses import dataclass
+from io import BytesIO
 from multiprocessing.connection import Connection
+from pathlib import Path
+from pickle import Pickler, Unpickler
 from threading import Thread
 from typing import Any, Generic, TypeVar
 
+from femnl.core.checkpoint import Checkpoint, Found, Share
 from femnl.core.effect import Effect
 from femnl.core.errors import FemnlError
 from femnl.core.processes import Worker, answer, one_thread
-from femnl.diagnose.checkpoint import CHECKPOINT, Found, Share
 from femnl.observe.model import MeasurementModel
 
 PROGRESS = logging.getLogger("femnl.progress")
 WARNINGS = logging.getLogger("femnl")
 T = TypeVar("T")
 Posed = tuple[MeasurementModel, list[Effect]]
-"""A problem, and the effects that may explain it."""
+"""A model, and the effects that may explain its deviations."""
+Pose = Callable[[Checkpoint | None], Posed]
+"""Poses a model, with the checkpoint that its process has."""
 SOON = 0.05
 EXIT = 5.0
 """Seconds after which it is looked again whether a helper is ready, and those that one may take to
@@ -61,9 +65,14 @@ class WorkerPool:
     into the checkpoint here.
     """
 
-    def __init__(self, pose: Callable[[], Posed], helpers: int) -> None:
+    def __init__(
+        self,
+        pose: Pose,
+        helpers: int,
+        checkpoint: Checkpoint | None,
+    ) -> None:
         self._pose = pose
-        checkpoint = CHECKPOINT.get()
+        self._checkpoint = checkpoint
         with one_thread():
             self._helpers = [
                 _Helper(pose, None if checkpoint is None else checkpoint.path)
@@ -77,8 +86,8 @@ class WorkerPool:
 
         What that leaves on disk, as the modes of a film, helpers need not solve again.
         """
-        posed = self._pose()
-        self._names = _Names(posed)
+        posed = self._pose(self._checkpoint)
+        self._names = _Names(posed, self._checkpoint)
         for helper in self._helpers:
             helper.give(True)
         return posed
@@ -117,19 +126,18 @@ class WorkerPool:
         while todo and not helper.dead:
             if helper.ready(SOON) and (its := _next(todo.pop)) is not None:
                 PROGRESS.info(its[1].says)
-                answered = helper.ask(self._names.named(its[1].find))
+                answered = helper.ask(self._names.packed(its[1].find))
                 if answered is None:
                     todo.append(its)
                 else:
-                    found[its[0]], fits = self._names.known(answered)
+                    found[its[0]], fits = self._names.unpacked(answered)
                     self._fits.extend(fits)
 
     def _keep(self) -> None:
         """Put the fits of helpers into the checkpoint."""
-        checkpoint = CHECKPOINT.get()
         while (fit := _next(self._fits.popleft)) is not None:
-            if checkpoint is not None:
-                checkpoint.add(*fit)
+            if self._checkpoint is not None:
+                self._checkpoint.add(*fit)
 
     def end(self) -> None:
         """End the helpers at once."""
@@ -143,12 +151,14 @@ class WorkerPool:
 
 
 @contextmanager
-def worker_pool(pose: Callable[[], Posed], workers: int) -> Iterator[WorkerPool]:
+def worker_pool(
+    pose: Pose, workers: int, checkpoint: Checkpoint | None = None
+) -> Iterator[WorkerPool]:
     """Start so many processes, this one among them, which share the jobs of a problem.
 
-    `pose` poses it in each.
+    `pose` poses it in each, with what that process knows of the checkpoint.
     """
-    mine = WorkerPool(pose, workers - 1)
+    mine = WorkerPool(pose, workers - 1, checkpoint)
     try:
         yield mine
     finally:
@@ -158,7 +168,7 @@ def worker_pool(pose: Callable[[], Posed], workers: int) -> Iterator[WorkerPool]
 class _Helper(Worker):
     """A process that does jobs; it first says that it is ready."""
 
-    def __init__(self, pose: Callable[[], Posed], checkpoint: object) -> None:
+    def __init__(self, pose: Pose, checkpoint: Path | None) -> None:
         super().__init__(_serve, pose, checkpoint)
         self.dead = False
         self._ready = False
@@ -170,31 +180,30 @@ class _Helper(Worker):
             self.dead = not self._ready
         return self._ready
 
-    def ask(self, task: Any) -> Any:
+    def ask(self, task: bytes) -> Any:
         """Return its answer, None where it has died."""
         answered = self.take() if self.give(task) else None
         self.dead = answered is None
         return answered
 
 
-def _serve(connection: Connection, pose: Callable[[], Posed], path: Any) -> None:
+def _serve(connection: Connection, pose: Pose, path: Path | None) -> None:
     """Do jobs, and return what each found with the fits that it made."""
     # The process that asked meets the same file, cache and fits, and says once what there is to say
     # of them.
     WARNINGS.setLevel(logging.CRITICAL)
     share = None if path is None else Share(path)
-    CHECKPOINT.set(share)
     if not _told(connection):
         return
-    names = _Names(pose())
+    names = _Names(pose(share), share)
 
-    def do(task: Any) -> Any:
+    def do(task: bytes) -> bytes:
         try:
-            found = names.known(task)()
+            found = names.unpacked(task)()
         # The same job fails in the process that asked, which tells the user
         except FemnlError as error:
             raise SystemExit(1) from error
-        return names.named((found, [] if share is None else share.taken()))
+        return names.packed((found, [] if share is None else share.taken()))
 
     connection.send(True)
     answer(connection, do)
@@ -216,49 +225,48 @@ def _next(take: Callable[[], T]) -> T | None:
         return None
 
 
-@dataclass(frozen=True)
-class _Name:
-    """Stands for the problem or an effect, which each process has as an object of its own."""
-
-    name: str
-
-
 class _Names:
-    """Puts names in the place of the problem and its effects, and these back."""
+    """Sends the model, the effects and the checkpoint by name: each process has its own."""
 
-    def __init__(self, posed: Posed) -> None:
+    def __init__(self, posed: Posed, checkpoint: Checkpoint | None) -> None:
         base_model, effects = posed
-        self._things: dict[_Name, object] = {
-            _Name("base_model"): base_model,
-            **{_Name(f"effect {effect.name}"): effect for effect in effects},
+        self._things: dict[str, object] = {
+            "base_model": base_model,
+            "checkpoint": checkpoint,
+            **{f"effect {effect.name}": effect for effect in effects},
         }
-        self._by_id = {id(thing): name for name, thing in self._things.items()}
+        self._by_id = {id(thing): name for name, thing in self._things.items() if thing is not None}
 
-    def named(self, thing: Any) -> Any:
-        """Return a thing as it may be sent."""
-        return _mapped(thing, lambda part: self._by_id.get(id(part)))
+    def packed(self, thing: object) -> bytes:
+        """Return a job or what it found as bytes, with names in the place of what has one."""
+        stream = BytesIO()
+        _Packer(stream, self._by_id).dump(thing)
+        return stream.getvalue()
 
-    def known(self, thing: Any) -> Any:
-        """Return a thing that was sent as it is here."""
-        return _mapped(thing, lambda part: self._things[part] if isinstance(part, _Name) else None)
+    def unpacked(self, content: bytes) -> Any:
+        """Return what was packed in another process, with what has a name as it is here."""
+        return _Unpacker(BytesIO(content), self._things).load()
 
 
-def _mapped(thing: Any, find: Callable[[Any], Any]) -> Any:
-    """Replace what is found in calls, records, lists, tuples and tables of values.
+class _Packer(Pickler):
+    """Writes the names of objects that each process has."""
 
-    Nothing that a record computed stays with it.
-    """
-    if (other := find(thing)) is not None:
-        return other
-    if isinstance(thing, partial):
-        return partial(thing.func, *_mapped(thing.args, find), **_mapped(thing.keywords, find))
-    if isinstance(thing, (list, tuple)):
-        return type(thing)(_mapped(part, find) for part in thing)
-    if isinstance(thing, dict):
-        return {key: _mapped(part, find) for key, part in thing.items()}
-    if is_dataclass(thing) and not isinstance(thing, type):
-        return replace(
-            thing,
-            **{field.name: _mapped(getattr(thing, field.name), find) for field in fields(thing)},
-        )
-    return thing
+    def __init__(self, stream: BytesIO, names: Mapping[int, str]) -> None:
+        super().__init__(stream)
+        self._by_id = names
+
+    def persistent_id(self, part: object) -> str | None:
+        """Return the name of an object, None where it is to be written itself."""
+        return self._by_id.get(id(part))
+
+
+class _Unpacker(Unpickler):
+    """Puts the objects of this process in the place of their names."""
+
+    def __init__(self, stream: BytesIO, things: Mapping[str, object]) -> None:
+        super().__init__(stream)
+        self._things = things
+
+    def persistent_load(self, name: str) -> object:
+        """Return the object of a name."""
+        return self._things[name]

@@ -1,12 +1,10 @@
-"""What the diagnosis needs to know of a measurement, whatever its kind.
+"""The forward model of a measurement, whatever its kind: residuals in σ of named parameters."""
 
-Residuals in σ as a function of named parameters.
-"""
-
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,44 +46,58 @@ class Ranked:
         noise[:, self.at[order]] = (drawn - predicted[order]) / self.sd[order]
 
 
-class MeasurementModel(Protocol):
-    """One group of a measurement file with its base model.
+class MeasurementModel(ABC):
+    """One group of a measurement file with its base model: a forward model and its noise.
 
-    base: parameters of the base model; start: their values before any fit. facts: numbers that
-    scale priors (`ParameterSpec.scale`), whose names effects may need. blocks (n_residuals,): the
-    block of held-out data that each residual belongs to, −1 for prior knowledge, which is never
-    left out. rugged: whether effects act by jumps, so that they are sought from afar as well.
-    jumps: base parameters that move jumps of the data themselves, at which a fit may stop short.
-    apart: groups of base parameters of which each moves residuals of its own, unless an effect acts
-    `couples_blocks`, by the mask (n_residuals,) of those. ranked: residuals whose data go to
-    predictions by rank.
+    A model stores what `pose` of its kind (`KindSpec.pose`) found in the file; it computes only
+    when it is asked.
+
+    kind: as effects name it. base: parameters of the base model. start (n_base,): their values
+    before any fit. scales: numbers that ranges of parameters count in (`ParameterSpec.scale`), and
+    that effects may need. notes: for the report. needs_global_search: whether effects act by jumps,
+    so that they are sought from afar as well. jumps: base parameters that move jumps of the data,
+    at which a fit may stop short. independent_blocks: groups of base parameters of which each moves
+    residuals of its own, given by the mask (n_residuals,) of those, unless an effect
+    `couples_blocks`. ranked: residuals whose data go to predictions by rank.
     """
 
     kind: Kind
-    needs_global_search: bool
-    jumps: tuple[str, ...]
-    independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...]
-    ranked: tuple[Ranked, ...]
     base: tuple[ParameterSpec, ...]
     start: Array
     scales: Mapping[str, float]
     notes: tuple[str, ...]
+    needs_global_search: bool = False
+    jumps: tuple[str, ...] = ()
 
     @property
-    def blocks(self) -> NDArray[np.int64]:
-        """The block of each residual."""
-        ...
+    def independent_blocks(self) -> tuple[Mapping[str, NDArray[np.bool_]], ...]:
+        """None, unless a kind says otherwise."""
+        return ()
 
+    @property
+    def ranked(self) -> tuple[Ranked, ...]:
+        """None, unless a kind says otherwise."""
+        return ()
+
+    @property
+    @abstractmethod
+    def blocks(self) -> NDArray[np.int64]:
+        """The block of held-out data that each residual (n_residuals,) belongs to.
+
+        −1 is prior knowledge, which is never left out.
+        """
+
+    @abstractmethod
+    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
+        """Return (data − prediction)/σ of the base model extended by effects, (n_residuals,)."""
+
+    @abstractmethod
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Directions in the space of residuals to look at whatever the cause, by what they mean."""
-        ...
+        """Return directions (n_residuals,) to test whatever the cause, by what they mean."""
 
-    def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
-        """Return (data − prediction)/σ of the base model extended by effects."""
-        ...
-
+    @abstractmethod
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
@@ -93,26 +105,33 @@ class MeasurementModel(Protocol):
 
         By a phrase that names each.
         """
-        ...
 
     def systematic(self, unit: str) -> float:
         """Relative standard deviation of parameters in this unit that no amount of data lowers."""
-        ...
+        return 0.0
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Return other base parameters that predict about the same.
 
         From there an effect may lead elsewhere.
         """
-        ...
+        return []
 
-    def compare(self, models: Sequence["Named"]) -> tuple[Comparison, ...]:
+    def can_show(self, effect: Effect) -> bool:
+        """Whether an effect acts on this kind of measurement, and its `needs` are met."""
+        return self.kind in effect.kinds and all(name in self.scales for name in effect.needs)
+
+    def usable_effects(self, library: Iterable[Effect]) -> list[Effect]:
+        """Return the effects that can show in this measurement."""
+        return [effect for effect in library if self.can_show(effect)]
+
+    @abstractmethod
+    def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Set the data beside what each model predicts, ready to be drawn."""
-        ...
 
+    @abstractmethod
     def describe(self, residuals: Array) -> str:
         """Say in one sentence where the data deviate and how."""
-        ...
 
 
 def scale_of(base_model: MeasurementModel, spec: ParameterSpec) -> float:

@@ -1,5 +1,6 @@
-"""What a notebook shows of a device, its modes and its harmonic maps: a picture."""
+"""What a notebook shows of a device, its modes and its harmonic maps: pictures and tables."""
 
+from base64 import b64encode
 from functools import singledispatch
 from io import BytesIO
 
@@ -9,13 +10,22 @@ from matplotlib.figure import Figure
 from femnl.core.device import Model
 from femnl.core.mechanics import Modes
 from femnl.core.readout import HarmonicMap
+from femnl.core.tables import Tabulated
 from femnl.device.geometry.curves import polyline
-from femnl.io.measurement import harmonic_map
-from femnl.plot.maps import harmonic_map_figure
-from femnl.plot.mechanics import mode_gallery
 from femnl.plot.style import INK, new_figure, style
 
-MOST = 10  # modes shown
+
+def bundle(value: Model | Modes | HarmonicMap) -> dict[str, bytes | str]:
+    """Return what a notebook shows, by MIME type: PNG, and HTML with table and picture.
+
+    Where there is HTML a notebook shows nothing else, so that the picture is in it too.
+    """
+    content = picture(value)
+    if not isinstance(value, Tabulated):
+        return {"image/png": content}
+    source = f"data:image/png;base64,{b64encode(content).decode()}"
+    image = f'<img src="{source}" alt="{type(value).__name__}" style="max-width: 100%">'
+    return {"image/png": content, "text/html": f"{value._repr_html_()}\n{image}"}
 
 
 def picture(value: Model | Modes | HarmonicMap) -> bytes:
@@ -56,12 +66,5 @@ def _(model: Model) -> Figure:
 
 
 @draw.register
-def _(modes: Modes) -> Figure:
-    return mode_gallery(modes, min(MOST, len(modes.frequency)))
-
-
-@draw.register
-def _(maps: HarmonicMap) -> Figure:
-    return harmonic_map_figure(
-        harmonic_map(maps.x, maps.y, maps.harmonic, maps.values, wavelength=maps.wavelength)
-    )
+def _(value: Modes | HarmonicMap) -> Figure:
+    return value.plot()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from femnl.report.numbers import plain
+from femnl.core.numbers import plain
 
 NAME = "benchmarks.json"
 """File of the benchmarks beside the validation cases."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from femnl.report.numbers import plain
+from femnl.core.numbers import plain
 from femnl.report.picture import Picture, embed
 from femnl.report.scores import confusion_figure, detection_figure
 

@@ -11,9 +11,9 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from femnl.core.comparison import Comparison, Images
 from femnl.core.diagnosis import Diagnosis
 from femnl.core.fit import Parameter
+from femnl.core.numbers import plain, with_error
 from femnl.io.results.atomic import write_whole
 from femnl.plot.comparison import comparison_figure
-from femnl.report.numbers import plain, with_error
 from femnl.report.picture import Picture, embed
 from femnl.report.provenance import provenance
 

@@ -6,10 +6,10 @@ from typing import get_args
 
 from femnl.core.device import Edge, Model
 from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.core.numbers import plain, ppm, with_error
 from femnl.device.geometry.reader import describe, load
 from femnl.pipeline import solve_modes, solve_nonlinearity
 from femnl.plot.mechanics import film_figure, mode_gallery
-from femnl.report.numbers import plain, ppm, with_error
 from femnl.report.picture import Picture, embed
 from femnl.report.published import Device, Published
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femnl.core.device import Stack
+from femnl.core.numbers import plain
 from femnl.core.readout import HarmonicMap
 from femnl.device.geometry.curves import polyline
 from femnl.io import measurement
@@ -17,7 +18,6 @@ from femnl.pipeline import harmonic_maps
 from femnl.plot.maps import harmonic_map_figure
 from femnl.plot.spectrum import harmonic_spectrum_figure
 from femnl.report.mechanics import Geometry, Row, Say
-from femnl.report.numbers import plain
 from femnl.report.picture import Picture, embed
 from femnl.report.published import Drive, Published
 

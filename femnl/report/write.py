@@ -7,6 +7,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 
 from femnl.core import resources
+from femnl.core.numbers import plain, with_error
 from femnl.io.results.atomic import make_folder, write_whole
 from femnl.plot.screen import need_offscreen
 from femnl.report.benchmarks import benchmarks
@@ -24,7 +25,6 @@ from femnl.report.mechanics import (
     ratio_table,
     solve,
 )
-from femnl.report.numbers import plain, with_error
 from femnl.report.picture import Picture, embed
 from femnl.report.provenance import provenance
 from femnl.report.published import DEVICES, Device

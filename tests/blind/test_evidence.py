@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from dynesty.dynesty import NestedSampler
 
-from femnl.diagnose.least_squares import FitResult, fit, log_prior
 from femnl.diagnose.run import pose
 from femnl.effects import library
+from femnl.fits.least_squares import FitResult, fit, log_prior
 from femnl.io import measurement
 from femnl.observe.model import ExtendedModel
 from femnl.pipeline import measured_device

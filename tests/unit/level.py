@@ -6,18 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison
-from femnl.core.effect import Effect, Kind, ParameterSpec, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
-from femnl.observe.model import Named, Ranked, apply
+from femnl.observe.model import MeasurementModel, Named, apply
 
 
-class Level:
+class Level(MeasurementModel):
     """Data (n,) in blocks (n,), with the level within ±half.
 
     Effects change the prediction at "placement", where no free form acts.
     """
 
-    kind: Kind = "map"
+    kind = "map"
 
     def __init__(
         self,
@@ -28,16 +28,17 @@ class Level:
         needs_global_search: bool = False,
     ) -> None:
         self.data = data
-        self.blocks = blocks
+        self._blocks = blocks
         self.needs_global_search = needs_global_search
-        self.jumps: tuple[str, ...] = ()
-        self.independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
-        self.ranked: tuple[Ranked, ...] = ()
-        self.base: tuple[ParameterSpec, ...] = (ParameterSpec("level", "1", -half, half),)
+        self.base = (ParameterSpec("level", "1", -half, half),)
         self.start = np.zeros(1)
-        self.scales: Mapping[str, float] = {"time": 1.0}
-        self.notes: tuple[str, ...] = ()
+        self.scales = {"time": 1.0}
+        self.notes = ()
         self._patterns = dict(patterns or {})
+
+    @property
+    def blocks(self) -> NDArray[np.int64]:
+        return self._blocks
 
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
@@ -53,12 +54,6 @@ class Level:
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
         return {}
-
-    def systematic(self, unit: str) -> float:
-        return 0.0
-
-    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
-        return []
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         return ()

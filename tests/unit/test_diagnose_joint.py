@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from femnl.core.effect import Effect
 from femnl.device.geometry import load
 from femnl.diagnose import diagnose
 from femnl.diagnose.joint import JointModel
+from femnl.diagnose.pose_joint import pose_joint
 from femnl.diagnose.run import pose
 from femnl.effects import library
 from femnl.io import measurement
@@ -88,12 +90,17 @@ def maps(
 
 
 def joint(path: Path, backwards: bool = False) -> JointModel:
-    """The problem that a file poses."""
+    """Return the model of all measurements of a file."""
+    return joint_with_effects(path, backwards)[0]
+
+
+def joint_with_effects(path: Path, backwards: bool = False) -> tuple[JointModel, list[Effect]]:
+    """Return the model of all measurements of a file, and the effects that can show in it."""
     groups = {
         name: pose(name, node.to_dataset(), MODEL)
         for name, node in measurement.read(path).children.items()
     }
-    return JointModel(groups, backwards)
+    return pose_joint(groups, library().values(), backwards)
 
 
 def test_two_maps_of_one_drive_share_the_amplitude_and_nothing_else(tmp_path: Path) -> None:
@@ -105,7 +112,7 @@ def test_two_maps_of_one_drive_share_the_amplitude_and_nothing_else(tmp_path: Pa
     }
     start = ExtendedModel(base_model).split(base_model.start)[0]
     apart = [
-        one.residuals([], {n: start[joined] for n, joined in base_model._names[g].items()}, [])
+        one.residuals([], {n: start[joined] for n, joined in base_model.names[g].items()}, [])
         for g, one in base_model.groups.items()
     ]
     np.testing.assert_array_equal(base_model.residuals([], start, []), np.concatenate(apart))
@@ -114,8 +121,8 @@ def test_two_maps_of_one_drive_share_the_amplitude_and_nothing_else(tmp_path: Pa
 def test_effects_on_the_film_are_shared_and_those_of_a_detector_belong_to_its_laser(
     tmp_path: Path,
 ) -> None:
-    base_model = joint(maps(tmp_path / "both.nc", points=9))
-    pool = {effect.name: effect for effect in base_model.pool(library().values())}
+    base_model, effects = joint_with_effects(maps(tmp_path / "both.nc", points=9))
+    pool = {effect.name: effect for effect in effects}
     assert [spec.name for spec in pool["mechanical_overtones"].parameters] == [
         "cos2",
         "sin2",

@@ -6,13 +6,14 @@ from numpy.typing import NDArray
 
 from femnl.core.comparison import Curves
 from femnl.device.geometry import load
-from femnl.diagnose.candidate import FALSE_ALARMS, criticise
-from femnl.diagnose.least_squares import fit
-from femnl.diagnose.map import MapModel
-from femnl.diagnose.search import applicable
+from femnl.diagnose.candidate import criticise
+from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.effects import library
+from femnl.fits.least_squares import fit
+from femnl.fits.map.pose import pose as pose_map
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
+from femnl.observe.map.model import MapModel
 from femnl.observe.model import ExtendedModel
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ def base_model(x: Array, y: Array) -> MapModel:
         "wavelength": 632.8e-9,
         "drive_frequency": float(FILM.modes.frequency[0]),
     }
-    return MapModel(measurement.harmonic_map(x, y, [1, 2], 0.02 * volts, **about), FILM)
+    return pose_map(measurement.harmonic_map(x, y, [1, 2], 0.02 * volts, **about), FILM)
 
 
 def test_a_stage_that_is_off_reads_the_film_where_it_is_not_told_to() -> None:
@@ -107,11 +108,14 @@ def test_what_deviates_a_little_at_any_stage_is_seen_without_a_cause_to_look_for
         "wavelength": 632.8e-9,
         "drive_frequency": float(FILM.modes.frequency[0]),
     }
-    posed = MapModel(
+    posed = pose_map(
         measurement.harmonic_map(axis, axis, np.arange(1, 7), harmonics, **about), FILM
     )
     found = criticise(fit(ExtendedModel(posed), posed.start), [])
-    assert (found.p_value < FALSE_ALARMS) == bool(deviation), (found.p_value, found.worst)
+    assert (found.p_value < THRESHOLDS.base_inadequate) == bool(deviation), (
+        found.p_value,
+        found.worst,
+    )
     # χ² alone would not tell: the deviation is spread over twenty thousand data.
     assert abs(found.result.chi2 / found.result.degrees - 1) < 0.03
     if deviation:
@@ -135,9 +139,11 @@ def test_a_map_of_a_single_line_is_diagnosed_and_drawn_as_curves(axis: str) -> N
         "wavelength": 632.8e-9,
         "drive_frequency": float(FILM.modes.frequency[0]),
     }
-    posed = MapModel(measurement.harmonic_map(x, y, np.arange(1, 7), harmonics, **about), FILM)
-    found = criticise(fit(ExtendedModel(posed), posed.start), applicable(posed, library().values()))
-    assert found.p_value > FALSE_ALARMS, found.worst
+    posed = pose_map(measurement.harmonic_map(x, y, np.arange(1, 7), harmonics, **about), FILM)
+    found = criticise(
+        fit(ExtendedModel(posed), posed.start), posed.usable_effects(library().values())
+    )
+    assert found.p_value > THRESHOLDS.base_inadequate, found.worst
     assert len(np.unique(posed.blocks)) == 3
     base, _ = found.result.model.split(found.result.vector)
     (drawn,) = posed.compare([("base model", (), base, ())])

@@ -7,10 +7,11 @@ from femnl.core.comparison import Curves
 from femnl.core.effect import Effect, ParameterSpec
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.diagnose.freeform import fitted_forms
-from femnl.diagnose.least_squares import fit
-from femnl.diagnose.record import RecordModel
+from femnl.fits.least_squares import fit
+from femnl.fits.record.pose import pose as pose_record
 from femnl.observe.model import ExtendedModel
 from femnl.observe.record.free_run import EDGE
+from femnl.observe.record.model import RecordModel
 from tests.blind.lab.record import RecordBench
 
 
@@ -24,7 +25,7 @@ def driven(strength: float, seed: int = 0) -> RecordModel:
     bench.drive *= strength * 0.1 / np.std(bench.drive)
     bench.noise = 3e-4
     truth = {"frequency": 67.5, "linewidth": 5.2, "stiffness": 0.98, "offset": 1.5e-3, "alpha": 4.3}
-    return RecordModel(bench.measured(truth, {}, rng)["record"])
+    return pose_record(bench.measured(truth, {}, rng)["record"])
 
 
 def test_motion_that_the_record_began_with_is_fitted_and_no_sample_wasted() -> None:
@@ -33,7 +34,7 @@ def test_motion_that_the_record_began_with_is_fitted_and_no_sample_wasted() -> N
     truth = bench.draw(rng) | {"linewidth": 0.5}
     bench.drive *= 0.3
     record = bench.measured(truth, {}, rng)["record"].isel(time=slice(0, 600))
-    base_model = RecordModel(record)
+    base_model = pose_record(record)
     found = fit(ExtendedModel(base_model), base_model.start)
     # The amplitude decays by exp(−π w t) = 0.2 over the whole record.
     assert len(base_model.blocks) == 600 - 2 * EDGE
@@ -50,7 +51,7 @@ def test_a_record_whose_first_samples_are_lost_begins_at_the_first_that_is_known
     bench.drive *= 0.3
     record = bench.measured(truth, {}, rng)["record"]
     record["voltage"][:, :200] = np.nan
-    base_model = RecordModel(record)
+    base_model = pose_record(record)
     found = fit(ExtendedModel(base_model), base_model.start)
     assert len(base_model.blocks) == record.sizes["time"] - 200 - 2 * EDGE
     assert found.chi2 / found.degrees == pytest.approx(1.0, abs=0.15)
@@ -92,7 +93,7 @@ def test_a_drive_that_belongs_to_another_output_is_refused() -> None:
     record = bench.measured(bench.draw(rng), {}, rng)["record"]
     record["voltage"] = record["voltage"].roll(time=40)
     with pytest.raises(MeasurementError, match="check that drive and output belong together"):
-        RecordModel(record)
+        pose_record(record)
 
 
 def test_an_effect_whose_parameter_has_no_range_in_volts_is_refused() -> None:
@@ -110,4 +111,4 @@ def test_an_effect_whose_parameter_has_no_range_in_volts_is_refused() -> None:
         match=r"effect stiction: its parameter delay has no range in volts .* takes kappa2, "
         r"eta, alpha5",
     ):
-        driven(0.5).pool([odd])
+        driven(0.5).usable_effects([odd])

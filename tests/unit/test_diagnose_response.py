@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from femnl import load
 from femnl.core.diagnosis import Diagnosis
 from femnl.diagnose import diagnose
-from femnl.diagnose.candidate import FALSE_ALARMS, criticise
-from femnl.diagnose.least_squares import fit
-from femnl.diagnose.response import ResponseModel
+from femnl.diagnose.candidate import criticise
 from femnl.diagnose.search import search
+from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.effects import library
+from femnl.fits.least_squares import fit
+from femnl.fits.response.pose import pose as pose_response
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import ExtendedModel
@@ -120,7 +121,7 @@ def test_a_second_mode_is_sought_where_the_drives_move_the_film_strongly() -> No
         drive=[0.01],
         direction=[1],
     )
-    base_model = ResponseModel(data, SimulatedFilm(load("square-270um"), 12))
+    base_model = pose_response(data, SimulatedFilm(load("square-270um"), 12))
     # |1/(1 + 2iδ/w)| = 0.3 at δ = ½w √(0.3⁻² − 1).
     assert base_model.scales["moving"] == pytest.approx(WIDTH * np.sqrt(0.3**-2 - 1), abs=1.0)
     base = dict(zip((spec.name for spec in base_model.base), base_model.start, strict=True))
@@ -143,9 +144,12 @@ def test_what_one_drive_or_sweep_has_of_its_own_is_seen_without_a_cause_to_look_
     path = tmp_path / "response.nc"
     make(Case("response", causes, 20261122, size=(size, size + 0.1)), path)
     (group,) = measurement.read(path).children.values()
-    base_model = ResponseModel(group.to_dataset(), SimulatedFilm(load("square-270um"), 12))
+    base_model = pose_response(group.to_dataset(), SimulatedFilm(load("square-270um"), 12))
     found = criticise(fit(ExtendedModel(base_model), base_model.start), [])
-    assert (found.p_value < FALSE_ALARMS) == bool(causes), (found.p_value, found.worst)
+    assert (found.p_value < THRESHOLDS.base_inadequate) == bool(causes), (
+        found.p_value,
+        found.worst,
+    )
     assert abs(found.result.chi2 / found.result.degrees - 1) < 0.15  # χ² alone would hardly tell
     assert not causes or seen in found.worst
 
@@ -153,7 +157,7 @@ def test_what_one_drive_or_sweep_has_of_its_own_is_seen_without_a_cause_to_look_
 def test_a_fit_is_led_over_jumps_that_a_thousandth_of_the_peak_moves(tmp_path: Path) -> None:
     make(Case("response", ("drive_compression",), 2317476753), tmp_path / "file.nc")
     data = measurement.read(tmp_path / "file.nc")["response"].to_dataset()
-    base_model = ResponseModel(data, SimulatedFilm(load("square-270um"), 12))
+    base_model = pose_response(data, SimulatedFilm(load("square-270um"), 12))
     found = [
         candidate.result
         for candidate in search(base_model, [library()["drive_compression"]])

@@ -17,11 +17,12 @@ from femnl.core.readout import Array
 from femnl.core.stages import Placement
 from femnl.diagnose.adequacy import score_tests
 from femnl.diagnose.candidate import Candidate, criticise
-from femnl.diagnose.least_squares import DECADES, FitResult, fit
-from femnl.diagnose.search import applicable
-from femnl.diagnose.spectrum import BENDING_SD, SpectrumModel
-from femnl.diagnose.verdict import CLEAR, judge
+from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.diagnose.verdict import judge
 from femnl.effects import library
+from femnl.fits.least_squares import DECADES, FitResult, fit
+from femnl.fits.spectrum.pose import BENDING_SD
+from femnl.fits.spectrum.pose import pose as pose_spectrum
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import ExtendedModel, apply
@@ -77,7 +78,7 @@ def test_the_p_value_of_noise_is_uniform_where_equal_frequencies_have_no_names()
     for _ in range(300):
         layer = film.bending_length * (1 + BENDING_SD * rng.standard_normal())
         frequency = np.sort(film.frequency(film.speed, layer)[:12] + sd * rng.standard_normal(12))
-        base_model = SpectrumModel(measurement.spectrum(frequency, sd), film)
+        base_model = pose_spectrum(measurement.spectrum(frequency, sd), film)
         # Of each pair the higher value goes to the higher mode, so that pairs look split in one
         # sense.
         p.append(
@@ -255,12 +256,12 @@ def test_two_causes_that_do_as_well_are_a_tie_told_with_both() -> None:
     )
     assert found.verdict == "ambiguous"
     assert {found.chosen.names, *(c.names for c in found.rivals)} == {("wave1",), ("twin",)}
-    assert all(share < CLEAR for share in found.share.values())
+    assert all(share < THRESHOLDS.named_alone for share in found.share.values())
 
 
 def test_effects_need_what_the_measurement_must_have_recorded() -> None:
     needy = replace(WAVES[0], needs=("laser_power",))
-    assert applicable(level(np.zeros(N)), [needy, WAVES[1]]) == [WAVES[1]]
+    assert level(np.zeros(N)).usable_effects([needy, WAVES[1]]) == [WAVES[1]]
 
 
 def test_effects_run_in_the_order_of_the_list_and_a_stage_is_turned_before_it_is_stretched() -> (
@@ -292,7 +293,7 @@ def test_modes_without_labels_are_the_lowest_even_where_a_pair_is_cut_in_half(
 ) -> None:
     film = SimulatedFilm(load("hexagon-278um"), 48)
     spectrum = measurement.spectrum(film.modes.frequency[:11], np.full(11, 1.0))
-    base_model = SpectrumModel(spectrum, film)
+    base_model = pose_spectrum(spectrum, film)
     base = dict(zip((spec.name for spec in base_model.base), base_model.start, strict=True))
     uneven = [library()["stress_anisotropy"]]
     left = base_model.residuals(uneven, base, [{"anisotropy": anisotropy}])[:11]

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from femnl import load
 from femnl.core.memo import recent
 from femnl.core.readout import Array
-from femnl.diagnose.response import ResponseModel
-from femnl.diagnose.search import applicable
-from femnl.diagnose.tangents import TARGET, jacobian_at, steps_for, tangents
-from femnl.diagnose.trace import TraceModel
 from femnl.effects import library
+from femnl.fits.response.pose import pose as pose_response
+from femnl.fits.tangents import TARGET, jacobian_at, steps_for, tangents
+from femnl.fits.trace.pose import pose as pose_trace
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import ExtendedModel, MeasurementModel
@@ -46,7 +45,7 @@ def traces() -> MeasurementModel:
         * np.cos(2 * np.pi * frequency[:, None] * time)
     )
     volts = 0.02 * np.cos(4 * np.pi / 632.8e-9 * u + 0.8) + 5e-4 * rng.standard_normal(u.shape)
-    return TraceModel(
+    return pose_trace(
         measurement.trace(
             time, volts, drive_frequency=frequency, noise_sd=5e-4, wavelength=632.8e-9
         ),
@@ -75,7 +74,7 @@ def sweeps() -> MeasurementModel:
         x=x,
         y=0.0,
     )
-    return ResponseModel(data, SimulatedFilm(load("square-270um"), 12))
+    return pose_response(data, SimulatedFilm(load("square-270um"), 12))
 
 
 @pytest.mark.parametrize(("posed", "together"), [(traces, STEPS), (sweeps, len(PLACES))])
@@ -83,7 +82,7 @@ def test_what_is_moved_together_has_the_derivatives_of_each(
     posed: Callable[[], MeasurementModel], together: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     base_model = posed()
-    effects = applicable(base_model, library().values())
+    effects = base_model.usable_effects(library().values())
     assert len(effects) > 5
     assert [len(group) for group in base_model.independent_blocks] == [together, together]
     base = dict(zip((spec.name for spec in base_model.base), base_model.start, strict=True))
@@ -101,7 +100,7 @@ def test_what_is_moved_together_has_the_derivatives_of_each(
         steps, whole = tangents(model, vector, at, unknown(model))
         assert np.array_equal(whole, jacobian_at(model, vector, at, steps)), effect.name
         with monkeypatch.context() as alone:
-            alone.setattr(base_model, "independent_blocks", ())
+            alone.setitem(vars(base_model), "independent_blocks", ())
             single = jacobian_at(model, vector, at, steps)
             assert np.allclose(steps, tangents(model, vector, at, unknown(model))[0], rtol=1e-3), (
                 effect.name

@@ -16,9 +16,10 @@ from femnl.core.diagnosis import Diagnosis
 from femnl.core.errors import MeasurementError
 from femnl.device.geometry import load
 from femnl.diagnose import diagnose
-from femnl.diagnose.candidate import FALSE_ALARMS, criticise
-from femnl.diagnose.least_squares import fit
-from femnl.diagnose.trace import TraceModel
+from femnl.diagnose.candidate import criticise
+from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.fits.least_squares import fit
+from femnl.fits.trace.pose import pose as pose_trace
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import ExtendedModel
@@ -138,9 +139,12 @@ def test_a_fringe_or_a_motion_of_another_form_is_seen_without_a_cause_to_look_fo
     trace = measurement.trace(
         time, volts, drive_frequency=frequency, noise_sd=NOISE, wavelength=WAVELENGTH
     )
-    base_model = TraceModel(trace, SimulatedFilm(load(GEOMETRY), 12))
+    base_model = pose_trace(trace, SimulatedFilm(load(GEOMETRY), 12))
     found = criticise(fit(ExtendedModel(base_model), base_model.start), [])
-    assert (found.p_value < FALSE_ALARMS) == bool(deviation), (found.p_value, found.worst)
+    assert (found.p_value < THRESHOLDS.base_inadequate) == bool(deviation), (
+        found.p_value,
+        found.worst,
+    )
     assert not deviation or found.worst == deviation
 
 

@@ -10,8 +10,8 @@ from femnl.core.comparison import Curve, Curves, Images
 from femnl.core.diagnosis import Diagnosis
 from femnl.core.stages import Fringe, Motion
 from femnl.diagnose import diagnose
-from femnl.diagnose.map import _upright
 from femnl.effects import library
+from femnl.fits.map.pose import _upright
 from femnl.io import measurement
 from femnl.optics.sampled import harmonics
 from femnl.plot.comparison import comparison_figure

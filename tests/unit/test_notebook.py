@@ -1,4 +1,4 @@
-"""What a notebook shows: one line of words that fits a line, and a picture."""
+"""What a notebook shows: one line of words that fits a line, a picture, and a table."""
 
 import subprocess
 import sys
@@ -14,7 +14,7 @@ from femnl.core.mechanics import Modes
 from femnl.core.readout import HarmonicMap
 from femnl.device import geometry
 from femnl.pipeline import harmonic_maps, solve_modes
-from femnl.plot.notebook import picture
+from femnl.plot.notebook import bundle, picture
 
 ROOT = Path(__file__).parents[2]
 
@@ -81,3 +81,46 @@ def test_a_notebook_shows_the_picture_without_being_asked(tmp_path: Path) -> Non
     assert done.stdout.splitlines()[-1].startswith(
         "['image/png', 'text/plain'] <Model circle: circle of 270 µm, no holes"
     )
+
+
+def test_a_notebook_keeps_the_picture_beside_the_table(modes: Modes) -> None:
+    shown = bundle(modes)
+    assert set(shown) == {"image/png", "text/html"}
+    text = shown["text/html"]
+    assert isinstance(text, str)
+    assert text.startswith(modes._repr_html_())
+    assert 'src="data:image/png;base64,iVBOR' in text
+
+
+@pytest.mark.parametrize(
+    ("types", "shown"),
+    [
+        (["text/plain", "text/html", "image/png"], ["image/png", "text/html", "text/plain"]),
+        (["text/plain"], ["text/plain"]),
+    ],
+)
+def test_a_notebook_shows_both_and_a_terminal_draws_nothing(
+    types: list[str], shown: list[str], tmp_path: Path
+) -> None:
+    pytest.importorskip("IPython")
+    program = f"""
+from IPython.core.interactiveshell import InteractiveShell
+import numpy as np
+shell = InteractiveShell.instance()
+shell.display_formatter.active_types = {types}
+import femnl
+from femnl.core.readout import HarmonicMap
+axis = np.linspace(-1e-4, 1e-4, 5)
+maps = HarmonicMap(axis, axis, np.array([1]), np.ones((1, 5, 5)) + 0j, 633e-9)
+print(sorted(shell.display_formatter.format(maps)[0]))
+"""
+    home = {"HOME": str(tmp_path), "IPYTHONDIR": str(tmp_path), "MPLCONFIGDIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={"PYTHONPATH": str(ROOT), "PATH": "/usr/bin"} | home,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines()[-1] == str(shown), done.stderr

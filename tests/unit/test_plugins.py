@@ -20,10 +20,10 @@ from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
 from femnl.diagnose import diagnose
 from femnl.diagnose import run as diagnosis
-from femnl.diagnose.least_squares import fit
 from femnl.diagnose.sent import sent
 from femnl.diagnose.worker_pool import Job, Posed, worker_pool
 from femnl.effects import fingerprint, from_folder, library
+from femnl.fits.least_squares import fit
 from femnl.io import measurement
 from femnl.observe.model import ExtendedModel
 from tests.unit.plugin_page import CAUSE, EFFECT, FILES, PAGE, forget

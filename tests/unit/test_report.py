@@ -13,12 +13,12 @@ import pytest
 
 from femnl.core import resources
 from femnl.core.errors import ParameterError
+from femnl.core.numbers import plain, ppm, with_error
 from femnl.device.geometry import load
 from femnl.pipeline import solve_modes, solve_nonlinearity
 from femnl.report import write_report
 from femnl.report.benchmarks import benchmarks
 from femnl.report.blind import UNIFORM, blind
-from femnl.report.numbers import plain, ppm, with_error
 from femnl.report.published import HEXAGON, SQUARE
 from tests.unit.report_page import CASES, HOSTILE, Written
 

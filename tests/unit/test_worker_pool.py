@@ -18,14 +18,14 @@ import numpy as np
 import psutil
 import pytest
 
+from femnl.core.checkpoint import Checkpoint, remembered
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.readout import Array
 from femnl.diagnose import diagnose, record
-from femnl.diagnose.checkpoint import remembered
-from femnl.diagnose.least_squares import FitResult, fit
 from femnl.diagnose.worker_pool import Job, worker_pool
 from femnl.effects import library
+from femnl.fits.least_squares import FitResult, fit
 from femnl.io import measurement
 from femnl.observe.model import ExtendedModel, MeasurementModel
 from tests.unit.level import Level
@@ -45,7 +45,7 @@ SLOPE = Effect(
 )
 
 
-def posed() -> tuple[MeasurementModel, list[Effect]]:
+def posed(checkpoint: Checkpoint | None = None) -> tuple[MeasurementModel, list[Effect]]:
     return Level(
         3 + 2 * np.linspace(-1, 1, 40) + np.random.default_rng(1).standard_normal(40), BLOCKS, 100.0
     ), [SLOPE]
@@ -117,21 +117,21 @@ def test_results_of_a_helper_hold_the_problem_and_the_effects_of_the_process_tha
         assert np.allclose(result.vector, alone.vector, rtol=1e-6)
 
 
-def test_fits_of_a_helper_are_kept_in_the_ledger(
+def test_fits_of_a_helper_are_kept_in_the_checkpoint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    with remembered("a file"), worker_pool(posed, 2) as mine:
+    with remembered("a file") as checkpoint, worker_pool(posed, 2, checkpoint) as mine:
         model = ExtendedModel(mine.posed()[0], (SLOPE,))
         starts = [model.pack({"level": 0.0}, [{"strength": 0.1 * k}]) for k in range(40)]
         shared(mine.run)
-        mine.run([Job("fit", partial(slowly, model, start)) for start in starts])
+        mine.run([Job("fit", partial(slowly, model, start, checkpoint)) for start in starts])
         (kept,) = (tmp_path / "femnl").glob("diagnosis-*.jsonl")
         assert len(kept.read_text(encoding="utf-8").splitlines()) == len(starts)
 
 
-def slowly(model: ExtendedModel, start: Array) -> int:
-    fit(model, start)
+def slowly(model: ExtendedModel, start: Array, checkpoint: Checkpoint) -> int:
+    fit(model, start, checkpoint=checkpoint)
     return who(0.02)
 
 

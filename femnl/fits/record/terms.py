@@ -4,20 +4,27 @@ Fits with more and more of them, judged on the part held out.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from femnl.core.errors import MeasurementError
 from femnl.core.fit import Fit
+from femnl.core.kinds import function
+from femnl.core.numbers import plain
+from femnl.core.tables import Table, Tabulated
 from femnl.fits.record.oscillator import fit_oscillator, settled, simulate_oscillator
 from femnl.observe.record.free_run import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ORDER = ("offset", "cubic", "quadratic", "nonlinear_damping")
 
 
 @dataclass(frozen=True, eq=False)
-class TermsFit:
+class TermsFit(Tabulated):
     """One model: the terms beside m, c and k; its fit.
 
     Free-run error [unit of the output] (n,), and its rms fitted and held out.
@@ -30,6 +37,30 @@ class TermsFit:
     error: Array
     fitted: float
     held_out: float
+
+    def __repr__(self) -> str:
+        """The terms and the fit."""
+        return f"<TermsFit with {self._name()}: {self.fit!r}>"
+
+    def plot(self, data: xr.Dataset) -> "Figure":
+        """Draw the output and the running rms error of the free run.
+
+        Args: data: of kind `trace`, what was fitted.
+        """
+        draw = function("femnl.plot.decays:oscillator_figure")
+        figure: Figure = draw(data, {self._name(): self.error})
+        return figure
+
+    def _name(self) -> str:
+        return ", ".join(self.terms) or "linear terms"
+
+    def _tables(self) -> list[Table]:
+        held_out = "–" if np.isnan(self.held_out) else plain(self.held_out, 4)
+        columns = {
+            "samples": ["fitted", "held out"],
+            "rms error (V)": [plain(self.fitted, 4), held_out],
+        }
+        return [Table(f"Oscillator with {self._name()}", columns), *self.fit._tables()]
 
 
 def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsFit]:

@@ -1,31 +1,24 @@
 """A list of eigenfrequencies against the simulated film with its speed of waves free."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
 from femnl.core.comparison import Comparison, Curve, Curves
-from femnl.core.effect import Effect, Kind, ParameterSpec, Values
-from femnl.core.errors import MeasurementError
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.memo import recent
 from femnl.core.readout import Array
 from femnl.core.stages import Lines, ModalSystem
-from femnl.diagnose.score_directions import smooth_film
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import Named, Ranked, apply
+from femnl.observe.model import MeasurementModel, Named, Ranked, apply
+from femnl.observe.score_directions import smooth_film
 
-BENDING_SD = 0.03
-"""Relative standard deviation of ℓ where the geometry gives thickness, modulus and stress: none of
-them is known better.
-"""
-FARTHEST = 4.0
-"""How many of those ℓ may deviate."""
 OWN = 0.75
 """Share of a base mode in a changed mode from which on the change keeps its label."""
 NEXT = 8
@@ -34,92 +27,46 @@ CLOSE = 0.01
 """Relative distance in frequency up to which two modes may exchange labels."""
 
 
-class SpectrumModel:
-    """Residuals of measured eigenfrequencies; see `MeasurementModel`."""
+@dataclass(frozen=True, eq=False)
+class SpectrumModel(MeasurementModel):
+    """Residuals of measured eigenfrequencies.
 
-    kind: Kind = "spectrum"
+    frequency, sd (n,) [Hz] and time (n,) [s], empty where not known, of each measured mode; label:
+    of each, empty where they go by rank; order (n,): its mode of the unchanged film; bending_sd:
+    relative standard deviation of ℓ.
+    """
+
+    kind = "spectrum"
     needs_global_search = True
-    jumps: tuple[str, ...] = ()
-    independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
 
-    def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
-        usable = np.isfinite(dataset["frequency"].values) & np.isfinite(
-            dataset["frequency_sd"].values
-        )
-        self.frequency = dataset["frequency"].values[usable]
-        self.sd = dataset["frequency_sd"].values[usable]
-        if len(self.frequency) < 3:
-            raise MeasurementError(
-                f"spectrum: {len(self.frequency)} usable modes; a diagnosis needs at least 3"
-            )
-        self.label = (
-            [str(name) for name in dataset["label"].values[usable]] if "label" in dataset else []
-        )
-        self.time = dataset["time"].values[usable] if "time" in dataset else np.empty(0)
-        if len(self.time) and not np.isfinite(self.time).all():
-            self.time = np.empty(0)
-        self.film = film
-        unknown = any(
-            key == "film" or key in ("film.thickness", "film.young", "film.stress")
-            for key in film.model.assumed
-        )
-        self._bending_sd = np.inf if unknown else BENDING_SD
-        # Where ℓ is known, no fit may leave its prior for what only another cause could do.
-        low, high = (
-            (0.0, 4.0) if unknown else (1 - FARTHEST * BENDING_SD, 1 + FARTHEST * BENDING_SD)
-        )
-        self._order = self._match()
-        self._eigen = recent(_eigen if self.label else _squares)
-        self._bare = recent(self._unchanged)
-        ratio = float(np.median(self.frequency / film.modes.frequency[self._order]))
-        self.base: tuple[ParameterSpec, ...] = (
-            ParameterSpec("speed", "m/s", 0.3 * film.speed * ratio, 3 * film.speed * ratio),
-            ParameterSpec(
-                "bending_length", "m", low * film.bending_length, high * film.bending_length
-            ),
-        )
-        self.start = np.array([film.speed * ratio, film.bending_length])
-        self.ranked: tuple[Ranked, ...] = (
-            () if self.label else (Ranked(np.arange(len(self.sd)), self.frequency, self.sd),)
-        )
-        self.scales: Mapping[str, float] = {
-            "reach": film.projection.reach,
-            "mass": float(film.modes.effective_mass[0] * (film.speed / self.start[0]) ** 2),
-            "frequency": float(self.frequency.min()),
-            "layer_square": film.bending_length**2,
-            **(
-                {"time": float(np.ptp(self.time))}
-                if len(self.time) and np.ptp(self.time) > 0
-                else {}
-            ),
-        }
-        known = (
-            "the geometry assumes its film, so ℓ is fitted without prior knowledge"
-            if unknown
-            else f"ℓ is known to {BENDING_SD:.0%}"
-        )
-        self.notes: tuple[str, ...] = (
-            f"spectrum: c is free, {known}; side, stress and density enter only through c/L",
-        )
+    frequency: Array
+    sd: Array
+    label: tuple[str, ...]
+    time: Array
+    film: SimulatedFilm
+    bending_sd: float
+    order: NDArray[np.int64]
+    base: tuple[ParameterSpec, ...]
+    start: Array
+    scales: Mapping[str, float]
+    notes: tuple[str, ...]
 
-    def _match(self) -> NDArray[np.int64]:
-        """Return the base mode of each measured one: by label, else by rising frequency."""
-        if not self.label:
-            return _ranks(self.frequency)
-        names = self.film.modes.label
-        found = []
-        for name in self.label:
-            if f"({name})" not in names:
-                raise MeasurementError(
-                    f"spectrum/label: {name!r} is none of the first {len(names)} modes of "
-                    f"{self.film.model.name}; correct it"
-                )
-            found.append(names.index(f"({name})"))
-        if len(set(found)) < len(found):
-            raise MeasurementError(
-                f"spectrum/label: {', '.join(self.label)} names a mode twice; correct the labels"
-            )
-        return np.array(found, dtype=np.int64)
+    @property
+    def ranked(self) -> tuple[Ranked, ...]:
+        """All frequencies, where no mode has a label."""
+        if self.label:
+            return ()
+        return (Ranked(np.arange(len(self.sd)), self.frequency, self.sd),)
+
+    @cached_property
+    def _eigen(self) -> Callable[[Array, Array], tuple[Array, Array]]:
+        """Eigenvalues of the latest matrices; what has no labels needs no vectors."""
+        return recent(_eigen if self.label else _squares)
+
+    @cached_property
+    def _bare(self) -> Callable[[float, float], tuple[Array, Array, ModalSystem]]:
+        """The unchanged film at the latest speeds and bending lengths."""
+        return recent(self._unchanged)
 
     @property
     def blocks(self) -> NDArray[np.int64]:
@@ -154,7 +101,7 @@ class SpectrumModel:
         chosen = self._labelled(frequency, share, plain, misfit)
         return np.append(
             misfit(chosen),
-            (base["bending_length"] / self.film.bending_length - 1) / self._bending_sd,
+            (base["bending_length"] / self.film.bending_length - 1) / self.bending_sd,
         )
 
     def _solved(
@@ -197,7 +144,7 @@ class SpectrumModel:
     ) -> dict[str, Array]:
         """The next modes that were not measured; their pairs by rising frequency."""
         frequency, _, _ = self._solved(effects, base, values)
-        missing = [k for k in range(max(self._order) + 1 + NEXT) if k not in self._order][:NEXT]
+        missing = [k for k in range(max(self.order) + 1 + NEXT) if k not in self.order][:NEXT]
         names = [self.film.modes.label[k] or f"({k + 1})" for k in missing]
         return {
             f"the frequency of mode {name}": frequency[[k]] / np.median(self.sd)
@@ -218,26 +165,18 @@ class SpectrumModel:
         if not self.label:
             # Ranks are those of one moment: two close modes may have been measured in the wrong
             # order by a film that drifts.
-            moved = (self.frequency - self.sd * misfit(self._order)) / frequency[self._order]
-            return _ranks(self.frequency / moved)
-        _, column = linear_sum_assignment(-share[self._order])
+            moved = (self.frequency - self.sd * misfit(self.order)) / frequency[self.order]
+            return ranks(self.frequency / moved)
+        _, column = linear_sum_assignment(-share[self.order])
         chosen = np.asarray(column, dtype=np.int64)
-        mixed = np.flatnonzero(share[self._order, chosen] < OWN)
+        mixed = np.flatnonzero(share[self.order, chosen] < OWN)
         for a, b in combinations(mixed, 2):
-            if abs(plain[self._order[a]] / plain[self._order[b]] - 1) < CLOSE:
+            if abs(plain[self.order[a]] / plain[self.order[b]] - 1) < CLOSE:
                 swapped = chosen.copy()
                 swapped[[a, b]] = chosen[[b, a]]
                 if np.sum(misfit(swapped) ** 2) < np.sum(misfit(chosen) ** 2):
                     chosen = swapped
         return chosen
-
-    def systematic(self, unit: str) -> float:
-        """Nothing beside the statistics."""
-        return 0.0
-
-    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """None: these data leave one solution."""
-        return []
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Frequencies, mode by mode."""
@@ -252,7 +191,7 @@ class SpectrumModel:
             self.sd,
             self.frequency - away * self.sd,
         )
-        names = tuple(self.label or [str(i + 1) for i in self._order])
+        names = tuple(self.label or [str(i + 1) for i in self.order])
         return (
             Curves(
                 "spectrum",
@@ -271,7 +210,7 @@ class SpectrumModel:
         """Name the modes that deviate most, in Hz and σ."""
         deviation = residuals[: len(self.frequency)]
         worst = np.argsort(-np.abs(deviation))[:3]
-        names = self.label or [str(i + 1) for i in self._order]
+        names = self.label or [str(i + 1) for i in self.order]
         parts = [
             f"({names[i]}) by {deviation[i] * self.sd[i]:+.3g} Hz ({deviation[i]:+.1f}σ)"
             for i in worst
@@ -308,8 +247,8 @@ def _squares(stiffness: Array, mass: Array) -> tuple[Array, Array]:
     return np.asarray(eigh(stiffness, mass, eigvals_only=True, check_finite=False)), none
 
 
-def _ranks(frequency: Array) -> NDArray[np.int64]:
-    """The rank of each, from 0."""
+def ranks(frequency: Array) -> NDArray[np.int64]:
+    """Return the rank (n,) of each frequency, from 0."""
     order = np.empty(len(frequency), dtype=np.int64)
     order[np.argsort(frequency, kind="stable")] = np.arange(len(frequency))
     return order

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
+from femnl.core.checkpoint import Checkpoint
 from femnl.core.readout import Array
-from femnl.diagnose.checkpoint import CHECKPOINT
-from femnl.diagnose.tangents import jacobian_at, steps_for, tangents
+from femnl.fits.tangents import jacobian_at, steps_for, tangents
 from femnl.observe.model import ExtendedModel
 
 INSIDE = 1e-9
@@ -64,7 +64,8 @@ class CrossValidation:
 class FitResult:
     """A fitted model.
 
-    vector, residuals (n,), jacobian (n, p), covariance with the priors' ranges (p, p).
+    vector (p,), residuals (n,), jacobian (n, p), covariance with the priors' ranges (p, p).
+    checkpoint: keeps this fit, and those that start from it.
     """
 
     model: ExtendedModel
@@ -72,6 +73,7 @@ class FitResult:
     residuals: Array
     jacobian: Array
     covariance: Array
+    checkpoint: Checkpoint | None = None
 
     @property
     def chi2(self) -> float:
@@ -156,36 +158,44 @@ def fit(
     keep: NDArray[np.bool_] | None = None,
     most: int = 100,
     near: FitResult | None = None,
+    *,
+    checkpoint: Checkpoint | None = None,
 ) -> FitResult:
     """Minimise χ² from a start.
 
     With `keep` (n_residuals,) only over those residuals, though all are returned.
 
-    near: a solution with parameters of this model, whose tangents tell what steps suit them.
+    near: a solution with parameters of this model, whose tangents tell what steps suit them, and
+    whose checkpoint keeps this fit too. checkpoint: of a first fit.
     """
-    end, steps = _recalled(model, start, keep, most, near)
+    if near is not None:
+        checkpoint = near.checkpoint
+    end, steps = _recalled(model, start, (keep, most), _first_steps(model, near), checkpoint)
     at = model.residuals(end)
     slopes = jacobian_at(model, end, at, steps)
     low, high = model.bounds
-    return FitResult(model, end, at, slopes, covariance(slopes, high - low))
+    return FitResult(model, end, at, slopes, covariance(slopes, high - low), checkpoint)
 
 
 def improve(model: ExtendedModel, start: Array, most: int, near: FitResult) -> tuple[float, Array]:
     """Return χ² and the vector of a fit that is only to be ranked and continued."""
-    end, _ = _recalled(model, start, None, most, near)
+    first = _first_steps(model, near)
+    end, _ = _recalled(model, start, (None, most), first, near.checkpoint)
     return float(np.sum(model.residuals(end) ** 2)), end
 
 
 def _recalled(
     model: ExtendedModel,
     start: Array,
-    keep: NDArray[np.bool_] | None,
-    most: int,
-    near: FitResult | None,
+    asked: tuple[NDArray[np.bool_] | None, int],
+    first: Array,
+    checkpoint: Checkpoint | None,
 ) -> tuple[Array, Array]:
-    """Return what the checkpoint keeps of a fit, or make it."""
-    checkpoint = CHECKPOINT.get()
-    first = _first_steps(model, near)
+    """Return what the checkpoint keeps of a fit, or make it.
+
+    asked: residuals to fit and most evaluations, see `fit`. first (p,): steps at the start.
+    """
+    keep, most = asked
     if checkpoint is None:
         return _minimise(model, start, keep, most, first)
     return checkpoint.recall(
@@ -310,7 +320,9 @@ def held_out(result: FitResult, most: int) -> float:
     blocks = result.model.base_model.blocks
     square = 0.0
     for block in np.unique(blocks[blocks >= 0]):
-        end, _ = _recalled(model, result.vector, blocks != block, most, result)
+        asked = (blocks != block, most)
+        first = _first_steps(model, result)
+        end, _ = _recalled(model, result.vector, asked, first, result.checkpoint)
         square += float(np.sum(model.residuals(end)[blocks == block] ** 2))
     return square / int(np.sum(blocks >= 0))
 

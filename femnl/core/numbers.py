@@ -1,5 +1,6 @@
 """Numbers as a reader wants them: as many digits as the error leaves."""
 
+from collections.abc import Iterable
 from math import floor, inf, isfinite, log10
 
 MINUS = str.maketrans("-", "−")
@@ -15,22 +16,35 @@ def plain(value: float, digits: int = 7) -> str:
     return text.replace("-", "−")
 
 
-def with_error(value: float, error: float | None) -> str:
-    """A number and its error to one digit, both to the same decimal: 1.581372 ± 0.000002.
+def with_error(value: float, error: float | None, digits: int = 1) -> str:
+    """A number and its error to so many digits, both to the same decimal: 1.581372 ± 0.000002.
 
     Without a finite error the number alone.
     """
     if error is None or not isfinite(error) or error <= 0 or not isfinite(value):
         return plain(value)
-    decimals = -floor(log10(error) + 1e-9)
+    decimals = digits - 1 - floor(log10(error) + 1e-9)
     power = floor(log10(max(abs(value), error)))
     if power and not (0 <= decimals <= 12 and (value == 0 or abs(value) >= 1e-3)):
-        mantissa = with_error(value / 10.0**power, error / 10.0**power)
+        mantissa = with_error(value / 10.0**power, error / 10.0**power, digits)
         return f"({mantissa})·10{str(power).translate(SUPERSCRIPT)}"
     if decimals > 12:
         return plain(value, 13)
     decimals = max(decimals, 0)
     return f"{value:.{decimals}f} ± {error:.{decimals}f}".translate(MINUS)
+
+
+def measured(values: Iterable[float], sd: Iterable[float]) -> list[str]:
+    """Numbers with their standard deviations to two digits, unknown where those are not finite."""
+    return [
+        with_error(value, s, 2) if isfinite(s) else f"{plain(value)} ± unknown"
+        for value, s in zip(values, sd, strict=True)
+    ]
+
+
+def micrometres(length: float) -> str:
+    """A length [m] in µm to the nanometre; rounding of a length of zero is not shown."""
+    return plain(round(length * 1e6, 3) + 0.0)
 
 
 def ppm(value: float, reference: float) -> str:

@@ -1,31 +1,26 @@
 """Driven sweeps against one Duffing mode with linear readout, all drives sharing f₀, Q and α."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison, Curve, Curves
 from femnl.core.compiled import compiled
-from femnl.core.effect import Effect, Kind, ParameterSpec, Values
-from femnl.core.errors import MeasurementError
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.memo import recent
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Oscillator, Signal
-from femnl.fits.response.fit import fit_response
-from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import Named, Ranked, apply
+from femnl.observe.model import MeasurementModel, Named, apply
 from femnl.observe.response.states import branch_amplitudes, follow
-from femnl.observe.response.sweeps import Sweeps, collect
+from femnl.observe.response.sweeps import Sweeps
 
 ALPHA_SD = 0.2
 """Relative standard deviation of a simulated α: Young's modulus of a thin film is rarely known
 better.
 """
-MOVING = 0.3
-"""Part of the largest signal from which on the mode moves strongly."""
 LITTLE = 1e-4
 """Part of the linewidth by which f₀ and w are moved where single sweeps may deviate."""
 STRONG = (2, 8, 32)
@@ -36,97 +31,49 @@ BEYOND = 4
 """Power of the signal with which f₀ and w may: the next beyond the cubic force."""
 
 
-class ResponseModel:
-    """Residuals of driven sweeps; see `MeasurementModel`."""
+@dataclass(frozen=True, eq=False)
+class ResponseModel(MeasurementModel):
+    """Residuals of driven sweeps.
 
-    kind: Kind = "response"
-    needs_global_search = False
-    jumps: tuple[str, ...] = ("peak",)
-    ranked: tuple[Ranked, ...] = ()
+    sweeps: the data. wavelength [m], 0 where it is not known. mode: index of the driven mode;
+    simulated_alpha [m⁻²]: its α. softens: whether the sweeps soften, which the geometry alone
+    cannot do. place: suffix of the parameters of each position. time (n_sweeps,): when each began
+    [s], or its number. middle [Hz]: of the frequencies at which the mode moves strongly. largest
+    [V]: signal.
+    """
 
-    def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
-        self.sweeps = collect(dataset)
-        # Whether damping grows with amplitude is for the diagnosis to say; here it only makes the
-        # start safe.
-        fitted = min(
-            (fit_response(dataset, nonlinear_damping=damped) for damped in (False, True)),
-            key=lambda f: f.chi2_reduced,
-        )
-        self.wavelength = float(dataset.attrs.get("wavelength", 0.0))
-        self.mode = _mode(dataset, film, fitted["frequency"])
-        self.simulated_alpha = float(film.alpha[self.mode])
-        f0 = fitted["frequency"]
-        w = fitted["linewidth"]
-        n = self.sweeps.n_positions
-        names = [""] if n == 1 else [f"[{p}]" for p in range(n)]
-        slope = [fitted[f"y_max{name}"] for name in names]
-        ratio = fitted[f"alpha_y{names[0]}"] / self.sweeps.reference**2
-        scale = np.sqrt(self.simulated_alpha / abs(ratio)) if ratio else slope[0] / 1e-7
-        span = self.sweeps.span
-        self._scales = [float(scale * s / slope[0]) for s in slope]
-        self.base = (
-            ParameterSpec("frequency", "Hz", f0 - span, f0 + span),
-            ParameterSpec("linewidth", "Hz", w / 20, 20 * w),
-            ParameterSpec("peak", "m/V", 0.0, 20 * slope[0] / scale),
-            *(
-                ParameterSpec(f"responsivity{name}", "V/m", 0.0, 20 * s)
-                for name, s in zip(names, self._scales, strict=True)
-            ),
-            *(
-                ParameterSpec(
-                    f"phase{name}",
-                    "rad",
-                    fitted[f"phase{name}"] - np.pi,
-                    fitted[f"phase{name}"] + np.pi,
-                )
-                for name in names
-            ),
-        )
-        self.start = np.array(
-            [f0, w, slope[0] / scale, *self._scales, *(fitted[f"phase{name}"] for name in names)]
-        )
-        self.softens = ratio * self.simulated_alpha < 0
-        self._names = names
-        self._solved = recent(branch_amplitudes)
-        masks = [self._whole((1 + 1j) * (self.sweeps.position == p)) > 0 for p in range(n)]
-        self.independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = tuple(
-            {f"{name}{place}": mask for place, mask in zip(names, masks, strict=True)}
+    kind = "response"
+    jumps = ("peak",)
+
+    sweeps: Sweeps
+    wavelength: float
+    mode: int
+    simulated_alpha: float
+    softens: bool
+    place: tuple[str, ...]
+    time: Array
+    middle: float
+    largest: float
+    base: tuple[ParameterSpec, ...]
+    start: Array
+    scales: Mapping[str, float]
+    notes: tuple[str, ...]
+
+    @cached_property
+    def _solved(self) -> Callable[..., ComplexArray]:
+        """Amplitudes on both branches at the latest parameters."""
+        return recent(branch_amplitudes)
+
+    @cached_property
+    def independent_blocks(self) -> tuple[Mapping[str, NDArray[np.bool_]], ...]:
+        """Gain and phase of each position move its own points alone."""
+        masks = [
+            self._whole((1 + 1j) * (self.sweeps.position == p)) > 0
+            for p in range(self.sweeps.n_positions)
+        ]
+        return tuple(
+            {f"{name}{place}": mask for place, mask in zip(self.place, masks, strict=True)}
             for name in ("responsivity", "phase")
-        )
-        strongest = slope[0] / scale * self.sweeps.reference
-        recorded = "time" in dataset and bool(np.isfinite(dataset["time"].values).all())
-        kept = np.unique(self.sweeps.row)
-        self._time = (
-            np.asarray(dataset["time"].values[kept], float)
-            if recorded
-            else np.arange(len(kept), dtype=float)
-        )
-        size = np.abs(self.sweeps.voltage)
-        self._largest = float(size.max())
-        moving = self.sweeps.frequency[size > MOVING * size.max()]
-        self._middle = float(moving.min() + moving.max()) / 2
-        self.scales: Mapping[str, float] = {
-            "curvature": strongest**-2,
-            "curvature_square": strongest**-4,
-            "slope": slope[0],
-            "drive_square": self.sweeps.reference**-2,
-            "frequency": f0,
-            "linewidth": w,
-            "linewidth_square": w**2,
-            "moving": float(np.ptp(moving)),
-            **({"wavelength": self.wavelength} if self.wavelength else {}),
-            **({"time": float(np.ptp(self._time))} if recorded else {}),
-        }
-        label = film.modes.label[self.mode] or str(self.mode + 1)
-        soft = (
-            "response: the sweeps soften, which the geometry alone cannot do; in their metres α "
-            "is as large as simulated, but negative"
-        )
-        self.notes = (
-            *(f"response: {note}" for note in self.sweeps.notes),
-            *([soft] if self.softens else []),
-            f"response: metres rest on the simulated α of mode {label}, "
-            f"{self.simulated_alpha:.3g} m⁻², known to {ALPHA_SD:.0%}",
         )
 
     @property
@@ -158,16 +105,13 @@ class ResponseModel:
         force = mode.force[data.sweep]
         linear = np.maximum(mode.peak * force, np.finfo(float).tiny)
         gains = np.array(
-            [
-                base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"])
-                for name in self._names
-            ]
+            [base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"]) for name in self.place]
         )[data.position]
         volts = data.drive * data.reference
         both = []
         for b in self._states(mode, data, linear):
             signal = Signal(
-                gains * linear * b, linear * np.abs(b), volts, self.wavelength, self._largest
+                gains * linear * b, linear * np.abs(b), volts, self.wavelength, self.largest
             )
             both.append(apply("signal", signal, effects, values).voltage)
         return self._followed(np.stack(both), mode.alpha)
@@ -194,9 +138,9 @@ class ResponseModel:
             0.0,
             drive,
             base["peak"],
-            self._time,
+            self.time,
             driven,
-            self._middle,
+            self.middle,
             silent,
         )
         mode = apply("oscillator", plain, effects, values)
@@ -249,7 +193,7 @@ class ResponseModel:
     ) -> dict[str, Array]:
         """Gains, phases, backgrounds, f₀ and w of each sweep, and those of strong motion."""
         volts = self.predict(effects, base, values) / self.sweeps.noise
-        share = np.asarray(np.abs(volts) * self.sweeps.noise / self._largest, float)
+        share = np.asarray(np.abs(volts) * self.sweeps.noise / self.largest, float)
         found: dict[str, Array] = {}
         for power in STRONG:
             strong = volts * share**power
@@ -292,10 +236,6 @@ class ResponseModel:
         """Return how uncertain metres are through the simulated α, which scales as m⁻²."""
         powers = {"m/V": 1, "V/m": -1, "m^-1": -1, "m^-2": -2, "m^-4": -4}
         return abs(powers.get(unit, 0)) / 2 * ALPHA_SD
-
-    def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """None: these data leave one solution."""
-        return []
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Magnitude and phase of every sweep."""
@@ -342,17 +282,3 @@ class ResponseModel:
         offset = self.sweeps.frequency[k] - self.start[0]
         drive = f"the drive of {worst * self.sweeps.reference:.3g} V deviates most"
         return f"{drive}, most strongly {offset:+.3g} Hz from resonance; rms by drive {table}"
-
-
-def _mode(dataset: xr.Dataset, film: SimulatedFilm, frequency: float) -> int:
-    """Return the mode that the file names, or else the one nearest in frequency."""
-    named = dataset.attrs.get("mode")
-    if named is None:
-        return int(np.argmin(np.abs(film.modes.frequency - frequency)))
-    label = f"({str(named).strip('()')})"
-    if label not in film.modes.label:
-        raise MeasurementError(
-            f"response: mode = {named!r} is none of the first {len(film.modes.label)} modes of "
-            f"{film.model.name}; correct it"
-        )
-    return film.modes.label.index(label)

@@ -1,38 +1,26 @@
 """Harmonic maps against a simulated mode under a sinusoidal fringe."""
 
-from collections.abc import Mapping, Sequence
-from functools import lru_cache, partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison, Images
-from femnl.core.effect import Effect, Kind, ParameterSpec, Values
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Fringe, Harmonics, Motion, Placement
-from femnl.diagnose.score_directions import LITTLE, fringe_terms, overtones, uneven
-from femnl.fits.map.fit import fit_map
-from femnl.io.measurement import noise_sd
 from femnl.mechanics.modes import ShapeValues
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.map.spots import Axis, Finer, Grid
-from femnl.observe.model import Named, Ranked, apply
+from femnl.observe.model import MeasurementModel, Named, apply
+from femnl.observe.score_directions import LITTLE, fringe_terms, overtones, uneven
 from femnl.optics.harmonics import along_line
 from femnl.optics.sampled import harmonics
 
 TILES = 3
 """Tiles along each axis of the map that are held out one by one."""
-TRIED = 6
-"""Lowest modes that a map without drive frequency may show."""
-COARSE = 24
-"""Points along each axis of the thinned map in which the mode is sought."""
-EXPLAINED = 0.1
-"""Part of the signal's power that the right mode may leave; wrong ones leave a third and more."""
-NEAR = 0.1
-"""Relative distance of a mode's simulated frequency from the drive up to which it may be the one
-that is driven.
-"""
 STRAIGHT = 1.0
 """Modulation z up to which the first harmonic hardly bends."""
 LARGER = (3.0, 9.0, 27.0, 81.0)
@@ -47,123 +35,71 @@ blur.
 """
 
 
-class MapModel:
-    """Residuals of the harmonics of a driven mode; see `MeasurementModel`."""
+@dataclass(frozen=True, eq=False)
+class MapModel(MeasurementModel):
+    """Residuals of the harmonics of a driven mode.
 
-    kind: Kind = "map"
-    needs_global_search = False
-    jumps: tuple[str, ...] = ()
-    independent_blocks: tuple[Mapping[str, NDArray[np.bool_]], ...] = ()
-    ranked: tuple[Ranked, ...] = ()
+    harmonic (n_harmonics,), at least 1; axes: x and y of the whole map [m]; grid: its n_points
+    places with data; present and measured (n_harmonics, n_points): where and what [V], 0 where it
+    is missing; noise [V] per quadrature; mode: index of the driven mode; frequency [Hz] and drive
+    [V] of the drive.
+    """
 
-    def __init__(self, dataset: xr.Dataset, film: SimulatedFilm) -> None:
-        values = np.asarray(dataset["real"].values + 1j * dataset["imag"].values)
-        self.harmonic = dataset["harmonic"].values.astype(np.int64)
-        values = values[self.harmonic >= 1]
-        self.harmonic = self.harmonic[self.harmonic >= 1]
-        self._axes = np.asarray(dataset["x"].values, float), np.asarray(dataset["y"].values, float)
-        across, up = np.meshgrid(*self._axes)
-        flat = values.reshape(len(self.harmonic), -1)
-        used = np.flatnonzero(np.isfinite(flat).any(axis=0))
-        sizes = dataset.sizes["y"], dataset.sizes["x"]
-        self._grid = Grid(across.ravel()[used], up.ravel()[used], *np.divmod(used, sizes[1]), sizes)
-        self._finer = Finer(Axis.beside(self._axes[0]), Axis.beside(self._axes[1]))
-        self._present = np.isfinite(flat[:, used])
-        self._values = np.where(self._present, flat[:, used], 0)
-        self.noise, note = noise_sd(dataset)
-        self.film = film
-        self.wavelength = float(dataset.attrs["wavelength"])
-        self._exact = ShapeValues(film.modes) if film.model.outline.size is None else None
-        self._shapes = lru_cache(maxsize=KEPT)(self._shapes_at)
-        drive = dataset.attrs.get("drive_frequency")
-        self.mode, fitted, told = self._find_mode(dataset, None if drive is None else float(drive))
-        self.frequency = float(film.modes.frequency[self.mode]) if drive is None else float(drive)
-        self.drive = float(dataset.attrs.get("drive", 1.0))
-        z = self.wavelength / (4 * np.pi)
-        reach = film.projection.reach
-        self.base: tuple[ParameterSpec, ...] = (
-            ParameterSpec("amplitude", "m", 0.0, 40 * z),
-            ParameterSpec(
-                "contrast", "V", -10 * abs(fitted["contrast"]), 10 * abs(fitted["contrast"])
-            ),
-            ParameterSpec(
-                "theta", "rad", fitted["fringe_phase"] - np.pi, fitted["fringe_phase"] + np.pi
-            ),
-            ParameterSpec(
-                "motion_phase",
-                "rad",
-                fitted["motion_phase"] - np.pi,
-                fitted["motion_phase"] + np.pi,
-            ),
-            ParameterSpec("x", "m", -0.3 * reach, 0.3 * reach),
-            ParameterSpec("y", "m", -0.3 * reach, 0.3 * reach),
-        )
-        names = ("amplitude", "contrast", "fringe_phase", "motion_phase", "x", "y")
-        self.start = np.array([fitted[name] for name in names])
-        self.scales: Mapping[str, float] = {
-            "reach": reach,
-            "wavelength": self.wavelength,
-            "slope": abs(fitted["contrast"]) / self.drive,
-            "period": 1 / self.frequency,
-            **({"stack": _gap(film)} if film.model.stack is not None else {}),
-        }
-        label = film.modes.label[self.mode] or str(self.mode + 1)
-        self.notes: tuple[str, ...] = (f"map: {note}", f"map: shows mode {label}, {told}")
+    kind = "map"
 
-    def _find_mode(
-        self, dataset: xr.Dataset, drive: float | None
-    ) -> tuple[int, dict[str, float], str]:
-        """Return the mode whose shape fits a thinned map best, with its fit."""
-        frequency = self.film.modes.frequency
-        modes = [
-            k
-            for k in range(len(frequency))
-            if drive is not None and abs(drive / frequency[k] - 1) < NEAR
-        ] or list(range(TRIED))
-        thin = {
-            axis: slice(None, None, max(1, dataset.sizes[axis] // COARSE)) for axis in ("x", "y")
-        }
-        coarse = (
-            dataset.isel(thin)
-            .isel(harmonic=np.flatnonzero(dataset["harmonic"].values >= 1))
-            .assign_attrs(noise_sd=self.noise)
-        )
+    film: SimulatedFilm
+    wavelength: float
+    harmonic: NDArray[np.int64]
+    axes: tuple[Array, Array]
+    grid: Grid
+    present: NDArray[np.bool_]
+    measured: ComplexArray
+    noise: float
+    mode: int
+    frequency: float
+    drive: float
+    base: tuple[ParameterSpec, ...]
+    start: Array
+    scales: Mapping[str, float]
+    notes: tuple[str, ...]
 
-        def shape(k: int, x: Array, y: Array) -> Array:
-            return np.asarray((self._exact or self.film.projection.at)(x, y)[k])
+    @cached_property
+    def _finer(self) -> Finer:
+        """The grid on which a spot of finite size is averaged."""
+        return Finer(Axis.beside(self.axes[0]), Axis.beside(self.axes[1]))
 
-        power = float(np.mean(np.abs(self._values[self._present]) ** 2) / (2 * self.noise**2))
-        fits = {}
-        for k in modes:
-            fits[k] = fit_map(coarse, partial(shape, k), registration=("x", "y")).fit
-            if fits[k].chi2_reduced < EXPLAINED * power:
-                break
-        best = min(fits, key=lambda k: fits[k].chi2_reduced)
-        why = "the first that fits" if drive is None else "near the drive frequency"
-        return best, _upright({name: p.value for name, p in fits[best].parameters.items()}), why
+    @cached_property
+    def _exact(self) -> ShapeValues | None:
+        """Shapes at any place, where the film is no rectangle whose projection is exact."""
+        return exact_shapes(self.film)
+
+    @cached_property
+    def _shapes(self) -> Callable[[bytes, bytes, bool], Array]:
+        """Shapes (n_modes, n_points) at the latest places."""
+        return lru_cache(maxsize=KEPT)(self._shapes_at)
 
     @property
     def blocks(self) -> NDArray[np.int64]:
         """Tiles of the map, all harmonics together."""
         tile = [
             np.minimum(TILES * (v - v.min()) / (np.ptp(v) or 1.0), TILES - 1).astype(np.int64)
-            for v in (self._grid.x, self._grid.y)
+            for v in (self.grid.x, self.grid.y)
         ]
-        whole = np.broadcast_to(tile[0] * TILES + tile[1], self._present.shape)[self._present]
+        whole = np.broadcast_to(tile[0] * TILES + tile[1], self.present.shape)[self.present]
         return np.concatenate([whole, whole])
 
     def predict(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> ComplexArray:
         """Return V_n [V], (n_harmonics, n_points)."""
-        placement = self._placed(self._grid, effects, base, values)
+        placement = self._placed(self.grid, effects, base, values)
         if placement.spot == 0:
             voltage = self._read(placement, False, effects, base, values)
         else:
             wider = self._read(
                 self._placed(self._finer.grid, effects, base, values), True, effects, base, values
             )
-            voltage = self._finer.average(wider, placement.spot, self._grid)
+            voltage = self._finer.average(wider, placement.spot, self.grid)
         return apply(
             "harmonics",
             Harmonics(voltage, self.harmonic, self.frequency, self.drive),
@@ -203,7 +139,7 @@ class MapModel:
 
     def _shapes_at(self, x: bytes, y: bytes, finer: bool) -> Array:
         here = (np.frombuffer(x), np.frombuffer(y))
-        grid = self._finer.grid if finer else self._grid
+        grid = self._finer.grid if finer else self.grid
         if self._exact is not None:
             return self._exact(*here)
         across = np.full(grid.sizes[1], np.nan)
@@ -219,10 +155,10 @@ class MapModel:
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (V − V_predicted)/σ of all real, then of all imaginary parts."""
-        return self._real(self._values - self.predict(effects, base, values))
+        return self._real(self.measured - self.predict(effects, base, values))
 
     def _real(self, volts: ComplexArray) -> Array:
-        kept = volts[self._present] / self.noise
+        kept = volts[self.present] / self.noise
         return np.concatenate([kept.real, kept.imag])
 
     def residual_directions(
@@ -255,7 +191,7 @@ class MapModel:
 
         swung = moved("amplitude", LITTLE * base["amplitude"])
         turned = moved("theta", LITTLE)
-        for name, factor in uneven(self._grid.x, self._grid.y).items():
+        for name, factor in uneven(self.grid.x, self.grid.y).items():
             here = self._everywhere(factor)
             for what, answer in (
                 ("motion", swung),
@@ -268,8 +204,8 @@ class MapModel:
             there, back = (moved(axis, side * ASIDE * self.scales["reach"]) for side in (1, -1))
             found[f"blur along {axis}"] = there + back
             slopes[axis] = there - back
-        across = self._everywhere(self._grid.x)
-        up = self._everywhere(self._grid.y)
+        across = self._everywhere(self.grid.x)
+        up = self._everywhere(self.grid.y)
         # A turn and a shear: on their own, x moved with y and y moved with x are all but the same
         # for most modes.
         found |= {
@@ -279,7 +215,7 @@ class MapModel:
             "axes at no right angle": up * slopes["x"] + across * slopes["y"],
         }
         found |= fringe_terms(self, effects, base, values)
-        placed = self._placed(self._grid, effects, base, values)
+        placed = self._placed(self.grid, effects, base, values)
         shapes = self._shapes(placed.x.tobytes(), placed.y.tobytes(), False)
         for name, answer in overtones(self, effects, base, values).items():
             found |= {
@@ -290,7 +226,7 @@ class MapModel:
 
     def _everywhere(self, factor: Array) -> Array:
         """Return a function of the place (n_points,) at every residual."""
-        return np.tile(np.broadcast_to(factor, self._present.shape)[self._present], 2)
+        return np.tile(np.broadcast_to(factor, self.present.shape)[self.present], 2)
 
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
@@ -302,10 +238,6 @@ class MapModel:
             )
             for factor in (0.5, 2.0)
         }
-
-    def systematic(self, unit: str) -> float:
-        """Nothing beside the statistics."""
-        return 0.0
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Of a faint motion, larger ones under less contrast.
@@ -345,47 +277,38 @@ class MapModel:
             ]
         )
         names = tuple(name for name, *_ in models)
-        measured = self._on_grid(self._values)
-        images = Images("map", names, self.harmonic, *self._axes, measured, predicted, self.noise)
-        return (along_line(images) if 1 in self._grid.sizes else images,)
+        measured = self._on_grid(self.measured)
+        images = Images("map", names, self.harmonic, *self.axes, measured, predicted, self.noise)
+        return (along_line(images) if 1 in self.grid.sizes else images,)
 
     def _on_grid(self, volts: ComplexArray) -> ComplexArray:
-        whole = np.full((len(self.harmonic), *self._grid.sizes), complex(np.nan, np.nan))
-        whole[:, self._grid.row, self._grid.column] = np.where(
-            self._present, volts, complex(np.nan, np.nan)
+        whole = np.full((len(self.harmonic), *self.grid.sizes), complex(np.nan, np.nan))
+        whole[:, self.grid.row, self.grid.column] = np.where(
+            self.present, volts, complex(np.nan, np.nan)
         )
         return whole
 
     def describe(self, residuals: Array) -> str:
         """Say which harmonic deviates most, and where on the map."""
         half = len(residuals) // 2
-        power = np.zeros(self._present.shape)
-        power[self._present] = (residuals[:half] ** 2 + residuals[half:] ** 2) / 2
-        by_order = power.sum(axis=1) / np.maximum(self._present.sum(axis=1), 1)
+        power = np.zeros(self.present.shape)
+        power[self.present] = (residuals[:half] ** 2 + residuals[half:] ** 2) / 2
+        by_order = power.sum(axis=1) / np.maximum(self.present.sum(axis=1), 1)
         k = int(np.argmax(by_order))
         p = int(np.argmax(power.sum(axis=0)))
         rms = ", ".join(
             f"{n}: {np.sqrt(value):.2f}σ" for n, value in zip(self.harmonic, by_order, strict=True)
         )
-        place = f"x = {self._grid.x[p] * 1e6:.0f} µm, y = {self._grid.y[p] * 1e6:.0f} µm"
+        place = f"x = {self.grid.x[p] * 1e6:.0f} µm, y = {self.grid.y[p] * 1e6:.0f} µm"
         return (
             f"harmonic {self.harmonic[k]} deviates most, and most strongly near {place}; rms "
             f"by harmonic {rms}"
         )
 
 
-def _upright(found: dict[str, float]) -> dict[str, float]:
-    """Choose between two motions that read the same, u at a fringe phase θ and −u at −θ.
+def exact_shapes(film: SimulatedFilm) -> ShapeValues | None:
+    """Return the shapes of a film whose outline is no rectangle, None for the others.
 
-    Take the one within a quarter turn of the drive.
+    The projection of a rectangle's modes is as exact, and quicker.
     """
-    phase = (found["motion_phase"] + np.pi / 2) % (2 * np.pi) - np.pi / 2
-    if phase <= np.pi / 2:
-        return found | {"motion_phase": phase}
-    turned = (np.pi - found["fringe_phase"]) % (2 * np.pi) - np.pi
-    return found | {"motion_phase": phase - np.pi, "fringe_phase": turned}
-
-
-def _gap(film: SimulatedFilm) -> float:
-    stack = film.model.stack
-    return 0.0 if stack is None else stack.layers[stack.gap].thickness
+    return ShapeValues(film.modes) if film.model.outline.size is None else None

@@ -5,7 +5,6 @@ import json
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
 from functools import cache
 from pathlib import Path
 
@@ -100,20 +99,15 @@ class Share(Checkpoint):
         return added
 
 
-CHECKPOINT: ContextVar[Checkpoint | None] = ContextVar("checkpoint", default=None)
-"""Of the diagnosis under way."""
-
-
 @contextmanager
-def remembered(*about: object) -> Iterator[None]:
-    """Keep the fits within, under what they depend on beside this code, until all are done."""
+def remembered(*about: object) -> Iterator[Checkpoint]:
+    """Keep fits, under what they depend on beside this code, until all within are done.
+
+    What an interruption leaves is found by the same call again.
+    """
     digest = hashlib.sha256(repr((_code(), *about)).encode()).hexdigest()[:32]
     checkpoint = Checkpoint(user_cache_path("femnl") / f"diagnosis-{digest}.jsonl")
-    token = CHECKPOINT.set(checkpoint)
-    try:
-        yield
-    finally:
-        CHECKPOINT.reset(token)
+    yield checkpoint
     checkpoint.close()
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.core.stages import Motion
-from femnl.diagnose.freeform import FORCES, FRINGE, MASS, TENSION
+from femnl.observe.free_forms import FORCES, FRINGE, MASS, TENSION
 from femnl.observe.model import MeasurementModel, scale_of
 
 LITTLE = 1e-3

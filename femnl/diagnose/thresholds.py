@@ -1,0 +1,115 @@
+"""What a diagnosis decides by: every threshold with its meaning and the study that set it."""
+
+from dataclasses import dataclass, field, fields
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def _threshold(value: T, meaning: str, study: str) -> T:
+    described: T = field(default=value, metadata={"meaning": meaning, "study": study})
+    return described
+
+
+_BLIND = "docs/explanation/blind.md"
+_CALIBRATION = "tests/unit/test_diagnose_statistics.py"
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Thresholds of the search for causes and of the verdict; `explain` lists their meanings."""
+
+    base_inadequate: float = _threshold(
+        0.01,
+        "p-value of the base model below which causes are sought",
+        f"one false alarm in a hundred files by construction; counted in {_CALIBRATION}",
+    )
+    set_inadequate: float = _threshold(
+        0.01,
+        "p-value of all data, or of a block left out where a set has several causes, below which a "
+        "set of causes does not explain them",
+        "of single causes that the study left between 1e-3 and 1e-2, sixteen were imitations and "
+        "six were true: docs/adr/0017-p-values.md",
+    )
+    chance_excluded: float = _threshold(
+        1e-3,
+        "p-value that is rare, but not too rare for chance: for the base model, and for what one "
+        "cause predicts of a block that was left out",
+        "docs/adr/0017-p-values.md",
+    )
+    set_doubtful: float = _threshold(
+        0.05,
+        "p-value below which a set that explains the data may lack a cause too weak to rule it out",
+        "docs/adr/0020-indistinguishable-sets.md",
+    )
+    named_alone: float = _threshold(
+        0.99,
+        "posterior probability from which on one set of causes is named alone",
+        "a wrong one in less than one of a hundred files: docs/adr/0018-naming-at-99-percent.md",
+    )
+    even_odds: float = _threshold(
+        19.0,
+        "odds up to which a set is no less likely than another, for all that is known of priors",
+        "docs/adr/0018-naming-at-99-percent.md and docs/adr/0019-occam-factor-of-free-forms.md",
+    )
+    equal_chi2: float = _threshold(
+        4.0,
+        "difference in χ² up to which a set with no more parameters does as well, whatever the "
+        "widths of the priors",
+        "two standard deviations of one parameter; rates in " + _BLIND,
+    )
+    contradicting_errors: float = _threshold(
+        2.0,
+        "standard errors by which a rival's log density of held-out data must exceed the best "
+        "set's to contradict the evidence",
+        "docs/adr/0021-prediction-against-evidence.md",
+    )
+    largest_scatter: float = _threshold(
+        1e3, "largest deviations of unknown cause that are allowed for, in σ", _BLIND
+    )
+    odds_per_cause: float = _threshold(0.1, "prior odds of one more cause", _BLIND)
+    most_rivals: int = _threshold(
+        3, "rivals of the best set whose held-out prediction is computed", _BLIND
+    )
+    most_effects: int = _threshold(
+        7, "effects that are fitted at each step, those that the residuals point to most", _BLIND
+    )
+    fewest_effects: int = _threshold(4, "effects that are fitted at each step in any case", _BLIND)
+    least_gain: float = _threshold(
+        0.01, "part of the excess of χ² that any other effect must promise to take up", _BLIND
+    )
+    surprising_effects: int = _threshold(
+        2,
+        "effects whose score tests are the least likely by chance, fitted whatever they promise: a "
+        "test of second order shows that an effect is there, not how much it takes up",
+        _BLIND,
+    )
+    beam: int = _threshold(2, "sets of causes that are extended at each step", _BLIND)
+    peer_ratio: float = _threshold(
+        2.0,
+        "ratio of what a single cause and the best one leave of χ², up to which it is extended too",
+        _BLIND,
+    )
+    nearly_explained: float = _threshold(
+        0.01,
+        "part of what the base model leaves beyond noise, up to which a set beside one that "
+        "explains the data is fitted anew: it may equal it",
+        _BLIND,
+    )
+    sought_again: tuple[int, ...] = _threshold(
+        (3, 3, 1),
+        "sets of one, two and three causes that are sought anew, or pairs that are fitted from "
+        "afar, where no set explains the data beyond doubt",
+        _BLIND,
+    )
+
+
+def explain(thresholds: Thresholds) -> list[tuple[str, object, str, str]]:
+    """Return name, value, meaning and study of every threshold."""
+    return [
+        (one.name, getattr(thresholds, one.name), one.metadata["meaning"], one.metadata["study"])
+        for one in fields(thresholds)
+    ]
+
+
+THRESHOLDS = Thresholds()

@@ -1,0 +1,137 @@
+"""From driven sweeps in a file to their model: the Duffing mode that fits them first."""
+
+import numpy as np
+import xarray as xr
+
+from femnl.core.checkpoint import Checkpoint
+from femnl.core.effect import ParameterSpec
+from femnl.core.errors import MeasurementError
+from femnl.core.fit import Fit
+from femnl.core.readout import Array
+from femnl.fits.response.fit import fit_response
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.response.model import ALPHA_SD, ResponseModel
+from femnl.observe.response.sweeps import Sweeps, collect
+
+MOVING = 0.3
+"""Part of the largest signal from which on the mode moves strongly."""
+
+
+def pose(
+    dataset: xr.Dataset, film: SimulatedFilm, checkpoint: Checkpoint | None = None
+) -> ResponseModel:
+    """Return the model of driven sweeps: one Duffing mode with linear readout.
+
+    Raises: MeasurementError where the file names a mode that the film does not have.
+    """
+    sweeps = collect(dataset)
+    # Whether damping grows with amplitude is for the diagnosis to say; here it only makes the
+    # start safe.
+    fitted = min(
+        (fit_response(dataset, nonlinear_damping=damped) for damped in (False, True)),
+        key=lambda f: f.chi2_reduced,
+    )
+    mode = _mode(dataset, film, fitted["frequency"])
+    alpha = float(film.alpha[mode])
+    count = sweeps.n_positions
+    place = ("",) if count == 1 else tuple(f"[{p}]" for p in range(count))
+    slope = [fitted[f"y_max{name}"] for name in place]
+    ratio = fitted[f"alpha_y{place[0]}"] / sweeps.reference**2
+    metre = float(np.sqrt(alpha / abs(ratio))) if ratio else slope[0] / 1e-7
+    responsivity = [float(metre * s / slope[0]) for s in slope]
+    peak = slope[0] / metre
+    softens = bool(ratio * alpha < 0)
+    size = np.abs(sweeps.voltage)
+    moving = sweeps.frequency[size > MOVING * size.max()]
+    time, recorded = _times(dataset, sweeps)
+    wavelength = float(dataset.attrs.get("wavelength", 0.0))
+    base, start = _base(fitted, sweeps.span, peak, responsivity, place)
+    return ResponseModel(
+        sweeps=sweeps,
+        wavelength=wavelength,
+        mode=mode,
+        simulated_alpha=alpha,
+        softens=softens,
+        place=place,
+        time=time,
+        middle=float(moving.min() + moving.max()) / 2,
+        largest=float(size.max()),
+        base=base,
+        start=start,
+        scales={
+            "curvature": (peak * sweeps.reference) ** -2,
+            "curvature_square": (peak * sweeps.reference) ** -4,
+            "slope": slope[0],
+            "drive_square": sweeps.reference**-2,
+            "frequency": fitted["frequency"],
+            "linewidth": fitted["linewidth"],
+            "linewidth_square": fitted["linewidth"] ** 2,
+            "moving": float(np.ptp(moving)),
+            **({"wavelength": wavelength} if wavelength else {}),
+            **({"time": float(np.ptp(time))} if recorded else {}),
+        },
+        notes=_notes(sweeps, film.modes.label[mode] or str(mode + 1), alpha, softens),
+    )
+
+
+def _base(
+    fitted: Fit, span: float, peak: float, responsivity: list[float], place: tuple[str, ...]
+) -> tuple[tuple[ParameterSpec, ...], Array]:
+    """Return the parameters of the base model with their ranges, and where they start.
+
+    span [Hz]: of the sweeps. peak [m/V]: linear amplitude at resonance by drive. responsivity
+    [V/m]: at each place.
+    """
+    f0 = fitted["frequency"]
+    width = fitted["linewidth"]
+    phases = [fitted[f"phase{name}"] for name in place]
+    base = (
+        ParameterSpec("frequency", "Hz", f0 - span, f0 + span),
+        ParameterSpec("linewidth", "Hz", width / 20, 20 * width),
+        ParameterSpec("peak", "m/V", 0.0, 20 * peak),
+        *(
+            ParameterSpec(f"responsivity{name}", "V/m", 0.0, 20 * gain)
+            for name, gain in zip(place, responsivity, strict=True)
+        ),
+        *(
+            ParameterSpec(f"phase{name}", "rad", phase - np.pi, phase + np.pi)
+            for name, phase in zip(place, phases, strict=True)
+        ),
+    )
+    return base, np.array([f0, width, peak, *responsivity, *phases])
+
+
+def _times(dataset: xr.Dataset, sweeps: Sweeps) -> tuple[Array, bool]:
+    """Return when each sweep began [s] and True, or their numbers and False."""
+    kept = np.unique(sweeps.row)
+    if "time" in dataset and np.isfinite(dataset["time"].values).all():
+        return np.asarray(dataset["time"].values[kept], float), True
+    return np.arange(len(kept), dtype=float), False
+
+
+def _notes(sweeps: Sweeps, label: str, alpha: float, softens: bool) -> tuple[str, ...]:
+    """Return what a report says of the sweeps, and of what metres rest on."""
+    soft = (
+        "response: the sweeps soften, which the geometry alone cannot do; in their metres α "
+        "is as large as simulated, but negative"
+    )
+    return (
+        *(f"response: {note}" for note in sweeps.notes),
+        *([soft] if softens else []),
+        f"response: metres rest on the simulated α of mode {label}, {alpha:.3g} m⁻², known to "
+        f"{ALPHA_SD:.0%}",
+    )
+
+
+def _mode(dataset: xr.Dataset, film: SimulatedFilm, frequency: float) -> int:
+    """Return the mode that the file names, or else the one nearest in frequency."""
+    named = dataset.attrs.get("mode")
+    if named is None:
+        return int(np.argmin(np.abs(film.modes.frequency - frequency)))
+    label = f"({str(named).strip('()')})"
+    if label not in film.modes.label:
+        raise MeasurementError(
+            f"response: mode = {named!r} is none of the first {len(film.modes.label)} modes of "
+            f"{film.model.name}; correct it"
+        )
+    return film.modes.label.index(label)

@@ -1,0 +1,1 @@
+"""Series against a control variable: medians are where a diagnosis starts."""

@@ -1,0 +1,84 @@
+"""From a series in a file to its model; medians are the start."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from femnl.core.checkpoint import Checkpoint
+from femnl.core.effect import ParameterSpec
+from femnl.core.errors import MeasurementError
+from femnl.core.readout import Array
+from femnl.io.measurement import CONTROLS, estimate_noise
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.series.model import SeriesModel
+
+LEAST = 4
+"""Usable points that a diagnosis needs."""
+QUANTITIES = {"frequency": "Hz", "quality_factor": "1"}
+"""What a series may hold, with the unit of its constant."""
+
+
+def pose(
+    dataset: xr.Dataset, film: SimulatedFilm, checkpoint: Checkpoint | None = None
+) -> SeriesModel:
+    """Return the model of a series.
+
+    Raises: MeasurementError for fewer than four usable points.
+    """
+    control = {
+        name: np.asarray(dataset[name].values, float) for name in CONTROLS if name in dataset.coords
+    }
+    data: dict[str, tuple[Array, Array]] = {}
+    notes = []
+    for name in QUANTITIES:
+        if name in dataset:
+            values = np.asarray(dataset[name].values, float)
+            sd, note = _standard_deviation(dataset, name)
+            data[name] = (values, sd)
+            notes += note
+    used = np.concatenate([np.isfinite(values) & np.isfinite(sd) for values, sd in data.values()])
+    if used.sum() < LEAST:
+        raise MeasurementError(
+            f"series: {used.sum()} usable points; a diagnosis needs at least {LEAST}"
+        )
+    middle = {name: float(np.nanmedian(values)) for name, (values, _) in data.items()}
+    return SeriesModel(
+        film=film.model.film,
+        control=control,
+        data=data,
+        used=used,
+        base=tuple(
+            ParameterSpec(name, unit, 0.5 * middle[name], 2 * middle[name])
+            for name, unit in QUANTITIES.items()
+            if name in middle
+        ),
+        start=np.array(list(middle.values())),
+        scales=_scales(control, middle),
+        notes=tuple(notes),
+    )
+
+
+def _standard_deviation(dataset: xr.Dataset, name: str) -> tuple[Array, list[str]]:
+    """Return the standard deviation (n,) of a quantity, and a note where the file gives none."""
+    if f"{name}_sd" in dataset:
+        return np.asarray(dataset[f"{name}_sd"].values, float), []
+    kept = dataset[[name]].assign_attrs(kind="series")
+    sd = np.full(dataset[name].shape, estimate_noise(kept))
+    return sd, [f"series: {name}_sd is not in the file; estimated from the scatter as {sd[0]:.3g}"]
+
+
+def _scales(control: Mapping[str, Array], middle: Mapping[str, float]) -> dict[str, float]:
+    """Return the range of each control variable that was varied, its inverse and their squares."""
+    # A control variable counts as recorded only where it was varied.
+    varied = {
+        name: float(np.ptp(values))
+        for name, values in control.items()
+        if np.isfinite(values).all() and np.ptp(values) > 0
+    }
+    return {
+        **varied,
+        **dict.fromkeys(middle, 1.0),
+        **{f"per_{name}": 1 / size for name, size in varied.items()},
+        **{f"per_{name}_square": 1 / size**2 for name, size in varied.items()},
+    }

@@ -1,0 +1,165 @@
+"""From traces in a file to their model: their harmonics, and the motion that a sine shows."""
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from femnl.core.checkpoint import Checkpoint
+from femnl.core.effect import ParameterSpec
+from femnl.core.errors import MeasurementError
+from femnl.core.readout import Array, ComplexArray
+from femnl.fits.trace.decompose import decompose
+from femnl.fits.trace.spot import fit_spot
+from femnl.observe.film import SimulatedFilm
+from femnl.observe.trace.model import Folded, TraceModel
+
+MOST_HARMONICS = 21
+MOST_STEPS = 12
+"""Harmonics, as far as the sampling rate and the length of the record allow, and steps of the drive
+that are looked at.
+"""
+HIGHEST = 128
+SMOOTH = 48
+"""Harmonics that are predicted of a clipped and of a smooth signal: those beyond the measured ones
+are folded onto them by the sampling, or beat in what they leave."""
+PER_HARMONIC = 4
+"""Samples of a record that each harmonic needs."""
+
+
+def pose(
+    dataset: xr.Dataset, film: SimulatedFilm, checkpoint: Checkpoint | None = None
+) -> TraceModel:
+    """Return the model of traces at one spot under a fringe.
+
+    Raises: MeasurementError where the wavelength is not known, and for too few samples.
+    """
+    if "wavelength" not in dataset.attrs:
+        raise MeasurementError(
+            "trace: neither wavelength nor drive_voltage is there: add the laser's wavelength [m], "
+            "or the drive that was recorded"
+        )
+    wavelength = float(dataset.attrs["wavelength"])
+    traces = dataset.isel(step=_chosen(dataset))
+    spectrum = decompose(traces, _harmonics_of(traces))
+    sine = fit_spot(spectrum, wavelength)
+    kept = spectrum.harmonic > 0
+    harmonic = np.asarray(spectrum.harmonic[kept], np.int64)
+    frequency = spectrum.drive_frequency
+    n_steps = len(frequency)
+    stated = dataset.attrs.get("noise_sd")
+    noise = float(np.sqrt(np.mean(spectrum.noise_sd**2))) if stated is None else float(stated)
+    times = _times(traces)
+    contrast = sine.fit["contrast"]
+    theta = sine.fit["fringe_phase"]
+    deepest = 40 * wavelength / (4 * np.pi)
+    stack = film.model.stack
+    thinned = (
+        f"; {n_steps} of {dataset.sizes['step']} steps looked at"
+        if n_steps < dataset.sizes["step"]
+        else ""
+    )
+    origin = (
+        "estimated from what the harmonics leave: noise_sd is not in the file"
+        if stated is None
+        else "as stored"
+    )
+    return TraceModel(
+        film=film,
+        wavelength=wavelength,
+        harmonic=harmonic,
+        frequency=frequency,
+        measured=spectrum.values[kept],
+        sd=spectrum.values_sd[kept] * (noise / spectrum.noise_sd),
+        noise=noise,
+        # What the harmonics leave of a record is noise of the size that the file states, or
+        # something else beats there.
+        left=np.empty(0) if stated is None else spectrum.noise_sd,
+        degrees=np.isfinite(traces["voltage"].values).sum(axis=1) - 2 * len(harmonic) - 1,
+        folded=(
+            _folded(times, frequency, len(harmonic), HIGHEST),
+            _folded(times, frequency, len(harmonic), SMOOTH),
+        ),
+        mode=int(np.argmin(np.abs(film.modes.frequency - np.median(frequency)))),
+        base=(
+            ParameterSpec("contrast", "V", -10 * abs(contrast), 10 * abs(contrast)),
+            ParameterSpec("theta", "rad", theta - np.pi, theta + np.pi),
+            *(ParameterSpec(f"amplitude[{i}]", "m", 0.0, deepest) for i in range(n_steps)),
+            *(
+                ParameterSpec(f"motion_phase[{i}]", "rad", p - 2 * np.pi, p + 2 * np.pi)
+                for i, p in enumerate(sine.phase)
+            ),
+        ),
+        start=np.concatenate([[contrast, theta], sine.amplitude, sine.phase]),
+        scales={
+            "wavelength": wavelength,
+            "period": float(1 / np.median(frequency)),
+            "slope": abs(contrast),
+            **({} if stack is None else {"stack": stack.layers[stack.gap].thickness}),
+        },
+        notes=(
+            f"trace: noise {noise:.3g} V per sample, {origin}",
+            f"trace: {len(harmonic)} harmonics at each step{thinned}; metres are those at the spot",
+        ),
+    )
+
+
+def _folded(times: list[Array], frequency: Array, n_harmonics: int, most: int) -> Folded:
+    """Return what harmonics up to `most` do to the measured ones at each step."""
+    orders = np.arange(1, max(most, n_harmonics) + 1)
+    steps = [
+        _folding(time, f, n_harmonics, len(orders))
+        for time, f in zip(times, frequency, strict=True)
+    ]
+    return Folded(
+        orders, np.stack([fold for fold, _ in steps]), np.stack([beat for _, beat in steps])
+    )
+
+
+def _times(traces: xr.Dataset) -> list[Array]:
+    """Return the times [s] of the samples of each step that are there."""
+    time = traces["time"].values.astype(float)
+    return [time[np.isfinite(row)] for row in traces["voltage"].values]
+
+
+def _folding(
+    time: Array, frequency: float, n_harmonics: int, highest: int
+) -> tuple[ComplexArray, Array]:
+    """Return what the harmonics beyond the measured ones add.
+
+    As real, then imaginary parts, and to the sum of squares that is left.
+    """
+    turns = 2 * np.pi * frequency * np.outer(time, np.arange(1, highest + 1))
+    cosine = np.cos(turns)
+    sine = -np.sin(turns)
+    low = np.column_stack([np.ones(len(time)), cosine[:, :n_harmonics], sine[:, :n_harmonics]])
+    high = np.column_stack([cosine[:, n_harmonics:], sine[:, n_harmonics:]])
+    solved, *_ = np.linalg.lstsq(low, high, rcond=None)
+    left = high - low @ solved
+    return solved[1 : n_harmonics + 1] + 1j * solved[n_harmonics + 1 :], np.asarray(left.T @ left)
+
+
+def _chosen(dataset: xr.Dataset) -> NDArray[np.int64]:
+    """Return the steps that are compared, evenly spaced; those only partly without gaps go."""
+    usable = np.flatnonzero(np.isfinite(dataset["voltage"].values).sum(axis=1) > 2 * PER_HARMONIC)
+    if not len(usable):
+        raise MeasurementError(
+            f"trace: no step has more than {2 * PER_HARMONIC} samples; record longer"
+        )
+    return usable[np.unique(np.linspace(0, len(usable) - 1, MOST_STEPS).round().astype(np.int64))]
+
+
+def _harmonics_of(traces: xr.Dataset) -> int:
+    """Return how many harmonics the sampling rate and the length of the records allow."""
+    interval = float(np.median(np.diff(traces["time"].values)))
+    fewest = int(np.isfinite(traces["voltage"].values).sum(axis=1).min())
+    most = min(MOST_HARMONICS, fewest // PER_HARMONIC)
+    if "drive_frequency" in traces:
+        most = min(
+            most, int(np.ceil(0.5 / (float(traces["drive_frequency"].max()) * interval))) - 1
+        )
+    if most < 2:
+        raise MeasurementError(
+            "trace: fewer than two harmonics can be told from these samples; sample faster or "
+            "record longer"
+        )
+    return most
