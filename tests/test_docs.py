@@ -54,6 +54,7 @@ def test_what_a_page_tells_to_do_can_be_done(page: Path, tmp_path: Path) -> None
     for kind, text in BLOCK.findall(page.read_text(encoding="utf-8")):
         named = FILE.match(text)
         if named is not None:
+            (tmp_path / named[1]).parent.mkdir(exist_ok=True)
             (tmp_path / named[1]).write_text(text[named.end() :], encoding="utf-8")
         elif kind == "python":
             exec(compile(text, str(page), "exec"), variables)

@@ -10,7 +10,7 @@ import typer
 
 from femnl.core import choices
 from femnl.core.errors import ParameterError
-from femnl.core.resources import find_geometry, geometries, need_file
+from femnl.core.resources import find_geometry, geometries, need_file, need_folder
 
 if TYPE_CHECKING:
     from femnl.core.device import Model
@@ -29,6 +29,11 @@ def _shipped(begun: str) -> list[str]:
     return [path.stem for path in geometries().glob(f"{begun}*.toml")]
 
 
+def _there(folder: Path | None) -> Path | None:
+    """Refuse a folder that is not there before anything heavy is loaded."""
+    return None if folder is None else need_folder(folder)
+
+
 Geometry = Annotated[
     str,
     typer.Argument(
@@ -41,6 +46,15 @@ Geometry = Annotated[
 MeasurementFile = Annotated[
     Path,
     typer.Argument(help="A measurement file (.nc).", show_default=False, callback=need_file),
+]
+EffectsFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--effects",
+        help="Folder of *.py files that define effects of your own; they are run.",
+        show_default=False,
+        callback=_there,
+    ),
 ]
 Bending = Annotated[
     bool | None,

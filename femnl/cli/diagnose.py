@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from femnl.cli._device import Json, MeasurementFile
+from femnl.cli._device import EffectsFolder, Json, MeasurementFile
 from femnl.cli._output import console, note, print_json, scientific, table
 
 if TYPE_CHECKING:
@@ -38,15 +38,22 @@ Out = Annotated[
 def command(
     file: MeasurementFile,
     geometry: Geometry = None,
+    effects: EffectsFolder = None,
     workers: Workers = None,
     out: Out = None,
     as_json: Json = False,
 ) -> None:
     """Compare a measurement with the simulation, and name the physical cause of what deviates."""
     from femnl.diagnose import diagnose, record, write
+    from femnl.effects import known
     from femnl.report.diagnosis import write_diagnosis
 
-    found = diagnose(file, geometry, workers=workers or min(MOST, len(os.sched_getaffinity(0))))
+    found = diagnose(
+        file,
+        geometry,
+        known(effects).values(),
+        workers or min(MOST, len(os.sched_getaffinity(0))),
+    )
     folder = out or (None if as_json else Path(f"{file.stem}-diagnosis"))
     if folder is not None:
         write(found, folder)

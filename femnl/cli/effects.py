@@ -1,14 +1,14 @@
 """`femnl effects`: the causes that a diagnosis knows."""
 
-from femnl.cli._device import Json
+from femnl.cli._device import EffectsFolder, Json
 from femnl.cli._output import console, print_json, table
 
 
-def command(as_json: Json = False) -> None:
+def command(folder: EffectsFolder = None, as_json: Json = False) -> None:
     """List the physical causes that can hide in data: equation, parameters, kinds of data."""
-    from femnl.effects import library
+    from femnl.effects import known
 
-    effects = library().values()
+    effects = known(folder).values()
     if as_json:
         names = ("name", "equation", "kinds", "source", "limits", "sentence")
         print_json(

@@ -1,7 +1,7 @@
 """Effects: physical causes that change what a stage of the simulation hands on."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 Kind = Literal["spectrum", "response", "map", "trace", "record", "series"]
@@ -58,6 +58,14 @@ class ParameterSpec:
     whole: bool = False
 
 
+@dataclass(frozen=True)
+class EffectFile:
+    """A file outside of every package that defines an effect, with the text that was read."""
+
+    path: str
+    text: bytes = field(repr=False)
+
+
 @dataclass(frozen=True, eq=False)
 class Effect:
     """One physical cause, as its file in `femnl/effects/` states it.
@@ -69,7 +77,7 @@ class Effect:
     stage; else each laser has its own.
     across: whether what it does to one step, sweep or place depends on the motion at another.
     sentence: for the report, "the film …". source, limits: where the equation is from and how far
-    it holds.
+    it holds. file: where a file outside of every package defines it.
     """
 
     name: str
@@ -83,6 +91,7 @@ class Effect:
     replaces: tuple[str, ...] = ()
     shared: bool = True
     couples_blocks: bool = False
+    file: EffectFile | None = field(default=None, repr=False, compare=False)
 
     @property
     def kinds(self) -> tuple[Kind, ...]:

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from femnl.core.errors import GeometryError, MeasurementError, one_line
+from femnl.core.errors import GeometryError, MeasurementError, ParameterError, one_line
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -50,6 +50,16 @@ def need_file(path: Path) -> Path:
     """
     if not path.is_file():
         raise MeasurementError(f"{path}: no such file; check the path")
+    return path
+
+
+def need_folder(path: Path) -> Path:
+    """Return the path of a folder that must be there.
+
+    Raises: ParameterError where none is.
+    """
+    if not path.is_dir():
+        raise ParameterError(f"{path}: no such folder; check the path")
     return path
 
 

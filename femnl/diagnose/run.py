@@ -26,9 +26,10 @@ from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointModel
 from femnl.diagnose.pose_joint import pose_joint
 from femnl.diagnose.search import search
+from femnl.diagnose.sent import Sent, considered, received, sent
 from femnl.diagnose.verdict import judge, measure_next
 from femnl.diagnose.worker_pool import Pose, Posed, Run, worker_pool
-from femnl.effects import library
+from femnl.effects import fingerprint
 from femnl.io import measurement
 from femnl.io.results.atomic import write_whole
 from femnl.observe.film import SimulatedFilm
@@ -57,7 +58,7 @@ def diagnose(
         effects: the causes to consider; the whole library unless given.
         workers: processes that fit side by side, this one among them. A script that asks for more
             than one keeps what it runs under `if __name__ == "__main__"`, and effects of its own in
-            a module.
+            a module, or in a folder that `femnl.effects.from_folder` reads.
 
     Returns: the diagnosis, see docs/reference/diagnosis-json.md; the same whatever the workers.
     Raises: MeasurementError, GeometryError, ConvergenceError, ParameterError.
@@ -69,41 +70,23 @@ def diagnose(
         raise ParameterError(f"workers: {workers} is none; give a whole number of at least 1")
     path = Path(path)
     tree, model = _opened(path, geometry)
-    pool = list(library().values() if effects is None else effects)
+    pool = considered(effects)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work
     # they wait for each other.
     with (
-        remembered(digest, model, [effect.name for effect in pool]) as checkpoint,
+        remembered(digest, model, fingerprint(pool)) as checkpoint,
         threadpool_limits(1, user_api="blas"),
         ExitStack() as helpers,
     ):
         found, run = _searched(
-            partial(_posed, path, geometry, _sent(pool, workers)), workers, helpers, checkpoint
+            partial(_posed, path, geometry, sent(pool, workers)), workers, helpers, checkpoint
         )
         base_model = found[0].result.model.base_model
         concluded = conclude(
             str(path), digest, found, (*tree.attrs.get("repairs", ()), *base_model.notes), run
         )
     return replace(concluded, geometry=geometry)
-
-
-def _sent(effects: list[Effect], workers: int) -> list[Effect | str]:
-    """Return effects as other processes may be told of them: those of the library by name."""
-    found: list[Effect | str] = [
-        effect.name if library().get(effect.name) is effect else effect for effect in effects
-    ]
-    for effect in found:
-        if (
-            workers > 1
-            and isinstance(effect, Effect)
-            and any("<" in getattr(c, "__qualname__", "") for c in effect.changes.values())
-        ):
-            raise ParameterError(
-                f"effects: {effect.name} is defined where other processes cannot import it; "
-                "define it in a module, or take workers = 1"
-            )
-    return found
 
 
 def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None]:
@@ -121,16 +104,16 @@ def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None
 def _posed(
     path: Path,
     geometry: str | None,
-    chosen: list[Effect | str],
+    chosen: list[Sent],
     checkpoint: Checkpoint | None,
     *,
     backwards: bool = False,
 ) -> Posed:
     """Return the model that a file poses, and the effects that may explain its deviations.
 
-    chosen: effects, those of the library by name. backwards: see `pose_joint`.
+    chosen: effects, as `sent` returns them. backwards: see `pose_joint`.
     """
-    effects = [library()[effect] if isinstance(effect, str) else effect for effect in chosen]
+    effects = [received(effect) for effect in chosen]
     tree, model = _opened(path, geometry)
     groups = {
         name: pose(name, node.to_dataset(), model, checkpoint)

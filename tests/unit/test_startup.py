@@ -62,6 +62,7 @@ def loaded(words: list[str], folder: Path, **environment: str) -> set[str]:
         ["modes", "square-270"],
         ["fit", "missing.nc"],
         ["diagnose", "missing.nc"],
+        ["effects", "--effects", "missing"],
         ["modes", "circle", "--frobnicate"],
         ["frobnicate"],
     ],

@@ -1,17 +1,19 @@
 """Files that labs have, turned into measurement files.
 
-Every module of this folder that defines FORMAT reads one format.
+Every module of this folder that defines FORMAT reads one format; those of other packages are found
+by their entry points.
 """
 
-import importlib
-import pkgutil
 from collections.abc import Sequence
 from functools import cache
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 
 import xarray as xr
 
 from femnl.core.errors import MeasurementError
+from femnl.core.plugins import Defined, by_name, plug_ins
 from femnl.core.resources import need_file
 from femnl.io.labfiles.base import Format
 from femnl.io.labfiles.spec import Spec, read_spec
@@ -19,20 +21,22 @@ from femnl.io.measurement import bundle, write
 
 __all__ = ["Format", "Spec", "formats", "import_file", "read_spec"]
 
+GROUP = "femnl.labfiles"
+"""Entry points of this group name modules that define FORMAT."""
+
 
 @cache
 def formats() -> tuple[Format, ...]:
-    """All formats, by name: the attribute FORMAT of every module in this folder that has one."""
-    modules = [
-        importlib.import_module(f"{__name__}.{found.name}")
-        for found in pkgutil.iter_modules(__path__)
+    """Return all formats, by name: FORMAT of the modules here that have one, and of each plug-in.
+
+    Raises: ParameterError for a plug-in that defines no format, or one of a name that is taken.
+    """
+    modules = [import_module(f"{__name__}.{found.name}") for found in iter_modules(__path__)]
+    own = [
+        Defined(module.FORMAT, module.__name__) for module in modules if hasattr(module, "FORMAT")
     ]
-    return tuple(
-        sorted(
-            (module.FORMAT for module in modules if hasattr(module, "FORMAT")),
-            key=lambda kind: kind.name,
-        )
-    )
+    found = by_name([*own, *plug_ins(GROUP, "FORMAT", Format)])
+    return tuple(found[name] for name in sorted(found))
 
 
 def import_file(
@@ -46,7 +50,8 @@ def import_file(
     write; spec: TOML file that says which column is what (default: the source's name with .toml,
     where there is one).
     Returns: the tree as written; its attribute `repairs` tells what was assumed and changed.
-    Raises: MeasurementError with file, what is wrong and the remedy.
+    Raises: MeasurementError with file, what is wrong and the remedy; ParameterError for a plug-in
+    that defines no format.
     """
     files = _files(source)
     found = {_recognise(path).name: _recognise(path) for path in files}
