@@ -2,33 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
-Kind = Literal["spectrum", "response", "map", "trace", "record", "series"]
-Stage = Literal[
-    "operators",
-    "frequencies",
-    "oscillator",
-    "signal",
-    "placement",
-    "motion",
-    "fringe",
-    "harmonics",
-    "equation",
-    "points",
-]
-STAGES: dict[Kind, tuple[Stage, ...]] = {
-    "spectrum": ("operators", "frequencies"),
-    "response": ("oscillator", "signal"),
-    "map": ("placement", "motion", "fringe", "harmonics"),
-    "trace": ("motion", "fringe", "harmonics"),
-    "record": ("equation",),
-    "series": ("points",),
-}
-"""The stages whose values effects may change, in the order in which they run, for each kind of
-measurement.
-"""
+from femnl.core.kinds import kinds
 
+Kind = str
+"""Name of a kind of measurement, a key of `femnl.core.kinds.kinds()`."""
+Stage = str
+"""Name of a stage of a forward model, one of the `stages` of a kind."""
 Values = Mapping[str, float]
 Change = Callable[[Any, Values], Any]
 """A pure function from the value of a stage and the parameters of the effect to a new value of the
@@ -97,7 +78,7 @@ class Effect:
     def kinds(self) -> tuple[Kind, ...]:
         """The kinds of measurement that the effect can show in."""
         return tuple(
-            kind
-            for kind, stages in STAGES.items()
-            if any(stage in self.changes for stage in stages)
+            spec.name
+            for spec in kinds().values()
+            if not self.changes.keys().isdisjoint(spec.stages)
         )

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from femnl.core.effect import STAGES, Effect, Stage
+from femnl.core.effect import Effect, Stage
+from femnl.core.kinds import kinds
 from femnl.core.stages import Harmonics, Lines, Oscillator, Placement, Points, Signal
 from femnl.device.geometry import load
 from femnl.effects import library
@@ -56,7 +57,7 @@ def test_an_effect_says_what_it_is_and_acts_at_stages_that_exist(effect: Effect)
     assert effect.limits
     assert effect.sentence
     assert effect.kinds
-    assert set(effect.changes) <= {stage for stages in STAGES.values() for stage in stages}
+    assert set(effect.changes) <= {stage for spec in kinds().values() for stage in spec.stages}
     assert all(
         (spec.low < spec.high and spec.low <= 0) or not spec.strength for spec in effect.parameters
     )
