@@ -11,6 +11,11 @@ import pytest
 
 import femnl
 
+PACKAGE = Path(__file__).parents[1] / "femnl"
+# A kind of measurement is a folder of observe, whichever there are.
+KINDS = tuple(
+    f"observe.{path.parent.name}" for path in sorted(PACKAGE.glob("observe/*/__init__.py"))
+)
 FLOORS = (
     ("core",),
     (
@@ -41,14 +46,7 @@ FLOORS = (
     ("observe.model", "observe.film"),
     ("observe.free_forms",),
     ("observe.score_directions",),
-    (
-        "observe.map",
-        "observe.record",
-        "observe.response",
-        "observe.series",
-        "observe.spectrum",
-        "observe.trace",
-    ),
+    KINDS,
     ("sweep", "fits", "validation"),
     ("diagnose",),
     ("plot",),
@@ -66,7 +64,6 @@ LINES = 400
 
 NAMES = set(femnl.__all__)
 
-PACKAGE = Path(__file__).parents[1] / "femnl"
 FILES = sorted(PACKAGE.rglob("*.py"))
 
 
