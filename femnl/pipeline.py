@@ -18,6 +18,7 @@ from femnl.core.choices import Certified
 from femnl.core.device import Edge, Model
 from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
 from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.core.processes import one_blas_thread
 from femnl.core.readout import Array, HarmonicMap
 from femnl.device.geometry import load, load_shipped, parse
 from femnl.io.results.cache import cached_modes, cached_nonlinearity
@@ -111,7 +112,12 @@ def solve_modes(
             return replace(fine, coarse=middle)
         return replace(fine, coarse=replace(middle, coarse=coarse))
 
-    return cached_modes(model, (count, symmetry, resolution, degree), solve) if cache else solve()
+    def solve_alone() -> Modes:
+        with one_blas_thread():
+            return solve()
+
+    options = (count, symmetry, resolution, degree)
+    return cached_modes(model, options, solve_alone) if cache else solve_alone()
 
 
 def _road(
@@ -225,7 +231,8 @@ def solve_nonlinearity(
         from femnl.mechanics.lattice import strain_energies
 
         energies = partial(strain_energies, edge=chosen) if modes.domain.tiles else None
-        return nonlinearity.solve_nonlinearity(modes, chosen, tensor, energies)
+        with one_blas_thread():
+            return nonlinearity.solve_nonlinearity(modes, chosen, tensor, energies)
 
     return cached_nonlinearity(modes, chosen, tensor, solve) if cache else solve()
 

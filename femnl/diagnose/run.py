@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from threadpoolctl import threadpool_limits
 
 from femnl.core.checkpoint import Checkpoint, remembered
 from femnl.core.comparison import Comparison
@@ -21,6 +20,7 @@ from femnl.core.effect import Effect
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Parameter
 from femnl.core.kinds import function, kind_of
+from femnl.core.processes import one_blas_thread
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointModel
@@ -76,7 +76,7 @@ def diagnose(
     # they wait for each other.
     with (
         remembered(digest, model, fingerprint(pool)) as checkpoint,
-        threadpool_limits(1, user_api="blas"),
+        one_blas_thread(),
         ExitStack() as helpers,
     ):
         found, run = _searched(

@@ -1,0 +1,41 @@
+"""Linear algebra of a solution takes one thread, whatever the machine offers."""
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from femnl import load, solve_modes
+from femnl.core.mechanics import Modes
+from femnl.core.processes import one_blas_thread
+from femnl.mechanics import modes
+
+
+def blas_threads() -> set[int]:
+    """Return how many threads the libraries of linear algebra would take here."""
+    return {
+        library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"
+    }
+
+
+def test_modes_are_solved_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: set[int] = set()
+    align = modes.align
+
+    def watched(coarse: Modes, fine: Modes) -> Modes:
+        seen.update(blas_threads())
+        return align(coarse, fine)
+
+    monkeypatch.setattr(modes, "align", watched)
+    with threadpool_limits(2, user_api="blas"):
+        assert blas_threads() == {2}
+        solve_modes(load("circle"), 1, resolution=0.5, cache=False)
+        assert blas_threads() == {2}
+    assert seen == {1}
+
+
+def test_threads_are_given_back() -> None:
+    np.linalg.norm(np.ones(2))
+    with threadpool_limits(2, user_api="blas"):
+        with pytest.raises(ValueError, match="stop"), one_blas_thread():
+            raise ValueError("stop")
+        assert blas_threads() == {2}
