@@ -10,11 +10,10 @@ from femnl.core.processes import one_blas_thread
 from femnl.mechanics import modes
 
 
-def blas_threads() -> set[int]:
-    """Return how many threads the libraries of linear algebra would take here."""
-    return {
-        library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"
-    }
+def blas_threads() -> int:
+    """Return the most threads that a library of linear algebra would take here."""
+    libraries = [one for one in threadpool_info() if one["user_api"] == "blas"]
+    return max(library["num_threads"] for library in libraries)
 
 
 def test_modes_are_solved_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -22,14 +21,14 @@ def test_modes_are_solved_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> No
     align = modes.align
 
     def watched(coarse: Modes, fine: Modes) -> Modes:
-        seen.update(blas_threads())
+        seen.add(blas_threads())
         return align(coarse, fine)
 
     monkeypatch.setattr(modes, "align", watched)
     with threadpool_limits(2, user_api="blas"):
-        assert blas_threads() == {2}
+        assert blas_threads() == 2
         solve_modes(load("circle"), 1, resolution=0.5, cache=False)
-        assert blas_threads() == {2}
+        assert blas_threads() == 2
     assert seen == {1}
 
 
@@ -38,4 +37,4 @@ def test_threads_are_given_back() -> None:
     with threadpool_limits(2, user_api="blas"):
         with pytest.raises(ValueError, match="stop"), one_blas_thread():
             raise ValueError("stop")
-        assert blas_threads() == {2}
+        assert blas_threads() == 2
