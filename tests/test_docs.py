@@ -21,6 +21,8 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FILE = re.compile(r"# file: (\S+)\n")
 # The others solve devices
 QUICK = (
+    "geometry-format",
+    "kind",
     "architecture",
     "commands",
     "degeneracies",
