@@ -13,7 +13,7 @@ from femnl.mechanics import modes
 def blas_threads() -> int:
     """Return the most threads that a library of linear algebra would take here."""
     libraries = [one for one in threadpool_info() if one["user_api"] == "blas"]
-    return max(library["num_threads"] for library in libraries)
+    return max(int(library["num_threads"]) for library in libraries)
 
 
 def test_modes_are_solved_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
