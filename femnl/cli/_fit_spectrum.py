@@ -174,7 +174,7 @@ def _said(found: Assignment) -> list[str]:
     """Sentences on an assignment: how probable, what else, what is missing."""
     scale, sd = with_error(found.scale, found.scale_sd)
     whole = (
-        f", {found.up_to_ambiguous:.3g} up to the modes named below that are hardly told apart"
+        f", {found.up_to_ambiguous:.3g} up to the modes named below that are hardly distinguishable"
         if found.ambiguous
         else ""
     )

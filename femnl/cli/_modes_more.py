@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from femnl.core.mechanics import Modes, Nonlinearity
     from femnl.mechanics.nonlinearity import Inertia
-    from femnl.mechanics.static_deflection import Bowed
+    from femnl.mechanics.static_deflection import StaticDeflection
 
 DIGITS = 6
 
@@ -27,7 +27,7 @@ class More:
     """Results that were asked for, None for the others. quality: Q/Q_bend and its error."""
 
     inertia: Inertia | None
-    bowed: Bowed | None
+    bowed: StaticDeflection | None
     quality: tuple[NDArray[np.float64], NDArray[np.float64]] | None
 
     @classmethod
@@ -120,7 +120,7 @@ class More:
             )
 
     @staticmethod
-    def _show_bow(bowed: Bowed, names: list[list[str]]) -> None:
+    def _show_bow(bowed: StaticDeflection, names: list[list[str]]) -> None:
         rows = [
             [
                 *name,

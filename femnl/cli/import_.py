@@ -23,7 +23,7 @@ Spec = Annotated[
 
 
 def command(sources: Sources, dest: Dest, spec: Spec = None) -> None:
-    """Import lab files into one measurement file; every repair is told."""
+    """Import lab files into one measurement file; every repair is listed."""
     from femnl.io.labfiles import import_file
 
     tree = import_file(sources[0] if len(sources) == 1 else sources, dest, spec)

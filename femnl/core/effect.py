@@ -23,7 +23,7 @@ class ParameterSpec:
 
     The prior is uniform on [low, high], or with `log` uniform in the logarithm.
 
-    low and high count in `unit`, times the fact of the measurement that `scale` names (such as
+    low and high count in `unit`, times the number of the measurement that `scale` names (such as
     "reach", half the size of the film in m). Where `strength` is set, the effect vanishes as all
     its strengths go to 0; the other parameters only shape it. With `whole`, it is the whole number
     nearest to a value in that range.
@@ -52,11 +52,12 @@ class Effect:
     """One physical cause, as its file in `femnl/effects/` states it.
 
     name: as used in files. equation: in words a physicist reads. changes: by stage, see `Change`.
-    needs: facts about the measurement without which the effect cannot be told, such as "time".
+    needs: scales of the measurement without which the effect cannot be recognised, such as "time".
     replaces: base parameters that have no meaning beside it.
     shared: whether the measurements of one device have its parameters in common, as for film and
     stage; else each laser has its own.
-    across: whether what it does to one step, sweep or place depends on the motion at another.
+    couples_blocks: whether what it does to one step, sweep or place depends on the motion at
+    another.
     sentence: for the report, "the film …". source, limits: where the equation is from and how far
     it holds. file: where a file outside of every package defines it.
     """

@@ -51,8 +51,8 @@ class Fit(Tabulated):
     parameters: by name, the free ones first and in the order of `covariance`, then derived ones.
     covariance (n_parameters, n_parameters) in SI. chi2_reduced = χ²/(n_points − n_parameters),
     n_points counting real numbers.
-    notes: sentences for the report: what was assumed, estimated, left out, or cannot be told from
-    these data.
+    notes: sentences for the report: what was assumed, estimated, left out, or cannot be
+    distinguished.
     """
 
     parameters: dict[str, Parameter]

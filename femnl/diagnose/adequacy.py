@@ -35,7 +35,7 @@ TAIL = 20
 CERTAIN = 1e-6
 """p-value, by Bonferroni's inequality, below which none is simulated."""
 EXACT = 5000
-"""Residuals up to which whole sets of them are drawn; beyond, only what the looks see of them."""
+"""Residuals up to which whole sets of them are drawn; beyond, only what tests see of them."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class ScoreTest:
 
 
 def score_tests(result: FitResult, library: list[Effect]) -> list[ScoreTest]:
-    """Return every look at the residuals.
+    """Return every score test of the residuals.
 
     Each pattern of the problem, and each effect at each of its trial shapes.
     """
@@ -91,7 +91,7 @@ def score_tests(result: FitResult, library: list[Effect]) -> list[ScoreTest]:
     for effect in library:
         if any(spec.strength for spec in effect.parameters):
             here, *there = (
-                _effect_looks(result, own, effect, place, values) for place in (base, *others)
+                _effect_tests(result, own, effect, place, values) for place in (base, *others)
             )
             found += here
             known = np.array([(test.gain, test.p_value) for test in here])
@@ -101,7 +101,7 @@ def score_tests(result: FitResult, library: list[Effect]) -> list[ScoreTest]:
                     .all(axis=1)
                     .any()
                 ):
-                    found.append(test)  # what an effect does alike on either side is one look
+                    found.append(test)  # what an effect does alike on either side is one test
     return found
 
 
@@ -110,7 +110,7 @@ def _same(result: FitResult, vector: Array) -> bool:
     return bool(np.abs(result.model.residuals(vector) - result.residuals).max() < SAME)
 
 
-def _effect_looks(
+def _effect_tests(
     result: FitResult, own: Array, effect: Effect, base: Values, values: Sequence[Values]
 ) -> list[ScoreTest]:
     """Try the effect at small strength in each of its shapes.
@@ -239,9 +239,9 @@ def _beside(own: Array, tangents: Array) -> Array:
 
 
 def adequacy(result: FitResult, found: list[ScoreTest]) -> tuple[float, str]:
-    """Return the calibrated p-value of a model, and the look that speaks most against it.
+    """Return the calibrated p-value of a model, and the test that speaks most against it.
 
-    The statistic is the smallest p-value of all looks: χ², every pattern and effect, the largest
+    The statistic is the smallest p-value of all tests: χ², every direction and effect, the largest
     outlier, and the correlation of neighbours. Its distribution follows from residuals simulated by
     the model itself: what white noise leaves beside the tangents.
     """
@@ -261,7 +261,7 @@ def adequacy(result: FitResult, found: list[ScoreTest]) -> tuple[float, str]:
     below = int(np.searchsorted(smallest, seen[k], side="right"))
     if below >= TAIL:
         return below / N_DRAWS, names[k]
-    # In the far tail the looks are as good as exclusive, so that p is proportional to the smallest
+    # In the far tail the tests are as good as exclusive, so that p is proportional to the smallest
     # p-value.
     return float(min(1.0, seen[k] * TAIL / N_DRAWS / smallest[TAIL - 1])), names[k]
 
@@ -316,7 +316,7 @@ def _simulated(result: FitResult, found: list[ScoreTest], rng: np.random.Generat
 
 
 def _simulated_large(result: FitResult, found: list[ScoreTest], rng: np.random.Generator) -> Array:
-    """The same for long data, drawn in the space that the looks span.
+    """The same for long data, drawn in the space that the tests span.
 
     Outlier and neighbours are as good as independent of it.
     """
@@ -327,6 +327,6 @@ def _simulated_large(result: FitResult, found: list[ScoreTest], rng: np.random.G
     squares = (drawn @ (vectors[:, kept] * np.sqrt(values[kept])).T) ** 2
     ends = np.cumsum([len(test.basis) for test in found])
     sizes = np.diff(ends, prepend=0)
-    looked = _tail(np.add.reduceat(squares, ends - sizes, axis=1), sizes)
+    tested = _tail(np.add.reduceat(squares, ends - sizes, axis=1), sizes)
     total = np.sum(drawn**2, axis=1) + rng.chisquare(result.degrees - int(kept.sum()), N_DRAWS)
-    return np.column_stack([looked, _tail(total, result.degrees), rng.uniform(size=(N_DRAWS, 2))])
+    return np.column_stack([tested, _tail(total, result.degrees), rng.uniform(size=(N_DRAWS, 2))])

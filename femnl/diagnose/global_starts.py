@@ -17,11 +17,11 @@ from femnl.observe.model import ExtendedModel, MeasurementModel, scale_of
 RAYS = 64
 """Directions in the space of an effect's parameters, and trial shapes."""
 REACH = np.geomspace(1e-4, 1, 13)
-"""Parts of the largest strengths at which rays are looked at."""
+"""Parts of the largest strengths at which rays are evaluated."""
 COARSE = 3
 BEST = 16
-"""Every how many of those each ray is looked at first, and of how many rays those beside the best
-part are looked at, too.
+"""Every how many of those each ray is evaluated first, and of how many rays those beside the best
+part are evaluated, too.
 """
 STARTS = 6
 """Best rays."""
@@ -31,7 +31,7 @@ in the data.
 """
 
 PLACES = 24
-"""Places at which an effect that has no strength is looked at."""
+"""Places at which an effect that has no strength is evaluated."""
 
 
 @dataclass(frozen=True)

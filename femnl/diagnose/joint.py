@@ -215,7 +215,7 @@ class JointModel(MeasurementModel):
             alone[group] = fit(model, model.pack(own, numbers), checkpoint=result.checkpoint)
         notes = []
         for k, (owner, spec) in enumerate(result.model.parameters):
-            told = []
+            values_alone = []
             for group, single in alone.items():
                 names = [
                     (o, self.names[group][n.name] if o == "base" else n.name)
@@ -223,15 +223,15 @@ class JointModel(MeasurementModel):
                 ]
                 if (owner, spec.name) in names:
                     i = names.index((owner, spec.name))
-                    told.append(
+                    values_alone.append(
                         f"{group} {single.vector[i]:.6g} ± {np.sqrt(single.covariance[i, i]):.2g}"
                     )
-            if len(told) > 1:
+            if len(values_alone) > 1:
                 name = spec.name if owner == "base" else f"{owner}.{spec.name}"
                 value = (
                     f"{result.vector[k]:.6g} ± {np.sqrt(result.covariance[k, k]):.2g} {spec.unit}"
                 )
-                notes.append(f"joint: {name} {value}; alone {', '.join(told)}")
+                notes.append(f"joint: {name} {value}; alone {', '.join(values_alone)}")
         return tuple(notes) or (
             "joint: the measurements have no parameter in common, so each is judged by itself",
         )

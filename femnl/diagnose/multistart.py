@@ -90,7 +90,7 @@ def extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) 
     ):  # whose ray is short; tangents at zero may lead into a trap beside it
         far = scan(result, effect)[0]
         elsewhere.append(model.pack(far.base, [*earlier, far.values]))
-    # What predicts alike is not told apart by a few evaluations.
+    # A few evaluations do not separate what predicts alike.
     return min(
         [
             *_finished(model, starts, result, FAR),

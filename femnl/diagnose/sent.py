@@ -27,7 +27,7 @@ def considered(effects: Iterable[Effect] | None) -> list[Effect]:
 
 
 def sent(effects: Iterable[Effect], workers: int) -> list[Sent]:
-    """Return effects as other processes may be told of them.
+    """Return effects as they may be sent to other processes.
 
     Those of the library go by name, those of a folder as the file that was read, others as they
     are. Raises: ParameterError for one of these that other processes cannot import.

@@ -30,7 +30,7 @@ Pose = Callable[[Checkpoint | None], Posed]
 """Poses a model, with the checkpoint that its process has."""
 SOON = 0.05
 EXIT = 5.0
-"""Seconds after which it is looked again whether a helper is ready, and those that one may take to
+"""Seconds after which it is asked again whether a helper is ready, and those that one may take to
 end.
 """
 

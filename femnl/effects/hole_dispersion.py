@@ -21,6 +21,6 @@ EFFECT = Effect(
     parameters=(ParameterSpec("beta_area", "m²", 0.0, 5e-11),),
     changes={"operators": slow},
     source="second order of Bloch waves in a periodic membrane",
-    limits="wavelength long against the pitch; cannot be told from less bending stiffness",
+    limits="wavelength long against the pitch; is indistinguishable from less bending stiffness",
     sentence="the lattice of holes slows short waves",
 )

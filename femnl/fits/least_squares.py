@@ -360,9 +360,9 @@ def cross_validate(result: FitResult, most: int) -> CrossValidation:
         count = count + len(cross_validation)
         densities.append(-0.5 * (chi2 + float(gained)))
         left, size, _ = np.linalg.svd(result.jacobian[out] * (high - low), full_matrices=False)
-        told = left[:, size > np.sqrt(12)]  # better than the priors do
-        own = result.residuals[out] - told @ (told.T @ result.residuals[out])
-        p_values.append(float(chdtrc(max(told.shape[1], 1), max(chi2 - float(own @ own), 0.0))))
+        known = left[:, size > np.sqrt(12)]  # better than the priors do
+        own = result.residuals[out] - known @ (known.T @ result.residuals[out])
+        p_values.append(float(chdtrc(max(known.shape[1], 1), max(chi2 - float(own @ own), 0.0))))
     return CrossValidation(
         square / count, tuple(densities), min(1.0, min(p_values) * len(p_values))
     )

@@ -137,9 +137,9 @@ class MeasurementModel(ABC):
 def scale_of(base_model: MeasurementModel, spec: ParameterSpec) -> float:
     """Return the number that the range of a parameter counts in.
 
-    The fact that its `scale` names, 1 where it names none.
+    The one that its `scale` names, 1 where it names none.
 
-    Raises: ParameterError where the measurement has no such fact.
+    Raises: ParameterError where the measurement does not give it.
     """
     if not spec.scale:
         return 1.0

@@ -1,4 +1,4 @@
-"""Bowed films against methods that know no elements, and against limits.
+"""StaticDeflection films against methods that know no elements, and against limits.
 
 Sine series, integration in time, and Newton's method on the whole energy.
 """
@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 from femnl.core.device import Model
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.mechanics import Modes
-from femnl.mechanics.static_deflection import Bowed, Film, solve_static_deflection
+from femnl.mechanics.static_deflection import Film, StaticDeflection, solve_static_deflection
 from femnl.pipeline import solve_modes, solve_nonlinearity
 
 Array = NDArray[np.float64]
@@ -342,7 +342,7 @@ def test_a_low_pressure_bends_the_square_as_prandtls_membrane(square: Modes) -> 
 
 def test_a_bow_of_an_odd_shape_pushes_odd_modes(device: Device) -> None:
     model = replace(device('kind = "square"\nside = "100 um"', film=FILM), edge="sliding")
-    results: list[Bowed] = []
+    results: list[StaticDeflection] = []
     for symmetry in ("quarter", "full"):
         modes = solve_modes(model, 3, symmetry, cache=False)
         results.append(solve_static_deflection(modes, depth=3e-7, shape=1))

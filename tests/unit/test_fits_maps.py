@@ -242,7 +242,7 @@ def test_mode_with_a_node_is_fitted_too() -> None:
 
 def test_sign_of_the_working_point_is_said_to_be_open_and_its_quadrant_to_be_known() -> None:
     notes = " | ".join(fit_map(measured(sine(), 3e-7, 4, square()), square()).fit.notes)
-    assert "θ cannot be told from −θ" in notes
+    assert "θ is indistinguishable from −θ" in notes
     assert "θ is preferred to π − θ" in notes
 
 

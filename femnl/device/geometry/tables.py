@@ -1,6 +1,6 @@
 """What every table of a geometry file shares.
 
-Strict types, no unknown keys, and errors told in one line.
+Strict types, no unknown keys, and errors in one line each.
 """
 
 import json

@@ -181,13 +181,11 @@ def _rival(problem: MapResiduals, vector: Array, chi2: float, which: int, mirror
     where = f" of {problem.maps[which].name}" if problem.maps[which].name else ""
     if excess < SAME:
         return (
-            f"θ{where} cannot be told from {mirror}: with the phase of motion adapted it "
+            f"θ{where} is indistinguishable from {mirror}: with the phase of motion adapted it "
             f"costs Δχ² = {max(excess, 0):.2g}"
         )
-    return (
-        f"θ{where} is {'preferred to' if excess > TELLING else 'hardly told from'} {mirror}, "
-        f"which costs Δχ² = {excess:.3g}"
-    )
+    relation = "preferred to" if excess > TELLING else "hardly distinguishable from"
+    return f"θ{where} is {relation} {mirror}, which costs Δχ² = {excess:.3g}"
 
 
 def _next_amplitude(optima: list[tuple[Array, float]], best: tuple[Array, float]) -> str:
@@ -240,7 +238,7 @@ def _report(problem: MapResiduals, vector: Array, notes: tuple[str, ...]) -> Map
             for name, value, s, unit in derived
         }
     predictions = problem.predictions(vector)
-    facts = (
+    remarks = (
         *(data.note for data in problem.maps),
         *blind,
         strongest_correlation(found, names),
@@ -253,7 +251,7 @@ def _report(problem: MapResiduals, vector: Array, notes: tuple[str, ...]) -> Map
             chi2_reduced,
             problem.n_points,
             vector.size,
-            tuple(note for note in facts if note),
+            tuple(note for note in remarks if note),
         ),
         {
             data.name: data.image(signal)

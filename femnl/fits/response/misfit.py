@@ -42,12 +42,12 @@ class Misfit:
     What depends on the model but must not be bent by it is set by `assign` and fixed in
     between.
 
-    strict: use only states that exist, else also the continuation of a sheet past its fold. high
-    (n,): the sheet of each point, 0 low, 1 high. spread (n,): standard deviation of |V|/σ, less
+    strict: use only states that exist, else also the continuation of a branch past its fold. high
+    (n,): the branch of each point, 0 low, 1 high. spread (n,): standard deviation of |V|/σ, less
     than 1 for weak signals. jumps: see below.
 
-    A sweep of known direction has at most one jump, so its sheet changes once, where the data say;
-    points of sweeps without a direction take the better sheet each. In magnitudes alone, the high
+    A sweep of known direction has at most one jump, so its branch changes once, where the data say;
+    points of sweeps without a direction take the better branch each. In magnitudes alone, the high
     state hardly depends on w but for where it ends, so there the jump is taken to be at the fold,
     within the step between two points.
     """
@@ -63,7 +63,7 @@ class Misfit:
 
     @classmethod
     def of(cls, sweeps: Sweeps, layout: Layout, use: Use) -> "Misfit":
-        """Start with every point on the low sheet."""
+        """Start with every point on the low branch."""
         return cls(
             sweeps,
             layout,
@@ -73,7 +73,7 @@ class Misfit:
         )
 
     def assign(self, theta: Array) -> bool:
-        """Choose the sheet of each point; return whether any choice changed."""
+        """Choose the branch of each point; return whether any choice changed."""
         voltage, both = self._response(theta)
         cost = np.array([np.sum(self._compare(v) ** 2, axis=0) for v in voltage])
         better = np.where(both.x[0] == both.x[1], self.high, cost[1] < cost[0]).astype(np.intp)
@@ -137,7 +137,7 @@ class Misfit:
         return self.last is not None and bool(np.any(self.last[2].x[0] != self.last[2].x[1]))
 
     def past_fold(self, theta: Array) -> int:
-        """Count the points whose state is the continuation of a sheet past its fold."""
+        """Count the points whose state is the continuation of a branch past its fold."""
         if self.strict:
             return 0
         _, both = self._response(theta)

@@ -19,7 +19,7 @@ _ROUNDS = 2  # of fitting each group with the others taken off, in every pass
 _APART = 8.0  # linewidths that lines found in the same pass must lie apart
 _TOUCH = 3.0  # linewidths within which lines are fitted together
 _NARROWEST = 1e-3  # spacings of points, the narrowest line that a fit may try
-_UNSURE = 0.5  # of a linewidth; a larger standard deviation of it is told
+_UNSURE = 0.5  # of a linewidth; a larger standard deviation of it is reported
 _BACKGROUND = 0.95  # of the widest linewidth: such a line is a bend of the background
 _FALSE = 1e-3  # probability that noise alone gives one line in the whole sweep
 
@@ -356,7 +356,7 @@ def _result(f: Array, volts: Complex, clusters: list[Cluster], notes: tuple[str,
     if narrow:
         notes = (
             *notes,
-            f"the width of {narrow} lines is not told by these points; sweep them more finely",
+            f"these points do not resolve the width of {narrow} lines; sweep them more finely",
         )
     return Peaks(
         frequency=frequency,

@@ -9,7 +9,7 @@ _HALF = 6.0  # half width of a filter's window in linewidths
 _FIRST = 1.5  # spacings of points, the width of the narrowest filter
 _RATIO = 1.6  # between neighbouring filter widths
 _CHUNK = 2_000_000
-WIDEST = 0.025  # of the sweep; a wider line cannot be told from background
+WIDEST = 0.025  # of the sweep; a wider line is indistinguishable from background
 
 
 def scan(f: Array, volts: Complex, noise: float, widest: float) -> tuple[Array, Array, Array]:

@@ -16,7 +16,7 @@ from femnl.observe.trace.model import Folded, TraceModel
 MOST_HARMONICS = 21
 MOST_STEPS = 12
 """Harmonics, as far as the sampling rate and the length of the record allow, and steps of the drive
-that are looked at.
+that are compared.
 """
 HIGHEST = 128
 SMOOTH = 48
@@ -54,7 +54,7 @@ def pose(
     deepest = 40 * wavelength / (4 * np.pi)
     stack = film.model.stack
     thinned = (
-        f"; {n_steps} of {dataset.sizes['step']} steps looked at"
+        f"; {n_steps} of {dataset.sizes['step']} steps compared"
         if n_steps < dataset.sizes["step"]
         else ""
     )
@@ -159,7 +159,6 @@ def _harmonics_of(traces: xr.Dataset) -> int:
         )
     if most < 2:
         raise MeasurementError(
-            "trace: fewer than two harmonics can be told from these samples; sample faster or "
-            "record longer"
+            "trace: these samples separate fewer than two harmonics; sample faster or record longer"
         )
     return most

@@ -44,7 +44,7 @@ def fit_spot(
         ParameterError: fewer than two harmonics, or a fringe without contrast.
 
     Valid: sinusoidal motion with z below 30, and at least one step that bends the fringe (z > 1),
-    else V_C and U are not told apart.
+    else the data do not separate V_C from U.
     Source: Sommer et al. 2025, supplement S7, harmonics against drive frequency.
     """
     kept = spectrum.harmonic > 0
@@ -235,7 +235,7 @@ class _Spot:
         if np.abs(self.series.coefficients.imag).max() < 1e-9:
             notes = (
                 *notes,
-                "θ cannot be told from −θ: the fringe is symmetric, and the other sign turns "
+                "θ and −θ are indistinguishable: the fringe is symmetric, and the other sign turns "
                 "every phase of motion by π",
             )
         sd = np.sqrt(np.diag(found))

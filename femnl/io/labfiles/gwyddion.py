@@ -7,7 +7,7 @@ corner, default 0), XYUnits, ZUnits (base units, possibly with prefix), Title. N
 pixels, so positions are pixel centres; rows run downwards and femnl's y upwards. Without offsets
 the origin is the middle of the image. Which file is what the TOML says, [[files]] name, harmonic,
 part (real, imag, magnitude or phase in rad); or the file's name does: "map_3f_imag.gsf",
-"drum-2f-x.gsf". A missing imaginary part is zero, and that is told. Source: Gwyddion user guide,
+"drum-2f-x.gsf". A missing imaginary part is zero, and a note says so. Source: Gwyddion user guide,
 "Simple Field Files" (gwyddion.net/documentation/user-guide-en/gsf.html).
 """
 

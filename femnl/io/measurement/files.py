@@ -1,4 +1,4 @@
-"""Measurement files on disk: read with every repair told, written whole or not at all."""
+"""Measurement files on disk: read with every repair noted, written whole or not at all."""
 
 import os
 import tempfile

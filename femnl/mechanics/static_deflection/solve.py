@@ -27,7 +27,7 @@ TRIANGLE_BYTES = 270_000  # of memory: three times what the deflection alone tak
 
 
 @dataclass(frozen=True)
-class Bowed:
+class StaticDeflection:
     """Modes of a film bent at rest, in the order of the flat film's.
 
     In the coordinate q [m] of the point where |ξ| = 1, from rest.
@@ -64,7 +64,7 @@ def solve_static_deflection(
     shape: int = 0,
     stressed: bool = True,
     edge: Edge | None = None,
-) -> Bowed:
+) -> StaticDeflection:
     """Frequencies, quadratic and cubic coefficients of a film that is bent at rest.
 
     About the rest state (u₀, w₀) the energy W of `Film` has the second derivative K_t, and for a
@@ -82,7 +82,7 @@ def solve_static_deflection(
         depth. stressed: the model's film stress is that of the flat film, which the bow stretches
         further; false where it is that of the bowed film already, as over a frame that is not flat.
         edge: in-plane edge, the model's by default.
-    Returns: Bowed, in the order of the modes.
+    Returns: StaticDeflection, in the order of the modes.
     Raises: ParameterError, ConvergenceError (also where 2ω meets another mode: then the two
     exchange energy, and no α describes it).
     Valid: shallow bows, |∇w₀| ≪ 1; a load that stays as it is while the film moves; in-plane motion
@@ -139,7 +139,7 @@ def solve_static_deflection(
         own = energy_remainder(modes, edge, normal, usual) * found.mass ** (power / 2)
         return np.asarray(own + np.abs(getattr(found, name)) * (power * peak + bows * bow))
 
-    return Bowed(
+    return StaticDeflection(
         edge,
         found.depth,
         modes.frequency * found.rise,
@@ -157,7 +157,7 @@ def solve_static_deflection(
 
 @dataclass(frozen=True)
 class _Numbers:
-    """What one grade of the modes gives: see `Bowed`.
+    """What one grade of the modes gives: see `StaticDeflection`.
 
     rise: f over that of the flat film; mass: m_eff [kg].
     """

@@ -1,4 +1,4 @@
-"""The Duffing response y(f) with its analytic derivatives, on both of its sheets."""
+"""The Duffing response y(f) with its analytic derivatives, on both of its branches."""
 
 from dataclasses import dataclass
 
@@ -91,8 +91,8 @@ class ResponseBranches:
 
     And where they are only a continuation.
 
-    Past a fold, where a sheet has ended, x is continued by the real part of the complex pair of
-    roots, so that the misfit of points still on the sheet tells a fit which way to move the fold.
+    Past a fold, where a branch has ended, x is continued by the real part of the complex pair of
+    roots, so that the misfit of points still on the branch tells a fit which way to move the fold.
     pair (2, n): where that is so. single: the real root there.
     """
 
@@ -106,7 +106,7 @@ def duffing_branches(delta: Array, a: Array, d: Array, *, continued: bool) -> Re
 
     At detunings δ (n,), stiffening a (n,) and nonlinear damping d (n,).
 
-    Past its fold a sheet is `continued`, or else it joins the only state that is left.
+    Past its fold a branch is `continued`, or else it joins the only state that is left.
     """
     roots = duffing_roots(delta, a, d)
     single = roots[0]
@@ -134,7 +134,7 @@ def _continue(
         p = b * b + c * c
         q = e * b + c
         square = e * e * (b * b - 3 * c * c) + 8 * e * b * c + c * c - 3 * b * b
-        # Below the critical stiffening no sheet ends.
+        # Below the critical stiffening no branch ends.
         if abs(b) > STIFFEN and square > 0 and q < 0 and not three[i]:
             centre = -2 * q / (3 * p)
             single = x[0, i]

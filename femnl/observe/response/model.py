@@ -151,7 +151,7 @@ class ResponseModel(MeasurementModel):
         )
 
     def _states(self, mode: Oscillator, data: Sweeps, linear: Array) -> ComplexArray:
-        """Return b = A/(A₁F) on the low and on the high sheet, continued past its fold, (2, n)."""
+        """Return b = A/(A₁F) on the low and on the high branch, continued past its fold, (2, n)."""
         f0 = mode.frequency[data.sweep]
         per = 2 / mode.linewidth
         delta = per * (f0 - data.frequency)
@@ -164,7 +164,7 @@ class ResponseModel(MeasurementModel):
         return self._solved(delta, cubic, fifth, per * mode.pull * scale, scale, mode.order)
 
     def _followed(self, both: ComplexArray, alpha: float) -> ComplexArray:
-        """Return the sheet of each point.
+        """Return the branch of each point.
 
         Sweeps of known direction jump once, where the data say, others as they fit best.
         """

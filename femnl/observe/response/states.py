@@ -7,7 +7,7 @@ from femnl.core.readout import Array, ComplexArray
 from femnl.observe.response.branches import duffing_branches
 
 SIDES = np.arange(2)
-"""Indices of the low and the high sheet."""
+"""Indices of the low and the high branch."""
 ROUNDS = 12
 """Iterations of the amplitude under a quintic term or a resonance of higher order, small
 corrections of the cubic one.
