@@ -69,7 +69,8 @@ class Diagnosis(Tabulated):
     parameters: by owner ("base" or the cause), then by name. For the report: base_parameters, those
     of the base model alone; trials; notes; sentences on the causes; comparisons: the data beside
     the base model and the one that the verdict rests on; free_forms, where nothing explains the
-    data; geometry: that was asked for instead of the file's own.
+    data; geometry: that was asked for instead of the file's own. rule: the
+    one of `femnl.diagnose.verdict.RULES` that decided.
     """
 
     file: str
@@ -91,6 +92,7 @@ class Diagnosis(Tabulated):
     comparisons: tuple[Comparison, ...] = ()
     free_forms: tuple[FreeForm, ...] = ()
     geometry: str | None = None
+    rule: str = ""
 
     @property
     def gain(self) -> float:

@@ -214,6 +214,7 @@ def conclude(
         sentences=tuple(effect.sentence for effect in best.result.model.effects),
         comparisons=_compare(base, best),
         free_forms=forms,
+        rule=judged.rule,
     )
 
 

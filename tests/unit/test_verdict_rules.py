@@ -3,8 +3,14 @@
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
+import pytest
+
+from femnl.diagnose.search import search
 from femnl.diagnose.thresholds import THRESHOLDS, Thresholds, explain
-from femnl.diagnose.verdict import RULES
+from femnl.diagnose.verdict import RULES, judge
+from tests.unit.level import Level
+from tests.unit.test_worker_pool import BLOCKS, SLOPE
 
 ROOT = Path(__file__).parents[2]
 
@@ -23,3 +29,21 @@ def test_every_threshold_has_a_meaning_and_a_study_that_is_there() -> None:
 def test_every_rule_gives_its_reason() -> None:
     assert len({rule.__name__ for rule in RULES}) == len(RULES)
     assert all(rule.__doc__ for rule in RULES)
+
+
+@pytest.mark.parametrize(
+    ("rise", "bend", "verdict", "rule"),
+    [
+        (0.0, 0.0, "adequate", "base explains the data"),
+        (2.0, 0.0, "explained", "one set stands alone"),
+        (0.0, 9.0, "unexplained", "no set explains the data"),
+    ],
+)
+def test_the_rule_that_decides_is_recorded(
+    rise: float, bend: float, verdict: str, rule: str
+) -> None:
+    place = np.linspace(-1, 1, 40)
+    noise = np.random.default_rng(1).standard_normal(40)
+    base_model = Level(3 + rise * place + bend * place**2 + noise, BLOCKS, 100.0)
+    judged = judge(search(base_model, [SLOPE]))
+    assert (judged.verdict, judged.rule) == (verdict, rule)
