@@ -51,7 +51,6 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
         numbers=[
             ("p-value of the base model", _p_value(diagnosis.p_value)),
             ("probability of the verdict", f"{diagnosis.probability:.3g}"),
-            ("decided by the rule", diagnosis.rule),
             ("χ² per unseen datum, before", plain(diagnosis.before.heldout_chi2_reduced, 3)),
             ("χ² per unseen datum, after", plain(diagnosis.after.heldout_chi2_reduced, 3)),
             ("gain", plain(diagnosis.gain, 3)),
