@@ -71,7 +71,8 @@ def real_part(
     slower). All points share g_n(a), so it is computed with its slope at close nodes and
     interpolated to fourth order.
     """
-    q, fringe, free = 2 * np.pi / series.period, *_free_overtones(series, values)
+    q = 2 * np.pi / series.period
+    fringe, free = _free_overtones(series, values)
     k = np.arange(len(fringe))
     n_nodes = 64 + int(NODES * q * np.ptp(displacement))
     few = n_nodes >= displacement.size or q * np.ptp(displacement) < 1e-6

@@ -26,7 +26,8 @@ from femnl.io.measurement import harmonic_map, to_si
 
 _MAGIC = b"Gwyddion Simple Field 1.0\n"
 _NAME = re.compile(
-    r"(?:^|[^0-9A-Za-z])(\d{1,3})f(?:[^0-9A-Za-z]+(real|imag|x|y|magnitude|r|phase))?(?:[^0-9A-Za-z]|$)",
+    r"(?:^|[^0-9A-Za-z])(\d{1,3})f"
+    r"(?:[^0-9A-Za-z]+(real|imag|x|y|magnitude|r|phase))?(?:[^0-9A-Za-z]|$)",
     re.IGNORECASE,
 )
 _PARTS = {

@@ -34,7 +34,8 @@ class Skeleton:
         self.slopes, self.slope_place, self.slope_axis = _number(
             [s.slope_place for s in sides], [s.slope_axis for s in sides], shifts
         )
-        self.n_deflections, self.n_slopes = len(self.place), len(self.slope_place)
+        self.n_deflections = len(self.place)
+        self.n_slopes = len(self.slope_place)
 
     def _on(self, place: Array) -> tuple[Mask, ...]:
         """Whether places are on the right, the top, the mirror y = 0 and the mirror x = 0."""

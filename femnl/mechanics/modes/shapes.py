@@ -276,7 +276,8 @@ class ShapeValues:
 
 def _fold(domain: Domain, points: Array, mirrors: int) -> tuple[Array, NDArray[np.int64]]:
     """Mirror points into the wedge; how often in each mirror, (n_points, mirrors)."""
-    points, flips = points.copy(), np.zeros((len(points), mirrors), dtype=np.int64)
+    points = points.copy()
+    flips = np.zeros((len(points), mirrors), dtype=np.int64)
     for _ in range(domain.copies):
         for k in range(mirrors):
             angle = (0.0, domain.wedge)[k]
