@@ -2,9 +2,8 @@
 Waves in a lattice of holes
 ===========================
 
-Far from the edge a perforated film carries waves, not modes. Long ones see an even film (dashed);
-short ones see each hole, and where the holes leave narrow bridges, bands of frequencies flatten and
-part.
+Far from the edge a perforated film carries waves. Long waves see an even film (dashed). Short waves
+see each hole. Narrow bridges between the holes flatten the bands of frequencies and separate them.
 """
 
 from dataclasses import replace

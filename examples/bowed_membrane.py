@@ -2,11 +2,11 @@
 A membrane that is bent at rest
 ===============================
 
-Pressure, gravity or a charge bend the film. It gets stiffer, and a force of second order appears
-that softens it at large motion: α falls, and in the end the stiffening resonance turns into a
-softening one. Dashed: k₃/k − (10/9)(k₂/k)² with k + 3k₃b² and 3k₃b, which is what a bow b in the
-mode's own shape does to that mode alone. Near 5 µm twice the frequency meets another mode, to which
-the bow couples it: the two exchange energy, and α says no more than that.
+Pressure, gravity or a charge bend the film. The film gets stiffer. A force of second order appears
+and softens it at large motion: α falls, and finally the stiffening resonance becomes a softening
+one. Dashed: k₃/k − (10/9)(k₂/k)² with k + 3k₃b² and 3k₃b. This is the effect of a static deflection
+b in the mode's own shape on that mode alone. Near 5 µm twice the frequency meets another mode, and
+the deflection couples both. They exchange energy, and α does not describe this.
 """
 
 from dataclasses import replace

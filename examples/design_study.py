@@ -2,10 +2,10 @@
 A study of 200 designs
 ======================
 
-How rows of holes that fill a square film of 100 µm set its frequencies, its nonlinearity and its
-losses: `femnl sweep` on `design-study.toml`, whose tables are read here. The few designs that the
-mesher refused at this coarse resolution are left out; the cloud around each line is the upper
-estimate of its discretisation error.
+Rows of holes fill a square film of 100 µm. The study shows how they set its frequencies, its
+nonlinearity and its losses. The tables come from `femnl sweep` on `design-study.toml`. The mesher
+refused a few designs at this coarse resolution; the figure leaves them out. The cloud around each
+line is the upper estimate of its discretisation error.
 """
 
 from pathlib import Path

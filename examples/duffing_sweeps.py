@@ -2,8 +2,8 @@
 Up and down through a stiffening resonance
 ==========================================
 
-Where three motions are possible, the history decides: sweeping up, the amplitude follows the upper
-branch until it ends, and jumps.
+At some drive frequencies three motions are possible. The history then decides. In an upward sweep
+the amplitude follows the upper branch until this branch ends, and then jumps.
 """
 
 import numpy as np

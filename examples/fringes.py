@@ -1,9 +1,9 @@
 """
-Why the 21st harmonic is no mystery
-===================================
+The origin of the 21st harmonic
+===============================
 
-One sine has next to nothing above the 12th harmonic at this drive. The reflection of a film above a
-wafer is no sine: its overtones carry harmonics to n = 21 and beyond, as was measured.
+At this drive, one sine has next to nothing above the 12th harmonic. The reflection of a film above
+a wafer is not a sine. Its overtones produce harmonics to n = 21 and beyond, as in the measurement.
 """
 
 import numpy as np

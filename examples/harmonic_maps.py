@@ -2,8 +2,8 @@
 What an interferometer shows of a strongly driven membrane
 ==========================================================
 
-The centre of the film moves by 446 nm, most of a wavelength there and back. The rings are the
-readout's, not the membrane's.
+The centre of the film moves by 446 nm, which is most of a wavelength there and back. The readout
+causes the rings, not the membrane.
 """
 
 import femnl

@@ -2,9 +2,9 @@
 What does the simulation get wrong?
 ===================================
 
-Maps of a membrane over a wafer, read by the reflection of the whole stack, are handed to a
-diagnosis whose base model reads with one sine. It says what deviates, which cause explains it, and
-what that buys on parts of the map that no fit has seen.
+The reflection of the whole stack reads the maps of a membrane over a wafer. The base model of the
+diagnosis reads with one sine. The diagnosis reports the deviations, the cause that explains them,
+and the gain on parts of the map that no fit has used.
 """
 
 import tempfile
