@@ -26,7 +26,8 @@ class ParameterSpec:
     low and high count in `unit`, times the number of the measurement that `scale` names (such as
     "reach", half the size of the film in m). Where `strength` is set, the effect vanishes as all
     its strengths go to 0; the other parameters only shape it. With `whole`, it is the whole number
-    nearest to a value in that range.
+    nearest to a value in that range. reason: why nothing beyond that range is physical or can be
+    told, in a phrase with its source; a fit that ends at a bound is not named as a cause.
     """
 
     name: str
@@ -37,6 +38,7 @@ class ParameterSpec:
     log: bool = False
     scale: str = ""
     whole: bool = False
+    reason: str = ""
 
 
 @dataclass(frozen=True)
