@@ -1,4 +1,4 @@
-"""A particle on the film."""
+"""A particle on the film, or one that it lost."""
 
 from dataclasses import replace
 
@@ -21,8 +21,9 @@ def load(system: ModalSystem, values: Values) -> ModalSystem:
     square = np.diag(system.stiffness) / np.diag(system.mass)
     compliance = values["spread"] / (2 * np.pi * system.stress * system.film.thickness)
     ride = square * values["mass"] * compliance
-    # 1/(1 − x) to second order, which stays positive beyond where the equation holds
-    ride = shape * np.sqrt(1 + ride + ride**2)
+    # Above 0, 1/(1 − x) to second order, which stays positive beyond where the equation holds
+    factor = np.where(ride > 0, 1 + ride + ride**2, 1 / (1 + np.abs(ride)))
+    ride = shape * np.sqrt(factor)
     return replace(system, mass=system.mass + values["mass"] * np.outer(ride, ride))
 
 
@@ -30,19 +31,36 @@ EFFECT = Effect(
     name="added_mass",
     equation="M → M + Δm ξ(x₀) ξ(x₀)ᵀ/(1 − ω²ΔmG); to first order Δf/f = −½ Δm ξ²(x₀)/m_eff",
     parameters=(
-        ParameterSpec("mass", "kg", 0.0, 0.05, scale="mass"),
-        ParameterSpec("x", "m", -1.0, 1.0, strength=False, scale="reach"),
-        ParameterSpec("y", "m", -1.0, 1.0, strength=False, scale="reach"),
-        ParameterSpec("spread", "1", 0.0, 5.0, strength=False),
+        ParameterSpec(
+            "mass",
+            "kg",
+            -0.01,
+            0.05,
+            scale="mass",
+            reason="a grain of 2 to 8 g/cm³ with a twentieth of the film's mass is as wide as the "
+            "film's short waves; residue that can be lost is less than a hundredth",
+        ),
+        ParameterSpec(
+            "x", "m", -1.0, 1.0, strength=False, scale="reach", reason="it lies on the film"
+        ),
+        ParameterSpec(
+            "y", "m", -1.0, 1.0, strength=False, scale="reach", reason="it lies on the film"
+        ),
+        ParameterSpec(
+            "spread",
+            "1",
+            0.0,
+            5.0,
+            strength=False,
+            reason="the logarithm of wavelength over size of a grain, which is 5 for a film of "
+            "300 µm and a grain of 1 µm",
+        ),
     ),
     changes={"operators": load},
-    source="Rayleigh's method, e.g. Hanay et al., Nat. Nanotechnol. 10, 339 (2015); the "
-    "logarithm: Green's "
-    "function of "
-    "a membrane",
+    source="Rayleigh's method, e.g. Hanay et al., Nat. Nanotechnol. 10, 339 (2015); the logarithm: "
+    "Green's function of a membrane",
     limits="a particle small against the wavelength; on a symmetric film its images under the "
-    "symmetry are the "
-    "same to "
-    "frequencies",
-    sentence="a particle sits on the film",
+    "symmetry are the same to frequencies; lost material leaves the tension as it was, as a hole "
+    "does not",
+    sentence="a particle sits on the film, or left it",
 )

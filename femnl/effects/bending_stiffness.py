@@ -7,16 +7,28 @@ from femnl.core.stages import ModalSystem
 
 
 def stiffen(system: ModalSystem, values: Values) -> ModalSystem:
-    """Raise ℓ² by s = ℓ² − ℓ₀², in the film and in the layer at its clamped edge."""
-    return system.bent(float(np.sqrt(system.bending_length**2 + values["excess"])))
+    """Change ℓ² by s = ℓ² − ℓ₀², in the film and in the layer at its clamped edge."""
+    return system.bent(float(np.sqrt(max(system.bending_length**2 + values["excess"], 0.0))))
 
 
 EFFECT = Effect(
     name="bending_stiffness",
-    equation="f² → (c/2π)² (k² + ℓ²k⁴), ℓ² = ℓ₀² + s, ℓ = √(D/T), ℓ₀ from the geometry",
-    parameters=(ParameterSpec("excess", "m²", 0.0, 15.0, scale="layer_square"),),
+    equation="f² → (c/2π)² (k² + ℓ²k⁴), ℓ² = ℓ₀² + s, ℓ = h √(E/12(1 − ν²)σ), ℓ₀ from the geometry",
+    parameters=(
+        ParameterSpec(
+            "excess",
+            "m²",
+            -1.0,
+            15.0,
+            scale="layer_square",
+            reason="ℓ² is not negative, and a film has no more than four times the thickness or "
+            "sixteen times the modulus that its geometry says",
+        ),
+    ),
     changes={"operators": stiffen},
     source="Kirchhoff plate in tension, e.g. Timoshenko & Woinowsky-Krieger (1959)",
-    limits="ℓ ≪ wavelength, and up to four times ℓ₀, as far as the simulated film's k is known",
-    sentence="the film is stiffer in bending than its geometry says",
+    limits="wavelength long against ℓ; from 0 to four times ℓ₀, between which the simulated k is "
+    "interpolated",
+    sentence="the film is not as stiff in bending as its geometry says: another thickness, modulus "
+    "or stress",
 )

@@ -3,22 +3,30 @@
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
+from femnl.fits.spectrum.labels import Named, named_modes
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.spectrum.model import SpectrumModel, ranks
 
 LEAST = 3
 """Usable modes that a diagnosis needs."""
-BENDING_SD = 0.03
-"""Relative standard deviation of ℓ where the geometry gives thickness, modulus and stress: none of
-them is known better.
+THICKNESS_SD = 0.07
+"""Relative standard deviation of a stated thickness: of a deposit, less what its release took."""
+YOUNG_SD = 0.15
+"""The same of a stated Young's modulus; values of nitride from the literature scatter by more
+(Klaß et al., arXiv:2205.08907, figure 1).
 """
+BENDING_SD = float(np.hypot(THICKNESS_SD, YOUNG_SD / 2))
+"""The same of ℓ ∝ h √(E/σ), where the geometry gives all three; the stress is known better."""
 FARTHEST = 4.0
 """How many of those ℓ may deviate."""
+LATTICE = 4
+"""Least number of holes that make a lattice."""
 
 
 def pose(
@@ -37,7 +45,8 @@ def pose(
         )
     label = dataset["label"].values[usable] if "label" in dataset else ()
     label = tuple(str(name) for name in label)
-    order = _base_modes(label, film) if label else ranks(frequency)
+    named = named_modes(label, film) if label else Named(ranks(frequency), np.empty((0, 0)))
+    order = named.order
     ratio = float(np.median(frequency / film.modes.frequency[order]))
     speed = film.speed * ratio
     bending_sd, low, high = _bending_prior(film)
@@ -55,6 +64,7 @@ def pose(
         film=film,
         bending_sd=bending_sd,
         order=order,
+        target=named.target,
         base=(
             ParameterSpec("speed", "m/s", 0.3 * speed, 3 * speed),
             ParameterSpec(
@@ -67,6 +77,7 @@ def pose(
             "mass": float(film.modes.effective_mass[0] * (film.speed / speed) ** 2),
             "frequency": float(frequency.min()),
             "layer_square": film.bending_length**2,
+            **_pitch(film.model.holes.centres),
             **({"time": float(np.ptp(time))} if len(time) and np.ptp(time) > 0 else {}),
         },
         notes=(f"spectrum: c is free, {known}; side, stress and density enter only through c/L",),
@@ -86,27 +97,17 @@ def _bending_prior(film: SimulatedFilm) -> tuple[float, float, float]:
     return BENDING_SD, 1 - reach, 1 + reach
 
 
+def _pitch(centres: Array) -> dict[str, float]:
+    """Return the square of the pitch [m²] as a scale, where there are holes (n, 2) [m]."""
+    if len(centres) < LATTICE:
+        return {}
+    near, _ = cKDTree(centres).query(centres, 2)
+    return {"pitch_square": float(np.median(near[:, 1]) ** 2)}
+
+
 def _times(dataset: xr.Dataset, usable: NDArray[np.bool_]) -> Array:
     """Return when each usable mode was measured [s], empty where not all are known."""
     if "time" not in dataset:
         return np.empty(0)
     time = np.asarray(dataset["time"].values[usable])
     return time if np.isfinite(time).all() else np.empty(0)
-
-
-def _base_modes(label: tuple[str, ...], film: SimulatedFilm) -> NDArray[np.int64]:
-    """Return the mode of the unchanged film (n,) that each label names."""
-    names = film.modes.label
-    found = []
-    for name in label:
-        if f"({name})" not in names:
-            raise MeasurementError(
-                f"spectrum/label: {name!r} is none of the first {len(names)} modes of "
-                f"{film.model.name}; correct it"
-            )
-        found.append(names.index(f"({name})"))
-    if len(set(found)) < len(found):
-        raise MeasurementError(
-            f"spectrum/label: {', '.join(label)} names a mode twice; correct the labels"
-        )
-    return np.array(found, dtype=np.int64)

@@ -13,7 +13,9 @@ def modes_needed(dataset: Any) -> int:
 KIND = KindSpec(
     name="spectrum",
     stages=("operators", "frequencies"),
-    scales=frozenset(("frequency", "layer_square", "mass", "reach", "time")),
+    scales=frozenset(
+        ("frequency", "layer_square", "mass", "pitch_square", "reach", "time"),
+    ),
     pose="femnl.fits.spectrum.pose:pose",
     figure="femnl.plot.measurement:spectrum_figure",
     contract=Contract(

@@ -32,8 +32,9 @@ class SpectrumModel(MeasurementModel):
     """Residuals of measured eigenfrequencies.
 
     frequency, sd (n,) [Hz] and time (n,) [s], empty where not known, of each measured mode; label:
-    of each, empty where they go by rank; order (n,): its mode of the unchanged film; bending_sd:
-    relative standard deviation of ℓ.
+    of each, empty where they go by rank; order (n,): its mode of the unchanged film; target
+    (n, n_modes): the shape that each label names, in modes of modal mass 1, empty without labels;
+    bending_sd: relative standard deviation of ℓ.
     """
 
     kind = "spectrum"
@@ -46,6 +47,7 @@ class SpectrumModel(MeasurementModel):
     film: SimulatedFilm
     bending_sd: float
     order: NDArray[np.int64]
+    target: Array
     base: tuple[ParameterSpec, ...]
     start: Array
     scales: Mapping[str, float]
@@ -107,16 +109,18 @@ class SpectrumModel(MeasurementModel):
     def _solved(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> tuple[Array, Array, Array]:
-        """Return the frequencies of the changed modes and the shares of base modes in them.
+        """Return the frequencies of the changed modes and the shares of labelled shapes in them.
 
-        shares: (base, changed); and the own frequency of each base mode.
+        shares: (labels, changed); and the own frequency of each base mode.
 
         Where nothing has a label the shares are left out.
         """
         plain, mass, system = self._bare(base["speed"], base["bending_length"])
         system = apply("operators", system, effects, values)
         square, vectors = self._eigen(system.stiffness, system.mass)
-        return np.sqrt(np.maximum(square, 0)) / (2 * np.pi), vectors**2 * mass[:, None], plain
+        frequency = np.sqrt(np.maximum(square, 0)) / (2 * np.pi)
+        share = (self.target * np.sqrt(mass)) @ vectors if self.label else vectors
+        return frequency, share**2, plain
 
     def _unchanged(self, speed: float, bending_length: float) -> tuple[Array, Array, ModalSystem]:
         """Return frequencies and masses of the unchanged film's modes, and its matrices."""
@@ -167,9 +171,9 @@ class SpectrumModel(MeasurementModel):
             # order by a film that drifts.
             moved = (self.frequency - self.sd * misfit(self.order)) / frequency[self.order]
             return ranks(self.frequency / moved)
-        _, column = linear_sum_assignment(-share[self.order])
+        _, column = linear_sum_assignment(-share)
         chosen = np.asarray(column, dtype=np.int64)
-        mixed = np.flatnonzero(share[self.order, chosen] < OWN)
+        mixed = np.flatnonzero(share[np.arange(len(share)), chosen] < OWN)
         for a, b in combinations(mixed, 2):
             if abs(plain[self.order[a]] / plain[self.order[b]] - 1) < CLOSE:
                 swapped = chosen.copy()
