@@ -101,7 +101,7 @@ def table(title: str, columns: list[str], rows: list[list[str]]) -> Group:
         numbers = all(row[k][:1] in "0123456789-−–" for row in rows)
         result.add_column(column, justify="right" if numbers else "left", no_wrap=True)
     for row in rows:
-        result.add_row(*row)
+        result.add_row(*(Text(cell) for cell in row))  # "[m]" is a unit and no markup
     return Group(Text(title, style="italic"), result)
 
 

@@ -1,33 +1,72 @@
-"""`femnl effects`: the causes that a diagnosis knows."""
+"""`femnl effects`: the causes that a diagnosis knows, and how strong each of them can be."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from femnl.cli._device import EffectsFolder, Json
-from femnl.cli._output import console, print_json, table
+from femnl.cli._output import console, print_json, scientific, table
+
+if TYPE_CHECKING:
+    from femnl.core.effect import Effect, ParameterSpec
+
+Name = Annotated[
+    str | None,
+    typer.Argument(help="One effect, with its bounds and their reasons.", show_default=False),
+]
 
 
-def command(folder: EffectsFolder = None, as_json: Json = False) -> None:
-    """List the physical causes that can hide in data: equation, parameters, kinds of data."""
+def command(name: Name = None, folder: EffectsFolder = None, as_json: Json = False) -> None:
+    """List the physical causes that can hide in data; of one, its bounds and limits."""
     from femnl.effects import known
 
-    effects = known(folder).values()
+    effects = known(folder)
+    chosen = list(effects.values()) if name is None else [_named(name, effects)]
     if as_json:
-        names = ("name", "equation", "kinds", "source", "limits", "sentence")
-        print_json(
-            {
-                "effects": [
-                    {n: getattr(e, n) for n in names}
-                    | {"parameters": [vars(k) for k in e.parameters]}
-                    for e in effects
-                ]
-            }
-        )
-        return
+        print_json({"effects": [_described(effect) for effect in chosen]})
+    elif name is None:
+        rows = [
+            [e.name, e.equation, ", ".join(_with_unit(p) for p in e.parameters), ", ".join(e.kinds)]
+            for e in chosen
+        ]
+        console().print(table("Effects", ["name", "equation", "parameters", "shows in"], rows))
+    else:
+        _show(chosen[0])
+
+
+def _named(name: str, effects: dict[str, Effect]) -> Effect:
+    from femnl.core.errors import ParameterError
+
+    if name not in effects:
+        raise ParameterError(f"{name}: no such effect; `femnl effects` lists them")
+    return effects[name]
+
+
+def _described(effect: Effect) -> dict[str, object]:
+    names = ("name", "equation", "kinds", "source", "limits", "sentence")
+    parameters = [vars(parameter) for parameter in effect.parameters]
+    return {name: getattr(effect, name) for name in names} | {"parameters": parameters}
+
+
+def _show(effect: Effect) -> None:
     rows = [
         [
-            e.name,
-            e.equation,
-            ", ".join(f"{k.name} [{k.unit}]" for k in e.parameters),
-            ", ".join(e.kinds),
+            p.name,
+            scientific(p.low, 3),
+            scientific(p.high, 3),
+            f"{p.scale} [{p.unit}]" if p.scale else p.unit,
+            p.reason,
         ]
-        for e in effects
+        for p in effect.parameters
     ]
-    console().print(table("Effects", ["name", "equation", "parameters", "shows in"], rows))
+    head = ["parameter", "at least", "at most", "times", "why"]
+    console().print(table(f"{effect.name}: {effect.sentence}", head, rows))
+    for what in ("equation", "limits", "source"):
+        console().print(f"{what}: {getattr(effect, what)}".replace("[", r"\["))
+    console().print(f"shows in: {', '.join(effect.kinds)}")
+
+
+def _with_unit(parameter: ParameterSpec) -> str:
+    return parameter.name if parameter.unit == "1" else f"{parameter.name} [{parameter.unit}]"

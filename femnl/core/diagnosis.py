@@ -63,6 +63,18 @@ class FreeForm:
 
 
 @dataclass(frozen=True)
+class Bound:
+    """The range [low, high] in `unit` that a parameter of a named cause has, and why."""
+
+    cause: str
+    name: str
+    low: float
+    high: float
+    unit: str
+    reason: str
+
+
+@dataclass(frozen=True)
 class Diagnosis(Tabulated):
     """The verdict on one measurement file.
 
@@ -70,7 +82,7 @@ class Diagnosis(Tabulated):
     of the base model alone; trials; notes; sentences on the causes; comparisons: the data beside
     the base model and the one that the verdict rests on; free_forms, where nothing explains the
     data; geometry: that was asked for instead of the file's own. rule: the
-    one of `femnl.diagnose.verdict.RULES` that decided.
+    one of `femnl.diagnose.verdict.RULES` that decided. bounds: of the parameters of the causes.
     """
 
     file: str
@@ -93,6 +105,7 @@ class Diagnosis(Tabulated):
     free_forms: tuple[FreeForm, ...] = ()
     geometry: str | None = None
     rule: str = ""
+    bounds: tuple[Bound, ...] = ()
 
     @property
     def gain(self) -> float:

@@ -15,7 +15,7 @@ import xarray as xr
 from femnl.core.checkpoint import Checkpoint, remembered
 from femnl.core.comparison import Comparison
 from femnl.core.device import Model
-from femnl.core.diagnosis import Alternative, Diagnosis, FreeForm, Quality, Trial, Verdict
+from femnl.core.diagnosis import Alternative, Bound, Diagnosis, FreeForm, Quality, Trial, Verdict
 from femnl.core.effect import Effect
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Parameter
@@ -215,6 +215,7 @@ def conclude(
         comparisons=_compare(base, best),
         free_forms=forms,
         rule=judged.rule,
+        bounds=_bounds(best),
     )
 
 
@@ -278,6 +279,15 @@ def _parameters(candidate: Candidate) -> dict[str, dict[str, Parameter]]:
             spec.name, float(number), float(spread), spec.unit
         )
     return found
+
+
+def _bounds(candidate: Candidate) -> tuple[Bound, ...]:
+    model = candidate.result.model
+    return tuple(
+        Bound(owner, spec.name, float(low), float(high), spec.unit, spec.reason)
+        for (owner, spec), low, high in zip(model.parameters, *model.bounds, strict=True)
+        if owner != "base"
+    )
 
 
 def record(diagnosis: Diagnosis) -> dict[str, Any]:

@@ -19,7 +19,17 @@ def damp_record(forces: Equation, values: Values) -> Equation:
 EFFECT = Effect(
     name="nonlinear_damping",
     equation="γ u̇ → γ (1 + η u²) u̇",
-    parameters=(ParameterSpec("eta", "m^-2", 0.0, 400.0, scale="curvature"),),
+    parameters=(
+        ParameterSpec(
+            "eta",
+            "m^-2",
+            0.0,
+            400.0,
+            scale="curvature",
+            reason="no film takes up energy; at most, the strongest drive moves it a fifth as far "
+            "as linear damping would",
+        ),
+    ),
     changes={"oscillator": damp, "equation": damp_record},
     source="Lifshitz & Cross (2008), section 1.3; Eichler et al., Nat. Nanotechnol. 6, 339 (2011)",
     limits="first order of averaging: ηA² may be large, w ≪ f₀",

@@ -19,7 +19,17 @@ def stiffen_record(forces: Equation, values: Values) -> Equation:
 EFFECT = Effect(
     name="quintic_stiffness",
     equation="ω₀² (u + αu³) → ω₀² (u + αu³ + α₅u⁵)",
-    parameters=(ParameterSpec("alpha5", "m^-4", -1e-4, 1e-4, scale="curvature_square"),),
+    parameters=(
+        ParameterSpec(
+            "alpha5",
+            "m^-4",
+            -1e-4,
+            1e-4,
+            scale="curvature_square",
+            reason="at the largest linear amplitude it moves the frequency by 3·10⁻⁵; stronger, it "
+            "is no correction of the cubic term",
+        ),
+    ),
     changes={"oscillator": stiffen, "equation": stiffen_record},
     source="first-order averaging, Nayfeh & Mook (1979), section 4.1",
     limits="a small correction of the cubic term",

@@ -57,6 +57,10 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
         ],
         pictures=[_picture(comparison) for comparison in diagnosis.comparisons],
         parameters=_parameters(diagnosis),
+        bounds=[
+            [b.cause, b.name, plain(b.low, 3), plain(b.high, 3), _unit(b.unit), b.reason]
+            for b in diagnosis.bounds
+        ],
         trials=[
             [
                 " + ".join(t.causes) or "base model",
@@ -119,7 +123,11 @@ def _parameters(diagnosis: Diagnosis) -> list[list[str]]:
         if owner != "base":
             rows += [[owner, name, "–", _value(p)] for name, p in own.items()]
             units += [p.unit for p in own.values()]
-    return [[*row, unit if unit != "1" else ""] for row, unit in zip(rows, units, strict=True)]
+    return [[*row, _unit(unit)] for row, unit in zip(rows, units, strict=True)]
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
 
 
 def _value(parameter: Parameter | None) -> str:

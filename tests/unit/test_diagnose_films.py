@@ -1,4 +1,4 @@
-"""Spectra of films that differ from their geometry: thinner, sheared, with holes, without residue."""
+"""Spectra of films that differ from their geometry: thinner, sheared, cleaner."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -123,9 +123,7 @@ def test_pairs_that_shear_mixes_go_by_their_own_names(tmp_path: Path) -> None:
         (("(1,3)+(3,1)", "1,1", "(3,1)+(1,3)"), "names a mode that another label names too"),
     ],
 )
-def test_labels_that_name_no_mode_are_refused_by_name(
-    label: tuple[str, ...], message: str
-) -> None:
+def test_labels_that_name_no_mode_are_refused_by_name(label: tuple[str, ...], message: str) -> None:
     with pytest.raises(MeasurementError, match=message):
         named_modes(label, SimulatedFilm(load(SQUARE), 48))
 

@@ -101,8 +101,8 @@ def _pitch(centres: Array) -> dict[str, float]:
     """Return the square of the pitch [m²] as a scale, where there are holes (n, 2) [m]."""
     if len(centres) < LATTICE:
         return {}
-    near, _ = cKDTree(centres).query(centres, 2)
-    return {"pitch_square": float(np.median(near[:, 1]) ** 2)}
+    distance, _ = cKDTree(centres).query(centres, [2])
+    return {"pitch_square": float(np.median(distance) ** 2)}
 
 
 def _times(dataset: xr.Dataset, usable: NDArray[np.bool_]) -> Array:
