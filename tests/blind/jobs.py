@@ -27,7 +27,10 @@ TURNS = {"lasers": 3, "device": 3}
 """Rounds in which files of several measurements, which take long to diagnose, hide every cause
 once; with one null and one pair each.
 """
-TIED = {frozenset(("stress_anisotropy", "aspect_ratio"))}
+TIED = {
+    frozenset(("stress_anisotropy", "aspect_ratio")),
+    frozenset(("bending_stiffness", "hole_dispersion")),
+}
 """Pairs that are one cause to frequencies, never hidden together."""
 TURNING = ("aspect_ratio", "shear_stress", "stress_anisotropy")
 """Causes that only differ in direction, which a hexagon does not know."""
@@ -128,7 +131,6 @@ IMPOSSIBLE = {
     ("mechanical_overtones", "hexagon-278um"),
     # the film of that geometry is assumed, so that its bending length is fitted freely
     ("bending_stiffness", "hexagon-278um"),
-    ("hole_dispersion", "hexagon-278um"),  # and takes that up, too
     ("compliant_clamp", "hexagon-278um"),  # the laboratory's edge gives way on rectangles alone
     ("multilayer_fringe", "perforated"),  # that geometry has no stack
     ("finite_spot", "perforated"),  # over a hole there is no film that a spot could average

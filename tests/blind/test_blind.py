@@ -223,18 +223,6 @@ def test_a_cause_more_does_not_make_chance_an_explanation(tmp_path: Path) -> Non
     assert sum(one.probability for one in found.alternatives[:2]) == pytest.approx(1, abs=0.05)
 
 
-def test_a_doubtful_explanation_ties_with_one_cause_more(tmp_path: Path) -> None:
-    # A gradient leaves 14 of 6 degrees of freedom where shear is missing, with unequal stress
-    # beside it 10 of 5.
-    make(Case("holes", ("shear_stress",), 306586511, PERFORATED), tmp_path / "file.nc")
-    found = diagnose(
-        tmp_path / "file.nc",
-        effects=[effect for effect in library().values() if effect.name != "shear_stress"],
-    )
-    assert (found.verdict, found.causes) == ("ambiguous", ("tension_gradient",))
-    assert ("stress_anisotropy", "tension_gradient") in [one.causes for one in found.alternatives]
-
-
 def test_a_particle_that_the_library_lacks_is_not_explained_by_others(tmp_path: Path) -> None:
     make(Case("spectrum", ("added_mass",), 3652888188), tmp_path / "file.nc")
     found = diagnose(

@@ -368,5 +368,6 @@ def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> Holes
 RIGID = ("aspect_ratio", "compliant_clamp")
 """What would need other meshes."""
 CAUSES: dict[str, Callable[[np.random.Generator, Any], Cause]] = {
-    n: draw for n, draw in spectrum.CAUSES.items() if n not in RIGID
+    **{n: draw for n, draw in spectrum.CAUSES.items() if n not in RIGID},
+    "hole_dispersion": spectrum.simple("beta_area", 1e-14, 3e-13, signed=True),
 }
