@@ -81,7 +81,14 @@ class KindSpec:
 
 
 CONTROLS: Mapping[str, str] = MappingProxyType(
-    {"pressure": "Pa", "temperature": "K", "laser_power": "W", "drive": "V", "time": "s"}
+    {
+        "pressure": "Pa",
+        "temperature": "K",
+        "laser_power": "W",
+        "voltage": "V",
+        "drive": "V",
+        "time": "s",
+    }
 )
 """Control variables that a series may be taken against, with their units."""
 NOISE = Item(unit="V", positive=True)

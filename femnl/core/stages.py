@@ -32,6 +32,8 @@ class ModalSystem:
     box: tuple[float, float] | None = None
     bending_length: float = 0.0
     layer: Array = field(default_factory=lambda: np.empty((0, 0)))
+    gap: float = np.inf
+    airload: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def speed(self) -> float:
@@ -71,11 +73,19 @@ class ModalSystem:
 class Lines:
     """Stage `frequencies`: what is read off for each measured mode, (n,) [Hz].
 
-    And when, (n,) [s], empty where that was not recorded.
+    And when, (n,) [s], empty where that was not recorded. loss (n,): 1/Q, empty where no quality
+    factor was measured. participation (3, n): squared share in each mode of a rigid motion of the
+    film, up and down, tilting along x, and along y: (∫ρhφξ)²/(∫ρhφ² ∫ρhξ²). film, and the gap
+    [m] below it; pressure [Pa] of the gas, 0 where not recorded.
     """
 
     frequency: Array
     time: Array
+    loss: Array = field(default_factory=lambda: np.empty(0))
+    participation: Array = field(default_factory=lambda: np.empty((3, 0)))
+    film: Film | None = None
+    gap: float = np.inf
+    pressure: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -215,10 +225,13 @@ class Harmonics:
 class Points:
     """Stage `points`: frequency [Hz] and quality factor, each (n,).
 
-    Against the control variables that were recorded.
+    Against the control variables that were recorded. film, and the gap [m] below it; spot: ξ²
+    under the laser, in parts of what it was in the measurement.
     """
 
     frequency: Array
     quality_factor: Array
     control: dict[str, Array]
     film: Film | None = None
+    gap: float = np.inf
+    spot: float = 1.0

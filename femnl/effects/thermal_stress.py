@@ -16,10 +16,23 @@ EFFECT = Effect(
     name="thermal_stress",
     equation="f² → f² (1 − s ΔT), s = E(α_film − α_wafer)/((1 − ν)σ₀), "
     "ΔT from the mean temperature",
-    parameters=(ParameterSpec("slope", "1/K", -0.5, 0.5, scale="per_temperature"),),
+    parameters=(
+        ParameterSpec(
+            "slope",
+            "1/K",
+            -1.5e-5,
+            2.5e-5,
+            scale="thermal_stress",
+            reason="α_film − α_wafer: aluminium on silica, 23e-6/K, has the most of usual pairs, "
+            "silica on gallium arsenide or sapphire the least, −5e-6/K (Touloukian 1975); more "
+            "for E/((1 − ν)σ) where the geometry assumes it",
+        ),
+    ),
     changes={"points": relax},
-    source="σ(T) = σ₀ − E(α_film − α_wafer)ΔT/(1 − ν)",
-    limits="constants do not depend on temperature",
+    source="σ(T) = σ₀ − E(α_film − α_wafer)ΔT/(1 − ν), e.g. Ohring, Materials Science of Thin "
+    "Films (2002), section 12.3",
+    limits="constants do not depend on temperature: their change over 20 K, 1 % of silicon's α a "
+    "kelvin or less, is left out; a wafer much thicker than the film",
     sentence="the film stress follows the temperature",
     needs=("temperature", "frequency"),
 )

@@ -13,6 +13,8 @@ from femnl.core.mechanics import Modes
 from femnl.core.operators import Projection
 from femnl.core.readout import Array
 from femnl.io.results.projection import cached_projection
+from femnl.mechanics.airload import airload
+from femnl.mechanics.modes.dilution import bending_share
 from femnl.mechanics.modes.projection import project
 from femnl.mechanics.prestress import solve_units
 from femnl.pipeline import solve_modes, solve_nonlinearity
@@ -22,6 +24,8 @@ BENDING = (0.0, 1.0, 2.0, 4.0)
 is a cubic in ℓ.
 """
 
+GRID = 96
+"""Points along each side of the film's box at which integrals over its surface are summed."""
 UNITS = 3
 """Degree of the elements in which changes of the film stress relax around holes."""
 
@@ -68,6 +72,49 @@ class SimulatedFilm:
     def speed(self) -> float:
         """C = √(σ/ρ) of the geometry, in m/s."""
         return float(np.sqrt(self.model.film.stress / self.model.film.density))
+
+    @property
+    def gap(self) -> float:
+        """Distance of the wafer below the film [m], infinite where the geometry has no stack."""
+        stack = self.model.stack
+        return np.inf if stack is None else stack.layers[stack.gap].thickness
+
+    @cached_property
+    def bending_share(self) -> Array:
+        """Part of each mode's energy that is stored in bending, (n,); 1 without bending."""
+        return bending_share(self.modes) if self.model.bending else np.ones(self.count)
+
+    @cached_property
+    def airload(self) -> Array:
+        """∫∫ξᵢξⱼ′/(2πr) [m³], (n, n): see `femnl.mechanics.airload`; a rigid baffle around it."""
+        step, _, _, shapes = self._sampled
+        return airload(shapes, step)
+
+    @cached_property
+    def rigid(self) -> Array:
+        """∫ρhφξ/√∫ρhφ² of each mode, (3, n) [√kg], for φ = 1, x and y.
+
+        To 1e-3 where the film is even; holes count as film.
+        """
+        step, x, y, shapes = self._sampled
+        inside = np.any(shapes != 0, axis=0)
+        film = self.model.film
+        area = film.density * film.thickness * step[0] * step[1]
+        motions = [np.ones_like(inside, float), *np.meshgrid(x, y)]
+        rows = [
+            np.tensordot(shapes, phi * inside, 2) / np.sqrt(np.sum(phi**2 * inside))
+            for phi in motions
+        ]
+        return np.asarray(np.sqrt(area) * np.array(rows))
+
+    @cached_property
+    def _sampled(self) -> tuple[tuple[float, float], Array, Array, Array]:
+        """Steps [m], axes and ξ (n, GRID, GRID) at the middles of even cells over the box."""
+        middle = (np.arange(GRID) + 0.5) / GRID * 2 - 1
+        x = self.projection.grid_x[-1] * middle
+        y = self.projection.grid_y[-1] * middle
+        steps = float(x[1] - x[0]), float(y[1] - y[0])
+        return steps, x, y, self.projection.on_grid(x, y)
 
     @cached_property
     def layer(self) -> Array:

@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial.legendre import Legendre, leggauss
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.linalg import eigh, eigvalsh
+from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import eigsh
@@ -17,11 +17,9 @@ from femnl.core.resonator import Resonator
 from femnl.core.stages import (
     Fringe,
     Harmonics,
-    Lines,
     ModalSystem,
     Motion,
     Oscillator,
-    Points,
     Signal,
 )
 from femnl.device.geometry import load
@@ -41,6 +39,10 @@ TABLE = {
     "shear_stress",
     "added_mass",
     "gas_loading",
+    "trapped_gas",
+    "clamp_loss",
+    "optical_spring",
+    "electrostatic_softening",
     "compliant_clamp",
     "hole_dispersion",
     "frequency_drift",
@@ -71,6 +73,12 @@ TABLE = {
 KINDS = {
     "compliant_clamp": {"spectrum"},
     "gas_loading": {"spectrum", "series"},
+    "trapped_gas": {"spectrum", "series"},
+    "gas_damping": {"spectrum", "series"},
+    "clamp_loss": {"spectrum"},
+    "frame_mode": {"spectrum"},
+    "optical_spring": {"series"},
+    "electrostatic_softening": {"series"},
     "frequency_drift": {"spectrum", "response", "series"},
     "quadratic_stiffness": {"response", "map", "trace", "record"},
     "internal_resonance": {"response"},
@@ -397,38 +405,6 @@ def test_overtones_follow_the_power_of_the_swing_and_its_phase() -> None:
     )
     np.testing.assert_allclose(sung.displacement[1], 1e-2 * np.array([1, 0.25]) * np.exp(0.6j))
     np.testing.assert_allclose(sung.displacement[2], -2e-2j * np.array([1, 0.125]) * np.exp(0.9j))
-
-
-def test_gas_against_pressure_loads_as_at_rest_in_that_gas() -> None:
-    pressure = np.linspace(0, 100, 6)
-    wavenumber = 2e4
-    speed = np.sqrt(FILM.stress / FILM.density)
-    points = Points(
-        np.full(6, wavenumber * speed / (2 * np.pi)), np.ones(6), {"pressure": pressure}, FILM
-    )
-    found = library()["gas_loading"].changes["points"](points, {"gas_density": 1.2e-3}).frequency
-    z = np.linspace(0, 12 / wavenumber, 20001)
-    # The gas on either side moves as e^{−kz}: its kinetic energy per area is ½ρ_g v²/k for both
-    # sides together.
-    kinetic = 2 * np.trapezoid(1.2e-3 * 2 * np.exp(-2 * wavenumber * z), z)
-    film = FILM.density * FILM.thickness
-    assert found[-1] / found[0] == pytest.approx(np.sqrt(film / (film + kinetic)), rel=1e-7)
-    assert (
-        library()["gas_loading"]
-        .changes["points"](replace(points, control={"time": pressure}), {"gas_density": 1.0})
-        .frequency[-1]
-        == points.frequency[-1]
-    )
-
-
-def test_a_frame_far_from_a_mode_pulls_it_as_the_coupled_pair_does() -> None:
-    film = 1.5e6
-    frame = 1.49e6
-    g = 300.0
-    shift = library()["frame_mode"].changes["frequencies"](
-        Lines(np.array([film]), np.empty(0)), {"coupling_square": g**2, "frame_frequency": frame}
-    )
-    assert shift.frequency[0] == pytest.approx(eigvalsh([[film, g], [g, frame]])[1], abs=0.02)
 
 
 def stiff_string(layer: float, depth: float, n: int = 130) -> Array:

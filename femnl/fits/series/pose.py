@@ -6,15 +6,19 @@ import numpy as np
 import xarray as xr
 
 from femnl.core.checkpoint import Checkpoint
+from femnl.core.device import Film
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
+from femnl.fits.gas import free_molecular_loss
 from femnl.io.measurement import CONTROLS, estimate_noise
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.series.model import SeriesModel
 
 LEAST = 4
 """Usable points that a diagnosis needs."""
+VACUUM = 8.8541878128e-12
+"""Permittivity of vacuum [F/m]."""
 QUANTITIES = {"frequency": "Hz", "quality_factor": "1"}
 """What a series may hold, with the unit of its constant."""
 
@@ -54,8 +58,9 @@ def pose(
             if name in middle
         ),
         start=np.array(list(middle.values())),
-        scales=_scales(control, middle),
+        scales=_scales(control, middle) | _of_film(film, control, middle),
         notes=tuple(notes),
+        gap=film.gap,
     )
 
 
@@ -82,3 +87,30 @@ def _scales(control: Mapping[str, Array], middle: Mapping[str, float]) -> dict[s
         **{f"per_{name}": 1 / size for name, size in varied.items()},
         **{f"per_{name}_square": 1 / size**2 for name, size in varied.items()},
     }
+
+
+def _of_film(
+    film: SimulatedFilm, control: Mapping[str, Array], middle: Mapping[str, float]
+) -> dict[str, float]:
+    """Return what the film and its gap say of the size of causes, where frequencies are known."""
+    own = film.model.film
+    found = {"thermal_stress": own.young / ((1 - own.poisson) * own.stress)}
+    if np.isfinite(film.gap):
+        found["gap"] = film.gap
+    if "pressure" in control:
+        found["highest_pressure"] = float(np.nanmax(control["pressure"]))
+    frequency = middle.get("frequency", float(film.modes.frequency[0]))
+    found["period"] = 1 / (2 * np.pi * frequency)
+    found["gas_loss"] = free_molecular_loss(own, frequency)
+    if "voltage" in control:
+        highest = float(np.nanmax(np.abs(control["voltage"]))) or 1.0
+        known = np.isfinite(film.gap)
+        # Where the gap is not known, no more than pulls the film in at the highest voltage.
+        found["electrostatic"] = _softening(own, film.gap, frequency) if known else 1 / highest**2
+    return found
+
+
+def _softening(film: Film, gap: float, frequency: float) -> float:
+    """Return −Δ(f²)/(f²V²) [1/V²] of a metal film over a metal wafer: ε₀/(ρhd³ω²)."""
+    inertia = film.density * film.thickness * (2 * np.pi * frequency) ** 2
+    return VACUUM / (inertia * gap**3)

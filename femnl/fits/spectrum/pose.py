@@ -9,6 +9,7 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
+from femnl.fits.gas import free_molecular_loss
 from femnl.fits.spectrum.labels import Named, named_modes
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.spectrum.model import SpectrumModel, ranks
@@ -23,6 +24,10 @@ YOUNG_SD = 0.15
 """
 BENDING_SD = float(np.hypot(THICKNESS_SD, YOUNG_SD / 2))
 """The same of ℓ ∝ h √(E/σ), where the geometry gives all three; the stress is known better."""
+LOSS = (1e-7, 1e-1)
+"""Loss angles of bending: from that of crystals at low temperature to that of a lossy polymer."""
+ATMOSPHERE = 1.05e5
+"""Highest pressure [Pa] of a gas where the file gives none."""
 FARTHEST = 4.0
 """How many of those ℓ may deviate."""
 LATTICE = 4
@@ -45,12 +50,17 @@ def pose(
         )
     label = dataset["label"].values[usable] if "label" in dataset else ()
     label = tuple(str(name) for name in label)
-    named = named_modes(label, film) if label else Named(ranks(frequency), np.empty((0, 0)))
+    named = (
+        named_modes(label, film) if label else Named(ranks(frequency), np.empty((0, film.count)))
+    )
     order = named.order
     ratio = float(np.median(frequency / film.modes.frequency[order]))
     speed = film.speed * ratio
     bending_sd, low, high = _bending_prior(film)
     time = _times(dataset, usable)
+    quality, quality_sd = _quality_factors(dataset, usable)
+    rated = np.isfinite(quality) & np.isfinite(quality_sd)
+    pressure = float(dataset.attrs.get("pressure", 0.0))
     known = (
         "the geometry assumes its film, so ℓ is fitted without prior knowledge"
         if np.isinf(bending_sd)
@@ -70,8 +80,9 @@ def pose(
             ParameterSpec(
                 "bending_length", "m", low * film.bending_length, high * film.bending_length
             ),
+            *((ParameterSpec("intrinsic_loss", "1", *LOSS, log=True),) if rated.any() else ()),
         ),
-        start=np.array([speed, film.bending_length]),
+        start=np.array([speed, film.bending_length, *_loss(film, order, quality, rated)]),
         scales={
             "reach": film.projection.reach,
             "mass": float(film.modes.effective_mass[0] * (film.speed / speed) ** 2),
@@ -79,9 +90,42 @@ def pose(
             "layer_square": film.bending_length**2,
             **_pitch(film.model.holes.centres),
             **({"time": float(np.ptp(time))} if len(time) and np.ptp(time) > 0 else {}),
+            "highest_pressure": pressure or ATMOSPHERE,
+            "period": 1 / (2 * np.pi * float(frequency.min())),
+            **({"gap": film.gap} if np.isfinite(film.gap) else {}),
+            **({"quality_factor": 1.0} if rated.any() else {}),
+            **(_gas(film, float(frequency.min()), pressure) if pressure else {}),
         },
         notes=(f"spectrum: c is free, {known}; side, stress and density enter only through c/L",),
+        quality_factor=quality,
+        quality_factor_sd=quality_sd,
+        pressure=pressure,
     )
+
+
+def _quality_factors(dataset: xr.Dataset, usable: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return quality factors and their sd of the usable modes, NaN unless a mode has both."""
+    names = ("quality_factor", "quality_factor_sd")
+    if any(name not in dataset for name in names):
+        return np.empty(0), np.empty(0)
+    values, sd = (np.asarray(dataset[name].values, float)[usable] for name in names)
+    return values, sd
+
+
+def _loss(
+    film: SimulatedFilm, order: NDArray[np.int64], quality: Array, rated: NDArray[np.bool_]
+) -> list[float]:
+    """Return the loss angle of bending to start from, [] where no quality factor is known."""
+    if not rated.any():
+        return []
+    share = film.bending_share[order[rated]]
+    return [float(np.clip(np.median(1 / (quality[rated] * share)), *LOSS))]
+
+
+def _gas(film: SimulatedFilm, frequency: float, pressure: float) -> dict[str, float]:
+    """Return the scales of a spectrum that was taken in gas of known pressure."""
+    loss = free_molecular_loss(film.model.film, frequency)
+    return {"pressure": pressure, "gas_loss": loss}
 
 
 def _bending_prior(film: SimulatedFilm) -> tuple[float, float, float]:

@@ -10,6 +10,12 @@ KIND = KindSpec(
     scales=frozenset(
         (
             *_RECORDED,
+            "electrostatic",
+            "gap",
+            "gas_loss",
+            "highest_pressure",
+            "period",
+            "thermal_stress",
             *(f"per_{name}" for name in CONTROLS),
             *(f"per_{name}_square" for name in CONTROLS),
         )

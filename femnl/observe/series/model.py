@@ -22,8 +22,9 @@ BLOCKS = 4
 class SeriesModel(MeasurementModel):
     """Residuals of frequencies and of quality factors.
 
-    film: that of the geometry. control: values (n,) of each control variable, SI. data: values and
-    standard deviations (n,) of each quantity. used (n_quantities · n,): which of them are finite.
+    film: that of the geometry, with the gap [m] below it. control: values (n,) of each control
+    variable, SI. data: values and standard deviations (n,) of each quantity. used (n_quantities ·
+    n,): which of them are finite.
     """
 
     kind = "series"
@@ -36,6 +37,7 @@ class SeriesModel(MeasurementModel):
     start: Array
     scales: Mapping[str, float]
     notes: tuple[str, ...]
+    gap: float = np.inf
 
     @property
     def blocks(self) -> NDArray[np.int64]:
@@ -54,14 +56,19 @@ class SeriesModel(MeasurementModel):
         effects: Sequence[Effect],
         base: Values,
         values: Sequence[Values],
+        spot: float = 1.0,
     ) -> Array:
+        """Return all residuals at these values of the control variables, finite or not.
+
+        Args: spot: ξ² under the laser, in parts of what it was.
+        """
         count = len(next(iter(control.values())))
         flat = {
             name: np.full(count, base.get(name, 1.0)) for name in ("frequency", "quality_factor")
         }
         points = apply(
             "points",
-            Points(flat["frequency"], flat["quality_factor"], control, self.film),
+            Points(flat["frequency"], flat["quality_factor"], control, self.film, self.gap, spot),
             effects,
             values,
         )
@@ -91,7 +98,8 @@ class SeriesModel(MeasurementModel):
     ) -> dict[str, Array]:
         """Vary each control variable over its range with the others held.
 
-        That separates causes that moved together.
+        That separates causes that moved together. A laser on a nodal line heats the film, but
+        exerts no force on the mode.
         """
         found = {}
         for name in self.control:
@@ -101,6 +109,10 @@ class SeriesModel(MeasurementModel):
             }
             found[f"the same series with only {name} varied"] = -np.nan_to_num(
                 self._against(held, effects, base, values)
+            )
+        if "laser_power" in self.scales:
+            found["the same series with the laser on a nodal line of the mode"] = -np.nan_to_num(
+                self._against(self.control, effects, base, values, spot=0.0)
             )
         return found
 

@@ -1,4 +1,4 @@
-"""Spectra: frequencies of modes, with quality factors where known."""
+"""Spectra: frequencies of modes, with quality factors and the pressure of gas where known."""
 
 from typing import Any
 
@@ -14,7 +14,20 @@ KIND = KindSpec(
     name="spectrum",
     stages=("operators", "frequencies"),
     scales=frozenset(
-        ("frequency", "layer_square", "mass", "pitch_square", "reach", "time"),
+        (
+            "frequency",
+            "gap",
+            "gas_loss",
+            "highest_pressure",
+            "layer_square",
+            "mass",
+            "period",
+            "pitch_square",
+            "pressure",
+            "quality_factor",
+            "reach",
+            "time",
+        )
     ),
     pose="femnl.fits.spectrum.pose:pose",
     figure="femnl.plot.measurement:spectrum_figure",
@@ -28,6 +41,7 @@ KIND = KindSpec(
             "quality_factor": Item(("mode",), "", positive=True),
             "quality_factor_sd": Item(("mode",), "", positive=True),
         },
+        attributes={"pressure": Item(unit="Pa", positive=True)},
     ),
     modes=modes_needed,
 )

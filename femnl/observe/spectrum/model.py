@@ -1,7 +1,11 @@
-"""A list of eigenfrequencies against the simulated film with its speed of waves free."""
+"""Eigenfrequencies against the simulated film with its speed of waves free, and their loss.
+
+Without any effect each mode loses what its bending does: 1/Q = s φ, with the part s of its energy
+that is bending and one loss angle φ of the material.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 
@@ -34,7 +38,9 @@ class SpectrumModel(MeasurementModel):
     frequency, sd (n,) [Hz] and time (n,) [s], empty where not known, of each measured mode; label:
     of each, empty where they go by rank; order (n,): its mode of the unchanged film; target
     (n, n_modes): the shape that each label names, in modes of modal mass 1, empty without labels;
-    bending_sd: relative standard deviation of ℓ.
+    bending_sd: relative standard deviation of ℓ. quality_factor and quality_factor_sd (n,), NaN
+    where one was not measured, empty where none was; pressure [Pa] of the gas, 0 where not
+    recorded.
     """
 
     kind = "spectrum"
@@ -52,6 +58,9 @@ class SpectrumModel(MeasurementModel):
     start: Array
     scales: Mapping[str, float]
     notes: tuple[str, ...]
+    quality_factor: Array = field(default_factory=lambda: np.empty(0))
+    quality_factor_sd: Array = field(default_factory=lambda: np.empty(0))
+    pressure: float = 0.0
 
     @property
     def ranked(self) -> tuple[Ranked, ...]:
@@ -73,7 +82,13 @@ class SpectrumModel(MeasurementModel):
     @property
     def blocks(self) -> NDArray[np.int64]:
         """Every mode is a block of its own; prior knowledge of ℓ belongs to none."""
-        return np.append(np.arange(len(self.frequency)), -1)
+        return np.concatenate([np.arange(len(self.frequency)), [-1], self._rated])
+
+    @cached_property
+    def _rated(self) -> NDArray[np.int64]:
+        """The modes whose quality factors are known."""
+        known = np.isfinite(self.quality_factor) & np.isfinite(self.quality_factor_sd)
+        return np.flatnonzero(known)
 
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
@@ -88,39 +103,80 @@ class SpectrumModel(MeasurementModel):
             found["order of acquisition"] = (
                 (self.time - self.time.mean()) / self.scales["time"] * self.frequency / self.sd
             )
-        return {name: np.append(row, 0.0) for name, row in found.items()} | smooth_film(
-            self, effects, base, values
-        )
+        lossless = np.zeros(1 + len(self._rated))
+        found = {name: np.append(row, lossless) for name, row in found.items()}
+        if len(self._rated) > 1:
+            q = self.quality_factor[self._rated]
+            alike = q / q.max() * q / self.quality_factor_sd[self._rated]
+            ratio = self.frequency[self._rated] / self.frequency.max()
+            bare = np.zeros(1 + len(self.frequency))
+            found["loss alike for all modes"] = np.append(bare, alike)
+            found["loss that falls with frequency"] = np.append(bare, alike / ratio)
+        return found | smooth_film(self, effects, base, values)
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
-        """Return (f − f_predicted)/σ of each mode, and the deviation of ℓ in units of its own σ."""
-        frequency, share, plain = self._solved(effects, base, values)
+        """Return (f − f_predicted)/σ of each mode, the deviation of ℓ in units of its own σ.
+
+        And (Q − Q_predicted)/σ of each mode whose quality factor is known.
+        """
+        frequency, content, plain = self._solved(effects, base, values)
+        film = self._bare(base["speed"], base["bending_length"])[2].film
+
+        rated = len(self._rated) > 0
+
+        def read_off(chosen: NDArray[np.int64]) -> Lines:
+            # Without labels no vectors are solved for, and the film's own modes stand for them.
+            own = np.eye(len(plain))[:, self.order]
+            parts = content[:, chosen] ** 2 if self.label else own
+            lines = Lines(
+                frequency[chosen],
+                self.time,
+                self._own_loss @ parts * base["intrinsic_loss"] if rated else np.empty(0),
+                self._participation @ parts,
+                film,
+                self.film.gap,
+                self.pressure,
+            )
+            return apply("frequencies", lines, effects, values)
 
         def misfit(chosen: NDArray[np.int64]) -> Array:
-            lines = apply("frequencies", Lines(frequency[chosen], self.time), effects, values)
-            return np.asarray((self.frequency - lines.frequency) / self.sd)
+            return np.asarray((self.frequency - read_off(chosen).frequency) / self.sd)
 
-        chosen = self._labelled(frequency, share, plain, misfit)
-        return np.append(
-            misfit(chosen),
-            (base["bending_length"] / self.film.bending_length - 1) / self.bending_sd,
+        chosen = self._labelled(frequency, (self.target @ content) ** 2, plain, misfit)
+        lines = read_off(chosen)
+        quality = self.quality_factor[self._rated] - 1 / lines.loss[self._rated]
+        return np.concatenate(
+            [
+                (self.frequency - lines.frequency) / self.sd,
+                [(base["bending_length"] / self.film.bending_length - 1) / self.bending_sd],
+                quality / self.quality_factor_sd[self._rated],
+            ]
         )
+
+    @cached_property
+    def _own_loss(self) -> Array:
+        """1/Q of each base mode in units of the loss angle of bending, (n,)."""
+        return self.film.bending_share
+
+    @cached_property
+    def _participation(self) -> Array:
+        """Squared share of each base mode in the rigid motions of the film, (3, n)."""
+        return self.film.rigid**2 / self.film.modes.effective_mass
 
     def _solved(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> tuple[Array, Array, Array]:
-        """Return the frequencies of the changed modes and the shares of labelled shapes in them.
+        """Return the frequencies of the changed modes, and the base modes of modal mass 1 in them.
 
-        shares: (labels, changed); and the own frequency of each base mode.
+        (base, changed), whose squares are shares; and the own frequency of each base mode.
 
-        Where nothing has a label the shares are left out.
+        Where nothing has a label the vectors are left out.
         """
         plain, mass, system = self._bare(base["speed"], base["bending_length"])
         system = apply("operators", system, effects, values)
         square, vectors = self._eigen(system.stiffness, system.mass)
         frequency = np.sqrt(np.maximum(square, 0)) / (2 * np.pi)
-        share = (self.target * np.sqrt(mass)) @ vectors if self.label else vectors
-        return frequency, share**2, plain
+        return frequency, vectors * np.sqrt(mass)[:, None], plain
 
     def _unchanged(self, speed: float, bending_length: float) -> tuple[Array, Array, ModalSystem]:
         """Return frequencies and masses of the unchanged film's modes, and its matrices."""
@@ -140,6 +196,8 @@ class SpectrumModel(MeasurementModel):
             box,
             bending_length,
             self.film.layer,
+            self.film.gap,
+            self.film.airload,
         )
         return plain, mass, system
 

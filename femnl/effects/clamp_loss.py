@@ -1,0 +1,51 @@
+"""Sound that the edge of the film radiates into the chip."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.stages import Lines
+
+
+def radiate(lines: Lines, values: Values) -> Lines:
+    """Add the power of the force, and of the torques, with which each mode shakes the chip."""
+    if not len(lines.loss):
+        return lines
+    ratio = lines.frequency / lines.frequency.min()
+    heave, along, across = lines.participation
+    monopole = values["monopole"] * ratio**3 * heave
+    dipole = values["dipole"] * ratio**5 * (along + across)
+    return replace(lines, loss=lines.loss + np.asarray(monopole + dipole))
+
+
+EFFECT = Effect(
+    name="clamp_loss",
+    equation="1/Q → 1/Q + a (f/f₁)³ H + b (f/f₁)⁵ (X + Y), H, X, Y = (∫φξ)²/(∫φ² ∫ξ²) with "
+    "φ = 1, x, y; of a square H = 64/(π⁴m²n²) for m and n odd",
+    parameters=(
+        ParameterSpec(
+            "monopole",
+            "1",
+            0.0,
+            1e-2,
+            reason="1/Q is less than ρhA ω³/(ρ_s c_s³) on a half-space of silicon, 1e-4 for a film "
+            "of 0.3 mm and 0.2 µm; a hundred times that on a thin chip or a soft mount",
+        ),
+        ParameterSpec(
+            "dipole",
+            "1",
+            0.0,
+            1e-3,
+            reason="(kL)² of sound in the chip less than the monopole's, a tenth at most",
+        ),
+    ),
+    changes={"frequencies": radiate},
+    source="square in a half-space: Wilson-Rae et al., Phys. Rev. Lett. 106, 047205 (2011), "
+    "1/Q ∝ (m² + n²)^{3/2}/(m²n²); radiation of a force ∝ ω² and of a torque ∝ ω⁴ by a half-space: "
+    "Miller & Pursey, Proc. R. Soc. A 223, 521 (1954)",
+    limits="sound in the chip long against the film, and a chip large against it: a thin chip has "
+    "resonances (frame_mode); modes even along both sides radiate less and count as not at all",
+    sentence="the edge radiates sound into the chip",
+    needs=("quality_factor",),
+)
