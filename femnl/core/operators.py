@@ -13,21 +13,30 @@ Array = NDArray[np.float64]
 
 WEIGHTS = ("1", "x", "y", "x²", "xy", "y²")
 """Weights φ of the integrals below, with x and y in units of `reach`."""
+POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
+"""The powers of x and of y in each weight."""
 DIRECTIONS = ("xx", "yy", "xy")
 CUBIC = 3
 
 
+def weights(point: Array) -> Array:
+    """Return each weight at points (2, …) in units of `reach`, (6, …)."""
+    x, y = point
+    return np.stack([x**a * y**b for a, b in POWERS])
+
+
 @dataclass(frozen=True)
 class Units:
-    """How a film relaxes in its plane under a film stress of each of `DIRECTIONS`.
+    """How a film relaxes in its plane under each of `WEIGHTS` times each of `DIRECTIONS`.
 
-    It does so around holes.
+    A film stress that is not in equilibrium, φ s with ∇·(φ s) ≠ 0 or at a hole, moves the film.
 
-    displacement (3, n_dofs) [m/Pa] at the dofs of the vector element of the given polynomial degree
-    on the mesh of the modes.
+    reach [m]: the unit of x and y in the weights. displacement (6, 3, n_dofs) [m/Pa] at the dofs of
+    the vector element of the given polynomial degree on the mesh of the modes.
     """
 
     degree: int
+    reach: float
     displacement: Array
 
     def __post_init__(self) -> None:
@@ -40,9 +49,9 @@ class Projection:
 
     From them effects make small changes of K and M.
 
-    slopes (6, 3, n, n) [m]: ∫ h φ s : ½(∇ξᵢ∇ξⱼ + ∇ξⱼ∇ξᵢ) with the weights φ of `WEIGHTS` and s what
-    a film stress of 1 in one of `DIRECTIONS` (xy: ½ in xy and in yx) leaves in the film, itself
-    where nothing relaxes, so that a stress [Pa] times it is a stiffness; masses (6, n, n) [kg]: ∫
+    slopes (6, 3, n, n) [m]: ∫ h S : ½(∇ξᵢ∇ξⱼ + ∇ξⱼ∇ξᵢ), S what is left in equilibrium of a film
+    stress φ s, φ of `WEIGHTS` and s of 1 in one of `DIRECTIONS` (xy: ½ in xy and in yx), so that a
+    stress [Pa] times it is a stiffness; masses (6, n, n) [kg]: ∫
     ρhφξᵢξⱼ; reach [m]: the unit of x and y; grid_x, grid_y (m,) [m], dense at both ends, and shapes
     (n, m, m) as [mode, y, x]: ξ on a grid over the box of the film, going on smoothly over holes.
     """

@@ -3,9 +3,18 @@
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
+LARGEST = 0.1
+REASON = (
+    "the stress of LPCVD nitride varies by a few percent over a wafer; a tenth over one film is "
+    "beyond any deposition, and the integrals are first-order in the modes"
+)
+
 
 def tilt(system: ModalSystem, values: Values) -> ModalSystem:
-    """Add σ (gx x/R + gy y/R + b (x² + y²)/R²), R the film's reach."""
+    """Deposit the film with σ (gx x/R + gy y/R + b (x² + y²)/R²) more, R the film's reach.
+
+    The integrals are those of what is left once the film has relaxed in its plane.
+    """
     s = system.stress
     for weight, slope in (
         (1, values["slope_x"]),
@@ -19,14 +28,16 @@ def tilt(system: ModalSystem, values: Values) -> ModalSystem:
 
 EFFECT = Effect(
     name="tension_gradient",
-    equation="σ → σ (1 + gx x/R + gy y/R + b (x² + y²)/R²)",
+    equation="deposited σ → σ (1 + gx x/R + gy y/R + b (x² + y²)/R²); in equilibrium "
+    "∇·(σ I + C ε(u)) = 0, u = 0 at the clamp",
     parameters=(
-        ParameterSpec("slope_x", "1", -0.2, 0.2),
-        ParameterSpec("slope_y", "1", -0.2, 0.2),
-        ParameterSpec("bowl", "1", -0.2, 0.2),
+        ParameterSpec("slope_x", "1", -LARGEST, LARGEST, reason=REASON),
+        ParameterSpec("slope_y", "1", -LARGEST, LARGEST, reason=REASON),
+        ParameterSpec("bowl", "1", -LARGEST, LARGEST, reason=REASON),
     ),
     changes={"operators": tilt},
-    source="∫ δT |∇ξ|² of perturbation theory, here to all orders within the base modes",
-    limits="lowest orders of a smooth variation; in-plane equilibrium is not imposed",
+    source="plane stress with the film stress as eigenstrain, Timoshenko & Goodier, Theory of "
+    "Elasticity (1951), chapter 14; ∫ S : ∇ξ∇ξ of Rayleigh",
+    limits="isotropic stress of second order in x and y; needs Poisson's ratio",
     sentence="the film stress varies over the film",
 )

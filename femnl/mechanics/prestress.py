@@ -9,7 +9,7 @@ from scipy.sparse import csc_matrix
 from femnl.core.device import Edge
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain, Prestress
-from femnl.core.operators import Units
+from femnl.core.operators import DIRECTIONS, POWERS, WEIGHTS, Units, weights
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (
     Assembly,
@@ -25,6 +25,13 @@ from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.fem.supports import in_plane_draw, in_plane_springs, in_plane_supports
 
 Array = NDArray[np.float64]
+
+MIRRORED = tuple(
+    (b % 2 == shear, a % 2 == shear)
+    for a, b in POWERS
+    for shear in (direction == "xy" for direction in DIRECTIONS)
+)
+"""Whether each weight times each direction is even under y → −y, and under x → −x."""
 
 
 def solve_prestress(domain: Domain, degree: int, edge: Edge = "clamped") -> Prestress:
@@ -47,7 +54,7 @@ def solve_prestress(domain: Domain, degree: int, edge: Edge = "clamped") -> Pres
     sheet = Sheet(domain)
     clamp = domain.model.clamp
     stiffness, loads = _in_plane(
-        domain, space, sheet, lambda triangles: sheet.stress(triangles)[None]
+        domain, space, sheet, lambda triangles, _: sheet.stress(triangles)[None]
     )
     matrix = stiffness.matrix() + in_plane_springs(space, clamp)
     load = in_plane_draw(space, clamp) + loads[0]
@@ -60,14 +67,14 @@ def solve_prestress(domain: Domain, degree: int, edge: Edge = "clamped") -> Pres
 
 
 def solve_units(domain: Domain, degree: int) -> Units:
-    """Relax 1 Pa of film stress in each direction: ∫ h (e_c + C ε(u_c)) .
+    """Relax a film stress of each of `WEIGHTS` times each of `DIRECTIONS`.
 
-    ε(v) + ∮ k u_c·v ds = 0 for all v, e_c of `DIRECTIONS`.
+    Find u with ∫ h (φ s + C ε(u)) : ε(v) + ∮ k u·v ds = 0 for all v.
 
-    Args: as for `solve_prestress`. Returns: u_c, of which those of xx and of yy together relax an
-    even stress.
-    Raises: ParameterError for a wedge between mirrors at an angle, which hold even stresses alone;
-    ConvergenceError.
+    Args: as for `solve_prestress`. Returns: u of each, of which those of xx and of yy together
+        relax an isotropic stress. Where an even film is clamped all around, those of φ = 1 vanish.
+    Raises: ParameterError for a wedge between mirrors at an angle, on which these stresses are
+    neither even nor odd; ConvergenceError.
     """
     if domain.wedge < np.pi / 2 - 1e-9:
         raise ParameterError(
@@ -77,25 +84,36 @@ def solve_units(domain: Domain, degree: int) -> Units:
     space = Space(domain.mesh, degree)
     sheet = Sheet(domain)
     clamp = domain.model.clamp
-    stiffness, loads = _in_plane(domain, space, sheet, lambda triangles: np.eye(3)[:, None, None])
+    reach = float(np.abs(domain.mesh.p).max())
+    components = np.eye(len(DIRECTIONS))
+
+    def stresses(triangles: slice, point: Array) -> Array:
+        values = weights(np.moveaxis(point, -1, 0) / reach)
+        return (values[:, None, :, :, None] * components[:, None, None]).reshape(
+            -1, *point.shape[:2], len(DIRECTIONS)
+        )
+
+    stiffness, loads = _in_plane(domain, space, sheet, stresses)
     matrix = stiffness.matrix() + in_plane_springs(space, clamp)
-    found = np.empty_like(loads)
-    # Shear is odd under both mirrors
-    for even, members in ((True, slice(0, 2)), (False, slice(2, 3))):
-        supports = in_plane_supports(space, domain.wedge, "clamped", (even, even), clamp)
+    found = np.zeros_like(loads)
+    mirrors = {4: 2, 2: 1, 1: 0}[domain.copies]
+    parities = [even[:mirrors] for even in MIRRORED]
+    for even in sorted(set(parities)):
+        members = [k for k, parity in enumerate(parities) if parity == even]
+        supports = in_plane_supports(space, domain.wedge, "clamped", even, clamp)
         found[members] = (
             supports
             @ factorize(csc_matrix(supports.T @ matrix @ supports))(supports.T @ loads[members].T)
         ).T
-    return Units(degree, found)
+    return Units(degree, reach, found.reshape(len(WEIGHTS), len(DIRECTIONS), -1))
 
 
 def _in_plane(
-    domain: Domain, space: Space, sheet: Sheet, stresses: Callable[[slice], Array]
+    domain: Domain, space: Space, sheet: Sheet, stresses: Callable[[slice, Array], Array]
 ) -> tuple[Assembly, Array]:
     """Stiffness ∫ h C ε(u) : ε(v), and loads −∫ h s .
 
-    ε(v) (n, 2·size) of stresses s (n, e, q, 3) [Pa].
+    ε(v) (n, 2·size) of stresses s (n, e, q, 3) [Pa] of triangles at points (e, q, 2) [m].
     """
     assembly = Assembly(2 * space.size)
     loads = None
@@ -103,7 +121,7 @@ def _in_plane(
         strain = in_plane_strain(cell.jet)
         h = sheet.thickness(cell.triangles, cell.jet.point)
         dofs = vector_dofs(space, cell.triangles)
-        given = stresses(cell.triangles)
+        given = stresses(cell.triangles, cell.jet.point)
         loads = np.zeros((len(given), 2 * space.size)) if loads is None else loads
         for load, stress in zip(loads, given, strict=True):
             np.add.at(load, dofs, -local_vectors(strain, h[..., None] * stress, cell.dx))

@@ -27,7 +27,7 @@ is a cubic in ℓ.
 GRID = 96
 """Points along each side of the film's box at which integrals over its surface are summed."""
 UNITS = 3
-"""Degree of the elements in which changes of the film stress relax around holes."""
+"""Degree of the elements in which changes of the film stress relax in the plane."""
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,10 @@ class SimulatedFilm:
 
     @cached_property
     def projection(self) -> Projection:
-        """Integrals of those modes.
-
-        What changes of the film stress leave around holes is part of them.
-        """
+        """Integrals of those modes, with changes of the film stress in equilibrium."""
 
         def solve() -> Projection:
-            relaxes = bool(np.any(self.modes.prestress.displacement))
-            return project(self.modes, solve_units(self.modes.domain, UNITS) if relaxes else None)
+            return project(self.modes, solve_units(self.modes.domain, UNITS))
 
         return cached_projection(self.model, ("projection", self.count), solve)
 

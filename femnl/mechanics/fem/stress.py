@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.mechanics import Domain, Prestress
-from femnl.core.operators import Units
+from femnl.core.operators import Units, weights
 from femnl.mechanics.fem.elements import Space
-from femnl.mechanics.fem.forms import cells, in_plane_strain, vector_dofs
+from femnl.mechanics.fem.forms import Cell, cells, in_plane_strain, vector_dofs
 from femnl.mechanics.fem.sheet import Sheet
 
 Array = NDArray[np.float64]
@@ -22,27 +22,29 @@ def relaxed_stress(prestress: Prestress, order: int) -> list[Array]:
     sheet = Sheet(prestress.domain)
     strains = _strains(prestress.domain, prestress.degree, prestress.displacement[None], order)
     return [
-        sheet.stress(part) + (strain[0, ..., None, :] @ sheet.moduli(part))[..., 0, :]
-        for part, strain in strains
+        sheet.stress(cell.triangles)
+        + (strain[0, ..., None, :] @ sheet.moduli(cell.triangles))[..., 0, :]
+        for cell, strain in strains
     ]
 
 
-def unit_stress(domain: Domain, units: Units, order: int) -> list[Array]:
-    """What is left of a film stress of 1 in each of `DIRECTIONS` (xy: in xy and in yx), as above.
+def unit_stress(domain: Domain, units: Units, order: int) -> Iterator[Array]:
+    """What is left of a film stress of each of `WEIGHTS` times each of `DIRECTIONS`, as above.
 
-    (3, e, q, 3) [1].
+    (6, 3, e, q, 3) [1], where xy stands for 1 in xy and in yx.
     """
     sheet = Sheet(domain)
-    own = np.eye(3)[:, None, None]
-    strains = _strains(domain, units.degree, units.displacement, order)
-    return [
-        own + (strain[..., None, :] @ sheet.moduli(part))[..., 0, :] for part, strain in strains
-    ]
+    shape = units.displacement.shape[:2]
+    displacements = units.displacement.reshape(-1, units.displacement.shape[-1])
+    for cell, strain in _strains(domain, units.degree, displacements, order):
+        own = weights(np.moveaxis(cell.jet.point, -1, 0) / units.reach)[:, None, ..., None]
+        moved = (strain[..., None, :] @ sheet.moduli(cell.triangles))[..., 0, :]
+        yield own * np.eye(shape[1])[:, None, None] + moved.reshape(*shape, *moved.shape[1:])
 
 
 def _strains(
     domain: Domain, degree: int, displacements: Array, order: int
-) -> Iterator[tuple[slice, Array]]:
+) -> Iterator[tuple[Cell, Array]]:
     """Strains of in-plane displacements (n, n_dofs) at the points of each chunk.
 
     (n, e, q, 3) as (xx, yy, 2xy).
@@ -50,4 +52,4 @@ def _strains(
     space = Space(domain.mesh, degree)
     for cell in cells(space, order):
         local = displacements[:, vector_dofs(space, cell.triangles)]
-        yield cell.triangles, np.einsum("eqcj,nej->neqc", in_plane_strain(cell.jet), local)
+        yield cell, np.einsum("eqcj,nej->neqc", in_plane_strain(cell.jet), local)

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from femnl.core.device import Model
 from femnl.core.mechanics import Domain, Modes
-from femnl.core.operators import DIRECTIONS, WEIGHTS, Projection, Units
+from femnl.core.operators import DIRECTIONS, WEIGHTS, Projection, Units, weights
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import as_matrix, cells, quadrature_order
 from femnl.mechanics.fem.sheet import Sheet
@@ -28,8 +28,8 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
     """Project weighted slopes and masses onto the modes.
 
     Args: modes: of any wedge; the copies that make up the film are summed with the signs that the
-        modes take there. units: how the film relaxes under each component of a film stress; None
-        where an even film is clamped all around.
+        modes take there. units: how the film relaxes under each film stress; None takes the
+        stresses as they are given, in equilibrium or not.
     Returns: integrals over the whole film, see `Projection`; shapes on the grid go on smoothly over
     holes.
     Valid: changes of the film that leave the new modes within the span of these ones.
@@ -38,9 +38,7 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
     space = Space(modes.domain.mesh, modes.degree)
     sheet = Sheet(modes.domain)
     order = quadrature_order(domain.model, 2 * modes.degree - 2)
-    stresses = (
-        repeat(np.eye(3)[:, None, None]) if units is None else unit_stress(domain, units, order)
-    )
+    stresses = repeat(None) if units is None else unit_stress(domain, units, order)
     n = len(modes.frequency)
     reach = float(np.abs(modes.domain.mesh.p).max())
     slopes = np.zeros((len(WEIGHTS), 3, n, n))
@@ -49,26 +47,26 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
         local = modes.shapes[:, space.dofs[cell.triangles]].transpose(1, 2, 0)
         value = (cell.jet.value @ local).reshape(-1, n)
         slope = cell.jet.gradient @ local[:, None]
-        pulled = ((as_matrix(stress) @ slope) * SHARE[:, None, None, None, None]).reshape(
-            len(DIRECTIONS), -1, n
-        )
-        weights = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
-        volume = weights.ravel()
-        mass = (sheet.density(cell.triangles) * weights).ravel()
-        for k, weight in enumerate(_weights(cell.jet.point.reshape(-1, 2).T / reach)):
-            masses[k] += value.T @ ((weight * mass)[:, None] * value)
-            slopes[k] += slope.reshape(-1, n).T @ (np.repeat(weight * volume, 2)[:, None] * pulled)
+        volume = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
+        mass = sheet.density(cell.triangles) * volume
+        pull = (SHARE * volume[..., None])[..., None, None]
+        for k, weight in enumerate(weights(np.moveaxis(cell.jet.point, -1, 0) / reach)):
+            masses[k] += value.T @ ((weight * mass).reshape(-1, 1) * value)
+            left = weight[..., None] * np.eye(3)[:, None, None] if stress is None else stress[k]
+            for direction, tensor in enumerate(as_matrix(left)):
+                pulled = (pull[:, :, direction] * tensor) @ slope
+                slopes[k, direction] += slope.reshape(-1, n).T @ pulled.reshape(-1, n)
     whole_slopes = np.zeros((len(WEIGHTS), len(DIRECTIONS), n, n))
     whole_masses = np.zeros_like(masses)
     for turn, sign in _images(domain, modes.parity):
         signs = np.outer(sign, sign)
-        weights = _turned_weights(turn)
-        whole_masses += signs * np.tensordot(weights, masses, 1)
+        turned = _turned_weights(turn)
+        whole_masses += signs * np.tensordot(turned, masses, 1)
         (a, b), (c, d) = turn
         mix = np.array(
             [[a * a, b * b, 2 * a * b], [c * c, d * d, 2 * c * d], [a * c, b * d, a * d + b * c]]
         )
-        whole_slopes += signs * np.einsum("kl,cm,lmij->kcij", weights, mix, slopes)
+        whole_slopes += signs * np.einsum("kl,cm,lmij->kcij", turned, mix, slopes)
     # Dense at the edges, where the clamped film bends sharply
     cosine = -np.cos(np.linspace(0, np.pi, POINTS))
     grid_x, grid_y = (
@@ -96,15 +94,10 @@ def _over_holes(model: Model, grid_x: Array, grid_y: Array, shapes: Array) -> Ar
     return values.T.reshape(shapes.shape)
 
 
-def _weights(point: Array) -> Array:
-    x, y = point
-    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y])
-
-
 def _turned_weights(turn: Array) -> Array:
     """Each weight at the image R(x, y) of a point as a sum of the weights at the point, (6, 6)."""
     probe = np.random.default_rng(0).uniform(-1, 1, (2, len(WEIGHTS)))
-    return np.asarray(np.linalg.solve(_weights(probe).T, _weights(turn @ probe).T).T)
+    return np.asarray(np.linalg.solve(weights(probe).T, weights(turn @ probe).T).T)
 
 
 def _images(domain: Domain, parity: tuple[tuple[int, ...], ...]) -> list[tuple[Array, Array]]:
