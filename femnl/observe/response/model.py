@@ -37,9 +37,10 @@ class ResponseModel(MeasurementModel):
 
     sweeps: the data. wavelength [m], 0 where it is not known. mode: index of the driven mode;
     simulated_alpha [m⁻²]: its α. softens: whether the sweeps soften, which the geometry alone
-    cannot do. place: suffix of the parameters of each position. time (n_sweeps,): when each began
-    [s], or its number. middle [Hz]: of the frequencies at which the mode moves strongly. largest
-    [V]: signal.
+    cannot do. place: suffix of the parameters of each position. time (n_points,): when each was
+    measured [s], or the number of its sweep. shape (n_points,): ξ of the driven mode where the
+    laser meets the film, 1 where that is not known. middle [Hz]: of the frequencies at which the
+    mode moves strongly. largest [V]: signal.
     """
 
     kind = "response"
@@ -52,6 +53,7 @@ class ResponseModel(MeasurementModel):
     softens: bool
     place: tuple[str, ...]
     time: Array
+    shape: Array
     middle: float
     largest: float
     base: tuple[ParameterSpec, ...]
@@ -102,8 +104,7 @@ class ResponseModel(MeasurementModel):
         """
         data = instead or self.sweeps
         mode, _ = self._mode(effects, base, values, data)
-        force = mode.force[data.sweep]
-        linear = np.maximum(mode.peak * force, np.finfo(float).tiny)
+        linear = np.maximum(mode.peak * mode.force, np.finfo(float).tiny)
         gains = np.array(
             [base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"]) for name in self.place]
         )[data.position]
@@ -111,7 +112,13 @@ class ResponseModel(MeasurementModel):
         both = []
         for b in self._states(mode, data, linear):
             signal = Signal(
-                gains * linear * b, linear * np.abs(b), volts, self.wavelength, self.largest
+                gains * linear * b,
+                linear * np.abs(b),
+                volts,
+                self.wavelength,
+                self.largest,
+                data.frequency - base["frequency"],
+                self.shape,
             )
             both.append(apply("signal", signal, effects, values).voltage)
         return self._followed(np.stack(both), mode.alpha)
@@ -124,9 +131,8 @@ class ResponseModel(MeasurementModel):
         Only α A² shows in sweeps, so that α as observed sets the metres; where it is negative,
         effects must have lowered the film's own.
         """
-        first = np.array([span.start for span in data.spans])
-        drive = data.drive[first] * data.reference
-        frequency = np.full(len(first), base["frequency"])
+        drive = data.drive * data.reference
+        frequency = np.full(len(drive), base["frequency"])
         alpha = -self.simulated_alpha if self.softens else self.simulated_alpha
         silent = np.zeros(len(data.frequency), complex)
         driven = np.asarray(data.frequency)
@@ -152,7 +158,7 @@ class ResponseModel(MeasurementModel):
 
     def _states(self, mode: Oscillator, data: Sweeps, linear: Array) -> ComplexArray:
         """Return b = A/(A₁F) on the low and on the high branch, continued past its fold, (2, n)."""
-        f0 = mode.frequency[data.sweep]
+        f0 = mode.frequency
         per = 2 / mode.linewidth
         delta = per * (f0 - data.frequency)
         cubic = (
