@@ -27,6 +27,8 @@ STRONG = (2, 8, 32)
 """Powers of a signal, in parts of the largest, with which gain and phase may deviate: smoothly, or
 of the strongest ones alone.
 """
+FARTHER = 2.0
+"""Widths of the sweeps by which those that would tell backgrounds apart are further out."""
 BEYOND = 4
 """Power of the signal with which f₀ and w may: the next beyond the cubic force."""
 
@@ -233,10 +235,19 @@ class ResponseModel(MeasurementModel):
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """The same sweeps at twice the drives."""
-        doubled = replace(self.sweeps, reference=2 * self.sweeps.reference)
-        volts = self.predict(effects, base, values, doubled) / self.sweeps.noise
-        return {"the same sweeps at twice the drives": self._whole(volts)}
+        """The same sweeps at twice the drives, and off resonance, where only backgrounds are."""
+        data = self.sweeps
+        away = np.where(data.frequency < self.middle, -FARTHER, FARTHER) * data.span
+        plans = {
+            "the same sweeps at twice the drives": replace(data, reference=2 * data.reference),
+            "the same sweeps twice their width further off resonance, on both sides": replace(
+                data, frequency=data.frequency + away
+            ),
+        }
+        return {
+            phrase: self._whole(self.predict(effects, base, values, plan) / data.noise)
+            for phrase, plan in plans.items()
+        }
 
     def systematic(self, unit: str) -> float:
         """Return how uncertain metres are through the simulated α, which scales as m⁻²."""
