@@ -30,8 +30,8 @@ EFFECT = Effect(
     ),
     changes={"signal": leak, "harmonics": leak_first},
     source="linear superposition",
-    limits="exact where the leak is flat over the resonance (else sloping_background) and the drive "
-    "sinusoidal; where no drive is recorded, of 1 V",
+    limits="exact where the leak is flat over the resonance (else sloping_background) and the "
+    "drive sinusoidal; where no drive is recorded, of 1 V",
     sentence="the drive leaks into the detected signal",
     shared=False,
 )

@@ -51,34 +51,36 @@ class Bench:
         wide = self.wide * self.width
         return np.linspace(F0 - wide, F0 + wide + reach, self.points)
 
-    def amplitude(self, f0: Array | float = F0, force: Array | None = None) -> Complex:
-        """Return A (n_sweeps, n_points) [m] for f₀ [Hz] that may differ from point to point."""
+    def amplitude(
+        self,
+        f0: Array | float = F0,
+        force: Array | None = None,
+        pull: Complex | None = None,
+    ) -> Complex:
+        """Return A (n_sweeps, n_points) [m].
+
+        For f₀ [Hz] that may differ from point to point, a force that is not the drive, and a pull
+        (n_points,) [Hz] that another mode adds at the largest amplitude, ∝ |A|².
+        """
         drives = self.drives if force is None else force
         f = self.frequency
         own = np.broadcast_to(f0, (len(drives), len(f)))
+        more = np.zeros(len(f), complex) if pull is None else pull
         out = np.empty(own.shape, complex)
         for s, (drive, way) in enumerate(zip(drives, self.direction, strict=True)):
             last = 0.0
+            unit = self.peak * drive
             for k in range(len(f)) if way > 0 else reversed(range(len(f))):
-                bend = 0.375 * own[s, k] * ALPHA
-                off = own[s, k] - f[k]
-                push = (self.width / 2 * self.peak * drive) ** 2
-                # In units of the largest amplitude
-                unit = (self.peak * drive) ** 2
-                cubic = [
-                    bend**2 * unit**3,
-                    2 * off * bend * unit**2,
-                    (off**2 + self.width**2 / 4) * unit,
-                    -push,
-                ]
-                roots = np.roots(cubic)
-                real = np.sort(roots[np.abs(roots.imag) < 1e-7 * np.abs(roots)].real)
-                stable = real[[0, -1]]
-                x = float(stable[np.argmin(np.abs(np.sqrt(stable) - last))])
-                last = np.sqrt(x)
-                out[s, k] = (
-                    self.width / 2 * self.peak * drive / (off + bend * unit * x + 0.5j * self.width)
-                )
+                bend = 0.375 * own[s, k] * ALPHA * unit**2
+                bend = bend + more[k] * (drive / self.drives.max()) ** 2
+                off = own[s, k] - f[k] + 0.5j * self.width
+                # |off + bend x|² x = (w/2)², x = |A|²/unit²
+                middle = 2 * (off * bend.conjugate()).real
+                roots = np.roots([abs(bend) ** 2, middle, abs(off) ** 2, -((self.width / 2) ** 2)])
+                stable = np.sort(roots[np.abs(roots.imag) < 1e-7 * np.abs(roots)].real)[[0, -1]]
+                x = float(stable[np.argmin(np.abs(np.sqrt(stable) * unit - last))])
+                last = np.sqrt(x) * unit
+                out[s, k] = self.width / 2 * unit / (off + bend * x)
         return out
 
     def volts(self, amplitude: Complex) -> Complex:

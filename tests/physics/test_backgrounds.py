@@ -22,7 +22,7 @@ def beside(centre: float, width: float, strength: float) -> Complex:
     answer = 1 / ((F0 + centre) ** 2 - f**2 + 1j * f * width)
     answer = answer * strength * STRONGEST / np.abs(answer).max() * np.exp(0.9j)
     drive = BENCH.drives / BENCH.drives.max()
-    return BENCH.volts(BENCH.amplitude()) + drive[:, None] * answer
+    return np.asarray(BENCH.volts(BENCH.amplitude()) + drive[:, None] * answer)
 
 
 def names(found: Diagnosis) -> list[tuple[str, ...]]:
