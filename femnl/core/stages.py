@@ -94,11 +94,12 @@ class Oscillator:
 
     A [m] (f₀(1 + ⅜αA² + 5/16 α₅A⁴) + Π(A/A_s)^{2(p−1)} − f + i(w/2)(1 + ¼ηA²)) = (w/2) A₁ F.
 
-    frequency f₀ (n_sweeps,) and linewidth w [Hz]; alpha [m⁻²]; quintic α₅ [m⁻⁴]; damping η [m⁻²];
-    force F (n_sweeps,) in V of drive, peak A₁ [m/V]: the linear amplitude at resonance; time
-    (n_sweeps,) [s]. For what depends on the frequency of the drive itself, driven f (n_points,)
-    [Hz]; middle of those at which the mode moves strongly [Hz]; pull Π (n_points,) [Hz], which a
-    mode near p·f adds at the amplitude A_s that stiffens the mode by one linewidth; order p.
+    frequency f₀ (n_points,) and linewidth w [Hz]; alpha [m⁻²]; quintic α₅ [m⁻⁴]; damping η [m⁻²];
+    force F (n_points,) in V of drive, peak A₁ [m/V]: the linear amplitude at resonance; time
+    (n_points,) [s] at which each point was measured. For what depends on the frequency of the drive
+    itself, driven f (n_points,) [Hz]; middle of those at which the mode moves strongly [Hz]; pull Π
+    (n_points,) [Hz], which a mode near p·f adds at the amplitude A_s that stiffens the mode by one
+    linewidth; order p.
     """
 
     frequency: Array
@@ -135,9 +136,9 @@ class Equation:
 class Signal:
     """Stage `signal`: V (n,) [V] of each point, for |A| (n,) [m] at a drive (n,) [V].
 
-    wavelength [m], 0 where not recorded.
-
-    largest [V]: the strongest signal that was measured.
+    wavelength [m], 0 where not recorded. largest [V]: the strongest signal that was measured.
+    detuning (n,) [Hz]: f − f₀ of the drive; shape (n,): ξ where the laser meets the film, 1 where
+    its place was not recorded.
     """
 
     voltage: ComplexArray
@@ -145,6 +146,8 @@ class Signal:
     drive: Array
     wavelength: float
     largest: float
+    detuning: Array
+    shape: Array
 
 
 @dataclass(frozen=True)

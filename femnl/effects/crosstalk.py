@@ -5,6 +5,8 @@ from dataclasses import replace
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Harmonics, Signal
 
+_REASON = "a background as strong as the resonance itself hides it: more is no measurement of it"
+
 
 def leak(signal: Signal, values: Values) -> Signal:
     """Add a constant part of the drive to the signal."""
@@ -23,12 +25,13 @@ EFFECT = Effect(
     name="crosstalk",
     equation="V → V + C V_drive",
     parameters=(
-        ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope"),
-        ParameterSpec("imag", "V/V", -1.0, 1.0, scale="slope"),
+        ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope", reason=_REASON),
+        ParameterSpec("imag", "V/V", -1.0, 1.0, scale="slope", reason=_REASON),
     ),
     changes={"signal": leak, "harmonics": leak_first},
     source="linear superposition",
-    limits="flat over the resonance, a sinusoidal drive; where no drive is recorded, of 1 V",
+    limits="exact where the leak is flat over the resonance (else sloping_background) and the "
+    "drive sinusoidal; where no drive is recorded, of 1 V",
     sentence="the drive leaks into the detected signal",
     shared=False,
 )

@@ -24,21 +24,54 @@ def couple(mode: Oscillator, values: Values) -> Oscillator:
 EFFECT = Effect(
     name="internal_resonance",
     equation="f₀ → f₀ − g² (A/A_s)^{2(p−1)}/(f_j/p − f + iw/2), p = 2, 3; ⅜αf₀A_s² = linewidth; "
-    "w that of the second "
-    "mode over p",
+    "w that of the second mode over p",
     parameters=(
-        ParameterSpec("coupling_square", "Hz^2", 0.0, 100.0, scale="linewidth_square"),
-        ParameterSpec("offset", "Hz", -0.5, 0.5, strength=False, scale="moving"),
-        ParameterSpec("width", "Hz", 0.1, 5.0, strength=False, log=True, scale="linewidth"),
-        ParameterSpec("order", "1", 1.5, 3.5, strength=False, whole=True),
+        ParameterSpec(
+            "coupling_square",
+            "Hz^2",
+            0.0,
+            100.0,
+            scale="linewidth_square",
+            reason="g up to ten linewidths at the amplitude that stiffens the mode by one: with "
+            "more, the two modes are one pair that splits, and the second does not follow",
+        ),
+        ParameterSpec(
+            "offset",
+            "Hz",
+            -0.5,
+            0.5,
+            strength=False,
+            scale="moving",
+            reason="beyond the drives that move the mode strongly a second mode only stiffens it",
+        ),
+        ParameterSpec(
+            "width",
+            "Hz",
+            1e-3,
+            5.0,
+            strength=False,
+            log=True,
+            scale="linewidth",
+            reason="a second mode whose w/p is a thousandth of the linewidth has p·1000 times the "
+            "Q of the first; what is wider than five linewidths is nonlinear damping. That of "
+            "arXiv:2502.19191, (2,2) at twice (1,1), has 0.015",
+        ),
+        ParameterSpec(
+            "order",
+            "1",
+            1.5,
+            3.5,
+            strength=False,
+            whole=True,
+            reason="quadratic and cubic forces; those of higher order are weaker by (A/L)²",
+        ),
     ),
     changes={"oscillator": couple},
     source="Nayfeh & Mook (1979), section 6.5, the second mode slaved: averaging of q₁²q₂ (p = "
     "2) and q₁³q₂ (p = 3)",
-    limits="a steady second mode that follows the first; no energy stored there; f_j/p lies "
-    "among the drives that "
-    "move the "
-    "mode most, from "
-    "whose middle the offset counts; what is wider than five linewidths is nonlinear damping",
+    limits="a steady second mode that follows the first, 15 % of the wiggle against harmonic "
+    "balance of both; f_j/p lies among the drives that move the mode most, from whose middle the "
+    "offset counts. A partner narrower than the distance of the points has a width known only "
+    "from above",
     sentence="the driven mode gives energy to another one near a multiple of its frequency",
 )

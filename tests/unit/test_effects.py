@@ -37,7 +37,13 @@ VALUES: dict[Stage, object] = {
         np.zeros(6, complex),
     ),
     "signal": Signal(
-        np.asarray(N * (1 + 2j), np.complex128), 1e-8 * N, 0.1 * N, 633e-9, float(np.sqrt(180))
+        np.asarray(N * (1 + 2j), np.complex128),
+        1e-8 * N,
+        0.1 * N,
+        633e-9,
+        float(np.sqrt(180)),
+        10 * N,
+        N / 6,
     ),
     "placement": Placement(1e-5 * N, 2e-5 * N),
     "harmonics": Harmonics(np.outer(N, N).astype(complex), np.arange(1, 7), 1.0),

@@ -300,7 +300,13 @@ def test_a_straight_fringe_bends_as_its_first_harmonic() -> None:
     z = np.sqrt(share) * 4 * np.pi * amplitude / wavelength
     first = 2 * np.mean(np.sin(z[:, None] * np.cos(tau)) * np.cos(tau), axis=1)
     plain = Signal(
-        np.asarray(amplitude * 1e5, np.complex128), amplitude, np.ones(3), wavelength, 1.0
+        np.asarray(amplitude * 1e5, np.complex128),
+        amplitude,
+        np.ones(3),
+        wavelength,
+        1.0,
+        np.zeros(3),
+        np.ones(3),
     )
     found = changed("nonlinear_readout", "signal", plain, share=share)
     assert isinstance(found, Signal)

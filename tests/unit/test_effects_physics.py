@@ -53,6 +53,9 @@ TABLE = {
     "quadratic_stiffness",
     "internal_resonance",
     "crosstalk",
+    "fano_background",
+    "group_delay",
+    "sloping_background",
     "drive_compression",
     "nonlinear_readout",
     "gas_damping",
@@ -92,6 +95,9 @@ KINDS = {
     "finite_spot": {"map"},
     "nonlinear_readout": {"response"},
     "photothermal": {"series"},
+    "group_delay": {"response"},
+    "sloping_background": {"response"},
+    "fano_background": {"response"},
 }
 
 
@@ -315,7 +321,7 @@ def test_internal_resonance_is_the_wiggle_that_two_coupled_modes_show(order: int
 def test_saturation_of_a_sweep_is_the_first_harmonic_of_the_clipped_sinusoid() -> None:
     tau = np.linspace(0, 2 * np.pi, 40001)[:-1]
     volts = np.array([0.3, 0.7, 0.95, 1.0]) * np.exp(0.4j)
-    signal = Signal(volts, np.ones(4), np.ones(4), 0.0, 1.0)
+    signal = Signal(volts, np.ones(4), np.ones(4), 0.0, 1.0, np.zeros(4), np.ones(4))
     clipped = library()["detector_saturation"].changes["signal"](signal, {"clipped": 0.4})
     exact = [
         2 * np.mean(np.clip((v * np.exp(1j * tau)).real, -0.6, 0.6) * np.exp(-1j * tau))

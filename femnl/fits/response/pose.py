@@ -9,9 +9,11 @@ from femnl.core.errors import MeasurementError
 from femnl.core.fit import Fit
 from femnl.core.readout import Array
 from femnl.fits.response.fit import fit_response
+from femnl.mechanics.modes import shape_at
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.response.model import ALPHA_SD, ResponseModel
 from femnl.observe.response.sweeps import Sweeps, collect
+from femnl.observe.response.timing import timing
 
 MOVING = 0.3
 """Part of the largest signal from which on the mode moves strongly."""
@@ -43,7 +45,7 @@ def pose(
     softens = bool(ratio * alpha < 0)
     size = np.abs(sweeps.voltage)
     moving = sweeps.frequency[size > MOVING * size.max()]
-    time, recorded = _times(dataset, sweeps)
+    when = timing(dataset, sweeps)
     wavelength = float(dataset.attrs.get("wavelength", 0.0))
     base, start = _base(fitted, sweeps.span, peak, responsivity, place)
     return ResponseModel(
@@ -53,7 +55,8 @@ def pose(
         simulated_alpha=alpha,
         softens=softens,
         place=place,
-        time=time,
+        time=when.time,
+        shape=_shape(dataset, sweeps, film, mode),
         middle=float(moving.min() + moving.max()) / 2,
         largest=float(size.max()),
         base=base,
@@ -62,15 +65,19 @@ def pose(
             "curvature": (peak * sweeps.reference) ** -2,
             "curvature_square": (peak * sweeps.reference) ** -4,
             "slope": slope[0],
+            "slope_per_span": slope[0] / sweeps.span,
+            "span": sweeps.span,
             "drive_square": sweeps.reference**-2,
             "frequency": fitted["frequency"],
             "linewidth": fitted["linewidth"],
             "linewidth_square": fitted["linewidth"] ** 2,
             "moving": float(np.ptp(moving)),
             **({"wavelength": wavelength} if wavelength else {}),
-            **({"time": float(np.ptp(time))} if recorded else {}),
+            **({"time": float(np.ptp(when.time))} if when.recorded else {}),
         },
-        notes=_notes(sweeps, film.modes.label[mode] or str(mode + 1), alpha, softens),
+        notes=_notes(
+            (*sweeps.notes, *when.notes), film.modes.label[mode] or str(mode + 1), alpha, softens
+        ),
     )
 
 
@@ -101,22 +108,22 @@ def _base(
     return base, np.array([f0, width, peak, *responsivity, *phases])
 
 
-def _times(dataset: xr.Dataset, sweeps: Sweeps) -> tuple[Array, bool]:
-    """Return when each sweep began [s] and True, or their numbers and False."""
-    kept = np.unique(sweeps.row)
-    if "time" in dataset and np.isfinite(dataset["time"].values).all():
-        return np.asarray(dataset["time"].values[kept], float), True
-    return np.arange(len(kept), dtype=float), False
+def _shape(dataset: xr.Dataset, sweeps: Sweeps, film: SimulatedFilm, mode: int) -> Array:
+    """Return ξ of the driven mode at the place of each point, 1 where the file has no places."""
+    if "x" not in dataset or "y" not in dataset:
+        return np.ones(len(sweeps.frequency))
+    places = shape_at(film.modes, mode, sweeps.positions[:, 0], sweeps.positions[:, 1])
+    return np.asarray(places[sweeps.position])
 
 
-def _notes(sweeps: Sweeps, label: str, alpha: float, softens: bool) -> tuple[str, ...]:
+def _notes(notes: tuple[str, ...], label: str, alpha: float, softens: bool) -> tuple[str, ...]:
     """Return what a report says of the sweeps, and of what metres rest on."""
     soft = (
         "response: the sweeps soften, which the geometry alone cannot do; in their metres α "
         "is as large as simulated, but negative"
     )
     return (
-        *(f"response: {note}" for note in sweeps.notes),
+        *(f"response: {note}" for note in notes),
         *([soft] if softens else []),
         f"response: metres rest on the simulated α of mode {label}, {alpha:.3g} m⁻², known to "
         f"{ALPHA_SD:.0%}",

@@ -78,6 +78,7 @@ def response(
     y: ArrayLike | None = None,
     harmonic: ArrayLike = 1,
     time: ArrayLike | None = None,
+    duration: ArrayLike | None = None,
     noise_sd: float | None = None,
     wavelength: float | None = None,
     mode: str | None = None,
@@ -88,7 +89,8 @@ def response(
 
     Args: frequency [Hz] and complex amplitude V [V], (sweep, point), frequency also (point,) for
     all sweeps; per sweep, or one number for all: drive [V], direction (+1 up, −1 down), x, y [m],
-    harmonic, time [s]; noise_sd [V] per quadrature; wavelength [m].
+    harmonic, time at which it begins [s], duration [s]; noise_sd [V] per quadrature; wavelength
+    [m].
     Returns: Dataset of kind `response`.
     """
     volts = np.atleast_2d(np.asarray(amplitude))
@@ -101,6 +103,7 @@ def response(
         "y": y,
         "harmonic": harmonic,
         "time": time,
+        "duration": duration,
     }
     per_sweep = {
         key: None if value is None else np.broadcast_to(np.asarray(value), (sweeps,))

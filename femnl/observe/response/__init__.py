@@ -15,6 +15,8 @@ KIND = KindSpec(
             "linewidth_square",
             "moving",
             "slope",
+            "slope_per_span",
+            "span",
             "time",
             "wavelength",
         )
@@ -37,6 +39,7 @@ KIND = KindSpec(
             "y": label("sweep", "m"),
             "harmonic": label("sweep", ""),
             "time": label("sweep", "s"),
+            "duration": label("sweep", "s"),
         },
         attributes={"noise_sd": NOISE, "wavelength": WAVELENGTH, "mode": Item(unit=None)},
     ),

@@ -27,6 +27,8 @@ STRONG = (2, 8, 32)
 """Powers of a signal, in parts of the largest, with which gain and phase may deviate: smoothly, or
 of the strongest ones alone.
 """
+FARTHER = 2.0
+"""Widths of the sweeps by which those that would tell backgrounds apart are further out."""
 BEYOND = 4
 """Power of the signal with which f₀ and w may: the next beyond the cubic force."""
 
@@ -37,9 +39,10 @@ class ResponseModel(MeasurementModel):
 
     sweeps: the data. wavelength [m], 0 where it is not known. mode: index of the driven mode;
     simulated_alpha [m⁻²]: its α. softens: whether the sweeps soften, which the geometry alone
-    cannot do. place: suffix of the parameters of each position. time (n_sweeps,): when each began
-    [s], or its number. middle [Hz]: of the frequencies at which the mode moves strongly. largest
-    [V]: signal.
+    cannot do. place: suffix of the parameters of each position. time (n_points,): when each was
+    measured [s], or the number of its sweep. shape (n_points,): ξ of the driven mode where the
+    laser meets the film, 1 where that is not known. middle [Hz]: of the frequencies at which the
+    mode moves strongly. largest [V]: signal.
     """
 
     kind = "response"
@@ -52,6 +55,7 @@ class ResponseModel(MeasurementModel):
     softens: bool
     place: tuple[str, ...]
     time: Array
+    shape: Array
     middle: float
     largest: float
     base: tuple[ParameterSpec, ...]
@@ -102,8 +106,7 @@ class ResponseModel(MeasurementModel):
         """
         data = instead or self.sweeps
         mode, _ = self._mode(effects, base, values, data)
-        force = mode.force[data.sweep]
-        linear = np.maximum(mode.peak * force, np.finfo(float).tiny)
+        linear = np.maximum(mode.peak * mode.force, np.finfo(float).tiny)
         gains = np.array(
             [base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"]) for name in self.place]
         )[data.position]
@@ -111,7 +114,13 @@ class ResponseModel(MeasurementModel):
         both = []
         for b in self._states(mode, data, linear):
             signal = Signal(
-                gains * linear * b, linear * np.abs(b), volts, self.wavelength, self.largest
+                gains * linear * b,
+                linear * np.abs(b),
+                volts,
+                self.wavelength,
+                self.largest,
+                data.frequency - base["frequency"],
+                self.shape,
             )
             both.append(apply("signal", signal, effects, values).voltage)
         return self._followed(np.stack(both), mode.alpha)
@@ -124,9 +133,8 @@ class ResponseModel(MeasurementModel):
         Only α A² shows in sweeps, so that α as observed sets the metres; where it is negative,
         effects must have lowered the film's own.
         """
-        first = np.array([span.start for span in data.spans])
-        drive = data.drive[first] * data.reference
-        frequency = np.full(len(first), base["frequency"])
+        drive = data.drive * data.reference
+        frequency = np.full(len(drive), base["frequency"])
         alpha = -self.simulated_alpha if self.softens else self.simulated_alpha
         silent = np.zeros(len(data.frequency), complex)
         driven = np.asarray(data.frequency)
@@ -152,7 +160,7 @@ class ResponseModel(MeasurementModel):
 
     def _states(self, mode: Oscillator, data: Sweeps, linear: Array) -> ComplexArray:
         """Return b = A/(A₁F) on the low and on the high branch, continued past its fold, (2, n)."""
-        f0 = mode.frequency[data.sweep]
+        f0 = mode.frequency
         per = 2 / mode.linewidth
         delta = per * (f0 - data.frequency)
         cubic = (
@@ -227,10 +235,19 @@ class ResponseModel(MeasurementModel):
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """The same sweeps at twice the drives."""
-        doubled = replace(self.sweeps, reference=2 * self.sweeps.reference)
-        volts = self.predict(effects, base, values, doubled) / self.sweeps.noise
-        return {"the same sweeps at twice the drives": self._whole(volts)}
+        """The same sweeps at twice the drives, and off resonance, where only backgrounds are."""
+        data = self.sweeps
+        away = np.where(data.frequency < self.middle, -FARTHER, FARTHER) * data.span
+        plans = {
+            "the same sweeps at twice the drives": replace(data, reference=2 * data.reference),
+            "the same sweeps twice their width further off resonance, on both sides": replace(
+                data, frequency=data.frequency + away
+            ),
+        }
+        return {
+            phrase: self._whole(self.predict(effects, base, values, plan) / data.noise)
+            for phrase, plan in plans.items()
+        }
 
     def systematic(self, unit: str) -> float:
         """Return how uncertain metres are through the simulated α, which scales as m⁻²."""

@@ -1,0 +1,57 @@
+"""A resonance that drifts while it is swept, not only from sweep to sweep."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femnl import load
+from femnl.fits.response.pose import pose
+from femnl.io import measurement
+from femnl.observe.film import SimulatedFilm
+from tests.physics.driven_sweeps import F0, Bench, Complex
+
+START = 100.0 * np.arange(8)
+RATE = -1.5e-9
+
+
+def drifting(bench: Bench, duration: float) -> Complex:
+    """Return sweeps that take so long [s], in either direction, while f₀ drifts."""
+    step = np.arange(bench.points)
+    order = np.where(bench.direction[:, None] > 0, step, step[::-1])
+    time = START[:, None] + duration * (order + 0.5) / bench.points
+    return bench.volts(bench.amplitude(F0 * (1 + RATE * time)))
+
+
+@pytest.mark.parametrize("extra", [{"duration": 60.0}, {}], ids=["recorded", "without pause"])
+def test_a_drift_within_sweeps_is_named_with_its_rate(
+    extra: dict[str, float], tmp_path: Path
+) -> None:
+    bench = Bench()
+    volts = drifting(bench, extra.get("duration", 100.0))
+    found = bench.diagnose(tmp_path / "a.nc", volts, time=START, **extra)
+    assert (found.verdict, found.causes) == ("explained", ("frequency_drift",)), found.alternatives
+    rate = found.parameters["frequency_drift"]["rate"]
+    assert rate.value == pytest.approx(RATE, abs=4 * rate.sd)
+    assert found.parameters["base"]["linewidth"].value == pytest.approx(4.0, rel=1e-3)
+
+
+def test_each_point_has_its_time_whichever_way_the_sweep_went() -> None:
+    frequency = F0 + np.linspace(-40, 40, 11)
+    volts = 1e-3 / (1 + 0.1j * (frequency - F0)) * np.ones((3, 1))
+    volts[0, 4] = np.nan
+    data = measurement.response(
+        frequency,
+        volts,
+        noise_sd=1e-6,
+        mode="2,2",
+        drive=[0.1, 0.1, 0.1],
+        direction=[1, -1, 0],
+        time=[0.0, 200.0, 500.0],
+        duration=[110.0, 220.0, 110.0],
+    )
+    model = pose(data, SimulatedFilm(load("square-270um"), 12))
+    up, down, unknown = (model.time[span] for span in model.sweeps.spans)
+    np.testing.assert_allclose(up, 5.0 + 10 * np.delete(np.arange(11), 4))
+    np.testing.assert_allclose(down, 200 + 10 + 20 * np.arange(11)[::-1])
+    np.testing.assert_allclose(unknown, 555.0)

@@ -1,0 +1,53 @@
+"""A fringe that bends by what the film moves at each place of the readout."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.physics.driven_sweeps import PHASES, WAVELENGTH, Bench, Complex, lock_in
+
+SIDE = 270e-6
+PLACES = ((60e-6, 60e-6), (110e-6, 70e-6))
+
+
+def seen(bench: Bench, place: tuple[float, float], theta: float) -> Complex:
+    """Return sweeps that a cosine fringe sees at a place on a film of sines."""
+    shape = np.prod([np.sin(2 * np.pi * (part / SIDE + 0.5)) for part in place])
+    amplitude = bench.amplitude()
+    motion = shape * np.abs(amplitude)[..., None] * np.cos(PHASES)
+    first = lock_in(np.cos(4 * np.pi / WAVELENGTH * motion + theta))
+    return np.asarray(0.02 * first * amplitude / np.abs(amplitude) * np.exp(0.4j))
+
+
+def test_two_places_see_one_motion_through_fringes_that_bend_as_they_move(
+    tmp_path: Path,
+) -> None:
+    bench = Bench()
+    volts = np.concatenate([seen(bench, place, 1.2) for place in PLACES])
+    x, y = np.repeat(np.array(PLACES), len(bench.drives), axis=0).T
+    found = bench.diagnose(
+        tmp_path / "a.nc",
+        volts,
+        drive=np.tile(bench.drives, 2),
+        direction=np.tile(bench.direction, 2),
+        x=x,
+        y=y,
+    )
+    assert (found.verdict, found.causes) == ("explained", ("nonlinear_readout",)), (
+        found.where,
+        found.alternatives,
+    )
+    # The metres of the test rest on the simulated α, which is good to 1 %.
+    assert found.parameters["nonlinear_readout"]["share"].value == pytest.approx(1, abs=0.03)
+
+
+def test_one_place_that_is_not_recorded_gives_the_square_of_the_shape_there(
+    tmp_path: Path,
+) -> None:
+    bench = Bench()
+    found = bench.diagnose(tmp_path / "a.nc", seen(bench, PLACES[1], 1.2))
+    assert (found.verdict, found.causes) == ("explained", ("nonlinear_readout",))
+    square = np.prod([np.sin(2 * np.pi * (part / SIDE + 0.5)) for part in PLACES[1]]) ** 2
+    share = found.parameters["nonlinear_readout"]["share"]
+    assert share.value == pytest.approx(square, abs=4 * share.sd)
