@@ -165,12 +165,12 @@ def _cross_section(
     y = np.concatenate(
         [
             np.linspace(0, thickness, layers + 1),
-            -oxide + _graded(oxide / 2, step),
-            -_graded(oxide / 2, step),
-            -oxide - _graded(far, step),
+            -oxide + graded(oxide / 2, step),
+            -graded(oxide / 2, step),
+            -oxide - graded(far, step),
         ]
     )
-    x = np.concatenate([-_graded(far, step), _graded(far, step)])
+    x = np.concatenate([-graded(far, step), graded(far, step)])
     mesh = MeshQuad.init_tensor(np.unique(x), np.unique(np.round(y, 15)))
     middle = mesh.p[:, mesh.t].mean(axis=1)
     mesh = mesh.restrict(np.flatnonzero((middle[1] < -oxide) | (middle[0] > 0)))
@@ -192,8 +192,8 @@ def _is_x(basis: Basis) -> NDArray[np.bool_]:
     return found
 
 
-def _graded(length: float, step: float) -> Array:
+def graded(length: float, step: float, growth: float = GROWTH) -> Array:
     """Places from 0 to a length, `step` apart at 0 and ever further."""
-    places = np.concatenate([[0.0], np.cumsum(step * GROWTH ** np.arange(200))])
+    places = np.concatenate([[0.0], np.cumsum(step * growth ** np.arange(200))])
     places = places[: np.searchsorted(places, length) + 1]
     return np.asarray(places * length / places[-1])
