@@ -27,7 +27,7 @@ from skfem import (
 )
 from skfem.helpers import sym_grad, trace
 
-from benchmarks.ledge import graded
+from benchmarks.ledge_section import graded
 from femnl.core.device import Film, Model
 from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.lattice import solve_cell

@@ -25,7 +25,7 @@ from skfem import (
 )
 from skfem.helpers import ddot, sym_grad, trace
 
-from benchmarks.ledge import FOOT, OXIDE, USUAL, Materials, graded
+from benchmarks.ledge_section import FOOT, OXIDE, USUAL, Materials, graded
 from benchmarks.ledge_film import Sheet, directions, film_basis, film_system, mode_stress
 from femnl.mechanics.fem.solvers import factorize
 
@@ -51,9 +51,9 @@ class Wafer:
 class Grid:
     """Elements: finest at the edge [m], how much each gains on the last, layers of the oxide."""
 
-    finest: float = 1.5e-6
-    growth: float = 1.8
-    layers: int = 3
+    finest: float = 3e-6
+    growth: float = 2.2
+    layers: int = 2
 
 
 USUAL_WAFER = Wafer()

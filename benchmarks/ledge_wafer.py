@@ -13,7 +13,7 @@ Source: K. L. Johnson, Contact Mechanics (1985), section 3.6. Limits: a half-spa
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.ledge import USUAL, Ledge, Materials
+from benchmarks.ledge_section import USUAL, Ledge, Materials
 
 Array = NDArray[np.float64]
 
@@ -46,19 +46,21 @@ def square_force(x: Array, y: Array, side: float, materials: Materials = USUAL) 
     return total
 
 
-def edge_motion(ledge: Ledge, places: Array, side: float, spread: float) -> tuple[Array, Array]:
+def edge_motion(
+    ledge: Ledge, places: Array, side: float, oxide: float, spread: float = 1e-6
+) -> tuple[Array, Array]:
     """Displacement of the film's edge by a unit pull [m²/N] and by a unit of pressure [m/Pa].
 
-    Each (2, n): inwards, and along the edge towards its middle. The layers spread the line over
-    their own thickness, so the wafer is taken on either side of the line, `spread` away, and the
-    logarithm of that distance is given back.
+    Each (2, n): inwards, and along the edge towards its middle. On either side of the line, `spread`
+    away, the wafer moves by its logarithm and by what the sides' lengths make of it. The layers'
+    own part of the cross-section is added; it holds some of the oxide's thickness from the corners.
 
-    Args: places along the right-hand side from its middle (n,) [m].
+    Args: places along the right-hand side from its middle (n,) [m]; side; oxide, its thickness [m].
     """
     inner = square_force(np.full_like(places, side / 2 - spread), places, side, ledge.materials)
     outer = square_force(np.full_like(places, side / 2 + spread), places, side, ledge.materials)
-    wafer = (inner + outer) / 2
-    wafer = np.stack([-wafer[0], -np.sign(places) * wafer[1]])
+    mean = (inner + outer) / 2
+    wafer = np.stack([-mean[0], -np.sign(places) * mean[1]])
     wafer[0] += ledge.materials.logarithm * np.log(spread)
     own = np.array([[1.0], [0.0]])
-    return wafer + own * ledge.pull, None
+    return wafer + own * ledge.pull, oxide * wafer + own * ledge.push
