@@ -12,6 +12,7 @@ here and are opinions: only ratios of 10 and more say anything.
   would do at 150 ppm/K = E Δα/(2 σ (1 − ν)); the stage was controlled.
 - particle: δf/f = −2 m ξ²/M, evenly over the film, mass evenly in its logarithm, 0.1 … 100 pg. It
   mixes (1,2) with (2,1), whose nodal lines the paper's maps show bent a little.
+- unknown: anything within ± 1 kHz, such as unevenness of the film's stress.
 """
 
 from collections.abc import Iterator
@@ -33,7 +34,15 @@ FILM_MASS = 5.52e-4 * (270e-6) ** 2  # kg
 SPLIT = 100e-6 * F12  # Hz, of (1,2) and (2,1) by the film's own unevenness, one standard deviation
 WEAK = 0.4  # rad, of mixing: a bent nodal line, not a turned one
 
-PRIOR = {"the ledge alone": 0.45, "frame mode": 0.4, "drift": 0.1, "particle": 0.05}
+UNKNOWN = 1000.0  # Hz, half the width of what nobody thought of
+
+PRIOR = {
+    "the ledge alone": 0.4,
+    "frame mode": 0.35,
+    "drift": 0.1,
+    "particle": 0.05,
+    "unknown": 0.1,
+}
 
 
 def frame(rng: np.random.Generator, count: int) -> Array:
@@ -82,6 +91,7 @@ def weigh(ledge: Array, seed: int = 2) -> Iterator[str]:
         "frame mode": density(ledge + frame(rng, count)),
         "drift": density(ledge + drift(rng, count)),
         "particle": density((ledge + grains)[allowed]) * float(allowed.mean()),
+        "unknown": density(ledge + rng.uniform(-UNKNOWN, UNKNOWN, count)),
     }
     total = sum(PRIOR[name] * value for name, value in evidence.items())
     for name, value in evidence.items():

@@ -179,9 +179,7 @@ def _cross_section(
     # the face leans over the foot, and what lies below and beside it goes along
     depth = np.clip(-mesh.p[1] / oxide, 0, 1)
     lean = foot * depth * np.exp(np.minimum(mesh.p[1] + oxide, 0) / oxide)
-    moved = mesh.p - np.stack(
-        [lean * np.exp(-np.abs(mesh.p[0]) / oxide), np.zeros_like(lean)]
-    )
+    moved = mesh.p - np.stack([lean * np.exp(-np.abs(mesh.p[0]) / oxide), np.zeros_like(lean)])
     return MeshQuad(moved, mesh.t), material
 
 

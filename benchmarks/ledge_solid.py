@@ -25,8 +25,8 @@ from skfem import (
 )
 from skfem.helpers import ddot, sym_grad, trace
 
-from benchmarks.ledge_section import FOOT, OXIDE, USUAL, Materials, graded
 from benchmarks.ledge_film import Sheet, directions, film_basis, film_system, mode_stress
+from benchmarks.ledge_section import FOOT, OXIDE, USUAL, Materials, graded
 from femnl.mechanics.fem.solvers import factorize
 
 Array = NDArray[np.float64]

@@ -51,9 +51,9 @@ def edge_motion(
 ) -> tuple[Array, Array]:
     """Displacement of the film's edge by a unit pull [m²/N] and by a unit of pressure [m/Pa].
 
-    Each (2, n): inwards, and along the edge towards its middle. On either side of the line, `spread`
-    away, the wafer moves by its logarithm and by what the sides' lengths make of it. The layers'
-    own part of the cross-section is added; it holds some of the oxide's thickness from the corners.
+    Each (2, n): inwards, and along the edge towards its middle. On either side of the line, at
+    `spread` [m], the wafer moves by its logarithm and by what the sides' lengths make of it. The
+    cross-section adds the layers' own part, which holds a few thicknesses away from the corners.
 
     Args: places along the right-hand side from its middle (n,) [m]; side; oxide, its thickness [m].
     """
