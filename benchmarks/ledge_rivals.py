@@ -108,4 +108,5 @@ def weigh(ledge: Array, seed: int = 2) -> Iterator[str]:
     near = allowed & (np.abs(ledge + grains - MEASURED) < 50)
     if near.any():
         low, high = np.quantile(mass[near], [0.16, 0.84]) * 1e15
-        yield f"  particle within 50 Hz that leaves the pair's nodal lines: {low:.0f} … {high:.0f} pg"
+        span = f"{low:.0f} … {high:.0f} pg"
+        yield f"  particle within 50 Hz that leaves the pair's nodal lines: {span}"

@@ -214,9 +214,9 @@ def main(folder: Path, whole: bool) -> None:
         "nm less "
         "at the rims of holes\n"
         f"ledge of oxide: {normal * 1e-9:.1f} GPa across, {shear * 1e-9:.1f} GPa along; oxide "
-        f"under -280 MPa pushes the middle of an edge {moved.inwards[0, 0] * 280e15:.1f} nm inwards\n"
-        f"tapered film, even, on its ledge: {on_ledge(tapered_device, moved, PRESSURE):.0f} Hz, and "
-        f"with rigid edges {detuning(tapered_device):.0f} Hz\n"
+        f"under -280 MPa pushes the middle of an edge {moved.inwards[0, 0] * PRESSURE * 1e9:.1f} nm\n"
+        f"tapered film, holes even, on its ledge: {on_ledge(tapered_device, moved, PRESSURE):.0f} "
+        f"Hz, and with rigid edges {detuning(tapered_device):.0f} Hz\n"
     )
     _draw(folder / "open_numbers.png", rows, even, taper)
     if whole:
