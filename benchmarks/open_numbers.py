@@ -208,13 +208,14 @@ def main(folder: Path, whole: bool) -> None:
     tapered_device = replace(device, film=film)
     normal, shear = ledge.springs(SIDE / 2)
     moved = edge_by_solid(device)
+    push = moved.inwards[0, 0] * PRESSURE * 1e9
     sys.stdout.write(
         f"film as the etch left it: {film.thickness * 1e9:.0f} nm at the edge, "
         f"{film.taper * 1e9:.0f} "
         "nm less "
         "at the rims of holes\n"
         f"ledge of oxide: {normal * 1e-9:.1f} GPa across, {shear * 1e-9:.1f} GPa along; oxide "
-        f"under -280 MPa pushes the middle of an edge {moved.inwards[0, 0] * PRESSURE * 1e9:.1f} nm\n"
+        f"under -280 MPa pushes the middle of an edge {push:.1f} nm\n"
         f"tapered film, holes even, on its ledge: {on_ledge(tapered_device, moved, PRESSURE):.0f} "
         f"Hz, and with rigid edges {detuning(tapered_device):.0f} Hz\n"
     )
