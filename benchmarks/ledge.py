@@ -49,7 +49,7 @@ class Prior:
     radius: tuple[float, float] = (0.9e-6, 0.25e-6)
     # gap less oxide, whose 3.17 µm is good to a percent; ≥ 0
     below: tuple[float, float] = (56e-9, 32e-9)
-    # thermal oxide: 280 MPa by expansion from 1000 °C, 250 … 350 MPa measured
+    # not measured; thermal oxide is 280 MPa by expansion from 1000 °C, 250 … 350 MPa assumed
     pressure: tuple[float, float] = (300e6, 40e6)
     # of the motion: shape of the oxide's face 4 %, the film as a sheet 2 %
     motion: tuple[float, float] = (1.0, 0.05)

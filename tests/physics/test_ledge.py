@@ -81,7 +81,7 @@ def test_a_side_moves_the_wafer_as_cerruti_says(place: tuple[float, float]) -> N
             -SIDE / 2,
             SIDE / 2,
             points=[y] if abs(y) < SIDE / 2 else None,
-            epsabs=0,
+            epsabs=1e-20,
             epsrel=1e-10,
         )[0]
         assert found[axis] == pytest.approx(wanted, rel=1e-8, abs=1e-18)
