@@ -1,122 +1,199 @@
-"""How far the edge of a released film moves in its plane.
+"""How far the ledge of device J10 moves, what f22 − 2 f11 that makes, and what else could.
 
-Plane strain of the film's end on the oxide that the etch left.
-
-The film lies on oxide with a vertical face, on silicon. Before the etch nothing pulls sideways;
-afterwards the suspended film pulls at its end, the film on the ledge pulls back, and the oxide,
-compressed since it grew, expands towards the gap.
+Run `python -m benchmarks.ledge`; it takes two minutes and prints three tables: the motion of the
+edge by two methods and on several meshes, f22 − 2 f11 over what is known of the device, and how
+well that and its rivals account for the measured 249 Hz.
 """
 
-from dataclasses import dataclass
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
-from skfem import (
-    Basis,
-    BilinearForm,
-    ElementQuad0,
-    ElementQuad2,
-    ElementVector,
-    FacetBasis,
-    Functional,
-    LinearForm,
-    MeshQuad,
-)
-from skfem.helpers import ddot, sym_grad, trace
 
-from femnl.mechanics.fem.solvers import factorize
+from benchmarks.ledge_film import sheet_of
+from benchmarks.ledge_modes import detuning
+from benchmarks.ledge_rivals import weigh
+from benchmarks.ledge_section import OXIDE, Materials, solve_ledge
+from benchmarks.ledge_solid import USUAL_GRID, USUAL_WAFER, Grid, Moved, Wafer, solve_solid
+from benchmarks.ledge_wafer import edge_motion
+from femnl import load
+from femnl.core.device import Film, Holes, Model
 
 Array = NDArray[np.float64]
 
-YOUNG = np.array([250e9, 70e9, 160e9])  # film, oxide, silicon
-POISSON = np.array([0.23, 0.17, 0.22])
-OXIDE = 3.17e-6  # thickness, arXiv:2502.19191, supplement S1
-WIDE = 30e-6
-DEEP = 30e-6
-GROWTH = 1.25
+PITCH = 8.56e-6
+SIDE = 270e-6
+LEFT = 183.75e-9  # mean thickness of the film, arXiv:2502.19191, supplement S6
+REACH = 9.98e-6  # of the etch beyond the rims of the holes
+MEAN_DISTANCE = 0.3826 * PITCH - 0.9e-6  # from the rim of the nearest hole, over a cell
+# A square of oxide for each corner, as large as what the etch leaves of a corner of 10.88 µm
+CORNER = 10.88e-6 * float(np.sqrt(1 - np.pi / 4))
+# The whole etched, tapered device with rigid edges, less the same as an even film with sharp
+# corners: `python -m benchmarks.open_numbers --full` gives 1164 ± 2 Hz for the first
+WHOLE = 1164.0 - 1192.9
+
+RADII = np.array([0.5e-6, 0.9e-6, 1.4e-6])
+BELOW = np.array([0.0, 56e-9, 112e-9])
+PRESSURES = np.array([150e6, 300e6, 450e6])
+
+DRAWS = 20000
 
 
 @dataclass(frozen=True)
-class Ledge:
-    """normal [Pa]: force per length and displacement at the film's end.
+class Prior:
+    """Mean and standard deviation of what is known of J10."""
 
-    relaxation [m/Pa]: how far compressed oxide pushes it inwards.
+    # not given; 0.9 µm makes the etch reach the quoted 10 µm; 0.5 … 1.4 µm
+    radius: tuple[float, float] = (0.9e-6, 0.25e-6)
+    # gap less oxide, whose 3.17 µm is good to a percent; ≥ 0
+    below: tuple[float, float] = (56e-9, 32e-9)
+    # not measured; thermal oxide is 280 MPa by expansion from 1000 °C, 250 … 350 MPa assumed
+    pressure: tuple[float, float] = (300e6, 40e6)
+    # of the motion: shape of the oxide's face 4 %, the film as a sheet 2 %
+    motion: tuple[float, float] = (1.0, 0.05)
+    # silicon's anisotropy, the corners' shape, scallops and the homogenised film, in Hz
+    model: tuple[float, float] = (0.0, 60.0)
+
+
+USUAL_PRIOR = Prior()
+
+
+def etched(film: Film, below: float) -> Film:
+    """The film that the etch leaves if it took `below` [m] on average from below.
+
+    There it began at the rim of a hole and came a distance d later, d/REACH of the time. What else
+    is missing was taken from above, everywhere.
     """
-
-    normal: float
-    relaxation: float
-
-    @property
-    def shear(self) -> float:
-        """The same along the edge [Pa], √(G h · G'/t) of a film on a layer that shears."""
-        film = YOUNG[0] / 2 / (1 + POISSON[0])
-        return self.normal * float(np.sqrt(film * (1 - POISSON[0] ** 2) / YOUNG[0]))
+    if below == 0:
+        return film
+    taper = below / (1 - MEAN_DISTANCE / REACH)
+    return replace(film, thickness=LEFT + below, taper=taper, taper_length=REACH)
 
 
-def solve_ledge(thickness: float, layers: int = 4) -> Ledge:
-    """Solve the cross-section.
+def edge_by_solid(
+    device: Model, wafer: Wafer = USUAL_WAFER, grid: Grid = USUAL_GRID, corner: float = CORNER
+) -> Moved:
+    """Motion of the edge of J10 by each load, on the wafer in three dimensions."""
+    film = etched(device.film, BELOW[1])
+    return solve_solid(sheet_of(device, film, PITCH, SIDE, corner), wafer, grid)
 
-    Args: thickness of the film on the ledge [m]; layers of elements across it.
+
+def on_ledge(device: Model, moved: Moved, pressure: float, scale: float = 1.0) -> float:
+    """f22 − 2 f11 [Hz] of a device whose edge moves under the pressure [Pa] of its oxide."""
+    tension = np.array(sheet_of(device, device.film, PITCH, SIDE).tension)[::-1]
+    loads = scale * np.array([pressure, *tension])
+    inwards = loads @ moved.inwards
+    along = loads @ moved.along
+    return detuning(
+        device,
+        lambda s: (np.interp(s, moved.places, inwards), np.interp(s, moved.places, along)),
+    )
+
+
+def tables(device: Model, moved: Moved) -> Callable[[Array], Array]:
+    """f22 − 2 f11 [Hz] of the whole device at (n, 3) radii, thicknesses from below and pressures.
+
+    A polynomial of second degree in each.
     """
-    step = thickness / layers
-    across = np.concatenate(
-        [
-            np.linspace(0, thickness, layers + 1),
-            -OXIDE + _graded(OXIDE / 2, step),
-            -_graded(OXIDE / 2, step),
+    values = np.empty((len(RADII), len(BELOW), len(PRESSURES)))
+    for i, radius in enumerate(RADII):
+        for j, below in enumerate(BELOW):
+            holes = Holes(np.array(device.holes.centres), radius)
+            model = replace(device, holes=holes, film=etched(device.film, below))
+            for k, pressure in enumerate(PRESSURES):
+                values[i, j, k] = on_ledge(model, moved, pressure) + WHOLE
+
+    def at(places: Array) -> Array:
+        weights = [
+            _lagrange(nodes, places[:, axis])
+            for axis, nodes in enumerate((RADII, BELOW, PRESSURES))
         ]
-    )
-    x = np.concatenate([-_graded(2 / 3 * WIDE, step), _graded(WIDE, step)])
-    y = np.concatenate([across, -OXIDE - _graded(DEEP, step)])
-    mesh = MeshQuad.init_tensor(np.unique(x), np.unique(np.round(y, 15)))
-    middle = mesh.p[:, mesh.t].mean(axis=1)
-    mesh = mesh.restrict(np.flatnonzero((middle[1] < -OXIDE) | (middle[0] > 0)))
-    middle = mesh.p[:, mesh.t].mean(axis=1)
-    material = np.where(middle[1] > 0, 0, np.where(middle[1] > -OXIDE, 1, 2))
-    basis = Basis(mesh, ElementVector(ElementQuad2()), intorder=4)
-    constant = basis.with_element(ElementQuad0())
-    young = YOUNG[material]
-    poisson = POISSON[material]
-    lame = constant.interpolate(young * poisson / (1 + poisson) / (1 - 2 * poisson))
-    shear = constant.interpolate(young / 2 / (1 + poisson))
+        return np.asarray(np.einsum("ijk,ni,nj,nk->n", values, *weights))
 
-    stiffness = BilinearForm(
-        lambda u, v, w: (
-            w.lame * trace(sym_grad(u)) * trace(sym_grad(v))
-            + 2 * w.shear * ddot(sym_grad(u), sym_grad(v))
-        )
+    return at
+
+
+def _lagrange(nodes: Array, places: Array) -> Array:
+    """Weight of each of three nodes at places, (n, 3)."""
+    weights = np.ones((len(places), len(nodes)))
+    for i, node in enumerate(nodes):
+        for other in np.delete(nodes, i):
+            weights[:, i] *= (places - other) / (node - other)
+    return weights
+
+
+def expected(table: Callable[[Array], Array], prior: Prior = USUAL_PRIOR, seed: int = 1) -> Array:
+    """f22 − 2 f11 [Hz] of draws from what is known, (n,)."""
+    rng = np.random.default_rng(seed)
+
+    def draw(known: tuple[float, float]) -> Array:
+        return np.asarray(rng.normal(*known, DRAWS))
+
+    radius, below, pressure = draw(prior.radius), draw(prior.below), draw(prior.pressure)
+    # the film's own pull nearly cancels, so the whole motion goes with the oxide's pressure
+    pressure = pressure * draw(prior.motion)
+    kept = (radius > RADII[0]) & (radius < RADII[-1]) & (below > 0) & (below < BELOW[-1])
+    kept &= (pressure > PRESSURES[0]) & (pressure < PRESSURES[-1])
+    places = np.stack([radius, below, pressure], axis=-1)[kept]
+    return np.asarray(table(places) + draw(prior.model)[kept])
+
+
+def convergence(device: Model) -> Moved:
+    """Print the motion of the edge by two methods and on several meshes; return the usual one."""
+    section = solve_ledge(240e-9)
+    middle = np.array([0.0])
+    pull, push = edge_motion(section, middle, SIDE, OXIDE)
+    say(
+        f"cross-section and sides: {280e15 * push[0, 0]:.2f} nm by the oxide at −280 MPa, "
+        f"{pull[0, 0] * 1e12:.1f} pm per N/m by a pull, before the film gives way"
     )
-    compressed = LinearForm(lambda v, w: w.oxide * sym_grad(v)[0, 0])
-    end = FacetBasis(
-        mesh,
-        basis.elem,
-        facets=mesh.facets_satisfying(
-            lambda p: (np.abs(p[0]) < 1e-12) & (p[1] > 0), boundaries_only=True
+    usual = edge_by_solid(device)
+    film = replace(device, film=etched(device.film, BELOW[1]))
+    cases = {
+        "solid": usual,
+        "solid, coarser": edge_by_solid(device, grid=Grid(5e-6, 2.5, 2)),
+        "solid, wafer held twice as far": edge_by_solid(device, Wafer(beyond=1600e-6)),
+        "solid, back glued": edge_by_solid(device, Wafer(glued=True)),
+        "solid, upright face": edge_by_solid(device, Wafer(foot=0.0)),
+        "solid, sharp corners": edge_by_solid(device, corner=0.0),
+        "solid, silicon as along <100>": edge_by_solid(
+            device, Wafer(materials=Materials((250e9, 70e9, 130e9), (0.23, 0.17, 0.28)))
         ),
-    )
-    pull = LinearForm(lambda v, w: -v[0] / thickness).assemble(end)
-    sides = basis.get_dofs(lambda p: (p[0] > WIDE - 1e-12) | (p[0] < -2 / 3 * WIDE + 1e-12)).all(
-        "u^1"
-    )
-    held = np.union1d(sides, basis.get_dofs(lambda p: p[1] < mesh.p[1].min() + 1e-12).all())
-    free = np.setdiff1d(np.arange(basis.N), held)
-    matrix = stiffness.assemble(basis, lame=lame, shear=shear)
-    result = factorize(csc_matrix(matrix[free][:, free]))
-    oxide = compressed.assemble(basis, oxide=constant.interpolate((material == 1).astype(float)))
-    moved = []
-    for load in (pull, oxide):
-        displacement = np.zeros(basis.N)
-        displacement[free] = result(load[free])
-        moved.append(
-            -float(Functional(lambda w: w.u[0]).assemble(end, u=end.interpolate(displacement)))
-            / thickness
+    }
+    for name, moved in cases.items():
+        say(
+            f"{name}: {280e15 * moved.inwards[0, 0]:.2f} nm, "
+            f"f22 − 2 f11 = {on_ledge(film, moved, 280e6) + WHOLE:.0f} Hz"
         )
-    return Ledge(1 / moved[0], moved[1])
+    return usual
 
 
-def _graded(length: float, step: float) -> Array:
-    """Places from 0 to a length, `step` apart at 0 and ever further."""
-    places = np.concatenate([[0.0], np.cumsum(step * GROWTH ** np.arange(200))])
-    places = places[: np.searchsorted(places, length) + 1]
-    return np.asarray(places * length / places[-1])
+def main() -> None:
+    """Print the three tables."""
+    device = load("square-270um-perforated")
+    moved = convergence(device)
+    table = tables(device, moved)
+    for below in BELOW[:2]:
+        row = table(np.array([[0.9e-6, below, p] for p in (200e6, 250e6, 300e6, 350e6, 400e6)]))
+        values = ", ".join(f"{value:.0f}" for value in row)
+        say(f"{below * 1e9:.0f} nm from below, oxide at −200 … −400 MPa: {values} Hz")
+    draws = expected(table)
+    low, high = np.quantile(draws, [0.025, 0.975])
+    say(
+        f"over what is known: {draws.mean():.0f} ± {draws.std():.0f} Hz, 95 % within "
+        f"{low:.0f} … {high:.0f} Hz; {np.mean(draws < 249):.2%} below 249 Hz"
+    )
+    for line in weigh(draws):
+        say(line)
+
+
+def say(line: str) -> None:
+    """Print a line."""
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
