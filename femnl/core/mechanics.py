@@ -179,7 +179,7 @@ class Modes(Tabulated):
         if not departures:
             return np.full(len(self.frequency), np.inf)
         last, *before = departures
-        safety = PEAK_UNEVEN if len(self.domain.model.holes.centres) else PEAK_SAFETY
+        safety = PEAK_UNEVEN if self.domain.model.pierced else PEAK_SAFETY
         left = settle(last, before[0] if before else np.full(last.shape, np.nan), safety, 0.0)
         return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) + self._mixing)
 
