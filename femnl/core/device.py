@@ -225,6 +225,13 @@ class Model:
         return len(self.holes.centres) > 0 or len(self.openings) > 0
 
     @property
+    def released(self) -> bool:
+        """Whether the film ends free at an inner edge, towards which its stress relaxes."""
+        return len(self.holes.centres) > 0 or any(
+            not segment.clamped for opening in self.openings for segment in opening.segments
+        )
+
+    @property
     def etched_from(self) -> tuple[Holes, ...]:
         """The round holes with free rims, through which an etch comes, by radius."""
         found = [self.holes] if len(self.holes.centres) else []

@@ -44,7 +44,9 @@ class Domain:
     angle `wedge` [rad]. wedge = 2π is the whole film, π the upper half, π/2 a quarter, π/4 an
     eighth, π/6 a twelfth. diagonal: the mesh of a quarter is its own image under x ↔ y, so that
     modes odd in y are those odd in x, exchanged. tiles: where the mesh is made of the tiles of
-    `mechanics.lattice`, the resolution of theirs; 0 elsewhere.
+    `mechanics.lattice`, the resolution of theirs; 0 elsewhere. misfit: how far elliptical edges of
+    the mesh, which are arcs of circles, lie from their ellipses, at most, relative to the shorter
+    half axis; arcs of circles are exact.
     """
 
     model: Model
@@ -52,6 +54,7 @@ class Domain:
     wedge: float
     diagonal: bool = False
     tiles: float = 0.0
+    misfit: float = 0.0
 
     def __repr__(self) -> str:
         """Device and number of triangles."""
@@ -143,7 +146,8 @@ class Modes(Tabulated):
 
         Infinite without counterparts of lower degree.
         """
-        return self._remainder([m.frequency for m in self.grades], self.frequency)
+        left = self._remainder([m.frequency for m in self.grades], self.frequency)
+        return np.asarray(left + self.domain.misfit * self.frequency)
 
     @property
     def ratio_error(self) -> Array:
@@ -227,6 +231,9 @@ class Modes(Tabulated):
         uneven = len(model.outline.corners) > 0 and not (
             model.clamp.rigid_in_plane and model.overhang is None
         )
+        # Around holes the errors of stress and of deflection have opposite signs and fall at paces
+        # of their own: their sum falls fast from the lowest degree to the next, and slowly after.
+        uneven = uneven or model.released
         # With it, the layers of bending leave more
         kinked = model.film.taper > 0 and not model.bending
         return REENTRANT if reentrant or uneven or kinked else STEADY

@@ -18,7 +18,7 @@ from femnl.core.device import Model, Outline, Segment
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
 from femnl.device.geometry import curves as exact
-from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double
+from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double, misfit
 from femnl.device.mesh.corners import singular_corners
 from femnl.device.mesh.symmetry import EIGHTH, FULL, HALF, QUARTER, find_wedge, has_symmetry
 from femnl.mechanics.fem.memory import need_memory
@@ -80,7 +80,7 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: 
     if model.overhang is not None:
         outside = ~exact.contains(model.outline, result.p[:, result.t].mean(axis=1).T)
         result = replace(result, _subdomains={"overhang": np.flatnonzero(outside)})
-    return Domain(model, result, wedge, diagonal)
+    return Domain(model, result, wedge, diagonal, misfit=misfit(model, result))
 
 
 @contextmanager
