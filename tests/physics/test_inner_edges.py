@@ -1,6 +1,8 @@
 """Annuli, ellipses and round plates against Bessel and Mathieu functions, and radial Ritz."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,23 +35,27 @@ def roots(values: Array, grid: Array) -> NDArray[np.int64]:
     return np.flatnonzero(values[1:] * values[:-1] < 0)
 
 
+def zero(function: Callable[[Array], Array], low: float, high: float) -> float:
+    return float(brentq(lambda k: float(function(np.asarray(k))), low, high, xtol=1e-13))
+
+
 def held_annulus(inner: float) -> Array:
-    """Return f [Hz] at 1 m/s of the annulus held at radii `inner` and 1: Bessel's cross products."""
+    """Return f [Hz] at 1 m/s of the annulus held at both radii: Bessel's cross products."""
     grid = np.linspace(0.2, 80, 4000)
     found: list[float] = []
     for m in range(8):
 
-        def cross(k: float | Array, m: int = m) -> Array:
+        def cross(k: Array, m: int = m) -> Array:
             return np.asarray(jv(m, k) * yv(m, k * inner) - jv(m, k * inner) * yv(m, k))
 
         at = grid[grid > 0.3 * m]
         for i in roots(cross(at), at):
-            found += [brentq(cross, at[i], at[i + 1], xtol=1e-14)] * (1 if m == 0 else 2)
+            found += [zero(cross, at[i], at[i + 1])] * (1 if m == 0 else 2)
     return np.sort(found)[:COUNT] / (2 * np.pi)
 
 
 def ellipse(ratio: float) -> Array:
-    """Return f [Hz] at 1 m/s of an ellipse of semi-axes 1 and `ratio`: modified Mathieu functions."""
+    """Return f [Hz] at 1 m/s of an ellipse of semi-axes 1 and `ratio`: Mathieu functions."""
     focus = np.sqrt(1 - ratio**2)
     edge = np.arctanh(ratio)
     grid = np.linspace(0.8, 14, 400)
@@ -57,11 +63,11 @@ def ellipse(ratio: float) -> Array:
     for function, first in ((mathieu_modcem1, 0), (mathieu_modsem1, 1)):
         for m in range(first, 6):
 
-            def radial(k: float | Array, m: int = m, function: object = function) -> Array:
-                return np.asarray(function(m, (k * focus / 2) ** 2, edge)[0])  # type: ignore[operator]
+            def radial(k: Array, m: int = m, function: Any = function) -> Array:
+                return np.asarray(function(m, (k * focus / 2) ** 2, edge)[0])
 
             at = roots(radial(grid), grid)
-            found += [brentq(radial, grid[i], grid[i + 1], xtol=1e-13) for i in at]
+            found += [zero(radial, grid[i], grid[i + 1]) for i in at]
     return np.sort(found)[:COUNT] / (2 * np.pi)
 
 

@@ -74,7 +74,8 @@ def read_modes(path: Path, model: Model) -> Modes:
             _subdomains={"overhang": stored["overhang"]} if "overhang" in stored else None,
         )
         wedge, tiles = (float(_attribute(file, name)) for name in ("wedge", "tiles"))
-        misfit = float(file.attrs.get("misfit", 0.0))  # older files have no ellipses
+        # Older files have no ellipses
+        misfit = float(_attribute(file, "misfit")) if "misfit" in file.attrs else 0.0
         domain = Domain(model, mesh, wedge, tiles=tiles, misfit=misfit)
         found: Modes | None = None
         for name in reversed(("modes", *GRADES)):
