@@ -45,8 +45,7 @@ class Domain:
     eighth, π/6 a twelfth. diagonal: the mesh of a quarter is its own image under x ↔ y, so that
     modes odd in y are those odd in x, exchanged. tiles: where the mesh is made of the tiles of
     `mechanics.lattice`, the resolution of theirs; 0 elsewhere. misfit: how far elliptical edges of
-    the mesh, which are arcs of circles, lie from their ellipses, at most, relative to the shorter
-    half axis; arcs of circles are exact.
+    the mesh, which are arcs of circles, lie from their ellipses, over the shorter half axis.
     """
 
     model: Model
@@ -161,14 +160,17 @@ class Modes(Tabulated):
         # Low degrees may err so alike that their ratios seem to settle at once: these settle no
         # faster than the frequencies do.
         left = share_left(
-            *steps([m.frequency for m in self.grades[:3]], self.frequency), SAFETY, self._least
+            *steps([m.frequency for m in self.grades[:3]], self.frequency),
+            SAFETY,
+            self._least_without_holes,
         )
         own = remainder(
             [m.ratio for m in self.grades[:3]], self.ratio, np.maximum(left, left[0]), 1.0
         )
-        both = self.ratio * (
-            self.frequency_error / self.frequency + self.frequency_error[0] / self.frequency[0]
+        steady = remainder(
+            [m.frequency for m in self.grades[:3]], self.frequency, self._least_without_holes
         )
+        both = self.ratio * (steady / self.frequency + steady[0] / self.frequency[0])
         return np.asarray(np.where(inner, np.minimum(own + UNLIKE * both, both), 0.0))
 
     @property
@@ -225,15 +227,17 @@ class Modes(Tabulated):
     @property
     def _least(self) -> float:
         """Of the last difference between degrees, what is left at least."""
+        # Around holes the errors of stress and deflection have opposite signs, and settle apart.
+        return REENTRANT if self.domain.model.released else self._least_without_holes
+
+    @property
+    def _least_without_holes(self) -> float:
         model = self.domain.model
         reentrant = any(angle > np.pi + 1e-6 for _, angle in model.outline.corners)
         # Springs in plane, and a strip of another film, leave the stress uneven at every corner.
         uneven = len(model.outline.corners) > 0 and not (
             model.clamp.rigid_in_plane and model.overhang is None
         )
-        # Around holes the errors of stress and of deflection have opposite signs and fall at paces
-        # of their own: their sum falls fast from the lowest degree to the next, and slowly after.
-        uneven = uneven or model.released
         # With it, the layers of bending leave more
         kinked = model.film.taper > 0 and not model.bending
         return REENTRANT if reentrant or uneven or kinked else STEADY
