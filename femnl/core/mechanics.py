@@ -145,8 +145,8 @@ class Modes(Tabulated):
 
         Infinite without counterparts of lower degree.
         """
-        left = self._remainder([m.frequency for m in self.grades], self.frequency)
-        return np.asarray(left + self.domain.misfit * self.frequency)
+        f = self.frequency
+        return self._remainder([m.frequency for m in self.grades], f) + self.domain.misfit * f
 
     @property
     def ratio_error(self) -> Array:
@@ -167,11 +167,11 @@ class Modes(Tabulated):
         own = remainder(
             [m.ratio for m in self.grades[:3]], self.ratio, np.maximum(left, left[0]), 1.0
         )
-        steady = remainder(
-            [m.frequency for m in self.grades[:3]], self.frequency, self._least_without_holes
-        )
+        misfit = 2 * self.domain.misfit * self.ratio
+        frequencies = [m.frequency for m in self.grades[:3]]
+        steady = remainder(frequencies, self.frequency, self._least_without_holes)
         both = self.ratio * (steady / self.frequency + steady[0] / self.frequency[0])
-        return np.asarray(np.where(inner, np.minimum(own + UNLIKE * both, both), 0.0))
+        return np.asarray(np.where(inner, np.minimum(own + UNLIKE * both, both) + misfit, 0.0))
 
     @property
     def peak_error(self) -> Array:
@@ -226,7 +226,6 @@ class Modes(Tabulated):
 
     @property
     def _least(self) -> float:
-        """Of the last difference between degrees, what is left at least."""
         # Around holes the errors of stress and deflection have opposite signs, and settle apart.
         return REENTRANT if self.domain.model.released else self._least_without_holes
 
