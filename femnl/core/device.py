@@ -16,26 +16,45 @@ Edge = Literal["clamped", "sliding", "paper"]
 
 @dataclass(frozen=True)
 class Segment:
-    """One piece of an outline, walked counter-clockwise.
+    """One piece of an outline, which is walked counter-clockwise.
 
     a straight line, or an arc where `centre` is given.
 
-    start, end, centre: (x, y) in m. An arc is shorter than a full turn and runs counter-clockwise
-    from start to end about its centre. `clamped` says whether the film is held there (True) or ends
-    free (False).
+    start, end, centre: (x, y) in m. An arc is shorter than a full turn and runs from start to end
+    about its centre, counter-clockwise unless `clockwise` (where the film is hollow). `clamped`
+    says whether the film is held there (True) or ends free (False). semi_axes [m] and angle [rad]
+    of an elliptical arc: its half axes, and the direction of the first one; None for circles.
     """
 
     start: tuple[float, float]
     end: tuple[float, float]
     centre: tuple[float, float] | None = None
     clamped: bool = True
+    semi_axes: tuple[float, float] | None = None
+    angle: float = 0.0
+    clockwise: bool = False
+
+    @property
+    def frame(self) -> NDArray[np.float64]:
+        """Return the matrix (2, 2) [m] that takes the unit circle to the arc's circle or ellipse.
+
+        About its centre; zero for a line.
+        """
+        if self.centre is None:
+            return np.zeros((2, 2))
+        if self.semi_axes is None:
+            radius = float(np.hypot(*np.subtract(self.start, self.centre)))
+            return np.diag([radius, radius])
+        c = np.cos(self.angle)
+        s = np.sin(self.angle)
+        return np.asarray(np.array([[c, -s], [s, c]]) * self.semi_axes)
 
     def direction(self, point: tuple[float, float]) -> NDArray[np.float64]:
         """Return the direction in which the outline runs at one of the ends, of any length."""
         if self.centre is None:
             return np.subtract(self.end, self.start)
-        x, y = np.subtract(point, self.centre)
-        return np.array([-y, x])
+        x, y = np.linalg.solve(self.frame, np.subtract(point, self.centre))
+        return np.asarray(self.frame @ [-y, x]) * (-1 if self.clockwise else 1)
 
 
 @dataclass(frozen=True)
@@ -179,6 +198,9 @@ class Model:
     assumes.
     clamp: what the edge gives way; overhang: an undercut strip of the frame around the outline, if
     there is one, whose outer rim is that edge.
+    openings: inner edges of the film that `holes` does not list, each one closed loop, walked
+    counter-clockwise like an outline: ellipses, holes of other radii, and posts, whose rims are
+    clamped.
     text: the TOML text that this model was read from, so that results can carry it. assumed: keys
     of that text, such as "holes.radius", whose values the source does not give.
     """
@@ -195,6 +217,30 @@ class Model:
     assumed: tuple[str, ...] = ()
     clamp: Clamp = Clamp()
     overhang: Overhang | None = None
+    openings: tuple[Outline, ...] = ()
+
+    @property
+    def pierced(self) -> bool:
+        """Whether the film has inner edges: holes, or openings of any kind."""
+        return len(self.holes.centres) > 0 or len(self.openings) > 0
+
+    @property
+    def released(self) -> bool:
+        """Whether the film ends free at an inner edge, towards which its stress relaxes."""
+        return len(self.holes.centres) > 0 or any(
+            not segment.clamped for opening in self.openings for segment in opening.segments
+        )
+
+    @property
+    def etched_from(self) -> tuple[Holes, ...]:
+        """The round holes with free rims, through which an etch comes, by radius."""
+        found = [self.holes] if len(self.holes.centres) else []
+        centres: dict[float, list[tuple[float, float]]] = {}
+        for opening in self.openings:
+            first = opening.segments[0]
+            if opening.kind == "circle" and first.centre is not None and not first.clamped:
+                centres.setdefault(opening.length / 2, []).append(first.centre)
+        return (*found, *(Holes(np.array(c), radius) for radius, c in centres.items()))
 
     @property
     def edge_outline(self) -> Outline:
@@ -204,7 +250,7 @@ class Model:
     def __repr__(self) -> str:
         """Name, outline, number of holes and film."""
         film = self.film
-        n = len(self.holes.centres)
+        n = len(self.holes.centres) + len(self.openings)
         size = (
             f"{self.outline.kind} of {self.outline.length * 1e6:.5g} µm, {n or 'no'} "
             f"hole{'s' * (n != 1)}"

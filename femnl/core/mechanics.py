@@ -44,7 +44,8 @@ class Domain:
     angle `wedge` [rad]. wedge = 2π is the whole film, π the upper half, π/2 a quarter, π/4 an
     eighth, π/6 a twelfth. diagonal: the mesh of a quarter is its own image under x ↔ y, so that
     modes odd in y are those odd in x, exchanged. tiles: where the mesh is made of the tiles of
-    `mechanics.lattice`, the resolution of theirs; 0 elsewhere.
+    `mechanics.lattice`, the resolution of theirs; 0 elsewhere. misfit: how far elliptical edges of
+    the mesh, which are arcs of circles, lie from their ellipses, over the shorter half axis.
     """
 
     model: Model
@@ -52,6 +53,7 @@ class Domain:
     wedge: float
     diagonal: bool = False
     tiles: float = 0.0
+    misfit: float = 0.0
 
     def __repr__(self) -> str:
         """Device and number of triangles."""
@@ -143,7 +145,8 @@ class Modes(Tabulated):
 
         Infinite without counterparts of lower degree.
         """
-        return self._remainder([m.frequency for m in self.grades], self.frequency)
+        f = self.frequency
+        return self._remainder([m.frequency for m in self.grades], f) + self.domain.misfit * f
 
     @property
     def ratio_error(self) -> Array:
@@ -157,15 +160,18 @@ class Modes(Tabulated):
         # Low degrees may err so alike that their ratios seem to settle at once: these settle no
         # faster than the frequencies do.
         left = share_left(
-            *steps([m.frequency for m in self.grades[:3]], self.frequency), SAFETY, self._least
+            *steps([m.frequency for m in self.grades[:3]], self.frequency),
+            SAFETY,
+            self._least_without_holes,
         )
         own = remainder(
             [m.ratio for m in self.grades[:3]], self.ratio, np.maximum(left, left[0]), 1.0
         )
-        both = self.ratio * (
-            self.frequency_error / self.frequency + self.frequency_error[0] / self.frequency[0]
-        )
-        return np.asarray(np.where(inner, np.minimum(own + UNLIKE * both, both), 0.0))
+        misfit = 2 * self.domain.misfit * self.ratio
+        frequencies = [m.frequency for m in self.grades[:3]]
+        steady = remainder(frequencies, self.frequency, self._least_without_holes)
+        both = self.ratio * (steady / self.frequency + steady[0] / self.frequency[0])
+        return np.asarray(np.where(inner, np.minimum(own + UNLIKE * both, both) + misfit, 0.0))
 
     @property
     def peak_error(self) -> Array:
@@ -179,7 +185,7 @@ class Modes(Tabulated):
         if not departures:
             return np.full(len(self.frequency), np.inf)
         last, *before = departures
-        safety = PEAK_UNEVEN if len(self.domain.model.holes.centres) else PEAK_SAFETY
+        safety = PEAK_UNEVEN if self.domain.model.pierced else PEAK_SAFETY
         left = settle(last, before[0] if before else np.full(last.shape, np.nan), safety, 0.0)
         return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) + self._mixing)
 
@@ -220,7 +226,11 @@ class Modes(Tabulated):
 
     @property
     def _least(self) -> float:
-        """Of the last difference between degrees, what is left at least."""
+        # Around holes the errors of stress and deflection have opposite signs, and settle apart.
+        return REENTRANT if self.domain.model.released else self._least_without_holes
+
+    @property
+    def _least_without_holes(self) -> float:
         model = self.domain.model
         reentrant = any(angle > np.pi + 1e-6 for _, angle in model.outline.corners)
         # Springs in plane, and a strip of another film, leave the stress uneven at every corner.

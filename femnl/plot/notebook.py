@@ -61,6 +61,8 @@ def _(model: Model) -> Figure:
         )
         holes.set(edgecolor=INK, linewidth=0.3)
         axes.add_collection(holes)
+        for opening in model.openings:
+            axes.fill(*polyline(opening).T * 1e6, facecolor="white", edgecolor=INK, linewidth=0.5)
         axes.set(aspect="equal", xlabel="x (µm)", ylabel="y (µm)", title=model.name)
     return figure
 

@@ -84,7 +84,7 @@ def describe_geometry(geometry: Geometry, say: Say) -> Part:
             "The mesh, unfolded from the part that symmetry leaves to solve.",
         ),
     ]
-    if len(model.holes.centres):
+    if model.pierced:
         caption = (
             "Stress after release: holes are free, so that the tension flows around them. The "
             "scale is stretched at its lower end."

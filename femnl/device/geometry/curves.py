@@ -1,4 +1,4 @@
-"""Exact measures of outlines made of lines and arcs.
+"""Exact measures of outlines made of lines and arcs of circles and ellipses.
 
 Area, box, inside or outside, distance, points to draw.
 """
@@ -10,37 +10,42 @@ from femnl.core.device import Outline, Segment
 
 Array = NDArray[np.float64]
 
-
-def radius(segment: Segment) -> float:
-    """Return the radius of an arc [m], 0 for a line."""
-    return (
-        float(np.hypot(*np.subtract(segment.start, segment.centre)))
-        if segment.centre is not None
-        else 0.0
-    )
+SAMPLES = 129  # points along an ellipse from which the nearest one to a point is looked for
+NEWTON = 8  # steps from there
 
 
 def turn(segment: Segment) -> float:
-    """Return the angle [rad] that an arc walks counter-clockwise, in (0, 2π); 0 for a line."""
+    """Return the angle [rad] that an arc walks about its centre; 0 for a line.
+
+    In (0, 2π) counter-clockwise, in (−2π, 0) clockwise. Of an ellipse it is the eccentric angle,
+    that of the circle which the ellipse is the image of.
+    """
     if segment.centre is None:
         return 0.0
-    (ax, ay) = np.subtract(segment.start, segment.centre)
-    (bx, by) = np.subtract(segment.end, segment.centre)
-    return float(np.arctan2(ax * by - ay * bx, ax * bx + ay * by) % (2 * np.pi))
+    (ax, ay) = _unit(segment, np.asarray(segment.start))
+    (bx, by) = _unit(segment, np.asarray(segment.end))
+    angle = float(np.arctan2(ax * by - ay * bx, ax * bx + ay * by) % (2 * np.pi))
+    return angle - 2 * np.pi if segment.clockwise else angle
 
 
 def point_at(segment: Segment, fraction: ArrayLike) -> Array:
-    """Return points (..., 2) [m] at fractions of a segment's length, from 0 to 1."""
+    """Return points (..., 2) [m] at fractions of a segment's length or turn, from 0 to 1."""
     part = np.asarray(fraction, float)[..., None]
     start = np.asarray(segment.start)
     if segment.centre is None:
         return np.asarray(start + part * (np.asarray(segment.end) - start))
-    centre = np.asarray(segment.centre)
-    spoke = start - centre
+    spoke = _unit(segment, start)
     angle = part * turn(segment)
-    return np.asarray(
-        centre + np.cos(angle) * spoke + np.sin(angle) * np.array([-spoke[1], spoke[0]])
-    )
+    circle = np.cos(angle) * spoke + np.sin(angle) * np.array([-spoke[1], spoke[0]])
+    return np.asarray(np.asarray(segment.centre) + circle @ segment.frame.T)
+
+
+def radius(segment: Segment) -> float:
+    """Return the smallest radius of curvature of an arc [m], 0 for a line."""
+    if segment.centre is None:
+        return 0.0
+    short, long = sorted(segment.semi_axes or 2 * (segment.frame[0, 0],))
+    return float(short**2 / long)
 
 
 def area(outline: Outline) -> float:
@@ -53,7 +58,7 @@ def area(outline: Outline) -> float:
         centre = np.zeros(2) if s.centre is None else np.asarray(s.centre)
         chord = np.subtract(s.end, s.start)
         about = centre if s.centre is not None else np.asarray(s.start)
-        total += about[0] * chord[1] - about[1] * chord[0] + radius(s) ** 2 * turn(s)
+        total += about[0] * chord[1] - about[1] * chord[0] + np.linalg.det(s.frame) * turn(s)
     return total / 2
 
 
@@ -65,9 +70,9 @@ def box(outline: Outline) -> tuple[float, float, float, float]:
     points = [np.array([s.start for s in outline.segments])]
     for s in outline.segments:
         if s.centre is not None:
-            extremes = np.asarray(s.centre) + radius(s) * np.array(
-                [[1, 0], [0, 1], [-1, 0], [0, -1]]
-            )
+            # M e/|e| with e = Mᵀx is where the image M of the unit circle reaches farthest in x
+            reach = s.frame @ s.frame.T / np.linalg.norm(s.frame, axis=1)
+            extremes = np.asarray(s.centre) + np.concatenate([reach.T, -reach.T])
             points.append(extremes[_on_arc(s, extremes)])
     every = np.concatenate(points)
     (x0, y0) = every.min(0)
@@ -79,7 +84,7 @@ def contains(outline: Outline, points: Array) -> NDArray[np.bool_]:
     """Return which of the points (n, 2) [m] lie inside an outline, holes not subtracted.
 
     The winding number: every segment turns about a point by the angle of its chord, and an arc by
-    2π more where the point lies between chord and arc.
+    2π more, or less where it runs clockwise, where the point lies between chord and arc.
     """
     turns = np.zeros(len(points))
     for s in outline.segments:
@@ -89,8 +94,12 @@ def contains(outline: Outline, points: Array) -> NDArray[np.bool_]:
         side = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] + 0.0
         turns += np.arctan2(side, np.sum(a * b, axis=1)) / (2 * np.pi)
         if s.centre is not None:
+            within = np.hypot(*_unit(s, points).T) < 1
             # A counter-clockwise arc bulges to the right of its chord.
-            turns += (side < 0) & (np.hypot(*(points - s.centre).T) < radius(s))
+            if s.clockwise:
+                turns -= (side >= 0) & within
+            else:
+                turns += (side < 0) & within
     return np.asarray(np.rint(turns) > 0)
 
 
@@ -103,11 +112,14 @@ def distance(outline: Outline, points: Array) -> Array:
         if s.centre is None:
             along = np.clip((points - start) @ chord / (chord @ chord), 0, 1)
             gaps = np.hypot(*(points - start - along[:, None] * chord).T)
-        else:
+        elif s.semi_axes is None:
             ends = np.minimum(np.hypot(*(points - start).T), np.hypot(*(points - s.end).T))
+            radius = s.frame[0, 0]
             gaps = np.where(
-                _on_arc(s, points), np.abs(np.hypot(*(points - s.centre).T) - radius(s)), ends
+                _on_arc(s, points), np.abs(np.hypot(*(points - s.centre).T) - radius), ends
             )
+        else:
+            gaps = _distance_from_ellipse(s, points)
         nearest = np.minimum(nearest, gaps)
     return nearest
 
@@ -120,7 +132,7 @@ def polyline(outline: Outline, per_turn: int = 180) -> Array:
     pieces = [
         point_at(s, np.arange(n) / n)
         for s in outline.segments
-        for n in [max(1, round(turn(s) / (2 * np.pi) * per_turn))]
+        for n in [max(1, round(abs(turn(s)) / (2 * np.pi) * per_turn))]
     ]
     return np.concatenate([*pieces, [outline.segments[0].start]])
 
@@ -153,10 +165,41 @@ def widths(outline: Outline, samples: int = 9) -> Array:
     return np.array(narrowest)
 
 
+def _unit(segment: Segment, points: Array) -> Array:
+    """Return points (..., 2) where an arc's circle or ellipse becomes the unit circle."""
+    away = points - np.asarray(segment.centre)
+    return np.asarray(away @ np.linalg.inv(segment.frame).T)
+
+
 def _on_arc(segment: Segment, points: Array) -> NDArray[np.bool_]:
     """Return which points (n, 2) an arc's centre sees through the arc."""
-    centre = np.asarray(segment.centre)
-    spoke = np.asarray(segment.start) - centre
-    away = points - centre
-    angle = np.arctan2(spoke[0] * away[:, 1] - spoke[1] * away[:, 0], away @ spoke) % (2 * np.pi)
-    return np.asarray(angle <= turn(segment))
+    spoke = _unit(segment, np.asarray(segment.start))
+    away = _unit(segment, points)
+    angle = np.arctan2(spoke[0] * away[:, 1] - spoke[1] * away[:, 0], away @ spoke)
+    sense = -1 if segment.clockwise else 1
+    return np.asarray((sense * angle) % (2 * np.pi) <= abs(turn(segment)))
+
+
+def _distance_from_ellipse(segment: Segment, points: Array) -> Array:
+    """Return the distances (n,) [m] of points (n, 2) from an elliptical arc.
+
+    The nearest of SAMPLES points along it, improved by Newton's method for (p(t) − q)·p'(t) = 0.
+    """
+    stops = point_at(segment, np.linspace(0, 1, SAMPLES))
+    squared = np.sum((points[:, None] - stops) ** 2, axis=2)
+    part = np.argmin(squared, axis=1) / (SAMPLES - 1)
+    spoke = _unit(segment, np.asarray(segment.start))
+    across = np.array([-spoke[1], spoke[0]])
+    angle = turn(segment)
+    for _ in range(NEWTON):
+        c = np.cos(part * angle)[:, None]
+        s = np.sin(part * angle)[:, None]
+        outward = (c * spoke + s * across) @ segment.frame.T
+        along = (c * across - s * spoke) @ segment.frame.T
+        gap = outward + np.asarray(segment.centre) - points
+        bend = np.sum(along**2, axis=1) - np.sum(gap * outward, axis=1)
+        # Far inside the ellipse the distance has a largest value nearby, which is not wanted
+        bend = np.where(bend > 0, bend, np.sum(along**2, axis=1))
+        part = np.clip(part - np.sum(gap * along, axis=1) / bend / angle, 0, 1)
+    found = np.hypot(*(point_at(segment, part) - points).T)
+    return np.asarray(np.minimum(found, np.sqrt(squared.min(axis=1))))

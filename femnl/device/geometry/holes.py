@@ -1,15 +1,15 @@
 """Release holes: lattices and lists of centres, and whether they leave a film between them."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from femnl.core.device import Holes, Outline
 from femnl.core.errors import GeometryError
 from femnl.device.geometry import curves
-from femnl.device.geometry.quantities import Coordinate, Length, refusal
+from femnl.device.geometry.quantities import Angle, Coordinate, Length, Radii, refusal
 from femnl.device.geometry.tables import Table
 
 Array = NDArray[np.float64]
@@ -23,16 +23,52 @@ Position = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Count = Annotated[int, Field(ge=1, le=MOST)]
 
 
-class Lattice(Table):
+class Group(Table):
+    """What groups of holes share: their shape, and whether their rims are held.
+
+    radius: of round holes. semi_axes: half the axes of elliptical ones; angle: from x to the first
+    of them. clamped: whether the film is held at the rims, as on posts; else it ends free.
+    """
+
+    radius: Radii | None = None
+    semi_axes: Annotated[list[Length], Field(min_length=2, max_length=2)] | None = None
+    angle: Angle = 0.0
+    clamped: bool = False
+
+    @model_validator(mode="after")
+    def _has_one_shape(self) -> Self:
+        if (self.radius is None) == (self.semi_axes is None):
+            raise refusal(
+                'give either radius = "0.9 um" (round holes) or semi_axes = ["4 um", "2 um"] '
+                "(elliptical ones), not both, not neither"
+            )
+        if self.angle != 0 and self.semi_axes is None:
+            raise refusal("round holes have no direction; leave angle out", "angle")
+        return self
+
+    @property
+    def alike(self) -> bool:
+        """Whether the holes are round, of one radius, and free: those of `Model.holes`."""
+        return isinstance(self.radius, float) and not self.clamped
+
+    def axes(self, number: int) -> Array:
+        """Return the semi-axes (n, 2) [m] of the holes."""
+        if self.semi_axes is not None:
+            return np.broadcast_to(self.semi_axes, (number, 2))
+        radii = np.broadcast_to(0.0 if self.radius is None else self.radius, number)
+        return np.stack([radii, radii], axis=1)
+
+
+class Lattice(Group):
     """What regular lattices share. Their middle lies at the origin, or at `offset` from it."""
 
     pitch: Length
-    radius: Length
+    radius: Length | None = None
     offset: Position = Field(default_factory=lambda: [0.0, 0.0])
 
     @model_validator(mode="after")
     def _leaves_film_between_holes(self) -> Self:
-        if self.pitch <= 2 * self.radius * (1 + TOUCHING):
+        if self.radius is not None and self.pitch <= 2 * self.radius * (1 + TOUCHING):
             raise refusal(
                 "holes overlap or touch, the pitch must exceed twice their radius; raise pitch "
                 "or lower radius",
@@ -95,12 +131,21 @@ class HexagonalLattice(Lattice):
         return self.pitch * np.stack([x, y * np.sqrt(3) / 2], axis=-1) + self.offset
 
 
-class HoleList(Table):
-    """Holes wherever the file says."""
+class HoleList(Group):
+    """Holes wherever the file says, each of its own radius where `radius` is a list."""
 
     lattice: Literal["list"]
     centres: Annotated[list[Position], Field(min_length=1, max_length=MOST)]
-    radius: Length
+
+    @model_validator(mode="after")
+    def _has_a_radius_for_each(self) -> Self:
+        if isinstance(self.radius, list) and len(self.radius) != len(self.centres):
+            raise refusal(
+                f"{len(self.radius)} radii for {len(self.centres)} centres; give one a centre, or "
+                "one for all",
+                "radius",
+            )
+        return self
 
     def positions(self) -> Array:
         """Return the centres (n, 2) [m], in the order of the file."""
@@ -108,6 +153,16 @@ class HoleList(Table):
 
 
 HolesTable = Annotated[SquareLattice | HexagonalLattice | HoleList, Field(discriminator="lattice")]
+
+
+def _as_groups(value: Any) -> Any:
+    """Return [holes], which is one group, as [[holes]] would write it."""
+    return value if isinstance(value, list) else [value]
+
+
+HoleGroups = Annotated[
+    list[HolesTable], BeforeValidator(_as_groups), Field(min_length=1, max_length=MOST)
+]
 
 
 def refuse_overlap(holes: Holes) -> None:

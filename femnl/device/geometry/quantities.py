@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from decimal import Decimal
@@ -32,6 +33,7 @@ USUAL: dict[tuple[str, str], Decimal] = {
     ("MPa", "Pa"): Decimal("1e6"),
     ("GPa", "Pa"): Decimal("1e9"),
     ("kg/m^3", "kg/m^3"): Decimal(1),
+    ("deg", "rad"): Decimal("0.01745329251994329576923690768"),
 }
 """Sizes of the units that most files are written in: loading pint takes as long as all else."""
 
@@ -55,6 +57,7 @@ PRESSURE = Dimension("a pressure", "Pa", "250 GPa", 1.0, 1e13)
 DENSITY = Dimension("a density", "kg/m^3", "3100 kg/m^3", 1e-3, 1e6)
 SPRING = Dimension("a force per length and displacement", "Pa", "20 GPa", 1.0, 1e18)
 TORSION = Dimension("a moment per length and angle", "N", "0.2 mN", 1e-15, 1e12)
+ANGLE = Dimension("an angle", "rad", "30 deg", 1e-12, 2 * math.pi)
 SLOPE = Dimension("a change of thickness by length", "m/m", "0.1 nm/um", 1e-12, 0.1)
 
 
@@ -98,6 +101,17 @@ def to_si(value: Any, dimension: Dimension, sign: str = "positive") -> float:
     return si
 
 
+def to_lengths(value: Any, sign: str = "positive") -> float | list[float]:
+    """Return one written length, or a list of them, in metres.
+
+    Raises:
+        PydanticCustomError: what was expected instead, as one sentence.
+    """
+    if isinstance(value, list):
+        return [to_si(entry, LENGTH, sign) for entry in value]
+    return to_si(value, LENGTH, sign)
+
+
 def refusal(reason: str, key: str | None = None) -> PydanticCustomError:
     """Return the error for a value, or for the value under `key` of a table."""
     return PydanticCustomError("geometry", "{reason}", {"reason": reason, "key": key})
@@ -133,6 +147,9 @@ def _factor(unit: str, si: str) -> Decimal | None:
 Length = Annotated[float, BeforeValidator(partial(to_si, dimension=LENGTH))]
 Depth = Annotated[float, BeforeValidator(partial(to_si, dimension=LENGTH, sign="not negative"))]
 Coordinate = Annotated[float, BeforeValidator(partial(to_si, dimension=LENGTH, sign="any"))]
+Lengths = Annotated[float | list[float], BeforeValidator(partial(to_lengths, sign="not negative"))]
+Radii = Annotated[float | list[float], BeforeValidator(to_lengths)]
+Angle = Annotated[float, BeforeValidator(partial(to_si, dimension=ANGLE, sign="any"))]
 Pressure = Annotated[float, BeforeValidator(partial(to_si, dimension=PRESSURE))]
 Density = Annotated[float, BeforeValidator(partial(to_si, dimension=DENSITY))]
 Spring = Annotated[float, BeforeValidator(partial(to_si, dimension=SPRING))]

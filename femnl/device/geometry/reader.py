@@ -73,6 +73,9 @@ def describe(model: Model) -> str:
     holes = (
         f"{n} hole{'s' * (n > 1)} of radius {model.holes.radius * 1e6:.4g} µm" if n else "no holes"
     )
+    if model.openings:
+        m = len(model.openings)
+        holes = f"{holes if n else ''}{' and ' if n else ''}{m} opening{'s' * (m > 1)}"
     held = "" if model.clamp.rigid else ", elastic clamp"
     if model.overhang is not None:
         held = f", overhang {model.overhang.width * 1e6:.4g} µm{held}"
@@ -125,6 +128,10 @@ def _refuse_unknown_assumptions(data: dict[str, Any], assumed: tuple[str, ...]) 
     for name in assumed:
         value: Any = data
         for key in name.split("."):
+            # Groups of holes, points and layers are counted from 1
+            if isinstance(value, list) and key.isdecimal() and 1 <= int(key) <= len(value):
+                value = value[int(key) - 1]
+                continue
             if not isinstance(value, dict) or key not in value:
                 raise GeometryError(
                     f'assumed = "{name}": no such value in this file, write e.g. "film.thickness"'

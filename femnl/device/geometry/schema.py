@@ -10,7 +10,8 @@ from pydantic_core import PydanticCustomError
 from femnl.core.device import Edge, Holes, Layer, Model, Stack
 from femnl.core.errors import GeometryError
 from femnl.device.geometry.edges import ClampTable, FilmTable, OverhangTable
-from femnl.device.geometry.holes import HolesTable, refuse_outside, refuse_overlap
+from femnl.device.geometry.holes import HoleGroups, refuse_outside, refuse_overlap
+from femnl.device.geometry.openings import openings, refuse_misplaced
 from femnl.device.geometry.outlines import OutlineTable
 from femnl.device.geometry.quantities import LENGTH, Length, refusal, to_si
 from femnl.device.geometry.tables import Table, show
@@ -152,7 +153,7 @@ class GeometryFile(Table):
     source: str = ""
     assumed: list[str] = Field(default_factory=list)
     outline: OutlineTable
-    holes: HolesTable | None = None
+    holes: HoleGroups | None = None
     film: FilmTable
     readout: ReadoutTable | None = None
     clamp: ClampTable = ClampTable()
@@ -166,16 +167,31 @@ class GeometryFile(Table):
             GeometryError: holes or an outline that cannot be made, in one line without the file's
             name.
         """
+        groups = self.holes or []
+        lattice = next((group for group in groups if group.alike), None)
         holes = (
-            Holes(self.holes.positions(), self.holes.radius)
-            if self.holes is not None
+            Holes(lattice.positions(), float(lattice.axes(1)[0, 0]))
+            if lattice is not None
             else Holes(np.empty((0, 2)), 0.0)
         )
+        others = openings([group for group in groups if group is not lattice])
         refuse_overlap(holes)
+        if others and self.outline.kind == "etched":
+            raise GeometryError(
+                '[holes] kind = "etched" takes one group of round, free holes of one radius; '
+                "leave the others out or choose another kind of outline"
+            )
         outline = self.outline.outline(holes)
+        refuse_misplaced(others, holes, outline)
         if outline.kind != "etched":  # the etch reaches further than the hole that it starts from
             refuse_outside(holes, outline)
-        if self.film.taper > 0 and not len(holes.centres):
+        free = [o for o in others if not o.segments[0].clamped]
+        if self.film.taper > 0 and any(o.kind != "circle" for o in free):
+            raise GeometryError(
+                f"[film] taper = {self.film.taper * 1e9:.4g} nm: it is known around round holes "
+                "only; leave taper out, or give the holes a radius instead of semi_axes"
+            )
+        if self.film.taper > 0 and not len(holes.centres) and not free:
             raise GeometryError(
                 f"[film] taper = {self.film.taper * 1e9:.4g} nm: there are no holes to thin the "
                 "film around; write a table [holes]"
@@ -205,4 +221,5 @@ class GeometryFile(Table):
             tuple(self.assumed),
             clamp,
             overhang,
+            others,
         )

@@ -14,6 +14,12 @@ from femnl.core.errors import one_line
 from femnl.device.geometry.quantities import refusal
 
 EXAMPLES = {
+    "angle": '"30 deg"',
+    "arcs": '[{edge = 2, through = ["10 um", "20 um"]}]',
+    "clamped": "true",
+    "fillet": '"5 um"',
+    "semi_axes": '["4 um", "2 um"]',
+    "through": '["10 um", "20 um"]',
     "assumed": '["film.density", "holes.radius"]',
     "bending": "true",
     "centres": '[["-20 um", "0 um"], ["20 um", "0 um"]]',
@@ -90,8 +96,11 @@ def complaint(error: ValidationError) -> str:
     context = first.get("ctx", {})
     value = first["input"]
     loc = list(first["loc"])
+    group = loc.pop(1) if len(loc) > 1 and loc[0] == "holes" else 0
     if len(loc) > 1 and loc[0] in _UNIONS:
         del loc[1]
+    if group:  # the first of several groups of holes is called as one that is alone
+        loc.insert(1, group)
     if first["type"] == "missing":
         return f"{_place(loc, table=loc[-1] not in EXAMPLES)} is missing: {_how_to_write(loc)}"
     if first["type"] == "union_tag_not_found":

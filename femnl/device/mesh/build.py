@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from femnl.core.device import Model, Segment
+from femnl.core.device import Model, Outline, Segment
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
 from femnl.device.geometry import curves as exact
-from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double
+from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double, misfit
 from femnl.device.mesh.corners import singular_corners
 from femnl.device.mesh.symmetry import EIGHTH, FULL, HALF, QUARTER, find_wedge, has_symmetry
 from femnl.mechanics.fem.memory import need_memory
@@ -80,7 +80,7 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: 
     if model.overhang is not None:
         outside = ~exact.contains(model.outline, result.p[:, result.t].mean(axis=1).T)
         result = replace(result, _subdomains={"overhang": np.flatnonzero(outside)})
-    return Domain(model, result, wedge, diagonal)
+    return Domain(model, result, wedge, diagonal, misfit=misfit(model, result))
 
 
 @contextmanager
@@ -115,6 +115,7 @@ class _Curves:
     mirrors: tuple[list[int], list[int]]
     rim: list[int]  # between film and overhang
     segment: dict[int, int]  # the edge's segment that a clamped or free curve is part of
+    openings: list[int]  # free rims of openings; clamped ones are among the clamped curves
 
 
 def _build(model: Model, wedge: float, resolution: float, degree: int, copies: int) -> Raw:
@@ -136,7 +137,8 @@ def _build(model: Model, wedge: float, resolution: float, degree: int, copies: i
             "other than 1e-8 of the outline"
         ) from error
     mirrors = {f"mirror-{k}": tags for k, tags in enumerate(curves.mirrors)}
-    raw = collect({"clamped": curves.clamped, "free": curves.free + curves.holes, **mirrors}, unit)
+    free = curves.free + curves.holes + curves.openings
+    raw = collect({"clamped": curves.clamped, "free": free, **mirrors}, unit)
     if len(raw.triangles) == 0:
         raise GeometryError(
             f"{model.name}: the outline encloses no film; give its edges in order, "
@@ -166,13 +168,19 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
             if s.centre is None:
                 lines.append(occ.addLine(point(s.start), point(s.end)))
                 continue
-            pieces = int(np.ceil(exact.turn(s) / (np.pi / 2) - 1e-9))
+            pieces = int(np.ceil(abs(exact.turn(s)) / (np.pi / 2) - 1e-9))
             stops = [
                 point(s.start),
                 *map(point, exact.point_at(s, np.arange(1, pieces) / pieces)),
                 point(s.end),
             ]
-            lines += [occ.addCircleArc(a, point(s.centre), b) for a, b in pairwise(stops)]
+            if s.semi_axes is None:
+                lines += [occ.addCircleArc(a, point(s.centre), b) for a, b in pairwise(stops)]
+                continue
+            longer = s.frame[:, int(np.argmax(s.semi_axes))]
+            centre = point(s.centre)
+            major = point(np.asarray(s.centre) + longer)
+            lines += [occ.addEllipseArc(a, centre, major, b) for a, b in pairwise(stops)]
         return lines
 
     film = [(2, occ.addPlaneSurface([occ.addCurveLoop(loop(model.edge_outline.segments))]))]
@@ -183,6 +191,11 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
         radius = model.holes.radius * unit
         discs = [(2, occ.addDisk(x * unit, y * unit, 0, radius, radius)) for x, y in near]
         film, _ = occ.cut(film, discs)
+    inner = [o for o in model.openings if np.any(_outside(exact.polyline(o), wedge) < 0)]
+    if inner:
+        film, _ = occ.cut(
+            film, [(2, occ.addPlaneSurface([occ.addCurveLoop(loop(o.segments))])) for o in inner]
+        )
     if model.overhang is not None:
         film, _ = occ.fragment(film, [(1, line) for line in loop(model.outline.segments)])
     occ.synchronize()
@@ -230,9 +243,10 @@ def _wedge_surface(wedge: float) -> int:
 
 def _classify(model: Model, wedge: float, unit: float) -> _Curves:
     """Tell curves apart by where they lie."""
-    curves = _Curves([], [], [], ([], []), [], {})
+    curves = _Curves([], [], [], ([], []), [], {}, [])
     outline = model.edge_outline
     holes = cKDTree(model.holes.centres * unit) if len(model.holes.centres) else None
+    boxes = np.array([exact.box(o) for o in model.openings]).reshape(-1, 4) * unit
     for _, tag in gmsh.model.getEntities(1):
         low, high = gmsh.model.getParametrizationBounds(1, tag)
         where = np.array(
@@ -246,6 +260,8 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
             np.abs(holes.query(where)[0] - model.holes.radius * unit) < TOLERANCE
         ):
             curves.holes.append(tag)
+        elif (rim := _opening(model, boxes, where, unit)) is not None:
+            (curves.clamped if rim.segments[0].clamped else curves.openings).append(tag)
         elif (
             model.overhang is not None
             and exact.distance(model.outline, where / unit).max() * unit < TOLERANCE
@@ -261,6 +277,21 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
                 curves.clamped if outline.segments[curves.segment[tag]].clamped else curves.free
             ).append(tag)
     return curves
+
+
+def _opening(model: Model, boxes: Array, where: Array, unit: float) -> Outline | None:
+    """The opening on whose rim points (n, 2) of a curve lie, in scaled units, or None.
+
+    boxes (m, 4): around the openings, outside of which there is no need to look.
+    """
+    within = np.all(
+        (boxes[:, None, :2] - TOLERANCE <= where) & (where <= boxes[:, None, 2:] + TOLERANCE),
+        axis=(1, 2),
+    )
+    for k in np.flatnonzero(within):
+        if exact.distance(model.openings[k], where / unit).max() * unit < TOLERANCE:
+            return model.openings[k]
+    return None
 
 
 def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> float:
@@ -314,6 +345,8 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
         grow_from_curves(
             (min(LAYER_SIZE * layer, rim) if model.bending else rim) / resolution, curves.rim
         )
+    for radius, arcs in _arcs_by_radius(curves.openings).items():
+        grow_from_curves(2 * np.pi * radius / HOLE_SEGMENTS / resolution, arcs, HOLE_GROWTH)
     for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
         grow_from_curves(2 * np.pi * radius / ARC_SEGMENTS / resolution, arcs)
     for index, width in enumerate(exact.widths(model.edge_outline)):
@@ -338,14 +371,14 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
 
 
 def _arcs_by_radius(tags: list[int]) -> dict[float, list[int]]:
-    """The arcs among gmsh's curves, by radius in scaled units."""
+    """The arcs among gmsh's curves, by their least radius of curvature in scaled units."""
     arcs: dict[float, list[int]] = {}
     for tag in tags:
         if gmsh.model.getType(1, tag) != "Line":
-            middle = np.mean(gmsh.model.getParametrizationBounds(1, tag))
-            arcs.setdefault(round(1 / gmsh.model.getCurvature(1, tag, [middle])[0], 6), []).append(
-                tag
-            )
+            low, high = gmsh.model.getParametrizationBounds(1, tag)
+            stops = np.linspace(low[0], high[0], 5)
+            radius = 1 / np.max(gmsh.model.getCurvature(1, tag, list(stops)))
+            arcs.setdefault(round(radius, 6), []).append(tag)
     return arcs
 
 

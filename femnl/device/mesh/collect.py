@@ -7,13 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri1, MeshTri2
 
-from femnl.core.device import Model
+from femnl.core.device import Model, Outline
 from femnl.core.errors import GeometryError
-from femnl.mechanics.fem.elements import Space, nodes
+from femnl.device.geometry import curves
+from femnl.mechanics.fem.elements import ARC_DEGREE, Space, nodes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+NEAR = 1e-3  # of an ellipse's shorter half axis, up to which nodes on the edge belong to it
 JOIN = 1e-9  # of the largest coordinate, up to which corners are the same
 
 
@@ -121,6 +123,29 @@ def from_patches(patches: Array) -> MeshTri2:
     middles = len(first) + np.arange(3 * len(patches)).reshape(-1, 3)
     points = np.concatenate([corners[first], patches[:, 3:].reshape(-1, 2)])
     return assemble(Raw(points, np.concatenate([index, middles], axis=1), {}))
+
+
+def misfit(model: Model, result: MeshTri2) -> float:
+    """Return how far elliptical edges lie from their ellipses, relative to the shorter half axis.
+
+    Curved edges are followed as arcs of circles through their ends and middles. Between these, an
+    edge of length h leaves an ellipse of curvature κ by about κ'h³, which every degree shares, so
+    that no difference of degrees shows it. To first order it changes a frequency by its mean.
+    """
+    loops = (model.edge_outline, *model.openings)
+    ellipses = [s for loop in loops for s in loop.segments if s.semi_axes is not None]
+    if not ellipses:
+        return 0.0
+    space = Space(result, ARC_DEGREE)
+    names = set(result.boundaries or {}) & {"clamped", "free"}
+    rim = space.location[np.concatenate([space.boundary_dofs(name) for name in sorted(names)])]
+    found = 0.0
+    for segment in ellipses:
+        short = min(segment.semi_axes or (1.0,))
+        alone = Outline("ellipse", (segment,), None, 2 * short)
+        gaps = curves.distance(alone, rim) / short
+        found = max(found, float(np.max(gaps, where=gaps < NEAR, initial=0.0)))
+    return found
 
 
 def check_unfolded(model: Model, result: MeshTri2) -> None:

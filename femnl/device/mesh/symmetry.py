@@ -50,7 +50,7 @@ def has_symmetry(model: Model, wedge: float) -> bool:
         return True
     angles = (0.0,) if wedge == HALF else (0.0, wedge)
     tolerance = 1e-6 * model.outline.length
-    points = [_key_points(model.outline), model.holes.centres]
+    points = [_key_points(model.outline), model.holes.centres, _opening_points(model)]
     points += [] if model.overhang is None else [_key_points(model.overhang.outline)]
     # A slope of the thickness is its own image where the film's thickness is everywhere, to the
     # same part.
@@ -70,6 +70,24 @@ def _key_points(outline: Outline) -> Array:
     points = np.array(rows)
     points[:, 2] *= outline.length
     return points
+
+
+def _opening_points(model: Model) -> Array:
+    """Points that pin down the openings: middles of circles, key points of all others.
+
+    Offset in z by size and by what is clamped.
+    """
+    rows = [np.empty((0, 3))]
+    for opening in model.openings:
+        if opening.kind == "circle":
+            x, y = opening.segments[0].centre or (0.0, 0.0)
+            points = np.array([[x, y, model.outline.length]])
+        else:
+            points = _key_points(opening)
+        clamped = opening.segments[0].clamped
+        points[:, 2] += opening.length + 10 * clamped * model.outline.length
+        rows.append(points)
+    return np.concatenate(rows)
 
 
 def _is_mirrored(points: Array, angle: float, tolerance: float) -> bool:

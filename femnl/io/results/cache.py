@@ -130,6 +130,7 @@ def key(model: Model, options: tuple[object, ...]) -> str:
     holes = np.ascontiguousarray(model.holes.centres)
     for part in (
         model.outline,
+        model.openings,
         model.film,
         model.clamp,
         model.overhang,

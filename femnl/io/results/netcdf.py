@@ -44,6 +44,7 @@ def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = No
         "bending": int(model.bending),
         "wedge": modes.domain.wedge,
         "tiles": modes.domain.tiles,
+        "misfit": modes.domain.misfit,
     }
     # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file, and
     # says so on standard error.
@@ -73,7 +74,9 @@ def read_modes(path: Path, model: Model) -> Modes:
             _subdomains={"overhang": stored["overhang"]} if "overhang" in stored else None,
         )
         wedge, tiles = (float(_attribute(file, name)) for name in ("wedge", "tiles"))
-        domain = Domain(model, mesh, wedge, tiles=tiles)
+        # Older files have no ellipses
+        misfit = float(_attribute(file, "misfit")) if "misfit" in file.attrs else 0.0
+        domain = Domain(model, mesh, wedge, tiles=tiles, misfit=misfit)
         found: Modes | None = None
         for name in reversed(("modes", *GRADES)):
             if name in file:

@@ -87,6 +87,11 @@ def solve_bands(
     """
     if count < 1 or steps < 1:
         raise ParameterError(f"count = {count}, steps = {steps}: expected at least one of each")
+    if model.openings:
+        raise ParameterError(
+            f"{model.name}: holes: bands need a lattice whose holes are all round, free and of "
+            "one radius"
+        )
     lattice = lattice or find_lattice(model)
     if len(model.holes.centres) > 0 and not 2 * model.holes.radius < lattice.pitch:
         raise ParameterError(

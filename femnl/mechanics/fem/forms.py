@@ -43,7 +43,9 @@ def thickness(model: Model, point: Array) -> Array:
     film: Film = model.film
     h = film.thickness + point @ np.asarray(film.gradient)
     if film.taper > 0:
-        rim = cKDTree(model.holes.centres).query(point)[0] - model.holes.radius
+        gaps = [np.asarray(cKDTree(h.centres).query(point)[0]) for h in model.etched_from]
+        radii = [h.radius for h in model.etched_from]
+        rim = np.min([gap - radius for gap, radius in zip(gaps, radii, strict=True)], axis=0)
         h = h - film.taper * np.clip(1 - rim / film.taper_length, 0, 1)
     return np.asarray(h)
 

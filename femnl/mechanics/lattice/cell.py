@@ -122,6 +122,7 @@ def _cells(model: Model, pitch: float, n_x: int, n_y: int) -> Domain:
     rows = [pitch * (np.arange(n) - (n - 1) / 2) for n in (n_x, n_y)]
     holes = Holes(np.stack(np.meshgrid(*rows), -1).reshape(-1, 2), model.holes.radius)
     device = replace(model, outline=Outline("rectangle", sides, None, 2 * x), holes=holes)
+    device = replace(device, openings=())
     domain = mesh(replace(device, bending=False), "quarter", RESOLUTION)
     bounds = dict(domain.mesh.boundaries or {})
     outer = np.asarray(bounds.pop("clamped"))

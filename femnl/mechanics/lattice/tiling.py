@@ -103,6 +103,11 @@ def array(model: Model, what: str) -> tuple[float, tuple[int, int]]:
         raise ParameterError(
             f'{model.name}: outline.kind = "{outline.kind}": {what} needs a square or rectangle'
         )
+    if len(outline.segments) > 4 or model.openings:
+        raise ParameterError(
+            f"{model.name}: {what} needs sharp corners, and holes that are all round, free and of "
+            "one radius"
+        )
     columns = [np.unique(np.round(c, 12)) for c in centres.T]
     steps = np.concatenate([np.diff(c) for c in columns])
     if len(steps) == 0 or len(centres) != len(columns[0]) * len(columns[1]):

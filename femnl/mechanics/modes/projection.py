@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from femnl.core.device import Model
 from femnl.core.mechanics import Domain, Modes
 from femnl.core.operators import DIRECTIONS, WEIGHTS, Projection, Units, weights
+from femnl.device.geometry import curves
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import as_matrix, cells, quadrature_order
 from femnl.mechanics.fem.sheet import Sheet
@@ -75,7 +76,7 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
         else (reach * cosine,) * 2
     )
     shapes = shapes_at(modes, grid_x[None, :], grid_y[:, None])
-    if len(domain.model.holes.centres):
+    if domain.model.pierced:
         shapes = _over_holes(domain.model, grid_x, grid_y, shapes)
     return Projection(whole_slopes, whole_masses, reach, grid_x, grid_y, shapes)
 
@@ -85,7 +86,11 @@ def _over_holes(model: Model, grid_x: Array, grid_y: Array, shapes: Array) -> Ar
     x, y = np.meshgrid(grid_x, grid_y)
     points = np.stack([x.ravel(), y.ravel()], axis=1)
     holes = model.holes
-    missing = cKDTree(holes.centres).query(points)[0] <= holes.radius
+    missing = np.zeros(len(points), dtype=bool)
+    if len(holes.centres):
+        missing |= cKDTree(holes.centres).query(points)[0] <= holes.radius
+    for opening in model.openings:
+        missing |= curves.contains(opening, points) | (curves.distance(opening, points) == 0)
     values = shapes.reshape(len(shapes), -1).T.copy()
     if np.any(missing):
         values[missing] = RBFInterpolator(

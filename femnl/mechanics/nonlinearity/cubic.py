@@ -112,7 +112,7 @@ def energy_remainder(modes: Modes, edge: Edge, values: Sequence[Array], scale: A
     rough = np.any(angles > np.pi + 1e-6) or (
         edge == "sliding" and np.any(np.abs(angles - np.pi / 2) > 1e-6)
     )
-    safety = UNEVEN if len(modes.domain.model.holes.centres) else SAFETY
+    safety = UNEVEN if modes.domain.model.pierced else SAFETY
     return (
         remainder(values[:3], scale, ROUGH if rough else SMOOTH, safety)
         if len(values) > 1
