@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from tmm import coh_tmm
 
-from femnl.core.device import Stack
+from femnl.core.device import Layer, Stack
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.readout import Array, FourierSeries
 
@@ -169,19 +169,20 @@ class MultilayerFringe:
     @cached_property
     def _indices(self) -> tuple[complex, ...]:
         """The index of every layer at the wavelength."""
-        return tuple(
-            _index(layer.index, layer.material, self.wavelength) for layer in self._layers.layers
-        )
+        return tuple(index_of(layer, self.wavelength) for layer in self._layers.layers)
 
 
-def _index(table: tuple[tuple[float, complex], ...], material: str, wavelength: float) -> complex:
-    """Return the index listed at `wavelength`, but for a picometre of rounding."""
-    for listed, index in table:
+def index_of(layer: Layer, wavelength: float) -> complex:
+    """Return the index n − ik listed at `wavelength` [m], but for a picometre of rounding.
+
+    Raises: ParameterError for a wavelength that is not listed; indices are never interpolated.
+    """
+    for listed, index in layer.index:
         if abs(listed - wavelength) < 1e-12:
             return complex(index)
-    names = ", ".join(f"{listed * 1e9:g} nm" for listed, _ in table)
+    names = ", ".join(f"{listed * 1e9:g} nm" for listed, _ in layer.index)
     raise ParameterError(
-        f"no index of {material} at {wavelength * 1e9:g} nm: the stack lists {names}; add it to "
+        f"no index of {layer.material} at {wavelength * 1e9:g} nm: the stack lists {names}; add it to "
         "the geometry's [readout]"
     )
 

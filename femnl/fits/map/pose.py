@@ -14,6 +14,7 @@ from femnl.io.measurement import noise_sd
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.map.model import MapModel, exact_shapes
 from femnl.observe.map.spots import Grid
+from femnl.optics.airy import stack_scales
 
 TRIED = 6
 """Lowest modes that a map without drive frequency may show."""
@@ -74,7 +75,7 @@ def pose(
             "wavelength": wavelength,
             "slope": abs(fitted["contrast"]) / drive,
             "period": 1 / frequency,
-            **_gap(film),
+            **stack_scales(film.model.stack),
         },
         notes=(
             f"map: {note}",
@@ -141,9 +142,3 @@ def _upright(found: dict[str, float]) -> dict[str, float]:
         return found | {"motion_phase": phase}
     turned = (np.pi - found["fringe_phase"]) % (2 * np.pi) - np.pi
     return found | {"motion_phase": phase - np.pi, "fringe_phase": turned}
-
-
-def _gap(film: SimulatedFilm) -> dict[str, float]:
-    """Return the thickness of the gap [m] as a scale, where the geometry has a stack."""
-    stack = film.model.stack
-    return {} if stack is None else {"stack": stack.layers[stack.gap].thickness}
