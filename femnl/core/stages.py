@@ -158,7 +158,8 @@ class Motion:
     displacement (n_orders, n_points) [m], orders from 1; theta (n_points,) [rad]; x, y (n_points,)
     [m] on the film; shapes (n_modes, n_points): ξ of the lowest modes; frequencies (n_modes,) [Hz];
     mode: the one that is driven; swing (n_points,) [m]: its amplitude U e^{iφ} where |ξ| = 1, while
-    each point was measured; wavelength [m].
+    each point was measured; wavelength [m]; time (n_points,) [s] at which each point was measured,
+    empty where that was not recorded.
     """
 
     displacement: ComplexArray
@@ -170,6 +171,15 @@ class Motion:
     mode: int
     swing: ComplexArray
     wavelength: float
+    time: Array = field(default_factory=lambda: np.empty(0))
+
+    def driven(self, swing: ComplexArray) -> "Motion":
+        """Let the whole motion at the drive follow another swing (n_points,) [m]."""
+        still = self.swing == 0
+        factor = np.where(still, 0, swing) / np.where(still, 1, self.swing)
+        displacement = self.displacement.copy()
+        displacement[0] *= factor
+        return replace(self, displacement=displacement, swing=swing)
 
     def raised(self, order: int, added: ComplexArray) -> "Motion":
         """Add the displacement (n_points,) [m] at a multiple of the drive."""

@@ -54,6 +54,7 @@ def pose(
     frequency = float(film.modes.frequency[mode]) if driven is None else driven
     drive = float(dataset.attrs.get("drive", 1.0))
     wavelength = float(dataset.attrs["wavelength"])
+    time = _time(dataset, used)
     x = np.asarray(dataset["x"].values, float)
     y = np.asarray(dataset["y"].values, float)
     return MapModel(
@@ -64,6 +65,7 @@ def pose(
         grid=_grid(x, y, used),
         present=present,
         measured=measured,
+        time=time,
         noise=noise,
         mode=mode,
         frequency=frequency,
@@ -75,6 +77,7 @@ def pose(
             "wavelength": wavelength,
             "slope": abs(fitted["contrast"]) / drive,
             "period": 1 / frequency,
+            **({"time": float(np.ptp(time))} if len(time) else {}),
             **stack_scales(film.model.stack),
         },
         notes=(
@@ -89,6 +92,15 @@ def _grid(x: Array, y: Array, used: NDArray[np.intp]) -> Grid:
     across, up = np.meshgrid(x, y)
     row, column = np.divmod(used, len(x))
     return Grid(across.ravel()[used], up.ravel()[used], row, column, (len(y), len(x)))
+
+
+def _time(dataset: xr.Dataset, used: NDArray[np.intp]) -> Array:
+    """Return when each place with data was measured [s]; empty where the file does not say so."""
+    if "time" not in dataset:
+        return np.empty(0)
+    time = np.asarray(dataset["time"].values, float).ravel()[used]
+    told = bool(np.isfinite(time).all()) and np.ptp(time) > 0
+    return time if told else np.empty(0)
 
 
 def _base(fitted: dict[str, float], wavelength: float, reach: float) -> tuple[ParameterSpec, ...]:

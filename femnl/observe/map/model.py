@@ -6,6 +6,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from femnl.core.comparison import Comparison, Images
 from femnl.core.effect import Effect, ParameterSpec, Values
@@ -41,8 +42,9 @@ class MapModel(MeasurementModel):
 
     harmonic (n_harmonics,), at least 1; axes: x and y of the whole map [m]; grid: its n_points
     places with data; present and measured (n_harmonics, n_points): where and what [V], 0 where it
-    is missing; noise [V] per quadrature; mode: index of the driven mode; frequency [Hz] and drive
-    [V] of the drive.
+    is missing; time (n_points,) [s] at which each place was measured, empty where that was not
+    recorded; noise [V] per quadrature; mode: index of the driven mode; frequency [Hz] and drive [V]
+    of the drive.
     """
 
     kind = "map"
@@ -54,6 +56,7 @@ class MapModel(MeasurementModel):
     grid: Grid
     present: NDArray[np.bool_]
     measured: ComplexArray
+    time: Array
     noise: float
     mode: int
     frequency: float
@@ -67,6 +70,16 @@ class MapModel(MeasurementModel):
     def _finer(self) -> Finer:
         """The grid on which a spot of finite size is averaged."""
         return Finer(Axis.beside(self.axes[0]), Axis.beside(self.axes[1]))
+
+    @cached_property
+    def _finer_time(self) -> Array:
+        """Time of the finer grid: of the nearest place, whose spot covers it while it is measured."""
+        if not len(self.time):
+            return self.time
+        places = np.column_stack([self.grid.x, self.grid.y])
+        finer = self._finer.grid
+        _, nearest = cKDTree(places).query(np.column_stack([finer.x, finer.y]))
+        return self.time[nearest]
 
     @cached_property
     def _exact(self) -> ShapeValues | None:
@@ -130,7 +143,16 @@ class MapModel(MeasurementModel):
         first = (swing * shapes[self.mode])[None]
         theta = np.full(x.shape, base["theta"])
         motion = Motion(
-            first, theta, x, y, shapes, self.film.modes.frequency, self.mode, swing, self.wavelength
+            first,
+            theta,
+            x,
+            y,
+            shapes,
+            self.film.modes.frequency,
+            self.mode,
+            swing,
+            self.wavelength,
+            self._finer_time if finer else self.time,
         )
         fringe = Fringe(np.array([0, 1], complex), self.wavelength, self.film.model.stack)
         moved = apply("motion", motion, effects, values)
