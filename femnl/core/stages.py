@@ -174,11 +174,11 @@ class Motion:
     time: Array = field(default_factory=lambda: np.empty(0))
 
     def driven(self, swing: ComplexArray) -> "Motion":
-        """Let the whole motion at the drive follow another swing (n_points,) [m]."""
+        """Let the whole motion follow another swing (n_points,) [m]: at nω by its n-th power."""
         still = self.swing == 0
         factor = np.where(still, 0, swing) / np.where(still, 1, self.swing)
-        displacement = self.displacement.copy()
-        displacement[0] *= factor
+        order = np.arange(1, len(self.displacement) + 1)[:, None]
+        displacement = self.displacement * factor**order
         return replace(self, displacement=displacement, swing=swing)
 
     def raised(self, order: int, added: ComplexArray) -> "Motion":
@@ -194,18 +194,28 @@ class Motion:
 
 
 @dataclass(frozen=True)
+class Wave:
+    """The fringe of one plane wave: c_k (n_overtones + 1,), and 4π over the wavelength [m] is q."""
+
+    coefficients: ComplexArray
+    wavelength: float
+
+
+@dataclass(frozen=True)
 class Fringe:
     """Stage `fringe`: v = V_C Re Σ_k c_k e^{ik(qu + θ)}, c (n_overtones + 1,).
 
     It is clipped at ±limit in units of its largest value.
 
-    stack: of the geometry, None where it gives none; wavelength [m], q = 4π/wavelength.
+    stack: of the geometry, None where it gives none; wavelength [m], q = 4π/wavelength. beside:
+    further plane waves of a focused beam, whose light the detector adds.
     """
 
     coefficients: ComplexArray
     wavelength: float
     stack: Stack | None
     limit: float = np.inf
+    beside: tuple[Wave, ...] = ()
 
 
 @dataclass(frozen=True)

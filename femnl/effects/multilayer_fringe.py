@@ -4,20 +4,23 @@ from dataclasses import replace
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Fringe
-from femnl.optics.airy import focused, geometric_fringe
+from femnl.optics.airy import Film, beam_waves
 
 
 def reflect(fringe: Fringe, values: Values) -> Fringe:
     """Put the reflection of the stack with the given gap in place of the cosine."""
     if fringe.stack is None:
         return fringe
-    plane = geometric_fringe(
-        fringe.stack, fringe.wavelength, values["thickness"], values["index_scale"]
-    ).coefficients(values["gap"], fringe.wavelength)
-    seen, wavelength = focused(
-        plane, values["gap"], fringe.wavelength, values["aperture_square"]
+    film = Film(values["thickness"], values["index_scale"])
+    axis, *beside = beam_waves(
+        fringe.stack, fringe.wavelength, film, values["gap"], values["aperture_square"]
     )
-    return replace(fringe, coefficients=seen, wavelength=wavelength)
+    return replace(
+        fringe,
+        coefficients=axis.coefficients,
+        wavelength=axis.wavelength,
+        beside=tuple(beside),
+    )
 
 
 EFFECT = Effect(
@@ -58,15 +61,16 @@ EFFECT = Effect(
             "aperture_square",
             "1",
             0.0,
-            0.04,
+            0.03,
             strength=False,
-            reason="NA up to 0.2, a waist of 1 µm at 633 nm: a wider cone is not paraxial",
+            reason="NA = λ/(πw₀) up to 0.17, a waist of 1.2 µm at 633 nm: a beam into a wider cone "
+            "is no Gaussian one, as it fills the objective",
         ),
     ),
     changes={"fringe": reflect},
     source="Born & Wolf, 7th ed., 1.6.2 and 7.6 (stack); Siegman, Lasers (1986), ch. 17 (focus); "
     "Sommer et al., arXiv:2502.19191, S6",
-    limits="gap known modulo half a wavelength, and to first order only together with the focus, "
+    limits="fringe right to 1e-3 of its contrast up to gap = z_R/2; gap known modulo half a wavelength, and to first order only together with the focus, "
     "which turns the fringe by gap/z_R: where the focus is not told, its error holds that range; "
     "which way the film moves is taken from the drive's phase; beams of several wavelengths have "
     "one NA",

@@ -1,25 +1,30 @@
 """Overtones of a stack's fringe in closed form, for plane waves and for a focused beam.
 
 The light that goes m times through the gap leaves the stack with A_m = t t′ r_w (r_b r_w)^{m−1},
-so that R = |Σ_m A_m e^{−imφ}|² is a geometric series too. Time runs as exp(+iωt), φ = 4πd/λ.
+so that R = |Σ_m A_m e^{−imφ}|² is a geometric series too. Time runs as exp(+iωt), and the way
+through the gap gives φ = 4πd cos ϑ/λ.
 """
 
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
 
 from femnl.core.device import Stack
-from femnl.core.readout import Array, ComplexArray
+from femnl.core.readout import ComplexArray
+from femnl.core.stages import Wave
 from femnl.optics.fringe import index_of
 
 FAINT = 1e-8
 """Overtones below this part of the first are left out: no map can show them."""
+ANGLES = 8
+"""Plane waves of a focused beam, by Gauss–Laguerre in 2 sin²ϑ/NA²."""
 
 
 @dataclass(frozen=True)
 class GeometricFringe:
-    """R = constant + Re Σ_{k≥1} first · ratio^{k−1} e^{ikφ} for a gap of φ = 4πd/λ.
+    """R = constant + Re Σ_{k≥1} first · ratio^{k−1} e^{ikφ}.
 
     Overtones of the fringe of a film over a wafer fall by the same complex ratio each.
     """
@@ -27,14 +32,11 @@ class GeometricFringe:
     first: complex
     ratio: complex
 
-    def coefficients(self, gap: float, wavelength: float) -> ComplexArray:
-        """Return c_k/|c₁| from k = 0 for a gap [m]; c₀ = 0, which no harmonic shows."""
+    def coefficients(self, phase: float) -> ComplexArray:
+        """Return c_k from k = 0 for a phase φ [rad]; c₀ = 0, which no harmonic shows."""
         count = 2 + int(np.log(FAINT) / np.log(np.clip(abs(self.ratio), FAINT, 0.999)))
-        k = np.arange(count)
-        turn = np.exp(4j * np.pi / wavelength * gap * k)
-        unit = self.first / abs(self.first)
-        series = unit * np.power(self.ratio, np.maximum(k - 1, 0)) * turn
-        return np.asarray(np.where(k == 0, 0, series))
+        k = np.arange(1, count)
+        return np.append(0, self.first * self.ratio ** (k - 1) * np.exp(1j * k * phase))
 
 
 class _Side(NamedTuple):
@@ -45,73 +47,112 @@ class _Side(NamedTuple):
     through: complex
 
 
+@dataclass(frozen=True)
+class Film:
+    """The film above the gap: its thickness [m], and its index over that of the stack's layer."""
+
+    thickness: float
+    index_scale: float = 1.0
+
+
 def geometric_fringe(
-    stack: Stack, wavelength: float, thickness: float, index_scale: float = 1.0
+    stack: Stack, wavelength: float, film: Film, sine_square: float = 0.0, *, s_wave: bool = True
 ) -> GeometricFringe:
-    """Return the fringe of a stack whose film has another thickness and another index.
+    """Return the fringe of a stack that has another film, for one plane wave.
 
     Args: stack: layers with the gap; the film is the layer above the gap. wavelength: λ [m].
-    thickness: of the film [m]. index_scale: factor of the film's index.
-    Valid: plane waves at normal incidence, coherent layers, a gap of index 1 without loss.
+    sine_square: sin²ϑ before the stack. s_wave: whether E stands across the plane of incidence.
+    Valid: coherent layers, a gap of index 1 without loss.
     Source: Born & Wolf, Principles of Optics, 7th ed., sections 1.6.2 and 7.6 (Airy's sum).
     """
-    n = [index_of(layer, wavelength) for layer in stack.layers]
-    film = stack.gap - 1
-    n[film] *= index_scale
-    h = [layer.thickness for layer in stack.layers]
-    h[film] = thickness
     gap = stack.gap
-    k = 2 * np.pi / wavelength
-    upper = _side(n[0], n[1:gap], k * np.array(h[1:gap]), n[gap])
-    lower = _side(n[gap], n[gap + 1 : -1], k * np.array(h[gap + 1 : -1]), n[-1])
+    index = np.array([index_of(layer, wavelength) for layer in stack.layers])
+    index[gap - 1] *= film.index_scale
+    h = np.array([layer.thickness for layer in stack.layers])
+    h[gap - 1] = film.thickness
+    cosine = np.sqrt(1 - sine_square * (index[0] / index) ** 2)
+    depth = 2 * np.pi / wavelength * index[1:-1] * cosine[1:-1] * h[1:-1]
+    # Admittances: what is steady across a face is E and n cos ϑ E, or cos ϑ E and n E.
+    n = index * cosine if s_wave else index / cosine
+    upper = _side(n[: gap + 1], depth[: gap - 1])
+    lower = _side(n[gap:], depth[gap:])
     ratio = upper.below * lower.above
     entered = upper.through * lower.above
     first = 2 * (np.conj(upper.above) * entered + abs(entered) ** 2 * ratio / (1 - abs(ratio) ** 2))
     return GeometricFringe(complex(np.conj(first)), complex(np.conj(ratio)))
 
 
-def _side(before: complex, inner: list[complex], depth: Array, after: complex) -> _Side:
-    """Return what layers between two media do, by characteristic matrices.
+def _side(n: ComplexArray, depth: ComplexArray) -> _Side:
+    """Return what the layers between two media do, by characteristic matrices.
 
-    Args: before, after: indices of the media. inner: those of the layers. depth: 2πh/λ of each.
+    Args: n: admittances of the medium before, the layers, and the medium behind. depth: phase
+    [rad] on one way through each layer.
     """
     whole = np.eye(2, dtype=complex)
-    for index, size in zip(inner, depth, strict=True):
-        c = np.cos(index * size)
-        s = 1j * np.sin(index * size)
+    for index, phase in zip(n[1:-1], depth, strict=True):
+        c = np.cos(phase)
+        s = 1j * np.sin(phase)
         whole = whole @ np.array([[c, s / index], [index * s, c]])
-    a = before * whole[0, 0]
-    b = before * after * whole[0, 1]
-    d = after * whole[1, 1]
+    a = n[0] * whole[0, 0]
+    b = n[0] * n[-1] * whole[0, 1]
+    d = n[-1] * whole[1, 1]
     total = a + b + whole[1, 0] + d
     return _Side(
         complex((a + b - whole[1, 0] - d) / total),
         complex((d + b - whole[1, 0] - a) / total),
-        complex(4 * before * after / total**2),
+        complex(4 * n[0] * n[-1] / total**2),
     )
 
 
-def focused(
-    coefficients: ComplexArray, gap: float, wavelength: float, aperture_square: float
-) -> tuple[ComplexArray, float]:
-    """Return the coefficients c_k that a focused beam sees, over |c₁|, and the period it sees.
+_NODES = np.polynomial.laguerre.laggauss(ANGLES)
 
-    A Gaussian beam is a sum of plane waves at angles ϑ of the power e^{−2ϑ²/NA²}. Each reflects by
-    itself, and the detector adds up power: the mean of e^{ikφ cos ϑ} over angles is
-    e^{ikφ}/(1 + ikd/z_R), which is also the overlap of the beam with itself after the further way
-    2kd. Its slope in d shortens the phase that motion adds, to first order by the factor 1 − NA²/4.
 
-    Args: coefficients: c_k of plane waves from k = 0. gap: d [m]. wavelength: λ [m].
-    aperture_square: NA² = λ/(π z_R), NA the half angle at which the intensity is 1/e².
-    Returns: c_k, and the wavelength [m] of plane waves whose fringe has the same period.
-    Valid: paraxial, NA ≤ 0.2; layers of the stack thin against z_R. Source: A. E. Siegman, Lasers
-    (1986), ch. 17 (z_R = πw₀²/λ, Gouy's phase); K. Creath, Appl. Opt. 28, 3333 (1989) (the fringe
-    spacing under an aperture).
+def beam_waves(
+    stack: Stack, wavelength: float, film: Film, gap: float, aperture_square: float
+) -> tuple[Wave, ...]:
+    """Return the fringes of the plane waves that make up a focused beam, |Σ c₁| = 1.
+
+    A linearly polarised Gaussian beam has the power e^{−2 sin²ϑ/NA²} a solid angle, NA = λ/(πw₀).
+    Each wave reflects by itself, and the detector adds up their power. To first order in NA², the
+    mean of e^{ikφ} is e^{ik4πd/λ}/(1 + ikd/z_R), z_R = πw₀²/λ, the overlap of the beam with itself
+    after the further way 2kd; and motion turns the fringe by the factor 1 − NA²/4 less.
+
+    Args: stack, wavelength [m], film: see `geometric_fringe`. gap: d [m]. aperture_square: NA².
+    Returns: the wave on axis alone where NA = 0, else `ANGLES` of them.
+    Valid: NA² ≤ 0.03 and d < z_R/2, with errors below 1e-3 of the fringe's contrast; a detector
+    that takes up all reflected light.
+    Source: A. E. Siegman, Lasers (1986), ch. 16 and 17; K. Creath, Appl. Opt. 28, 3333 (1989) (the
+    fringe spacing under an aperture).
     """
-    depth = np.pi * gap * aperture_square / wavelength
-    seen = coefficients / (1 + 1j * depth * np.arange(len(coefficients)))
-    shorter = 1 - aperture_square / 4 / (1 + depth**2)
-    return seen / abs(seen[1]), wavelength / shorter
+    if aperture_square == 0:
+        waves = [_wave(stack, wavelength, film, gap, 0.0, (True,))]
+    else:
+        waves = [
+            _wave(stack, wavelength, film, gap, aperture_square * t / 2, (True, False), share)
+            for t, share in zip(*_NODES, strict=True)
+        ]
+    first = abs(sum(wave.coefficients[1] for wave in waves))
+    return tuple(Wave(wave.coefficients / first, wave.wavelength) for wave in waves)
+
+
+def _wave(
+    stack: Stack,
+    wavelength: float,
+    film: Film,
+    gap: float,
+    sine_square: float,
+    s_waves: tuple[bool, ...],
+    share: float = 1.0,
+) -> Wave:
+    """Return the fringe of light at one angle, the mean over polarisations, times its share."""
+    cosine = np.sqrt(1 - sine_square)
+    phase = 4 * np.pi * gap * cosine / wavelength
+    each = [
+        geometric_fringe(stack, wavelength, film, sine_square, s_wave=s_wave).coefficients(phase)
+        for s_wave in s_waves
+    ]
+    total = np.array([sum(column) for column in zip_longest(*each, fillvalue=0.0)], complex)
+    return Wave(share / len(each) * total, wavelength / cosine)
 
 
 def stack_scales(stack: Stack | None) -> dict[str, float]:

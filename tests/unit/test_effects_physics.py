@@ -62,6 +62,7 @@ TABLE = {
     "phase_tilt",
     "static_bow",
     "mode_admixture",
+    "resonance_drift",
     "detector_bandwidth",
     "trigger_jitter",
     "detector_saturation",
