@@ -70,10 +70,10 @@ EFFECT = Effect(
     changes={"fringe": reflect},
     source="Born & Wolf, 7th ed., 1.6.2 and 7.6 (stack); Siegman, Lasers (1986), ch. 17 (focus); "
     "Sommer et al., arXiv:2502.19191, S6",
-    limits="fringe right to 1e-3 of its contrast up to gap = z_R/2; gap known modulo half a wavelength, and to first order only together with the focus, "
-    "which turns the fringe by gap/z_R: where the focus is not told, its error holds that range; "
-    "which way the film moves is taken from the drive's phase; beams of several wavelengths have "
-    "one NA",
+    limits="fringe right to 1e-3 of its contrast up to gap = z_R/2; gap known modulo half a "
+    "wavelength, and to first order only together with the focus, which turns the fringe by "
+    "gap/z_R: where the focus is not told, its error holds that range; which way the film moves is "
+    "taken from the drive's phase; beams of several wavelengths have one NA",
     sentence="the fringe is the reflection of the whole optical stack and not one cosine",
     needs=("stack", "film"),
     replaces=("theta",),

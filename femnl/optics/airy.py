@@ -124,35 +124,21 @@ def beam_waves(
     Source: A. E. Siegman, Lasers (1986), ch. 16 and 17; K. Creath, Appl. Opt. 28, 3333 (1989) (the
     fringe spacing under an aperture).
     """
-    if aperture_square == 0:
-        waves = [_wave(stack, wavelength, film, gap, 0.0, (True,))]
-    else:
-        waves = [
-            _wave(stack, wavelength, film, gap, aperture_square * t / 2, (True, False), share)
-            for t, share in zip(*_NODES, strict=True)
+    angles = zip(*_NODES, strict=True) if aperture_square else [(0.0, 1.0)]
+    waves = []
+    for node, share in angles:
+        sine_square = aperture_square * node / 2
+        cosine = np.sqrt(1 - sine_square)
+        phase = 4 * np.pi * gap * cosine / wavelength
+        each = [
+            geometric_fringe(stack, wavelength, film, sine_square, s_wave=s_wave)
+            for s_wave in (True, False)
         ]
+        series = [one.coefficients(phase) for one in each]
+        mean = [sum(column) / 2 for column in zip_longest(*series, fillvalue=0.0)]
+        waves.append(Wave(np.array(mean, complex) * complex(share), wavelength / cosine))
     first = abs(sum(wave.coefficients[1] for wave in waves))
     return tuple(Wave(wave.coefficients / first, wave.wavelength) for wave in waves)
-
-
-def _wave(
-    stack: Stack,
-    wavelength: float,
-    film: Film,
-    gap: float,
-    sine_square: float,
-    s_waves: tuple[bool, ...],
-    share: float = 1.0,
-) -> Wave:
-    """Return the fringe of light at one angle, the mean over polarisations, times its share."""
-    cosine = np.sqrt(1 - sine_square)
-    phase = 4 * np.pi * gap * cosine / wavelength
-    each = [
-        geometric_fringe(stack, wavelength, film, sine_square, s_wave=s_wave).coefficients(phase)
-        for s_wave in s_waves
-    ]
-    total = np.array([sum(column) for column in zip_longest(*each, fillvalue=0.0)], complex)
-    return Wave(share / len(each) * total, wavelength / cosine)
 
 
 def stack_scales(stack: Stack | None) -> dict[str, float]:

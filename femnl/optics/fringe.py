@@ -182,8 +182,8 @@ def index_of(layer: Layer, wavelength: float) -> complex:
             return complex(index)
     names = ", ".join(f"{listed * 1e9:g} nm" for listed, _ in layer.index)
     raise ParameterError(
-        f"no index of {layer.material} at {wavelength * 1e9:g} nm: the stack lists {names}; add it to "
-        "the geometry's [readout]"
+        f"no index of {layer.material} at {wavelength * 1e9:g} nm: the stack lists {names}; "
+        "add it to the geometry's [readout]"
     )
 
 

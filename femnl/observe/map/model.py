@@ -73,7 +73,7 @@ class MapModel(MeasurementModel):
 
     @cached_property
     def _finer_time(self) -> Array:
-        """Time of the finer grid: of the nearest place, whose spot covers it while it is measured."""
+        """Time of the finer grid: of the nearest place, whose spot covers it then."""
         if not len(self.time):
             return self.time
         places = np.column_stack([self.grid.x, self.grid.y])

@@ -372,7 +372,7 @@ DERIVED: dict[str, str] = {
     "tabulated in the gap, instead of a geometric series of overtones",
     "phase_tilt": "a plane distance that is added to the motion before the fringe is read",
     "quadratic_stiffness": "one period of the free oscillation by Runge–Kutta steps",
-    "resonance_drift": "slow equation of motion in time along the scan, instead of its steady state",
+    "resonance_drift": "slow equation of motion in time along the scan, not its steady state",
     "stage_rotation": "places turned as complex numbers, shapes of the laboratory's own film",
     "stage_scale": "places stretched, shapes of the laboratory's own film",
     "static_bow": "a distance that is added to the motion before the fringe is read",
