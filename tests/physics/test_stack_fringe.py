@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from tmm import coh_tmm
 
 from femnl.core.device import Stack
-from femnl.core.stages import Fringe, Motion
+from femnl.core.stages import Fringe, Motion, Wave
 from femnl.device.geometry import load
 from femnl.effects import library
-from femnl.optics.airy import Film, Wave, beam_waves, geometric_fringe
+from femnl.optics.airy import Film, beam_waves, geometric_fringe
 from femnl.optics.fringe import MultilayerFringe
 from femnl.optics.sampled import harmonics
 from tests.blind.lab.optics import beam_reflection, fringe, with_film
