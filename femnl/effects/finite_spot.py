@@ -23,7 +23,7 @@ EFFECT = Effect(
             0.0,
             1.5e-5,
             reason="rings of the fringe are 10 to 50 µm apart: a wider spot washes them out, and "
-            "no objective that reads a map leaves one",
+            "leaves nothing to tell its size by",
         ),
     ),
     changes={"placement": blur},

@@ -24,8 +24,8 @@ EFFECT = Effect(
             0.0,
             0.3,
             scale="period",
-            reason="at 0.3 periods e^{−(nωs)²/2} leaves 17 % of the first harmonic and a thousandth "
-            "of the second: no more jitter leaves anything to tell it by",
+            reason="at 0.3 periods e^{−(nωs)²/2} leaves 17 % of the first harmonic and a "
+            "thousandth of the second: no more jitter leaves anything to tell it by",
         ),
     ),
     changes={"harmonics": blur},

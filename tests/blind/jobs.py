@@ -33,6 +33,7 @@ TURNING = ("aspect_ratio", "shear_stress", "stress_anisotropy")
 """Causes that only differ in direction, which a hexagon does not know."""
 UNTOLD = {
     "added_mass": ("x", "y"),
+    "doublet": ("partner", "in_phase", "quadrature"),
     "internal_resonance": ("order", "offset"),
     "mechanical_overtones": ("cos2", "sin2", "cos3", "sin3"),
     "mode_admixture": ("e1", "e2", "e3", "e4", "q1", "q2", "q3", "q4"),

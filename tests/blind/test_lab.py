@@ -122,7 +122,8 @@ def test_causes_are_as_large_as_asked_for(kind: str, tmp_path: Path) -> None:
 
 
 UNHIDDEN = {
-    ("trace", name) for name in ("phase_tilt", "static_bow", "mode_admixture", "resonance_drift")
+    ("trace", name)
+    for name in ("phase_tilt", "static_bow", "mode_admixture", "resonance_drift", "doublet")
 }
 """What one spot cannot show: the gap, the fringe and the amplitude there take it up."""
 

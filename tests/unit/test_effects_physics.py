@@ -63,6 +63,7 @@ TABLE = {
     "static_bow",
     "mode_admixture",
     "resonance_drift",
+    "doublet",
     "detector_bandwidth",
     "trigger_jitter",
     "detector_saturation",

@@ -197,6 +197,11 @@ class MapBench:
             if "mode_admixture" in hidden:
                 shape = shape + hidden["mode_admixture"][f"e{k}"] * shapes[k]
                 late = late + hidden["mode_admixture"][f"q{k}"] * shapes[k]
+        if "doublet" in hidden:
+            pair = hidden["doublet"]
+            partner = shapes[round(pair["partner"])]
+            shape = shape + pair["in_phase"] * partner
+            late = late + pair["quadrature"] * partner
         moving = base["amplitude"] * swing * (shape + 1j * late)
         u = moving.real[..., None] * np.cos(tau) - moving.imag[..., None] * np.sin(tau)
         u = u + rest[..., None]
@@ -325,6 +330,13 @@ def film_and_beam(rng: np.random.Generator, thickness: float) -> Values:
     }
 
 
+def _doublet(rng: np.random.Generator, bench: MapBench) -> Cause:
+    turn = float(rng.uniform(-np.pi, np.pi))
+    values = {"in_phase": 1e-3 * np.cos(turn), "quadrature": 1e-3 * np.sin(turn)}
+    partner = {"partner": float(rng.integers(1, 6))}
+    return Cause(values | partner, ("in_phase", "quadrature"), 500.0)
+
+
 def _drift(rng: np.random.Generator, bench: MapBench) -> Cause:
     values = {
         "detuning": float(rng.uniform(-1, 1)),
@@ -347,6 +359,7 @@ CAUSES: dict[str, Callable[[np.random.Generator, MapBench], Cause]] = {
     "crosstalk": _leak,
     "detector_bandwidth": one("time_constant", 3e-9, 20.0),
     "detector_saturation": one("clipped", 0.05, 10.0),
+    "doublet": _doublet,
     "finite_spot": one("radius", 2e-6, 5.0),
     "mechanical_overtones": vector(("cos2", "sin2", "cos3", "sin3"), 1e-9, 60.0),
     "mode_admixture": vector(("e1", "e2", "e3", "e4", "q1", "q2", "q3", "q4"), 1e-3, 150.0),
@@ -365,6 +378,7 @@ DERIVED: dict[str, str] = {
     "crosstalk": "added to the Fourier coefficients of the sampled signal",
     "detector_bandwidth": "a recursive low pass run in time until it is steady",
     "detector_saturation": "the sampled signal is clipped in time",
+    "doublet": "in-phase and quadrature motion in time, whose fringe goes through an FFT",
     "finite_spot": "quadrature of the signal over the points of the spot, instead of diffusion",
     "mechanical_overtones": "added to the sampled motion, whose fringe goes through an FFT",
     "mode_admixture": "in-phase and quadrature motion in time, whose fringe goes through an FFT",
