@@ -50,7 +50,11 @@ def within(found: Diagnosis, cause: str, truth: dict[str, float]) -> bool:
 
 @pytest.mark.parametrize(
     ("thickness", "scale", "waist"),
-    [(186e-9, 1.0, np.inf), (183.75e-9, 1.0, 2.5e-6), (180e-9, 1.02, 4e-6)],
+    [
+        pytest.param(186e-9, 1.0, np.inf, marks=pytest.mark.slow),
+        (183.75e-9, 1.0, 2.5e-6),
+        pytest.param(180e-9, 1.02, 4e-6, marks=pytest.mark.slow),
+    ],
     ids=["thicker", "focused", "both"],
 )
 def test_another_film_or_a_focus_is_the_stack_and_no_stage(
@@ -91,7 +95,7 @@ def test_a_partner_in_quadrature_is_told_from_a_drift_along_its_axis(
     pair = {"partner": 1.0, "in_phase": 0.0, "quadrature": share}
     found = told(tmp_path, {"doublet": pair})
     assert (found.verdict, found.causes) == ("explained", ("doublet",))
-    assert worse(found, "resonance_drift") > 5
+    assert worse(found, "resonance_drift") > 4
     own = found.parameters["doublet"]
     assert abs(own["quadrature"].value) == pytest.approx(share, abs=4 * own["quadrature"].sd)
 
@@ -102,7 +106,7 @@ def test_a_faint_partner_along_the_slow_axis_cannot_be_told_from_a_drift(tmp_pat
     assert found.verdict == "ambiguous"
     others = [other.causes for other in found.alternatives]
     assert {("doublet",), ("resonance_drift",)} <= {*others, found.causes}
-    assert found.measure_next
+    assert "along its other axis" in found.measure_next
 
 
 def test_crosstalk_in_quadrature_is_told_from_an_admixture(tmp_path: Path) -> None:
@@ -121,6 +125,7 @@ def test_stripes_of_a_drifting_resonance_are_told_from_other_modes(tmp_path: Pat
     assert worse(found, "mode_admixture") > 50
 
 
+@pytest.mark.slow
 def test_a_map_without_times_does_not_blame_a_drift(tmp_path: Path) -> None:
     found = told(tmp_path, {"resonance_drift": DRIFT | {"linewidth": 100.0}}, timed=False)
     assert found.verdict == "unexplained"

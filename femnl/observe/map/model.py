@@ -1,7 +1,7 @@
 """Harmonic maps against a simulated mode under a sinusoidal fringe."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -253,13 +253,27 @@ class MapModel(MeasurementModel):
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """The same map at other amplitudes of the motion."""
-        return {
+        """The same map at other amplitudes of the motion, and along its other axis."""
+        found = {
             f"the same map at {factor:g} times the amplitude": self._real(
                 self.predict(effects, {**base, "amplitude": factor * base["amplitude"]}, values)
             )
             for factor in (0.5, 2.0)
         }
+        if len(self.time):
+            across = replace(self, time=self._time_across())
+            found["the same map line by line along its other axis"] = self._real(
+                across.predict(effects, base, values)
+            )
+        return found
+
+    def _time_across(self) -> Array:
+        """Times of the points (n_points,) [s] if the slow axis were the other one."""
+        columns = _follow(self.time, self.grid.row) > _follow(self.time, self.grid.column)
+        slow = self.grid.column if columns else self.grid.row
+        fast = self.grid.row if columns else self.grid.column
+        order = np.argsort(np.lexsort((fast, slow)))
+        return np.asarray(self.time.min() + np.ptp(self.time) * order / max(len(order) - 1, 1))
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Of a faint motion, larger ones under less contrast.
@@ -326,6 +340,12 @@ class MapModel(MeasurementModel):
             f"harmonic {self.harmonic[k]} deviates most, and most strongly near {place}; rms "
             f"by harmonic {rms}"
         )
+
+
+def _follow(time: Array, steps: NDArray[np.int64]) -> float:
+    """Return how far times [s] grow with the steps along an axis: the size of their covariance."""
+    spread = float(np.std(steps)) or 1.0
+    return float(np.abs(np.mean((time - time.mean()) * (steps - steps.mean()))) / spread)
 
 
 def exact_shapes(film: SimulatedFilm) -> ShapeValues | None:
