@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from femnl.core.device import Stack
+from femnl.core.device import Layer, Stack
+from femnl.core.errors import ParameterError
 from femnl.core.readout import ComplexArray
 from femnl.core.stages import Wave
-from femnl.optics.fringe import index_of
 
 FAINT = 1e-8
 """Overtones below this part of the first are left out: no map can show them."""
@@ -139,6 +139,21 @@ def beam_waves(
         waves.append(Wave(np.array(mean, complex) * complex(share), wavelength / cosine))
     first = abs(sum(wave.coefficients[1] for wave in waves))
     return tuple(Wave(wave.coefficients / first, wave.wavelength) for wave in waves)
+
+
+def index_of(layer: Layer, wavelength: float) -> complex:
+    """Return the index n − ik listed at `wavelength` [m], but for a picometre of rounding.
+
+    Raises: ParameterError for a wavelength that is not listed; indices are never interpolated.
+    """
+    for listed, index in layer.index:
+        if abs(listed - wavelength) < 1e-12:
+            return complex(index)
+    names = ", ".join(f"{listed * 1e9:g} nm" for listed, _ in layer.index)
+    raise ParameterError(
+        f"no index of {layer.material} at {wavelength * 1e9:g} nm: the stack lists {names}; "
+        "add it to the geometry's [readout]"
+    )
 
 
 def stack_scales(stack: Stack | None) -> dict[str, float]:

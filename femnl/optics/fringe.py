@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from tmm import coh_tmm
 
-from femnl.core.device import Layer, Stack
+from femnl.core.device import Stack
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.readout import Array, FourierSeries
+from femnl.optics.airy import index_of
 
 SAMPLES = 64
 """First number of samples of a period of R(u); doubled until the series has converged."""
@@ -170,21 +171,6 @@ class MultilayerFringe:
     def _indices(self) -> tuple[complex, ...]:
         """The index of every layer at the wavelength."""
         return tuple(index_of(layer, self.wavelength) for layer in self._layers.layers)
-
-
-def index_of(layer: Layer, wavelength: float) -> complex:
-    """Return the index n − ik listed at `wavelength` [m], but for a picometre of rounding.
-
-    Raises: ParameterError for a wavelength that is not listed; indices are never interpolated.
-    """
-    for listed, index in layer.index:
-        if abs(listed - wavelength) < 1e-12:
-            return complex(index)
-    names = ", ".join(f"{listed * 1e9:g} nm" for listed, _ in layer.index)
-    raise ParameterError(
-        f"no index of {layer.material} at {wavelength * 1e9:g} nm: the stack lists {names}; "
-        "add it to the geometry's [readout]"
-    )
 
 
 def _positive(name: str, value: float) -> None:

@@ -2,13 +2,16 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from femnl.core.stages import Motion
 from femnl.effects import library
 
+Array = NDArray[np.float64]
 
-def motion(time: np.ndarray[tuple[int], np.dtype[np.float64]], size: float) -> Motion:
+
+def motion(time: Array, size: float) -> Motion:
     shapes = np.ones((12, len(time)))
     swing = np.full(len(time), size * np.exp(0.4j))
     zero = np.zeros(len(time))
@@ -34,14 +37,15 @@ def test_the_motion_follows_the_equation_of_the_driven_mode(detuning: float, dri
     width = 1 / 100
     whole = 200 / (np.pi * width)
 
-    def rate(t: float, s: list[float]) -> list[float]:
+    def rate(t: float, s: Array) -> Array:
         part = t / whole - 0.5
         own = omega - 2 * np.pi * width * (detuning + drift * part)
         force = 2 * np.pi * width * omega * np.cos(omega * t)
-        return [s[1], force - 2 * np.pi * width * s[1] - own**2 * s[0]]
+        return np.asarray([s[1], force - 2 * np.pi * width * s[1] - own**2 * s[0]])
 
     at = np.round(np.array([0.3, 0.5, 0.8]) * whole)
     run = solve_ivp(rate, (0, at[-1] + 1.1), [0.0, 0.0], "DOP853", rtol=1e-8, dense_output=True)
+    assert run.sol is not None
     tau = np.arange(32) / 32
     amplitude = np.array([2 * np.mean(run.sol(t + tau)[0] * np.exp(-1j * omega * tau)) for t in at])
     time = np.concatenate([[0.0], at + 0.5, [whole]])
