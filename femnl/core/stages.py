@@ -171,7 +171,8 @@ class Motion:
     displacement (n_orders, n_points) [m], orders from 1; theta (n_points,) [rad]; x, y (n_points,)
     [m] on the film; shapes (n_modes, n_points): ξ of the lowest modes; frequencies (n_modes,) [Hz];
     mode: the one that is driven; swing (n_points,) [m]: its amplitude U e^{iφ} where |ξ| = 1, while
-    each point was measured; wavelength [m].
+    each point was measured; wavelength [m]; time (n_points,) [s] at which each point was measured,
+    empty where that was not recorded.
     """
 
     displacement: ComplexArray
@@ -183,6 +184,15 @@ class Motion:
     mode: int
     swing: ComplexArray
     wavelength: float
+    time: Array = field(default_factory=lambda: np.empty(0))
+
+    def driven(self, swing: ComplexArray) -> "Motion":
+        """Let the whole motion follow another swing (n_points,) [m]: at nω by its n-th power."""
+        still = self.swing == 0
+        factor = np.where(still, 0, swing) / np.where(still, 1, self.swing)
+        order = np.arange(1, len(self.displacement) + 1)[:, None]
+        displacement = self.displacement * factor**order
+        return replace(self, displacement=displacement, swing=swing)
 
     def raised(self, order: int, added: ComplexArray) -> "Motion":
         """Add the displacement (n_points,) [m] at a multiple of the drive."""
@@ -197,18 +207,28 @@ class Motion:
 
 
 @dataclass(frozen=True)
+class Wave:
+    """The fringe of one plane wave: c_k (n_overtones + 1,), and 4π over the wavelength [m] is q."""
+
+    coefficients: ComplexArray
+    wavelength: float
+
+
+@dataclass(frozen=True)
 class Fringe:
     """Stage `fringe`: v = V_C Re Σ_k c_k e^{ik(qu + θ)}, c (n_overtones + 1,).
 
     It is clipped at ±limit in units of its largest value.
 
-    stack: of the geometry, None where it gives none; wavelength [m], q = 4π/wavelength.
+    stack: of the geometry, None where it gives none; wavelength [m], q = 4π/wavelength. beside:
+    further plane waves of a focused beam, whose light the detector adds.
     """
 
     coefficients: ComplexArray
     wavelength: float
     stack: Stack | None
     limit: float = np.inf
+    beside: tuple[Wave, ...] = ()
 
 
 @dataclass(frozen=True)

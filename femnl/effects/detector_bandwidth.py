@@ -20,7 +20,17 @@ def slow(harmonics: Harmonics, values: Values) -> Harmonics:
 EFFECT = Effect(
     name="detector_bandwidth",
     equation="V_n → V_n e^{inωτ}/(1 + inωτ), corner frequency 1/2πτ",
-    parameters=(ParameterSpec("time_constant", "s", 0.0, 0.5, scale="period"),),
+    parameters=(
+        ParameterSpec(
+            "time_constant",
+            "s",
+            0.0,
+            0.5,
+            scale="period",
+            reason="a corner at a third of the drive: of a slower detector all harmonics fall as "
+            "1/n, and only its delay, which counts to the motion, goes on growing",
+        ),
+    ),
     changes={"harmonics": slow},
     source="first-order low pass",
     limits="one pole; its delay τ counts to the phase of the motion",

@@ -16,7 +16,16 @@ def blur(placement: Placement, values: Values) -> Placement:
 EFFECT = Effect(
     name="finite_spot",
     equation="V_n → ∫ V_n(x + s) 2/(πw²) e^{−2s²/w²} d²s",
-    parameters=(ParameterSpec("radius", "m", 0.0, 1.5e-5),),
+    parameters=(
+        ParameterSpec(
+            "radius",
+            "m",
+            0.0,
+            1.5e-5,
+            reason="rings of the fringe are 10 to 50 µm apart: a wider spot washes them out, and "
+            "leaves nothing to tell its size by",
+        ),
+    ),
     changes={"placement": blur},
     source="Gaussian beam on a detector that adds up power",
     limits="spot smaller than the rings, about λ_ring/2",

@@ -5,6 +5,11 @@ import numpy as np
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Motion
 
+REASON = (
+    "about a third of the largest motion whose fringe can be read, λ/2: an overtone of that size "
+    "is a motion of its own, which bends the resonance (arXiv:1902.01270)"
+)
+
 
 def sing(motion: Motion, values: Values) -> Motion:
     """Add U_n ξ_j at nω.
@@ -28,7 +33,9 @@ EFFECT = Effect(
     name="mechanical_overtones",
     equation="u → u + Σ_n ξ_j (a_n cos nτ + b_n sin nτ), n = 2, 3, τ the phase of the motion",
     parameters=tuple(
-        ParameterSpec(f"{part}{n}", "m", -1e-7, 1e-7) for n in (2, 3) for part in ("cos", "sin")
+        ParameterSpec(f"{part}{n}", "m", -1e-7, 1e-7, reason=REASON)
+        for n in (2, 3)
+        for part in ("cos", "sin")
     ),
     changes={"motion": sing},
     source="internal resonances, e.g. arXiv:1902.01270",

@@ -1,23 +1,37 @@
 """Other modes that move with the driven one."""
 
+import numpy as np
+
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Motion
 
+OTHERS = 5
+"""Other modes: four would part the pair of (1,3) and (3,1)."""
+REASON = (
+    "a mode that moves more than the driven one would be taken for it, and the map posed with that"
+)
+
 
 def mix(motion: Motion, values: Values) -> Motion:
-    """Add e_j ξ_j to the shape of the driven mode, in phase with it."""
-    others = [j for j in range(len(motion.shapes)) if j != motion.mode][: len(values)]
-    added = sum(values[f"e{i}"] * motion.shapes[j] for i, j in enumerate(others, 1))
+    """Add (e_j + iq_j) ξ_j to the shape of the driven mode."""
+    others = [j for j in range(len(motion.shapes)) if j != motion.mode][:OTHERS]
+    added = np.zeros(len(motion.x), complex)
+    for i, j in enumerate(others, 1):
+        added += complex(values[f"e{i}"], values[f"q{i}"]) * motion.shapes[j]
     return motion.raised(1, motion.swing * added)
 
 
 EFFECT = Effect(
     name="mode_admixture",
-    equation="ξ → ξ + Σ e_j ξ_j, over the five lowest other modes",
-    # four would part the pair of (1,3) and (3,1)
-    parameters=tuple(ParameterSpec(f"e{i}", "1", -0.3, 0.3) for i in range(1, 6)),
+    equation="ξ → ξ + Σ (e_j + iq_j) ξ_j, over the five lowest other modes",
+    parameters=tuple(
+        ParameterSpec(f"{part}{i}", "1", -1.0, 1.0, reason=REASON)
+        for part in "eq"
+        for i in range(1, OTHERS + 1)
+    ),
     changes={"motion": mix},
-    source="coupled modes, driven together",
-    limits="in phase with the driven mode; five lowest others",
+    source="linear response of modes driven together: a mode driven at resonance lags by 90°, one "
+    "far from its own moves in phase or antiphase (Landau & Lifshitz, Mechanics, § 26)",
+    limits="five lowest others, linear response: the share of each is the same all over the map",
     sentence="other modes move along with the driven one",
 )

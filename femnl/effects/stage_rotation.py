@@ -20,7 +20,16 @@ def turn(placement: Placement, values: Values) -> Placement:
 EFFECT = Effect(
     name="stage_rotation",
     equation="x → R(β) x",
-    parameters=(ParameterSpec("angle", "rad", -0.4, 0.4),),
+    parameters=(
+        ParameterSpec(
+            "angle",
+            "rad",
+            -0.4,
+            0.4,
+            reason="23°, farther than anyone lays a chip by eye, and half of the 45° at which a "
+            "square comes to its diagonal",
+        ),
+    ),
     changes={"placement": turn},
     source="geometry",
     limits="about the centre of the film",

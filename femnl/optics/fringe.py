@@ -17,6 +17,7 @@ from tmm import coh_tmm
 from femnl.core.device import Stack
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.readout import Array, FourierSeries
+from femnl.optics.airy import index_of
 
 SAMPLES = 64
 """First number of samples of a period of R(u); doubled until the series has converged."""
@@ -169,21 +170,7 @@ class MultilayerFringe:
     @cached_property
     def _indices(self) -> tuple[complex, ...]:
         """The index of every layer at the wavelength."""
-        return tuple(
-            _index(layer.index, layer.material, self.wavelength) for layer in self._layers.layers
-        )
-
-
-def _index(table: tuple[tuple[float, complex], ...], material: str, wavelength: float) -> complex:
-    """Return the index listed at `wavelength`, but for a picometre of rounding."""
-    for listed, index in table:
-        if abs(listed - wavelength) < 1e-12:
-            return complex(index)
-    names = ", ".join(f"{listed * 1e9:g} nm" for listed, _ in table)
-    raise ParameterError(
-        f"no index of {material} at {wavelength * 1e9:g} nm: the stack lists {names}; add it to "
-        "the geometry's [readout]"
-    )
+        return tuple(index_of(layer, self.wavelength) for layer in self._layers.layers)
 
 
 def _positive(name: str, value: float) -> None:

@@ -12,7 +12,7 @@ from scipy.special import jv, jvp
 from femnl.core.compiled import compiled
 from femnl.core.memo import recent
 from femnl.core.readout import Array, ComplexArray
-from femnl.core.stages import Fringe, Motion
+from femnl.core.stages import Fringe, Motion, Wave
 
 Orders = NDArray[np.int64]
 
@@ -39,33 +39,69 @@ def harmonics(motion: Motion, fringe: Fringe, harmonic: Orders) -> ComplexArray:
     A sinusoidal motion under a fringe without limits is summed over Bessel functions, any other
     sampled over a period.
     """
-    return _harmonics(
+    waves = (Wave(fringe.coefficients, fringe.wavelength), *fringe.beside)
+    if len(motion.displacement) == 1 and np.isinf(fringe.limit):
+        return np.asarray(
+            sum(
+                _bessel_sum(
+                    motion.displacement, motion.theta, wave.coefficients, wave.wavelength, harmonic
+                )
+                for wave in waves
+            )
+        )
+    size = max(len(wave.coefficients) for wave in waves)
+    coefficients = np.array(
+        [np.pad(wave.coefficients, (0, size - len(wave.coefficients))) for wave in waves]
+    )
+    return _sampled_sum(
         motion.displacement,
         motion.theta,
-        fringe.coefficients,
-        fringe.wavelength,
+        coefficients,
+        np.array([wave.wavelength for wave in waves]),
         fringe.limit,
         harmonic,
     )
 
 
-@recent
-def _harmonics(
-    displacement: ComplexArray,
-    theta: Array,
-    coefficients: ComplexArray,
-    wavelength: float,
-    limit: float,
-    harmonic: Orders,
-) -> ComplexArray:
-    q = 4 * np.pi / wavelength
+def _kept(coefficients: ComplexArray) -> tuple[ComplexArray, Orders]:
+    """Return the series (n_orders,) without faint overtones, and the orders that are left."""
     kept = np.flatnonzero(np.abs(coefficients) > FAINT * np.abs(coefficients[1:]).max())
     orders = kept[kept > 0]
     series = np.zeros(orders.max() + 1, complex)
     series[orders] = coefficients[orders]
-    if len(displacement) == 1 and np.isinf(limit):
-        return _by_bessel(displacement[0], theta, series, orders, q, harmonic)
-    return _by_sampling(q * displacement, theta, series, orders, limit, harmonic)
+    return series, orders
+
+
+def _bessel(
+    displacement: ComplexArray,
+    theta: Array,
+    coefficients: ComplexArray,
+    wavelength: float,
+    harmonic: Orders,
+) -> ComplexArray:
+    series, orders = _kept(coefficients)
+    return _by_bessel(displacement[0], theta, series, orders, 4 * np.pi / wavelength, harmonic)
+
+
+_bessel_sum = recent(_bessel, 36)
+
+
+@recent
+def _sampled_sum(
+    displacement: ComplexArray,
+    theta: Array,
+    coefficients: ComplexArray,
+    wavelength: Array,
+    limit: float,
+    harmonic: Orders,
+) -> ComplexArray:
+    """Return harmonics from samples; coefficients (n_waves, n_orders), wavelength (n_waves,)."""
+    kept = [_kept(row)[0] for row in coefficients]
+    whole, orders = _kept(coefficients.sum(axis=0))
+    q = 4 * np.pi / wavelength
+    return _by_sampling(
+        q[0] * displacement, theta, (whole, kept, q / q[0]), orders, limit, harmonic
+    )
 
 
 def _by_bessel(
@@ -173,7 +209,7 @@ def _largest(series: ComplexArray) -> float:
 def _by_sampling(
     depth: ComplexArray,
     theta: Array,
-    series: ComplexArray,
+    waves: tuple[ComplexArray, list[ComplexArray], Array],
     orders: Orders,
     limit: float,
     harmonic: Orders,
@@ -181,10 +217,13 @@ def _by_sampling(
     """Return the harmonics from samples of a period.
 
     Args: depth: motion times q, by order of the drive, (n_orders, n_points) [rad]. theta: phase of
-        the fringe (n_points,) [rad]. series: its coefficients; orders: those that are not zero.
+        the fringe (n_points,) [rad]. waves: coefficients of the whole fringe, of each plane wave,
+        and q of each over that of the first; orders: those that are not zero.
         limit: where the detector clips, in units of the fringe's largest value. harmonic: orders n.
     Returns: V_n/V_C, (n_harmonics, n_points).
     """
+    series, each, turns = waves
+    read = list(zip([_pieces(one) for one in each], turns, strict=True))
     reach = np.sum(np.abs(depth) * np.arange(1, len(depth) + 1)[:, None], axis=0).max()
     # A clipped signal has many harmonics that would be folded back
     sharp = 1 if np.isinf(limit) else 4
@@ -199,13 +238,13 @@ def _by_sampling(
         sums[:, [0, -1]] /= 2
         amplitude, unit = _polar(depth[0])
         return _sampled(
-            np.cos(tau[half])[:, None], amplitude[None], theta, sums, _pieces(series), top
+            np.cos(tau[half])[:, None], amplitude[None], theta, sums, read, top
         ) * _powers(unit, harmonic)
     overtones = np.outer(np.arange(1, len(depth) + 1), tau)
     swings = np.hstack([np.cos(overtones).T, -np.sin(overtones).T])
     moves = np.vstack([depth.real, depth.imag])
     sums = 2 / n_samples * np.vstack([np.cos(angles), -np.sin(angles)])
-    found = _sampled(swings, moves, theta, sums, _pieces(series), top)
+    found = _sampled(swings, moves, theta, sums, read, top)
     return np.asarray(found[: len(harmonic)] + 1j * found[len(harmonic) :])
 
 
@@ -218,22 +257,35 @@ def _polar(swing: ComplexArray) -> tuple[Array, ComplexArray]:
 
 
 def _sampled(
-    swings: Array, moves: Array, theta: Array, sums: Array, pieces: Array, top: float
+    swings: Array,
+    moves: Array,
+    theta: Array,
+    sums: Array,
+    waves: list[tuple[Array, float]],
+    top: float,
 ) -> Array:
     """Return the sums (m, n_samples) over a fringe, (m, n_points).
 
-    At the phases swings (n_samples, k) times moves (k, n_points) + θ.
+    At the phases swings (n_samples, k) times moves (k, n_points) + θ, which each wave turns by its
+    own factor beside its pieces.
     """
     found = np.empty((len(sums), moves.shape[1]))
     read = compiled(_read)
+    alone = len(waves) == 1
     step = max(1, PIECE * SAMPLES // len(swings))
     room = np.empty(len(swings) * step)
     for start in range(0, moves.shape[1], step):
         here = slice(start, start + step)
         v = room[: len(swings) * len(theta[here])].reshape(len(swings), -1)
         np.matmul(swings, moves[:, here], out=v)
-        v += theta[here]
-        read(v.ravel(), pieces, top)
+        if alone:
+            v += theta[here]
+            read(v.ravel(), waves[0][0], top)
+        else:
+            parts = [turn * v + theta[here] for _, turn in waves]
+            for part, (pieces, _) in zip(parts, waves, strict=True):
+                read(part.ravel(), pieces, np.inf)
+            np.clip(sum(parts), -top, top, out=v)
         found[:, here] = sums @ v
     return found
 

@@ -36,9 +36,10 @@ TURNING = ("aspect_ratio", "shear_stress", "stress_anisotropy")
 """Causes that only differ in direction, which a hexagon does not know."""
 UNTOLD = {
     "added_mass": ("x", "y"),
+    "doublet": ("partner", "in_phase", "quadrature"),
     "internal_resonance": ("order", "offset"),
     "mechanical_overtones": ("cos2", "sin2", "cos3", "sin3"),
-    "mode_admixture": ("e1", "e2", "e3", "e4"),
+    "mode_admixture": ("e1", "e2", "e3", "e4", "q1", "q2", "q3", "q4"),
     "tension_gradient": ("slope_x", "slope_y"),
 }
 """Parameters that data give only up to a symmetry of the film or the sign of a mode, that are no

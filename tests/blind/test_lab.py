@@ -26,7 +26,8 @@ from tests.blind.lab.bench import FOLLOWED, Array, Cause, Values, sizes
 from tests.blind.lab.drum import drum
 from tests.blind.lab.film import Membrane, device, membrane
 from tests.blind.lab.holes import SIDE, HolesBench, perforated
-from tests.blind.lab.maps import WAVELENGTH, bent, reflection
+from tests.blind.lab.maps import WAVELENGTH, bent
+from tests.blind.lab.optics import reflection
 from tests.blind.lab.record import COUNT, RATE, SUBSTEPS, RecordBench
 from tests.blind.lab.response import ResponseBench
 from tests.blind.lab.spectrum import SpectrumBench
@@ -66,7 +67,7 @@ def test_the_laboratory_s_stack_reflects_as_transfer_matrices_say() -> None:
     assert stack is not None
     u = np.linspace(-2e-7, 2e-7, 9)
     gap = stack.layers[stack.gap].thickness
-    assert reflection(stack, gap + u) == pytest.approx(
+    assert reflection(stack, gap + u, WAVELENGTH) == pytest.approx(
         MultilayerFringe(stack, WAVELENGTH)(u), rel=1e-10
     )
 
@@ -120,7 +121,10 @@ def test_causes_are_as_large_as_asked_for(kind: str, tmp_path: Path) -> None:
         ), cause
 
 
-UNHIDDEN = {("trace", name) for name in ("phase_tilt", "static_bow", "mode_admixture")}
+UNHIDDEN = {
+    ("trace", name)
+    for name in ("phase_tilt", "static_bow", "mode_admixture", "resonance_drift", "doublet")
+}
 """What one spot cannot show: the gap, the fringe and the amplitude there take it up."""
 
 

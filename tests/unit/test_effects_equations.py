@@ -393,6 +393,9 @@ def test_the_fringe_of_a_stack_is_its_reflection_at_the_gap_that_the_film_leaves
         "fringe",
         Fringe(np.array([0, 1 + 0j]), wavelength, MODEL.stack),
         gap=gap + more,
+        thickness=FILM.thickness,
+        index_scale=1.0,
+        aperture_square=0.0,
     )
     assert isinstance(found, Fringe)
     u = np.linspace(-2e-7, 2e-7, 33)
@@ -420,14 +423,28 @@ def test_other_modes_are_mixed_into_the_driven_one_in_their_order() -> None:
         swing,
         633e-9,
     )
-    found = changed("mode_admixture", "motion", plain, e1=0.1, e2=0.2, e3=-0.3, e4=0.05, e5=0.02)
+    found = changed(
+        "mode_admixture",
+        "motion",
+        plain,
+        e1=0.1,
+        e2=0.2,
+        e3=-0.3,
+        e4=0.05,
+        e5=0.02,
+        q1=0.0,
+        q2=-0.4,
+        q3=0.0,
+        q4=0.0,
+        q5=0.1,
+    )
     assert isinstance(found, Motion)
     mixed = (
         shapes[1]
         + 0.1 * shapes[0]
-        + 0.2 * shapes[2]
+        + (0.2 - 0.4j) * shapes[2]
         - 0.3 * shapes[3]
         + 0.05 * shapes[4]
-        + 0.02 * shapes[5]
+        + (0.02 + 0.1j) * shapes[5]
     )
     np.testing.assert_allclose(found.displacement, (swing * mixed)[None], rtol=1e-14)

@@ -67,6 +67,8 @@ TABLE = {
     "phase_tilt",
     "static_bow",
     "mode_admixture",
+    "resonance_drift",
+    "doublet",
     "detector_bandwidth",
     "trigger_jitter",
     "detector_saturation",

@@ -14,6 +14,7 @@ from femnl.io.measurement import noise_sd
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.map.model import MapModel, exact_shapes
 from femnl.observe.map.spots import Grid
+from femnl.optics.airy import stack_scales
 
 TRIED = 6
 """Lowest modes that a map without drive frequency may show."""
@@ -53,6 +54,7 @@ def pose(
     frequency = float(film.modes.frequency[mode]) if driven is None else driven
     drive = float(dataset.attrs.get("drive", 1.0))
     wavelength = float(dataset.attrs["wavelength"])
+    time = _time(dataset, used)
     x = np.asarray(dataset["x"].values, float)
     y = np.asarray(dataset["y"].values, float)
     return MapModel(
@@ -63,6 +65,7 @@ def pose(
         grid=_grid(x, y, used),
         present=present,
         measured=measured,
+        time=time,
         noise=noise,
         mode=mode,
         frequency=frequency,
@@ -74,7 +77,8 @@ def pose(
             "wavelength": wavelength,
             "slope": abs(fitted["contrast"]) / drive,
             "period": 1 / frequency,
-            **_gap(film),
+            **({"time": float(np.ptp(time))} if len(time) else {}),
+            **stack_scales(film.model.stack),
         },
         notes=(
             f"map: {note}",
@@ -88,6 +92,15 @@ def _grid(x: Array, y: Array, used: NDArray[np.intp]) -> Grid:
     across, up = np.meshgrid(x, y)
     row, column = np.divmod(used, len(x))
     return Grid(across.ravel()[used], up.ravel()[used], row, column, (len(y), len(x)))
+
+
+def _time(dataset: xr.Dataset, used: NDArray[np.intp]) -> Array:
+    """Return when each place with data was measured [s]; empty where the file does not say so."""
+    if "time" not in dataset:
+        return np.empty(0)
+    time = np.asarray(dataset["time"].values, float).ravel()[used]
+    told = bool(np.isfinite(time).all()) and np.ptp(time) > 0
+    return time if told else np.empty(0)
 
 
 def _base(fitted: dict[str, float], wavelength: float, reach: float) -> tuple[ParameterSpec, ...]:
@@ -141,9 +154,3 @@ def _upright(found: dict[str, float]) -> dict[str, float]:
         return found | {"motion_phase": phase}
     turned = (np.pi - found["fringe_phase"]) % (2 * np.pi) - np.pi
     return found | {"motion_phase": phase - np.pi, "fringe_phase": turned}
-
-
-def _gap(film: SimulatedFilm) -> dict[str, float]:
-    """Return the thickness of the gap [m] as a scale, where the geometry has a stack."""
-    stack = film.model.stack
-    return {} if stack is None else {"stack": stack.layers[stack.gap].thickness}

@@ -12,6 +12,7 @@ from femnl.fits.trace.decompose import decompose
 from femnl.fits.trace.spot import fit_spot
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.trace.model import Folded, TraceModel
+from femnl.optics.airy import stack_scales
 
 MOST_HARMONICS = 21
 MOST_STEPS = 12
@@ -52,7 +53,6 @@ def pose(
     contrast = sine.fit["contrast"]
     theta = sine.fit["fringe_phase"]
     deepest = 40 * wavelength / (4 * np.pi)
-    stack = film.model.stack
     thinned = (
         f"; {n_steps} of {dataset.sizes['step']} steps compared"
         if n_steps < dataset.sizes["step"]
@@ -94,7 +94,7 @@ def pose(
             "wavelength": wavelength,
             "period": float(1 / np.median(frequency)),
             "slope": abs(contrast),
-            **({} if stack is None else {"stack": stack.layers[stack.gap].thickness}),
+            **stack_scales(film.model.stack),
         },
         notes=(
             f"trace: noise {noise:.3g} V per sample, {origin}",

@@ -127,15 +127,24 @@ def harmonic_map(
     wavelength: float | None = None,
     drive: float | None = None,
     drive_frequency: float | None = None,
+    time: ArrayLike | None = None,
 ) -> xr.Dataset:
     """Maps of the amplitude of each harmonic: v(t) = Σ_n Re(V_n(x,y) e^{inωt}).
 
     Args: x, y [m] from the centre of the membrane; harmonic numbers n; complex amplitude V_n [V]
-    (harmonic, y, x); noise_sd [V] per quadrature; wavelength [m]; drive [V]; drive_frequency [Hz].
+    (harmonic, y, x); noise_sd [V] per quadrature; wavelength [m]; drive [V]; drive_frequency [Hz];
+    time [s] at which each point was measured (y, x).
     Returns: Dataset of kind `map`.
     """
     volts = np.asarray(amplitude)
-    arrays = {"real": volts.real, "imag": volts.imag, "x": x, "y": y, "harmonic": harmonic}
+    arrays = {
+        "real": volts.real,
+        "imag": volts.imag,
+        "x": x,
+        "y": y,
+        "harmonic": harmonic,
+        "time": time,
+    }
     return _build(
         "map",
         arrays,

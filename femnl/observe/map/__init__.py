@@ -5,7 +5,7 @@ from femnl.core.kinds import AMPLITUDE, NOISE, WAVELENGTH, Contract, Item, KindS
 KIND = KindSpec(
     name="map",
     stages=("placement", "motion", "fringe", "harmonics"),
-    scales=frozenset(("period", "reach", "slope", "stack", "wavelength")),
+    scales=frozenset(("film", "period", "reach", "slope", "stack", "time", "wavelength")),
     pose="femnl.fits.map.pose:pose",
     figure="femnl.plot.maps:harmonic_map_figure",
     places=True,
@@ -18,6 +18,7 @@ KIND = KindSpec(
             },
             "x": Item(("x",), "m", required=True, coordinate=True, axis=True),
             "y": Item(("y",), "m", required=True, coordinate=True, axis=True),
+            "time": Item(("y", "x"), "s", coordinate=True),
             "harmonic": Item(("harmonic",), "", required=True, coordinate=True, axis=True),
         },
         attributes={

@@ -1,11 +1,12 @@
 """Harmonic maps against a simulated mode under a sinusoidal fringe."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from femnl.core.comparison import Comparison, Images
 from femnl.core.effect import Effect, ParameterSpec, Values
@@ -41,8 +42,9 @@ class MapModel(MeasurementModel):
 
     harmonic (n_harmonics,), at least 1; axes: x and y of the whole map [m]; grid: its n_points
     places with data; present and measured (n_harmonics, n_points): where and what [V], 0 where it
-    is missing; noise [V] per quadrature; mode: index of the driven mode; frequency [Hz] and drive
-    [V] of the drive.
+    is missing; time (n_points,) [s] at which each place was measured, empty where that was not
+    recorded; noise [V] per quadrature; mode: index of the driven mode; frequency [Hz] and drive [V]
+    of the drive.
     """
 
     kind = "map"
@@ -54,6 +56,7 @@ class MapModel(MeasurementModel):
     grid: Grid
     present: NDArray[np.bool_]
     measured: ComplexArray
+    time: Array
     noise: float
     mode: int
     frequency: float
@@ -67,6 +70,16 @@ class MapModel(MeasurementModel):
     def _finer(self) -> Finer:
         """The grid on which a spot of finite size is averaged."""
         return Finer(Axis.beside(self.axes[0]), Axis.beside(self.axes[1]))
+
+    @cached_property
+    def _finer_time(self) -> Array:
+        """Time of the finer grid: of the nearest place, whose spot covers it then."""
+        if not len(self.time):
+            return self.time
+        places = np.column_stack([self.grid.x, self.grid.y])
+        finer = self._finer.grid
+        _, nearest = cKDTree(places).query(np.column_stack([finer.x, finer.y]))
+        return self.time[nearest]
 
     @cached_property
     def _exact(self) -> ShapeValues | None:
@@ -130,7 +143,16 @@ class MapModel(MeasurementModel):
         first = (swing * shapes[self.mode])[None]
         theta = np.full(x.shape, base["theta"])
         motion = Motion(
-            first, theta, x, y, shapes, self.film.modes.frequency, self.mode, swing, self.wavelength
+            first,
+            theta,
+            x,
+            y,
+            shapes,
+            self.film.modes.frequency,
+            self.mode,
+            swing,
+            self.wavelength,
+            self._finer_time if finer else self.time,
         )
         fringe = Fringe(np.array([0, 1], complex), self.wavelength, self.film.model.stack)
         moved = apply("motion", motion, effects, values)
@@ -231,13 +253,27 @@ class MapModel(MeasurementModel):
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """The same map at other amplitudes of the motion."""
-        return {
+        """The same map at other amplitudes of the motion, and along its other axis."""
+        found = {
             f"the same map at {factor:g} times the amplitude": self._real(
                 self.predict(effects, {**base, "amplitude": factor * base["amplitude"]}, values)
             )
             for factor in (0.5, 2.0)
         }
+        if len(self.time):
+            across = replace(self, time=self._time_across())
+            found["the same map line by line along its other axis"] = self._real(
+                across.predict(effects, base, values)
+            )
+        return found
+
+    def _time_across(self) -> Array:
+        """Times of the points (n_points,) [s] if the slow axis were the other one."""
+        columns = _follow(self.time, self.grid.row) > _follow(self.time, self.grid.column)
+        slow = self.grid.column if columns else self.grid.row
+        fast = self.grid.row if columns else self.grid.column
+        order = np.argsort(np.lexsort((fast, slow)))
+        return np.asarray(self.time.min() + np.ptp(self.time) * order / max(len(order) - 1, 1))
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Of a faint motion, larger ones under less contrast.
@@ -304,6 +340,12 @@ class MapModel(MeasurementModel):
             f"harmonic {self.harmonic[k]} deviates most, and most strongly near {place}; rms "
             f"by harmonic {rms}"
         )
+
+
+def _follow(time: Array, steps: NDArray[np.int64]) -> float:
+    """Return how far times [s] grow with the steps along an axis: the size of their covariance."""
+    spread = float(np.std(steps)) or 1.0
+    return float(np.abs(np.mean((time - time.mean()) * (steps - steps.mean()))) / spread)
 
 
 def exact_shapes(film: SimulatedFilm) -> ShapeValues | None:

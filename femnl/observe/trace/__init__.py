@@ -5,7 +5,7 @@ from femnl.core.kinds import NOISE, WAVELENGTH, Contract, Item, KindSpec, label
 KIND = KindSpec(
     name="trace",
     stages=("motion", "fringe", "harmonics"),
-    scales=frozenset(("period", "slope", "stack", "wavelength")),
+    scales=frozenset(("film", "period", "slope", "stack", "wavelength")),
     pose="femnl.fits.trace.pose:pose",
     figure="femnl.plot.traces:trace_figure",
     contract=Contract(

@@ -13,11 +13,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from femnl.core.device import Stack
 from femnl.io import measurement
 from tests.blind.lab.bench import Array, Cause, Values, one, sign, vector
 from tests.blind.lab.drum import Drum, drum
 from tests.blind.lab.film import Membrane, device, membrane
+from tests.blind.lab.optics import fringe, largest, low_passed
 
 WAVELENGTH = 632.8e-9
 SAMPLES = 96
@@ -28,6 +28,10 @@ SPOT = np.linspace(-3.6, 3.6, 13)
 is a kink of the signal.
 """
 WEIGHT = np.exp(-(SPOT**2) / 2)
+DWELL = 0.05
+"""Time [s] that a point takes, row by row."""
+PARTS = 16
+"""Steps in which the motion is followed while a point is measured."""
 HOLED = ("perforated",)
 """Films with holes, over which nothing is read."""
 
@@ -78,9 +82,11 @@ class MapBench:
             np.sort(_film(name).square)[:MODES] * film.stress / film.density
         ) / (2 * np.pi)
         self.axis = np.linspace(-1.2, 1.2, points) * _film(name).half
+        self.time = DWELL * np.arange(points**2.0).reshape(points, points)
         self.noise = 3e-4
         self.stack = device(name).stack
         self.gap = self.stack.layers[self.stack.gap].thickness if self.stack else 0.0
+        self.thickness = device(name).film.thickness
         self.drive = float(self.frequencies[0] * (1 + 1e-3 * rng.uniform(-1, 1)))
         self.unit = {
             "amplitude": 1e-8,
@@ -126,7 +132,7 @@ class MapBench:
         }
         return {
             "map": measurement.harmonic_map(
-                self.axis, self.axis, np.arange(1, ORDERS + 1), noisy, **where
+                self.axis, self.axis, np.arange(1, ORDERS + 1), noisy, time=self.time, **where
             )
         }
 
@@ -157,9 +163,10 @@ class MapBench:
             turns = np.exp(-1j * order[..., None] * omega * hidden["trigger_jitter"]["sd"] * errors)
             values = values * (turns @ (share / share.sum()))
         if "detector_bandwidth" in hidden:
-            lag = 1j * order * omega * hidden["detector_bandwidth"]["time_constant"]
+            constant = hidden["detector_bandwidth"]["time_constant"]
+            answer = low_passed(ORDERS + 1, self.drive, constant)[1:, None, None]
             # The phase of the motion counts from behind the delay that all harmonics share
-            values = values * np.exp(lag) / (1 + lag)
+            values = values * answer * np.exp(1j * order * omega * constant)
         if "crosstalk" in hidden and self.driven is not None:
             values = values + (order == 1) * self.driven * (
                 hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"]
@@ -175,31 +182,46 @@ class MapBench:
         """Harmonics at points of the film, for a motion whose phase is zero."""
         shapes = _shapes(self.name, x.tobytes(), y.tobytes()).reshape(MODES, *x.shape)
         shape = shapes[0]
-        turn = 4 * np.pi / self.wavelength
-        theta = np.full(x.shape, base["theta"])
+        rest = np.zeros(x.shape)  # how far the film stands off [m]
         if "phase_tilt" in hidden:
-            theta = theta + turn * (
-                hidden["phase_tilt"]["slope_x"] * x + hidden["phase_tilt"]["slope_y"] * y
-            )
+            tilt = hidden["phase_tilt"]
+            rest = rest + tilt["slope_x"] * x + tilt["slope_y"] * y
         if "static_bow" in hidden:
-            theta = theta + turn * hidden["static_bow"]["depth"] * shape
+            rest = rest + hidden["static_bow"]["depth"] * shape
+        tau = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+        swing = np.ones(x.shape, complex)
+        if "resonance_drift" in hidden:
+            swing = drifting(x.size, **hidden["resonance_drift"]).reshape(x.shape)
+        late = np.zeros(x.shape)
         for k in range(1, 5):
             if "mode_admixture" in hidden:
                 shape = shape + hidden["mode_admixture"][f"e{k}"] * shapes[k]
-        tau = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
-        u = base["amplitude"] * shape[..., None] * np.cos(tau)
+                late = late + hidden["mode_admixture"][f"q{k}"] * shapes[k]
+        if "doublet" in hidden:
+            pair = hidden["doublet"]
+            partner = shapes[round(pair["partner"])]
+            shape = shape + pair["in_phase"] * partner
+            late = late + pair["quadrature"] * partner
+        moving = base["amplitude"] * swing * (shape + 1j * late)
+        u = moving.real[..., None] * np.cos(tau) - moving.imag[..., None] * np.sin(tau)
+        u = u + rest[..., None]
         if "quadratic_stiffness" in hidden:
             orbit = base["amplitude"] * bent(
                 hidden["quadratic_stiffness"]["kappa2"] * base["amplitude"], SAMPLES
             )
-            u = u + shapes[0][..., None] * (orbit - base["amplitude"] * np.cos(tau))
+            series = np.fft.rfft(orbit - base["amplitude"] * np.cos(tau)) / SAMPLES
+            more = series[0].real * np.abs(swing[..., None]) ** 2
+            for n in range(2, ORDERS):
+                more = more + 2 * (swing[..., None] ** n * series[n] * np.exp(1j * n * tau)).real
+            u = u + shapes[0][..., None] * more
         if "mechanical_overtones" in hidden:
             sung = hidden["mechanical_overtones"]
             for n in (2, 3):
                 k = int(np.argmin(np.abs(self.frequencies - n * self.frequencies[0])))
-                swing = sung[f"cos{n}"] * np.cos(n * tau) + sung[f"sin{n}"] * np.sin(n * tau)
-                u = u + shapes[k][..., None] * swing
-        v = self._lit(u, theta, base, hidden)
+                size = (swing[..., None] / np.abs(swing).max()) ** n
+                size = size * (sung[f"cos{n}"] - 1j * sung[f"sin{n}"]) * shapes[k][..., None]
+                u = u + (size * np.exp(1j * n * tau)).real
+        v = self._lit(u, base, hidden)
         if "detector_saturation" in hidden:
             limit = (
                 base["contrast"]
@@ -214,34 +236,38 @@ class MapBench:
     def _top(self, hidden: dict[str, Values]) -> float:
         """Largest value of the fringe, in units of its contrast."""
         return (
-            largest(self.stack, self.wavelength)
+            largest(self.stack, hidden["multilayer_fringe"], self.wavelength)
             if "multilayer_fringe" in hidden and self.stack is not None
             else 1.0
         )
 
-    def _lit(self, u: Array, theta: Array, base: Values, hidden: dict[str, Values]) -> Array:
+    def _lit(self, u: Array, base: Values, hidden: dict[str, Values]) -> Array:
         if "multilayer_fringe" not in hidden or self.stack is None:
             return np.asarray(
-                base["contrast"] * np.cos(4 * np.pi / self.wavelength * u + theta[..., None])
+                base["contrast"] * np.cos(4 * np.pi / self.wavelength * u + base["theta"])
             )
-        # What turns a cosine widens or narrows the gap under the film.
-        gap = hidden["multilayer_fringe"]["gap"] + (theta - base["theta"])[
-            ..., None
-        ] * self.wavelength / (4 * np.pi)
-        return base["contrast"] * fringe(self.stack, gap + u, self.wavelength)
+        light = hidden["multilayer_fringe"]
+        return base["contrast"] * fringe(self.stack, light, self.wavelength)(light["gap"] + u)
 
 
-def fringe(stack: Stack, gap: Array, wavelength: float) -> Array:
-    """Return R of the stack less its mean over λ/2, in units of its first Fourier coefficient."""
-    period = np.linspace(0, wavelength / 2, 512, endpoint=False)
-    whole = reflection(stack, period, wavelength)
-    first = 2 * abs(np.mean(whole * np.exp(4j * np.pi * period / wavelength)))
-    return np.asarray((reflection(stack, gap, wavelength) - whole.mean()) / first)
+@lru_cache(maxsize=64)
+def drifting(count: int, detuning: float, drift: float, linewidth: float) -> NDArray[np.complex128]:
+    """Amplitude at points taken one after the other, of a mode that drifts past its drive.
 
-
-def largest(stack: Stack, wavelength: float) -> float:
-    """Largest size of that fringe, at any gap."""
-    return float(np.abs(fringe(stack, np.linspace(0, wavelength / 2, 4096), wavelength)).max())
+    Ȧ = −πw((1 + 2iδ)A − F), followed in time; steady and one in the middle of all. detuning δ there
+    and drift over all, in linewidths w [Hz].
+    """
+    step = DWELL / PARTS
+    time = (np.arange(count * PARTS) + 0.5) / PARTS - 0.5
+    rate = 1 + 2j * (detuning + drift * (time / (count - 1) - 0.5))
+    steady = (1 + 2j * detuning) / rate
+    keep = np.exp(-np.pi * linewidth * step * rate)
+    found = np.empty(count * PARTS, complex)
+    now = steady[0]
+    for n in range(len(found)):
+        now = steady[n] + (now - steady[n]) * keep[n]
+        found[n] = now
+    return np.asarray(found.reshape(count, PARTS).mean(axis=1))
 
 
 @lru_cache(maxsize=64)
@@ -284,34 +310,40 @@ def _orbit(kappa: float, start: float, half: float, samples: int) -> tuple[Array
     return np.concatenate([u, u[back]]), np.concatenate([v, -v[back]])
 
 
-def reflection(stack: Stack, gap: Array, wavelength: float = WAVELENGTH) -> Array:
-    """R of the stack at normal incidence, layer by layer from the wafer up.
-
-    r = (r₀ + r e^{−2ikd})/(1 + r₀ r e^{−2ikd}).
-    """
-    index = [_index(layer.index, wavelength) for layer in stack.layers]
-    inner = np.zeros(np.shape(gap), complex)
-    for k in range(len(index) - 2, -1, -1):
-        face = (index[k] - index[k + 1]) / (index[k] + index[k + 1])
-        if k + 1 < len(index) - 1:
-            depth = gap if k + 1 == stack.gap else stack.layers[k + 1].thickness
-            inner = inner * np.exp(-4j * np.pi / wavelength * index[k + 1] * depth)
-        inner = (face + inner) / (1 + face * inner)
-    return np.asarray(np.abs(inner) ** 2)
-
-
-def _index(table: tuple[tuple[float, complex], ...], wavelength: float) -> complex:
-    wavelengths, values = zip(*sorted(table, key=lambda row: row[0]), strict=True)
-    return complex(np.interp(wavelength, wavelengths, np.array(values)))
-
-
 def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> MapBench:
     """Prepare a measurement."""
     return MapBench(name, causes, rng)
 
 
 def _stack(rng: np.random.Generator, bench: MapBench) -> Cause:
-    return Cause({"gap": bench.gap + float(rng.uniform(-1, 1)) * WAVELENGTH / 4}, ())
+    gap = bench.gap + float(rng.uniform(-1, 1)) * WAVELENGTH / 4
+    return Cause({"gap": gap} | film_and_beam(rng, bench.thickness), ())
+
+
+def film_and_beam(rng: np.random.Generator, thickness: float) -> Values:
+    """Draw a film within a few per cent of the file's, and a waist of 2 to 20 µm."""
+    waist = float(np.exp(rng.uniform(*np.log([2e-6, 20e-6]))))
+    return {
+        "thickness": thickness * float(rng.uniform(0.97, 1.03)),
+        "index_scale": float(rng.uniform(0.98, 1.04)),
+        "aperture_square": (WAVELENGTH / (np.pi * waist)) ** 2,
+    }
+
+
+def _doublet(rng: np.random.Generator, bench: MapBench) -> Cause:
+    turn = float(rng.uniform(-np.pi, np.pi))
+    values = {"in_phase": 1e-3 * np.cos(turn), "quadrature": 1e-3 * np.sin(turn)}
+    partner = {"partner": float(rng.integers(1, 6))}
+    return Cause(values | partner, ("in_phase", "quadrature"), 500.0)
+
+
+def _drift(rng: np.random.Generator, bench: MapBench) -> Cause:
+    values = {
+        "detuning": float(rng.uniform(-1, 1)),
+        "drift": 1e-3 * sign(rng),
+        "linewidth": float(np.exp(rng.uniform(*np.log([30, 300])))),
+    }
+    return Cause(values, ("drift",), 3e3)
 
 
 def _leak(rng: np.random.Generator, bench: MapBench) -> Cause:
@@ -327,12 +359,14 @@ CAUSES: dict[str, Callable[[np.random.Generator, MapBench], Cause]] = {
     "crosstalk": _leak,
     "detector_bandwidth": one("time_constant", 3e-9, 20.0),
     "detector_saturation": one("clipped", 0.05, 10.0),
+    "doublet": _doublet,
     "finite_spot": one("radius", 2e-6, 5.0),
     "mechanical_overtones": vector(("cos2", "sin2", "cos3", "sin3"), 1e-9, 60.0),
-    "mode_admixture": vector(("e1", "e2", "e3", "e4"), 1e-3, 150.0),
+    "mode_admixture": vector(("e1", "e2", "e3", "e4", "q1", "q2", "q3", "q4"), 1e-3, 150.0),
     "multilayer_fringe": _stack,
     "phase_tilt": vector(("slope_x", "slope_y"), 10.0 * WAVELENGTH / (4 * np.pi), 1000.0),
     "quadratic_stiffness": lambda rng, bench: Cause({"kappa2": 3e3 * sign(rng)}, ("kappa2",), 60.0),
+    "resonance_drift": _drift,
     "stage_rotation": lambda rng, bench: Cause({"angle": 1e-3 * sign(rng)}, ("angle",), 200.0),
     "stage_scale": vector(("stretch_x", "stretch_y"), 1e-3, 100.0),
     "static_bow": lambda rng, bench: Cause(
@@ -340,3 +374,22 @@ CAUSES: dict[str, Callable[[np.random.Generator, MapBench], Cause]] = {
     ),
     "trigger_jitter": one("sd", 3e-9, 25.0),
 }
+DERIVED: dict[str, str] = {
+    "crosstalk": "added to the Fourier coefficients of the sampled signal",
+    "detector_bandwidth": "a recursive low pass run in time until it is steady",
+    "detector_saturation": "the sampled signal is clipped in time",
+    "doublet": "in-phase and quadrature motion in time, whose fringe goes through an FFT",
+    "finite_spot": "quadrature of the signal over the points of the spot, instead of diffusion",
+    "mechanical_overtones": "added to the sampled motion, whose fringe goes through an FFT",
+    "mode_admixture": "in-phase and quadrature motion in time, whose fringe goes through an FFT",
+    "multilayer_fringe": "Fresnel reflections layer by layer at 32 angles and two polarisations, "
+    "tabulated in the gap, instead of a geometric series of overtones",
+    "phase_tilt": "a plane distance that is added to the motion before the fringe is read",
+    "quadratic_stiffness": "one period of the free oscillation by Runge–Kutta steps",
+    "resonance_drift": "slow equation of motion in time along the scan, not its steady state",
+    "stage_rotation": "places turned as complex numbers, shapes of the laboratory's own film",
+    "stage_scale": "places stretched, shapes of the laboratory's own film",
+    "static_bow": "a distance that is added to the motion before the fringe is read",
+    "trigger_jitter": "Gauss–Hermite average over late triggers, instead of its closed form",
+}
+"""How the laboratory computes each cause, where the library does otherwise."""

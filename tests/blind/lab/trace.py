@@ -14,7 +14,8 @@ import xarray as xr
 from femnl.io import measurement
 from tests.blind.lab.bench import Array, Cause, Values, one, sign, vector
 from tests.blind.lab.film import device
-from tests.blind.lab.maps import WAVELENGTH, bent, fringe, largest
+from tests.blind.lab.maps import WAVELENGTH, bent, film_and_beam
+from tests.blind.lab.optics import fringe, largest, low_passed
 
 PERIOD = 512
 """Points of one period in which the signal is made before it is sampled."""
@@ -41,6 +42,7 @@ class TraceBench:
         self.start = rng.uniform(-np.pi, np.pi, self.steps)
         self.stack = device(name).stack
         self.gap = self.stack.layers[self.stack.gap].thickness if self.stack else 0.0
+        self.thickness = device(name).film.thickness
         self.unit = {"contrast": 0.02, "theta": 1.0}
         self.unit |= {f"amplitude[{i}]": 1e-8 for i in range(self.steps)} | {
             f"phase[{i}]": 1.0 for i in range(self.steps)
@@ -97,9 +99,10 @@ class TraceBench:
             if "crosstalk" in hidden:
                 series[1] += hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"]
             if "detector_bandwidth" in hidden:
-                lag = 1j * order * omega * hidden["detector_bandwidth"]["time_constant"]
+                constant = hidden["detector_bandwidth"]["time_constant"]
+                answer = low_passed(len(order), self.f0, constant)
                 # The trigger comes later by the delay that all harmonics share
-                series = series * np.exp(lag) / (1 + lag)
+                series = series * answer * np.exp(1j * order * omega * constant)
             turn = np.exp(1j * omega * time)
             rows.append(np.polynomial.polynomial.polyval(turn, series).real)
         return np.array(rows)
@@ -117,12 +120,13 @@ class TraceBench:
                     sung[f"cos{n}"] * np.cos(n * PHASE) + sung[f"sin{n}"] * np.sin(n * PHASE)
                 )
         if "multilayer_fringe" in hidden and self.stack is not None:
-            v = fringe(self.stack, hidden["multilayer_fringe"]["gap"] + u, WAVELENGTH)
+            light = hidden["multilayer_fringe"]
+            v = fringe(self.stack, light, WAVELENGTH)(light["gap"] + u)
         else:
             v = np.cos(4 * np.pi / WAVELENGTH * u + base["theta"])
         if "detector_saturation" in hidden:
             top = (
-                largest(self.stack, WAVELENGTH)
+                largest(self.stack, hidden["multilayer_fringe"], WAVELENGTH)
                 if "multilayer_fringe" in hidden and self.stack is not None
                 else 1.0
             )
@@ -137,7 +141,8 @@ def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> Trace
 
 
 def _stack(rng: np.random.Generator, bench: TraceBench) -> Cause:
-    return Cause({"gap": bench.gap + float(rng.uniform(-1, 1)) * WAVELENGTH / 4}, ())
+    gap = bench.gap + float(rng.uniform(-1, 1)) * WAVELENGTH / 4
+    return Cause({"gap": gap} | film_and_beam(rng, bench.thickness), ())
 
 
 CAUSES: dict[str, Callable[[np.random.Generator, TraceBench], Cause]] = {
@@ -149,3 +154,14 @@ CAUSES: dict[str, Callable[[np.random.Generator, TraceBench], Cause]] = {
     "quadratic_stiffness": lambda rng, bench: Cause({"kappa2": 3e3 * sign(rng)}, ("kappa2",), 60.0),
     "trigger_jitter": one("sd", 2e-9, 25.0),
 }
+DERIVED: dict[str, str] = {
+    "crosstalk": "added to the signal that is then sampled in time",
+    "detector_bandwidth": "a recursive low pass run in time until it is steady",
+    "detector_saturation": "the signal is clipped in time",
+    "mechanical_overtones": "added to the motion in time, whose fringe goes through an FFT",
+    "multilayer_fringe": "Fresnel reflections layer by layer at 32 angles and two polarisations, "
+    "tabulated in the gap, instead of a geometric series of overtones",
+    "quadratic_stiffness": "one period of the free oscillation by Runge–Kutta steps",
+    "trigger_jitter": "Gauss–Hermite average over late triggers, instead of its closed form",
+}
+"""How the laboratory computes each cause, where the library does otherwise."""
