@@ -141,6 +141,19 @@ class Signal:
 
 
 @dataclass(frozen=True)
+class Acquisition:
+    """Stage `acquisition`: what each point of a sweep keeps of the one before it.
+
+    motion: e^{−πwT}, of a deviation from the steady motion; filtered: e^{−T/τ}, in each of the
+    `poles` equal poles of a low pass; T: time from one point to the next.
+    """
+
+    motion: float = 0.0
+    filtered: float = 0.0
+    poles: float = 1.0
+
+
+@dataclass(frozen=True)
 class Placement:
     """Stage `placement`: where the laser meets the simulated film.
 
