@@ -144,8 +144,8 @@ class Signal:
 class Acquisition:
     """Stage `acquisition`: what each point of a sweep keeps of the one before it.
 
-    motion: e^{−πwT}, of a deviation from the steady motion; filtered: e^{−T/τ}, in each of the
-    `poles` equal poles of a low pass; T: time from one point to the next.
+    motion: e^{−πwT}, of a deviation from the steady motion; filtered: of a step, behind a low pass
+    of `poles` equal poles; T: time from one point to the next.
     """
 
     motion: float = 0.0

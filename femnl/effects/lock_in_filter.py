@@ -7,22 +7,22 @@ from femnl.core.stages import Acquisition
 
 
 def smear(swept: Acquisition, values: Values) -> Acquisition:
-    """Let each pole of the filter keep a part of the point before."""
+    """Let the filter keep a part of the point before."""
     return replace(swept, filtered=values["kept"], poles=values["poles"])
 
 
 EFFECT = Effect(
     name="lock_in_filter",
     equation="τ ẏ_j = y_{j−1} − y_j, j = 1 … n, y_0 = V, in the order of acquisition; kept = "
-    "e^{−T/τ}, T the time from one point to the next",
+    "e^{−u} Σ_{j<n} u^j/j!, u = T/τ, T the time from one point to the next",
     parameters=(
         ParameterSpec(
             "kept",
             "1",
             0.0,
             0.9,
-            reason="at 0.9 the filter averages over ten points, and the sweep shows its response "
-            "instead of that of the mode",
+            reason="what is left of a step after one point: at 0.9 the filter averages over ten, "
+            "and the sweep shows its response instead of that of the mode",
         ),
         ParameterSpec(
             "poles",

@@ -53,6 +53,8 @@ TABLE = {
     "crosstalk",
     "fano_background",
     "group_delay",
+    "lock_in_filter",
+    "unsettled_mode",
     "sloping_background",
     "drive_compression",
     "nonlinear_readout",
@@ -90,6 +92,8 @@ KINDS = {
     "group_delay": {"response"},
     "sloping_background": {"response"},
     "fano_background": {"response"},
+    "lock_in_filter": {"response"},
+    "unsettled_mode": {"response"},
 }
 
 

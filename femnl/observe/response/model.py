@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammainccinv
 
 from femnl.core.comparison import Comparison, Curve, Curves
 from femnl.core.compiled import compiled
@@ -116,7 +117,7 @@ class ResponseModel(MeasurementModel):
             [base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"]) for name in self.place]
         )[data.position]
         volts = data.drive * data.reference
-        states = self._states(mode, data, linear)
+        delta, bend, states = self._states(mode, data, linear)
 
         def read_out(b: ComplexArray) -> ComplexArray:
             signal = Signal(
@@ -135,14 +136,12 @@ class ResponseModel(MeasurementModel):
         swept = apply("acquisition", Acquisition(), effects, values)
         if swept == Acquisition():
             return np.asarray(np.take_along_axis(both, chosen[None], axis=0)[0])
-        delta = 2 * (mode.frequency - data.frequency) / mode.linewidth
-        return self._acquired(swept, states, delta, chosen, read_out)
+        return self._acquired(swept, (delta, bend, states), chosen, read_out)
 
     def _acquired(
         self,
         swept: Acquisition,
-        states: ComplexArray,
-        delta: Array,
+        motion: tuple[Array, ComplexArray, ComplexArray],
         chosen: NDArray[np.int64],
         read_out: Callable[[ComplexArray], ComplexArray],
     ) -> ComplexArray:
@@ -150,16 +149,18 @@ class ResponseModel(MeasurementModel):
 
         A jump seems late where a filter is slow: it is where the data say, within `LATE` points.
 
-        Args: states (2, n): b on both branches; delta (n,): δ; chosen (n,): the branch of each
-            point, as far as points tell one by one; read_out: from motion to voltage.
+        Args: motion: see `_states`; chosen (n,): the branch of each point, as far as points tell
+            one by one; read_out: from motion to voltage.
         """
+        delta, bend, states = motion
         trials = []
-        for later in range(-LATE, LATE + 1):
+        late = LATE if swept.filtered > 0 else 0
+        for later in range(-late, late + 1):
             branch = np.array(chosen)
             for span, way in zip(self.sweeps.spans, self.sweeps.direction, strict=True):
                 branch[span] = _shifted(chosen[span], later * way)
             b = np.take_along_axis(states, branch[None], axis=0)[0]
-            trials.append(self._lagging(swept, b, delta, read_out))
+            trials.append(self._lagging(swept, (delta, bend, b), read_out))
         misfit = np.abs(np.array(trials) - self.sweeps.voltage) ** 2
         found = np.empty_like(trials[0])
         for span in self.sweeps.spans:
@@ -169,26 +170,27 @@ class ResponseModel(MeasurementModel):
     def _lagging(
         self,
         swept: Acquisition,
-        b: ComplexArray,
-        delta: Array,
+        motion: tuple[Array, ComplexArray, ComplexArray],
         read_out: Callable[[ComplexArray], ComplexArray],
     ) -> ComplexArray:
-        """Return the voltage (n,) of motion b (n,) that follows the drive late, and its filter."""
+        """Return the voltage (n,) of motion b (n,) that follows the drive late, and its filter.
+
+        Args: motion: δ, a and the steady b, each (n,).
+        """
+        delta, bend, b = motion
         order, begins = self._order
         step = self.step[order]
         if swept.motion > 0:
             late = np.empty_like(b)
-            steady = b[order]
-            # Of b = 1/(δ + i + a|b|²)
-            bend = (1 / steady - delta[order] - 1j) / np.abs(steady) ** 2
             rest = -np.log(swept.motion) * step
-            compiled(settle)(late, steady, delta[order], bend, rest, begins)
+            compiled(settle)(late, b[order], delta[order], bend[order], rest, begins)
             b = np.empty_like(late)
             b[order] = late
         volts = read_out(b)
         if swept.filtered > 0:
             late = np.empty_like(volts)
-            rest = -np.log(swept.filtered) * step
+            # Of the step to a point, Q(n, T/τ) is left at its end.
+            rest = float(gammainccinv(swept.poles, swept.filtered)) * step
             compiled(low_pass)(late, volts[order], rest, int(swept.poles), begins)
             volts = np.empty_like(late)
             volts[order] = late
@@ -237,8 +239,13 @@ class ResponseModel(MeasurementModel):
             else (mode, self.simulated_alpha)
         )
 
-    def _states(self, mode: Oscillator, data: Sweeps, linear: Array) -> ComplexArray:
-        """Return b = A/(A₁F) on the low and on the high branch, continued past its fold, (2, n)."""
+    def _states(
+        self, mode: Oscillator, data: Sweeps, linear: Array
+    ) -> tuple[Array, ComplexArray, ComplexArray]:
+        """Return δ (n,), a (n,) without its quintic part, and b = A/(A₁F) (2, n).
+
+        b on the low and on the high branch, continued past its fold.
+        """
         f0 = mode.frequency
         per = 2 / mode.linewidth
         delta = per * (f0 - data.frequency)
@@ -248,7 +255,9 @@ class ResponseModel(MeasurementModel):
         )
         fifth = per * 0.3125 * f0 * mode.quintic * linear**4
         scale = linear**2 * (3 * f0 * abs(mode.alpha)) / (8 * mode.linewidth)
-        return self._solved(delta, cubic, fifth, per * mode.pull * scale, scale, mode.order)
+        pulled = per * mode.pull * scale
+        both = self._solved(delta, cubic, fifth, pulled, scale, mode.order)
+        return delta, cubic + (pulled if mode.order == 2 else 0), both
 
     def _followed(self, both: ComplexArray, alpha: float) -> NDArray[np.int64]:
         """Return the branch (n,) of each point.
