@@ -33,7 +33,10 @@ TURNING = ("aspect_ratio", "shear_stress", "stress_anisotropy")
 """Causes that only differ in direction, which a hexagon does not know."""
 UNTOLD = {
     "added_mass": ("x", "y"),
+    "fano_background": ("real", "imag"),
     "internal_resonance": ("order", "offset"),
+    "lock_in_filter": ("poles",),
+    "sloping_background": ("real", "imag"),
     "mechanical_overtones": ("cos2", "sin2", "cos3", "sin3"),
     "mode_admixture": ("e1", "e2", "e3", "e4"),
     "tension_gradient": ("slope_x", "slope_y"),
