@@ -54,6 +54,7 @@ TABLE = {
     "fano_background",
     "group_delay",
     "lock_in_filter",
+    "one_sided_saturation",
     "unsettled_mode",
     "sloping_background",
     "drive_compression",
@@ -93,6 +94,7 @@ KINDS = {
     "sloping_background": {"response"},
     "fano_background": {"response"},
     "lock_in_filter": {"response"},
+    "one_sided_saturation": {"response"},
     "unsettled_mode": {"response"},
 }
 

@@ -39,6 +39,8 @@ DELAYED = 100.0
 """Linewidth from which on the delay of an instrument shows in sweeps."""
 PLACES = ((6e-5, 6e-5), (4e-5, 7e-5))
 """Of the laser, in m."""
+RAILS = {"detector_saturation": -1.0, "one_sided_saturation": -np.inf}
+"""Causes that clip, and the lower rail in units of the upper one."""
 MODES = {"1,1": 0, "2,2": 3}
 """Their number in the order of frequency."""
 
@@ -192,8 +194,9 @@ class ResponseBench:
                     volts = volts + self.drives[:, None] * self._beside(name, causes[name])
             if "group_delay" in causes:
                 volts = swept.late(volts, off, causes["group_delay"]["tau"])
-            if "detector_saturation" in causes:
-                volts = swept.clipped(volts, causes["detector_saturation"]["part"])
+            for name, low in RAILS.items():
+                if name in causes:
+                    volts = swept.clipped(volts, causes[name]["part"], low)
             if "lock_in_filter" in causes:
                 volts = swept.filtered(volts, self.direction, causes["lock_in_filter"])
             found.append(volts)
@@ -274,7 +277,7 @@ def _second_mode(rng: np.random.Generator, bench: ResponseBench) -> Cause:
     values = {
         "coupling_square": 1e-2 * bench.linewidth**2,
         "offset": crossing - float(bench.frequency[[0, -1]].mean()),
-        "width": bench.linewidth * float(np.exp(rng.uniform(np.log(0.2), np.log(3.0)))),
+        "width": bench.linewidth * float(np.exp(rng.uniform(np.log(0.05), np.log(3.0)))),
         "order": float(rng.choice([2.0, 3.0])),
     }
     return Cause(values, ("coupling_square",), 300.0)
@@ -345,6 +348,7 @@ CAUSES: dict[str, Callable[[np.random.Generator, ResponseBench], Cause]] = {
     "lock_in_filter": _filter,
     "nonlinear_damping": _damping,
     "nonlinear_readout": _readout,
+    "one_sided_saturation": lambda rng, bench: Cause({"part": 0.02}, ("part",), 25.0),
     "quadratic_stiffness": _bow,
     "quintic_stiffness": _quintic,
     "sloping_background": _flank,
@@ -361,6 +365,7 @@ DERIVED: dict[str, str] = {
     "lock_in_filter": "RC stages in time steps by the midpoint rule",
     "nonlinear_damping": "time steps of the slow flow",
     "nonlinear_readout": "a sine of the motion, sampled, with the shapes of another method",
+    "one_sided_saturation": "a sinusoid clipped on one side, sampled over a period",
     "quadratic_stiffness": "the frequency of the free oscillation between its turning points",
     "quintic_stiffness": "time steps of the slow flow",
     "sloping_background": "the flank of a driven oscillator, of second order in f",

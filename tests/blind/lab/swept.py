@@ -21,13 +21,16 @@ def fringe(motion: Complex, z: Array) -> Complex:
     )
 
 
-def clipped(volts: Complex, part: float) -> Complex:
-    """Clip sampled sinusoids (n_sweeps, n_points) at a part below the largest of all."""
+def clipped(volts: Complex, part: float, low: float) -> Complex:
+    """Clip sampled sinusoids (n_sweeps, n_points) at a part below the largest of all.
+
+    low: the lower rail in units of the upper one.
+    """
     found = volts.copy()
     limit = (1 - part) * np.abs(volts).max()
     strong = np.abs(volts) > limit
     size = np.abs(volts[strong])
-    cut = np.clip(size[:, None] * np.cos(CLIPPED), -limit, limit)
+    cut = np.clip(size[:, None] * np.cos(CLIPPED), low * limit, limit)
     found[strong] *= 2 * np.mean(cut * np.cos(CLIPPED), axis=1) / size
     return found
 
