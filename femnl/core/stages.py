@@ -151,6 +151,19 @@ class Signal:
 
 
 @dataclass(frozen=True)
+class Acquisition:
+    """Stage `acquisition`: what each point of a sweep keeps of the one before it.
+
+    motion: e^{−πwT}, of a deviation from the steady motion; filtered: of a step, behind a low pass
+    of `poles` equal poles; T: time from one point to the next.
+    """
+
+    motion: float = 0.0
+    filtered: float = 0.0
+    poles: float = 1.0
+
+
+@dataclass(frozen=True)
 class Placement:
     """Stage `placement`: where the laser meets the simulated film.
 

@@ -28,11 +28,21 @@ def clip_sweep(signal: Signal, values: Values) -> Signal:
 EFFECT = Effect(
     name="detector_saturation",
     equation="|v − V₀| ≤ (1 − s) max|f − V₀| of the fringe; in sweeps, of the strongest signal",
-    parameters=(ParameterSpec("clipped", "1", 0.0, 0.8),),
+    parameters=(
+        ParameterSpec(
+            "clipped",
+            "1",
+            0.0,
+            0.8,
+            reason="at 0.8 a signal of five times the rails is a square wave, whose first harmonic "
+            "is within 1 % of its limit 4/π and tells no size any more",
+        ),
+    ),
     changes={"fringe": clip, "signal": clip_sweep},
     source="an amplifier between its rails; in sweeps its describing function, Gelb & Vander "
     "Velde (1968)",
-    limits="sharp and the same on both sides",
+    limits="sharp and the same on both sides (one rail: one_sided_saturation); exact for a "
+    "sinusoid",
     sentence="the detector clips the signal",
     shared=False,
 )

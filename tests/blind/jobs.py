@@ -37,7 +37,10 @@ TURNING = ("aspect_ratio", "shear_stress", "stress_anisotropy")
 UNTOLD = {
     "added_mass": ("x", "y"),
     "doublet": ("partner", "in_phase", "quadrature"),
+    "fano_background": ("real", "imag"),
     "internal_resonance": ("order", "offset"),
+    "lock_in_filter": ("poles",),
+    "sloping_background": ("real", "imag"),
     "mechanical_overtones": ("cos2", "sin2", "cos3", "sin3"),
     "mode_admixture": ("e1", "e2", "e3", "e4", "q1", "q2", "q3", "q4"),
     "tension_gradient": ("slope_x", "slope_y"),

@@ -203,15 +203,22 @@ def test_a_force_of_second_order_bends_the_laboratory_s_motion_as_series_say() -
 
 def test_sweeps_of_the_laboratory_end_where_the_forces_of_both_modes_balance() -> None:
     bench = ResponseBench("square-270um", ("internal_resonance",), np.random.default_rng(3))
-    base = bench.draw(np.random.default_rng(1)) | {"gain": 1.0, "phase": 0.0}
+    base = bench.draw(np.random.default_rng(1))
+    base |= {name: 1.0 for name in base if name.startswith("gain")}
+    base |= {name: 0.0 for name in base if name.startswith("phase")}
     f0 = base["frequency"]
     w = base["linewidth"]
     alpha = base["alpha"]
     for order in (2.0, 3.0):
-        values = {"coupling_square": 0.3 * w**2, "offset": 2.0, "width": 0.6 * w, "order": order}
+        values = {
+            "coupling_square": 0.3 * w**2,
+            "offset": 0.5 * w,
+            "width": 0.6 * w,
+            "order": order,
+        }
         a = bench._swept([base], [{"internal_resonance": values}])[0]
         square = 8 * w / (3 * f0 * alpha)
-        crossing = bench.frequency[[0, -1]].mean() + 2.0
+        crossing = bench.frequency[[0, -1]].mean() + 0.5 * w
         pull = (
             -values["coupling_square"]
             / (crossing - bench.frequency + 0.5j * values["width"])

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.physics.driven_sweeps import F0, Bench, Complex
@@ -18,7 +19,8 @@ def coupled(bench: Bench, width: float) -> Complex:
     """
     # The strongest drive stiffens the mode by `stretch` linewidths.
     square = COUPLING**2 * bench.stretch
-    return bench.amplitude(pull=-square / (CROSSING - bench.frequency + 0.5j * width))
+    pull = -square / (CROSSING - bench.frequency + 0.5j * width)
+    return bench.amplitude(pull=np.asarray(pull, np.complex128))
 
 
 def test_a_partner_of_a_hundredth_of_the_linewidth_is_an_internal_resonance(

@@ -55,6 +55,9 @@ TABLE = {
     "crosstalk",
     "fano_background",
     "group_delay",
+    "lock_in_filter",
+    "one_sided_saturation",
+    "unsettled_mode",
     "sloping_background",
     "drive_compression",
     "nonlinear_readout",
@@ -100,6 +103,9 @@ KINDS = {
     "group_delay": {"response"},
     "sloping_background": {"response"},
     "fano_background": {"response"},
+    "lock_in_filter": {"response"},
+    "one_sided_saturation": {"response"},
+    "unsettled_mode": {"response"},
 }
 
 

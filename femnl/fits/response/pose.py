@@ -56,6 +56,7 @@ def pose(
         softens=softens,
         place=place,
         time=when.time,
+        step=when.step,
         shape=_shape(dataset, sweeps, film, mode),
         middle=float(moving.min() + moving.max()) / 2,
         largest=float(size.max()),
@@ -73,6 +74,7 @@ def pose(
             "linewidth_square": fitted["linewidth"] ** 2,
             "moving": float(np.ptp(moving)),
             **({"wavelength": wavelength} if wavelength else {}),
+            **({"direction": 1.0} if all(sweeps.direction) else {}),
             **({"time": float(np.ptp(when.time))} if when.recorded else {}),
         },
         notes=_notes(

@@ -4,11 +4,12 @@ from femnl.core.kinds import AMPLITUDE, NOISE, WAVELENGTH, Contract, Item, KindS
 
 KIND = KindSpec(
     name="response",
-    stages=("oscillator", "signal"),
+    stages=("oscillator", "signal", "acquisition"),
     scales=frozenset(
         (
             "curvature",
             "curvature_square",
+            "direction",
             "drive_square",
             "frequency",
             "linewidth",

@@ -6,14 +6,16 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammainccinv
 
 from femnl.core.comparison import Comparison, Curve, Curves
 from femnl.core.compiled import compiled
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.memo import recent
 from femnl.core.readout import Array, ComplexArray
-from femnl.core.stages import Oscillator, Signal
+from femnl.core.stages import Acquisition, Oscillator, Signal
 from femnl.observe.model import MeasurementModel, Named, apply
+from femnl.observe.response.acquisition import low_pass, settle
 from femnl.observe.response.states import branch_amplitudes, follow
 from femnl.observe.response.sweeps import Sweeps
 
@@ -27,6 +29,8 @@ STRONG = (2, 8, 32)
 """Powers of a signal, in parts of the largest, with which gain and phase may deviate: smoothly, or
 of the strongest ones alone.
 """
+LATE = 4
+"""Points by which a jump may seem late, or early, behind a slow filter."""
 FARTHER = 2.0
 """Widths of the sweeps by which those that would tell backgrounds apart are further out."""
 BEYOND = 4
@@ -40,7 +44,8 @@ class ResponseModel(MeasurementModel):
     sweeps: the data. wavelength [m], 0 where it is not known. mode: index of the driven mode;
     simulated_alpha [m⁻²]: its α. softens: whether the sweeps soften, which the geometry alone
     cannot do. place: suffix of the parameters of each position. time (n_points,): when each was
-    measured [s], or the number of its sweep. shape (n_points,): ξ of the driven mode where the
+    measured [s], or the number of its sweep; step (n_points,): time since the one before, in those
+    that most points take. shape (n_points,): ξ of the driven mode where the
     laser meets the film, 1 where that is not known. middle [Hz]: of the frequencies at which the
     mode moves strongly. largest [V]: signal.
     """
@@ -55,6 +60,7 @@ class ResponseModel(MeasurementModel):
     softens: bool
     place: tuple[str, ...]
     time: Array
+    step: Array
     shape: Array
     middle: float
     largest: float
@@ -111,8 +117,9 @@ class ResponseModel(MeasurementModel):
             [base[f"responsivity{name}"] * np.exp(1j * base[f"phase{name}"]) for name in self.place]
         )[data.position]
         volts = data.drive * data.reference
-        both = []
-        for b in self._states(mode, data, linear):
+        delta, bend, states = self._states(mode, data, linear)
+
+        def read_out(b: ComplexArray) -> ComplexArray:
             signal = Signal(
                 gains * linear * b,
                 linear * np.abs(b),
@@ -122,8 +129,82 @@ class ResponseModel(MeasurementModel):
                 data.frequency - base["frequency"],
                 self.shape,
             )
-            both.append(apply("signal", signal, effects, values).voltage)
-        return self._followed(np.stack(both), mode.alpha)
+            return apply("signal", signal, effects, values).voltage
+
+        both = np.stack([read_out(b) for b in states])
+        chosen = self._followed(both, mode.alpha)
+        swept = apply("acquisition", Acquisition(), effects, values)
+        if swept == Acquisition():
+            return np.asarray(np.take_along_axis(both, chosen[None], axis=0)[0])
+        return self._acquired(swept, (delta, bend, states), chosen, read_out)
+
+    def _acquired(
+        self,
+        swept: Acquisition,
+        motion: tuple[Array, ComplexArray, ComplexArray],
+        chosen: NDArray[np.int64],
+        read_out: Callable[[ComplexArray], ComplexArray],
+    ) -> ComplexArray:
+        """Return the voltage (n,) of sweeps in which points keep something of those before.
+
+        A jump seems late where a filter is slow: it is where the data say, within `LATE` points.
+
+        Args: motion: see `_states`; chosen (n,): the branch of each point, as far as points tell
+            one by one; read_out: from motion to voltage.
+        """
+        delta, bend, states = motion
+        trials = []
+        late = LATE if swept.filtered > 0 else 0
+        for later in range(-late, late + 1):
+            branch = np.array(chosen)
+            for span, way in zip(self.sweeps.spans, self.sweeps.direction, strict=True):
+                branch[span] = _shifted(chosen[span], later * way)
+            b = np.take_along_axis(states, branch[None], axis=0)[0]
+            trials.append(self._lagging(swept, (delta, bend, b), read_out))
+        misfit = np.abs(np.array(trials) - self.sweeps.voltage) ** 2
+        found = np.empty_like(trials[0])
+        for span in self.sweeps.spans:
+            found[span] = trials[int(np.argmin(misfit[:, span].sum(axis=1)))][span]
+        return found
+
+    def _lagging(
+        self,
+        swept: Acquisition,
+        motion: tuple[Array, ComplexArray, ComplexArray],
+        read_out: Callable[[ComplexArray], ComplexArray],
+    ) -> ComplexArray:
+        """Return the voltage (n,) of motion b (n,) that follows the drive late, and its filter.
+
+        Args: motion: δ, a and the steady b, each (n,).
+        """
+        delta, bend, b = motion
+        order, begins = self._order
+        step = self.step[order]
+        if swept.motion > 0:
+            late = np.empty_like(b)
+            rest = -np.log(swept.motion) * step
+            compiled(settle)(late, b[order], delta[order], bend[order], rest, begins)
+            b = np.empty_like(late)
+            b[order] = late
+        volts = read_out(b)
+        if swept.filtered > 0:
+            late = np.empty_like(volts)
+            # Of the step to a point, Q(n, T/τ) is left at its end.
+            rest = float(gammainccinv(swept.poles, swept.filtered)) * step
+            compiled(low_pass)(late, volts[order], rest, int(swept.poles), begins)
+            volts = np.empty_like(late)
+            volts[order] = late
+        return volts
+
+    @cached_property
+    def _order(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """The points (n,) in the order of time, and at which of those a sweep begins."""
+        parts = [
+            np.arange(span.start, span.stop)[:: -1 if way < 0 else 1]
+            for span, way in zip(self.sweeps.spans, self.sweeps.direction, strict=True)
+        ]
+        begins = np.concatenate([np.arange(len(part)) == 0 for part in parts])
+        return np.concatenate(parts), begins
 
     def _mode(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values], data: Sweeps
@@ -158,8 +239,13 @@ class ResponseModel(MeasurementModel):
             else (mode, self.simulated_alpha)
         )
 
-    def _states(self, mode: Oscillator, data: Sweeps, linear: Array) -> ComplexArray:
-        """Return b = A/(A₁F) on the low and on the high branch, continued past its fold, (2, n)."""
+    def _states(
+        self, mode: Oscillator, data: Sweeps, linear: Array
+    ) -> tuple[Array, ComplexArray, ComplexArray]:
+        """Return δ (n,), a (n,) without its quintic part, and b = A/(A₁F) (2, n).
+
+        b on the low and on the high branch, continued past its fold.
+        """
         f0 = mode.frequency
         per = 2 / mode.linewidth
         delta = per * (f0 - data.frequency)
@@ -169,14 +255,16 @@ class ResponseModel(MeasurementModel):
         )
         fifth = per * 0.3125 * f0 * mode.quintic * linear**4
         scale = linear**2 * (3 * f0 * abs(mode.alpha)) / (8 * mode.linewidth)
-        return self._solved(delta, cubic, fifth, per * mode.pull * scale, scale, mode.order)
+        pulled = per * mode.pull * scale
+        both = self._solved(delta, cubic, fifth, pulled, scale, mode.order)
+        return delta, cubic + (pulled if mode.order == 2 else 0), both
 
-    def _followed(self, both: ComplexArray, alpha: float) -> ComplexArray:
-        """Return the branch of each point.
+    def _followed(self, both: ComplexArray, alpha: float) -> NDArray[np.int64]:
+        """Return the branch (n,) of each point.
 
         Sweeps of known direction jump once, where the data say, others as they fit best.
         """
-        found = np.empty(both.shape[1], complex)
+        chosen = np.empty(both.shape[1], np.int64)
         spans = np.array(
             [
                 (s.start, s.stop, d != 0)
@@ -184,8 +272,8 @@ class ResponseModel(MeasurementModel):
             ],
             np.int64,
         )
-        compiled(follow)(found, self.sweeps.voltage, both, spans, int(alpha >= 0))
-        return found
+        compiled(follow)(chosen, self.sweeps.voltage, both, spans, int(alpha >= 0))
+        return chosen
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (V − V_predicted)/σ of all real, then of all imaginary parts."""
@@ -299,3 +387,9 @@ class ResponseModel(MeasurementModel):
         offset = self.sweeps.frequency[k] - self.start[0]
         drive = f"the drive of {worst * self.sweeps.reference:.3g} V deviates most"
         return f"{drive}, most strongly {offset:+.3g} Hz from resonance; rms by drive {table}"
+
+
+def _shifted(branch: NDArray[np.int64], later: int) -> NDArray[np.int64]:
+    """Return the branches (n,) of one sweep with its jump a few points later."""
+    place = np.clip(np.arange(len(branch)) - later, 0, len(branch) - 1)
+    return branch[place]

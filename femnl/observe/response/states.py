@@ -21,13 +21,13 @@ acts.
 
 
 def follow(
-    found: ComplexArray,
+    chosen: NDArray[np.int64],
     measured: ComplexArray,
     both: ComplexArray,
     spans: NDArray[np.int64],
     first: int,
 ) -> None:
-    """Write into `found` (n,) the branch of `both` (2, n) that each measured point is on.
+    """Write into `chosen` (n,) the branch of `both` (2, n) that each measured point is on.
 
     spans (n_sweeps, 3): start, stop, and whether a sweep begins on the branch `first` and
     jumps once.
@@ -41,14 +41,14 @@ def follow(
         least = 0.0
         for i in range(start, stop):
             gain = abs(measured[i] - both[first, i]) ** 2 - abs(measured[i] - both[last, i]) ** 2
-            found[i] = both[first if gain <= 0 else last, i]
+            chosen[i] = first if gain <= 0 else last
             left += gain
             if left < least:
                 jump = i + 1
                 least = left
         if spans[k, 2]:
-            found[start:jump] = both[first, start:jump]
-            found[jump:stop] = both[last, jump:stop]
+            chosen[start:jump] = first
+            chosen[jump:stop] = last
 
 
 def branch_amplitudes(

@@ -14,13 +14,13 @@ class Timing:
     """When the points of sweeps were measured.
 
     time (n_points,) [s], or the number of the sweep where the file has no time; recorded: whether
-    it has. turn (n_points,): the place of a point in the order of acquisition within its sweep,
-    from 0. notes for the report.
+    it has. step (n_points,): time since the point before it in its sweep, in those that most points
+    take. notes for the report.
     """
 
     time: Array
     recorded: bool
-    turn: Index
+    step: Array
     notes: tuple[str, ...]
 
 
@@ -35,12 +35,25 @@ def timing(dataset: xr.Dataset, sweeps: Sweeps) -> Timing:
     rows = np.array([sweeps.row[span.start] for span in sweeps.spans])
     times = np.asarray(dataset["time"].values, float) if "time" in dataset else np.full(1, np.nan)
     if not np.isfinite(times).all():
-        return Timing(sweeps.sweep.astype(float), False, turn, ())
+        return Timing(sweeps.sweep.astype(float), False, _steps(sweeps, turn), ())
     duration, note = _durations(dataset, times)
     direction = np.array(sweeps.direction)[sweeps.sweep]
     part = np.where(direction == 0, 0.5, (turn + 0.5) / count)
     time = times[rows][sweeps.sweep] + duration[rows][sweeps.sweep] * part
-    return Timing(time, bool(np.ptp(time) > 0), turn, note)
+    dwell = duration[rows] / count
+    pace = dwell / np.median(dwell) if np.all(dwell > 0) else np.ones(len(rows))
+    step = _steps(sweeps, turn) * pace[sweeps.sweep]
+    return Timing(time, bool(np.ptp(time) > 0), step, note)
+
+
+def _steps(sweeps: Sweeps, turn: Index) -> Array:
+    """Return how many points lie between each and the one before it in its sweep."""
+    step = np.ones(len(turn))
+    for span, direction in zip(sweeps.spans, sweeps.direction, strict=True):
+        gaps = np.abs(np.diff(turn[span])).astype(float)
+        # Points rise in frequency: the first of a sweep down is its last.
+        step[span] = np.append(gaps, 1.0) if direction < 0 else np.append(1.0, gaps)
+    return step
 
 
 def _turns(dataset: xr.Dataset, sweeps: Sweeps) -> Index:

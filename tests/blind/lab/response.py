@@ -5,10 +5,7 @@ energy between its turning points.
 """
 
 from collections.abc import Callable
-from functools import cache
-from typing import NamedTuple
 
-import numba
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -16,7 +13,10 @@ from numpy.typing import NDArray
 from femnl.device import geometry
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
+from tests.blind.lab import swept
 from tests.blind.lab.bench import Array, Cause, Values, sign
+from tests.blind.lab.maps import _shapes
+from tests.blind.lab.slow_flow import Flow, compiled, softening
 
 ALPHA_SD = 0.2
 """Relative standard deviation of α from film to film, through Young's modulus."""
@@ -24,27 +24,25 @@ NARROWEST = 0.05
 """Part of the linewidth below which it is not followed where base parameters move along their
 tangents, which know no zero.
 """
-STEPS = 40_000
-STRIDE = 0.05
-SETTLED = 1e-6
-"""Most Runge–Kutta steps at each point of a sweep, in units of the amplitude's decay time, and the
-change in a step that ends them.
-
-Just past a fold a state lingers: a point that were taken there would be on no branch.
-"""
 WAVELENGTH = 632.8e-9
 COARSE = 1e3
 TORN = 2.0
 """How much longer steps for tangents are than of closed forms, and the ratio of amplitudes of a
 point that has jumped.
 """
-IMPLICIT = 3
-"""Rounds in which an implicit step is found."""
-CLIPPED = 2 * np.pi * (np.arange(720) + 0.5) / 720
-"""Phases at which a clipped signal is sampled."""
 Complex = NDArray[np.complex128]
-FIRST = 2 * np.pi * np.arange(64) / 64
-"""Phases at which the signal of the fringe is sampled."""
+NARROW = 0.1
+WIDE = 1e3
+"""Linewidths of devices [Hz]: of soft-clamped modes in vacuum, and of low modes that a chip damps.
+"""
+DELAYED = 100.0
+"""Linewidth from which on the delay of an instrument shows in sweeps."""
+PLACES = ((6e-5, 6e-5), (4e-5, 7e-5))
+"""Of the laser, in m."""
+RAILS = {"detector_saturation": -1.0, "one_sided_saturation": -np.inf}
+"""Causes that clip, and the lower rail in units of the upper one."""
+MODES = {"1,1": 0, "2,2": 3}
+"""Their number in the order of frequency."""
 
 
 class ResponseBench:
@@ -56,14 +54,23 @@ class ResponseBench:
         self.mode, self.f0 = ("2,2", 2.9324e6) if rng.uniform() < 0.5 else ("1,1", 1.4661e6)
         film = SimulatedFilm(geometry.load(name), 12)
         self.alpha = float(film.alpha[film.modes.label.index(f"({self.mode})")])
-        self.drives = np.repeat(np.array([0.05, 0.1, 0.2, 0.4]), 2)
-        self.direction = np.tile([1, -1], 4)
-        self.time = 120.0 * np.arange(8) if timed or rng.uniform() < 0.5 else None
+        self.places = PLACES[: int(rng.integers(1, 3))]
+        count = 8 * len(self.places)
+        self.drives = np.tile(np.repeat(np.array([0.05, 0.1, 0.2, 0.4]), 2), len(self.places))
+        self.direction = np.tile([1, -1], count // 2)
+        self.place = np.repeat(np.arange(len(self.places)), 8)
+        x, y = np.array(self.places).T
+        self.shape = np.abs(_shapes(name, x.tobytes(), y.tobytes())[MODES[self.mode]])[self.place]
+        self.time = 120.0 * np.arange(count) if timed or rng.uniform() < 0.5 else None
+        # Sweeps without a duration follow each other without a pause
+        self.duration = float(rng.choice([60.0, 120.0]))
         self.noise = 1.5e-5
         self.points = 81
-        linewidth = self.linewidth = rng.uniform(3, 5)
-        # Linewidths by which the strongest drive would move the resonance at full amplitude
-        stretch = rng.uniform(3, 14)
+        least = DELAYED if "group_delay" in causes else NARROW
+        linewidth = self.linewidth = float(np.exp(rng.uniform(np.log(least), np.log(WIDE))))
+        # Linewidths by which the strongest drive would move the resonance at full amplitude; what
+        # does not settle has no steady state to jump between
+        stretch = rng.uniform(0.1, 0.7) if "unsettled_mode" in causes else rng.uniform(3, 14)
         self.peak = float(
             np.sqrt(stretch * linewidth / (0.375 * self.f0 * self.alpha)) / self.drives.max()
         )
@@ -72,8 +79,8 @@ class ResponseBench:
             "frequency": linewidth,
             "linewidth": linewidth,
             "peak": self.peak,
-            "gain": self.gain,
-            "phase": 1.0,
+            **{f"gain{p}": self.gain for p in range(len(self.places))},
+            **{f"phase{p}": 1.0 for p in range(len(self.places))},
         }
         self.unit = {name: COARSE * value for name, value in worth.items()}
         reach = 0.375 * self.f0 * self.alpha * (self.peak * self.drives.max()) ** 2
@@ -84,13 +91,13 @@ class ResponseBench:
         )
 
     def draw(self, rng: np.random.Generator) -> Values:
-        """Draw f₀, w [Hz], the linear peak [m/V], the gain [V/m], its phase, and α [m⁻²]."""
+        """Draw f₀, w [Hz], the linear peak [m/V], gains [V/m], their phases, and α [m⁻²]."""
         return {
-            "frequency": self.f0 + rng.uniform(-2, 2),
+            "frequency": self.f0 + rng.uniform(-0.5, 0.5) * self.linewidth,
             "linewidth": self.linewidth * rng.uniform(0.9, 1.1),
             "peak": self.peak * rng.uniform(0.95, 1.05),
-            "gain": self.gain,
-            "phase": rng.uniform(-np.pi, np.pi),
+            **{f"gain{p}": self.gain / (1 + p) for p in range(len(self.places))},
+            **{f"phase{p}": rng.uniform(-np.pi, np.pi) for p in range(len(self.places))},
             "alpha": self.alpha * max(1 + ALPHA_SD * rng.standard_normal(), 0.4),
         }
 
@@ -113,13 +120,12 @@ class ResponseBench:
             for name in ("frequency", "linewidth", "peak", "alpha")
         )
         w = np.maximum(w, self.linewidth * NARROWEST)
-        if self.time is not None:
-            f0 = f0 * (1 + spec("frequency_drift", "rate") * self.time)
+        rate = spec("frequency_drift", "rate")
         drive = peak * self.drives / (1 + spec("drive_compression", "kappa") * self.drives**2) + 0j
         alpha = (
             alpha
             + np.array(
-                [_softening(b, h, self.drives.max()) for b, h in zip(bases, hidden, strict=True)]
+                [softening(b, h, self.drives.max()) for b, h in zip(bases, hidden, strict=True)]
             )[:, None]
         )
         cubic = 0.75 * f0 / w * alpha
@@ -142,43 +148,72 @@ class ResponseBench:
         leaves = order / 2 * spec("internal_resonance", "width") * 2 / w
         state = np.zeros(drive.size, complex)
         other = np.zeros(drive.size, complex)
-        motion = np.empty((len(bases), 8, self.points), complex)
+        motion = np.empty((len(bases), len(self.drives), self.points), complex)
+        left = spec("unsettled_mode", "kept")
+        rest = np.where(left > 0, -np.log(np.where(left > 0, left, 1.0)), np.inf)
         for k in range(self.points):
             point = np.where(self.direction > 0, k, self.points - 1 - k)
-            detuning = 2 * (f0 - self.frequency[point]) / w
+            time = 0.0 if self.time is None else self.time + self.duration * (k + 0.5) / self.points
+            detuning = 2 * (f0 * (1 + rate * time) - self.frequency[point]) / w
             turn = order * 2 * (crossing - self.frequency[point]) / w + 1j * leaves
             whole = np.broadcast_arrays(
-                detuning, cubic, quintic, loss, drive, turn, coupling, order
+                detuning,
+                cubic,
+                quintic,
+                loss,
+                drive,
+                turn,
+                coupling,
+                order,
+                # The first point is taken once the mode has settled.
+                rest if k else np.inf,
             )
-            _compiled()(
-                state, other, bool(np.any(coupling)), _Flow(*(part.ravel() for part in whole))
+            compiled()(
+                state, other, bool(np.any(coupling)), Flow(*(part.ravel() for part in whole))
             )
-            motion[:, np.arange(8), point] = state.reshape(drive.shape)
-        z = (
-            4
-            * np.pi
-            / WAVELENGTH
-            * np.sqrt(np.maximum(spec("nonlinear_readout", "share"), 1e-12))[..., None]
-            * np.abs(motion)
-        )
-        first = (
-            2
-            * np.mean(np.sin(z[..., None] * np.cos(FIRST)) * np.cos(FIRST), axis=-1)
-            / np.maximum(z, 1e-300)
-        )
-        gain = np.array([b["gain"] * np.exp(1j * b["phase"]) for b in bases])[:, None, None]
-        leak = (spec("crosstalk", "real") + 1j * spec("crosstalk", "imag"))[..., None]
-        volts = (
-            gain * motion * np.where(z > 1e-3, first, 1 - z**2 / 8) + leak * self.drives[:, None]
-        )
-        for k, h in enumerate(hidden):
-            if "detector_saturation" in h:
-                limit = (1 - h["detector_saturation"]["part"]) * np.abs(volts[k]).max()
-                strong = np.abs(volts[k]) > limit
-                size = np.abs(volts[k][strong])
-                clipped = np.clip(size[:, None] * np.cos(CLIPPED), -limit, limit)
-                volts[k][strong] *= 2 * np.mean(clipped * np.cos(CLIPPED), axis=1) / size
-        return np.asarray(volts)
+            motion[:, np.arange(len(self.drives)), point] = state.reshape(drive.shape)
+        return self._read_out(motion, bases, hidden)
+
+    def _read_out(
+        self, motion: Complex, bases: list[Values], hidden: list[dict[str, Values]]
+    ) -> Complex:
+        """Return the voltages (n_variants, n_sweeps, n_points) [V] of motion of that shape [m]."""
+        found = []
+        off = self.frequency - self.f0
+        for moved, base, causes in zip(motion, bases, hidden, strict=True):
+            gain = np.array(
+                [base[f"gain{p}"] * np.exp(1j * base[f"phase{p}"]) for p in range(len(self.places))]
+            )[self.place]
+            if "nonlinear_readout" in causes:
+                share = np.sqrt(max(causes["nonlinear_readout"]["share"], 1e-12))
+                size = share * self.shape[:, None] * np.abs(moved)
+                moved = swept.fringe(moved, 4 * np.pi / WAVELENGTH * size)
+            volts = gain[:, None] * moved
+            for name in ("crosstalk", "sloping_background", "fano_background"):
+                if name in causes:
+                    volts = volts + self.drives[:, None] * self._beside(name, causes[name])
+            if "group_delay" in causes:
+                volts = swept.late(volts, off, causes["group_delay"]["tau"])
+            for name, low in RAILS.items():
+                if name in causes:
+                    volts = swept.clipped(volts, causes[name]["part"], low)
+            if "lock_in_filter" in causes:
+                volts = swept.filtered(volts, self.direction, causes["lock_in_filter"])
+            found.append(volts)
+        return np.asarray(found)
+
+    def _beside(self, name: str, values: Values) -> Complex:
+        """Return what is seen beside the mode (n_points,) [V/V]."""
+        level = values["real"] + 1j * values["imag"]
+        if name == "crosstalk":
+            return np.full(self.points, level)
+        middle = float(self.frequency[[0, -1]].mean())
+        centre = middle + values["place"]
+        answer = swept.oscillator(self.frequency, centre, values["broad"])
+        if name == "sloping_background":
+            # A bridge that compensates the leak in the middle leaves its slope.
+            answer = answer - swept.oscillator(np.array([middle]), centre, values["broad"])
+        return np.asarray(level * answer, complex)
 
     def measured(
         self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
@@ -195,108 +230,13 @@ class ResponseBench:
                 mode=self.mode,
                 drive=self.drives,
                 direction=self.direction,
-                x=6e-5,
-                y=6e-5,
+                x=np.array(self.places)[self.place, 0],
+                y=np.array(self.places)[self.place, 1],
                 time=self.time,
+                duration=None if self.duration == 120.0 else self.duration,
                 **about,
             )
         }
-
-
-def _softening(base: Values, hidden: dict[str, Values], drive: float) -> float:
-    """What a restoring force of second order adds to α.
-
-    8/3 of the shift of the free oscillation of k = 1, u + κ₂u², over A².
-    """
-    kappa = hidden.get("quadratic_stiffness", {}).get("kappa2", 0.0) * base["peak"] * drive
-    if kappa == 0:
-        return 0.0
-    shift = []
-    for size in (1.0, -1.0):  # from either turning point: what is odd in the amplitude drops out
-        ends = np.roots([kappa / 3 * size, 0.5, 0.0, -(0.5 + kappa / 3 * size)])
-        low = float(ends[np.argmin(np.abs(ends + 1))].real)
-        psi = np.pi * (np.arange(64) + 0.5) / 64
-        u = (1 + low) / 2 + (1 - low) / 2 * np.cos(psi)
-        # (1 − u)(u − low) is a factor of the energy that is left, and cancels against that of the
-        # substitution.
-        rest = 0.5 + kappa / 3 * size * (u + 1 + low)
-        shift.append(1 / np.mean(1 / np.sqrt(2 * rest)) - 1)
-    return float(8 / 3 * np.mean(shift) / (base["peak"] * drive) ** 2)
-
-
-@cache
-def _compiled() -> Callable[..., None]:
-    """Return `_settle` as machine code."""
-    return numba.njit(error_model="numpy")(_settle)
-
-
-class _Flow(NamedTuple):
-    """The slow flow of each point, (n,): see `_settle`."""
-
-    delta: Array
-    cubic: Array
-    quintic: Array
-    loss: Array
-    drive: Complex
-    turn: Complex
-    coupling: Array
-    power: NDArray[np.int64]
-
-
-def _settle(a: Complex, b: Complex, coupled: bool, flow: _Flow) -> None:
-    """Step every a (n,) in time until none changes any more.
-
-    da/ds = −i (drive − a (δ + cubic|a|² + quintic|a|⁴ + i (1 + loss|a|²))).
-
-    By Runge–Kutta steps; coupled to a mode b at p times the drive, db/ds = i (b turn + g aᵖ), and +
-    i g a*^{p−1} b in da/ds, by the implicit midpoint rule, which keeps the fast turning of that
-    mode stable. The amplitude of b counts so that its own g is the same.
-    """
-    delta, cubic, quintic, loss, drive, turn, coupling, power = flow
-    h = STRIDE
-    largest = np.abs(drive).max()
-    for n in range(STEPS):
-        change = 0.0
-        for i in range(len(a)):
-            before = a[i]
-            if coupled:
-                last = before
-                other = b[i]
-                for _ in range(IMPLICIT):
-                    middle = (before + last) / 2
-                    x = middle.real**2 + middle.imag**2
-                    lower = coupling[i] * (middle if power[i] == 2 else middle * middle)
-                    own = (
-                        0.5j
-                        * h
-                        * (delta[i] + x * (cubic[i] + quintic[i] * x) + 1j * (1 + loss[i] * x))
-                    )
-                    last = (
-                        before * (1 + own)
-                        - 1j * h * (drive[i] - np.conj(lower) * (b[i] + other) / 2)
-                    ) / (1 - own)
-                    other = (b[i] * (1 + 0.5j * h * turn[i]) + 1j * h * lower * middle) / (
-                        1 - 0.5j * h * turn[i]
-                    )
-                a[i] = last
-                b[i] = other
-            else:
-                rate = 0j
-                total = 0j
-                for stage in range(4):
-                    here = before + (0.0 if stage == 0 else h if stage == 3 else h / 2) * rate
-                    x = here.real**2 + here.imag**2
-                    rate = -1j * (
-                        drive[i]
-                        - here
-                        * (delta[i] + x * (cubic[i] + quintic[i] * x) + 1j * (1 + loss[i] * x))
-                    )
-                    total += rate if stage in (0, 3) else 2 * rate
-                a[i] = before + h / 6 * total
-            if n % 10 == 9:
-                change = max(change, abs(a[i] - before))
-        if n % 10 == 9 and change < SETTLED * largest:
-            return
 
 
 def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> ResponseBench:
@@ -337,7 +277,7 @@ def _second_mode(rng: np.random.Generator, bench: ResponseBench) -> Cause:
     values = {
         "coupling_square": 1e-2 * bench.linewidth**2,
         "offset": crossing - float(bench.frequency[[0, -1]].mean()),
-        "width": bench.linewidth * float(np.exp(rng.uniform(np.log(0.2), np.log(3.0)))),
+        "width": bench.linewidth * float(np.exp(rng.uniform(np.log(0.05), np.log(3.0)))),
         "order": float(rng.choice([2.0, 3.0])),
     }
     return Cause(values, ("coupling_square",), 300.0)
@@ -351,18 +291,84 @@ def _bow(rng: np.random.Generator, bench: ResponseBench) -> Cause:
 
 
 def _readout(rng: np.random.Generator, bench: ResponseBench) -> Cause:
-    z = 4 * np.pi / WAVELENGTH * _strongest(bench)
-    return Cause({"share": 0.1 / z**2}, ("share",), 30.0)
+    z = 4 * np.pi / WAVELENGTH * _strongest(bench) * float(bench.shape.max())
+    return Cause({"share": min(0.1 / z**2, 1.0)}, ("share",), max(10 * z**2, 1.0))
+
+
+def _drift(rng: np.random.Generator, bench: ResponseBench) -> Cause:
+    # A hundredth of a linewidth over all sweeps; the most, as of a chip that warms
+    rate = 1e-2 * bench.linewidth / (bench.f0 * 960.0)
+    return Cause({"rate": rate * sign(rng)}, ("rate",), 8e-7 / rate)
+
+
+def _delay(rng: np.random.Generator, bench: ResponseBench) -> Cause:
+    return Cause({"tau": 1e-6 * sign(rng)}, ("tau",), 80.0)
+
+
+def _piezo(rng: np.random.Generator, bench: ResponseBench) -> Cause:
+    span = float(np.ptp(bench.frequency))
+    turn = rng.uniform(-np.pi, np.pi)
+    slope = 1e-3 * bench.gain * bench.peak
+    values = {
+        "real": float(slope * np.cos(turn)),
+        "imag": float(slope * np.sin(turn)),
+        "place": float(rng.uniform(-0.5, 0.5)) * span,
+        "broad": float(np.exp(rng.uniform(np.log(0.3), np.log(1.5)))) * span,
+    }
+    return Cause(values, ("real", "imag"), 300.0)
+
+
+def _flank(rng: np.random.Generator, bench: ResponseBench) -> Cause:
+    span = float(np.ptp(bench.frequency))
+    far = 20.0
+    turn = rng.uniform(-np.pi, np.pi)
+    # At the resonance of the piezo: its flank is w_p/2 over the distance of it.
+    slope = 0.1 * bench.gain * bench.peak
+    values = {
+        "real": float(slope * np.cos(turn)),
+        "imag": float(slope * np.sin(turn)),
+        "place": far * span * sign(rng),
+        "broad": 2 * span,
+    }
+    return Cause(values, ("real", "imag"), 300.0)
+
+
+def _filter(rng: np.random.Generator, bench: ResponseBench) -> Cause:
+    return Cause({"left": 1e-3, "poles": float(rng.integers(1, 5))}, ("left",), 500.0)
 
 
 CAUSES: dict[str, Callable[[np.random.Generator, ResponseBench], Cause]] = {
     "crosstalk": _leak,
     "detector_saturation": lambda rng, bench: Cause({"part": 0.02}, ("part",), 25.0),
     "drive_compression": lambda rng, bench: Cause({"kappa": 0.05}, ("kappa",), 100.0),
-    "frequency_drift": lambda rng, bench: Cause({"rate": 1e-10 * sign(rng)}, ("rate",), 1e3),
+    "fano_background": _piezo,
+    "frequency_drift": _drift,
+    "group_delay": _delay,
     "internal_resonance": _second_mode,
+    "lock_in_filter": _filter,
     "nonlinear_damping": _damping,
     "nonlinear_readout": _readout,
+    "one_sided_saturation": lambda rng, bench: Cause({"part": 0.02}, ("part",), 25.0),
     "quadratic_stiffness": _bow,
     "quintic_stiffness": _quintic,
+    "sloping_background": _flank,
+    "unsettled_mode": lambda rng, bench: Cause({"kept": 0.01}, ("kept",), 50.0),
 }
+DERIVED: dict[str, str] = {
+    "crosstalk": "a constant added to the voltage",
+    "detector_saturation": "a clipped sinusoid, sampled over a period",
+    "drive_compression": "the force in time steps of the slow flow",
+    "fano_background": "a driven oscillator of second order in f, beside the mode",
+    "frequency_drift": "f₀ at each time step of the sweeps",
+    "group_delay": "a late sinusoid, sampled over a period",
+    "internal_resonance": "time steps of both modes",
+    "lock_in_filter": "RC stages in time steps by the midpoint rule",
+    "nonlinear_damping": "time steps of the slow flow",
+    "nonlinear_readout": "a sine of the motion, sampled, with the shapes of another method",
+    "one_sided_saturation": "a sinusoid clipped on one side, sampled over a period",
+    "quadratic_stiffness": "the frequency of the free oscillation between its turning points",
+    "quintic_stiffness": "time steps of the slow flow",
+    "sloping_background": "the flank of a driven oscillator, of second order in f",
+    "unsettled_mode": "time steps of the slow flow for the time of each point",
+}
+"""How the laboratory computes each cause."""

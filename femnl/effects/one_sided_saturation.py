@@ -1,0 +1,41 @@
+"""A detector that clips one side of its signal, as a photodiode whose bias is off the middle."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.stages import Signal
+
+
+def clip_side(signal: Signal, values: Values) -> Signal:
+    """Clip the sinusoid at +(1 − s) of the strongest signal, and not from below.
+
+    Half of what two rails take from the first harmonic.
+    """
+    size = np.abs(signal.voltage)
+    r = np.minimum((1 - values["clipped"]) * signal.largest / np.where(size > 0, size, 1.0), 1.0)
+    both = (2 / np.pi) * (np.arcsin(r) + r * np.sqrt(1 - r**2))
+    return replace(signal, voltage=signal.voltage * (1 + both) / 2)
+
+
+EFFECT = Effect(
+    name="one_sided_saturation",
+    equation="v − V₀ ≤ (1 − s) of the strongest signal",
+    parameters=(
+        ParameterSpec(
+            "clipped",
+            "1",
+            0.0,
+            0.8,
+            reason="at 0.8 the first harmonic of a signal is 0.63 of it, near the half that is left "
+            "where one side is cut off wholly, as by a rectifier",
+        ),
+    ),
+    changes={"signal": clip_side},
+    source="describing function of a one-sided clipper, Gelb & Vander Velde (1968)",
+    limits="sharp, exact for a sinusoid. Where little is clipped, sweeps cannot tell one rail at s "
+    "from two at s/2^{2/3}: both take (1 − r)^{3/2} first. Sweeps cannot tell which side it is",
+    sentence="the detector clips one side of the signal",
+    shared=False,
+)

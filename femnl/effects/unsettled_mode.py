@@ -1,0 +1,38 @@
+"""A sweep that is too fast for the mode to settle."""
+
+from dataclasses import replace
+
+from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.stages import Acquisition
+
+
+def linger(swept: Acquisition, values: Values) -> Acquisition:
+    """Let the mode keep a part of its deviation from the steady motion."""
+    return replace(swept, motion=values["kept"])
+
+
+EFFECT = Effect(
+    name="unsettled_mode",
+    equation="2 dA/dt = −(γ + 2iδ)A + F at each drive frequency for a time T; kept = e^{−γT/2}, "
+    "γ = 2πw",
+    parameters=(
+        ParameterSpec(
+            "kept",
+            "1",
+            0.0,
+            0.9,
+            reason="at 0.9 the mode rings over ten points, which are too few to follow its phase "
+            "wherever it is detuned by more than a linewidth",
+        ),
+    ),
+    changes={"acquisition": linger},
+    source="slow flow of Nayfeh & Mook (1979), section 4.1, with steps of the drive at continuous "
+    "phase",
+    limits="exact for a drive that steps from point to point, all at one pace (or that of the "
+    "durations in the file), with a cubic force (no quintic one) and settled at the first point: "
+    "deviations of up to 2 % of the amplitude decay as linear ones, larger ones by Runge-Kutta. A "
+    "drive that is swept without steps rings otherwise by (d/w)², d the distance of two points. "
+    "Where sweeps jump, the motion is as exact, but a fit may not find it: they are unexplained",
+    sentence="the mode does not settle before the next point is taken",
+    needs=("direction",),
+)

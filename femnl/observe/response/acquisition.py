@@ -1,0 +1,93 @@
+"""What a finite speed of sweeping leaves of earlier points: in the mode, and in the lock-in.
+
+The drive rests at each frequency for a time T, steps to the next without a jump of its phase, and
+the point is taken at the end of T.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.core.readout import Array, ComplexArray
+
+NEAR = 0.02
+"""Deviation from the steady amplitude, in parts of it, up to which it decays as a linear one."""
+STRIDE = 0.1
+"""Phase and decay [rad] in one Runge–Kutta step of a larger one."""
+
+
+def settle(
+    found: ComplexArray,
+    steady: ComplexArray,
+    delta: Array,
+    stiffening: ComplexArray,
+    rest: Array,
+    begins: NDArray[np.bool_],
+) -> None:
+    """Write into `found` (n,) the amplitude at the end of each rest, in the order of time.
+
+    db/ds = i((δ + a|b|² + i)b − 1), s = πwt: a small deviation ε from the steady b decays by
+    dε/ds = Pε + Qε*, P = i(δ + 2a|b|² + i), Q = iab², in closed form; a larger one, as after a
+    jump, by Runge–Kutta steps.
+
+    Args: steady b (n,) [parts of the linear amplitude at resonance]; delta δ, stiffening a (n,);
+        rest (n,): πwT; begins (n,): whether a sweep begins there, at its steady amplitude.
+    """
+    for k in range(len(steady)):
+        b = steady[k]
+        if begins[k]:
+            found[k] = b
+            continue
+        a = stiffening[k]
+        off = found[k - 1] - b
+        x = abs(b) ** 2
+        s = rest[k]
+        if abs(off) <= NEAR * abs(b) or abs(a) * max(abs(found[k - 1]) ** 2, x) < NEAR:
+            p = 1j * (delta[k] + 2 * a * x + 1j)
+            q = 1j * a * b * b
+            fast = np.sqrt(complex(abs(q) ** 2 - p.imag**2))
+            even = (np.exp((p.real + fast) * s) + np.exp((p.real - fast) * s)) / 2
+            odd = np.exp(p.real * s) * s + 0j
+            if abs(fast * s) > 1e-4:
+                odd = (np.exp((p.real + fast) * s) - np.exp((p.real - fast) * s)) / (2 * fast)
+            found[k] = b + (even + odd * 1j * p.imag) * off + odd * q * np.conj(off)
+            continue
+        y = found[k - 1]
+        rate = abs(delta[k]) + 3 * abs(a) * max(abs(y) ** 2, x) + 1
+        count = int(s * rate / STRIDE) + 1
+        h = s / count
+        for _ in range(count):
+            one = 1j * ((delta[k] + a * abs(y) ** 2 + 1j) * y - 1)
+            z = y + h / 2 * one
+            two = 1j * ((delta[k] + a * abs(z) ** 2 + 1j) * z - 1)
+            z = y + h / 2 * two
+            three = 1j * ((delta[k] + a * abs(z) ** 2 + 1j) * z - 1)
+            z = y + h * three
+            four = 1j * ((delta[k] + a * abs(z) ** 2 + 1j) * z - 1)
+            y = y + h / 6 * (one + 2 * two + 2 * three + four)
+        found[k] = y
+
+
+def low_pass(
+    found: ComplexArray, voltage: ComplexArray, rest: Array, poles: int, begins: NDArray[np.bool_]
+) -> None:
+    """Write into `found` (n,) what a low pass of equal poles makes of steps, in the order of time.
+
+    Over a rest at the voltage v, y_j → v + e^{−u} Σ_i (y_i − v) u^{j−i}/(j−i)!, u = T/τ.
+
+    Args: voltage (n,) [V]; rest (n,): T/τ; poles: their number; begins (n,): whether a sweep begins
+        there, with the filter settled.
+    """
+    state = np.zeros(poles, np.complex128)
+    for k in range(len(voltage)):
+        v = voltage[k]
+        if begins[k]:
+            state[:] = v
+        kept = np.exp(-rest[k])
+        for j in range(poles - 1, -1, -1):
+            total = 0j
+            term = kept
+            for back in range(j + 1):
+                total += (state[j - back] - v) * term
+                term *= rest[k] / (back + 1)
+            state[j] = v + total
+        found[k] = state[poles - 1]
