@@ -264,7 +264,7 @@ def test_files_of_several_measurements_hold_one_motion(tmp_path: Path) -> None:
 
 def test_a_uniform_change_of_all_frequencies_is_no_cause() -> None:
     rng = np.random.default_rng(4)
-    bench = SpectrumBench("square-270um", True, rng)
+    bench = SpectrumBench("square-270um", ("frequency_drift",), rng)
     base = bench.draw(rng)
     faster, plain = bench.clean([(base | {"speed": 1.001 * base["speed"]}, {}), (base, {})])
     assert faster[:-1] / plain[:-1] == pytest.approx(np.full(bench.count, 1.001), rel=1e-12)
