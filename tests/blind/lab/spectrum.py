@@ -91,7 +91,7 @@ class SpectrumBench:
         rows = []
         for base, hidden in variants:
             frequency, loss, _ = self._lines(base, hidden)
-            rated = -np.log(loss) / LOSS_SD if self.rated else []
+            rated: Array = -np.log(loss) / LOSS_SD if self.rated else np.empty(0)
             rows.append(
                 np.concatenate([frequency / self.sd, [base["bending"] / BENDING_SD], rated])
             )
@@ -258,11 +258,11 @@ def _frame(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
     values = {"heave": 0.0, "tilt_x": 0.0, "tilt_y": 0.0}
     name = list(values)[motion]
     values |= {
-        name: 1e-9,
+        name: 3e-5,
         "frame_frequency": float(lines[k] * (1 + distance)),
         "frame_loss": float(np.exp(rng.uniform(np.log(1e-4), np.log(1e-2)))),
     }
-    return Cause(values, (name,), 1e5)
+    return Cause(values, (name,), 300.0)
 
 
 def _gas(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
@@ -285,8 +285,8 @@ def _trapped(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
 
 
 def _clamp(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
-    part = rng.uniform(0.0, 0.1)
-    return Cause({"monopole": 1e-8, "dipole": 1e-8 * part}, ("monopole", "dipole"), 1e4)
+    values = {"monopole": 1e-8, "dipole": float(rng.uniform(0.0, 0.3))}
+    return Cause(values, ("monopole",), 1e4)
 
 
 def _gradient(rng: np.random.Generator, bench: SpectrumBench) -> Cause:

@@ -75,9 +75,9 @@ def gas_below(wavenumber: Array, gap: float) -> Array:
 
     def solved(n: int) -> Array:
         step = gap / n
-        # Backwards from the wall, where φ is even: a recurrence that grows and is stable.
-        low = np.ones_like(wavenumber)
-        high = 1 + (wavenumber * step) ** 2 / 2
+        # From the wall, where φ is even: a recurrence that grows and is stable.
+        low: Array = np.ones_like(wavenumber)
+        high: Array = 1 + (wavenumber * step) ** 2 / 2
         for _ in range(n):
             low, high = high, (2 + (wavenumber * step) ** 2) * high - low
         before = (low * (2 + (wavenumber * step) ** 2)) - high
@@ -135,7 +135,7 @@ class Lossy:
     def _framed(self, stiffness: Array, mass: Array, frame: Values) -> tuple[Array, Array]:
         """Add the frame's own motion of each kind, whose inertia the film's modes feel."""
         ratios = np.array([frame.get(name, 0.0) for name in ("heave", "tilt_x", "tilt_y")])
-        push = np.sqrt(ratios) @ self.rigid
+        push = ratios @ self.rigid
         own = (2 * np.pi * frame["frame_frequency"]) ** 2 * (1 + 1j * frame["frame_loss"])
         n = len(mass)
         wider = np.zeros((2, n + 1, n + 1), complex)
@@ -161,7 +161,8 @@ class Lossy:
         for k in range(len(square)):
             for _ in range(ROUNDS):
                 ratio = np.sqrt(found[k].real / lowest)
-                lag = np.array([clamp["monopole"] * ratio, *[clamp["dipole"] * ratio**3] * 2])
+                tilt = clamp["dipole"] ** 2 * ratio**3
+                lag = clamp["monopole"] * np.array([ratio, tilt, tilt])
                 more = np.zeros_like(stiffness)
                 more[:n, :n] = 1j * lowest * ratio**4 * (self.rigid.T * lag) @ self.rigid
                 values, shapes = _modes(stiffness + more, mass, n)
