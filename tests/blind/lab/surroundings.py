@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import eig
 
+from femnl.core.device import Film
 from tests.blind.lab.bench import Array, Values
 from tests.blind.lab.film import Membrane
 
@@ -87,7 +89,7 @@ def gas_below(wavenumber: Array, gap: float) -> Array:
     return np.asarray((4 * fine - coarse) / 3)
 
 
-def trapped(square: Array, spring: float, escape: Array) -> Array:
+def trapped(square: Array, spring: float, escape: Array | list[float]) -> NDArray[np.complex128]:
     """Return the complex ω² of modes with ω² = `square` alone and gas that leaves in `escape` [s].
 
     Exact eigenvalues of film and pressure together: ẅ = −ω²w − q, q̇ = −q/τ + s ẇ with
@@ -207,6 +209,68 @@ def _summed(modes: Membrane, points: int = 90) -> Array:
         for phi in (np.ones_like(x), x, y)
     ]
     return np.array(rows)
+
+
+def gas_above_wave(wavenumber: Array) -> Array:
+    """Return the depth of gas that a plane wave moves above it [m]: twice its energy per area."""
+    t, weight = np.polynomial.laguerre.laggauss(40)
+    # Both components of the velocity e^{−kz} hold the same
+    return np.asarray(np.sum(2 * np.exp(-t) * weight) / wavenumber)
+
+
+def delayed(square: float, spring: Array, lag: float) -> NDArray[np.complex128]:
+    """Return the complex ω² of a mode under a force that follows it with one relaxation time.
+
+    ẅ = −ω²w − f, ḟ = (s ω² (1 + b²) w − f)/τ, b = ωτ; s is what the force does to ω² at ω.
+    """
+    if lag == 0:
+        return np.asarray(square * (1 + spring), np.complex128)
+    unit = np.sqrt(square)
+    found = []
+    for s in spring:
+        roots = np.roots([1, 1 / lag, 1, (1 + s * (1 + lag**2)) / lag])
+        root = roots[np.argmax(roots.imag)] * unit
+        found.append(-(root**2))
+    return np.array(found)
+
+
+WAFER = 3000.0
+"""Thickness of a wafer in those of its film."""
+WAFER_YOUNG = 180e9
+"""Biaxial modulus of silicon (100) [Pa]."""
+
+
+def warmed(film: Film, slope: float, warm: Array) -> Array:
+    """Return ω² over that at the mean temperature, of a film on a wafer that both expand.
+
+    slope: relative change of stress [1/K], which gives the difference of expansions.
+    """
+    modulus = film.young / (1 - film.poisson)
+    difference = slope * film.stress / modulus
+    # The common strain at which the forces of film and wafer add up to nothing
+    pull = modulus * film.thickness
+    hold = WAFER_YOUNG * WAFER * film.thickness
+    strain = pull * difference * warm / (pull + hold)
+    return np.asarray(1 + modulus * (strain - difference * warm) / film.stress)
+
+
+def charged(voltage: Array, gap: float, softening: float, offset: float) -> Array:
+    """Return ω² over that at 0 V of a plate on a spring over an electrode.
+
+    From its energy q²/2 − s(V − V₀)²d³/(2(d − q)) [of its stiffness], whose minimum and curvature
+    there are found by differences.
+    """
+
+    def square(volts: float) -> float:
+        force = softening * (volts - offset) ** 2 * gap**3 / 2
+        rest = 0.0
+        for _ in range(50):
+            rest = force / (gap - rest) ** 2
+        step = 1e-3 * gap
+        energy = [q**2 / 2 - force / (gap - q) for q in (rest - step, rest, rest + step)]
+        return (energy[0] - 2 * energy[1] + energy[2]) / step**2
+
+    return np.array([square(v) for v in voltage]) / square(0.0)
 
 
 def dashpot(molar_mass: float, temperature: float) -> float:
