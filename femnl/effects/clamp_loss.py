@@ -48,9 +48,9 @@ EFFECT = Effect(
     "1/Q ∝ (m² + n²)^{3/2}/(m²n²); radiation of a force ∝ ω² and of a torque ∝ ω⁴ by a half-space: "
     "Miller & Pursey, Proc. R. Soc. A 223, 521 (1954)",
     limits="sound in the chip long against the film, and a chip large against it: a thin chip has "
-    "resonances (frame_mode); modes even along both sides radiate less and count as not at all. Modes one "
-    "by one: a pair that is split by less than its linewidth radiates as (1,3) ± (3,1), of which "
-    "one has twice the loss and the other none",
+    "resonances (frame_mode); modes even along both sides radiate less and count as not at all. "
+    "Modes one by one: of a pair that is split by less than its linewidth, (1,3) ± (3,1), one has "
+    "twice the loss and the other none",
     sentence="the edge radiates sound into the chip",
     needs=("quality_factor",),
 )

@@ -11,7 +11,7 @@ from femnl.core.stages import Points
 def push(points: Points, values: Values) -> Points:
     """Add the spring to f², and what it does with a delay to 1/Q."""
     spring = values["spring"] * points.control["laser_power"] * points.spot
-    loss = 1 / points.quality_factor - values["lag"] * spring
+    loss = 1 / points.quality_factor - values["lag"] ** 2 * spring
     return replace(
         points,
         frequency=points.frequency * np.sqrt(1 + spring),
@@ -21,7 +21,7 @@ def push(points: Points, values: Values) -> Points:
 
 EFFECT = Effect(
     name="optical_spring",
-    equation="f² → f² (1 + sPξ²(x₀)), 1/Q → 1/Q − bsPξ²(x₀), b = ωτ of the delay of the force",
+    equation="f² → f² (1 + sPξ²(x₀)), 1/Q → 1/Q − b²sPξ²(x₀), b² = ωτ of the delay of the force",
     parameters=(
         ParameterSpec(
             "spring",
@@ -35,10 +35,11 @@ EFFECT = Effect(
         ParameterSpec(
             "lag",
             "1",
-            0.0,
-            10.0,
+            -3.2,
+            3.2,
             strength=False,
-            reason="a force later than that has hardly a spring, 1/(1 + b²) of it: 1 %",
+            reason="a force later than ωτ = 10 has hardly a spring, 1/(1 + ω²τ²) of it: 1 %; of "
+            "either sign, so that none ends at no bound",
         ),
     ),
     changes={"points": push},

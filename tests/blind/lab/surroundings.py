@@ -32,11 +32,11 @@ def gas_above(sides: tuple[float, float], basis: int) -> Array:
     In polar coordinates of the distance between two places, of which each product of sines has a
     correlation in closed form.
     """
-    angle, weight = np.polynomial.legendre.leggauss(RAYS)
-    angle = (angle + 1) * np.pi / 4
+    nodes, weight = np.polynomial.legendre.leggauss(RAYS)
+    angle = (nodes + 1) * np.pi / 4
     corner = np.minimum(sides[0] / np.cos(angle), sides[1] / np.sin(angle))
-    radius, share = np.polynomial.legendre.leggauss(RADII)
-    radius = np.outer(corner, (radius + 1) / 2)
+    nodes, share = np.polynomial.legendre.leggauss(RADII)
+    radius = np.outer(corner, (nodes + 1) / 2)
     area = np.outer(weight * np.pi / 4 * corner, share / 2)
     along = _correlation(basis, radius * np.cos(angle)[:, None] / sides[0]) * sides[0]
     across = _correlation(basis, radius * np.sin(angle)[:, None] / sides[1]) * sides[1]
