@@ -117,6 +117,7 @@ def test_causes_are_as_large_as_asked_for(kind: str, tmp_path: Path) -> None:
             "multilayer_fringe",
             "finite_spot",
             "frame_mode",
+            "gas_damping",  # as large as molecules make it
         ), cause
 
 

@@ -36,6 +36,8 @@ def test_a_force_of_light_that_lags_is_a_spring_and_undoes_damping(
     run = solve_ivp(
         motion, (0, 42), [0.0, 1.0, 0.0], "DOP853", events=crossing, rtol=1e-11, atol=1e-13
     )
+    assert run.t_events is not None
+    assert run.y_events is not None
     times = run.t_events[0]
     speeds = run.y_events[0][:, 1]
     rate = 20 / (times[-1] - times[-21])
@@ -55,10 +57,8 @@ def test_heat_never_stiffens() -> None:
     (softening,) = (s for s in library()["photothermal"].parameters if s.name == "softening")
     assert softening.low == 0
     points = Points(np.ones(5), np.ones(5), {"laser_power": np.linspace(0, 1, 5)})
-    for bend in (-0.5, 0.5):
-        values = {"softening": 0.1, "bend": bend, "loss": 0.0}
-        found = library()["photothermal"].changes["points"](points, values)
-        assert np.all(np.diff(found.frequency) <= 0)
+    found = library()["photothermal"].changes["points"](points, {"softening": 0.1, "loss": 0.0})
+    assert np.all(np.diff(found.frequency) < 0)
 
 
 def test_a_voltage_softens_a_plate_as_its_energy_says() -> None:

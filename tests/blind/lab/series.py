@@ -86,8 +86,8 @@ class SeriesBench:
         if "photothermal" in hidden:
             heat = hidden["photothermal"]
             power = control["laser_power"]
-            cooler = 1 - heat["softening"] * power * (1 + heat["bend"] * power)
-            square = square * cooler**2
+            # A kelvin a watt, at which the film would lose that much of its stress
+            square = square * warmed(film, 2 * heat["softening"], power)
             loss = loss * (1 + heat["loss"] * power)
         if "gas_loading" in hidden:
             wave = np.array([omega * np.sqrt(film.density / film.stress)])
@@ -167,7 +167,6 @@ def _warm(rng: np.random.Generator, bench: SeriesBench) -> Cause:
 def _heat(rng: np.random.Generator, bench: SeriesBench) -> Cause:
     values = {
         "softening": 0.1,
-        "bend": 1e3 * rng.uniform(-1, 1),
         "loss": float(rng.choice([0.0, rng.uniform(10, 300)])),
     }
     return Cause(values, ("softening", "loss"), 300.0)
@@ -203,6 +202,7 @@ DERIVED: dict[str, str] = {
     "gas_damping": "momentum of Maxwell's molecules that bounce off a moving plate, by quadrature",
     "gas_loading": "kinetic energy of the gas above by quadrature, below by differences in height",
     "optical_spring": "roots of the motion together with the force that relaxes",
+    "photothermal": "balance of forces of a warm film on a cold wafer 3000 times as thick",
     "thermal_stress": "balance of forces of a film on a wafer 3000 times as thick",
     "trapped_gas": "roots of the motion of film and pressure together",
 }
