@@ -20,7 +20,7 @@ from femnl.mechanics.modes import shape_at
 from femnl.observe.film import SimulatedFilm
 from femnl.optics.fringe import MultilayerFringe
 from femnl.pipeline import solve_modes
-from tests.blind.jobs import jobs
+from tests.blind.jobs import IMPOSSIBLE, jobs
 from tests.blind.lab import KINDS, Case, causes, make, maps
 from tests.blind.lab.bench import FOLLOWED, Array, Cause, Values, sizes
 from tests.blind.lab.drum import drum
@@ -144,7 +144,7 @@ def test_every_geometry_comes_up_and_no_round_repeats_another() -> None:
     }
     assert {
         job.case.causes[0] for job in draws if job.task == "hidden" and job.case.kind == "device"
-    } == set(causes("device"))
+    } == {cause for cause in causes("device") if (cause, "square-270um") not in IMPOSSIBLE}
     assert len({job.name for job in draws}) == len(draws)
 
 

@@ -19,7 +19,7 @@ def test_a_force_of_light_that_lags_is_a_spring_and_undoes_damping(
     power = np.array([0.0, 1.0])
     points = Points(np.ones(2), np.full(2, 50.0), {"laser_power": power})
     found = library()["optical_spring"].changes["points"](
-        points, {"spring": spring, "lag": np.sqrt(turn)}
+        points, {"spring": spring, "loss": -turn * spring * 50.0}
     )
     omega = 2 * np.pi
     whole = spring * (1 + turn**2)
@@ -49,7 +49,7 @@ def test_a_force_of_light_that_lags_is_a_spring_and_undoes_damping(
 
 def test_light_on_a_nodal_line_exerts_no_force() -> None:
     points = Points(np.ones(2), np.ones(2), {"laser_power": np.array([0.0, 1.0])}, spot=0.0)
-    found = library()["optical_spring"].changes["points"](points, {"spring": 0.1, "lag": 0.5})
+    found = library()["optical_spring"].changes["points"](points, {"spring": 0.1, "loss": 0.5})
     np.testing.assert_array_equal(found.frequency, points.frequency)
 
 

@@ -58,7 +58,7 @@ def test_damping_by_gas_is_named_only_where_molecules_can_do_it(
     part: float, tmp_path: Path
 ) -> None:
     largest = {1.0: 10.0, 1 / 70: 700.0, 20.0: 1.0}[part]
-    pressure: Array = largest * np.geomspace(1e-3, 1, POINTS)
+    pressure = np.asarray(largest * np.geomspace(1e-3, 1, POINTS), np.float64)
     q = 1 / (1 / Q0 + part * FLOOR * pressure)
     found = told(tmp_path / "gas.nc", {"pressure": pressure}, even(F0), q, 100.0)
     if part == 1:
@@ -104,7 +104,7 @@ def test_a_parabola_in_voltage_is_charge_with_its_offset(tmp_path: Path) -> None
     voltage = np.linspace(-10, 10, POINTS)
     softening = 8.8541878128e-12 / (FILM.density * FILM.thickness * (2 * np.pi * F0) ** 2 * GAP**3)
     f = F0 * np.sqrt(1 - 0.2 * softening * (voltage - 1.5) ** 2)
-    control = {"voltage": voltage, "time": 60.0 * np.arange(POINTS)}
+    control: dict[str, Array] = {"voltage": voltage, "time": 60.0 * np.arange(POINTS)}
     found = told(tmp_path / "volts.nc", control, f, even(Q0), 2.0)
     assert (found.verdict, found.causes) == ("explained", ("electrostatic_softening",))
     offset = found.parameters["electrostatic_softening"]["offset"]

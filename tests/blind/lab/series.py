@@ -96,7 +96,8 @@ class SeriesBench:
             square = square / (1 + hidden["gas_loading"]["gas_density"] * part * depth / inertia)
         if "optical_spring" in hidden:
             light = hidden["optical_spring"]
-            pushed = delayed(omega**2, light["spring"] * control["laser_power"], light["lag"] ** 2)
+            lag = -light["loss"] / (light["spring"] * base["quality_factor"])
+            pushed = delayed(omega**2, light["spring"] * control["laser_power"], lag)
             square = square * pushed.real / omega**2
             loss = loss + pushed.imag / pushed.real
         if "trapped_gas" in hidden:
@@ -173,8 +174,10 @@ def _heat(rng: np.random.Generator, bench: SeriesBench) -> Cause:
 
 
 def _spring(rng: np.random.Generator, bench: SeriesBench) -> Cause:
-    values = {"spring": 0.1 * sign(rng), "lag": float(rng.choice([0.0, rng.uniform(0.01, 0.3)]))}
-    return Cause(values, ("spring",), 300.0)
+    spring = 0.1 * sign(rng)
+    lag = float(rng.choice([0.0, np.exp(rng.uniform(np.log(1e-3), np.log(0.1)))]))
+    values = {"spring": spring, "loss": -lag * spring * bench.unit["quality_factor"]}
+    return Cause(values, ("spring", "loss"), 300.0)
 
 
 def _charge(rng: np.random.Generator, bench: SeriesBench) -> Cause:

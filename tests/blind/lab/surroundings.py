@@ -25,12 +25,16 @@ ROUNDS = 3
 """Times that the loss of a mode is taken at its own frequency."""
 
 
-@cache
 def gas_above(sides: tuple[float, float], basis: int) -> Array:
-    """Return ∫∫ξξ′/(2πr) over the area [m], (basis², basis²).
+    """Return ∫∫ξξ′/(2πr) over the area [m], (basis², basis²)."""
+    return sides[0] * _gas_above((1.0, sides[1] / sides[0]), basis)
 
-    In polar coordinates of the distance between two places, of which each product of sines has a
-    correlation in closed form.
+
+@cache
+def _gas_above(sides: tuple[float, float], basis: int) -> Array:
+    """In polar coordinates of the distance between two places, for sides in any unit.
+
+    Each product of sines has a correlation in closed form.
     """
     nodes, weight = np.polynomial.legendre.leggauss(RAYS)
     angle = (nodes + 1) * np.pi / 4
