@@ -20,7 +20,8 @@ def push(points: Points, values: Values) -> Points:
 
 EFFECT = Effect(
     name="optical_spring",
-    equation="f² → f² (1 + sPξ²(x₀)), 1/Q → (1 + gPξ²(x₀))/Q, g = −ωτsQ of a force that relaxes in τ",
+    equation="f² → f² (1 + sPξ²(x₀)), 1/Q → (1 + gPξ²(x₀))/Q, "
+    "g = −ωτsQ of a force that relaxes in τ",
     parameters=(
         ParameterSpec(
             "spring",

@@ -104,7 +104,7 @@ def test_a_parabola_in_voltage_is_charge_with_its_offset(tmp_path: Path) -> None
     voltage = np.linspace(-10, 10, POINTS)
     softening = 8.8541878128e-12 / (FILM.density * FILM.thickness * (2 * np.pi * F0) ** 2 * GAP**3)
     f = F0 * np.sqrt(1 - 0.2 * softening * (voltage - 1.5) ** 2)
-    control: dict[str, Array] = {"voltage": voltage, "time": 60.0 * np.arange(POINTS)}
+    control: dict[str, Array] = {"voltage": voltage, "time": np.linspace(0, 1440, POINTS)}
     found = told(tmp_path / "volts.nc", control, f, even(Q0), 2.0)
     assert (found.verdict, found.causes) == ("explained", ("electrostatic_softening",))
     offset = found.parameters["electrostatic_softening"]["offset"]
