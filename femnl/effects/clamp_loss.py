@@ -15,13 +15,13 @@ def radiate(lines: Lines, values: Values) -> Lines:
     ratio = lines.frequency / lines.frequency.min()
     heave, along, across = lines.participation
     monopole = values["monopole"] * ratio**3 * heave
-    dipole = values["dipole"] * ratio**5 * (along + across)
+    dipole = values["monopole"] * values["dipole"] ** 2 * ratio**5 * (along + across)
     return replace(lines, loss=lines.loss + np.asarray(monopole + dipole))
 
 
 EFFECT = Effect(
     name="clamp_loss",
-    equation="1/Q → 1/Q + a (f/f₁)³ H + b (f/f₁)⁵ (X + Y), H, X, Y = (∫φξ)²/(∫φ² ∫ξ²) with "
+    equation="1/Q → 1/Q + a [(f/f₁)³ H + b² (f/f₁)⁵ (X + Y)], H, X, Y = (∫φξ)²/(∫φ² ∫ξ²) with "
     "φ = 1, x, y; of a square H = 64/(π⁴m²n²) for m and n odd",
     parameters=(
         ParameterSpec(
@@ -35,9 +35,12 @@ EFFECT = Effect(
         ParameterSpec(
             "dipole",
             "1",
-            0.0,
-            1e-3,
-            reason="(kL)² of sound in the chip less than the monopole's, a tenth at most",
+            -0.5,
+            0.5,
+            strength=False,
+            reason="of the size of half the film times the wavenumber of sound in the chip, 0.2 in "
+            "silicon at the lowest mode of a film with waves of 600 m/s; of either sign, so that "
+            "none ends at no bound",
         ),
     ),
     changes={"frequencies": radiate},
@@ -45,7 +48,9 @@ EFFECT = Effect(
     "1/Q ∝ (m² + n²)^{3/2}/(m²n²); radiation of a force ∝ ω² and of a torque ∝ ω⁴ by a half-space: "
     "Miller & Pursey, Proc. R. Soc. A 223, 521 (1954)",
     limits="sound in the chip long against the film, and a chip large against it: a thin chip has "
-    "resonances (frame_mode); modes even along both sides radiate less and count as not at all",
+    "resonances (frame_mode); modes even along both sides radiate less and count as not at all. "
+    "Modes one by one: of a pair that is split by less than its linewidth, (1,3) ± (3,1), one has "
+    "twice the loss and the other none",
     sentence="the edge radiates sound into the chip",
     needs=("quality_factor",),
 )

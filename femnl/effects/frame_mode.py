@@ -12,32 +12,35 @@ MOTIONS = ("heave", "tilt_x", "tilt_y")
 
 def pull(lines: Lines, values: Values) -> Lines:
     """Couple each mode to the frame, and take the eigenvalue that begins at the mode's own."""
-    shares = np.array([values[name] for name in MOTIONS]) @ lines.participation
-    frame = values["frame_frequency"] * (1 + 0.5j * values["frame_loss"])
-    square = lines.frequency**3 / (2 * (lines.frequency + frame.real)) * shares
-    half = (lines.frequency - frame) / 2
-    shift = half * (np.sqrt(1 + square / half**2) - 1)
-    moved = replace(lines, frequency=lines.frequency + shift.real)
+    shares = np.array([values[name] for name in MOTIONS]) ** 2 @ lines.participation
+    own = lines.frequency**2
+    frame = values["frame_frequency"] ** 2 * (1 + 1j * values["frame_loss"])
+    half = (own - frame) / 2
+    # Of (f² − λ)(f_F² − λ) = λ²μ², the root that is f² where nothing couples
+    root = half * np.sqrt(1 + own * frame * shares / half**2)
+    found = np.sqrt(((own + frame) / 2 + root) / (1 - shares))
+    moved = replace(lines, frequency=found.real)
     if len(lines.loss):
-        moved = replace(moved, loss=lines.loss + 2 * shift.imag / lines.frequency)
+        moved = replace(moved, loss=lines.loss + 2 * found.imag / found.real)
     return moved
 
 
 def _share(name: str, motion: str) -> ParameterSpec:
+    # Of either sign, so that a motion that the frame does not make ends at no bound
     return ParameterSpec(
         name,
         "1",
-        0.0,
-        1e-3,
-        reason=f"mass of the film over that of the frame {motion}: a piece of the wafer 50 µm wide "
-        "and thick is a thousand films",
+        -0.03,
+        0.03,
+        reason=f"root of the mass of the film over that of the frame {motion}: a piece of the "
+        "wafer 50 µm wide and thick is a thousand films",
     )
 
 
 EFFECT = Effect(
     name="frame_mode",
-    equation="f → f + Δ/2 (√(1 + 4g²/Δ²) − 1), far away g²/Δ, Δ = f − f_F(1 + i/2Q_F), its "
-    "imaginary part in 1/2Q; g² = f³/(2(f + f_F)) Σ_φ r_φ (∫ρhφξ)²/(∫ρhφ² ∫ρhξ²), φ = 1, x, y",
+    equation="(f² − λ)(f_F²(1 + i/Q_F) − λ) = λ²μ², λ = f²(1 + i/Q); close to it f + g²/Δ with "
+    "g = fμ/2; μ² = Σ_φ r_φ² (∫ρhφξ)²/(∫ρhφ² ∫ρhξ²), φ = 1, x, y",
     parameters=(
         _share("heave", "as it moves up and down"),
         _share("tilt_x", "as it tilts along x"),
@@ -69,7 +72,8 @@ EFFECT = Effect(
     "by inertia as in a base-excited structure, e.g. Clough & Penzien, Dynamics of Structures "
     "(1993), section 26",
     limits="one resonance of the frame, stiff over the size of the film, so that modes even along "
-    "both sides do not couple; modes one by one: g ≪ distance between modes; error g²/f of the "
-    "shift",
+    "both sides do not couple; modes one by one: μ² of their distance from the frame is left "
+    "out, and so is what a frame makes of a pair of one frequency, (1,3) ± (3,1) of "
+    "a square",
     sentence="a resonance of the frame moves the film's edge and pulls the modes near it",
 )

@@ -10,18 +10,18 @@ from femnl.core.stages import Points
 
 def push(points: Points, values: Values) -> Points:
     """Add the spring to f², and what it does with a delay to 1/Q."""
-    spring = values["spring"] * points.control["laser_power"] * points.spot
-    loss = 1 / points.quality_factor - values["lag"] * spring
+    power = points.control["laser_power"] * points.spot
     return replace(
         points,
-        frequency=points.frequency * np.sqrt(1 + spring),
-        quality_factor=1 / loss,
+        frequency=points.frequency * np.sqrt(1 + values["spring"] * power),
+        quality_factor=points.quality_factor / (1 + values["loss"] * power),
     )
 
 
 EFFECT = Effect(
     name="optical_spring",
-    equation="f² → f² (1 + sPξ²(x₀)), 1/Q → 1/Q − bsPξ²(x₀), b = ωτ of the delay of the force",
+    equation="f² → f² (1 + sPξ²(x₀)), 1/Q → (1 + gPξ²(x₀))/Q, "
+    "g = −ωτsQ of a force that relaxes in τ",
     parameters=(
         ParameterSpec(
             "spring",
@@ -33,19 +33,20 @@ EFFECT = Effect(
             "fringe is wide, and two places at rest exist (Dorsel et al., PRL 51, 1550 (1983))",
         ),
         ParameterSpec(
-            "lag",
-            "1",
-            0.0,
+            "loss",
+            "1/W",
+            -0.9,
             10.0,
-            strength=False,
-            reason="a force later than that has hardly a spring, 1/(1 + b²) of it: 1 %",
+            scale="per_laser_power",
+            reason="at −1 the film oscillates by itself; beyond ten times the loss in the dark the "
+            "force is late by so much that it is hardly a spring",
         ),
     ),
     changes={"points": push},
     source="force F(x(t − τ)): Metzger & Karrai, Nature 432, 1002 (2004); Aspelmeyer, Kippenberg "
     "& Marquardt, Rev. Mod. Phys. 86, 1391 (2014), section V",
-    limits="linear in the power; exact for a force that relaxes with one time; s is that at the "
-    "frequency of the mode",
+    limits="linear in the power; s and g at the frequency of the mode; of a force that relaxes in "
+    "one time to (sP)², 1 % at sP = 0.1; g of either sign, as forces of several delays add up",
     sentence="the force of the light follows the motion and acts as a spring",
     needs=("laser_power", "frequency"),
 )

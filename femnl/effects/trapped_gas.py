@@ -68,13 +68,13 @@ EFFECT = Effect(
         ParameterSpec(
             "escape_time",
             "s",
-            0.1,
-            1e4,
+            0.27,
+            3e4,
             strength=False,
             log=True,
-            scale="period",
-            reason="molecules need at least L/v̄ to leave, about a period; beyond 1e4 of it "
-            "neither f nor Q changes any more",
+            scale="crossing_time",
+            reason="no gas leaves faster than hydrogen that flies straight out, √(2/28) of what "
+            "nitrogen takes (Bao 2002); where ωτ exceeds 1e4 neither f nor Q changes any more",
         ),
     ),
     changes={"operators": stiffen, "frequencies": damp, "points": stiffen_points},

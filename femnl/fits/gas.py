@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femnl.core.device import Film
+from femnl.core.device import Film, Outline
 
 GAS_CONSTANT = 8.314462618
 NITROGEN = 0.0280134
@@ -21,3 +21,16 @@ def free_molecular_loss(film: Film, frequency: float) -> float:
     """
     inertia = film.density * film.thickness * frequency
     return float((2 / np.pi) ** 1.5 / inertia * np.sqrt(NITROGEN / (GAS_CONSTANT * ROOM)))
+
+
+def crossing_time(outline: Outline) -> float:
+    """Return the time [s] in which nitrogen of room temperature flies out from under a film.
+
+    τ = (2/π)^{3/2} P/(8√(RT/M)), P the perimeter: with it the loss of gas that leaves fast,
+    pτ/(ρhdω), is that of free molecular flow times P/(16πd). P is taken as 4L.
+
+    Source: Bao et al., J. Micromech. Microeng. 12, 341 (2002), the energy transfer model.
+    """
+    perimeter = 4 * outline.length
+    thermal = np.sqrt(GAS_CONSTANT * ROOM / NITROGEN)
+    return float((2 / np.pi) ** 1.5 * perimeter / (8 * thermal))

@@ -52,7 +52,7 @@ def nested(result: FitResult) -> tuple[float, float]:
 @pytest.mark.parametrize(
     ("kind", "cause", "start"),
     [
-        ("series", "gas_damping", {"per_pressure": 1e-8}),
+        ("series", "gas_damping", {"per_pressure": 2e-6}),
         ("series", "thermal_stress", {"slope": 1e-6}),
         ("spectrum", "bending_stiffness", {"excess": 3e-13}),
         ("spectrum", "gas_loading", {"gas_density": 1e-3}),

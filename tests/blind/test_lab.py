@@ -20,7 +20,7 @@ from femnl.mechanics.modes import shape_at
 from femnl.observe.film import SimulatedFilm
 from femnl.optics.fringe import MultilayerFringe
 from femnl.pipeline import solve_modes
-from tests.blind.jobs import jobs
+from tests.blind.jobs import IMPOSSIBLE, jobs
 from tests.blind.lab import KINDS, Case, causes, make, maps
 from tests.blind.lab.bench import FOLLOWED, Array, Cause, Values, sizes
 from tests.blind.lab.drum import drum
@@ -118,6 +118,7 @@ def test_causes_are_as_large_as_asked_for(kind: str, tmp_path: Path) -> None:
             "multilayer_fringe",
             "finite_spot",
             "frame_mode",
+            "gas_damping",  # as large as molecules make it
         ), cause
 
 
@@ -147,7 +148,7 @@ def test_every_geometry_comes_up_and_no_round_repeats_another() -> None:
     }
     assert {
         job.case.causes[0] for job in draws if job.task == "hidden" and job.case.kind == "device"
-    } == set(causes("device"))
+    } == {cause for cause in causes("device") if (cause, "square-270um") not in IMPOSSIBLE}
     assert len({job.name for job in draws}) == len(draws)
 
 
@@ -275,7 +276,7 @@ def test_files_of_several_measurements_hold_one_motion(tmp_path: Path) -> None:
 
 def test_a_uniform_change_of_all_frequencies_is_no_cause() -> None:
     rng = np.random.default_rng(4)
-    bench = SpectrumBench("square-270um", True, rng)
+    bench = SpectrumBench("square-270um", ("frequency_drift",), rng)
     base = bench.draw(rng)
     faster, plain = bench.clean([(base | {"speed": 1.001 * base["speed"]}, {}), (base, {})])
     assert faster[:-1] / plain[:-1] == pytest.approx(np.full(bench.count, 1.001), rel=1e-12)

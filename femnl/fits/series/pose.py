@@ -10,7 +10,7 @@ from femnl.core.device import Film
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
-from femnl.fits.gas import free_molecular_loss
+from femnl.fits.gas import crossing_time, free_molecular_loss
 from femnl.io.measurement import CONTROLS, estimate_noise
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.series.model import SeriesModel
@@ -19,6 +19,9 @@ LEAST = 4
 """Usable points that a diagnosis needs."""
 VACUUM = 8.8541878128e-12
 """Permittivity of vacuum [F/m]."""
+FARTHEST = {"frequency": 2.0, "quality_factor": 10.0}
+"""How far above all measured values a quantity may be without any cause: gas may damp all of them.
+"""
 QUANTITIES = {"frequency": "Hz", "quality_factor": "1"}
 """What a series may hold, with the unit of its constant."""
 
@@ -53,7 +56,12 @@ def pose(
         data=data,
         used=used,
         base=tuple(
-            ParameterSpec(name, unit, 0.5 * middle[name], 2 * middle[name])
+            ParameterSpec(
+                name,
+                unit,
+                0.5 * np.nanmin(data[name][0]),
+                FARTHEST[name] * np.nanmax(data[name][0]),
+            )
             for name, unit in QUANTITIES.items()
             if name in middle
         ),
@@ -100,7 +108,7 @@ def _of_film(
     if "pressure" in control:
         found["highest_pressure"] = float(np.nanmax(control["pressure"]))
     frequency = middle.get("frequency", float(film.modes.frequency[0]))
-    found["period"] = 1 / (2 * np.pi * frequency)
+    found["crossing_time"] = crossing_time(film.model.outline)
     found["gas_loss"] = free_molecular_loss(own, frequency)
     if "voltage" in control:
         highest = float(np.nanmax(np.abs(control["voltage"]))) or 1.0

@@ -9,7 +9,7 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
-from femnl.fits.gas import free_molecular_loss
+from femnl.fits.gas import crossing_time, free_molecular_loss
 from femnl.fits.spectrum.labels import Named, named_modes
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.spectrum.model import SpectrumModel, ranks
@@ -91,7 +91,7 @@ def pose(
             **_pitch(film.model.holes.centres),
             **({"time": float(np.ptp(time))} if len(time) and np.ptp(time) > 0 else {}),
             "highest_pressure": pressure or ATMOSPHERE,
-            "period": 1 / (2 * np.pi * float(frequency.min())),
+            "crossing_time": crossing_time(film.model.outline),
             **({"gap": film.gap} if np.isfinite(film.gap) else {}),
             **({"quality_factor": 1.0} if rated.any() else {}),
             **(_gas(film, float(frequency.min()), pressure) if pressure else {}),

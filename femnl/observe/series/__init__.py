@@ -11,10 +11,10 @@ KIND = KindSpec(
         (
             *_RECORDED,
             "electrostatic",
+            "crossing_time",
             "gap",
             "gas_loss",
             "highest_pressure",
-            "period",
             "thermal_stress",
             *(f"per_{name}" for name in CONTROLS),
             *(f"per_{name}_square" for name in CONTROLS),

@@ -23,8 +23,8 @@ class SeriesModel(MeasurementModel):
     """Residuals of frequencies and of quality factors.
 
     film: that of the geometry, with the gap [m] below it. control: values (n,) of each control
-    variable, SI. data: values and standard deviations (n,) of each quantity. used (n_quantities ·
-    n,): which of them are finite.
+    variable, SI. data: values and standard deviations (n,) of each quantity.
+    used (n_quantities · n,): which of them are finite.
     """
 
     kind = "series"

@@ -16,12 +16,12 @@ KIND = KindSpec(
     scales=frozenset(
         (
             "frequency",
+            "crossing_time",
             "gap",
             "gas_loss",
             "highest_pressure",
             "layer_square",
             "mass",
-            "period",
             "pitch_square",
             "pressure",
             "quality_factor",

@@ -8,25 +8,41 @@ import xarray as xr
 from femnl.device import geometry
 from femnl.io import measurement
 from tests.blind.lab.bench import Array, Cause, Values, sign
+from tests.blind.lab.surroundings import (
+    charged,
+    dashpot,
+    delayed,
+    gas_above_wave,
+    gas_below,
+    trapped,
+    warmed,
+)
 
 
 class SeriesBench:
     """Points in the order taken; see `Bench`."""
 
     def __init__(self, name: str, causes: tuple[str, ...], rng: np.random.Generator) -> None:
-        self.film = geometry.load(name).film
+        model = geometry.load(name)
+        self.film = model.film
+        assert model.stack is not None
+        self.gap = model.stack.layers[model.stack.gap].thickness
         self.unit = {"frequency": 1.5e6, "quality_factor": 5e5}
         n = self.n = int(rng.integers(15, 35))
         ranges = {
             "pressure": np.geomspace(0.1, 100, n),
             "temperature": np.linspace(290, 310, n),
             "laser_power": np.linspace(1e-6, 1e-4, n),
+            "voltage": np.linspace(-10, 10, n),
         }
         needed = {
             "gas_damping": "pressure",
             "gas_loading": "pressure",
+            "trapped_gas": "pressure",
             "thermal_stress": "temperature",
             "photothermal": "laser_power",
+            "optical_spring": "laser_power",
+            "electrostatic_softening": "voltage",
         }
         varied = {needed[cause] for cause in causes if cause in needed} or {
             str(rng.choice(list(ranges)))
@@ -52,42 +68,58 @@ class SeriesBench:
         rows = []
         for base, hidden in variants:
             f, q = self._points(base, hidden)
-            rows.append(
-                np.concatenate([f / self.sd["frequency"], np.log(q) / self.sd["quality_factor"]])
-            )
+            # A film that oscillates by itself has no quality factor
+            q = np.log(np.where(q > 0, q, np.inf))
+            rows.append(np.concatenate([f / self.sd["frequency"], q / self.sd["quality_factor"]]))
         return np.stack(rows)
 
     def _points(self, base: Values, hidden: dict[str, Values]) -> tuple[Array, Array]:
-        f = np.full(self.n, base["frequency"])
+        film = self.film
+        inertia = film.density * film.thickness
+        omega = 2 * np.pi * base["frequency"]
+        square = np.full(self.n, omega**2)
         loss = np.full(self.n, 1 / base["quality_factor"])
-        if "gas_damping" in hidden:
-            loss = loss + hidden["gas_damping"]["per_pressure"] * self.control["pressure"]
+        control = self.control
         if "thermal_stress" in hidden:
-            warm = self.control["temperature"] - self.control["temperature"].mean()
-            f = f * np.sqrt(1 - hidden["thermal_stress"]["slope"] * warm)
+            warm = control["temperature"] - control["temperature"].mean()
+            square = square * warmed(film, hidden["thermal_stress"]["slope"], warm)
         if "photothermal" in hidden:
-            power = self.control["laser_power"]
             heat = hidden["photothermal"]
-            f = f * (1 + heat["pull"] * power + heat["bend"] * power**2)
+            power = control["laser_power"]
+            # A kelvin a watt, at which the film would lose that much of its stress
+            square = square * warmed(film, 2 * heat["softening"], power)
             loss = loss * (1 + heat["loss"] * power)
         if "gas_loading" in hidden:
-            # The wave number stays while the gas comes in, ω²(ρh + 2ρ_g/k) = Tk².
-            wave = 2 * np.pi * base["frequency"] * np.sqrt(self.film.density / self.film.stress)
-            gas = (
-                hidden["gas_loading"]["gas_density"]
-                * self.control["pressure"]
-                / self.control["pressure"].max()
+            wave = np.array([omega * np.sqrt(film.density / film.stress)])
+            depth = float((gas_above_wave(wave) + gas_below(wave, self.gap))[0])
+            part = control["pressure"] / control["pressure"].max()
+            square = square / (1 + hidden["gas_loading"]["gas_density"] * part * depth / inertia)
+        if "optical_spring" in hidden:
+            light = hidden["optical_spring"]
+            lag = -light["loss"] / (light["spring"] * base["quality_factor"])
+            pushed = delayed(omega**2, light["spring"] * control["laser_power"], lag)
+            square = square * pushed.real / omega**2
+            loss = loss + pushed.imag / pushed.real
+        if "trapped_gas" in hidden:
+            gas = hidden["trapped_gas"]
+            springs = gas["pressure"] * control["pressure"] / control["pressure"].max()
+            held = np.array(
+                [
+                    trapped(square[k : k + 1], p / (inertia * self.gap), [gas["escape_time"]])[0]
+                    for k, p in enumerate(springs)
+                ]
             )
-            tension = self.film.stress * self.film.thickness
-            f = (
-                np.sqrt(tension / (self.film.density * self.film.thickness + 2 * gas / wave))
-                * wave
-                / (2 * np.pi)
-                * f
-                / base["frequency"]
+            square = held.real
+            loss = loss + held.imag / held.real
+        if "electrostatic_softening" in hidden:
+            square = square * charged(
+                control["voltage"], self.gap, **hidden["electrostatic_softening"]
             )
+        if "gas_damping" in hidden:
+            loss = loss + hidden["gas_damping"]["per_pressure"] * control["pressure"]
+        f = np.sqrt(square) / (2 * np.pi)
         if "frequency_drift" in hidden:
-            f = f * (1 + hidden["frequency_drift"]["rate"] * self.control["time"])
+            f = f * (1 + hidden["frequency_drift"]["rate"] * control["time"])
         return f, 1 / loss
 
     def measured(
@@ -111,24 +143,46 @@ def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> Serie
 
 
 def _gas(rng: np.random.Generator, bench: SeriesBench) -> Cause:
-    return Cause({"per_pressure": 1e-9}, ("per_pressure",), 1e3)
+    """Draw thin gas of a usual kind; its pressures reach where it shows."""
+    molar_mass = float(rng.choice([0.004, 0.028, 0.029, 0.040, 0.146]))
+    inertia = bench.film.density * bench.film.thickness
+    first = 2 * np.pi * bench.unit["frequency"] * inertia
+    value = dashpot(molar_mass, rng.uniform(285, 305)) / first * rng.uniform(0.8, 1.2)
+    return Cause({"per_pressure": float(value)}, ())
 
 
 def _load(rng: np.random.Generator, bench: SeriesBench) -> Cause:
-    return Cause({"gas_density": 1e-5}, ("gas_density",), 1e5)
+    return Cause({"gas_density": 1e-7}, ("gas_density",), 1e4)
+
+
+def _trapped(rng: np.random.Generator, bench: SeriesBench) -> Cause:
+    turn = np.exp(rng.uniform(np.log(3.0), np.log(300.0)))
+    values = {"pressure": 0.1, "escape_time": float(turn / (2 * np.pi * bench.unit["frequency"]))}
+    return Cause(values, ("pressure",), 1000.0)
 
 
 def _warm(rng: np.random.Generator, bench: SeriesBench) -> Cause:
-    return Cause({"slope": 1e-6 * sign(rng)}, ("slope",), 1e4)
+    return Cause({"slope": 1e-6 * sign(rng)}, ("slope",), 3e3)
 
 
 def _heat(rng: np.random.Generator, bench: SeriesBench) -> Cause:
     values = {
-        "pull": 0.1 * sign(rng),
-        "bend": 100.0 * rng.uniform(-1, 1),
+        "softening": 0.1,
         "loss": float(rng.choice([0.0, rng.uniform(10, 300)])),
     }
-    return Cause(values, tuple(values), 300.0)
+    return Cause(values, ("softening", "loss"), 300.0)
+
+
+def _spring(rng: np.random.Generator, bench: SeriesBench) -> Cause:
+    spring = 0.1 * sign(rng)
+    lag = float(rng.choice([0.0, np.exp(rng.uniform(np.log(1e-3), np.log(0.1)))]))
+    values = {"spring": spring, "loss": -lag * spring * bench.unit["quality_factor"]}
+    return Cause(values, ("spring", "loss"), 300.0)
+
+
+def _charge(rng: np.random.Generator, bench: SeriesBench) -> Cause:
+    values = {"softening": 1e-9, "offset": float(rng.uniform(-3, 3))}
+    return Cause(values, ("softening",), 1e4)
 
 
 def _drift(rng: np.random.Generator, bench: SeriesBench) -> Cause:
@@ -136,9 +190,23 @@ def _drift(rng: np.random.Generator, bench: SeriesBench) -> Cause:
 
 
 CAUSES: dict[str, Callable[[np.random.Generator, SeriesBench], Cause]] = {
+    "electrostatic_softening": _charge,
     "frequency_drift": _drift,
     "gas_damping": _gas,
     "gas_loading": _load,
+    "optical_spring": _spring,
     "photothermal": _heat,
     "thermal_stress": _warm,
+    "trapped_gas": _trapped,
 }
+DERIVED: dict[str, str] = {
+    "electrostatic_softening": "curvature of the energy of a plate at rest in the field, by "
+    "differences",
+    "gas_damping": "momentum of Maxwell's molecules that bounce off a moving plate, by quadrature",
+    "gas_loading": "kinetic energy of the gas above by quadrature, below by differences in height",
+    "optical_spring": "roots of the motion together with the force that relaxes",
+    "photothermal": "balance of forces of a warm film on a cold wafer 3000 times as thick",
+    "thermal_stress": "balance of forces of a film on a wafer 3000 times as thick",
+    "trapped_gas": "roots of the motion of film and pressure together",
+}
+"""How the laboratory computes a cause, other than the library does."""

@@ -4,6 +4,7 @@ The basis is the modes of the ideal membrane.
 """
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
@@ -13,6 +14,15 @@ from scipy.optimize import linear_sum_assignment
 from femnl.io import measurement
 from tests.blind.lab.bench import Array, Cause, Values, sign
 from tests.blind.lab.film import Membrane, device, membrane
+from tests.blind.lab.surroundings import (
+    KEPT,
+    Lossy,
+    dashpot,
+    gas_above,
+    gas_below,
+    rigid,
+    trapped,
+)
 
 BENDING_SD = 0.1
 """Relative standard deviation of ℓ from film to film: what thickness, modulus and stress of a
@@ -25,6 +35,12 @@ POLYGON = 4.0
 """How much noisier measurements of polygons are: the average over directions in their boundary
 layer is good to 1e-6.
 """
+RATED = {"clamp_loss", "gas_damping"}
+"""Causes that frequencies do not show."""
+LOSS_SD = 0.01
+"""Relative standard deviation of quality factors."""
+STEP = 1e-3
+"""Relative change of ℓ from which the part of bending in the energy is taken."""
 DIGIT = 0.1
 """Last digit [Hz] that the instrument writes."""
 
@@ -37,9 +53,17 @@ class SpectrumBench:
 
     less = 1.0
 
-    def __init__(self, name: str, timed: bool, rng: np.random.Generator) -> None:
+    def __init__(self, name: str, causes: tuple[str, ...], rng: np.random.Generator) -> None:
+        timed = "frequency_drift" in causes
+        # A stream of its own, so that what else is drawn does not depend on it
+        self.own = rng.spawn(1)[0]
+        self.rated = bool(RATED & set(causes)) or self.own.uniform() < 1 / 3
         self.name = name
-        self.film = device(name).film
+        model = device(name)
+        self.film = model.film
+        self.gap = np.inf if model.stack is None else model.stack.layers[model.stack.gap].thickness
+        self.loss = float(np.exp(self.own.uniform(*np.log((5e-5, 5e-4)))))
+        self.pressure = 0.0
         self.count = int(rng.integers(10, 15))
         self.sd = float(rng.choice(NOISE))
         self.sd *= POLYGON if device(name).outline.size is None else self.less
@@ -50,6 +74,8 @@ class SpectrumBench:
         )
         self.speed = np.sqrt(film.stress / film.density)
         self.unit = {"speed": self.speed, "bending": 1.0}
+        if self.rated:
+            self.unit["loss"] = self.loss
 
     def membrane(self, layer: float = 0.0, stretch: float = 0.0) -> Membrane:
         """The film, smaller by a layer and stretched."""
@@ -60,30 +86,48 @@ class SpectrumBench:
         return {
             "speed": self.speed * (1 + 0.05 * rng.uniform(-1, 1)),
             "bending": 1 + BENDING_SD * float(np.clip(rng.standard_normal(), -WRONG, WRONG)),
+            **({"loss": self.loss} if self.rated else {}),
         }
 
     def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
-        """Frequencies over their σ, and what is known of ℓ."""
-        return np.stack(
-            [
-                np.append(self._lines(base, hidden)[0] / self.sd, base["bending"] / BENDING_SD)
-                for base, hidden in variants
-            ]
-        )
+        """Frequencies over their σ, what is known of ℓ, and quality factors over theirs."""
+        rows = []
+        for base, hidden in variants:
+            frequency, loss, _ = self._lines(base, hidden)
+            rated: Array = -np.log(loss) / LOSS_SD if self.rated else np.empty(0)
+            rows.append(
+                np.concatenate([frequency / self.sd, [base["bending"] / BENDING_SD], rated])
+            )
+        return np.stack(rows)
 
     def measured(
         self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
     ) -> dict[str, xr.Dataset]:
         """Frequencies with noise, labelled by their shapes where (m,n) has a meaning."""
-        frequency, names = self._lines(base, hidden)
+        frequency, loss, names = self._lines(base, hidden)
         noisy = np.round((frequency + self.sd * rng.standard_normal(self.count)) / DIGIT) * DIGIT
-        return {
-            "spectrum": measurement.spectrum(
-                noisy, np.full(self.count, self.sd), names or None, self.time
-            )
-        }
+        quality, sd = None, None
+        if self.rated:
+            sd = LOSS_SD / loss
+            quality = np.round(1 / loss + sd * self.own.standard_normal(self.count))
+        group = measurement.spectrum(
+            noisy,
+            np.full(self.count, self.sd),
+            names or None,
+            self.time,
+            quality,
+            sd,
+            pressure=self.pressure or None,
+        )
+        return {"spectrum": group}
 
-    def _lines(self, base: Values, hidden: dict[str, Values]) -> tuple[Array, list[str]]:
+    @cached_property
+    def rigid(self) -> Array:
+        """What each mode has of the rigid motions of the film, see `rigid`."""
+        return rigid(self.membrane())
+
+    def _lines(self, base: Values, hidden: dict[str, Values]) -> tuple[Array, Array, list[str]]:
+        """Return frequencies, 1/Q and names of the lowest modes."""
         film = self.film
         c2 = base["speed"] ** 2
         density = film.stress / c2
@@ -118,16 +162,49 @@ class SpectrumBench:
                 shape, shape
             )
         if "gas_loading" in hidden:
-            mass = mass + np.diag(
-                2 * hidden["gas_loading"]["gas_density"] / (np.sqrt(k2) * density * film.thickness)
+            above = gas_above(modes.inner, int(np.sqrt(len(k2))))
+            known = np.isfinite(self.gap)
+            below = np.diag(gas_below(np.sqrt(k2), self.gap)) if known else above
+            share = hidden["gas_loading"]["gas_density"] / (density * film.thickness)
+            mass = mass + share * (above + below)
+        lossy = np.zeros_like(stiffness)
+        if self.rated:
+            more = self.membrane(layer * (1 + STEP) - depth, 0.0).clamped(layer * (1 + STEP), depth)
+            lossy = np.diag(own**2 * base["loss"] * _bending_share(plate, more, layer))
+        if "trapped_gas" in hidden:
+            gas = hidden["trapped_gas"]
+            spring = gas["pressure"] / (density * film.thickness * self.gap)
+            held = trapped(own**2, spring, gas["escape_time"] * k2.min() / k2)
+            stiffness = stiffness + np.diag(held.real - own**2)
+            lossy = lossy + np.diag(held.imag)
+        if "gas_damping" in hidden:
+            unit = hidden["gas_damping"]["per_pressure"] * self.pressure * own.min()
+            lossy = lossy + np.diag(unit * own)
+        if lossy.any() or "frame_mode" in hidden:
+            _, basis = eigh(stiffness, mass, subset_by_index=(0, min(KEPT, len(k2)) - 1))
+            film_and_chip = Lossy(
+                basis.T @ stiffness @ basis + 1j * (basis.T @ lossy @ basis),
+                basis.T @ mass @ basis,
+                self.rigid @ basis,
             )
-        square, vectors = eigh(stiffness, mass, subset_by_index=(0, self.count - 1))
-        frequency = np.sqrt(square) / (2 * np.pi)
-        if "frame_mode" in hidden:
-            frequency = _repelled(frequency, **hidden["frame_mode"])
+            frequency, loss, turned = film_and_chip.solve(
+                hidden.get("frame_mode", {}), hidden.get("clamp_loss", {}), self.count
+            )
+            vectors = basis @ turned
+        else:
+            square, vectors = eigh(stiffness, mass, subset_by_index=(0, self.count - 1))
+            frequency = np.sqrt(square) / (2 * np.pi)
+            loss = np.zeros_like(frequency)
         if "frequency_drift" in hidden and self.time is not None:
             frequency = frequency * (1 + hidden["frequency_drift"]["rate"] * self.time)
-        return frequency, _names(modes, vectors)
+        return frequency, loss, _names(modes, vectors)
+
+
+def _bending_share(plate: Array, more: Array, layer: float) -> Array:
+    """Return ∂ ln ω²/∂ ln ℓ² of each mode at a fixed tension: the part of bending in its energy."""
+    before = plate + layer**2 * plate**2
+    after = more + (layer * (1 + STEP)) ** 2 * more**2
+    return np.asarray(np.log(after / before) / (2 * np.log1p(STEP)))
 
 
 def _depth(cubed: float, layer: float) -> float:
@@ -156,17 +233,9 @@ def _names(modes: Membrane, vectors: Array) -> list[str]:
     return [f"{m},{n}" for m, n in modes.orders[lowest[theirs[np.argsort(mine)]]]]
 
 
-def _repelled(frequency: Array, coupling_square: float, frame_frequency: float) -> Array:
-    """Frequencies of the film's part of two coupled oscillators, mode by mode."""
-    half = (frequency - frame_frequency) / 2
-    return np.asarray(
-        (frequency + frame_frequency) / 2 + np.sign(half) * np.sqrt(half**2 + coupling_square)
-    )
-
-
 def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> SpectrumBench:
     """Prepare a measurement."""
-    return SpectrumBench(name, "frequency_drift" in causes, rng)
+    return SpectrumBench(name, causes, rng)
 
 
 def simple(
@@ -192,14 +261,44 @@ def _particle(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
 
 
 def _frame(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
-    lines = np.sort(bench.clean([(dict(bench.unit), {})])[0][:-1]) * bench.sd
-    k = int(rng.integers(0, len(lines)))
+    lines = np.sort(bench._lines(dict(bench.unit), {})[0])
+    motion = int(rng.integers(0, 3))
+    shares = bench.rigid[motion][np.argsort(bench.membrane().square, kind="stable")]
+    answering = np.flatnonzero(shares[: len(lines)] ** 2 > 1e-3)
+    k = int(rng.choice(answering))
     distance = sign(rng) * np.exp(rng.uniform(np.log(3e-4), np.log(1e-2)))
-    return Cause(
-        {"coupling_square": 1e3, "frame_frequency": float(lines[k] * (1 + distance))},
-        ("coupling_square",),
-        1e4,
-    )
+    values = {"heave": 0.0, "tilt_x": 0.0, "tilt_y": 0.0}
+    name = list(values)[motion]
+    values |= {
+        name: 3e-5,
+        "frame_frequency": float(lines[k] * (1 + distance)),
+        "frame_loss": float(np.exp(rng.uniform(np.log(1e-4), np.log(1e-2)))),
+    }
+    return Cause(values, (name,), 300.0)
+
+
+def _gas(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
+    """Draw thin gas of a usual kind, at a pressure that shows beside the film's own loss."""
+    molar_mass = float(rng.choice([0.004, 0.028, 0.029, 0.040, 0.146]))
+    inertia = bench.film.density * bench.film.thickness
+    frequency, loss, _ = bench._lines(dict(bench.unit), {})
+    first = 2 * np.pi * frequency.min() * inertia
+    per_pressure = dashpot(molar_mass, rng.uniform(285, 305)) / first * rng.uniform(0.8, 1.2)
+    part = np.exp(rng.uniform(np.log(0.2), np.log(3.0)))
+    bench.pressure = float(part * loss.min() / per_pressure)
+    return Cause({"per_pressure": per_pressure}, ())
+
+
+def _trapped(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
+    frequency = bench._lines(dict(bench.unit), {})[0].min()
+    turn = np.exp(rng.uniform(np.log(3.0), np.log(1e3)))
+    values = {"pressure": 1.0, "escape_time": float(turn / (2 * np.pi * frequency))}
+    return Cause(values, ("pressure",), 3e4)
+
+
+def _clamp(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
+    values = {"monopole": 1e-8, "dipole": float(rng.uniform(0.0, 0.3))}
+    return Cause(values, ("monopole",), 1e4)
 
 
 def _gradient(rng: np.random.Generator, bench: SpectrumBench) -> Cause:
@@ -217,10 +316,22 @@ CAUSES: dict[str, Callable[[np.random.Generator, SpectrumBench], Cause]] = {
     "aspect_ratio": simple("elongation", 1e-4, 2e-2, signed=True),
     "bending_stiffness": _stiffness,
     "compliant_clamp": simple("depth_cubed", 1e-18, 2e-15),
+    "clamp_loss": _clamp,
     "frame_mode": _frame,
+    "gas_damping": _gas,
     "frequency_drift": simple("rate", 1e-8, 9e-7, signed=True),
-    "gas_loading": simple("gas_density", 1e-2, 3.0),
+    "gas_loading": simple("gas_density", 1e-4, 1.0),
     "shear_stress": simple("shear", 1e-4, 3e-2),
     "stress_anisotropy": simple("anisotropy", 1e-4, 5e-2, signed=True),
     "tension_gradient": _gradient,
+    "trapped_gas": _trapped,
 }
+DERIVED: dict[str, str] = {
+    "clamp_loss": "eigenvalues of film and yielding chip together, each at its own frequency",
+    "frame_mode": "eigenvalues of all modes and the frame in one complex problem",
+    "gas_damping": "momentum of Maxwell's molecules that bounce off a moving plate, by quadrature",
+    "gas_loading": "above by correlations of sines in polar coordinates, below by differences in "
+    "height",
+    "trapped_gas": "roots of the motion of film and pressure together",
+}
+"""How the laboratory computes a cause, other than the library does."""
