@@ -46,6 +46,7 @@ TABLE = {
     "frequency_drift",
     "frame_mode",
     "tension_gradient",
+    "yielding_edge",
     "nonlinear_damping",
     "quintic_stiffness",
     "quadratic_stiffness",
