@@ -129,6 +129,7 @@ IMPOSSIBLE = {
     # the film of that geometry is assumed, so that its bending length is fitted freely
     ("bending_stiffness", "hexagon-278um"),
     ("hole_dispersion", "hexagon-278um"),  # and takes that up, too
+    ("yielding_edge", "hexagon-278um"),
     ("compliant_clamp", "hexagon-278um"),  # the laboratory's edge gives way on rectangles alone
     ("multilayer_fringe", "perforated"),  # that geometry has no stack
     ("finite_spot", "perforated"),  # over a hole there is no film that a spot could average
