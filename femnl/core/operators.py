@@ -1,6 +1,6 @@
 """Modes as a small dense problem: the film's operators on the lowest base modes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,25 @@ POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 """The powers of x and of y in each weight."""
 DIRECTIONS = ("xx", "yy", "xy")
 CUBIC = 3
+
+
+YIELDS_MOST = 0.2
+"""The largest compliance λ of an edge, in units of `reach`."""
+YIELDS_HALF = 0.15
+"""λ at which t = λ/(λ + this) is a half; what an edge does is close to a polynomial in t."""
+_STEPS = 5
+
+
+def yielding(compliance: float) -> float:
+    """Return t of a compliance λ in units of `reach`."""
+    return compliance / (compliance + YIELDS_HALF)
+
+
+YIELDS = tuple(
+    YIELDS_HALF * t / (1 - t)
+    for t in yielding(YIELDS_MOST) * (1 - np.cos(np.pi * np.arange(_STEPS + 1) / _STEPS)) / 2
+)
+"""λ in units of `reach` at which films are solved, from 0: Chebyshev's points in t."""
 
 
 def weights(point: Array) -> Array:
@@ -53,7 +72,9 @@ class Projection:
     stress φ s, φ of `WEIGHTS` and s of 1 in one of `DIRECTIONS` (xy: ½ in xy and in yx), so that a
     stress [Pa] times it is a stiffness; masses (6, n, n) [kg]: ∫
     ρhφξᵢξⱼ; reach [m]: the unit of x and y; grid_x, grid_y (m,) [m], dense at both ends, and shapes
-    (n, m, m) as [mode, y, x]: ξ on a grid over the box of the film, going on smoothly over holes.
+    (n, m, m) as [mode, y, x]: ξ on a grid over the box of the film, going on smoothly over holes;
+    yielded (5, n, n) [m]: as slopes, what an edge that yields by each of `YIELDS` but the first
+    adds under an isotropic film stress of 1.
     """
 
     slopes: Array
@@ -62,6 +83,7 @@ class Projection:
     grid_x: Array
     grid_y: Array
     shapes: Array
+    yielded: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
 
     def __post_init__(self) -> None:
         freeze(self)

@@ -3,7 +3,7 @@
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
-LARGEST = 0.1
+LARGEST = 0.05
 REASON = (
     "the stress of LPCVD nitride varies by a few percent over a wafer; a tenth over one film is "
     "beyond any deposition, and the integrals are first-order in the modes"

@@ -1,6 +1,7 @@
 """The film stress after release, relaxed until holes and free edges carry no traction."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +65,26 @@ def solve_prestress(domain: Domain, degree: int, edge: Edge = "clamped") -> Pres
         degree,
         supports @ factorize(csc_matrix(supports.T @ matrix @ supports))(supports.T @ load),
     )
+
+
+def solve_yielding(domain: Domain, degree: int, compliance: float) -> Prestress:
+    """Relax the film stress where a ledge between film and frame yields in its plane.
+
+    Springs kₙ = Eh/λ across and kₛ = kₙ (1 − ν)/2 along the edge: those of a strip of that film,
+    λ/(1 − ν²) wide, in series with what the geometry says of the edge.
+
+    Args: domain, degree: as for `solve_prestress`. compliance: λ [m], above 0.
+    """
+    film, clamp = domain.model.film, domain.model.clamp
+    across = film.young * film.thickness / compliance
+    along = across * (1 - film.poisson) / 2
+    springs = replace(
+        clamp,
+        normal=1 / (1 / clamp.normal + 1 / across),
+        shear=1 / (1 / clamp.shear + 1 / along),
+    )
+    yielding = replace(domain, model=replace(domain.model, clamp=springs))
+    return replace(solve_prestress(yielding, degree), domain=domain)
 
 
 def solve_units(domain: Domain, degree: int) -> Units:

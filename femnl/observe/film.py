@@ -10,12 +10,13 @@ import numpy as np
 
 from femnl.core.device import Model
 from femnl.core.mechanics import Modes
-from femnl.core.operators import Projection
+from femnl.core.operators import YIELDS, Projection
 from femnl.core.readout import Array
 from femnl.io.results.projection import cached_projection
 from femnl.mechanics.airload import airload
 from femnl.mechanics.modes.dilution import bending_share
 from femnl.mechanics.modes.projection import project
+from femnl.mechanics.modes.yielding import yielded
 from femnl.mechanics.prestress import solve_units
 from femnl.pipeline import solve_modes, solve_nonlinearity
 
@@ -47,7 +48,10 @@ class SimulatedFilm:
         """Integrals of those modes, with changes of the film stress in equilibrium."""
 
         def solve() -> Projection:
-            return project(self.modes, solve_units(self.modes.domain, UNITS))
+            modes = self.modes
+            units = solve_units(modes.domain, UNITS)
+            edges = [yielded(modes, share * units.reach) for share in YIELDS[1:]]
+            return replace(project(modes, units), yielded=np.array(edges))
 
         return cached_projection(self.model, ("projection", self.count), solve)
 

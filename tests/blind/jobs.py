@@ -137,6 +137,7 @@ IMPOSSIBLE = {
     ("mechanical_overtones", "hexagon-278um"),
     # the film of that geometry is assumed, so that its bending length is fitted freely
     ("bending_stiffness", "hexagon-278um"),
+    ("yielding_edge", "hexagon-278um"),
     ("compliant_clamp", "hexagon-278um"),  # the laboratory's edge gives way on rectangles alone
     ("multilayer_fringe", "perforated"),  # that geometry has no stack
     # the laboratory's gas moves under and over rectangles alone, and not through holes

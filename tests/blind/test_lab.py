@@ -189,7 +189,7 @@ def test_an_edge_of_the_laboratory_that_gives_way_but_does_not_turn_does_so_exac
     orders = np.array([(m, 0) for m in range(1, 5)])
     length = 1 + 2 * (depth - layer)
     none = np.zeros((4, 4))
-    film = Membrane(((none, none, none),), 1.0, 0.5, orders, (length, 1e9), None)
+    film = Membrane((none, none, none), 1.0, 0.5, orders, (length, 1e9), None)
     k2 = film.clamped(layer, depth)
     assert k2 + layer**2 * k2**2 == pytest.approx(stiff_string(layer, depth), rel=5e-7)
 

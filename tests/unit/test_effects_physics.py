@@ -48,6 +48,7 @@ TABLE = {
     "frequency_drift",
     "frame_mode",
     "tension_gradient",
+    "yielding_edge",
     "nonlinear_damping",
     "quintic_stiffness",
     "quadratic_stiffness",

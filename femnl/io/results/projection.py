@@ -10,7 +10,7 @@ from femnl.core.device import Model
 from femnl.core.operators import Projection
 from femnl.io.results.cache import kept, key
 
-FIELDS = ("slopes", "masses", "reach", "grid_x", "grid_y", "shapes")
+FIELDS = ("slopes", "masses", "reach", "grid_x", "grid_y", "shapes", "yielded")
 
 
 def cached_projection(
@@ -24,8 +24,8 @@ def cached_projection(
 
     def read() -> Projection:
         with np.load(path) as stored:
-            slopes, masses, reach, grid_x, grid_y, shapes = (stored[name] for name in FIELDS)
-        return Projection(slopes, masses, float(reach), grid_x, grid_y, shapes)
+            found = {name: stored[name] for name in FIELDS}
+        return Projection(**found | {"reach": float(found["reach"])})
 
     def write(file: Path, found: Projection) -> None:
         np.savez(file, **{name: getattr(found, name) for name in FIELDS})

@@ -59,7 +59,7 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
                 slopes[k, direction] += slope.reshape(-1, n).T @ pulled.reshape(-1, n)
     whole_slopes = np.zeros((len(WEIGHTS), len(DIRECTIONS), n, n))
     whole_masses = np.zeros_like(masses)
-    for turn, sign in _images(domain, modes.parity):
+    for turn, sign in film_images(domain, modes.parity):
         signs = np.outer(sign, sign)
         turned = _turned_weights(turn)
         whole_masses += signs * np.tensordot(turned, masses, 1)
@@ -105,7 +105,7 @@ def _turned_weights(turn: Array) -> Array:
     return np.asarray(np.linalg.solve(weights(probe).T, weights(turn @ probe).T).T)
 
 
-def _images(domain: Domain, parity: tuple[tuple[int, ...], ...]) -> list[tuple[Array, Array]]:
+def film_images(domain: Domain, parity: tuple[tuple[int, ...], ...]) -> list[tuple[Array, Array]]:
     """The reflections and rotations (2, 2) that make the film of its wedge.
 
     Each with the signs (n,) that the modes take.

@@ -111,7 +111,7 @@ def drum(layer: float) -> Drum:
             splines.append(_spline(s, t[half], values[:, k * per : (k + 1) * per + 1]))
     each = np.diag(known["square"]) / (2 * side**2)  # along x and along y
     return Drum(
-        slopes=((each, each, np.zeros_like(each)),),
+        slopes=(each, each, np.zeros_like(each)),
         area=float(known["area"]) * side**2,
         half=SIDE / 2,
         orders=np.empty((0, 2), np.int64),

@@ -6,43 +6,63 @@ A clamped plate under tension is, up to third order in ℓ/L, a membrane that is
 side, with ω² raised by ℓ²k².
 """
 
-from dataclasses import dataclass, replace
-from functools import cache
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.tri import Triangulation, TriFinder
 from numpy.typing import NDArray
-from scipy.sparse.linalg import eigsh
-from skfem import Basis, BilinearForm, ElementTriP3, MeshTri, asm
+from scipy.sparse.linalg import eigsh, splu
+from skfem import (
+    Basis,
+    BilinearForm,
+    ElementTriP2,
+    ElementTriP3,
+    ElementVector,
+    LinearForm,
+    MeshTri,
+    asm,
+)
+from skfem.helpers import ddot, sym_grad, trace
 from skfem.models.poisson import laplace, mass
 
 from femnl.core.device import Model
 from femnl.device import geometry
+from tests.blind.lab import inplane
 from tests.blind.lab.bench import Array
+
+
+def _unknown(*_: float) -> Any:
+    raise NotImplementedError("the laboratory cannot make this of this film")
 
 
 @dataclass(frozen=True)
 class Membrane:
     """Lowest modes of an ideal membrane, ∫ξᵢξⱼ = δᵢⱼ × area.
 
-    slopes[w][d]: ∫ φ_w ∂ξᵢ∂ξⱼ / area for φ = 1, x, y, x² + y².
+    slopes: ∫ ∂ξᵢ∂ξⱼ / area along x, along y and mixed. graded(): ∫ S : ∇ξᵢ∇ξⱼ / area, (3, n, n), S
+    what is left in equilibrium of the stresses x, y, x² + y². yielded(λ): k² of the modes on an
+    edge that yields, and their overlaps with these, (n, modes).
 
     orders: (m, n) of each sine, empty for a polygon. half: the size that x and y count in.
     """
 
-    slopes: tuple[tuple[Array, Array, Array], ...]
+    slopes: tuple[Array, Array, Array]
     area: float
     half: float
     orders: NDArray[np.int64]
     inner: tuple[float, float]
     space: tuple[Basis, Array, TriFinder] | None
+    graded: Callable[[], Array] = field(default=_unknown, kw_only=True)
+    yielded: Callable[[float], tuple[Array, Array]] = field(default=_unknown, kw_only=True)
 
     @property
     def square(self) -> Array:
         """k² of each mode."""
-        return np.asarray(np.diag(self.slopes[0][0] + self.slopes[0][1]))
+        return np.asarray(np.diag(self.slopes[0] + self.slopes[1]))
 
     def clamped(self, layer: float, depth: float = 0.0) -> Array:
         """Return k² of each mode with the boundary layer of a plate.
@@ -140,62 +160,61 @@ def membrane(name: str, layer: float, stretch: float = 0.0, basis: int = 14) -> 
     if outline.size is not None:
         width, height = outline.size
         sides = width * (1 + stretch / 2) - 2 * layer, height / (1 + stretch / 2) - 2 * layer
-        return _rectangle(sides, max(outline.size) / 2, basis)
+        outer = sides[0] + 2 * layer, sides[1] + 2 * layer
+        return _rectangle(sides, outer, max(outline.size) / 2, device(name).film.poisson, basis)
     corners = np.array([s.start for s in outline.segments])
     apothem = float(np.min(np.linalg.norm((corners + np.roll(corners, -1, axis=0)) / 2, axis=1)))
-    found = _polygon(tuple(map(tuple, corners)))
+    found = _polygon(tuple(map(tuple, corners)), device(name).film.poisson)
     factor = 1 - layer / apothem
     x = factor * (1 + stretch / 2)
     y = factor / (1 + stretch / 2)
-    weights = (1.0, x, y, factor**2)  # the stretch of x² + y² is of second order
-    slopes = tuple(
-        (w * s[0] / x**2, w * s[1] / y**2, w * s[2] / (x * y))
-        for w, s in zip(weights, found.slopes, strict=True)
+    scales = (1 / x**2, 1 / y**2, 1 / (x * y))
+    xx, yy, xy = (one * scale for one, scale in zip(found.slopes, scales, strict=True))
+    # Of the first order in the stress: what the stretch does to it is of the second
+    weights = np.array([1 / factor, 1 / factor, 1.0])[:, None, None]
+    return replace(
+        found,
+        slopes=(xx, yy, xy),
+        graded=lambda: weights * found.graded(),
+        area=found.area * x * y,
+        inner=(x, y),
     )
-    return replace(found, slopes=slopes, area=found.area * x * y, inner=(x, y))
 
 
-def _rectangle(sides: tuple[float, float], half: float, basis: int) -> Membrane:
+def _rectangle(
+    sides: tuple[float, float],
+    outer: tuple[float, float],
+    half: float,
+    poisson: float,
+    basis: int,
+) -> Membrane:
     m = np.arange(1, basis + 1)
-    t, w = np.polynomial.legendre.leggauss(8 * basis)
-    t = t / 2
-    w = w / 2
-    value = np.sin(np.outer(m, np.pi * (t + 0.5)))
-    slope = np.pi * m[:, None] * np.cos(np.outer(m, np.pi * (t + 0.5)))
-    table = {
-        (p, a, b): 2 * (f * t**p * w) @ g.T
-        for p in range(3)
-        for a, f in enumerate((value, slope))
-        for b, g in enumerate((value, slope))
-    }
     orders = np.array([(i, j) for i in m for j in m])
-    ix, iy = orders.T - 1
+    # ∫ sin' sin of two orders, and the products along x and y
+    odd = (m[:, None] + m) % 2 == 1
+    gap = np.where(odd, m[:, None] ** 2 - m**2, 1)
+    turn = np.where(odd, 4 * m[:, None] * m / gap, 0.0)
+    mixed = np.kron(turn, -turn) / (sides[0] * sides[1])
+    along = (np.pi * orders / np.array(sides)) ** 2
 
-    def product(px: int, py: int, ax: int, bx: int, ay: int, by: int) -> Array:
-        scale = sides[0] ** (px - ax - bx) * sides[1] ** (py - ay - by)
-        return np.asarray(
-            scale * table[px, ax, bx][np.ix_(ix, ix)] * table[py, ay, by][np.ix_(iy, iy)]
-        )
+    def yielded(compliance: float) -> tuple[Array, Array]:
+        square, overlap = inplane.yielded_modes(outer, sides, poisson, compliance, (basis, basis))
+        return square, overlap.reshape(basis**2, -1)
 
-    def three(px: int, py: int) -> tuple[Array, Array, Array]:
-        mixed = product(px, py, 1, 0, 0, 1)
-        return product(px, py, 1, 1, 0, 0), product(px, py, 0, 0, 1, 1), (mixed + mixed.T) / 2
-
-    x2 = three(2, 0)
-    y2 = three(0, 2)
-    bowl = (x2[0] + y2[0], x2[1] + y2[1], x2[2] + y2[2])
     return Membrane(
-        (three(0, 0), three(1, 0), three(0, 1), bowl),
+        (np.diag(along[:, 0]), np.diag(along[:, 1]), (mixed + mixed.T) / 2),
         sides[0] * sides[1],
         half,
         orders,
         sides,
         None,
+        graded=partial(inplane.pulled, outer, sides, poisson, basis),
+        yielded=yielded,
     )
 
 
 @cache
-def _polygon(corners: tuple[tuple[float, float], ...], count: int = 90) -> Membrane:
+def _polygon(corners: tuple[tuple[float, float], ...], poisson: float, count: int = 90) -> Membrane:
     """Return cubic elements on triangles about the centre, finer at the singular corners."""
     points = np.array(corners)
     mesh = MeshTri(
@@ -218,26 +237,75 @@ def _polygon(corners: tuple[tuple[float, float], ...], count: int = 90) -> Membr
     shapes = np.zeros((space.N, count))
     shapes[inner] = vectors * np.sqrt(area)
 
-    def three(weight: str) -> tuple[Array, Array, Array]:
-        found = (asm(_form(weight, a, b), space) for a, b in ((0, 0), (1, 1), (0, 1)))
-        xx, yy, xy = (np.asarray(shapes.T @ (matrix @ shapes)) / area for matrix in found)
-        return xx, yy, (xy + xy.T) / 2
+    def form(a: int, b: int) -> Array:
+        found = np.asarray(shapes.T @ (asm(_slopes(a, b), space) @ shapes)) / area
+        return (found + found.T) / 2
 
-    slopes = (three("1"), three("x"), three("y"), three("x² + y²"))
+    @cache
+    def graded() -> Array:
+        stresses = _relaxed(space.mesh, poisson)
+        return np.array([shapes.T @ (asm(_pull, space, **s) @ shapes) / area for s in stresses])
+
     finder = Triangulation(mesh.p[0], mesh.p[1], mesh.t.T).get_trifinder()
     return Membrane(
-        slopes, area, reach, np.empty((0, 2), np.int64), (1.0, 1.0), (space, shapes, finder)
+        (form(0, 0), form(1, 1), form(0, 1)),
+        area,
+        reach,
+        np.empty((0, 2), np.int64),
+        (1.0, 1.0),
+        (space, shapes, finder),
+        graded=graded,
     )
 
 
-def _form(weight: str, a: int, b: int) -> BilinearForm:
-    """∫ φ ∂ₐu ∂_b v."""
+def _slopes(a: int, b: int) -> BilinearForm:
+    """∫ ∂ₐu ∂_b v."""
+    return BilinearForm(lambda u, v, w: u.grad[a] * v.grad[b])
 
-    def form(u: Any, v: Any, w: Any) -> Any:
-        x, y = w.x
-        return {"1": 1.0, "x": x, "y": y, "x² + y²": x**2 + y**2}[weight] * u.grad[a] * v.grad[b]
 
-    return BilinearForm(form)
+def _relaxed(mesh: Any, poisson: float) -> list[dict[str, Array]]:
+    """What is left of the stresses x, y, x² + y², by quadratic triangles held at the edge."""
+    plane = Basis(mesh, ElementVector(ElementTriP2()), intorder=7)
+    x, y = np.asarray(plane.global_coordinates())
+    inner = plane.complement_dofs(plane.get_dofs())
+    stretch = splu(asm(_elastic, plane, poisson=poisson)[inner][:, inner].tocsc())
+    found = []
+    for before in (x, y, x**2 + y**2):
+        moved = np.zeros(plane.N)
+        moved[inner] = -stretch.solve(asm(_released, plane, before=before)[inner])
+        released: Any = plane.interpolate(moved)
+        strain = sym_grad(released)
+        stress = _stress(strain, poisson) + before * np.eye(2)[:, :, None, None]
+        found.append({"xx": stress[0, 0], "yy": stress[1, 1], "xy": stress[0, 1]})
+    return found
+
+
+def _stress(strain: Any, poisson: float) -> Any:
+    """Plane stress of Young's modulus 1."""
+    identity = np.eye(2)[:, :, None, None]
+    return ((1 - poisson) * strain + poisson * trace(strain) * identity) / (1 - poisson**2)
+
+
+@BilinearForm
+def _elastic(u: Any, v: Any, w: Any) -> Any:
+    """∫ σ(u) : ε(v)."""
+    return ddot(_stress(sym_grad(u), float(w["poisson"])), sym_grad(v))
+
+
+@LinearForm
+def _released(v: Any, w: Any) -> Any:
+    """∫ s tr ε(v)."""
+    return w["before"] * trace(sym_grad(v))
+
+
+@BilinearForm
+def _pull(u: Any, v: Any, w: Any) -> Any:
+    """∫ S : ∇u ∇v."""
+    return (
+        w["xx"] * u.grad[0] * v.grad[0]
+        + w["yy"] * u.grad[1] * v.grad[1]
+        + w["xy"] * (u.grad[0] * v.grad[1] + u.grad[1] * v.grad[0])
+    )
 
 
 def _normals(basis: Basis) -> Array:

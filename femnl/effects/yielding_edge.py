@@ -1,0 +1,46 @@
+"""An edge that yields in the plane of the film."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.operators import YIELDS, YIELDS_MOST, yielding
+from femnl.core.stages import ModalSystem
+
+
+def yield_in_plane(system: ModalSystem, values: Values) -> ModalSystem:
+    """Set the relaxed stress of a film between springs in place of that of a rigid edge.
+
+    It is solved at `YIELDS`, and between them Lagrange's polynomial in t = λ/(λ + 0.15 R).
+    """
+    projection = system.projection
+    nodes = np.array([yielding(share) for share in YIELDS])
+    place = yielding(values["compliance"] / projection.reach)
+    terms = (place - nodes)[None, :] / (nodes[:, None] - nodes + np.eye(len(nodes)))
+    np.fill_diagonal(terms, 1.0)
+    shares = np.prod(terms, axis=1)[1:]
+    change = system.stress * np.tensordot(shares, projection.yielded, 1)
+    return replace(system, stiffness=system.stiffness + change)
+
+
+EFFECT = Effect(
+    name="yielding_edge",
+    equation="∇·(σ I + C ε(u)) = 0 with S·n = −(E/λ)(u_n n + ½(1 − ν) u_t t) at the edge",
+    parameters=(
+        ParameterSpec(
+            "compliance",
+            "m",
+            0.0,
+            YIELDS_MOST,
+            scale="reach",
+            reason="λ is the width of an undercut ledge times 1 − ν², or E/σ times how far the "
+            "edge is drawn in; a ledge wider than a tenth of the film is part of its outline",
+        ),
+    ),
+    changes={"operators": yield_in_plane},
+    source="plane stress between springs, as `[clamp] normal` of a geometry; a strip of width w "
+    "pulls back with Eh/((1 − ν²)w) across and Gh/w along it",
+    limits="",
+    sentence="the edge yields in the plane of the film, which slackens it unevenly",
+)
