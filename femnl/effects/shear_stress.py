@@ -12,10 +12,19 @@ def shear(system: ModalSystem, values: Values) -> ModalSystem:
 EFFECT = Effect(
     name="shear_stress",
     equation="σxy = s σ",
-    parameters=(ParameterSpec("shear", "1", 0.0, 0.1),),
+    parameters=(
+        ParameterSpec(
+            "shear",
+            "1",
+            -0.1,
+            0.1,
+            reason="shear of s is anisotropy of 2s along the diagonals, and that is at most 0.2",
+        ),
+    ),
     changes={"operators": shear},
     source="membrane equation T : ∇∇w",
-    limits="uniform shear; frequencies tell its size and not its sign",
+    limits="uniform shear; frequencies tell its size alone, and labels of pairs such as "
+    "(1,2)+(2,1) its sign",
     sentence="the film stress has a shear component, which turns the pairs of modes to the "
     "diagonals",
 )

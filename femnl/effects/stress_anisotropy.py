@@ -13,7 +13,16 @@ def stretch(system: ModalSystem, values: Values) -> ModalSystem:
 EFFECT = Effect(
     name="stress_anisotropy",
     equation="σx = σ(1 + a/2), σy = σ(1 − a/2)",
-    parameters=(ParameterSpec("anisotropy", "1", -0.2, 0.2),),
+    parameters=(
+        ParameterSpec(
+            "anisotropy",
+            "1",
+            -0.2,
+            0.2,
+            reason="a film deposited evenly on a wafer has none; frames that bend and lattices of "
+            "holes leave a few percent, and beyond 0.2 the base modes do not span the new ones",
+        ),
+    ),
     changes={"operators": stretch},
     source="membrane equation T : ∇∇w",
     limits="uniform stress; in frequencies alone the same as a rectangle (aspect_ratio)",

@@ -16,8 +16,8 @@ from femnl.io.results.projection import cached_projection
 from femnl.mechanics.airload import airload
 from femnl.mechanics.modes.dilution import bending_share
 from femnl.mechanics.modes.projection import project
-from femnl.mechanics.modes.yielding import yielded
 from femnl.mechanics.prestress import solve_units
+from femnl.mechanics.yielding import yielded
 from femnl.pipeline import solve_modes, solve_nonlinearity
 
 BENDING = (0.0, 1.0, 2.0, 4.0)

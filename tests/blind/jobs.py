@@ -43,6 +43,7 @@ UNTOLD = {
     "sloping_background": ("real", "imag"),
     "mechanical_overtones": ("cos2", "sin2", "cos3", "sin3"),
     "mode_admixture": ("e1", "e2", "e3", "e4", "q1", "q2", "q3", "q4"),
+    "shear_stress": ("shear",),
     "tension_gradient": ("slope_x", "slope_y"),
 }
 """Parameters that data give only up to a symmetry of the film or the sign of a mode, that are no

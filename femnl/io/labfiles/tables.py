@@ -130,7 +130,9 @@ def _direct(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
     if spec.kind == "spectrum":
         _need(columns, ("frequency", "frequency_sd"), where)
         label = [str(value) for value in columns.pop("label")] if "label" in columns else None
-        return spectrum(columns.pop("frequency"), columns.pop("frequency_sd"), label, **columns)
+        frequency = columns.pop("frequency")
+        rest: dict[str, Any] = columns
+        return spectrum(frequency, rest.pop("frequency_sd"), label, **rest)
     if spec.kind == "series":
         data = {
             key: columns.pop(key)

@@ -112,7 +112,7 @@ def pulled(sides: Sides, inner: Sides, poisson: float, basis: int) -> Array:
     t, w = leggauss(POINTS)
     half = np.array(inner) / 2
     m = np.pi / 2 * np.arange(1, basis + 1)
-    value = np.sin(np.outer(m, t + 1))
+    value: Array = np.sin(np.outer(m, t + 1))
     slope: Array = m[:, None] * np.cos(np.outer(m, t + 1))
     found = []
     for kind in range(len(GRADED)):

@@ -329,7 +329,7 @@ CAUSES: dict[str, Callable[[np.random.Generator, SpectrumBench], Cause]] = {
     "added_mass": _particle,
     "aspect_ratio": simple("elongation", 1e-4, 2e-2, signed=True),
     "bending_stiffness": _stiffness,
-    "compliant_clamp": simple("depth_cubed", 1e-18, 2e-15),
+    "compliant_clamp": simple("depth_cubed", 1e-18, 1.2e-16),
     "clamp_loss": _clamp,
     "frame_mode": _frame,
     "gas_damping": _gas,

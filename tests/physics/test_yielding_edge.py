@@ -1,0 +1,77 @@
+"""An edge that yields in the plane of the film, against polynomials, a ledge, and itself anew."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from femnl.core.device import Clamp
+from femnl.core.operators import YIELDS_MOST
+from femnl.core.stages import ModalSystem
+from femnl.device.geometry import parse
+from femnl.effects import library
+from femnl.observe.film import SimulatedFilm
+from femnl.pipeline import solve_modes
+from tests.blind.lab import inplane
+from tests.physics.changed_films import relative_shift, system_of
+from tests.physics.test_tension_gradient import CIRCLE, POISSON, SQUARE
+
+Array = NDArray[np.float64]
+COUNT = 24
+SIDE = 100e-6
+
+
+@cache
+def film() -> SimulatedFilm:
+    return SimulatedFilm(parse(SQUARE), COUNT)
+
+
+def on_edge(plain: ModalSystem, compliance: float) -> ModalSystem:
+    found = library()["yielding_edge"].changes["operators"](plain, {"compliance": compliance})
+    assert isinstance(found, ModalSystem)
+    return found
+
+
+def beyond_first(shift: Array) -> Array:
+    """What the speed of waves does not take up."""
+    return np.asarray((1 + shift[1:]) / (1 + shift[0]) - 1)
+
+
+@pytest.mark.parametrize("compliance", [0.2e-6, 1.5e-6, 5e-6])
+def test_ratios_are_those_of_polynomials_over_the_whole_film(compliance: float) -> None:
+    sides = (SIDE, SIDE)
+    square, _ = inplane.yielded_modes(sides, sides, POISSON, compliance, (3, 3))
+    plain = np.pi / SIDE * np.sqrt([m * m + n * n for m in range(1, 6) for n in range(1, 6)])
+    exact = np.sqrt(np.sort(square)[:11]) / np.sort(plain)[:11] - 1
+    found = relative_shift(on_edge(system_of(film()), compliance), system_of(film()))[:11]
+    assert beyond_first(found) == pytest.approx(beyond_first(exact), abs=5e-7)
+    assert np.abs(beyond_first(exact)).max() > 5e-5
+    assert found[0] == pytest.approx(exact[0], abs=8e-6)
+
+
+def test_ratios_between_the_solved_compliances_are_those_of_the_film_solved_anew() -> None:
+    model = film().model
+    compliance = 0.7 * YIELDS_MOST * SIDE / 2
+    across = model.film.young * model.film.thickness / compliance
+    clamp = Clamp(normal=across, shear=across * (1 - POISSON) / 2)
+    anew = solve_modes(replace(model, clamp=clamp), 12, cache=False).frequency
+    found = on_edge(system_of(film()), compliance)
+    own = np.sqrt(eigh(found.stiffness, found.mass, eigvals_only=True)[:12]) / (2 * np.pi)
+    assert own[1:] / own[0] == pytest.approx(anew[1:] / anew[0], rel=2e-7)
+
+
+def test_a_disc_slackens_evenly_as_lame_says() -> None:
+    # S/σ = 1/(1 + (λ/R)/(1 − ν)), so that only the speed of waves changes.
+    disc = SimulatedFilm(parse(CIRCLE), 8)
+    compliance = 0.15 * SIDE / 2
+    shift = relative_shift(on_edge(system_of(disc), compliance), system_of(disc))
+    assert shift == pytest.approx(np.full(8, (1 + 0.15 / (1 - POISSON)) ** -0.5 - 1), rel=3e-5)
+    assert beyond_first(shift) == pytest.approx(0, abs=1e-7)
+
+
+def test_ratios_stay_those_of_a_rigid_square_where_nothing_yields() -> None:
+    plain = system_of(film())
+    assert relative_shift(on_edge(plain, 0.0), plain) == pytest.approx(0, abs=1e-14)
