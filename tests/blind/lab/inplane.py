@@ -112,8 +112,8 @@ def pulled(sides: Sides, inner: Sides, poisson: float, basis: int) -> Array:
     t, w = leggauss(POINTS)
     half = np.array(inner) / 2
     m = np.pi / 2 * np.arange(1, basis + 1)
-    value: Array = np.sin(np.outer(m, t + 1))
-    slope: Array = m[:, None] * np.cos(np.outer(m, t + 1))
+    value = np.asarray(np.sin(np.outer(m, t + 1)), float)
+    slope = np.asarray(m[:, None] * np.cos(np.outer(m, t + 1)), float)
     found = []
     for kind in range(len(GRADED)):
         xx, yy, xy = graded(sides, poisson, kind).at(half[0] * t, half[1] * t)
