@@ -313,5 +313,7 @@ def _normals(basis: Basis) -> Array:
     edge = basis.mesh.p[:, basis.mesh.facets[:, basis.mesh.boundary_facets()]]
     a = edge[:, 0]
     b = edge[:, 1]
-    rows = np.stack([b[1] - a[1], a[0] - b[0]]) / (a[0] * (b[1] - a[1]) + a[1] * (a[0] - b[0]))
+    rows = np.stack([b[1] - a[1], a[0] - b[0]]) / np.linalg.det(
+        np.stack([a, b - a]).transpose(2, 0, 1)
+    )
     return np.asarray(np.unique(np.round(rows.T, 3), axis=0))

@@ -376,3 +376,5 @@ CAUSES: dict[str, Callable[[np.random.Generator, Any], Cause]] = {
     **{n: draw for n, draw in spectrum.CAUSES.items() if n not in RIGID},
     "hole_dispersion": spectrum.simple("beta_area", 1e-14, 3e-13, signed=True),
 }
+DERIVED: dict[str, str] = {"hole_dispersion": "waves on a string with masses, at all orders"}
+"""How the laboratory computes a cause, other than the library does."""

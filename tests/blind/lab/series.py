@@ -202,6 +202,7 @@ CAUSES: dict[str, Callable[[np.random.Generator, SeriesBench], Cause]] = {
 DERIVED: dict[str, str] = {
     "electrostatic_softening": "curvature of the energy of a plate at rest in the field, by "
     "differences",
+    "frequency_drift": "a rate times the time of each point",
     "gas_damping": "momentum of Maxwell's molecules that bounce off a moving plate, by quadrature",
     "gas_loading": "kinetic energy of the gas above by quadrature, below by differences in height",
     "optical_spring": "roots of the motion together with the force that relaxes",

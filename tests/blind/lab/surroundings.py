@@ -203,7 +203,7 @@ def rigid(modes: Membrane) -> Array:
 
 
 def _summed(modes: Membrane, points: int = 90) -> Array:
-    axis = ((np.arange(points) + 0.5) / points * 2 - 1) * modes.half
+    axis = (np.linspace(-1, 1, 2 * points + 1)[1::2]) * modes.half
     x, y = (part.ravel() for part in np.meshgrid(axis, axis))
     shapes = modes.at(x, y)
     cell = (axis[1] - axis[0]) ** 2
