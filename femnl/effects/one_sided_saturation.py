@@ -28,7 +28,7 @@ EFFECT = Effect(
             "1",
             0.0,
             0.8,
-            reason="at 0.8 the first harmonic of a signal is 0.63 of it, near the half that is left "
+            reason="at 0.8 the first harmonic of a signal is 0.63 of it, near the half left "
             "where one side is cut off wholly, as by a rectifier",
         ),
     ),
