@@ -21,9 +21,10 @@ EFFECT = Effect(
             -0.5,
             20.0,
             scale="drive_square",
-            reason="κV² at the strongest drive: at −0.5 the force is twice what the voltage says, "
-            "as of a soft piezo whose d₃₃ doubles near its coercive field (Hall, J. Mater. Sci. "
-            "36, 4575 (2001)); at 20 it is 5 % of that, and falls as the voltage grows",
+            reason="κV² at the strongest drive: at −0.5 the force is twice what the voltage says "
+            "and grows six times as fast; a piezo driven harder saturates beyond its coercive "
+            "field (Hall, J. Mater. Sci. 36, 4575 (2001)). At 20 it is 5 % of what the voltage "
+            "says, and falls as that grows",
         ),
     ),
     changes={"oscillator": compress},

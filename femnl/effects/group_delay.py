@@ -29,7 +29,7 @@ EFFECT = Effect(
         ),
     ),
     changes={"signal": delay},
-    source="Sommer et al., arXiv:2502.19191, eq. S9; τ = −dφ/dω",
+    source="Sommer et al., arXiv:2502.19191, supplement, Duffing fit functions; τ = −dφ/dω",
     limits="exact for a delay that is the same at all frequencies of the sweeps. To first order "
     "in τ a linear mode turned so is one with a constant background (crosstalk): "
     "(f − f₀)L = −1 + i(w/2)L, L = 1/(f₀ − f + iw/2); sweeps tell them apart by the second order, "

@@ -52,8 +52,8 @@ EFFECT = Effect(
             strength=False,
             log=True,
             scale="linewidth",
-            reason="a second mode whose w/p is a thousandth of the linewidth has p·1000 times the "
-            "Q of the first; what is wider than five linewidths is nonlinear damping. That of "
+            reason="a second mode whose w/p is a thousandth of the linewidth has a thousand times "
+            "the Q of the first; what is wider than five linewidths is nonlinear damping. That of "
             "arXiv:2502.19191, (2,2) at twice (1,1), has 0.015",
         ),
         ParameterSpec(

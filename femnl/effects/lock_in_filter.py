@@ -31,13 +31,11 @@ EFFECT = Effect(
             8.5,
             strength=False,
             whole=True,
-            reason="lock-ins have 1 to 8 equal poles (6 to 48 dB an octave; Zurich Instruments HF2 "
-            "user manual)",
+            reason="lock-ins have 1 to 8 equal poles (6 to 48 dB an octave)",
         ),
     ),
     changes={"acquisition": smear},
-    source="M. L. Meade, Lock-in Amplifiers (1983), chapter 3: equal RC stages; solved exactly for "
-    "a signal that is constant between steps",
+    source="a chain of equal RC stages, solved exactly for a signal that is constant between steps",
     limits="exact for a drive that steps from point to point, all at one pace (or that of the "
     "durations in the file), and a filter that has settled at the first point; what the mode does "
     "between two points is not seen. Poles are known only where nτ is far above T",

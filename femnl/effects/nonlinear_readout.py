@@ -34,8 +34,7 @@ EFFECT = Effect(
         ),
     ),
     changes={"signal": bend},
-    source="Sommer et al., arXiv:2502.19191, S7; Dolleman et al., Appl. Phys. Lett. 111, 083501 "
-    "(2017)",
+    source="Sommer et al., arXiv:2502.19191, S7; Dolleman et al., arXiv:1711.06056",
     limits="one cosine, whose J₁ is exact. With x, y, s is 1 within 20 % where α is as simulated "
     "and places are right; a place wrong by d changes ξ² by 2ξ|∇ξ|d, 2 % at 1 µm on a flank of "
     "(2,2) of 270 µm. Without x, y, s = ξ² at the spot",
