@@ -10,7 +10,7 @@ from femnl.io import labfiles
 PAGE = (Path(__file__).parents[2] / "docs" / "howto" / "plugins.md").read_text(encoding="utf-8")
 FILES = dict(re.findall(r"^```\w+\n# file: (\S+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
 EFFECT = FILES["our_effects/softening.py"]
-CAUSE = "electrostatic_softening"
+CAUSE = "drive_softening"
 
 
 def forget() -> None:

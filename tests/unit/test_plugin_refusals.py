@@ -50,7 +50,7 @@ UNFIT = {
     "scale": (
         EFFECT.replace("per_drive_square", "reach"),
         "the scale 'reach' of softening is given by no kind that the effect shows in; these give "
-        "drive, ",
+        ".*drive, ",
     ),
     "name": (
         EFFECT.replace(CAUSE, "gas_damping"),

@@ -53,13 +53,11 @@ def spectrum(
     time: ArrayLike | None = None,
     quality_factor: ArrayLike | None = None,
     quality_factor_sd: ArrayLike | None = None,
-    *,
-    pressure: float | None = None,
 ) -> xr.Dataset:
     """Eigenfrequencies of modes, all arrays of shape (mode,).
 
     Args: frequency, frequency_sd [Hz]; label "m,n" of each mode; time [s] of acquisition;
-    quality_factor and its sd; pressure [Pa] of the gas around the film.
+    quality_factor and its sd.
     Returns: Dataset of kind `spectrum`.
     """
     names = None if label is None else np.asarray(label, dtype=object)
@@ -67,7 +65,6 @@ def spectrum(
     return _build(
         "spectrum",
         {**arrays, "quality_factor": quality_factor, "quality_factor_sd": quality_factor_sd},
-        {"pressure": pressure},
     )
 
 

@@ -118,8 +118,9 @@ class SpectrumBench:
             self.time,
             quality,
             sd,
-            pressure=self.pressure or None,
         )
+        if self.pressure:
+            group = group.assign_attrs(pressure=self.pressure)
         return {"spectrum": group}
 
     @cached_property
