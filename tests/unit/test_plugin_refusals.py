@@ -45,7 +45,7 @@ REFUSALS = {
 UNFIT = {
     "stage": (
         EFFECT.replace('"points"', '"smell"'),
-        "no kind of measurement has the stage 'smell'; the stages are equation, ",
+        "no kind of measurement has the stage 'smell'; the stages are acquisition, ",
     ),
     "scale": (
         EFFECT.replace("per_drive_square", "reach"),
