@@ -144,6 +144,25 @@ def test_on_a_hexagon_a_change_of_stress_is_told_in_every_direction_beside_a_gra
     assert turns <= {other.causes for other in found.alternatives}
 
 
+@pytest.mark.xfail(reason="inexact equations: a cause too many, or another in its place")
+@pytest.mark.parametrize(
+    ("case", "lacking"),
+    [
+        (Case("spectrum", ("gas_loading",), 3, "rectangle"), ()),
+        (Case("spectrum", ("added_mass", "frequency_drift"), 3751252574), ()),
+        (Case("series", ("gas_damping",), 2), ("gas_damping",)),
+    ],
+    ids=lambda value: "-".join(value.causes) if isinstance(value, Case) else "",
+)
+def test_known_wrong_names_are_kept_until_they_are_right(
+    case: Case, lacking: tuple[str, ...], tmp_path: Path
+) -> None:
+    make(case, tmp_path / "file.nc")
+    known = [effect for effect in library().values() if effect.name not in lacking]
+    found = diagnose(tmp_path / "file.nc", effects=known)
+    assert found.causes == (() if lacking else case.causes)
+
+
 @pytest.mark.parametrize("case", LACKING, ids=lambda case: "-".join((case.kind, *case.causes)))
 def test_a_cause_that_the_library_lacks_is_called_unexplained(case: Case, tmp_path: Path) -> None:
     truth = make(case, tmp_path / "file.nc")

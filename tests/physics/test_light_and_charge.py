@@ -30,9 +30,11 @@ def test_a_force_of_light_that_lags_is_a_spring_and_undoes_damping(
         rate = 0.0 if turn == 0 else (whole * x - force) * omega / turn
         return [v, -(omega**2) * (x + push) - omega / 50.0 * v, rate]
 
+    def crossing(t: float, s: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+        return float(s[0])
+
     # Steps of the rise through zero, 20 periods apart
-    crossing = lambda t, s: s[0]  # noqa: E731
-    crossing.direction = 1.0  # type: ignore[attr-defined]
+    vars(crossing)["direction"] = 1.0
     run = solve_ivp(
         motion, (0, 42), [0.0, 1.0, 0.0], "DOP853", events=crossing, rtol=1e-11, atol=1e-13
     )
