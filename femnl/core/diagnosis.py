@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-Verdict = Literal["adequate", "explained", "ambiguous", "unexplained"]
+Verdict = Literal["adequate", "explained", "explained in part", "ambiguous", "unexplained"]
 SHOWN = 10
 """Trials that a table lists, the best ones."""
 
@@ -75,6 +75,61 @@ class Bound:
 
 
 @dataclass(frozen=True)
+class Share:
+    """How much of what the simulation gets wrong one cause takes up.
+
+    share: the part of the base model's held-out excess χ² that goes when the cause is added to the
+    others of the set, with its standard deviation over the blocks held out. alone: when it is added
+    to the base model.
+    """
+
+    cause: str
+    share: float
+    sd: float
+    alone: float
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What the named causes leave.
+
+    χ² per degree of freedom, and per datum held out; largest_sigma: of any datum; in_units: the
+    largest deviation that is left beside the largest of the base model, such as "480 Hz of 73 kHz";
+    where: it is, and the free form that describes it best; significant: whether it is more than
+    noise.
+    """
+
+    chi2_reduced: float
+    heldout_chi2_reduced: float
+    largest_sigma: float
+    in_units: str
+    where: str
+    significant: bool
+
+
+@dataclass(frozen=True)
+class Excluded:
+    """A datum that was left out as a glitch: where it is, and by how many σ it deviates."""
+
+    where: str
+    sigma: float
+
+
+@dataclass(frozen=True)
+class NoiseTold:
+    """Noise of one measurement: its standard deviation as stated and as found, in `unit`.
+
+    correlation_length: how many neighbouring data count as one, 1 where they are independent.
+    """
+
+    measurement: str
+    stated: float
+    found: float
+    correlation_length: float
+    unit: str
+
+
+@dataclass(frozen=True)
 class Diagnosis(Tabulated):
     """The verdict on one measurement file.
 
@@ -83,6 +138,8 @@ class Diagnosis(Tabulated):
     the base model and the one that the verdict rests on; free_forms, where nothing explains the
     data; geometry: that was asked for instead of the file's own. rule: the
     one of `femnl.diagnose.verdict.RULES` that decided. bounds: of the parameters of the causes.
+    shares: of each named cause; remainder: what they leave, None where nothing is named; excluded:
+    glitches, which no fit has seen; noise: of each measurement whose data tell it.
     """
 
     file: str
@@ -106,6 +163,10 @@ class Diagnosis(Tabulated):
     geometry: str | None = None
     rule: str = ""
     bounds: tuple[Bound, ...] = ()
+    shares: tuple[Share, ...] = ()
+    remainder: Remainder | None = None
+    excluded: tuple[Excluded, ...] = ()
+    noise: tuple[NoiseTold, ...] = ()
 
     @property
     def gain(self) -> float:

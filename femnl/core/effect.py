@@ -60,6 +60,7 @@ class Effect:
     stage; else each laser has its own.
     couples_blocks: whether what it does to one step, sweep or place depends on the motion at
     another.
+    accuracy: part of what it does to the data that its equation may miss on real devices, and why.
     sentence: for the report, "the film …". source, limits: where the equation is from and how far
     it holds. file: where a file outside of every package defines it.
     """
@@ -75,6 +76,8 @@ class Effect:
     replaces: tuple[str, ...] = ()
     shared: bool = True
     couples_blocks: bool = False
+    accuracy: float = 0.01
+    accuracy_reason: str = "parameters of the device are known to a percent at best"
     file: EffectFile | None = field(default=None, repr=False, compare=False)
 
     @property

@@ -22,7 +22,7 @@ ITERATIONS = 4
 
 
 def free_forms(base: FitResult, run: Run = in_turn) -> tuple[FreeForm, ...]:
-    """Fit every free form that suits the problem of a base model's fit.
+    """Fit every free form that suits the problem beside the causes of a fitted model.
 
     The best predicting comes first. run: does their fits.
     """
@@ -46,13 +46,13 @@ def _measured(base: FitResult, sentence: str) -> FreeForm | None:
     result = _fitted(base, sentence)
     if result is None:
         return None
-    (effect,) = result.model.effects
+    effect = result.model.effects[-1]
     quality = Quality(result.chi2 / result.degrees, held_out(result, ITERATIONS))
     return FreeForm(effect.sentence, effect.equation, len(effect.parameters), quality)
 
 
 def fitted_forms(base: FitResult) -> list[FitResult]:
-    """Return the fit of every free form that suits the base model and moves its data.
+    """Return the fit of every free form that suits a fitted model and moves its data.
 
     Of the expansions of one form, shorter or longer, the one of the largest evidence.
     """
@@ -62,11 +62,11 @@ def fitted_forms(base: FitResult) -> list[FitResult]:
 
 def _fitted(base: FitResult, sentence: str) -> FitResult | None:
     """Return the fit of the form of a sentence, None where it does not move the data."""
-    own, _ = base.model.split(base.vector)
+    own, values = base.model.split(base.vector)
     best: FitResult | None = None
     for effect in (e for e in extensions(base.model.base_model) if e.sentence == sentence):
-        model = ExtendedModel(base.model.base_model, (effect,))
-        start = model.pack(own, [{spec.name: 0.0 for spec in effect.parameters}])
+        model = ExtendedModel(base.model.base_model, (*base.model.effects, effect))
+        start = model.pack(own, [*values, {spec.name: 0.0 for spec in effect.parameters}])
         moved = start.copy()
         moved[-len(effect.parameters) :] = TOUCH * model.bounds[1][-len(effect.parameters) :]
         if not np.array_equal(model.residuals(moved), model.residuals(start)):

@@ -20,6 +20,7 @@ from femnl.core.readout import Array
 from femnl.fits.least_squares import FitResult, fit
 from femnl.observe.map.model import MapModel
 from femnl.observe.model import ExtendedModel, MeasurementModel, Named, Ranked
+from femnl.observe.noisy import without_noise
 
 Own = tuple[Sequence[Effect], Values, Sequence[Values]]
 """Effects, base parameters and those of each effect, as one measurement knows them."""
@@ -64,7 +65,7 @@ class JointModel(MeasurementModel):
         """Residuals of single measurements at the latest parameters."""
         return {}
 
-    def _own(
+    def seen_by(
         self, group: str, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> Own:
         """Return what the model of one measurement sees of all parameters."""
@@ -90,11 +91,27 @@ class JointModel(MeasurementModel):
             found.append(np.where(base_model.blocks >= 0, base_model.blocks + offset, -1))
         return np.concatenate(found)
 
+    @property
+    def quantity(self) -> tuple[Array, str]:
+        """That of the first measurement, NaN for those of another unit."""
+        found = [group.quantity for group in self.groups.values()]
+        unit = found[0][1]
+        return np.concatenate([s if u == unit else np.full_like(s, np.nan) for s, u in found]), unit
+
+    def locate(self, residual: int) -> str:
+        """Name the measurement and its datum."""
+        begin = 0
+        for group, base_model in self.groups.items():
+            if residual < begin + len(base_model.blocks):
+                return f"{group}: {base_model.locate(residual - begin)}"
+            begin += len(base_model.blocks)
+        raise IndexError(residual)
+
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return the residuals of all measurements, one after the other."""
         found = []
         for group, base_model in self.groups.items():
-            kept, own, numbers = self._own(group, effects, base, values)
+            kept, own, numbers = self.seen_by(group, effects, base, values)
             # A tangent moves one parameter, so that most measurements stand as they were.
             key = (
                 group,
@@ -125,7 +142,7 @@ class JointModel(MeasurementModel):
         """Those of each measurement."""
         found: dict[str, Array] = {}
         for group, base_model in self.groups.items():
-            own = self._own(group, effects, base, values)
+            own = self.seen_by(group, effects, base, values)
             found |= self._spread(group, base_model.residual_directions(*own))
         return found
 
@@ -135,7 +152,7 @@ class JointModel(MeasurementModel):
         """Those of each measurement."""
         found: dict[str, Array] = {}
         for group, base_model in self.groups.items():
-            own = self._own(group, effects, base, values)
+            own = self.seen_by(group, effects, base, values)
             found |= {
                 f"{phrase} (as in {group})": row
                 for phrase, row in base_model.candidate_measurements(*own).items()
@@ -152,11 +169,8 @@ class JointModel(MeasurementModel):
         down do.
         """
         found = []
-        maps = [
-            (group, base_model)
-            for group, base_model in self.groups.items()
-            if isinstance(base_model, MapModel)
-        ]
+        bare_groups = {name: without_noise(group) for name, group in self.groups.items()}
+        maps = [(group, bare) for group, bare in bare_groups.items() if isinstance(bare, MapModel)]
         for group, turning in maps[1:]:
             plain = {name: base[joint] for name, joint in self.names[group].items()}
             found.append(
@@ -180,7 +194,7 @@ class JointModel(MeasurementModel):
         found = []
         for group, base_model in self.groups.items():
             own = [
-                (name, *self._own(group, effects, base, values))
+                (name, *self.seen_by(group, effects, base, values))
                 for name, effects, base, values in models
             ]
             found += [
@@ -208,7 +222,7 @@ class JointModel(MeasurementModel):
         base, values = result.model.split(result.vector)
         alone = {}
         for group, base_model in self.groups.items():
-            acting, own, numbers = self._own(group, result.model.effects, base, values)
+            acting, own, numbers = self.seen_by(group, result.model.effects, base, values)
             model = ExtendedModel(
                 base_model, tuple(self.originals[effect.name] for effect in acting)
             )

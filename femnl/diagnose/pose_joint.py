@@ -12,6 +12,7 @@ from femnl.diagnose.joint import JointModel
 from femnl.fits.least_squares import fit
 from femnl.observe.map.model import MapModel
 from femnl.observe.model import ExtendedModel, MeasurementModel
+from femnl.observe.noisy import without_noise
 from femnl.observe.response.model import ResponseModel
 
 Groups = Mapping[str, MeasurementModel]
@@ -180,10 +181,11 @@ def _shareable(base_model: MeasurementModel) -> dict[str, tuple[object, ...]]:
 
     Parameters, and what must agree for it.
     """
-    if isinstance(base_model, MapModel):
-        return {"amplitude": ("map", base_model.mode, base_model.drive, base_model.frequency)}
-    if isinstance(base_model, ResponseModel):
-        return dict.fromkeys(("linewidth", "peak"), ("response", base_model.mode))
+    bare = without_noise(base_model)
+    if isinstance(bare, MapModel):
+        return {"amplitude": ("map", bare.mode, bare.drive, bare.frequency)}
+    if isinstance(bare, ResponseModel):
+        return dict.fromkeys(("linewidth", "peak"), ("response", bare.mode))
     return {}
 
 
@@ -194,11 +196,14 @@ def _aligned(base_model: MeasurementModel, first: MeasurementModel, backwards: b
 
     backwards: all of them in antiphase to that, which an asymmetric fringe can tell.
     """
-    if not isinstance(base_model, MapModel):
+    bare = without_noise(base_model)
+    if not isinstance(bare, MapModel):
         return base_model.start
     own = dict(zip((spec.name for spec in base_model.base), base_model.start.tolist(), strict=True))
     phase = [spec.name for spec in base_model.base].index("motion_phase")
-    reference = first.start[phase] if isinstance(first, MapModel) else own["motion_phase"]
+    reference = (
+        first.start[phase] if isinstance(without_noise(first), MapModel) else own["motion_phase"]
+    )
     if (np.cos(own["motion_phase"] - reference) < 0) != backwards:
-        own |= base_model.turned(own)
+        own |= bare.turned(own)
     return np.array(list(own.values()))

@@ -15,7 +15,16 @@ import xarray as xr
 from femnl.core.checkpoint import Checkpoint, remembered
 from femnl.core.comparison import Comparison
 from femnl.core.device import Model
-from femnl.core.diagnosis import Alternative, Bound, Diagnosis, FreeForm, Quality, Trial, Verdict
+from femnl.core.diagnosis import (
+    Alternative,
+    Bound,
+    Diagnosis,
+    FreeForm,
+    NoiseTold,
+    Quality,
+    Trial,
+    Verdict,
+)
 from femnl.core.effect import Effect
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Parameter
@@ -24,9 +33,17 @@ from femnl.core.processes import one_blas_thread
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointModel
+from femnl.diagnose.noise_of_file import (
+    Noise,
+    first_noise,
+    last_noise,
+    told_glitches,
+    told_noise,
+)
 from femnl.diagnose.pose_joint import pose_joint
 from femnl.diagnose.search import search
 from femnl.diagnose.sent import Sent, considered, received, sent
+from femnl.diagnose.shares import remainder, shares
 from femnl.diagnose.verdict import judge, measure_next
 from femnl.diagnose.worker_pool import Pose, Posed, Run, worker_pool
 from femnl.effects import fingerprint
@@ -34,13 +51,18 @@ from femnl.io import measurement
 from femnl.io.results.atomic import write_whole
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import MeasurementModel, Named
+from femnl.observe.noisy import FoundNoise, with_noise
 from femnl.pipeline import measured_device
 
+SEARCHES = 3
+"""Searches at most: where the best set of causes shows other noise than was known, causes are
+sought again with that.
+"""
 SHOWN = 1e-6
 """Probability below which alternatives are not listed."""
 
 
-VERSION = "1.0"
+VERSION = "1.1"
 
 
 def diagnose(
@@ -79,14 +101,40 @@ def diagnose(
         one_blas_thread(),
         ExitStack() as helpers,
     ):
-        found, run = _searched(
-            partial(_posed, path, geometry, sent(pool, workers)), workers, helpers, checkpoint
-        )
-        base_model = found[0].result.model.base_model
+        posing = partial(_posed, path, geometry, sent(pool, workers))
+        noise = _first_noise(posing, checkpoint)
+        for _ in range(SEARCHES):
+            found, run = _searched(partial(posing, noise=noise), workers, helpers, checkpoint)
+            best = max(found, key=lambda candidate: candidate.weight)
+            seen = last_noise(best.result, noise)
+            if seen == noise:
+                break
+            noise = seen
+            helpers.close()  # they posed the model with other noise
         concluded = conclude(
-            str(path), digest, found, (*tree.attrs.get("repairs", ()), *base_model.notes), run
+            str(path), digest, found, (*tree.attrs.get("repairs", ()), *_notes(found)), run
         )
-    return replace(concluded, geometry=geometry)
+        noisy = replace(
+            concluded,
+            excluded=told_glitches(best.result, noise),
+            noise=told_noise(best.result, noise),
+        )
+    return replace(noisy, geometry=geometry)
+
+
+def _notes(found: list[Candidate]) -> tuple[str, ...]:
+    return found[0].result.model.base_model.notes
+
+
+def _first_noise(posing: Callable[..., Posed], checkpoint: Checkpoint) -> Noise:
+    """Return the noise of each measurement before causes are sought."""
+    model, effects = posing(checkpoint)
+    if isinstance(model, JointModel):
+        return {
+            name: first_noise(group, group.usable_effects(effects), checkpoint)
+            for name, group in model.groups.items()
+        }
+    return {"": first_noise(model, effects, checkpoint)}
 
 
 def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None]:
@@ -107,18 +155,22 @@ def _posed(
     chosen: list[Sent],
     checkpoint: Checkpoint | None,
     *,
+    noise: Noise | None = None,
     backwards: bool = False,
 ) -> Posed:
     """Return the model that a file poses, and the effects that may explain its deviations.
 
-    chosen: effects, as `sent` returns them. backwards: see `pose_joint`.
+    chosen: effects, as `sent` returns them. noise: what was found of it, by measurement; a single
+    one has no name. backwards: see `pose_joint`.
     """
     effects = [received(effect) for effect in chosen]
     tree, model = _opened(path, geometry)
-    groups = {
-        name: pose(name, node.to_dataset(), model, checkpoint)
-        for name, node in tree.children.items()
-    }
+    found = noise or {}
+    single = len(tree.children) == 1
+    groups = {}
+    for name, node in tree.children.items():
+        bare = pose(name, node.to_dataset(), model, checkpoint)
+        groups[name] = with_noise(bare, found.get("" if single else name, FoundNoise()))
     if len(groups) > 1:
         return pose_joint(groups, effects, backwards, checkpoint)
     (only,) = groups.values()
@@ -191,7 +243,9 @@ def conclude(
     probability = {"adequate": base.p_value, "unexplained": 1 - base.p_value}.get(
         judged.verdict, share[best.names]
     )
-    forms = free_forms(base.result, run) if judged.verdict == "unexplained" else ()
+    left = best if judged.verdict == "explained in part" else base
+    described = judged.verdict in ("explained in part", "unexplained")
+    forms = free_forms(left.result, run) if described else ()
     return Diagnosis(
         file=file,
         sha256=digest,
@@ -201,7 +255,8 @@ def conclude(
         parameters=_parameters(best),
         alternatives=tuple(Alternative(c.names, share[c.names]) for c in listed),
         p_value=base.p_value,
-        where=_where(base, judged.verdict) + _described(forms, before),
+        where=_where(base, judged.verdict)
+        + (_described(forms, before) if judged.verdict == "unexplained" else ""),
         before=before,
         after=after,
         measure_next=measure_next(judged, found),
@@ -216,6 +271,8 @@ def conclude(
         free_forms=forms,
         rule=judged.rule,
         bounds=_bounds(best),
+        shares=shares(best, found, run),
+        remainder=remainder(best, base, forms) if best.names else None,
     )
 
 
@@ -311,7 +368,25 @@ def record(diagnosis: Diagnosis) -> dict[str, Any]:
         "after": vars(diagnosis.after),
         "gain": diagnosis.gain,
         "measure_next": diagnosis.measure_next,
+        "shares": {
+            told.cause: {"share": told.share, "sd": told.sd, "alone": told.alone}
+            for told in diagnosis.shares
+        },
+        "remainder": None if diagnosis.remainder is None else vars(diagnosis.remainder),
+        "excluded": [vars(datum) for datum in diagnosis.excluded],
+        "noise": _noise_record(diagnosis.noise),
     }
+
+
+def _noise_record(told: tuple[NoiseTold, ...]) -> dict[str, Any]:
+    """Return stated and found noise; of several measurements those of each by its name too."""
+    rows = [
+        {"stated": n.stated, "found": n.found, "correlation_length": n.correlation_length}
+        for n in told
+    ]
+    if len(told) < 2:
+        return rows[0] if rows else {}
+    return rows[0] | {"measurements": dict(zip((n.measurement for n in told), rows, strict=True))}
 
 
 def write(diagnosis: Diagnosis, folder: str | Path) -> None:

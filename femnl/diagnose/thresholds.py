@@ -11,6 +11,7 @@ def _threshold(value: T, meaning: str, study: str) -> T:
     return described
 
 
+_REALISTIC = "docs/explanation/blind.md, realistic regime"
 _BLIND = "docs/explanation/blind.md"
 _CALIBRATION = "tests/unit/test_diagnose_statistics.py"
 
@@ -95,6 +96,23 @@ class Thresholds:
         "part of what the base model leaves beyond noise, up to which a set beside one that "
         "explains the data is fitted anew: it may equal it",
         _BLIND,
+    )
+    least_share: float = _threshold(
+        0.9,
+        "part of the held-out excess χ² that causes must take up to be named where they leave a "
+        "significant remainder",
+        _REALISTIC,
+    )
+    least_inclusion: float = _threshold(
+        0.99,
+        "posterior probability that a cause is part of the right set, with a discrepancy of "
+        "unknown size in every set, from which on it is beyond doubt",
+        _REALISTIC,
+    )
+    most_blocks: float = _threshold(
+        0.7,
+        "part of the blocks whose held-out prediction a named set must improve",
+        _REALISTIC,
     )
     sought_again: tuple[int, ...] = _threshold(
         (3, 3, 1),

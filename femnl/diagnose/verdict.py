@@ -11,6 +11,7 @@ import numpy as np
 
 from femnl.core.diagnosis import Verdict
 from femnl.diagnose.candidate import Candidate, Names
+from femnl.diagnose.discrepancy import discrepancy, log_evidence
 from femnl.diagnose.freeform import fitted_forms
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import CrossValidation
@@ -120,6 +121,32 @@ class Weighed:
         return []
 
     @cached_property
+    def graded(self) -> dict[Names, float]:
+        """Probability of every candidate with a discrepancy of unknown size in each of them."""
+        best = min(self.found, key=lambda c: c.result.chi2)
+        allowed = discrepancy(self.base.result, best.result)
+        odds = float(np.log(THRESHOLDS.odds_per_cause))
+        weights = np.array(
+            [log_evidence(c, self.base, allowed) + len(c.names) * odds for c in self.found]
+        )
+        shares = np.exp(weights - weights.max())
+        return {c.names: float(s) for c, s in zip(self.found, shares / shares.sum(), strict=True)}
+
+    @cached_property
+    def beyond_doubt(self) -> Candidate | None:
+        """The causes that every likely set has in common, None where there are none.
+
+        The largest fitted set of them.
+        """
+        inclusion: dict[str, float] = {}
+        for names, share in self.graded.items():
+            for name in names:
+                inclusion[name] = inclusion.get(name, 0.0) + share
+        sure = {name for name, share in inclusion.items() if share >= THRESHOLDS.least_inclusion}
+        sets = [c for c in self.found[1:] if set(c.names) <= sure and not c.result.stuck]
+        return max(sets, key=lambda c: (len(c.names), self.graded[c.names]), default=None)
+
+    @cached_property
     def predicts_better_than_base(self) -> bool:
         """Whether the best set predicts held-out data better than the base model."""
         return _predicts_better(
@@ -142,6 +169,18 @@ def no_cause_is_worth_its_parameters(weighed: Weighed) -> Judgement | None:
     if not weighed.base.viable or any(c.weight > weighed.base.weight for c in weighed.viable):
         return None
     return Judgement("adequate", weighed.base, (), weighed.prior_share)
+
+
+def causes_take_up_most_of_the_deviation(weighed: Weighed) -> Judgement | None:
+    """No set is exact, but some causes are beyond doubt: they take up most of what is wrong.
+
+    Whatever the rest is: with a discrepancy of unknown size in every set they are in every likely
+    one, and they improve the prediction of most blocks that were held out.
+    """
+    best = weighed.beyond_doubt
+    if weighed.viable or best is None or not _takes_up_most(best, weighed.base):
+        return None
+    return Judgement("explained in part", best, (), weighed.graded)
 
 
 def no_set_explains_the_data(weighed: Weighed) -> Judgement | None:
@@ -177,6 +216,7 @@ def several_sets_are_left(weighed: Weighed) -> Judgement | None:
 RULES: tuple[Rule, ...] = (
     base_explains_the_data,
     no_cause_is_worth_its_parameters,
+    causes_take_up_most_of_the_deviation,
     no_set_explains_the_data,
     only_set_predicts_no_better,
     one_set_stands_alone,
@@ -226,6 +266,18 @@ def _smooth(base: Candidate) -> float:
     return max((s.log_evidence for s in fitted_forms(base.result)), default=-np.inf) + 2 * float(
         np.log(THRESHOLDS.odds_per_cause)
     )
+
+
+def _takes_up_most(candidate: Candidate, base: Candidate) -> bool:
+    """Whether a set takes up most of the held-out excess χ², in most blocks."""
+    before = base.result.cross_validation
+    after = candidate.result.cross_validation
+    excess = np.array(before.squares) - np.array(before.sizes)
+    taken = np.array(before.squares) - np.array(after.squares)
+    if taken.sum() < THRESHOLDS.least_share * excess.sum():
+        return False
+    telling = excess > 0
+    return bool(np.mean(taken[telling] > 0) >= THRESHOLDS.most_blocks)
 
 
 def _equals(candidate: Candidate, best: Candidate) -> bool:

@@ -47,12 +47,15 @@ class CrossValidation:
 
     A cause that acts on one block alone, as a frame does on one mode, is uncertain there without
     it, and not wrong: densities and p_value, the smallest of any block times their number, count
-    how uncertain the prediction is, chi2_reduced does not.
+    how uncertain the prediction is, chi2_reduced does not. squares, sizes: χ² and number of data of
+    each block.
     """
 
     chi2_reduced: float
     densities: tuple[float, ...]
     p_value: float
+    squares: tuple[float, ...]
+    sizes: tuple[int, ...]
 
     @property
     def density(self) -> float:
@@ -342,8 +345,8 @@ def cross_validate(result: FitResult, most: int) -> CrossValidation:
     blocks = result.model.base_model.blocks
     low, high = result.model.bounds
     units = np.outer(high - low, high - low)
-    square = 0.0
-    count = 0
+    squares = []
+    sizes = []
     densities = []
     p_values = []
     for block in np.unique(blocks[blocks >= 0]):
@@ -356,13 +359,17 @@ def cross_validate(result: FitResult, most: int) -> CrossValidation:
             np.linalg.slogdet(known / units)[1] - np.linalg.slogdet(result.covariance / units)[1]
         )
         chi2 = max(result.chi2 - float(seen @ seen), 0.0)
-        square = square + float(cross_validation @ cross_validation)
-        count = count + len(cross_validation)
+        squares.append(float(cross_validation @ cross_validation))
+        sizes.append(len(cross_validation))
         densities.append(-0.5 * (chi2 + float(gained)))
         left, size, _ = np.linalg.svd(result.jacobian[out] * (high - low), full_matrices=False)
         known = left[:, size > np.sqrt(12)]  # better than the priors do
         own = result.residuals[out] - known @ (known.T @ result.residuals[out])
         p_values.append(float(chdtrc(max(known.shape[1], 1), max(chi2 - float(own @ own), 0.0))))
     return CrossValidation(
-        square / count, tuple(densities), min(1.0, min(p_values) * len(p_values))
+        sum(squares) / sum(sizes),
+        tuple(densities),
+        min(1.0, min(p_values) * len(p_values)),
+        tuple(squares),
+        tuple(sizes),
     )

@@ -46,6 +46,25 @@ class Ranked:
         noise[:, self.at[order]] = (drawn - predicted[order]) / self.sd[order]
 
 
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Which residuals lie beside each other, as noise and glitches see them.
+
+    near (n_residuals, k): those around each one, −1 where there are fewer. previous (n_residuals,):
+    the one before on its line of acquisition, −1 where a line begins. datum (n_residuals,): what is
+    left out together, as both quadratures of a point; −1 is prior knowledge. repeated
+    (n_residuals,): data of the same number were taken under the same conditions in other lines, so
+    that deviations of several of them are no chance; −1 where there is nothing of the kind.
+    planar: whether data have neighbours across the lines as well.
+    """
+
+    near: NDArray[np.int64]
+    previous: NDArray[np.int64]
+    datum: NDArray[np.int64]
+    repeated: NDArray[np.int64]
+    planar: bool = False
+
+
 class MeasurementModel(ABC):
     """One group of a measurement file with its base model: a forward model and its noise.
 
@@ -78,6 +97,23 @@ class MeasurementModel(ABC):
     def ranked(self) -> tuple[Ranked, ...]:
         """None, unless a kind says otherwise."""
         return ()
+
+    @property
+    def layout(self) -> Layout | None:
+        """None where residuals have no neighbours, as the modes of a spectrum."""
+        return None
+
+    def locate(self, residual: int) -> str:
+        """Say in a phrase which datum a residual is of."""
+        return f"datum {residual + 1}"
+
+    @property
+    @abstractmethod
+    def quantity(self) -> tuple[Array, str]:
+        """What one σ of each residual is (n_residuals,), and its unit.
+
+        NaN for residuals of another quantity, and for prior knowledge.
+        """
 
     @property
     @abstractmethod

@@ -15,7 +15,7 @@ from femnl.core.stages import Fringe, Harmonics, Motion, Placement
 from femnl.mechanics.modes import ShapeValues
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.map.spots import Axis, Finer, Grid
-from femnl.observe.model import MeasurementModel, Named, apply
+from femnl.observe.model import Layout, MeasurementModel, Named, apply
 from femnl.observe.score_directions import LITTLE, fringe_terms, overtones, uneven
 from femnl.optics.harmonics import along_line
 from femnl.optics.sampled import harmonics
@@ -30,6 +30,8 @@ KEPT = 4
 """Places of the map at which shapes are kept: those of the last two tangents too, so that steps of
 all other parameters find theirs.
 """
+AROUND = 2
+"""Steps along each axis to the places around one."""
 ASIDE = 0.02
 """Part of half the film by which the map is moved to see how the data answer to wrong places and to
 blur.
@@ -100,6 +102,50 @@ class MapModel(MeasurementModel):
         ]
         whole = np.broadcast_to(tile[0] * TILES + tile[1], self.present.shape)[self.present]
         return np.concatenate([whole, whole])
+
+    @property
+    def layout(self) -> Layout:
+        """The places around each one, harmonic by harmonic; lines run along the fast axis."""
+        index = np.full((len(self.harmonic), *self.grid.sizes), -1)
+        rows, places = np.nonzero(self.present)
+        here = (rows, self.grid.row[places], self.grid.column[places])
+        n = len(rows)
+        index[here] = np.arange(n)
+        padded = np.pad(index, ((0, 0), (AROUND, AROUND), (AROUND, AROUND)), constant_values=-1)
+
+        def beside(up: int, right: int) -> NDArray[np.int64]:
+            return padded[here[0], here[1] + AROUND + up, here[2] + AROUND + right]
+
+        steps = range(-AROUND, AROUND + 1)
+        near = np.stack([beside(a, b) for a in steps for b in steps if a or b], axis=1)
+        before = beside(-1, 0) if self._column_by_column else beside(0, -1)
+        return Layout(
+            np.concatenate([near, np.where(near < 0, -1, near + n)]),
+            np.concatenate([before, np.where(before < 0, -1, before + n)]),
+            np.tile(np.arange(n), 2),
+            np.full(2 * n, -1),
+            planar=True,
+        )
+
+    @property
+    def _column_by_column(self) -> bool:
+        """Whether the columns are the slow axis; rows are, where no time was recorded."""
+        if not len(self.time):
+            return False
+        return _follow(self.time, self.grid.column) > _follow(self.time, self.grid.row)
+
+    def locate(self, residual: int) -> str:
+        """Name the harmonic and the place."""
+        rows, places = np.nonzero(self.present)
+        at = residual % len(rows)
+        x = self.grid.x[places[at]] * 1e6
+        y = self.grid.y[places[at]] * 1e6
+        return f"harmonic {self.harmonic[rows[at]]}, x = {x:.4g} µm, y = {y:.4g} µm"
+
+    @property
+    def quantity(self) -> tuple[Array, str]:
+        """V of each quadrature."""
+        return np.full(2 * int(self.present.sum()), self.noise), "V"
 
     def predict(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
@@ -269,7 +315,7 @@ class MapModel(MeasurementModel):
 
     def _time_across(self) -> Array:
         """Times of the points (n_points,) [s] if the slow axis were the other one."""
-        columns = _follow(self.time, self.grid.row) > _follow(self.time, self.grid.column)
+        columns = not self._column_by_column
         slow = self.grid.column if columns else self.grid.row
         fast = self.grid.row if columns else self.grid.column
         order = np.argsort(np.lexsort((fast, slow)))

@@ -81,6 +81,15 @@ class RecordModel(MeasurementModel):
         """Stretches of the record."""
         return np.arange(len(self.at)) * BLOCKS // len(self.at)
 
+    @property
+    def quantity(self) -> tuple[Array, str]:
+        """V of the output."""
+        return np.full(len(self.at), self.noise), "V"
+
+    def locate(self, residual: int) -> str:
+        """Name the time."""
+        return f"{self.time[self.at[residual]]:.6g} s"
+
     def predict(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return the output [V] at the samples compared."""
         return np.asarray(self.run(base, effects, values), float)

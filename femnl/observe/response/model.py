@@ -14,7 +14,7 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.memo import recent
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Acquisition, Oscillator, Signal
-from femnl.observe.model import MeasurementModel, Named, apply
+from femnl.observe.model import Layout, MeasurementModel, Named, apply
 from femnl.observe.response.acquisition import low_pass, settle
 from femnl.observe.response.states import branch_amplitudes, follow
 from femnl.observe.response.sweeps import Sweeps
@@ -33,6 +33,8 @@ LATE = 4
 """Points by which a jump may seem late, or early, behind a slow filter."""
 FARTHER = 2.0
 """Widths of the sweeps by which those that would tell backgrounds apart are further out."""
+NEAR = (-4, -3, -2, -1, 1, 2, 3, 4)
+"""Steps along a sweep to the points beside one."""
 BEYOND = 4
 """Power of the signal with which f₀ and w may: the next beyond the cubic force."""
 
@@ -91,6 +93,46 @@ class ResponseModel(MeasurementModel):
         """Every sweep is a block of its own, and so is the simulated α where sweeps soften."""
         known = [len(self.sweeps.spans)] if self.softens else []
         return np.concatenate([self.sweeps.sweep, self.sweeps.sweep, known]).astype(np.int64)
+
+    @property
+    def layout(self) -> Layout:
+        """Neighbours along each sweep; points of one column were taken at the same frequencies."""
+        n = len(self.sweeps.frequency)
+        place = np.arange(n)
+        near = np.stack([self._beside(place, step) for step in NEAR], axis=1)
+        before = self._beside(place, -1)
+        shifted = np.where(near < 0, -1, near + n)
+        known = [-1] if self.softens else []
+        return Layout(
+            np.concatenate([near, shifted, np.full((len(known), len(NEAR)), -1)]),
+            np.concatenate([before, np.where(before < 0, -1, before + n), known]).astype(np.int64),
+            np.concatenate([place, place, known]).astype(np.int64),
+            np.concatenate([self.sweeps.column, self.sweeps.column, known]).astype(np.int64),
+        )
+
+    def _beside(self, place: NDArray[np.int64], step: int) -> NDArray[np.int64]:
+        """Return the points some steps away in the same sweep (n,), −1 where it has none."""
+        n = len(place)
+        there = np.clip(place + step, 0, n - 1)
+        same = (place + step == there) & (self.sweeps.sweep[there] == self.sweeps.sweep)
+        return np.where(same, there, -1)
+
+    def locate(self, residual: int) -> str:
+        """Name the sweep and the frequency."""
+        n = len(self.sweeps.frequency)
+        if residual >= 2 * n:
+            return "the simulated α"
+        point = residual % n
+        sweep = int(self.sweeps.sweep[point])
+        return (
+            f"sweep {sweep + 1} ({self._sweep_name(sweep)}), {self.sweeps.frequency[point]:.9g} Hz"
+        )
+
+    @property
+    def quantity(self) -> tuple[Array, str]:
+        """V of each quadrature."""
+        noise = np.full(2 * len(self.sweeps.frequency), self.sweeps.noise)
+        return np.concatenate([noise, [np.nan] if self.softens else []]), "V"
 
     def _whole(self, points: ComplexArray, alpha: float = 0.0) -> Array:
         """Return real and imaginary parts of (n_points,) values, and the deviation of α.

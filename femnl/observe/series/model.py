@@ -46,6 +46,23 @@ class SeriesModel(MeasurementModel):
         place = np.argsort(np.argsort(first, kind="stable"), kind="stable") * BLOCKS // len(first)
         return np.tile(place, len(self.data))[self.used].astype(np.int64)
 
+    @property
+    def quantity(self) -> tuple[Array, str]:
+        """Hz where frequencies were measured, else quality factors."""
+        main = "frequency" if "frequency" in self.data else "quality_factor"
+        rows = [
+            sd if name == main else np.full_like(sd, np.nan) for name, (_, sd) in self.data.items()
+        ]
+        return np.concatenate(rows)[self.used], "Hz" if main == "frequency" else ""
+
+    def locate(self, residual: int) -> str:
+        """Name the quantity and the value of the first control variable."""
+        at = int(np.flatnonzero(self.used)[residual])
+        count = len(self.used) // len(self.data)
+        name, axis = next(iter(self.control.items()))
+        quantity = list(self.data)[at // count].replace("_", " ")
+        return f"{quantity} at {name} = {axis[at % count]:.4g} {CONTROLS[name]}"
+
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (f − f_predicted)/σ, then (Q − Q_predicted)/σ."""
         return self._against(self.control, effects, base, values)[self.used]

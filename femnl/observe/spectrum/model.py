@@ -84,6 +84,22 @@ class SpectrumModel(MeasurementModel):
         """Every mode is a block of its own; prior knowledge of ℓ belongs to none."""
         return np.concatenate([np.arange(len(self.frequency)), [-1], self._rated])
 
+    @property
+    def quantity(self) -> tuple[Array, str]:
+        """Hz of the frequencies."""
+        rest = np.full(1 + len(self._rated), np.nan)
+        return np.concatenate([self.sd, rest]), "Hz"
+
+    def locate(self, residual: int) -> str:
+        """Name the mode."""
+        n = len(self.frequency)
+        names = self.label or [str(i + 1) for i in self.order]
+        if residual < n:
+            return f"frequency of mode ({names[residual]})"
+        if residual == n:
+            return "the bending length"
+        return f"quality factor of mode ({names[self._rated[residual - n - 1]]})"
+
     @cached_property
     def _rated(self) -> NDArray[np.int64]:
         """The modes whose quality factors are known."""

@@ -95,6 +95,19 @@ class TraceModel(MeasurementModel):
         whole = (2 * third[None, :] + self.harmonic[:, None] % 2).ravel()
         return np.concatenate([whole, whole, np.full(len(self.left), -1)])
 
+    @property
+    def quantity(self) -> tuple[Array, str]:
+        """V of each quadrature of the harmonics."""
+        sd = np.tile(self.sd.ravel(), 2)
+        return np.concatenate([sd, np.full(len(self.left), np.nan)]), "V"
+
+    def locate(self, residual: int) -> str:
+        """Name the harmonic and the step."""
+        if residual >= 2 * self.measured.size:
+            return f"what the harmonics leave of step {residual - 2 * self.measured.size + 1}"
+        row, step = divmod(residual % self.measured.size, self.n_steps)
+        return f"harmonic {self.harmonic[row]} of step {step + 1}"
+
     def predict(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> tuple[ComplexArray, Array]:

@@ -1,0 +1,173 @@
+"""Evidence of causes whose equations are not exact, beside a discrepancy of unknown size.
+
+M. C. Kennedy and A. O'Hagan, J. R. Stat. Soc. B 63, 425 (2001): every candidate, the base model
+among them, may miss the data by more than noise. What it misses is a part along the directions in
+which this kind of data deviates smoothly, and scatter beside them. The sizes of both are unknown
+and integrated over, so that a cause is worth what it takes from the discrepancy.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from femnl.core.effect import Effect
+from femnl.core.readout import Array
+from femnl.diagnose.candidate import Candidate
+from femnl.fits.least_squares import FitResult, log_prior
+from femnl.observe.model import Layout, MeasurementModel
+
+MOST_DIRECTIONS = 40
+"""Directions of smooth deviations, those that most of the named ones share."""
+SHARED = 1e-3
+"""Part of the largest singular value below which a direction adds nothing to the others."""
+SIZES = np.concatenate([[0.0], np.geomspace(0.1, 1e5, 25)])
+"""Sizes τ [σ] of a discrepancy that are summed over: uniform in the logarithm, or none."""
+LAGS = 64
+"""Residuals along a line over which a remainder may be correlated."""
+UNCORRELATED = 0.05
+"""Correlation below which neighbours count as independent."""
+
+
+@dataclass(frozen=True)
+class Discrepancy:
+    """What every candidate may miss the data by.
+
+    directions (k, n): orthonormal, of smooth deviations. pieces: independent data of what is beside
+    them, fewer than residuals where the remainder of the best candidate is smooth.
+    """
+
+    directions: Array
+    pieces: float
+
+
+def discrepancy(base: FitResult, best: FitResult) -> Discrepancy:
+    """Return the discrepancy that suits the data of a base model.
+
+    Args: best: the fit that leaves least, whose remainder tells how smooth a remainder is.
+    """
+    model = base.model
+    named = model.base_model.residual_directions(model.effects, *model.split(base.vector))
+    rows = [row / np.linalg.norm(row) for row in named.values() if np.any(row)]
+    n = len(base.residuals)
+    directions = np.empty((0, n))
+    if rows:
+        # The Gram matrix is small, and rows may be long
+        stacked = np.stack(rows)
+        values, vectors = np.linalg.eigh(stacked @ stacked.T)
+        largest = np.argsort(-values)[: min(MOST_DIRECTIONS, n - 1)]
+        kept = largest[values[largest] > SHARED**2 * values.max()]
+        directions = (vectors[:, kept] / np.sqrt(values[kept])).T @ stacked
+    left = best.residuals - directions.T @ (directions @ best.residuals)
+    beside = max(n - len(directions), 1)
+    blocks = np.unique(model.base_model.blocks).size
+    pieces = beside / _smoothness(left, model.base_model)
+    return Discrepancy(directions, float(min(max(pieces, blocks), beside)))
+
+
+def _smoothness(residuals: Array, base_model: MeasurementModel) -> float:
+    """Return how many neighbours each residual stands for, 1 where they are independent."""
+    layout = base_model.layout
+    if layout is None:
+        return 1.0
+    along = _integrated(residuals, layout)
+    return along**2 if layout.planar else along
+
+
+def _integrated(residuals: Array, layout: Layout) -> float:
+    """Return 1 + 2 Σ ρ_k of the residuals along the lines of acquisition."""
+    total = 1.0
+    at = np.flatnonzero(layout.datum >= 0)
+    there = at
+    power = float(np.mean(residuals[at] ** 2))
+    for _ in range(LAGS):
+        there = layout.previous[there]
+        at = at[there >= 0]
+        there = there[there >= 0]
+        if not len(at) or power == 0:
+            break
+        correlation = float(np.mean(residuals[at] * residuals[there])) / power
+        if correlation < UNCORRELATED:
+            break
+        total += 2 * correlation
+    return total
+
+
+def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) -> float:
+    """Return the logarithm of ∫ likelihood × prior over parameters and sizes of the discrepancy.
+
+    Residuals r have the covariance v₀ (1 − QᵀQ)/w + v₁ QᵀQ, with v = 1 + τ² and the weight
+    w = pieces per residual; around the fit the model is linear, so that the parameters integrate in
+    closed form. The discrepancy is at least what the accuracy of each cause's equation allows.
+    Up to a constant that all candidates of the measurement share.
+    """
+    result = candidate.result
+    low, high = result.model.bounds
+    width = high - low
+    directions = allowed.directions
+    slopes = result.jacobian * width
+    inside = directions @ slopes
+    seen = directions @ result.residuals
+    k = len(directions)
+    weight = allowed.pieces / max(len(result.residuals) - k, 1)
+    across = slopes.T @ slopes - inside.T @ inside
+    pull = slopes.T @ result.residuals - inside.T @ seen
+    rest = max(result.chi2 - float(seen @ seen), 0.0)
+    least_smooth, least_scatter = _least(candidate, base, allowed)
+    smooth = (1 + np.maximum(SIZES**2, least_smooth))[:, None]
+    scatter = (1 + np.maximum(SIZES**2, least_scatter))[None, :]
+    per_scatter = weight / scatter
+    fisher = (
+        across * per_scatter[..., None, None]
+        + inside.T @ inside / smooth[..., None, None]
+        + 12 * np.eye(width.size)
+    )
+    gradient = pull * per_scatter[..., None] + inside.T @ seen / smooth[..., None]
+    shift = np.linalg.solve(fisher, gradient[..., None])[..., 0]
+    square = rest * per_scatter + float(seen @ seen) / smooth - np.sum(gradient * shift, axis=-1)
+    _, volume = np.linalg.slogdet(fisher)
+    level = -0.5 * (square + k * np.log(smooth) + allowed.pieces * np.log(scatter) + volume)
+    best = np.unravel_index(int(np.argmax(level)), level.shape)
+    spread = np.sqrt(np.diag(np.linalg.inv(fisher[best]))) * width
+    prior = log_prior(result.model, result.vector, spread) + float(np.sum(np.log(width)))
+    constant = 0.5 * width.size * np.log(2 * np.pi) - np.log(level.size)
+    return float(logsumexp(level) + prior + constant)
+
+
+def _least(candidate: Candidate, base: Candidate, allowed: Discrepancy) -> tuple[float, float]:
+    """Return τ² along the smooth directions and beside them that accuracies allow for.
+
+    An equation of relative accuracy a may miss a part a of what the cause does to the data, beyond
+    what base parameters take up.
+    """
+    smooth = scatter = 0.0
+    result = candidate.result
+    own, _ = np.linalg.qr(base.result.jacobian)
+    k = len(allowed.directions)
+    for effect in result.model.effects:
+        done = done_by(candidate, base, effect)
+        done = done - own @ (own.T @ done)
+        along = float(np.sum((allowed.directions @ done) ** 2))
+        beside = max(float(done @ done) - along, 0.0)
+        smooth += effect.accuracy**2 * along / max(k, 1)
+        scatter += effect.accuracy**2 * beside / max(len(done) - k, 1)
+    return smooth, scatter
+
+
+def done_by(candidate: Candidate, base: Candidate, effect: Effect) -> Array:
+    """Return what one cause of a fitted set changes of every residual (n,).
+
+    Its strengths at zero against their values; of a cause without strengths, the whole change from
+    the base model.
+    """
+    result = candidate.result
+    base_values, values = result.model.split(result.vector)
+    if not any(spec.strength for spec in effect.parameters):
+        return np.asarray(base.result.residuals - result.residuals)
+    k = next(i for i, e in enumerate(result.model.effects) if e.name == effect.name)
+    idle = values[k] | {spec.name: 0.0 for spec in effect.parameters if spec.strength}
+    without = [*values[:k], idle, *values[k + 1 :]]
+    model = result.model.base_model
+    return np.asarray(
+        model.residuals(result.model.effects, base_values, without) - result.residuals
+    )

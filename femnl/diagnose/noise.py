@@ -1,0 +1,213 @@
+"""What residuals say of their noise: glitches, a wrong standard deviation, correlation.
+
+All of it is read where a misfit shows least: in differences from neighbours, and in the quietest
+stretches of the data.
+"""
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, norm
+
+from femnl.core.readout import Array
+from femnl.observe.model import Layout
+from femnl.observe.noisy import FoundNoise
+
+STRETCH = 24
+"""Residuals in a row that are looked at together."""
+CUBIC = 4
+"""Terms of the polynomial that is taken off each stretch."""
+FEWEST = 24
+"""Stretches below which nothing is said of the noise."""
+QUIET = 0.5
+"""Part of the stretches that is the quietest: a misfit is weaker there than elsewhere."""
+CLEAR = 4.0
+"""Standard errors by which a factor must differ from 1."""
+LEAST_FACTOR = 0.06
+"""Its least difference from 1, and that of a correlation from 0, that are told: smaller ones change
+no verdict.
+"""
+LEAST_CORRELATION = 0.12
+MOST_GLITCHES = 0.02
+"""Part of the data that may be glitches; more are no glitches, but what the model lacks."""
+FAINT = 3.5
+"""σ below which no datum counts as a glitch."""
+RARE = 0.02
+"""Data that chance puts beyond the limit, all together, where there are few glitches."""
+MANY = 10
+"""Times as many data beyond the limit as chance puts there, from which on they are glitches."""
+DRAWN = 20000
+"""Stretches of noise that tell what the quietest ones show."""
+MEDIAN_VARIANCE = 1.57
+"""Variance of a median of many, in those of their mean: π/2."""
+RHO = np.linspace(0.0, 0.98, 50)
+"""Correlations that are tried."""
+
+
+def found_noise(residuals: Array, layout: Layout, known: FoundNoise) -> FoundNoise:
+    """Return the noise that the residuals of a fitted model show.
+
+    Args: residuals (n,): in stated σ, of all data. layout: their neighbours. known: what was found
+    before; its glitches stay.
+    Valid: noise that is the same all over the data, but for glitches.
+    """
+    dropped = np.zeros(len(residuals), dtype=bool)
+    dropped[list(known.glitches)] = True
+    factor, correlation = _spread(residuals, layout, dropped)
+    fresh = _glitches(residuals, layout, dropped, factor)
+    glitches = tuple(int(i) for i in np.flatnonzero(dropped | fresh))
+    if np.any(fresh):
+        factor, correlation = _spread(residuals, layout, dropped | fresh)
+    return FoundNoise(glitches, factor, correlation)
+
+
+def _spread(residuals: Array, layout: Layout, dropped: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return the factor on the stated standard deviation, and the correlation of neighbours.
+
+    Of stretches of `STRETCH` residuals less a cubic, the quieter half; 1 and 0 where they do not
+    differ clearly from what is stated.
+    """
+    rows = _stretches(layout, dropped)
+    if len(rows) < FEWEST:
+        return 1.0, 0.0
+    left = residuals[rows] @ _beside_cubic()
+    power = np.sum(left**2, axis=1)
+    lowest = float(np.quantile(power, QUIET))
+    ratio = _neighbours(left[power <= lowest])
+    expected = _expected()
+    correlation = float(np.interp(ratio, expected[:, 1], RHO))
+    if correlation < max(LEAST_CORRELATION, CLEAR / np.sqrt(QUIET * left.size)):
+        correlation = 0.0
+    factor = float(np.sqrt(lowest / np.interp(correlation, RHO, expected[:, 0])))
+    # Of a quantile, from the density of χ² there
+    freedom = STRETCH - CUBIC
+    quantile = chi2.ppf(QUIET, freedom)
+    error = np.sqrt(QUIET * (1 - QUIET) / len(rows)) / (chi2.pdf(quantile, freedom) * quantile) / 2
+    clear = abs(np.log(max(factor, 1e-300))) > max(LEAST_FACTOR, CLEAR * error)
+    return factor if clear else 1.0, correlation
+
+
+def _neighbours(left: Array) -> float:
+    """Return Σeᵢeᵢ₊₁/Σe² of stretches (m, STRETCH)."""
+    return float(np.sum(left[:, 1:] * left[:, :-1]) / np.sum(left**2))
+
+
+@cache
+def _expected() -> Array:
+    """Return, for each of `RHO`, what stretches of noise of variance 1 and that correlation show.
+
+    The power below which the quietest of them lie, and Σeᵢeᵢ₊₁/Σe² of those, (len(RHO), 2); of
+    `DRAWN` stretches, since the quietest are not like the others.
+    """
+    rng = np.random.default_rng(0)
+    drawn = rng.standard_normal((DRAWN, STRETCH))
+    found = []
+    for rho in RHO:
+        noise = drawn.copy()
+        for k in range(1, STRETCH):
+            noise[:, k] = rho * noise[:, k - 1] + np.sqrt(1 - rho**2) * drawn[:, k]
+        left = noise @ _beside_cubic()
+        power = np.sum(left**2, axis=1)
+        lowest = float(np.quantile(power, QUIET))
+        found.append((lowest, _neighbours(left[power <= lowest])))
+    return np.array(found)
+
+
+@cache
+def _beside_cubic() -> Array:
+    """Return the projection (STRETCH, STRETCH) that takes a cubic off."""
+    powers = np.linspace(-1, 1, STRETCH)[:, None] ** np.arange(CUBIC)
+    own, _ = np.linalg.qr(powers)
+    return np.asarray(np.eye(STRETCH) - own @ own.T)
+
+
+def _stretches(layout: Layout, dropped: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return rows (m, STRETCH) of residuals that follow each other and are no glitches."""
+    before = np.where(dropped, -1, layout.previous)
+    before = np.where((before >= 0) & dropped[before], -1, before)
+    following = np.full(len(before), -1)
+    linked = np.flatnonzero(before >= 0)
+    following[before[linked]] = linked
+    begins = np.flatnonzero((before < 0) & ~dropped & (layout.datum >= 0))
+    rows = []
+    while len(begins):
+        row = [begins]
+        for _ in range(STRETCH - 1):
+            row.append(np.where(row[-1] >= 0, following[row[-1]], -1))
+        whole = np.stack(row, axis=1)
+        rows.append(whole[whole[:, -1] >= 0])
+        ends = rows[-1][:, -1]
+        begins = following[ends]
+        begins = begins[begins >= 0]
+    return np.concatenate(rows) if rows else np.empty((0, STRETCH), np.int64)
+
+
+def _glitches(
+    residuals: Array, layout: Layout, dropped: NDArray[np.bool_], factor: float
+) -> NDArray[np.bool_]:
+    """Return the residuals (n,) of data that stand out from those around them.
+
+    By more than chance allows, in units of the local scatter, which is at least the noise. What
+    stands out at the same conditions in several lines is no glitch, nor is what more data share
+    than `MOST_GLITCHES`.
+    """
+    none = np.zeros(len(residuals), dtype=bool)
+    middle, scatter = _around(residuals, layout, dropped)
+    known = np.maximum(np.sum(layout.near >= 0, axis=1), 1)
+    away = np.abs(residuals - middle) / np.maximum(scatter, factor)
+    away /= np.sqrt(1 + MEDIAN_VARIANCE / known)
+    away[dropped | (layout.datum < 0)] = 0.0
+    count = int(np.sum(layout.datum >= 0))
+    limit = _limit(np.sort(away)[::-1], count)
+    datum = np.unique(layout.datum[away > limit])
+    recurring = _recurring(layout, datum)
+    found = np.isin(layout.datum, np.setdiff1d(datum, recurring)) & (layout.datum >= 0)
+    return found if np.sum(found | dropped) <= MOST_GLITCHES * count else none
+
+
+def _limit(falling: Array, count: int) -> float:
+    """Return the σ from which on data are glitches, given how they deviate, largest first.
+
+    So far out that chance puts hardly any datum there, or only one of `MANY` that are there.
+    """
+    seen = np.arange(1, len(falling) + 1)
+    chance = count * 2 * norm.sf(falling)
+    glitches = (chance <= RARE) | ((chance * MANY <= seen) & (seen >= MANY))
+    glitches &= falling >= FAINT
+    return float(falling[glitches].min()) * (1 - 1e-12) if glitches.any() else np.inf
+
+
+def _around(residuals: Array, layout: Layout, dropped: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return median and scatter (n,) of the residuals around each, 0 and ∞ where there are few."""
+    present = (layout.near >= 0) & ~dropped[layout.near]
+    values = np.where(present, residuals[layout.near], np.nan)
+    middle = _median(values, present)
+    scatter = 1.4826 * _median(np.abs(values - middle[:, None]), present)
+    few = present.sum(axis=1) < 4
+    return np.where(few, 0.0, middle), np.where(few, np.inf, scatter)
+
+
+def _median(values: Array, present: NDArray[np.bool_]) -> Array:
+    """Return the median of each row (n, k), of what is present; 0 where nothing is."""
+    count = present.sum(axis=1)
+    ordered = np.sort(values, axis=1)  # what is missing comes last
+    row = np.arange(len(values))
+    low = ordered[row, np.maximum((count - 1) // 2, 0)]
+    high = ordered[row, np.minimum(count // 2, values.shape[1] - 1)]
+    return np.where(count > 0, (low + high) / 2, 0.0)
+
+
+def _recurring(layout: Layout, datum: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return those data that others, of the same or the next conditions, deviate along with."""
+    condition = np.full(int(layout.datum.max()) + 1, -1)
+    condition[layout.datum[layout.datum >= 0]] = layout.repeated[layout.datum >= 0]
+    mine = condition[datum]
+    counted = np.bincount(mine[mine >= 0], minlength=int(mine.max(initial=0)) + 3)
+    if not counted.any():
+        return np.empty(0, np.int64)
+    padded = np.pad(counted, 1)
+    together = padded[:-2] + padded[1:-1] + padded[2:]
+    several = (mine >= 0) & (together[np.maximum(mine, 0)] > 1)
+    recurring: NDArray[np.int64] = datum[several]
+    return recurring

@@ -1,0 +1,126 @@
+"""The noise of each measurement of a file, before causes are sought and after."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from femnl.core.checkpoint import Checkpoint
+from femnl.core.diagnosis import Excluded, NoiseTold
+from femnl.core.effect import Effect
+from femnl.core.readout import Array
+from femnl.diagnose.candidate import criticise
+from femnl.diagnose.joint import JointModel
+from femnl.diagnose.noise import found_noise
+from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.fits.least_squares import FitResult, fit
+from femnl.observe.model import ExtendedModel, MeasurementModel
+from femnl.observe.noisy import FoundNoise, with_noise, without_noise
+
+Noise = Mapping[str, FoundNoise]
+"""What was found of each measurement, by its name."""
+LOOKS = 3
+"""Times that a base model is fitted without the glitches found so far: a large one may hide others.
+"""
+SAME_FACTOR = 0.05
+"""Relative difference of two factors, and difference of two correlations, up to which noise is the
+same to every verdict.
+"""
+SAME_CORRELATION = 0.1
+
+
+def first_noise(
+    bare: MeasurementModel, library: list[Effect], checkpoint: Checkpoint | None
+) -> FoundNoise:
+    """Return the noise of one measurement that its base model shows.
+
+    A misfit that is rough everywhere looks like noise, so that more noise than the file states, and
+    correlation, count only where the base model explains the data with them.
+    """
+    around = bare.layout
+    if around is None:
+        return FoundNoise()
+    noise = FoundNoise()
+    for _ in range(LOOKS):
+        seen = with_noise(bare, noise)
+        result = fit(ExtendedModel(seen), seen.start, checkpoint=checkpoint)
+        base, values = result.model.split(result.vector)
+        found = found_noise(bare.residuals((), base, values), around, noise)
+        settled = found.glitches == noise.glitches
+        noise = found
+        if settled:
+            break
+    sure = FoundNoise(noise.glitches, min(noise.factor, 1.0), 0.0)
+    if noise == sure:
+        return noise
+    seen = with_noise(bare, noise)
+    result = fit(ExtendedModel(seen), seen.start, checkpoint=checkpoint)
+    explained = criticise(result, library).p_value >= THRESHOLDS.base_inadequate
+    return noise if explained else sure
+
+
+def last_noise(best: FitResult, noise: Noise) -> Noise:
+    """Return the noise of each measurement that the best set of causes shows.
+
+    That from before where it differs by nothing that matters.
+    """
+    found = dict(noise)
+    for name, (bare, residuals) in _bare_residuals(best).items():
+        around = bare.layout
+        if around is not None:
+            known = noise.get(name, FoundNoise())
+            fresh = found_noise(residuals, around, known)
+            if not _same(fresh, known):
+                found[name] = fresh
+    return found
+
+
+def told_noise(best: FitResult, noise: Noise) -> tuple[NoiseTold, ...]:
+    """Return stated and found noise of each measurement, in its unit."""
+    told = []
+    for name, (bare, _) in _bare_residuals(best).items():
+        sizes, unit = bare.quantity
+        stated = float(np.nanmedian(sizes))
+        found = noise.get(name, FoundNoise())
+        told.append(NoiseTold(name, stated, stated * found.factor, found.correlation_length, unit))
+    return tuple(told)
+
+
+def told_glitches(best: FitResult, noise: Noise) -> tuple[Excluded, ...]:
+    """Return the data that were left out, the largest deviation first, each datum once."""
+    told: list[Excluded] = []
+    measured = _bare_residuals(best)
+    for name, (bare, residuals) in measured.items():
+        found = noise.get(name, FoundNoise())
+        around = bare.layout
+        if not found.glitches or around is None:
+            continue
+        label = f"{name}: " if len(measured) > 1 else ""
+        away = np.abs(residuals) / found.factor
+        largest: dict[int, int] = {}
+        for i in found.glitches:
+            datum = int(around.datum[i])
+            if datum not in largest or away[i] > away[largest[datum]]:
+                largest[datum] = i
+        told += [Excluded(label + bare.locate(i), float(away[i])) for i in largest.values()]
+    return tuple(sorted(told, key=lambda datum: -datum.sigma))
+
+
+def _same(one: FoundNoise, other: FoundNoise) -> bool:
+    close = abs(np.log(one.factor / other.factor)) < SAME_FACTOR
+    alike = abs(one.correlation - other.correlation) < SAME_CORRELATION
+    return one.glitches == other.glitches and bool(close) and alike
+
+
+def _bare_residuals(result: FitResult) -> dict[str, tuple[MeasurementModel, Array]]:
+    """Return each measurement's model under its stated noise, with its residuals in that."""
+    base, values = result.model.split(result.vector)
+    effects = result.model.effects
+    model = result.model.base_model
+    if not isinstance(model, JointModel):
+        bare = without_noise(model)
+        return {"": (bare, bare.residuals(effects, base, values))}
+    found = {}
+    for name, group in model.groups.items():
+        bare = without_noise(group)
+        found[name] = (bare, bare.residuals(*model.seen_by(name, effects, base, values)))
+    return found

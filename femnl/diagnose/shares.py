@@ -1,0 +1,136 @@
+"""How much each named cause takes up of what the simulation gets wrong, and what remains."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from femnl.core.diagnosis import FreeForm, Remainder, Share
+from femnl.core.effect import Effect
+from femnl.core.numbers import plain
+from femnl.core.readout import Array
+from femnl.diagnose.candidate import Candidate, Names
+from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.diagnose.worker_pool import Job, Run
+from femnl.fits.least_squares import CrossValidation, FitResult, fit
+from femnl.observe.model import ExtendedModel
+
+
+def shares(best: Candidate, found: Sequence[Candidate], run: Run) -> tuple[Share, ...]:
+    """Return the share of each cause of a fitted set, the largest first.
+
+    Args: best: the set. found: what was fitted, the base model first. run: does the fits that held
+    data out.
+    """
+    if not best.names:
+        return ()
+    base = found[0]
+    known = {candidate.names: candidate.result for candidate in found}
+    lacking = [_without(best, base, name, known) for name in best.names]
+    alone = [known.get((name,)) or _alone(best, base, name) for name in best.names]
+    # A single cause is its own set, and without it there is the base model
+    fits = {id(result): result for result in (*lacking, *alone)}
+    jobs = [Job("predicting held-out data", partial(_predicted, f)) for f in fits.values()]
+    seen = dict(zip(fits, run(jobs), strict=True))
+    rest = [seen[id(result)] for result in (*lacking, *alone)]
+    base_cv = base.result.cross_validation
+    best_cv = best.result.cross_validation
+    whole = _excess(base_cv)
+    told = []
+    for k, name in enumerate(best.names):
+        taken = _excess(rest[k]) - _excess(best_cv)
+        by_itself = whole - _excess(rest[len(best.names) + k])
+        told.append(Share(name, _part(taken, whole), _error(taken, whole), _part(by_itself, whole)))
+    return tuple(sorted(told, key=lambda share: -share.share))
+
+
+def _predicted(result: FitResult) -> CrossValidation:
+    return result.cross_validation
+
+
+def _excess(seen: CrossValidation) -> Array:
+    """Return the held-out χ² of each block beyond what noise adds."""
+    return np.subtract(seen.squares, seen.sizes)
+
+
+def _part(taken: Array, whole: Array) -> float:
+    """Return a part of the whole excess, between 0 and 1."""
+    total = float(whole.sum())
+    return float(np.clip(taken.sum() / total, 0.0, 1.0)) if total > 0 else 0.0
+
+
+def _error(taken: Array, whole: Array) -> float:
+    """Return the standard deviation of a share over the blocks, by leaving out one at a time."""
+    n = len(whole)
+    if n < 2:
+        return 1.0
+    others = [_part(np.delete(taken, b), np.delete(whole, b)) for b in range(n)]
+    return float(np.sqrt((n - 1) / n * np.sum((np.array(others) - np.mean(others)) ** 2)))
+
+
+def _without(
+    best: Candidate, base: Candidate, name: str, known: dict[Names, FitResult]
+) -> FitResult:
+    """Return the fit of a set without one of its causes."""
+    left = tuple(other for other in best.names if other != name)
+    return known.get(left) or _fitted(best, base, [e for e in _effects(best) if e.name != name])
+
+
+def _alone(best: Candidate, base: Candidate, name: str) -> FitResult:
+    """Return the fit of one cause of a set beside the base model."""
+    return _fitted(best, base, [e for e in _effects(best) if e.name == name])
+
+
+def _effects(candidate: Candidate) -> tuple[Effect, ...]:
+    return candidate.result.model.effects
+
+
+def _fitted(best: Candidate, base: Candidate, kept: list[Effect]) -> FitResult:
+    """Fit some causes of a set from where it has them; what the others replaced starts anew."""
+    own, values = best.result.model.split(best.result.vector)
+    plain_base, _ = base.result.model.split(base.result.vector)
+    gone = {name for effect in _effects(best) for name in effect.replaces}
+    start = own | {name: plain_base[name] for name in gone}
+    numbers = [v for e, v in zip(_effects(best), values, strict=True) if e in kept]
+    model = ExtendedModel(best.result.model.base_model, tuple(kept))
+    return fit(model, model.pack(start, numbers), near=best.result)
+
+
+def remainder(best: Candidate, base: Candidate, forms: Sequence[FreeForm]) -> Remainder:
+    """Say what a set of causes leaves, where, and which free form describes it."""
+    result = best.result
+    seen = result.cross_validation
+    where = result.model.base_model.describe(result.residuals)
+    better = [form for form in forms if form.quality.heldout_chi2_reduced < seen.chi2_reduced]
+    if better:
+        gained = f"{seen.chi2_reduced:.3g} → {better[0].quality.heldout_chi2_reduced:.3g}"
+        where += (
+            f"; {better[0].sentence} beside the causes predicts unseen data best "
+            f"(held-out χ² per datum {gained})"
+        )
+    return Remainder(
+        chi2_reduced=result.chi2 / result.degrees,
+        heldout_chi2_reduced=seen.chi2_reduced,
+        largest_sigma=float(np.abs(result.residuals).max()),
+        in_units=_in_units(best, base),
+        where=where,
+        significant=best.p_value < THRESHOLDS.set_inadequate,
+    )
+
+
+def _in_units(best: Candidate, base: Candidate) -> str:
+    """Return the largest deviation that is left, and the largest of the base model, with units."""
+    sizes, unit = best.result.model.base_model.quantity
+    left, before = (
+        float(np.nanmax(np.abs(candidate.result.residuals) * sizes)) for candidate in (best, base)
+    )
+    return f"{_engineering(left, unit)} of {_engineering(before, unit)}"
+
+
+def _engineering(value: float, unit: str) -> str:
+    """Return a value with two digits and an SI prefix, such as 480 Hz or 73 kHz."""
+    if value == 0 or not unit:
+        return f"{plain(value, 3)} {unit}".strip()
+    power = int(np.clip(np.floor(np.log10(value) / 3), -5, 4))
+    prefix = {-5: "f", -4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}
+    return f"{plain(value / 1000.0**power, 3)} {prefix[power]}{unit}"
