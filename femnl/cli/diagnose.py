@@ -65,6 +65,40 @@ def command(
     note(f"wrote {folder}/diagnosis.json and {folder}/report.html")
 
 
+def _show_shares(found: Diagnosis) -> None:
+    """Say what each cause takes up, what remains, and what the data say of their noise."""
+    left = found.remainder
+    for told in found.shares:
+        console().print(
+            f"{told.cause} takes up {_percent(told.share)} of the deviation "
+            f"(± {_percent(told.sd)}; alone {_percent(told.alone)})"
+        )
+    if left is not None:
+        size = f"what remains, {left.in_units} at most"
+        console().print(
+            f"{size}, is significant: {left.where}" if left.significant else f"{size}, is noise"
+        )
+    for noise in found.noise:
+        if noise.found != noise.stated or noise.correlation_length != 1:
+            label = f"{noise.measurement}: " if noise.measurement else ""
+            console().print(
+                f"{label}the noise is {noise.found:.3g} {noise.unit}, stated "
+                f"{noise.stated:.3g} {noise.unit}; {noise.correlation_length:.3g} neighbouring "
+                "data count as one"
+            )
+    if found.excluded:
+        worst = found.excluded[0]
+        console().print(
+            f"left out as glitches: {len(found.excluded)}, the largest of {worst.sigma:.3g}σ at "
+            f"{worst.where}"
+        )
+
+
+def _percent(part: float) -> str:
+    """Return a part in percent, with as many nines as it has."""
+    return f"{100 * part:.4g} %" if part < 0.99 or part == 1 else f"{100 * part:.6g} %"
+
+
 def _show(found: Diagnosis) -> None:
     causes = f": {', '.join(found.causes)}" if found.causes else ""
     p_value = f"{found.p_value:.2g}" if found.p_value else "below 1e-300"
@@ -73,6 +107,7 @@ def _show(found: Diagnosis) -> None:
         f"{p_value})"
     )
     console().print(found.where)
+    _show_shares(found)
     rows = [
         [owner, name, scientific(p.value, 6), scientific(p.sd, 2), p.unit]
         for owner, own in found.parameters.items()

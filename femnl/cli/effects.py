@@ -45,7 +45,16 @@ def _named(name: str, effects: dict[str, Effect]) -> Effect:
 
 
 def _described(effect: Effect) -> dict[str, object]:
-    names = ("name", "equation", "kinds", "source", "limits", "sentence")
+    names = (
+        "name",
+        "equation",
+        "kinds",
+        "source",
+        "limits",
+        "sentence",
+        "accuracy",
+        "accuracy_reason",
+    )
     parameters = [vars(parameter) for parameter in effect.parameters]
     return {name: getattr(effect, name) for name in names} | {"parameters": parameters}
 
@@ -63,6 +72,7 @@ def _show(effect: Effect) -> None:
     ]
     head = ["parameter", "at least", "at most", "times", "why"]
     console().print(table(f"{effect.name}: {effect.sentence}", head, rows))
+    console().print(f"accuracy: {effect.accuracy:.1%} of what it does; {effect.accuracy_reason}")
     for what in ("equation", "limits", "source"):
         console().print(f"{what}: {getattr(effect, what)}".replace("[", r"\["))
     console().print(f"shows in: {', '.join(effect.kinds)}")

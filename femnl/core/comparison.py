@@ -13,7 +13,7 @@ from femnl.core.readout import Array, ComplexArray
 class Curve:
     """One curve of a `Curves`: x, data, sd (n,); predictions (n_models, n).
 
-    NaN where nothing was measured.
+    NaN where nothing was measured. excluded: places (indices) of data that no fit has seen.
     """
 
     name: str
@@ -21,6 +21,7 @@ class Curve:
     data: Array
     sd: Array
     predictions: Array
+    excluded: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -54,7 +55,8 @@ class Images:
     data (n_harmonics, n_y, n_x), predictions (n_models, n_harmonics, n_y, n_x) [V], NaN where not
     measured.
 
-    harmonic (n_harmonics,); x (n_x,), y (n_y,) [m]; noise [V]: sd of each quadrature.
+    harmonic (n_harmonics,); x (n_x,), y (n_y,) [m]; noise [V]: sd of each quadrature. excluded:
+    harmonic, row and column of data that no fit has seen.
     """
 
     title: str
@@ -65,6 +67,7 @@ class Images:
     data: ComplexArray
     predictions: ComplexArray
     noise: float
+    excluded: tuple[tuple[int, int, int], ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self)

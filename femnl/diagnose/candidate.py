@@ -1,6 +1,6 @@
 """A fitted set of causes: how well it explains the data, and what its residuals point to."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,13 +29,20 @@ class Candidate:
     """A fitted set of causes.
 
     Its p-value, the score test that speaks most against it, and where its residuals point
-    (None: not tested).
+    (None: not tested). p_value_scaled: that of the base model if its χ² is all noise, larger than
+    stated; NaN where neighbours tell the noise, and for sets of causes.
     """
 
     result: FitResult
     p_value: float
     worst: str
     pointers: tuple[Pointer, ...] | None
+    p_value_scaled: float = np.nan
+
+    @property
+    def factor(self) -> float:
+        """Standard deviation over the stated one, if χ² is all noise."""
+        return float(np.sqrt(self.result.chi2 / self.result.degrees))
 
     @property
     def names(self) -> Names:
@@ -70,7 +77,17 @@ def criticise(result: FitResult, library: list[Effect]) -> Candidate:
     others = [effect for effect in library if effect.name not in mine]
     found = score_tests(result, others)
     p_value, worst = adequacy(result, found)
-    return Candidate(result, p_value, worst, tuple(_pointers(result, found, others)))
+    pointers = tuple(_pointers(result, found, others))
+    scaled = np.nan
+    if not mine and result.model.base_model.layout is None:
+        scaled = adequacy(_scaled(result), found)[0]
+    return Candidate(result, p_value, worst, pointers, scaled)
+
+
+def _scaled(result: FitResult) -> FitResult:
+    """Return a fit whose noise is as large as its χ² says."""
+    factor = max(float(np.sqrt(result.chi2 / result.degrees)), 1e-300)
+    return replace(result, residuals=result.residuals / factor, jacobian=result.jacobian / factor)
 
 
 def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) -> list[Pointer]:

@@ -74,14 +74,19 @@ def last_noise(best: FitResult, noise: Noise) -> Noise:
     return found
 
 
-def told_noise(best: FitResult, noise: Noise) -> tuple[NoiseTold, ...]:
-    """Return stated and found noise of each measurement, in its unit."""
+def told_noise(best: FitResult, noise: Noise, factor: float = 1.0) -> tuple[NoiseTold, ...]:
+    """Return stated and found noise of each measurement, in its unit.
+
+    factor: by which noise is larger that no neighbours tell.
+    """
     told = []
     for name, (bare, _) in _bare_residuals(best).items():
         sizes, unit = bare.quantity
         stated = float(np.nanmedian(sizes))
         found = noise.get(name, FoundNoise())
-        told.append(NoiseTold(name, stated, stated * found.factor, found.correlation_length, unit))
+        told.append(
+            NoiseTold(name, stated, stated * found.factor * factor, found.correlation_length, unit)
+        )
     return tuple(told)
 
 

@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,6 @@ from femnl.core.diagnosis import (
     NoiseTold,
     Quality,
     Trial,
-    Verdict,
 )
 from femnl.core.effect import Effect
 from femnl.core.errors import MeasurementError, ParameterError
@@ -41,10 +40,10 @@ from femnl.diagnose.noise_of_file import (
     told_noise,
 )
 from femnl.diagnose.pose_joint import pose_joint
-from femnl.diagnose.search import search
+from femnl.diagnose.search import refitted, search
 from femnl.diagnose.sent import Sent, considered, received, sent
 from femnl.diagnose.shares import remainder, shares
-from femnl.diagnose.verdict import judge, measure_next
+from femnl.diagnose.verdict import NOISE_IS_LARGER, Judgement, judge, measure_next
 from femnl.diagnose.worker_pool import Pose, Posed, Run, worker_pool
 from femnl.effects import fingerprint
 from femnl.io import measurement
@@ -103,8 +102,10 @@ def diagnose(
     ):
         posing = partial(_posed, path, geometry, sent(pool, workers))
         noise = _first_noise(posing, checkpoint)
+        found: list[Candidate] = []
         for _ in range(SEARCHES):
-            found, run = _searched(partial(posing, noise=noise), workers, helpers, checkpoint)
+            searching = _Searching(partial(posing, noise=noise), workers, helpers, checkpoint)
+            found, run = searching.searched(found)
             best = max(found, key=lambda candidate: candidate.weight)
             seen = last_noise(best.result, noise)
             if seen == noise:
@@ -114,10 +115,12 @@ def diagnose(
         concluded = conclude(
             str(path), digest, found, (*tree.attrs.get("repairs", ()), *_notes(found)), run
         )
+        larger = concluded.rule == NOISE_IS_LARGER
+        factor = found[0].factor if larger else 1.0
         noisy = replace(
             concluded,
             excluded=told_glitches(best.result, noise),
-            noise=told_noise(best.result, noise),
+            noise=told_noise(best.result, noise, factor),
         )
     return replace(noisy, geometry=geometry)
 
@@ -177,30 +180,44 @@ def _posed(
     return only, only.usable_effects(effects)
 
 
-def _searched(
-    pose: Callable[..., Posed], workers: int, helpers: ExitStack, checkpoint: Checkpoint
-) -> tuple[list[Candidate], Run]:
-    """Fit what may explain one measurement, or several jointly.
+@dataclass(frozen=True)
+class _Searching:
+    """The search for causes of one measurement, or of several jointly.
 
-    Return what was fitted, and what does further jobs of that problem.
+    pose: poses the model and its effects. workers: processes that fit; helpers: ends them.
     """
 
-    def sought(pose: Pose) -> tuple[list[Candidate], Run]:
-        mine = helpers.enter_context(worker_pool(pose, workers, checkpoint))
-        return search(*mine.posed(), mine.run, checkpoint), mine.run
+    pose: Callable[..., Posed]
+    workers: int
+    helpers: ExitStack
+    checkpoint: Checkpoint
 
-    found, run = sought(pose)
-    base_model = found[0].result.model.base_model
-    if (
-        not isinstance(base_model, JointModel)
-        or any(candidate.viable for candidate in found)
-        or "wavelength" not in base_model.scales
-    ):
-        return found, run
-    # Which way the film moves at a phase of the drive is not known, and two wavelengths together
-    # tell it.
-    other = sought(partial(pose, backwards=True))
-    return max(((found, run), other), key=lambda one: max(candidate.weight for candidate in one[0]))
+    def searched(self, earlier: list[Candidate]) -> tuple[list[Candidate], Run]:
+        """Fit what may explain the data.
+
+        Args: earlier: what was found under another noise, if anything; where the best of it
+            explains the data, it is fitted again and nothing is sought.
+        Returns: what was fitted, and what does further jobs of that problem.
+        """
+        found, run = self._sought(self.pose, earlier)
+        base_model = found[0].result.model.base_model
+        if (
+            not isinstance(base_model, JointModel)
+            or any(candidate.viable for candidate in found)
+            or "wavelength" not in base_model.scales
+        ):
+            return found, run
+        # Which way the film moves at a phase of the drive is not known, and two wavelengths
+        # together tell it.
+        other = self._sought(partial(self.pose, backwards=True), [])
+        return max(((found, run), other), key=lambda one: max(c.weight for c in one[0]))
+
+    def _sought(self, pose: Pose, earlier: list[Candidate]) -> tuple[list[Candidate], Run]:
+        mine = self.helpers.enter_context(worker_pool(pose, self.workers, self.checkpoint))
+        model, library = mine.posed()
+        if earlier and max(earlier, key=lambda c: c.weight).viable:
+            return refitted(model, library, earlier, mine.run), mine.run
+        return search(model, library, mine.run, self.checkpoint), mine.run
 
 
 def pose(
@@ -240,7 +257,8 @@ def conclude(
             for c in sorted(found[1:], key=lambda c: -c.weight)
             if c not in listed and c is not best and share[c.names] > SHOWN
         ]
-    probability = {"adequate": base.p_value, "unexplained": 1 - base.p_value}.get(
+    plausible = base.p_value_scaled if judged.noisier else base.p_value
+    probability = {"adequate": plausible, "unexplained": 1 - base.p_value}.get(
         judged.verdict, share[best.names]
     )
     left = best if judged.verdict == "explained in part" else base
@@ -255,7 +273,7 @@ def conclude(
         parameters=_parameters(best),
         alternatives=tuple(Alternative(c.names, share[c.names]) for c in listed),
         p_value=base.p_value,
-        where=_where(base, judged.verdict)
+        where=_where(base, judged)
         + (_described(forms, before) if judged.verdict == "unexplained" else ""),
         before=before,
         after=after,
@@ -315,8 +333,13 @@ def _against(candidate: Candidate) -> tuple[str, ...]:
     return tuple(reasons)
 
 
-def _where(base: Candidate, verdict: Verdict) -> str:
-    if verdict == "adequate":
+def _where(base: Candidate, judged: Judgement) -> str:
+    if judged.noisier:
+        return (
+            f"the data scatter {base.factor:.3g} times as much as their stated standard deviation; "
+            "no deviation beyond such noise"
+        )
+    if judged.verdict == "adequate":
         return "no deviation from the base model beyond noise"
     return (
         f"{base.result.model.base_model.describe(base.result.residuals)}; most telling: "

@@ -9,6 +9,7 @@ from functools import partial
 from itertools import combinations
 from typing import TypeVar
 
+import numpy as np
 from scipy.stats import chi2
 
 from femnl.core.checkpoint import Checkpoint
@@ -65,12 +66,38 @@ def search(
             return _simpler(
                 [*found, *_kept(grown, run(_seeking(short)), library, run).values()], library, run
             )
-        grown = _kept(grown, _sought_anew(grown, found, size, library, run), library, run)
+        if not _takes_up_nearly_all(grown, base):
+            grown = _kept(grown, _sought_anew(grown, found, size, library, run), library, run)
         found += grown.values()
-        if _settled(grown):
+        if _settled(grown) or (size >= PAIR and _takes_up_nearly_all(grown, base)):
             break
         parents = _looked_at(_worth_extending(grown, size), library, run)
     return _simpler(found, library, run)
+
+
+def refitted(
+    base_model: MeasurementModel,
+    library: list[Effect],
+    earlier: list[Candidate],
+    run: Run = in_turn,
+) -> list[Candidate]:
+    """Return the likeliest sets of an earlier search, fitted to data whose noise is better known.
+
+    Args: base_model: under that noise. earlier: what was found under another; its best set explains
+    the data, so that nothing is sought anew.
+    """
+    ranked = sorted(earlier[1:], key=lambda c: -c.weight)[: THRESHOLDS.most_refitted]
+    kept = [earlier[0], *ranked]
+    jobs = [
+        _job("fitting again", c.names, c.result, partial(_again, base_model, c.result))
+        for c in kept
+    ]
+    results = run(jobs)
+    return [criticise(result, library) for result in results]
+
+
+def _again(base_model: MeasurementModel, before: FitResult) -> FitResult:
+    return fit(ExtendedModel(base_model, before.model.effects), before.vector, near=before)
 
 
 def _grown(
@@ -126,6 +153,12 @@ def _falls_short(candidate: Candidate, base: Candidate) -> bool:
     return not candidate.viable and _excess(candidate) < (
         THRESHOLDS.nearly_explained * _excess(base)
     )
+
+
+def _takes_up_nearly_all(grown: dict[Names, Candidate], base: Candidate) -> bool:
+    """Whether a set leaves so little that what remains is no matter of where fits start."""
+    least = min((_excess(c) for c in grown.values()), default=np.inf)
+    return least < THRESHOLDS.little_left * _excess(base)
 
 
 def _needs_global_search(found: list[Candidate]) -> bool:

@@ -97,6 +97,38 @@ class Thresholds:
         "explains the data is fitted anew: it may equal it",
         _BLIND,
     )
+    wrong_noise_odds: float = _threshold(
+        0.02,
+        "prior odds that a stated standard deviation is too small, where no neighbours tell the "
+        "noise",
+        _REALISTIC,
+    )
+    most_refitted: int = _threshold(
+        12,
+        "sets that are fitted again where the best one explains the data and shows other noise "
+        "than was known",
+        _REALISTIC,
+    )
+    largest_factor: float = _threshold(
+        3.0, "noise over the stated one up to which a misfit may be noise alone", _REALISTIC
+    )
+    factor_spread: float = _threshold(
+        0.5,
+        "standard deviation of the logarithm of noise over the stated one, where that is wrong",
+        _REALISTIC,
+    )
+    little_left: float = _threshold(
+        1e-3,
+        "part of what the base model leaves beyond noise, below which no start from afar and no "
+        "set of three is tried: what is left then is for the accuracy of equations",
+        _REALISTIC,
+    )
+    least_share_each: float = _threshold(
+        0.02,
+        "part of the held-out excess χ² that each of several causes must take up beside the others "
+        "to be named where they leave a significant remainder: less is within what equations miss",
+        _REALISTIC,
+    )
     least_share: float = _threshold(
         0.9,
         "part of the held-out excess χ² that causes must take up to be named where they leave a "

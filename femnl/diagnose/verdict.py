@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.special import logsumexp
 
 from femnl.core.diagnosis import Verdict
 from femnl.diagnose.candidate import Candidate, Names
@@ -33,6 +34,11 @@ class Judgement:
     rivals: tuple[Candidate, ...]
     share: dict[Names, float]
     rule: str = ""
+
+    @property
+    def noisier(self) -> bool:
+        """Whether the noise is larger than the file states, and explains all deviations."""
+        return self.rule == NOISE_IS_LARGER
 
 
 @dataclass(frozen=True)
@@ -143,8 +149,24 @@ class Weighed:
             for name in names:
                 inclusion[name] = inclusion.get(name, 0.0) + share
         sure = {name for name, share in inclusion.items() if share >= THRESHOLDS.least_inclusion}
-        sets = [c for c in self.found[1:] if set(c.names) <= sure and not c.result.stuck]
+        sets = [
+            c
+            for c in self.found[1:]
+            if set(c.names) <= sure and not c.result.stuck and self.each_counts(c)
+        ]
         return max(sets, key=lambda c: (len(c.names), self.graded[c.names]), default=None)
+
+    def each_counts(self, candidate: Candidate) -> bool:
+        """Whether every one of several causes takes up more than what inexact equations miss."""
+        least = THRESHOLDS.least_share_each * (self.base.result.chi2 - self.base.result.degrees)
+        fewer = [
+            c
+            for c in self.found
+            if set(c.names) < set(candidate.names) and len(c.names) == len(candidate.names) - 1
+        ]
+        return len(candidate.names) == 1 or all(
+            c.result.chi2 - candidate.result.chi2 >= least for c in fewer
+        )
 
     @cached_property
     def predicts_better_than_base(self) -> bool:
@@ -169,6 +191,21 @@ def no_cause_is_worth_its_parameters(weighed: Weighed) -> Judgement | None:
     if not weighed.base.viable or any(c.weight > weighed.base.weight for c in weighed.viable):
         return None
     return Judgement("adequate", weighed.base, (), weighed.prior_share)
+
+
+def noise_is_larger_than_stated(weighed: Weighed) -> Judgement | None:
+    """All deviations look like noise of another size, and that is likelier than any cause.
+
+    Only where no neighbours tell the noise: a spectrum has few data, of which each is its own.
+    """
+    base = weighed.base
+    if not base.p_value_scaled >= THRESHOLDS.base_inadequate:
+        return None
+    if not 1 < base.factor <= THRESHOLDS.largest_factor:
+        return None
+    if any(c.weight > _wrong_noise(base) for c in weighed.viable):
+        return None
+    return Judgement("adequate", base, (), weighed.prior_share)
 
 
 def causes_take_up_most_of_the_deviation(weighed: Weighed) -> Judgement | None:
@@ -213,9 +250,11 @@ def several_sets_are_left(weighed: Weighed) -> Judgement | None:
     return Judgement("ambiguous", simplest, others, weighed.share)
 
 
+NOISE_IS_LARGER = noise_is_larger_than_stated.__name__.replace("_", " ")
 RULES: tuple[Rule, ...] = (
     base_explains_the_data,
     no_cause_is_worth_its_parameters,
+    noise_is_larger_than_stated,
     causes_take_up_most_of_the_deviation,
     no_set_explains_the_data,
     only_set_predicts_no_better,
@@ -231,8 +270,13 @@ def judge(found: list[Candidate]) -> Judgement:
     for rule in RULES:
         judgement = rule(weighed)
         if judgement is not None:
-            return replace(judgement, rule=rule.__name__.replace("_", " "))
+            return replace(judgement, rule=_words(rule))
     raise AssertionError("the last rule always applies")
+
+
+def _words(rule: Rule) -> str:
+    """Return what a rule says, as its name has it."""
+    return rule.__name__.replace("_", " ")
 
 
 def _scatter(base: Candidate) -> float:
@@ -266,6 +310,21 @@ def _smooth(base: Candidate) -> float:
     return max((s.log_evidence for s in fitted_forms(base.result)), default=-np.inf) + 2 * float(
         np.log(THRESHOLDS.odds_per_cause)
     )
+
+
+def _wrong_noise(base: Candidate) -> float:
+    """Return the log evidence of the base model under noise of another size, times its prior odds.
+
+    ln s of the noise over the stated one is normal: ∫ p(ln s) s^{−d} e^{−χ²/2s²} d ln s, d the
+    degrees of freedom.
+    """
+    sizes = np.linspace(-4, 4, 401)
+    step = sizes[1] - sizes[0]
+    log_s = THRESHOLDS.factor_spread * sizes
+    chi2 = base.result.chi2
+    level = -0.5 * sizes**2 - base.result.degrees * log_s - chi2 / 2 * np.exp(-2 * log_s)
+    marginal = float(logsumexp(level)) + float(np.log(step / np.sqrt(2 * np.pi)))
+    return base.weight + chi2 / 2 + marginal + float(np.log(THRESHOLDS.wrong_noise_odds))
 
 
 def _takes_up_most(candidate: Candidate, base: Candidate) -> bool:

@@ -140,6 +140,7 @@ def _described(effect: Effect) -> tuple[object, ...]:
         effect.replaces,
         effect.shared,
         effect.couples_blocks,
+        effect.accuracy,
     )
     return *numbers, _source(effect)
 

@@ -29,6 +29,8 @@ def load(system: ModalSystem, values: Values) -> ModalSystem:
 
 EFFECT = Effect(
     name="added_mass",
+    accuracy=0.01,
+    accuracy_reason="a particle is no point: over 1 % of the film ξ² varies by a percent",
     equation="M → M + Δm ξ(x₀) ξ(x₀)ᵀ/(1 − ω²ΔmG); to first order Δf/f = −½ Δm ξ²(x₀)/m_eff",
     parameters=(
         ParameterSpec(

@@ -15,6 +15,8 @@ def stretch(system: ModalSystem, values: Values) -> ModalSystem:
 
 EFFECT = Effect(
     name="aspect_ratio",
+    accuracy=0.005,
+    accuracy_reason="corners and walls of an etch are straight to a percent of what it adds",
     equation="Lx → Lx(1 + e/2), Ly → Ly/(1 + e/2)",
     parameters=(
         ParameterSpec(

@@ -13,6 +13,8 @@ def stiffen(system: ModalSystem, values: Values) -> ModalSystem:
 
 EFFECT = Effect(
     name="bending_stiffness",
+    accuracy=0.02,
+    accuracy_reason="the layer at the clamp, and how thickness varies over a film",
     equation="f² → (c/2π)² (k² + ℓ²k⁴), ℓ² = ℓ₀² + s, ℓ = h √(E/12(1 − ν²)σ), ℓ₀ from the geometry",
     parameters=(
         ParameterSpec(

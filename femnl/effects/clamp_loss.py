@@ -21,6 +21,8 @@ def radiate(lines: Lines, values: Values) -> Lines:
 
 EFFECT = Effect(
     name="clamp_loss",
+    accuracy=0.3,
+    accuracy_reason="the chip is a half-space without modes of its own",
     equation="1/Q → 1/Q + a [(f/f₁)³ H + b² (f/f₁)⁵ (X + Y)], H, X, Y = (∫φξ)²/(∫φ² ∫ξ²) with "
     "φ = 1, x, y; of a square H = 64/(π⁴m²n²) for m and n odd",
     parameters=(

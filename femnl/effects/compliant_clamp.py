@@ -89,6 +89,8 @@ def _lowered(k: Array, width: float, depth: float, layer: float) -> Array:
 
 EFFECT = Effect(
     name="compliant_clamp",
+    accuracy=0.05,
+    accuracy_reason="an edge that yields alike all around; a ledge is no row of springs",
     equation="edge w = 0 → −δ ∂w/∂n, δ = T/springs per length: kL + 2 atan k(δ − ℓ) = mπ, less "
     "2δ/L of all modes; s = (δ − ℓ)³ + ℓ³",
     parameters=(

@@ -23,6 +23,8 @@ def leak_first(harmonics: Harmonics, values: Values) -> Harmonics:
 
 EFFECT = Effect(
     name="crosstalk",
+    accuracy=0.02,
+    accuracy_reason="a path whose gain and delay hardly vary over the span of the sweeps",
     equation="V → V + C V_drive",
     parameters=(
         ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope", reason=_REASON),

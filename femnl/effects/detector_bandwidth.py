@@ -19,6 +19,8 @@ def slow(harmonics: Harmonics, values: Values) -> Harmonics:
 
 EFFECT = Effect(
     name="detector_bandwidth",
+    accuracy=0.03,
+    accuracy_reason="one pole; amplifiers have further ones beyond",
     equation="V_n → V_n e^{inωτ}/(1 + inωτ), corner frequency 1/2πτ",
     parameters=(
         ParameterSpec(

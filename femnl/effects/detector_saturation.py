@@ -27,6 +27,8 @@ def clip_sweep(signal: Signal, values: Values) -> Signal:
 
 EFFECT = Effect(
     name="detector_saturation",
+    accuracy=0.1,
+    accuracy_reason="a sharp limit; amplifiers bend before they clip",
     equation="|v − V₀| ≤ (1 − s) max|f − V₀| of the fringe; in sweeps, of the strongest signal",
     parameters=(
         ParameterSpec(

@@ -21,6 +21,8 @@ def join(motion: Motion, values: Values) -> Motion:
 
 EFFECT = Effect(
     name="doublet",
+    accuracy=0.01,
+    accuracy_reason="shapes of the film as designed",
     equation="ξ → ξ + (e + iq) ξ_j, j one of the five lowest other modes",
     parameters=(
         ParameterSpec(

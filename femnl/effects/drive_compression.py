@@ -13,6 +13,8 @@ def compress(mode: Oscillator, values: Values) -> Oscillator:
 
 EFFECT = Effect(
     name="drive_compression",
+    accuracy=0.2,
+    accuracy_reason="a piezo saturates or grows by laws of its own",
     equation="F → V/(1 + κV²)",
     parameters=(
         ParameterSpec(

@@ -18,6 +18,8 @@ def shine_through(signal: Signal, values: Values) -> Signal:
 
 EFFECT = Effect(
     name="fano_background",
+    accuracy=0.05,
+    accuracy_reason="one resonance behind the mode; further ones are no constant",
     equation="V → V + C (w_p/2)/(f_p − f + iw_p/2) V_drive",
     parameters=(
         ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope", reason=_REASON),

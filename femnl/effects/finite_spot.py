@@ -15,6 +15,8 @@ def blur(placement: Placement, values: Values) -> Placement:
 
 EFFECT = Effect(
     name="finite_spot",
+    accuracy=0.03,
+    accuracy_reason="a Gaussian spot; optics leave rings",
     equation="V_n → ∫ V_n(x + s) 2/(πw²) e^{−2s²/w²} d²s",
     parameters=(
         ParameterSpec(

@@ -39,6 +39,8 @@ def _share(name: str, motion: str) -> ParameterSpec:
 
 EFFECT = Effect(
     name="frame_mode",
+    accuracy=0.05,
+    accuracy_reason="a frame that moves rigidly, and one mode of it",
     equation="(f² − λ)(f_F²(1 + i/Q_F) − λ) = λ²μ², λ = f²(1 + i/Q); close to it f + g²/Δ with "
     "g = fμ/2; μ² = Σ_φ r_φ² (∫ρhφξ)²/(∫ρhφ² ∫ρhξ²), φ = 1, x, y",
     parameters=(

@@ -28,6 +28,8 @@ def drift_points(points: Points, values: Values) -> Points:
 
 EFFECT = Effect(
     name="frequency_drift",
+    accuracy=0.1,
+    accuracy_reason="linear in time; drifts relax and wander",
     equation="f → f (1 + r (t − t₀)), t₀ the first acquisition; in sweeps, t of each point",
     parameters=(
         ParameterSpec(

@@ -25,6 +25,8 @@ def damp_lines(lines: Lines, values: Values) -> Lines:
 
 EFFECT = Effect(
     name="gas_damping",
+    accuracy=0.2,
+    accuracy_reason="free molecules at a wall of known temperature; the accommodation is not known",
     equation="1/Q → 1/Q₀ + c p, c = (2/π)^{3/2} √(M/RT)/(ρhf) times 0.13 to 4.6",
     parameters=(
         ParameterSpec(

@@ -33,6 +33,8 @@ def load_points(points: Points, values: Values) -> Points:
 
 EFFECT = Effect(
     name="gas_loading",
+    accuracy=0.03,
+    accuracy_reason="no viscosity, holes count as film; Lamb's term is exact for an open rim",
     equation="M → M + ρ_g (∫∫ξξ′/(2πr) + ∫ξ² coth(kd)/k), d the gap to the wafer; with no wafer "
     "twice the first term",
     parameters=(

@@ -16,6 +16,8 @@ def delay(signal: Signal, values: Values) -> Signal:
 
 EFFECT = Effect(
     name="group_delay",
+    accuracy=0.01,
+    accuracy_reason="a delay that is the same over the span",
     equation="V → V e^{−2πi(f − f₀)τ}",
     parameters=(
         ParameterSpec(

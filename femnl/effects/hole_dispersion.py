@@ -17,6 +17,8 @@ def slow(system: ModalSystem, values: Values) -> ModalSystem:
 
 EFFECT = Effect(
     name="hole_dispersion",
+    accuracy=0.05,
+    accuracy_reason="the next order in (ka)²",
     equation="f → f (1 − βa² k²), a the pitch of the holes, β beyond that of the simulated holes",
     parameters=(
         ParameterSpec(

@@ -13,6 +13,8 @@ def smear(swept: Acquisition, values: Values) -> Acquisition:
 
 EFFECT = Effect(
     name="lock_in_filter",
+    accuracy=0.03,
+    accuracy_reason="equal poles, and a settled reading before each point",
     equation="τ ẏ_j = y_{j−1} − y_j, j = 1 … n, y_0 = V, in the order of acquisition; kept = "
     "e^{−u} Σ_{j<n} u^j/j!, u = T/τ, T the time from one point to the next",
     parameters=(

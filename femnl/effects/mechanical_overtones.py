@@ -31,6 +31,8 @@ def sing(motion: Motion, values: Values) -> Motion:
 
 EFFECT = Effect(
     name="mechanical_overtones",
+    accuracy=0.03,
+    accuracy_reason="overtones that follow the motion as its power",
     equation="u → u + Σ_n ξ_j (a_n cos nτ + b_n sin nτ), n = 2, 3, τ the phase of the motion",
     parameters=tuple(
         ParameterSpec(f"{part}{n}", "m", -1e-7, 1e-7, reason=REASON)

@@ -23,6 +23,8 @@ def mix(motion: Motion, values: Values) -> Motion:
 
 EFFECT = Effect(
     name="mode_admixture",
+    accuracy=0.02,
+    accuracy_reason="five modes; higher ones follow with 1/(f² − f_j²)",
     equation="ξ → ξ + Σ (e_j + iq_j) ξ_j, over the five lowest other modes",
     parameters=tuple(
         ParameterSpec(f"{part}{i}", "1", -1.0, 1.0, reason=REASON)

@@ -18,6 +18,8 @@ def damp_record(forces: Equation, values: Values) -> Equation:
 
 EFFECT = Effect(
     name="nonlinear_damping",
+    accuracy=0.05,
+    accuracy_reason="the first order in u²; the next follows with u⁴",
     equation="γ u̇ → γ (1 + η u²) u̇",
     parameters=(
         ParameterSpec(

@@ -21,6 +21,8 @@ def bend(signal: Signal, values: Values) -> Signal:
 
 EFFECT = Effect(
     name="nonlinear_readout",
+    accuracy=0.03,
+    accuracy_reason="a sinusoidal fringe at its steepest point",
     equation="V → V 2J₁(z)/z, z² = s (4π ξ(x_p) A/λ)² at each place x_p; ξ = 1 where x, y are not "
     "recorded",
     parameters=(

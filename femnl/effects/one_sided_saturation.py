@@ -21,6 +21,8 @@ def clip_side(signal: Signal, values: Values) -> Signal:
 
 EFFECT = Effect(
     name="one_sided_saturation",
+    accuracy=0.1,
+    accuracy_reason="a sharp limit; amplifiers bend before they clip",
     equation="v − V₀ ≤ (1 − s) of the strongest signal",
     parameters=(
         ParameterSpec(

@@ -19,6 +19,8 @@ def heat(points: Points, values: Values) -> Points:
 
 EFFECT = Effect(
     name="photothermal",
+    accuracy=0.1,
+    accuracy_reason="linear in the power; absorption and conduction vary with temperature",
     equation="f² → f² (1 − 2aP), 1/Q → (1 + gP)/Q, a ≥ 0",
     parameters=(
         ParameterSpec(

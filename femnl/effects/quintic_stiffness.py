@@ -18,6 +18,8 @@ def stiffen_record(forces: Equation, values: Values) -> Equation:
 
 EFFECT = Effect(
     name="quintic_stiffness",
+    accuracy=0.05,
+    accuracy_reason="the next order, u⁷",
     equation="ω₀² (u + αu³) → ω₀² (u + αu³ + α₅u⁵)",
     parameters=(
         ParameterSpec(

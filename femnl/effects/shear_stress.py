@@ -11,6 +11,8 @@ def shear(system: ModalSystem, values: Values) -> ModalSystem:
 
 EFFECT = Effect(
     name="shear_stress",
+    accuracy=0.005,
+    accuracy_reason="shear that is the same all over the film",
     equation="σxy = s σ",
     parameters=(
         ParameterSpec(

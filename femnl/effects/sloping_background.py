@@ -19,6 +19,8 @@ def slope(signal: Signal, values: Values) -> Signal:
 
 EFFECT = Effect(
     name="sloping_background",
+    accuracy=0.05,
+    accuracy_reason="first order in f − f₀",
     equation="V → V + (C₀ + C₁(f − f₀)) V_drive",
     parameters=(
         ParameterSpec("real", "V/V", -1.0, 1.0, scale="slope", reason=_REASON),

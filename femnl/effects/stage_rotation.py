@@ -19,6 +19,8 @@ def turn(placement: Placement, values: Values) -> Placement:
 
 EFFECT = Effect(
     name="stage_rotation",
+    accuracy=0.01,
+    accuracy_reason="axes that are straight",
     equation="x → R(β) x",
     parameters=(
         ParameterSpec(

@@ -22,6 +22,8 @@ def scale(placement: Placement, values: Values) -> Placement:
 
 EFFECT = Effect(
     name="stage_scale",
+    accuracy=0.01,
+    accuracy_reason="steps of equal length; piezos creep and bend",
     equation="x → (1 + sx) x, y → (1 + sy) y",
     parameters=(
         ParameterSpec("stretch_x", "1", -0.2, 0.2, reason=REASON),

@@ -11,6 +11,8 @@ def bow(motion: Motion, values: Values) -> Motion:
 
 EFFECT = Effect(
     name="static_bow",
+    accuracy=0.05,
+    accuracy_reason="a bow of the shape of the lowest mode; pressure and stress bow otherwise",
     equation="θ → θ + 4πb ξ₁/λ",
     parameters=(
         ParameterSpec(

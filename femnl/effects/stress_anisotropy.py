@@ -12,6 +12,8 @@ def stretch(system: ModalSystem, values: Values) -> ModalSystem:
 
 EFFECT = Effect(
     name="stress_anisotropy",
+    accuracy=0.005,
+    accuracy_reason="stress that is the same all over the film",
     equation="σx = σ(1 + a/2), σy = σ(1 − a/2)",
     parameters=(
         ParameterSpec(

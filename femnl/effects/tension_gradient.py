@@ -28,6 +28,8 @@ def tilt(system: ModalSystem, values: Values) -> ModalSystem:
 
 EFFECT = Effect(
     name="tension_gradient",
+    accuracy=0.05,
+    accuracy_reason="second order in x and y",
     equation="deposited σ → σ (1 + gx x/R + gy y/R + b (x² + y²)/R²); in equilibrium "
     "∇·(σ I + C ε(u)) = 0, u = 0 at the clamp",
     parameters=(

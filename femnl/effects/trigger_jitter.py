@@ -16,6 +16,8 @@ def blur(harmonics: Harmonics, values: Values) -> Harmonics:
 
 EFFECT = Effect(
     name="trigger_jitter",
+    accuracy=0.03,
+    accuracy_reason="a normal distribution",
     equation="V_n → V_n e^{−(nωs)²/2}",
     parameters=(
         ParameterSpec(

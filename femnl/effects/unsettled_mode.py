@@ -13,6 +13,8 @@ def linger(swept: Acquisition, values: Values) -> Acquisition:
 
 EFFECT = Effect(
     name="unsettled_mode",
+    accuracy=0.05,
+    accuracy_reason="points at even times",
     equation="2 dA/dt = −(γ + 2iδ)A + F at each drive frequency for a time T; kept = e^{−γT/2}, "
     "γ = 2πw",
     parameters=(

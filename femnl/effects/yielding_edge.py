@@ -26,6 +26,8 @@ def yield_in_plane(system: ModalSystem, values: Values) -> ModalSystem:
 
 EFFECT = Effect(
     name="yielding_edge",
+    accuracy=0.05,
+    accuracy_reason="springs alike all around",
     equation="∇·(σ I + C ε(u)) = 0 with S·n = −(E/λ)(u_n n + ½(1 − ν) u_t t) at the edge",
     parameters=(
         ParameterSpec(

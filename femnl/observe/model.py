@@ -165,6 +165,12 @@ class MeasurementModel(ABC):
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Set the data beside what each model predicts, ready to be drawn."""
 
+    def marked(
+        self, comparisons: tuple[Comparison, ...], residuals: Sequence[int]
+    ) -> tuple[Comparison, ...]:
+        """Mark the data of some residuals, which no fit has seen, in what is drawn."""
+        return comparisons
+
     @abstractmethod
     def describe(self, residuals: Array) -> str:
         """Say in one sentence where the data deviate and how."""

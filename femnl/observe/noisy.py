@@ -157,8 +157,8 @@ class NoisyModel(MeasurementModel):
         return self.bare.can_show(effect)
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        """Those of the bare model."""
-        return self.bare.compare(models)
+        """Those of the bare model, with glitches marked."""
+        return self.bare.marked(self.bare.compare(models), self.noise.glitches)
 
     def describe(self, residuals: Array) -> str:
         """Say what the bare model does; glitches count as no deviation."""

@@ -25,6 +25,8 @@ LINES = ("--", "-", ":")
 """Line styles of the models, in their order: the base is dashed."""
 NOISE = 3.0
 """Residuals in σ up to which an axis is linear; noise stays within."""
+EXCLUDED = "#c62828"
+"""Colour of data that no fit has seen."""
 FAINTEST = 5.0
 """Smallest limit, in σ, of the colours of residuals, so that noise looks like noise."""
 
@@ -61,6 +63,8 @@ def _curves(found: Curves) -> Figure:
             color=colour,
             alpha=0.7,
         )
+        out = list(curve.excluded)
+        left.plot(x[out], curve.data[out] / scale, "x", color=EXCLUDED, markersize=5)
         for line, predicted in zip(LINES, curve.predictions, strict=False):
             if found.joined:
                 left.plot(x, predicted / scale, line, color=INK, linewidth=0.9)
@@ -72,10 +76,12 @@ def _curves(found: Curves) -> Figure:
             away = (curve.data - predicted) / curve.sd
             largest = max(largest, float(np.nanmax(np.abs(away))))
             axes.plot(x, away, ".", markersize=3, color=colour, label=curve.name)
+            axes.plot(x[out], away[out], "x", color=EXCLUDED, markersize=5)
     for name, line in zip(found.models, LINES, strict=False):
         test = line if found.joined else ("_" if line == LINES[0] else "x")
         left.plot([], [], test, color=INK, label=name)
     left.plot([], [], ".", color=INK, label="measured")
+    _name_excluded(left, found)
     left.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     left.set_ylabel(axis_label(found.y, y_unit))
     for axes, name in zip(right, found.models, strict=True):
@@ -96,6 +102,12 @@ def _curves(found: Curves) -> Figure:
     if 1 < len(found.curves) <= len(COLOURS):
         figure.legend(*right[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
+
+
+def _name_excluded(axes: Axes, found: Curves) -> None:
+    """Say in the legend what the crosses are, where there are any."""
+    if any(curve.excluded for curve in found.curves):
+        axes.plot([], [], "x", color=EXCLUDED, label="left out as a glitch")
 
 
 def _zero(x: Array) -> float:
@@ -139,9 +151,10 @@ def _images(found: Images) -> Figure:
     titles = ["measured", *(text for name in found.models for text in (name, "left (σ)"))]
     for axes, title in zip(panels[0], titles, strict=True):
         axes.set_title(title.replace(" + ", " +\n"), fontsize=7.5)
-    for row, n, data, predicted in zip(
+    rows = zip(
         panels, found.harmonic, found.data, np.moveaxis(found.predictions, 1, 0), strict=True
-    ):
+    )
+    for number, (row, n, data, predicted) in enumerate(rows):
         turn = np.exp(-1j * signal_phase(data))
         limit = symmetric_limit((data * turn).real)
         rests = [((data - model) * turn).real / found.noise for model in predicted]
@@ -165,6 +178,9 @@ def _images(found: Images) -> Figure:
                 rasterized=True,
             )
             _bare(axes)
+        gone = [(found.x[c], found.y[r]) for k, r, c in found.excluded if k == number]
+        if gone:
+            row[0].plot(*zip(*gone, strict=True), "o", mfc="none", color=INK, ms=4, mew=0.6)
         divisor, unit = prefixed(limit, "V")
         row[0].set_ylabel(
             f"{n}f\n±{limit / divisor:.3g} {unit}",

@@ -24,6 +24,8 @@ MEANING = {
     "adequate": "The base model explains these data; no further cause is needed.",
     "explained": "This set of causes explains the data, and is clearly preferred to every other "
     "that was tried.",
+    "explained in part": "These causes are beyond doubt. They take up most of what the base model "
+    "gets wrong, and leave more than noise.",
     "ambiguous": "Several sets of causes explain these data equally well; the simplest is "
     "named first.",
     "unexplained": "The base model does not explain these data, and neither does any cause in "
@@ -57,6 +59,28 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
         ],
         pictures=[_picture(comparison) for comparison in diagnosis.comparisons],
         parameters=_parameters(diagnosis),
+        shares=[
+            (
+                s.cause,
+                s.share,
+                f"{100 * s.share:.5g} %",
+                f"± {100 * s.sd:.2g} %",
+                f"{100 * s.alone:.5g} %",
+            )
+            for s in diagnosis.shares
+        ],
+        noise=[
+            [
+                n.measurement or "–",
+                plain(n.stated, 3),
+                plain(n.found, 3),
+                plain(n.correlation_length, 3),
+                n.unit,
+            ]
+            for n in diagnosis.noise
+        ],
+        excluded=[[e.where, f"{e.sigma:.3g}"] for e in diagnosis.excluded[:SHOWN]],
+        more_excluded=max(len(diagnosis.excluded) - SHOWN, 0),
         bounds=[
             [b.cause, b.name, plain(b.low, 3), plain(b.high, 3), _unit(b.unit), b.reason]
             for b in diagnosis.bounds

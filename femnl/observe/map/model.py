@@ -363,6 +363,20 @@ class MapModel(MeasurementModel):
         images = Images("map", names, self.harmonic, *self.axes, measured, predicted, self.noise)
         return (along_line(images) if 1 in self.grid.sizes else images,)
 
+    def marked(
+        self, comparisons: tuple[Comparison, ...], residuals: Sequence[int]
+    ) -> tuple[Comparison, ...]:
+        """Mark places that no fit has seen; of a single line nothing is marked."""
+        rows, places = np.nonzero(self.present)
+        at = np.unique(np.asarray(residuals, np.int64) % len(rows))
+        up = self.grid.row[places[at]]
+        right = self.grid.column[places[at]]
+        marks = tuple(zip(rows[at].tolist(), up.tolist(), right.tolist(), strict=True))
+        return tuple(
+            replace(shown, excluded=marks) if isinstance(shown, Images) else shown
+            for shown in comparisons
+        )
+
     def _on_grid(self, volts: ComplexArray) -> ComplexArray:
         whole = np.full((len(self.harmonic), *self.grid.sizes), complex(np.nan, np.nan))
         whole[:, self.grid.row, self.grid.column] = np.where(

@@ -409,6 +409,24 @@ class ResponseModel(MeasurementModel):
             found.append(Curves("response", "frequency", "Hz", what, unit, names, curves))
         return tuple(found)
 
+    def marked(
+        self, comparisons: tuple[Comparison, ...], residuals: Sequence[int]
+    ) -> tuple[Comparison, ...]:
+        """Mark points that no fit has seen, in magnitude and phase."""
+        points = {int(i) % len(self.sweeps.frequency) for i in residuals}
+        found: list[Comparison] = []
+        for shown in comparisons:
+            if isinstance(shown, Curves):
+                curves = tuple(
+                    replace(
+                        curve, excluded=tuple(sorted(p - s.start for p in points if p in _range(s)))
+                    )
+                    for curve, s in zip(shown.curves, self.sweeps.spans, strict=True)
+                )
+                shown = replace(shown, curves=curves)
+            found.append(shown)
+        return tuple(found)
+
     def _sweep_name(self, k: int) -> str:
         drive = self.sweeps.drive[self.sweeps.spans[k].start] * self.sweeps.reference
         return f"{drive:.3g} V {({1: 'up', -1: 'down'}).get(self.sweeps.direction[k], '')}".strip()
@@ -429,6 +447,10 @@ class ResponseModel(MeasurementModel):
         offset = self.sweeps.frequency[k] - self.start[0]
         drive = f"the drive of {worst * self.sweeps.reference:.3g} V deviates most"
         return f"{drive}, most strongly {offset:+.3g} Hz from resonance; rms by drive {table}"
+
+
+def _range(span: slice) -> range:
+    return range(span.start, span.stop)
 
 
 def _shifted(branch: NDArray[np.int64], later: int) -> NDArray[np.int64]:
