@@ -1,13 +1,11 @@
 """From a measurement file to a diagnosis."""
 
 import hashlib
-import json
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -20,7 +18,6 @@ from femnl.core.diagnosis import (
     Bound,
     Diagnosis,
     FreeForm,
-    NoiseTold,
     Quality,
     Trial,
 )
@@ -32,6 +29,7 @@ from femnl.core.processes import one_blas_thread
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointModel
+from femnl.diagnose.measure_next import measure_next
 from femnl.diagnose.noise_of_file import (
     Noise,
     first_noise,
@@ -43,11 +41,10 @@ from femnl.diagnose.pose_joint import pose_joint
 from femnl.diagnose.search import refitted, search
 from femnl.diagnose.sent import Sent, considered, received, sent
 from femnl.diagnose.shares import remainder, shares
-from femnl.diagnose.verdict import NOISE_IS_LARGER, Judgement, judge, measure_next
+from femnl.diagnose.verdict import NOISE_IS_LARGER, Judgement, judge
 from femnl.diagnose.worker_pool import Pose, Posed, Run, worker_pool
 from femnl.effects import fingerprint
 from femnl.io import measurement
-from femnl.io.results.atomic import write_whole
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import MeasurementModel, Named
 from femnl.observe.noisy import FoundNoise, with_noise
@@ -59,9 +56,6 @@ sought again with that.
 """
 SHOWN = 1e-6
 """Probability below which alternatives are not listed."""
-
-
-VERSION = "1.1"
 
 
 def diagnose(
@@ -368,62 +362,3 @@ def _bounds(candidate: Candidate) -> tuple[Bound, ...]:
         for (owner, spec), low, high in zip(model.parameters, *model.bounds, strict=True)
         if owner != "base"
     )
-
-
-def record(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Return a diagnosis as the object of `diagnosis.json`."""
-    return {
-        "femnl_diagnosis": VERSION,
-        "file": diagnosis.file,
-        "sha256": diagnosis.sha256,
-        "verdict": diagnosis.verdict,
-        "causes": list(diagnosis.causes),
-        "probability": diagnosis.probability,
-        "parameters": {
-            owner: {name: {"value": p.value, "sd": p.sd, "unit": p.unit} for name, p in own.items()}
-            for owner, own in diagnosis.parameters.items()
-        },
-        "alternatives": [
-            {"causes": list(a.causes), "probability": a.probability} for a in diagnosis.alternatives
-        ],
-        "misfit": {"p_value": diagnosis.p_value, "where": diagnosis.where},
-        "before": vars(diagnosis.before),
-        "after": vars(diagnosis.after),
-        "gain": diagnosis.gain,
-        "measure_next": diagnosis.measure_next,
-        "shares": {
-            told.cause: {"share": told.share, "sd": told.sd, "alone": told.alone}
-            for told in diagnosis.shares
-        },
-        "remainder": None if diagnosis.remainder is None else vars(diagnosis.remainder),
-        "excluded": [vars(datum) for datum in diagnosis.excluded],
-        "noise": _noise_record(diagnosis.noise),
-    }
-
-
-def _noise_record(told: tuple[NoiseTold, ...]) -> dict[str, Any]:
-    """Return stated and found noise; of several measurements those of each by its name too."""
-    rows = [
-        {"stated": n.stated, "found": n.found, "correlation_length": n.correlation_length}
-        for n in told
-    ]
-    if len(told) < 2:
-        return rows[0] if rows else {}
-    return rows[0] | {"measurements": dict(zip((n.measurement for n in told), rows, strict=True))}
-
-
-def write(diagnosis: Diagnosis, folder: str | Path) -> None:
-    """Write `diagnosis.json` into a folder, which is made where it is missing."""
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ParameterError(
-            f"{folder}: no folder can be made there ({error.strerror}); choose another with --out"
-        ) from error
-    text = json.dumps(record(diagnosis), ensure_ascii=False, indent=1)
-
-    def save(file: Path) -> None:
-        file.write_text(text, encoding="utf-8")
-
-    write_whole(folder / "diagnosis.json", save)

@@ -5,20 +5,14 @@ Evidence and held-out prediction must agree, and equals are reported as indistin
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.special import logsumexp
 
 from femnl.core.diagnosis import Verdict
 from femnl.diagnose.candidate import Candidate, Names
-from femnl.diagnose.discrepancy import discrepancy, log_evidence
-from femnl.diagnose.freeform import fitted_forms
 from femnl.diagnose.thresholds import THRESHOLDS
-from femnl.fits.least_squares import CrossValidation
-
-EVEN = float(np.log(THRESHOLDS.even_odds))
-"""Logarithm of the odds up to which a set is no less likely than another."""
+from femnl.diagnose.weighing import EVEN, Weighed, equals
 
 
 @dataclass(frozen=True)
@@ -39,141 +33,6 @@ class Judgement:
     def noisier(self) -> bool:
         """Whether the noise is larger than the file states, and explains all deviations."""
         return self.rule == NOISE_IS_LARGER
-
-
-@dataclass(frozen=True)
-class Weighed:
-    """Fitted candidates, the base model first, with what the rules ask of them."""
-
-    found: list[Candidate]
-
-    @property
-    def base(self) -> Candidate:
-        """The base model."""
-        return self.found[0]
-
-    @cached_property
-    def prior_share(self) -> dict[Names, float]:
-        """Evidence times prior odds of every candidate, in parts of their sum."""
-        weights = np.array([c.weight for c in self.found])
-        shares = np.exp(weights - weights.max())
-        total = shares.sum()
-        return {c.names: float(s / total) for c, s in zip(self.found, shares, strict=True)}
-
-    @cached_property
-    def likely(self) -> list[Candidate]:
-        """Sets that explain all data together, the most likely first.
-
-        Each of their causes is worth its parameters. Several causes, or one that fits badly, must
-        also outdo a smooth form of unknown cause, and several causes deviations at random: in just
-        the right ratio they imitate what the library lacks.
-        """
-        tried = self.found[1:]
-        worth = [
-            c
-            for c in tried
-            if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in tried)
-        ]
-        likely = [c for c in worth if c.viable]
-        if any(len(c.names) > 1 or c.p_value < THRESHOLDS.set_doubtful for c in likely):
-            smooth = _smooth(self.base) - EVEN
-            likely = [
-                c
-                for c in likely
-                if c.weight > smooth and (len(c.names) == 1 or c.weight > _scatter(self.base))
-            ]
-        return sorted(likely, key=lambda c: -c.weight)
-
-    @cached_property
-    def viable(self) -> list[Candidate]:
-        """Those of the likeliest sets that predict each part of the data from the others.
-
-        What fits all data together, but no part by what the others say, is bent to them, no cause.
-        """
-        nearest = self.likely[: 1 + THRESHOLDS.most_rivals]
-        return [c for c in nearest if c.result.cross_validation.p_value >= c.least_heldout]
-
-    @property
-    def best(self) -> Candidate:
-        """The most likely viable set."""
-        return self.viable[0]
-
-    @cached_property
-    def doubted(self) -> list[Candidate]:
-        """Sets that differ from the best by some causes, and may be right for all that is known."""
-        return [c for c in self.found[1:] if c not in self.viable and _may_be_right(c, self.best)]
-
-    @cached_property
-    def share(self) -> dict[Names, float]:
-        """Probability of every candidate; those that may be right share the whole."""
-        possible = [c.names for c in (*self.viable, *self.doubted)]
-        total = sum(self.prior_share[names] for names in possible)
-        return self.prior_share | {names: self.prior_share[names] / total for names in possible}
-
-    @cached_property
-    def rivals(self) -> list[Candidate]:
-        """Sets that keep the best from being named alone: first those that are likely enough.
-
-        Where there are none, all viable ones, if they predict held-out data better than the best,
-        or if the best predicts it no better than the base model.
-        """
-        others = self.viable[1:]
-        unlikely = (1 - THRESHOLDS.named_alone) / 2
-        near = [c for c in others if self.share[c.names] > unlikely or _equals(c, self.best)]
-        if near or self.doubted:
-            return near + self.doubted
-        if _contradicted(self.best, others) or not self.predicts_better_than_base:
-            return others
-        return []
-
-    @cached_property
-    def graded(self) -> dict[Names, float]:
-        """Probability of every candidate with a discrepancy of unknown size in each of them."""
-        best = min(self.found, key=lambda c: c.result.chi2)
-        allowed = discrepancy(self.base.result, best.result)
-        odds = float(np.log(THRESHOLDS.odds_per_cause))
-        weights = np.array(
-            [log_evidence(c, self.base, allowed) + len(c.names) * odds for c in self.found]
-        )
-        shares = np.exp(weights - weights.max())
-        return {c.names: float(s) for c, s in zip(self.found, shares / shares.sum(), strict=True)}
-
-    @cached_property
-    def beyond_doubt(self) -> Candidate | None:
-        """The causes that every likely set has in common, None where there are none.
-
-        The largest fitted set of them.
-        """
-        inclusion: dict[str, float] = {}
-        for names, share in self.graded.items():
-            for name in names:
-                inclusion[name] = inclusion.get(name, 0.0) + share
-        sure = {name for name, share in inclusion.items() if share >= THRESHOLDS.least_inclusion}
-        sets = [
-            c
-            for c in self.found[1:]
-            if set(c.names) <= sure and not c.result.stuck and self.each_counts(c)
-        ]
-        return max(sets, key=lambda c: (len(c.names), self.graded[c.names]), default=None)
-
-    def each_counts(self, candidate: Candidate) -> bool:
-        """Whether every one of several causes takes up more than what inexact equations miss."""
-        least = THRESHOLDS.least_share_each * (self.base.result.chi2 - self.base.result.degrees)
-        fewer = [
-            c
-            for c in self.found
-            if set(c.names) < set(candidate.names) and len(c.names) == len(candidate.names) - 1
-        ]
-        return len(candidate.names) == 1 or all(
-            c.result.chi2 - candidate.result.chi2 >= least for c in fewer
-        )
-
-    @cached_property
-    def predicts_better_than_base(self) -> bool:
-        """Whether the best set predicts held-out data better than the base model."""
-        return _predicts_better(
-            self.best.result.cross_validation, self.base.result.cross_validation
-        )
 
 
 Rule = Callable[[Weighed], Judgement | None]
@@ -244,7 +103,7 @@ def one_set_stands_alone(weighed: Weighed) -> Judgement | None:
 def several_sets_are_left(weighed: Weighed) -> Judgement | None:
     """Several sets may be right; the simplest of those as likely as the best gives the name."""
     best = weighed.best
-    near = [c for c in weighed.rivals if best.weight - c.weight < EVEN or _equals(c, best)]
+    near = [c for c in weighed.rivals if best.weight - c.weight < EVEN or equals(c, best)]
     simplest = min([best, *near], key=lambda c: (len(c.names), c.result.vector.size, -c.weight))
     others = tuple(c for c in (best, *weighed.rivals) if c is not simplest)
     return Judgement("ambiguous", simplest, others, weighed.share)
@@ -279,39 +138,6 @@ def _words(rule: Rule) -> str:
     return rule.__name__.replace("_", " ")
 
 
-def _scatter(base: Candidate) -> float:
-    """Return the log evidence that a combination of causes must outdo.
-
-    That of deviations at random, of unknown size and cause, times their prior odds.
-
-    Residuals of s times their σ, s with a uniform prior in its logarithm: χ²/2 − (d/2)(ln χ²/d + 1)
-    over the base model.
-    """
-    chi2 = base.result.chi2
-    d = base.result.degrees
-    size = float(np.log(np.sqrt(np.pi / d) / np.log(THRESHOLDS.largest_scatter)))
-    return (
-        base.weight
-        + (chi2 - d) / 2
-        - d / 2 * float(np.log(chi2 / d))
-        + size
-        + 2 * float(np.log(THRESHOLDS.odds_per_cause))
-    )
-
-
-def _smooth(base: Candidate) -> float:
-    """Return the log evidence of one unknown cause, the free form that suits best.
-
-    Times its prior odds; no set may be far behind it.
-
-    Several causes together, or one that fits badly, can imitate a cause that is missing, but not as
-    simply as its own form.
-    """
-    return max((s.log_evidence for s in fitted_forms(base.result)), default=-np.inf) + 2 * float(
-        np.log(THRESHOLDS.odds_per_cause)
-    )
-
-
 def _wrong_noise(base: Candidate) -> float:
     """Return the log evidence of the base model under noise of another size, times its prior odds.
 
@@ -337,96 +163,3 @@ def _takes_up_most(candidate: Candidate, base: Candidate) -> bool:
         return False
     telling = excess > 0
     return bool(np.mean(taken[telling] > 0) >= THRESHOLDS.most_blocks)
-
-
-def _equals(candidate: Candidate, best: Candidate) -> bool:
-    """Whether a set with no more parameters leaves about the same χ² as the best."""
-    fewer = candidate.result.vector.size <= best.result.vector.size
-    return fewer and candidate.result.chi2 - best.result.chi2 < THRESHOLDS.equal_chi2
-
-
-def _may_be_right(candidate: Candidate, best: Candidate) -> bool:
-    """Whether a set with fewer or more causes than the best may be the right one.
-
-    One with fewer, whose fit is rare but not too rare for chance: more causes fit more anyway, and
-    are not the clearer for it. One with more, where the fit of the best is doubtful.
-    """
-    if best.weight - candidate.weight > EVEN or candidate.result.stuck:
-        return False
-    names = set(candidate.names)
-    own = set(best.names)
-    if names < own:
-        return _least_p(candidate) >= THRESHOLDS.chance_excluded
-    return (
-        names > own
-        and best.p_value < THRESHOLDS.set_doubtful
-        and _least_p(candidate) >= candidate.least_heldout
-    )
-
-
-def _least_p(candidate: Candidate) -> float:
-    """Return the smaller p-value, of all data or of held-out data."""
-    return min(candidate.p_value, candidate.result.cross_validation.p_value)
-
-
-def _contradicted(best: Candidate, others: list[Candidate]) -> bool:
-    """Whether another set predicts unseen data clearly better.
-
-    Not in one block alone, as where chance struck, but on the whole. Whether one cause more than in
-    the best set is worth its parameters is for the evidence to say.
-    """
-    for other in (c for c in others if not set(best.names) < set(c.names)):
-        gains = np.subtract(
-            other.result.cross_validation.densities, best.result.cross_validation.densities
-        )
-        error = np.sqrt(len(gains)) * np.std(gains, ddof=1)
-        if np.sum(gains) > THRESHOLDS.contradicting_errors * error:
-            return True
-    return False
-
-
-def _predicts_better(one: CrossValidation, other: CrossValidation) -> bool:
-    return one.chi2_reduced < other.chi2_reduced or one.density > other.density
-
-
-def measure_next(judged: Judgement, found: list[Candidate]) -> str:
-    """Name the measurement that best separates what is left, with the number of σ."""
-    best = judged.chosen
-    others = [c for c in sorted(found, key=lambda c: -c.weight) if c is not best]
-    rivals = judged.rivals or tuple(others[:1])
-    if not rivals and judged.verdict == "adequate":
-        return (
-            "nothing is left to separate: the base model explains these data and no "
-            "extension was needed"
-        )
-    if not rivals:
-        return "no cause of the library acts on these data: measure another quantity of this device"
-    rival = rivals[0]
-    one = " + ".join(best.names) or "the base model"
-    other = " + ".join(rival.names) or "the base model"
-    if judged.verdict == "explained":
-        worse = float(np.sqrt(max(rival.result.chi2 - best.result.chi2, 0.0)))
-        return (
-            f"nothing is left to separate: the next best explanation, {other}, is {worse:.3g}σ "
-            "worse on these data"
-        )
-    theirs = _predicted_measurements(rival)
-    separation = {
-        phrase: float(np.linalg.norm(predicted - theirs[phrase]))
-        for phrase, predicted in _predicted_measurements(best).items()
-    }
-    phrase = max(separation, key=lambda key: separation[key])
-    if separation[phrase] < 1:
-        return (
-            f"no further measurement of this kind separates {one} from {other} (at most "
-            f"{separation[phrase]:.2g}σ): use another kind"
-        )
-    return f"measure {phrase}: it separates {one} from {other} by {separation[phrase]:.3g}σ"
-
-
-def _predicted_measurements(
-    candidate: Candidate,
-) -> dict[str, np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
-    model = candidate.result.model
-    base, values = model.split(candidate.result.vector)
-    return model.base_model.candidate_measurements(model.effects, base, values)

@@ -14,6 +14,7 @@ from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Fringe, Harmonics, Motion, Placement
 from femnl.mechanics.modes import ShapeValues
 from femnl.observe.film import SimulatedFilm
+from femnl.observe.map.layout import around_places, follows, marked
 from femnl.observe.map.spots import Axis, Finer, Grid
 from femnl.observe.model import Layout, MeasurementModel, Named, apply
 from femnl.observe.score_directions import LITTLE, fringe_terms, overtones, uneven
@@ -30,8 +31,6 @@ KEPT = 4
 """Places of the map at which shapes are kept: those of the last two tangents too, so that steps of
 all other parameters find theirs.
 """
-AROUND = 2
-"""Steps along each axis to the places around one."""
 ASIDE = 0.02
 """Part of half the film by which the map is moved to see how the data answer to wrong places and to
 blur.
@@ -106,33 +105,14 @@ class MapModel(MeasurementModel):
     @property
     def layout(self) -> Layout:
         """The places around each one, harmonic by harmonic; lines run along the fast axis."""
-        index = np.full((len(self.harmonic), *self.grid.sizes), -1)
-        rows, places = np.nonzero(self.present)
-        here = (rows, self.grid.row[places], self.grid.column[places])
-        n = len(rows)
-        index[here] = np.arange(n)
-        padded = np.pad(index, ((0, 0), (AROUND, AROUND), (AROUND, AROUND)), constant_values=-1)
-
-        def beside(up: int, right: int) -> NDArray[np.int64]:
-            return padded[here[0], here[1] + AROUND + up, here[2] + AROUND + right]
-
-        steps = range(-AROUND, AROUND + 1)
-        near = np.stack([beside(a, b) for a in steps for b in steps if a or b], axis=1)
-        before = beside(-1, 0) if self._column_by_column else beside(0, -1)
-        return Layout(
-            np.concatenate([near, np.where(near < 0, -1, near + n)]),
-            np.concatenate([before, np.where(before < 0, -1, before + n)]),
-            np.tile(np.arange(n), 2),
-            np.full(2 * n, -1),
-            planar=True,
-        )
+        return around_places(self.grid, self.present, self._column_by_column)
 
     @property
     def _column_by_column(self) -> bool:
         """Whether the columns are the slow axis; rows are, where no time was recorded."""
         if not len(self.time):
             return False
-        return _follow(self.time, self.grid.column) > _follow(self.time, self.grid.row)
+        return follows(self.time, self.grid.column) > follows(self.time, self.grid.row)
 
     def locate(self, residual: int) -> str:
         """Name the harmonic and the place."""
@@ -366,16 +346,8 @@ class MapModel(MeasurementModel):
     def marked(
         self, comparisons: tuple[Comparison, ...], residuals: Sequence[int]
     ) -> tuple[Comparison, ...]:
-        """Mark places that no fit has seen; of a single line nothing is marked."""
-        rows, places = np.nonzero(self.present)
-        at = np.unique(np.asarray(residuals, np.int64) % len(rows))
-        up = self.grid.row[places[at]]
-        right = self.grid.column[places[at]]
-        marks = tuple(zip(rows[at].tolist(), up.tolist(), right.tolist(), strict=True))
-        return tuple(
-            replace(shown, excluded=marks) if isinstance(shown, Images) else shown
-            for shown in comparisons
-        )
+        """Mark places that no fit has seen."""
+        return marked(comparisons, self.grid, self.present, residuals)
 
     def _on_grid(self, volts: ComplexArray) -> ComplexArray:
         whole = np.full((len(self.harmonic), *self.grid.sizes), complex(np.nan, np.nan))
@@ -400,12 +372,6 @@ class MapModel(MeasurementModel):
             f"harmonic {self.harmonic[k]} deviates most, and most strongly near {place}; rms "
             f"by harmonic {rms}"
         )
-
-
-def _follow(time: Array, steps: NDArray[np.int64]) -> float:
-    """Return how far times [s] grow with the steps along an axis: the size of their covariance."""
-    spread = float(np.std(steps)) or 1.0
-    return float(np.abs(np.mean((time - time.mean()) * (steps - steps.mean()))) / spread)
 
 
 def exact_shapes(film: SimulatedFilm) -> ShapeValues | None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammainccinv
 
-from femnl.core.comparison import Comparison, Curve, Curves
+from femnl.core.comparison import Comparison
 from femnl.core.compiled import compiled
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.memo import recent
@@ -16,6 +16,8 @@ from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Acquisition, Oscillator, Signal
 from femnl.observe.model import Layout, MeasurementModel, Named, apply
 from femnl.observe.response.acquisition import low_pass, settle
+from femnl.observe.response.curves import curves, sweep_name
+from femnl.observe.response.layout import along_sweeps, marked
 from femnl.observe.response.states import branch_amplitudes, follow
 from femnl.observe.response.sweeps import Sweeps
 
@@ -33,8 +35,6 @@ LATE = 4
 """Points by which a jump may seem late, or early, behind a slow filter."""
 FARTHER = 2.0
 """Widths of the sweeps by which those that would tell backgrounds apart are further out."""
-NEAR = (-4, -3, -2, -1, 1, 2, 3, 4)
-"""Steps along a sweep to the points beside one."""
 BEYOND = 4
 """Power of the signal with which f₀ and w may: the next beyond the cubic force."""
 
@@ -97,25 +97,7 @@ class ResponseModel(MeasurementModel):
     @property
     def layout(self) -> Layout:
         """Neighbours along each sweep; points of one column were taken at the same frequencies."""
-        n = len(self.sweeps.frequency)
-        place = np.arange(n)
-        near = np.stack([self._beside(place, step) for step in NEAR], axis=1)
-        before = self._beside(place, -1)
-        shifted = np.where(near < 0, -1, near + n)
-        known = [-1] if self.softens else []
-        return Layout(
-            np.concatenate([near, shifted, np.full((len(known), len(NEAR)), -1)]),
-            np.concatenate([before, np.where(before < 0, -1, before + n), known]).astype(np.int64),
-            np.concatenate([place, place, known]).astype(np.int64),
-            np.concatenate([self.sweeps.column, self.sweeps.column, known]).astype(np.int64),
-        )
-
-    def _beside(self, place: NDArray[np.int64], step: int) -> NDArray[np.int64]:
-        """Return the points some steps away in the same sweep (n,), −1 where it has none."""
-        n = len(place)
-        there = np.clip(place + step, 0, n - 1)
-        same = (place + step == there) & (self.sweeps.sweep[there] == self.sweeps.sweep)
-        return np.where(same, there, -1)
+        return along_sweeps(self.sweeps, self.softens)
 
     def locate(self, residual: int) -> str:
         """Name the sweep and the frequency."""
@@ -124,9 +106,7 @@ class ResponseModel(MeasurementModel):
             return "the simulated α"
         point = residual % n
         sweep = int(self.sweeps.sweep[point])
-        return (
-            f"sweep {sweep + 1} ({self._sweep_name(sweep)}), {self.sweeps.frequency[point]:.9g} Hz"
-        )
+        return f"sweep {sweep + 1} ({sweep_name(self.sweeps, sweep)}), {self.sweeps.frequency[point]:.9g} Hz"
 
     @property
     def quantity(self) -> tuple[Array, str]:
@@ -386,50 +366,15 @@ class ResponseModel(MeasurementModel):
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Magnitude and phase of every sweep."""
-        data = self.sweeps
         names = tuple(name for name, *_ in models)
-        volts = np.stack(
-            [self.predict(effects, base, values) for _, effects, base, values in models]
-        )
-        size = np.abs(data.voltage)
-        noise = np.full(data.voltage.shape, data.noise)
-        phase = np.degrees(
-            np.concatenate([np.unwrap(np.angle(data.voltage[s])) for s in data.spans])
-        )
-        near = phase + np.degrees(np.angle(volts * np.conj(data.voltage)))
-        found = []
-        for what, unit, measured, sd, predicted in (
-            ("magnitude", "V", size, noise, np.abs(volts)),
-            ("phase", "°", phase, np.degrees(noise / np.maximum(size, noise)), near),
-        ):
-            curves = tuple(
-                Curve(self._sweep_name(k), data.frequency[s], measured[s], sd[s], predicted[:, s])
-                for k, s in enumerate(data.spans)
-            )
-            found.append(Curves("response", "frequency", "Hz", what, unit, names, curves))
-        return tuple(found)
+        volts = [self.predict(effects, base, values) for _, effects, base, values in models]
+        return curves(self.sweeps, names, np.stack(volts))
 
     def marked(
         self, comparisons: tuple[Comparison, ...], residuals: Sequence[int]
     ) -> tuple[Comparison, ...]:
         """Mark points that no fit has seen, in magnitude and phase."""
-        points = {int(i) % len(self.sweeps.frequency) for i in residuals}
-        found: list[Comparison] = []
-        for shown in comparisons:
-            if isinstance(shown, Curves):
-                curves = tuple(
-                    replace(
-                        curve, excluded=tuple(sorted(p - s.start for p in points if p in _range(s)))
-                    )
-                    for curve, s in zip(shown.curves, self.sweeps.spans, strict=True)
-                )
-                shown = replace(shown, curves=curves)
-            found.append(shown)
-        return tuple(found)
-
-    def _sweep_name(self, k: int) -> str:
-        drive = self.sweeps.drive[self.sweeps.spans[k].start] * self.sweeps.reference
-        return f"{drive:.3g} V {({1: 'up', -1: 'down'}).get(self.sweeps.direction[k], '')}".strip()
+        return marked(comparisons, self.sweeps, residuals)
 
     def describe(self, residuals: Array) -> str:
         """Say at which drive and on which side of the resonance the sweeps deviate."""
@@ -447,10 +392,6 @@ class ResponseModel(MeasurementModel):
         offset = self.sweeps.frequency[k] - self.start[0]
         drive = f"the drive of {worst * self.sweeps.reference:.3g} V deviates most"
         return f"{drive}, most strongly {offset:+.3g} Hz from resonance; rms by drive {table}"
-
-
-def _range(span: slice) -> range:
-    return range(span.start, span.stop)
 
 
 def _shifted(branch: NDArray[np.int64], later: int) -> NDArray[np.int64]:

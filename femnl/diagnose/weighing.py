@@ -1,0 +1,233 @@
+"""What fitted candidates are worth: evidence, prediction of held-out data, and their rivals."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from femnl.diagnose.candidate import Candidate, Names
+from femnl.diagnose.discrepancy import discrepancy, log_evidence
+from femnl.diagnose.freeform import fitted_forms
+from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.fits.least_squares import CrossValidation
+
+EVEN = float(np.log(THRESHOLDS.even_odds))
+"""Logarithm of the odds up to which a set is no less likely than another."""
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """Fitted candidates, the base model first, with what the rules ask of them."""
+
+    found: list[Candidate]
+
+    @property
+    def base(self) -> Candidate:
+        """The base model."""
+        return self.found[0]
+
+    @cached_property
+    def prior_share(self) -> dict[Names, float]:
+        """Evidence times prior odds of every candidate, in parts of their sum."""
+        weights = np.array([c.weight for c in self.found])
+        shares = np.exp(weights - weights.max())
+        total = shares.sum()
+        return {c.names: float(s / total) for c, s in zip(self.found, shares, strict=True)}
+
+    @cached_property
+    def likely(self) -> list[Candidate]:
+        """Sets that explain all data together, the most likely first.
+
+        Each of their causes is worth its parameters. Several causes, or one that fits badly, must
+        also outdo a smooth form of unknown cause, and several causes deviations at random: in just
+        the right ratio they imitate what the library lacks.
+        """
+        tried = self.found[1:]
+        worth = [
+            c
+            for c in tried
+            if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in tried)
+        ]
+        likely = [c for c in worth if c.viable]
+        if any(len(c.names) > 1 or c.p_value < THRESHOLDS.set_doubtful for c in likely):
+            smooth = _smooth(self.base) - EVEN
+            likely = [
+                c
+                for c in likely
+                if c.weight > smooth and (len(c.names) == 1 or c.weight > _scatter(self.base))
+            ]
+        return sorted(likely, key=lambda c: -c.weight)
+
+    @cached_property
+    def viable(self) -> list[Candidate]:
+        """Those of the likeliest sets that predict each part of the data from the others.
+
+        What fits all data together, but no part by what the others say, is bent to them, no cause.
+        """
+        nearest = self.likely[: 1 + THRESHOLDS.most_rivals]
+        return [c for c in nearest if c.result.cross_validation.p_value >= c.least_heldout]
+
+    @property
+    def best(self) -> Candidate:
+        """The most likely viable set."""
+        return self.viable[0]
+
+    @cached_property
+    def doubted(self) -> list[Candidate]:
+        """Sets that differ from the best by some causes, and may be right for all that is known."""
+        return [c for c in self.found[1:] if c not in self.viable and _may_be_right(c, self.best)]
+
+    @cached_property
+    def share(self) -> dict[Names, float]:
+        """Probability of every candidate; those that may be right share the whole."""
+        possible = [c.names for c in (*self.viable, *self.doubted)]
+        total = sum(self.prior_share[names] for names in possible)
+        return self.prior_share | {names: self.prior_share[names] / total for names in possible}
+
+    @cached_property
+    def rivals(self) -> list[Candidate]:
+        """Sets that keep the best from being named alone: first those that are likely enough.
+
+        Where there are none, all viable ones, if they predict held-out data better than the best,
+        or if the best predicts it no better than the base model.
+        """
+        others = self.viable[1:]
+        unlikely = (1 - THRESHOLDS.named_alone) / 2
+        near = [c for c in others if self.share[c.names] > unlikely or equals(c, self.best)]
+        if near or self.doubted:
+            return near + self.doubted
+        if _contradicted(self.best, others) or not self.predicts_better_than_base:
+            return others
+        return []
+
+    @cached_property
+    def graded(self) -> dict[Names, float]:
+        """Probability of every candidate with a discrepancy of unknown size in each of them."""
+        best = min(self.found, key=lambda c: c.result.chi2)
+        allowed = discrepancy(self.base.result, best.result)
+        odds = float(np.log(THRESHOLDS.odds_per_cause))
+        weights = np.array(
+            [log_evidence(c, self.base, allowed) + len(c.names) * odds for c in self.found]
+        )
+        shares = np.exp(weights - weights.max())
+        return {c.names: float(s) for c, s in zip(self.found, shares / shares.sum(), strict=True)}
+
+    @cached_property
+    def beyond_doubt(self) -> Candidate | None:
+        """The causes that every likely set has in common, None where there are none.
+
+        The largest fitted set of them.
+        """
+        inclusion: dict[str, float] = {}
+        for names, share in self.graded.items():
+            for name in names:
+                inclusion[name] = inclusion.get(name, 0.0) + share
+        sure = {name for name, share in inclusion.items() if share >= THRESHOLDS.least_inclusion}
+        sets = [
+            c
+            for c in self.found[1:]
+            if set(c.names) <= sure and not c.result.stuck and self.each_counts(c)
+        ]
+        return max(sets, key=lambda c: (len(c.names), self.graded[c.names]), default=None)
+
+    def each_counts(self, candidate: Candidate) -> bool:
+        """Whether every one of several causes takes up more than what inexact equations miss."""
+        least = THRESHOLDS.least_share_each * (self.base.result.chi2 - self.base.result.degrees)
+        fewer = [
+            c
+            for c in self.found
+            if set(c.names) < set(candidate.names) and len(c.names) == len(candidate.names) - 1
+        ]
+        return len(candidate.names) == 1 or all(
+            c.result.chi2 - candidate.result.chi2 >= least for c in fewer
+        )
+
+    @cached_property
+    def predicts_better_than_base(self) -> bool:
+        """Whether the best set predicts held-out data better than the base model."""
+        return _predicts_better(
+            self.best.result.cross_validation, self.base.result.cross_validation
+        )
+
+
+def _scatter(base: Candidate) -> float:
+    """Return the log evidence that a combination of causes must outdo.
+
+    That of deviations at random, of unknown size and cause, times their prior odds.
+
+    Residuals of s times their σ, s with a uniform prior in its logarithm: χ²/2 − (d/2)(ln χ²/d + 1)
+    over the base model.
+    """
+    chi2 = base.result.chi2
+    d = base.result.degrees
+    size = float(np.log(np.sqrt(np.pi / d) / np.log(THRESHOLDS.largest_scatter)))
+    return (
+        base.weight
+        + (chi2 - d) / 2
+        - d / 2 * float(np.log(chi2 / d))
+        + size
+        + 2 * float(np.log(THRESHOLDS.odds_per_cause))
+    )
+
+
+def _smooth(base: Candidate) -> float:
+    """Return the log evidence of one unknown cause, the free form that suits best.
+
+    Times its prior odds; no set may be far behind it.
+
+    Several causes together, or one that fits badly, can imitate a cause that is missing, but not as
+    simply as its own form.
+    """
+    return max((s.log_evidence for s in fitted_forms(base.result)), default=-np.inf) + 2 * float(
+        np.log(THRESHOLDS.odds_per_cause)
+    )
+
+
+def equals(candidate: Candidate, best: Candidate) -> bool:
+    """Whether a set with no more parameters leaves about the same χ² as the best."""
+    fewer = candidate.result.vector.size <= best.result.vector.size
+    return fewer and candidate.result.chi2 - best.result.chi2 < THRESHOLDS.equal_chi2
+
+
+def _may_be_right(candidate: Candidate, best: Candidate) -> bool:
+    """Whether a set with fewer or more causes than the best may be the right one.
+
+    One with fewer, whose fit is rare but not too rare for chance: more causes fit more anyway, and
+    are not the clearer for it. One with more, where the fit of the best is doubtful.
+    """
+    if best.weight - candidate.weight > EVEN or candidate.result.stuck:
+        return False
+    names = set(candidate.names)
+    own = set(best.names)
+    if names < own:
+        return _least_p(candidate) >= THRESHOLDS.chance_excluded
+    return (
+        names > own
+        and best.p_value < THRESHOLDS.set_doubtful
+        and _least_p(candidate) >= candidate.least_heldout
+    )
+
+
+def _least_p(candidate: Candidate) -> float:
+    """Return the smaller p-value, of all data or of held-out data."""
+    return min(candidate.p_value, candidate.result.cross_validation.p_value)
+
+
+def _contradicted(best: Candidate, others: list[Candidate]) -> bool:
+    """Whether another set predicts unseen data clearly better.
+
+    Not in one block alone, as where chance struck, but on the whole. Whether one cause more than in
+    the best set is worth its parameters is for the evidence to say.
+    """
+    for other in (c for c in others if not set(best.names) < set(c.names)):
+        gains = np.subtract(
+            other.result.cross_validation.densities, best.result.cross_validation.densities
+        )
+        error = np.sqrt(len(gains)) * np.std(gains, ddof=1)
+        if np.sum(gains) > THRESHOLDS.contradicting_errors * error:
+            return True
+    return False
+
+
+def _predicts_better(one: CrossValidation, other: CrossValidation) -> bool:
+    return one.chi2_reduced < other.chi2_reduced or one.density > other.density

@@ -1,0 +1,36 @@
+"""Sweeps beside what models predict, as curves of magnitude and phase."""
+
+import numpy as np
+
+from femnl.core.comparison import Comparison, Curve, Curves
+from femnl.core.readout import ComplexArray
+from femnl.observe.response.sweeps import Sweeps
+
+
+def curves(sweeps: Sweeps, names: tuple[str, ...], volts: ComplexArray) -> tuple[Comparison, ...]:
+    """Return magnitude and phase of every sweep.
+
+    Args: names: of the models; volts (n_models, n_points): what they predict [V].
+    """
+    size = np.abs(sweeps.voltage)
+    noise = np.full(sweeps.voltage.shape, sweeps.noise)
+    turns = [np.unwrap(np.angle(sweeps.voltage[span])) for span in sweeps.spans]
+    phase = np.degrees(np.concatenate(turns))
+    near = phase + np.degrees(np.angle(volts * np.conj(sweeps.voltage)))
+    found = []
+    for what, unit, measured, sd, predicted in (
+        ("magnitude", "V", size, noise, np.abs(volts)),
+        ("phase", "°", phase, np.degrees(noise / np.maximum(size, noise)), near),
+    ):
+        drawn = tuple(
+            Curve(sweep_name(sweeps, k), sweeps.frequency[s], measured[s], sd[s], predicted[:, s])
+            for k, s in enumerate(sweeps.spans)
+        )
+        found.append(Curves("response", "frequency", "Hz", what, unit, names, drawn))
+    return tuple(found)
+
+
+def sweep_name(sweeps: Sweeps, k: int) -> str:
+    """Name a sweep by its drive and direction."""
+    drive = sweeps.drive[sweeps.spans[k].start] * sweeps.reference
+    return f"{drive:.3g} V {({1: 'up', -1: 'down'}).get(sweeps.direction[k], '')}".strip()
