@@ -44,7 +44,7 @@ FLOORS = (
     ("mechanics.lattice", "mechanics.static_deflection", "mechanics.bands", "mechanics.yielding"),
     ("pipeline",),
     ("observe.model", "observe.film"),
-    ("observe.free_forms",),
+    ("observe.free_forms", "observe.noisy"),
     ("observe.score_directions",),
     KINDS,
     ("effects",),

@@ -11,7 +11,7 @@ def _threshold(value: T, meaning: str, study: str) -> T:
     return described
 
 
-_REALISTIC = "docs/explanation/blind.md, realistic regime"
+_REALISTIC = "realistic regime in docs/explanation/blind.md"
 _BLIND = "docs/explanation/blind.md"
 _CALIBRATION = "tests/unit/test_diagnose_statistics.py"
 

@@ -40,6 +40,10 @@ class Level(MeasurementModel):
     def blocks(self) -> NDArray[np.int64]:
         return self._blocks
 
+    @property
+    def quantity(self) -> tuple[Array, str]:
+        return np.ones(len(self.data)), "V"
+
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:

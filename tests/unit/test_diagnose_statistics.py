@@ -242,7 +242,8 @@ def test_a_cause_is_said_to_explain_only_what_it_leaves_nothing_of() -> None:
     wrong = Candidate(solved(data, WAVES[1]), 0.5, "chi-square", ())
     assert judged(0.5, (right, 0.5)) == "adequate"
     assert judged(1e-9, (right, 0.5), (wrong, 1e-6)) == "explained"
-    assert judged(1e-9, (right, 1e-6), (wrong, 1e-6)) == "unexplained"
+    assert judged(1e-9, (right, 1e-6), (wrong, 1e-6)) == "explained in part"
+    assert judged(1e-9, (wrong, 1e-6)) == "unexplained"
     assert judged(1e-9) == "unexplained"
 
 

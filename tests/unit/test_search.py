@@ -140,7 +140,7 @@ def test_a_block_is_judged_by_its_level_and_not_by_its_noise() -> None:
 class Foreseen(FitResult):
     """A fit whose prediction of unseen data is given."""
 
-    given = CrossValidation(1.0, (0.0,) * 4, 1.0)
+    given = CrossValidation(1.0, (0.0,) * 4, 1.0, (10.0,) * 4, (10,) * 4)
 
     @property
     def cross_validation(self) -> CrossValidation:
@@ -153,7 +153,9 @@ def test_what_fits_all_data_but_predicts_no_part_from_the_others_explains_nothin
     assert judge([base, right]).verdict == "explained"
 
     class Bent(Foreseen):
-        given = CrossValidation(4.0, right.result.cross_validation.densities, 1e-4)
+        given = CrossValidation(
+            4.0, right.result.cross_validation.densities, 1e-4, (40.0,) * 4, (10,) * 4
+        )
 
     bent = replace(right, result=Bent(**vars_of(right.result)))
     assert judge([base, bent]).verdict == "unexplained"
@@ -284,7 +286,9 @@ def test_a_cause_that_the_evidence_does_not_ask_for_saves_no_other() -> None:
     base, one = search(line(data), [SLOPE])
 
     class Bent(Foreseen):
-        given = CrossValidation(4.0, one.result.cross_validation.densities, 1e-4)
+        given = CrossValidation(
+            4.0, one.result.cross_validation.densities, 1e-4, (40.0,) * 4, (10,) * 4
+        )
 
     wider = solved(data, SLOPE, effect("bend", lambda s: s * PLACE**2))
     two = replace(one, result=wider)

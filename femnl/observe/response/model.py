@@ -28,9 +28,7 @@ better.
 LITTLE = 1e-4
 """Part of the linewidth by which f₀ and w are moved where single sweeps may deviate."""
 STRONG = (2, 8, 32)
-"""Powers of a signal, in parts of the largest, with which gain and phase may deviate: smoothly, or
-of the strongest ones alone.
-"""
+"""Powers of a signal with which gain and phase may deviate: smoothly, or of the strongest alone."""
 LATE = 4
 """Points by which a jump may seem late, or early, behind a slow filter."""
 FARTHER = 2.0
@@ -106,7 +104,8 @@ class ResponseModel(MeasurementModel):
             return "the simulated α"
         point = residual % n
         sweep = int(self.sweeps.sweep[point])
-        return f"sweep {sweep + 1} ({sweep_name(self.sweeps, sweep)}), {self.sweeps.frequency[point]:.9g} Hz"
+        name = sweep_name(self.sweeps, sweep)
+        return f"sweep {sweep + 1} ({name}), {self.sweeps.frequency[point]:.9g} Hz"
 
     @property
     def quantity(self) -> tuple[Array, str]:
