@@ -13,7 +13,7 @@ from tests.blind.lab.bench import Array, Bench, Values, sized
 from tests.blind.lab.film import device
 from tests.blind.realistic.noise import RealNoise
 from tests.blind.realistic.regimes import REGIMES, STRENGTH, Options, drawn
-from tests.blind.realistic.truth import Hidden, bent, deviation, excess, residual, shares
+from tests.blind.realistic.truth import Hidden, bent, excess, residual, shares
 from tests.blind.realistic.unknown import SIGNALS, flat
 
 CORNERED = ("square-270um", "rectangle")
@@ -88,9 +88,9 @@ def _unknown(
     signal = SIGNALS[draw.kind](bench, rng)
     count = bench.clean([(base, hidden)]).shape[1]
     whole = flat(draw.kind, signal, count)
-    _, off = residual(bench, base, hidden, tuple(hidden))
+    _, off = residual(bench, base, hidden, tuple(hidden), steps=0)
     size = float(np.linalg.norm(off(whole)))
-    factor = options.unknown * float(np.sqrt(excess(bench, base, hidden, ()))) / size
+    factor = options.unknown * float(np.sqrt(excess(bench, base, hidden, (), steps=0))) / size
     return signal * factor, whole * factor
 
 
@@ -116,7 +116,6 @@ def make(draw: Draw, path: Path) -> dict[str, Any]:
         "causes": film.hidden,
         "sigma": film.sigma,
         "shares": shares(bench, film.base, data, names, film.flat) if names else {},
-        "deviation": deviation(bench, film.base, film.hidden) if names else 0.0,
         "glitches": noise.glitches,
     }
 

@@ -45,7 +45,8 @@ class RealNoise:
         flat = noise.reshape(2 if paired else 1, -1)
         count = max(1, round(self.options.glitches * flat.shape[1]))
         where = self.rng.choice(flat.shape[1], count, replace=False)
-        size = np.exp(self.rng.uniform(*np.log(self.options.glitch_size), count))
+        low, high = np.log(self.options.glitch_size)
+        size = np.exp(self.rng.uniform(low, high, count))
         turn = self.rng.uniform(-np.pi, np.pi, count)
         if paired:
             flat[:, where] += size * np.array([np.cos(turn), np.sin(turn)])

@@ -28,36 +28,56 @@ MOST = 10.0
 """Factors within which a value of a cause is moved."""
 KEPT = 0.98
 """Part of the data that must count as before where a fit is better."""
+CLOSE = 1e-3
+"""Relative change of E that ends the steps."""
 STEPS = 4
 """Gauss–Newton steps from the truth."""
 FIRM = 1e-3
 """Part of the strongest direction of tangents that is followed; weaker ones lead astray."""
+ROUNDS = 3
+NEAR = 0.2
+FAINT = 1e-9
+"""Steps to a wanted deviation, the logarithm that is near enough, and one that is none."""
 SLIGHT = 1e-7
 """Part below which a direction does not show at all."""
 
 
 def excess(
-    bench: Bench, base: Values, hidden: Hidden, free: tuple[str, ...], more: Array | float = 0.0
+    bench: Bench,
+    base: Values,
+    hidden: Hidden,
+    free: tuple[str, ...],
+    more: Array | float = 0.0,
+    steps: int = STEPS,
 ) -> float:
     """Return E of the causes in `free` for data of `hidden` and of what is unknown, [σ²]."""
-    left, _ = residual(bench, base, hidden, free, more)
+    left, _ = residual(bench, base, hidden, free, more, steps)
     return float(left @ left)
 
 
 def residual(
-    bench: Bench, base: Values, hidden: Hidden, free: tuple[str, ...], more: Array | float = 0.0
+    bench: Bench,
+    base: Values,
+    hidden: Hidden,
+    free: tuple[str, ...],
+    more: Array | float = 0.0,
+    steps: int = STEPS,
 ) -> tuple[Array, Callable[[Array], Array]]:
-    """Return what is left of the data [σ], and what takes off a signal all that tangents span."""
+    """Return what is left of the data [σ], and what takes off a signal all that tangents span.
+
+    steps: after the one from the truth, which is to first order.
+    """
     own = {name: first(hidden[name]) for name in free}
     specs = [(name, spec) for name, values in own.items() for spec in values]
     place = np.zeros(len(bench.unit) + len(specs))
     best = _linear(bench, base, hidden, _variants(bench, base, own, specs, place), more)
     step = best.step
-    for _ in range(STEPS):
+    for _ in range(steps):
         if float(np.abs(step).max(initial=0.0)) < STEP**2:
             break
         tried = np.clip(place + step, -FARTHEST, FARTHEST)
         found = _linear(bench, base, hidden, _variants(bench, base, own, specs, tried), more)
+        settled = found.size > (1 - CLOSE) * best.size
         # Fewer data, where others jump or do not exist, are no better fit
         if found.seen >= KEPT * best.seen and found.size < best.size:
             place = tried
@@ -65,6 +85,8 @@ def residual(
             step = found.step
         else:
             step = step / 4
+        if settled and found.size < (1 + CLOSE) * best.size:
+            break
     return best.left, _off(best.spanned)
 
 
@@ -134,7 +156,15 @@ def _moved(
 def shares(
     bench: Bench, base: Values, hidden: Hidden, names: tuple[str, ...], more: Array | float = 0.0
 ) -> dict[str, dict[str, float]]:
-    """Return the share of each cause in `names`, added to the others and alone."""
+    """Return the share of each cause in `names`, added to the others and alone, and what is left.
+
+    left: √(E(names)/E(none)), what the first laws of all leave, in parts of what the base leaves.
+    """
+    ideal = set(hidden) == set(names) and not np.any(more)
+    ideal = ideal and not any(INEXACT in values for values in hidden.values())
+    if ideal and len(names) == 1:
+        # The first law leaves nothing of itself
+        return {names[0]: {"share": 1.0, "alone": 1.0, "left": 0.0}}
     whole = excess(bench, base, hidden, (), more)
     rest = excess(bench, base, hidden, names, more)
     found = {}
@@ -145,38 +175,38 @@ def shares(
         found[name] = {
             "share": float((without - rest) / whole),
             "alone": float((whole - alone) / whole),
+            "left": float(np.sqrt(rest / whole)),
         }
     return found
 
 
-def deviation(bench: Bench, base: Values, hidden: Hidden) -> float:
-    """Return what the first laws leave of the hidden causes, in parts of what the base leaves."""
-    rest = excess(bench, base, hidden, tuple(hidden))
-    return float(np.sqrt(rest / excess(bench, base, hidden, ())))
-
-
 def bent(bench: Bench, base: Values, hidden: Hidden, wanted: float, most: float = 1.0) -> Hidden:
-    """Return the hidden causes with second laws that deviate by the wanted part, or the most.
+    """Return the hidden causes with second laws that leave the wanted part of them, or the most.
 
-    By the secant in the logarithms, from a tenth of the most.
+    To first order, by the secant in the logarithms, from a tenth of the most.
     """
+    names = tuple(hidden)
+    whole = excess(bench, base, hidden, (), steps=0)
 
     def by(much: float) -> Hidden:
         return {name: {**values, INEXACT: much} for name, values in hidden.items()}
 
+    def leaves(much: float) -> float:
+        return float(np.sqrt(excess(bench, base, by(much), names, steps=0) / whole))
+
     much = most / 10
     power = 1.0
-    found = deviation(bench, base, by(much))
-    for _ in range(4):
-        if found < 1e-9 or abs(np.log(found / wanted)) < 0.15:
+    found = leaves(much)
+    for _ in range(ROUNDS):
+        if found < FAINT or abs(np.log(found / wanted)) < NEAR:
             break
         following = min(much * (wanted / found) ** (1 / power), most)
-        if abs(np.log(following / much)) < 0.02:
+        if abs(np.log(following / much)) < NEAR / 10:
             break
         earlier = found
-        found = deviation(bench, base, by(following))
-        if found > 0:
-            power = np.log(found / earlier) / np.log(following / much)
+        found = leaves(following)
+        if found > FAINT:
+            power = float(np.log(found / earlier) / np.log(following / much))
             power = float(np.clip(power, 0.3, 3.0))
         much = following
     return by(much)
