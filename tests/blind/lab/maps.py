@@ -29,7 +29,6 @@ SPOT = np.linspace(-3.6, 3.6, 13)
 """Points of the laser spot along each axis, in units of its sd: even steps, since the film's edge
 is a kink of the signal.
 """
-WEIGHT = np.exp(-(SPOT**2) / 2)
 HOLED = ("perforated",)
 """Films with holes, over which nothing is read."""
 
@@ -82,6 +81,7 @@ class MapBench:
         self.axis = np.linspace(-1.2, 1.2, points) * _film(name).half
         self.time = DWELL * np.arange(points**2.0).reshape(points, points)
         self.noise = 3e-4
+        self.spot = SPOT
         self.stack = device(name).stack
         self.gap = self.stack.layers[self.stack.gap].thickness if self.stack else 0.0
         self.thickness = device(name).film.thickness
@@ -151,14 +151,15 @@ class MapBench:
         if "finite_spot" in hidden:
             sd = hidden["finite_spot"]["radius"] / 2
             much = laws.inexact(hidden, "finite_spot")
-            total = WEIGHT.sum() ** 2
+            weight = np.exp(-(self.spot**2) / 2)
+            total = weight.sum() ** 2
             values = sum(
                 a
                 * b
                 / total
                 * self._read(x + sd * (1 + much) * dx, y + sd * (1 - much) * dy, base, hidden)
-                for a, dx in zip(WEIGHT, SPOT, strict=True)
-                for b, dy in zip(WEIGHT, SPOT, strict=True)
+                for a, dx in zip(weight, self.spot, strict=True)
+                for b, dy in zip(weight, self.spot, strict=True)
             )
         else:
             values = self._read(x, y, base, hidden)

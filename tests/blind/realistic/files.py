@@ -11,11 +11,14 @@ from femnl.io import measurement
 from tests.blind.lab import KINDS
 from tests.blind.lab.bench import Array, Bench, Values, sized
 from tests.blind.lab.film import device
+from tests.blind.lab.maps import SPOT, MapBench
 from tests.blind.realistic.noise import RealNoise
 from tests.blind.realistic.regimes import REGIMES, STRENGTH, Options, drawn
 from tests.blind.realistic.truth import Hidden, bent, excess, residual, shares
 from tests.blind.realistic.unknown import SIGNALS, flat
 
+COARSE_SPOT = np.linspace(-3.0, 3.0, 7)
+"""Points of a laser spot along each axis, of which sizes are found; data have those of `SPOT`."""
 CORNERED = ("square-270um", "rectangle")
 """Films whose corners the laboratory can round."""
 
@@ -56,6 +59,8 @@ def prepared(draw: Draw) -> Film:
     rng = np.random.default_rng([draw.seed, *draw.kind.encode()])
     options = drawn(regime, rng)
     bench: Bench = KINDS[draw.kind].setup(draw.geometry, draw.causes, rng)
+    if isinstance(bench, MapBench):
+        bench.spot = COARSE_SPOT
     base = bench.draw(rng)
     drawn_causes = {name: KINDS[draw.kind].CAUSES[name](rng, bench) for name in draw.causes}
     # The noise that there is is that of the file over `stated`
@@ -105,17 +110,20 @@ def make(draw: Draw, path: Path) -> dict[str, Any]:
     if hasattr(bench, "rating"):
         bench.rating = noise
     data = film.hidden | film.beside
+    names = tuple(film.hidden)
+    share = shares(bench, film.base, data, names, film.flat) if names else {}
+    if isinstance(bench, MapBench):
+        bench.spot = SPOT
     groups = bench.measured(film.base, data, noise)
     text = fabricated(device(draw.geometry).text, film.options)
     measurement.write(measurement.bundle(groups, geometry=draw.geometry, model=text), path)
-    names = tuple(film.hidden)
     return {
         "draw": asdict(draw),
         "options": asdict(film.options),
         "base": film.base,
         "causes": film.hidden,
         "sigma": film.sigma,
-        "shares": shares(bench, film.base, data, names, film.flat) if names else {},
+        "shares": share,
         "glitches": noise.glitches,
     }
 
