@@ -53,19 +53,24 @@ def _round(seed: int, k: int, kind: str, regimes: tuple[str, ...]) -> Iterator[D
     possible = [regime for regime in REGIMES if regime in regimes and allowed(regime, kind)]
     quiet = [regime for regime in QUIET if regime in possible]
     for i, cause in enumerate(causes(kind)):
-        if possible:
+        if possible and _films(kind, (cause,)):
             yield _draw(seed, k, kind, (cause,), possible[(k + i) % len(possible)])
     for n in range(min(NULLS, len(quiet))):
         yield _draw(seed, k, kind, (), quiet[(NULLS * k + n) % len(quiet)])
 
 
-def _draw(seed: int, k: int, kind: str, hidden: tuple[str, ...], regime: str) -> Draw:
-    drawn = zlib.crc32(f"{seed} {k} {kind} {hidden} {regime}".encode())
-    films = [
+def _films(kind: str, hidden: tuple[str, ...]) -> list[str]:
+    """Return the devices on which the laboratory can hide these causes."""
+    return [
         geometry
         for geometry in GEOMETRIES[kind]
         if all((cause, geometry) not in IMPOSSIBLE for cause in hidden)
     ]
+
+
+def _draw(seed: int, k: int, kind: str, hidden: tuple[str, ...], regime: str) -> Draw:
+    drawn = zlib.crc32(f"{seed} {k} {kind} {hidden} {regime}".encode())
+    films = _films(kind, hidden)
     return Draw(kind, hidden, regime, films[drawn % len(films)], drawn)
 
 
