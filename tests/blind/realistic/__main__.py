@@ -19,7 +19,7 @@ from tests.blind.realistic.regimes import REGIMES
 from tests.blind.realistic.score import score, table
 
 LIMIT = 600.0
-"""Seconds after which a file counts as without an answer."""
+"""Seconds of a processor after which a file counts as without an answer."""
 
 
 def known(folder: Path, seed: int | None) -> tuple[int, list[dict[str, Any]]]:
@@ -59,7 +59,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=1, help="of about 80 files each")
     parser.add_argument("--kinds", default=",".join(KINDS), help="kinds of measurement, by comma")
     parser.add_argument("--regimes", default=",".join(REGIMES), help="regimes, by comma")
-    parser.add_argument("--limit", type=float, default=LIMIT, help="seconds a file")
+    parser.add_argument("--limit", type=float, default=LIMIT, help="seconds of a processor a file")
     given = parser.parse_args()
     seed, records = known(given.folder, given.seed)
     done = {one["name"] for one in records}
