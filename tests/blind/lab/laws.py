@@ -82,7 +82,7 @@ def patch(much: float) -> tuple[Array, Array, Array]:
 
 def by_wave(frequency: Array) -> Array:
     """Return t³ of each mode, t from −1 for the longest wave to 1 for the shortest."""
-    t = 2 * (frequency - frequency.min()) / np.ptp(frequency) - 1
+    t = np.interp(frequency, [frequency.min(), frequency.max()], [-1.0, 1.0])
     return np.asarray(t**3)
 
 

@@ -97,10 +97,17 @@ def _settle(a: Complex, b: Complex, coupled: bool, flow: Flow) -> None:
                 for _ in range(IMPLICIT):
                     middle = (before + last) / 2
                     x = middle.real**2 + middle.imag**2
-                    force = cubic[i] + (quintic[i] + septic[i] * x) * x
                     loss_here = loss[i] + more_loss[i] * x
                     lower = coupling[i] * (middle if power[i] == 2 else middle * middle)
-                    own = 0.5j * h * (delta[i] + x * force + 1j * (1 + loss_here * x))
+                    own = (
+                        0.5j
+                        * h
+                        * (
+                            delta[i]
+                            + x * (cubic[i] + (quintic[i] + septic[i] * x) * x)
+                            + 1j * (1 + loss_here * x)
+                        )
+                    )
                     last = (
                         before * (1 + own)
                         - 1j * h * (drive[i] - np.conj(lower) * (b[i] + other) / 2)
@@ -116,10 +123,15 @@ def _settle(a: Complex, b: Complex, coupled: bool, flow: Flow) -> None:
                 for stage in range(4):
                     here = before + (0.0 if stage == 0 else h if stage == 3 else h / 2) * rate
                     x = here.real**2 + here.imag**2
-                    force = cubic[i] + (quintic[i] + septic[i] * x) * x
                     loss_here = loss[i] + more_loss[i] * x
                     rate = -1j * (
-                        drive[i] - here * (delta[i] + x * force + 1j * (1 + loss_here * x))
+                        drive[i]
+                        - here
+                        * (
+                            delta[i]
+                            + x * (cubic[i] + (quintic[i] + septic[i] * x) * x)
+                            + 1j * (1 + loss_here * x)
+                        )
                     )
                     total += rate if stage in (0, 3) else 2 * rate
                 a[i] = before + h / 6 * total
