@@ -22,11 +22,12 @@ from femnl.optics.fringe import MultilayerFringe
 from femnl.pipeline import solve_modes
 from tests.blind.jobs import IMPOSSIBLE, jobs
 from tests.blind.lab import KINDS, Case, causes, make, maps
-from tests.blind.lab.bench import FOLLOWED, Array, Cause, Values, sizes
+from tests.blind.lab.bench import FOLLOWED, Array, Cause, Noise, Values, sizes
 from tests.blind.lab.drum import drum
 from tests.blind.lab.film import Membrane, device, membrane
 from tests.blind.lab.holes import SIDE, HolesBench, perforated
-from tests.blind.lab.maps import WAVELENGTH, bent
+from tests.blind.lab.maps import WAVELENGTH
+from tests.blind.lab.motion import bent
 from tests.blind.lab.optics import reflection
 from tests.blind.lab.record import COUNT, RATE, SUBSTEPS, RecordBench
 from tests.blind.lab.response import ResponseBench
@@ -319,7 +320,7 @@ class Root:
         return 100 * np.stack([np.sqrt(total), total, total**2], axis=1)
 
     def measured(
-        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+        self, base: Values, hidden: dict[str, Values], rng: Noise
     ) -> dict[str, xr.Dataset]:
         return {}
 

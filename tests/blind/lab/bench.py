@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import xarray as xr
@@ -35,6 +35,18 @@ FOLLOWED = 4
 """Steps along tangents that are taken to see what a cause leaves."""
 
 
+INEXACT = "inexact"
+"""Name of the value that says how far a cause is from its first law."""
+
+
+class Noise(Protocol):
+    """What a measurement takes its noise from, in σ."""
+
+    def standard_normal(self, size: Any, /) -> Any:
+        """Return noise of that shape."""
+        ...
+
+
 @dataclass(frozen=True)
 class Cause:
     """A cause as drawn.
@@ -64,7 +76,7 @@ class Bench(Protocol):
         ...
 
     def measured(
-        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+        self, base: Values, hidden: dict[str, Values], rng: Noise
     ) -> dict[str, xr.Dataset]:
         """Data with noise, as the instrument rounds them: the groups of a file."""
         ...
@@ -94,7 +106,7 @@ def sizes(
     found = {}
     for name in hidden:
         rest = {k: values for k, values in whole.items() if k != name}
-        specs = [(k, spec) for k, values in rest.items() for spec in values]
+        specs = [(k, spec) for k, values in rest.items() for spec in values if spec != INEXACT]
         steps = np.array([-SHARE if spec in hidden[k].strengths else STEP for k, spec in specs])
         variants = [(base, whole), (base, rest)]
         variants += [

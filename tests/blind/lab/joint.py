@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from tests.blind.lab import maps, response, spectrum
-from tests.blind.lab.bench import Array, Bench, Cause, Values
+from tests.blind.lab.bench import Array, Bench, Cause, Noise, Values
 from tests.blind.lab.maps import MapBench
 
 Draw = Callable[[np.random.Generator, "JointBench"], Cause]
@@ -72,7 +72,7 @@ class JointBench:
         )
 
     def measured(
-        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+        self, base: Values, hidden: dict[str, Values], rng: Noise
     ) -> dict[str, xr.Dataset]:
         """The groups of all."""
         found = {}

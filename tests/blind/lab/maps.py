@@ -14,9 +14,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.io import measurement
-from tests.blind.lab.bench import Array, Cause, Values, one, sign, vector
+from tests.blind.lab import laws
+from tests.blind.lab.bench import Array, Cause, Noise, Values, one, sign, vector
 from tests.blind.lab.drum import Drum, drum
 from tests.blind.lab.film import Membrane, device, membrane
+from tests.blind.lab.motion import DWELL, bent, drifting
 from tests.blind.lab.optics import fringe, largest, low_passed
 
 WAVELENGTH = 632.8e-9
@@ -27,11 +29,6 @@ SPOT = np.linspace(-3.6, 3.6, 13)
 """Points of the laser spot along each axis, in units of its sd: even steps, since the film's edge
 is a kink of the signal.
 """
-WEIGHT = np.exp(-(SPOT**2) / 2)
-DWELL = 0.05
-"""Time [s] that a point takes, row by row."""
-PARTS = 16
-"""Steps in which the motion is followed while a point is measured."""
 HOLED = ("perforated",)
 """Films with holes, over which nothing is read."""
 
@@ -84,6 +81,7 @@ class MapBench:
         self.axis = np.linspace(-1.2, 1.2, points) * _film(name).half
         self.time = DWELL * np.arange(points**2.0).reshape(points, points)
         self.noise = 3e-4
+        self.spot = SPOT
         self.stack = device(name).stack
         self.gap = self.stack.layers[self.stack.gap].thickness if self.stack else 0.0
         self.thickness = device(name).film.thickness
@@ -118,7 +116,7 @@ class MapBench:
         return np.concatenate([seen.real, seen.imag], axis=1)
 
     def measured(
-        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+        self, base: Values, hidden: dict[str, Values], rng: Noise
     ) -> dict[str, xr.Dataset]:
         """Quadratures with noise, to a microvolt."""
         values = self._harmonics(base, hidden)
@@ -139,19 +137,29 @@ class MapBench:
     def _harmonics(self, base: Values, hidden: dict[str, Values]) -> NDArray[np.complex128]:
         x, y = np.meshgrid(self.axis - base["x"], self.axis - base["y"])
         if "stage_rotation" in hidden:
-            turn = np.exp(-1j * hidden["stage_rotation"]["angle"]) * (x + 1j * y)
-            x = turn.real
+            angle = hidden["stage_rotation"]["angle"]
+            turn = np.exp(-1j * angle) * (x + 1j * y)
+            x = turn.real + laws.inexact(hidden, "stage_rotation") * angle * y
             y = turn.imag
         if "stage_scale" in hidden:
-            x = x * (1 + hidden["stage_scale"]["stretch_x"])
-            y = y * (1 + hidden["stage_scale"]["stretch_y"])
+            stretch = hidden["stage_scale"]
+            skew = laws.inexact(hidden, "stage_scale") * np.hypot(
+                stretch["stretch_x"], stretch["stretch_y"]
+            )
+            x = x * (1 + stretch["stretch_x"]) + skew * y
+            y = y * (1 + stretch["stretch_y"])
         if "finite_spot" in hidden:
             sd = hidden["finite_spot"]["radius"] / 2
-            total = WEIGHT.sum() ** 2
+            much = laws.inexact(hidden, "finite_spot")
+            weight = np.exp(-(self.spot**2) / 2)
+            total = weight.sum() ** 2
             values = sum(
-                a * b / total * self._read(x + sd * dx, y + sd * dy, base, hidden)
-                for a, dx in zip(WEIGHT, SPOT, strict=True)
-                for b, dy in zip(WEIGHT, SPOT, strict=True)
+                a
+                * b
+                / total
+                * self._read(x + sd * (1 + much) * dx, y + sd * (1 - much) * dy, base, hidden)
+                for a, dx in zip(weight, self.spot, strict=True)
+                for b, dy in zip(weight, self.spot, strict=True)
             )
         else:
             values = self._read(x, y, base, hidden)
@@ -162,15 +170,23 @@ class MapBench:
             errors, share = np.polynomial.hermite_e.hermegauss(24)
             turns = np.exp(-1j * order[..., None] * omega * hidden["trigger_jitter"]["sd"] * errors)
             values = values * (turns @ (share / share.sum()))
+            much = laws.inexact(hidden, "trigger_jitter")
+            late_by = omega * hidden["trigger_jitter"]["sd"]
+            values = values * laws.late(np.asarray(order * late_by, np.float64), much)
         if "detector_bandwidth" in hidden:
             constant = hidden["detector_bandwidth"]["time_constant"]
             answer = low_passed(ORDERS + 1, self.drive, constant)[1:, None, None]
             # The phase of the motion counts from behind the delay that all harmonics share
             values = values * answer * np.exp(1j * order * omega * constant)
+            more = laws.inexact(hidden, "detector_bandwidth") * constant
+            if more:
+                answer = low_passed(ORDERS + 1, self.drive, more)[1:, None, None]
+                values = values * answer * np.exp(1j * order * omega * more)
         if "crosstalk" in hidden and self.driven is not None:
-            values = values + (order == 1) * self.driven * (
-                hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"]
-            )
+            leak = hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"]
+            place = self.axis / self.axis.max()
+            uneven = 1 + laws.inexact(hidden, "crosstalk") * np.add.outer(place, place**2)
+            values = values + (order == 1) * self.driven * leak * uneven
         film = _film(self.name)
         return np.asarray(
             np.where(film.over_hole(x, y), np.nan, values) if isinstance(film, Drum) else values
@@ -186,8 +202,12 @@ class MapBench:
         if "phase_tilt" in hidden:
             tilt = hidden["phase_tilt"]
             rest = rest + tilt["slope_x"] * x + tilt["slope_y"] * y
+            curved = laws.inexact(hidden, "phase_tilt") * np.hypot(tilt["slope_x"], tilt["slope_y"])
+            rest = rest + curved * (x**2 + y**2) / self.axis.max()
         if "static_bow" in hidden:
-            rest = rest + hidden["static_bow"]["depth"] * shape
+            rest = rest + hidden["static_bow"]["depth"] * shape * (
+                1 + laws.inexact(hidden, "static_bow") * (1 - shape)
+            )
         tau = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
         swing = np.ones(x.shape, complex)
         if "resonance_drift" in hidden:
@@ -197,9 +217,13 @@ class MapBench:
             if "mode_admixture" in hidden:
                 shape = shape + hidden["mode_admixture"][f"e{k}"] * shapes[k]
                 late = late + hidden["mode_admixture"][f"q{k}"] * shapes[k]
+                more = laws.inexact(hidden, "mode_admixture") * hidden["mode_admixture"][f"e{k}"]
+                shape = shape + more * shapes[k + 5]
         if "doublet" in hidden:
             pair = hidden["doublet"]
             partner = shapes[round(pair["partner"])]
+            third = shapes[round(pair["partner"]) % 5 + 6]
+            partner = partner + laws.inexact(hidden, "doublet") * third
             shape = shape + pair["in_phase"] * partner
             late = late + pair["quadrature"] * partner
         moving = base["amplitude"] * swing * (shape + 1j * late)
@@ -213,22 +237,25 @@ class MapBench:
             more = series[0].real * np.abs(swing[..., None]) ** 2
             for n in range(2, ORDERS):
                 more = more + 2 * (swing[..., None] ** n * series[n] * np.exp(1j * n * tau)).real
-            u = u + shapes[0][..., None] * more
+            other = 1 + laws.inexact(hidden, "quadratic_stiffness") * (1 - shapes[0])
+            u = u + (shapes[0] * other)[..., None] * more
         if "mechanical_overtones" in hidden:
             sung = hidden["mechanical_overtones"]
             for n in (2, 3):
                 k = int(np.argmin(np.abs(self.frequencies - n * self.frequencies[0])))
                 size = (swing[..., None] / np.abs(swing).max()) ** n
-                size = size * (sung[f"cos{n}"] - 1j * sung[f"sin{n}"]) * shapes[k][..., None]
+                mixed = shapes[k] + laws.inexact(hidden, "mechanical_overtones") * shapes[k - 1]
+                size = size * (sung[f"cos{n}"] - 1j * sung[f"sin{n}"]) * mixed[..., None]
                 u = u + (size * np.exp(1j * n * tau)).real
-        v = self._lit(u, base, hidden)
+        wedge = laws.inexact(hidden, "multilayer_fringe") * self.wavelength / 20
+        v = self._lit(u + (wedge * x / self.axis.max())[..., None], base, hidden)
         if "detector_saturation" in hidden:
             limit = (
                 base["contrast"]
                 * self._top(hidden)
                 * (1 - hidden["detector_saturation"]["clipped"])
             )
-            v = np.clip(v, -limit, limit)
+            v = laws.rounded(v, limit, -1.0, laws.inexact(hidden, "detector_saturation"))
         return np.asarray(
             2 / SAMPLES * np.moveaxis(np.fft.fft(v, axis=-1)[..., 1 : ORDERS + 1], -1, 0)
         )
@@ -236,7 +263,7 @@ class MapBench:
     def _top(self, hidden: dict[str, Values]) -> float:
         """Largest value of the fringe, in units of its contrast."""
         return (
-            largest(self.stack, hidden["multilayer_fringe"], self.wavelength)
+            largest(self.stack, laws.first(hidden["multilayer_fringe"]), self.wavelength)
             if "multilayer_fringe" in hidden and self.stack is not None
             else 1.0
         )
@@ -247,67 +274,8 @@ class MapBench:
                 base["contrast"] * np.cos(4 * np.pi / self.wavelength * u + base["theta"])
             )
         light = hidden["multilayer_fringe"]
-        return base["contrast"] * fringe(self.stack, light, self.wavelength)(light["gap"] + u)
-
-
-@lru_cache(maxsize=64)
-def drifting(count: int, detuning: float, drift: float, linewidth: float) -> NDArray[np.complex128]:
-    """Amplitude at points taken one after the other, of a mode that drifts past its drive.
-
-    Ȧ = −πw((1 + 2iδ)A − F), followed in time; steady and one in the middle of all. detuning δ there
-    and drift over all, in linewidths w [Hz].
-    """
-    step = DWELL / PARTS
-    time = (np.arange(count * PARTS) + 0.5) / PARTS - 0.5
-    rate = 1 + 2j * (detuning + drift * (time / (count - 1) - 0.5))
-    steady = (1 + 2j * detuning) / rate
-    keep = np.exp(-np.pi * linewidth * step * rate)
-    found = np.empty(count * PARTS, complex)
-    now = steady[0]
-    for n in range(len(found)):
-        now = steady[n] + (now - steady[n]) * keep[n]
-        found[n] = now
-    return np.asarray(found.reshape(count, PARTS).mean(axis=1))
-
-
-@lru_cache(maxsize=64)
-def bent(kappa: float, samples: int) -> Array:
-    """One period of ü + u + κu² = 0 in units of its first harmonic, whose phase is zero.
-
-    κ in those units.
-
-    By Runge–Kutta steps from one turning point to the next: the way back is the way there.
-    """
-    start = 1.0
-    half = np.pi
-    for _ in range(8):
-        u, v = _orbit(kappa, start, half, samples)
-        # Where it turns, v = 0
-        half += v[samples // 2] / (u[samples // 2] * (1 + kappa * u[samples // 2]))
-        start /= float(2 * np.mean(u * np.cos(2 * np.pi * np.arange(samples) / samples)))
-    return _orbit(kappa, start, half, samples)[0]
-
-
-def _orbit(kappa: float, start: float, half: float, samples: int) -> tuple[Array, Array]:
-    """Displacement and velocity at even steps of a period of twice `half`."""
-    steps = 8
-    h = 2 * half / samples / steps
-    state = np.array([start, 0.0])
-    kept = []
-
-    def rate(s: Array) -> Array:
-        return np.array([s[1], -s[0] * (1 + kappa * s[0])])
-
-    for n in range(samples // 2 * steps + 1):
-        if n % steps == 0:
-            kept.append(state)
-        one = rate(state)
-        two = rate(state + h / 2 * one)
-        three = rate(state + h / 2 * two)
-        state = state + h / 6 * (one + 2 * two + 2 * three + rate(state + h * three))
-    u, v = np.array(kept).T
-    back = slice(-2, 0, -1)
-    return np.concatenate([u, u[back]]), np.concatenate([v, -v[back]])
+        read = fringe(self.stack, laws.first(light), self.wavelength)
+        return np.asarray(base["contrast"] * read(light["gap"] + u))
 
 
 def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> MapBench:

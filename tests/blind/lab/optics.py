@@ -112,6 +112,7 @@ def _index(table: tuple[tuple[float, complex], ...], wavelength: float) -> compl
     return complex(np.interp(wavelength, wavelengths, np.array(values)))
 
 
+@lru_cache(maxsize=256)
 def low_passed(count: int, frequency: float, time_constant: float) -> Array:
     """Complex answers of τ v̇ + v = s to the harmonics 0 … count−1, run in time until steady.
 

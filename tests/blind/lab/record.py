@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from femnl.io import measurement
-from tests.blind.lab.bench import Array, Cause, Values, sign
+from tests.blind.lab.bench import INEXACT, Array, Cause, Noise, Values, sign
 
 RATE = 610.0
 COUNT = 1800
@@ -19,6 +19,8 @@ SUBSTEPS = 32
 """Samples a second, samples, and time steps between two of them."""
 BAND = 150.0
 """Highest frequency [Hz] of the drive."""
+SWING = 0.3
+"""Swing [V] at which the next order of a force is `inexact` times the force."""
 ADC = 2e-5
 """Step [V] of the converter."""
 
@@ -74,7 +76,7 @@ class RecordBench:
         )
 
     def measured(
-        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+        self, base: Values, hidden: dict[str, Values], rng: Noise
     ) -> dict[str, xr.Dataset]:
         """Output with noise, in steps of the converter; the drive as it was."""
         output = self._run([base], [hidden])[0]
@@ -101,17 +103,23 @@ class RecordBench:
         )
         square = (2 * np.pi * f0) ** 2
         loss = (2 * np.pi * width, spec("nonlinear_damping", "eta"))
+        kappa = spec("quadratic_stiffness", "kappa2")
+        more = (
+            kappa * spec("quadratic_stiffness", INEXACT) / SWING**2,
+            spec("quintic_stiffness", "alpha5") * spec("quintic_stiffness", INEXACT) / SWING**2,
+            loss[1] * spec("nonlinear_damping", INEXACT) / SWING**2,
+        )
         forces = (
             square,
             square / stiffness,
             offset,
-            spec("quadratic_stiffness", "kappa2"),
+            kappa,
             alpha,
             spec("quintic_stiffness", "alpha5"),
         )
         return np.asarray(
             _compiled()(
-                self.drive, np.stack([*forces, *loss], axis=1), np.zeros(len(bases)) + begin
+                self.drive, np.stack([*forces, *loss, *more], axis=1), np.zeros(len(bases)) + begin
             )
         )
 
@@ -123,14 +131,15 @@ def _compiled() -> Callable[[Array, Array, Array], Array]:
 
 
 def _integrate(drive: Array, oscillators: Array, begin: Array) -> Array:
-    """Classical Runge–Kutta steps of each oscillator (n, 8) under a drive by half steps.
+    """Classical Runge–Kutta steps of each oscillator (n, 11) under a drive by half steps.
 
     The first eighth is a run-in before the record.
     """
     h = 1 / (RATE * SUBSTEPS)
     found = np.empty((len(oscillators), COUNT))
     for k in range(len(oscillators)):
-        square, gain, offset, kappa, alpha, quintic, gamma, eta = oscillators[k]
+        square, gain, offset, kappa, alpha, quintic, gamma, eta = oscillators[k, :8]
+        quartic, septic, steep = oscillators[k, 8:]
         y = begin[k]
         v = 0.0
         for n in range(-COUNT // 8 * SUBSTEPS, COUNT * SUBSTEPS):
@@ -143,7 +152,8 @@ def _integrate(drive: Array, oscillators: Array, begin: Array) -> Array:
                 w = v + reach * dv
                 u = drive[(2 * n + (stage + 1) // 2) % len(drive)]
                 force = x + kappa * x**2 + alpha * x**3 + quintic * x**5
-                drag = gamma * w + gamma * eta * x**2 * w
+                force = force + quartic * x**4 + septic * x**7
+                drag = gamma * w + gamma * eta * x**2 * w + gamma * steep * x**4 * w
                 dy = w
                 dv = gain * (u + offset) - square * force - drag
                 weight = 1.0 if stage in (0, 3) else 2.0

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from femnl.core.device import Model
 from femnl.device import geometry
 from femnl.io import measurement
-from tests.blind.lab import swept
-from tests.blind.lab.bench import Array, Cause, Values, sign
+from tests.blind.lab import laws, swept
+from tests.blind.lab.bench import INEXACT, Array, Cause, Noise, Values, sign
 from tests.blind.lab.maps import _shapes
+from tests.blind.lab.response_forms import DERIVED
 from tests.blind.lab.slow_flow import Flow, compiled, softening
 
 ALPHA_SD = 0.2
@@ -131,15 +132,20 @@ class ResponseBench:
         w = np.maximum(w, self.linewidth * NARROWEST)
         rate = spec("frequency_drift", "rate")
         drive = peak * self.drives / (1 + spec("drive_compression", "kappa") * self.drives**2) + 0j
-        alpha = (
-            alpha
-            + np.array(
-                [softening(b, h, self.drives.max()) for b, h in zip(bases, hidden, strict=True)]
-            )[:, None]
+        drive = drive * laws.saturating(
+            self.drives, spec("drive_compression", "kappa"), spec("drive_compression", INEXACT)
         )
+        softer = np.array(
+            [softening(b, h, self.drives.max()) for b, h in zip(bases, hidden, strict=True)]
+        )[:, None]
+        alpha = alpha + softer
+        swing = (peak * self.drives.max()) ** 2
         cubic = 0.75 * f0 / w * alpha
         quintic = 0.625 * f0 / w * spec("quintic_stiffness", "alpha5")
+        septic = quintic * spec("quintic_stiffness", INEXACT) / swing
+        quintic = quintic + cubic * softer / alpha * spec("quadratic_stiffness", INEXACT) / swing
         loss = spec("nonlinear_damping", "eta") / 4
+        more_loss = loss * spec("nonlinear_damping", INEXACT) / swing
         order = np.array([round(h.get("internal_resonance", {}).get("order", 2)) for h in hidden])[
             :, None
         ]
@@ -154,6 +160,8 @@ class ResponseBench:
             )
         )
         crossing = self.frequency[[0, -1]].mean() + spec("internal_resonance", "offset")
+        detuned = (self.drives / self.drives.max()) ** 2 * self.linewidth
+        crossing = crossing + spec("internal_resonance", INEXACT) * detuned
         leaves = order / 2 * spec("internal_resonance", "width") * 2 / w
         state = np.zeros(drive.size, complex)
         other = np.zeros(drive.size, complex)
@@ -162,10 +170,15 @@ class ResponseBench:
         rest = np.where(left > 0, -np.log(np.where(left > 0, left, 1.0)), np.inf)
         for k in range(self.points):
             point = np.where(self.direction > 0, k, self.points - 1 - k)
-            time = 0.0 if self.time is None else self.time + self.duration * (k + 0.5) / self.points
+            time: Array | float = 0.0
+            if self.time is not None:
+                time = np.asarray(self.time + self.duration * (k + 0.5) / self.points, np.float64)
+                whole = float(self.time.max()) + self.duration
+                time = laws.relaxed(time, whole, spec("frequency_drift", INEXACT))
             detuning = 2 * (f0 * (1 + rate * time) - self.frequency[point]) / w
             turn = order * 2 * (crossing - self.frequency[point]) / w + 1j * leaves
-            whole = np.broadcast_arrays(
+            uneven = 1 + spec("unsettled_mode", INEXACT) * np.sin(4 * np.pi * k / self.points)
+            flow = np.broadcast_arrays(
                 detuning,
                 cubic,
                 quintic,
@@ -175,11 +188,11 @@ class ResponseBench:
                 coupling,
                 order,
                 # The first point is taken once the mode has settled.
-                rest if k else np.inf,
+                rest * uneven if k else np.inf,
+                septic,
+                more_loss,
             )
-            compiled()(
-                state, other, bool(np.any(coupling)), Flow(*(part.ravel() for part in whole))
-            )
+            compiled()(state, other, bool(np.any(coupling)), Flow(*(part.ravel() for part in flow)))
             motion[:, np.arange(len(self.drives)), point] = state.reshape(drive.shape)
         return self._read_out(motion, bases, hidden)
 
@@ -196,36 +209,52 @@ class ResponseBench:
             if "nonlinear_readout" in causes:
                 share = np.sqrt(max(causes["nonlinear_readout"]["share"], 1e-12))
                 size = share * self.shape[:, None] * np.abs(moved)
-                moved = swept.fringe(moved, 4 * np.pi / WAVELENGTH * size)
+                z = 4 * np.pi / WAVELENGTH * size
+                much = laws.inexact(causes, "nonlinear_readout")
+                moved = (1 - much) * swept.fringe(moved, z) + much * moved / (1 + z**2 / 8)
             volts = gain[:, None] * moved
             for name in ("crosstalk", "sloping_background", "fano_background"):
                 if name in causes:
                     volts = volts + self.drives[:, None] * self._beside(name, causes[name])
             if "group_delay" in causes:
-                volts = swept.late(volts, off, causes["group_delay"]["tau"])
+                much = laws.inexact(causes, "group_delay")
+                uneven = off * (1 + much * off / np.ptp(off))
+                volts = swept.late(volts, uneven, causes["group_delay"]["tau"])
             for name, low in RAILS.items():
                 if name in causes:
-                    volts = swept.clipped(volts, causes[name]["part"], low)
+                    volts = swept.clipped(
+                        volts, causes[name]["part"], low, laws.inexact(causes, name)
+                    )
             if "lock_in_filter" in causes:
-                volts = swept.filtered(volts, self.direction, causes["lock_in_filter"])
+                chain = causes["lock_in_filter"]
+                volts = swept.filtered(volts, self.direction, chain)
+                if INEXACT in chain:
+                    more = {"left": chain[INEXACT] * chain["left"], "poles": 1.0}
+                    volts = swept.filtered(volts, self.direction, more)
             found.append(volts)
         return np.asarray(found)
 
     def _beside(self, name: str, values: Values) -> Complex:
         """Return what is seen beside the mode (n_points,) [V/V]."""
         level = values["real"] + 1j * values["imag"]
+        much = values.get(INEXACT, 0.0)
+        ripple = laws.rippled(self.frequency, much)
         if name == "crosstalk":
-            return np.full(self.points, level)
+            return np.asarray(level * ripple, complex)
         middle = float(self.frequency[[0, -1]].mean())
         centre = middle + values["place"]
         answer = swept.oscillator(self.frequency, centre, values["broad"])
         if name == "sloping_background":
             # A bridge that compensates the leak in the middle leaves its slope.
             answer = answer - swept.oscillator(np.array([middle]), centre, values["broad"])
+            answer = answer * ripple
+        elif much:
+            beside = centre + 0.7 * values["broad"]
+            answer = answer + much * swept.oscillator(self.frequency, beside, values["broad"])
         return np.asarray(level * answer, complex)
 
     def measured(
-        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+        self, base: Values, hidden: dict[str, Values], rng: Noise
     ) -> dict[str, xr.Dataset]:
         """Quadratures with noise, to a tenth of a microvolt."""
         volts = self._swept([base], [hidden])[0]
@@ -363,21 +392,4 @@ CAUSES: dict[str, Callable[[np.random.Generator, ResponseBench], Cause]] = {
     "sloping_background": _flank,
     "unsettled_mode": lambda rng, bench: Cause({"kept": 0.01}, ("kept",), 50.0),
 }
-DERIVED: dict[str, str] = {
-    "crosstalk": "a constant added to the voltage",
-    "detector_saturation": "a clipped sinusoid, sampled over a period",
-    "drive_compression": "the force in time steps of the slow flow",
-    "fano_background": "a driven oscillator of second order in f, beside the mode",
-    "frequency_drift": "f₀ at each time step of the sweeps",
-    "group_delay": "a late sinusoid, sampled over a period",
-    "internal_resonance": "time steps of both modes",
-    "lock_in_filter": "RC stages in time steps by the midpoint rule",
-    "nonlinear_damping": "time steps of the slow flow",
-    "nonlinear_readout": "a sine of the motion, sampled, with the shapes of another method",
-    "one_sided_saturation": "a sinusoid clipped on one side, sampled over a period",
-    "quadratic_stiffness": "the frequency of the free oscillation between its turning points",
-    "quintic_stiffness": "time steps of the slow flow",
-    "sloping_background": "the flank of a driven oscillator, of second order in f",
-    "unsettled_mode": "time steps of the slow flow for the time of each point",
-}
-"""How the laboratory computes each cause."""
+__all__ = ["CAUSES", "DERIVED", "ResponseBench", "setup"]

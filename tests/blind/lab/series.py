@@ -7,7 +7,8 @@ import xarray as xr
 
 from femnl.device import geometry
 from femnl.io import measurement
-from tests.blind.lab.bench import Array, Cause, Values, sign
+from tests.blind.lab import laws
+from tests.blind.lab.bench import Array, Cause, Noise, Values, sign
 from tests.blind.lab.surroundings import (
     charged,
     dashpot,
@@ -82,27 +83,31 @@ class SeriesBench:
         control = self.control
         if "thermal_stress" in hidden:
             warm = control["temperature"] - control["temperature"].mean()
+            warm = warm * (1 + laws.inexact(hidden, "thermal_stress") * warm / warm.max())
             square = square * warmed(film, hidden["thermal_stress"]["slope"], warm)
         if "photothermal" in hidden:
             heat = hidden["photothermal"]
-            power = control["laser_power"]
+            power = self._bent("laser_power", laws.inexact(hidden, "photothermal"))
             # A kelvin a watt, at which the film would lose that much of its stress
             square = square * warmed(film, 2 * heat["softening"], power)
             loss = loss * (1 + heat["loss"] * power)
         if "gas_loading" in hidden:
             wave = np.array([omega * np.sqrt(film.density / film.stress)])
             depth = float((gas_above_wave(wave) + gas_below(wave, self.gap))[0])
-            part = control["pressure"] / control["pressure"].max()
+            part = self._bent("pressure", -laws.inexact(hidden, "gas_loading"))
+            part = part / control["pressure"].max()
             square = square / (1 + hidden["gas_loading"]["gas_density"] * part * depth / inertia)
         if "optical_spring" in hidden:
             light = hidden["optical_spring"]
             lag = -light["loss"] / (light["spring"] * base["quality_factor"])
-            pushed = delayed(omega**2, light["spring"] * control["laser_power"], lag)
+            power = self._bent("laser_power", laws.inexact(hidden, "optical_spring"))
+            pushed = delayed(omega**2, light["spring"] * power, lag)
             square = square * pushed.real / omega**2
             loss = loss + pushed.imag / pushed.real
         if "trapped_gas" in hidden:
             gas = hidden["trapped_gas"]
-            springs = gas["pressure"] * control["pressure"] / control["pressure"].max()
+            pressure = self._bent("pressure", -laws.inexact(hidden, "trapped_gas"))
+            springs = gas["pressure"] * pressure / control["pressure"].max()
             held = np.array(
                 [
                     trapped(square[k : k + 1], p / (inertia * self.gap), [gas["escape_time"]])[0]
@@ -112,18 +117,30 @@ class SeriesBench:
             square = held.real
             loss = loss + held.imag / held.real
         if "electrostatic_softening" in hidden:
-            square = square * charged(
-                control["voltage"], self.gap, **hidden["electrostatic_softening"]
-            )
+            charge = laws.first(hidden["electrostatic_softening"])
+            voltage = control["voltage"]
+            steep = laws.inexact(hidden, "electrostatic_softening")
+            voltage = voltage * np.sqrt(1 + steep * (voltage / voltage.max()) ** 2)
+            square = square * charged(voltage, self.gap, **charge)
         if "gas_damping" in hidden:
-            loss = loss + hidden["gas_damping"]["per_pressure"] * control["pressure"]
+            loss = loss + hidden["gas_damping"]["per_pressure"] * self._bent(
+                "pressure", -laws.inexact(hidden, "gas_damping")
+            )
         f = np.sqrt(square) / (2 * np.pi)
         if "frequency_drift" in hidden:
-            f = f * (1 + hidden["frequency_drift"]["rate"] * control["time"])
+            time = laws.relaxed(
+                control["time"], control["time"].max(), laws.inexact(hidden, "frequency_drift")
+            )
+            f = f * (1 + hidden["frequency_drift"]["rate"] * time)
         return f, 1 / loss
 
+    def _bent(self, name: str, much: float) -> Array:
+        """Return a control that counts (1 + e x) of itself, x in units of its largest."""
+        value = self.control[name]
+        return np.asarray(value * (1 + much * value / value.max()))
+
     def measured(
-        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+        self, base: Values, hidden: dict[str, Values], rng: Noise
     ) -> dict[str, xr.Dataset]:
         """Points with noise, f to 0.01 Hz, Q to its last digit."""
         f, q = self._points(base, hidden)

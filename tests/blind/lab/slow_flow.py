@@ -64,18 +64,20 @@ class Flow(NamedTuple):
     coupling: Array
     power: NDArray[np.int64]
     rest: Array
+    septic: Array
+    more_loss: Array
 
 
 def _settle(a: Complex, b: Complex, coupled: bool, flow: Flow) -> None:
     """Step every a (n,) in time until none changes any more.
 
-    da/ds = −i (drive − a (δ + cubic|a|² + quintic|a|⁴ + i (1 + loss|a|²))).
+    da/ds = −i (drive − a (δ + cubic|a|² + quintic|a|⁴ + septic|a|⁶ + i (1 + loss|a|² + more|a|⁴))).
 
     By Runge–Kutta steps; coupled to a mode b at p times the drive, db/ds = i (b turn + g aᵖ), and +
     i g a*^{p−1} b in da/ds, by the implicit midpoint rule, which keeps the fast turning of that
     mode stable. The amplitude of b counts so that its own g is the same.
     """
-    delta, cubic, quintic, loss, drive, turn, coupling, power, rest = flow
+    delta, cubic, quintic, loss, drive, turn, coupling, power, rest, septic, more_loss = flow
     steps = np.empty(len(a))
     for i in range(len(a)):
         reach = abs(delta[i]) + 3 * abs(cubic[i]) * abs(drive[i]) ** 2 + 1
@@ -95,11 +97,16 @@ def _settle(a: Complex, b: Complex, coupled: bool, flow: Flow) -> None:
                 for _ in range(IMPLICIT):
                     middle = (before + last) / 2
                     x = middle.real**2 + middle.imag**2
+                    loss_here = loss[i] + more_loss[i] * x
                     lower = coupling[i] * (middle if power[i] == 2 else middle * middle)
                     own = (
                         0.5j
                         * h
-                        * (delta[i] + x * (cubic[i] + quintic[i] * x) + 1j * (1 + loss[i] * x))
+                        * (
+                            delta[i]
+                            + x * (cubic[i] + (quintic[i] + septic[i] * x) * x)
+                            + 1j * (1 + loss_here * x)
+                        )
                     )
                     last = (
                         before * (1 + own)
@@ -116,10 +123,15 @@ def _settle(a: Complex, b: Complex, coupled: bool, flow: Flow) -> None:
                 for stage in range(4):
                     here = before + (0.0 if stage == 0 else h if stage == 3 else h / 2) * rate
                     x = here.real**2 + here.imag**2
+                    loss_here = loss[i] + more_loss[i] * x
                     rate = -1j * (
                         drive[i]
                         - here
-                        * (delta[i] + x * (cubic[i] + quintic[i] * x) + 1j * (1 + loss[i] * x))
+                        * (
+                            delta[i]
+                            + x * (cubic[i] + (quintic[i] + septic[i] * x) * x)
+                            + 1j * (1 + loss_here * x)
+                        )
                     )
                     total += rate if stage in (0, 3) else 2 * rate
                 a[i] = before + h / 6 * total

@@ -12,7 +12,9 @@ from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
 from femnl.io import measurement
-from tests.blind.lab.bench import Array, Cause, Values, sign
+from tests.blind.lab import laws
+from tests.blind.lab.bench import Array, Cause, Noise, Values, sign
+from tests.blind.lab.corners import cut
 from tests.blind.lab.film import Membrane, device, membrane
 from tests.blind.lab.surroundings import (
     KEPT,
@@ -46,6 +48,11 @@ DIGIT = 0.1
 """Last digit [Hz] that the instrument writes."""
 
 
+Lines = tuple[Array, Array, list[str]]
+OWN_LAW = ("added_mass", "frame_mode", "frequency_drift")
+"""Causes whose second law is one of their own, see `laws`."""
+
+
 class SpectrumBench:
     """A list of the lowest modes; see `Bench`.
 
@@ -58,6 +65,7 @@ class SpectrumBench:
         timed = "frequency_drift" in causes
         # A stream of its own, so that what else is drawn does not depend on it
         self.own = rng.spawn(1)[0]
+        self.rating: Noise = self.own
         self.rated = bool(RATED & set(causes)) or self.own.uniform() < 1 / 3
         self.name = name
         model = device(name)
@@ -102,7 +110,7 @@ class SpectrumBench:
         return np.stack(rows)
 
     def measured(
-        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+        self, base: Values, hidden: dict[str, Values], rng: Noise
     ) -> dict[str, xr.Dataset]:
         """Frequencies with noise, labelled by their shapes where (m,n) has a meaning."""
         frequency, loss, names = self._lines(base, hidden)
@@ -110,7 +118,7 @@ class SpectrumBench:
         quality, sd = None, None
         if self.rated:
             sd = LOSS_SD / loss
-            quality = np.round(1 / loss + sd * self.own.standard_normal(self.count))
+            quality = np.round(1 / loss + sd * self.rating.standard_normal(self.count))
         group = measurement.spectrum(
             noisy,
             np.full(self.count, self.sd),
@@ -128,8 +136,22 @@ class SpectrumBench:
         """What each mode has of the rigid motions of the film, see `rigid`."""
         return rigid(self.membrane())
 
-    def _lines(self, base: Values, hidden: dict[str, Values]) -> tuple[Array, Array, list[str]]:
+    def _lines(self, base: Values, hidden: dict[str, Values]) -> Lines:
         """Return frequencies, 1/Q and names of the lowest modes."""
+        for name, values in hidden.items():
+            much = laws.inexact(hidden, name)
+            if much and name not in OWN_LAW:
+                whole = hidden | {name: laws.first(values)}
+                rest = {other: known for other, known in hidden.items() if other != name}
+                return _by_wave(self._lines(base, whole), self._lines(base, rest), much)
+        frequency, loss, names = self._first_law(base, hidden)
+        if "frequency_drift" in hidden and self.time is not None:
+            time = np.asarray(self.time, np.float64)
+            drifted = laws.relaxed(time, time.max(), laws.inexact(hidden, "frequency_drift"))
+            frequency = frequency * (1 + hidden["frequency_drift"]["rate"] * drifted)
+        return frequency, loss, names
+
+    def _first_law(self, base: Values, hidden: dict[str, Values]) -> Lines:
         film = self.film
         c2 = base["speed"] ** 2
         density = film.stress / c2
@@ -158,10 +180,13 @@ class SpectrumBench:
             stiffness = stiffness + c2 * _yielded(modes, hidden["yielding_edge"]["compliance"])
         if "added_mass" in hidden:
             particle = hidden["added_mass"]
-            shape = modes.at(np.array([particle["x"]]), np.array([particle["y"]]))[:, 0]
-            mass = mass + particle["mass"] / (density * film.thickness * modes.area) * np.outer(
-                shape, shape
+            dx, dy, part = laws.patch(laws.inexact(hidden, "added_mass"))
+            shape = modes.at(particle["x"] + dx, particle["y"] + dy)
+            mass = mass + particle["mass"] / (density * film.thickness * modes.area) * (
+                (shape * part) @ shape.T
             )
+        if "rounded_corners" in hidden:
+            stiffness = stiffness + c2 * cut(modes, hidden["rounded_corners"]["radius"])
         if "gas_loading" in hidden:
             above = gas_above(modes.inner, int(np.sqrt(len(k2))))
             known = np.isfinite(self.gap)
@@ -196,9 +221,17 @@ class SpectrumBench:
             square, vectors = eigh(stiffness, mass, subset_by_index=(0, self.count - 1))
             frequency = np.sqrt(square) / (2 * np.pi)
             loss = np.zeros_like(frequency)
-        if "frequency_drift" in hidden and self.time is not None:
-            frequency = frequency * (1 + hidden["frequency_drift"]["rate"] * self.time)
         return frequency, loss, _names(modes, vectors)
+
+
+def _by_wave(whole: Lines, rest: Lines, much: float) -> Lines:
+    """Let a cause act more on short waves than on long ones, to the same sum over all of them."""
+    factor = 1 + much * laws.by_wave(rest[0])
+    frequency = rest[0] + (whole[0] - rest[0]) * factor
+    loss = whole[1]
+    if rest[1].all():
+        loss = rest[1] * (whole[1] / rest[1]) ** factor
+    return frequency, loss, whole[2]
 
 
 def _bending_share(plate: Array, more: Array, layer: float) -> Array:

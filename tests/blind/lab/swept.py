@@ -3,6 +3,7 @@
 import numpy as np
 
 from tests.blind.lab.bench import Array, Values
+from tests.blind.lab.laws import rounded
 
 Complex = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
 FIRST = 2 * np.pi * np.arange(64) / 64
@@ -21,16 +22,16 @@ def fringe(motion: Complex, z: Array) -> Complex:
     )
 
 
-def clipped(volts: Complex, part: float, low: float) -> Complex:
+def clipped(volts: Complex, part: float, low: float, much: float = 0.0) -> Complex:
     """Clip sampled sinusoids (n_sweeps, n_points) at a part below the largest of all.
 
-    low: the lower rail in units of the upper one.
+    low: the lower rail in units of the upper one; much: see `laws.rounded`.
     """
     found = volts.copy()
     limit = (1 - part) * np.abs(volts).max()
-    strong = np.abs(volts) > limit
+    strong = np.abs(volts) > (limit / 2 if much else limit)
     size = np.abs(volts[strong])
-    cut = np.clip(size[:, None] * np.cos(CLIPPED), low * limit, limit)
+    cut = rounded(size[:, None] * np.cos(CLIPPED), limit, low, much)
     found[strong] *= 2 * np.mean(cut * np.cos(CLIPPED), axis=1) / size
     return found
 

@@ -12,9 +12,11 @@ import numpy as np
 import xarray as xr
 
 from femnl.io import measurement
-from tests.blind.lab.bench import Array, Cause, Values, one, sign, vector
+from tests.blind.lab import laws
+from tests.blind.lab.bench import Array, Cause, Noise, Values, one, sign, vector
 from tests.blind.lab.film import device
-from tests.blind.lab.maps import WAVELENGTH, bent, film_and_beam
+from tests.blind.lab.maps import WAVELENGTH, film_and_beam
+from tests.blind.lab.motion import bent
 from tests.blind.lab.optics import fringe, largest, low_passed
 
 PERIOD = 512
@@ -68,7 +70,7 @@ class TraceBench:
         return np.stack(rows)
 
     def measured(
-        self, base: Values, hidden: dict[str, Values], rng: np.random.Generator
+        self, base: Values, hidden: dict[str, Values], rng: Noise
     ) -> dict[str, xr.Dataset]:
         """Samples with noise, in steps of the converter."""
         volts = self._sampled(base, hidden)
@@ -85,33 +87,41 @@ class TraceBench:
         time = np.arange(self.samples) / self.rate
         rows = []
         for i, f in enumerate(self.frequency):
-            series = (
-                np.fft.rfft(self._period(base[f"amplitude[{i}]"], base, hidden))[: HIGHEST + 1]
-                / PERIOD
-            )
+            series = np.fft.rfft(self._period(i, base, hidden))[: HIGHEST + 1] / PERIOD
             series[1:] *= 2
             order = np.arange(HIGHEST + 1)
             omega = 2 * np.pi * f
             if "trigger_jitter" in hidden:
                 late = np.exp(-1j * np.outer(order * omega, hidden["trigger_jitter"]["sd"] * SHOTS))
                 series = series * (late @ SHARE) / SHARE.sum()
+                much = laws.inexact(hidden, "trigger_jitter")
+                series = series * laws.late(order * omega * hidden["trigger_jitter"]["sd"], much)
             series = series * np.exp(1j * order * base[f"phase[{i}]"])
             if "crosstalk" in hidden:
-                series[1] += hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"]
+                leak = hidden["crosstalk"]["real"] + 1j * hidden["crosstalk"]["imag"]
+                series[1] += leak
+                series[2] += laws.inexact(hidden, "crosstalk") * leak
             if "detector_bandwidth" in hidden:
                 constant = hidden["detector_bandwidth"]["time_constant"]
                 answer = low_passed(len(order), self.f0, constant)
                 # The trigger comes later by the delay that all harmonics share
                 series = series * answer * np.exp(1j * order * omega * constant)
+                more = laws.inexact(hidden, "detector_bandwidth") * constant
+                if more:
+                    answer = low_passed(len(order), self.f0, more)
+                    series = series * answer * np.exp(1j * order * omega * more)
             turn = np.exp(1j * omega * time)
             rows.append(np.polynomial.polynomial.polyval(turn, series).real)
         return np.array(rows)
 
-    def _period(self, amplitude: float, base: Values, hidden: dict[str, Values]) -> Array:
-        """One period of the signal, whose motion has the phase zero."""
+    def _period(self, step: int, base: Values, hidden: dict[str, Values]) -> Array:
+        """One period of the signal at a step, whose motion has the phase zero."""
+        amplitude = base[f"amplitude[{step}]"]
         u = amplitude * np.cos(PHASE)
         if "quadratic_stiffness" in hidden:
-            u = amplitude * bent(hidden["quadratic_stiffness"]["kappa2"] * amplitude, PERIOD)
+            bend = hidden["quadratic_stiffness"]["kappa2"] * amplitude
+            third = laws.inexact(hidden, "quadratic_stiffness") * abs(bend)
+            u = amplitude * (bent(bend, PERIOD) + third * np.cos(3 * PHASE))
         if "mechanical_overtones" in hidden:
             sung = hidden["mechanical_overtones"]
             swing = amplitude / base["largest"]
@@ -119,19 +129,24 @@ class TraceBench:
                 u = u + swing**n * (
                     sung[f"cos{n}"] * np.cos(n * PHASE) + sung[f"sin{n}"] * np.sin(n * PHASE)
                 )
+            fourth = laws.inexact(hidden, "mechanical_overtones") * swing**4 * sung["cos2"]
+            u = u + fourth * np.cos(4 * PHASE)
         if "multilayer_fringe" in hidden and self.stack is not None:
             light = hidden["multilayer_fringe"]
-            v = fringe(self.stack, light, WAVELENGTH)(light["gap"] + u)
+            gap = light["gap"] + laws.inexact(hidden, "multilayer_fringe") * (
+                WAVELENGTH / 20 * (step / self.steps - 0.5)
+            )
+            v = fringe(self.stack, laws.first(light), WAVELENGTH)(gap + u)
         else:
             v = np.cos(4 * np.pi / WAVELENGTH * u + base["theta"])
         if "detector_saturation" in hidden:
             top = (
-                largest(self.stack, hidden["multilayer_fringe"], WAVELENGTH)
+                largest(self.stack, laws.first(hidden["multilayer_fringe"]), WAVELENGTH)
                 if "multilayer_fringe" in hidden and self.stack is not None
                 else 1.0
             )
             limit = top * (1 - hidden["detector_saturation"]["clipped"])
-            v = np.clip(v, -limit, limit)
+            v = laws.rounded(v, limit, -1.0, laws.inexact(hidden, "detector_saturation"))
         return np.asarray(base["contrast"] * v)
 
 
