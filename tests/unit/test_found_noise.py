@@ -1,0 +1,99 @@
+"""Noise as the data show it: glitches, a wrong standard deviation, correlation."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from femnl.core.readout import Array
+from femnl.diagnose.noise import found_noise
+from femnl.observe.model import Layout
+from femnl.observe.noisy import FoundNoise
+
+SWEEPS = 16
+POINTS = 161
+SEEDS = range(8)
+
+
+def sweeps(repeated: bool = False) -> Layout:
+    """Return the layout of 16 sweeps of 161 points."""
+    n = SWEEPS * POINTS
+    place = np.arange(n)
+    sweep = place // POINTS
+
+    def beside(step: int) -> NDArray[np.int64]:
+        there = np.clip(place + step, 0, n - 1)
+        same = (there == place + step) & (sweep[there] == sweep)
+        return np.where(same, there, -1)
+
+    near = np.stack([beside(s) for s in (-4, -3, -2, -1, 1, 2, 3, 4)], axis=1)
+    column = place % POINTS if repeated else np.full(n, -1)
+    return Layout(near, beside(-1), place, column)
+
+
+def white(seed: int) -> Array:
+    return np.random.default_rng(seed).standard_normal(SWEEPS * POINTS)
+
+
+def correlated(seed: int, rho: float) -> Array:
+    drawn = white(seed).reshape(SWEEPS, POINTS)
+    noise = drawn.copy()
+    for k in range(1, POINTS):
+        noise[:, k] = rho * noise[:, k - 1] + np.sqrt(1 - rho**2) * drawn[:, k]
+    return noise.ravel()
+
+
+def test_white_noise_of_the_stated_size_is_as_stated() -> None:
+    found = [found_noise(white(seed), sweeps(), FoundNoise()) for seed in range(100)]
+    # One file in fifty may lose a datum to chance
+    assert sum(not noise.as_stated for noise in found) <= 6
+
+
+@pytest.mark.parametrize("factor", [0.4, 0.8, 1.3, 2.5])
+def test_a_wrong_standard_deviation_is_found(factor: float) -> None:
+    found = [found_noise(factor * white(seed), sweeps(), FoundNoise()).factor for seed in SEEDS]
+    assert found == pytest.approx([factor] * len(found), rel=0.1)
+
+
+@pytest.mark.parametrize("rho", [0.3, 0.6])
+def test_the_correlation_of_neighbours_is_found(rho: float) -> None:
+    found = [found_noise(correlated(seed, rho), sweeps(), FoundNoise()) for seed in SEEDS]
+    assert np.mean([noise.correlation for noise in found]) == pytest.approx(rho, abs=0.1)
+
+
+def test_a_smooth_misfit_is_no_noise() -> None:
+    bump = np.exp(-((np.linspace(-1, 1, POINTS) / 0.05) ** 2))
+    misfit = np.tile(300 * bump, SWEEPS)
+    found = found_noise(misfit + white(3), sweeps(), FoundNoise())
+    assert found.factor == 1.0
+    assert not found.glitches
+
+
+@pytest.mark.parametrize("share", [5e-4, 5e-3, 1e-2])
+def test_glitches_are_found_beside_a_smooth_misfit(share: float) -> None:
+    rng = np.random.default_rng(5)
+    bump = np.exp(-((np.linspace(-1, 1, POINTS) / 0.1) ** 2))
+    residuals = np.tile(100 * bump, SWEEPS) + white(4)
+    at = rng.choice(len(residuals), int(np.ceil(share * len(residuals))), replace=False)
+    residuals[at] += rng.choice([-1, 1], len(at)) * np.exp(
+        rng.uniform(*np.log([20, 1000]), len(at))
+    )
+    found = found_noise(residuals, sweeps(), FoundNoise())
+    missed = set(at.tolist()) - set(found.glitches)
+    extra = set(found.glitches) - set(at.tolist())
+    assert len(missed) <= 0.15 * len(at)  # those where the misfit is steep hide
+    assert len(extra) <= 1
+
+
+def test_what_stands_out_at_one_frequency_in_several_sweeps_is_no_glitch() -> None:
+    residuals = white(6)
+    residuals[80::POINTS] += 30.0
+    assert len(found_noise(residuals, sweeps(), FoundNoise()).glitches) == SWEEPS
+    assert found_noise(residuals, sweeps(repeated=True), FoundNoise()).glitches == ()
+
+
+def test_more_than_a_fiftieth_of_the_data_are_no_glitches() -> None:
+    rng = np.random.default_rng(7)
+    residuals = white(7)
+    at = rng.choice(len(residuals), len(residuals) // 25, replace=False)
+    residuals[at] += 50.0
+    assert found_noise(residuals, sweeps(), FoundNoise()).glitches == ()
