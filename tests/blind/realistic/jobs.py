@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from femnl.diagnose import diagnose
-from femnl.diagnose.run import record
+from femnl.diagnose import diagnose, record
 from femnl.effects import library
 from tests.blind.jobs import IMPOSSIBLE, _pulls
 from tests.blind.lab import GEOMETRIES, Case, causes
