@@ -79,7 +79,7 @@ def criticise(result: FitResult, library: list[Effect]) -> Candidate:
     p_value, worst = adequacy(result, found)
     pointers = tuple(_pointers(result, found, others))
     scaled = np.nan
-    if not mine and result.model.base_model.layout is None:
+    if not mine and not result.model.base_model.tells_noise:
         scaled = adequacy(_scaled(result), found)[0]
     return Candidate(result, p_value, worst, pointers, scaled)
 

@@ -8,9 +8,10 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy.stats import chi2
 
 from femnl.core.readout import Array
+from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
 from femnl.observe.model import Layout
 from femnl.observe.noisy import FoundNoise
 
@@ -29,14 +30,6 @@ LEAST_FACTOR = 0.06
 no verdict.
 """
 LEAST_CORRELATION = 0.12
-MOST_GLITCHES = 0.02
-"""Part of the data that may be glitches; more are no glitches, but what the model lacks."""
-FAINT = 3.5
-"""σ below which no datum counts as a glitch."""
-RARE = 0.02
-"""Data that chance puts beyond the limit, all together, where there are few glitches."""
-MANY = 10
-"""Times as many data beyond the limit as chance puts there, from which on they are glitches."""
 DRAWN = 20000
 """Stretches of noise that tell what the quietest ones show."""
 MEDIAN_VARIANCE = 1.57
@@ -159,23 +152,11 @@ def _glitches(
     away /= np.sqrt(1 + MEDIAN_VARIANCE / known)
     away[dropped | (layout.datum < 0)] = 0.0
     count = int(np.sum(layout.datum >= 0))
-    limit = _limit(np.sort(away)[::-1], count)
+    limit = outlier_limit(away[layout.datum >= 0])
     datum = np.unique(layout.datum[away > limit])
     recurring = _recurring(layout, datum)
     found = np.isin(layout.datum, np.setdiff1d(datum, recurring)) & (layout.datum >= 0)
     return found if np.sum(found | dropped) <= MOST_GLITCHES * count else none
-
-
-def _limit(falling: Array, count: int) -> float:
-    """Return the σ from which on data are glitches, given how they deviate, largest first.
-
-    So far out that chance puts hardly any datum there, or only one of `MANY` that are there.
-    """
-    seen = np.arange(1, len(falling) + 1)
-    chance = count * 2 * norm.sf(falling)
-    glitches = (chance <= RARE) | ((chance * MANY <= seen) & (seen >= MANY))
-    glitches &= falling >= FAINT
-    return float(falling[glitches].min()) * (1 - 1e-12) if glitches.any() else np.inf
 
 
 def _around(residuals: Array, layout: Layout, dropped: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -82,11 +82,11 @@ def told_noise(best: FitResult, noise: Noise, factor: float = 1.0) -> tuple[Nois
     told = []
     for name, (bare, _) in _bare_residuals(best).items():
         sizes, unit = bare.quantity
-        stated = float(np.nanmedian(sizes))
+        used = float(np.nanmedian(sizes))
+        stated = used / bare.noise_factor
         found = noise.get(name, FoundNoise())
-        told.append(
-            NoiseTold(name, stated, stated * found.factor * factor, found.correlation_length, unit)
-        )
+        now = used * found.factor * factor
+        told.append(NoiseTold(name, stated, now, found.correlation_length, unit))
     return tuple(told)
 
 
@@ -97,9 +97,10 @@ def told_glitches(best: FitResult, noise: Noise) -> tuple[Excluded, ...]:
     for name, (bare, residuals) in measured.items():
         found = noise.get(name, FoundNoise())
         around = bare.layout
+        label = f"{name}: " if len(measured) > 1 else ""
+        told += [Excluded(label + where, sigma) for where, sigma in bare.left_out]
         if not found.glitches or around is None:
             continue
-        label = f"{name}: " if len(measured) > 1 else ""
         away = np.abs(residuals) / found.factor
         largest: dict[int, int] = {}
         for i in found.glitches:

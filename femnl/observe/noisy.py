@@ -56,6 +56,7 @@ class NoisyModel(MeasurementModel):
     notes: tuple[str, ...]
     needs_global_search: bool
     jumps: tuple[str, ...]
+    tells_noise = True
 
     @cached_property
     def kept(self) -> NDArray[np.bool_]:

@@ -88,21 +88,26 @@ def _harmonics(
             f"harmonic {n_harmonics} of {frequency:g} Hz lies beyond half the sampling rate "
             f"{1 / interval:g} Hz: ask for {highest} at most"
         )
-    turns = 2 * np.pi * frequency * np.outer(t, np.arange(1, n_harmonics + 1))
-    design = np.column_stack([np.ones(t.size), np.cos(turns), -np.sin(turns)])
-    solution, _, _, singular = lstsq(design, v)
+    columns = design(t, frequency, n_harmonics)
+    solution, _, _, singular = lstsq(columns, v)
     if singular[0] > ILL_CONDITIONED * singular[-1]:
         periods = np.ptp(t) * frequency
         raise MeasurementError(
             f"a record of {periods:.2g} periods at {frequency:g} Hz cannot tell {n_harmonics} "
             "harmonics apart: record longer"
         )
-    noise = float(np.sqrt(np.sum((v - design @ solution) ** 2) / (t.size - n_unknown)))
-    sd = noise * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))
+    noise = float(np.sqrt(np.sum((v - columns @ solution) ** 2) / (t.size - n_unknown)))
+    sd = noise * np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
     cosine = slice(1, n_harmonics + 1)
     sine = slice(n_harmonics + 1, None)
     values = np.concatenate([solution[:1], solution[cosine] + 1j * solution[sine]])
     return values, np.concatenate([sd[:1], np.sqrt((sd[cosine] ** 2 + sd[sine] ** 2) / 2)]), noise
+
+
+def design(time: Array, frequency: float, n_harmonics: int) -> Array:
+    """Return the columns 1, cos nωt and −sin nωt of a record (n_samples, 2 n_harmonics + 1)."""
+    turns = 2 * np.pi * frequency * np.outer(time, np.arange(1, n_harmonics + 1))
+    return np.column_stack([np.ones(time.size), np.cos(turns), -np.sin(turns)])
 
 
 def _drive_frequency(time: Array, drive: Array) -> float:

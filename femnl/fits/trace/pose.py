@@ -9,6 +9,7 @@ from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array, ComplexArray
 from femnl.fits.trace.decompose import decompose
+from femnl.fits.trace.glitches import found_factor, without_glitches
 from femnl.fits.trace.spot import fit_spot
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.trace.model import Folded, TraceModel
@@ -40,15 +41,19 @@ def pose(
             "or the drive that was recorded"
         )
     wavelength = float(dataset.attrs["wavelength"])
-    traces = dataset.isel(step=_chosen(dataset))
-    spectrum = decompose(traces, _harmonics_of(traces))
+    raw = dataset.isel(step=_chosen(dataset))
+    n_harmonics = _harmonics_of(raw)
+    traces, left_out = without_glitches(raw, n_harmonics)
+    factor = found_factor(traces)
+    spectrum = decompose(traces, n_harmonics)
     sine = fit_spot(spectrum, wavelength)
     kept = spectrum.harmonic > 0
     harmonic = np.asarray(spectrum.harmonic[kept], np.int64)
     frequency = spectrum.drive_frequency
     n_steps = len(frequency)
     stated = dataset.attrs.get("noise_sd")
-    noise = float(np.sqrt(np.mean(spectrum.noise_sd**2))) if stated is None else float(stated)
+    seen = float(np.sqrt(np.mean(spectrum.noise_sd**2)))
+    noise = seen if stated is None else factor * float(stated)
     times = _times(traces)
     contrast = sine.fit["contrast"]
     theta = sine.fit["fringe_phase"]
@@ -61,7 +66,7 @@ def pose(
     origin = (
         "estimated from what the harmonics leave: noise_sd is not in the file"
         if stated is None
-        else "as stored"
+        else ("as stored" if factor == 1 else f"{factor:.3g} times what is stored")
     )
     return TraceModel(
         film=film,
@@ -96,6 +101,8 @@ def pose(
             "slope": abs(contrast),
             **stack_scales(film.model.stack),
         },
+        noise_factor=factor,
+        left_out=left_out,
         notes=(
             f"trace: noise {noise:.3g} V per sample, {origin}",
             f"trace: {len(harmonic)} harmonics at each step{thinned}; metres are those at the spot",

@@ -49,6 +49,7 @@ class MapModel(MeasurementModel):
     """
 
     kind = "map"
+    tells_noise = True
 
     film: SimulatedFilm
     wavelength: float

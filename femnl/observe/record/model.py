@@ -11,12 +11,14 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
 from femnl.core.stages import Equation
-from femnl.observe.model import MeasurementModel, Named, apply
+from femnl.observe.model import Layout, MeasurementModel, Named, apply
 from femnl.observe.record.free_run import Drive, Numbers, free_run
 from femnl.observe.score_directions import forces
 
 BLOCKS = 6
 """Stretches of the record that are held out one by one."""
+NEAR = (-4, -3, -2, -1, 1, 2, 3, 4)
+"""Samples to those around one."""
 DRAWN = 400
 """Samples that are drawn."""
 RANGES = {
@@ -39,6 +41,7 @@ class RecordModel(MeasurementModel):
     """
 
     kind = "record"
+    tells_noise = True
 
     drive: Drive
     time: Array
@@ -80,6 +83,18 @@ class RecordModel(MeasurementModel):
     def blocks(self) -> NDArray[np.int64]:
         """Stretches of the record."""
         return np.arange(len(self.at)) * BLOCKS // len(self.at)
+
+    @property
+    def layout(self) -> Layout:
+        """Neighbours in time.
+
+        No line of acquisition: what a free run leaves is no noise, and tells none.
+        """
+        place = np.arange(len(self.at))
+        near = place[:, None] + np.array(NEAR)
+        inside = (near >= 0) & (near < len(place))
+        apart = np.full(len(place), -1)
+        return Layout(np.where(inside, near, -1), apart, place, apart)
 
     @property
     def quantity(self) -> tuple[Array, str]:

@@ -51,6 +51,7 @@ class ResponseModel(MeasurementModel):
     """
 
     kind = "response"
+    tells_noise = True
     jumps = ("peak",)
 
     sweeps: Sweeps

@@ -52,6 +52,7 @@ class TraceModel(MeasurementModel):
     """
 
     kind = "trace"
+    tells_noise = True
 
     film: SimulatedFilm
     wavelength: float
@@ -68,6 +69,8 @@ class TraceModel(MeasurementModel):
     start: Array
     scales: Mapping[str, float]
     notes: tuple[str, ...]
+    noise_factor: float = 1.0
+    left_out: tuple[tuple[str, float], ...] = ()
 
     @property
     def n_steps(self) -> int:

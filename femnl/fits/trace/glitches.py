@@ -1,0 +1,71 @@
+"""Samples of traces that stand out from all harmonics of the drive, and the noise of the rest."""
+
+import numpy as np
+import xarray as xr
+
+from femnl.core.errors import MeasurementError
+from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
+from femnl.fits.trace.decompose import design
+from femnl.io.measurement import estimate_noise
+
+ROUNDS = 4
+"""Times that a record is decomposed without the glitches found so far."""
+CLEAR = 0.1
+"""Relative difference of the noise that the spectra show and the stated one that is told."""
+
+LeftOut = tuple[tuple[str, float], ...]
+"""What was left out: where it is, and by how many σ it stands out."""
+
+
+def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, LeftOut]:
+    """Return traces whose glitches are missing samples, and what was left out.
+
+    A glitch is a sample that stands out from the least squares of all harmonics by more than
+    chance allows, in units of the median scatter; at most `MOST_GLITCHES` of a record.
+    """
+    if "drive_frequency" not in traces:
+        return traces, ()
+    time = traces["time"].values.astype(float)
+    voltage = traces["voltage"].values.astype(float).copy()
+    told = []
+    for step, frequency in enumerate(traces["drive_frequency"].values.astype(float)):
+        row = voltage[step]
+        columns = design(time, float(frequency), n_harmonics)
+        used = np.isfinite(row)
+        kept = used.copy()
+        for _ in range(ROUNDS):
+            solved, *_ = np.linalg.lstsq(columns[kept], row[kept], rcond=None)
+            left = np.where(used, row - columns @ solved, 0.0)
+            scatter = 1.4826 * float(np.median(np.abs(left[kept])))
+            away = np.abs(left) / max(scatter, 1e-300)
+            fresh = used & (away <= outlier_limit(away[used]))
+            if np.array_equal(fresh, kept):
+                break
+            kept = fresh
+        gone = used & ~kept
+        if gone.sum() <= MOST_GLITCHES * used.sum():
+            row[gone] = np.nan
+            told += [
+                (f"step {step + 1}, t = {time[i]:.6g} s", float(away[i]))
+                for i in np.flatnonzero(gone)
+            ]
+    cleared = traces.assign(voltage=(traces["voltage"].dims, voltage))
+    return cleared, tuple(sorted(told, key=lambda one: -one[1]))
+
+
+def found_factor(traces: xr.Dataset) -> float:
+    """Return the noise that spectra show beside all lines, over the stated one.
+
+    1 where they differ by nothing that matters, where none is stated, and where records are too
+    short to tell.
+    """
+    stated = traces.attrs.get("noise_sd")
+    if stated is None:
+        return 1.0
+    filled = traces["voltage"].interpolate_na("time", fill_value="extrapolate")
+    try:
+        floor = estimate_noise(traces.assign(voltage=filled))
+    except MeasurementError:
+        return 1.0
+    factor = floor / float(stated)
+    return factor if abs(np.log(max(factor, 1e-300))) > CLEAR else 1.0
