@@ -2,8 +2,10 @@
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
+from femnl.core.readout import Array
 from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
 from femnl.fits.trace.decompose import design
 from femnl.io.measurement import estimate_noise
@@ -12,6 +14,9 @@ ROUNDS = 4
 """Times that a record is decomposed without the glitches found so far."""
 CLEAR = 0.1
 """Relative difference of the noise that the spectra show and the stated one that is told."""
+
+EVEN = 4.0
+"""Standard errors within which what harmonics leave of each record is the same."""
 
 LeftOut = tuple[tuple[str, float], ...]
 """What was left out: where it is, and by how many σ it stands out."""
@@ -53,11 +58,14 @@ def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, 
     return cleared, tuple(sorted(told, key=lambda one: -one[1]))
 
 
-def found_factor(traces: xr.Dataset) -> float:
+def found_factor(traces: xr.Dataset, left: Array, degrees: NDArray[np.int64]) -> float:
     """Return the noise that spectra show beside all lines, over the stated one.
 
     1 where they differ by nothing that matters, where none is stated, and where records are too
-    short to tell.
+    short to tell. More noise than stated is told only where the harmonics leave the same of every
+    record: what they leave of harmonics beyond them varies with the motion.
+
+    Args: left (n_steps,) [V]: what the harmonics leave of each record, with `degrees` of freedom.
     """
     stated = traces.attrs.get("noise_sd")
     if stated is None:
@@ -68,4 +76,7 @@ def found_factor(traces: xr.Dataset) -> float:
     except MeasurementError:
         return 1.0
     factor = floor / float(stated)
-    return factor if abs(np.log(max(factor, 1e-300))) > CLEAR else 1.0
+    if abs(np.log(max(factor, 1e-300))) < CLEAR:
+        return 1.0
+    apart = np.log(left / np.median(left)) * np.sqrt(2 * degrees)
+    return factor if factor < 1 or np.abs(apart).max() < EVEN else 1.0

@@ -44,8 +44,9 @@ def pose(
     raw = dataset.isel(step=_chosen(dataset))
     n_harmonics = _harmonics_of(raw)
     traces, left_out = without_glitches(raw, n_harmonics)
-    factor = found_factor(traces)
     spectrum = decompose(traces, n_harmonics)
+    degrees = np.isfinite(traces["voltage"].values).sum(axis=1) - 2 * n_harmonics - 1
+    factor = found_factor(traces, spectrum.noise_sd, degrees)
     sine = fit_spot(spectrum, wavelength)
     kept = spectrum.harmonic > 0
     harmonic = np.asarray(spectrum.harmonic[kept], np.int64)
@@ -79,7 +80,7 @@ def pose(
         # What the harmonics leave of a record is noise of the size that the file states, or
         # something else beats there.
         left=np.empty(0) if stated is None else spectrum.noise_sd,
-        degrees=np.isfinite(traces["voltage"].values).sum(axis=1) - 2 * len(harmonic) - 1,
+        degrees=degrees,
         folded=(
             _folded(times, frequency, len(harmonic), HIGHEST),
             _folded(times, frequency, len(harmonic), SMOOTH),
