@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, TypeVar
 
+import dask
 from distributed import Client, Future, LocalCluster, as_completed
 
 from femnl.core.errors import ParameterError
@@ -97,7 +98,17 @@ def _sent(
 ) -> Iterator[tuple[Future[Any], T]]:
     """Send tasks, each when it is asked for."""
     for task in tasks:
-        yield client.submit(find, task if packed is None else packed(task), pure=False), task
+        what = task if packed is None else packed(task)
+        yield client.submit(_on_worker, find, what, pure=False), task
+
+
+def _on_worker(find: Callable[[Any], Any], task: Any) -> Any:
+    """Answer a task.
+
+    Its files belong to this worker alone, so xarray needs no lock of the cluster.
+    """
+    with dask.config.set(scheduler="synchronous"):
+        return find(task)
 
 
 def _answered(sent: Iterator[tuple[Future[Any], T]], where: Where) -> Iterator[tuple[T, Any]]:
