@@ -40,6 +40,8 @@ quality_factor_sd = "sd"
 @pytest.fixture(autouse=True)
 def _own_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
 
 
 @pytest.fixture
@@ -389,6 +391,7 @@ def test_an_interrupt_is_one_line_leaves_all_that_is_finished_and_is_gone_on_fro
     psutil.wait_procs(children, timeout=30)
     assert not [child for child in children if child.is_running()]
     assert list(pd.read_csv("out.csv")["file"]) == files[:2]
+    assert not list((tmp_path / "temporary").glob("femnl-*"))
     kept = (tmp_path / "out.jsonl").read_bytes()
     again = start("-m", "femnl", *words, "--workers", "1", folder=tmp_path)
     _, errors = again.communicate(timeout=300)
