@@ -27,7 +27,7 @@ dozen.
 Files = Annotated[
     list[Path],
     typer.Argument(
-        metavar="FILE...",
+        metavar="FILE",
         help="A measurement file (.nc); with --table many of them, and lab files as well.",
         show_default=False,
     ),

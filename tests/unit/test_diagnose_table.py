@@ -274,7 +274,7 @@ def test_a_fault_of_femnl_and_a_full_memory_cost_their_own_row_alone(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--table", "out.csv"], "Missing argument 'FILE...'"),
+        (["--table", "out.csv"], "Missing argument 'FILE'"),
         (["a.nc", "b.nc"], "2 files given; add --table OUT.csv for a row of each, or name one"),
         (["a.nc", "folder", "--table", "out.csv"], "folder: is a folder; name the files in it"),
         (["a.nc", "--table", "none/out.csv"], "none/out.csv: cannot write there"),
