@@ -3,47 +3,102 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from femnl.cli._device import EffectsFolder, Json, MeasurementFile
+from femnl.cli._device import EffectsFolder, Json
 from femnl.cli._output import console, note, print_json, scientific, table
+from femnl.cli._sharing import Scheduler, progress, workers_at_hand
+from femnl.core.errors import ParameterError
+from femnl.core.resources import need_file
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from femnl.core.diagnosis import Diagnosis
 
 MOST = 4
 """Workers unless the user asks for more: the fits that do not wait for each other are about a
 dozen.
 """
+Files = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="FILE",
+        help="A measurement file (.nc); with --table many of them, and lab files as well.",
+        show_default=False,
+    ),
+]
 Geometry = Annotated[
-    str | None, typer.Option(help="Geometry to use instead of the file's own.", show_default=False)
+    str | None,
+    typer.Option(help="Geometry to use instead of each file's own.", show_default=False),
 ]
 Workers = Annotated[
     int | None,
     typer.Option(
         min=1,
-        help="Processes that fit side by side.",
-        show_default=f"the processors at hand, at most {MOST}",
+        help="Processes that fit side by side; with --table, each takes a file of its own.",
+        show_default=f"the processors at hand, at most {MOST} without --table",
     ),
 ]
 Out = Annotated[
     Path | None,
     typer.Option(help="Folder for diagnosis.json and report.html.", show_default="FILE-diagnosis"),
 ]
+Table = Annotated[
+    Path | None,
+    typer.Option(
+        "--table",
+        help="CSV file with a row for each FILE; a repeated command goes on from there.",
+        show_default=False,
+    ),
+]
 
 
 def command(
-    file: MeasurementFile,
+    files: Files,
+    *,
     geometry: Geometry = None,
     effects: EffectsFolder = None,
     workers: Workers = None,
     out: Out = None,
+    table_file: Table = None,
+    scheduler: Scheduler = None,
     as_json: Json = False,
 ) -> None:
     """Compare a measurement with the simulation, and name the physical cause of what deviates."""
+    if table_file is not None:
+        if out is not None:
+            raise ParameterError(
+                f"--out {out}: --table writes one row a file and no report; leave --out out"
+            )
+        number = workers_at_hand(workers, scheduler)
+        _many(files, table_file, geometry, effects, (number, scheduler), as_json=as_json)
+        return
+    if scheduler is not None:
+        raise ParameterError(
+            f"--scheduler {scheduler}: shares out files, one each; add --table OUT.csv"
+        )
+    if len(files) > 1:
+        raise ParameterError(
+            f"{len(files)} files given; add --table OUT.csv for a row of each, or name one"
+        )
+    _one(need_file(files[0]), geometry, effects, workers, out, as_json=as_json)
+
+
+def _one(
+    file: Path,
+    geometry: str | None,
+    effects: Path | None,
+    workers: int | None,
+    out: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    """Diagnose one measurement file, and write its report."""
     from femnl.diagnose import diagnose, record, write
     from femnl.effects import known
     from femnl.report.diagnosis import write_diagnosis
@@ -97,6 +152,51 @@ def _show_shares(found: Diagnosis) -> None:
 def _percent(part: float) -> str:
     """Return a part in percent, with as many nines as it has."""
     return f"{100 * part:.4g} %" if part < 0.99 or part == 1 else f"{100 * part:.6g} %"
+
+
+def _many(
+    files: list[Path],
+    out: Path,
+    geometry: str | None,
+    effects: Path | None,
+    sharing: tuple[int, str | None],
+    *,
+    as_json: bool,
+) -> None:
+    """Diagnose many files, and write a table of them.
+
+    sharing: workers, and the scheduler if there is one.
+    """
+    from femnl.diagnose.table import diagnose_many
+    from femnl.effects import known
+
+    workers, scheduler = sharing
+    with progress(len(files), "files") as tell:
+        rows = diagnose_many(
+            files,
+            geometry,
+            known(effects).values(),
+            out=out,
+            workers=workers,
+            scheduler=scheduler,
+            tell=tell,
+        )
+    if as_json:
+        print_json({"table": str(out), "rows": rows.to_dict("records")})
+        return
+    _show_counts(rows)
+    failed = int((rows["message"] != "").sum())
+    note(f"wrote {out}: {len(rows) - failed} files diagnosed, {failed} failed")
+
+
+def _show_counts(rows: pd.DataFrame) -> None:
+    """Print how many files have each verdict with its causes, and why others have none."""
+    told = Counter(zip(rows["verdict"], rows["causes"], rows["message"], strict=True))
+    lines = [
+        [verdict or "failed", causes or message, str(count)]
+        for (verdict, causes, message), count in told.most_common()
+    ]
+    console().print(table("Diagnoses", ["verdict", "causes or message", "files"], lines))
 
 
 def _show(found: Diagnosis) -> None:

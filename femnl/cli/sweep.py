@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
-import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,13 +11,11 @@ import typer
 
 from femnl.cli._device import Json, suffix_of
 from femnl.cli._output import console, note, print_json, table
-from femnl.core.errors import ParameterError
+from femnl.cli._sharing import Scheduler, progress, workers_at_hand
 from femnl.core.resources import need_file
 
 if TYPE_CHECKING:
     from femnl.sweep import Report
-
-EVERY = 60.0  # seconds between lines of progress where standard error is no terminal
 
 Spec = Annotated[
     Path, typer.Argument(help="Sweep file, TOML.", show_default=False, callback=need_file)
@@ -35,13 +29,6 @@ Out = Annotated[
 Workers = Annotated[
     int | None,
     typer.Option(help="Processes on this machine.", min=1, show_default="one a processor"),
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(
-        help="Address of a Dask scheduler, such as tcp://host:8786; or local, for one of its own.",
-        show_default=False,
-    ),
 ]
 Estimate = Annotated[
     bool,
@@ -65,12 +52,7 @@ def command(
 
     path = out or spec.with_suffix(".jsonl")
     suffix_of(path, (".jsonl",))
-    if workers is not None and scheduler not in (None, "local"):
-        raise ParameterError(
-            f"--workers {workers}: the scheduler at {scheduler} has workers of its own; leave "
-            "--workers out"
-        )
-    number = workers or len(os.sched_getaffinity(0))
+    number = workers_at_hand(workers, scheduler)
     sweep = read_sweep(spec)
     solve = engine(scheduler, number)
     with open_store(
@@ -87,8 +69,8 @@ def command(
             f"known{beside}"
         )
         try:
-            with _progress(before) as tell:
-                run(sweep, store, solve, lambda record: tell("error" in record), pilots=estimate)
+            with progress(before.points, "points") as tell:
+                run(sweep, store, solve, _counted(tell, before), pilots=estimate)
         except KeyboardInterrupt:
             after = costs(sweep, store)
             note(
@@ -182,43 +164,16 @@ def _duration(seconds: float) -> str:
     )
 
 
-@contextmanager
-def _progress(report: Report) -> Iterator[Any]:
-    """A bar on standard error, or a line now and then where that is no terminal.
-
-    Called with whether a point failed.
-    """
-    from rich import progress
-    from rich.console import Console
-
-    failed = sum(report.failed.values())
+def _counted(tell: Callable[[int, int], None], report: Report) -> Callable[[dict[str, Any]], None]:
+    """Return what tells of each record how many points are done, and how many have failed."""
     done = report.points - report.missing
-    last = time.monotonic()
-    if sys.stderr.isatty():
-        columns = (
-            progress.BarColumn(),
-            progress.MofNCompleteColumn(),
-            progress.TextColumn("{task.description}"),
-            progress.TimeElapsedColumn(),
-            progress.TimeRemainingColumn(),
-        )
-        with progress.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task(f"{failed} failed", total=report.points, completed=done)
+    failed = sum(report.failed.values())
+    tell(done, failed)
 
-            def advance(bad: bool) -> None:
-                nonlocal failed
-                failed += bad
-                bar.update(task, advance=1, description=f"{failed} failed")
+    def count(record: dict[str, Any]) -> None:
+        nonlocal done, failed
+        done += 1
+        failed += "error" in record
+        tell(done, failed)
 
-            yield advance
-        return
-
-    def write(bad: bool) -> None:
-        nonlocal failed, done, last
-        failed = failed + bad
-        done = done + 1
-        if time.monotonic() - last > EVERY:
-            last = time.monotonic()
-            note(f"{done} of {report.points} points, {failed} failed")
-
-    yield write
+    return count

@@ -105,15 +105,15 @@ def remembered(*about: object) -> Iterator[Checkpoint]:
 
     What an interruption leaves is found by the same call again.
     """
-    digest = hashlib.sha256(repr((_code(), *about)).encode()).hexdigest()[:32]
+    digest = hashlib.sha256(repr((code_digest(), *about)).encode()).hexdigest()[:32]
     checkpoint = Checkpoint(user_cache_path("femnl") / f"diagnosis-{digest}.jsonl")
     yield checkpoint
     checkpoint.close()
 
 
 @cache
-def _code() -> str:
-    """A digest of all source, so that a change of code never meets an old fit."""
+def code_digest() -> str:
+    """Return a digest of all source, so that a change of code never meets an old result."""
     return hashlib.sha256(
         b"".join(file.read_bytes() for file in sorted(Path(__file__).parents[1].rglob("*.py")))
     ).hexdigest()

@@ -2,13 +2,36 @@
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
 from multiprocessing import get_context
-from multiprocessing.connection import Connection
-from typing import Any
+from multiprocessing.connection import Connection, wait
+from types import ModuleType
+from typing import Any, TypeVar
 
+from femnl.core.errors import MissingLibraryError
+
+T = TypeVar("T")
+TRIES = 3
+"""How often a task is begun whose process dies, before it counts as failed."""
 _CONTEXT = get_context("spawn")  # a fork would copy the state of meshers and solvers
+
+
+@dataclass(frozen=True)
+class Death:
+    """What a task came to whose process died each time; `exit_code` is that of the last."""
+
+    exit_code: int
+
+    def __str__(self) -> str:
+        """Say it, and what it is mostly due to."""
+        return (
+            f"its process died {TRIES} times (exit code {self.exit_code}; −9 is mostly lack of "
+            "memory)"
+        )
 
 
 class Worker:
@@ -59,6 +82,84 @@ def answer(connection: Connection, find: Callable[[Any], Any]) -> None:
             connection.send(find(connection.recv()))
     except (EOFError, ConnectionError):
         return
+
+
+def share_out(
+    tasks: Iterator[T],
+    start: Callable[[], Worker],
+    workers: int,
+    died: Callable[[T, int], None],
+) -> Generator[tuple[T, Any], None, None]:
+    """Give tasks to processes, one at a time to each, and return each with its answer as it comes.
+
+    A death costs its own task alone, which is begun again up to `TRIES` times in all.
+
+    Args:
+        tasks: taken one by one, as processes are free.
+        start: starts a process.
+        workers: how many processes there are at most.
+        died: is called with the task and the exit code after each death.
+
+    Returns: task and answer, or task and `Death`.
+    """
+    idle: list[Worker] = []
+    busy: dict[Connection, tuple[Worker, T, int]] = {}
+    again: deque[tuple[T, int]] = deque()
+
+    def given(task: T, deaths: int) -> None:
+        worker = idle.pop() if idle else start()
+        if worker.give(task):
+            busy[worker.connection] = worker, task, deaths
+        else:  # it died before it had anything to do
+            worker.stop()
+            again.append((task, deaths))
+
+    with one_thread():
+        try:
+            while True:
+                while len(busy) < workers and (todo := _next(again, tasks)) is not None:
+                    given(*todo)
+                if not busy:
+                    return
+                for ready in wait(list(busy)):
+                    worker, task, deaths = busy.pop(next(c for c in busy if c is ready))
+                    answered = worker.take()
+                    if answered is not None:
+                        idle.append(worker)
+                        yield task, answered
+                        continue
+                    code = worker.stop()
+                    died(task, code)
+                    if deaths + 1 < TRIES:
+                        again.append((task, deaths + 1))
+                    else:
+                        yield task, Death(code)
+        finally:
+            for worker in [*idle, *(worker for worker, _, _ in busy.values())]:
+                worker.stop()
+
+
+def _next(again: deque[tuple[T, int]], tasks: Iterator[T]) -> tuple[T, int] | None:
+    """Return a task and the deaths that it has had: one that is begun again, else a new one."""
+    if again:
+        return again.popleft()
+    for task in tasks:
+        return task, 0
+    return None
+
+
+def dask(scheduler: str) -> ModuleType:
+    """Return `femnl.core.cluster`, which shares tasks out to the workers of a Dask scheduler.
+
+    Raises: MissingLibraryError where dask is not installed.
+    """
+    try:
+        return import_module("femnl.core.cluster")
+    except ModuleNotFoundError as error:
+        raise MissingLibraryError(
+            f"--scheduler {scheduler}: needs {error.name}, which is not installed; pip install "
+            "'femnl[dask]'"
+        ) from error
 
 
 @contextmanager

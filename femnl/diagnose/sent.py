@@ -37,7 +37,7 @@ def sent(effects: Iterable[Effect], workers: int) -> list[Sent]:
         if workers > 1 and isinstance(effect, Effect) and not _importable(effect):
             raise ParameterError(
                 f"effects: {effect.name} is defined where other processes cannot import it; "
-                "define it in a module, or take workers = 1"
+                "define it in a module, or diagnose one file with workers = 1"
             )
     return found
 

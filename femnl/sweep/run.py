@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 
-from femnl.core.errors import MissingLibraryError
+from femnl.core.processes import dask
 from femnl.mechanics.fem.memory import need_memory
+from femnl.sweep.cluster import on_cluster
 from femnl.sweep.point import Point, Record, Settings
 from femnl.sweep.processes import on_processes
 from femnl.sweep.spec import Sweep
@@ -47,14 +47,8 @@ def engine(scheduler: str | None, workers: int) -> Engine:
     """
     if scheduler is None:
         return partial(on_processes, workers=workers)
-    try:
-        cluster = import_module("femnl.sweep.cluster")
-    except ModuleNotFoundError as error:
-        raise MissingLibraryError(
-            f"--scheduler {scheduler}: needs {error.name}, which is not installed; pip install "
-            "'femnl[dask]'"
-        ) from error
-    return partial(cluster.on_cluster, address=scheduler, workers=workers)
+    dask(scheduler)
+    return partial(on_cluster, address=scheduler, workers=workers)
 
 
 def run(

@@ -1,8 +1,6 @@
 """The store of a sweep: a header and a line of JSON a point, each written before the next."""
 
-import fcntl
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -13,7 +11,10 @@ import numpy as np
 
 from femnl.core.errors import ParameterError
 from femnl.io.results.atomic import need_room, write_whole
+from femnl.io.results.lines import append, hold, json_line
 from femnl.sweep.point import VERSION, Record, Settings
+
+HELD = "another sweep is writing to this store; wait for it, or name another with --out"
 
 
 class Store:
@@ -30,10 +31,8 @@ class Store:
 
     def add(self, record: Record) -> None:
         """Append a record and wait until the disk has it."""
-        self._file.write(_line(record))
-        self._file.flush()
+        append(self._file, record)
         self.records[record["key"]] = record
-        os.fsync(self._file.fileno())
 
 
 @contextmanager
@@ -50,26 +49,16 @@ def open_store(path: Path, settings: Settings, seed: int | None, retry: bool) ->
     if not path.exists():
         drawn = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
         begin = {"femnl_sweep": VERSION, "settings": asdict(settings), "seed": drawn}
-        write_whole(path, lambda file: file.write_bytes(_line(begin)))
+        write_whole(path, lambda file: file.write_bytes(json_line(begin)))
     elif retry:
         _forget_failures(path)
     with path.open("rb+") as file:
-        _hold(path, file)
+        hold(path, file, HELD)
         header, records, end = _read(path, file)
         _refuse_others(path, header, settings)
         file.truncate(end)
         file.seek(end)
         yield Store(path, file, header["seed"] if seed is None else seed, records)
-
-
-def _hold(path: Path, file: IO[bytes]) -> None:
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise ParameterError(
-            f"{path}: another sweep is writing to this store; wait for it, or name another "
-            "with --out"
-        ) from None
 
 
 def _read(path: Path, file: IO[bytes]) -> tuple[dict[str, Any], dict[str, Record], int]:
@@ -122,14 +111,10 @@ def _refuse_others(path: Path, header: dict[str, Any], settings: Settings) -> No
 def _forget_failures(path: Path) -> None:
     """Leave failed points out of a store, at once or not at all."""
     with path.open("rb") as file:
-        _hold(path, file)
+        hold(path, file, HELD)
         header, records, _ = _read(path, file)
         kept = [record for record in records.values() if "error" not in record]
         if len(kept) < len(records):
             write_whole(
-                path, lambda whole: whole.write_bytes(b"".join(map(_line, [header, *kept])))
+                path, lambda whole: whole.write_bytes(b"".join(map(json_line, [header, *kept])))
             )
-
-
-def _line(record: dict[str, Any]) -> bytes:
-    return json.dumps(record, ensure_ascii=False).encode() + b"\n"

@@ -448,7 +448,7 @@ class TestStore:
 
 def test_dask_is_named_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    monkeypatch.delitem(sys.modules, "femnl.sweep.cluster", raising=False)
+    monkeypatch.delitem(sys.modules, "femnl.core.cluster", raising=False)
     with pytest.raises(
         MissingLibraryError,
         match=r"needs distributed, which is not installed; pip install 'femnl\[dask\]'",

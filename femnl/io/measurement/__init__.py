@@ -2,7 +2,7 @@
 
 from femnl.io.measurement.build import harmonic_map, response, series, spectrum, trace
 from femnl.io.measurement.contract import CONTROLS, KINDS, VERSION
-from femnl.io.measurement.files import bundle, read, write
+from femnl.io.measurement.files import bundle, is_measurement, named_geometry, read, write
 from femnl.io.measurement.hdf5_safety import open_hdf5
 from femnl.io.measurement.noise import amplitude, estimate_noise, noise_sd
 from femnl.io.measurement.units import quantity, to_si
@@ -15,6 +15,8 @@ __all__ = [
     "bundle",
     "estimate_noise",
     "harmonic_map",
+    "is_measurement",
+    "named_geometry",
     "noise_sd",
     "open_hdf5",
     "quantity",

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+import h5py
 import xarray as xr
 
 from femnl.core.errors import MeasurementError
@@ -49,6 +50,23 @@ def read(path: str | Path) -> xr.DataTree:
         for group in groups.values():
             group.close()
     return _collect(groups, str(path))
+
+
+def is_measurement(path: Path) -> bool:
+    """Whether a file is a measurement file, or a damaged one that may be: `read` says which."""
+    if not h5py.is_hdf5(path):
+        return False
+    try:
+        with open_hdf5(path) as file, _whole(path):
+            return _ROOT in file.attrs
+    except MeasurementError:
+        return True
+
+
+def named_geometry(path: Path) -> str | None:
+    """Return the geometry that a measurement file names. Raises: MeasurementError."""
+    with open_hdf5(path) as file, _whole(path):
+        return text(file.attrs["geometry"]) if "geometry" in file.attrs else None
 
 
 @contextmanager
