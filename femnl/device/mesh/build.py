@@ -31,7 +31,10 @@ PROGRESS = logging.getLogger("femnl.progress")
 SCALE = 100.0
 TOLERANCE = 1e-6  # of a point lying on a curve, in scaled units
 
-# Element size gained per distance from the feature that asks for small elements, at resolution 1
+# Element size gained per distance from the feature that asks for small elements, at resolution 1.
+# Coarser meshes grade no more steeply: what fades as a power of the distance is resolved by the
+# ratio of distances across an element, and gmsh cannot follow a size that grows faster than the
+# distance.
 GROWTH = 0.7
 # The same away from holes, whose fields fade faster than those of edges and corners
 HOLE_GROWTH = 1.0
@@ -307,6 +310,7 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
     layer = bending_length(model) * unit
     largest = SCALE / ELEMENTS_PER_LENGTH / resolution
     wanted = []
+    grading = max(resolution, 1.0)
     inverse_square = [
         sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2)) / largest**2
     ]
@@ -314,7 +318,7 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
     def grow(size: float, distance: int, growth: float = GROWTH) -> None:
         wanted.append(field.add("MathEval"))
         field.setString(
-            wanted[-1], "F", f"min({largest}, {size} + {growth / resolution} * F{distance})"
+            wanted[-1], "F", f"min({largest}, {size} + {growth / grading} * F{distance})"
         )
 
     def grow_from_curves(size: float, tags: list[int], growth: float = GROWTH) -> None:
@@ -323,7 +327,7 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
         inverse_square.append(
             (AROUND_HOLES if tags == curves.holes else 1)
             * sum(lengths)
-            * resolution
+            * grading
             / (size * growth)
         )
         field.setNumbers(distance, "CurvesList", tags)
@@ -361,7 +365,7 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
             field.setNumbers(distance, "PointsList", near)
             grow(size * unit, distance)
             fan = max(np.log(largest / (size * unit)) - 1, 0.0)
-            inverse_square.append(angle * (resolution / GROWTH) ** 2 * fan)
+            inverse_square.append(angle * (grading / GROWTH) ** 2 * fan)
     wanted.append(field.add("MathEval"))
     field.setString(wanted[-1], "F", str(largest))
     smallest = field.add("Min")
