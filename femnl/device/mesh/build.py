@@ -126,7 +126,7 @@ def _build(model: Model, wedge: float, resolution: float, degree: int, copies: i
     try:
         _draw(model, wedge, unit)
         curves = _classify(model, wedge, unit)
-        triangles = copies * _grade(model, curves, unit, resolution)
+        triangles = copies * _grade(model, curves, unit, resolution, degree)
         PROGRESS.info("%s: about %.3g triangles", model.name, triangles)
         what = f"{model.name}: modes of degree {degree} on {triangles:.2g} triangles"
         need_memory(BYTES[max(degree, min(BYTES))] * triangles, what, "lower the resolution")
@@ -297,7 +297,7 @@ def _opening(model: Model, boxes: Array, where: Array, unit: float) -> Outline |
     return None
 
 
-def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> float:
+def _grade(model: Model, curves: _Curves, unit: float, resolution: float, degree: int) -> float:
     """Return the element size h.
 
     It grows linearly with the distance from clamped edges, arcs, corners and holes.
@@ -307,7 +307,7 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
         (ln h/s − 1) / g².
     """
     field = gmsh.model.mesh.field
-    layer = bending_length(model) * unit
+    layer = bending_length(model)
     largest = SCALE / ELEMENTS_PER_LENGTH / resolution
     wanted = []
     grading = max(resolution, 1.0)
@@ -325,10 +325,7 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
         distance = field.add("Distance")
         lengths = [gmsh.model.occ.getMass(1, t) for t in tags]
         inverse_square.append(
-            (AROUND_HOLES if tags == curves.holes else 1)
-            * sum(lengths)
-            * grading
-            / (size * growth)
+            (AROUND_HOLES if tags == curves.holes else 1) * sum(lengths) * grading / (size * growth)
         )
         field.setNumbers(distance, "CurvesList", tags)
         # gmsh measures the distance to points along the curves: two an element hide the gaps
@@ -343,11 +340,11 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
             HOLE_GROWTH,
         )
     if model.bending and curves.clamped:
-        grow_from_curves(LAYER_SIZE * layer / resolution, curves.clamped)
+        grow_from_curves(LAYER_SIZE * layer * unit / resolution, curves.clamped)
     if model.overhang is not None:
         rim = model.overhang.width * unit / ELEMENTS_ACROSS
         grow_from_curves(
-            (min(LAYER_SIZE * layer, rim) if model.bending else rim) / resolution, curves.rim
+            (min(LAYER_SIZE * layer * unit, rim) if model.bending else rim) / resolution, curves.rim
         )
     for radius, arcs in _arcs_by_radius(curves.openings).items():
         grow_from_curves(2 * np.pi * radius / HOLE_SEGMENTS / resolution, arcs, HOLE_GROWTH)
@@ -358,7 +355,7 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
         if tags and width * unit < ELEMENTS_ACROSS * largest:
             grow_from_curves(width * unit / ELEMENTS_ACROSS / resolution, tags)
     ends = {t: np.array(gmsh.model.getValue(0, t, []))[:2] for _, t in gmsh.model.getEntities(0)}
-    for corner, angle, size in singular_corners(model, resolution, bending_length(model)):
+    for corner, angle, size in singular_corners(model, resolution, layer, degree):
         near = [t for t, end in ends.items() if np.hypot(*(end - corner * unit)) < TOLERANCE]
         if near:
             distance = field.add("Distance")
