@@ -87,7 +87,8 @@ def ratio_remainder(frequencies: Sequence[Array], least: float, apart: float) ->
     own = remainder(ratios, ratios[0], np.maximum(left, left[0]), 1.0) / ratios[0]
     relative = remainder(frequencies, f, max(least, apart)) / f
     both = relative + relative[0]
-    return np.minimum(np.maximum(own, _unlike(frequencies) * both) + UNLIKE * both, both)
+    kept = np.maximum(own, _unlike(frequencies) * both) + UNLIKE * both
+    return np.asarray(np.minimum(kept, both))
 
 
 def _unlike(frequencies: Sequence[Array]) -> float:
