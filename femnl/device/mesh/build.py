@@ -335,7 +335,7 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float, degree
 
     if curves.holes:
         grow_from_curves(
-            2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / resolution,
+            2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / grading,
             curves.holes,
             HOLE_GROWTH,
         )
@@ -347,7 +347,7 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float, degree
             (min(LAYER_SIZE * layer * unit, rim) if model.bending else rim) / resolution, curves.rim
         )
     for radius, arcs in _arcs_by_radius(curves.openings).items():
-        grow_from_curves(2 * np.pi * radius / HOLE_SEGMENTS / resolution, arcs, HOLE_GROWTH)
+        grow_from_curves(2 * np.pi * radius / HOLE_SEGMENTS / grading, arcs, HOLE_GROWTH)
     for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
         grow_from_curves(2 * np.pi * radius / ARC_SEGMENTS / resolution, arcs)
     for index, width in enumerate(exact.widths(model.edge_outline)):
