@@ -59,7 +59,8 @@ def _single_hole(rng: np.random.Generator) -> tuple[str, str]:
     places = [(0.0, 0.0), (x, 0.0), (edge, 0.0), (x, y)]
     place = places[int(rng.integers(4))]
     size = f'radius = "{radius:.6g} m"'
-    return outline, hole(*np.round(place, 6), size, bool(rng.random() < 0.3))
+    x, y = np.round(place, 6)
+    return outline, hole(float(x), float(y), size, bool(rng.random() < 0.3))
 
 
 def _notch(rng: np.random.Generator) -> tuple[str, str]:
