@@ -12,6 +12,8 @@ SAFETY = 5.0  # on the remainder that steady convergence would leave
 # alone may vanish by chance
 SHARE = 0.43
 MOST = 3.0  # of the last difference, where three degrees do not show that they converge
+# Of the errors of two frequencies, which their ratio keeps where the two seem to err alike
+UNLIKE = 0.03
 ROUNDING = 1e-11  # relative, of coordinates and of solutions
 
 
@@ -61,12 +63,41 @@ def share_left(last: Array, before: Array, safety: float, least: float | Array) 
     The pace is the geometric mean of a number's own and of what is usual among all: each alone is
     off by chance, either way.
     """
-    usual = min(_usual(last) / _usual(before), 1.0) if _usual(before) > 0 else 1.0
+    common = min(_usual(last) / _usual(before), 1.0) if _usual(before) > 0 else 1.0
     with np.errstate(divide="ignore", invalid="ignore"):
         own = np.where(before > 0, last / before, np.where(last > 0, 1.0, 0.0))
-    pace = np.sqrt(usual * np.clip(own, SHARE * usual, 1.0))
+    pace = np.sqrt(common * np.clip(own, SHARE * common, 1.0))
     factor = np.clip(safety * pace, least, MOST)
     return np.asarray(np.where(np.isnan(before), MOST, factor))
+
+
+def ratio_remainder(frequencies: Sequence[Array], least: float, apart: float) -> Array:
+    """Return relative errors of the ratios of frequencies to their first.
+
+    Low degrees may err so alike that ratios seem to settle at once: they settle no faster than the
+    frequencies do. A single ratio may agree between two degrees by chance: it keeps such a part of
+    the errors of its two frequencies as is usual among all.
+
+    Args: frequencies: fine, coarse and coarsest, or two of them. least: of the last difference,
+        what is left at least. apart: the same of what the ratio keeps of its frequencies.
+    """
+    f = frequencies[0]
+    left = share_left(*steps(frequencies, f), SAFETY, least)
+    ratios = [each / each[0] for each in frequencies]
+    own = remainder(ratios, ratios[0], np.maximum(left, left[0]), 1.0) / ratios[0]
+    relative = remainder(frequencies, f, max(least, apart)) / f
+    both = relative + relative[0]
+    kept = np.maximum(own, _unlike(frequencies) * both) + UNLIKE * both
+    return np.asarray(np.minimum(kept, both))
+
+
+def _unlike(frequencies: Sequence[Array]) -> float:
+    """Return the usual change of a ratio over the changes of its two frequencies, 0 to 1."""
+    fine, coarse = frequencies[:2]
+    change = np.abs(coarse / fine - 1)
+    of_ratio = np.abs((coarse / fine) / (coarse[0] / fine[0]) - 1)
+    together = _usual((change + change[0])[1:])
+    return min(_usual(of_ratio[1:]) / together, 1.0) if together > 0 else 0.0
 
 
 def _usual(differences: Array) -> float:

@@ -9,7 +9,7 @@ from skfem import MeshTri2
 
 from femnl.core.arrays import freeze
 from femnl.core.device import Model
-from femnl.core.discretisation_error import ROUNDING, SAFETY, remainder, settle, share_left, steps
+from femnl.core.discretisation_error import ROUNDING, ratio_remainder, remainder, settle
 from femnl.core.kinds import function
 from femnl.core.numbers import with_error
 from femnl.core.tables import Table, Tabulated, dataframe, dataset
@@ -26,8 +26,10 @@ DEGENERATE = 1e-6  # relative difference of frequencies up to which modes count 
 PEAK_SAFETY = 0.68
 PEAK_UNEVEN = 3.2  # the same where holes make the stress uneven, and shapes settle less evenly
 STEADY = 0.02  # of the last difference between degrees, what is taken to be left at least
-# Of the errors of two frequencies, which their ratio keeps where the two seem to err alike
-UNLIKE = 0.03
+# Of the last difference, what ratios and largest values keep at least where the stress relaxes
+# unevenly: the geometric mean of what is left where all settles alike, STEADY, and where it settles
+# in parts, REENTRANT
+APART = 0.1
 # The same at an inner or yielding corner, or where a taper's foot kinks the film: that converges
 # slowly in the degree
 REENTRANT = 0.5
@@ -157,21 +159,10 @@ class Modes(Tabulated):
         inner = np.arange(len(self.frequency)) > 0
         if self.coarse is None:
             return np.where(inner, np.inf, 0.0)
-        # Low degrees may err so alike that their ratios seem to settle at once: these settle no
-        # faster than the frequencies do.
-        left = share_left(
-            *steps([m.frequency for m in self.grades[:3]], self.frequency),
-            SAFETY,
-            self._least_without_holes,
+        relative = ratio_remainder(
+            [m.frequency for m in self.grades[:3]], self._least_without_holes, self._apart
         )
-        own = remainder(
-            [m.ratio for m in self.grades[:3]], self.ratio, np.maximum(left, left[0]), 1.0
-        )
-        misfit = 2 * self.domain.misfit * self.ratio
-        frequencies = [m.frequency for m in self.grades[:3]]
-        steady = remainder(frequencies, self.frequency, self._least_without_holes)
-        both = self.ratio * (steady / self.frequency + steady[0] / self.frequency[0])
-        return np.asarray(np.where(inner, np.minimum(own + UNLIKE * both, both) + misfit, 0.0))
+        return np.asarray(np.where(inner, self.ratio * (relative + 2 * self.domain.misfit), 0.0))
 
     @property
     def peak_error(self) -> Array:
@@ -184,9 +175,10 @@ class Modes(Tabulated):
         departures = [m.departure for m in self.grades if m.departure is not None]
         if not departures:
             return np.full(len(self.frequency), np.inf)
-        last, *before = departures
+        last = departures[0]
+        before = departures[1] if len(departures) > 1 else np.full(last.shape, np.nan)
         safety = PEAK_UNEVEN if self.domain.model.pierced else PEAK_SAFETY
-        left = settle(last, before[0] if before else np.full(last.shape, np.nan), safety, 0.0)
+        left = settle(last, before, safety, self._apart)
         return np.asarray(np.where(np.isnan(left), np.inf, left + ROUNDING) + self._mixing)
 
     @property
@@ -228,6 +220,14 @@ class Modes(Tabulated):
     def _least(self) -> float:
         # Around holes the errors of stress and deflection have opposite signs, and settle apart.
         return REENTRANT if self.domain.model.released else self._least_without_holes
+
+    @property
+    def _apart(self) -> float:
+        """What ratios and largest values keep of the last difference, at least.
+
+        Where stress and deflection settle apart, shapes and ratios seem to settle at once, too.
+        """
+        return APART if self._least >= REENTRANT else 0.0
 
     @property
     def _least_without_holes(self) -> float:

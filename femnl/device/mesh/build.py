@@ -31,7 +31,10 @@ PROGRESS = logging.getLogger("femnl.progress")
 SCALE = 100.0
 TOLERANCE = 1e-6  # of a point lying on a curve, in scaled units
 
-# Element size gained per distance from the feature that asks for small elements, at resolution 1
+# Element size gained per distance from the feature that asks for small elements, at resolution 1.
+# Coarser meshes grade no more steeply: what fades as a power of the distance is resolved by the
+# ratio of distances across an element, and gmsh cannot follow a size that grows faster than the
+# distance.
 GROWTH = 0.7
 # The same away from holes, whose fields fade faster than those of edges and corners
 HOLE_GROWTH = 1.0
@@ -123,7 +126,7 @@ def _build(model: Model, wedge: float, resolution: float, degree: int, copies: i
     try:
         _draw(model, wedge, unit)
         curves = _classify(model, wedge, unit)
-        triangles = copies * _grade(model, curves, unit, resolution)
+        triangles = copies * _grade(model, curves, unit, resolution, degree)
         PROGRESS.info("%s: about %.3g triangles", model.name, triangles)
         what = f"{model.name}: modes of degree {degree} on {triangles:.2g} triangles"
         need_memory(BYTES[max(degree, min(BYTES))] * triangles, what, "lower the resolution")
@@ -294,7 +297,7 @@ def _opening(model: Model, boxes: Array, where: Array, unit: float) -> Outline |
     return None
 
 
-def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> float:
+def _grade(model: Model, curves: _Curves, unit: float, resolution: float, degree: int) -> float:
     """Return the element size h.
 
     It grows linearly with the distance from clamped edges, arcs, corners and holes.
@@ -304,9 +307,10 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
         (ln h/s − 1) / g².
     """
     field = gmsh.model.mesh.field
-    layer = bending_length(model) * unit
+    layer = bending_length(model)
     largest = SCALE / ELEMENTS_PER_LENGTH / resolution
     wanted = []
+    grading = max(resolution, 1.0)
     inverse_square = [
         sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2)) / largest**2
     ]
@@ -314,17 +318,14 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
     def grow(size: float, distance: int, growth: float = GROWTH) -> None:
         wanted.append(field.add("MathEval"))
         field.setString(
-            wanted[-1], "F", f"min({largest}, {size} + {growth / resolution} * F{distance})"
+            wanted[-1], "F", f"min({largest}, {size} + {growth / grading} * F{distance})"
         )
 
     def grow_from_curves(size: float, tags: list[int], growth: float = GROWTH) -> None:
         distance = field.add("Distance")
         lengths = [gmsh.model.occ.getMass(1, t) for t in tags]
         inverse_square.append(
-            (AROUND_HOLES if tags == curves.holes else 1)
-            * sum(lengths)
-            * resolution
-            / (size * growth)
+            (AROUND_HOLES if tags == curves.holes else 1) * sum(lengths) * grading / (size * growth)
         )
         field.setNumbers(distance, "CurvesList", tags)
         # gmsh measures the distance to points along the curves: two an element hide the gaps
@@ -334,19 +335,19 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
 
     if curves.holes:
         grow_from_curves(
-            2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / resolution,
+            2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / grading,
             curves.holes,
             HOLE_GROWTH,
         )
     if model.bending and curves.clamped:
-        grow_from_curves(LAYER_SIZE * layer / resolution, curves.clamped)
+        grow_from_curves(LAYER_SIZE * layer * unit / resolution, curves.clamped)
     if model.overhang is not None:
         rim = model.overhang.width * unit / ELEMENTS_ACROSS
         grow_from_curves(
-            (min(LAYER_SIZE * layer, rim) if model.bending else rim) / resolution, curves.rim
+            (min(LAYER_SIZE * layer * unit, rim) if model.bending else rim) / resolution, curves.rim
         )
     for radius, arcs in _arcs_by_radius(curves.openings).items():
-        grow_from_curves(2 * np.pi * radius / HOLE_SEGMENTS / resolution, arcs, HOLE_GROWTH)
+        grow_from_curves(2 * np.pi * radius / HOLE_SEGMENTS / grading, arcs, HOLE_GROWTH)
     for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
         grow_from_curves(2 * np.pi * radius / ARC_SEGMENTS / resolution, arcs)
     for index, width in enumerate(exact.widths(model.edge_outline)):
@@ -354,14 +355,14 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float) -> flo
         if tags and width * unit < ELEMENTS_ACROSS * largest:
             grow_from_curves(width * unit / ELEMENTS_ACROSS / resolution, tags)
     ends = {t: np.array(gmsh.model.getValue(0, t, []))[:2] for _, t in gmsh.model.getEntities(0)}
-    for corner, angle, size in singular_corners(model, resolution, bending_length(model)):
+    for corner, angle, size in singular_corners(model, resolution, layer, degree):
         near = [t for t, end in ends.items() if np.hypot(*(end - corner * unit)) < TOLERANCE]
         if near:
             distance = field.add("Distance")
             field.setNumbers(distance, "PointsList", near)
             grow(size * unit, distance)
             fan = max(np.log(largest / (size * unit)) - 1, 0.0)
-            inverse_square.append(angle * (resolution / GROWTH) ** 2 * fan)
+            inverse_square.append(angle * (grading / GROWTH) ** 2 * fan)
     wanted.append(field.add("MathEval"))
     field.setString(wanted[-1], "F", str(largest))
     smallest = field.add("Min")

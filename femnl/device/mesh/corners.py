@@ -9,7 +9,11 @@ from femnl.core.device import Model
 
 Array = NDArray[np.float64]
 
-CORNER_ERROR = 1e-8  # energy left unresolved at a singular corner, relative to that around it
+# Energy left unresolved at a singular corner, relative to that around it, by elements of degree 4
+CORNER_ERROR = 1e-8
+# By which it falls a degree, as the rest does: a corner's part falls slowly with the degree, so
+# that it would be left, and three degrees would not show it. At corners beyond 180° bars count it.
+CORNER_FALL = 0.1
 # Element size over ℓ: the bending stiffness of smaller ones drowns that of the film in rounding
 # errors
 SMALLEST = 1e-2
@@ -19,7 +23,7 @@ PLATE_ERROR = 1e-5
 
 
 def singular_corners(
-    model: Model, resolution: float, layer: float
+    model: Model, resolution: float, layer: float, degree: int
 ) -> Iterator[tuple[Array, float, float]]:
     """Yield corners of the edge wider than 90°, their inner angle [rad] and element size [m].
 
@@ -35,7 +39,8 @@ def singular_corners(
         if angle > np.pi / 2 + 1e-6:
             segment = model.edge_outline.segments[k]
             side = float(np.linalg.norm(np.subtract(segment.end, segment.start)))
-            film = side * (CORNER_ERROR / resolution**8) ** (angle / (2 * np.pi))
+            fall = CORNER_FALL ** max(degree - 4, 0) if angle <= np.pi else 1.0
+            film = side * (CORNER_ERROR * fall / resolution**8) ** (angle / (2 * np.pi))
             plate = layer * max(
                 (PLATE_ERROR / resolution**8) ** (angle / (2 * np.pi) if angle <= np.pi else 1.0),
                 SMALLEST,
