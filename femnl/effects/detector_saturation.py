@@ -39,8 +39,9 @@ EFFECT = Effect(
         ),
     ),
     changes={"fringe": clip, "signal": clip_sweep},
-    source="an amplifier between its rails; in sweeps its describing function, Gelb & Vander "
-    "Velde (1968)",
+    source="an amplifier between its rails; in sweeps its describing function, the first Fourier "
+    "coefficient of a clipped sine (Gelb & Vander Velde, Multiple-Input Describing Functions and "
+    "Nonlinear System Design)",
     limits="sharp and the same on both sides (one rail: one_sided_saturation); exact for a "
     "sinusoid",
     sentence="the detector clips the signal",
