@@ -10,7 +10,8 @@ from femnl.core.stages import Fringe, Signal
 
 def clip(fringe: Fringe, values: Values) -> Fringe:
     """Clip the signal at ±(1 − s) of the fringe's largest value; s = 0 clips nothing."""
-    return replace(fringe, limit=min(fringe.limit, 1 - values["clipped"]))
+    rail = 1 - values["clipped"]
+    return replace(fringe, limit=min(fringe.limit, rail), floor=max(fringe.floor, -rail))
 
 
 def clip_sweep(signal: Signal, values: Values) -> Signal:
