@@ -27,6 +27,8 @@ from skfem import (
     Mesh,
     MeshQuad,
 )
+from skfem.assembly.form.form import FormExtraParams
+from skfem.element import DiscreteField
 from skfem.helpers import sym_grad, trace
 
 from benchmarks.ledge_section import graded
@@ -105,10 +107,10 @@ def film_system(flat: Basis, sheet: Sheet) -> tuple[csc_matrix, Array]:
     """Stiffness, and the loads (3, N) of a unit of tension on the ledge, in margin and array."""
 
     @BilinearForm
-    def stiffness(u, v, w):  # type: ignore[no-untyped-def]
+    def stiffness(u: DiscreteField, v: DiscreteField, w: FormExtraParams) -> Array:
         xx, yy, xy = _stress(w, u)
         strain = sym_grad(v)
-        return xx * strain[0, 0] + yy * strain[1, 1] + 2 * xy * strain[0, 1]
+        return np.asarray(xx * strain[0, 0] + yy * strain[1, 1] + 2 * xy * strain[0, 1])
 
     tension = LinearForm(lambda v, w: -w.within * trace(sym_grad(v)))
     constant = flat.with_element(ElementQuad0())
@@ -129,13 +131,14 @@ def mode_stress(flat: Basis, sheet: Sheet, moved: Array) -> Array:
         k = np.pi * number / sheet.side
 
         @Functional
-        def work(w, k=k):  # type: ignore[no-untyped-def]
+        def work(w: FormExtraParams, k: float = k) -> Array:
             x = k * (w.x[0] + sheet.half)
             y = k * (w.x[1] + sheet.half)
             along_x = k * np.cos(x) * np.sin(y)
             along_y = k * np.sin(x) * np.cos(y)
             xx, yy, xy = _stress(w, w.u)
-            return w.free * (xx * along_x**2 + 2 * xy * along_x * along_y + yy * along_y**2)
+            pulled = xx * along_x**2 + 2 * xy * along_x * along_y + yy * along_y**2
+            return np.asarray(w.free * pulled)
 
         fields = _fields(flat, sheet)
         whole = work.assemble(flat, u=flat.interpolate(moved), free=suspended, **fields)
@@ -177,7 +180,7 @@ def directions(basis: Basis) -> NDArray[np.int64]:
     return found
 
 
-def _stress(w, u):  # type: ignore[no-untyped-def]
+def _stress(w: FormExtraParams, u: DiscreteField) -> tuple[Array, Array, Array]:
     strain = sym_grad(u)
     return (
         w.c11 * strain[0, 0] + w.c12 * strain[1, 1],

@@ -31,6 +31,8 @@ from skfem import (
     LinearForm,
     MeshQuad,
 )
+from skfem.assembly.form.form import FormExtraParams
+from skfem.element import DiscreteField
 from skfem.helpers import ddot, sym_grad, trace
 
 from femnl.mechanics.fem.solvers import factorize
@@ -152,9 +154,9 @@ def line_force(x: Array, y: Array, materials: Materials = USUAL) -> Array:
 
 
 @BilinearForm
-def _stiffness(u, v, w):  # type: ignore[no-untyped-def]
+def _stiffness(u: DiscreteField, v: DiscreteField, w: FormExtraParams) -> Array:
     volume = w.lame * trace(sym_grad(u)) * trace(sym_grad(v))
-    return volume + 2 * w.shear * ddot(sym_grad(u), sym_grad(v))
+    return np.asarray(volume + 2 * w.shear * ddot(sym_grad(u), sym_grad(v)))
 
 
 def _cross_section(

@@ -24,6 +24,8 @@ from skfem import (
     LinearForm,
     MeshHex,
 )
+from skfem.assembly.form.form import FormExtraParams
+from skfem.element import DiscreteField
 from skfem.helpers import ddot, sym_grad, trace
 
 from benchmarks.ledge_film import Sheet, directions, film_basis, film_system, mode_stress
@@ -139,9 +141,9 @@ def _system(solid: Basis, wafer: Wafer) -> tuple[csc_matrix, Array]:
     shear = constant.interpolate(young / 2 / (1 + poisson))
 
     @BilinearForm
-    def stiffness(u, v, w):  # type: ignore[no-untyped-def]
+    def stiffness(u: DiscreteField, v: DiscreteField, w: FormExtraParams) -> Array:
         volume = w.lame * trace(sym_grad(u)) * trace(sym_grad(v))
-        return volume + 2 * w.shear * ddot(sym_grad(u), sym_grad(v))
+        return np.asarray(volume + 2 * w.shear * ddot(sym_grad(u), sym_grad(v)))
 
     within = constant.interpolate((material == 1).astype(float))
     push = LinearForm(lambda v, w: w.oxide * (sym_grad(v)[0, 0] + sym_grad(v)[1, 1]))

@@ -14,7 +14,7 @@ Nothing else is edited.
 
     CASE = Case(
         claim="An ideal square membrane rings at √(m² + n²)",
-        source="closed form, Morse & Ingard, Theoretical Acoustics (1968), section 5.2",
+        source="closed form: sin(mπx/L) sin(nπy/L) in c²Δw = ẅ",
         references=(Reference("f(2,1)/f(1,1)", 2.5**0.5, relative=1e-6),),
         compute=compute,
     )

@@ -23,7 +23,7 @@ def compute() -> Iterator[tuple[float, float]]:
 CASE = Case(
     claim="An ideal square membrane rings at f(m,n)/f(1,1) = √((m² + n²)/2), and its modes are "
     "found by their shapes",
-    source="closed form: Morse & Ingard, Theoretical Acoustics (1968), section 5.2",
+    source="closed form: sin(mπx/L) sin(nπy/L) in c²Δw = ẅ; Rayleigh, The Theory of Sound (1894)",
     references=tuple(
         Reference(f"f({m},{n})/f(1,1)", sqrt((m * m + n * n) / 2), relative=1e-6) for m, n in ORDERS
     ),

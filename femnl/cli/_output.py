@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from rich.console import Group
     from rich.table import Table
 
+SENTENCE = 40
+"""Characters of a cell from which on its column wraps, so that the short ones keep theirs."""
 CLEAR = "\r\x1b[K"  # of a terminal: to the start of the line, and empty it
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -99,7 +101,8 @@ def table(title: str, columns: list[str], rows: list[list[str]]) -> Group:
     result = Table(box=None, pad_edge=False, header_style="bold")
     for k, column in enumerate(columns):
         numbers = all(row[k][:1] in "0123456789-−–" for row in rows)
-        result.add_column(column, justify="right" if numbers else "left", no_wrap=True)
+        long = any(len(row[k]) > SENTENCE for row in rows)
+        result.add_column(column, justify="right" if numbers else "left", no_wrap=not long)
     for row in rows:
         result.add_row(*(Text(cell) for cell in row))  # "[m]" is a unit and no markup
     return Group(Text(title, style="italic"), result)

@@ -231,7 +231,7 @@ class Wave:
 class Fringe:
     """Stage `fringe`: v = V_C Re Σ_k c_k e^{ik(qu + θ)}, c (n_overtones + 1,).
 
-    It is clipped at ±limit in units of its largest value.
+    It is clipped at floor and limit, in units of its largest value.
 
     stack: of the geometry, None where it gives none; wavelength [m], q = 4π/wavelength. beside:
     further plane waves of a focused beam, whose light the detector adds.
@@ -241,6 +241,7 @@ class Fringe:
     wavelength: float
     stack: Stack | None
     limit: float = np.inf
+    floor: float = -np.inf
     beside: tuple[Wave, ...] = ()
 
 

@@ -59,7 +59,7 @@ EFFECT = Effect(
         ),
     ),
     changes={"operators": load},
-    source="Rayleigh's method, e.g. Hanay et al., Nat. Nanotechnol. 10, 339 (2015); the logarithm: "
+    source="Rayleigh's quotient of all modes together with the mass at one place; the logarithm: "
     "Green's function of a membrane",
     limits="a particle small against the wavelength; on a symmetric film its images under the "
     "symmetry are the same to frequencies; lost material leaves the tension as it was, as a hole "

@@ -46,9 +46,10 @@ EFFECT = Effect(
         ),
     ),
     changes={"frequencies": radiate},
-    source="square in a half-space: Wilson-Rae et al., Phys. Rev. Lett. 106, 047205 (2011), "
-    "1/Q ∝ (m² + n²)^{3/2}/(m²n²); radiation of a force ∝ ω² and of a torque ∝ ω⁴ by a half-space: "
-    "Miller & Pursey, Proc. R. Soc. A 223, 521 (1954)",
+    source="a half-space radiates ω² times the square of a force and, by dimensions, ω⁴ times that "
+    "of a torque; those of the film are ω²∫ρhξ and ω²∫ρhξx, and its energy is ½ω²∫ρhξ². Of a "
+    "square 1/Q is then ∝ (m² + n²)^{3/2}/(m²n²) for m and n odd. Such loss was measured and "
+    "explained by Wilson-Rae et al., arXiv:1010.2171",
     limits="sound in the chip long against the film, and a chip large against it: a thin chip has "
     "resonances (frame_mode); modes even along both sides radiate less and count as not at all. "
     "Modes one by one: of a pair that is split by less than its linewidth, (1,3) ± (3,1), one has "

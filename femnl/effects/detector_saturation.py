@@ -10,7 +10,8 @@ from femnl.core.stages import Fringe, Signal
 
 def clip(fringe: Fringe, values: Values) -> Fringe:
     """Clip the signal at ±(1 − s) of the fringe's largest value; s = 0 clips nothing."""
-    return replace(fringe, limit=min(fringe.limit, 1 - values["clipped"]))
+    rail = 1 - values["clipped"]
+    return replace(fringe, limit=min(fringe.limit, rail), floor=max(fringe.floor, -rail))
 
 
 def clip_sweep(signal: Signal, values: Values) -> Signal:
@@ -41,8 +42,9 @@ EFFECT = Effect(
         ),
     ),
     changes={"fringe": clip, "signal": clip_sweep},
-    source="an amplifier between its rails; in sweeps its describing function, Gelb & Vander "
-    "Velde (1968)",
+    source="an amplifier between its rails; in sweeps its describing function, the first Fourier "
+    "coefficient of a clipped sine (Gelb & Vander Velde, Multiple-Input Describing Functions and "
+    "Nonlinear System Design)",
     limits="sharp and the same on both sides (one rail: one_sided_saturation); exact for a "
     "sinusoid",
     sentence="the detector clips the signal",

@@ -42,8 +42,8 @@ EFFECT = Effect(
         ),
     ),
     changes={"points": soften},
-    source="stiffness −ε₀V²/d³ per area of a plate capacitor, e.g. Younis, MEMS Linear and "
-    "Nonlinear Statics and Dynamics (2011), section 3.3",
+    source="energy −½ε₀V²/(d − w) per area of a plate capacitor at a given voltage, whose second "
+    "derivative at w = 0 is the stiffness −ε₀V²/d³",
     limits="electrode even over the mode; the film's way d₀ towards the wafer adds 3d₀/d of the "
     "effect and stiffens the film as its square: 3 % at d₀ = d/100",
     sentence="the voltage between film and wafer softens the film",

@@ -65,14 +65,13 @@ EFFECT = Effect(
             0.1,
             strength=False,
             log=True,
-            reason="1/Q of chips that are glued or clamped; a Q of 1e5 is that of a free wafer "
-            "(Jöckel et al. 2011), and below 10 it is no resonance",
+            reason="1/Q of chips that are glued or clamped; 1e5 is more than a mounted chip has, "
+            "and below 10 it is no resonance",
         ),
     ),
     changes={"frequencies": pull},
     source="two coupled oscillators: Jöckel et al., Appl. Phys. Lett. 99, 143109 (2011); coupling "
-    "by inertia as in a base-excited structure, e.g. Clough & Penzien, Dynamics of Structures "
-    "(1993), section 26",
+    "by inertia, ∫ρhφξ of a motion φ of the frame that the film takes part in",
     limits="one resonance of the frame, stiff over the size of the film, so that modes even along "
     "both sides do not couple; modes one by one: μ² of their distance from the frame is left "
     "out, and so is what a frame makes of a pair of one frequency, (1,3) ± (3,1) of "

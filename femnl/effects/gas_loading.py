@@ -49,8 +49,9 @@ EFFECT = Effect(
         ),
     ),
     changes={"operators": load, "points": load_points},
-    source="potential flow: over a rigid plane Rayleigh, Theory of Sound (1896), section 278; "
-    "between film and wall Lamb, Hydrodynamics (1932), section 228",
+    source="potential flow: over a baffle Rayleigh's integral of −ẇ/2πr over the film, which is "
+    "1/k of a wave; between film and wall cosh k(z + d), whose ratio to its slope at the film is "
+    "coth(kd)/k",
     limits="gas without viscosity or sound: waves on the film slower than in the gas, "
     "(c/c_gas)² ≪ 1, and a mean free path short against the gap; a film faster than sound has its "
     "gas stiffened in the gap (trapped_gas). Open rim of the gap, which makes its term exact; "

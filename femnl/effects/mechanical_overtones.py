@@ -40,7 +40,8 @@ EFFECT = Effect(
         for part in ("cos", "sin")
     ),
     changes={"motion": sing},
-    source="internal resonances, e.g. arXiv:1902.01270",
+    source="modes near multiples of the drive that the nonlinearity of the driven one pushes; "
+    "reported as overtones of membranes by Yang et al., arXiv:1902.01270",
     limits="one mode for each overtone, the one nearest in frequency",
     sentence="the film itself moves at multiples of the drive",
     couples_blocks=True,  # U_n is that at the largest swing of all

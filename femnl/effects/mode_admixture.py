@@ -33,7 +33,7 @@ EFFECT = Effect(
     ),
     changes={"motion": mix},
     source="linear response of modes driven together: a mode driven at resonance lags by 90°, one "
-    "far from its own moves in phase or antiphase (Landau & Lifshitz, Mechanics, § 26)",
+    "far from its own moves in phase or antiphase, by (ω_j² − ω² + iωω_j/Q)⁻¹",
     limits="five lowest others, linear response: the share of each is the same all over the map",
     sentence="other modes move along with the driven one",
 )

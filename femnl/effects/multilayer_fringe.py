@@ -70,7 +70,8 @@ EFFECT = Effect(
         ),
     ),
     changes={"fringe": reflect},
-    source="Born & Wolf, 7th ed., 1.6.2 and 7.6 (stack); Siegman, Lasers (1986), ch. 17 (focus); "
+    source="characteristic matrix of each layer at normal incidence (Born & Wolf, Principles of "
+    "Optics); focus: overlap of a Gaussian beam with itself after a way 2kd, 1/(1 + ikd/z_R); "
     "Sommer et al., arXiv:2502.19191, S6",
     limits="fringe right to 1e-3 of its contrast up to gap = z_R/2; gap known modulo half a "
     "wavelength, and to first order only together with the focus, which turns the fringe by "

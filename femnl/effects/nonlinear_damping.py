@@ -33,7 +33,8 @@ EFFECT = Effect(
         ),
     ),
     changes={"oscillator": damp, "equation": damp_record},
-    source="Lifshitz & Cross (2008), section 1.3; Eichler et al., Nat. Nanotechnol. 6, 339 (2011)",
+    source="averaging of ηu²u̇ over a period; seen by Eichler et al., Nat. Nanotechnol. (2011), "
+    "doi:10.1038/nnano.2011.71, and Zaitsev et al., arXiv:0911.0833",
     limits="first order of averaging: ηA² may be large, w ≪ f₀",
     sentence="damping grows with amplitude",
 )

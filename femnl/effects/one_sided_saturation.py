@@ -5,7 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from femnl.core.effect import Effect, ParameterSpec, Values
-from femnl.core.stages import Signal
+from femnl.core.stages import Fringe, Signal
+
+
+def clip(fringe: Fringe, values: Values) -> Fringe:
+    """Clip the signal at +(1 − s) of the fringe's largest value, and not from below."""
+    return replace(fringe, limit=min(fringe.limit, 1 - values["clipped"]))
 
 
 def clip_side(signal: Signal, values: Values) -> Signal:
@@ -23,7 +28,7 @@ EFFECT = Effect(
     name="one_sided_saturation",
     accuracy=0.1,
     accuracy_reason="a sharp limit; amplifiers bend before they clip",
-    equation="v − V₀ ≤ (1 − s) of the strongest signal",
+    equation="v − V₀ ≤ (1 − s) max|f − V₀| of the fringe; in sweeps, of the strongest signal",
     parameters=(
         ParameterSpec(
             "clipped",
@@ -34,10 +39,13 @@ EFFECT = Effect(
             "where one side is cut off wholly, as by a rectifier",
         ),
     ),
-    changes={"signal": clip_side},
-    source="describing function of a one-sided clipper, Gelb & Vander Velde (1968)",
-    limits="sharp, exact for a sinusoid. Where little is clipped, sweeps cannot tell one rail at s "
-    "from two at s/2^{2/3}: both take (1 − r)^{3/2} first. Sweeps cannot tell which side it is",
+    changes={"fringe": clip, "signal": clip_side},
+    source="a photodiode that saturates at much light; in sweeps the first Fourier coefficient of "
+    "a sine that is clipped above, half of what two rails take",
+    limits="sharp, exact for a sinusoid. In maps and traces the rail is above; a detector that "
+    "inverts and clips below is not covered. Where little is clipped, sweeps cannot "
+    "tell one rail at s from two at s/2^{2/3}: both take (1 − r)^{3/2} first. Nor can they tell "
+    "which side it is",
     sentence="the detector clips one side of the signal",
     shared=False,
 )

@@ -45,8 +45,8 @@ EFFECT = Effect(
         ),
     ),
     changes={"points": push},
-    source="force F(x(t − τ)): Metzger & Karrai, Nature 432, 1002 (2004); Aspelmeyer, Kippenberg "
-    "& Marquardt, Rev. Mod. Phys. 86, 1391 (2014), section V",
+    source="force F(x(t − τ)): Metzger & Karrai, Nature 432, 1002 (2004); Marquardt & Girvin, "
+    "arXiv:0905.0566",
     limits="linear in the power; s and g at the frequency of the mode; of a force that relaxes in "
     "one time to (sP)², 1 % at sP = 0.1; g of either sign, as forces of several delays add up",
     sentence="the force of the light follows the motion and acts as a spring",

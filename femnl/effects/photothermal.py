@@ -46,8 +46,7 @@ EFFECT = Effect(
     source="thermal stress of a film on a cold frame; loss: Metzger & Karrai, Nature 432, 1002 "
     "(2004)",
     limits="constants that do not depend on temperature: heated by 100 K, expansion and "
-    "conductivity of nitride and silicon change by 10 to 30 %, and the shift with them "
-    "(Touloukian 1970)",
+    "conductivity of nitride and silicon change by tens of per cent, and the shift with them",
     sentence="the laser heats the film, which loses tension",
     needs=("laser_power",),
 )

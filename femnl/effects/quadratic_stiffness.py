@@ -40,7 +40,8 @@ EFFECT = Effect(
         ),
     ),
     changes={"oscillator": soften, "motion": rectify, "equation": bend},
-    source="Nayfeh & Mook (1979), section 2.3 (κ₂A ≪ 1); u₀ and u₂ at ω ≈ ω₀",
+    source="second order of averaging (Nayfeh & Mook, Nonlinear Oscillations, 1979), κ₂A ≪ 1; u₀ "
+    "and u₂ at ω ≈ ω₀",
     limits="first order in κ₂U; in sweeps of the first harmonic it shows only as softening, "
     "else the scale of metres "
     "takes it up",

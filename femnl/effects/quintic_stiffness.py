@@ -33,7 +33,8 @@ EFFECT = Effect(
         ),
     ),
     changes={"oscillator": stiffen, "equation": stiffen_record},
-    source="first-order averaging, Nayfeh & Mook (1979), section 4.1",
+    source="first order of averaging (Nayfeh & Mook, Nonlinear Oscillations, 1979): the first "
+    "Fourier coefficient of cos⁵ is 5/8",
     limits="a small correction of the cubic term",
     sentence="the film has a restoring force of fifth order",
 )

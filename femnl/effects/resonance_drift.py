@@ -41,8 +41,8 @@ EFFECT = Effect(
         ),
     ),
     changes={"motion": wander},
-    source="Lorentzian response of a mode, linewidth w (Cleland, Foundations of Nanomechanics "
-    "(2003), ch. 7), steady drift of first order in time",
+    source="Lorentzian response of a mode, linewidth w (Schmid, Villanueva & Roukes, "
+    "Fundamentals of Nanomechanical Resonators, section 1.2.1), and a steady drift",
     limits="linear response; steady drift, slow against the ring-down: of r linewidths in a time T "
     "the motion is late by r/(πwT) of itself, 0.1 % for w = 10 Hz, r = 3 and T = 100 s",
     sentence="the resonance drifts while the map is taken, so that the motion changes from line to "

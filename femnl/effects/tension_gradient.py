@@ -38,8 +38,8 @@ EFFECT = Effect(
         ParameterSpec("bowl", "1", -LARGEST, LARGEST, reason=REASON),
     ),
     changes={"operators": tilt},
-    source="plane stress with the film stress as eigenstrain, Timoshenko & Goodier, Theory of "
-    "Elasticity (1951), chapter 14; ∫ S : ∇ξ∇ξ of Rayleigh",
+    source="plane stress with the film stress as eigenstrain, as thermal strain is (Timoshenko & "
+    "Goodier, Theory of Elasticity); ∫ S : ∇ξ∇ξ of Rayleigh",
     limits="isotropic stress of second order in x and y; needs Poisson's ratio. Within "
     "48 base modes the lowest 14 are right to 1e-6 at b = 0.02 and to 1e-5 at 0.1",
     sentence="the film stress varies over the film",

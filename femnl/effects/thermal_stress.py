@@ -26,13 +26,13 @@ EFFECT = Effect(
             2.5e-5,
             scale="thermal_stress",
             reason="α_film − α_wafer: aluminium on silica, 23e-6/K, has the most of usual pairs, "
-            "silica on gallium arsenide or sapphire the least, −5e-6/K (Touloukian 1975); more "
+            "silica on gallium arsenide or sapphire the least, 0.5e-6 − 6e-6 = −5.5e-6/K; more "
             "for E/((1 − ν)σ) where the geometry assumes it",
         ),
     ),
     changes={"points": relax},
-    source="σ(T) = σ₀ − E(α_film − α_wafer)ΔT/(1 − ν), e.g. Ohring, Materials Science of Thin "
-    "Films (2002), section 12.3",
+    source="σ(T) = σ₀ − E(α_film − α_wafer)ΔT/(1 − ν), Hooke's law of a film that is held to the "
+    "wafer along x and y (Ohring, Materials Science of Thin Films, 2nd ed., chapter 12)",
     limits="constants do not depend on temperature: their change over 20 K, 1 % of silicon's α a "
     "kelvin or less, is left out; a wafer much thicker than the film",
     sentence="the film stress follows the temperature",

@@ -81,8 +81,8 @@ EFFECT = Effect(
     ),
     changes={"operators": stiffen, "frequencies": damp, "points": stiffen_points},
     source="linearised Reynolds equation with an open rim: Blech, J. Lubr. Technol. 105, 615 "
-    "(1983); free molecular: Suijlen et al., Sens. Actuators A 156, 171 (2009), "
-    "ω² + p/(ρhd) measured by Andrews, Harris & Turner, Sens. Actuators A 36, 79 (1993)",
+    "(1983); gas that cannot leave: p changes by −np w/d, so that ω² gains np/(ρhd); compared with "
+    "measurements by Andrews, Harris & Turner, Sens. Actuators A 36, 79 (1993)",
     limits="gap short against the wavelength, kd < 0.1 for 1 %; exact for membrane modes with an "
     "open rim; D without change from mode to mode and with pressure, as in free molecular flow; a "
     "closed rim lets modes of no volume keep their gas alike",

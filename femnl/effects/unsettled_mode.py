@@ -28,8 +28,8 @@ EFFECT = Effect(
         ),
     ),
     changes={"acquisition": linger},
-    source="slow flow of Nayfeh & Mook (1979), section 4.1, with steps of the drive at continuous "
-    "phase",
+    source="slow flow of a driven Duffing oscillator by averaging (Nayfeh & Mook, Nonlinear "
+    "Oscillations, 1979), with steps of the drive at continuous phase",
     limits="exact for a drive that steps from point to point, all at one pace (or that of the "
     "durations in the file), with a cubic force (no quintic one) and settled at the first point: "
     "deviations of up to 2 % of the amplitude decay as linear ones, larger ones by Runge-Kutta. A "

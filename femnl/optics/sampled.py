@@ -40,7 +40,8 @@ def harmonics(motion: Motion, fringe: Fringe, harmonic: Orders) -> ComplexArray:
     sampled over a period.
     """
     waves = (Wave(fringe.coefficients, fringe.wavelength), *fringe.beside)
-    if len(motion.displacement) == 1 and np.isinf(fringe.limit):
+    rails = np.array([fringe.floor, fringe.limit])
+    if len(motion.displacement) == 1 and np.all(np.isinf(rails)):
         return np.asarray(
             sum(
                 _bessel_sum(
@@ -58,7 +59,7 @@ def harmonics(motion: Motion, fringe: Fringe, harmonic: Orders) -> ComplexArray:
         motion.theta,
         coefficients,
         np.array([wave.wavelength for wave in waves]),
-        fringe.limit,
+        rails,
         harmonic,
     )
 
@@ -92,7 +93,7 @@ def _sampled_sum(
     theta: Array,
     coefficients: ComplexArray,
     wavelength: Array,
-    limit: float,
+    rails: Array,
     harmonic: Orders,
 ) -> ComplexArray:
     """Return harmonics from samples; coefficients (n_waves, n_orders), wavelength (n_waves,)."""
@@ -100,7 +101,7 @@ def _sampled_sum(
     whole, orders = _kept(coefficients.sum(axis=0))
     q = 4 * np.pi / wavelength
     return _by_sampling(
-        q[0] * displacement, theta, (whole, kept, q / q[0]), orders, limit, harmonic
+        q[0] * displacement, theta, (whole, kept, q / q[0]), orders, rails, harmonic
     )
 
 
@@ -211,7 +212,7 @@ def _by_sampling(
     theta: Array,
     waves: tuple[ComplexArray, list[ComplexArray], Array],
     orders: Orders,
-    limit: float,
+    rails: Array,
     harmonic: Orders,
 ) -> ComplexArray:
     """Return the harmonics from samples of a period.
@@ -219,16 +220,17 @@ def _by_sampling(
     Args: depth: motion times q, by order of the drive, (n_orders, n_points) [rad]. theta: phase of
         the fringe (n_points,) [rad]. waves: coefficients of the whole fringe, of each plane wave,
         and q of each over that of the first; orders: those that are not zero.
-        limit: where the detector clips, in units of the fringe's largest value. harmonic: orders n.
+        rails: where the detector clips below and above, in units of the fringe's largest value.
+        harmonic: orders n.
     Returns: V_n/V_C, (n_harmonics, n_points).
     """
     series, each, turns = waves
     read = list(zip([_pieces(one) for one in each], turns, strict=True))
     reach = np.sum(np.abs(depth) * np.arange(1, len(depth) + 1)[:, None], axis=0).max()
     # A clipped signal has many harmonics that would be folded back
-    sharp = 1 if np.isinf(limit) else 4
+    sharp = 1 if np.all(np.isinf(rails)) else 4
     n_samples = sharp * (32 + 2 * int(harmonic.max() + orders.max() * reach))
-    top = limit * _largest(series) if np.isfinite(limit) else np.inf
+    low, top = rails * _largest(series)
     tau = 2 * np.pi * np.arange(n_samples) / n_samples
     angles = np.outer(harmonic, tau)
     # Counted from its turning point, the signal is even: half a period is enough
@@ -238,13 +240,13 @@ def _by_sampling(
         sums[:, [0, -1]] /= 2
         amplitude, unit = _polar(depth[0])
         return _sampled(
-            np.cos(tau[half])[:, None], amplitude[None], theta, sums, read, top
+            np.cos(tau[half])[:, None], amplitude[None], theta, sums, read, (low, top)
         ) * _powers(unit, harmonic)
     overtones = np.outer(np.arange(1, len(depth) + 1), tau)
     swings = np.hstack([np.cos(overtones).T, -np.sin(overtones).T])
     moves = np.vstack([depth.real, depth.imag])
     sums = 2 / n_samples * np.vstack([np.cos(angles), -np.sin(angles)])
-    found = _sampled(swings, moves, theta, sums, read, top)
+    found = _sampled(swings, moves, theta, sums, read, (low, top))
     return np.asarray(found[: len(harmonic)] + 1j * found[len(harmonic) :])
 
 
@@ -262,7 +264,7 @@ def _sampled(
     theta: Array,
     sums: Array,
     waves: list[tuple[Array, float]],
-    top: float,
+    rails: tuple[float, float],
 ) -> Array:
     """Return the sums (m, n_samples) over a fringe, (m, n_points).
 
@@ -280,12 +282,12 @@ def _sampled(
         np.matmul(swings, moves[:, here], out=v)
         if alone:
             v += theta[here]
-            read(v.ravel(), waves[0][0], top)
+            read(v.ravel(), waves[0][0], *rails)
         else:
             parts = [turn * v + theta[here] for _, turn in waves]
             for part, (pieces, _) in zip(parts, waves, strict=True):
-                read(part.ravel(), pieces, np.inf)
-            np.clip(sum(parts), -top, top, out=v)
+                read(part.ravel(), pieces, -np.inf, np.inf)
+            np.clip(sum(parts), *rails, out=v)
         found[:, here] = sums @ v
     return found
 
@@ -304,8 +306,8 @@ def _pieces(series: ComplexArray) -> Array:
     return np.stack([value, slope, 3 * rise - 2 * slope - last, slope + last - 2 * rise], axis=1)
 
 
-def _read(phase: Array, pieces: Array, top: float) -> None:
-    """Put a fringe, clipped at ±top, in the place of its phase (n,), by cubic interpolation."""
+def _read(phase: Array, pieces: Array, low: float, top: float) -> None:
+    """Put a fringe, clipped at low and top, in place of its phase (n,), by cubic interpolation."""
     last = len(pieces) - 1
     per = len(pieces) / (2 * np.pi)
     for i in range(len(phase)):
@@ -315,4 +317,4 @@ def _read(phase: Array, pieces: Array, top: float) -> None:
         s = place - left
         piece = pieces[int(left) & last]
         v = piece[0] + s * (piece[1] + s * (piece[2] + s * piece[3]))
-        phase[i] = min(max(v, -top), top)
+        phase[i] = min(max(v, low), top)

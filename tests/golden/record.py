@@ -79,7 +79,8 @@ def _diagnosed(name: str, folder: Path) -> dict[str, Any]:
     found = diagnose(
         folder / "file.nc", effects=[e for e in library().values() if e.name not in gone]
     )
-    return json.loads(json.dumps(record(found), default=list))  # type: ignore[no-any-return]
+    plain: dict[str, Any] = json.loads(json.dumps(record(found), default=list))
+    return plain
 
 
 def _printed(words: list[str]) -> Any:

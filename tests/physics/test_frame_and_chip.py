@@ -1,5 +1,7 @@
 """What a frame and a chip do to modes, and the loss of a film of its own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import eig, eigvals
@@ -7,8 +9,9 @@ from scipy.linalg import eig, eigvals
 from femnl.core.stages import Lines
 from femnl.device.geometry import load
 from femnl.effects import library
-from femnl.mechanics.modes.dilution import dilution
+from femnl.mechanics.modes.dilution import bending_share, dilution
 from femnl.observe.film import SimulatedFilm
+from femnl.pipeline import solve_modes
 
 FILM = SimulatedFilm(load("square-270um"), 12)
 ORDERS = [(1, 1), (2, 1), (1, 2), (2, 2)]
@@ -37,6 +40,18 @@ def test_modes_share_in_rigid_motions_by_their_symmetry() -> None:
 def test_the_film_s_own_loss_follows_its_dilution() -> None:
     factor, _ = dilution(FILM.modes)
     np.testing.assert_allclose(FILM.bending_share, 1 / factor, rtol=1e-12)
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.8, 1.25, 1.5])
+def test_the_film_s_own_loss_follows_its_bending_length(factor: float) -> None:
+    film = FILM.model.film
+    stiffer = replace(FILM.model, film=replace(film, young=film.young * factor**2))
+    anew = bending_share(solve_modes(stiffer, FILM.count, cache=False))
+    found = FILM.bending_share_at(factor * FILM.bending_length)
+    np.testing.assert_allclose(found, anew, rtol=2e-4)
+    # High modes gain more than the layer at the edge, so that no common factor says it
+    pattern = anew / FILM.bending_share
+    assert np.ptp(pattern) / pattern.mean() > 0.02
 
 
 FREQUENCY = np.array([1.5e6, 2.37e6, 3.35e6])

@@ -3,6 +3,7 @@
 Against spectral Ritz, beams and the layer at a clamped edge.
 """
 
+import runpy
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -145,6 +146,20 @@ def test_published_frequencies_of_the_clamped_plate_are_those_of_legendre_polyno
         if "without" in r.quantity
     ]
     np.testing.assert_allclose(published, np.sqrt(np.sort(np.concatenate(squares))[:6]), rtol=1e-9)
+
+
+def test_the_plates_published_hardening_is_that_of_converged_polynomials() -> None:
+    case = runpy.run_path(str(resources.cases() / "clamped_plate_nonlinearity.py"))
+    hardening = case["hardening"]
+    best = hardening(0.3, 14, 24)
+    errors = [abs(hardening(0.3, 12, plane) / best - 1) for plane in (6, 8, 12, 16)]
+    assert all(later < earlier / 3 for earlier, later in pairwise(errors))
+    assert errors[-1] < 2e-9
+    assert abs(hardening(0.3, 8, 16) / best - 1) < 1e-8  # the mode needs fewer
+    assert best == pytest.approx(0.482795, abs=5e-7)  # all digits of another Legendre-Galerkin code
+    x, weights = legendre.leggauss(60)
+    square, _ = case["first_mode"](10, x, weights)
+    assert 4 * np.sqrt(square) == pytest.approx(35.98519111, rel=1e-9)
 
 
 @pytest.mark.parametrize(

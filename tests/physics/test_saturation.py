@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from femnl.diagnose import diagnose
+from tests.blind.lab import Case, make
 from tests.physics.driven_sweeps import PHASES, STRONGEST, Bench, Complex, lock_in
 
 RAILS = {"one_sided_saturation": -np.inf, "detector_saturation": -1.0}
@@ -36,3 +38,12 @@ def test_rails_on_one_or_both_sides_are_both_listed_where_little_is_clipped(
     found = Bench().diagnose(tmp_path / "a.nc", clipped(Bench(), 0.03, -1.0))
     assert found.verdict == "ambiguous"
     assert {(other,) for other in RAILS} <= {other.causes for other in found.alternatives}
+
+
+@pytest.mark.parametrize("name", RAILS)
+def test_maps_tell_on_which_sides_the_detector_clips(name: str, tmp_path: Path) -> None:
+    truth = make(Case("map", (name,), 1, size=(100.0, 200.0)), tmp_path / "a.nc")["causes"][name]
+    found = diagnose(tmp_path / "a.nc")
+    assert (found.verdict, found.causes) == ("explained", (name,)), found.alternatives
+    clipped = found.parameters[name]["clipped"]
+    assert abs(clipped.value - truth["clipped"]) < 4 * clipped.sd

@@ -136,7 +136,7 @@ def test_harmonics_under_a_focused_beam_are_those_of_its_sampled_signal(
     values = {"gap": GAP, "thickness": THICKNESS, "index_scale": 1.0, "aperture_square": square}
     plain = Fringe(np.array([0, 1 + 0j]), WAVELENGTH, stack)
     lit = library()["multilayer_fringe"].changes["fringe"](plain, values)
-    lit = replace(lit, limit=limit)
+    lit = replace(lit, limit=limit, floor=-limit)
     order = np.arange(1, 7)
     found = harmonics(motion, lit, order)
     tau = 2 * np.pi * np.arange(2048) / 2048

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +13,11 @@ from femnl.core.device import Clamp
 from femnl.core.operators import YIELDS_MOST
 from femnl.core.stages import ModalSystem
 from femnl.device.geometry import parse
+from femnl.diagnose import diagnose
 from femnl.effects import library
 from femnl.observe.film import SimulatedFilm
 from femnl.pipeline import solve_modes
-from tests.blind.lab import inplane
+from tests.blind.lab import Case, inplane, make
 from tests.physics.changed_films import relative_shift, system_of
 from tests.physics.test_tension_gradient import CIRCLE, POISSON, SQUARE
 
@@ -75,3 +77,34 @@ def test_a_disc_slackens_evenly_as_lame_says() -> None:
 def test_ratios_stay_those_of_a_rigid_square_where_nothing_yields() -> None:
     plain = system_of(film())
     assert relative_shift(on_edge(plain, 0.0), plain) == pytest.approx(0, abs=1e-14)
+
+
+RIVALS = ("tension_gradient", "added_mass", "compliant_clamp", "bending_stiffness")
+
+
+@pytest.mark.parametrize(
+    ("case", "least"),
+    [
+        # λ = 1.3 µm and errors of 3 Hz; λ = 1.8 µm and errors of 100 Hz
+        (Case("spectrum", ("yielding_edge",), 3), (90, 150, 100, 200)),
+        (Case("spectrum", ("yielding_edge",), 2, "rectangle"), (70, 30, 10, 75)),
+    ],
+    ids=["square", "rectangle"],
+)
+def test_an_edge_that_yields_is_told_from_all_that_it_resembles(
+    case: Case, least: tuple[float, ...], tmp_path: Path
+) -> None:
+    truth = make(case, tmp_path / "a.nc")["causes"]["yielding_edge"]["compliance"]
+    found = diagnose(tmp_path / "a.nc")
+    assert (found.verdict, found.causes) == ("explained", ("yielding_edge",)), found.alternatives
+    compliance = found.parameters["yielding_edge"]["compliance"]
+    # The laboratory's layer at the edge is of first order in ℓ: it misses 2 % of what is uneven at
+    # ℓ = 1 µm, of which the fitted ℓ takes a part that counts twice in λ
+    assert abs(compliance.value - truth) < 4 * compliance.sd + 0.04 * truth
+    own = {trial.causes: trial.chi2 for trial in found.trials}["yielding_edge",]
+    for name, sigmas in zip(RIVALS, least, strict=True):
+        rival = diagnose(tmp_path / "a.nc", effects=[library()[name]])
+        assert rival.verdict == "unexplained"
+        # Where the length of bending, which the base model fits, says no more, it is not tried
+        misfit = min(trial.chi2 for trial in rival.trials)
+        assert misfit > own + sigmas**2, name

@@ -105,7 +105,7 @@ KINDS = {
     "sloping_background": {"response"},
     "fano_background": {"response"},
     "lock_in_filter": {"response"},
-    "one_sided_saturation": {"response"},
+    "one_sided_saturation": {"response", "map", "trace"},
     "unsettled_mode": {"response"},
 }
 
@@ -340,9 +340,10 @@ def test_saturation_of_a_sweep_is_the_first_harmonic_of_the_clipped_sinusoid() -
 
 
 def test_saturation_of_a_fringe_clips_the_voltage() -> None:
-    assert library()["detector_saturation"].changes["fringe"](
-        Fringe(np.array([0, 1 + 0j]), 1.0, None), {"clipped": 0.3}
-    ).limit == pytest.approx(0.7)
+    for name, floor in (("detector_saturation", -0.7), ("one_sided_saturation", -np.inf)):
+        plain = Fringe(np.array([0, 1 + 0j]), 1.0, None)
+        clipped = library()[name].changes["fringe"](plain, {"clipped": 0.3})
+        assert (clipped.floor, clipped.limit) == (pytest.approx(floor), pytest.approx(0.7))
 
 
 def test_a_detector_that_clips_nothing_leaves_the_fringe_of_a_stack_alone() -> None:

@@ -44,6 +44,7 @@ def sampled(
     coefficients: ComplexArray,
     limit: float,
     n_samples: int = SAMPLES,
+    one_sided: bool = False,
 ) -> ComplexArray:
     """V_n by an FFT of the signal at each point."""
     tau = 2 * np.pi * np.arange(n_samples) / n_samples
@@ -62,7 +63,8 @@ def sampled(
         if np.isfinite(limit)
         else np.inf
     )
-    return np.asarray((np.fft.rfft(np.clip(fringe(phase), -top, top)) * 2 / n_samples).T[ORDERS])
+    low = -np.inf if one_sided else -top
+    return np.asarray((np.fft.rfft(np.clip(fringe(phase), low, top)) * 2 / n_samples).T[ORDERS])
 
 
 @pytest.mark.parametrize("coefficients", [SINE, TERMS], ids=["sine", "terms"])
@@ -78,18 +80,21 @@ def test_harmonics_are_those_of_the_sampled_signal(
     np.testing.assert_allclose(found, sampled(displacement, theta, coefficients, np.inf), atol=2e-8)
 
 
+@pytest.mark.parametrize("one_sided", [False, True], ids=["both", "above"])
 @pytest.mark.parametrize("largest", [5e-8, 2e-7])
 @pytest.mark.parametrize("n_orders", [1, 2])
-def test_a_clipped_signal_has_the_harmonics_of_its_samples(n_orders: int, largest: float) -> None:
+def test_a_clipped_signal_has_the_harmonics_of_its_samples(
+    n_orders: int, largest: float, one_sided: bool
+) -> None:
     displacement = drawn(60, n_orders, largest)
     theta = np.random.default_rng(6).uniform(-3, 3, 60)
-    found = harmonics(
-        motion(displacement, theta), Fringe(TERMS, WAVELENGTH, None, limit=0.7), ORDERS
-    )
+    floor = -np.inf if one_sided else -0.7
+    fringe = Fringe(TERMS, WAVELENGTH, None, limit=0.7, floor=floor)
+    found = harmonics(motion(displacement, theta), fringe, ORDERS)
     # Its harmonics fall as 1/n², and those beyond the samples are folded back; without the limit,
     # the same are off by 0.2.
     np.testing.assert_allclose(
-        found, sampled(displacement, theta, TERMS, 0.7, 64 * SAMPLES), atol=1e-4
+        found, sampled(displacement, theta, TERMS, 0.7, 64 * SAMPLES, one_sided), atol=1e-4
     )
 
 

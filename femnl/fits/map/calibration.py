@@ -37,7 +37,7 @@ def taylor_amplitude(harmonics: ArrayLike, wavelength: float) -> tuple[Array, Ar
         solution.
 
     Valid: z well below 1 and a sinusoidal fringe: 3 % low at z = 1, meaningless beyond z = 2.
-    Source: the method of Dolleman et al., Appl. Phys. Lett. 111, 253104 (2017), as described by
+    Source: the method of Dolleman et al., arXiv:1711.06056, as described by
     Sommer et al. 2025, supplement S7.
     """
     V = np.asarray(harmonics, complex)

@@ -135,10 +135,11 @@ class SpectrumModel(MeasurementModel):
 
         And (Q − Q_predicted)/σ of each mode whose quality factor is known.
         """
-        frequency, content, plain = self._solved(effects, base, values)
+        frequency, content, plain, layer = self._solved(effects, base, values)
         film = self._bare(base["speed"], base["bending_length"])[2].film
 
         rated = len(self._rated) > 0
+        own_loss = base["intrinsic_loss"] * self._share(layer) if rated else np.empty(0)
 
         def read_off(chosen: NDArray[np.int64]) -> Lines:
             # Without labels no vectors are solved for, and the film's own modes stand for them.
@@ -147,7 +148,7 @@ class SpectrumModel(MeasurementModel):
             lines = Lines(
                 frequency[chosen],
                 self.time,
-                self._own_loss @ parts * base["intrinsic_loss"] if rated else np.empty(0),
+                own_loss @ parts if rated else own_loss,
                 self._participation @ parts,
                 film,
                 self.film.gap,
@@ -170,9 +171,9 @@ class SpectrumModel(MeasurementModel):
         )
 
     @cached_property
-    def _own_loss(self) -> Array:
-        """1/Q of each base mode in units of the loss angle of bending, (n,)."""
-        return self.film.bending_share
+    def _share(self) -> Callable[[float], Array]:
+        """1/Q of each base mode in units of the loss angle of bending, (n,), at the latest ℓ."""
+        return recent(self.film.bending_share_at)
 
     @cached_property
     def _participation(self) -> Array:
@@ -181,10 +182,11 @@ class SpectrumModel(MeasurementModel):
 
     def _solved(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
-    ) -> tuple[Array, Array, Array]:
+    ) -> tuple[Array, Array, Array, float]:
         """Return the frequencies of the changed modes, and the base modes of modal mass 1 in them.
 
-        (base, changed), whose squares are shares; and the own frequency of each base mode.
+        (base, changed), whose squares are shares; the own frequency of each base mode; and ℓ [m] of
+        the changed film.
 
         Where nothing has a label the vectors are left out.
         """
@@ -192,7 +194,7 @@ class SpectrumModel(MeasurementModel):
         system = apply("operators", system, effects, values)
         square, vectors = self._eigen(system.stiffness, system.mass)
         frequency = np.sqrt(np.maximum(square, 0)) / (2 * np.pi)
-        return frequency, vectors * np.sqrt(mass)[:, None], plain
+        return frequency, vectors * np.sqrt(mass)[:, None], plain, system.bending_length
 
     def _unchanged(self, speed: float, bending_length: float) -> tuple[Array, Array, ModalSystem]:
         """Return frequencies and masses of the unchanged film's modes, and its matrices."""
@@ -221,7 +223,7 @@ class SpectrumModel(MeasurementModel):
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
         """The next modes that were not measured; their pairs by rising frequency."""
-        frequency, _, _ = self._solved(effects, base, values)
+        frequency, _, _, _ = self._solved(effects, base, values)
         missing = [k for k in range(max(self.order) + 1 + NEXT) if k not in self.order][:NEXT]
         names = [self.film.modes.label[k] or f"({k + 1})" for k in missing]
         return {

@@ -45,7 +45,8 @@ class Membrane:
 
     slopes: ∫ ∂ξᵢ∂ξⱼ / area along x, along y and mixed. graded(): ∫ S : ∇ξᵢ∇ξⱼ / area, (3, n, n), S
     what is left in equilibrium of the stresses x, y, x² + y². yielded(λ): k² of the modes on an
-    edge that yields, and their overlaps with these, (n, modes).
+    edge that yields, their overlaps with these, (n, modes), and what the layer of a plate adds to
+    k² between these, per ℓ.
 
     orders: (m, n) of each sine, empty for a polygon. half: the size that x and y count in.
     """
@@ -57,7 +58,7 @@ class Membrane:
     inner: tuple[float, float]
     space: tuple[Basis, Array, TriFinder] | None
     graded: Callable[[], Array] = field(default=_unknown, kw_only=True)
-    yielded: Callable[[float], tuple[Array, Array]] = field(default=_unknown, kw_only=True)
+    yielded: Callable[[float], tuple[Array, Array, Array]] = field(default=_unknown, kw_only=True)
 
     @property
     def square(self) -> Array:
@@ -197,9 +198,10 @@ def _rectangle(
     mixed = np.kron(turn, -turn) / (sides[0] * sides[1])
     along = (np.pi * orders / np.array(sides)) ** 2
 
-    def yielded(compliance: float) -> tuple[Array, Array]:
+    def yielded(compliance: float) -> tuple[Array, Array, Array]:
         square, overlap = inplane.yielded_modes(outer, sides, poisson, compliance, (basis, basis))
-        return square, overlap.reshape(basis**2, -1)
+        layer = inplane.layer_pull(outer, sides, poisson, compliance, basis)
+        return square, overlap.reshape(basis**2, -1), layer
 
     return Membrane(
         (np.diag(along[:, 0]), np.diag(along[:, 1]), (mixed + mixed.T) / 2),

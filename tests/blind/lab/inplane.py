@@ -174,6 +174,31 @@ def yielded_modes(
     return np.concatenate(squares), np.concatenate(overlaps, axis=2)
 
 
+@cache
+def layer_pull(sides: Sides, inner: Sides, poisson: float, compliance: float, basis: int) -> Array:
+    """What the clamped layer adds to k² between sines with ∫ φ² = 1, per ℓ, (mn, mn).
+
+    Where the stress S across the edge is less, the layer √(D/S) is thicker and the membrane
+    smaller: ∮ (S^−½ − 1) S ∂ₙφ ∂ₙφ′ ds by Hadamard's formula for a moved boundary.
+    """
+    t, w = leggauss(POINTS)
+    order = np.arange(1, basis + 1)
+    sines = np.sin(np.outer(order, np.pi * (t + 1) / 2))
+    both = np.outer(order, order) * (1 + (-1.0) ** np.add.outer(order, order))
+    stress = yielding(sides, poisson, compliance)
+    # What the springs say converges faster than the stress of polynomials at their ends
+    value, _ = _rows(t, stress.moved.shape[1], stress.held)
+    end, _ = _rows(np.ones(1), stress.moved.shape[1], stress.held)
+    across = -(end.T @ stress.moved[0] @ value).ravel() / compliance
+    along = -(value.T @ stress.moved[1] @ end).ravel() / compliance
+    found = np.zeros((basis**2, basis**2))
+    for pull, width, is_x in ((across, inner[0], True), (along, inner[1], False)):
+        slopes = both * 2 * np.pi**2 / width**3
+        beside = (sines * w * (np.sqrt(pull) - pull)) @ sines.T
+        found += np.kron(slopes, beside) if is_x else np.kron(beside, slopes)
+    return found
+
+
 def tensor(field: Array, ax: Array, ay: Array, bx: Array, by: Array) -> Array:
     """∫ field aₓ a_y bₓ b_y of products of rows, (n_x n_y, n_x n_y); weights are in the field."""
     n, m = len(ax), len(ay)

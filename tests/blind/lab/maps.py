@@ -248,17 +248,23 @@ class MapBench:
                 size = size * (sung[f"cos{n}"] - 1j * sung[f"sin{n}"]) * mixed[..., None]
                 u = u + (size * np.exp(1j * n * tau)).real
         wedge = laws.inexact(hidden, "multilayer_fringe") * self.wavelength / 20
-        v = self._lit(u + (wedge * x / self.axis.max())[..., None], base, hidden)
-        if "detector_saturation" in hidden:
-            limit = (
-                base["contrast"]
-                * self._top(hidden)
-                * (1 - hidden["detector_saturation"]["clipped"])
-            )
-            v = laws.rounded(v, limit, -1.0, laws.inexact(hidden, "detector_saturation"))
+        lit = self._lit(u + (wedge * x / self.axis.max())[..., None], base, hidden)
+        v = self._clipped(lit, base, hidden)
         return np.asarray(
             2 / SAMPLES * np.moveaxis(np.fft.fft(v, axis=-1)[..., 1 : ORDERS + 1], -1, 0)
         )
+
+    def _clipped(self, v: Array, base: Values, hidden: dict[str, Values]) -> Array:
+        """The signal between the rails of the detector."""
+        largest_signal = base["contrast"] * self._top(hidden)
+        if "detector_saturation" in hidden:
+            limit = largest_signal * (1 - hidden["detector_saturation"]["clipped"])
+            v = laws.rounded(v, limit, -1.0, laws.inexact(hidden, "detector_saturation"))
+        if "one_sided_saturation" in hidden:
+            left = 1 - hidden["one_sided_saturation"]["clipped"]
+            much = laws.inexact(hidden, "one_sided_saturation")
+            v = laws.rounded(v, largest_signal * left, -np.inf, much)
+        return v
 
     def _top(self, hidden: dict[str, Values]) -> float:
         """Largest value of the fringe, in units of its contrast."""
@@ -327,6 +333,7 @@ CAUSES: dict[str, Callable[[np.random.Generator, MapBench], Cause]] = {
     "crosstalk": _leak,
     "detector_bandwidth": one("time_constant", 3e-9, 20.0),
     "detector_saturation": one("clipped", 0.05, 10.0),
+    "one_sided_saturation": one("clipped", 0.05, 10.0),
     "doublet": _doublet,
     "finite_spot": one("radius", 2e-6, 5.0),
     "mechanical_overtones": vector(("cos2", "sin2", "cos3", "sin3"), 1e-9, 60.0),
@@ -346,6 +353,7 @@ DERIVED: dict[str, str] = {
     "crosstalk": "added to the Fourier coefficients of the sampled signal",
     "detector_bandwidth": "a recursive low pass run in time until it is steady",
     "detector_saturation": "the sampled signal is clipped in time",
+    "one_sided_saturation": "the sampled signal is clipped above in time",
     "doublet": "in-phase and quadrature motion in time, whose fringe goes through an FFT",
     "finite_spot": "quadrature of the signal over the points of the spot, instead of diffusion",
     "mechanical_overtones": "added to the sampled motion, whose fringe goes through an FFT",

@@ -177,7 +177,9 @@ class SpectrumBench:
             slopes /= np.array([modes.half, modes.half, modes.half**2])
             stiffness = stiffness + c2 * np.tensordot(slopes, modes.graded(), 1)
         if "yielding_edge" in hidden:
-            stiffness = stiffness + c2 * _yielded(modes, hidden["yielding_edge"]["compliance"])
+            stiffness = stiffness + c2 * _yielded(
+                modes, hidden["yielding_edge"]["compliance"], layer
+            )
         if "added_mass" in hidden:
             particle = hidden["added_mass"]
             dx, dy, part = laws.patch(laws.inexact(hidden, "added_mass"))
@@ -241,18 +243,19 @@ def _bending_share(plate: Array, more: Array, layer: float) -> Array:
     return np.asarray(np.log(after / before) / (2 * np.log1p(STEP)))
 
 
-def _yielded(modes: Membrane, compliance: float) -> Array:
-    """What an edge that yields adds to k² between ideal modes, from its own modes.
+def _yielded(modes: Membrane, compliance: float, layer: float) -> Array:
+    """What an edge that yields adds to k² between ideal modes, from its own modes and layer.
 
     Each has its place in the span of the ideal ones; the few that leave it are of no measured mode.
     """
-    square, overlap = modes.yielded(compliance)
+    square, overlap, thicker = modes.yielded(compliance)
     lowest = np.argsort(square)[: len(modes.square) // 2]
     left, _, right = np.linalg.svd(overlap[:, lowest], full_matrices=False)
     shapes = left @ right
     rest = np.eye(len(modes.square)) - shapes @ shapes.T
     plain = np.diag(modes.square)
-    return np.asarray((shapes * square[lowest]) @ shapes.T + rest @ plain @ rest - plain)
+    moved = (shapes * square[lowest]) @ shapes.T + rest @ plain @ rest - plain
+    return np.asarray(moved + layer * thicker)
 
 
 def _depth(cubed: float, layer: float) -> float:
@@ -373,7 +376,7 @@ CAUSES: dict[str, Callable[[np.random.Generator, SpectrumBench], Cause]] = {
     "stress_anisotropy": simple("anisotropy", 1e-4, 5e-2, signed=True),
     "tension_gradient": _gradient,
     "trapped_gas": _trapped,
-    "yielding_edge": simple("compliance", 1e-7, 150.0),
+    "yielding_edge": simple("compliance", 1e-7, 1.5e-5),
 }
 DERIVED: dict[str, str] = {
     "added_mass": "a sum over products of sines, in closed form",
