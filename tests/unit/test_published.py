@@ -15,6 +15,7 @@ from femnl.diagnose import diagnose
 from femnl.effects import known
 from femnl.io import measurement
 from femnl.pipeline import measured_device
+from femnl.published import outcome
 
 PATHS = published.find(resources.published())
 CASES = {path.stem: published.load(path) for path in PATHS}
@@ -173,7 +174,17 @@ def found(*causes: str, others: tuple[tuple[str, ...], ...] = (), **more: Any) -
     """What a diagnosis says, as far as a comparison reads it."""
     alternatives = [SimpleNamespace(causes=other) for other in others]
     verdict = "explained" if causes else "unexplained"
-    parts = {"verdict": verdict, "causes": causes, "alternatives": alternatives}
+    trials = (
+        SimpleNamespace(causes=(), chi2=100.0, log_evidence=0.0),
+        SimpleNamespace(causes=("doublet",), chi2=50.0, log_evidence=3.0),
+        SimpleNamespace(causes=("gas_damping",), chi2=1.0, log_evidence=9.0),
+    )
+    parts = {
+        "verdict": verdict,
+        "causes": causes,
+        "alternatives": alternatives,
+        "trials": trials,
+    }
     return SimpleNamespace(**(parts | more))
 
 
@@ -215,7 +226,7 @@ def test_a_diagnosis_is_held_against_the_authors(
 def test_a_run_tells_what_it_found_what_was_refused_and_what_is_not_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written(SMALL, tmp_path).model_copy()
+    written(SMALL, tmp_path)
     (tmp_path / "far.toml").write_text(
         SMALL.split("[data.columns]")[0] + 'file = "far.csv"\n[data.spec]\nkind = "series"\n',
         encoding="utf-8",
@@ -234,14 +245,16 @@ def test_a_run_tells_what_it_found_what_was_refused_and_what_is_not_there(
     def refused(path: Path, workers: int) -> Any:
         raise MeasurementError("too little")
 
-    monkeypatch.setattr(published, "diagnose", shared)
+    monkeypatch.setattr(outcome, "diagnose", shared)
     near, far = published.run(tmp_path, data=tmp_path)
     assert (near.agreement, near.verdict) == ("the authors' cause", "explained in part")
     assert near.shares == {"gas_damping": 0.75}
+    assert near.leading == ("gas_damping",)
+    assert near.taken == pytest.approx(0.99)
     assert far.agreement == "no data"
     json.dumps(published.record(near))
     assert published.render([near, far]).row_count == 2
-    monkeypatch.setattr(published, "diagnose", refused)
+    monkeypatch.setattr(outcome, "diagnose", refused)
     (case,) = published.run(tmp_path, ["case"])
     assert (case.agreement, case.message) == ("refused", "too little")
     with pytest.raises(ParameterError, match="no published case is named"):

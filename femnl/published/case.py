@@ -28,25 +28,19 @@ how to read it.
 
 import csv
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from fnmatch import fnmatch
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
 from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from rich.table import Table
-from rich.text import Text
 
-from femnl.core.diagnosis import Diagnosis
-from femnl.core.errors import FemnlError, MeasurementError, ParameterError
-from femnl.diagnose import diagnose
+from femnl.core.errors import MeasurementError, ParameterError
 from femnl.io import measurement
 from femnl.io.labfiles import import_file
 from femnl.io.labfiles.spec import Spec
@@ -55,18 +49,6 @@ from femnl.io.measurement import CONTROLS, KINDS, quantity, to_si
 Array = NDArray[np.float64]
 SCALARS = {"pressure": "Pa"}
 """Attributes of a group that a case may give, with their units."""
-Agreement = Literal[
-    "the authors' cause",
-    "the authors' cause and others",
-    "one of the authors' causes",
-    "among the alternatives",
-    "another cause",
-    "no cause",
-    "no cause, as the authors",
-    "refused",
-    "no data",
-]
-"""How a diagnosis stands to the cause that the authors give."""
 
 
 class _Strict(BaseModel):
@@ -150,26 +132,6 @@ class Case(_Strict):
     remark: str = ""
     authors: Authors
     data: Data
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What femnl says of one case, beside its authors.
-
-    shares: of each named cause, where the diagnosis gives them. message: why there is no verdict.
-    """
-
-    name: str
-    title: str
-    authors: str
-    expected: tuple[str, ...]
-    agreement: Agreement
-    verdict: str = ""
-    causes: tuple[str, ...] = ()
-    shares: Mapping[str, float] | None = None
-    probability: float | None = None
-    seconds: float = 0.0
-    message: str = ""
 
 
 def find(folder: Path, select: Sequence[str] = ()) -> list[Path]:
@@ -295,102 +257,3 @@ def _matches(row: Mapping[str, str], where: Mapping[str, str]) -> bool:
 
 def _unit(name: str) -> str:
     return KINDS["series"].datasets[name].unit or ""
-
-
-def compare(case: Case, found: Diagnosis) -> Agreement:
-    """Say how the causes of a diagnosis stand to those of the authors."""
-    ours = set(found.causes)
-    theirs = set(case.authors.names)
-    if not ours:
-        in_reach = any(theirs and theirs <= set(other.causes) for other in found.alternatives)
-        if not theirs and found.verdict == "adequate":
-            return "no cause, as the authors"
-        return "among the alternatives" if in_reach else "no cause"
-    if theirs and theirs == ours:
-        return "the authors' cause"
-    if theirs and theirs < ours:
-        return "the authors' cause and others"
-    if theirs & ours:
-        return "one of the authors' causes"
-    in_reach = any(theirs and theirs <= set(other.causes) for other in found.alternatives)
-    return "among the alternatives" if in_reach else "another cause"
-
-
-def run(
-    folder: Path, select: Sequence[str] = (), data: Path | None = None, workers: int = 1
-) -> Iterator[Outcome]:
-    """Diagnose the cases of a folder one by one and yield each outcome as it comes.
-
-    A case that femnl refuses, or whose data are not there, yields an outcome that says so.
-    """
-    for path in find(folder, select):
-        yield _outcome(path.stem, load(path), data, workers)
-
-
-def _outcome(name: str, case: Case, data: Path | None, workers: int) -> Outcome:
-    """Diagnose one case."""
-    begin = perf_counter()
-    about = (name, case.title, case.authors.cause, tuple(case.authors.names))
-    missing = external(case, data)
-    if case.data.file and (missing is None or not missing.is_file()):
-        return Outcome(*about, "no data", message=f"{case.data.file} is not there")
-    try:
-        with TemporaryDirectory() as scratch:
-            file = Path(scratch) / f"{name}.nc"
-            measurement.write(to_measurement(case, data), file)
-            found = diagnose(file, workers=workers)
-    except FemnlError as error:
-        seconds = perf_counter() - begin
-        return Outcome(*about, "refused", seconds=seconds, message=str(error))
-    return Outcome(
-        *about,
-        agreement=compare(case, found),
-        verdict=found.verdict,
-        causes=found.causes,
-        shares=_shares(found),
-        probability=found.probability,
-        seconds=perf_counter() - begin,
-    )
-
-
-def _shares(found: Diagnosis) -> dict[str, float] | None:
-    """Return the share of each cause, None from a diagnosis that gives none (version 1.0)."""
-    shares = getattr(found, "shares", None)
-    if not shares:
-        return None
-    return {name: float(getattr(share, "share", share)) for name, share in shares.items()}
-
-
-def record(outcome: Outcome) -> dict[str, Any]:
-    """Return an outcome as plain values for JSON."""
-    return asdict(outcome)
-
-
-def render(outcomes: Sequence[Outcome]) -> Table:
-    """Return a table of outcomes for the terminal, one line a case."""
-    table = Table(title="Published cases", expand=False)
-    for heading in ("case", "authors' cause", "femnl's name", "verdict", "causes", "agreement"):
-        table.add_column(heading, overflow="fold")
-    table.add_column("s", justify="right")
-    for outcome in outcomes:
-        table.add_row(*(Text(cell) for cell in _cells(outcome)))
-    return table
-
-
-def _cells(outcome: Outcome) -> tuple[str, ...]:
-    named = [_with_share(cause, outcome.shares) for cause in outcome.causes]
-    return (
-        outcome.name,
-        outcome.authors,
-        " + ".join(outcome.expected) or "–",
-        outcome.verdict or outcome.message,
-        " + ".join(named) or "–",
-        outcome.agreement,
-        f"{outcome.seconds:.0f}",
-    )
-
-
-def _with_share(cause: str, shares: Mapping[str, float] | None) -> str:
-    if shares is None or cause not in shares:
-        return cause
-    return f"{cause} ({shares[cause]:.1%})"
