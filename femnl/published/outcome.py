@@ -70,19 +70,26 @@ def compare(case: Case, found: Diagnosis) -> Agreement:
     """Say how the causes of a diagnosis stand to those of the authors."""
     ours = set(found.causes)
     theirs = set(case.authors.names)
-    if not ours:
-        in_reach = any(theirs and theirs <= set(other.causes) for other in found.alternatives)
-        if not theirs and found.verdict == "adequate":
-            return "no cause, as the authors"
-        return "among the alternatives" if in_reach else "no cause"
+    if not theirs and found.verdict == "adequate":
+        return "no cause, as the authors"
     if theirs and theirs == ours:
         return "the authors' cause"
     if theirs and theirs < ours:
         return "the authors' cause and others"
+    if _among_alternatives(theirs, found):
+        return "among the alternatives"
     if theirs & ours:
         return "one of the authors' causes"
-    in_reach = any(theirs and theirs <= set(other.causes) for other in found.alternatives)
-    return "among the alternatives" if in_reach else "another cause"
+    return "another cause" if ours else "no cause"
+
+
+def _among_alternatives(theirs: set[str], found: Diagnosis) -> bool:
+    """Whether a diagnosis holds the authors' causes to be as good as those that it gives.
+
+    Only an ambiguous one does; others list sets that they hold to be less likely.
+    """
+    equal = found.alternatives if found.verdict == "ambiguous" else ()
+    return bool(theirs) and any(theirs <= set(other.causes) for other in equal)
 
 
 def run(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from femnl import published
+from femnl.cli._main import run
 from femnl.core import resources
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.diagnose import diagnose
@@ -205,10 +206,11 @@ def found(*causes: str, others: tuple[tuple[str, ...], ...] = (), **more: Any) -
         (["gas_damping"], found("doublet"), "another cause"),
         (
             ["gas_damping"],
-            found("doublet", others=(("gas_damping",),)),
+            found("doublet", others=(("gas_damping",),), verdict="ambiguous"),
             "among the alternatives",
         ),
-        (["gas_damping"], found(others=(("gas_damping",),)), "among the alternatives"),
+        (["gas_damping"], found("doublet", others=(("gas_damping",),)), "another cause"),
+        (["gas_damping"], found(others=(("gas_damping",),)), "no cause"),
         (["gas_damping"], found(), "no cause"),
         (["gas_damping"], found(verdict="adequate"), "no cause"),
         ([], found(verdict="adequate"), "no cause, as the authors"),
@@ -259,6 +261,17 @@ def test_a_run_tells_what_it_found_what_was_refused_and_what_is_not_there(
     assert (case.agreement, case.message) == ("refused", "too little")
     with pytest.raises(ParameterError, match="no published case is named"):
         published.find(tmp_path, ["nothing"])
+
+
+def test_the_command_line_tells_of_data_that_are_not_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["validate", "--published", "qpit_1243_drift", "--data", str(tmp_path)]
+    assert run([*words, "--json"]) == 0
+    (case,) = json.loads(capsys.readouterr().out)["cases"]
+    assert case["agreement"] == "no data"
+    assert run(words) == 0
+    assert "frequency_drift" in capsys.readouterr().out
 
 
 def test_the_diagnosis_of_today_can_be_compared(tmp_path: Path) -> None:
