@@ -50,7 +50,7 @@ FLOORS = (
     ("effects",),
     ("sweep", "fits", "validation"),
     ("diagnose",),
-    ("plot",),
+    ("plot", "published"),
     ("report",),
     ("cli",),
     ("__main__",),

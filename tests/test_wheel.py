@@ -40,6 +40,7 @@ def test_the_wheel_carries_every_geometry_and_every_case(wheel: Path) -> None:
     for source, inside, suffix in (
         ("geometries", "_geometries", ".toml"),
         ("validation", "_validation", ".py"),
+        ("validation/published", "_validation/published", ".toml"),
     ):
         files = list((ROOT / source).glob(f"*{suffix}"))
         assert files

@@ -1,5 +1,8 @@
 """`femnl validate`: every reference number against what femnl computes."""
 
+from __future__ import annotations
+
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -8,18 +11,35 @@ from femnl.cli._device import Json
 from femnl.cli._output import console, note, print_json
 from femnl.core import resources
 
+DATA = Path("..") / "shared" / "data"
+"""Where published data that the repository does not hold are looked for: beside the repository."""
+Published = Annotated[
+    bool,
+    typer.Option(
+        "--published",
+        help="Diagnose published measurements instead, beside what their authors say causes them.",
+    ),
+]
+Data = Annotated[
+    Path,
+    typer.Option(help="With --published: folder of data that are published as files of their own."),
+]
+Names = Annotated[
+    list[str] | None,
+    typer.Argument(help="Cases to run; all of them where none is named.", show_default=False),
+]
+
 
 def command(
-    names: Annotated[
-        list[str] | None,
-        typer.Argument(help="Cases to run; all of them where none is named.", show_default=False),
-    ] = None,
-    as_json: Json = False,
+    names: Names = None, published: Published = False, data: Data = DATA, as_json: Json = False
 ) -> None:
     """Run the validation cases: femnl beside published and independent numbers.
 
-    The status is 1 where one differs.
+    The status is 1 where one differs. Published measurements are told and not judged.
     """
+    if published:
+        _published(names or [], data, as_json)
+        return
     from femnl import validation
 
     results = []
@@ -32,3 +52,17 @@ def command(
         console().print(validation.render(results))
     if not all(result.passed for result in results):
         raise typer.Exit(1)
+
+
+def _published(names: list[str], data: Path, as_json: bool) -> None:
+    """Diagnose published measurements and print what femnl and their authors say."""
+    from femnl import published
+
+    outcomes = []
+    for outcome in published.run(resources.published(), names, data):
+        outcomes.append(outcome)
+        note(f"{outcome.name}: {outcome.agreement}")
+    if as_json:
+        print_json({"cases": [published.record(outcome) for outcome in outcomes]})
+    else:
+        console().print(published.render(outcomes))

@@ -103,6 +103,11 @@ def cases() -> Path:
     return _folder("validation")
 
 
+def published() -> Path:
+    """Return the folder of the published measurements, one TOML a case."""
+    return cases() / "published"
+
+
 def _folder(name: str) -> Path:
     # A wheel carries the folder inside the package (pyproject.toml, force-include); a checkout has
     # it beside the package.
