@@ -74,9 +74,8 @@ def test_glitches_are_found_beside_a_smooth_misfit(share: float) -> None:
     bump = np.exp(-((np.linspace(-1, 1, POINTS) / 0.1) ** 2))
     residuals = np.tile(100 * bump, SWEEPS) + white(4)
     at = rng.choice(len(residuals), int(np.ceil(share * len(residuals))), replace=False)
-    residuals[at] += rng.choice([-1, 1], len(at)) * np.exp(
-        rng.uniform(*np.log([20, 1000]), len(at))
-    )
+    signs = rng.choice([-1.0, 1.0], len(at))
+    residuals[at] += signs * np.exp(rng.uniform(np.log(20), np.log(1000), len(at)))
     found = found_noise(residuals, sweeps(), FoundNoise())
     missed = set(at.tolist()) - set(found.glitches)
     extra = set(found.glitches) - set(at.tolist())
