@@ -77,10 +77,12 @@ def main() -> None:
             found = {"name": draw.name, "round": k, "error": repr(error)}
             if error is None:
                 found = future.result()
-            file.write(json.dumps(found) + "\n")
+            line = json.dumps(found)
+            file.write(line + "\n")
             file.flush()
             os.fsync(file.fileno())
-            records.append(found)
+            # As it is read again, so that a score does not depend on when it is made
+            records.append(json.loads(line))
             keep_score(given.folder, seed, records)
             answer = found.get("verdict", found.get("error"))
             sys.stderr.write(f"{count}/{len(todo)} {draw.name}: {answer} {found.get('named')}\n")

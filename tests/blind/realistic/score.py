@@ -120,7 +120,7 @@ def _events(good: list[Record]) -> dict[str, Event]:
         "false alarm": (quiet, lambda r: [r["verdict"] != "adequate"]),
         "named nothing": (quiet, lambda r: [bool(r["named"])]),
         "lacking": (lacking, lambda r: [not wrong(r)]),
-        "intervals": (good, lambda r: [abs(pull) < 1 for pull in r.get("pulls", {}).values()]),
+        "intervals": (good, lambda r: [bool(abs(pull) < 1) for pull in r.get("pulls", {}).values()]),
         "shares": (caused, near_shares),
         "glitches": ([r for r in good if r["glitches"]], lambda r: [listed(r)]),
         "in time": (good, lambda r: [r["verdict"] != "none in time"]),
