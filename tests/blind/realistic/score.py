@@ -75,6 +75,11 @@ def near_shares(record: Record) -> list[bool]:
     ]
 
 
+def held(record: Record) -> list[bool]:
+    """Whether each 68 % interval of a parameter holds the truth."""
+    return [bool(abs(pull) < 1) for pull in record.get("pulls", {}).values()]
+
+
 def listed(record: Record) -> bool:
     """Whether the glitches are left out, and not much else."""
     planted = sum(size >= CLEAR for size in record["glitches"])
@@ -120,7 +125,7 @@ def _events(good: list[Record]) -> dict[str, Event]:
         "false alarm": (quiet, lambda r: [r["verdict"] != "adequate"]),
         "named nothing": (quiet, lambda r: [bool(r["named"])]),
         "lacking": (lacking, lambda r: [not wrong(r)]),
-        "intervals": (good, lambda r: [bool(abs(pull) < 1) for pull in r.get("pulls", {}).values()]),
+        "intervals": (good, held),
         "shares": (caused, near_shares),
         "glitches": ([r for r in good if r["glitches"]], lambda r: [listed(r)]),
         "in time": (good, lambda r: [r["verdict"] != "none in time"]),
