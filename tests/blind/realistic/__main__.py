@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.blind.realistic.jobs import KINDS, drawn, run
+from tests.blind.realistic.jobs import KINDS, about, drawn, run
 from tests.blind.realistic.regimes import REGIMES
 from tests.blind.realistic.score import score, table
 
@@ -74,7 +74,7 @@ def main() -> None:
             future = pool.submit(run, k, draw, given.limit)
             # A file that fails is told, and does not end the study
             error = future.exception()
-            found = {"name": draw.name, "round": k, "error": repr(error)}
+            found = about(k, draw) | {"verdict": "error", "seconds": 0.0, "error": repr(error)}
             if error is None:
                 found = future.result()
             line = json.dumps(found)

@@ -88,15 +88,17 @@ def listed(record: Record) -> bool:
 
 
 def score(records: list[Record], about: dict[str, Any]) -> dict[str, Any]:
-    """Return every rate with its interval (Clopper and Pearson): of all, by kind, by regime."""
-    good = [record for record in records if "error" not in record]
+    """Return every rate with its interval (Clopper and Pearson): of all, by kind, by regime.
+
+    A file that ended in an error counts as one without the right answer.
+    """
     board: dict[str, Any] = about | {
         "files": len(records),
         "failed": [[r["name"], r["error"]] for r in records if "error" in r],
-        "seconds": _seconds(good),
+        "seconds": _seconds(records),
         "rates": {},
     }
-    for name, (rows, hit) in _events(good).items():
+    for name, (rows, hit) in _events(records).items():
         kept = [(row, hit(row)) for row in rows]
         hits = [(row, one) for row, found in kept for one in found]
         board["rates"][name] = _rate([one for _, one in hits]) | {
