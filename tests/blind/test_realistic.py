@@ -305,3 +305,15 @@ def test_a_file_that_ends_in_an_error_counts_as_one_without_the_right_answer() -
     draw = Draw("series", ("thermal_stress",), "exact", "square-270um", 3)
     record = jobs.about(0, draw) | {"verdict": "error", "seconds": 0.0, "error": "ValueError()"}
     assert rate(score([record], {"seed": 1}), "named") == (0, 1)
+
+
+def test_a_stretched_film_loses_energy_as_one_that_is_not() -> None:
+    rng = np.random.default_rng(1)
+    bench = KINDS["spectrum"].setup("square-270um", ("clamp_loss",), rng)
+    base = bench.draw(rng)
+    parts = []
+    for elongation in (0.0, 1e-2):
+        _, loss, _ = bench._lines(base, {"aspect_ratio": {"elongation": elongation}})
+        parts.append(loss)
+    # The part of bending in the energy of the lowest mode changes as little as its wave vector
+    assert parts[1][0] == pytest.approx(parts[0][0], rel=1e-2)
