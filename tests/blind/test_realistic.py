@@ -1,6 +1,7 @@
 """The realistic regime: second laws, real noise, true shares, and the events of its score."""
 
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -231,19 +232,19 @@ def test_the_score_counts_what_the_answers_say() -> None:
         answer("lacking", [a], "unexplained", []),
         answer("lacking", [a], "explained", [b]),
         answer("lacking", [a], "explained", [b], equals=[[a], [b]]),
-        {"name": "broken", "error": "ValueError()"},
+        answer("exact", [a], "error", [], name="broken", error="ValueError()"),
     ]
     board = score(rows, {"seed": 1})
-    assert rate(board, "named") == (3, 7)
+    assert rate(board, "named") == (3, 8)
     assert rate(board, "named", "by_regime", "inexact") == (1, 2)
-    assert rate(board, "named alone") == (2, 7)
-    assert rate(board, "wrong name") == (2, 7)
+    assert rate(board, "named alone") == (2, 8)
+    assert rate(board, "wrong name") == (2, 8)
     assert rate(board, "false alarm") == (2, 4)
     assert rate(board, "named nothing") == (1, 4)
     assert rate(board, "lacking") == (2, 3)
     assert rate(board, "shares") == (1, 2)
     assert rate(board, "glitches") == (1, 2)
-    assert rate(board, "in time") == (13, 14)
+    assert rate(board, "in time") == (14, 15)
     assert board["failed"] == [["broken", "ValueError()"]]
     low, high = board["rates"]["lacking"]["interval"]
     # Clopper and Pearson: 2 of 3
@@ -288,6 +289,31 @@ def test_a_file_of_a_round_is_written_diagnosed_and_kept_as_json(tmp_path: Path)
     assert KINDS.keys() >= set(jobs.KINDS)
 
 
-def test_a_file_that_takes_too_long_has_no_answer() -> None:
+def spend(seconds: float) -> None:
+    start = time.process_time()
+    while time.process_time() < start + seconds:
+        pass
+
+
+def test_what_takes_too_long_is_stopped_and_nothing_after_it() -> None:
+    with pytest.raises(jobs.TooLongError), jobs.within(0.05):
+        spend(10.0)
+    spend(0.2)
+
+
+def test_a_file_that_ends_in_an_error_counts_as_one_without_the_right_answer() -> None:
     draw = Draw("series", ("thermal_stress",), "exact", "square-270um", 3)
-    assert jobs.run(0, draw, 1e-3)["verdict"] == "none in time"
+    record = jobs.about(0, draw) | {"verdict": "error", "seconds": 0.0, "error": "ValueError()"}
+    assert rate(score([record], {"seed": 1}), "named") == (0, 1)
+
+
+def test_a_stretched_film_loses_energy_as_one_that_is_not() -> None:
+    rng = np.random.default_rng(1)
+    bench = KINDS["spectrum"].setup("square-270um", ("clamp_loss",), rng)
+    base = bench.draw(rng)
+    parts = []
+    for elongation in (0.0, 1e-2):
+        _, loss, _ = bench._lines(base, {"aspect_ratio": {"elongation": elongation}})
+        parts.append(loss)
+    # The part of bending in the energy of the lowest mode changes as little as its wave vector
+    assert parts[1][0] == pytest.approx(parts[0][0], rel=1e-2)

@@ -158,7 +158,8 @@ class SpectrumBench:
         layer = base["bending"] * self.layer
         layer = float(np.sqrt(layer**2 + hidden.get("bending_stiffness", {}).get("excess", 0.0)))
         depth = _depth(hidden.get("compliant_clamp", {}).get("depth_cubed", 0.0), layer)
-        modes = self.membrane(layer - depth, hidden.get("aspect_ratio", {}).get("elongation", 0.0))
+        stretch = hidden.get("aspect_ratio", {}).get("elongation", 0.0)
+        modes = self.membrane(layer - depth, stretch)
         k2 = modes.square
         plate = modes.clamped(layer, depth)
         own = np.sqrt(c2 * (plate + layer**2 * plate**2)) * _slowed(
@@ -197,8 +198,9 @@ class SpectrumBench:
             mass = mass + share * (above + below)
         lossy = np.zeros_like(stiffness)
         if self.rated:
-            more = self.membrane(layer * (1 + STEP) - depth, 0.0).clamped(layer * (1 + STEP), depth)
-            lossy = np.diag(own**2 * base["loss"] * _bending_share(plate, more, layer))
+            more = self.membrane(layer * (1 + STEP) - depth, stretch)
+            moved = more.clamped(layer * (1 + STEP), depth)
+            lossy = np.diag(own**2 * base["loss"] * _bending_share(plate, moved, layer))
         if "trapped_gas" in hidden:
             gas = hidden["trapped_gas"]
             spring = gas["pressure"] / (density * film.thickness * self.gap)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.blind.realistic.jobs import KINDS, drawn, run
+from tests.blind.realistic.jobs import KINDS, about, drawn, run
 from tests.blind.realistic.regimes import REGIMES
 from tests.blind.realistic.score import score, table
 
@@ -74,13 +74,15 @@ def main() -> None:
             future = pool.submit(run, k, draw, given.limit)
             # A file that fails is told, and does not end the study
             error = future.exception()
-            found = {"name": draw.name, "round": k, "error": repr(error)}
+            found = about(k, draw) | {"verdict": "error", "seconds": 0.0, "error": repr(error)}
             if error is None:
                 found = future.result()
-            file.write(json.dumps(found) + "\n")
+            line = json.dumps(found)
+            file.write(line + "\n")
             file.flush()
             os.fsync(file.fileno())
-            records.append(found)
+            # As it is read again, so that a score does not depend on when it is made
+            records.append(json.loads(line))
             keep_score(given.folder, seed, records)
             answer = found.get("verdict", found.get("error"))
             sys.stderr.write(f"{count}/{len(todo)} {draw.name}: {answer} {found.get('named')}\n")

@@ -73,12 +73,9 @@ def _draw(seed: int, k: int, kind: str, hidden: tuple[str, ...], regime: str) ->
     return Draw(kind, hidden, regime, films[drawn % len(films)], drawn)
 
 
-def run(k: int, draw: Draw, limit: float) -> dict[str, Any]:
-    """Make the file of a draw, diagnose it, and return what the scoreboard needs.
-
-    A file without an answer after `limit` seconds of a processor has the verdict "none in time".
-    """
-    about: dict[str, Any] = {
+def about(k: int, draw: Draw) -> dict[str, Any]:
+    """Return what is known of a file before it is made, and no answer."""
+    return {
         "name": draw.name,
         "round": k,
         "kind": draw.kind,
@@ -86,13 +83,26 @@ def run(k: int, draw: Draw, limit: float) -> dict[str, Any]:
         "regime": draw.regime,
         "causes": sorted(draw.causes),
         "seed": draw.seed,
+        "sigma": {},
+        "shares": {},
+        "glitches": [],
+        "named": [],
+        "alternatives": [],
     }
+
+
+def run(k: int, draw: Draw, limit: float) -> dict[str, Any]:
+    """Make the file of a draw, diagnose it, and return what the scoreboard needs.
+
+    A file without an answer after `limit` seconds of a processor has the verdict "none in time".
+    """
+    known_of = about(k, draw)
     gone = set(draw.causes) if REGIMES[draw.regime].lacking else set()
     known = [effect for effect in library().values() if effect.name not in gone]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "file.nc"
         truth = make(draw, path)
-        about |= {key: truth[key] for key in ("options", "sigma", "shares", "glitches")} | {
+        known_of |= {key: truth[key] for key in ("options", "sigma", "shares", "glitches")} | {
             "truth": truth["causes"]
         }
         start = time.process_time()
@@ -104,12 +114,12 @@ def run(k: int, draw: Draw, limit: float) -> dict[str, Any]:
                 if gone and found.causes:
                     equals = told(record(diagnose(path)))
         except TooLongError:
-            return about | {"verdict": "none in time", "seconds": limit, "named": []}
+            return known_of | {"verdict": "none in time", "seconds": limit, "named": []}
         seconds = time.process_time() - start
     pulls = {}
     if sorted(found.causes) == sorted(draw.causes):
         pulls = _pulls(Case(draw.kind, draw.causes, draw.seed, draw.geometry), truth, found)
-    return about | {
+    return known_of | {
         "verdict": answer["verdict"],
         "named": sorted(answer["causes"]),
         "alternatives": told(answer),
@@ -135,6 +145,8 @@ def run(k: int, draw: Draw, limit: float) -> dict[str, Any]:
     }
 
 
+AGAIN = 1.0
+"""Seconds after which a file that goes on is stopped again."""
 TOLD = 1e-3
 """Probability from which on an alternative counts as told."""
 
@@ -156,7 +168,8 @@ def within(seconds: float) -> Iterator[None]:
         raise TooLongError
 
     before = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
+    # Again and again: one that comes inside a finaliser is swallowed there
+    signal.setitimer(signal.ITIMER_PROF, seconds, AGAIN)
     try:
         yield
     finally:

@@ -75,6 +75,11 @@ def near_shares(record: Record) -> list[bool]:
     ]
 
 
+def held(record: Record) -> list[bool]:
+    """Whether each 68 % interval of a parameter holds the truth."""
+    return [bool(abs(pull) < 1) for pull in record.get("pulls", {}).values()]
+
+
 def listed(record: Record) -> bool:
     """Whether the glitches are left out, and not much else."""
     planted = sum(size >= CLEAR for size in record["glitches"])
@@ -83,15 +88,17 @@ def listed(record: Record) -> bool:
 
 
 def score(records: list[Record], about: dict[str, Any]) -> dict[str, Any]:
-    """Return every rate with its interval (Clopper and Pearson): of all, by kind, by regime."""
-    good = [record for record in records if "error" not in record]
+    """Return every rate with its interval (Clopper and Pearson): of all, by kind, by regime.
+
+    A file that ended in an error counts as one without the right answer.
+    """
     board: dict[str, Any] = about | {
         "files": len(records),
         "failed": [[r["name"], r["error"]] for r in records if "error" in r],
-        "seconds": _seconds(good),
+        "seconds": _seconds(records),
         "rates": {},
     }
-    for name, (rows, hit) in _events(good).items():
+    for name, (rows, hit) in _events(records).items():
         kept = [(row, hit(row)) for row in rows]
         hits = [(row, one) for row, found in kept for one in found]
         board["rates"][name] = _rate([one for _, one in hits]) | {
@@ -120,7 +127,7 @@ def _events(good: list[Record]) -> dict[str, Event]:
         "false alarm": (quiet, lambda r: [r["verdict"] != "adequate"]),
         "named nothing": (quiet, lambda r: [bool(r["named"])]),
         "lacking": (lacking, lambda r: [not wrong(r)]),
-        "intervals": (good, lambda r: [abs(pull) < 1 for pull in r.get("pulls", {}).values()]),
+        "intervals": (good, held),
         "shares": (caused, near_shares),
         "glitches": ([r for r in good if r["glitches"]], lambda r: [listed(r)]),
         "in time": (good, lambda r: [r["verdict"] != "none in time"]),

@@ -26,6 +26,10 @@ CHANGE = 1e3
 LEAST = 0.1
 MOST = 10.0
 """Factors within which a value of a cause is moved."""
+POSITIVE = frozenset(
+    ("speed", "bending", "loss", "frequency", "quality_factor", "linewidth", "peak", "stiffness")
+)
+"""Base parameters without which there is no device."""
 KEPT = 0.98
 """Part of the data that must count as before where a fit is better."""
 CLOSE = 1e-3
@@ -146,6 +150,9 @@ def _moved(
     near = base | {
         spec: base[spec] + float(by) * unit
         for (spec, unit), by in zip(bench.unit.items(), place, strict=False)
+    }
+    near |= {
+        spec: max(near[spec], LEAST * base[spec]) for spec in POSITIVE.intersection(bench.unit)
     }
     beside = {name: dict(values) for name, values in own.items()}
     for (name, spec), by in zip(specs, place[len(bench.unit) :], strict=True):
