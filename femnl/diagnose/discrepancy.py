@@ -23,6 +23,10 @@ SHARED = 1e-3
 """Part of the largest singular value below which a direction adds nothing to the others."""
 SIZES = np.concatenate([[0.0], np.geomspace(0.1, 1e5, 25)])
 """Sizes τ [σ] of a discrepancy that are summed over: uniform in the logarithm, or none."""
+GROWING = (1, 2)
+"""Powers of what a cause does to a datum with which its equation may be wrong."""
+VARYING = (1, 2, 3)
+"""Powers of the place along the data with which it may be wrong."""
 LAGS = 64
 """Residuals along a line over which a remainder may be correlated."""
 UNCORRELATED = 0.05
@@ -97,15 +101,21 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
     """Return the logarithm of ∫ likelihood × prior over parameters and sizes of the discrepancy.
 
     Residuals r have the covariance v₀ (1 − QᵀQ)/w + v₁ QᵀQ, with v = 1 + τ² and the weight
-    w = pieces per residual; around the fit the model is linear, so that the parameters integrate in
-    closed form. The discrepancy is at least what the accuracy of each cause's equation allows.
-    Up to a constant that all candidates of the measurement share.
+    w = pieces per residual, and beside it the distortions that the accuracy of each cause's
+    equation allows, with normal coefficients. Around the fit the model is linear, so that
+    parameters and distortions integrate in closed form. Up to a constant that all candidates of the
+    measurement share.
     """
     result = candidate.result
     low, high = result.model.bounds
     width = high - low
     directions = allowed.directions
-    slopes = result.jacobian * width
+    distorted = [
+        distortions(done_by(candidate, base, e), e.accuracy) for e in effects_of(candidate)
+    ]
+    slopes = np.concatenate([result.jacobian * width, *distorted], axis=1)
+    n_distortions = slopes.shape[1] - width.size
+    known = np.concatenate([np.full(width.size, 12.0), np.ones(n_distortions)])
     inside = directions @ slopes
     seen = directions @ result.residuals
     k = len(directions)
@@ -113,45 +123,45 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
     across = slopes.T @ slopes - inside.T @ inside
     pull = slopes.T @ result.residuals - inside.T @ seen
     rest = max(result.chi2 - float(seen @ seen), 0.0)
-    least_smooth, least_scatter = _least(candidate, base, allowed)
-    smooth = (1 + np.maximum(SIZES**2, least_smooth))[:, None]
-    scatter = (1 + np.maximum(SIZES**2, least_scatter))[None, :]
+    smooth = (1 + SIZES**2)[:, None]
+    scatter = (1 + SIZES**2)[None, :]
     per_scatter = weight / scatter
     fisher = (
         across * per_scatter[..., None, None]
         + inside.T @ inside / smooth[..., None, None]
-        + 12 * np.eye(width.size)
+        + np.diag(known)
     )
-    gradient = pull * per_scatter[..., None] + inside.T @ seen / smooth[..., None]
+    # What ended at a bound cannot move beyond it
+    held = np.concatenate([~result.free, np.zeros(n_distortions, bool)])
+    pull[held] = 0.0
+    inside_moving = np.where(held, 0.0, inside)
+    gradient = pull * per_scatter[..., None] + inside_moving.T @ seen / smooth[..., None]
     shift = np.linalg.solve(fisher, gradient[..., None])[..., 0]
     square = rest * per_scatter + float(seen @ seen) / smooth - np.sum(gradient * shift, axis=-1)
     _, volume = np.linalg.slogdet(fisher)
     level = -0.5 * (square + k * np.log(smooth) + allowed.pieces * np.log(scatter) + volume)
     best = np.unravel_index(int(np.argmax(level)), level.shape)
-    spread = np.sqrt(np.diag(np.linalg.inv(fisher[best]))) * width
+    spread = np.sqrt(np.diag(np.linalg.inv(fisher[best]))[: width.size]) * width
     prior = log_prior(result.model, result.vector, spread) + float(np.sum(np.log(width)))
     constant = 0.5 * width.size * np.log(2 * np.pi) - np.log(level.size)
     return float(logsumexp(level) + prior + constant)
 
 
-def _least(candidate: Candidate, base: Candidate, allowed: Discrepancy) -> tuple[float, float]:
-    """Return τ² along the smooth directions and beside them that accuracies allow for.
+def distortions(done: Array, accuracy: float) -> Array:
+    """Return what an equation of this accuracy may miss, as columns (n, n_distortions).
 
-    An equation of relative accuracy a may miss a part a of what the cause does to the data, beyond
-    what base parameters take up.
+    Of what a cause does to the data, a part that grows with its size there, and one that varies
+    along the data: modes by rising frequency, points of a series, sweeps one after the other.
     """
-    smooth = scatter = 0.0
-    result = candidate.result
-    own, _ = np.linalg.qr(base.result.jacobian)
-    k = len(allowed.directions)
-    for effect in result.model.effects:
-        done = done_by(candidate, base, effect)
-        done = done - own @ (own.T @ done)
-        along = float(np.sum((allowed.directions @ done) ** 2))
-        beside = max(float(done @ done) - along, 0.0)
-        smooth += effect.accuracy**2 * along / max(k, 1)
-        scatter += effect.accuracy**2 * beside / max(len(done) - k, 1)
-    return smooth, scatter
+    size = np.abs(done) / max(float(np.abs(done).max()), 1e-300)
+    along = np.linspace(-1, 1, len(done))
+    shapes = [*(size**p for p in GROWING), *(along**p for p in VARYING)]
+    return accuracy * done[:, None] * np.stack(shapes, axis=1)
+
+
+def effects_of(candidate: Candidate) -> tuple[Effect, ...]:
+    """Return the causes of a fitted set."""
+    return candidate.result.model.effects
 
 
 def done_by(candidate: Candidate, base: Candidate, effect: Effect) -> Array:

@@ -44,6 +44,7 @@ from femnl.diagnose.shares import remainder, shares
 from femnl.diagnose.verdict import NOISE_IS_LARGER, Judgement, judge
 from femnl.diagnose.worker_pool import Pose, Posed, Run, worker_pool
 from femnl.effects import fingerprint
+from femnl.fits.least_squares import FitResult
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import MeasurementModel, Named
@@ -98,7 +99,9 @@ def diagnose(
         noise = _first_noise(posing, checkpoint)
         found: list[Candidate] = []
         for _ in range(SEARCHES):
-            searching = _Searching(partial(posing, noise=noise), workers, helpers, checkpoint)
+            searching = _Searching(
+                partial(posing, noise=noise), workers, helpers, checkpoint, noise
+            )
             found, run = searching.searched(found)
             best = max(found, key=lambda candidate: candidate.weight)
             seen = last_noise(best.result, noise)
@@ -179,12 +182,14 @@ class _Searching:
     """The search for causes of one measurement, or of several jointly.
 
     pose: poses the model and its effects. workers: processes that fit; helpers: ends them.
+    noise: that the model has.
     """
 
     pose: Callable[..., Posed]
     workers: int
     helpers: ExitStack
     checkpoint: Checkpoint
+    noise: Noise
 
     def searched(self, earlier: list[Candidate]) -> tuple[list[Candidate], Run]:
         """Fit what may explain the data.
@@ -211,7 +216,11 @@ class _Searching:
         model, library = mine.posed()
         if earlier and max(earlier, key=lambda c: c.weight).viable:
             return refitted(model, library, earlier, mine.run), mine.run
-        return search(model, library, mine.run, self.checkpoint), mine.run
+        return search(model, library, mine.run, self.checkpoint, self._differs), mine.run
+
+    def _differs(self, result: FitResult) -> bool:
+        """Whether what a fit leaves shows other noise than the model has."""
+        return last_noise(result, self.noise) != self.noise
 
 
 def pose(
@@ -249,11 +258,11 @@ def conclude(
         listed += [
             c
             for c in sorted(found[1:], key=lambda c: -c.weight)
-            if c not in listed and c is not best and share[c.names] > SHOWN
+            if c not in listed and c is not best and share.get(c.names, 0.0) > SHOWN
         ]
     plausible = base.p_value_scaled if judged.noisier else base.p_value
     probability = {"adequate": plausible, "unexplained": 1 - base.p_value}.get(
-        judged.verdict, share[best.names]
+        judged.verdict, share.get(best.names, 0.0)
     )
     left = best if judged.verdict == "explained in part" else base
     described = judged.verdict in ("explained in part", "unexplained")
@@ -264,8 +273,8 @@ def conclude(
         verdict=judged.verdict,
         causes=best.names,
         probability=float(probability),
-        parameters=_parameters(best),
-        alternatives=tuple(Alternative(c.names, share[c.names]) for c in listed),
+        parameters=_parameters(best, judged.inflation),
+        alternatives=tuple(Alternative(c.names, share.get(c.names, 0.0)) for c in listed),
         p_value=base.p_value,
         where=_where(base, judged)
         + (_described(forms, before) if judged.verdict == "unexplained" else ""),
@@ -341,8 +350,9 @@ def _where(base: Candidate, judged: Judgement) -> str:
     )
 
 
-def _parameters(candidate: Candidate) -> dict[str, dict[str, Parameter]]:
-    sd = np.sqrt(np.diag(candidate.result.covariance))
+def _parameters(candidate: Candidate, inflation: float = 1.0) -> dict[str, dict[str, Parameter]]:
+    """Return values and standard deviations by owner and name, the latter larger by a factor."""
+    sd = inflation * np.sqrt(np.diag(candidate.result.covariance))
     found: dict[str, dict[str, Parameter]] = {"base": {}}
     for (owner, spec), value, s in zip(
         candidate.result.model.parameters, candidate.result.vector, sd, strict=True

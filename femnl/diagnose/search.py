@@ -43,6 +43,7 @@ def search(
     library: list[Effect],
     run: Run = in_turn,
     checkpoint: Checkpoint | None = None,
+    noise_differs: Callable[[FitResult], bool] = lambda result: False,
 ) -> list[Candidate]:
     """Return the base model first, then every set of causes that was fitted.
 
@@ -50,7 +51,9 @@ def search(
     them explains the data beyond doubt.
 
     Args: base_model, library: the data and the effects that may act on them. run: does jobs that do
-    not wait for each other. checkpoint: keeps every fit.
+    not wait for each other. checkpoint: keeps every fit. noise_differs: whether what a fit leaves
+    shows other noise than the model has; where one cause takes up most of the deviation and its
+    remainder does, larger sets would only describe that noise, and the search ends.
     """
     PROGRESS.info("%s: fitting the base model", base_model.kind)
     first = fit(ExtendedModel(base_model), base_model.start, checkpoint=checkpoint)
@@ -69,6 +72,8 @@ def search(
         if not _takes_up_nearly_all(grown, base):
             grown = _kept(grown, _sought_anew(grown, found, size, library, run), library, run)
         found += grown.values()
+        if size == 0 and _leaves_other_noise(grown, base, noise_differs):
+            break
         if _settled(grown) or (size >= PAIR and _takes_up_nearly_all(grown, base)):
             break
         parents = _looked_at(_worth_extending(grown, size), library, run)
@@ -153,6 +158,17 @@ def _falls_short(candidate: Candidate, base: Candidate) -> bool:
     return not candidate.viable and _excess(candidate) < (
         THRESHOLDS.nearly_explained * _excess(base)
     )
+
+
+def _leaves_other_noise(
+    grown: dict[Names, Candidate], base: Candidate, noise_differs: Callable[[FitResult], bool]
+) -> bool:
+    """Whether the best cause takes up most of the deviation, and leaves noise not yet known."""
+    if not grown:
+        return False
+    best = min(grown.values(), key=lambda c: c.result.chi2)
+    mostly = _excess(best) < THRESHOLDS.mostly_explained * _excess(base)
+    return mostly and noise_differs(best.result)
 
 
 def _takes_up_nearly_all(grown: dict[Names, Candidate], base: Candidate) -> bool:

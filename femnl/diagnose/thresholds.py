@@ -117,6 +117,12 @@ class Thresholds:
         "standard deviation of the logarithm of noise over the stated one, where that is wrong",
         _REALISTIC,
     )
+    mostly_explained: float = _threshold(
+        0.2,
+        "part of what the base model leaves beyond noise, below which what one cause leaves may be "
+        "noise that differs from the stated one",
+        _REALISTIC,
+    )
     little_left: float = _threshold(
         1e-3,
         "part of what the base model leaves beyond noise, below which no start from afar and no "

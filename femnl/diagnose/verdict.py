@@ -20,7 +20,8 @@ class Judgement:
     """The verdict, and the rule that decided it.
 
     chosen: the candidate that the verdict rests on, the base where no cause is named; rivals of it;
-    share: the probability of every candidate, by its names.
+    share: the probability of every candidate, by its names. inflation: factor on standard
+    deviations of parameters, for what the chosen set leaves.
     """
 
     verdict: Verdict
@@ -28,6 +29,7 @@ class Judgement:
     rivals: tuple[Candidate, ...]
     share: dict[Names, float]
     rule: str = ""
+    inflation: float = 1.0
 
     @property
     def noisier(self) -> bool:
@@ -64,7 +66,7 @@ def noise_is_larger_than_stated(weighed: Weighed) -> Judgement | None:
         return None
     if any(c.weight > _wrong_noise(base) for c in weighed.viable):
         return None
-    return Judgement("adequate", base, (), weighed.prior_share)
+    return Judgement("adequate", base, (), weighed.prior_share, inflation=base.factor)
 
 
 def causes_take_up_most_of_the_deviation(weighed: Weighed) -> Judgement | None:
@@ -76,7 +78,23 @@ def causes_take_up_most_of_the_deviation(weighed: Weighed) -> Judgement | None:
     best = weighed.beyond_doubt
     if weighed.viable or best is None or not _takes_up_most(best, weighed.base):
         return None
-    return Judgement("explained in part", best, (), weighed.graded)
+    return Judgement(
+        "explained in part", best, (), weighed.graded, inflation=weighed.inflation(best)
+    )
+
+
+def several_sets_take_up_most_of_the_deviation(weighed: Weighed) -> Judgement | None:
+    """No set is exact, and one of several takes up most of what is wrong beyond doubt."""
+    sets = weighed.left_in_part
+    if weighed.viable or not sets:
+        return None
+    if not all(_takes_up_most(candidate, weighed.base) for candidate in sets):
+        return None
+    simplest = min(sets, key=lambda c: (len(c.names), c.result.vector.size))
+    others = tuple(c for c in sets if c is not simplest)
+    return Judgement(
+        "ambiguous", simplest, others, weighed.graded, inflation=weighed.inflation(simplest)
+    )
 
 
 def no_set_explains_the_data(weighed: Weighed) -> Judgement | None:
@@ -115,6 +133,7 @@ RULES: tuple[Rule, ...] = (
     no_cause_is_worth_its_parameters,
     noise_is_larger_than_stated,
     causes_take_up_most_of_the_deviation,
+    several_sets_take_up_most_of_the_deviation,
     no_set_explains_the_data,
     only_set_predicts_no_better,
     one_set_stands_alone,

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from femnl.diagnose.candidate import Candidate, Names
-from femnl.diagnose.discrepancy import discrepancy, log_evidence
+from femnl.diagnose.discrepancy import Discrepancy, discrepancy, log_evidence
 from femnl.diagnose.freeform import fitted_forms
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import CrossValidation
@@ -49,6 +49,8 @@ class Weighed:
             if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in tried)
         ]
         likely = [c for c in worth if c.viable]
+        if any(len(c.names) > 1 for c in likely):
+            likely = [c for c in likely if len(c.names) == 1 or c in self.needed]
         if any(len(c.names) > 1 or c.p_value < THRESHOLDS.set_doubtful for c in likely):
             smooth = _smooth(self.base) - EVEN
             likely = [
@@ -101,16 +103,70 @@ class Weighed:
         return []
 
     @cached_property
+    def allowed(self) -> Discrepancy:
+        """What every candidate may miss the data by."""
+        possible = [c for c in self.found if c is self.base or not c.result.stuck]
+        best = min(possible, key=lambda c: c.result.chi2)
+        return discrepancy(self.base.result, best.result)
+
+    def inflation(self, candidate: Candidate) -> float:
+        """Return by how much standard deviations grow with what a set leaves.
+
+        The root of its χ² per degree of freedom, and of the residuals that count as one.
+        """
+        result = candidate.result
+        scatter = result.chi2 / result.degrees * len(result.residuals) / self.allowed.pieces
+        return float(np.sqrt(max(scatter, 1.0)))
+
+    @cached_property
     def graded(self) -> dict[Names, float]:
-        """Probability of every candidate with a discrepancy of unknown size in each of them."""
-        best = min(self.found, key=lambda c: c.result.chi2)
-        allowed = discrepancy(self.base.result, best.result)
+        """Probability of every candidate with a discrepancy of unknown size in each of them.
+
+        But for those that end at a bound.
+        """
+        possible = [c for c in self.found if c is self.base or not c.result.stuck]
+        allowed = self.allowed
         odds = float(np.log(THRESHOLDS.odds_per_cause))
         weights = np.array(
-            [log_evidence(c, self.base, allowed) + len(c.names) * odds for c in self.found]
+            [log_evidence(c, self.base, allowed) + len(c.names) * odds for c in possible]
         )
         shares = np.exp(weights - weights.max())
-        return {c.names: float(s) for c, s in zip(self.found, shares / shares.sum(), strict=True)}
+        return {c.names: float(s) for c, s in zip(possible, shares / shares.sum(), strict=True)}
+
+    @cached_property
+    def needed(self) -> list[Candidate]:
+        """Sets each cause of which takes up what no inexactness of the others could.
+
+        With a discrepancy in each of them, they are likelier than what is left without one of their
+        causes. A strong cause whose equation is not exact would else be named with a second one
+        that describes its error.
+        """
+        kept = []
+        for candidate in self.found[1:]:
+            own = self.graded.get(candidate.names, 0.0)
+            fewer = [
+                share
+                for names, share in self.graded.items()
+                if names and set(names) < set(candidate.names)
+            ]
+            if own >= max(fewer, default=0.0):
+                kept.append(candidate)
+        return kept
+
+    @cached_property
+    def left_in_part(self) -> list[Candidate]:
+        """Sets of which one is right beyond doubt, though none is alone, the likeliest first."""
+        ranked = sorted(self.found, key=lambda c: -self.graded.get(c.names, 0.0))
+        total = 0.0
+        sets = []
+        for candidate in ranked[: 1 + THRESHOLDS.most_rivals]:
+            if not candidate.names or not self.each_counts(candidate):
+                return []
+            sets.append(candidate)
+            total += self.graded[candidate.names]
+            if total >= THRESHOLDS.least_inclusion:
+                return sets
+        return []
 
     @cached_property
     def beyond_doubt(self) -> Candidate | None:
