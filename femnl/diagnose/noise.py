@@ -23,11 +23,13 @@ FEWEST = 24
 """Stretches below which nothing is said of the noise."""
 QUIET = 0.5
 """Part of the stretches that is the quietest: a misfit is weaker there than elsewhere."""
+NEARLY_ALL = 0.9
+"""The same where a model takes up nearly all of the deviation."""
 CLEAR = 4.0
-"""Standard errors by which a factor must differ from 1."""
+"""Standard errors by which a factor must differ from 1, and a correlation from 0."""
 LEAST_FACTOR = 0.06
-"""Its least difference from 1, and that of a correlation from 0, that are told: smaller ones change
-no verdict.
+"""The least difference of a factor from 1, and of a correlation from 0, that are told beside a
+misfit.
 """
 LEAST_CORRELATION = 0.12
 DRAWN = 20000
@@ -38,46 +40,52 @@ RHO = np.linspace(0.0, 0.98, 50)
 """Correlations that are tried."""
 
 
-def found_noise(residuals: Array, layout: Layout, known: FoundNoise) -> FoundNoise:
+def found_noise(
+    residuals: Array, layout: Layout, known: FoundNoise, *, bare: bool = False
+) -> FoundNoise:
     """Return the noise that the residuals of a fitted model show.
 
     Args: residuals (n,): in stated σ, of all data. layout: their neighbours. known: what was found
-    before; its glitches stay.
+    before; its glitches stay. bare: whether the model leaves hardly more than noise, so that small
+    differences count too.
     Valid: noise that is the same all over the data, but for glitches.
     """
     dropped = np.zeros(len(residuals), dtype=bool)
     dropped[list(known.glitches)] = True
-    factor, correlation = _spread(residuals, layout, dropped)
+    factor, correlation = _spread(residuals, layout, dropped, bare)
     fresh = _glitches(residuals, layout, dropped, factor)
     glitches = tuple(int(i) for i in np.flatnonzero(dropped | fresh))
     if np.any(fresh):
-        factor, correlation = _spread(residuals, layout, dropped | fresh)
+        factor, correlation = _spread(residuals, layout, dropped | fresh, bare)
     return FoundNoise(glitches, factor, correlation)
 
 
-def _spread(residuals: Array, layout: Layout, dropped: NDArray[np.bool_]) -> tuple[float, float]:
+def _spread(
+    residuals: Array, layout: Layout, dropped: NDArray[np.bool_], bare: bool
+) -> tuple[float, float]:
     """Return the factor on the stated standard deviation, and the correlation of neighbours.
 
-    Of stretches of `STRETCH` residuals less a cubic, the quieter half; 1 and 0 where they do not
-    differ clearly from what is stated.
+    Of stretches of `STRETCH` residuals less a cubic, the quieter half, or nearly all where the
+    residuals are bare noise; 1 and 0 where they do not differ clearly from what is stated.
     """
+    quiet = NEARLY_ALL if bare else QUIET
     rows = _stretches(layout, dropped)
     if len(rows) < FEWEST:
         return 1.0, 0.0
     left = residuals[rows] @ _beside_cubic()
     power = np.sum(left**2, axis=1)
-    lowest = float(np.quantile(power, QUIET))
+    lowest = float(np.quantile(power, quiet))
     ratio = _neighbours(left[power <= lowest])
-    expected = _expected()
+    expected = _expected(quiet)
     correlation = float(np.interp(ratio, expected[:, 1], RHO))
-    if correlation < max(LEAST_CORRELATION, CLEAR / np.sqrt(QUIET * left.size)):
+    if correlation < max(0.0 if bare else LEAST_CORRELATION, CLEAR / np.sqrt(quiet * left.size)):
         correlation = 0.0
     factor = float(np.sqrt(lowest / np.interp(correlation, RHO, expected[:, 0])))
     # Of a quantile, from the density of χ² there
     freedom = STRETCH - CUBIC
-    quantile = chi2.ppf(QUIET, freedom)
-    error = np.sqrt(QUIET * (1 - QUIET) / len(rows)) / (chi2.pdf(quantile, freedom) * quantile) / 2
-    clear = abs(np.log(max(factor, 1e-300))) > max(LEAST_FACTOR, CLEAR * error)
+    quantile = chi2.ppf(quiet, freedom)
+    error = np.sqrt(quiet * (1 - quiet) / len(rows)) / (chi2.pdf(quantile, freedom) * quantile) / 2
+    clear = abs(np.log(max(factor, 1e-300))) > max(0.0 if bare else LEAST_FACTOR, CLEAR * error)
     return factor if clear else 1.0, correlation
 
 
@@ -87,7 +95,7 @@ def _neighbours(left: Array) -> float:
 
 
 @cache
-def _expected() -> Array:
+def _expected(quiet: float) -> Array:
     """Return, for each of `RHO`, what stretches of noise of variance 1 and that correlation show.
 
     The power below which the quietest of them lie, and Σeᵢeᵢ₊₁/Σe² of those, (len(RHO), 2); of
@@ -102,7 +110,7 @@ def _expected() -> Array:
             noise[:, k] = rho * noise[:, k - 1] + np.sqrt(1 - rho**2) * drawn[:, k]
         left = noise @ _beside_cubic()
         power = np.sum(left**2, axis=1)
-        lowest = float(np.quantile(power, QUIET))
+        lowest = float(np.quantile(power, quiet))
         found.append((lowest, _neighbours(left[power <= lowest])))
     return np.array(found)
 

@@ -21,11 +21,11 @@ Noise = Mapping[str, FoundNoise]
 LOOKS = 3
 """Times that a base model is fitted without the glitches found so far: a large one may hide others.
 """
-SAME_FACTOR = 0.05
+SAME_FACTOR = 0.02
 """Relative difference of two factors, and difference of two correlations, up to which noise is the
 same to every verdict.
 """
-SAME_CORRELATION = 0.1
+SAME_CORRELATION = 0.05
 
 
 def first_noise(
@@ -68,7 +68,8 @@ def last_noise(best: FitResult, noise: Noise) -> Noise:
         around = bare.layout
         if around is not None:
             known = noise.get(name, FoundNoise())
-            fresh = found_noise(residuals, around, known)
+            # Anew: what stood out from a misfit may be none
+            fresh = found_noise(residuals, around, FoundNoise(), bare=True)
             if not _same(fresh, known):
                 found[name] = fresh
     return found
