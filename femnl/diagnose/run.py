@@ -128,13 +128,10 @@ def _notes(found: list[Candidate]) -> tuple[str, ...]:
 
 def _first_noise(posing: Callable[..., Posed], checkpoint: Checkpoint) -> Noise:
     """Return the noise of each measurement before causes are sought."""
-    model, effects = posing(checkpoint)
+    model, _ = posing(checkpoint)
     if isinstance(model, JointModel):
-        return {
-            name: first_noise(group, group.usable_effects(effects), checkpoint)
-            for name, group in model.groups.items()
-        }
-    return {"": first_noise(model, effects, checkpoint)}
+        return {name: first_noise(group, checkpoint) for name, group in model.groups.items()}
+    return {"": first_noise(model, checkpoint)}
 
 
 def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None]:

@@ -118,7 +118,7 @@ class Thresholds:
         _REALISTIC,
     )
     mostly_explained: float = _threshold(
-        0.2,
+        0.5,
         "part of what the base model leaves beyond noise, below which what one cause leaves may be "
         "noise that differs from the stated one",
         _REALISTIC,
