@@ -1,5 +1,7 @@
 """Sides that differ from those of the geometry by their ratio."""
 
+import numpy as np
+
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import ModalSystem
 
@@ -7,10 +9,9 @@ from femnl.core.stages import ModalSystem
 def stretch(system: ModalSystem, values: Values) -> ModalSystem:
     """Lengthen x by the factor 1 + e/2 and shorten y by the same.
 
-    ∂x → ∂x/(1 + e/2), ∂y → ∂y(1 + e/2).
+    The film is solved on stretched meshes, its bending layer along the edge with it.
     """
-    factor = (1 + values["elongation"] / 2) ** 2
-    return system.stretched(0, system.stress * (1 / factor - 1), system.stress * (factor - 1))
+    return system.tensioned(sides=float(np.log1p(values["elongation"] / 2)))
 
 
 EFFECT = Effect(

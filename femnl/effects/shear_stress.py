@@ -6,7 +6,7 @@ from femnl.core.stages import ModalSystem
 
 def shear(system: ModalSystem, values: Values) -> ModalSystem:
     """Add σxy = s σ."""
-    return system.stretched(0, 0.0, 0.0, values["shear"] * system.stress)
+    return system.tensioned(shear=values["shear"])
 
 
 EFFECT = Effect(

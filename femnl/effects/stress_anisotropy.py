@@ -6,8 +6,7 @@ from femnl.core.stages import ModalSystem
 
 def stretch(system: ModalSystem, values: Values) -> ModalSystem:
     """Set σx = σ(1 + a/2) and σy = σ(1 − a/2)."""
-    half = values["anisotropy"] * system.stress / 2
-    return system.stretched(0, half, -half)
+    return system.tensioned(deviator=values["anisotropy"] / 2)
 
 
 EFFECT = Effect(

@@ -15,15 +15,7 @@ def tilt(system: ModalSystem, values: Values) -> ModalSystem:
 
     The integrals are those of what is left once the film has relaxed in its plane.
     """
-    s = system.stress
-    for weight, slope in (
-        (1, values["slope_x"]),
-        (2, values["slope_y"]),
-        (3, values["bowl"]),
-        (5, values["bowl"]),
-    ):
-        system = system.stretched(weight, slope * s, slope * s)
-    return system
+    return system.tensioned(x=values["slope_x"], y=values["slope_y"], bowl=values["bowl"])
 
 
 EFFECT = Effect(

@@ -1,27 +1,17 @@
 """An edge that yields in the plane of the film."""
 
-from dataclasses import replace
-
-import numpy as np
-
 from femnl.core.effect import Effect, ParameterSpec, Values
-from femnl.core.operators import YIELDS, YIELDS_MOST, yielding
 from femnl.core.stages import ModalSystem
+from femnl.core.tension import YIELDS_MOST, yielding
 
 
 def yield_in_plane(system: ModalSystem, values: Values) -> ModalSystem:
     """Set the relaxed stress of a film between springs in place of that of a rigid edge.
 
-    It is solved at `YIELDS`, and between them Lagrange's polynomial in t = λ/(λ + 0.15 R).
+    It is solved at a few λ, and between them a polynomial in t = λ/(λ + 0.15 R), R the film's
+    reach.
     """
-    projection = system.projection
-    nodes = np.array([yielding(share) for share in YIELDS])
-    place = yielding(values["compliance"] / projection.reach)
-    terms = (place - nodes)[None, :] / (nodes[:, None] - nodes + np.eye(len(nodes)))
-    np.fill_diagonal(terms, 1.0)
-    shares = np.prod(terms, axis=1)[1:]
-    change = system.stress * np.tensordot(shares, projection.yielded, 1)
-    return replace(system, stiffness=system.stiffness + change)
+    return system.tensioned(yielding=yielding(values["compliance"] / system.projection.reach))
 
 
 EFFECT = Effect(

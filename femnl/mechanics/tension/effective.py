@@ -1,0 +1,204 @@
+"""Effective stiffness: a polynomial in the changes of the tension, on the base modes alone."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from femnl.core.mechanics import Modes
+from femnl.core.operators import Units
+from femnl.core.tension import STRENGTHS, YIELDS_MOST, TensionChanges, strengths, yielding
+from femnl.mechanics.tension.basis import base_stiffness, enriched, on_basis, responses_of
+from femnl.mechanics.tension.sectors import PARTS, Change, Sectors
+
+Array = NDArray[np.float64]
+
+STEPS = 3
+"""Of subspace iteration; each brings a mode a third up the spectrum of the base modes ten times
+nearer.
+"""
+SIDES_MOST = 0.0513
+"""The largest |ln(1 + e/2)| of `aspect_ratio`, |e| ≤ 0.1."""
+SIDES = tuple(SIDES_MOST * s for s in (-1.0, -0.5, 0.5, 1.0))
+"""Sides at which K is assembled; between them it is a polynomial with that of 0."""
+YIELDING_STEPS = 7
+YIELDING = tuple(
+    yielding(YIELDS_MOST) * (1 - np.cos(np.pi * np.arange(1, YIELDING_STEPS + 1) / YIELDING_STEPS))
+    / 2
+)
+"""Yielding edges t that are solved: Chebyshev's points, without that of 0."""
+FOLLOWED = (1, YIELDING_STEPS - 1)
+"""Of those, the edges whose responses make the basis."""
+STRONGEST = dict.fromkeys(PARTS, 0.05) | {
+    "deviator": 0.1,
+    "shear": 0.1,
+    "sides": SIDES_MOST,
+    "yielding": yielding(YIELDS_MOST),
+}
+"""Strengths up to which the polynomials are fitted."""
+TOGETHER: tuple[tuple[tuple[str, ...], int], ...] = (
+    (("deviator", "shear"), 6),
+    (("x", "y", "bowl"), 4),
+    (("saddle",), 3),
+    (("product",), 3),
+    (("sides",), 6),
+    (("yielding",), YIELDING_STEPS),
+)
+"""Changes that one polynomial holds together, and its total degree; other pairs by `PAIRED`."""
+PAIRED = ((1, 1), (1, 2), (2, 1), (2, 2))
+"""Powers of two changes that no polynomial holds together."""
+
+
+@dataclass(frozen=True)
+class _Enlarged:
+    """K of the film on an enriched basis whose first n vectors are the base modes.
+
+    base (N, N); stresses: matrices of the film stresses by name, sides and edges: points, 0 among
+    them, and what they add to K there. cut: the largest ω² of the base modes.
+    """
+
+    n: int
+    base: Array
+    stresses: Mapping[str, Array]
+    sides: tuple[Array, Array]
+    edges: tuple[Array, Array]
+    cut: float
+
+    def stiffness(self, changes: Mapping[str, float]) -> Array:
+        """Return K (N, N) [s⁻²] under changes of the tension."""
+        found = self.base.copy()
+        for name, strength in changes.items():
+            if name in self.stresses:
+                found += strength * self.stresses[name]
+            else:
+                points, values = self.sides if name == "sides" else self.edges
+                found += np.tensordot(_lagrange(points, strength), values, 1)
+        return found
+
+    def effective(self, changes: Mapping[str, float]) -> Array:
+        """Return the effective stiffness (n, n) [s⁻²] of the base modes under changes.
+
+        T = F(K⁻¹)P with Chebyshev's polynomial F of degree `STEPS`, which is at most 1 above the
+        base modes and grows below, holds the lowest modes of the changed film. On it K is turned
+        into H = (SᵀS)^−½ SᵀKS (SᵀS)^−½ with S = T (PᵀT)⁻¹, the symmetric one nearest to the base
+        modes. Being a smooth function of K, H has no crossings of levels to follow.
+        Source: des Cloizeaux, Nucl. Phys. 20, 321 (1960); Zhou & Saad, SIAM J. Matrix Anal. Appl.
+        29, 954 (2007), for the filter.
+        """
+        stiffness = self.stiffness(changes)
+        n = self.n
+        factor = cho_factor(stiffness)
+        before = np.eye(len(stiffness), n)
+        trial = 2 * self.cut * cho_solve(factor, before) - before
+        for _ in range(STEPS - 1):
+            after = 2 * (2 * self.cut * cho_solve(factor, trial) - trial) - before
+            before = trial
+            trial = after
+        trial = np.linalg.solve(trial[:n].T, trial.T).T
+        values, vectors = np.linalg.eigh(trial.T @ trial)
+        root = (vectors / np.sqrt(values)) @ vectors.T
+        found = root @ (trial.T @ stiffness @ trial) @ root
+        return np.asarray((found + found.T) / 2)
+
+
+def solve_tension(modes: Modes, units: Units) -> TensionChanges:
+    """Solve what changes of the tension add to K on the base modes.
+
+    The film is expanded in the base modes and in their responses to every change, which is as good
+    as solving it anew, and then condensed onto the base modes alone.
+
+    Args: modes: of a quarter of the film or more. units: how the film relaxes in its plane under
+        the film stresses.
+    Returns: a polynomial in the strengths of the changes.
+    Valid: up to `STRONGEST`. There the lowest third of the modes has the frequencies of the film
+        solved anew on the same mesh, see `tests/physics/test_changed_tension.py`.
+    """
+    enlarged = _enlarge(modes, units)
+    scale = np.sqrt(np.outer(modes.effective_mass, modes.effective_mass))
+    return _fit(enlarged, scale / modes.domain.model.film.stress)
+
+
+def _enlarge(modes: Modes, units: Units) -> _Enlarged:
+    sectors = Sectors(modes)
+    stresses = sectors.stresses(units)
+    sides = [(f"sides {u:g}", sectors.sides(u)) for u in SIDES]
+    edges = [(f"yielding {t:g}", sectors.yielding(t, units.reach)) for t in YIELDING]
+    followed = [edges[k] for k in FOLLOWED]
+    basis = enriched(sectors, responses_of(stresses, [sides[0], sides[-1]], followed))
+
+    def sampled(changes: Sequence[tuple[str, Change]]) -> Array:
+        return np.array([on_basis(sectors, basis, change) for _, change in changes])
+
+    none = np.zeros((1, basis.size, basis.size))
+    return _Enlarged(
+        len(modes.frequency),
+        base_stiffness(sectors, basis),
+        {name: on_basis(sectors, basis, change) for name, change in stresses.items()},
+        (np.array([0.0, *SIDES]), np.concatenate([none, sampled(sides)])),
+        (np.array([0.0, *YIELDING]), np.concatenate([none, sampled(edges)])),
+        float((2 * np.pi * modes.frequency[-1]) ** 2),
+    )
+
+
+def _lagrange(points: Array, place: float) -> Array:
+    """Return the weight of each point (n,) in the polynomial through their values."""
+    terms = (place - points)[None, :] / (points[:, None] - points + np.eye(len(points)))
+    np.fill_diagonal(terms, 1.0)
+    return np.asarray(np.prod(terms, axis=1))
+
+
+def _fit(enlarged: _Enlarged, scale: Array) -> TensionChanges:
+    """Return the polynomial through effective stiffnesses, as K/σ [m]."""
+    rest = enlarged.effective({})
+    found = TensionChanges(np.zeros((0, len(STRENGTHS)), np.int64), np.zeros((0, *rest.shape)))
+    for names, degree in TOGETHER:
+        powers = [p for p in product(range(degree + 1), repeat=len(names)) if 0 < sum(p) <= degree]
+        points = list(product(*(_points(name, degree + 1) for name in names)))
+        found = _extended(found, enlarged, rest, names, points, powers)
+    held = {pair for names, _ in TOGETHER for pair in combinations(names, 2)}
+    for pair in combinations(STRENGTHS, 2):
+        if pair not in held:
+            points = [p for p in product(*(_points(name, 3) for name in pair)) if all(p)]
+            found = _extended(found, enlarged, rest, pair, points, list(PAIRED))
+    return TensionChanges(found.powers, found.matrices * scale)
+
+
+def _points(name: str, count: int) -> Array:
+    """Return Chebyshev's points of a strength, both ends among them.
+
+    Of one without negative values they begin at 0, which every polynomial passes through: left out.
+    """
+    cosine = np.cos(np.pi * np.arange(count) / (count - 1))
+    if name == "yielding":
+        return np.asarray(STRONGEST[name] * (1 - cosine[1:]) / 2)
+    # Even numbers of intervals have 0 in the middle, not 6e-17
+    return np.asarray(STRONGEST[name] * np.round(-cosine, 15))
+
+
+def _extended(
+    known: TensionChanges,
+    enlarged: _Enlarged,
+    rest: Array,
+    names: tuple[str, ...],
+    points: Sequence[tuple[float, ...]],
+    powers: Sequence[tuple[int, ...]],
+) -> TensionChanges:
+    """Add terms of the given powers of the named strengths: by least squares at points."""
+    rows = []
+    for point in points:
+        changes = dict(zip(names, point, strict=True))
+        rows.append((enlarged.effective(changes) - rest - known(strengths(changes))).ravel())
+    unit = np.array([STRONGEST[name] for name in names])
+    exponents = np.array(powers)
+    terms = np.prod((np.array(points) / unit)[:, None, :] ** exponents, axis=2)
+    solution = np.linalg.lstsq(terms, np.array(rows), rcond=None)[0]
+    solution /= np.prod(unit**exponents, axis=1)[:, None]
+    more = np.zeros((len(powers), len(STRENGTHS)), np.int64)
+    more[:, [STRENGTHS.index(name) for name in names]] = exponents
+    return TensionChanges(
+        np.concatenate([known.powers, more]),
+        np.concatenate([known.matrices, solution.reshape(-1, *rest.shape)]),
+    )

@@ -1,0 +1,161 @@
+"""Changes of K of a film's deflection, between the symmetry sectors of its mesh."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from femnl.core.mechanics import Domain, Modes
+from femnl.core.operators import POWERS, Units
+from femnl.core.tension import compliance_at
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import (
+    Assembly,
+    as_matrix,
+    cells,
+    local_matrices,
+    quadrature_order,
+    slope,
+)
+from femnl.mechanics.fem.sheet import Sheet
+from femnl.mechanics.fem.solvers import Solve, factorize
+from femnl.mechanics.fem.stress import relaxed_stress, unit_stress
+from femnl.mechanics.modes.operators import Operators
+from femnl.mechanics.prestress import solve_prestress, solve_yielding
+
+Array = NDArray[np.float64]
+Parity = tuple[int, ...]
+
+YIELDING_DEGREE = 4
+"""Of the elements of u where the edge yields: at its corners the stress is uneven."""
+
+
+def _weight(power: tuple[int, int]) -> int:
+    return POWERS.index(power)
+
+
+X2, Y2 = _weight((2, 0)), _weight((0, 2))
+XX, YY, XY = 0, 1, 2
+PARTS = {
+    "deviator": ((0, XX, 1.0), (0, YY, -1.0)),
+    # `unit_stress` of xy has 1 in xy and in yx
+    "shear": ((0, XY, 1.0),),
+    "x": ((_weight((1, 0)), XX, 1.0), (_weight((1, 0)), YY, 1.0)),
+    "y": ((_weight((0, 1)), XX, 1.0), (_weight((0, 1)), YY, 1.0)),
+    "bowl": ((X2, XX, 1.0), (X2, YY, 1.0), (Y2, XX, 1.0), (Y2, YY, 1.0)),
+    "saddle": ((X2, XX, 1.0), (X2, YY, 1.0), (Y2, XX, -1.0), (Y2, YY, -1.0)),
+    "product": ((_weight((1, 1)), XX, 1.0), (_weight((1, 1)), YY, 1.0)),
+}
+"""Film stresses of strength 1: index of the weight, direction, and factor."""
+FLIPS = {"shear": (-1, -1), "x": (1, -1), "y": (-1, 1), "product": (-1, -1)}
+"""How a film stress behaves under y → −y and x → −x, where it is not even in both."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of K that takes deflections of one parity to those of parity times `flip`.
+
+    stiffness: of all unknowns of the mesh, by the parity that it acts on.
+    """
+
+    flip: Parity
+    stiffness: Mapping[Parity, csc_matrix]
+
+
+class Sectors:
+    """K, M and changes of K on the free unknowns of every symmetry sector.
+
+    Attributes: sectors: their parities; base: for each, K; mass: M; solve: K⁻¹ of loads; free: the
+    unknowns of the mesh that are free.
+    """
+
+    def __init__(self, modes: Modes) -> None:
+        self.modes = modes
+        self.domain = modes.domain
+        self.space = Space(modes.domain.mesh, modes.degree)
+        self.order = quadrature_order(modes.domain.model, 2 * modes.degree)
+        self._operators = Operators(modes.prestress, modes.degree)
+        mirrors = len(modes.parity[0])
+        self.sectors = tuple(product((1, -1), repeat=mirrors))
+        self.free = {p: self._operators.free(p) for p in self.sectors}
+        self.base: dict[Parity, csc_matrix] = {}
+        self.mass: dict[Parity, csc_matrix] = {}
+        self.solve: dict[Parity, Solve] = {}
+        for parity, free in self.free.items():
+            self.base[parity] = csc_matrix(self._operators.stiffness(parity)[free][:, free])
+            self.mass[parity] = csc_matrix(self._operators.mass[free][:, free])
+            self.solve[parity] = factorize(self.base[parity])
+
+    def target(self, change: Change, parity: Parity) -> Parity:
+        """Return the parity of what a change makes of deflections of the given one."""
+        return tuple(a * b for a, b in zip(change.flip, parity, strict=True))
+
+    def act(self, change: Change, parity: Parity, shapes: Array) -> Array:
+        """Return ΔK w of deflections w (n_free, m), on the free unknowns of the target."""
+        whole = np.zeros((self.space.size, shapes.shape[1]))
+        whole[self.free[parity]] = shapes
+        return np.asarray(
+            (change.stiffness[parity] @ whole)[self.free[self.target(change, parity)]]
+        )
+
+    def stresses(self, units: Units) -> dict[str, Change]:
+        """Return what the film stresses of `PARTS` add to K, for strength 1."""
+        sheet = Sheet(self.domain)
+        stress = self.domain.model.film.stress
+        parts = {name: Assembly(self.space.size) for name in PARTS}
+        fields = unit_stress(self.domain, units, self.order)
+        for cell, unit in zip(cells(self.space, self.order), fields, strict=True):
+            volume = stress * sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
+            steep = slope(cell.jet)
+            for name, terms in PARTS.items():
+                field = np.zeros(unit.shape[2:])
+                for weight, direction, factor in terms:
+                    field += factor * unit[weight, direction]
+                local = local_matrices(steep, as_matrix(field), volume)
+                parts[name].add(local, self.space.dofs[cell.triangles])
+        mirrors = len(self.sectors[0])
+        return {
+            name: self._alike(part.matrix(), FLIPS.get(name, (1, 1))[:mirrors])
+            for name, part in parts.items()
+        }
+
+    def yielding(self, t: float, reach: float) -> Change:
+        """Return what an edge adds to K that yields by t, see `femnl.core.tension.yielding`."""
+        edge = solve_yielding(self.domain, YIELDING_DEGREE, compliance_at(t) * reach)
+        after = relaxed_stress(edge, self.order)
+        before = relaxed_stress(self.modes.prestress, self.order)
+        sheet = Sheet(self.domain)
+        total = Assembly(self.space.size)
+        for cell, new, old in zip(cells(self.space, self.order), after, before, strict=True):
+            volume = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
+            local = local_matrices(slope(cell.jet), as_matrix(new - old), volume)
+            total.add(local, self.space.dofs[cell.triangles])
+        return self._alike(total.matrix(), (1,) * len(self.sectors[0]))
+
+    def sides(self, u: float) -> Change:
+        """Return what sides Lx eᵘ and Ly e⁻ᵘ add to K: the film anew on the stretched mesh."""
+        domain = stretched(self.domain, u)
+        prestress = solve_prestress(domain, self.modes.prestress.degree)
+        operators = Operators(prestress, self.modes.degree)
+        stiffness = {
+            p: csc_matrix(operators.stiffness(p) - self._operators.stiffness(p))
+            for p in self.sectors
+        }
+        return Change((1,) * len(self.sectors[0]), stiffness)
+
+    def _alike(self, stiffness: csc_matrix, flip: Parity) -> Change:
+        return Change(flip, dict.fromkeys(self.sectors, stiffness))
+
+
+def stretched(domain: Domain, u: float) -> Domain:
+    """Return the film with x → x eᵘ and y → y e⁻ᵘ, holes and thickness carried along."""
+    factor = np.exp([u, -u])
+    model = domain.model
+    holes = replace(model.holes, centres=model.holes.centres * factor)
+    gradient = np.asarray(model.film.gradient) / factor
+    film = replace(model.film, gradient=(float(gradient[0]), float(gradient[1])))
+    mesh = replace(domain.mesh, doflocs=domain.mesh.doflocs * factor[:, None])
+    return replace(domain, mesh=mesh, model=replace(model, holes=holes, film=film))
