@@ -23,17 +23,21 @@ see `yielding`.
 YIELDS_MOST = 0.2
 """The largest compliance λ of an edge, in units of the film's reach."""
 YIELDS_HALF = 0.15
-"""λ at which t = λ/(λ + this) is a half; what an edge does is close to a polynomial in t."""
+"""λ at which t² = λ/(λ + this) is a half.
+
+What an edge does is close to a polynomial in t from t² on; in λ it is not: singular stress at the
+corners of the film gives broken powers.
+"""
 
 
 def yielding(compliance: float) -> float:
     """Return t of a compliance λ in units of the film's reach."""
-    return compliance / (compliance + YIELDS_HALF)
+    return float(np.sqrt(compliance / (compliance + YIELDS_HALF)))
 
 
 def compliance_at(t: float) -> float:
     """Return the compliance λ, in units of the film's reach, of a t below 1."""
-    return YIELDS_HALF * t / (1 - t)
+    return YIELDS_HALF * t**2 / (1 - t**2)
 
 
 @dataclass(frozen=True)

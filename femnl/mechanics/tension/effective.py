@@ -24,13 +24,13 @@ SIDES_MOST = 0.0513
 """The largest |ln(1 + e/2)| of `aspect_ratio`, |e| ≤ 0.1."""
 SIDES = tuple(SIDES_MOST * s for s in (-1.0, -0.5, 0.5, 1.0))
 """Sides at which K is assembled; between them it is a polynomial with that of 0."""
-YIELDING_STEPS = 7
+YIELDING_STEPS = 10
 YIELDING = tuple(
     yielding(YIELDS_MOST) * (1 - np.cos(np.pi * np.arange(1, YIELDING_STEPS + 1) / YIELDING_STEPS))
     / 2
 )
 """Yielding edges t that are solved: Chebyshev's points, without that of 0."""
-FOLLOWED = (1, YIELDING_STEPS - 1)
+FOLLOWED = (3, YIELDING_STEPS - 1)
 """Of those, the edges whose responses make the basis."""
 STRONGEST = dict.fromkeys(PARTS, 0.05) | {
     "deviator": 0.1,
@@ -39,25 +39,24 @@ STRONGEST = dict.fromkeys(PARTS, 0.05) | {
     "yielding": yielding(YIELDS_MOST),
 }
 """Strengths up to which the polynomials are fitted."""
+FIRST = dict.fromkeys(STRENGTHS, 1) | {"yielding": 2}
+"""The lowest power of each strength."""
 TOGETHER: tuple[tuple[tuple[str, ...], int], ...] = (
-    (("deviator", "shear"), 6),
+    (("deviator", "shear"), 8),
     (("x", "y", "bowl"), 4),
     (("saddle",), 3),
     (("product",), 3),
     (("sides",), 6),
-    (("yielding",), YIELDING_STEPS),
+    (("yielding",), YIELDING_STEPS + 1),
 )
-"""Changes that one polynomial holds together, and its total degree; other pairs by `PAIRED`."""
-PAIRED = ((1, 1), (1, 2), (2, 1), (2, 2))
-"""Powers of two changes that no polynomial holds together."""
-
+"""Changes that one polynomial holds together, and its total degree."""
 
 @dataclass(frozen=True)
 class _Enlarged:
     """K of the film on an enriched basis whose first n vectors are the base modes.
 
-    base (N, N); stresses: matrices of the film stresses by name, sides and edges: points, 0 among
-    them, and what they add to K there. cut: the largest ω² of the base modes.
+    base (N, N); stresses: matrices of the film stresses by name; sides and edges: points, and what
+    they add to K there. cut: the largest ω² of the base modes.
     """
 
     n: int
@@ -75,7 +74,9 @@ class _Enlarged:
                 found += strength * self.stresses[name]
             else:
                 points, values = self.sides if name == "sides" else self.edges
-                found += np.tensordot(_lagrange(points, strength), values, 1)
+                powers = FIRST[name] + np.arange(len(points))
+                weights = np.linalg.solve((points[:, None] ** powers).T, strength**powers)
+                found += np.tensordot(weights, values, 1)
         return found
 
     def effective(self, changes: Mapping[str, float]) -> Array:
@@ -132,22 +133,14 @@ def _enlarge(modes: Modes, units: Units) -> _Enlarged:
     def sampled(changes: Sequence[tuple[str, Change]]) -> Array:
         return np.array([on_basis(sectors, basis, change) for _, change in changes])
 
-    none = np.zeros((1, basis.size, basis.size))
     return _Enlarged(
         len(modes.frequency),
         base_stiffness(sectors, basis),
         {name: on_basis(sectors, basis, change) for name, change in stresses.items()},
-        (np.array([0.0, *SIDES]), np.concatenate([none, sampled(sides)])),
-        (np.array([0.0, *YIELDING]), np.concatenate([none, sampled(edges)])),
+        (np.array(SIDES), sampled(sides)),
+        (np.array(YIELDING), sampled(edges)),
         float((2 * np.pi * modes.frequency[-1]) ** 2),
     )
-
-
-def _lagrange(points: Array, place: float) -> Array:
-    """Return the weight of each point (n,) in the polynomial through their values."""
-    terms = (place - points)[None, :] / (points[:, None] - points + np.eye(len(points)))
-    np.fill_diagonal(terms, 1.0)
-    return np.asarray(np.prod(terms, axis=1))
 
 
 def _fit(enlarged: _Enlarged, scale: Array) -> TensionChanges:
@@ -155,15 +148,34 @@ def _fit(enlarged: _Enlarged, scale: Array) -> TensionChanges:
     rest = enlarged.effective({})
     found = TensionChanges(np.zeros((0, len(STRENGTHS)), np.int64), np.zeros((0, *rest.shape)))
     for names, degree in TOGETHER:
-        powers = [p for p in product(range(degree + 1), repeat=len(names)) if 0 < sum(p) <= degree]
+        powers = [
+            p
+            for p in product(*((0, *range(FIRST[name], degree + 1)) for name in names))
+            if 0 < sum(p) <= degree
+        ]
         points = list(product(*(_points(name, degree + 1) for name in names)))
         found = _extended(found, enlarged, rest, names, points, powers)
     held = {pair for names, _ in TOGETHER for pair in combinations(names, 2)}
     for pair in combinations(STRENGTHS, 2):
-        if pair not in held:
-            points = [p for p in product(*(_points(name, 3) for name in pair)) if all(p)]
-            found = _extended(found, enlarged, rest, pair, points, list(PAIRED))
+        if pair in held:
+            continue
+        counts = _pair_counts(pair)
+        powers = list(
+            product(*(range(FIRST[k], FIRST[k] + n) for k, n in zip(pair, counts, strict=True)))
+        )
+        axes = (_points(name, n + 1) for name, n in zip(pair, counts, strict=True))
+        points = [point for point in product(*axes) if all(point)]
+        found = _extended(found, enlarged, rest, pair, points, powers)
     return TensionChanges(found.powers, found.matrices * scale)
+
+
+def _pair_counts(pair: tuple[str, str]) -> tuple[int, int]:
+    """Return how many powers of each strength a pair of changes has: more beside a yielding edge.
+
+    That slackens the film by up to a quarter, and what acts beside it is then stronger.
+    """
+    first, second = (2, 2) if "yielding" not in pair else (4, 3)
+    return first, second
 
 
 def _points(name: str, count: int) -> Array:
