@@ -164,8 +164,8 @@ def on_basis(sectors: Sectors, basis: Basis, change: Change) -> Array:
 
 def responses_of(
     stresses: Mapping[str, Change],
-    sides: Sequence[tuple[str, Change]],
-    yielding: Sequence[tuple[str, Change]],
+    sides: Sequence[Change],
+    yielding: Sequence[Change],
 ) -> dict[str, Response]:
     """Return which responses are followed, and how far.
 
@@ -174,10 +174,13 @@ def responses_of(
     """
     uniform = ("deviator", "shear")
     uneven = ("x", "y", "bowl")
-    edges = tuple(name for name, _ in yielding)
+    edges = tuple(f"yielding {k}" for k in range(len(yielding)))
     found = {name: Response(stresses[name], 0.1, uniform, (name,)) for name in uniform}
     found |= {name: Response(stresses[name], 0.05, uneven) for name in uneven}
     found |= {name: Response(stresses[name], 0.05) for name in ("saddle", "product")}
-    found |= {name: Response(change, 0.5, (name,), (name,)) for name, change in sides}
-    found |= {name: Response(change, 0.5, edges, (name,)) for name, change in yielding}
+    for k, change in enumerate(sides):
+        name = f"sides {k}"
+        found[name] = Response(change, 0.5, (name,), (name,))
+    for name, change in zip(edges, yielding, strict=True):
+        found[name] = Response(change, 0.5, edges, (name,))
     return found

@@ -1,7 +1,8 @@
 """Effective stiffness: a polynomial in the changes of the tension, on the base modes alone."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
@@ -9,10 +10,19 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from femnl.core.mechanics import Modes
+from femnl.core.memo import recent
 from femnl.core.operators import Units
-from femnl.core.tension import STRENGTHS, YIELDS_MOST, TensionChanges, strengths, yielding
+from femnl.core.tension import (
+    STRENGTHS,
+    YIELDS_MOST,
+    TensionChanges,
+    compliance_at,
+    strengths,
+    yielding,
+)
+from femnl.mechanics.prestress import YieldingEdges, solve_yielding
 from femnl.mechanics.tension.basis import base_stiffness, enriched, on_basis, responses_of
-from femnl.mechanics.tension.sectors import PARTS, Change, Sectors
+from femnl.mechanics.tension.sectors import PARTS, Sectors
 
 Array = NDArray[np.float64]
 
@@ -24,6 +34,8 @@ SIDES_MOST = 0.0513
 """The largest |ln(1 + e/2)| of `aspect_ratio`, |e| ≤ 0.1."""
 SIDES = tuple(SIDES_MOST * s for s in (-1.0, -0.5, 0.5, 1.0))
 """Sides at which K is assembled; between them it is a polynomial with that of 0."""
+YIELDING_DEGREE = 4
+"""Of the elements of u where the edge yields: at its corners the stress is uneven."""
 YIELDING_STEPS = 10
 YIELDING = tuple(
     yielding(YIELDS_MOST) * (1 - np.cos(np.pi * np.arange(1, YIELDING_STEPS + 1) / YIELDING_STEPS))
@@ -47,7 +59,7 @@ TOGETHER: tuple[tuple[tuple[str, ...], int], ...] = (
     (("saddle",), 3),
     (("product",), 3),
     (("sides",), 6),
-    (("yielding",), YIELDING_STEPS + 1),
+    (("yielding",), 15),
 )
 """Changes that one polynomial holds together, and its total degree."""
 
@@ -55,15 +67,18 @@ TOGETHER: tuple[tuple[tuple[str, ...], int], ...] = (
 class _Enlarged:
     """K of the film on an enriched basis whose first n vectors are the base modes.
 
-    base (N, N); stresses: matrices of the film stresses by name; sides and edges: points, and what
-    they add to K there. cut: the largest ω² of the base modes.
+    base (N, N); stresses: matrices of the film stresses by name; sides (4, N, N): what `SIDES` add
+    to K; edges (1 + m, N, N): the film stress as deposited, and that of each of the yielding edges.
+    cut: the largest ω² of the base modes.
     """
 
     n: int
     base: Array
     stresses: Mapping[str, Array]
-    sides: tuple[Array, Array]
-    edges: tuple[Array, Array]
+    sides: Array
+    edges: Array
+    yielding: YieldingEdges
+    reach: float
     cut: float
 
     def stiffness(self, changes: Mapping[str, float]) -> Array:
@@ -72,12 +87,17 @@ class _Enlarged:
         for name, strength in changes.items():
             if name in self.stresses:
                 found += strength * self.stresses[name]
+            elif name == "sides":
+                found += np.tensordot(_through_zero(np.array(SIDES), strength), self.sides, 1)
             else:
-                points, values = self.sides if name == "sides" else self.edges
-                powers = FIRST[name] + np.arange(len(points))
-                weights = np.linalg.solve((points[:, None] ** powers).T, strength**powers)
-                found += np.tensordot(weights, values, 1)
+                shares = self._shares(compliance_at(strength) * self.reach)
+                found += np.tensordot(np.append(1 - shares.sum(), shares), self.edges, 1)
         return found
+
+    @cached_property
+    def _shares(self) -> Callable[[float], Array]:
+        """Shares of the solved edges, which many points of a fit ask for again."""
+        return recent(self.yielding.shares)
 
     def effective(self, changes: Mapping[str, float]) -> Array:
         """Return the effective stiffness (n, n) [s⁻²] of the base modes under changes.
@@ -125,22 +145,28 @@ def solve_tension(modes: Modes, units: Units) -> TensionChanges:
 def _enlarge(modes: Modes, units: Units) -> _Enlarged:
     sectors = Sectors(modes)
     stresses = sectors.stresses(units)
-    sides = [(f"sides {u:g}", sectors.sides(u)) for u in SIDES]
-    edges = [(f"yielding {t:g}", sectors.yielding(t, units.reach)) for t in YIELDING]
-    followed = [edges[k] for k in FOLLOWED]
+    sides = [sectors.sides(u) for u in SIDES]
+    compliances = [compliance_at(t) * units.reach for t in YIELDING]
+    between = solve_yielding(modes.domain, YIELDING_DEGREE, compliances)
+    edges = sectors.yielding(between)
+    followed = [edges[1 + k] for k in FOLLOWED]
     basis = enriched(sectors, responses_of(stresses, [sides[0], sides[-1]], followed))
-
-    def sampled(changes: Sequence[tuple[str, Change]]) -> Array:
-        return np.array([on_basis(sectors, basis, change) for _, change in changes])
-
     return _Enlarged(
         len(modes.frequency),
         base_stiffness(sectors, basis),
         {name: on_basis(sectors, basis, change) for name, change in stresses.items()},
-        (np.array(SIDES), sampled(sides)),
-        (np.array(YIELDING), sampled(edges)),
+        np.array([on_basis(sectors, basis, change) for change in sides]),
+        np.array([on_basis(sectors, basis, change) for change in edges]),
+        between,
+        units.reach,
         float((2 * np.pi * modes.frequency[-1]) ** 2),
     )
+
+
+def _through_zero(points: Array, place: float) -> Array:
+    """Return the weight of each value at points (n,) in the polynomial through them and 0 at 0."""
+    powers = 1 + np.arange(len(points))
+    return np.asarray(np.linalg.solve((points[:, None] ** powers).T, place**powers))
 
 
 def _fit(enlarged: _Enlarged, scale: Array) -> TensionChanges:

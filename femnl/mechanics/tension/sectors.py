@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from femnl.core.mechanics import Domain, Modes
+from femnl.core.mechanics import Domain, Modes, Prestress
 from femnl.core.operators import POWERS, Units
-from femnl.core.tension import compliance_at
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (
     Assembly,
@@ -24,13 +23,10 @@ from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.solvers import Solve, factorize
 from femnl.mechanics.fem.stress import relaxed_stress, unit_stress
 from femnl.mechanics.modes.operators import Operators
-from femnl.mechanics.prestress import solve_prestress, solve_yielding
+from femnl.mechanics.prestress import YieldingEdges, solve_prestress
 
 Array = NDArray[np.float64]
 Parity = tuple[int, ...]
-
-YIELDING_DEGREE = 4
-"""Of the elements of u where the edge yields: at its corners the stress is uneven."""
 
 
 def _weight(power: tuple[int, int]) -> int:
@@ -122,18 +118,20 @@ class Sectors:
             for name, part in parts.items()
         }
 
-    def yielding(self, t: float, reach: float) -> Change:
-        """Return what an edge adds to K that yields by t, see `femnl.core.tension.yielding`."""
-        edge = solve_yielding(self.domain, YIELDING_DEGREE, compliance_at(t) * reach)
-        after = relaxed_stress(edge, self.order)
+    def yielding(self, edges: YieldingEdges) -> list[Change]:
+        """Return what the film stress as deposited adds to K, and that of each yielding edge."""
         before = relaxed_stress(self.modes.prestress, self.order)
         sheet = Sheet(self.domain)
-        total = Assembly(self.space.size)
-        for cell, new, old in zip(cells(self.space, self.order), after, before, strict=True):
-            volume = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
-            local = local_matrices(slope(cell.jet), as_matrix(new - old), volume)
-            total.add(local, self.space.dofs[cell.triangles])
-        return self._alike(total.matrix(), (1,) * len(self.sectors[0]))
+        found = []
+        for displacement in (np.zeros_like(edges.displacement[0]), *edges.displacement):
+            after = relaxed_stress(Prestress(self.domain, edges.degree, displacement), self.order)
+            total = Assembly(self.space.size)
+            for cell, new, old in zip(cells(self.space, self.order), after, before, strict=True):
+                volume = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
+                local = local_matrices(slope(cell.jet), as_matrix(new - old), volume)
+                total.add(local, self.space.dofs[cell.triangles])
+            found.append(self._alike(total.matrix(), (1,) * len(self.sectors[0])))
+        return found
 
     def sides(self, u: float) -> Change:
         """Return what sides Lx eᵘ and Ly e⁻ᵘ add to K: the film anew on the stretched mesh."""
