@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 KEPT = 2e-5
 """Amplitude, relative to a low mode in the norm of energy, from which a response is kept."""
-WIDEST = 600
+WIDEST = 300
 """Responses of one sector that are held at a time before the weak ones are dropped."""
 
 

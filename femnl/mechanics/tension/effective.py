@@ -38,7 +38,8 @@ YIELDING_DEGREE = 4
 """Of the elements of u where the edge yields: at its corners the stress is uneven."""
 YIELDING_STEPS = 10
 YIELDING = tuple(
-    yielding(YIELDS_MOST) * (1 - np.cos(np.pi * np.arange(1, YIELDING_STEPS + 1) / YIELDING_STEPS))
+    yielding(YIELDS_MOST)
+    * (1 - np.cos(np.pi * np.arange(1, YIELDING_STEPS + 1) / YIELDING_STEPS))
     / 2
 )
 """Yielding edges t that are solved: Chebyshev's points, without that of 0."""
@@ -62,6 +63,7 @@ TOGETHER: tuple[tuple[tuple[str, ...], int], ...] = (
     (("yielding",), 15),
 )
 """Changes that one polynomial holds together, and its total degree."""
+
 
 @dataclass(frozen=True)
 class _Enlarged:

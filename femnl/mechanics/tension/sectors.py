@@ -156,4 +156,4 @@ def stretched(domain: Domain, u: float) -> Domain:
     gradient = np.asarray(model.film.gradient) / factor
     film = replace(model.film, gradient=(float(gradient[0]), float(gradient[1])))
     mesh = replace(domain.mesh, doflocs=domain.mesh.doflocs * factor[:, None])
-    return replace(domain, mesh=mesh, model=replace(model, holes=holes, film=film))
+    return replace(domain, mesh=mesh, model=replace(model, holes=holes, film=film), diagonal=False)
