@@ -32,8 +32,7 @@ EFFECT = Effect(
     source="plane stress between springs, as `[clamp] normal` of a geometry; a strip of width w "
     "pulls back with Eh/((1 − ν²)w) across and Gh/w along it",
     limits="an edge alike all around and at rest as deposited; even slack stays in the speed of "
-    "waves. Without holes the lowest 12 modes are right to 3e-7 against one another, and to 5e-6 "
-    "in what they have in common; with holes the base modes have to span the change, which is not "
-    "held by a test",
+    "waves. The lowest 14 of 48 modes are right to 2e-8 of the film solved anew on the same mesh, "
+    "with few holes too, and to 6e-7 with shear of 0.05 beside it",
     sentence="the edge yields in the plane of the film, which slackens it unevenly",
 )

@@ -22,7 +22,7 @@ from femnl.effects import library
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import Assembly, as_matrix, cells, local_matrices, slope
 from femnl.mechanics.fem.solvers import lowest_eigenpairs
-from femnl.mechanics.fem.stress import relaxed_stress, unit_stress
+from femnl.mechanics.fem.stress import unit_stress
 from femnl.mechanics.modes import solve_modes as solve_on_mesh
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.modes.projection import project

@@ -120,7 +120,7 @@ class _Enlarged:
             after = 2 * (2 * self.cut * cho_solve(factor, trial) - trial) - before
             before = trial
             trial = after
-        trial = np.linalg.solve(trial[:n].T, trial.T).T
+        trial = np.asarray(np.linalg.solve(trial[:n].T, trial.T).T, dtype=np.float64)
         values, vectors = np.linalg.eigh(trial.T @ trial)
         root = (vectors / np.sqrt(values)) @ vectors.T
         found = root @ (trial.T @ stiffness @ trial) @ root
