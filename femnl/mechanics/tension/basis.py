@@ -76,18 +76,6 @@ class _Gathered:
         return np.asarray(np.linalg.solve(lower, both.T).T)
 
 
-def base_modes(sectors: Sectors) -> dict[Parity, tuple[NDArray[np.int64], Array]]:
-    """Return of each sector which modes are its own, and those with ∫ρhw² = 1 over the mesh."""
-    modes = sectors.modes
-    norm = np.sqrt(modes.effective_mass / sectors.domain.copies)
-    found = {}
-    for parity in sectors.sectors:
-        mine = np.flatnonzero([own == parity for own in modes.parity])
-        shapes = modes.shapes[mine][:, sectors.free[parity]] / norm[mine, None]
-        found[parity] = mine, shapes.T
-    return found
-
-
 def enriched(sectors: Sectors, responses: Mapping[str, Response]) -> Basis:
     """Return the base modes with their responses to changes p of K.
 
@@ -99,12 +87,12 @@ def enriched(sectors: Sectors, responses: Mapping[str, Response]) -> Basis:
     square = (2 * np.pi * modes.frequency) ** 2
     count = len(square)
     least = KEPT * float(np.sqrt(square[count // 4]))
-    base = base_modes(sectors)
+    base = {p: (mine, np.eye(len(sectors.free[p]), len(mine))) for p, mine in sectors.mine.items()}
     gathered = {p: _Gathered(sectors, p, base[p][1], least) for p in sectors.sectors}
 
     def respond(change: Change, parity: Parity, shapes: Array) -> tuple[Parity, Array]:
         target = sectors.target(change, parity)
-        moved = sectors.solve[target](sectors.act(change, parity, shapes))
+        moved = sectors.solve(target, sectors.act(change, parity, shapes))
         return target, gathered[target].beyond(moved)
 
     for response in responses.values():
@@ -119,7 +107,7 @@ def enriched(sectors: Sectors, responses: Mapping[str, Response]) -> Basis:
             if not np.any(low):
                 continue
             first = first[:, low]
-            again = sectors.solve[target](sectors.mass[target] @ first)
+            again = sectors.solve(target, sectors.mass[target] @ first)
             gathered[target].add(gathered[target].beyond(again) * square[mine[low]] * strong)
             for name in response.after:
                 then = responses[name]

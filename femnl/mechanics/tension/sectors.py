@@ -6,13 +6,11 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
 
 from femnl.core.mechanics import Domain, Modes, Prestress
 from femnl.core.operators import POWERS, Units
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (
-    Assembly,
     as_matrix,
     cells,
     local_matrices,
@@ -22,8 +20,10 @@ from femnl.mechanics.fem.forms import (
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.solvers import Solve, factorize
 from femnl.mechanics.fem.stress import relaxed_stress, unit_stress
+from femnl.mechanics.fem.supports import free_deflections
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.prestress import YieldingEdges, solve_prestress
+from femnl.mechanics.tension.bordered import Bordered, Responding
 
 Array = NDArray[np.float64]
 Parity = tuple[int, ...]
@@ -50,40 +50,73 @@ FLIPS = {"shear": (-1, -1), "x": (1, -1), "y": (-1, 1), "product": (-1, -1)}
 """How a film stress behaves under y → −y and x → −x, where it is not even in both."""
 
 
+MANY = 40_000
+"""Unknowns from which responses are followed in elements of a lower degree than the modes."""
+LEAST_DEGREE = 2
+"""Of those elements: straight ones have no curvature."""
+
+
+def response_degree(modes: Modes) -> int:
+    """Return the highest degree of elements, up to that of the modes, with fewer than `MANY`."""
+    degree = modes.degree
+    while degree > LEAST_DEGREE and Space(modes.domain.mesh, degree).size > MANY:
+        degree -= 1
+    return degree
+
+
 @dataclass(frozen=True)
 class Change:
     """A change of K that takes deflections of one parity to those of parity times `flip`.
 
-    stiffness: of all unknowns of the mesh, by the parity that it acts on.
+    stiffness: on all base modes and unknowns of responses, by the parity that it acts on.
     """
 
     flip: Parity
-    stiffness: Mapping[Parity, csc_matrix]
+    stiffness: Mapping[Parity, Bordered]
 
 
 class Sectors:
-    """K, M and changes of K on the free unknowns of every symmetry sector.
+    """K, M and changes of K on base modes and responses of every symmetry sector.
 
-    Attributes: sectors: their parities; base: for each, K; mass: M; solve: K⁻¹ of loads; free: the
-    unknowns of the mesh that are free.
+    Vectors hold shares of the sector's base modes, with ∫ρhw² = 1 over the mesh, and behind them
+    values at its free unknowns, see `Bordered`.
+
+    Attributes: sectors: their parities; mine: for each, which modes are its own; free: which of all
+    modes and unknowns; base: K; mass: M.
     """
 
     def __init__(self, modes: Modes) -> None:
         self.modes = modes
         self.domain = modes.domain
-        self.space = Space(modes.domain.mesh, modes.degree)
+        self.degree = response_degree(modes)
+        self._fine = Space(modes.domain.mesh, modes.degree)
         self.order = quadrature_order(modes.domain.model, 2 * modes.degree)
-        self._operators = Operators(modes.prestress, modes.degree)
+        self._spanned = Responding(modes, self.degree)
+        operators = Operators(modes.prestress, modes.degree)
+        mass = self._spanned.of(operators.mass)
         mirrors = len(modes.parity[0])
         self.sectors = tuple(product((1, -1), repeat=mirrors))
-        self.free = {p: self._operators.free(p) for p in self.sectors}
-        self.base: dict[Parity, csc_matrix] = {}
-        self.mass: dict[Parity, csc_matrix] = {}
-        self.solve: dict[Parity, Solve] = {}
-        for parity, free in self.free.items():
-            self.base[parity] = csc_matrix(self._operators.stiffness(parity)[free][:, free])
-            self.mass[parity] = csc_matrix(self._operators.mass[free][:, free])
-            self.solve[parity] = factorize(self.base[parity])
+        self._whole = {p: self._spanned.of(operators.stiffness(p)) for p in self.sectors}
+        self.mine: dict[Parity, NDArray[np.int64]] = {}
+        self.free: dict[Parity, NDArray[np.int64]] = {}
+        self.base: dict[Parity, Bordered] = {}
+        self.mass: dict[Parity, Bordered] = {}
+        self._solve: dict[Parity, Solve] = {}
+        for parity in self.sectors:
+            mine = np.flatnonzero([own == parity for own in modes.parity])
+            free = free_deflections(self._spanned.space, parity, modes.domain.model.clamp)
+            self.mine[parity] = mine
+            self.free[parity] = np.concatenate([mine, self._spanned.n + free])
+            self.base[parity] = self._whole[parity].among(mine, free)
+            self.mass[parity] = mass.among(mine, free)
+            self._solve[parity] = factorize(self.base[parity].inner)
+
+    def solve(self, parity: Parity, loads: Array) -> Array:
+        """Return K⁻¹ of loads on the unknowns of a sector, with no share of the base modes."""
+        found = np.zeros_like(loads)
+        own = len(self.mine[parity])
+        found[own:] = self._solve[parity](loads[own:])
+        return found
 
     def target(self, change: Change, parity: Parity) -> Parity:
         """Return the parity of what a change makes of deflections of the given one."""
@@ -91,7 +124,7 @@ class Sectors:
 
     def act(self, change: Change, parity: Parity, shapes: Array) -> Array:
         """Return ΔK w of deflections w (n_free, m), on the free unknowns of the target."""
-        whole = np.zeros((self.space.size, shapes.shape[1]))
+        whole = np.zeros((self._spanned.n + self._spanned.space.size, shapes.shape[1]))
         whole[self.free[parity]] = shapes
         return np.asarray(
             (change.stiffness[parity] @ whole)[self.free[self.target(change, parity)]]
@@ -101,9 +134,9 @@ class Sectors:
         """Return what the film stresses of `PARTS` add to K, for strength 1."""
         sheet = Sheet(self.domain)
         stress = self.domain.model.film.stress
-        parts = {name: Assembly(self.space.size) for name in PARTS}
+        parts = {name: self._spanned.gathering() for name in PARTS}
         fields = unit_stress(self.domain, units, self.order)
-        for cell, unit in zip(cells(self.space, self.order), fields, strict=True):
+        for cell, unit in zip(cells(self._fine, self.order), fields, strict=True):
             volume = stress * sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
             steep = slope(cell.jet)
             for name, terms in PARTS.items():
@@ -111,26 +144,32 @@ class Sectors:
                 for weight, direction, factor in terms:
                     field += factor * unit[weight, direction]
                 local = local_matrices(steep, as_matrix(field), volume)
-                parts[name].add(local, self.space.dofs[cell.triangles])
+                parts[name].add(local, cell.triangles)
         mirrors = len(self.sectors[0])
         return {
-            name: self._alike(part.matrix(), FLIPS.get(name, (1, 1))[:mirrors])
+            name: self._alike(part.total(), FLIPS.get(name, (1, 1))[:mirrors])
             for name, part in parts.items()
         }
 
     def yielding(self, edges: YieldingEdges) -> list[Change]:
-        """Return what the film stress as deposited adds to K, and that of each yielding edge."""
-        before = relaxed_stress(self.modes.prestress, self.order)
+        """Return what the film stress as deposited adds to K, and that of each yielding edge.
+
+        Over the stress on the edge as it is, in elements of the same degree.
+        """
+        edge = self.modes.prestress
+        if edge.degree != edges.degree:
+            edge = solve_prestress(self.domain, edges.degree)
+        before = relaxed_stress(edge, self.order)
         sheet = Sheet(self.domain)
         found = []
         for displacement in (np.zeros_like(edges.displacement[0]), *edges.displacement):
             after = relaxed_stress(Prestress(self.domain, edges.degree, displacement), self.order)
-            total = Assembly(self.space.size)
-            for cell, new, old in zip(cells(self.space, self.order), after, before, strict=True):
+            total = self._spanned.gathering()
+            for cell, new, old in zip(cells(self._fine, self.order), after, before, strict=True):
                 volume = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
                 local = local_matrices(slope(cell.jet), as_matrix(new - old), volume)
-                total.add(local, self.space.dofs[cell.triangles])
-            found.append(self._alike(total.matrix(), (1,) * len(self.sectors[0])))
+                total.add(local, cell.triangles)
+            found.append(self._alike(total.total(), (1,) * len(self.sectors[0])))
         return found
 
     def sides(self, u: float) -> Change:
@@ -139,12 +178,11 @@ class Sectors:
         prestress = solve_prestress(domain, self.modes.prestress.degree)
         operators = Operators(prestress, self.modes.degree)
         stiffness = {
-            p: csc_matrix(operators.stiffness(p) - self._operators.stiffness(p))
-            for p in self.sectors
+            p: self._spanned.of(operators.stiffness(p)) - whole for p, whole in self._whole.items()
         }
         return Change((1,) * len(self.sectors[0]), stiffness)
 
-    def _alike(self, stiffness: csc_matrix, flip: Parity) -> Change:
+    def _alike(self, stiffness: Bordered, flip: Parity) -> Change:
         return Change(flip, dict.fromkeys(self.sectors, stiffness))
 
 
