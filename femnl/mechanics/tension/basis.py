@@ -10,8 +10,6 @@ from femnl.mechanics.tension.sectors import Change, Parity, Sectors
 
 Array = NDArray[np.float64]
 
-KEPT = 2e-5
-"""Amplitude, relative to a low mode in the norm of energy, from which a response is kept."""
 WIDEST = 300
 """Responses of one sector that are held at a time before the weak ones are dropped."""
 
@@ -81,12 +79,12 @@ def enriched(sectors: Sectors, responses: Mapping[str, Response]) -> Basis:
 
     First K⁻¹K_p ξ of every mode. Of the lower half of the modes, which follow changes most, also
     K⁻¹M K⁻¹K_p ξ, which lets a response go with its own frequency, and the second and third
-    responses K⁻¹K_q K⁻¹K_p ξ of changes together. Each counts by the strengths it takes.
+    responses K⁻¹K_q K⁻¹K_p ξ of changes together, the third where `Effort.further` says so. Each counts by the strengths it takes.
     """
     modes = sectors.modes
     square = (2 * np.pi * modes.frequency) ** 2
     count = len(square)
-    least = KEPT * float(np.sqrt(square[count // 4]))
+    least = sectors.effort.kept * float(np.sqrt(square[count // 4]))
     base = {p: (mine, np.eye(len(sectors.free[p]), len(mine))) for p, mine in sectors.mine.items()}
     gathered = {p: _Gathered(sectors, p, base[p][1], least) for p in sectors.sectors}
 
@@ -113,7 +111,7 @@ def enriched(sectors: Sectors, responses: Mapping[str, Response]) -> Basis:
                 then = responses[name]
                 second_target, second = respond(then.change, target, first)
                 gathered[second_target].add(second * strong * then.strongest)
-                if name in response.again:
+                if name in response.again and sectors.effort.further:
                     third_target, third = respond(then.change, second_target, second)
                     gathered[third_target].add(third * strong * then.strongest**2)
     return _numbered(base, {p: found.vectors() for p, found in gathered.items()})

@@ -22,7 +22,7 @@ from femnl.core.tension import (
 )
 from femnl.mechanics.prestress import YieldingEdges, solve_yielding
 from femnl.mechanics.tension.basis import base_stiffness, enriched, on_basis, responses_of
-from femnl.mechanics.tension.sectors import PARTS, Sectors
+from femnl.mechanics.tension.sectors import PARTS, SIDES_MOST, Sectors
 
 Array = NDArray[np.float64]
 
@@ -30,12 +30,6 @@ STEPS = 3
 """Of subspace iteration; each brings a mode a third up the spectrum of the base modes ten times
 nearer.
 """
-SIDES_MOST = 0.0513
-"""The largest |ln(1 + e/2)| of `aspect_ratio`, |e| ≤ 0.1."""
-SIDES = tuple(SIDES_MOST * s for s in (-1.0, -0.5, 0.5, 1.0))
-"""Sides at which K is assembled; between them it is a polynomial with that of 0."""
-YIELDING_DEGREE = 4
-"""Of the elements of u where the edge yields: at its corners the stress is uneven."""
 YIELDING_STEPS = 10
 YIELDING = tuple(
     yielding(YIELDS_MOST)
@@ -69,14 +63,15 @@ TOGETHER: tuple[tuple[tuple[str, ...], int], ...] = (
 class _Enlarged:
     """K of the film on an enriched basis whose first n vectors are the base modes.
 
-    base (N, N); stresses: matrices of the film stresses by name; sides (4, N, N): what `SIDES` add
-    to K; edges (1 + m, N, N): the film stress as deposited, and that of each of the yielding edges.
+    base (N, N); stresses: matrices of the film stresses by name; sides (m, N, N): what those of
+    `solved_sides` (m,) add to K; edges (1 + m, N, N): the film stress as deposited, and that of each of the yielding edges.
     cut: the largest ω² of the base modes.
     """
 
     n: int
     base: Array
     stresses: Mapping[str, Array]
+    solved_sides: Array
     sides: Array
     edges: Array
     yielding: YieldingEdges
@@ -90,7 +85,7 @@ class _Enlarged:
             if name in self.stresses:
                 found += strength * self.stresses[name]
             elif name == "sides":
-                found += np.tensordot(_through_zero(np.array(SIDES), strength), self.sides, 1)
+                found += np.tensordot(_through_zero(self.solved_sides, strength), self.sides, 1)
             else:
                 shares = self._shares(compliance_at(strength) * self.reach)
                 found += np.tensordot(np.append(1 - shares.sum(), shares), self.edges, 1)
@@ -147,9 +142,10 @@ def solve_tension(modes: Modes, units: Units) -> TensionChanges:
 def _enlarge(modes: Modes, units: Units) -> _Enlarged:
     sectors = Sectors(modes)
     stresses = sectors.stresses(units)
-    sides = [sectors.sides(u) for u in SIDES]
+    solved_sides = np.array(sectors.effort.sides)
+    sides = [sectors.sides(u) for u in solved_sides]
     compliances = [compliance_at(t) * units.reach for t in YIELDING]
-    between = solve_yielding(modes.domain, YIELDING_DEGREE, compliances)
+    between = solve_yielding(modes.domain, sectors.effort.edge_degree, compliances)
     edges = sectors.yielding(between)
     followed = [edges[1 + k] for k in FOLLOWED]
     basis = enriched(sectors, responses_of(stresses, [sides[0], sides[-1]], followed))
@@ -157,6 +153,7 @@ def _enlarge(modes: Modes, units: Units) -> _Enlarged:
         len(modes.frequency),
         base_stiffness(sectors, basis),
         {name: on_basis(sectors, basis, change) for name, change in stresses.items()},
+        solved_sides,
         np.array([on_basis(sectors, basis, change) for change in sides]),
         np.array([on_basis(sectors, basis, change) for change in edges]),
         between,
@@ -166,9 +163,14 @@ def _enlarge(modes: Modes, units: Units) -> _Enlarged:
 
 
 def _through_zero(points: Array, place: float) -> Array:
-    """Return the weight of each value at points (n,) in the polynomial through them and 0 at 0."""
-    powers = 1 + np.arange(len(points))
-    return np.asarray(np.linalg.solve((points[:, None] ** powers).T, place**powers))
+    """Return the weight of what each solved u (n,) adds to K in what another u adds.
+
+    K is combined of e^{±2u}, as a film without holes has it where nothing bends, e^{±4u}, as
+    bending has it, and so on; n is even.
+    """
+    factors = np.array([s * 2 * k for k in range(1, len(points) // 2 + 1) for s in (1, -1)])
+    known = np.expm1(np.multiply.outer(factors, points))
+    return np.asarray(np.linalg.solve(known, np.expm1(factors * place)))
 
 
 def _fit(enlarged: _Enlarged, scale: Array) -> TensionChanges:

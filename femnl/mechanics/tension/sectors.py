@@ -50,18 +50,45 @@ FLIPS = {"shear": (-1, -1), "x": (1, -1), "y": (-1, 1), "product": (-1, -1)}
 """How a film stress behaves under y → −y and x → −x, where it is not even in both."""
 
 
+@dataclass(frozen=True)
+class Effort:
+    """How far the responses of a film are followed.
+
+    degree: of their elements; edge_degree: of those of u where the edge yields, at whose corners
+    the stress is uneven; sides: u of stretched films that are solved; kept: amplitude, relative to
+    a low mode in the norm of energy, from which a response is kept; further: whether responses of
+    third order are followed.
+    """
+
+    degree: int
+    edge_degree: int
+    sides: tuple[float, ...]
+    kept: float
+    further: bool
+
+
 MANY = 40_000
-"""Unknowns from which responses are followed in elements of a lower degree than the modes."""
+"""Unknowns beyond which a film takes less effort; one with few holes has less than half."""
 LEAST_DEGREE = 2
-"""Of those elements: straight ones have no curvature."""
+"""Of the elements of responses: straight ones have no curvature."""
+EDGE_DEGREE = 4
+SIDES_MOST = 0.0513
+"""The largest |ln(1 + e/2)| of `aspect_ratio`, |e| ≤ 0.1."""
 
 
-def response_degree(modes: Modes) -> int:
-    """Return the highest degree of elements, up to that of the modes, with fewer than `MANY`."""
+def effort(modes: Modes) -> Effort:
+    """Return how far the responses of a film are followed: less on a mesh of many unknowns.
+
+    There the elements have the highest degree with fewer than `MANY`, and a frequency is right to
+    1e-6 rather than to 1e-8.
+    """
     degree = modes.degree
     while degree > LEAST_DEGREE and Space(modes.domain.mesh, degree).size > MANY:
         degree -= 1
-    return degree
+    if degree == modes.degree:
+        shares = (-1.0, -0.5, 0.5, 1.0)
+        return Effort(degree, EDGE_DEGREE, tuple(SIDES_MOST * s for s in shares), 2e-5, True)
+    return Effort(degree, EDGE_DEGREE - 1, (-SIDES_MOST, SIDES_MOST), 1e-4, False)
 
 
 @dataclass(frozen=True)
@@ -81,17 +108,17 @@ class Sectors:
     Vectors hold shares of the sector's base modes, with ∫ρhw² = 1 over the mesh, and behind them
     values at its free unknowns, see `Bordered`.
 
-    Attributes: sectors: their parities; mine: for each, which modes are its own; free: which of all
+    Attributes: effort: how far they are followed; sectors: their parities; mine: for each, which modes are its own; free: which of all
     modes and unknowns; base: K; mass: M.
     """
 
     def __init__(self, modes: Modes) -> None:
         self.modes = modes
         self.domain = modes.domain
-        self.degree = response_degree(modes)
+        self.effort = effort(modes)
         self._fine = Space(modes.domain.mesh, modes.degree)
         self.order = quadrature_order(modes.domain.model, 2 * modes.degree)
-        self._spanned = Responding(modes, self.degree)
+        self._spanned = Responding(modes, self.effort.degree)
         operators = Operators(modes.prestress, modes.degree)
         mass = self._spanned.of(operators.mass)
         mirrors = len(modes.parity[0])
