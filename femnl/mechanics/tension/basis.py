@@ -10,7 +10,7 @@ from femnl.mechanics.tension.sectors import Change, Parity, Sectors
 
 Array = NDArray[np.float64]
 
-WIDEST = 300
+WIDEST = 200
 """Responses of one sector that are held at a time before the weak ones are dropped."""
 
 

@@ -141,19 +141,19 @@ def solve_tension(modes: Modes, units: Units) -> TensionChanges:
 
 def _enlarge(modes: Modes, units: Units) -> _Enlarged:
     sectors = Sectors(modes)
-    stresses = sectors.stresses(units)
-    solved_sides = np.array(sectors.effort.sides)
-    sides = [sectors.sides(u) for u in solved_sides]
     compliances = [compliance_at(t) * units.reach for t in YIELDING]
-    between = solve_yielding(modes.domain, sectors.effort.edge_degree, compliances)
+    between = solve_yielding(modes.domain, sectors.effort.relaxed_degree, compliances)
+    # What takes most memory comes first
+    sides = sectors.sides()
     edges = sectors.yielding(between)
+    stresses = sectors.stresses(units)
     followed = [edges[1 + k] for k in FOLLOWED]
     basis = enriched(sectors, responses_of(stresses, [sides[0], sides[-1]], followed))
     return _Enlarged(
         len(modes.frequency),
         base_stiffness(sectors, basis),
         {name: on_basis(sectors, basis, change) for name, change in stresses.items()},
-        solved_sides,
+        np.array(sectors.effort.sides),
         np.array([on_basis(sectors, basis, change) for change in sides]),
         np.array([on_basis(sectors, basis, change) for change in edges]),
         between,

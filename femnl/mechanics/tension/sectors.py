@@ -54,14 +54,14 @@ FLIPS = {"shear": (-1, -1), "x": (1, -1), "y": (-1, 1), "product": (-1, -1)}
 class Effort:
     """How far the responses of a film are followed.
 
-    degree: of their elements; edge_degree: of those of u where the edge yields, at whose corners
-    the stress is uneven; sides: u of stretched films that are solved; kept: amplitude, relative to
+    degree: of their elements; relaxed_degree: of those of u where the edge yields, at whose corners
+    the stress is uneven, or the sides change; sides: u of stretched films that are solved; kept: amplitude, relative to
     a low mode in the norm of energy, from which a response is kept; further: whether responses of
     third order are followed.
     """
 
     degree: int
-    edge_degree: int
+    relaxed_degree: int
     sides: tuple[float, ...]
     kept: float
     further: bool
@@ -71,7 +71,7 @@ MANY = 40_000
 """Unknowns beyond which a film takes less effort; one with few holes has less than half."""
 LEAST_DEGREE = 2
 """Of the elements of responses: straight ones have no curvature."""
-EDGE_DEGREE = 4
+RELAXED_DEGREE = 4
 SIDES_MOST = 0.0513
 """The largest |ln(1 + e/2)| of `aspect_ratio`, |e| ≤ 0.1."""
 
@@ -87,8 +87,8 @@ def effort(modes: Modes) -> Effort:
         degree -= 1
     if degree == modes.degree:
         shares = (-1.0, -0.5, 0.5, 1.0)
-        return Effort(degree, EDGE_DEGREE, tuple(SIDES_MOST * s for s in shares), 2e-5, True)
-    return Effort(degree, EDGE_DEGREE - 1, (-SIDES_MOST, SIDES_MOST), 1e-4, False)
+        return Effort(degree, RELAXED_DEGREE, tuple(SIDES_MOST * s for s in shares), 2e-5, True)
+    return Effort(degree, RELAXED_DEGREE - 1, (-SIDES_MOST, SIDES_MOST), 1e-4, False)
 
 
 @dataclass(frozen=True)
@@ -183,9 +183,7 @@ class Sectors:
 
         Over the stress on the edge as it is, in elements of the same degree.
         """
-        edge = self.modes.prestress
-        if edge.degree != edges.degree:
-            edge = solve_prestress(self.domain, edges.degree)
+        edge = self._relaxed(edges.degree)
         before = relaxed_stress(edge, self.order)
         sheet = Sheet(self.domain)
         found = []
@@ -199,15 +197,30 @@ class Sectors:
             found.append(self._alike(total.total(), (1,) * len(self.sectors[0])))
         return found
 
-    def sides(self, u: float) -> Change:
-        """Return what sides Lx eᵘ and Ly e⁻ᵘ add to K: the film anew on the stretched mesh."""
-        domain = stretched(self.domain, u)
-        prestress = solve_prestress(domain, self.modes.prestress.degree)
+    def sides(self) -> list[Change]:
+        """Return what sides Lx eᵘ and Ly e⁻ᵘ add to K, for u of `Effort.sides`.
+
+        That is the film anew on the stretched mesh.
+        """
+        degree = self.effort.relaxed_degree
+        before = self._whole
+        if degree != self.modes.prestress.degree:
+            before = self._stiffness(self._relaxed(degree))
+        found = []
+        for u in self.effort.sides:
+            after = self._stiffness(solve_prestress(stretched(self.domain, u), degree))
+            changes = {p: after[p] - before[p] for p in self.sectors}
+            found.append(Change((1,) * len(self.sectors[0]), changes))
+        return found
+
+    def _relaxed(self, degree: int) -> Prestress:
+        """Return the film as it is, relaxed in elements of some degree."""
+        known = self.modes.prestress
+        return known if degree == known.degree else solve_prestress(self.domain, degree)
+
+    def _stiffness(self, prestress: Prestress) -> dict[Parity, Bordered]:
         operators = Operators(prestress, self.modes.degree)
-        stiffness = {
-            p: self._spanned.of(operators.stiffness(p)) - whole for p, whole in self._whole.items()
-        }
-        return Change((1,) * len(self.sectors[0]), stiffness)
+        return {p: self._spanned.of(operators.stiffness(p)) for p in self.sectors}
 
     def _alike(self, stiffness: Bordered, flip: Parity) -> Change:
         return Change(flip, dict.fromkeys(self.sectors, stiffness))
