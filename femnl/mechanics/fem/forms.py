@@ -26,7 +26,7 @@ Strain = Callable[[Jet], Array]
 
 # Orders of quadrature that a film with a taper takes beyond those that its elements ask for
 KINKED = 8
-SUMMED = 8_000_000  # entries of a matrix that are held before equal places are summed
+SUMMED = 4_000_000  # entries of a matrix that are held before equal places are summed
 CHUNK = 2000  # triangles evaluated at a time, which bounds the memory of a mesh of any size
 
 

@@ -141,14 +141,14 @@ def solve_tension(modes: Modes, units: Units) -> TensionChanges:
 
 def _enlarge(modes: Modes, units: Units) -> _Enlarged:
     sectors = Sectors(modes)
-    compliances = [compliance_at(t) * units.reach for t in YIELDING]
-    between = solve_yielding(modes.domain, sectors.effort.relaxed_degree, compliances)
     # What takes most memory comes first
     sides = sectors.sides()
-    edges = sectors.yielding(between)
+    compliances = [compliance_at(t) * units.reach for t in YIELDING]
+    between = solve_yielding(modes.domain, sectors.effort.relaxed_degree, compliances)
     stresses = sectors.stresses(units)
-    followed = [edges[1 + k] for k in FOLLOWED]
+    followed = list(sectors.yielding(between, FOLLOWED))
     basis = enriched(sectors, responses_of(stresses, [sides[0], sides[-1]], followed))
+    edges = sectors.yielding(between, range(-1, len(compliances)))
     return _Enlarged(
         len(modes.frequency),
         base_stiffness(sectors, basis),
