@@ -153,7 +153,7 @@ def test_a_stress_does_to_the_lowest_modes_what_it_does_to_the_film(name: str, c
 
 
 @pytest.mark.parametrize("cause", ["anisotropy", "shear", "gradient"])
-def test_responses_of_lower_elements_are_nearly_as_good(
+def test_responses_of_lower_elements_make_up_most_of_a_change(
     cause: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # As on films of too many unknowns for elements of the modes' degree
@@ -161,14 +161,15 @@ def test_responses_of_lower_elements_are_nearly_as_good(
     causes, parts = CAUSES[cause]
     less = replace(projection, tension=solve_with_less_effort(monkeypatch))
     found = lowest(on_film(modes, less), causes)
-    assert found == pytest.approx(stressed(modes, units, parts), rel=3e-6)
+    # Coarse triangles around large holes; base modes alone miss ten times as much
+    assert found == pytest.approx(stressed(modes, units, parts), rel=2e-5)
 
 
 def solve_with_less_effort(monkeypatch: pytest.MonkeyPatch) -> TensionChanges:
-    """Return what changes do to the film with four holes, by elements of the least degree."""
+    """Return what changes do to the film with four holes, by elements of one degree less."""
     if not LESS:
         modes, units, _ = whole("four holes")
-        monkeypatch.setattr(sectors, "MANY", 0)
+        monkeypatch.setattr(sectors, "MANY", Space(modes.domain.mesh, modes.degree - 1).size)
         LESS.append(solve_tension(modes, units))
     return LESS[0]
 

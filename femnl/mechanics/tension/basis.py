@@ -32,7 +32,7 @@ class Response:
 class Basis:
     """Vectors of every sector, orthonormal in M, the base modes first.
 
-    vectors: (n_free, k) by parity; place: (k,) by parity, where each stands among all of them,
+    vectors: of `Sectors`, (n_own, k) by parity; place: (k,) by parity, where each stands among all of them,
     with the n base modes in their own order before the others; size: how many there are.
     """
 
@@ -79,7 +79,8 @@ def enriched(sectors: Sectors, responses: Mapping[str, Response]) -> Basis:
 
     First K⁻¹K_p ξ of every mode. Of the lower half of the modes, which follow changes most, also
     K⁻¹M K⁻¹K_p ξ, which lets a response go with its own frequency, and the second and third
-    responses K⁻¹K_q K⁻¹K_p ξ of changes together, the third where `Effort.further` says so. Each counts by the strengths it takes.
+    responses K⁻¹K_q K⁻¹K_p ξ of changes together, the third where `Effort.further` says so. Each
+    counts by the strengths it takes.
     """
     modes = sectors.modes
     square = (2 * np.pi * modes.frequency) ** 2

@@ -71,7 +71,9 @@ class Responding:
     def _prolongation(self) -> csc_matrix:
         """Unknowns of the modes' elements from those of the responses, (fine size, size)."""
         shape = self._fine.size, self.space.size
-        rows = np.broadcast_to(self._fine.dofs[:, :, None], (len(self._fine.dofs), *self._carry.shape))
+        rows = np.broadcast_to(
+            self._fine.dofs[:, :, None], (len(self._fine.dofs), *self._carry.shape)
+        )
         columns = np.broadcast_to(self.space.dofs[:, None, :], rows.shape)
         places = rows.ravel(), columns.ravel()
         total, count = (

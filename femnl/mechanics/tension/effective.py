@@ -64,8 +64,8 @@ class _Enlarged:
     """K of the film on an enriched basis whose first n vectors are the base modes.
 
     base (N, N); stresses: matrices of the film stresses by name; sides (m, N, N): what those of
-    `solved_sides` (m,) add to K; edges (1 + m, N, N): the film stress as deposited, and that of each of the yielding edges.
-    cut: the largest ω² of the base modes.
+    `solved_sides` add to K; edges (1 + m, N, N): the film stress as deposited, and that of each of
+    the yielding edges. cut: the largest ω² of the base modes.
     """
 
     n: int

@@ -55,9 +55,9 @@ class Effort:
     """How far the responses of a film are followed.
 
     degree: of their elements; relaxed_degree: of those of u where the edge yields, at whose corners
-    the stress is uneven, or the sides change; sides: u of stretched films that are solved; kept: amplitude, relative to
-    a low mode in the norm of energy, from which a response is kept; further: whether responses of
-    third order are followed.
+    the stress is uneven, or the sides change; sides: u of stretched films that are solved; kept:
+    amplitude, relative to a low mode in the norm of energy, from which a response is kept; further:
+    whether responses of third order are followed.
     """
 
     degree: int
