@@ -32,8 +32,8 @@ class Response:
 class Basis:
     """Vectors of every sector, orthonormal in M, the base modes first.
 
-    vectors: of `Sectors`, (n_own, k) by parity; place: (k,) by parity, where each stands among all of them,
-    with the n base modes in their own order before the others; size: how many there are.
+    vectors: of `Sectors`, (n_own, k) by parity; place: (k,) by parity, where each stands among all
+    of them, with the n base modes in their own order before the others; size: how many there are.
     """
 
     vectors: Mapping[Parity, Array]
