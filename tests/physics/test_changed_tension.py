@@ -221,6 +221,7 @@ def test_other_sides_do_what_they_do_to_the_film(name: str, elongation: float) -
 STIFF = SQUARE.replace("bending = false", "bending = true").replace('"50 nm"', '"200 nm"')
 
 
+@pytest.mark.slow
 def test_the_bending_layer_follows_the_sides() -> None:
     # On a mesh of its own for each film; the layer at the edge takes 1 % of a frequency.
     found = SimulatedFilm(parse(STIFF), COUNT)
