@@ -132,7 +132,8 @@ def solve_tension(modes: Modes, units: Units) -> TensionChanges:
         the film stresses.
     Returns: a polynomial in the strengths of the changes.
     Valid: up to `STRONGEST`. There the lowest third of the modes has the frequencies of the film
-        solved anew on the same mesh, see `tests/physics/test_changed_tension.py`; for meshes of many unknowns see `effort`.
+        solved anew on the same mesh, see `tests/physics/test_changed_tension.py`; for meshes of
+        many unknowns see `effort`.
     """
     enlarged = _enlarge(modes, units)
     scale = np.sqrt(np.outer(modes.effective_mass, modes.effective_mass))
