@@ -41,7 +41,7 @@ FLOORS = (
         "io.labfiles",
         "io.results",
     ),
-    ("mechanics.lattice", "mechanics.static_deflection", "mechanics.bands", "mechanics.yielding"),
+    ("mechanics.lattice", "mechanics.static_deflection", "mechanics.bands", "mechanics.tension"),
     ("pipeline",),
     ("observe.model", "observe.film"),
     ("observe.free_forms", "observe.noisy"),

@@ -1,6 +1,6 @@
 """Modes as a small dense problem: the film's operators on the lowest base modes."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline, NdBSpline, make_interp_spline
 
 from femnl.core.arrays import freeze
+from femnl.core.tension import TensionChanges
 
 Array = NDArray[np.float64]
 
@@ -17,25 +18,6 @@ POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 """The powers of x and of y in each weight."""
 DIRECTIONS = ("xx", "yy", "xy")
 CUBIC = 3
-
-
-YIELDS_MOST = 0.2
-"""The largest compliance λ of an edge, in units of `reach`."""
-YIELDS_HALF = 0.15
-"""λ at which t = λ/(λ + this) is a half; what an edge does is close to a polynomial in t."""
-_STEPS = 5
-
-
-def yielding(compliance: float) -> float:
-    """Return t of a compliance λ in units of `reach`."""
-    return compliance / (compliance + YIELDS_HALF)
-
-
-YIELDS = tuple(
-    YIELDS_HALF * t / (1 - t)
-    for t in yielding(YIELDS_MOST) * (1 - np.cos(np.pi * np.arange(_STEPS + 1) / _STEPS)) / 2
-)
-"""λ in units of `reach` at which films are solved, from 0: Chebyshev's points in t."""
 
 
 def weights(point: Array) -> Array:
@@ -73,8 +55,7 @@ class Projection:
     stress [Pa] times it is a stiffness; masses (6, n, n) [kg]: ∫
     ρhφξᵢξⱼ; reach [m]: the unit of x and y; grid_x, grid_y (m,) [m], dense at both ends, and shapes
     (n, m, m) as [mode, y, x]: ξ on a grid over the box of the film, going on smoothly over holes;
-    yielded (5, n, n) [m]: as slopes, what an edge that yields by each of `YIELDS` but the first
-    adds under an isotropic film stress of 1.
+    tension: what changes of the film's tension add to K.
     """
 
     slopes: Array
@@ -83,7 +64,7 @@ class Projection:
     grid_x: Array
     grid_y: Array
     shapes: Array
-    yielded: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
+    tension: TensionChanges | None = None
 
     def __post_init__(self) -> None:
         freeze(self)

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.device import Film, Stack
+from femnl.core.errors import ParameterError
 from femnl.core.operators import Projection
 from femnl.core.readout import Array, ComplexArray
+from femnl.core.tension import STRENGTHS, strengths
 
 
 @dataclass(frozen=True)
@@ -21,7 +23,9 @@ class ModalSystem:
     projection: integrals for changes;
     box: width and height [m] of a rectangular film, whose modes are sin·sin, None for any other
     outline; bending_length ℓ [m] that K stands for; layer (p, n): coefficients of each mode's k²
-    [rad²/m²] as a polynomial in ℓ, which the clamped edge makes it.
+    [rad²/m²] as a polynomial in ℓ, which the clamped edge makes it; gap [m] below the film;
+    airload (n, n) [m³], see `femnl.mechanics.airload`; tension (9,): strengths of `STRENGTHS` that
+    K holds.
     """
 
     stiffness: Array
@@ -34,6 +38,7 @@ class ModalSystem:
     layer: Array = field(default_factory=lambda: np.empty((0, 0)))
     gap: float = np.inf
     airload: Array = field(default_factory=lambda: np.empty((0, 0)))
+    tension: Array = field(default_factory=lambda: np.zeros(len(STRENGTHS)))
 
     @property
     def speed(self) -> float:
@@ -61,12 +66,14 @@ class ModalSystem:
         )
         return np.asarray(k2 + length**2 * k2**2)
 
-    def stretched(self, weight: int, xx: float, yy: float, xy: float = 0.0) -> "ModalSystem":
-        """Add a film stress [Pa] xx, yy, xy times the weight of that index (see `WEIGHTS`)."""
-        slopes = self.projection.slopes[weight]
-        return replace(
-            self, stiffness=self.stiffness + xx * slopes[0] + yy * slopes[1] + 2 * xy * slopes[2]
-        )
+    def tensioned(self, **changes: float) -> "ModalSystem":
+        """Change the tension by strengths named in `STRENGTHS`, over those that act already."""
+        polynomial = self.projection.tension
+        if polynomial is None:
+            raise ParameterError("the changes of this film's tension were not solved for")
+        after = self.tension + strengths(changes)
+        more = polynomial(after) - polynomial(self.tension)
+        return replace(self, stiffness=self.stiffness + self.stress * more, tension=after)
 
 
 @dataclass(frozen=True)

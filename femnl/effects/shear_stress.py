@@ -6,7 +6,7 @@ from femnl.core.stages import ModalSystem
 
 def shear(system: ModalSystem, values: Values) -> ModalSystem:
     """Add σxy = s σ."""
-    return system.stretched(0, 0.0, 0.0, values["shear"] * system.stress)
+    return system.tensioned(shear=values["shear"])
 
 
 EFFECT = Effect(
@@ -26,8 +26,8 @@ EFFECT = Effect(
     changes={"operators": shear},
     source="membrane equation T : ∇∇w",
     limits="uniform shear; frequencies tell its size alone, and labels of pairs such as "
-    "(1,2)+(2,1) its sign. Within 48 base modes the lowest 14 are right to 2e-6 at s = 0.01 and to "
-    "2e-4 at 0.1",
+    "(1,2)+(2,1) its sign. The lowest 14 of 48 modes are right to 1e-8 of the film solved anew, "
+    "with anisotropy of 0.2 beside it to 5e-8, and with a lattice of 900 holes to 3e-6",
     sentence="the film stress has a shear component, which turns the pairs of modes to the "
     "diagonals",
 )

@@ -1,27 +1,17 @@
 """An edge that yields in the plane of the film."""
 
-from dataclasses import replace
-
-import numpy as np
-
 from femnl.core.effect import Effect, ParameterSpec, Values
-from femnl.core.operators import YIELDS, YIELDS_MOST, yielding
 from femnl.core.stages import ModalSystem
+from femnl.core.tension import YIELDS_MOST, yielding
 
 
 def yield_in_plane(system: ModalSystem, values: Values) -> ModalSystem:
     """Set the relaxed stress of a film between springs in place of that of a rigid edge.
 
-    It is solved at `YIELDS`, and between them Lagrange's polynomial in t = λ/(λ + 0.15 R).
+    It is solved at a few λ, and between them a polynomial in t = λ/(λ + 0.15 R), R the film's
+    reach.
     """
-    projection = system.projection
-    nodes = np.array([yielding(share) for share in YIELDS])
-    place = yielding(values["compliance"] / projection.reach)
-    terms = (place - nodes)[None, :] / (nodes[:, None] - nodes + np.eye(len(nodes)))
-    np.fill_diagonal(terms, 1.0)
-    shares = np.prod(terms, axis=1)[1:]
-    change = system.stress * np.tensordot(shares, projection.yielded, 1)
-    return replace(system, stiffness=system.stiffness + change)
+    return system.tensioned(yielding=yielding(values["compliance"] / system.projection.reach))
 
 
 EFFECT = Effect(
@@ -44,8 +34,8 @@ EFFECT = Effect(
     source="plane stress between springs, as `[clamp] normal` of a geometry; a strip of width w "
     "pulls back with Eh/((1 − ν²)w) across and Gh/w along it",
     limits="an edge alike all around and at rest as deposited; even slack stays in the speed of "
-    "waves. Without holes the lowest 12 modes are right to 3e-7 against one another, and to 5e-6 "
-    "in what they have in common; with holes the base modes have to span the change, which is not "
-    "held by a test",
+    "waves. The lowest 14 of 48 modes are right to 2e-8 of the film solved anew on the same mesh, "
+    "with few holes too, and to 6e-7 with shear of 0.05 beside it; with a lattice of 900 holes to "
+    "1e-5",
     sentence="the edge yields in the plane of the film, which slackens it unevenly",
 )

@@ -1,13 +1,14 @@
 """The film stress after release, relaxed until holes and free edges carry no traction."""
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from femnl.core.device import Edge
+from femnl.core.arrays import freeze
+from femnl.core.device import Clamp, Edge, Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain, Prestress
 from femnl.core.operators import DIRECTIONS, POWERS, WEIGHTS, Units, weights
@@ -26,6 +27,9 @@ from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.fem.supports import in_plane_draw, in_plane_springs, in_plane_supports
 
 Array = NDArray[np.float64]
+
+ROUNDING = 1e-13
+"""Of the largest eigenvalue of a small matrix, what may be rounding."""
 
 MIRRORED = tuple(
     (b % 2 == shear, a % 2 == shear)
@@ -67,24 +71,86 @@ def solve_prestress(domain: Domain, degree: int, edge: Edge = "clamped") -> Pres
     )
 
 
-def solve_yielding(domain: Domain, degree: int, compliance: float) -> Prestress:
-    """Relax the film stress where a ledge between film and frame yields in its plane.
+@dataclass(frozen=True)
+class YieldingEdges:
+    """Films whose edge yields in its plane by some compliances, and what lies between them.
 
-    Springs kₙ = Eh/λ across and kₛ = kₙ (1 − ν)/2 along the edge: those of a strip of that film,
-    λ/(1 − ν²) wide, in series with what the geometry says of the edge.
-
-    Args: domain, degree: as for `solve_prestress`. compliance: λ [m], above 0.
+    displacement (m, n_dofs) [m]: of each; stiffness (m, m) and load (m,) [J]: ∫ h C ε(uᵢ) : ε(uⱼ)
+    and the work of the film stress on each, without what the edge does.
     """
-    film, clamp = domain.model.film, domain.model.clamp
+
+    domain: Domain
+    degree: int
+    displacement: Array
+    stiffness: Array
+    load: Array
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+    def shares(self, compliance: float) -> Array:
+        """Return shares (m,) of the solved displacements in that of another compliance [m].
+
+        By Galerkin's method in their span: the energy of all that is in it is least.
+        """
+        space = Space(self.domain.mesh, self.degree)
+        clamp = yielding_clamp(self.domain.model, compliance)
+        springs = self.displacement @ (in_plane_springs(space, clamp) @ self.displacement.T)
+        load = self.load + self.displacement @ in_plane_draw(space, clamp)
+        energy = self.stiffness + springs
+        # Neighbours are nearly parallel, and directions below rounding are left out
+        scale = np.sqrt(np.diag(energy))
+        values, vectors = np.linalg.eigh(energy / np.outer(scale, scale))
+        kept = values > ROUNDING * values[-1]
+        turned = vectors[:, kept]
+        return np.asarray(turned @ ((turned.T @ (load / scale)) / values[kept]) / scale)
+
+
+def yielding_clamp(model: Model, compliance: float) -> Clamp:
+    """Return the clamp with springs kₙ = Eh/λ across and kₛ = kₙ (1 − ν)/2 along the edge.
+
+    Those of a strip of that film, λ/(1 − ν²) wide, in series with what the geometry says of the
+    edge. Args: compliance: λ [m], above 0.
+    """
+    film = model.film
+    clamp = model.clamp
     across = film.young * film.thickness / compliance
     along = across * (1 - film.poisson) / 2
-    springs = replace(
+    return replace(
         clamp,
         normal=1 / (1 / clamp.normal + 1 / across),
         shear=1 / (1 / clamp.shear + 1 / along),
     )
-    yielding = replace(domain, model=replace(domain.model, clamp=springs))
-    return replace(solve_prestress(yielding, degree), domain=domain)
+
+
+def solve_yielding(domain: Domain, degree: int, compliances: Sequence[float]) -> YieldingEdges:
+    """Relax the film stress where a ledge between film and frame yields in its plane.
+
+    Args: domain, degree: as for `solve_prestress`. compliances: λ [m] of `yielding_clamp`.
+    """
+    space = Space(domain.mesh, degree)
+    sheet = Sheet(domain)
+    assembly, loads = _in_plane(
+        domain, space, sheet, lambda triangles, _: sheet.stress(triangles)[None]
+    )
+    stiffness = assembly.matrix()
+    # Springs alone hold the edge, whatever their stiffness
+    yields = yielding_clamp(domain.model, compliances[0])
+    supports = in_plane_supports(space, domain.wedge, "clamped", (True, True), yields)
+    found = []
+    for compliance in compliances:
+        clamp = yielding_clamp(domain.model, compliance)
+        matrix = supports.T @ (stiffness + in_plane_springs(space, clamp)) @ supports
+        load = supports.T @ (loads[0] + in_plane_draw(space, clamp))
+        found.append(supports @ factorize(csc_matrix(matrix))(load))
+    displacement = np.array(found)
+    return YieldingEdges(
+        domain,
+        degree,
+        displacement,
+        displacement @ (stiffness @ displacement.T),
+        displacement @ loads[0],
+    )
 
 
 def solve_units(domain: Domain, degree: int) -> Units:

@@ -10,14 +10,15 @@ import numpy as np
 
 from femnl.core.device import Model
 from femnl.core.mechanics import Modes
-from femnl.core.operators import YIELDS, Projection
+from femnl.core.operators import Projection
+from femnl.core.processes import one_blas_thread
 from femnl.core.readout import Array
 from femnl.io.results.projection import cached_projection
 from femnl.mechanics.airload import airload
 from femnl.mechanics.modes.dilution import bending_share
 from femnl.mechanics.modes.projection import project
 from femnl.mechanics.prestress import solve_units
-from femnl.mechanics.yielding import yielded
+from femnl.mechanics.tension import solve_tension
 from femnl.pipeline import solve_modes, solve_nonlinearity
 
 BENDING = (0.0, 1.0, 2.0, 4.0)
@@ -47,13 +48,13 @@ class SimulatedFilm:
 
     @cached_property
     def projection(self) -> Projection:
-        """Integrals of those modes, with changes of the film stress in equilibrium."""
+        """Integrals of those modes, and what changes of the tension do to them."""
 
         def solve() -> Projection:
             modes = self.modes
             units = solve_units(modes.domain, UNITS)
-            edges = [yielded(modes, share * units.reach) for share in YIELDS[1:]]
-            return replace(project(modes, units), yielded=np.array(edges))
+            with one_blas_thread():
+                return replace(project(modes, units), tension=solve_tension(modes, units))
 
         return cached_projection(self.model, ("projection", self.count), solve)
 

@@ -89,11 +89,13 @@ def _load(system: ModalSystem, values: Values) -> ModalSystem:
 
 def _tighten(system: ModalSystem, values: Values) -> ModalSystem:
     """Add Σ t_k φ_k to the stress, in parts of the film's own."""
-    stress = system.stress
-    for k, name in enumerate(WEIGHTS):
-        if k:
-            system = system.stretched(k, values[name] * stress, values[name] * stress)
-    return system
+    return system.tensioned(
+        x=values["x"],
+        y=values["y"],
+        bowl=(values["x²"] + values["y²"]) / 2,
+        saddle=(values["x²"] - values["y²"]) / 2,
+        product=values["xy"],
+    )
 
 
 def _disperse(lines: Lines, values: Values) -> Lines:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from femnl.core.device import Clamp
-from femnl.core.operators import YIELDS_MOST
 from femnl.core.stages import ModalSystem
+from femnl.core.tension import YIELDS_MOST
 from femnl.device.geometry import parse
 from femnl.diagnose import diagnose
 from femnl.effects import library

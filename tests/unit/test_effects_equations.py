@@ -1,5 +1,7 @@
 """Each effect on its stage, against integrals over the film, steps in time and averages."""
 
+from math import factorial
+
 import numpy as np
 import pytest
 from numpy.polynomial.hermite_e import hermegauss
@@ -21,6 +23,7 @@ from femnl.core.stages import (
     Points,
     Signal,
 )
+from femnl.core.tension import STRENGTHS, TensionChanges
 from femnl.device.geometry import load
 from femnl.effects import library
 from femnl.optics.fringe import MultilayerFringe
@@ -61,6 +64,23 @@ def sines() -> tuple[Array, Array, Array]:
     return shape, slope_x, slope_y
 
 
+def within(slopes: Array) -> TensionChanges:
+    """Return the changes of tension of first order, and the sides to eighth, within the modes."""
+    even = slopes[:, 0] + slopes[:, 1]
+    terms = [
+        ("deviator", 1, slopes[0, 0] - slopes[0, 1]),
+        ("shear", 1, 2 * slopes[0, 2]),
+        ("x", 1, even[1]),
+        ("y", 1, even[2]),
+        ("bowl", 1, even[3] + even[5]),
+    ]
+    for k in range(1, 9):
+        part = (-2) ** k * slopes[0, 0] + 2**k * slopes[0, 1]
+        terms.append(("sides", k, part / factorial(k)))
+    powers = [[power * (name == other) for other in STRENGTHS] for name, power, _ in terms]
+    return TensionChanges(np.array(powers), np.array([part for _, _, part in terms]))
+
+
 def system(bending_length: float = 0.0) -> ModalSystem:
     """Their stiffness and mass, with all integrals by quadrature."""
     shape, dx, dy = sines()
@@ -85,7 +105,8 @@ def system(bending_length: float = 0.0) -> ModalSystem:
             for m, n in ORDERS
         ]
     )
-    projection = Projection(np.array(slopes), np.array(masses), REACH, axis, axis, tables)
+    tension = within(np.array(slopes))
+    projection = Projection(np.array(slopes), np.array(masses), REACH, axis, axis, tables, tension)
     stiffness = FILM.stress * (projection.slopes[0, 0] + projection.slopes[0, 1])
     k2 = np.diag(stiffness) / np.diag(projection.masses[0]) * FILM.density / FILM.stress
     return ModalSystem(

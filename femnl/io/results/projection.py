@@ -8,9 +8,11 @@ from platformdirs import user_cache_path
 
 from femnl.core.device import Model
 from femnl.core.operators import Projection
+from femnl.core.tension import TensionChanges
 from femnl.io.results.cache import kept, key
 
-FIELDS = ("slopes", "masses", "reach", "grid_x", "grid_y", "shapes", "yielded")
+FIELDS = ("slopes", "masses", "reach", "grid_x", "grid_y", "shapes")
+POLYNOMIAL = ("powers", "matrices")
 
 
 def cached_projection(
@@ -25,9 +27,17 @@ def cached_projection(
     def read() -> Projection:
         with np.load(path) as stored:
             found = {name: stored[name] for name in FIELDS}
-        return Projection(**found | {"reach": float(found["reach"])})
+            tension = (
+                TensionChanges(*(stored[name] for name in POLYNOMIAL))
+                if POLYNOMIAL[0] in stored
+                else None
+            )
+        return Projection(**found | {"reach": float(found["reach"]), "tension": tension})
 
     def write(file: Path, found: Projection) -> None:
-        np.savez(file, **{name: getattr(found, name) for name in FIELDS})
+        arrays = {name: getattr(found, name) for name in FIELDS}
+        if found.tension is not None:
+            arrays |= {name: getattr(found.tension, name) for name in POLYNOMIAL}
+        np.savez(file, **arrays)
 
     return kept(path, read, compute, write)

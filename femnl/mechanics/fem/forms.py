@@ -26,6 +26,7 @@ Strain = Callable[[Jet], Array]
 
 # Orders of quadrature that a film with a taper takes beyond those that its elements ask for
 KINKED = 8
+SUMMED = 4_000_000  # entries of a matrix that are held before equal places are summed
 CHUNK = 2000  # triangles evaluated at a time, which bounds the memory of a mesh of any size
 
 
@@ -150,26 +151,36 @@ def local_vectors(strain: Array, stress: Array, dx: Array) -> Array:
 
 
 class Assembly:
-    """A sparse matrix gathered from local ones."""
+    """A sparse matrix gathered from local ones.
+
+    From `SUMMED` entries on they are summed, which bounds the memory of a mesh of any size.
+    """
 
     def __init__(self, size: int) -> None:
         self._size = size
         self._parts: list[tuple[Array, NDArray[np.int32], NDArray[np.int32]]] = []
+        self._entries = 0
+        self._summed = csc_matrix((size, size))
 
     def add(self, local: Array, dofs: Index) -> None:
         """Add local matrices (e, j, j) that act on unknowns (e, j)."""
         rows = np.broadcast_to(dofs[:, :, None], local.shape).astype(np.int32)
         columns = np.broadcast_to(dofs[:, None, :], local.shape).astype(np.int32)
         self._parts.append((local.ravel(), rows.ravel(), columns.ravel()))
+        self._entries += local.size
+        if self._entries > SUMMED:
+            self._summed = self.matrix()
+            self._parts = []
+            self._entries = 0
 
     def matrix(self) -> csc_matrix:
         """The sum of what was added."""
         if not self._parts:
-            return csc_matrix((self._size, self._size))
+            return self._summed
         data, rows, columns = (np.concatenate(part) for part in zip(*self._parts, strict=True))
         total = csc_matrix(coo_matrix((data, (rows, columns)), shape=(self._size, self._size)))
         total.sum_duplicates()
-        return total
+        return csc_matrix(self._summed + total) if self._summed.nnz else total
 
 
 @dataclass(frozen=True)
