@@ -78,6 +78,8 @@ def _spread(
     ratio = _neighbours(left[power <= lowest])
     expected = _expected(quiet)
     correlation = float(np.interp(ratio, expected[:, 1], RHO))
+    if bare:
+        correlation = _sharper(correlation, residuals, layout, dropped)
     if correlation < max(0.0 if bare else LEAST_CORRELATION, CLEAR / np.sqrt(quiet * left.size)):
         correlation = 0.0
     factor = float(np.sqrt(lowest / np.interp(correlation, RHO, expected[:, 0])))
@@ -87,6 +89,21 @@ def _spread(
     error = np.sqrt(quiet * (1 - quiet) / len(rows)) / (chi2.pdf(quantile, freedom) * quantile) / 2
     clear = abs(np.log(max(factor, 1e-300))) > max(0.0 if bare else LEAST_FACTOR, CLEAR * error)
     return factor if clear else 1.0, correlation
+
+
+def _sharper(
+    correlation: float, residuals: Array, layout: Layout, dropped: NDArray[np.bool_]
+) -> float:
+    """Return the correlation of all neighbours, where stretches less a cubic show about the same.
+
+    Where they do not, the residuals are not bare noise.
+    """
+    before = layout.previous
+    later = np.flatnonzero((before >= 0) & ~dropped & ~dropped[before])
+    one = residuals[later]
+    other = residuals[before[later]]
+    whole = float(np.sum(one * other) / np.sqrt(np.sum(one**2) * np.sum(other**2)))
+    return whole if abs(whole - correlation) < LEAST_CORRELATION else correlation
 
 
 def _neighbours(left: Array) -> float:

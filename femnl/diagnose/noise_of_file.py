@@ -22,7 +22,7 @@ SAME_FACTOR = 0.02
 """Relative difference of two factors, and difference of two correlations, up to which noise is the
 same to every verdict.
 """
-SAME_CORRELATION = 0.05
+SAME_CORRELATION = 0.02
 
 
 def first_noise(bare: MeasurementModel, checkpoint: Checkpoint | None) -> FoundNoise:

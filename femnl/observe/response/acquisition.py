@@ -13,6 +13,10 @@ NEAR = 0.02
 """Deviation from the steady amplitude, in parts of it, up to which it decays as a linear one."""
 STRIDE = 0.1
 """Phase and decay [rad] in one Runge–Kutta step of a larger one."""
+LONG = 20.0
+"""Rest, in times of decay, after which no deviation is left."""
+MOST = 20_000
+"""Steps of one rest at most."""
 
 
 def settle(
@@ -38,24 +42,20 @@ def settle(
             found[k] = b
             continue
         a = stiffening[k]
-        off = found[k - 1] - b
-        x = abs(b) ** 2
-        s = rest[k]
-        if abs(off) <= NEAR * abs(b) or abs(a) * max(abs(found[k - 1]) ** 2, x) < NEAR:
-            p = 1j * (delta[k] + 2 * a * x + 1j)
-            q = 1j * a * b * b
-            fast = np.sqrt(complex(abs(q) ** 2 - p.imag**2))
-            even = (np.exp((p.real + fast) * s) + np.exp((p.real - fast) * s)) / 2
-            odd = np.exp(p.real * s) * s + 0j
-            if abs(fast * s) > 1e-4:
-                odd = (np.exp((p.real + fast) * s) - np.exp((p.real - fast) * s)) / (2 * fast)
-            found[k] = b + (even + odd * 1j * p.imag) * off + odd * q * np.conj(off)
-            continue
         y = found[k - 1]
+        x = abs(b) ** 2
+        left = rest[k]
+        near = abs(y - b) <= NEAR * abs(b) or abs(a) * max(abs(y) ** 2, x) < NEAR
+        if not near and left > LONG:
+            left = LONG
         rate = abs(delta[k]) + 3 * abs(a) * max(abs(y) ** 2, x) + 1
-        count = int(s * rate / STRIDE) + 1
-        h = s / count
-        for _ in range(count):
+        # A motion that turns so often is nowhere but in the trials of a fit
+        if not near and not left * rate < STRIDE * MOST:
+            found[k] = b + (y - b) * np.exp(-left)
+            continue
+        h = left / (int(left * rate / STRIDE) + 1)
+        # What rests long comes near long before the end
+        while not near and left > h / 2:
             one = 1j * ((delta[k] + a * abs(y) ** 2 + 1j) * y - 1)
             z = y + h / 2 * one
             two = 1j * ((delta[k] + a * abs(z) ** 2 + 1j) * z - 1)
@@ -64,7 +64,20 @@ def settle(
             z = y + h * three
             four = 1j * ((delta[k] + a * abs(z) ** 2 + 1j) * z - 1)
             y = y + h / 6 * (one + 2 * two + 2 * three + four)
-        found[k] = y
+            left -= h
+            near = abs(y - b) <= NEAR * abs(b)
+        if not near:
+            found[k] = y
+            continue
+        off = y - b
+        p = 1j * (delta[k] + 2 * a * x + 1j)
+        q = 1j * a * b * b
+        fast = np.sqrt(complex(abs(q) ** 2 - p.imag**2))
+        even = (np.exp((p.real + fast) * left) + np.exp((p.real - fast) * left)) / 2
+        odd = np.exp(p.real * left) * left + 0j
+        if abs(fast * left) > 1e-4:
+            odd = (np.exp((p.real + fast) * left) - np.exp((p.real - fast) * left)) / (2 * fast)
+        found[k] = b + (even + odd * 1j * p.imag) * off + odd * q * np.conj(off)
 
 
 def low_pass(
