@@ -1,0 +1,55 @@
+"""A mode that does not settle: its motion from one rest of the drive to the next."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from femnl.core.readout import ComplexArray
+from femnl.observe.response.acquisition import MOST, settle
+
+
+def after(start: complex, steady: complex, delta: float, a: complex, rest: float) -> complex:
+    """Return the amplitude at the end of a rest."""
+    found = np.zeros(2, complex)
+    settle(
+        found,
+        np.array([start, steady]),
+        np.full(2, delta),
+        np.full(2, a, complex),
+        np.array([0.0, rest]),
+        np.array([True, False]),
+    )
+    return complex(found[1])
+
+
+def steady_state(delta: float, a: complex, guess: complex) -> complex:
+    """Return where db/ds = i((δ + a|b|² + i)b − 1) rests."""
+    b = guess
+    for _ in range(500):
+        b = 0.5 * b + 0.5 / (delta + a * abs(b) ** 2 + 1j)
+    return complex(b)
+
+
+@pytest.mark.parametrize("rest", [0.3, 2.0, 12.0])
+def test_the_motion_is_that_of_the_differential_equation(rest: float) -> None:
+    delta, a = -1.0, 0.4 + 0j
+    start = 0.9 + 0.4j
+
+    def slope(s: float, y: ComplexArray) -> ComplexArray:
+        b = y[0]
+        return np.array([1j * ((delta + a * abs(b) ** 2 + 1j) * b - 1)])
+
+    whole = solve_ivp(slope, (0, rest), [start], rtol=1e-10, atol=1e-12)
+    b = steady_state(delta, a, 0.5 + 0j)
+    # A step of a tenth, and the linear end, are good to a thousandth
+    assert after(start, b, delta, a, rest) == pytest.approx(whole.y[0, -1], abs=2e-3)
+
+
+def test_a_trial_that_turns_a_million_times_ends() -> None:
+    fast = after(1.0 + 0j, 0.1 + 0j, 1e9, 1e9 + 0j, 1e6)
+    assert fast == pytest.approx(0.1, abs=1e-6)
+    assert MOST * 0.1 < 1e9
+
+
+def test_a_trial_without_a_number_ends() -> None:
+    assert np.isfinite(after(1.0 + 0j, 0.1 + 0j, np.inf, 1.0 + 0j, 5.0))

@@ -1,0 +1,90 @@
+"""A model under the noise that was found: glitches left out, one factor, white residuals."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from femnl.core.errors import ParameterError
+from femnl.core.readout import Array
+from femnl.fits.least_squares import fit
+from femnl.observe.model import ExtendedModel, Layout
+from femnl.observe.noisy import FoundNoise, NoisyModel, with_noise
+from tests.unit.level import Level
+
+N = 60
+BLOCKS = np.repeat(np.arange(6), N // 6)
+
+
+class Line(Level):
+    """Data along one line."""
+
+    @property
+    def layout(self) -> Layout:
+        place = np.arange(N)
+        before = place - 1
+        after = np.where(place + 1 < N, place + 1, -1)
+        none: NDArray[np.int64] = np.full(N, -1)
+        return Layout(np.stack([before, after], axis=1), before, place, none)
+
+    def describe(self, residuals: Array) -> str:
+        return f"{len(residuals)} residuals, the largest of {np.abs(residuals).max():.3f}σ"
+
+
+def line(data: Array) -> Line:
+    return Line(data, BLOCKS, 1e4, {"slope": np.linspace(-1, 1, N)})
+
+
+def noisy(data: Array, noise: FoundNoise) -> NoisyModel:
+    model = with_noise(line(data), noise)
+    assert isinstance(model, NoisyModel)
+    return model
+
+
+def noise(seed: int) -> Array:
+    return np.random.default_rng(seed).standard_normal(N)
+
+
+def test_noise_as_stated_changes_nothing() -> None:
+    bare = line(noise(1))
+    assert with_noise(bare, FoundNoise()) is bare
+
+
+def test_a_model_without_neighbours_cannot_have_other_noise() -> None:
+    with pytest.raises(ParameterError, match="no neighbours"):
+        with_noise(Level(noise(1), BLOCKS, 1e4), FoundNoise(factor=2.0))
+
+
+def test_a_glitch_does_not_move_the_fit() -> None:
+    data = 3 + noise(2)
+    data[17] += 1e4
+    clean = np.delete(data, 17)
+    model = noisy(data, FoundNoise(glitches=(17,)))
+    found = fit(ExtendedModel(model), model.start)
+    assert found.vector[0] == pytest.approx(clean.mean(), abs=1e-4)
+    assert found.residuals == pytest.approx(clean - clean.mean(), abs=1e-4)
+    assert model.blocks.tolist() == np.delete(BLOCKS, 17).tolist()
+    assert model.locate(17) == "datum 19"  # the one after the glitch
+    assert model.describe(found.residuals).startswith(f"{N} residuals")
+    assert model.layout.previous[17] == -1
+
+
+def test_residuals_of_correlated_noise_become_white() -> None:
+    # x_k = ρ x_{k−1} + √(1 − ρ²) w_k is undone exactly
+    rho = 0.7
+    drawn = noise(3)
+    data = drawn.copy()
+    for k in range(1, N):
+        data[k] = rho * data[k - 1] + np.sqrt(1 - rho**2) * drawn[k]
+    model = noisy(2.5 * data, FoundNoise(factor=2.5, correlation=rho))
+    assert model.residuals((), {"level": 0.0}, ()) == pytest.approx(drawn, rel=1e-12)
+    sizes, unit = model.quantity
+    assert (sizes == 2.5).all()
+    assert unit == "V"
+
+
+def test_directions_are_whitened_like_residuals() -> None:
+    model = noisy(noise(4), FoundNoise(factor=2.0, correlation=0.5))
+    (direction,) = model.residual_directions((), {"level": 0.0}, ()).values()
+    step = model.residuals((), {"level": 0.0}, ()) - model.residuals((), {"level": 1.0}, ())
+    assert direction == pytest.approx(model.white(np.linspace(-1, 1, N)))
+    assert step == pytest.approx(model.white(np.ones(N)))
