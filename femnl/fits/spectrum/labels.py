@@ -57,7 +57,7 @@ def _parts(name: str, film: SimulatedFilm) -> dict[int, float]:
     """Return the modes in a label with their weights, whose squares add up to 1."""
     plain = PLAIN.fullmatch(name)
     if plain:
-        return {_index(f"({name.strip('()')})", name, film): 1.0}
+        return _single(name, film)
     pair = PAIR.fullmatch(name)
     if pair is None:
         raise MeasurementError(
@@ -74,6 +74,23 @@ def _parts(name: str, film: SimulatedFilm) -> dict[int, float]:
     return {
         _index(first, name, film): _sign((int(m), int(n)), first, film) * np.sqrt(0.5),
         _index(second, name, film): side * _sign((int(p), int(q)), second, film) * np.sqrt(0.5),
+    }
+
+
+def _single(name: str, film: SimulatedFilm) -> dict[int, float]:
+    """Return the mode of a label "m,n", or the two hybrids that it is the sum of.
+
+    Bending splits pairs such as (2,4) and (4,2) of a square into (2,4)+(4,2) and (2,4)−(4,2).
+    """
+    m, n = (int(order) for order in name.strip("()").split(","))
+    low, high = sorted((f"({m},{n})", f"({n},{m})"))
+    hybrids = [f"{low}{side}{high}" for side in "+−"]
+    mode = f"({m},{n})"
+    if mode in film.modes.label or any(hybrid not in film.modes.label for hybrid in hybrids):
+        return {_index(mode, name, film): 1.0}
+    return {
+        film.modes.label.index(hybrid): _sign((m, n), hybrid, film) * float(np.sqrt(0.5))
+        for hybrid in hybrids
     }
 
 

@@ -1,0 +1,39 @@
+"""Labels of measured modes where the simulated film has hybrids in their place."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femnl import load
+from femnl.fits.spectrum.labels import named_modes
+from femnl.observe.film import SimulatedFilm
+
+HYBRIDS = ("(2,4)+(4,2)", "(2,4)−(4,2)")
+
+
+@pytest.fixture(scope="module")
+def film() -> SimulatedFilm:
+    """A square whose bending splits (2,4) and (4,2) into their sum and difference."""
+    model = load("square-270um")
+    found = SimulatedFilm(replace(model, film=replace(model.film, thickness=190.592e-9)), 48)
+    assert set(HYBRIDS) <= set(found.modes.label)
+    return found
+
+
+def test_a_mode_that_became_two_hybrids_is_their_sum(film: SimulatedFilm) -> None:
+    found = named_modes(("2,4", "4,2"), film)
+    places = [film.modes.label.index(name) for name in HYBRIDS]
+    assert sorted(found.order) == sorted(places)
+    assert np.abs(found.target[:, places]) == pytest.approx(np.full((2, 2), np.sqrt(0.5)))
+    assert found.target @ found.target.T == pytest.approx(np.eye(2), abs=1e-12)
+    # (2,4) has two half waves along x: the shape on the grid says so
+    shape = np.tensordot(found.target[0], film.projection.shapes, 1)
+    x, y = film.projection.grid_x, film.projection.grid_y
+    waves = {
+        (m, n): np.sin(n * np.pi * (y / (2 * y[-1]) + 0.5))
+        @ shape
+        @ np.sin(m * np.pi * (x / (2 * x[-1]) + 0.5))
+        for m, n in ((2, 4), (4, 2))
+    }
+    assert waves[2, 4] > 20 * abs(waves[4, 2])
