@@ -132,11 +132,10 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
         + np.diag(known)
     )
     # What ended at a bound cannot move beyond it
-    held = np.concatenate([~result.free, np.zeros(n_distortions, bool)])
-    pull[held] = 0.0
-    inside_moving = np.where(held, 0.0, inside)
-    gradient = pull * per_scatter[..., None] + inside_moving.T @ seen / smooth[..., None]
-    shift = np.linalg.solve(fisher, gradient[..., None])[..., 0]
+    moving = np.concatenate([result.free, np.ones(n_distortions, bool)])
+    gradient = pull * per_scatter[..., None] + inside.T @ seen / smooth[..., None]
+    gradient = gradient[..., moving]
+    shift = np.linalg.solve(fisher[..., moving, :][..., moving], gradient[..., None])[..., 0]
     square = rest * per_scatter + float(seen @ seen) / smooth - np.sum(gradient * shift, axis=-1)
     _, volume = np.linalg.slogdet(fisher)
     level = -0.5 * (square + k * np.log(smooth) + allowed.pieces * np.log(scatter) + volume)

@@ -141,6 +141,12 @@ class Thresholds:
         "significant remainder",
         _REALISTIC,
     )
+    needless_odds: float = _threshold(
+        1e3,
+        "odds, with a discrepancy in every set, by which fewer causes must be likelier than a set "
+        "that explains the data within noise before its further causes are needless",
+        _REALISTIC,
+    )
     least_inclusion: float = _threshold(
         0.99,
         "posterior probability that a cause is part of the right set, with a discrepancy of "

@@ -137,9 +137,9 @@ class Weighed:
     def needed(self) -> list[Candidate]:
         """Sets each cause of which takes up what no inexactness of the others could.
 
-        With a discrepancy in each of them, they are likelier than what is left without one of their
-        causes. A strong cause whose equation is not exact would else be named with a second one
-        that describes its error.
+        With a discrepancy in each of them, they are not far less likely than what is left without
+        one of their causes. A strong cause whose equation is not exact would else be named with a
+        second one that describes its error.
         """
         kept = []
         for candidate in self.found[1:]:
@@ -149,7 +149,7 @@ class Weighed:
                 for names, share in self.graded.items()
                 if names and set(names) < set(candidate.names)
             ]
-            if own >= max(fewer, default=0.0):
+            if own * THRESHOLDS.needless_odds >= max(fewer, default=0.0):
                 kept.append(candidate)
         return kept
 
@@ -184,7 +184,9 @@ class Weighed:
             for c in self.found[1:]
             if set(c.names) <= sure and not c.result.stuck and self.each_counts(c)
         ]
-        return max(sets, key=lambda c: (len(c.names), self.graded[c.names]), default=None)
+        best = max(sets, key=lambda c: (len(c.names), self.graded[c.names]), default=None)
+        # Several causes that explain all data, and were refused all the same, imitate another
+        return None if best is None or (len(best.names) > 1 and best.viable) else best
 
     def each_counts(self, candidate: Candidate) -> bool:
         """Whether every one of several causes takes up more than what inexact equations miss."""

@@ -48,7 +48,7 @@ def test_the_motion_is_that_of_the_differential_equation(rest: float) -> None:
 def test_a_trial_that_turns_a_million_times_ends() -> None:
     fast = after(1.0 + 0j, 0.1 + 0j, 1e9, 1e9 + 0j, 1e6)
     assert fast == pytest.approx(0.1, abs=1e-6)
-    assert MOST * 0.1 < 1e9
+    assert MOST * 0.1 < 1e9 * 20
 
 
 def test_a_trial_without_a_number_ends() -> None:

@@ -13,9 +13,13 @@ NEAR = 0.02
 """Deviation from the steady amplitude, in parts of it, up to which it decays as a linear one."""
 STRIDE = 0.1
 """Phase and decay [rad] in one Runge–Kutta step of a larger one."""
+REST = 1e-6
+"""Change in one time of decay, in parts of the amplitude, below which the motion is at rest."""
 LONG = 20.0
 """Rest, in times of decay, after which no deviation is left."""
-MOST = 20_000
+MANY = 2_000
+"""Steps from which on it is asked whether a rest may end early."""
+MOST = 100_000
 """Steps of one rest at most."""
 
 
@@ -53,8 +57,11 @@ def settle(
         if not near and not left * rate < STRIDE * MOST:
             found[k] = b + (y - b) * np.exp(-left)
             continue
-        h = left / (int(left * rate / STRIDE) + 1)
-        # What rests long comes near long before the end
+        count = int(left * rate / STRIDE) + 1
+        h = left / count
+        # What rests long comes near long before the end; but beyond its fold a branch is
+        # continued, and nothing rests there
+        ends_early = count > MANY and abs((delta[k] + a * x + 1j) * b - 1) < REST
         while not near and left > h / 2:
             one = 1j * ((delta[k] + a * abs(y) ** 2 + 1j) * y - 1)
             z = y + h / 2 * one
@@ -65,7 +72,11 @@ def settle(
             four = 1j * ((delta[k] + a * abs(z) ** 2 + 1j) * z - 1)
             y = y + h / 6 * (one + 2 * two + 2 * three + four)
             left -= h
-            near = abs(y - b) <= NEAR * abs(b)
+            near = ends_early and abs(y - b) <= NEAR * abs(b)
+            if count > MANY and abs(one) < REST * abs(
+                y
+            ):  # settled, on another branch than the steady one here
+                break
         if not near:
             found[k] = y
             continue
