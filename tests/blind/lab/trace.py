@@ -139,15 +139,22 @@ class TraceBench:
             v = fringe(self.stack, laws.first(light), WAVELENGTH)(gap + u)
         else:
             v = np.cos(4 * np.pi / WAVELENGTH * u + base["theta"])
+        return np.asarray(base["contrast"] * self._clipped(v, hidden))
+
+    def _clipped(self, v: Array, hidden: dict[str, Values]) -> Array:
+        """The signal between the rails of the detector, in units of the contrast."""
+        top = (
+            largest(self.stack, laws.first(hidden["multilayer_fringe"]), WAVELENGTH)
+            if "multilayer_fringe" in hidden and self.stack is not None
+            else 1.0
+        )
         if "detector_saturation" in hidden:
-            top = (
-                largest(self.stack, laws.first(hidden["multilayer_fringe"]), WAVELENGTH)
-                if "multilayer_fringe" in hidden and self.stack is not None
-                else 1.0
-            )
             limit = top * (1 - hidden["detector_saturation"]["clipped"])
             v = laws.rounded(v, limit, -1.0, laws.inexact(hidden, "detector_saturation"))
-        return np.asarray(base["contrast"] * v)
+        if "one_sided_saturation" in hidden:
+            limit = top * (1 - hidden["one_sided_saturation"]["clipped"])
+            v = laws.rounded(v, limit, -np.inf, laws.inexact(hidden, "one_sided_saturation"))
+        return v
 
 
 def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> TraceBench:
@@ -166,6 +173,7 @@ CAUSES: dict[str, Callable[[np.random.Generator, TraceBench], Cause]] = {
     "detector_saturation": one("clipped", 0.02, 20.0),
     "mechanical_overtones": vector(("cos2", "sin2", "cos3", "sin3"), 1e-9, 40.0),
     "multilayer_fringe": _stack,
+    "one_sided_saturation": one("clipped", 0.02, 20.0),
     "quadratic_stiffness": lambda rng, bench: Cause({"kappa2": 3e3 * sign(rng)}, ("kappa2",), 60.0),
     "trigger_jitter": one("sd", 2e-9, 25.0),
 }
@@ -176,6 +184,7 @@ DERIVED: dict[str, str] = {
     "mechanical_overtones": "added to the motion in time, whose fringe goes through an FFT",
     "multilayer_fringe": "Fresnel reflections layer by layer at 32 angles and two polarisations, "
     "tabulated in the gap, instead of a geometric series of overtones",
+    "one_sided_saturation": "the signal is clipped above in time",
     "quadratic_stiffness": "one period of the free oscillation by Runge–Kutta steps",
     "trigger_jitter": "Gauss–Hermite average over late triggers, instead of its closed form",
 }
