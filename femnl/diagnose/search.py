@@ -91,14 +91,19 @@ def refitted(
     Args: base_model: under that noise. earlier: what was found under another; its best set explains
     the data, so that nothing is sought anew.
     """
+    found = [criticise(_again(base_model, earlier[0].result), library)]
     ranked = sorted(earlier[1:], key=lambda c: -c.weight)[: THRESHOLDS.most_refitted]
-    kept = [earlier[0], *ranked]
-    jobs = [
-        _job("fitting again", c.names, c.result, partial(_again, base_model, c.result))
-        for c in kept
-    ]
-    results = run(jobs)
-    return [criticise(result, library) for result in results]
+    for size in range(1, len(SIZES) + 1):
+        kept = [c for c in ranked if len(c.names) == size]
+        jobs = [
+            _job("fitting again", c.names, c.result, partial(_again, base_model, c.result))
+            for c in kept
+        ]
+        grown = {names_of(r): criticise(r, library) for r in run(jobs)}
+        found += grown.values()
+        if _settled(grown):  # as in a search, no larger ones
+            break
+    return found
 
 
 def _again(base_model: MeasurementModel, before: FitResult) -> FitResult:

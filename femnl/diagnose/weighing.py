@@ -162,6 +162,8 @@ class Weighed:
         for candidate in ranked[: 1 + THRESHOLDS.most_rivals]:
             if not candidate.names or not self.each_counts(candidate):
                 return []
+            if _imitates(candidate):
+                return []
             sets.append(candidate)
             total += self.graded[candidate.names]
             if total >= THRESHOLDS.least_inclusion:
@@ -185,8 +187,7 @@ class Weighed:
             if set(c.names) <= sure and not c.result.stuck and self.each_counts(c)
         ]
         best = max(sets, key=lambda c: (len(c.names), self.graded[c.names]), default=None)
-        # Several causes that explain all data, and were refused all the same, imitate another
-        return None if best is None or (len(best.names) > 1 and best.viable) else best
+        return None if best is None or _imitates(best) else best
 
     def each_counts(self, candidate: Candidate) -> bool:
         """Whether every one of several causes takes up more than what inexact equations miss."""
@@ -206,6 +207,14 @@ class Weighed:
         return _predicts_better(
             self.best.result.cross_validation, self.base.result.cross_validation
         )
+
+
+def _imitates(refused: Candidate) -> bool:
+    """Whether a set that was refused is several causes that explain all data: they imitate another.
+
+    Only asked where no set is viable.
+    """
+    return len(refused.names) > 1 and refused.viable
 
 
 def _scatter(base: Candidate) -> float:
