@@ -3,6 +3,7 @@
 Against the same films without condensation, and against meshes of another kind.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations_with_replacement
@@ -91,19 +92,25 @@ def test_condensed_cells_have_the_frequencies_of_the_film_that_keeps_every_unkno
     np.testing.assert_allclose(found, uncondensed(model, degree, 6), rtol=1e-9)
 
 
+@pytest.mark.parametrize("missed", [1e-8, 1e-10])
 @pytest.mark.parametrize(
     "model", [film(4, 4, bending=False), film(3, 5, bending=False, taper=20e-9)]
 )
 def test_without_bending_condensed_cells_give_the_modes_of_the_mesh_that_they_make(
-    model: Model,
+    model: Model, missed: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(condensed, "MISSED", missed)
     tiling = tile(model)
     found = solve_condensed(tiling, 5, 3)
     known = solve_on_mesh(solve_prestress(tiling.domain, 3), 5, 3)
     np.testing.assert_allclose(found.frequency, known.frequency, rtol=1e-10)
-    np.testing.assert_allclose(found.effective_mass, known.effective_mass, rtol=1e-7)
+    # What a basis misses of ω² is the square of what it misses of a shape. The typical tile's
+    # stiffness mends that, and the stress of tiles is its own within 1.3 %: a hundredth is left.
+    # The effective mass goes as the inverse square of the shape's largest value.
+    left = 0.01 * np.sqrt(missed)
+    np.testing.assert_allclose(found.effective_mass, known.effective_mass, rtol=2 * left)
     sign = np.sign(np.sum(found.shapes * known.shapes, axis=1))
-    np.testing.assert_allclose(found.shapes * sign[:, None], known.shapes, atol=1e-6)
+    np.testing.assert_allclose(found.shapes * sign[:, None], known.shapes, atol=left)
     assert (found.label, found.parity) == (known.label, known.parity)
 
 
@@ -149,11 +156,14 @@ def test_tops_that_touch_a_mirror_where_the_shape_vanishes_are_found() -> None:
 
 
 def test_modes_too_short_for_the_cells_are_refused_with_what_is_left() -> None:
+    # The four parities of 100 modes ask 112 corrections of each tile. Four extensions take 40.
     with pytest.raises(
         ConvergenceError,
-        match=r"condensed cells leave \d\.\de-0[78] of ω² in the highest mode; ask for fewer modes",
-    ):
-        solve_condensed(tile(film(2, 2)), 40, 3)
+        match=r"condensed cells leave \d\.\de-\d\d of ω² in the highest mode; ask for fewer modes",
+    ) as refusal:
+        solve_condensed(tile(film(2, 2)), 100, 3)
+    (left,) = re.findall(r"leave (\S+) of", str(refusal.value))
+    assert condensed.MISSED < float(left) < 1e-3
 
 
 @pytest.mark.parametrize("edge", ["clamped", "sliding", "paper"])
