@@ -6,9 +6,12 @@ import numpy as np
 
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.diagnosis import Excluded, NoiseTold
+from femnl.core.effect import Effect
 from femnl.core.readout import Array
+from femnl.diagnose.candidate import criticise
 from femnl.diagnose.joint import JointModel
 from femnl.diagnose.noise import found_noise
+from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import FitResult, fit
 from femnl.observe.model import ExtendedModel, MeasurementModel
 from femnl.observe.noisy import FoundNoise, with_noise, without_noise
@@ -25,10 +28,13 @@ same to every verdict.
 SAME_CORRELATION = 0.02
 
 
-def first_noise(bare: MeasurementModel, checkpoint: Checkpoint | None) -> FoundNoise:
+def first_noise(
+    bare: MeasurementModel, library: list[Effect], checkpoint: Checkpoint | None
+) -> FoundNoise:
     """Return the noise of one measurement that its base model shows.
 
-    A misfit that is rough everywhere looks like noise; `last_noise` mends what that made of it.
+    A misfit looks like noise in places, so that more noise than the file states, and correlation,
+    count only where the base model explains the data with them; `last_noise` finds them elsewhere.
     """
     around = bare.layout
     if around is None:
@@ -43,7 +49,13 @@ def first_noise(bare: MeasurementModel, checkpoint: Checkpoint | None) -> FoundN
         noise = found
         if settled:
             break
-    return noise
+    sure = FoundNoise(noise.glitches, min(noise.factor, 1.0), 0.0)
+    if noise == sure:
+        return noise
+    seen = with_noise(bare, noise)
+    result = fit(ExtendedModel(seen), seen.start, checkpoint=checkpoint)
+    explained = criticise(result, library).p_value >= THRESHOLDS.base_inadequate
+    return noise if explained else sure
 
 
 def last_noise(best: FitResult, noise: Noise) -> Noise:

@@ -128,10 +128,13 @@ def _notes(found: list[Candidate]) -> tuple[str, ...]:
 
 def _first_noise(posing: Callable[..., Posed], checkpoint: Checkpoint) -> Noise:
     """Return the noise of each measurement before causes are sought."""
-    model, _ = posing(checkpoint)
+    model, effects = posing(checkpoint)
     if isinstance(model, JointModel):
-        return {name: first_noise(group, checkpoint) for name, group in model.groups.items()}
-    return {"": first_noise(model, checkpoint)}
+        return {
+            name: first_noise(group, group.usable_effects(effects), checkpoint)
+            for name, group in model.groups.items()
+        }
+    return {"": first_noise(model, effects, checkpoint)}
 
 
 def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None]:
@@ -213,6 +216,8 @@ class _Searching:
         model, library = mine.posed()
         if earlier and max(earlier, key=lambda c: c.weight).viable:
             return refitted(model, library, earlier, mine.run), mine.run
+        if earlier:  # cut short once, so that this one begins with the noise that it showed
+            return search(model, library, mine.run, self.checkpoint), mine.run
         return search(model, library, mine.run, self.checkpoint, self._differs), mine.run
 
     def _differs(self, result: FitResult) -> bool:

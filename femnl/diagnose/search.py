@@ -69,7 +69,7 @@ def search(
             return _simpler(
                 [*found, *_kept(grown, run(_seeking(short)), library, run).values()], library, run
             )
-        if not _takes_up_nearly_all(grown, base):
+        if size < PAIR or not _takes_up_nearly_all(grown, base):
             grown = _kept(grown, _sought_anew(grown, found, size, library, run), library, run)
         found += grown.values()
         if size == 0 and _leaves_other_noise(grown, base, noise_differs):
