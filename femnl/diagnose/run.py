@@ -98,14 +98,14 @@ def diagnose(
         posing = partial(_posed, path, geometry, sent(pool, workers))
         noise = _first_noise(posing, checkpoint)
         found: list[Candidate] = []
-        for _ in range(SEARCHES):
+        for left in reversed(range(SEARCHES)):
             searching = _Searching(
                 partial(posing, noise=noise), workers, helpers, checkpoint, noise
             )
             found, run = searching.searched(found)
             best = max(found, key=lambda candidate: candidate.weight)
             seen = last_noise(best.result, noise)
-            if seen == noise:
+            if seen == noise or not left:
                 break
             noise = seen
             helpers.close()  # they posed the model with other noise
