@@ -46,8 +46,10 @@ def find_shipped(name: str, otherwise: str = "no shipped geometry") -> Path:
 def need_file(path: Path) -> Path:
     """Return the path of a file that must be there.
 
-    Raises: MeasurementError where nothing is.
+    Raises: MeasurementError where nothing is, and for a folder.
     """
+    if path.is_dir():
+        raise MeasurementError(f"{path}: is a folder; name a file in it")
     if not path.is_file():
         raise MeasurementError(f"{path}: no such file; check the path")
     return path
