@@ -1,0 +1,159 @@
+"""From fitted sets of causes to a diagnosis: the verdict, and all that it tells."""
+
+import numpy as np
+
+from femnl.core.comparison import Comparison
+from femnl.core.diagnosis import (
+    Alternative,
+    Bound,
+    Diagnosis,
+    FreeForm,
+    Quality,
+    Trial,
+)
+from femnl.core.fit import Parameter
+from femnl.diagnose.candidate import Candidate
+from femnl.diagnose.freeform import free_forms
+from femnl.diagnose.joint import JointModel
+from femnl.diagnose.measure_next import measure_next
+from femnl.diagnose.shares import remainder, shares
+from femnl.diagnose.verdict import Judgement, judge
+from femnl.diagnose.worker_pool import Run
+from femnl.observe.model import Named
+
+SHOWN = 1e-6
+"""Probability below which alternatives are not listed."""
+
+
+def conclude(
+    file: str, digest: str, found: list[Candidate], notes: tuple[str, ...], run: Run
+) -> Diagnosis:
+    """Weigh what was fitted and put the verdict together."""
+    judged = judge(found)
+    base = found[0]
+    best = judged.chosen
+    share = judged.share
+    before = _quality(base)
+    after = before if best is base else _quality(best)
+    base_model = best.result.model.base_model
+    joint = base_model.bought(best.result) if isinstance(base_model, JointModel) else ()
+    listed = [*((best,) if judged.verdict == "ambiguous" else ()), *judged.rivals]
+    # Where nothing explains the data, nothing is an alternative; the trials tell what was tried
+    if judged.verdict != "unexplained":
+        listed += [
+            c
+            for c in sorted(found[1:], key=lambda c: -c.weight)
+            if c not in listed and c is not best and share.get(c.names, 0.0) > SHOWN
+        ]
+    plausible = base.p_value_scaled if judged.noisier else base.p_value
+    probability = {"adequate": plausible, "unexplained": 1 - base.p_value}.get(
+        judged.verdict, share.get(best.names, 0.0)
+    )
+    left = best if judged.verdict == "explained in part" else base
+    described = judged.verdict in ("explained in part", "unexplained")
+    forms = free_forms(left.result, run) if described else ()
+    return Diagnosis(
+        file=file,
+        sha256=digest,
+        verdict=judged.verdict,
+        causes=best.names,
+        probability=float(probability),
+        parameters=_parameters(best, judged.inflation),
+        alternatives=tuple(Alternative(c.names, share.get(c.names, 0.0)) for c in listed),
+        p_value=base.p_value,
+        where=_where(base, judged)
+        + (_described(forms, before) if judged.verdict == "unexplained" else ""),
+        before=before,
+        after=after,
+        measure_next=measure_next(judged, found),
+        base_parameters=_parameters(base)["base"],
+        trials=tuple(
+            Trial(c.names, c.result.chi2, c.weight - base.weight, c.p_value, _against(c))
+            for c in found
+        ),
+        notes=(*notes, *joint),
+        sentences=tuple(effect.sentence for effect in best.result.model.effects),
+        comparisons=_compare(base, best),
+        free_forms=forms,
+        rule=judged.rule,
+        bounds=_bounds(best),
+        shares=shares(best, found, run),
+        remainder=remainder(best, base, forms) if best.names else None,
+    )
+
+
+def _compare(base: Candidate, best: Candidate) -> tuple[Comparison, ...]:
+    """Compare the data with the base model and with the one that the verdict rests on."""
+    models = [_named(base, "base model")]
+    models += [_named(best, " + ".join(best.names))] if best is not base else []
+    return base.result.model.base_model.compare(models)
+
+
+def _named(candidate: Candidate, name: str) -> Named:
+    model = candidate.result.model
+    return name, model.effects, *model.split(candidate.result.vector)
+
+
+def _described(forms: tuple[FreeForm, ...], before: Quality) -> str:
+    """Say which free form predicts held-out data best, if any does better than the base."""
+    if not forms:
+        return ""
+    best = forms[0].quality.heldout_chi2_reduced
+    if best >= before.heldout_chi2_reduced:
+        return "; no extension of free form predicts data that it did not see"
+    return (
+        f"; {forms[0].sentence} predicts unseen data best (held-out χ² per datum "
+        f"{before.heldout_chi2_reduced:.3g} → {best:.3g})"
+    )
+
+
+def _quality(candidate: Candidate) -> Quality:
+    return Quality(
+        candidate.result.chi2 / candidate.result.degrees,
+        candidate.result.cross_validation.chi2_reduced,
+    )
+
+
+def _against(candidate: Candidate) -> tuple[str, ...]:
+    reasons = [f"{name} ends at a bound" for name in candidate.result.stuck]
+    if 0 < candidate.p_value < 1e-3 or candidate.p_value == 0:
+        reasons.append(f"leaves a misfit ({candidate.worst})")
+    return tuple(reasons)
+
+
+def _where(base: Candidate, judged: Judgement) -> str:
+    if judged.noisier:
+        return (
+            f"the data scatter {base.factor:.3g} times as much as their stated standard deviation; "
+            "no deviation beyond such noise"
+        )
+    if judged.verdict == "adequate":
+        return "no deviation from the base model beyond noise"
+    return (
+        f"{base.result.model.base_model.describe(base.result.residuals)}; most telling: "
+        f"{base.worst}"
+    )
+
+
+def _parameters(candidate: Candidate, inflation: float = 1.0) -> dict[str, dict[str, Parameter]]:
+    """Return values and standard deviations by owner and name, the latter larger by a factor."""
+    sd = inflation * np.sqrt(np.diag(candidate.result.covariance))
+    found: dict[str, dict[str, Parameter]] = {"base": {}}
+    for (owner, spec), value, s in zip(
+        candidate.result.model.parameters, candidate.result.vector, sd, strict=True
+    ):
+        common = abs(value) * candidate.result.model.base_model.systematic(spec.unit)
+        number, spread = (np.rint(value), 0.0) if spec.whole else (value, np.hypot(s, common))
+        found.setdefault(owner, {})[spec.name] = Parameter(
+            spec.name, float(number), float(spread), spec.unit
+        )
+    return found
+
+
+def _bounds(candidate: Candidate) -> tuple[Bound, ...]:
+    model = candidate.result.model
+    return tuple(
+        Bound(owner, spec.name, float(low), float(high), spec.unit, spec.reason)
+        for (owner, spec), low, high in zip(model.parameters, *model.bounds, strict=True)
+        if owner != "base"
+    )
