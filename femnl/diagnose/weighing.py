@@ -155,14 +155,17 @@ class Weighed:
 
     @cached_property
     def left_in_part(self) -> list[Candidate]:
-        """Sets of which one is right beyond doubt, though none is alone, the likeliest first."""
+        """Sets of which one is right beyond doubt, though none is alone, the likeliest first.
+
+        None where one of them explains all data within noise: it was refused for another reason.
+        """
         ranked = sorted(self.found, key=lambda c: -self.graded.get(c.names, 0.0))
         total = 0.0
         sets = []
         for candidate in ranked[: 1 + THRESHOLDS.most_rivals]:
             if not candidate.names or not self.each_counts(candidate):
                 return []
-            if _imitates(candidate):
+            if candidate.viable:
                 return []
             sets.append(candidate)
             total += self.graded[candidate.names]
@@ -174,7 +177,8 @@ class Weighed:
     def beyond_doubt(self) -> Candidate | None:
         """The causes that every likely set has in common, None where there are none.
 
-        The largest fitted set of them.
+        The largest fitted set of them. None where that explains all data within noise: it was
+        refused for another reason, as several causes are that imitate one.
         """
         inclusion: dict[str, float] = {}
         for names, share in self.graded.items():
@@ -187,7 +191,7 @@ class Weighed:
             if set(c.names) <= sure and not c.result.stuck and self.each_counts(c)
         ]
         best = max(sets, key=lambda c: (len(c.names), self.graded[c.names]), default=None)
-        return None if best is None or _imitates(best) else best
+        return None if best is None or best.viable else best
 
     def each_counts(self, candidate: Candidate) -> bool:
         """Whether every one of several causes takes up more than what inexact equations miss."""
@@ -207,14 +211,6 @@ class Weighed:
         return _predicts_better(
             self.best.result.cross_validation, self.base.result.cross_validation
         )
-
-
-def _imitates(refused: Candidate) -> bool:
-    """Whether a set that was refused is several causes that explain all data: they imitate another.
-
-    Only asked where no set is viable.
-    """
-    return len(refused.names) > 1 and refused.viable
 
 
 def _scatter(base: Candidate) -> float:
