@@ -147,6 +147,19 @@ class Thresholds:
         "that explains the data within noise before its further causes are needless",
         _REALISTIC,
     )
+    least_share_of_few: float = _threshold(
+        0.99,
+        "the same where smooth directions span much of the data, as of a spectrum: there one "
+        "smooth cause takes up most of another, a compliant clamp 97 % of a yielding edge in "
+        "tests/physics/test_yielding_edge.py",
+        _REALISTIC,
+    )
+    few_data: float = _threshold(
+        1 / 3,
+        "part of the data that smooth directions span, from which on one smooth cause resembles "
+        "another: 0.45 of frequencies with quality factors, at most 0.27 of twenty series",
+        _REALISTIC,
+    )
     least_inclusion: float = _threshold(
         0.99,
         "posterior probability that a cause is part of the right set, with a discrepancy of "

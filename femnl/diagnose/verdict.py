@@ -76,7 +76,7 @@ def causes_take_up_most_of_the_deviation(weighed: Weighed) -> Judgement | None:
     one, and they improve the prediction of most blocks that were held out.
     """
     best = weighed.beyond_doubt
-    if weighed.viable or best is None or not _takes_up_most(best, weighed.base):
+    if weighed.viable or best is None or not _takes_up_most(best, weighed):
         return None
     return Judgement(
         "explained in part", best, (), weighed.graded, inflation=weighed.inflation(best)
@@ -88,7 +88,7 @@ def several_sets_take_up_most_of_the_deviation(weighed: Weighed) -> Judgement | 
     sets = weighed.left_in_part
     if weighed.viable or not sets:
         return None
-    if not all(_takes_up_most(candidate, weighed.base) for candidate in sets):
+    if not all(_takes_up_most(candidate, weighed) for candidate in sets):
         return None
     simplest = min(sets, key=lambda c: (len(c.names), c.result.vector.size))
     others = tuple(c for c in sets if c is not simplest)
@@ -172,13 +172,13 @@ def _wrong_noise(base: Candidate) -> float:
     return base.weight + chi2 / 2 + marginal + float(np.log(THRESHOLDS.wrong_noise_odds))
 
 
-def _takes_up_most(candidate: Candidate, base: Candidate) -> bool:
+def _takes_up_most(candidate: Candidate, weighed: Weighed) -> bool:
     """Whether a set takes up most of the held-out excess χ², in most blocks."""
-    before = base.result.cross_validation
+    before = weighed.base.result.cross_validation
     after = candidate.result.cross_validation
     excess = np.array(before.squares) - np.array(before.sizes)
     taken = np.array(before.squares) - np.array(after.squares)
-    if taken.sum() < THRESHOLDS.least_share * excess.sum():
+    if taken.sum() < weighed.least_share * excess.sum():
         return False
     telling = excess > 0
     return bool(np.mean(taken[telling] > 0) >= THRESHOLDS.most_blocks)

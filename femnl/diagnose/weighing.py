@@ -109,6 +109,16 @@ class Weighed:
         best = min(possible, key=lambda c: c.result.chi2)
         return discrepancy(self.base.result, best.result)
 
+    @property
+    def least_share(self) -> float:
+        """The part of the held-out excess χ² that causes must take up to be named in part.
+
+        Where smooth directions span most of the data, one smooth cause resembles another.
+        """
+        spanned = len(self.allowed.directions) / len(self.base.result.residuals)
+        few = spanned >= THRESHOLDS.few_data
+        return THRESHOLDS.least_share_of_few if few else THRESHOLDS.least_share
+
     def inflation(self, candidate: Candidate) -> float:
         """Return by how much standard deviations grow with what a set leaves.
 
