@@ -3,10 +3,10 @@
 Degenerate pairs that split, modes that exchange labels, poles.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats.qmc import Sobol
 
 from femnl.core.effect import Effect
@@ -25,6 +25,8 @@ part are evaluated, too.
 """
 STARTS = 6
 """Best rays."""
+TRIED = 12
+"""Places that are evaluated beside other causes, the best by what each cause does alone."""
 BLIND = 1e-10
 """Part of the strongest direction in the model's parameters below which a direction does not show
 in the data.
@@ -46,56 +48,126 @@ class Start:
     chi2: float
 
 
+@dataclass(frozen=True)
+class Seen:
+    """Places all over the priors of one more effect, and what a model leaves there.
+
+    numbers (m, n_parameters) of the effect, residuals (m, n), ray (m,): of the direction in the
+    space of its parameters that a place lies on.
+    """
+
+    numbers: Array
+    residuals: Array
+    ray: NDArray[np.int64]
+
+
 def scan(result: FitResult, effect: Effect) -> list[Start]:
     """Return the best starts with one more effect, best first, by its finite strengths along rays.
 
     χ² at each is that of the residuals beside the model's own tangents: its parameters follow as
     far as they do so linearly.
     """
+    return _starts(result, effect, look_over(result, effect), STARTS)
+
+
+def look_over(result: FitResult, effect: Effect) -> Seen:
+    """Return what a model leaves with one more effect, all over the priors of that.
+
+    Each ray at some of its parts, and the best rays at all of them.
+    """
+    wider = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
+    low, high = (side[-len(effect.parameters) :] for side in wider.bounds)
+    strengths = np.array([spec.strength for spec in effect.parameters])
+    rays = _rays(effect, low, high)
+    first = [(i, step) for i in range(len(rays)) for step in range(0, len(REACH), COARSE)]
+    rough = _evaluated(result, effect, [_at(rays[i], step, strengths) for i, step in first])
+    left = _promises(result, rough).reshape(len(rays), -1)
+    best = left.argmin(axis=1) * COARSE
+    promising = np.argsort(left.min(axis=1), kind="stable")[:BEST]
+    beside = [
+        (int(i), int(best[i]) + side)
+        for i in promising
+        for side in range(1 - COARSE, COARSE)
+        if side != 0 and 0 <= best[i] + side < len(REACH)
+    ]
+    fine = _evaluated(result, effect, [_at(rays[i], step, strengths) for i, step in beside])
+    places = [*first, *beside]
+    return Seen(
+        np.array([_at(rays[i], step, strengths) for i, step in places]),
+        np.concatenate([rough, fine]),
+        np.array([i for i, _ in places]),
+    )
+
+
+def scan_beside(result: FitResult, effect: Effect, base: FitResult, seen: Seen) -> list[Start]:
+    """Return starts with one more effect, from what the base model leaves with that effect alone.
+
+    What the causes of a model and one more do is added up, to find the few places that are
+    evaluated.
+
+    Args: base: the base model's fit. seen: what that leaves with the effect.
+    """
+    added = seen.residuals + result.residuals - base.residuals
+    nearest = _best_of_rays(_promises(result, added), seen.ray)[:TRIED]
+    numbers = seen.numbers[nearest]
+    truly = Seen(numbers, _evaluated(result, effect, list(numbers)), seen.ray[nearest])
+    return _starts(result, effect, truly, STARTS)
+
+
+def _at(ray: Array, step: int, strengths: NDArray[np.bool_]) -> Array:
+    """Return the values of an effect's parameters at a part of a ray."""
+    return np.where(strengths, REACH[step] * ray, ray)
+
+
+def _evaluated(result: FitResult, effect: Effect, places: list[Array]) -> Array:
+    """Return the residuals (m, n) of a model with one more effect."""
     wider = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     base, values = result.model.split(result.vector)
-    low, high = (side[-len(effect.parameters) :] for side in wider.bounds)
-    width = np.subtract(*reversed(result.model.bounds))
+    found = [
+        wider.residuals(wider.pack(base, [*values, _named(effect, numbers)])) for numbers in places
+    ]
+    return np.reshape(found, (len(places), len(result.residuals)))
+
+
+def _named(effect: Effect, numbers: Array) -> dict[str, float]:
+    return {spec.name: float(v) for spec, v in zip(effect.parameters, numbers, strict=True)}
+
+
+def _own(result: FitResult) -> tuple[Array, Array]:
+    """Return what a model's parameters can follow.
+
+    Orthonormal directions (n, k) of residuals, and the way (p, k) that the parameters go for each.
+    """
+    width = np.subtract(*result.model.bounds[::-1])
     own, size, turned = np.linalg.svd(
         result.jacobian * np.where(result.free, width, 0), full_matrices=False
     )
     seen = size > BLIND * size[0]
-    own = own[:, seen]
-    back = (turned[seen] / size[seen, None]).T * width[:, None]
-    strengths = np.array([spec.strength for spec in effect.parameters])
+    return own[:, seen], (turned[seen] / size[seen, None]).T * width[:, None]
 
-    def promise(ray: Array, step: int) -> tuple[float, int, Array, Array]:
-        numbers = np.where(strengths, REACH[step] * ray, ray)
-        mine = {spec.name: float(v) for spec, v in zip(effect.parameters, numbers, strict=True)}
-        residuals = wider.residuals(wider.pack(base, [*values, mine]))
-        along = own.T @ residuals
-        return float(residuals @ residuals - along @ along), step, numbers, along
 
-    def best(ray: Array, steps: Iterable[int]) -> tuple[float, int, Array, Array]:
-        return min((promise(ray, step) for step in steps), key=lambda t: t[0])
+def _promises(result: FitResult, residuals: Array) -> Array:
+    """Return the χ² (m,) of residuals (m, n) beside the model's own tangents."""
+    own, _ = _own(result)
+    return np.asarray(np.sum(residuals**2, axis=1) - np.sum((residuals @ own) ** 2, axis=1))
 
-    rays = _rays(effect, low, high)
-    rough = sorted(
-        ((best(ray, range(0, len(REACH), COARSE)), ray) for ray in rays), key=lambda t: t[0][0]
-    )
-    found = []
-    for first, ray in rough[:BEST]:
-        beside = [
-            first[1] + side
-            for side in range(1 - COARSE, COARSE)
-            if side != 0 and 0 <= first[1] + side < len(REACH)
-        ]
-        found.append(min(first, best(ray, beside), key=lambda t: t[0]))
+
+def _best_of_rays(left: Array, ray: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the best place of each ray, best first."""
+    order = np.argsort(left, kind="stable")
+    _, first = np.unique(ray[order], return_index=True)
+    return np.asarray(order[np.sort(first)])
+
+
+def _starts(result: FitResult, effect: Effect, seen: Seen, most: int) -> list[Start]:
+    """Return the starts at the best places, one a ray, best first."""
+    own, back = _own(result)
+    left = _promises(result, seen.residuals)
     starts = []
-    for promised, _, numbers, along in sorted(found, key=lambda t: t[0])[:STARTS]:
-        near, _ = result.model.split(np.clip(result.vector - back @ along, *result.model.bounds))
-        starts.append(
-            Start(
-                near,
-                {spec.name: float(v) for spec, v in zip(effect.parameters, numbers, strict=True)},
-                promised,
-            )
-        )
+    for i in _best_of_rays(left, seen.ray)[:most]:
+        moved = result.vector - back @ (own.T @ seen.residuals[i])
+        near, _ = result.model.split(np.clip(moved, *result.model.bounds))
+        starts.append(Start(near, _named(effect, seen.numbers[i]), float(left[i])))
     return starts
 
 

@@ -31,7 +31,10 @@ ABSURD = 10.0
 another's place.
 """
 REFINED = 2
-"""Starts that are fitted to the end, the best by then."""
+PROMISING = 2.0
+"""Starts that are fitted to the end, the best by then, and what they may leave of χ² over what the
+best of them does.
+"""
 FEW = 0.01
 MOSTLY = 0.3
 """Part of the residuals that hold this part of the excess of χ² where a fit stopped at a jump:
@@ -201,7 +204,8 @@ def _finished(
         rough = sorted(
             (improve(model, start, most, near) for start in chosen), key=lambda found: found[0]
         )
-        chosen = [vector for _, vector in rough[:REFINED]]
+        worth = [vector for chi2, vector in rough if chi2 <= PROMISING * rough[0][0]]
+        chosen = worth[:REFINED]
     return [fit(model, start, near=near) for start in chosen]
 
 

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.stats import chi2, poisson
 
 from femnl.core.readout import Array
 from femnl.fits.outliers import MOST_GLITCHES, outlier_limit
@@ -32,6 +32,8 @@ LEAST_FACTOR = 0.06
 misfit.
 """
 LEAST_CORRELATION = 0.12
+COINCIDENCE = 0.01
+"""Probability of as many pairs of glitches at one condition, below which they are no glitches."""
 DRAWN = 20000
 """Stretches of noise that tell what the quietest ones show."""
 MEDIAN_VARIANCE = 1.57
@@ -66,8 +68,11 @@ def _spread(
     """Return the factor on the stated standard deviation, and the correlation of neighbours.
 
     Of stretches of `STRETCH` residuals less a cubic, the quieter half, or nearly all where the
-    residuals are bare noise; 1 and 0 where they do not differ clearly from what is stated.
+    residuals are bare noise: there all residuals tell it, if they agree with the stretches. 1 and 0
+    where they do not differ clearly from what is stated.
     """
+    if layout.oscillating:
+        return _first_order(residuals, layout, dropped)
     quiet = NEARLY_ALL if bare else QUIET
     rows = _stretches(layout, dropped)
     if len(rows) < FEWEST:
@@ -75,35 +80,78 @@ def _spread(
     left = residuals[rows] @ _beside_cubic()
     power = np.sum(left**2, axis=1)
     lowest = float(np.quantile(power, quiet))
-    ratio = _neighbours(left[power <= lowest])
     expected = _expected(quiet)
+    ratio = _neighbours(left[power <= lowest])
     correlation = float(np.interp(ratio, expected[:, 1], RHO))
-    if bare:
-        correlation = _sharper(correlation, residuals, layout, dropped)
-    if correlation < max(0.0 if bare else LEAST_CORRELATION, CLEAR / np.sqrt(quiet * left.size)):
+    independent = quiet * left.size
+    whole = _whole(residuals, layout, dropped) if bare else None
+    if whole is not None and abs(whole[1] - correlation) < _unsure(ratio, expected, independent):
+        correlation = whole[1]
+    least = CLEAR / np.sqrt(independent)
+    if correlation < (least if bare else max(LEAST_CORRELATION, least)):
         correlation = 0.0
     factor = float(np.sqrt(lowest / np.interp(correlation, RHO, expected[:, 0])))
     # Of a quantile, from the density of χ² there
     freedom = STRETCH - CUBIC
     quantile = chi2.ppf(quiet, freedom)
     error = np.sqrt(quiet * (1 - quiet) / len(rows)) / (chi2.pdf(quantile, freedom) * quantile) / 2
+    if whole is not None and abs(np.log(whole[0] / factor)) < CLEAR * error:
+        factor = whole[0]
+        spread = (1 + correlation**2) / (1 - correlation**2)
+        error = np.sqrt(spread / (2 * np.sum(~dropped & (layout.datum >= 0))))
     clear = abs(np.log(max(factor, 1e-300))) > max(0.0 if bare else LEAST_FACTOR, CLEAR * error)
     return factor if clear else 1.0, correlation
 
 
-def _sharper(
-    correlation: float, residuals: Array, layout: Layout, dropped: NDArray[np.bool_]
-) -> float:
-    """Return the correlation of all neighbours, where stretches less a cubic show about the same.
+def _first_order(
+    residuals: Array, layout: Layout, dropped: NDArray[np.bool_]
+) -> tuple[float, float]:
+    """Return factor and correlation of residuals that are noise of first order, else 1 and 0.
 
-    Where they do not, the residuals are not bare noise.
+    They are, where no correlation at any lag is left once each is freed from that with the one
+    before: what a model misses has the periods of the motion.
+    """
+    whole = _whole(residuals, layout, dropped)
+    if whole is None:
+        return 1.0, 0.0
+    count = float(np.sum(~dropped & (layout.datum >= 0)))
+    least = CLEAR / np.sqrt(count)
+    factor, correlation = whole
+    if correlation < least:
+        correlation = 0.0
+    before = layout.previous
+    later = np.flatnonzero((before >= 0) & ~dropped & ~dropped[before])
+    fresh = residuals[later] - correlation * residuals[before[later]]
+    power = float(np.sum(fresh**2))
+    lags = [float(np.sum(fresh[k:] * fresh[:-k])) / power for k in range(1, STRETCH)]
+    if np.abs(lags).max() > least:
+        return 1.0, 0.0
+    error = np.sqrt((1 + correlation**2) / (1 - correlation**2) / (2 * count))
+    return factor if abs(np.log(factor)) > CLEAR * error else 1.0, correlation
+
+
+def _unsure(ratio: float, expected: Array, independent: float) -> float:
+    """Return by how much the correlation of stretches may miss that of all residuals."""
+    steepness = np.interp(ratio, expected[:, 1], np.gradient(expected[:, 1], RHO))
+    return float(max(LEAST_CORRELATION, CLEAR / (np.sqrt(independent) * steepness)))
+
+
+def _whole(
+    residuals: Array, layout: Layout, dropped: NDArray[np.bool_]
+) -> tuple[float, float] | None:
+    """Return the root mean square of all residuals, and the correlation of all neighbours.
+
+    None where there are no residuals, or all are 0.
     """
     before = layout.previous
     later = np.flatnonzero((before >= 0) & ~dropped & ~dropped[before])
     one = residuals[later]
     other = residuals[before[later]]
-    whole = float(np.sum(one * other) / np.sqrt(np.sum(one**2) * np.sum(other**2)))
-    return whole if abs(whole - correlation) < LEAST_CORRELATION else correlation
+    scale = float(np.sqrt(np.sum(one**2) * np.sum(other**2)))
+    if scale == 0:
+        return None
+    rms = float(np.sqrt(np.mean(residuals[~dropped & (layout.datum >= 0)] ** 2)))
+    return rms, float(np.sum(one * other)) / scale
 
 
 def _neighbours(left: Array) -> float:
@@ -205,15 +253,23 @@ def _median(values: Array, present: NDArray[np.bool_]) -> Array:
 
 
 def _recurring(layout: Layout, datum: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return those data that others, of the same or the next conditions, deviate along with."""
+    """Return those data that others, of the same or the next conditions, deviate along with.
+
+    None where chance brings as many together.
+    """
+    conditions = int(layout.repeated.max(initial=-1)) + 1
+    if not conditions or not len(datum):
+        return np.empty(0, np.int64)
     condition = np.full(int(layout.datum.max()) + 1, -1)
     condition[layout.datum[layout.datum >= 0]] = layout.repeated[layout.datum >= 0]
     mine = condition[datum]
-    counted = np.bincount(mine[mine >= 0], minlength=int(mine.max(initial=0)) + 3)
-    if not counted.any():
+    apart = np.abs(mine[:, None] - mine[None, :])
+    placed = mine >= 0
+    together = (apart <= 1) & placed[:, None] & placed[None, :]
+    np.fill_diagonal(together, False)
+    pairs = int(together.sum()) // 2
+    by_chance = placed.sum() * (placed.sum() - 1) / 2 * 3 / conditions
+    if poisson.sf(pairs - 1, by_chance) > COINCIDENCE:
         return np.empty(0, np.int64)
-    padded = np.pad(counted, 1)
-    together = padded[:-2] + padded[1:-1] + padded[2:]
-    several = (mine >= 0) & (together[np.maximum(mine, 0)] > 1)
-    recurring: NDArray[np.int64] = datum[several]
+    recurring: NDArray[np.int64] = datum[together.any(axis=1)]
     return recurring

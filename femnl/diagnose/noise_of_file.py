@@ -49,13 +49,16 @@ def first_noise(
         noise = found
         if settled:
             break
-    sure = FoundNoise(noise.glitches, min(noise.factor, 1.0), 0.0)
-    if noise == sure:
-        return noise
-    seen = with_noise(bare, noise)
-    result = fit(ExtendedModel(seen), seen.start, checkpoint=checkpoint)
-    explained = criticise(result, library).p_value >= THRESHOLDS.base_inadequate
-    return noise if explained else sure
+    sure = FoundNoise(noise.glitches, 1.0 if noise.correlation else min(noise.factor, 1.0), 0.0)
+    bare_noise = found_noise(bare.residuals((), base, values), around, noise, bare=True)
+    for other in (noise, bare_noise):
+        if other == sure:
+            continue
+        seen = with_noise(bare, other)
+        result = fit(ExtendedModel(seen), seen.start, checkpoint=checkpoint)
+        if criticise(result, library).p_value >= THRESHOLDS.base_inadequate:
+            return other
+    return sure
 
 
 def last_noise(best: FitResult, noise: Noise) -> Noise:

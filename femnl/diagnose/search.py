@@ -4,7 +4,7 @@ Ranked cheaply, fitted, compared.
 """
 
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import combinations
 from typing import TypeVar
@@ -16,7 +16,7 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, Names, criticise, names_of
-from femnl.diagnose.global_starts import scan
+from femnl.diagnose.global_starts import Start, look_over, scan, scan_beside
 from femnl.diagnose.multistart import (
     FAR,
     REFINED,
@@ -32,6 +32,7 @@ from femnl.observe.model import ExtendedModel, MeasurementModel
 
 PROGRESS = logging.getLogger("femnl.progress")
 T = TypeVar("T")
+P = TypeVar("P")
 SIZES = ("single causes", "pairs", "triples")
 """The steps of the search, by the size of the sets that they fit."""
 PAIR = 1
@@ -283,24 +284,52 @@ def _from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[
         run([_job("seeking", (e.name,), base, partial(_alone, base, e)) for e in rest]),
         strict=True,
     )
-    pairs = [
-        (alone[one.name], other) for one, other in combinations(sorted(library, key=_shaped), 2)
-    ]
-    rough = run(
+    shaped = sorted(library, key=_shaped)
+    looked = run([_job("seeking", (e.name,), base, partial(look_over, base, e)) for e in shaped])
+    seen = {effect.name: place for effect, place in zip(shaped, looked, strict=True)}
+    pairs = [(alone[one.name], other) for one, other in combinations(shaped, 2)]
+    starts = run(
         [
-            _job("seeking", names_of(single, other), base, partial(_roughly, single, other))
+            _job(
+                "seeking",
+                names_of(single, other),
+                base,
+                partial(scan_beside, single, other, base, seen[other.name]),
+            )
             for single, other in pairs
         ]
     )
-    best = sorted(zip(rough, pairs, strict=True), key=lambda pair: pair[0][0])[
-        : THRESHOLDS.sought_again[PAIR]
-    ]
+    promising = _lowest(starts, pairs, THRESHOLDS.pairs_tried, lambda found: found[0].chi2)
+    rough = run(
+        [
+            _job(
+                "trying",
+                names_of(single, other),
+                base,
+                partial(_roughly, single, other, found[:REFINED]),
+            )
+            for found, (single, other) in promising
+        ]
+    )
+    best = _lowest(
+        rough,
+        [pair for _, pair in promising],
+        THRESHOLDS.sought_again[PAIR],
+        lambda tried: tried[0],
+    )
     return run(
         [
             _job("trying", names_of(single, other), base, partial(_paired, single, other, v))
             for (_, v), (single, other) in best
         ]
     )
+
+
+def _lowest(
+    found: Sequence[T], pairs: Sequence[P], most: int, chi2_of: Callable[[T], float]
+) -> list[tuple[T, P]]:
+    """Return what was found of the pairs that leave the least χ², best first."""
+    return sorted(zip(found, pairs, strict=True), key=lambda one: chi2_of(one[0]))[:most]
 
 
 def _alone(base: FitResult, effect: Effect) -> FitResult:
@@ -310,14 +339,12 @@ def _alone(base: FitResult, effect: Effect) -> FitResult:
     return fit(model, model.pack(start.base, [start.values]), near=base)
 
 
-def _roughly(single: FitResult, other: Effect) -> tuple[float, Array]:
+def _roughly(single: FitResult, other: Effect, starts: list[Start]) -> tuple[float, Array]:
     """Return χ² and the vector after a few evaluations from where another effect suits best."""
     model = ExtendedModel(single.model.base_model, (*single.model.effects, other))
     (_, own) = single.model.split(single.vector)
-    starts = [
-        model.pack(start.base, [*own, start.values]) for start in scan(single, other)[:REFINED]
-    ]
-    return min((improve(model, start, FAR, single) for start in starts), key=lambda found: found[0])
+    vectors = [model.pack(start.base, [*own, start.values]) for start in starts]
+    return min((improve(model, v, FAR, single) for v in vectors), key=lambda found: found[0])
 
 
 def _paired(single: FitResult, other: Effect, vector: Array) -> FitResult:

@@ -171,6 +171,9 @@ class Thresholds:
         "part of the blocks whose held-out prediction a named set must improve",
         _REALISTIC,
     )
+    pairs_tried: int = _threshold(
+        12, "pairs fitted from afar that are brought nearer, by what each cause does alone", _BLIND
+    )
     sought_again: tuple[int, ...] = _threshold(
         (3, 3, 1),
         "sets of one, two and three causes that are sought anew, or pairs that are fitted from "

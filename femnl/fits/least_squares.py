@@ -6,7 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import chdtrc
 
 from femnl.core.checkpoint import Checkpoint
@@ -32,8 +32,19 @@ LOOSE = 0.05
 """Part of its range below which the data know a parameter that shapes an effect."""
 ITERATIONS = 12
 """Iterations of the fits that leave a block out; they start at the whole fit."""
-QUICK = 20
-"""Evaluations after which a fit changes its method."""
+ROUGH = 10
+"""Evaluations up to which a fit only ranks starts, so that it need not end at bounds."""
+LAST = 10
+"""Evaluations for the way to bounds, which the reflective method shies away from."""
+CREEPING = 10
+LITTLE = 0.01
+"""Iterations in which χ² must fall by this part, or a fit ends: so slow a valley is left to fits
+from elsewhere.
+"""
+NEAR_BOUND = 1e-3
+"""Distance from its bound, in parts of the range, from which on a parameter is put there where
+that lowers χ².
+"""
 FTOL = 1e-7
 XTOL = 1e-9
 """Relative changes of χ² and of the parameters at which a fit ends."""
@@ -292,14 +303,36 @@ def _minimise(
         ftol=FTOL,
         gtol=1e-10,
     )
-    found = solve(start_part, method="dogbox", max_nfev=min(most, QUICK))
-    if found.status == 0 and most > QUICK:
-        # In curved valleys the dogleg creeps along; the reflective method follows them, but shies
-        # away from bounds.
-        found = solve(found.x, method="trf", max_nfev=most - QUICK)
+    found = solve(start_part, method="trf", max_nfev=most, callback=_Creeping())
+    if most > ROUGH and (pushed := _pushed(found)).any():
+        on_bounds = np.where(pushed, np.rint(found.x), found.x)
+        ended = solve(on_bounds, method="dogbox", max_nfev=LAST)
+        found = min(found, ended, key=lambda one: float(one.cost))
     end = place(found.x)
     size = np.linalg.norm(np.asarray(found.jac), axis=0) / width
     return end, steps_for(model, size, steps)
+
+
+class _Creeping:
+    """Ends a fit that hardly gains any more, though its steps do not end."""
+
+    def __init__(self) -> None:
+        self._costs: list[float] = []
+
+    def __call__(self, intermediate_result: OptimizeResult) -> None:
+        """Take the cost of one more iteration."""
+        self._costs.append(float(intermediate_result.cost))
+        long_ago = self._costs[-CREEPING - 1 : -CREEPING]
+        if any(self._costs[-1] > (1 - LITTLE) * cost for cost in long_ago):
+            raise StopIteration
+
+
+def _pushed(found: OptimizeResult) -> NDArray[np.bool_]:
+    """Return which parameters (p,) are near a bound, with χ² falling towards it."""
+    gradient = found.jac.T @ found.fun
+    low = (found.x < NEAR_BOUND) & (gradient > 0)
+    high = (found.x > 1 - NEAR_BOUND) & (gradient < 0)
+    return np.asarray(low | high)
 
 
 def covariance(slopes: Array, width: Array) -> Array:

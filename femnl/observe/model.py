@@ -55,7 +55,8 @@ class Layout:
     left out together, as both quadratures of a point; −1 is prior knowledge. repeated
     (n_residuals,): data of the same number were taken under the same conditions in other lines, so
     that deviations of several of them are no chance; −1 where there is nothing of the kind.
-    planar: whether data have neighbours across the lines as well.
+    planar: whether data have neighbours across the lines as well. oscillating: whether what a model
+    misses varies from one datum to the next, as noise does.
     """
 
     near: NDArray[np.int64]
@@ -63,6 +64,7 @@ class Layout:
     datum: NDArray[np.int64]
     repeated: NDArray[np.int64]
     planar: bool = False
+    oscillating: bool = False
 
 
 class MeasurementModel(ABC):

@@ -81,20 +81,23 @@ class RecordModel(MeasurementModel):
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Stretches of the record."""
-        return np.arange(len(self.at)) * BLOCKS // len(self.at)
+        """Stretches of the record.
+
+        What the record begins with is told by the first one alone, which is never left out.
+        """
+        stretch = np.arange(len(self.at)) * BLOCKS // len(self.at)
+        return np.where(stretch == 0, -1, stretch)
 
     @property
     def layout(self) -> Layout:
-        """Neighbours in time.
-
-        No line of acquisition: what a free run leaves is no noise, and tells none.
-        """
+        """Neighbours in time; what a free run misses oscillates as the record does."""
         place = np.arange(len(self.at))
         near = place[:, None] + np.array(NEAR)
         inside = (near >= 0) & (near < len(place))
-        apart = np.full(len(place), -1)
-        return Layout(np.where(inside, near, -1), apart, place, apart)
+        previous = place - 1
+        unrepeated = np.full(len(place), -1)
+        around = np.where(inside, near, -1)
+        return Layout(around, previous, place, unrepeated, oscillating=True)
 
     @property
     def quantity(self) -> tuple[Array, str]:
