@@ -110,8 +110,9 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
     low, high = result.model.bounds
     width = high - low
     directions = allowed.directions
+    places = places_of(base.result.model.base_model)
     distorted = [
-        distortions(done_by(candidate, base, e), e.accuracy) for e in effects_of(candidate)
+        distortions(done_by(candidate, base, e), e.accuracy, places) for e in effects_of(candidate)
     ]
     slopes = np.concatenate([result.jacobian * width, *distorted], axis=1)
     n_distortions = slopes.shape[1] - width.size
@@ -146,16 +147,31 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
     return float(logsumexp(level) + prior + constant)
 
 
-def distortions(done: Array, accuracy: float) -> Array:
+def distortions(done: Array, accuracy: float, places: Array) -> Array:
     """Return what an equation of this accuracy may miss, as columns (n, n_distortions).
 
     Of what a cause does to the data, a part that grows with its size there, and one that varies
-    along the data: modes by rising frequency, points of a series, sweeps one after the other.
+    with the place of the data.
+
+    Args: done (n,): what the cause changes of every residual. places (k, n): see `places_of`.
     """
     size = np.abs(done) / max(float(np.abs(done).max()), 1e-300)
-    along = np.linspace(-1, 1, len(done))
-    shapes = [*(size**p for p in GROWING), *(along**p for p in VARYING)]
+    shapes = [*(size**p for p in GROWING), *(along**p for along in places for p in VARYING)]
     return accuracy * done[:, None] * np.stack(shapes, axis=1)
+
+
+def places_of(base_model: MeasurementModel) -> Array:
+    """Return where each residual lies in the data, between −1 and 1, in every way (k, n).
+
+    In the order of the data: modes by rising frequency, points of a series, sweeps one after the
+    other. And by their conditions where they recur, as the frequency within sweeps.
+    """
+    order = np.linspace(-1, 1, len(base_model.blocks))
+    layout = base_model.layout
+    if layout is None or layout.repeated.max() < 1:
+        return order[None]
+    condition = 2 * layout.repeated / layout.repeated.max() - 1
+    return np.stack([order, np.where(layout.repeated < 0, 0.0, condition)])
 
 
 def effects_of(candidate: Candidate) -> tuple[Effect, ...]:
