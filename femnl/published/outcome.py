@@ -133,11 +133,8 @@ def _outcome(name: str, case: Case, data: Path | None, workers: int) -> Outcome:
 
 
 def _shares(found: Diagnosis) -> dict[str, float] | None:
-    """Return the share of each cause, None from a diagnosis that gives none (version 1.0)."""
-    shares = getattr(found, "shares", None)
-    if not shares:
-        return None
-    return {name: float(getattr(share, "share", share)) for name, share in shares.items()}
+    """Return the share of each named cause, None where none is named."""
+    return {one.cause: one.share for one in found.shares} or None
 
 
 def _leading(found: Diagnosis) -> tuple[tuple[str, ...], float | None]:

@@ -1,8 +1,11 @@
 """Fits of a record: where they start, which samples they compare, and which records are refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from femnl.core.checkpoint import Checkpoint
 from femnl.core.comparison import Curves
 from femnl.core.effect import Effect, ParameterSpec
 from femnl.core.errors import MeasurementError, ParameterError
@@ -59,6 +62,27 @@ def test_a_record_whose_first_samples_are_lost_begins_at_the_first_that_is_known
     (curves,) = base_model.compare([("base", (), base, [])])
     assert isinstance(curves, Curves)
     assert set(curves.curves[0].x) < set(record["time"].values)
+
+
+def test_a_record_that_is_posed_again_is_not_followed_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(4)
+    bench = RecordBench(rng)
+    record = bench.measured(bench.draw(rng), {}, rng)["record"].isel(time=slice(0, 900))
+    checkpoint = Checkpoint(tmp_path / "fits.jsonl")
+    first = pose_record(record, None, checkpoint)
+
+    def followed(model: RecordModel, checkpoint: Checkpoint | None) -> None:
+        raise AssertionError("followed again")
+
+    monkeypatch.setattr("femnl.fits.record.pose._followed", followed)
+    again = pose_record(record, None, checkpoint)
+    assert np.array_equal(again.start, first.start)
+    assert again.notes == first.notes
+    record["voltage"][:, 500] += 1e-6
+    with pytest.raises(AssertionError, match="followed again"):
+        pose_record(record, None, checkpoint)
 
 
 def test_free_forms_of_what_a_record_knows_nothing_of_are_left_out() -> None:

@@ -11,6 +11,7 @@ import pytest
 from femnl import published
 from femnl.cli._main import run
 from femnl.core import resources
+from femnl.core.diagnosis import Share
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.diagnose import diagnose
 from femnl.effects import known
@@ -237,12 +238,11 @@ def test_a_run_tells_what_it_found_what_was_refused_and_what_is_not_there(
 
     def shared(path: Path, workers: int) -> Any:
         assert measurement.read(path)["series"].sizes == {"point": 4}
-        share = SimpleNamespace(share=0.75)
         return found(
             "gas_damping",
             verdict="explained in part",
             probability=0.9,
-            shares={"gas_damping": share},
+            shares=(Share("gas_damping", 0.75, 0.1, 0.7),),
         )
 
     def refused(path: Path, workers: int) -> Any:

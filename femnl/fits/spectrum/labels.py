@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
+from femnl.fits.spectrum.round_labels import is_round, round_modes
 from femnl.observe.film import SimulatedFilm
 
 PLAIN = re.compile(r"\(?(\d+),(\d+)\)?")
@@ -30,10 +31,13 @@ class Named:
 def named_modes(label: tuple[str, ...], film: SimulatedFilm) -> Named:
     """Return the modes of the simulated film that labels "m,n" or "(m,n)±(p,q)" name.
 
-    Of a pair, each mode has the sign of sin(mπ(x/Lx + ½)) sin(nπ(y/Ly + ½)).
+    Of a pair, each mode has the sign of sin(mπ(x/Lx + ½)) sin(nπ(y/Ly + ½)). Labels of a round film
+    are nodal diameters and circles, see `round_modes`.
 
     Raises: MeasurementError for a label that is no mode of the film, and for one that comes twice.
     """
+    if is_round(film.model.outline):
+        return Named(*round_modes(label, film))
     rows = [_parts(name, film) for name in label]
     order: list[int] = []
     for name, row in zip(label, rows, strict=True):
