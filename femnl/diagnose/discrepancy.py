@@ -157,7 +157,7 @@ def distortions(done: Array, accuracy: float, places: Array) -> Array:
     """
     size = np.abs(done) / max(float(np.abs(done).max()), 1e-300)
     shapes = [*(size**p for p in GROWING), *(along**p for along in places for p in VARYING)]
-    return accuracy * done[:, None] * np.stack(shapes, axis=1)
+    return np.asarray(accuracy * done[:, None] * np.stack(shapes, axis=1))
 
 
 def places_of(base_model: MeasurementModel) -> Array:
