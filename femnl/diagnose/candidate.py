@@ -78,13 +78,13 @@ def criticise(result: FitResult, library: list[Effect]) -> Candidate:
     found = score_tests(result, others)
     p_value, worst = adequacy(result, found)
     pointers = tuple(_pointers(result, found, others))
-    scaled = np.nan
+    as_noise = np.nan
     if not mine and not result.model.base_model.tells_noise:
-        scaled = adequacy(_scaled(result), found)[0]
-    return Candidate(result, p_value, worst, pointers, scaled)
+        as_noise = adequacy(scaled(result), found)[0]
+    return Candidate(result, p_value, worst, pointers, as_noise)
 
 
-def _scaled(result: FitResult) -> FitResult:
+def scaled(result: FitResult) -> FitResult:
     """Return a fit whose noise is as large as its χ² says."""
     factor = max(float(np.sqrt(result.chi2 / result.degrees)), 1e-300)
     return replace(result, residuals=result.residuals / factor, jacobian=result.jacobian / factor)

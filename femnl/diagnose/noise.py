@@ -32,6 +32,8 @@ LEAST_FACTOR = 0.06
 misfit.
 """
 LEAST_CORRELATION = 0.12
+FAR_OUT = 5.0
+"""σ by which a residual stands out that says nothing of the noise of all."""
 COINCIDENCE = 0.01
 """Probability of as many pairs of glitches at one condition, below which they are no glitches."""
 DRAWN = 20000
@@ -111,6 +113,10 @@ def _first_order(
     They are, where no correlation at any lag is left once each is freed from that with the one
     before: what a model misses has the periods of the motion.
     """
+    # Glitches that are not known yet would count as more noise
+    known = ~dropped & (layout.datum >= 0)
+    scatter = 1.4826 * float(np.median(np.abs(residuals[known]))) if known.any() else 0.0
+    dropped = dropped | (np.abs(residuals) > FAR_OUT * scatter)
     whole = _whole(residuals, layout, dropped)
     if whole is None:
         return 1.0, 0.0

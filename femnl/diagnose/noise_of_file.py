@@ -8,7 +8,7 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.diagnosis import Excluded, NoiseTold
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
-from femnl.diagnose.candidate import criticise
+from femnl.diagnose.candidate import Candidate, criticise, scaled
 from femnl.diagnose.joint import JointModel
 from femnl.diagnose.noise import found_noise
 from femnl.diagnose.thresholds import THRESHOLDS
@@ -61,21 +61,39 @@ def first_noise(
     return sure
 
 
-def last_noise(best: FitResult, noise: Noise) -> Noise:
+def last_noise(best: Candidate, noise: Noise) -> Noise:
     """Return the noise of each measurement that the best set of causes shows.
 
     That from before where it differs by nothing that matters.
     """
     found = dict(noise)
-    for name, (bare, residuals) in _bare_residuals(best).items():
+    for name, (bare, residuals) in _bare_residuals(best.result).items():
         around = bare.layout
-        if around is not None:
-            known = noise.get(name, FoundNoise())
-            # Anew: what stood out from a misfit may be none
-            fresh = found_noise(residuals, around, FoundNoise(), bare=True)
-            if not _same(fresh, known):
-                found[name] = fresh
+        known = noise.get(name, FoundNoise())
+        if around is None:
+            found[name] = _larger(best) if _unexplained_but_noise(best, known) else known
+            continue
+        # Anew: what stood out from a misfit may be none
+        fresh = found_noise(residuals, around, FoundNoise(), bare=True)
+        if not _same(fresh, known):
+            found[name] = fresh
     return found
+
+
+def _unexplained_but_noise(best: Candidate, known: FoundNoise) -> bool:
+    """Whether what causes leave looks like larger noise, of data without neighbours that tell it.
+
+    No set explains the data within the stated noise, since the best one does not.
+    """
+    if not best.names or best.viable or best.result.stuck or known != FoundNoise():
+        return False
+    if not 1 < best.factor <= THRESHOLDS.largest_factor:
+        return False
+    return criticise(scaled(best.result), []).p_value >= THRESHOLDS.base_inadequate
+
+
+def _larger(best: Candidate) -> FoundNoise:
+    return FoundNoise(factor=best.factor)
 
 
 def told_noise(best: FitResult, noise: Noise, factor: float = 1.0) -> tuple[NoiseTold, ...]:

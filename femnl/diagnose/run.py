@@ -32,7 +32,6 @@ from femnl.diagnose.sent import Sent, considered, received, sent
 from femnl.diagnose.verdict import NOISE_IS_LARGER
 from femnl.diagnose.worker_pool import Pose, Posed, Run, worker_pool
 from femnl.effects import fingerprint
-from femnl.fits.least_squares import FitResult
 from femnl.io import measurement
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import MeasurementModel
@@ -90,7 +89,7 @@ def diagnose(
             )
             found, run = searching.searched(found)
             best = max(found, key=lambda candidate: candidate.weight)
-            seen = last_noise(best.result, noise)
+            seen = last_noise(best, noise)
             if seen == noise or not left:
                 break
             noise = seen
@@ -206,9 +205,13 @@ class _Searching:
             return search(model, library, mine.run, self.checkpoint), mine.run
         return search(model, library, mine.run, self.checkpoint, self._differs), mine.run
 
-    def _differs(self, result: FitResult) -> bool:
-        """Whether what a fit leaves shows other noise than the model has."""
-        return last_noise(result, self.noise) != self.noise
+    def _differs(self, best: Candidate) -> bool:
+        """Whether what causes leave shows other noise than the model has.
+
+        Where no neighbours tell the noise, more causes may take up what looks like it.
+        """
+        tells = best.result.model.base_model.tells_noise
+        return tells and last_noise(best, self.noise) != self.noise
 
 
 def pose(

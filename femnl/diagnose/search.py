@@ -44,7 +44,7 @@ def search(
     library: list[Effect],
     run: Run = in_turn,
     checkpoint: Checkpoint | None = None,
-    noise_differs: Callable[[FitResult], bool] = lambda result: False,
+    noise_differs: Callable[[Candidate], bool] = lambda best: False,
 ) -> list[Candidate]:
     """Return the base model first, then every set of causes that was fitted.
 
@@ -167,14 +167,14 @@ def _falls_short(candidate: Candidate, base: Candidate) -> bool:
 
 
 def _leaves_other_noise(
-    grown: dict[Names, Candidate], base: Candidate, noise_differs: Callable[[FitResult], bool]
+    grown: dict[Names, Candidate], base: Candidate, noise_differs: Callable[[Candidate], bool]
 ) -> bool:
     """Whether the best cause takes up most of the deviation, and leaves noise not yet known."""
     if not grown:
         return False
     best = min(grown.values(), key=lambda c: c.result.chi2)
     mostly = _excess(best) < THRESHOLDS.mostly_explained * _excess(base)
-    return mostly and noise_differs(best.result)
+    return mostly and noise_differs(best)
 
 
 def _takes_up_nearly_all(grown: dict[Names, Candidate], base: Candidate) -> bool:

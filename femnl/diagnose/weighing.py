@@ -173,11 +173,12 @@ class Weighed:
         total = 0.0
         sets = []
         for candidate in ranked[: 1 + THRESHOLDS.most_rivals]:
-            if not candidate.names or not self.each_counts(candidate):
+            if not candidate.names or candidate.viable:
                 return []
-            if candidate.viable:
+            if self.each_counts(candidate):
+                sets.append(candidate)
+            elif not any(set(known.names) < set(candidate.names) for known in sets):
                 return []
-            sets.append(candidate)
             total += self.graded[candidate.names]
             if total >= THRESHOLDS.least_inclusion:
                 return sets

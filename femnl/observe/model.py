@@ -67,6 +67,13 @@ class Layout:
     oscillating: bool = False
 
 
+def apart(blocks: NDArray[np.int64]) -> Layout:
+    """Return the layout of data without neighbours; block −1 is prior knowledge."""
+    place = np.arange(len(blocks))
+    none = np.full(len(blocks), -1)
+    return Layout(np.empty((len(blocks), 0), np.int64), none, np.where(blocks < 0, -1, place), none)
+
+
 class MeasurementModel(ABC):
     """One group of a measurement file with its base model: a forward model and its noise.
 

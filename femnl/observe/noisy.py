@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison
 from femnl.core.effect import Effect, Kind, ParameterSpec, Values
-from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
-from femnl.observe.model import Layout, MeasurementModel, Named
+from femnl.observe.model import Layout, MeasurementModel, Named, apart
 
 
 @dataclass(frozen=True)
@@ -169,15 +168,10 @@ class NoisyModel(MeasurementModel):
 
 
 def with_noise(bare: MeasurementModel, noise: FoundNoise) -> MeasurementModel:
-    """Return the model under the noise that was found, itself where that is as stated.
-
-    Raises: ParameterError where residuals have no layout.
-    """
+    """Return the model under the noise that was found, itself where that is as stated."""
     if noise.as_stated:
         return bare
-    around = bare.layout
-    if around is None:
-        raise ParameterError(f"{bare.kind}: its data have no neighbours, so no noise can be found")
+    around = bare.layout or apart(bare.blocks)
     return NoisyModel(
         bare=bare,
         noise=noise,
