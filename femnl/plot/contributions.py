@@ -33,7 +33,7 @@ from femnl.plot.style import (
 )
 
 Array = NDArray[np.float64]
-ALL = "measured − no cause"
+ALL = "deviation"
 TOGETHER = "interaction"
 LEFT = "remainder (σ)"
 
@@ -70,9 +70,10 @@ def _curves(found: Curves) -> Figure:
     else:
         limit = 1.08 * float(np.nanmax(np.abs(every))) / scale or 1.0
         for axes, name in zip(panels[:-1], shown, strict=True):
-            _one_term(axes, found, [own[name] / scale for own in terms], across)
+            measured = name == ALL
+            _one_term(axes, found, [own[name] / scale for own in terms], across, measured)
             axes.set_title(name, fontsize=8)
-            axes.set_ylabel(axis_label("", unit).strip(), fontsize=8)
+            axes.set_ylabel(unit, fontsize=8)
             axes.set_ylim(-limit, limit)
     _remainder(panels[-1], found, across)
     panels[-1].set_xlabel(axis_label(across.name, across.unit))
@@ -114,14 +115,17 @@ def _one_curve(axes: Axes, found: Curves, terms: dict[str, Array], across: Acros
     out = list(curve.excluded)
     axes.plot(x[out], terms[ALL][out], "x", color=EXCLUDED, markersize=5)
     axes.axhline(0, color=INK, linewidth=0.5)
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=5)
 
 
-def _one_term(axes: Axes, found: Curves, terms: list[Array], across: Across) -> None:
-    """Draw one term of all curves, each in its own colour."""
+def _one_term(
+    axes: Axes, found: Curves, terms: list[Array], across: Across, measured: bool
+) -> None:
+    """Draw one term of all curves, each in its own colour; what was measured as points."""
     for k, (curve, values) in enumerate(zip(found.curves, terms, strict=True)):
-        mark = "-" if found.joined else "."
-        axes.plot(across.place(curve.x), values, mark, color=COLOURS[k % len(COLOURS)])
+        mark = "-" if found.joined and not measured else "."
+        colour = COLOURS[k % len(COLOURS)]
+        axes.plot(across.place(curve.x), values, mark, color=colour, markersize=2.5)
     axes.axhline(0, color=INK, linewidth=0.5)
 
 
@@ -152,7 +156,7 @@ def _images(found: Images) -> Figure:
     rest = found.data - found.predictions[0]
     panel = min(WIDTH / (len(columns) + 1), 1.9)
     aspect = np.ptp(found.y) / max(np.ptp(found.x), 1e-300)
-    height = len(found.harmonic) * panel * min(max(aspect, 0.4), 1.6) * 0.98 + 0.5
+    height = len(found.harmonic) * panel * min(max(aspect, 0.4), 1.6) * 0.9 + 0.5
     figure = new_figure(max(panel * (len(columns) + 1), 4.6), height)
     panels = figure.subplots(len(found.harmonic), len(columns) + 1, squeeze=False)
     for axes, title in zip(panels[0], [*titles, LEFT], strict=True):

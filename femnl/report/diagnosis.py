@@ -146,12 +146,11 @@ def _contributions(found: Contributions | None) -> _Told | None:
 
 def _terms(account: Account) -> list[list[str]]:
     """Term, rms, largest with unit and in σ, where; the interaction where there can be one."""
-    part = f"interaction ({100 * account.interaction_part:.2g} % of the whole change)"
+    part = f"{100 * account.interaction_part:.2g} % of the whole change"
     several = len(account.causes) > 1
-    names = {"deviation": "measured − no cause", "interaction": part}
     return [
         [
-            names.get(term.name, term.name),
+            f"{term.name} ({part})" if term is account.interaction else term.name,
             engineering(term.rms, account.unit),
             engineering(term.largest, account.unit),
             f"{term.largest_sigma:.3g}",
@@ -167,14 +166,14 @@ def _contributed(comparison: Comparison) -> Picture:
     if isinstance(comparison, Images):
         words = f"Maps of what {causes} change of each harmonic, and what remains"
         caption = (
-            "In the quadrature that holds most of the change: what was measured less the model "
-            "without any cause; what each cause changes, in the same colours; what remains in σ."
+            "In the quadrature that holds most of it: the deviation from the model without any "
+            "cause; what each cause changes, in the same colours; what remains in σ."
         )
     else:
         words = f"What {causes} change of {comparison.y} against {comparison.x}, and what remains"
         caption = (
-            f"What was measured of the {comparison.y} less the model without any cause, and what "
-            "each cause changes of it; underneath what remains in σ (grey: ±2σ)."
+            f"Deviation of the measured {comparison.y} from the model without any cause, and what "
+            "each cause changes; underneath what remains in σ (grey: ±2σ)."
         )
     figure = contributions_figure(comparison)
     return embed(figure, words, f"{comparison.title}: {caption}")
