@@ -163,10 +163,11 @@ def _show_contributions(found: Contributions) -> None:
             most = f"{_size(cause.largest, account)} at most, {cause.where}"
             changes = f"{size} ({most})" if cause.rms else "not at all"
             console().print(f"{cause.name} changes the {account.title} {changes}")
-        if len(account.causes) > 1:
+        if account.interaction.rms:
             console().print(
-                f"together they change it by up to {_size(account.interaction.largest, account)} "
-                f"beyond their sum, {_percent(account.interaction_part)} of the whole change"
+                f"together they change it by {_size(account.interaction.largest, account)} more "
+                f"than their sum at {account.interaction.where}, "
+                f"{_percent(account.interaction_part)} of the whole change"
             )
 
 
