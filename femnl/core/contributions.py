@@ -13,7 +13,7 @@ from femnl.core.arrays import freeze
 from femnl.core.comparison import Comparison
 from femnl.core.errors import ParameterError
 from femnl.core.kinds import function
-from femnl.core.numbers import engineering
+from femnl.core.numbers import engineering, plain
 from femnl.core.readout import Array
 from femnl.core.tables import Columns, Table, Tabulated
 
@@ -150,7 +150,7 @@ class Contributions(Tabulated):
             "term": [term.name for term in terms],
             "rms": [engineering(term.rms, account.unit) for term in terms],
             "largest": [engineering(term.largest, account.unit) for term in terms],
-            "in σ": [f"{term.largest_sigma:.3g}" for term in terms],
+            "in σ": [plain(term.largest_sigma, 3) for term in terms],
             "at": [term.where for term in terms],
         }
         notes = [f"deviation = sum of the others; counted from {self.against}"]
@@ -189,4 +189,4 @@ def _frame(account: Account) -> "pd.DataFrame":
 
 
 def _percent(part: float) -> str:
-    return f"{100 * part:.3g} %"
+    return f"{plain(100 * part, 3)} %"

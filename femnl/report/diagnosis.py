@@ -146,14 +146,14 @@ def _contributions(found: Contributions | None) -> _Told | None:
 
 def _terms(account: Account) -> list[list[str]]:
     """Term, rms, largest with unit and in σ, where; the interaction where there can be one."""
-    part = f"{100 * account.interaction_part:.2g} % of the whole change"
+    part = f"{plain(100 * account.interaction_part, 3)} % of the whole change"
     several = len(account.causes) > 1
     return [
         [
             f"{term.name} ({part})" if term is account.interaction else term.name,
             engineering(term.rms, account.unit),
             engineering(term.largest, account.unit),
-            f"{term.largest_sigma:.3g}",
+            plain(term.largest_sigma, 3),
             term.where or "–",
         ]
         for term in account.terms
