@@ -13,11 +13,13 @@ from femnl.cli._device import EffectsFolder, Json
 from femnl.cli._output import console, note, print_json, scientific, table
 from femnl.cli._sharing import Scheduler, progress, workers_at_hand
 from femnl.core.errors import ParameterError
+from femnl.core.numbers import engineering
 from femnl.core.resources import need_file
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from femnl.core.contributions import Account, Contributions
     from femnl.core.diagnosis import Diagnosis
 
 MOST = 4
@@ -46,7 +48,10 @@ Workers = Annotated[
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(help="Folder for diagnosis.json and report.html.", show_default="FILE-diagnosis"),
+    typer.Option(
+        help="Folder for diagnosis.json, contributions.csv and report.html.",
+        show_default="FILE-diagnosis",
+    ),
 ]
 Table = Annotated[
     Path | None,
@@ -117,7 +122,8 @@ def _one(
         print_json(record(found))
         return
     _show(found)
-    note(f"wrote {folder}/diagnosis.json and {folder}/report.html")
+    table_too = "" if found.contributions is None else f", {folder}/contributions.csv"
+    note(f"wrote {folder}/diagnosis.json{table_too} and {folder}/report.html")
 
 
 def _show_shares(found: Diagnosis) -> None:
@@ -147,6 +153,26 @@ def _show_shares(found: Diagnosis) -> None:
             f"left out as glitches: {len(found.excluded)}, the largest of {worst.sigma:.3g}σ at "
             f"{worst.where}"
         )
+
+
+def _show_contributions(found: Contributions) -> None:
+    """Say what each cause changes of each quantity, and how far the sum of causes is off."""
+    for account in found.accounts:
+        for cause in account.causes:
+            size = f"by {_size(cause.rms, account)} rms"
+            most = f"{_size(cause.largest, account)} at most, {cause.where}"
+            changes = f"{size} ({most})" if cause.rms else "not at all"
+            console().print(f"{cause.name} changes the {account.title} {changes}")
+        if account.interaction.rms:
+            console().print(
+                f"together they change it by {_size(account.interaction.largest, account)} more "
+                f"than their sum at {account.interaction.where}, "
+                f"{_percent(account.interaction_part)} of the whole change"
+            )
+
+
+def _size(value: float, account: Account) -> str:
+    return engineering(value, account.unit)
 
 
 def _percent(part: float) -> str:
@@ -208,6 +234,8 @@ def _show(found: Diagnosis) -> None:
     )
     console().print(found.where)
     _show_shares(found)
+    if found.contributions is not None:
+        _show_contributions(found.contributions)
     rows = [
         [owner, name, scientific(p.value, 6), scientific(p.sd, 2), p.unit]
         for owner, own in found.parameters.items()

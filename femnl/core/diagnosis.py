@@ -1,9 +1,10 @@
-"""What a diagnosis says: `diagnosis.json`, version 1.0, and what its report shows beside it."""
+"""What a diagnosis says: `diagnosis.json`, version 1.1, and what its report shows beside it."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from femnl.core.comparison import Comparison
+from femnl.core.contributions import Contributions
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Parameter, parameter_columns
 from femnl.core.kinds import function
@@ -139,7 +140,8 @@ class Diagnosis(Tabulated):
     data; geometry: that was asked for instead of the file's own. rule: the
     one of `femnl.diagnose.verdict.RULES` that decided. bounds: of the parameters of the causes.
     shares: of each named cause; remainder: what they leave, None where nothing is named; excluded:
-    glitches, which no fit has seen; noise: of each measurement whose data tell it.
+    glitches, which no fit has seen; noise: of each measurement whose data tell it. contributions:
+    what each named cause changes of every datum, None where nothing is named.
     """
 
     file: str
@@ -167,6 +169,7 @@ class Diagnosis(Tabulated):
     remainder: Remainder | None = None
     excluded: tuple[Excluded, ...] = ()
     noise: tuple[NoiseTold, ...] = ()
+    contributions: Contributions | None = None
 
     @property
     def gain(self) -> float:

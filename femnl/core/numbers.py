@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from math import floor, inf, isfinite, log10
 
 MINUS = str.maketrans("-", "−")
+PREFIXES = {-5: "f", -4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -14,6 +15,14 @@ def plain(value: float, digits: int = 7) -> str:
         mantissa, exponent = text.split("e")
         text = f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPT)}"
     return text.replace("-", "−")
+
+
+def engineering(value: float, unit: str) -> str:
+    """A value to three digits with an SI prefix, such as 480 Hz or 73 kHz."""
+    if value == 0 or not unit or not isfinite(value):
+        return f"{plain(value, 3)} {unit}".strip()
+    power = min(max(floor(log10(abs(value)) / 3), min(PREFIXES)), max(PREFIXES))
+    return f"{plain(value / 1000.0**power, 3)} {PREFIXES[power]}{unit}"
 
 
 def with_error(value: float, error: float | None, digits: int = 1) -> str:

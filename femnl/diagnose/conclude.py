@@ -13,6 +13,7 @@ from femnl.core.diagnosis import (
 )
 from femnl.core.fit import Parameter
 from femnl.diagnose.candidate import Candidate
+from femnl.diagnose.contributions import contributions
 from femnl.diagnose.freeform import free_forms
 from femnl.diagnose.joint import JointModel
 from femnl.diagnose.measure_next import measure_next
@@ -79,6 +80,7 @@ def conclude(
         bounds=_bounds(best),
         shares=shares(best, found, run),
         remainder=remainder(best, base, forms) if best.names else None,
+        contributions=contributions(best, found) if best.names else None,
     )
 
 

@@ -6,12 +6,13 @@ which this kind of data deviates smoothly, and scatter beside them. The sizes of
 and integrated over, so that a cause is worth what it takes from the discrepancy.
 """
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import logsumexp
 
-from femnl.core.effect import Effect
+from femnl.core.effect import Effect, Values
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
 from femnl.fits.least_squares import FitResult, log_prior
@@ -186,13 +187,27 @@ def done_by(candidate: Candidate, base: Candidate, effect: Effect) -> Array:
     the base model.
     """
     result = candidate.result
-    base_values, values = result.model.split(result.vector)
-    if not any(spec.strength for spec in effect.parameters):
+    if not has_zero(effect):
         return np.asarray(base.result.residuals - result.residuals)
-    k = next(i for i, e in enumerate(result.model.effects) if e.name == effect.name)
-    idle = values[k] | {spec.name: 0.0 for spec in effect.parameters if spec.strength}
-    without = [*values[:k], idle, *values[k + 1 :]]
+    effects = result.model.effects
+    base_values, values = result.model.split(result.vector)
+    without = idle(effects, values, (effect.name,))
     model = result.model.base_model
-    return np.asarray(
-        model.residuals(result.model.effects, base_values, without) - result.residuals
-    )
+    return np.asarray(model.residuals(effects, base_values, without) - result.residuals)
+
+
+def has_zero(effect: Effect) -> bool:
+    """Whether an effect has strengths, and vanishes with them."""
+    return any(spec.strength for spec in effect.parameters)
+
+
+def idle(
+    effects: Sequence[Effect], values: Sequence[Values], names: Collection[str]
+) -> list[Values]:
+    """Return the parameters of effects with the strengths of the named ones at zero."""
+    found: list[Values] = []
+    for effect, own in zip(effects, values, strict=True):
+        strengths = [spec.name for spec in effect.parameters if spec.strength]
+        acts = effect.name not in names
+        found.append(own if acts else {**own, **dict.fromkeys(strengths, 0.0)})
+    return found

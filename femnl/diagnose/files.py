@@ -4,11 +4,15 @@ import json
 from pathlib import Path
 from typing import Any
 
+from femnl.core.contributions import Account, Contributions, Term
 from femnl.core.diagnosis import Diagnosis, NoiseTold
 from femnl.core.errors import ParameterError
 from femnl.io.results.atomic import write_whole
 
 VERSION = "1.1"
+TABLE = "contributions.csv"
+DIGITS = "%.12g"
+"""Numbers of the table: frequencies are known to 1e-10, and sums shall add up."""
 
 
 def record(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -39,6 +43,7 @@ def record(diagnosis: Diagnosis) -> dict[str, Any]:
         "remainder": None if diagnosis.remainder is None else vars(diagnosis.remainder),
         "excluded": [vars(datum) for datum in diagnosis.excluded],
         "noise": _noise_record(diagnosis.noise),
+        "contributions": _contributions_record(diagnosis.contributions),
     }
 
 
@@ -53,8 +58,40 @@ def _noise_record(told: tuple[NoiseTold, ...]) -> dict[str, Any]:
     return rows[0] | {"measurements": dict(zip((n.measurement for n in told), rows, strict=True))}
 
 
+def _contributions_record(found: Contributions | None) -> dict[str, Any] | None:
+    """Return what each cause changes, in numbers for each quantity of each measurement."""
+    if found is None:
+        return None
+    return {"against": found.against, "data": [_account_record(a) for a in found.accounts]}
+
+
+def _account_record(account: Account) -> dict[str, Any]:
+    return {
+        "measurement": account.measurement,
+        "quantity": account.quantity,
+        "unit": account.unit,
+        "count": int(account.sd.size),
+        "deviation": _term_record(account.deviation),
+        "causes": {term.name: _term_record(term) for term in account.causes},
+        "interaction": _term_record(account.interaction) | {"part": account.interaction_part},
+        "remainder": _term_record(account.remainder),
+    }
+
+
+def _term_record(term: Term) -> dict[str, Any]:
+    return {
+        "rms": term.rms,
+        "largest": term.largest,
+        "largest_sigma": term.largest_sigma,
+        "where": term.where,
+    }
+
+
 def write(diagnosis: Diagnosis, folder: str | Path) -> None:
-    """Write `diagnosis.json` into a folder, which is made where it is missing."""
+    """Write `diagnosis.json` into a folder, which is made where it is missing.
+
+    With causes also `contributions.csv`: what each changes of every datum, a row a datum.
+    """
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -68,3 +105,10 @@ def write(diagnosis: Diagnosis, folder: str | Path) -> None:
         file.write_text(text, encoding="utf-8")
 
     write_whole(folder / "diagnosis.json", save)
+    table = folder / TABLE
+    found = diagnosis.contributions
+    if found is None:
+        table.unlink(missing_ok=True)  # that of an earlier diagnosis says nothing of this one
+        return
+    frame = found.to_dataframe()
+    write_whole(table, lambda file: frame.to_csv(file, index=False, float_format=DIGITS))

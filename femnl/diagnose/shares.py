@@ -1,13 +1,13 @@
 """How much each named cause takes up of what the simulation gets wrong, and what remains."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
 
 from femnl.core.diagnosis import FreeForm, Remainder, Share
 from femnl.core.effect import Effect
-from femnl.core.numbers import plain
+from femnl.core.numbers import engineering
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, Names
 from femnl.diagnose.thresholds import THRESHOLDS
@@ -26,7 +26,7 @@ def shares(best: Candidate, found: Sequence[Candidate], run: Run) -> tuple[Share
         return ()
     base = found[0]
     known = {candidate.names: candidate.result for candidate in found}
-    lacking = [_without(best, base, name, known) for name in best.names]
+    lacking = [without(best, base, (name,), known) for name in best.names]
     alone = [known.get((name,)) or _alone(best, base, name) for name in best.names]
     # A single cause is its own set, and without it there is the base model
     fits = {id(result): result for result in (*lacking, *alone)}
@@ -68,12 +68,15 @@ def _error(taken: Array, whole: Array) -> float:
     return float(np.sqrt((n - 1) / n * np.sum((np.array(others) - np.mean(others)) ** 2)))
 
 
-def _without(
-    best: Candidate, base: Candidate, name: str, known: dict[Names, FitResult]
+def without(
+    best: Candidate, base: Candidate, names: Names, known: Mapping[Names, FitResult]
 ) -> FitResult:
-    """Return the fit of a set without one of its causes."""
-    left = tuple(other for other in best.names if other != name)
-    return known.get(left) or _fitted(best, base, [e for e in _effects(best) if e.name != name])
+    """Return the fit of a set without some of its causes.
+
+    Args: known: fits that are at hand, by their causes.
+    """
+    left = tuple(other for other in best.names if other not in names)
+    return known.get(left) or _fitted(best, base, [e for e in _effects(best) if e.name in left])
 
 
 def _alone(best: Candidate, base: Candidate, name: str) -> FitResult:
@@ -124,13 +127,4 @@ def _in_units(best: Candidate, base: Candidate) -> str:
     left, before = (
         float(np.nanmax(np.abs(candidate.result.residuals) * sizes)) for candidate in (best, base)
     )
-    return f"{_engineering(left, unit)} of {_engineering(before, unit)}"
-
-
-def _engineering(value: float, unit: str) -> str:
-    """Return a value with two digits and an SI prefix, such as 480 Hz or 73 kHz."""
-    if value == 0 or not unit:
-        return f"{plain(value, 3)} {unit}".strip()
-    power = int(np.clip(np.floor(np.log10(value) / 3), -5, 4))
-    prefix = {-5: "f", -4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}
-    return f"{plain(value / 1000.0**power, 3)} {prefix[power]}{unit}"
+    return f"{engineering(left, unit)} of {engineering(before, unit)}"

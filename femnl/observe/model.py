@@ -13,6 +13,7 @@ from femnl.core.comparison import Comparison
 from femnl.core.effect import Effect, Kind, ParameterSpec, Stage, Values
 from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
+from femnl.core.tables import Columns
 
 T = TypeVar("T")
 Named = tuple[str, Sequence[Effect], Values, Sequence[Values]]
@@ -74,6 +75,32 @@ def apart(blocks: NDArray[np.int64]) -> Layout:
     return Layout(np.empty((len(blocks), 0), np.int64), none, np.where(blocks < 0, -1, place), none)
 
 
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """Data of one quantity: which residuals are theirs, and where each was taken.
+
+    at (n,): their residuals. sd (n,): what one σ of each is, in `unit`. coordinates (n,) by name,
+    with their SI units.
+    """
+
+    name: str
+    unit: str
+    at: NDArray[np.int64]
+    sd: Array
+    coordinates: Columns
+
+
+def quadratures(name: str, unit: str, sd: Array, coordinates: Columns) -> tuple[Quantity, ...]:
+    """Return complex data, whose real parts are the first residuals and imaginary ones the next.
+
+    Args: sd (n,) of each part. coordinates (n,) of the complex data.
+    """
+    n = len(sd)
+    twice = {axis: (np.tile(np.asarray(v), 2), of) for axis, (v, of) in coordinates.items()}
+    twice["part"] = (np.repeat(["real", "imaginary"], n), "")
+    return (Quantity(name, unit, np.arange(2 * n), np.tile(sd, 2), twice),)
+
+
 class MeasurementModel(ABC):
     """One group of a measurement file with its base model: a forward model and its noise.
 
@@ -128,6 +155,17 @@ class MeasurementModel(ABC):
 
         NaN for residuals of another quantity, and for prior knowledge.
         """
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """All that was measured, each in its own unit; prior knowledge is no datum.
+
+        Of those residuals whose `quantity` is known, unless a kind says otherwise.
+        """
+        sizes, unit = self.quantity
+        at = np.flatnonzero(np.isfinite(sizes))
+        places = np.array([self.locate(int(residual)) for residual in at])
+        return (Quantity(self.kind, unit, at, sizes[at], {"datum": (places, "")}),)
 
     @property
     @abstractmethod

@@ -1,7 +1,10 @@
 """Data, what each model predicts, and what it leaves in σ, side by side and in the same colours."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -44,15 +47,12 @@ def _curves(found: Curves) -> Figure:
     grid = figure.add_gridspec(count, 2, width_ratios=[1.25, 1])
     left = figure.add_subplot(grid[:, 0])
     right = [figure.add_subplot(grid[k, 1], sharex=left) for k in range(count)]
-    every = np.concatenate([c.x for c in found.curves])
-    zero = _zero(every)
-    divisor, unit = (1.0, found.x_unit) if found.ticks else prefixed(every - zero, found.x_unit)
-    across = f"{found.x} − {zero:,.9g} {found.x_unit}".replace(",", " ") if zero else found.x
+    across = axis_across(found)
     scale, y_unit = prefixed(np.concatenate([c.data for c in found.curves]), found.y_unit)
     largest = 0.0
     for k, curve in enumerate(found.curves):
         colour = COLOURS[k % len(COLOURS)]
-        x = (curve.x - zero) / divisor
+        x = across.place(curve.x)
         left.errorbar(
             x,
             curve.data / scale,
@@ -85,20 +85,15 @@ def _curves(found: Curves) -> Figure:
     left.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
     left.set_ylabel(axis_label(found.y, y_unit))
     for axes, name in zip(right, found.models, strict=True):
-        _residual_axis(axes, largest)
+        residual_axis(axes, largest)
         axes.set_title(f"left by {name} (σ)", fontsize=8)
     for axes in (left, right[-1]):
-        axes.set_xlabel(axis_label(across, unit))
+        axes.set_xlabel(axis_label(across.name, across.unit))
     for axes in right[:-1]:
         axes.tick_params(labelbottom=False)
     if found.ticks:
         for axes in (left, right[-1]):
-            axes.set_xticks(
-                np.arange(len(found.ticks)),
-                found.ticks,
-                rotation=60 if max(map(len, found.ticks)) > 2 else 0,
-                fontsize=7,
-            )
+            name_ticks(axes, found.ticks)
     if 1 < len(found.curves) <= len(COLOURS):
         figure.legend(*right[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
@@ -108,6 +103,35 @@ def _name_excluded(axes: Axes, found: Curves) -> None:
     """Say in the legend what the crosses are, where there are any."""
     if any(curve.excluded for curve in found.curves):
         axes.plot([], [], "x", color=EXCLUDED, label="left out as a glitch")
+
+
+@dataclass(frozen=True)
+class Across:
+    """The axis along the data: its name and unit, and where its zero [SI] and its unit are."""
+
+    name: str
+    unit: str
+    zero: float
+    divisor: float
+
+    def place(self, x: Array) -> Array:
+        """Return values [SI] in the unit of the axis, from its zero."""
+        return (x - self.zero) / self.divisor
+
+
+def axis_across(found: Curves) -> Across:
+    """Return the axis along the data of a comparison."""
+    every = np.concatenate([c.x for c in found.curves])
+    zero = _zero(every)
+    divisor, unit = (1.0, found.x_unit) if found.ticks else prefixed(every - zero, found.x_unit)
+    name = f"{found.x} − {zero:,.9g} {found.x_unit}".replace(",", " ") if zero else found.x
+    return Across(name, unit, zero, divisor)
+
+
+def name_ticks(axes: Axes, ticks: tuple[str, ...]) -> None:
+    """Write names below an axis that only counts."""
+    turn = 60 if max(map(len, ticks)) > 2 else 0
+    axes.set_xticks(np.arange(len(ticks)), ticks, rotation=turn, fontsize=7)
 
 
 def _zero(x: Array) -> float:
@@ -120,7 +144,7 @@ def _zero(x: Array) -> float:
     return float(step * np.round(middle / step))
 
 
-def _residual_axis(axes: Axes, largest: float) -> None:
+def residual_axis(axes: Axes, largest: float) -> None:
     """±2σ in grey; linear where residuals are small, logarithmic beyond the noise otherwise."""
     axes.axhspan(-2, 2, color="#e8e8e8", zorder=0)
     axes.axhline(0, color=INK, linewidth=0.5)
@@ -167,40 +191,50 @@ def _images(found: Images) -> Figure:
             shown += [(model * turn).real / limit, rest]
             limits += [1.0, widest]
         for axes, values, colour in zip(row, shown, limits, strict=True):
-            image = axes.pcolormesh(
-                found.x,
-                found.y,
-                values,
-                cmap=DIVERGING,
-                vmin=-colour,
-                vmax=colour,
-                shading="nearest",
-                rasterized=True,
-            )
-            _bare(axes)
-        gone = [(found.x[c], found.y[r]) for k, r, c in found.excluded if k == number]
-        if gone:
-            row[0].plot(*zip(*gone, strict=True), "o", mfc="none", color=INK, ms=4, mew=0.6)
-        divisor, unit = prefixed(limit, "V")
-        row[0].set_ylabel(
-            f"{n}f\n±{limit / divisor:.3g} {unit}",
-            rotation=0,
-            ha="right",
-            va="center",
-            fontsize=7.5,
-        )
-        bar = figure.colorbar(
-            image, ax=row[-1], shrink=0.8, aspect=14, pad=0.03, ticks=[-widest, 0, widest]
-        )
-        bar.ax.set_yticklabels([f"−{widest:.3g}", "0", f"{widest:.3g}"], fontsize=6.5)
-        bar.outline.set_linewidth(0.5)
+            image = paint(axes, found, values, colour)
+        ring_excluded(row[0], found, number)
+        name_row(row[0], n, limit)
+        bar_of_sigma(figure, row[-1], image, widest)
     scale_bar(panels[-1, 0], float(np.ptp(found.x)))
     return figure
 
 
-def _bare(axes: Axes) -> None:
+def paint(axes: Axes, found: Images, values: Array, limit: float) -> QuadMesh:
+    """Draw values (n_y, n_x) over the film; white is zero."""
+    image = axes.pcolormesh(
+        found.x,
+        found.y,
+        values,
+        cmap=DIVERGING,
+        vmin=-limit,
+        vmax=limit,
+        shading="nearest",
+        rasterized=True,
+    )
     axes.set_aspect("equal")
     axes.set_facecolor("#e6e6e6")
     axes.set_xticks([])
     axes.set_yticks([])
     axes.spines[:].set_visible(False)
+    return image
+
+
+def ring_excluded(axes: Axes, found: Images, row: int) -> None:
+    """Draw a ring around the data of a harmonic that no fit has seen."""
+    gone = [(found.x[c], found.y[r]) for k, r, c in found.excluded if k == row]
+    if gone:
+        axes.plot(*zip(*gone, strict=True), "o", mfc="none", color=INK, ms=4, mew=0.6)
+
+
+def name_row(axes: Axes, harmonic: int, limit: float) -> None:
+    """Write a harmonic and the range [V] of its colours at the left of its row."""
+    divisor, unit = prefixed(limit, "V")
+    text = f"{harmonic}f\n±{limit / divisor:.3g} {unit}"
+    axes.set_ylabel(text, rotation=0, ha="right", va="center", fontsize=7.5)
+
+
+def bar_of_sigma(figure: Figure, axes: Axes, image: QuadMesh, limit: float) -> None:
+    """Draw the colours of a row of residuals, in σ."""
+    bar = figure.colorbar(image, ax=axes, shrink=0.8, aspect=14, pad=0.03, ticks=[-limit, 0, limit])
+    bar.ax.set_yticklabels([f"−{limit:.3g}", "0", f"{limit:.3g}"], fontsize=6.5)
+    bar.outline.set_linewidth(0.5)

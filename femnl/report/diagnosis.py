@@ -4,16 +4,19 @@ Verdict, data beside models, parameters, what was tried, how to reproduce it.
 """
 
 import shlex
+from dataclasses import dataclass
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from femnl.core.comparison import Comparison, Images
+from femnl.core.contributions import Account, Contributions
 from femnl.core.diagnosis import Diagnosis
 from femnl.core.fit import Parameter
-from femnl.core.numbers import plain, with_error
+from femnl.core.numbers import engineering, plain, with_error
 from femnl.io.results.atomic import write_whole
 from femnl.plot.comparison import comparison_figure
+from femnl.plot.contributions import contributions_figure
 from femnl.report.picture import Picture, embed
 from femnl.report.provenance import provenance
 
@@ -58,6 +61,7 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
             ("gain", plain(diagnosis.gain, 3)),
         ],
         pictures=[_picture(comparison) for comparison in diagnosis.comparisons],
+        contributions=_contributions(diagnosis.contributions),
         parameters=_parameters(diagnosis),
         shares=[
             (
@@ -122,6 +126,57 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
 
     write_whole(path, save)
     return path
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What causes change, for the page: what they are counted from, tables by title, pictures."""
+
+    against: str
+    tables: dict[str, list[list[str]]]
+    pictures: list[Picture]
+
+
+def _contributions(found: Contributions | None) -> _Told | None:
+    if found is None:
+        return None
+    tables = {account.title: _terms(account) for account in found.accounts}
+    return _Told(found.against, tables, [_contributed(shown) for shown in found.comparisons])
+
+
+def _terms(account: Account) -> list[list[str]]:
+    """Term, rms, largest with unit and in σ, where; the interaction where there can be one."""
+    part = f"{plain(100 * account.interaction_part, 3)} % of the whole change"
+    several = len(account.causes) > 1
+    return [
+        [
+            f"{term.name} ({part})" if term is account.interaction else term.name,
+            engineering(term.rms, account.unit),
+            engineering(term.largest, account.unit),
+            plain(term.largest_sigma, 3),
+            term.where or "–",
+        ]
+        for term in account.terms
+        if several or term is not account.interaction
+    ]
+
+
+def _contributed(comparison: Comparison) -> Picture:
+    causes = " and ".join(comparison.models[2:])
+    if isinstance(comparison, Images):
+        words = f"Maps of what {causes} change of each harmonic, and what remains"
+        caption = (
+            "In the quadrature that holds most of it: the deviation from the model without any "
+            "cause; what each cause changes, in the same colours; what remains in σ."
+        )
+    else:
+        words = f"What {causes} change of {comparison.y} against {comparison.x}, and what remains"
+        caption = (
+            f"Deviation of the measured {comparison.y} from the model without any cause, and what "
+            "each cause changes; underneath what remains in σ (grey: ±2σ)."
+        )
+    figure = contributions_figure(comparison)
+    return embed(figure, words, f"{comparison.title}: {caption}")
 
 
 def _p_value(p: float) -> str:

@@ -16,7 +16,7 @@ from femnl.mechanics.modes import ShapeValues
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.map.layout import around_places, follows, marked
 from femnl.observe.map.spots import Axis, Finer, Grid
-from femnl.observe.model import Layout, MeasurementModel, Named, apply
+from femnl.observe.model import Layout, MeasurementModel, Named, Quantity, apply, quadratures
 from femnl.observe.score_directions import LITTLE, fringe_terms, overtones, uneven
 from femnl.optics.harmonics import along_line
 from femnl.optics.sampled import harmonics
@@ -127,6 +127,15 @@ class MapModel(MeasurementModel):
     def quantity(self) -> tuple[Array, str]:
         """V of each quadrature."""
         return np.full(2 * int(self.present.sum()), self.noise), "V"
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Both quadratures of the harmonics."""
+        rows, places = np.nonzero(self.present)
+        x = self.grid.x[places]
+        y = self.grid.y[places]
+        axes = {"harmonic": (self.harmonic[rows], ""), "x": (x, "m"), "y": (y, "m")}
+        return quadratures("harmonics", "V", np.full(len(rows), self.noise), axes)
 
     def predict(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]

@@ -11,7 +11,7 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
 from femnl.core.stages import Equation
-from femnl.observe.model import Layout, MeasurementModel, Named, apply
+from femnl.observe.model import Layout, MeasurementModel, Named, Quantity, apply
 from femnl.observe.record.free_run import Drive, Numbers, free_run
 from femnl.observe.score_directions import forces
 
@@ -103,6 +103,13 @@ class RecordModel(MeasurementModel):
     def quantity(self) -> tuple[Array, str]:
         """V of the output."""
         return np.full(len(self.at), self.noise), "V"
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The output by time."""
+        sd = np.full(len(self.at), self.noise)
+        time = np.asarray(self.time[self.at], float)
+        return (Quantity("output", "V", np.arange(len(self.at)), sd, {"time": (time, "s")}),)
 
     def locate(self, residual: int) -> str:
         """Name the time."""

@@ -4,6 +4,7 @@ import numpy as np
 
 from femnl.core.comparison import Comparison, Curve, Curves
 from femnl.core.readout import ComplexArray
+from femnl.observe.model import Quantity, quadratures
 from femnl.observe.response.sweeps import Sweeps
 
 
@@ -34,3 +35,16 @@ def sweep_name(sweeps: Sweeps, k: int) -> str:
     """Name a sweep by its drive and direction."""
     drive = sweeps.drive[sweeps.spans[k].start] * sweeps.reference
     return f"{drive:.3g} V {({1: 'up', -1: 'down'}).get(sweeps.direction[k], '')}".strip()
+
+
+def voltages(sweeps: Sweeps) -> tuple[Quantity, ...]:
+    """Return what was measured: both quadratures, by sweep, place, drive and frequency."""
+    place = sweeps.positions[sweeps.position]
+    axes = {
+        "sweep": (sweeps.sweep + 1, ""),
+        "x": (place[:, 0], "m"),
+        "y": (place[:, 1], "m"),
+        "drive": (sweeps.drive * sweeps.reference, "V"),
+        "frequency": (sweeps.frequency, "Hz"),
+    }
+    return quadratures("signal", "V", np.full(len(sweeps.frequency), sweeps.noise), axes)

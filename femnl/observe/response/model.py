@@ -14,11 +14,11 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.memo import recent
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Acquisition, Oscillator, Signal
-from femnl.observe.model import Layout, MeasurementModel, Named, apply
+from femnl.observe.model import Layout, MeasurementModel, Named, Quantity, apply
 from femnl.observe.response.acquisition import low_pass, settle
-from femnl.observe.response.curves import curves, sweep_name
+from femnl.observe.response.curves import curves, sweep_name, voltages
 from femnl.observe.response.layout import along_sweeps, marked
-from femnl.observe.response.states import branch_amplitudes, follow
+from femnl.observe.response.states import branch_amplitudes, follow, shifted
 from femnl.observe.response.sweeps import Sweeps
 
 ALPHA_SD = 0.2
@@ -114,6 +114,11 @@ class ResponseModel(MeasurementModel):
         noise = np.full(2 * len(self.sweeps.frequency), self.sweeps.noise)
         return np.concatenate([noise, [np.nan] if self.softens else []]), "V"
 
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Both quadratures of the signal; the simulated α is no datum."""
+        return voltages(self.sweeps)
+
     def _whole(self, points: ComplexArray, alpha: float = 0.0) -> Array:
         """Return real and imaginary parts of (n_points,) values, and the deviation of α.
 
@@ -180,7 +185,7 @@ class ResponseModel(MeasurementModel):
         for later in range(-late, late + 1):
             branch = np.array(chosen)
             for span, way in zip(self.sweeps.spans, self.sweeps.direction, strict=True):
-                branch[span] = _shifted(chosen[span], later * way)
+                branch[span] = shifted(chosen[span], later * way)
             b = np.take_along_axis(states, branch[None], axis=0)[0]
             trials.append(self._lagging(swept, (delta, bend, b), read_out))
         misfit = np.abs(np.array(trials) - self.sweeps.voltage) ** 2
@@ -392,9 +397,3 @@ class ResponseModel(MeasurementModel):
         offset = self.sweeps.frequency[k] - self.start[0]
         drive = f"the drive of {worst * self.sweeps.reference:.3g} V deviates most"
         return f"{drive}, most strongly {offset:+.3g} Hz from resonance; rms by drive {table}"
-
-
-def _shifted(branch: NDArray[np.int64], later: int) -> NDArray[np.int64]:
-    """Return the branches (n,) of one sweep with its jump a few points later."""
-    place = np.clip(np.arange(len(branch)) - later, 0, len(branch) - 1)
-    return branch[place]

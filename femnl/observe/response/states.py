@@ -75,3 +75,9 @@ def branch_amplitudes(
             if np.all(np.abs(x - before).max(axis=1) < SETTLED * np.abs(x).max(axis=1)):
                 break
     return np.asarray(1 / (delta + a.real * x + 1j * (1 + a.imag * x)))
+
+
+def shifted(branch: NDArray[np.int64], later: int) -> NDArray[np.int64]:
+    """Return the branches (n,) of one sweep with its jump a few points later."""
+    place = np.clip(np.arange(len(branch)) - later, 0, len(branch) - 1)
+    return branch[place]

@@ -12,7 +12,7 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.core.stages import Points
 from femnl.io.measurement import CONTROLS
-from femnl.observe.model import MeasurementModel, Named, apply
+from femnl.observe.model import MeasurementModel, Named, Quantity, apply
 
 BLOCKS = 4
 """Stretches of neighbouring points that are held out one by one."""
@@ -54,6 +54,21 @@ class SeriesModel(MeasurementModel):
             sd if name == main else np.full_like(sd, np.nan) for name, (_, sd) in self.data.items()
         ]
         return np.concatenate(rows)[self.used], "Hz" if main == "frequency" else ""
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Each quantity where it is finite, by the control variables."""
+        found = []
+        begin = 0
+        for used, (name, (_, sd)) in zip(
+            np.split(self.used, len(self.data)), self.data.items(), strict=True
+        ):
+            axes = {axis: (v[used], CONTROLS[axis]) for axis, v in self.control.items()}
+            at = begin + np.arange(int(used.sum()))
+            unit = "Hz" if name == "frequency" else ""
+            found.append(Quantity(name.replace("_", " "), unit, at, sd[used], axes))
+            begin += len(at)
+        return tuple(found)
 
     def locate(self, residual: int) -> str:
         """Name the quantity and the value of the first control variable."""

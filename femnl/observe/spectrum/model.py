@@ -20,7 +20,7 @@ from femnl.core.memo import recent
 from femnl.core.readout import Array
 from femnl.core.stages import Lines, ModalSystem
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import MeasurementModel, Named, Ranked, apply
+from femnl.observe.model import MeasurementModel, Named, Quantity, Ranked, apply
 from femnl.observe.score_directions import smooth_film
 
 OWN = 0.75
@@ -90,10 +90,28 @@ class SpectrumModel(MeasurementModel):
         rest = np.full(1 + len(self._rated), np.nan)
         return np.concatenate([self.sd, rest]), "Hz"
 
+    @property
+    def _names(self) -> tuple[str, ...]:
+        """The label of each mode, else its rank from 1."""
+        return tuple(self.label or [str(i + 1) for i in self.order])
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Frequencies, and those quality factors that are known."""
+        n = len(self.frequency)
+        names = np.array(self._names)
+        found = [Quantity("frequency", "Hz", np.arange(n), self.sd, {"mode": (names, "")})]
+        rated = self._rated
+        if len(rated):
+            sd = self.quality_factor_sd[rated]
+            at = n + 1 + np.arange(len(rated))
+            found.append(Quantity("quality factor", "", at, sd, {"mode": (names[rated], "")}))
+        return tuple(found)
+
     def locate(self, residual: int) -> str:
         """Name the mode."""
         n = len(self.frequency)
-        names = self.label or [str(i + 1) for i in self.order]
+        names = self._names
         if residual < n:
             return f"frequency of mode ({names[residual]})"
         if residual == n:
@@ -271,7 +289,6 @@ class SpectrumModel(MeasurementModel):
             self.sd,
             self.frequency - away * self.sd,
         )
-        names = tuple(self.label or [str(i + 1) for i in self.order])
         return (
             Curves(
                 "spectrum",
@@ -281,7 +298,7 @@ class SpectrumModel(MeasurementModel):
                 "Hz",
                 tuple(m[0] for m in models),
                 (curve,),
-                names,
+                self._names,
                 joined=False,
             ),
         )
@@ -290,7 +307,7 @@ class SpectrumModel(MeasurementModel):
         """Name the modes that deviate most, in Hz and σ."""
         deviation = residuals[: len(self.frequency)]
         worst = np.argsort(-np.abs(deviation))[:3]
-        names = self.label or [str(i + 1) for i in self.order]
+        names = self._names
         parts = [
             f"({names[i]}) by {deviation[i] * self.sd[i]:+.3g} Hz ({deviation[i]:+.1f}σ)"
             for i in worst

@@ -12,7 +12,7 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Fringe, Harmonics, Motion
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import MeasurementModel, Named, apply
+from femnl.observe.model import MeasurementModel, Named, Quantity, apply, quadratures
 from femnl.observe.score_directions import fringe_terms, overtones
 from femnl.optics.sampled import harmonics
 
@@ -103,6 +103,18 @@ class TraceModel(MeasurementModel):
         """V of each quadrature of the harmonics."""
         sd = np.tile(self.sd.ravel(), 2)
         return np.concatenate([sd, np.full(len(self.left), np.nan)]), "V"
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Both quadratures of the harmonics; what they leave of a record is noise."""
+        orders = np.repeat(self.harmonic, self.n_steps)
+        steps = np.tile(np.arange(self.n_steps), len(self.harmonic))
+        axes = {
+            "harmonic": (orders, ""),
+            "step": (steps + 1, ""),
+            "frequency": (self.frequency[steps], "Hz"),
+        }
+        return quadratures("harmonics", "V", self.sd.ravel(), axes)
 
     def locate(self, residual: int) -> str:
         """Name the harmonic and the step."""
