@@ -60,6 +60,11 @@ class JointModel(MeasurementModel):
             begin += len(group.blocks)
         return tuple(found)
 
+    @property
+    def variant(self) -> str:
+        """Those of all measurements."""
+        return repr({name: group.variant for name, group in self.groups.items()})
+
     @cached_property
     def _kept(self) -> dict[object, Array]:
         """Residuals of single measurements at the latest parameters."""

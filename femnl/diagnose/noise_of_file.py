@@ -64,7 +64,8 @@ def first_noise(
 def last_noise(best: Candidate, noise: Noise) -> Noise:
     """Return the noise of each measurement that the best set of causes shows.
 
-    That from before where it differs by nothing that matters.
+    That from before where it differs by nothing that matters, and where what is left is too much
+    for noise.
     """
     found = dict(noise)
     for name, (bare, residuals) in _bare_residuals(best.result).items():
@@ -75,7 +76,7 @@ def last_noise(best: Candidate, noise: Noise) -> Noise:
             continue
         # Anew: what stood out from a misfit may be none
         fresh = found_noise(residuals, around, FoundNoise(), bare=True)
-        if not _same(fresh, known):
+        if fresh.factor <= THRESHOLDS.largest_factor and not _same(fresh, known):
             found[name] = fresh
     return found
 

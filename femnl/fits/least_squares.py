@@ -242,7 +242,14 @@ def _key(
     a problem that is posed in two ways starts in two places.
     """
     digest = hashlib.sha256(
-        repr((model.parameters, [effect.equation for effect in model.effects], most)).encode()
+        repr(
+            (
+                model.parameters,
+                [effect.equation for effect in model.effects],
+                model.base_model.variant,
+                most,
+            )
+        ).encode()
     )
     for part in (
         start,

@@ -140,6 +140,11 @@ class MeasurementModel(ABC):
         return ()
 
     @property
+    def variant(self) -> str:
+        """What residuals depend on beside the file and the parameters, for the names of fits."""
+        return ""
+
+    @property
     def layout(self) -> Layout | None:
         """None where residuals have no neighbours, as the modes of a spectrum."""
         return None

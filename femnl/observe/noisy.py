@@ -64,6 +64,11 @@ class NoisyModel(MeasurementModel):
         kept[list(self.noise.glitches)] = False
         return kept
 
+    @property
+    def variant(self) -> str:
+        """The noise that was found."""
+        return repr(self.noise)
+
     @cached_property
     def _followers(self) -> NDArray[np.int64]:
         """Residuals whose predecessor is known too: those that are whitened."""
