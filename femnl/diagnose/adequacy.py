@@ -290,9 +290,7 @@ def _p_values(residuals: Array, degrees: int, found: list[ScoreTest]) -> Array:
     The last three are those of χ², of the largest outlier and of the neighbours' correlation.
     """
     n = residuals.shape[1]
-    columns = [
-        _tail(np.sum((residuals @ test.basis.T) ** 2, axis=1), len(test.basis)) for test in found
-    ]
+    columns = [*_tested(residuals, found).T]
     columns.append(_tail(np.sum(residuals**2, axis=1), degrees))
     largest = np.abs(residuals).max(axis=1) * np.sqrt(n / degrees)
     # Data without noise: the logarithm of 0 is what it should be
@@ -301,6 +299,16 @@ def _p_values(residuals: Array, degrees: int, found: list[ScoreTest]) -> Array:
     neighbours = np.abs(np.sum(residuals[:, 1:] * residuals[:, :-1], axis=1)) / np.sqrt(n)
     columns.append(2 * norm.sf(neighbours))
     return np.stack(columns, axis=1)
+
+
+def _tested(residuals: Array, found: list[ScoreTest]) -> Array:
+    """Return the p-values (m, n_tests) of score tests alone."""
+    if not found:
+        return np.empty((len(residuals), 0))
+    # In one product: a long row is read once for all tests
+    squares = (residuals @ np.concatenate([test.basis for test in found]).T) ** 2
+    sizes = np.array([len(test.basis) for test in found])
+    return _tail(np.add.reduceat(squares, np.cumsum(sizes) - sizes, axis=1), sizes)
 
 
 def _simulated(result: FitResult, found: list[ScoreTest], rng: np.random.Generator) -> Array:

@@ -91,16 +91,21 @@ def scaled(result: FitResult) -> FitResult:
 
 
 def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) -> list[Pointer]:
-    """Return the effects that promise most, and those whose tests are least likely by chance."""
+    """Return the effects that promise most, and those whose tests are least likely by chance.
+
+    All, where the base model is so far off that its tangents say little of where a cause leads.
+    """
+    far_off = not result.model.effects and result.chi2 > THRESHOLDS.far_off**2 * result.degrees
     best: dict[str, list[ScoreTest]] = {}
     for test in sorted(found, key=lambda test: -test.gain):
-        if test.effect is not None and test.gain > 0:
+        if test.effect is not None and (far_off or test.gain > 0):
             best.setdefault(test.name, []).append(test)
     excess = result.chi2 - result.degrees
     promising = {
         name
         for i, name in enumerate(best)
-        if i < THRESHOLDS.fewest_effects
+        if far_off
+        or i < THRESHOLDS.fewest_effects
         or (i < THRESHOLDS.most_effects and best[name][0].gain > THRESHOLDS.least_gain * excess)
     }
     by_chance = sorted(best, key=lambda name: min(test.p_value for test in best[name]))

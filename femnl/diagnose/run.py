@@ -27,7 +27,7 @@ from femnl.diagnose.noise_of_file import (
     told_noise,
 )
 from femnl.diagnose.pose_joint import pose_joint
-from femnl.diagnose.search import refitted, search
+from femnl.diagnose.search import better, refitted, search
 from femnl.diagnose.sent import Sent, considered, received, sent
 from femnl.diagnose.verdict import NOISE_IS_LARGER
 from femnl.diagnose.worker_pool import Pose, Posed, Run, worker_pool
@@ -179,8 +179,8 @@ class _Searching:
     def searched(self, earlier: list[Candidate]) -> tuple[list[Candidate], Run]:
         """Fit what may explain the data.
 
-        Args: earlier: what was found under another noise, if anything; where the best of it
-            explains the data, it is fitted again and nothing is sought.
+        Args: earlier: what was found under another noise, if anything; where some of it, fitted
+            again, explains the data, nothing is sought.
         Returns: what was fitted, and what does further jobs of that problem.
         """
         found, run = self._sought(self.pose, earlier)
@@ -199,10 +199,13 @@ class _Searching:
     def _sought(self, pose: Pose, earlier: list[Candidate]) -> tuple[list[Candidate], Run]:
         mine = self.helpers.enter_context(worker_pool(pose, self.workers, self.checkpoint))
         model, library = mine.posed()
-        if earlier and max(earlier, key=lambda c: c.weight).viable:
-            return refitted(model, library, earlier, mine.run), mine.run
-        if earlier:  # cut short once, so that this one begins with the noise that it showed
-            return search(model, library, mine.run, self.checkpoint), mine.run
+        if earlier:
+            again = refitted(model, library, earlier, mine.run)
+            if any(candidate.viable and candidate.names for candidate in again):
+                return again, mine.run
+            # Cut short once, so that this one begins with the noise that it showed
+            found = search(model, library, mine.run, self.checkpoint)
+            return better(found, again), mine.run
         return search(model, library, mine.run, self.checkpoint, self._differs), mine.run
 
     def _differs(self, best: Candidate) -> bool:

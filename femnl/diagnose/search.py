@@ -89,8 +89,7 @@ def refitted(
 ) -> list[Candidate]:
     """Return the likeliest sets of an earlier search, fitted to data whose noise is better known.
 
-    Args: base_model: under that noise. earlier: what was found under another; its best set explains
-    the data, so that nothing is sought anew.
+    Args: base_model: under that noise. earlier: what was found under another.
     """
     found = [criticise(_again(base_model, earlier[0].result), library)]
     ranked = sorted(earlier[1:], key=lambda c: -c.weight)[: THRESHOLDS.most_refitted]
@@ -100,11 +99,21 @@ def refitted(
             _job("fitting again", c.names, c.result, partial(_again, base_model, c.result))
             for c in kept
         ]
-        grown = {names_of(r): criticise(r, library) for r in run(jobs)}
+        grown = _kept({}, run(jobs), library, run)
         found += grown.values()
         if _settled(grown):  # as in a search, no larger ones
             break
     return found
+
+
+def better(found: list[Candidate], others: list[Candidate]) -> list[Candidate]:
+    """Return all sets of two searches, of each the fit that leaves less; the base model first."""
+    best = {candidate.names: candidate for candidate in others}
+    for candidate in found:
+        known = best.get(candidate.names)
+        if known is None or candidate.result.chi2 <= known.result.chi2:
+            best[candidate.names] = candidate
+    return sorted(best.values(), key=lambda candidate: len(candidate.names))
 
 
 def _again(base_model: MeasurementModel, before: FitResult) -> FitResult:

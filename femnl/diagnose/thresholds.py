@@ -79,6 +79,12 @@ class Thresholds:
     least_gain: float = _threshold(
         0.01, "part of the excess of χ² that any other effect must promise to take up", _BLIND
     )
+    far_off: float = _threshold(
+        5.0,
+        "root of χ² per degree of freedom of the base model from which on every effect is fitted "
+        "alone: tangents do not tell where strong causes lead, as a drift that moves jumps",
+        _REALISTIC,
+    )
     surprising_effects: int = _threshold(
         2,
         "effects whose score tests are the least likely by chance, fitted whatever they promise: a "
