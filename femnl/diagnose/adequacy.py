@@ -12,6 +12,7 @@ from scipy.stats.qmc import Sobol
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
+from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import FitResult
 from femnl.observe.model import ExtendedModel
 
@@ -103,6 +104,11 @@ def score_tests(result: FitResult, library: list[Effect]) -> list[ScoreTest]:
                 ):
                     found.append(test)  # what an effect does alike on either side is one test
     return found
+
+
+def tangents_mislead(result: FitResult) -> bool:
+    """Whether a base model is so far off that its tangents say little of where a cause leads."""
+    return not result.model.effects and result.chi2 > THRESHOLDS.far_off**2 * result.degrees
 
 
 def _same(result: FitResult, vector: Array) -> bool:

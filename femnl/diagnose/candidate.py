@@ -1,6 +1,8 @@
 """A fitted set of causes: how well it explains the data, and what its residuals point to."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -8,9 +10,11 @@ from femnl.core.effect import Effect
 from femnl.diagnose.adequacy import ScoreTest, adequacy, score_tests
 from femnl.diagnose.multistart import unlike
 from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.diagnose.worker_pool import Job
 from femnl.fits.least_squares import FitResult
 
 Names = tuple[str, ...]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -93,18 +97,19 @@ def scaled(result: FitResult) -> FitResult:
 def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) -> list[Pointer]:
     """Return the effects that promise most, and those whose tests are least likely by chance.
 
-    All, where the base model is so far off that its tangents say little of where a cause leads.
+    All of them beside the base model, where tangents say least of where a cause leads, and where
+    what resembles the right one must not be left out.
     """
-    far_off = not result.model.effects and result.chi2 > THRESHOLDS.far_off**2 * result.degrees
+    alone = not result.model.effects
     best: dict[str, list[ScoreTest]] = {}
     for test in sorted(found, key=lambda test: -test.gain):
-        if test.effect is not None and (far_off or test.gain > 0):
+        if test.effect is not None and (alone or test.gain > 0):
             best.setdefault(test.name, []).append(test)
     excess = result.chi2 - result.degrees
     promising = {
         name
         for i, name in enumerate(best)
-        if far_off
+        if alone
         or i < THRESHOLDS.fewest_effects
         or (i < THRESHOLDS.most_effects and best[name][0].gain > THRESHOLDS.least_gain * excess)
     }
@@ -120,3 +125,8 @@ def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) 
 def names_of(result: FitResult, *more: Effect) -> Names:
     """Return the names of a model's effects, and of more, sorted."""
     return tuple(sorted(effect.name for effect in (*result.model.effects, *more)))
+
+
+def job(doing: str, names: Names, result: FitResult, find: Callable[[], T]) -> Job[T]:
+    """Return a job on one model, and the line of progress that names it."""
+    return Job(f"{result.model.base_model.kind}: {doing} {' + '.join(names)}", find)

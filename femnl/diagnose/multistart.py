@@ -9,7 +9,7 @@ import numpy as np
 
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
-from femnl.diagnose.adequacy import ScoreTest, score_tests
+from femnl.diagnose.adequacy import ScoreTest, score_tests, tangents_mislead
 from femnl.diagnose.global_starts import centres, scan
 from femnl.fits.least_squares import FitResult, fit, improve
 from femnl.observe.model import ExtendedModel, scale_of
@@ -30,6 +30,8 @@ ABSURD = 10.0
 """Times what a set leaves of χ² from which on it is not worth a fit with a part of the model in
 another's place.
 """
+FEW_PARAMETERS = 3
+"""Parameters up to which an effect is sought by rays wherever tangents mislead."""
 REFINED = 2
 PROMISING = 2.0
 """Starts that are fitted to the end, the best by then, and what they may leave of χ² over what the
@@ -88,11 +90,13 @@ def extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) 
             for other in others
             if abs(np.sum(model.residuals(other) ** 2) - left) > SAME * left
         ]
-    if (
-        model.base_model.needs_global_search and len(effect.parameters) == 1
-    ):  # whose ray is short; tangents at zero may lead into a trap beside it
+    if model.base_model.needs_global_search and len(effect.parameters) == 1:
+        # whose ray is short; tangents at zero may lead into a trap beside it
         far = scan(result, effect)[0]
         elsewhere.append(model.pack(far.base, [*earlier, far.values]))
+    elif tangents_mislead(result) and len(effect.parameters) <= FEW_PARAMETERS:
+        far_starts = scan(result, effect)[:REFINED]
+        starts += [model.pack(far.base, [*earlier, far.values]) for far in far_starts]
     # A few evaluations do not separate what predicts alike.
     return min(
         [

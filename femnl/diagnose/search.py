@@ -4,9 +4,8 @@ Ranked cheaply, fitted, compared.
 """
 
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
-from itertools import combinations
 from typing import TypeVar
 
 import numpy as np
@@ -14,12 +13,9 @@ from scipy.stats import chi2
 
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import Effect
-from femnl.core.readout import Array
-from femnl.diagnose.candidate import Candidate, Names, criticise, names_of
-from femnl.diagnose.global_starts import Start, look_over, scan, scan_beside
+from femnl.diagnose.afar import PAIR, from_afar
+from femnl.diagnose.candidate import Candidate, Names, criticise, job, names_of
 from femnl.diagnose.multistart import (
-    FAR,
-    REFINED,
     extended,
     replaced,
     sought_again,
@@ -27,16 +23,14 @@ from femnl.diagnose.multistart import (
 )
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job, Run, in_turn
-from femnl.fits.least_squares import FitResult, fit, improve
+from femnl.fits.least_squares import FitResult, fit
 from femnl.observe.model import ExtendedModel, MeasurementModel
 
 PROGRESS = logging.getLogger("femnl.progress")
 T = TypeVar("T")
-P = TypeVar("P")
+
 SIZES = ("single causes", "pairs", "triples")
 """The steps of the search, by the size of the sets that they fit."""
-PAIR = 1
-"""The step of pairs."""
 
 
 def search(
@@ -95,11 +89,11 @@ def refitted(
     ranked = sorted(earlier[1:], key=lambda c: -c.weight)[: THRESHOLDS.most_refitted]
     for size in range(1, len(SIZES) + 1):
         kept = [c for c in ranked if len(c.names) == size]
-        jobs = [
-            _job("fitting again", c.names, c.result, partial(_again, base_model, c.result))
+        fits = [
+            job("fitting again", c.names, c.result, partial(_again, base_model, c.result))
             for c in kept
         ]
-        grown = _kept({}, run(jobs), library, run)
+        grown = _kept({}, run(fits), library, run)
         found += grown.values()
         if _settled(grown):  # as in a search, no larger ones
             break
@@ -153,7 +147,7 @@ def _sought_anew(
     """
     ranked = sorted(grown.values(), key=lambda c: -c.weight)
     if _needs_global_search(found) and size == PAIR:
-        return [*_from_afar(found, library, run)]
+        return [*from_afar(found, library, run)]
     everywhere = _needs_global_search(found) and size == 0
     few = len(ranked) if everywhere else THRESHOLDS.sought_again[size]
     return run(_seeking(ranked[:few]))
@@ -250,7 +244,7 @@ def _looked_at(candidates: list[Candidate], library: list[Effect], run: Run) -> 
     """Criticise what has not been yet."""
     todo = [c.result for c in candidates if c.pointers is None]
     fresh = iter(
-        run([_job("looking at", names_of(s), s, partial(criticise, s, library)) for s in todo])
+        run([job("looking at", names_of(s), s, partial(criticise, s, library)) for s in todo])
     )
     return [next(fresh) if c.pointers is None else c for c in candidates]
 
@@ -283,94 +277,6 @@ def _excess(candidate: Candidate) -> float:
     return max(candidate.result.chi2 - candidate.result.degrees, 0.0)
 
 
-def _from_afar(found: list[Candidate], library: list[Effect], run: Run) -> list[FitResult]:
-    """Fit the pairs that promise most, one effect scanned globally beside each other one."""
-    base = found[0].result
-    alone = {c.names[0]: c.result for c in found if len(c.names) == 1}
-    rest = [effect for effect in library if effect.name not in alone]
-    alone |= zip(
-        (e.name for e in rest),
-        run([_job("seeking", (e.name,), base, partial(_alone, base, e)) for e in rest]),
-        strict=True,
-    )
-    shaped = sorted(library, key=_shaped)
-    looked = run([_job("seeking", (e.name,), base, partial(look_over, base, e)) for e in shaped])
-    seen = {effect.name: place for effect, place in zip(shaped, looked, strict=True)}
-    pairs = [(alone[one.name], other) for one, other in combinations(shaped, 2)]
-    starts = run(
-        [
-            _job(
-                "seeking",
-                names_of(single, other),
-                base,
-                partial(scan_beside, single, other, base, seen[other.name]),
-            )
-            for single, other in pairs
-        ]
-    )
-    promising = _lowest(starts, pairs, THRESHOLDS.pairs_tried, lambda found: found[0].chi2)
-    rough = run(
-        [
-            _job(
-                "trying",
-                names_of(single, other),
-                base,
-                partial(_roughly, single, other, found[:REFINED]),
-            )
-            for found, (single, other) in promising
-        ]
-    )
-    best = _lowest(
-        rough,
-        [pair for _, pair in promising],
-        THRESHOLDS.sought_again[PAIR],
-        lambda tried: tried[0],
-    )
-    return run(
-        [
-            _job("trying", names_of(single, other), base, partial(_paired, single, other, v))
-            for (_, v), (single, other) in best
-        ]
-    )
-
-
-def _lowest(
-    found: Sequence[T], pairs: Sequence[P], most: int, chi2_of: Callable[[T], float]
-) -> list[tuple[T, P]]:
-    """Return what was found of the pairs that leave the least χ², best first."""
-    return sorted(zip(found, pairs, strict=True), key=lambda one: chi2_of(one[0]))[:most]
-
-
-def _alone(base: FitResult, effect: Effect) -> FitResult:
-    """Fit an effect from the best of the places all over its priors."""
-    start = scan(base, effect)[0]
-    model = ExtendedModel(base.model.base_model, (effect,))
-    return fit(model, model.pack(start.base, [start.values]), near=base)
-
-
-def _roughly(single: FitResult, other: Effect, starts: list[Start]) -> tuple[float, Array]:
-    """Return χ² and the vector after a few evaluations from where another effect suits best."""
-    model = ExtendedModel(single.model.base_model, (*single.model.effects, other))
-    (_, own) = single.model.split(single.vector)
-    vectors = [model.pack(start.base, [*own, start.values]) for start in starts]
-    return min((improve(model, v, FAR, single) for v in vectors), key=lambda found: found[0])
-
-
-def _paired(single: FitResult, other: Effect, vector: Array) -> FitResult:
-    return fit(
-        ExtendedModel(single.model.base_model, (*single.model.effects, other)), vector, near=single
-    )
-
-
-def _shaped(effect: Effect) -> tuple[int, int]:
-    """How many parameters of an effect are no strengths, and how many are.
-
-    Of two, the one with more is sought beside the other.
-    """
-    shapes = sum(not spec.strength for spec in effect.parameters)
-    return shapes, -len(effect.parameters)
-
-
 def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitResult | None]]:
     """Return the fits of each parent's model with one more effect that its residuals point to."""
     jobs: list[Job[FitResult | None]] = []
@@ -379,15 +285,14 @@ def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitRes
         mine = parent.names
         for pointer in parent.pointers or ():
             find = partial(extended, result, pointer.effect, list(pointer.shapes))
-            jobs.append(_job("trying", names_of(result, pointer.effect), result, find))
+            jobs.append(job("trying", names_of(result, pointer.effect), result, find))
         others = [
             e
             for e in library
             if e.name not in mine and not any(spec.strength for spec in e.parameters)
         ]
         jobs += [
-            _job("trying", names_of(result, e), result, partial(replaced, result, e))
-            for e in others
+            job("trying", names_of(result, e), result, partial(replaced, result, e)) for e in others
         ]
     return jobs
 
@@ -396,12 +301,8 @@ def _seeking(candidates: list[Candidate]) -> list[Job[FitResult | None]]:
     """Return fits that scan each cause of some sets anew, and what else may have been missed."""
     jobs: list[Job[FitResult | None]] = []
     for result in (c.result for c in candidates):
-        jobs.append(_job("seeking", names_of(result), result, partial(sought_beyond, result)))
+        jobs.append(job("seeking", names_of(result), result, partial(sought_beyond, result)))
         for k, effect in enumerate(result.model.effects):
             doing = f"seeking {effect.name} again in"
-            jobs.append(_job(doing, names_of(result), result, partial(sought_again, result, k)))
+            jobs.append(job(doing, names_of(result), result, partial(sought_again, result, k)))
     return jobs
-
-
-def _job(doing: str, names: Names, result: FitResult, find: Callable[[], T]) -> Job[T]:
-    return Job(f"{result.model.base_model.kind}: {doing} {' + '.join(names)}", find)

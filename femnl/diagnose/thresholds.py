@@ -73,16 +73,16 @@ class Thresholds:
         3, "rivals of the best set whose held-out prediction is computed", _BLIND
     )
     most_effects: int = _threshold(
-        7, "effects that are fitted at each step, those that the residuals point to most", _BLIND
+        7, "effects that are fitted beside others, those that the residuals point to most", _BLIND
     )
-    fewest_effects: int = _threshold(4, "effects that are fitted at each step in any case", _BLIND)
+    fewest_effects: int = _threshold(4, "effects that are fitted beside others in any case", _BLIND)
     least_gain: float = _threshold(
         0.01, "part of the excess of χ² that any other effect must promise to take up", _BLIND
     )
     far_off: float = _threshold(
         5.0,
-        "root of χ² per degree of freedom of the base model from which on every effect is fitted "
-        "alone: tangents do not tell where strong causes lead, as a drift that moves jumps",
+        "root of χ² per degree of freedom of the base model from which on single effects are "
+        "sought by rays, too: tangents do not tell where strong causes lead, as a filter that lags",
         _REALISTIC,
     )
     surprising_effects: int = _threshold(
