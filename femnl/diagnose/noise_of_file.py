@@ -84,9 +84,10 @@ def last_noise(best: Candidate, noise: Noise) -> Noise:
 def _unexplained_but_noise(best: Candidate, known: FoundNoise) -> bool:
     """Whether what causes leave looks like larger noise, of data without neighbours that tell it.
 
-    No set explains the data within the stated noise, since the best one does not.
+    No set explains the data within the stated noise, since the best one does not. Several causes
+    that leave more than noise may imitate one that the library lacks.
     """
-    if not best.names or best.viable or best.result.stuck or known != FoundNoise():
+    if len(best.names) != 1 or best.viable or best.result.stuck or known != FoundNoise():
         return False
     if not 1 < best.factor <= THRESHOLDS.largest_factor:
         return False

@@ -2,20 +2,18 @@
 
 import hashlib
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import chdtrc
 
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.readout import Array
-from femnl.fits.tangents import jacobian_at, steps_for, tangents
+from femnl.fits.minimise import minimise
+from femnl.fits.tangents import jacobian_at, steps_for
 from femnl.observe.model import ExtendedModel
 
-INSIDE = 1e-9
-"""Distance from its bounds, in parts of the range, that a start keeps."""
 DECADES = 1e6
 """Ratio of the largest to the smallest strength that an effect may have."""
 AT_BOUND = 1e-12
@@ -32,22 +30,6 @@ LOOSE = 0.05
 """Part of its range below which the data know a parameter that shapes an effect."""
 ITERATIONS = 12
 """Iterations of the fits that leave a block out; they start at the whole fit."""
-ROUGH = 10
-"""Evaluations up to which a fit only ranks starts, so that it need not end at bounds."""
-LAST = 10
-"""Evaluations for the way to bounds, which the reflective method shies away from."""
-CREEPING = 10
-LITTLE = 0.01
-"""Iterations in which χ² must fall by this part, or a fit ends: so slow a valley is left to fits
-from elsewhere.
-"""
-NEAR_BOUND = 1e-3
-"""Distance from its bound, in parts of the range, from which on a parameter is put there where
-that lowers χ².
-"""
-FTOL = 1e-7
-XTOL = 1e-9
-"""Relative changes of χ² and of the parameters at which a fit ends."""
 
 
 @dataclass(frozen=True)
@@ -211,9 +193,9 @@ def _recalled(
     """
     keep, most = asked
     if checkpoint is None:
-        return _minimise(model, start, keep, most, first)
+        return minimise(model, start, keep, most, first)
     return checkpoint.recall(
-        _key(model, start, keep, most, first), lambda: _minimise(model, start, keep, most, first)
+        _key(model, start, keep, most, first), lambda: minimise(model, start, keep, most, first)
     )
 
 
@@ -260,86 +242,6 @@ def _key(
     ):
         digest.update(np.ascontiguousarray(part).tobytes())
     return digest.hexdigest()
-
-
-def _minimise(
-    model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array
-) -> tuple[Array, Array]:
-    """Return the minimum and the steps at which tangents are taken there."""
-    low, high = model.bounds
-    width = high - low
-    chosen = slice(None) if keep is None else keep
-
-    # In parts of the ranges: the optimiser adds up steps of all parameters, and metres would count
-    # for nothing beside volts.
-    def place(part: Array) -> Array:
-        return np.asarray(np.clip(low + width * part, low, high))
-
-    start_part = np.clip((start - low) / width, INSIDE, 1 - INSIDE)
-    vector = place(start_part)
-    at = model.residuals(vector)
-    steps, slopes = tangents(model, vector, at, first)
-    # The optimiser asks for the tangents where it has just asked for the residuals, and for both
-    # where it starts.
-    latest = {vector.tobytes(): at}
-    latest_slopes = {vector.tobytes(): slopes}
-
-    def known(v: Array) -> Array:
-        if v.tobytes() not in latest:
-            latest.clear()
-            latest[v.tobytes()] = model.residuals(v)
-        return latest[v.tobytes()]
-
-    def residuals(part: Array) -> Array:
-        return known(place(part))[chosen]
-
-    def jacobian(part: Array) -> Array:
-        v = place(part)
-        if v.tobytes() not in latest_slopes:
-            latest_slopes.clear()
-            latest_slopes[v.tobytes()] = jacobian_at(model, v, known(v), steps)
-        return latest_slopes[v.tobytes()][chosen] * width
-
-    solve = partial(
-        least_squares,
-        residuals,
-        jac=jacobian,
-        bounds=(0, 1),
-        x_scale="jac",
-        xtol=XTOL,
-        ftol=FTOL,
-        gtol=1e-10,
-    )
-    found = solve(start_part, method="trf", max_nfev=most, callback=_Creeping())
-    if most > ROUGH and (pushed := _pushed(found)).any():
-        on_bounds = np.where(pushed, np.rint(found.x), found.x)
-        ended = solve(on_bounds, method="dogbox", max_nfev=LAST)
-        found = min(found, ended, key=lambda one: float(one.cost))
-    end = place(found.x)
-    size = np.linalg.norm(np.asarray(found.jac), axis=0) / width
-    return end, steps_for(model, size, steps)
-
-
-class _Creeping:
-    """Ends a fit that hardly gains any more, though its steps do not end."""
-
-    def __init__(self) -> None:
-        self._costs: list[float] = []
-
-    def __call__(self, intermediate_result: OptimizeResult) -> None:
-        """Take the cost of one more iteration."""
-        self._costs.append(float(intermediate_result.cost))
-        long_ago = self._costs[-CREEPING - 1 : -CREEPING]
-        if any(self._costs[-1] > (1 - LITTLE) * cost for cost in long_ago):
-            raise StopIteration
-
-
-def _pushed(found: OptimizeResult) -> NDArray[np.bool_]:
-    """Return which parameters (p,) are near a bound, with χ² falling towards it."""
-    gradient = found.jac.T @ found.fun
-    low = (found.x < NEAR_BOUND) & (gradient > 0)
-    high = (found.x > 1 - NEAR_BOUND) & (gradient < 0)
-    return np.asarray(low | high)
 
 
 def covariance(slopes: Array, width: Array) -> Array:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
 from femnl.fits.least_squares import fit
 from femnl.observe.model import ExtendedModel, Layout
@@ -49,9 +48,13 @@ def test_noise_as_stated_changes_nothing() -> None:
     assert with_noise(bare, FoundNoise()) is bare
 
 
-def test_a_model_without_neighbours_cannot_have_other_noise() -> None:
-    with pytest.raises(ParameterError, match="no neighbours"):
-        with_noise(Level(noise(1), BLOCKS, 1e4), FoundNoise(factor=2.0))
+def test_a_model_without_neighbours_can_have_larger_noise() -> None:
+    bare = Level(noise(1), BLOCKS, 1e4)
+    larger = with_noise(bare, FoundNoise(factor=2.0))
+    level = {"level": 0.5}
+    stated = bare.residuals((), level, ())
+    told = bare.blocks >= 0
+    np.testing.assert_allclose(larger.residuals((), level, ())[told], stated[told] / 2)
 
 
 def test_a_glitch_does_not_move_the_fit() -> None:

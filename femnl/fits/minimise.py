@@ -1,0 +1,115 @@
+"""The minimum of χ² within bounds, from one start."""
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult, least_squares
+
+from femnl.core.readout import Array
+from femnl.fits.tangents import jacobian_at, steps_for, tangents
+from femnl.observe.model import ExtendedModel
+
+INSIDE = 1e-9
+"""Distance from its bounds, in parts of the range, that a start keeps."""
+ROUGH = 10
+"""Evaluations up to which a fit only ranks starts, so that it need not end at bounds."""
+LAST = 10
+"""Evaluations for the way to bounds, which the reflective method shies away from."""
+CREEPING = 10
+LITTLE = 0.01
+FAR_OFF = 25.0
+"""Iterations in which χ² must fall by this part, or a fit ends that leaves more than so much of it
+per datum: so slow a valley is left to fits from elsewhere.
+"""
+NEAR_BOUND = 1e-3
+"""Distance from its bound, in parts of the range, from which on a parameter is put there where
+that lowers χ².
+"""
+FTOL = 1e-7
+XTOL = 1e-9
+"""Relative changes of χ² and of the parameters at which a fit ends."""
+
+
+def minimise(
+    model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array
+) -> tuple[Array, Array]:
+    """Return the minimum and the steps at which tangents are taken there."""
+    low, high = model.bounds
+    width = high - low
+    chosen = slice(None) if keep is None else keep
+
+    # In parts of the ranges: the optimiser adds up steps of all parameters, and metres would count
+    # for nothing beside volts.
+    def place(part: Array) -> Array:
+        return np.asarray(np.clip(low + width * part, low, high))
+
+    start_part = np.clip((start - low) / width, INSIDE, 1 - INSIDE)
+    vector = place(start_part)
+    at = model.residuals(vector)
+    steps, slopes = tangents(model, vector, at, first)
+    # The optimiser asks for the tangents where it has just asked for the residuals, and for both
+    # where it starts.
+    latest = {vector.tobytes(): at}
+    latest_slopes = {vector.tobytes(): slopes}
+
+    def known(v: Array) -> Array:
+        if v.tobytes() not in latest:
+            latest.clear()
+            latest[v.tobytes()] = model.residuals(v)
+        return latest[v.tobytes()]
+
+    def residuals(part: Array) -> Array:
+        return known(place(part))[chosen]
+
+    def jacobian(part: Array) -> Array:
+        v = place(part)
+        if v.tobytes() not in latest_slopes:
+            latest_slopes.clear()
+            latest_slopes[v.tobytes()] = jacobian_at(model, v, known(v), steps)
+        return latest_slopes[v.tobytes()][chosen] * width
+
+    solve = partial(
+        least_squares,
+        residuals,
+        jac=jacobian,
+        bounds=(0, 1),
+        x_scale="jac",
+        xtol=XTOL,
+        ftol=FTOL,
+        gtol=1e-10,
+    )
+    found = solve(
+        start_part, method="trf", max_nfev=most, callback=_Creeping(len(known(vector)[chosen]))
+    )
+    if most > ROUGH and (pushed := _pushed(found)).any():
+        on_bounds = np.where(pushed, np.rint(found.x), found.x)
+        ended = solve(on_bounds, method="dogbox", max_nfev=LAST)
+        found = min(found, ended, key=lambda one: float(one.cost))
+    end = place(found.x)
+    size = np.linalg.norm(np.asarray(found.jac), axis=0) / width
+    return end, steps_for(model, size, steps)
+
+
+class _Creeping:
+    """Ends a fit that is far from all data and hardly gains any more, though its steps go on."""
+
+    def __init__(self, count: int) -> None:
+        self._far = FAR_OFF * count / 2
+        self._costs: list[float] = []
+
+    def __call__(self, intermediate_result: OptimizeResult) -> None:
+        """Take the cost, half of χ², of one more iteration."""
+        cost = float(intermediate_result.cost)
+        self._costs.append(cost)
+        long_ago = self._costs[-CREEPING - 1 : -CREEPING]
+        if cost > self._far and any(cost > (1 - LITTLE) * before for before in long_ago):
+            raise StopIteration
+
+
+def _pushed(found: OptimizeResult) -> NDArray[np.bool_]:
+    """Return which parameters (p,) are near a bound, with χ² falling towards it."""
+    gradient = found.jac.T @ found.fun
+    low = (found.x < NEAR_BOUND) & (gradient > 0)
+    high = (found.x > 1 - NEAR_BOUND) & (gradient < 0)
+    return np.asarray(low | high)
