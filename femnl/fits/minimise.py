@@ -22,9 +22,10 @@ FAR_OFF = 25.0
 """Iterations in which χ² must fall by this part, or a fit ends that leaves more than so much of it
 per datum: so slow a valley is left to fits from elsewhere.
 """
+NEARLY = 1e-6
 NEAR_BOUND = 1e-3
-"""Distance from its bound, in parts of the range, from which on a parameter is put there where
-that lowers χ².
+"""Distances from its bound, in parts of the range, from which on a parameter is put there: in any
+case, and where that lowers χ².
 """
 FTOL = 1e-7
 XTOL = 1e-9
@@ -85,7 +86,7 @@ def minimise(
     if most > ROUGH and (pushed := _pushed(found)).any():
         on_bounds = np.where(pushed, np.rint(found.x), found.x)
         ended = solve(on_bounds, method="dogbox", max_nfev=LAST)
-        found = min(found, ended, key=lambda one: float(one.cost))
+        found = ended if ended.cost <= (1 + FTOL) * found.cost else found
     end = place(found.x)
     size = np.linalg.norm(np.asarray(found.jac), axis=0) / width
     return end, steps_for(model, size, steps)
@@ -108,8 +109,9 @@ class _Creeping:
 
 
 def _pushed(found: OptimizeResult) -> NDArray[np.bool_]:
-    """Return which parameters (p,) are near a bound, with χ² falling towards it."""
+    """Return which parameters (p,) are near a bound with χ² falling towards it, or at one."""
     gradient = found.jac.T @ found.fun
     low = (found.x < NEAR_BOUND) & (gradient > 0)
     high = (found.x > 1 - NEAR_BOUND) & (gradient < 0)
-    return np.asarray(low | high)
+    at_bound = np.minimum(found.x, 1 - found.x) < NEARLY
+    return np.asarray(low | high | at_bound)
