@@ -16,9 +16,9 @@ from femnl.observe.model import ExtendedModel
 
 DECADES = 1e6
 """Ratio of the largest to the smallest strength that an effect may have."""
-AT_BOUND = 1e-8
-"""Distance, in parts of the range, up to which a result counts as stuck at its bound: a start there
-is put inside by a tenth of that.
+AT_BOUND = 2e-10
+"""Distance, in parts of the range, up to which a result counts as stuck at its bound. Values of
+small parameters of a wide range lie not much farther from it.
 """
 
 BESIDE = 1e-4
