@@ -72,7 +72,8 @@ def last_noise(best: Candidate, noise: Noise) -> Noise:
         around = bare.layout
         known = noise.get(name, FoundNoise())
         if around is None:
-            found[name] = _larger(best) if _unexplained_but_noise(best, known) else known
+            if _unexplained_but_noise(best, known):
+                found[name] = FoundNoise(factor=best.factor)
             continue
         # Anew: what stood out from a misfit may be none
         fresh = found_noise(residuals, around, FoundNoise(), bare=True)
@@ -85,17 +86,20 @@ def _unexplained_but_noise(best: Candidate, known: FoundNoise) -> bool:
     """Whether what causes leave looks like larger noise, of data without neighbours that tell it.
 
     No set explains the data within the stated noise, since the best one does not. Several causes
-    that leave more than noise may imitate one that the library lacks.
+    that leave more than noise may imitate one that the library lacks. Of several measurements, a
+    misfit does not tell whose noise is larger.
     """
-    if len(best.names) != 1 or best.viable or best.result.stuck or known != FoundNoise():
+    if (
+        isinstance(best.result.model.base_model, JointModel)
+        or len(best.names) != 1
+        or best.viable
+        or best.result.stuck
+        or known != FoundNoise()
+    ):
         return False
     if not 1 < best.factor <= THRESHOLDS.largest_factor:
         return False
     return criticise(scaled(best.result), []).p_value >= THRESHOLDS.base_inadequate
-
-
-def _larger(best: Candidate) -> FoundNoise:
-    return FoundNoise(factor=best.factor)
 
 
 def told_noise(best: FitResult, noise: Noise, factor: float = 1.0) -> tuple[NoiseTold, ...]:

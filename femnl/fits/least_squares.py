@@ -16,9 +16,10 @@ from femnl.observe.model import ExtendedModel
 
 DECADES = 1e6
 """Ratio of the largest to the smallest strength that an effect may have."""
-AT_BOUND = 2e-10
-"""Distance, in parts of the range, up to which a result counts as stuck at its bound. Values of
-small parameters of a wide range lie not much farther from it.
+AT_BOUND = 1e-6
+"""Distance from its bound, in standard deviations, up to which a result counts as stuck there. In
+parts of the range it would depend on how wide that is: a pressure of 0.2 µPa known to 15 % is not
+at its bound of 0 because 500 Pa are allowed.
 """
 
 BESIDE = 1e-4
@@ -107,7 +108,7 @@ class FitResult:
     def free(self) -> NDArray[np.bool_]:
         """Which parameters (p,) did not end at a bound, and can still take up deviations."""
         low, high = self.model.bounds
-        near = AT_BOUND * (high - low)
+        near = AT_BOUND * np.sqrt(np.diag(self.covariance))
         return np.asarray((self.vector - low >= near) & (high - self.vector >= near))
 
     @property

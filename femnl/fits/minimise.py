@@ -80,11 +80,11 @@ def minimise(
         ftol=FTOL,
         gtol=1e-10,
     )
-    found = solve(
-        start_part, method="trf", max_nfev=most, callback=_Creeping(len(known(vector)[chosen]))
-    )
-    if most > ROUGH and (pushed := _pushed(found)).any():
-        on_bounds = np.where(pushed, np.rint(found.x), found.x)
+    found = solve(start_part, method="trf", max_nfev=most, callback=_Creeping(len(at[chosen])))
+    part = model.part_of_range(place(found.x))
+    pushed = _pushed(found, part)
+    if most > ROUGH and pushed.any():
+        on_bounds = np.where(pushed, np.rint(part), found.x)
         ended = solve(on_bounds, method="dogbox", max_nfev=LAST)
         found = ended if ended.cost <= (1 + FTOL) * found.cost else found
     end = place(found.x)
@@ -108,10 +108,13 @@ class _Creeping:
             raise StopIteration
 
 
-def _pushed(found: OptimizeResult) -> NDArray[np.bool_]:
-    """Return which parameters (p,) are near a bound with χ² falling towards it, or at one."""
+def _pushed(found: OptimizeResult, part: Array) -> NDArray[np.bool_]:
+    """Return which parameters (p,) are near a bound with χ² falling towards it, or at one.
+
+    Args: part (p,): where each is in its range.
+    """
     gradient = found.jac.T @ found.fun
-    low = (found.x < NEAR_BOUND) & (gradient > 0)
-    high = (found.x > 1 - NEAR_BOUND) & (gradient < 0)
-    at_bound = np.minimum(found.x, 1 - found.x) < NEARLY
+    low = (part < NEAR_BOUND) & (gradient > 0)
+    high = (part > 1 - NEAR_BOUND) & (gradient < 0)
+    at_bound = np.minimum(part, 1 - part) < NEARLY
     return np.asarray(low | high | at_bound)

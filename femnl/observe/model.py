@@ -286,6 +286,18 @@ class ExtendedModel:
         )
         return low * unit, high * unit
 
+    def part_of_range(self, vector: Array) -> Array:
+        """Return where each parameter (p,) lies between its bounds, from 0 to 1.
+
+        In the logarithm where its prior is uniform in that: a small time is not near its bound
+        because the longest one allowed is so much longer.
+        """
+        low, high = self.bounds
+        part = (vector - low) / (high - low)
+        log = np.array([spec.log for _, spec in self.parameters])
+        part[log] = np.log(vector[log] / low[log]) / np.log(high[log] / low[log])
+        return np.asarray(part)
+
     def split(self, vector: Array) -> tuple[dict[str, float], list[dict[str, float]]]:
         """Return the values of the base parameters (0 for replaced ones) and of each effect."""
         named: dict[str, dict[str, float]] = {
