@@ -96,3 +96,56 @@ def test_more_than_a_fiftieth_of_the_data_are_no_glitches() -> None:
     at = rng.choice(len(residuals), len(residuals) // 25, replace=False)
     residuals[at] += 50.0
     assert found_noise(residuals, sweeps(), FoundNoise()).glitches == ()
+
+
+def test_two_glitches_that_chance_puts_at_one_frequency_are_glitches() -> None:
+    residuals = white(8)
+    at = [3 * POINTS + 80, 11 * POINTS + 80, 40, 6 * POINTS + 120]
+    residuals[at] += [200.0, -50.0, 90.0, 70.0]
+    found = found_noise(residuals, sweeps(repeated=True), FoundNoise())
+    assert set(at) <= set(found.glitches)
+
+
+def test_a_tenth_more_noise_than_stated_is_found_where_a_model_leaves_bare_noise() -> None:
+    found = [found_noise(1.1 * white(s), sweeps(), FoundNoise(), bare=True) for s in SEEDS]
+    # All residuals tell it to 1/√(2n), 1.4 %; the quantile of stretches only to 4 %
+    assert [noise.factor for noise in found] == pytest.approx([1.1] * len(found), rel=0.05)
+
+
+def test_the_correlation_of_few_bare_sweeps_is_that_of_all_their_neighbours() -> None:
+    few = SWEEPS // 4 * POINTS
+    whole = sweeps()
+    layout = Layout(whole.near[:few], whole.previous[:few], whole.datum[:few], whole.repeated[:few])
+    found = [found_noise(correlated(s, 0.7)[:few], layout, FoundNoise(), bare=True) for s in SEEDS]
+    assert [noise.correlation for noise in found] == pytest.approx([0.7] * len(found), abs=0.1)
+
+
+def record() -> Layout:
+    """Return the layout of samples of a record, whose misfits oscillate."""
+    place = np.arange(SWEEPS * POINTS)
+    near = place[:, None] + np.array([-4, -3, -2, -1, 1, 2, 3, 4])
+    inside = (near >= 0) & (near < len(place))
+    none = np.full(len(place), -1)
+    return Layout(np.where(inside, near, -1), place - 1, place, none, oscillating=True)
+
+
+@pytest.mark.parametrize("factor", [0.4, 1.6])
+@pytest.mark.parametrize("rho", [0.0, 0.6])
+def test_the_noise_of_a_record_is_found_beside_a_glitch(factor: float, rho: float) -> None:
+    rng = np.random.default_rng(9)
+    noise = rng.standard_normal(SWEEPS * POINTS)
+    for k in range(1, len(noise)):
+        noise[k] = rho * noise[k - 1] + np.sqrt(1 - rho**2) * noise[k]
+    noise *= factor
+    noise[700] += 300.0
+    found = found_noise(noise, record(), FoundNoise())
+    assert found.factor == pytest.approx(factor, rel=0.06)
+    assert found.correlation == pytest.approx(rho, abs=0.06)
+    assert 700 in found.glitches
+
+
+@pytest.mark.parametrize("size", [0.5, 2.0])
+def test_what_oscillates_beside_the_noise_of_a_record_is_no_noise(size: float) -> None:
+    misfit = size * np.cos(2 * np.pi * np.arange(SWEEPS * POINTS) / 9.3)
+    found = found_noise(white(10) + misfit, record(), FoundNoise())
+    assert (found.factor, found.correlation) == (1.0, 0.0)

@@ -1,10 +1,16 @@
 """A model under the noise that was found: glitches left out, one factor, white residuals."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from femnl.core.checkpoint import Checkpoint
+from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
+from femnl.diagnose.candidate import Candidate, criticise
+from femnl.diagnose.noise_of_file import last_noise
 from femnl.fits.least_squares import fit
 from femnl.observe.model import ExtendedModel, Layout
 from femnl.observe.noisy import FoundNoise, NoisyModel, with_noise
@@ -91,3 +97,49 @@ def test_directions_are_whitened_like_residuals() -> None:
     step = model.residuals((), {"level": 0.0}, ()) - model.residuals((), {"level": 1.0}, ())
     assert direction == pytest.approx(model.white(np.linspace(-1, 1, N)))
     assert step == pytest.approx(model.white(np.ones(N)))
+
+
+def test_a_fit_under_one_noise_is_not_recalled_under_another(tmp_path: Path) -> None:
+    data = 3 + noise(4)
+    data[17] += 1e3
+    kept = Checkpoint(tmp_path / "fits.jsonl")
+    whole = line(data)
+    with_glitch = fit(ExtendedModel(whole), whole.start, checkpoint=kept)
+    model = noisy(data, FoundNoise(glitches=(17,)))
+    without = fit(ExtendedModel(model), model.start, checkpoint=kept)
+    mean = np.delete(data, 17).mean()
+    assert with_glitch.vector == pytest.approx(data.mean(), rel=1e-6)
+    assert without.vector == pytest.approx(mean, rel=1e-6)
+
+
+def remaining(left: Array, *, causes: int = 1) -> Candidate:
+    """Return causes of strong signal, fitted to data that they leave so much of."""
+    signal = 1e3 * np.linspace(-1, 1, N)
+    names = ("slope", "bend")[:causes]
+    bare = Level(signal + left, BLOCKS, 1e4)
+    found = fit(ExtendedModel(bare, tuple(linear(name) for name in names)), START[: 1 + causes])
+    return criticise(found, [])
+
+
+START = np.array([0.0, 1.0, 1.0])
+
+
+def linear(name: str) -> Effect:
+    """Return an effect that adds a line, or a parabola, times its strength."""
+    shape = np.linspace(-1, 1, N) ** (1 if name == "slope" else 2)
+
+    def act(value: Array, values: Values) -> Array:
+        return value + values["strength"] * shape
+
+    spec = ParameterSpec("strength", "1", -1e4, 1e4)
+    return Effect(name, "", (spec,), {"placement": act}, "", "", "")
+
+
+def test_what_one_cause_leaves_counts_as_larger_noise_where_it_looks_like_it() -> None:
+    seen = last_noise(remaining(2 * noise(5)), {})
+    assert seen[""].factor == pytest.approx(2.0, rel=0.2)
+    assert last_noise(remaining(noise(5)), {}) == {}
+    assert last_noise(remaining(4 * noise(5)), {}) == {}, "too much for a wrong statement"
+    wave = 3 * np.sin(np.linspace(0, 4 * np.pi, N))
+    assert last_noise(remaining(noise(5) + wave), {}) == {}, "neighbours deviate together"
+    assert last_noise(remaining(2 * noise(5), causes=2), {}) == {}

@@ -382,3 +382,40 @@ def test_a_range_that_counts_in_what_the_measurement_does_not_give_is_refused() 
         ParameterError, match=r"parameter strength: its range counts in 'reech', .* it gives: time"
     ):
         _ = ExtendedModel(line(np.zeros(len(PLACE))), (odd,)).bounds
+
+
+def test_every_effect_is_fitted_alone_whatever_the_residuals_point_to() -> None:
+    """Eight causes, of which tangents point to others than the last, which is of fourth order."""
+    waves = [effect(f"wave {k}", lambda s, k=k: s * np.sin(k * np.pi * PLACE)) for k in range(1, 9)]
+    late = effect("late", lambda s: s**4 * PLACE, low=0.0)
+    data = 4 * PLACE + 0.3 * np.random.default_rng(3).standard_normal(PLACE.size)
+    tried = {c.names for c in search(line(data), [*waves, late]) if len(c.names) == 1}
+    assert {(e.name,) for e in (*waves, late)} <= tried
+
+
+def test_a_value_far_from_its_bound_in_errors_is_not_stuck_however_wide_the_range() -> None:
+    noise = 1e-9 * np.random.default_rng(4).standard_normal(PLACE.size)
+    tiny = effect("tiny", lambda s: s * 1e9 * (PLACE > 0), low=0.0)
+    (found,) = [
+        c for c in search(line(20 * (PLACE > 0) + 1e9 * noise), [tiny]) if c.names == ("tiny",)
+    ]
+    # 2e-8 of a range of 10: a part of 2e-9, and sixty standard deviations from 0
+    assert found.result.vector[-1] == pytest.approx(2e-8, rel=0.05)
+    assert not found.result.stuck
+    assert found.result.free.all()
+
+
+def test_a_slow_valley_near_the_data_is_followed_to_its_end() -> None:
+    """Rosenbrock's, of which each iteration gains little; beside 40 data of unit noise."""
+
+    def bend(value: Array, values: Values) -> Array:
+        x, y = values["x"], values["y"]
+        moved = value.copy()
+        moved[:2] += [30 * (y - x**2), 1 - x]
+        return moved
+
+    specs = (ParameterSpec("x", "1", -10.0, 10.0), ParameterSpec("y", "1", -10.0, 10.0))
+    valley = Effect("valley", "", specs, {"placement": bend}, "", "", "")
+    model = ExtendedModel(line(np.zeros(PLACE.size)), (valley,))
+    found = fit(model, np.array([0.0, -3.0, 9.0]))
+    assert found.chi2 < 1e-6
