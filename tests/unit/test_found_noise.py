@@ -107,9 +107,10 @@ def test_two_glitches_that_chance_puts_at_one_frequency_are_glitches() -> None:
 
 
 def test_a_tenth_more_noise_than_stated_is_found_where_a_model_leaves_bare_noise() -> None:
-    found = [found_noise(1.1 * white(s), sweeps(), FoundNoise(), bare=True) for s in SEEDS]
-    # All residuals tell it to 1/√(2n), 1.4 %; the quantile of stretches only to 4 %
-    assert [noise.factor for noise in found] == pytest.approx([1.1] * len(found), rel=0.05)
+    drawn = [1.1 * white(seed) for seed in range(40)]
+    found = [found_noise(noise, sweeps(), FoundNoise(), bare=True).factor for noise in drawn]
+    # All residuals tell it to 1/√(2n), 1.4 %; the quantile of stretches only to 2.1 %
+    assert np.sqrt(np.mean((np.array(found) / 1.1 - 1) ** 2)) < 0.016
 
 
 def test_the_correlation_of_few_bare_sweeps_is_that_of_all_their_neighbours() -> None:
@@ -131,17 +132,18 @@ def record() -> Layout:
 
 @pytest.mark.parametrize("factor", [0.4, 1.6])
 @pytest.mark.parametrize("rho", [0.0, 0.6])
-def test_the_noise_of_a_record_is_found_beside_a_glitch(factor: float, rho: float) -> None:
+def test_the_noise_of_a_record_is_found_beside_large_and_small_glitches(factor: float, rho: float) -> None:
     rng = np.random.default_rng(9)
     noise = rng.standard_normal(SWEEPS * POINTS)
     for k in range(1, len(noise)):
         noise[k] = rho * noise[k - 1] + np.sqrt(1 - rho**2) * noise[k]
     noise *= factor
     noise[700] += 300.0
+    noise[1200] -= 15.0 * factor
     found = found_noise(noise, record(), FoundNoise())
     assert found.factor == pytest.approx(factor, rel=0.06)
     assert found.correlation == pytest.approx(rho, abs=0.06)
-    assert 700 in found.glitches
+    assert {700, 1200} <= set(found.glitches)
 
 
 @pytest.mark.parametrize("size", [0.5, 2.0])

@@ -405,17 +405,20 @@ def test_a_value_far_from_its_bound_in_errors_is_not_stuck_however_wide_the_rang
     assert found.result.free.all()
 
 
-def test_a_slow_valley_near_the_data_is_followed_to_its_end() -> None:
-    """Rosenbrock's, of which each iteration gains little; beside 40 data of unit noise."""
+def test_a_slow_valley_near_the_data_is_followed_as_long_as_a_fit_may_go_on() -> None:
+    """Rosenbrock's valley: ten steps lower a χ² of 39 by less than a hundredth."""
 
     def bend(value: Array, values: Values) -> Array:
         x, y = values["x"], values["y"]
         moved = value.copy()
-        moved[:2] += [30 * (y - x**2), 1 - x]
+        moved[:2] += [1000 * (y - x**2), 1 - x]
         return moved
 
     specs = (ParameterSpec("x", "1", -10.0, 10.0), ParameterSpec("y", "1", -10.0, 10.0))
     valley = Effect("valley", "", specs, {"placement": bend}, "", "", "")
-    model = ExtendedModel(line(np.zeros(PLACE.size)), (valley,))
+    data = np.random.default_rng(5).standard_normal(PLACE.size)
+    data[:2] = 0.0
+    model = ExtendedModel(line(data), (valley,))
     found = fit(model, np.array([0.0, -3.0, 9.0]))
-    assert found.chi2 < 1e-6
+    # 35.2 after 100 evaluations; a fit that gave up in the flat part would leave 38.6
+    assert found.chi2 < 36
