@@ -1,6 +1,8 @@
-"""A file with glitches in which nothing is hidden: the whole way from file to verdict."""
+"""Real noise: the whole way from file to verdict."""
 
 from pathlib import Path
+
+import pytest
 
 from femnl.diagnose import diagnose
 from tests.blind.realistic.files import Draw, make
@@ -15,3 +17,54 @@ def test_sweeps_with_glitches_alone_are_adequate_and_the_glitches_are_listed(
     strong = [size for size in truth["glitches"] if size > 10]
     assert len(strong) <= len(found.excluded) <= len(truth["glitches"]) + 1
     assert found.excluded[0].where.startswith("sweep ")
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        Draw("response", (), "glitches", "square-270um", 2448401542),
+        Draw("record", (), "glitches", "square-270um", 1828458032),
+        Draw("record", (), "correlated noise", "square-270um", 711921186),
+        Draw("record", (), "wrong sd", "square-270um", 3496539343),
+    ],
+    ids=lambda draw: f"{draw.kind}-{draw.regime}",
+)
+def test_nothing_but_noise_that_once_was_unexplained_is_adequate(
+    draw: Draw, tmp_path: Path
+) -> None:
+    make(draw, tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc")
+    assert found.verdict == "adequate", found.where
+
+
+def test_an_optical_spring_is_among_the_equals_where_the_stated_sd_is_too_small(
+    tmp_path: Path,
+) -> None:
+    draw = Draw("series", ("optical_spring",), "wrong sd", "square-270um", 2831310181)
+    truth = make(draw, tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc")
+    assert found.verdict == "ambiguous"
+    sets = {found.causes, *(other.causes for other in found.alternatives)}
+    assert sets == {("optical_spring",), ("photothermal",)}
+    (noise,) = found.noise
+    assert noise.found / noise.stated == pytest.approx(1 / truth["options"]["stated"], rel=0.25)
+
+
+def test_a_cause_of_a_record_is_named_beside_something_unknown_with_a_share_that_is_true(
+    tmp_path: Path,
+) -> None:
+    draw = Draw("record", ("quadratic_stiffness",), "beside unknown", "square-270um", 192734879)
+    truth = make(draw, tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc")
+    assert (found.verdict, found.causes) == ("explained in part", ("quadratic_stiffness",))
+    (share,) = found.shares
+    true = truth["shares"]["quadratic_stiffness"]["share"]
+    assert share.share == pytest.approx(true, abs=0.1)
+
+
+@pytest.mark.slow
+def test_a_drift_that_moves_jumps_is_named_in_correlated_noise(tmp_path: Path) -> None:
+    draw = Draw("response", ("frequency_drift",), "correlated noise", "square-270um", 1369825877)
+    make(draw, tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc")
+    assert (found.verdict, found.causes) == ("explained", ("frequency_drift",))

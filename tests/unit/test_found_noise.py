@@ -132,7 +132,9 @@ def record() -> Layout:
 
 @pytest.mark.parametrize("factor", [0.4, 1.6])
 @pytest.mark.parametrize("rho", [0.0, 0.6])
-def test_the_noise_of_a_record_is_found_beside_large_and_small_glitches(factor: float, rho: float) -> None:
+def test_the_noise_of_a_record_is_found_beside_large_and_small_glitches(
+    factor: float, rho: float
+) -> None:
     rng = np.random.default_rng(9)
     noise = rng.standard_normal(SWEEPS * POINTS)
     for k in range(1, len(noise)):
