@@ -53,3 +53,14 @@ def test_a_trial_that_turns_a_million_times_ends() -> None:
 
 def test_a_trial_without_a_number_ends() -> None:
     assert np.isfinite(after(1.0 + 0j, 0.1 + 0j, np.inf, 1.0 + 0j, 5.0))
+
+
+def test_beside_a_state_that_does_not_last_the_motion_goes_to_one_that_does() -> None:
+    """δ = −3, a = 4: x((δ + ax)² + 1) = 1 has three roots, of which the middle one is unstable."""
+    delta, a = -3.0, 4.0 + 0j
+    squares = np.sort(np.roots([a.real**2, 2 * a.real * delta, delta**2 + 1, -1]).real)
+    low, middle, high = (1 / (delta + a * x + 1j) for x in squares)
+    assert abs(squares[1] * ((delta + a.real * squares[1]) ** 2 + 1) - 1) < 1e-9
+    for off in (0.01, -0.01):
+        end = after(complex(middle * (1 + off)), complex(middle), delta, a, 500.0)
+        assert min(abs(end - low), abs(end - high)) < 1e-3

@@ -49,7 +49,14 @@ def settle(
         y = found[k - 1]
         x = abs(b) ** 2
         left = rest[k]
-        near = abs(y - b) <= NEAR * abs(b) or abs(a) * max(abs(y) ** 2, x) < NEAR
+        loss = 1 + 2 * a.imag * x  # P = −loss + i turn
+        turn = delta[k] + 2 * a.real * x
+        q = 1j * a * b * b
+        fast = np.sqrt(complex(abs(q) ** 2 - turn**2))
+        # Beside a steady state that does not last a deviation grows until it is no small one
+        lasting = fast.real < loss
+        linear = abs(a) * max(abs(y) ** 2, x) < NEAR
+        near = lasting and (linear or abs(y - b) <= NEAR * abs(b))
         if not near and left > LONG:
             left = LONG
         rate = abs(delta[k]) + 3 * abs(a) * max(abs(y) ** 2, x) + 1
@@ -72,7 +79,7 @@ def settle(
             four = 1j * ((delta[k] + a * abs(z) ** 2 + 1j) * z - 1)
             y = y + h / 6 * (one + 2 * two + 2 * three + four)
             left -= h
-            near = ends_early and abs(y - b) <= NEAR * abs(b)
+            near = lasting and ends_early and abs(y - b) <= NEAR * abs(b)
             if count > MANY and abs(one) < REST * abs(
                 y
             ):  # settled, on another branch than the steady one here
@@ -81,14 +88,11 @@ def settle(
             found[k] = y
             continue
         off = y - b
-        p = 1j * (delta[k] + 2 * a * x + 1j)
-        q = 1j * a * b * b
-        fast = np.sqrt(complex(abs(q) ** 2 - p.imag**2))
-        even = (np.exp((p.real + fast) * left) + np.exp((p.real - fast) * left)) / 2
-        odd = np.exp(p.real * left) * left + 0j
+        even = (np.exp((fast - loss) * left) + np.exp((-fast - loss) * left)) / 2
+        odd = np.exp(-loss * left) * left + 0j
         if abs(fast * left) > 1e-4:
-            odd = (np.exp((p.real + fast) * left) - np.exp((p.real - fast) * left)) / (2 * fast)
-        found[k] = b + (even + odd * 1j * p.imag) * off + odd * q * np.conj(off)
+            odd = (np.exp((fast - loss) * left) - np.exp((-fast - loss) * left)) / (2 * fast)
+        found[k] = b + (even + odd * 1j * turn) * off + odd * q * np.conj(off)
 
 
 def low_pass(
