@@ -153,11 +153,12 @@ class Thresholds:
         "that explains the data within noise before its further causes are needless",
         _REALISTIC,
     )
-    least_share_of_few: float = _threshold(
+    least_share_of_alike: float = _threshold(
         0.99,
-        "the same where smooth directions span much of the data, as of a spectrum: there one "
-        "smooth cause takes up most of another, a compliant clamp 97 % of a yielding edge in "
-        "tests/physics/test_yielding_edge.py",
+        "the same where smooth directions span much of the data, as of a spectrum, and in maps: "
+        "there one smooth cause takes up most of another, a compliant clamp 97 % of a yielding "
+        "edge in tests/physics/test_yielding_edge.py, an admixture of modes 98 % of a drift in "
+        "tests/unit/test_diagnose_map_causes.py",
         _REALISTIC,
     )
     few_data: float = _threshold(

@@ -113,11 +113,14 @@ class Weighed:
     def least_share(self) -> float:
         """The part of the held-out excess χ² that causes must take up to be named in part.
 
-        Where smooth directions span most of the data, one smooth cause resembles another.
+        Where smooth directions span most of the data, one smooth cause resembles another; so it
+        does over a plane, where causes are smooth fields.
         """
         spanned = len(self.allowed.directions) / len(self.base.result.residuals)
-        few = spanned >= THRESHOLDS.few_data
-        return THRESHOLDS.least_share_of_few if few else THRESHOLDS.least_share
+        layout = self.base.result.model.base_model.layout
+        planar = layout is not None and layout.planar
+        alike = planar or spanned >= THRESHOLDS.few_data
+        return THRESHOLDS.least_share_of_alike if alike else THRESHOLDS.least_share
 
     def inflation(self, candidate: Candidate) -> float:
         """Return by how much standard deviations grow with what a set leaves.
