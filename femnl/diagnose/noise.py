@@ -34,7 +34,7 @@ misfit.
 LEAST_CORRELATION = 0.12
 FAR_OUT = 5.0
 """σ by which a residual stands out that says nothing of the noise of all."""
-COINCIDENCE = 0.01
+COINCIDENCE = 0.05
 """Probability of as many pairs of glitches at one condition, below which they are no glitches."""
 DRAWN = 20000
 """Stretches of noise that tell what the quietest ones show."""

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from femnl.diagnose import diagnose
+from femnl.effects import library
 from tests.blind.realistic.files import Draw, make
 
 
@@ -68,3 +69,13 @@ def test_a_drift_that_moves_jumps_is_named_in_correlated_noise(tmp_path: Path) -
     make(draw, tmp_path / "file.nc")
     found = diagnose(tmp_path / "file.nc")
     assert (found.verdict, found.causes) == ("explained", ("frequency_drift",))
+
+
+def test_what_a_mode_that_does_not_settle_leaves_at_two_jumps_is_no_glitch(
+    tmp_path: Path,
+) -> None:
+    draw = Draw("response", ("unsettled_mode",), "as fabricated", "square-270um", 4149882297)
+    make(draw, tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc", effects=[library()["unsettled_mode"]])
+    assert (found.verdict, found.causes) == ("explained", ("unsettled_mode",))
+    assert not found.excluded
