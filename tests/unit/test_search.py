@@ -384,9 +384,14 @@ def test_a_range_that_counts_in_what_the_measurement_does_not_give_is_refused() 
         _ = ExtendedModel(line(np.zeros(len(PLACE))), (odd,)).bounds
 
 
+def wave(number: int, strength: float) -> Array:
+    """Return a sine with that many half periods over the places."""
+    return strength * np.sin(number * np.pi * PLACE)
+
+
 def test_every_effect_is_fitted_alone_whatever_the_residuals_point_to() -> None:
     """Eight causes, of which tangents point to others than the last, which is of fourth order."""
-    waves = [effect(f"wave {k}", lambda s, k=k: s * np.sin(k * np.pi * PLACE)) for k in range(1, 9)]
+    waves = [effect(f"wave {k}", partial(wave, k)) for k in range(1, 9)]
     late = effect("late", lambda s: s**4 * PLACE, low=0.0)
     data = 4 * PLACE + 0.3 * np.random.default_rng(3).standard_normal(PLACE.size)
     tried = {c.names for c in search(line(data), [*waves, late]) if len(c.names) == 1}
@@ -395,10 +400,9 @@ def test_every_effect_is_fitted_alone_whatever_the_residuals_point_to() -> None:
 
 def test_a_value_far_from_its_bound_in_errors_is_not_stuck_however_wide_the_range() -> None:
     noise = 1e-9 * np.random.default_rng(4).standard_normal(PLACE.size)
-    tiny = effect("tiny", lambda s: s * 1e9 * (PLACE > 0), low=0.0)
-    (found,) = [
-        c for c in search(line(20 * (PLACE > 0) + 1e9 * noise), [tiny]) if c.names == ("tiny",)
-    ]
+    right = np.where(PLACE > 0, 1.0, 0.0)
+    tiny = effect("tiny", lambda s: s * 1e9 * right, low=0.0)
+    (found,) = [c for c in search(line(20 * right + 1e9 * noise), [tiny]) if c.names == ("tiny",)]
     # 2e-8 of a range of 10: a part of 2e-9, and sixty standard deviations from 0
     assert found.result.vector[-1] == pytest.approx(2e-8, rel=0.05)
     assert not found.result.stuck
