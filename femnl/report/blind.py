@@ -8,7 +8,7 @@ from typing import Any
 
 from femnl.core.numbers import plain
 from femnl.report.picture import Picture, embed
-from femnl.report.scores import confusion_figure, detection_figure
+from femnl.report.scores import confusion_figure, detection_figure, shares_figure
 
 NAME = "blind.json"
 """File of the scoreboard beside the validation cases."""
@@ -18,10 +18,28 @@ HALF = 0.04
 """How far from its target a rate may lie that should be met from both sides."""
 
 
+TITLES = {
+    "weak": (
+        "Weak causes, ideal noise",
+        "Files hide no cause, one, two at once, one that the library is made to lack, and one too "
+        "weak to see.",
+    ),
+    "realistic": (
+        "Causes as strong as in laboratories, noise as it is",
+        "Files hide no cause or one of 3 to 10⁴σ: by the library's law or another, beside "
+        "something unknown, with glitches, correlated noise, a wrong standard deviation, a film "
+        "as fabricated, or one that the library is made to lack.",
+    ),
+}
+"""What each study of a scoreboard hides."""
+
+
 @dataclass(frozen=True)
 class Blind:
     """Rates with their targets, rates by kind, limits of detection in σ, and the figures."""
 
+    title: str
+    words: str
     draws: int
     seeds: str
     note: str
@@ -32,16 +50,29 @@ class Blind:
     pictures: list[Picture]
 
 
-def blind(folder: Path) -> Blind | None:
-    """Read the scoreboard beside the validation cases; None where there is none."""
+def blind(folder: Path) -> list[Blind]:
+    """Read the studies of the scoreboard beside the validation cases; none where there is none."""
     path = folder / NAME
     if not path.is_file():
-        return None
-    board = json.loads(path.read_text(encoding="utf-8"))
+        return []
+    boards = json.loads(path.read_text(encoding="utf-8"))
+    return [_study(boards[name], *TITLES[name]) for name in TITLES if name in boards]
+
+
+def _study(board: Mapping[str, Any], title: str, words: str) -> Blind:
     kinds = sorted({kind for rate in board["rates"].values() for kind in rate["by_kind"]})
+    counted = {rate.get("words", name): rate for name, rate in board["rates"].items() if rate["n"]}
+    by_kind = [
+        [name, *(_share(rate["by_kind"].get(kind)) for kind in kinds)]
+        for name, rate in counted.items()
+    ]
     uniform = board.get("p_value_uniform", {}).get("by_kind", {})
-    counted = {name: rate for name, rate in board["rates"].items() if rate["n"]}
+    if uniform:
+        p_values = [plain(uniform[k]["ks_p_value"], 2) if k in uniform else "–" for k in kinds]
+        by_kind.append([UNIFORM, *p_values])
     return Blind(
+        title,
+        words,
         board["draws"],
         ", ".join(str(seed) for seed in board["seeds"]),
         board.get("note", ""),
@@ -50,25 +81,7 @@ def blind(folder: Path) -> Blind | None:
             for name, r in counted.items()
         ],
         kinds,
-        [
-            *(
-                [name, *(_share(rate["by_kind"].get(kind)) for kind in kinds)]
-                for name, rate in counted.items()
-            ),
-            *(
-                [
-                    [
-                        UNIFORM,
-                        *(
-                            plain(uniform[kind]["ks_p_value"], 2) if kind in uniform else "–"
-                            for kind in kinds
-                        ),
-                    ]
-                ]
-                if uniform
-                else []
-            ),
-        ],
+        by_kind,
         [
             [name, plain(limit["sigma"], 3), str(limit["draws"]), _sizes(limit)]
             for name, limit in board["limits"].items()
@@ -102,6 +115,14 @@ def _pictures(board: Mapping[str, Any]) -> list[Picture]:
                 "Sizes at which the blind study named each cause, and at which it did not",
                 caption,
             )
+        )
+    if "shares" in board:
+        caption = (
+            "What the diagnosis says that a right cause takes up of the deviation, less what it "
+            "does, with the standard deviation told. Shares within the band are 0.1 off or less."
+        )
+        pictures.append(
+            embed(shares_figure(board["shares"]), "Shares told, less the true ones", caption)
         )
     return pictures
 

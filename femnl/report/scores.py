@@ -3,7 +3,7 @@
 Which cause is taken for which, and how large it must be.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,10 @@ DETECTABLE = 5.0
 """σ by which each cause must stand out to be counted on."""
 FOUND = 0.95
 """Share of draws in which the limit of detection is found."""
+
+
+SHARE_NEAR = 0.1
+"""How far a share may be from the true one."""
 
 
 def confusion_figure(confusion: Mapping[str, Any]) -> Figure:
@@ -73,6 +77,33 @@ def detection_figure(detection: Mapping[str, Any], limits: Mapping[str, Any]) ->
         axes.set_ylim(len(detection) - 0.4, -0.6)
         axes.set_xlabel("size of the effect in the data, in σ")
         figure.legend(loc="outside upper center", ncols=3)
+    return figure
+
+
+def shares_figure(shares: Sequence[Mapping[str, Any]]) -> Figure:
+    """Draw the share told of each cause, less the true one, against the size of the cause.
+
+    shares: of each cause its size `sigma` [σ], its share `true` and `told`, and the `sd` of that,
+    which is the bar.
+    """
+    with style():
+        figure = new_figure(width=5.0, height=3.0)
+        axes = figure.add_subplot()
+        axes.axhspan(-SHARE_NEAR, SHARE_NEAR, color="#eeeeee", linewidth=0)
+        axes.axhline(0, color="#999999", linewidth=0.7)
+        axes.errorbar(
+            [s["sigma"] for s in shares],
+            [s["told"] - s["true"] for s in shares],
+            yerr=[s["sd"] for s in shares],
+            fmt="o",
+            markersize=3,
+            linewidth=0.7,
+            color=COLOURS[0],
+        )
+        axes.set_xscale("log")
+        axes.set_ylim(-1.1, 1.1)
+        axes.set_xlabel("size of the effect in the data, in σ")
+        axes.set_ylabel("share told, less the true one")
     return figure
 
 

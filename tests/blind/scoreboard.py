@@ -14,22 +14,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.special import expit, logit
-from scipy.stats import binomtest, kstest
+from scipy.stats import kstest
 
 from femnl.plot.style import COLOURS, new_figure, style
-from femnl.report.scores import DETECTABLE, FOUND, confusion_figure, detection_figure
+from femnl.report.scores import DETECTABLE, confusion_figure, detection_figure
+from tests.blind.counts import by_cause, confusion, detection, limits, rate
 from tests.blind.lab import KINDS
 
 Record = dict[str, Any]
 TOLD = 1e-3
 """Probability from which on an alternative counts as told."""
-LAPSE = 0.01
-"""Share of causes of any size that chance alone loses: sets are held to a p-value of a hundredth.
-"""
-FEWEST = 20
-"""Draws below which no limit of detection is told."""
 TARGETS = {
     "false alarms": ("at most", 0.02),
     "cause named": ("at least", 0.97),
@@ -162,13 +156,13 @@ def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
     }
     for name, (rows, hit) in rates.items():
         whole = list(rows)
-        entry = _rate([hit(row) for row in whole])
+        entry = rate([hit(row) for row in whole])
         kinds = sorted({(row[0] if isinstance(row, tuple) else row)["kind"] for row in whole})
         parts = {
             k: [row for row in whole if (row[0] if isinstance(row, tuple) else row)["kind"] == k]
             for k in kinds
         }
-        entry["by_kind"] = {kind: _rate([hit(row) for row in part]) for kind, part in parts.items()}
+        entry["by_kind"] = {kind: rate([hit(row) for row in part]) for kind, part in parts.items()}
         board["rates"][name] = entry | ({"target": list(TARGETS[name])} if name in TARGETS else {})
     p_values = [r["p_value"] for r in by_task["null"]]
     if p_values:
@@ -178,9 +172,11 @@ def score(records: list[Record], seeds: Sequence[int]) -> dict[str, Any]:
                 for k in sorted({r["kind"] for r in by_task["null"]})
             }
         }
-    board["confusion"] = _confusion(good)
-    board["detection"] = _detection(good)
-    board["limits"] = {name: limit for name, limit in _limits(good).items() if limit is not None}
+    clear = [r for r in by_task["hidden"] + by_task["null"] if detectable(r)]
+    board["confusion"] = confusion(clear, told, ("explained",))
+    lone = by_cause(by_task["hidden"] + by_task["weakened"])
+    board["detection"] = detection(lone, told)
+    board["limits"] = limits(lone, told)
     board["seconds"] = {
         kind: {"median": float(np.median(own)), "largest": float(np.max(own))}
         for kind in sorted({r["kind"] for r in good})
@@ -194,10 +190,10 @@ def table(board: dict[str, Any]) -> str:
     kinds = [kind for kind in KINDS if kind in board["rates"]["false alarms"]["by_kind"]]
     rows = [["", "all kinds", "95 % interval", *kinds], ["---"] * (len(kinds) + 3)]
     for name, words in WORDS.items():
-        rate = board["rates"][name]
-        low, high = (100 * side for side in rate["interval"])
-        counts = [rate["by_kind"].get(kind, {"k": 0, "n": 0}) for kind in kinds]
-        rows.append([words, *(f"{r['k']} of {r['n']}" for r in [rate, *counts])])
+        whole = board["rates"][name]
+        low, high = (100 * side for side in whole["interval"])
+        counts = [whole["by_kind"].get(kind, {"k": 0, "n": 0}) for kind in kinds]
+        rows.append([words, *(f"{r['k']} of {r['n']}" for r in [whole, *counts])])
         rows[-1].insert(2, f"{low:.1f} … {high:.1f} %")
     uniform = board["p_value_uniform"]
     p_values = [uniform["ks_p_value"], *(uniform["by_kind"][kind]["ks_p_value"] for kind in kinds)]
@@ -211,73 +207,9 @@ def table(board: dict[str, Any]) -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
-def _rate(hits: list[bool]) -> dict[str, Any]:
-    n = len(hits)
-    k = sum(hits)
-    if n == 0:
-        return {"n": 0, "k": 0}
-    low, high = binomtest(k, n).proportion_ci()
-    return {"n": n, "k": k, "rate": k / n, "interval": [float(low), float(high)]}
-
-
 def _uniformity(p_values: list[float]) -> dict[str, Any]:
     """What Kolmogorov and Smirnov say; kinds that err to either side can look uniform together."""
     return {"n": len(p_values), "ks_p_value": float(kstest(p_values, "uniform").pvalue)}
-
-
-def _alone(records: list[Record]) -> dict[str, list[Record]]:
-    found = defaultdict(list)
-    for record in records:
-        if record["task"] in ("hidden", "weakened"):
-            found[f"{record['kind']}: {record['causes'][0]}"].append(record)
-    return dict(sorted(found.items()))
-
-
-def _limits(records: list[Record]) -> dict[str, dict[str, float] | None]:
-    """Return where a logistic curve through the draws reaches the share found.
-
-    In σ, and as a strength in units of the cause.
-    """
-    found: dict[str, dict[str, float] | None] = {}
-    for name, rows in _alone(records).items():
-        cause = rows[0]["causes"][0]
-        sigma = np.array([r["sigma"][cause] for r in rows])
-        hit = np.array([told(r) for r in rows], float)
-        limit = _logistic(np.log(sigma), hit)
-        entry = None if limit is None else {"sigma": limit, "draws": len(rows)}
-        if entry is not None:
-            strongest = [
-                max(r["truth"][cause].items(), key=lambda item: abs(item[1])) for r in rows
-            ]
-            if len({spec for spec, _ in strongest}) == 1:
-                per = np.median(
-                    [abs(value) / s for (_, value), s in zip(strongest, sigma, strict=True)]
-                )
-                entry[strongest[0][0]] = float(per * entry["sigma"])
-        found[name] = entry
-    return found
-
-
-def _logistic(x: np.ndarray[Any, Any], hit: np.ndarray[Any, Any]) -> float | None:
-    """Return exp(x) where the logistic curve says `FOUND`, if there are draws on either side.
-
-    The curve ends at 1 − `LAPSE`.
-    """
-    if hit.min() == hit.max() or len(hit) < FEWEST:
-        return None
-
-    # By likelihood, with a weak prior on the steepness.
-    def cost(v: np.ndarray[Any, Any]) -> float:
-        named = (1 - LAPSE) * expit(np.exp(v[1]) * (x - v[0]))
-        return float(
-            -np.sum(np.log(np.where(hit > 0, named, 1 - named)))
-            + 0.5 * (v[1] - 1.5) ** 2
-            + 0.02 * v[0] ** 2
-        )
-
-    best = minimize(cost, np.array([1.0, 1.5]), method="Nelder-Mead")
-    limit = float(best.x[0] + logit(FOUND / (1 - LAPSE)) / np.exp(best.x[1]))
-    return float(np.exp(limit)) if x.min() < limit < x.max() else None
 
 
 def draw(board: dict[str, Any], records: list[Record], folder: Path) -> None:
@@ -286,46 +218,6 @@ def draw(board: dict[str, Any], records: list[Record], folder: Path) -> None:
     detection_figure(board["detection"], board["limits"]).savefig(folder / "detection.png", dpi=200)
     with style():
         _uniform([r for r in records if "error" not in r]).savefig(folder / "p_values.png")
-
-
-def _confusion(records: list[Record]) -> dict[str, Any]:
-    """How often each cause that can be detected, or none, got each answer.
-
-    Names of rows and columns, and the counts.
-    """
-    rows = [r for r in records if r["task"] in ("hidden", "null") and detectable(r)]
-    taken = {
-        name
-        for r in rows
-        if r["verdict"] == "explained" and len(r["named"]) == 1
-        for name in r["named"]
-    }
-    names = [*sorted(taken | {name for r in rows for name in r["causes"]}), "none"]
-    columns = [*names[:-1], "several", "tie with it", "tie without it", "unexplained", "adequate"]
-    table = np.zeros((len(names), len(columns)), int)
-    for r in rows:
-        answer = {"unexplained": "unexplained", "adequate": "adequate"}.get(r["verdict"], "several")
-        if r["verdict"] == "ambiguous":
-            answer = "tie with it" if told(r) else "tie without it"
-        elif r["verdict"] == "explained" and len(r["named"]) == 1:
-            answer = r["named"][0]
-        table[names.index((r["causes"] or ["none"])[0]), columns.index(answer)] += 1
-    return {"hidden": names, "answers": columns, "draws": table.tolist()}
-
-
-def _detection(records: list[Record]) -> dict[str, dict[str, list[float]]]:
-    """Sizes [σ] of each lone cause in the draws that named it, and in those that missed it."""
-    found: dict[str, dict[str, list[float]]] = {}
-    for name, rows in _alone(records).items():
-        parts = {
-            key: [r for r in rows if told(r) == hit]
-            for key, hit in (("named", True), ("missed", False))
-        }
-        found[name] = {
-            key: sorted(float(f"{r['sigma'][r['causes'][0]]:.3g}") for r in part)
-            for key, part in parts.items()
-        }
-    return found
 
 
 def _uniform(records: list[Record]) -> Any:

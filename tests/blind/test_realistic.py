@@ -218,8 +218,10 @@ def rate(board: dict[str, Any], name: str, by: str = "", value: str = "") -> tup
 def test_the_score_counts_what_the_answers_say() -> None:
     a, b = "gas_damping", "photothermal"
     rows = [
-        answer("exact", [a], "explained", [a], found_shares={a: {"share": 0.95}}),
-        answer("inexact", [a], "explained in part", [a], found_shares={a: {"share": 0.7}}),
+        answer("exact", [a], "explained", [a], found_shares={a: {"share": 0.95, "sd": 0.1}}),
+        answer(
+            "inexact", [a], "explained in part", [a], found_shares={a: {"share": 0.7, "sd": 0.1}}
+        ),
         answer("inexact", [a], "explained in part", [a, b]),
         answer("exact", [a], "ambiguous", [b], alternatives=[[b], [a]]),
         answer("exact", [a], "ambiguous", [b], alternatives=[[b], [a, b]]),
@@ -251,6 +253,12 @@ def test_the_score_counts_what_the_answers_say() -> None:
     assert (low, high) == pytest.approx((0.0943, 0.9916), abs=1e-4)
     for by in ("regime", "kind"):
         assert len(table(board, by).splitlines()) == 2 + len(WORDS)
+    columns = board["confusion"]["answers"]
+    counts = np.array(board["confusion"]["draws"])
+    row = dict(zip(board["confusion"]["hidden"], counts, strict=True))
+    assert row[a][columns.index("tie without it")] == 1
+    assert row[a][columns.index("no answer")] == 2
+    assert row["none"][columns.index("adequate")] == 2
 
 
 def test_todays_answers_without_shares_are_scored() -> None:

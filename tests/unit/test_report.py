@@ -196,22 +196,21 @@ def test_a_rate_of_the_blind_study_says_whether_it_meets_its_target(
             "by_kind": {"map": {"n": 400, "ks_p_value": 0.0012}},
         }
     }
-    (tmp_path / "blind.json").write_text(json.dumps(board), encoding="utf-8")
-    found = blind(tmp_path)
-    assert found is not None
+    whole = {"femnl_blind": "1.1", "weak": board}
+    (tmp_path / "blind.json").write_text(json.dumps(whole), encoding="utf-8")
+    (found,) = blind(tmp_path)
     assert found.rates[0][-1] == text
     assert found.by_kind == [["named", f"{rate['k']} of {rate['n']}"], [UNIFORM, "0.0012"]]
     assert found.limits == [["map: tilt", "5.2", "30", "slope 0.0001"]]
 
 
 def test_without_a_blind_study_the_page_says_nothing_of_it(tmp_path: Path) -> None:
-    assert blind(tmp_path) is None
+    assert blind(tmp_path) == []
 
 
 def test_the_figures_of_the_blind_study_count_the_draws_that_its_rates_count() -> None:
-    board = json.loads((resources.cases() / "blind.json").read_text(encoding="utf-8"))
-    found = blind(resources.cases())
-    assert found is not None
+    board = json.loads((resources.cases() / "blind.json").read_text(encoding="utf-8"))["weak"]
+    found = blind(resources.cases())[0]
     assert len(found.pictures) == 2
     confusion = board["confusion"]
     rates = board["rates"]
@@ -234,6 +233,24 @@ def test_the_figures_of_the_blind_study_count_the_draws_that_its_rates_count() -
         sum(sigma >= 5 for draws in board["detection"].values() for sigma in draws["named"])
         == rates["cause named"]["k"]
     )
+
+
+def test_the_realistic_study_on_the_page_counts_what_its_board_counts() -> None:
+    board = json.loads((resources.cases() / "blind.json").read_text(encoding="utf-8"))["realistic"]
+    found = blind(resources.cases())[1]
+    assert found.draws == board["draws"]
+    assert len(found.pictures) == 3
+    assert found.rates[0][:2] == [
+        "hidden cause named, and nothing else",
+        f"{board['rates']['named']['k']} of {board['rates']['named']['n']}",
+    ]
+    near = [s for s in board["shares"] if abs(s["told"] - s["true"]) <= 0.1]
+    assert len(near) == board["rates"]["shares"]["k"]
+    confusion = board["confusion"]
+    none = confusion["draws"][confusion["hidden"].index("none")]
+    assert sum(none) == board["rates"]["false alarm"]["n"]
+    missed = sum(none) - none[confusion["answers"].index("adequate")]
+    assert missed == board["rates"]["false alarm"]["k"]
 
 
 def test_a_benchmark_says_on_which_machine_and_beside_what_it_ran(tmp_path: Path) -> None:

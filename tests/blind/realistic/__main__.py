@@ -1,7 +1,7 @@
 """`python -m tests.blind.realistic FOLDER --seed S --rounds N`, from the top of the repository.
 
 Every file is one line of FOLDER/results.jsonl as it is done: what is done is not done again. The
-scoreboard is written after each.
+scoreboard is written at the end; `python -m tests.blind.realistic.score` writes it any time.
 """
 
 import argparse
@@ -16,7 +16,7 @@ import numpy as np
 
 from tests.blind.realistic.jobs import KINDS, about, drawn, run
 from tests.blind.realistic.regimes import REGIMES
-from tests.blind.realistic.score import score, table
+from tests.blind.realistic.score import score, write
 
 LIMIT = 600.0
 """Seconds of a processor after which a file counts as without an answer."""
@@ -39,16 +39,6 @@ def known(folder: Path, seed: int | None) -> tuple[int, list[dict[str, Any]]]:
     whole = [line for line in lines if line.endswith(b"\n")]
     results.write_bytes(b"".join(whole))
     return seed, [json.loads(line) for line in whole]
-
-
-def keep_score(folder: Path, seed: int, records: list[dict[str, Any]]) -> None:
-    """Write scoreboard.json, and table.md by regime and by kind."""
-    board = score(records, {"seed": seed})
-    (folder / "scoreboard.json").write_text(
-        json.dumps(board, indent=1, ensure_ascii=False), encoding="utf-8"
-    )
-    tables = [table(board, by) for by in ("regime", "kind")]
-    (folder / "table.md").write_text("\n".join(tables), encoding="utf-8")
 
 
 def main() -> None:
@@ -83,10 +73,9 @@ def main() -> None:
             os.fsync(file.fileno())
             # As it is read again, so that a score does not depend on when it is made
             records.append(json.loads(line))
-            keep_score(given.folder, seed, records)
             answer = found.get("verdict", found.get("error"))
             sys.stderr.write(f"{count}/{len(todo)} {draw.name}: {answer} {found.get('named')}\n")
-    keep_score(given.folder, seed, records)
+    write(score(records, {"seeds": [seed], "note": ""}), given.folder)
     sys.stdout.write((given.folder / "table.md").read_text(encoding="utf-8"))
 
 

@@ -1,0 +1,26 @@
+"""One scoreboard of several studies: `python -m tests.blind.boards OUT NAME=FOLDER …`."""
+
+import argparse
+import json
+from pathlib import Path
+
+VERSION = "1.1"
+
+
+def main() -> None:
+    """Replace the named studies of a scoreboard by those in folders; others stay as they are."""
+    parser = argparse.ArgumentParser(description="keep scoreboards of studies in one file")
+    parser.add_argument("out", type=Path)
+    parser.add_argument("studies", nargs="+", help="NAME=FOLDER, where FOLDER/scoreboard.json is")
+    given = parser.parse_args()
+    boards = {"femnl_blind": VERSION}
+    if given.out.is_file():
+        boards |= json.loads(given.out.read_text("utf-8"))
+    for study in given.studies:
+        name, folder = study.split("=", 1)
+        boards[name] = json.loads((Path(folder) / "scoreboard.json").read_text("utf-8"))
+    given.out.write_text(json.dumps(boards, indent=1, ensure_ascii=False), "utf-8")
+
+
+if __name__ == "__main__":
+    main()
