@@ -18,7 +18,7 @@ from femnl.observe.model import Layout, MeasurementModel, Named, Quantity, apply
 from femnl.observe.response.acquisition import low_pass, settle
 from femnl.observe.response.curves import curves, sweep_name, voltages
 from femnl.observe.response.layout import along_sweeps, marked
-from femnl.observe.response.states import branch_amplitudes, follow, shifted
+from femnl.observe.response.states import branch_amplitudes, follow
 from femnl.observe.response.sweeps import Sweeps
 
 ALPHA_SD = 0.2
@@ -180,48 +180,62 @@ class ResponseModel(MeasurementModel):
             one by one; read_out: from motion to voltage.
         """
         delta, bend, states = motion
+        branches = chosen[self._later] if swept.filtered > 0 else chosen[None]
+        points = np.arange(len(chosen))
+        # A filter alone follows what the states are read out as
+        still = np.stack([read_out(b) for b in states]) if swept.motion == 0 else None
         trials = []
-        late = LATE if swept.filtered > 0 else 0
-        for later in range(-late, late + 1):
-            branch = np.array(chosen)
-            for span, way in zip(self.sweeps.spans, self.sweeps.direction, strict=True):
-                branch[span] = shifted(chosen[span], later * way)
-            b = np.take_along_axis(states, branch[None], axis=0)[0]
-            trials.append(self._lagging(swept, (delta, bend, b), read_out))
+        for branch in branches:
+            b = states[branch, points]
+            if swept.motion > 0:
+                b = self._motion(swept.motion, (delta, bend, b))
+            volts = read_out(b) if still is None else still[branch, points]
+            trials.append(self._filtered(swept, volts))
         misfit = np.abs(np.array(trials) - self.sweeps.voltage) ** 2
         found = np.empty_like(trials[0])
         for span in self.sweeps.spans:
             found[span] = trials[int(np.argmin(misfit[:, span].sum(axis=1)))][span]
         return found
 
-    def _lagging(
-        self,
-        swept: Acquisition,
-        motion: tuple[Array, ComplexArray, ComplexArray],
-        read_out: Callable[[ComplexArray], ComplexArray],
-    ) -> ComplexArray:
-        """Return the voltage (n,) of motion b (n,) that follows the drive late, and its filter.
+    @cached_property
+    def _later(self) -> NDArray[np.int64]:
+        """Points (2·LATE + 1, n) whose branch each one has where jumps come so many points late."""
+        lateness = np.arange(-LATE, LATE + 1)[:, None]
+        place = np.arange(len(self.sweeps.frequency))
+        found = np.empty((len(lateness), len(place)), np.int64)
+        for span, way in zip(self.sweeps.spans, self.sweeps.direction, strict=True):
+            found[:, span] = np.clip(place[span] - lateness * int(way), span.start, span.stop - 1)
+        return found
 
-        Args: motion: δ, a and the steady b, each (n,).
+    def _motion(
+        self, kept: float, motion: tuple[Array, ComplexArray, ComplexArray]
+    ) -> ComplexArray:
+        """Return the motion (n,) that follows the drive late.
+
+        Args: kept: of a deviation from one point to the next. motion: δ, a and the steady b, each
+        (n,).
         """
         delta, bend, b = motion
         order, begins = self._order
-        step = self.step[order]
-        if swept.motion > 0:
-            late = np.empty_like(b)
-            rest = -np.log(swept.motion) * step
-            compiled(settle)(late, b[order], delta[order], bend[order], rest, begins)
-            b = np.empty_like(late)
-            b[order] = late
-        volts = read_out(b)
-        if swept.filtered > 0:
-            late = np.empty_like(volts)
-            # Of the step to a point, Q(n, T/τ) is left at its end.
-            rest = float(gammainccinv(swept.poles, swept.filtered)) * step
-            compiled(low_pass)(late, volts[order], rest, int(swept.poles), begins)
-            volts = np.empty_like(late)
-            volts[order] = late
-        return volts
+        rest = -np.log(kept) * self.step[order]
+        late = np.empty_like(b)
+        compiled(settle)(late, b[order], delta[order], bend[order], rest, begins)
+        found = np.empty_like(late)
+        found[order] = late
+        return found
+
+    def _filtered(self, swept: Acquisition, volts: ComplexArray) -> ComplexArray:
+        """Return the voltage (n,) behind the filter of the lock-in."""
+        if swept.filtered == 0:
+            return volts
+        order, begins = self._order
+        # Of the step to a point, Q(n, T/τ) is left at its end.
+        rest = float(gammainccinv(swept.poles, swept.filtered)) * self.step[order]
+        late = np.empty_like(volts)
+        compiled(low_pass)(late, volts[order], rest, int(swept.poles), begins)
+        found = np.empty_like(late)
+        found[order] = late
+        return found
 
     @cached_property
     def _order(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
