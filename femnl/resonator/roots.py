@@ -8,7 +8,7 @@ from femnl.core.readout import ComplexArray
 from femnl.core.resonator import Array
 
 # Stiffening a in b = 1/(δ + a |b|² + i) at which the response first becomes vertical.
-STIFFEN = 8 * np.sqrt(3) / 9
+VERTICAL = 8 * np.sqrt(3) / 9
 ROUNDS = 12
 """Iterations of the amplitude under a quintic term or a resonance of higher order, small
 corrections of the cubic one.
@@ -148,7 +148,7 @@ def _ends(delta: float, a: float, d: float, single: float, side: int) -> bool:
     """Whether the low or the high state has ended where there is a single root."""
     square, q = _discriminant(delta, a, d)
     # Below the critical stiffening no branch ends.
-    if not (abs(a) > STIFFEN and square > 0 and q < 0):
+    if not (abs(a) > VERTICAL and square > 0 and q < 0):
         return False
     return bool((single > -2 * q / (3 * (a * a + d * d))) == (side == 0))
 

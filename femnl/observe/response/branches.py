@@ -7,9 +7,11 @@ from numpy.typing import NDArray
 
 from femnl.observe.response.sweeps import Array, Complex, Index, Sweeps
 from femnl.resonator import duffing_roots
-from femnl.resonator.roots import STIFFEN
+from femnl.resonator.roots import VERTICAL
 from femnl.resonator.roots import continued as beyond_folds
 
+# a = STIFFEN α_y/α_c in b = 1/(δ + a |b|² + i).
+STIFFEN = VERTICAL
 # Derivatives are limited to 1/FOLD times those of a linear resonator.
 FOLD = 0.01
 NOISY = 2.0
