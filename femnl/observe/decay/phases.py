@@ -1,0 +1,234 @@
+"""Phases of a record: which of its straight pieces are the decay, and what the others are."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from femnl.core.decay import Phase, PhaseName
+from femnl.core.errors import MeasurementError
+from femnl.observe.decay.pieces import Array, Piece, pieces, points
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What the choice of the decay rests on.
+
+    wander: the working point of an interferometer moves the power by about this much [dB], so that
+    pieces of one decay may lie apart by it. wobble: rms [dB] that a straight decay has at best;
+    keeps evidence finite. noisy: a larger spread [dB] is that of noise, 5.6 dB where it is not
+    averaged. interruption: longest interruption in parts of the decay that is known already.
+    errors: standard deviations of a piece that count as agreement. reproducible: an analyser
+    repeats a reading no better than this [dB]; a smoother end of a record was drawn, not measured.
+    alike: rates of two decays of one record agree within this factor. step: a piece is driven, or
+    another state, where it lies above the floor by this much [dB].
+    """
+
+    wander: float = 1.0
+    wobble: float = 0.25
+    noisy: float = 2.5
+    interruption: float = 0.5
+    errors: float = 4.0
+    reproducible: float = 0.003
+    alike: float = 1.3
+    step: float = 10.0
+
+
+THRESHOLDS = Thresholds()
+WINDOW = 9
+"""Points of the running median of roughness."""
+DRAWN = 12
+"""Points that must be smooth before the end of a record counts as drawn."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight decay: level [dB] at the time middle [s], slope [dB/s]."""
+
+    middle: float
+    level: float
+    slope: float
+
+    def __call__(self, time: Array | float) -> Array:
+        """Return the power [dB]."""
+        return np.asarray(self.level + self.slope * (np.asarray(time) - self.middle))
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """The pieces of a record, and which are the decay.
+
+    line: through the decay; decay, floor: indices of pieces; recorded: points before the end that
+    was drawn.
+    """
+
+    pieces: tuple[Piece, ...]
+    line: Line
+    decay: tuple[int, ...]
+    floor: tuple[int, ...]
+    recorded: int
+
+
+def recorded_points(power: Array) -> int:
+    """Return how many points (n,) [dB] were measured, before an end that was only drawn.
+
+    An analyser that is stopped before its sweep ends fills the rest of the trace with a smooth
+    curve. It is smoother than the readings before it and than any analyser reproduces.
+    """
+    rough = median_filter(np.abs(np.diff(power, 3)), WINDOW, mode="nearest")
+    measured = np.flatnonzero(rough >= THRESHOLDS.reproducible)
+    if not measured.size:
+        return len(power)
+    first = int(measured[-1]) + 1
+    drawn = len(rough) - first
+    usual = float(np.median(rough[:first]))
+    if drawn < DRAWN or usual < 3 * THRESHOLDS.reproducible:
+        return len(power)
+    return first + 2
+
+
+def segment(time: Array, power: Array) -> Segmentation:
+    """Find the decay in a record (n,) [s], [dB].
+
+    Every falling piece is a candidate. It grows by pieces that lie on its line. The candidate whose
+    slope is known best, by its fall over the scatter about its line, is the decay.
+    Raises: MeasurementError where nothing falls.
+    """
+    recorded = recorded_points(power)
+    found = pieces(time[:recorded], power[:recorded])
+    best: tuple[float, Line, tuple[int, ...]] | None = None
+    for core in range(len(found)):
+        if found[core].fall <= 0:
+            continue
+        line, members = _grow(core, found, time, power)
+        evidence = _evidence(line, members, found, time, power)
+        if best is None or evidence > best[0]:
+            best = (evidence, line, members)
+    if best is None:
+        raise MeasurementError("decay: the power falls nowhere, so that nothing rings down")
+    _, line, members = best
+    return Segmentation(found, line, members, _floor(line, members, found), recorded)
+
+
+def _fit_line(members: Sequence[int], found: Sequence[Piece], time: Array, power: Array) -> Line:
+    """Return the line through pieces, each weighted by its own spread."""
+    chosen = [found[k] for k in sorted(members)]
+    used = points(chosen)
+    spread = np.concatenate(
+        [np.full(p.stop - p.first, np.hypot(p.spread, THRESHOLDS.wobble)) for p in chosen]
+    )
+    middle = float(time[used].mean())
+    slope, level = np.polyfit(time[used] - middle, power[used], 1, w=1 / spread)
+    return Line(middle, float(level), float(slope))
+
+
+def _on_line(piece: Piece, line: Line) -> bool:
+    """Whether both ends of a piece lie on a line, within what the working point may move."""
+    allowed = THRESHOLDS.wander + THRESHOLDS.errors * piece.spread / np.sqrt(piece.count)
+    ends = abs(piece.high - line(piece.begin)), abs(piece.low - line(piece.end))
+    return piece.spread < THRESHOLDS.noisy and max(ends) < allowed
+
+
+def _grow(
+    core: int, found: Sequence[Piece], time: Array, power: Array
+) -> tuple[Line, tuple[int, ...]]:
+    """Add pieces before and after that lie on the line, over interruptions."""
+    members = [core]
+    line = _fit_line(members, found, time, power)
+    for step in (-1, 1):
+        missed = 0.0
+        k = core + step
+        while 0 <= k < len(found):
+            if _on_line(found[k], line):
+                members.append(k)
+                line = _fit_line(members, found, time, power)
+                missed = 0.0
+            else:
+                missed += found[k].duration
+            known = found[max(members)].end - found[min(members)].begin
+            if missed > THRESHOLDS.interruption * known:
+                break
+            k += step
+    return line, tuple(sorted(members))
+
+
+def _evidence(
+    line: Line, members: Sequence[int], found: Sequence[Piece], time: Array, power: Array
+) -> float:
+    """Return the fall of a candidate over the standard error of that fall."""
+    used = points([found[k] for k in members])
+    fall = sum(found[k].fall for k in members)
+    rms = float(np.sqrt(np.mean((power[used] - line(time[used])) ** 2)))
+    count = sum(found[k].count for k in members)
+    return fall / float(np.hypot(rms, THRESHOLDS.wobble)) * float(np.sqrt(count / 12))
+
+
+def _floor(line: Line, members: Sequence[int], found: Sequence[Piece]) -> tuple[int, ...]:
+    """Return the pieces after the decay that neither rise above its end nor fall as fast."""
+    top = found[members[-1]].high
+    floor = []
+    for k in range(members[-1] + 1, len(found)):
+        piece = found[k]
+        if max(piece.high, piece.low) > top or abs(piece.slope) > abs(line.slope):
+            break
+        floor.append(k)
+    return tuple(floor)
+
+
+def phases(time: Array, segmentation: Segmentation, floor: float) -> tuple[Phase, ...]:
+    """Name every part of a record.
+
+    Args: time (n,) [s] of the record; floor: level [dB] that the decay ends in.
+    Returns: phases in the order of time, neighbours of one name joined.
+    """
+    found = segmentation.pieces
+    named: list[Phase] = []
+    for k, piece in enumerate(found):
+        name = _name(k, segmentation, floor)
+        end = found[k + 1].begin if k + 1 < len(found) else piece.end
+        if named and named[-1].name == name:
+            named[-1] = Phase(name, named[-1].begin, end)
+        else:
+            named.append(Phase(name, piece.begin, end))
+    if segmentation.recorded < len(time):
+        named.append(Phase("not recorded", float(time[segmentation.recorded]), float(time[-1])))
+    return tuple(named)
+
+
+def _name(k: int, segmentation: Segmentation, floor: float) -> PhaseName:
+    """Return what one piece is."""
+    piece = segmentation.pieces[k]
+    line = segmentation.line
+    decay = segmentation.decay
+    name: PhaseName = "left out"
+    if k in decay:
+        name = "decay"
+    elif k in segmentation.floor:
+        name = "floor"
+    elif decay[0] < k < decay[-1]:
+        name = "dropout"
+    elif k < decay[0] and max(piece.high, piece.low) < floor + THRESHOLDS.step:
+        name = "before"
+    elif k > decay[-1] and piece.middle < segmentation.pieces[decay[-1]].low:
+        name = "floor"
+    elif _like(piece, line):
+        name = "other try"
+    elif k < decay[0]:
+        name = "driven"
+    return name
+
+
+def _like(piece: Piece, line: Line) -> bool:
+    """Whether a piece falls at the rate of the decay, far enough and as straight."""
+    alike = 1 / THRESHOLDS.alike < piece.slope / line.slope < THRESHOLDS.alike
+    return alike and piece.fall > THRESHOLDS.step and piece.spread < THRESHOLDS.wander
+
+
+def logical(segmentation: Segmentation, which: Sequence[int], count: int) -> NDArray[np.bool_]:
+    """Return which of the points (count,) of a record belong to pieces."""
+    inside = np.zeros(count, dtype=bool)
+    for k in which:
+        inside[segmentation.pieces[k].first : segmentation.pieces[k].stop] = True
+    return inside
