@@ -308,7 +308,7 @@ def test_an_oscillator_without_its_drive_and_a_line_of_one_place_are_refused(
     assert run(["fit", "s.nc"]) == 2
     assert (
         "holds series; femnl fit takes response, spectrum, trace, map, decay, and femnl diagnose "
-        "series too" in capsys.readouterr().err
+        "takes series too" in capsys.readouterr().err
     )
 
 

@@ -141,7 +141,7 @@ class Likelihood:
         influence = self.scores(values)[1] @ inverse
         strong, slow = self._slowness(values)
         widened = np.ones(k)
-        for n in np.flatnonzero(seen):
+        for n in np.flatnonzero(seen).tolist():
             own = correlation_time(influence[:, n])
             # The floor's own noise is that of the filter, the others' is that of the signal.
             widened[n] = own if self.names[n] == "floor" or not strong else max(own, slow)
