@@ -20,7 +20,7 @@ HIGHER = 10.0
 FASTEST = 200.0
 """Rate of a decay times the duration: faster ones leave the floor from the first datum on."""
 STRONGEST = 100.0
-"""Nonlinear over linear damping at the begin, and amplitude of a partner, at most."""
+"""Nonlinear over linear damping at the begin, at most."""
 CLIP = 3.0
 """Normal scores beyond this say nothing about how slow the noise is."""
 FLAT = 1e-9
@@ -116,7 +116,7 @@ class Likelihood:
             "wander": (NONE[1], 0.0),
             "damping_ratio": (0.0, STRONGEST),
             "exit_rate": (0.0, FASTEST),
-            "partner": (0.0, STRONGEST),
+            "partner": (0.0, 1.0),
             "partner_rate": (0.0, FASTEST),
         }
         return ranges.get(name, (-np.inf, np.inf))

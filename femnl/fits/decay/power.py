@@ -1,54 +1,26 @@
 """Fit a record of a decay as an analyser wrote it, with all its phases."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from femnl.core.decay import DecayFit
 from femnl.core.fit import Fit, Parameter
-from femnl.fits.decay.likelihood import Likelihood, averages_of, start_values
+from femnl.fits.decay.stretch import Found, choose
 from femnl.observe.decay.law import UNITS, Array, Term
-from femnl.observe.decay.phases import THRESHOLDS, Segmentation, logical, phases, segment
+from femnl.observe.decay.phases import Segmentation, phases, segment
 from femnl.observe.decay.record import DB, PowerRecord, power_record
 
-ROUNDS = 3
-"""Fits between which interruptions are looked for."""
-OUTLIER = 6.0
-"""Standard deviations of a datum that interrupts the decay."""
-MAD = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
-BELOW = 2.0
-"""ln of the weakest datum over the floor to begin with, where a record shows no floor."""
-
-
-@dataclass(frozen=True, eq=False)
-class Stretch:
-    """What of a record is fitted.
-
-    begin [s]: of the decay; reference [dB]: its power there; used (n,): points of the record.
-    """
-
-    begin: float
-    reference: float
-    used: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """The values of highest probability of a stretch.
-
-    value: ln of the probability; covariance (k, k); correlation: time of the noise [points].
-    """
-
-    stretch: Stretch
-    likelihood: Likelihood
-    values: Array
-    value: float
-    covariance: Array
-    correlation: float
+SAID: Mapping[Term, str] = {
+    "damping": "the decay is faster at the start: nonlinear damping; the quality factor is that of "
+    "small motion",
+    "pair": "the power beats: a second mode is in the filter; the quality factor is that of the "
+    "stronger one at the begin",
+    "exit": "the power falls away from the line as where the frequency leaves the filter; the mode "
+    "is taken as tuned at the begin of the decay",
+}
+"""What is said of each term of the law."""
 
 
 def fit_decay(dataset: xr.Dataset, *, frequency: float | None = None) -> DecayFit:
@@ -71,56 +43,9 @@ def fit_decay(dataset: xr.Dataset, *, frequency: float | None = None) -> DecayFi
     Valid: the decay is straight between interruptions; N ≪ S at its begin.
     """
     record = power_record(dataset)
-    segmentation = segment(record.time, record.power)
-    found = _fit_stretch(record, segmentation, _stretch(record, segmentation))
+    segmentation, found = choose(record, segment(record.time, record.power))
     tone = frequency if frequency is not None else record.frequency
     return _result(record, segmentation, found, tone)
-
-
-def _stretch(record: PowerRecord, segmentation: Segmentation) -> Stretch:
-    """Return the decay and the floor that it ends in."""
-    used = logical(segmentation, segmentation.decay + segmentation.floor, len(record.time))
-    begin = segmentation.pieces[segmentation.decay[0]].begin
-    return Stretch(begin, float(segmentation.line(begin)), used)
-
-
-def _fit_stretch(
-    record: PowerRecord, segmentation: Segmentation, stretch: Stretch, terms: Sequence[Term] = ()
-) -> Found:
-    """Fit a stretch, and again without what interrupts it."""
-    floor = logical(segmentation, segmentation.floor, len(record.time))
-    log_power = (record.power - stretch.reference) / DB
-    level = float(np.log(np.mean(np.exp(log_power[floor])))) if floor.any() else None
-    averages = averages_of(log_power[floor])
-    for again in reversed(range(ROUNDS)):
-        time = record.time[stretch.used] - stretch.begin
-        likelihood = Likelihood(time, log_power[stretch.used], averages, tuple(terms))
-        lowest = level if level is not None else float(likelihood.log_power.min()) - BELOW
-        start = start_values(likelihood, 0.0, -segmentation.line.slope / DB, lowest)
-        values, value = likelihood.fit(start)
-        interrupted = _interruptions(likelihood, values)
-        if again == 0 or not interrupted.any():
-            break
-        used = stretch.used.copy()
-        used[np.flatnonzero(used)[interrupted]] = False
-        stretch = Stretch(stretch.begin, stretch.reference, used)
-    covariance, correlation = likelihood.covariance(values)
-    return Found(stretch, likelihood, values, value, covariance, correlation)
-
-
-def _interruptions(likelihood: Likelihood, values: Array) -> NDArray[np.bool_]:
-    """Return which data (n,) interrupt the decay: far off it, and far above the floor."""
-    signal, _ = likelihood.signal(values)
-    away = DB * (likelihood.log_power - np.log(signal))
-    strong = DB * (np.log(signal) - values[2]) > THRESHOLDS.step
-    if np.count_nonzero(strong) < 2:
-        return np.zeros(len(away), dtype=bool)
-    usual = MAD * float(np.median(np.abs(away[strong])))
-    limit = max(OUTLIER * usual, THRESHOLDS.wander)
-    found = strong & (np.abs(away) > limit)
-    # A decay that is interrupted more often than not is none: the law is wrong instead.
-    often = np.count_nonzero(found) >= 0.5 * np.count_nonzero(strong)
-    return np.zeros(len(away), dtype=bool) if often else np.asarray(found)
 
 
 def _result(
@@ -200,7 +125,7 @@ def _derived(parameters: Mapping[str, Parameter], frequency: float | None) -> di
 
 def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> list[str]:
     """Say what was left out, assumed, and not seen."""
-    notes = []
+    notes = [SAID[term] for term in found.likelihood.terms]
     decay = [segmentation.pieces[k] for k in segmentation.decay]
     inside = (record.time >= decay[0].begin) & (record.time <= decay[-1].end)
     missed = inside & ~found.stretch.used
@@ -216,7 +141,7 @@ def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> lis
         notes.append(
             f"noise is correlated over {found.correlation:.3g} points; the errors allow for it"
         )
-    if not segmentation.floor:
+    if not segmentation.floor and "exit" not in found.likelihood.terms:
         notes.append("the record ends before the decay reaches a floor")
     if segmentation.recorded < len(record.time):
         end = record.time[segmentation.recorded]

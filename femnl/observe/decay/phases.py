@@ -9,7 +9,7 @@ from scipy.ndimage import median_filter
 
 from femnl.core.decay import Phase, PhaseName
 from femnl.core.errors import MeasurementError
-from femnl.observe.decay.pieces import Array, Piece, pieces, points
+from femnl.observe.decay.pieces import RESOLUTION, Array, Piece, pieces, points
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,17 @@ DRAWN = 12
 
 @dataclass(frozen=True)
 class Line:
-    """A straight decay: level [dB] at the time middle [s], slope [dB/s]."""
+    """A straight decay: level [dB] at the time middle [s], slope [dB/s] and its error."""
 
     middle: float
     level: float
     slope: float
+    slope_sd: float
+
+    @property
+    def evidence(self) -> float:
+        """The slope over its standard error."""
+        return -self.slope / self.slope_sd
 
     def __call__(self, time: Array | float) -> Array:
         """Return the power [dB]."""
@@ -89,26 +95,26 @@ def recorded_points(power: Array) -> int:
     return first + 2
 
 
-def segment(time: Array, power: Array) -> Segmentation:
+def segment(time: Array, power: Array, resolution: float = RESOLUTION) -> Segmentation:
     """Find the decay in a record (n,) [s], [dB].
 
     Every falling piece is a candidate. It grows by pieces that lie on its line. The candidate whose
-    slope is known best, by its fall over the scatter about its line, is the decay.
+    slope is known best, by its fall over the scatter about its line, is the decay. A coarse
+    resolution [dB] looks for straight pieces through beats.
     Raises: MeasurementError where nothing falls.
     """
     recorded = recorded_points(power)
-    found = pieces(time[:recorded], power[:recorded])
-    best: tuple[float, Line, tuple[int, ...]] | None = None
+    found = pieces(time[:recorded], power[:recorded], resolution)
+    best: tuple[Line, tuple[int, ...]] | None = None
     for core in range(len(found)):
         if found[core].fall <= 0:
             continue
         line, members = _grow(core, found, time, power)
-        evidence = _evidence(line, members, found, time, power)
-        if best is None or evidence > best[0]:
-            best = (evidence, line, members)
+        if best is None or line.evidence > best[0].evidence:
+            best = (line, members)
     if best is None:
         raise MeasurementError("decay: the power falls nowhere, so that nothing rings down")
-    _, line, members = best
+    line, members = best
     return Segmentation(found, line, members, _floor(line, members, found), recorded)
 
 
@@ -121,29 +127,37 @@ def _fit_line(members: Sequence[int], found: Sequence[Piece], time: Array, power
     )
     middle = float(time[used].mean())
     slope, level = np.polyfit(time[used] - middle, power[used], 1, w=1 / spread)
-    return Line(middle, float(level), float(slope))
+    away = power[used] - level - slope * (time[used] - middle)
+    rms = float(np.hypot(np.sqrt(np.mean(away**2)), THRESHOLDS.wobble))
+    count = sum(piece.count for piece in chosen)
+    error = rms / float(np.std(time[used])) / float(np.sqrt(count))
+    return Line(middle, float(level), float(slope), error)
 
 
 def _on_line(piece: Piece, line: Line) -> bool:
     """Whether both ends of a piece lie on a line, within what the working point may move."""
-    allowed = THRESHOLDS.wander + THRESHOLDS.errors * piece.spread / np.sqrt(piece.count)
-    ends = abs(piece.high - line(piece.begin)), abs(piece.low - line(piece.end))
-    return piece.spread < THRESHOLDS.noisy and max(ends) < allowed
+    own = piece.spread / np.sqrt(piece.count)
+    for time, power in ((piece.begin, piece.high), (piece.end, piece.low)):
+        error = float(np.hypot(own, line.slope_sd * (time - line.middle)))
+        if abs(power - line(time)) > THRESHOLDS.wander + THRESHOLDS.errors * error:
+            return False
+    return piece.spread < THRESHOLDS.noisy
 
 
 def _grow(
     core: int, found: Sequence[Piece], time: Array, power: Array
 ) -> tuple[Line, tuple[int, ...]]:
-    """Add pieces before and after that lie on the line, over interruptions."""
+    """Add pieces before and after that lie on the line and tell more of it, over interruptions."""
     members = [core]
     line = _fit_line(members, found, time, power)
     for step in (-1, 1):
         missed = 0.0
         k = core + step
         while 0 <= k < len(found):
-            if _on_line(found[k], line):
+            longer = _fit_line([*members, k], found, time, power)
+            if _on_line(found[k], line) and longer.evidence > line.evidence:
                 members.append(k)
-                line = _fit_line(members, found, time, power)
+                line = longer
                 missed = 0.0
             else:
                 missed += found[k].duration
@@ -152,17 +166,6 @@ def _grow(
                 break
             k += step
     return line, tuple(sorted(members))
-
-
-def _evidence(
-    line: Line, members: Sequence[int], found: Sequence[Piece], time: Array, power: Array
-) -> float:
-    """Return the fall of a candidate over the standard error of that fall."""
-    used = points([found[k] for k in members])
-    fall = sum(found[k].fall for k in members)
-    rms = float(np.sqrt(np.mean((power[used] - line(time[used])) ** 2)))
-    count = sum(found[k].count for k in members)
-    return fall / float(np.hypot(rms, THRESHOLDS.wobble)) * float(np.sqrt(count / 12))
 
 
 def _floor(line: Line, members: Sequence[int], found: Sequence[Piece]) -> tuple[int, ...]:
@@ -175,6 +178,57 @@ def _floor(line: Line, members: Sequence[int], found: Sequence[Piece]) -> tuple[
             break
         floor.append(k)
     return tuple(floor)
+
+
+def steeper_before(found: Segmentation) -> tuple[int, ...]:
+    """Return the pieces that run into the decay, steeper the earlier: what nonlinear damping makes.
+
+    Jumps do not belong to it: the drive's feed-through goes at once.
+    """
+    run: list[int] = []
+    slope = found.line.slope
+    following = found.pieces[found.decay[0]]
+    for k in range(found.decay[0] - 1, -1, -1):
+        piece = found.pieces[k]
+        joined = abs(piece.low - following.high) < THRESHOLDS.wander
+        if not (joined and piece.slope < slope and piece.spread < THRESHOLDS.wander):
+            break
+        run.insert(0, k)
+        slope = piece.slope
+        following = piece
+    return tuple(run)
+
+
+def shallower_before(found: Segmentation) -> tuple[int, ...]:
+    """Return the pieces that run into the decay, shallower the earlier, as a frequency leaves."""
+    run: list[int] = []
+    slope = found.line.slope
+    following = found.pieces[found.decay[0]]
+    for k in range(found.decay[0] - 1, -1, -1):
+        piece = found.pieces[k]
+        joined = abs(piece.low - following.high) < THRESHOLDS.wander
+        if not (joined and slope < piece.slope < 0 and piece.spread < THRESHOLDS.wander):
+            break
+        run.insert(0, k)
+        slope = piece.slope
+        following = piece
+    return tuple(run)
+
+
+def steeper_after(found: Segmentation) -> tuple[int, ...]:
+    """Return the pieces that the decay runs into, steeper the later: a frequency that leaves."""
+    run: list[int] = []
+    slope = found.line.slope
+    previous = found.pieces[found.decay[-1]]
+    for k in range(found.decay[-1] + 1, len(found.pieces)):
+        piece = found.pieces[k]
+        joined = abs(piece.high - previous.low) < THRESHOLDS.wander
+        if not (joined and piece.slope < slope and piece.spread < THRESHOLDS.noisy):
+            break
+        run.append(k)
+        slope = piece.slope
+        previous = piece
+    return tuple(run)
 
 
 def phases(time: Array, segmentation: Segmentation, floor: float) -> tuple[Phase, ...]:

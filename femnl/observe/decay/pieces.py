@@ -58,12 +58,13 @@ class Piece:
         return 0.5 * (self.high + self.low)
 
 
-def pieces(time: Array, power: Array) -> tuple[Piece, ...]:
+def pieces(time: Array, power: Array, resolution: float = RESOLUTION) -> tuple[Piece, ...]:
     """Cut a record (n,) [s], [dB] into the straight pieces that explain it best.
 
     The pieces minimise Σ n ln(σ² + σ₀²) + NUMBERS · ln n a piece, the Bayesian information
     criterion of lines with noise of an own size each. Spreads in a record differ by a factor of
     1000 between a strong decay and the floor, so that one common spread would see only the floor.
+    resolution σ₀ [dB]: a coarse one sees beats as scatter about one line.
     Source: Jackson et al., IEEE Signal Processing Letters 12, 105 (2005) (the recursion).
     """
     size = -(-len(time) // MOST)
@@ -71,7 +72,7 @@ def pieces(time: Array, power: Array) -> tuple[Piece, ...]:
     used = slice(0, count * size)
     middle = time[used].reshape(count, size).mean(axis=1)
     level = power[used].reshape(count, size).mean(axis=1)
-    cuts = _cuts(middle, level)
+    cuts = _cuts(middle, level, resolution)
     found = []
     for start, stop in pairwise(cuts):
         part = slice(start, stop)
@@ -93,7 +94,7 @@ def pieces(time: Array, power: Array) -> tuple[Piece, ...]:
     return tuple(found)
 
 
-def _cuts(time: Array, level: Array) -> list[int]:
+def _cuts(time: Array, level: Array, resolution: float) -> list[int]:
     """Return where pieces begin, and the number of blocks: optimal partitioning."""
     n = len(level)
     x = (time - time[0]) / (time[-1] - time[0])
@@ -109,7 +110,7 @@ def _cuts(time: Array, level: Array) -> list[int]:
         m, sx, sy, sxx, sxy, syy = (total[stop] - total[starts] for total in sums)
         covariance = sxy - sx * sy / m
         squares = syy - sy**2 / m - covariance**2 / (sxx - sx**2 / m)
-        cost = best[starts] + m * np.log(np.maximum(squares, 0.0) / m + RESOLUTION**2) + penalty
+        cost = best[starts] + m * np.log(np.maximum(squares, 0.0) / m + resolution**2) + penalty
         previous[stop] = np.argmin(cost)
         best[stop] = cost[previous[stop]]
     cuts = [n]
