@@ -18,9 +18,11 @@ SAID: Mapping[Term, str] = {
     "pair": "the power beats: a second mode is in the filter; the quality factor is that of the "
     "stronger one at the begin",
     "exit": "the power falls away from the line as where the frequency leaves the filter; the mode "
-    "is taken as tuned at the begin of the decay",
+    "is taken as tuned to 0.1 dB at the begin of the decay, which limits the error",
 }
 """What is said of each term of the law."""
+TUNED = 0.1
+"""dB that the filter may take from a mode that an analyser was tuned to by its peak."""
 
 
 def fit_decay(dataset: xr.Dataset, *, frequency: float | None = None) -> DecayFit:
@@ -103,6 +105,10 @@ def _parameters(found: Found) -> tuple[dict[str, Parameter], Array]:
     with np.errstate(invalid="ignore"):
         covariance = found.covariance * np.outer(scale, scale)
     sd = np.sqrt(np.diag(covariance))
+    if "exit_rate" in likelihood.names:
+        # A mode that starts beside the filter's centre falls away at once, as if damped more.
+        bend = max(float(si[likelihood.names.index("exit_rate")]), 0.0)
+        sd[1] = np.hypot(sd[1], 2 * np.sqrt(bend * TUNED / DB))
     parameters = {
         name: Parameter(name, float(v), float(s), UNITS[name])
         for name, v, s in zip(likelihood.names, si, sd, strict=True)

@@ -37,8 +37,8 @@ BEATS = 2.0
 """Periods from which beats are told from a bump."""
 LEAST_BEATING = 24
 """Points of a decay in which beats can be seen."""
-START: Mapping[Term, tuple[float, ...]] = {"damping": (0.3,), "exit": (0.3,)}
-"""Where parameters of terms start from, in units of the likelihood."""
+START: Mapping[Term, tuple[float, ...]] = {"damping": (0.3,), "exit": (0.0,)}
+"""Where parameters of terms start from, in the likelihood's units; an exit's is estimated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,13 +180,18 @@ def fit_stretch(
     terms = () if term is None else (term,)
     floor = logical(segmentation, segmentation.floor, len(record.time))
     log_power = (record.power - stretch.reference) / DB
-    level = float(np.log(np.mean(np.exp(log_power[floor])))) if floor.any() else None
+    seen = float(np.log(np.mean(np.exp(log_power[floor])))) if floor.any() else None
     averages = averages_of(log_power[floor])
     for again in reversed(range(ROUNDS)):
         time = record.time[stretch.used] - stretch.begin
         likelihood = Likelihood(time, log_power[stretch.used], averages, terms)
-        lowest = level if level is not None else float(likelihood.log_power.min()) - BELOW
-        begin = start_values(likelihood, 0.0, -segmentation.line.slope / DB, lowest, start)
+        lowest = seen if seen is not None else float(likelihood.log_power.min()) - BELOW
+        level, rate, bend = _parabola(segmentation, stretch, 2 if term == "exit" else 1)
+        if term == "exit":
+            start = (bend * float(time.max()) ** 2,)
+        if term == "damping":
+            rate = -segmentation.line.slope / DB
+        begin = start_values(likelihood, level, rate, lowest, start)
         values, value = likelihood.fit(begin)
         interrupted = _interruptions(likelihood, values)
         if again == 0 or not interrupted.any():
@@ -196,6 +201,19 @@ def fit_stretch(
         stretch = Stretch(stretch.begin, stretch.reference, used)
     covariance, correlation = likelihood.covariance(values)
     return Found(stretch, likelihood, values, value, covariance, correlation)
+
+
+def _parabola(
+    segmentation: Segmentation, stretch: Stretch, degree: int
+) -> tuple[float, float, float]:
+    """Return level, rate [1/s] and bend [1/s²] of a polynomial through the ends of pieces."""
+    chosen = [segmentation.pieces[k] for k in segmentation.decay]
+    time = np.array([end for piece in chosen for end in (piece.begin, piece.end)])
+    power = np.array([end for piece in chosen for end in (piece.high, piece.low)])
+    weight = np.repeat([np.sqrt(piece.count) for piece in chosen], 2)
+    found = np.polyfit(time - stretch.begin, (power - stretch.reference) / DB, degree, w=weight)
+    bend = -found[0] if degree == 2 else 0.0
+    return float(found[-1]), float(max(-found[-2], 0.0)), float(max(bend, 0.0))
 
 
 def _interruptions(likelihood: Likelihood, values: Array) -> NDArray[np.bool_]:

@@ -185,50 +185,54 @@ def steeper_before(found: Segmentation) -> tuple[int, ...]:
 
     Jumps do not belong to it: the drive's feed-through goes at once.
     """
-    run: list[int] = []
-    slope = found.line.slope
-    following = found.pieces[found.decay[0]]
-    for k in range(found.decay[0] - 1, -1, -1):
-        piece = found.pieces[k]
-        joined = abs(piece.low - following.high) < THRESHOLDS.wander
-        if not (joined and piece.slope < slope and piece.spread < THRESHOLDS.wander):
-            break
-        run.insert(0, k)
-        slope = piece.slope
-        following = piece
-    return tuple(run)
+    return tuple(reversed(_run(found, -1, steeper=True)))
 
 
 def shallower_before(found: Segmentation) -> tuple[int, ...]:
     """Return the pieces that run into the decay, shallower the earlier, as a frequency leaves."""
-    run: list[int] = []
-    slope = found.line.slope
-    following = found.pieces[found.decay[0]]
-    for k in range(found.decay[0] - 1, -1, -1):
-        piece = found.pieces[k]
-        joined = abs(piece.low - following.high) < THRESHOLDS.wander
-        if not (joined and slope < piece.slope < 0 and piece.spread < THRESHOLDS.wander):
-            break
-        run.insert(0, k)
-        slope = piece.slope
-        following = piece
-    return tuple(run)
+    return tuple(reversed(_run(found, -1, steeper=False)))
 
 
 def steeper_after(found: Segmentation) -> tuple[int, ...]:
     """Return the pieces that the decay runs into, steeper the later: a frequency that leaves."""
+    return tuple(_run(found, 1, steeper=True))
+
+
+def _run(found: Segmentation, step: int, *, steeper: bool) -> list[int]:
+    """Return falling pieces that continue the decay, each bent the same way from the one before.
+
+    What interrupts them is skipped, as in a straight decay.
+    Args: step: −1 for those before the decay, +1 for those after it.
+    """
     run: list[int] = []
+    near = found.pieces[found.decay[0 if step < 0 else -1]]
     slope = found.line.slope
-    previous = found.pieces[found.decay[-1]]
-    for k in range(found.decay[-1] + 1, len(found.pieces)):
+    known = found.pieces[found.decay[-1]].end - found.pieces[found.decay[0]].begin
+    missed = 0.0
+    k = (found.decay[0] if step < 0 else found.decay[-1]) + step
+    while 0 <= k < len(found.pieces):
         piece = found.pieces[k]
-        joined = abs(piece.high - previous.low) < THRESHOLDS.wander
-        if not (joined and piece.slope < slope and piece.spread < THRESHOLDS.noisy):
+        bent = piece.slope < slope if steeper else slope < piece.slope < 0
+        if bent and _joined(piece, near, step):
+            run.append(k)
+            known += piece.duration
+            slope = piece.slope
+            near = piece
+            missed = 0.0
+        else:
+            missed += piece.duration
+        if missed > THRESHOLDS.interruption * known or (missed > 0 and not run and steeper):
             break
-        run.append(k)
-        slope = piece.slope
-        previous = piece
-    return tuple(run)
+        k += step
+    return run
+
+
+def _joined(piece: Piece, near: Piece, step: int) -> bool:
+    """Whether two pieces meet, over what may lie between them, at the mean of their slopes."""
+    first, second = (piece, near) if step < 0 else (near, piece)
+    expected = 0.5 * (first.slope + second.slope) * (second.begin - first.end)
+    apart = abs(second.high - first.low - expected)
+    return apart < THRESHOLDS.wander and piece.spread < THRESHOLDS.noisy
 
 
 def phases(time: Array, segmentation: Segmentation, floor: float) -> tuple[Phase, ...]:
