@@ -31,6 +31,8 @@ BELOW = 2.0
 
 EVIDENCE = 7.0
 """ln of the odds from which a term is taken: 1000 to 1."""
+KNOWN = 3.0
+"""Standard errors from zero at which a decay rate counts as seen beside a term."""
 BEATING = 3.0
 """Resolution [dB] at which beats look like scatter about one line."""
 BEATS = 2.0
@@ -153,8 +155,12 @@ def _evidence(plain: Found, bent: Found) -> float:
 
 
 def _shows(plain: Found, bent: Found) -> bool:
-    """Whether a bend is larger than straight decays wobble, and is taken up for the most part."""
-    return wander(plain) > THRESHOLDS.wobble and wander(bent) < 0.5 * wander(plain)
+    """Whether a bend is larger than straight decays wobble, and is taken up for the most part.
+
+    A term must also leave a decay of its own to the mode.
+    """
+    known = bent.values[1] > KNOWN * np.sqrt(bent.covariance[1, 1])
+    return bool(known) and THRESHOLDS.wobble < wander(plain) > 2 * wander(bent)
 
 
 def wander(found: Found) -> float:
