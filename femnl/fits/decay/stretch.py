@@ -1,6 +1,6 @@
 """The stretch of a record that is fitted, and the law that it needs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,8 +39,8 @@ BEATS = 2.0
 """Periods from which beats are told from a bump."""
 LEAST_BEATING = 24
 """Points of a decay in which beats can be seen."""
-START: Mapping[Term, tuple[float, ...]] = {"damping": (0.3,), "exit": (0.0,)}
-"""Where parameters of terms start from, in the likelihood's units; an exit's is estimated."""
+LEAST_DAMPING = 0.1
+"""Nonlinear over linear damping that a fit starts from at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def choose(record: PowerRecord, segmentation: Segmentation) -> tuple[Segmentatio
         tried.append(("exit", replace(segmentation, decay=whole, floor=floor)))
     best = (EVIDENCE, segmentation, straight)
     for term, longer in tried:
-        best = _better(record, longer, term, START[term], best)
+        best = _better(record, longer, term, (), best)
     coarse = segment(record.time, record.power, BEATING)
     start = _beat(record, coarse) if _hides_beats(segmentation, straight, coarse) else None
     return (best if start is None else _better(record, coarse, "pair", start, best))[1:]
@@ -182,7 +182,7 @@ def fit_stretch(
     term: Term | None = None,
     start: Sequence[float] = (),
 ) -> Found:
-    """Fit a stretch, and again without what interrupts it; start: of the term's parameters."""
+    """Fit a stretch, and again without what interrupts it; start: of a pair's parameters."""
     terms = () if term is None else (term,)
     floor = logical(segmentation, segmentation.floor, len(record.time))
     log_power = (record.power - stretch.reference) / DB
@@ -196,7 +196,11 @@ def fit_stretch(
         if term == "exit":
             start = (bend * float(time.max()) ** 2,)
         if term == "damping":
+            # The rate at the begin is (1 + d) times that of small motion, which the line has.
+            first = segmentation.pieces[segmentation.decay[0]]
+            level = (first.high - stretch.reference) / DB
             rate = -segmentation.line.slope / DB
+            start = (max(first.slope / segmentation.line.slope - 1, LEAST_DAMPING),)
         begin = start_values(likelihood, level, rate, lowest, start)
         values, value = likelihood.fit(begin)
         interrupted = _interruptions(likelihood, values)

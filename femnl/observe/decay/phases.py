@@ -155,10 +155,14 @@ def _grow(
         k = core + step
         while 0 <= k < len(found):
             longer = _fit_line([*members, k], found, time, power)
-            if _on_line(found[k], line) and longer.evidence > line.evidence:
+            on_line = _on_line(found[k], line)
+            if on_line and longer.evidence > line.evidence:
                 members.append(k)
                 line = longer
                 missed = 0.0
+            elif not on_line and missed == 0 and _joined(found[k], found[k - step], step):
+                # An interruption begins with a jump: this is a bend, which ends the straight part.
+                break
             else:
                 missed += found[k].duration
             known = found[max(members)].end - found[min(members)].begin
