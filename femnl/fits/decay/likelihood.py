@@ -21,12 +21,14 @@ FASTEST = 200.0
 """Rate of a decay times the duration: faster ones leave the floor from the first datum on."""
 STRONGEST = 100.0
 """Nonlinear over linear damping at the begin, at most."""
+WANDERS = (-6.0, -2.5)
+"""ln κ that fits start from: a wander of 0.3 dB and of 1.8 dB."""
 CLIP = 3.0
 """Normal scores beyond this say nothing about how slow the noise is."""
 FLAT = 1e-9
 """Eigenvalues of the scaled information below this are directions that the data do not show."""
 
-ENOUGH = 20.0
+ENOUGH = 100.0
 """Independent values of a floor that show how it scatters."""
 MOST_AVERAGES = 200.0
 """More are told from a constant floor by nobody."""
@@ -103,8 +105,14 @@ class Likelihood:
             return -value, -scores.sum(axis=0)
 
         bounds = [self._bound(name) for name in self.names]
-        found = minimize(objective, start, jac=True, method="L-BFGS-B", bounds=bounds)
-        return np.asarray(found.x), -float(found.fun)
+        # A start with little wander may be thrown out of its valley, one with much stays in it.
+        starts = [np.concatenate([start[:3], [size], start[4:]]) for size in WANDERS]
+        runs = [
+            minimize(objective, begin, jac=True, method="L-BFGS-B", bounds=bounds)
+            for begin in starts
+        ]
+        best = min(runs, key=lambda run: float(run.fun))
+        return np.asarray(best.x), -float(best.fun)
 
     def _bound(self, name: str) -> tuple[float, float]:
         """Return the range of a parameter: what no record can show lies outside."""
@@ -217,4 +225,4 @@ def start_values(
 ) -> Array:
     """Return the start (k,) from a line: level and floor [ln units], rate [1/s]."""
     duration = float(likelihood.time.max())
-    return np.array([level, rate * duration, floor, -6.0, *extra])
+    return np.array([level, rate * duration, floor, WANDERS[0], *extra])

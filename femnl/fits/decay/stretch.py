@@ -192,14 +192,15 @@ def fit_stretch(
         time = record.time[stretch.used] - stretch.begin
         likelihood = Likelihood(time, log_power[stretch.used], averages, terms)
         lowest = seen if seen is not None else float(likelihood.log_power.min()) - BELOW
-        level, rate, bend = _parabola(segmentation, stretch, 2 if term == "exit" else 1)
+        level = 0.0
+        rate = -segmentation.line.slope / DB
         if term == "exit":
+            level, rate, bend = _parabola(segmentation, stretch)
             start = (bend * float(time.max()) ** 2,)
         if term == "damping":
             # The rate at the begin is (1 + d) times that of small motion, which the line has.
             first = segmentation.pieces[segmentation.decay[0]]
             level = (first.high - stretch.reference) / DB
-            rate = -segmentation.line.slope / DB
             start = (max(first.slope / segmentation.line.slope - 1, LEAST_DAMPING),)
         begin = start_values(likelihood, level, rate, lowest, start)
         values, value = likelihood.fit(begin)
@@ -213,17 +214,14 @@ def fit_stretch(
     return Found(stretch, likelihood, values, value, covariance, correlation)
 
 
-def _parabola(
-    segmentation: Segmentation, stretch: Stretch, degree: int
-) -> tuple[float, float, float]:
-    """Return level, rate [1/s] and bend [1/s²] of a polynomial through the ends of pieces."""
+def _parabola(segmentation: Segmentation, stretch: Stretch) -> tuple[float, float, float]:
+    """Return level, rate [1/s] and bend [1/s²] of a parabola through the ends of pieces."""
     chosen = [segmentation.pieces[k] for k in segmentation.decay]
     time = np.array([end for piece in chosen for end in (piece.begin, piece.end)])
     power = np.array([end for piece in chosen for end in (piece.high, piece.low)])
     weight = np.repeat([np.sqrt(piece.count) for piece in chosen], 2)
-    found = np.polyfit(time - stretch.begin, (power - stretch.reference) / DB, degree, w=weight)
-    bend = -found[0] if degree == 2 else 0.0
-    return float(found[-1]), float(max(-found[-2], 0.0)), float(max(bend, 0.0))
+    found = np.polyfit(time - stretch.begin, (power - stretch.reference) / DB, 2, w=weight)
+    return float(found[2]), float(max(-found[1], 0.0)), float(max(-found[0], 0.0))
 
 
 def _interruptions(likelihood: Likelihood, values: Array) -> NDArray[np.bool_]:
