@@ -97,7 +97,7 @@ def test_a_table_with_its_toml_becomes_a_decay(tmp_path: Path) -> None:
         'kind = "decay"\n[columns]\ntime = "t"\nmagnitude = { column = "R", unit = "mV" }\n'
         '[values]\nfrequency = "1 MHz"\nnotes = "cold"\n'
     )
-    group = import_file(table, tmp_path / "out.nc")["measurement"]
+    group = import_file(table, tmp_path / "out.nc")["measurement"].to_dataset()
     assert group["magnitude"].values[0] == pytest.approx(0.030)
     assert group.attrs["frequency"] == 1e6
     assert group.attrs["notes"] == "cold"

@@ -19,8 +19,8 @@ HIGHER = 10.0
 """ln of the signal at the begin over the strongest datum, at most."""
 FASTEST = 200.0
 """Rate of a decay times the duration: faster ones leave the floor from the first datum on."""
-STRONGEST = 100.0
-"""Nonlinear over linear damping at the begin, at most."""
+STRONGEST = 10.0
+"""Nonlinear over linear damping at the begin, at most: a drive that dies in the filter looks so."""
 WANDERS = (-6.0, -2.5)
 """ln κ that fits start from: a wander of 0.3 dB and of 1.8 dB."""
 CLIP = 3.0

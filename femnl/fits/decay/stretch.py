@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.fits.decay.likelihood import Likelihood, averages_of, start_values
+from femnl.fits.decay.likelihood import STRONGEST, Likelihood, averages_of, start_values
 from femnl.observe.decay.law import Array, Term
 from femnl.observe.decay.phases import (
     THRESHOLDS,
@@ -160,6 +160,8 @@ def _shows(plain: Found, bent: Found) -> bool:
     A term must also leave a decay of its own to the mode.
     """
     known = bent.values[1] > KNOWN * np.sqrt(bent.covariance[1, 1])
+    if bent.likelihood.terms == ("damping",) and bent.values[-1] > 0.99 * STRONGEST:
+        return False
     return bool(known) and THRESHOLDS.wobble < wander(plain) > 2 * wander(bent)
 
 
