@@ -34,6 +34,7 @@ QUICK = (
     "measurement-format",
     "plugins",
     "report",
+    "ring-downs",
     "validation",
 )
 

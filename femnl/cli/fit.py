@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
-from femnl.cli._device import Cache, Json, MeasurementFile, check_mode
+from femnl.cli._device import Cache, Json, check_mode
+from femnl.cli._fit_decay import FEW, decays, summary
 from femnl.cli._fit_map import maps, readout
 from femnl.cli._fit_response import line_scan, response
 from femnl.cli._fit_spectrum import film, overview
 from femnl.cli._fit_trace import harmonics, oscillator, ringdown
+from femnl.cli._inputs import Inputs, files_of, read_file
 from femnl.cli._outcome import Outcome
 from femnl.cli._output import console, note, print_json
 from femnl.core.choices import Use
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from femnl.core.readout import PeriodicFringe
 
 USES: tuple[Use, ...] = get_args(Use)
-FITTED = ("response", "spectrum", "trace", "map")
+FITTED = ("response", "spectrum", "trace", "map", "decay")
 # What a measurement may be taken for where its kind alone does not say, and the kind that it must
 # then have.
 MEANINGS = {
@@ -35,6 +37,7 @@ MEANINGS = {
     "ring-down": "trace",
     "envelope": "trace",
     "oscillator": "trace",
+    "decay": "decay",
 }
 # What each option is for: a kind of measurement, or a meaning of one.
 APPLIES = {
@@ -54,7 +57,8 @@ As = Annotated[
         "line-scan (every "
         "place on "
         "its own). "
-        "Of a trace: ring-down, envelope (of one), oscillator (with its drive).",
+        "Of a trace: ring-down, envelope (of one), oscillator (with its drive). "
+        "decay: only decays.",
         show_default=False,
     ),
 ]
@@ -98,7 +102,7 @@ Out = Annotated[
 
 def command(
     context: typer.Context,
-    file: MeasurementFile,
+    files: Inputs,
     *,
     meaning: As = None,
     use: UseOption = "complex",
@@ -116,61 +120,100 @@ def command(
 
     All maps of a file are fitted with one amplitude.
     """
-    from femnl.io import measurement
     from femnl.pipeline import measured_device
 
     index = check_mode(mode)
     how = _use(use)
     part = _part(held_out)
-    tree = measurement.read(file)
-    for repair in tree.attrs["repairs"]:
-        note(f"repaired: {repair}")
-    groups = _groups(tree, file, meaning)
-    _check_options(
-        context,
-        {meaning} if meaning else {str(dataset.attrs["kind"]) for dataset in groups.values()},
-    )
-    device = partial(measured_device, tree.attrs, file, geometry)
-    has_device = geometry is not None or not {"model", "geometry"}.isdisjoint(tree.attrs)
-    fit: dict[str, Callable[[str, xr.Dataset], Mapping[str, Outcome]]] = {
-        "overview": lambda name, data: overview(
-            name, data, device() if has_device else None, cache
-        ),
-        "line-scan": lambda name, data: line_scan(name, data, how, nonlinear_damping),
-        "ring-down": lambda name, data: ringdown(name, data, envelope=False),
-        "envelope": lambda name, data: ringdown(name, data, envelope=True),
-        "oscillator": lambda name, data: oscillator(name, data, part),
-        "response": lambda name, data: response(name, data, how, nonlinear_damping),
-        "spectrum": lambda name, data: film(name, data, device(), cache),
-        "trace": lambda name, data: harmonics(
-            name, data, n_harmonics, _fringe_of(data, fringe, device)
-        ),
-    }
-    results: dict[str, Outcome] = {}
-    for name, dataset in groups.items():
-        meant = meaning or str(dataset.attrs["kind"])
-        if meant in fit:
-            results |= fit[meant](name, dataset)
-    named = {name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] == "map"}
-    if named:
-        results |= maps(named, device(), index, fringe, cache)
-    if as_json:
-        print_json(
-            {"file": str(file), "fits": {name: result.record for name, result in results.items()}}
+    listed = files_of(files)
+
+    def fit_one(file: Path, tree: xr.DataTree) -> dict[str, Outcome]:
+        for repair in tree.attrs["repairs"]:
+            note(f"repaired: {repair}")
+        groups = _groups(tree, file, meaning)
+        _check_options(
+            context,
+            {meaning} if meaning else {str(dataset.attrs["kind"]) for dataset in groups.values()},
         )
-    else:
-        for line in (line for result in results.values() for line in result.shown):
-            console().print(line)
-    if out is not None:
-        kept = {
-            key: str(tree.attrs[key]) for key in ("title", "source", "sample") if key in tree.attrs
+        device = partial(measured_device, tree.attrs, file, geometry)
+        has_device = geometry is not None or not {"model", "geometry"}.isdisjoint(tree.attrs)
+        fit: dict[str, Callable[[str, xr.Dataset], Mapping[str, Outcome]]] = {
+            "overview": lambda name, data: overview(
+                name, data, device() if has_device else None, cache
+            ),
+            "line-scan": lambda name, data: line_scan(name, data, how, nonlinear_damping),
+            "ring-down": lambda name, data: ringdown(name, data, envelope=False),
+            "envelope": lambda name, data: ringdown(name, data, envelope=True),
+            "oscillator": lambda name, data: oscillator(name, data, part),
+            "response": lambda name, data: response(name, data, how, nonlinear_damping),
+            "spectrum": lambda name, data: film(name, data, device(), cache),
+            "trace": lambda name, data: harmonics(
+                name, data, n_harmonics, _fringe_of(data, fringe, device)
+            ),
         }
-        _write(
-            results,
-            out,
-            file.stem,
-            kept | ({"geometry": device().name, "model": device().text} if has_device else {}),
-        )
+        results: dict[str, Outcome] = {}
+        for name, dataset in groups.items():
+            meant = meaning or str(dataset.attrs["kind"])
+            if meant in fit:
+                results |= fit[meant](name, dataset)
+        rung = {
+            name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] == "decay"
+        }
+        if rung:
+            results |= decays(rung, whole=len(listed) == 1 and len(rung) <= FEW)
+        named = {
+            name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] == "map"
+        }
+        if named:
+            results |= maps(named, device(), index, fringe, cache)
+        if out is not None:
+            kept = {
+                key: str(tree.attrs[key])
+                for key in ("title", "source", "sample")
+                if key in tree.attrs
+            }
+            _write(
+                results,
+                out,
+                file.stem,
+                kept | ({"geometry": device().name, "model": device().text} if has_device else {}),
+            )
+        return results
+
+    records = _fit_files(listed, fit_one, shows=not as_json)
+    if as_json:
+        print_json(records[0] if len(listed) == 1 else {"files": records})
+    elif _has_decays(records) and (len(listed) > 1 or len(records[0]["fits"]) > FEW):
+        console().print(summary(records))
+
+
+def _fit_files(
+    files: Sequence[Path],
+    fit_one: Callable[[Path, xr.DataTree], dict[str, Outcome]],
+    *,
+    shows: bool,
+) -> list[dict[str, Any]]:
+    """Fit file after file. One that cannot be used beside others is named and left out."""
+    records: list[dict[str, Any]] = []
+    for file in files:
+        try:
+            results = fit_one(file, read_file(file))
+        except (MeasurementError, ParameterError) as error:
+            if len(files) == 1:
+                raise
+            note(str(error))
+            continue
+        fits = {name: result.record for name, result in results.items()}
+        records.append({"file": str(file), "fits": fits})
+        for line in (line for result in results.values() for line in result.shown if shows):
+            console().print(line)
+    if not records:
+        raise MeasurementError(f"none of the {len(files)} files can be fitted")
+    return records
+
+
+def _has_decays(records: Sequence[Mapping[str, Any]]) -> bool:
+    return any("phases" in fit for found in records for fit in found["fits"].values())
 
 
 def _fringe_of(

@@ -10,7 +10,9 @@ from femnl.cli._output import note
 Sources = Annotated[
     list[Path],
     typer.Argument(
-        help="Lab file(s): CSV, MATLAB .mat, LabOne HDF5 or CSV, Gwyddion .gsf.", show_default=False
+        help="Lab file(s): CSV, MATLAB .mat, LabOne HDF5 or CSV, Gwyddion .gsf, "
+        "ring-downs of a signal analyser.",
+        show_default=False,
     ),
 ]
 Dest = Annotated[Path, typer.Argument(help="Measurement file (.nc) to write.", show_default=False)]

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from femnl.core.kinds import function, kind_of
+from femnl.observe.decay.record import decibels
 from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters, prefixed, style
 
 _CLOSE = 0.035  # of the axis: labels of lines nearer than this share one place
@@ -98,6 +99,18 @@ def _label_lines(
             va="bottom",
             fontsize=7.5,
         )
+
+
+def decay_figure(dataset: xr.Dataset) -> Figure:
+    """Draw a `decay`: power in dB against time."""
+    time = dataset["time"].values
+    divisor, unit = prefixed(time, "s")
+    with style():
+        result = new_figure(height=2.8)
+        axes = result.subplots()
+        axes.plot(time / divisor, decibels(dataset), linewidth=0.8)
+        axes.set(xlabel=axis_label("time", unit), ylabel=axis_label("power", "dB"))
+    return result
 
 
 def series_figure(dataset: xr.Dataset) -> Figure:

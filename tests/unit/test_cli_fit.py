@@ -261,7 +261,8 @@ def test_maps_are_drawn_beside_their_fit(fit: Callable[..., dict[str, Any]]) -> 
     [
         (
             ["--as", "magic"],
-            "--as magic: expected one of overview, line-scan, ring-down, envelope, oscillator",
+            "--as magic: expected one of overview, line-scan, ring-down, envelope, oscillator, "
+            "decay",
         ),
         (["--as", "overview"], "--as overview: takes a response, but b.nc holds trace"),
         (["--held-out", "0:10"], "--held-out: is for oscillator, and has no effect on trace"),
@@ -306,8 +307,8 @@ def test_an_oscillator_without_its_drive_and_a_line_of_one_place_are_refused(
     measurement.write(measurement.bundle({"leak": series}), "s.nc")
     assert run(["fit", "s.nc"]) == 2
     assert (
-        "holds series; femnl fit takes response, spectrum, trace, map, and femnl diagnose takes "
-        "series too" in capsys.readouterr().err
+        "holds series; femnl fit takes response, spectrum, trace, map, decay, and femnl diagnose "
+        "takes series too" in capsys.readouterr().err
     )
 
 

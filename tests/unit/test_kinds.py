@@ -9,7 +9,7 @@ from femnl.core.kinds import contracts, function, kind_of, kinds
 
 
 def test_every_kind_states_its_stages_and_where_its_model_and_figure_are() -> None:
-    assert set(kinds()) >= {"map", "record", "response", "series", "spectrum", "trace"}
+    assert set(kinds()) >= {"decay", "map", "record", "response", "series", "spectrum", "trace"}
     for spec in kinds().values():
         assert spec.stages
         assert callable(function(spec.pose))
@@ -31,5 +31,5 @@ def test_a_trace_with_its_drive_and_no_wavelength_is_a_record(
 
 
 def test_a_kind_that_is_not_known_is_refused_with_those_that_are() -> None:
-    with pytest.raises(MeasurementError, match=r"kind is 'smell'; known are map, response"):
+    with pytest.raises(MeasurementError, match=r"kind is 'smell'; known are decay, map, response"):
         kind_of(xr.Dataset(attrs={"kind": "smell"}))

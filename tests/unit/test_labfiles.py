@@ -335,5 +335,6 @@ def test_every_format_is_found_by_being_in_the_folder() -> None:
         "LabOne HDF5",
         "LabOne text",
         "MATLAB file",
+        "analyser text",
         "text table",
     ]

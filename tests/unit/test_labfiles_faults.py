@@ -269,7 +269,8 @@ def test_a_faulty_lab_file_is_one_line_with_its_name_and_a_remedy(
         ("kind = response", "not TOML"),
         (
             'kind = "film"',
-            "kind = 'film': Input should be 'spectrum', 'response', 'map', 'trace' or 'series'",
+            "kind = 'film': Input should be 'spectrum', 'response', 'map', 'trace', 'series' or "
+            "'decay'",
         ),
         ('kindd = "map"', "kindd = 'map': Extra inputs are not permitted"),
         ('name = "../../etc"', "name = '../../etc'"),

@@ -79,7 +79,7 @@ def _good(path: Path) -> None:
 REFUSED: dict[str, tuple[Damage, str]] = {
     "other version": (
         _attribute("/", "femnl_measurement", "2.0"),
-        "femnl_measurement is '2.0'; this femnl reads version 1.0",
+        "femnl_measurement is '2.0'; this femnl reads version 1.1",
     ),
     "no version": (
         lambda f: f.attrs.pop("femnl_measurement"),
@@ -87,7 +87,7 @@ REFUSED: dict[str, tuple[Damage, str]] = {
     ),
     "unknown kind": (
         _attribute("map", "kind", "picture"),
-        "map: kind is 'picture'; give the group an attribute kind, one of map, ",
+        "map: kind is 'picture'; give the group an attribute kind, one of decay, map, ",
     ),
     "no kind": (lambda f: f["map"].attrs.pop("kind"), "map: kind is ''"),
     "missing dataset": (lambda f: f["response"].pop("imag"), "response: dataset imag is missing"),

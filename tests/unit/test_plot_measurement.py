@@ -44,6 +44,7 @@ def _dataset(kind: str) -> xr.Dataset:
         "trace": lambda: measurement.trace(
             time, np.cos(6e6 * time)[None] * [[1], [2], [3]], drive_frequency=[1e6, 1.1e6, 1.2e6]
         ),
+        "decay": lambda: measurement.decay(time, -1e6 * time, attributes={"frequency": 1e6}),
         "series": lambda: measurement.series(
             {"pressure": np.logspace(-3, 2, 9)},
             np.full(9, 1e6),

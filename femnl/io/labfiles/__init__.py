@@ -19,7 +19,7 @@ from femnl.io.labfiles.base import Format
 from femnl.io.labfiles.spec import Spec, read_spec
 from femnl.io.measurement import bundle, write
 
-__all__ = ["Format", "Spec", "formats", "import_file", "read_spec"]
+__all__ = ["Format", "Spec", "formats", "import_file", "is_lab_file", "read_lab_files", "read_spec"]
 
 GROUP = "femnl.labfiles"
 """Entry points of this group name modules that define FORMAT."""
@@ -53,6 +53,20 @@ def import_file(
     Raises: MeasurementError with file, what is wrong and the remedy; ParameterError for a plug-in
     that defines no format.
     """
+    tree = read_lab_files(source, spec)
+    write(tree, dest)
+    return tree
+
+
+def is_lab_file(path: Path) -> bool:
+    """Whether a file is of a format that is known. Raises: as `formats`."""
+    return any(kind.recognise(path) for kind in formats())
+
+
+def read_lab_files(
+    source: str | Path | Sequence[str | Path], spec: str | Path | Spec | None = None
+) -> xr.DataTree:
+    """Read files of a lab as measurements, as `import_file` does, and write nothing."""
     files = _files(source)
     found = {_recognise(path).name: _recognise(path) for path in files}
     if len(found) > 1:
@@ -83,7 +97,6 @@ def import_file(
         source=f"{reader.name}: {', '.join(path.name for path in files)}",
     )
     tree.attrs["repairs"] = (*notes, *tree.attrs["repairs"])
-    write(tree, dest)
     return tree
 
 
@@ -91,11 +104,7 @@ def _files(source: str | Path | Sequence[str | Path]) -> list[Path]:
     paths = [Path(source)] if isinstance(source, str | Path) else [Path(path) for path in source]
     if len(paths) == 1 and paths[0].is_dir():
         folder = paths[0]
-        paths = sorted(
-            path
-            for path in folder.iterdir()
-            if path.is_file() and any(kind.recognise(path) for kind in formats())
-        )
+        paths = sorted(path for path in folder.iterdir() if path.is_file() and is_lab_file(path))
         if not paths:
             raise MeasurementError(
                 f"{folder}: no file of a known format; known are "

@@ -48,7 +48,7 @@ class Spec(Strict):
     files: parts of a map.
     """
 
-    kind: Literal["spectrum", "response", "map", "trace", "series"] | None = None
+    kind: Literal["spectrum", "response", "map", "trace", "series", "decay"] | None = None
     name: str = Field(default="measurement", pattern=r"^\w[\w.-]{0,59}$")
     geometry: str | None = None
     title: str | None = None

@@ -11,10 +11,20 @@ from numpy.typing import NDArray
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import RMS, scalar_values, sweeps_to_response
 from femnl.io.labfiles.spec import Spec
-from femnl.io.measurement import KINDS, harmonic_map, quantity, series, spectrum, to_si, trace
+from femnl.io.measurement import (
+    KINDS,
+    decay,
+    harmonic_map,
+    quantity,
+    series,
+    spectrum,
+    to_si,
+    trace,
+)
 
 Columns = dict[str, NDArray[Any]]
 _COMPLEX = {"amplitude": "V", "magnitude": "V", "phase": "rad"}
+_OF_A_DECAY = {"frequency": "Hz", "bandwidth": "Hz", "pressure": "Pa", "temperature": "K"}
 _PER_SWEEP = ("drive", "direction", "x", "y", "harmonic")
 
 
@@ -90,6 +100,8 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
     Returns: the Dataset and notes. Raises: MeasurementError.
     """
     columns = dict(columns)
+    if spec.kind == "decay":
+        return _decay(spec, columns, where), []
     _complex(spec, columns, where)
     if any(values.ndim > 1 for values in columns.values()) or spec.kind in ("spectrum", "series"):
         return _direct(spec, columns, where), []
@@ -159,6 +171,17 @@ def _need(columns: Columns, names: tuple[str, ...], where: str) -> None:
     for name in names:
         if name not in columns:
             raise MeasurementError(f"{where}: columns.{name} is missing; say which column holds it")
+
+
+def _decay(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
+    """Put a time and a power, a magnitude or an amplitude together."""
+    _need(columns, ("time",), where)
+    if "amplitude" in columns or "phase" in columns:
+        _complex(spec, columns, where)
+    scalars = scalar_values(spec, _OF_A_DECAY, where)
+    attributes: dict[str, float | str | None] = {**scalars}
+    attributes |= {key: str(spec.values[key]) for key in ("notes", "mode") if key in spec.values}
+    return decay(**columns, attributes=attributes)
 
 
 def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[str]]:

@@ -1,6 +1,6 @@
 """Measurement files: read, checked, written and built; the contract between a lab and femnl."""
 
-from femnl.io.measurement.build import harmonic_map, response, series, spectrum, trace
+from femnl.io.measurement.build import decay, harmonic_map, response, series, spectrum, trace
 from femnl.io.measurement.contract import CONTROLS, KINDS, VERSION
 from femnl.io.measurement.files import bundle, is_measurement, named_geometry, read, write
 from femnl.io.measurement.hdf5_safety import open_hdf5
@@ -13,6 +13,7 @@ __all__ = [
     "VERSION",
     "amplitude",
     "bundle",
+    "decay",
     "estimate_noise",
     "harmonic_map",
     "is_measurement",

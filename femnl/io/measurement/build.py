@@ -186,6 +186,27 @@ def trace(
     return _build("trace", arrays, {"noise_sd": noise_sd, "wavelength": wavelength, "x": x, "y": y})
 
 
+def decay(
+    time: ArrayLike,
+    power: ArrayLike | None = None,
+    magnitude: ArrayLike | None = None,
+    real: ArrayLike | None = None,
+    imag: ArrayLike | None = None,
+    attributes: Mapping[str, float | str | None] | None = None,
+) -> xr.Dataset:
+    """One mode, or a close pair, that rings down.
+
+    Whatever is before and after the decay may be left in.
+
+    Args: time [s] (time,), and of the same shape one of power [dB], up to a constant, magnitude [V]
+    or the complex amplitude real, imag [V]; attributes: frequency [Hz] of the mode, bandwidth [Hz]
+    of the analyser, pressure [Pa], temperature [K], and texts such as notes, sample, mode.
+    Returns: Dataset of kind `decay`.
+    """
+    arrays = {"time": time, "power": power, "magnitude": magnitude, "real": real, "imag": imag}
+    return _build("decay", arrays, attributes)
+
+
 def series(
     control: Mapping[str, ArrayLike],
     frequency: ArrayLike | None = None,

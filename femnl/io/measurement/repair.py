@@ -166,7 +166,7 @@ def _pair_missing(dataset: xr.Dataset, where: str, notes: list[str]) -> xr.Datas
                 "taken as missing"
             )
             dataset = dataset.assign({part: dataset[part].where(~missing) for part in _PAIRS})
-    for key in ("real", "voltage", "drive_voltage"):
+    for key in ("real", "voltage", "drive_voltage", "power", "magnitude"):
         if key in dataset:
             gone = np.isnan(dataset[key].values)
             if gone.all():

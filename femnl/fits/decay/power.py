@@ -1,0 +1,155 @@
+"""Fit a record of a decay as an analyser wrote it, with all its phases."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from femnl.core.decay import DecayFit
+from femnl.core.fit import Fit, Parameter
+from femnl.fits.decay.stretch import Found, choose
+from femnl.observe.decay.law import UNITS, Array, Term
+from femnl.observe.decay.phases import Segmentation, phases, segment
+from femnl.observe.decay.record import DB, PowerRecord, power_record
+
+SAID: Mapping[Term, str] = {
+    "damping": "the decay is faster at the start: nonlinear damping; the quality factor is that of "
+    "small motion",
+    "pair": "the power beats: a second mode is in the filter; the quality factor is that of the "
+    "stronger one at the begin",
+    "exit": "the power falls away from the line as where the frequency leaves the filter; the mode "
+    "is taken as tuned to 0.1 dB at the begin of the decay, which limits the error",
+}
+"""What is said of each term of the law."""
+TUNED = 0.1
+"""dB that the filter may take from a mode that an analyser was tuned to by its peak."""
+
+
+def fit_decay(dataset: xr.Dataset, *, frequency: float | None = None) -> DecayFit:
+    """Fit a decay under the noise of an analyser, and find it in the record first.
+
+    The power in the filter is S = S₀ e^{−γτ} with noise of mean power N₀ + κS, added as complex
+    amplitudes. Change points of the record find the decay; interruptions are left out and listed.
+
+    Args:
+        dataset: of kind `decay`: time (n,) and power [dB], magnitude [V], or real and imag [V].
+        frequency: of the mode [Hz], where not the attribute of the dataset.
+
+    Returns:
+        level [dB] at the begin of the decay, decay_rate γ [1/s], floor N₀ [dB], wander [dB], the
+        rms of the power in dB where the signal is strong; derived quality_factor 2πf/γ, linewidth
+        γ/2π [Hz]. Standard deviations allow for noise that is correlated from point to point.
+
+    Raises:
+        MeasurementError: another kind of data, fewer than 16 points, or nothing that falls.
+    Valid: the decay is straight between interruptions; N ≪ S at its begin.
+    """
+    record = power_record(dataset)
+    segmentation, found = choose(record, segment(record.time, record.power))
+    tone = frequency if frequency is not None else record.frequency
+    return _result(record, segmentation, found, tone)
+
+
+def _result(
+    record: PowerRecord, segmentation: Segmentation, found: Found, frequency: float | None
+) -> DecayFit:
+    """Put a fit into SI units and words."""
+    likelihood = found.likelihood
+    parameters, covariance = _parameters(found)
+    notes = _notes(record, segmentation, found)
+    if frequency is None:
+        notes.append("frequency is not given: the decay rate stands without a quality factor")
+    residual = np.full(len(record.time), np.nan)
+    residual[found.stretch.used] = likelihood.residual(found.values)
+    mean = np.full(len(record.time), np.nan)
+    signal, _ = likelihood.signal(found.values)
+    total = signal + likelihood.noise(found.values, signal)
+    mean[found.stretch.used] = found.stretch.reference + DB * np.log(total)
+    scores = residual[found.stretch.used]
+    n_points = len(scores)
+    n_free = len(found.values)
+    fit = Fit(
+        _derived(parameters, frequency),
+        covariance,
+        float(scores @ scores) / max(n_points - n_free, 1),
+        n_points,
+        n_free,
+        tuple(notes),
+    )
+    floor = parameters["floor"].value
+    return DecayFit(
+        fit,
+        phases(record.time, segmentation, floor),
+        record.time,
+        record.power,
+        found.stretch.used,
+        mean,
+        residual,
+        found.correlation,
+    )
+
+
+def _parameters(found: Found) -> tuple[dict[str, Parameter], Array]:
+    """Return parameters in SI and dB, and their covariance."""
+    likelihood = found.likelihood
+    scale = likelihood.units.copy()
+    offset = np.zeros(len(scale))
+    values = found.values.copy()
+    # Level and floor are ln of powers; κ is told as the rms of a strong signal in dB.
+    scale[[0, 2]] = DB
+    offset[[0, 2]] = found.stretch.reference
+    wander = DB * float(np.sqrt(2 * np.exp(values[3]) / likelihood.averages))
+    scale[3] = 0.5 * wander
+    si = values * scale + offset
+    si[3] = wander
+    with np.errstate(invalid="ignore"):
+        covariance = found.covariance * np.outer(scale, scale)
+    sd = np.sqrt(np.diag(covariance))
+    if "exit_rate" in likelihood.names:
+        # A mode that starts beside the filter's centre falls away at once, as if damped more.
+        bend = max(float(si[likelihood.names.index("exit_rate")]), 0.0)
+        sd[1] = np.hypot(sd[1], 2 * np.sqrt(bend * TUNED / DB))
+    parameters = {
+        name: Parameter(name, float(v), float(s), UNITS[name])
+        for name, v, s in zip(likelihood.names, si, sd, strict=True)
+    }
+    return parameters, covariance
+
+
+def _derived(parameters: Mapping[str, Parameter], frequency: float | None) -> dict[str, Parameter]:
+    """Add linewidth and quality factor."""
+    rate = parameters["decay_rate"]
+    width = Parameter("linewidth", rate.value / (2 * np.pi), rate.sd / (2 * np.pi), "Hz")
+    found = {**parameters, "linewidth": width}
+    if frequency is not None and rate.value > 0:
+        quality = 2 * np.pi * frequency / rate.value
+        found["quality_factor"] = Parameter(
+            "quality_factor", quality, quality * rate.sd / rate.value, ""
+        )
+    return found
+
+
+def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> list[str]:
+    """Say what was left out, assumed, and not seen."""
+    notes = [SAID[term] for term in found.likelihood.terms]
+    decay = [segmentation.pieces[k] for k in segmentation.decay]
+    inside = (record.time >= decay[0].begin) & (record.time <= decay[-1].end)
+    missed = inside & ~found.stretch.used
+    if missed.any():
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], missed.astype(int), [0]])))
+        begins = record.time[edges[::2]]
+        listed = ", ".join(f"{t:.4g}" for t in begins[:6]) + (", …" if len(begins) > 6 else "")
+        notes.append(
+            f"{np.count_nonzero(missed)} points left out where the decay is interrupted, "
+            f"from {listed} s"
+        )
+    if found.correlation > 1.5:
+        notes.append(
+            f"noise is correlated over {found.correlation:.3g} points; the errors allow for it"
+        )
+    if not segmentation.floor and "exit" not in found.likelihood.terms:
+        notes.append("the record ends before the decay reaches a floor")
+    if segmentation.recorded < len(record.time):
+        end = record.time[segmentation.recorded]
+        notes.append(f"from {end:.4g} s on nothing was recorded: the trace is smooth to its end")
+    return notes

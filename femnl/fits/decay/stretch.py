@@ -1,0 +1,241 @@
+"""The stretch of a record that is fitted, and the law that it needs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.fits.decay.likelihood import STRONGEST, Likelihood, averages_of, start_values
+from femnl.observe.decay.law import Array, Term
+from femnl.observe.decay.phases import (
+    THRESHOLDS,
+    Segmentation,
+    logical,
+    segment,
+    shallower_before,
+    steeper_after,
+    steeper_before,
+)
+from femnl.observe.decay.record import DB, PowerRecord
+
+ROUNDS = 3
+"""Fits between which interruptions are looked for."""
+OUTLIER = 6.0
+"""Standard deviations of a datum that interrupts the decay."""
+MAD = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+BELOW = 2.0
+"""ln of the weakest datum over the floor to begin with, where a record shows no floor."""
+
+
+EVIDENCE = 7.0
+"""ln of the odds from which a term is taken: 1000 to 1."""
+KNOWN = 3.0
+"""Standard errors from zero at which a decay rate counts as seen beside a term."""
+BEATING = 3.0
+"""Resolution [dB] at which beats look like scatter about one line."""
+BEATS = 2.0
+"""Periods from which beats are told from a bump."""
+LEAST_BEATING = 24
+"""Points of a decay in which beats can be seen."""
+LEAST_DAMPING = 0.1
+"""Nonlinear over linear damping that a fit starts from at least."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """What of a record is fitted.
+
+    begin [s]: of the decay; reference [dB]: its power there; used (n,): points of the record.
+    """
+
+    begin: float
+    reference: float
+    used: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The values of highest probability of a stretch.
+
+    value: ln of the probability; covariance (k, k); correlation: time of the noise [points].
+    """
+
+    stretch: Stretch
+    likelihood: Likelihood
+    values: Array
+    value: float
+    covariance: Array
+    correlation: float
+
+
+def choose(record: PowerRecord, segmentation: Segmentation) -> tuple[Segmentation, Found]:
+    """Fit a straight decay, and with the terms that its record needs.
+
+    Nonlinear damping is tried on the decay and the steeper pieces before it, an exit from the
+    filter on the decay and the steeper pieces after it, a pair on what is one decay where beats are
+    taken for scatter. Each is compared with a straight decay of the same data.
+    """
+    straight = fit_stretch(record, segmentation, stretch_of(record, segmentation))
+    before = steeper_before(segmentation)
+    shallow = shallower_before(segmentation)
+    after = steeper_after(segmentation)
+    tried: list[tuple[Term, Segmentation]] = []
+    if before or wander(straight) > THRESHOLDS.wobble:
+        tried.append(("damping", replace(segmentation, decay=before + segmentation.decay)))
+    if shallow or after:
+        whole = shallow + segmentation.decay + after
+        floor = () if after else segmentation.floor
+        tried.append(("exit", replace(segmentation, decay=whole, floor=floor)))
+    best = (EVIDENCE, segmentation, straight)
+    for term, longer in tried:
+        best = _better(record, longer, term, (), best)
+    coarse = segment(record.time, record.power, BEATING)
+    start = _beat(record, coarse) if _hides_beats(segmentation, straight, coarse) else None
+    return (best if start is None else _better(record, coarse, "pair", start, best))[1:]
+
+
+def _hides_beats(fine: Segmentation, straight: Found, coarse: Segmentation) -> bool:
+    """Whether a straight decay is worse than it should be, or only a part of a longer fall."""
+    found = [
+        pieces.pieces[pieces.decay[-1]].end - pieces.pieces[pieces.decay[0]].begin
+        for pieces in (fine, coarse)
+    ]
+    return wander(straight) > THRESHOLDS.wobble or found[0] < 0.5 * found[1]
+
+
+Best = tuple[float, Segmentation, Found]
+"""Evidence for the terms of a fit, its segmentation, and the fit."""
+
+
+def _better(
+    record: PowerRecord, pieces: Segmentation, term: Term, start: Sequence[float], best: Best
+) -> Best:
+    """Return a fit with one term where its evidence is better, else the best so far."""
+    bent = fit_stretch(record, pieces, stretch_of(record, pieces), term, start)
+    plain = fit_stretch(record, pieces, bent.stretch)
+    evidence = _evidence(plain, bent)
+    if evidence > best[0] and _shows(plain, bent):
+        return evidence, pieces, bent
+    return best
+
+
+def _beat(record: PowerRecord, pieces: Segmentation) -> tuple[float, ...] | None:
+    """Return the start of a pair from the strongest period of a decay about its line.
+
+    None where it is weaker than straight decays wobble, or has not come BEATS times.
+    """
+    inside = logical(pieces, pieces.decay, len(record.time))
+    time = record.time[inside]
+    count = len(time)
+    if count < LEAST_BEATING:
+        return None
+    time = time - time[0]
+    duration = float(time[-1])
+    away = (record.power[inside] - pieces.line(record.time[inside])) / DB
+    cycles = np.arange(BEATS, count / 4, 0.5)
+    turns = np.exp(-2j * np.pi * np.outer(cycles, time / duration))
+    amplitude = 2 * (turns @ (away - away.mean())) / count
+    best = int(np.argmax(np.abs(amplitude)))
+    # ln |1 + r e^{iα}|² begins with 2 r cos α.
+    ratio = float(np.abs(amplitude[best])) / 2
+    if 2 * DB * ratio < 2 * THRESHOLDS.wobble:
+        return None
+    rate = -pieces.line.slope / DB * duration
+    return min(ratio, 0.9), rate, float(cycles[best]), float(np.angle(amplitude[best]))
+
+
+def _evidence(plain: Found, bent: Found) -> float:
+    """Return ln of the odds of a law with more parameters, by what correlated data tell."""
+    count = len(bent.likelihood.time) / bent.correlation
+    free = len(bent.values) - len(plain.values)
+    gain = (bent.value - plain.value) / bent.correlation
+    return float(gain - 0.5 * free * np.log(max(count, 1.0)))
+
+
+def _shows(plain: Found, bent: Found) -> bool:
+    """Whether a bend is larger than straight decays wobble, and is taken up for the most part.
+
+    A term must also leave a decay of its own to the mode.
+    """
+    known = bent.values[1] > KNOWN * np.sqrt(bent.covariance[1, 1])
+    if bent.likelihood.terms == ("damping",) and bent.values[-1] > 0.99 * STRONGEST:
+        return False
+    return bool(known) and THRESHOLDS.wobble < wander(plain) > 2 * wander(bent)
+
+
+def wander(found: Found) -> float:
+    """Return the rms of the power [dB] about a fit where the signal is strong."""
+    return float(DB * np.sqrt(2 * np.exp(found.values[3]) / found.likelihood.averages))
+
+
+def stretch_of(record: PowerRecord, segmentation: Segmentation) -> Stretch:
+    """Return the decay and the floor that it ends in."""
+    used = logical(segmentation, segmentation.decay + segmentation.floor, len(record.time))
+    begin = segmentation.pieces[segmentation.decay[0]].begin
+    return Stretch(begin, float(segmentation.line(begin)), used)
+
+
+def fit_stretch(
+    record: PowerRecord,
+    segmentation: Segmentation,
+    stretch: Stretch,
+    term: Term | None = None,
+    start: Sequence[float] = (),
+) -> Found:
+    """Fit a stretch, and again without what interrupts it; start: of a pair's parameters."""
+    terms = () if term is None else (term,)
+    floor = logical(segmentation, segmentation.floor, len(record.time))
+    log_power = (record.power - stretch.reference) / DB
+    seen = float(np.log(np.mean(np.exp(log_power[floor])))) if floor.any() else None
+    averages = averages_of(log_power[floor])
+    for again in reversed(range(ROUNDS)):
+        time = record.time[stretch.used] - stretch.begin
+        likelihood = Likelihood(time, log_power[stretch.used], averages, terms)
+        lowest = seen if seen is not None else float(likelihood.log_power.min()) - BELOW
+        level = 0.0
+        rate = -segmentation.line.slope / DB
+        if term == "exit":
+            level, rate, bend = _parabola(segmentation, stretch)
+            start = (bend * float(time.max()) ** 2,)
+        if term == "damping":
+            # The rate at the begin is (1 + d) times that of small motion, which the line has.
+            first = segmentation.pieces[segmentation.decay[0]]
+            level = (first.high - stretch.reference) / DB
+            start = (max(first.slope / segmentation.line.slope - 1, LEAST_DAMPING),)
+        begin = start_values(likelihood, level, rate, lowest, start)
+        values, value = likelihood.fit(begin)
+        interrupted = _interruptions(likelihood, values)
+        if again == 0 or not interrupted.any():
+            break
+        used = stretch.used.copy()
+        used[np.flatnonzero(used)[interrupted]] = False
+        stretch = Stretch(stretch.begin, stretch.reference, used)
+    covariance, correlation = likelihood.covariance(values)
+    return Found(stretch, likelihood, values, value, covariance, correlation)
+
+
+def _parabola(segmentation: Segmentation, stretch: Stretch) -> tuple[float, float, float]:
+    """Return level, rate [1/s] and bend [1/s²] of a parabola through the ends of pieces."""
+    chosen = [segmentation.pieces[k] for k in segmentation.decay]
+    time = np.array([end for piece in chosen for end in (piece.begin, piece.end)])
+    power = np.array([end for piece in chosen for end in (piece.high, piece.low)])
+    weight = np.repeat([np.sqrt(piece.count) for piece in chosen], 2)
+    found = np.polyfit(time - stretch.begin, (power - stretch.reference) / DB, 2, w=weight)
+    return float(found[2]), float(max(-found[1], 0.0)), float(max(-found[0], 0.0))
+
+
+def _interruptions(likelihood: Likelihood, values: Array) -> NDArray[np.bool_]:
+    """Return which data (n,) interrupt the decay: far off it, and far above the floor."""
+    signal, _ = likelihood.signal(values)
+    away = DB * (likelihood.log_power - np.log(signal))
+    strong = DB * (np.log(signal) - values[2]) > THRESHOLDS.step
+    if np.count_nonzero(strong) < 2:
+        return np.zeros(len(away), dtype=bool)
+    usual = MAD * float(np.median(np.abs(away[strong])))
+    limit = max(OUTLIER * usual, THRESHOLDS.wobble)
+    found = strong & (np.abs(away) > limit)
+    # A decay that is interrupted more often than not is none: the law is wrong instead.
+    often = np.count_nonzero(found) >= 0.5 * np.count_nonzero(strong)
+    return np.zeros(len(away), dtype=bool) if often else np.asarray(found)

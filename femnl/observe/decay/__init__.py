@@ -1,0 +1,29 @@
+"""Decays: what is left of a motion after its drive is switched off, with what surrounds it."""
+
+from femnl.core.kinds import Contract, Item, KindSpec
+
+KIND = KindSpec(
+    name="decay",
+    stages=("decay",),
+    scales=frozenset(("time",)),
+    pose="femnl.fits.decay.pose:pose",
+    figure="femnl.plot.measurement:decay_figure",
+    needs_device=False,
+    contract=Contract(
+        dims=("time",),
+        datasets={
+            "time": Item(("time",), "s", required=True, coordinate=True, axis=True),
+            "power": Item(("time",), "dB"),
+            "magnitude": Item(("time",), "V"),
+            "real": Item(("time",), "V"),
+            "imag": Item(("time",), "V"),
+        },
+        attributes={
+            "frequency": Item(unit="Hz", positive=True),
+            "bandwidth": Item(unit="Hz", positive=True),
+            "pressure": Item(unit="Pa", positive=True),
+            "temperature": Item(unit="K", positive=True),
+        },
+        needs=(("power", "magnitude", "real"),),
+    ),
+)

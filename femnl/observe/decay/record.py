@@ -1,0 +1,72 @@
+"""A decay as a record of power: what of it was measured, in dB and as a power in units of its own.
+
+Power counts up to a constant factor, and so does the amplitude, which is its square root.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from femnl.core.errors import MeasurementError
+
+Array = NDArray[np.float64]
+DB = 10 / np.log(10)
+"""Decibels of a factor e of power."""
+
+
+@dataclass(frozen=True, eq=False)
+class PowerRecord:
+    """Power (n,) [dB] at times (n,) [s] that rise, without missing points.
+
+    frequency of the mode, bandwidth of the analyser [Hz]: None where not known.
+    """
+
+    time: Array
+    power: Array
+    frequency: float | None
+    bandwidth: float | None
+
+    @property
+    def interval(self) -> float:
+        """Typical time between points [s]."""
+        return float(np.median(np.diff(self.time)))
+
+
+def decibels(dataset: xr.Dataset) -> Array:
+    """Return the power (time,) [dB] of a group of kind `decay`.
+
+    Magnitudes and amplitudes count in dB of 1 V; where they vanish the power is missing (NaN).
+    """
+    if "power" in dataset:
+        return np.asarray(dataset["power"].values, dtype=float)
+    if "magnitude" in dataset:
+        square = dataset["magnitude"].values.astype(float) ** 2
+    else:
+        square = dataset["real"].values ** 2 + dataset["imag"].values ** 2
+    power = np.full(square.shape, np.nan)
+    seen = square > 0
+    power[seen] = DB * np.log(square[seen])
+    return power
+
+
+def power_record(dataset: xr.Dataset) -> PowerRecord:
+    """Return the record of a group of kind `decay`.
+
+    Raises: MeasurementError for another kind, and for fewer than 16 points.
+    """
+    kind = dataset.attrs.get("kind")
+    if kind != "decay":
+        raise MeasurementError(f"kind = {kind!r}: a decay is fitted to a group of kind 'decay'")
+    power = decibels(dataset)
+    time = np.asarray(dataset["time"].values, dtype=float)
+    known = np.isfinite(power)
+    if np.count_nonzero(known) < 16:
+        raise MeasurementError(
+            f"decay: {np.count_nonzero(known)} points with a power; a fit needs at least 16"
+        )
+    number = {
+        key: float(dataset.attrs[key]) for key in ("frequency", "bandwidth") if key in dataset.attrs
+    }
+    return PowerRecord(time[known], power[known], number.get("frequency"), number.get("bandwidth"))

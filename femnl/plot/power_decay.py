@@ -1,0 +1,108 @@
+"""A decay with all its phases: power and fit, residual, quality factor against power."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from femnl.core.decay import DecayFit, PhaseName
+from femnl.observe.decay.record import DB
+from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters, prefixed, style
+
+Array = NDArray[np.float64]
+SHADES: dict[PhaseName, str] = {
+    "before": "#eeeeee",
+    "driven": "#fbe3cf",
+    "decay": "#d5e8f5",
+    "dropout": "#f6d5e4",
+    "floor": "#e4e4e4",
+    "other try": "#d5efe5",
+    "left out": "#f9f3c8",
+    "not recorded": "#ffffff",
+}
+_STEPS = 12  # pieces of the decay whose slopes are drawn
+_LEAST = 5  # points of such a piece
+_MARGIN = 3.0  # dB above and below the data
+
+
+def decay_fit_figure(found: DecayFit) -> Figure:
+    """Draw the fit of a decay.
+
+    Panels: the power with its phases shaded and the fit; the normal scores of what was fitted; the
+    quality factor of short pieces of the decay against their power, or their decay rate where the
+    frequency is not known.
+    """
+    divisor, unit = prefixed(found.time, "s")
+    time = found.time / divisor
+    with style():
+        figure = new_figure(height=5.4)
+        grid = figure.add_gridspec(2, 2, height_ratios=[2, 1.2])
+        top = figure.add_subplot(grid[0, :])
+        left = figure.add_subplot(grid[1, 0])
+        right = figure.add_subplot(grid[1, 1])
+        _draw_power(top, found, time, divisor)
+        top.set(xlabel=axis_label("time", unit), ylabel=axis_label("power", "dB"))
+        left.axhline(0, color=INK, linewidth=0.6)
+        left.plot(time, found.residual, ".", markersize=2, color=COLOURS[0])
+        left.set(xlabel=axis_label("time", unit), ylabel="residual (σ)")
+        _draw_quality(right, found)
+        panel_letters([top, left, right])
+    return figure
+
+
+def _draw_power(axes: Axes, found: DecayFit, time: Array, divisor: float) -> None:
+    """Draw the record over its shaded phases, and the fit with the decay alone."""
+    shown: dict[str, Patch] = {}
+    for phase in found.phases:
+        shade = SHADES[phase.name]
+        axes.axvspan(phase.begin / divisor, phase.end / divisor, color=shade, zorder=0, linewidth=0)
+        shown.setdefault(phase.name, Patch(color=shade, label=phase.name))
+    axes.plot(time, found.power, color="0.55", linewidth=0.6)
+    used = np.where(found.used, found.power, np.nan)
+    axes.plot(time, used, ".", markersize=2, color=COLOURS[0])
+    axes.plot(time, found.mean, color=COLOURS[1], linewidth=1.3)
+    axes.set_xlim(time[0], time[-1])
+    low = float(np.quantile(found.power, 0.005))
+    axes.set_ylim(low - _MARGIN, float(found.power.max()) + _MARGIN)
+    axes.legend(handles=list(shown.values()), ncols=4, fontsize=7, loc="upper right")
+
+
+def _draw_quality(axes: Axes, found: DecayFit) -> None:
+    """Draw the quality factor of each piece of the decay against its power."""
+    power, rate, sd = local_rates(found)
+    quality = found.fit.parameters.get("quality_factor")
+    rated = found.fit.parameters["decay_rate"]
+    factor = 1.0 if quality is None else quality.value * rated.value
+    known = rate > 2 * sd
+    value = rate[known] if quality is None else factor / rate[known]
+    error = value * sd[known] / rate[known]
+    best = rated if quality is None else quality
+    axes.axhspan(best.value - best.sd, best.value + best.sd, color="#fbe3cf", linewidth=0)
+    axes.axhline(best.value, color=COLOURS[1])
+    axes.errorbar(power[known], value, error, fmt="o", color=COLOURS[0], elinewidth=0.7)
+    axes.invert_xaxis()
+    name = "decay rate (1/s)" if quality is None else "quality factor"
+    axes.set(xlabel=axis_label("power of the signal", "dB"), ylabel=name)
+
+
+def local_rates(found: DecayFit) -> tuple[Array, Array, Array]:
+    """Return mean power [dB], decay rate [1/s] and its sd of short pieces of the decay.
+
+    Pieces have equal numbers of points and lie above the floor; each is a straight line.
+    """
+    floor = found.fit["floor"]
+    strong = np.flatnonzero(found.used & (found.mean > floor + 2 * DB))
+    parts = np.array_split(strong, max(min(_STEPS, len(strong) // _LEAST), 1))
+    rows = []
+    for part in parts:
+        if len(part) < 3:
+            continue
+        time = found.time[part] - found.time[part].mean()
+        spread = float(np.sum(time**2))
+        slope = float(time @ found.power[part]) / spread
+        rest = found.power[part] - found.power[part].mean() - slope * time
+        sd = float(np.sqrt(rest @ rest / (len(part) - 2) / spread * found.correlation))
+        rows.append((float(found.power[part].mean()), -slope / DB, sd / DB))
+    table = np.array(rows).reshape(-1, 3)
+    return table[:, 0], table[:, 1], table[:, 2]

@@ -1,0 +1,259 @@
+"""Decays as analysers write them: noise, phases, and fits of records with a known quality factor.
+
+The records are made here in amplitude, with a drive that feeds through, filtered noise and faults;
+they share no formula with the model but e^{−γt/2}.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
+from scipy.stats import ncx2
+
+from femnl import measurement
+from femnl.core.decay import DecayFit
+from femnl.core.errors import MeasurementError
+from femnl.fits.decay.power import fit_decay
+from femnl.io.labfiles import read_lab_files
+from femnl.observe.decay.noise import FAR, log_density, normal_score
+from femnl.observe.decay.phases import recorded_points
+from femnl.observe.decay.pieces import pieces
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+TONE = 1e6
+QUALITY = 1e7
+RATE = 2 * np.pi * TONE / QUALITY
+REAL = Path(__file__).parents[3] / "shared" / "data" / "decays"
+
+
+def record(
+    seed: int,
+    envelope: Complex | None = None,
+    *,
+    length: float = 12.0,
+    floor: float = 1e-6,
+    correlation: float = 2.0,
+    points: int = 600,
+) -> tuple[Array, Array, int]:
+    """Return times [s], power [dB] and the point of switch-off: floor, drive, decay, floor.
+
+    Args: envelope: amplitude (n,) after the switch-off, straight where None; length: of the record
+    in 1/γ; floor: power of the noise; correlation: of the noise [points].
+    """
+    rng = np.random.default_rng(seed)
+    time = np.arange(points) * length / RATE / points
+    begin = points // 6
+    amplitude = np.zeros(points, dtype=complex)
+    after = time[begin:] - time[begin]
+    amplitude[begin:] = np.exp(-RATE * after / 2) if envelope is None else envelope
+    # The drive's own feed-through stands 10 dB above the mode and goes at once.
+    amplitude[points // 20 : begin] = np.sqrt(10)
+    white = rng.normal(size=(2, points + 100))
+    memory = np.exp(-1 / correlation)
+    slow = lfilter([np.sqrt(1 - memory**2)], [1, -memory], white, axis=1)[:, 100:]
+    amplitude += np.sqrt(floor / 2) * (slow[0] + 1j * slow[1])
+    return time, 20 * np.log10(np.abs(amplitude)), begin
+
+
+def fitted(time: Array, power: Array) -> DecayFit:
+    """Fit a record of the mode."""
+    return fit_decay(measurement.decay(time, power, attributes={"frequency": TONE}))
+
+
+def pull(fit: DecayFit, quality: float = QUALITY) -> float:
+    """Return how many standard deviations Q is off."""
+    found = fit.fit.parameters["quality_factor"]
+    return (found.value - quality) / found.sd
+
+
+@pytest.mark.parametrize("averages", [1.0, 2.5, 16.0])
+def test_power_of_signal_and_noise_is_a_noncentral_chi_square(averages: float) -> None:
+    power = np.array([0.05, 1.1, 3.3, 8.0])
+    signal = np.array([0.5, 1.0, 2.0, 9.0])
+    noise = np.array([1.0, 0.3, 0.5, 0.02])
+    scale = 2 * averages / noise
+    expected = ncx2.logpdf(power * scale, 2 * averages, signal * scale) + np.log(power * scale)
+    np.testing.assert_allclose(
+        log_density(np.log(power), signal, noise, averages)[0], expected, atol=1e-10
+    )
+
+
+def test_derivatives_of_the_density_are_those_of_differences_on_both_sides_of_the_expansion() -> (
+    None
+):
+    signal = np.array([1.0, 1.0, 1.0])
+    noise = 2 * signal / np.array([30.0, 0.5 * FAR, 2 * FAR])
+    y = np.sqrt(noise) * np.array([0.3, -0.7, 1.1])
+    step = 1e-6 * noise
+    _, by_signal, by_noise = log_density(y, signal, noise, 1.0)
+    for name, moves, exact in (("signal", (step, 0), by_signal), ("noise", (0, step), by_noise)):
+        up = log_density(y, signal + moves[0], noise + moves[1], 1.0)[0]
+        down = log_density(y, signal - moves[0], noise - moves[1], 1.0)[0]
+        np.testing.assert_allclose((up - down) / (2 * step), exact, rtol=1e-3, err_msg=name)
+
+
+def test_normal_scores_of_drawn_powers_are_normal() -> None:
+    rng = np.random.default_rng(1)
+    for signal in (0.0, 1.0, 100.0):
+        drawn = np.abs(np.sqrt(signal) + rng.normal(size=(20000, 2)) @ [1, 1j] / np.sqrt(2)) ** 2
+        every = np.ones(20000)
+        scores = normal_score(np.log(drawn), signal * every, every, 1.0)
+        assert abs(scores.mean()) < 0.03
+        assert abs(scores.std() - 1) < 0.05
+
+
+def test_lines_of_different_noise_are_cut_where_they_meet() -> None:
+    rng = np.random.default_rng(2)
+    time = np.linspace(0, 10, 300)
+    quiet = -2 * time[:150] + 0.01 * rng.normal(size=150)
+    loud = -30 + 4 * rng.normal(size=150)
+    found = pieces(time, np.concatenate([quiet, loud]))
+    assert [piece.first for piece in found] == [0, 150]
+    assert found[0].slope == pytest.approx(-2, abs=0.01)
+
+
+def test_every_phase_is_found_and_the_decay_begins_at_the_switch_off() -> None:
+    time, power, begin = record(3, length=24.0)
+    fit = fitted(time, power)
+    assert [phase.name for phase in fit.phases] == ["before", "driven", "decay", "floor"]
+    step = time[1] - time[0]
+    decay = next(phase for phase in fit.phases if phase.name == "decay")
+    assert abs(decay.begin - time[begin]) <= 4 * step
+    assert fit["floor"] == pytest.approx(-60, abs=2)
+    assert abs(pull(fit)) < 4
+
+
+@pytest.mark.parametrize(("length", "correlation"), [(12.0, 1.0), (4.0, 3.0), (24.0, 3.0)])
+def test_intervals_hold_as_often_as_they_say_and_the_quality_factor_is_unbiased(
+    length: float, correlation: float
+) -> None:
+    pulls = []
+    for seed in range(40):
+        time, power, _ = record(100 + seed, length=length, correlation=correlation)
+        pulls.append(pull(fitted(time, power)))
+    # 40 draws of a normal: the mean is known to 0.16, the part within 1σ to 0.07.
+    assert abs(np.mean(pulls)) < 0.55
+    assert 0.5 <= np.mean(np.abs(pulls) < 1) <= 0.9
+    assert np.sqrt(np.mean(np.square(pulls))) < 1.6
+
+
+def test_a_decay_far_above_its_floor_is_known_as_well_as_counting_says() -> None:
+    """Slope of a line: sd of ln p is √(2N/S), each of n points independent (Rice, large signal)."""
+    time, power, begin = record(7, length=1.5, floor=1e-4, correlation=0.05)
+    after = time[begin:] - time[begin]
+    spread = np.sqrt(2e-4 * np.exp(RATE * after))
+    weight = 1 / spread**2
+    middle = np.sum(weight * after) / np.sum(weight)
+    expected = 1 / np.sqrt(np.sum(weight * (after - middle) ** 2))
+    found = fitted(time, power).fit.parameters["decay_rate"]
+    assert found.sd == pytest.approx(expected, rel=0.35)
+
+
+def test_nonlinear_damping_is_found_and_the_quality_factor_is_that_of_small_motion() -> None:
+    time, _, begin = record(0)
+    after = time[begin:] - time[begin]
+    # Amplitude equation with γ(1 + ηA²/4), ηA₀²/4 = 2, integrated step by step.
+    solved = solve_ivp(
+        lambda _, a: -RATE / 2 * a * (1 + 2 * a**2),
+        (0, after[-1]),
+        [1.0],
+        t_eval=after,
+        rtol=1e-9,
+        atol=1e-12,
+    )
+    time, power, _ = record(4, solved.y[0].astype(complex))
+    fit = fitted(time, power)
+    assert abs(pull(fit)) < 4
+    assert fit["damping_ratio"] == pytest.approx(2.0, rel=0.15)
+
+
+def test_a_beating_pair_gives_splitting_and_the_quality_factor_of_the_stronger() -> None:
+    time, _, begin = record(0)
+    after = time[begin:] - time[begin]
+    splitting = 1.7 * RATE / (2 * np.pi) * 2
+    beats = np.exp(-RATE * after / 2) * (1 + 0.4 * np.exp(2j * np.pi * splitting * after))
+    fit = fitted(*record(5, beats)[:2])
+    assert abs(fit["splitting"]) == pytest.approx(splitting, rel=1e-3)
+    assert fit["quality_factor"] == pytest.approx(QUALITY, rel=0.01)
+
+
+def test_a_frequency_that_leaves_the_filter_does_not_lower_the_quality_factor() -> None:
+    time, _, begin = record(0, length=8.0)
+    after = time[begin:] - time[begin]
+    gone = np.exp(-RATE * after / 2) * np.exp(-0.5 * (RATE * after / 4) ** 2)
+    fit = fitted(*record(6, gone.astype(complex), length=8.0)[:2])
+    assert "exit_rate" in fit.fit.parameters
+    assert fit["exit_rate"] == pytest.approx((RATE / 4) ** 2, rel=0.05)
+    assert abs(pull(fit)) < 2
+
+
+def test_dropouts_and_spikes_are_left_out_and_told() -> None:
+    time, power, begin = record(8)
+    power[begin + 60 : begin + 72] -= 25
+    power[begin + 150 : begin + 153] += 8
+    fit = fitted(time, power)
+    assert not fit.used[begin + 61 : begin + 71].any()
+    assert not fit.used[begin + 150 : begin + 153].any()
+    assert "left out where the decay is interrupted" in fit.fit.notes[0]
+    assert abs(pull(fit)) < 4
+
+
+def test_the_smooth_rest_of_a_trace_is_not_taken_for_a_measurement() -> None:
+    time, power, _ = record(9)
+    power[500:] = power[499] - 3 - 2e-3 * np.arange(100) ** 2 / 2
+    assert abs(recorded_points(power) - 500) <= 6
+    assert recorded_points(power[:500]) == 500
+    assert fitted(time, power).phases[-1].name == "not recorded"
+
+
+def test_magnitudes_and_complex_amplitudes_give_what_decibels_give() -> None:
+    time, power, _ = record(10)
+    size = 10 ** (power / 20)
+    told = {"frequency": TONE}
+    ways = [
+        measurement.decay(time, power, attributes=told),
+        measurement.decay(time, magnitude=size, attributes=told),
+        measurement.decay(time, real=size * 0.6, imag=size * 0.8, attributes=told),
+    ]
+    found = [fit_decay(way)["quality_factor"] for way in ways]
+    np.testing.assert_allclose(found, found[0], rtol=1e-5)
+
+
+def test_what_does_not_ring_down_is_refused_in_one_line() -> None:
+    rising = measurement.decay(np.arange(40.0), np.arange(40.0))
+    with pytest.raises(MeasurementError, match="the power falls nowhere"):
+        fit_decay(rising)
+    with pytest.raises(MeasurementError, match="kind = 'trace'"):
+        fit_decay(xr.Dataset(attrs={"kind": "trace"}))
+    with pytest.raises(MeasurementError, match="needs at least 16"):
+        fit_decay(measurement.decay(np.arange(5.0), -np.arange(5.0)))
+
+
+def test_a_decay_without_a_frequency_has_a_rate_and_no_quality_factor() -> None:
+    time, power, _ = record(11)
+    fit = fit_decay(measurement.decay(time, power))
+    assert "quality_factor" not in fit.fit.parameters
+    assert fit["decay_rate"] == pytest.approx(RATE, rel=0.01)
+    assert any("frequency is not given" in note for note in fit.fit.notes)
+    assert len(fit.plot().axes) == 3
+    assert "Phases of the record" in fit.summary()
+
+
+@pytest.mark.shared
+@pytest.mark.skipif(not REAL.is_dir(), reason="the shared ring-downs are not beside the repository")
+@pytest.mark.parametrize(
+    ("number", "quality", "tolerance"),
+    [(832, 1.59e7, 0.03), (1191, 1.72e7, 0.03), (3807, 3.65e8, 0.03), (1810, 2.06e7, 0.05)],
+)
+def test_real_records_have_the_quality_factor_that_their_group_found(
+    number: int, quality: float, tolerance: float
+) -> None:
+    """By hand, in the heads of the records of the Ringdown-Processor."""
+    (path,) = REAL.glob(f"measID_{number}_*.txt")
+    (node,) = read_lab_files(path).children.values()
+    assert fit_decay(node.to_dataset())["quality_factor"] == pytest.approx(quality, rel=tolerance)
