@@ -3,9 +3,10 @@
     y_i = μ_g(i) + φ(x_i)·β + u_d(i) + v_i + e_i
 
 y: logarithm of frequency or quality factor. μ: one mean for each group, that is each mode of each
-design, with a flat prior. β ~ N(0, a²): the smooth variation over the chip, none, a plane or a
-bowl, common to all groups. u ~ N(0, τ²): spread from device to device. v ~ N(0, κ²): what modes of
-one device differ by. e: measurement, of known standard deviation.
+design, with a flat prior unless `between` says how the means hang together. β ~ N(0, a²): the
+smooth variation over the chip, none, a plane or a bowl, common to all groups. u ~ N(0, τ²): spread
+from device to device. v ~ N(0, κ²): what modes of one device differ by. e: measurement, of known
+standard deviation.
 
 Given the scales a, τ and κ, everything is Gaussian and exact. The scales are summed over on a grid,
 uniform in their logarithms, as are the three forms of the variation, each with a third of the prior
@@ -13,6 +14,7 @@ probability (Rasmussen & Williams, Gaussian Processes for Machine Learning, MIT 
 chapters 2.7 and 5.4).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -23,6 +25,8 @@ from scipy.special import logsumexp
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.int64]
+Scale = tuple[str, float, float, float]
+"""Form of the variation, and a, τ, κ."""
 FIELDS = ("none", "plane", "bowl")
 """Forms of the variation over the chip: the last has all terms of second order as well."""
 SPREADS = np.geomspace(0.05, 4.0, 15)
@@ -78,52 +82,62 @@ class Values:
 
 @dataclass(frozen=True)
 class Hierarchy:
-    """The model of one quantity: which entries, which places are the middle and the scale."""
+    """The model of one quantity.
+
+    centre, scale: of the places, in their unit. unit: what scales are counted in, in units of y.
+    between: covariance of the means of all groups, (groups, groups); None for means of their own.
+    """
 
     values: Values
     centre: Array
     scale: float
     unit: float
+    between: Array | None = None
 
     def terms(self, place: Array, field: str) -> Array:
         """Return the terms φ of a variation over the chip at places, (n, k)."""
-        x, y = ((place - self.centre) / self.scale).T
         if field == "none":
-            return np.zeros((len(x), 0))
+            return np.zeros((len(place), 0))
+        x, y = ((place - self.centre) / self.scale).T
         plane = [x, y]
         # Half as large a prior: a bowl of one radius is as high as a plane over one
         bowl = [(x**2 + y**2 - 2) / 2, (x**2 - y**2) / 2, x * y / 2]
         return np.array(plane if field == "plane" else plane + bowl).T
 
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Forms of the variation that the places allow: without places, none."""
+        return FIELDS if np.isfinite(self.values.place).all() else FIELDS[:1]
+
     @cached_property
-    def scales(self) -> list[tuple[str, float, float, float]]:
+    def scales(self) -> list[Scale]:
         """Every form and scale that is summed over: field, a, τ, κ, in units of y."""
         several = len(np.unique(self.values.device)) < len(self.values.y)
         splits = SPLITS if several else (0.0,)
         found = []
-        for field in FIELDS:
+        for field in self.fields:
             for relief in RELIEFS if field != "none" else (0.0,):
                 for spread in SPREADS:
-                    for split in splits:
-                        found.append((field, relief, spread, split))
-        return [
-            (f, a * self.unit, t * self.unit, t * s * self.unit) for f, a, t, s in found
-        ]
+                    found += [(field, relief, spread, split) for split in splits]
+        return [(f, a * self.unit, t * self.unit, t * s * self.unit) for f, a, t, s in found]
 
     @cached_property
     def log_prior(self) -> Array:
         """Prior of each entry of `scales`: every form the same, and every scale within it."""
         forms = [field for field, *_ in self.scales]
-        return np.array([-np.log(forms.count(f) * len(FIELDS)) for f in forms])
+        return np.array([-np.log(forms.count(f) * len(self.fields)) for f in forms])
 
-    def covariance(self, scale: tuple[str, float, float, float], v: Values, w: Values) -> Array:
+    def covariance(self, scale: Scale, v: Values, w: Values) -> Array:
         """Return the covariance of the entries v with w, without what measurement adds."""
         field, a, spread, split = scale
         alike = v.group[:, None] == w.group[None, :]
         same = v.device[:, None] == w.device[None, :]
         smooth = a**2 * self.terms(v.place, field) @ self.terms(w.place, field).T
         mode = split**2 * (same & alike)
-        return (FLAT * self.unit) ** 2 * alike + smooth + spread**2 * same + mode
+        means = (FLAT * self.unit) ** 2 * alike
+        if self.between is not None:
+            means = self.between[np.ix_(v.group, w.group)]
+        return np.asarray(means + smooth + spread**2 * same + mode)
 
     @cached_property
     def solved(self) -> list[tuple[Array, Array]]:
@@ -131,8 +145,9 @@ class Hierarchy:
         v = self.values
         found = []
         for scale in self.scales:
-            inverse = np.linalg.inv(self.covariance(scale, v, v) + np.diag(v.sd**2))
-            found.append((inverse, inverse @ (v.y - self.middle)))
+            inverse: Array = np.linalg.inv(self.covariance(scale, v, v) + np.diag(v.sd**2))
+            solved: Array = inverse @ (v.y - self.middle)
+            found.append((inverse, solved))
         return found
 
     @cached_property
@@ -142,7 +157,7 @@ class Hierarchy:
 
     @cached_property
     def log_likelihoods(self) -> Array:
-        """log p(y) for every scale."""
+        """Log p(y) for every scale."""
         y = self.values.y - self.middle
         return np.array(
             [
@@ -163,7 +178,42 @@ class Hierarchy:
 
     def probability(self, field: str) -> float:
         """Posterior probability of a form of the variation."""
-        return float(sum(w for w, s in zip(self.weights, self.scales, strict=True) if s[0] == field))
+        return float(
+            sum(w for w, s in zip(self.weights, self.scales, strict=True) if s[0] == field)
+        )
+
+    def expected(self, priors: Callable[[Scale], tuple[Array, Array]]) -> "Mixture":
+        """Return what Gaussian numbers of the model are, given the data.
+
+        priors: for a scale, the numbers' covariance with the data, (k, n), and their own prior
+        variances, (k,).
+        """
+        means, variances = [], []
+        for scale, (inverse, solved) in zip(self.scales, self.solved, strict=True):
+            cross, own = priors(scale)
+            means.append(cross @ solved)
+            variances.append(own - np.einsum("ij,jk,ik->i", cross, inverse, cross))
+        return Mixture(self.weights[:, None], np.array(means), np.array(variances))
+
+    def over_chip(self, place: Array) -> "Mixture":
+        """Return the smooth variation at places, against its mean over the devices."""
+        devices = [
+            np.flatnonzero(self.values.device == d)[0] for d in np.unique(self.values.device)
+        ]
+
+        def prior(scale: Scale) -> tuple[Array, Array]:
+            field, a, _, _ = scale
+            known = self.terms(self.values.place, field)
+            new = self.terms(place, field) - known[devices].mean(axis=0)
+            return a**2 * new @ known.T, a**2 * (new**2).sum(axis=1)
+
+        return self.expected(prior)
+
+    def spread(self) -> tuple[float, float]:
+        """Return the spread from device to device, and its standard deviation."""
+        each = np.array([np.hypot(t, k) for _, _, t, k in self.scales])
+        mean = float(self.weights @ each)
+        return mean, float(np.sqrt(max(self.weights @ each**2 - mean**2, 0.0)))
 
     def predict(self, new: Values) -> "Mixture":
         """Return what y is to be at new entries, with their own measurement errors.
@@ -181,7 +231,7 @@ class Hierarchy:
     def left_out(self) -> "Mixture":
         """Return what y of each device is to be by all others.
 
-        By the inverse: y − (K⁻¹)_dd⁻¹ (K⁻¹y)_d, with the weights of the scales that the others give.
+        By the inverse: y − (K⁻¹)_dd⁻¹ (K⁻¹y)_d, with the weights that the others give the scales.
         """
         v = self.values
         count = len(self.scales)
@@ -235,10 +285,10 @@ class Mixture:
         return np.asarray(logsumexp(log_each, axis=0, b=self.weights + 0 * log_each))
 
 
-def hierarchy(values: Values, unit: float | None = None) -> Hierarchy:
+def hierarchy(values: Values, unit: float | None = None, between: Array | None = None) -> Hierarchy:
     """Return the model of some entries; unit: what scales are counted in, by default their own."""
     first = [np.flatnonzero(values.device == d)[0] for d in np.unique(values.device)]
     places = values.place[first]
     centre = places.mean(axis=0)
     scale = float(np.sqrt(((places - centre) ** 2).sum(axis=1).mean() / 2)) or 1.0
-    return Hierarchy(values, centre, scale, unit or values.unit)
+    return Hierarchy(values, centre, scale, unit or values.unit, between)
