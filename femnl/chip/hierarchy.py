@@ -145,7 +145,8 @@ class Hierarchy:
         v = self.values
         found = []
         for scale in self.scales:
-            inverse: Array = np.linalg.inv(self.covariance(scale, v, v) + np.diag(v.sd**2))
+            total = self.covariance(scale, v, v) + np.diag(v.sd**2)
+            inverse = np.asarray(np.linalg.inv(total), dtype=np.float64)
             solved: Array = inverse @ (v.y - self.middle)
             found.append((inverse, solved))
         return found
@@ -282,7 +283,9 @@ class Mixture:
         """Log density at y; each normal wider by a standard deviation."""
         variance = self.variances + wider**2
         log_each = -0.5 * ((y - self.means) ** 2 / variance + np.log(variance) + LOG2PI)
-        return np.asarray(logsumexp(log_each, axis=0, b=self.weights + 0 * log_each))
+        # A scale that is out of the question has the weight 0
+        log_weights = np.log(np.maximum(self.weights, np.finfo(float).tiny))
+        return np.asarray(logsumexp(log_weights + log_each, axis=0))
 
 
 def hierarchy(values: Values, unit: float | None = None, between: Array | None = None) -> Hierarchy:
