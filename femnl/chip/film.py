@@ -169,7 +169,7 @@ def _parameters(
             squares.append(one.sd[0] ** 2 + one.mean[0] ** 2)
         mean = float(weights @ means)
         found[name] = (mean, float(np.sqrt(max(weights @ squares - mean**2, 0.0))))
-    found["δ"] = (found["δ"][0] + models[0].middle, found["δ"][1])
+    found["δ"] = (found["δ"][0] + float(np.median(models[0].values.y)), found["δ"][1])
     return found
 
 

@@ -29,14 +29,14 @@ Scale = tuple[str, float, float, float]
 """Form of the variation, and a, τ, κ."""
 FIELDS = ("none", "plane", "bowl")
 """Forms of the variation over the chip: the last has all terms of second order as well."""
-SPREADS = np.geomspace(0.05, 4.0, 15)
+SPREADS = np.geomspace(0.02, 3.0, 16)
 """Spread from device to device, in parts of what the devices show without any field."""
 RELIEFS = np.geomspace(0.1, 10.0, 7)
 """Variation over the chip, in the same unit, for one standard deviation of the places."""
 SPLITS = (0.0, 0.3, 1.0)
 """Spread between modes of one device, in parts of that from device to device."""
-FLAT = 100.0
-"""Standard deviation of the prior of a group's mean, in the same unit."""
+FLAT = 20.0
+"""Standard deviation of the prior of a group's mean about its median, in the same unit."""
 
 
 @dataclass(frozen=True)
@@ -147,19 +147,26 @@ class Hierarchy:
         for scale in self.scales:
             total = self.covariance(scale, v, v) + np.diag(v.sd**2)
             inverse = np.asarray(np.linalg.inv(total), dtype=np.float64)
-            solved: Array = inverse @ (v.y - self.middle)
+            solved: Array = inverse @ (v.y - self.middle(v))
             found.append((inverse, solved))
         return found
 
-    @cached_property
-    def middle(self) -> float:
-        """What y is counted from."""
-        return float(np.median(self.values.y))
+    def middle(self, of: Values) -> Array:
+        """Return what y of entries is counted from.
+
+        The median of their group, or of all data where groups have no entry or hang together.
+        """
+        v = self.values
+        found = np.full(len(of.y), np.median(v.y))
+        if self.between is None:
+            for g in v.groups:
+                found[of.group == g] = np.median(v.y[v.group == g])
+        return found
 
     @cached_property
     def log_likelihoods(self) -> Array:
         """Log p(y) for every scale."""
-        y = self.values.y - self.middle
+        y = self.values.y - self.middle(self.values)
         return np.array(
             [
                 -0.5 * y @ solved + 0.5 * np.linalg.slogdet(inverse)[1] - 0.5 * len(y) * LOG2PI
@@ -225,7 +232,7 @@ class Hierarchy:
         for scale, (inverse, solved) in zip(self.scales, self.solved, strict=True):
             cross = self.covariance(scale, new, self.values)
             own = np.diag(self.covariance(scale, new, new)) + new.sd**2
-            means.append(self.middle + cross @ solved)
+            means.append(self.middle(new) + cross @ solved)
             variances.append(own - np.einsum("ij,jk,ik->i", cross, inverse, cross))
         return Mixture(self.weights[:, None], np.array(means), np.array(variances))
 

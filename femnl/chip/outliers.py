@@ -7,6 +7,7 @@ the highest posterior probability is sought by adding and removing one device at
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.special import expit, logsumexp
@@ -60,14 +61,19 @@ CANDIDATES = 4
 
 
 def _steps(out: frozenset[int], values: Values, unit: float) -> Iterator[frozenset[int]]:
-    """Yield the sets to try next: one outlier fewer, or one of the furthest devices more."""
+    """Yield the sets to try next: one outlier fewer, or one or two of the furthest devices more.
+
+    Two, as each of two outliers can hide the other.
+    """
     yield from (out - {d} for d in sorted(out))
     rest = values.without(out)
     model = hierarchy(rest, unit)
     predicted = model.left_out()
     off = np.abs(rest.y - predicted.mean) / predicted.sd
     far = {int(d): float(off[rest.device == d].max()) for d in np.unique(rest.device)}
-    yield from (out | {d} for d in sorted(far, key=lambda d: -far[d])[:CANDIDATES])
+    furthest = sorted(far, key=lambda d: -far[d])[:CANDIDATES]
+    yield from (out | {d} for d in furthest)
+    yield from (out | {*pair} for pair in combinations(furthest, 2))
 
 
 def _log_posterior(values: Values, out: frozenset[int], devices: int, unit: float) -> float:
