@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from femnl.chip.hierarchy import FLAT, Array, Hierarchy, Scale, Values, hierarchy
+from femnl.chip.hierarchy import FLAT, Array, Hierarchy, Values, hierarchy
 from femnl.chip.outliers import Cleaned
 from femnl.chip.result import FilmFit
 from femnl.chip.study import Chip
@@ -129,7 +128,7 @@ def _fit_set(chip: Hierarchy, design: Design, some: tuple[int, ...]) -> FittedSe
         base, columns = design.about(shift, offset)
         values = Values(v.y - base[v.group], v.sd, v.device, v.group, v.place)
         models = [_model(values, chip.unit, columns, some, m * chip.unit) for m in MISFIT]
-        numbers = _parameters(models, columns, some)
+        numbers = _parameters(models, some)
         furthest = SLACK / (2 * np.abs(design.slackening).max()) * np.exp(2 * numbers["δ"][0])
         found = float(np.clip(numbers.get(CAUSES[0], (0.0, 0.0))[0], -furthest, furthest))
         settled = abs(found - shift) < SETTLED * EDGE_SD
@@ -203,43 +202,40 @@ def _around(outline: Outline) -> tuple[float, float]:
     return float(np.linalg.norm(np.diff(loop, axis=0), axis=1).sum()), abs(area(outline))
 
 
+PRIORS = (EDGE_SD, BENDING_SD)
+"""Prior standard deviations of the strengths of `CAUSES`."""
+
+
 def _model(
     values: Values, unit: float, columns: Array, some: tuple[int, ...], misfit: float
 ) -> Hierarchy:
-    priors = (EDGE_SD, BENDING_SD)
+    """Return the model whose means are δ, the causes of a set, and what the simulation misses."""
     count = len(columns)
-    between = (FLAT * unit) ** 2 * np.ones((count, count)) + misfit**2 * np.eye(count)
-    for k in some:
-        between += priors[k] ** 2 * np.outer(columns[:, k], columns[:, k])
-    return hierarchy(values, unit, between)
+    factors = [np.full((count, 1), FLAT * unit)]
+    factors += [PRIORS[k] * columns[:, [k]] for k in some]
+    return hierarchy(values, unit, np.hstack([*factors, misfit * np.eye(count)]))
 
 
-def _parameters(
-    models: list[Hierarchy], columns: Array, some: tuple[int, ...]
-) -> dict[str, tuple[float, float]]:
+def _parameters(models: list[Hierarchy], some: tuple[int, ...]) -> dict[str, tuple[float, float]]:
     """Return mean and standard deviation of δ and of the strength of each cause of a set."""
-    weights = np.array([m.log_evidence for m in models])
-    weights = np.exp(weights - logsumexp(weights))
-    priors = {"δ": (FLAT * models[0].unit, np.ones(len(columns)))}
-    sds = (EDGE_SD, BENDING_SD)
-    priors |= {CAUSES[k]: (sds[k], columns[:, k]) for k in some}
-    found = {}
-    for name, (sd, column) in priors.items():
-        means, squares = [], []
-        for model in models:
-            cross = sd**2 * column[model.values.group][None]
-            one = model.expected(partial(_same_at_all_scales, cross, np.array([sd**2])))
-            means.append(one.mean[0])
-            squares.append(one.sd[0] ** 2 + one.mean[0] ** 2)
-        mean = float(weights @ means)
-        found[name] = (mean, float(np.sqrt(max(weights @ squares - mean**2, 0.0))))
-    found["δ"] = (found["δ"][0] + float(np.median(models[0].values.y)), found["δ"][1])
+    evidence = np.array([m.log_evidence for m in models])
+    weights = np.exp(evidence - logsumexp(evidence))
+    sds = [FLAT * models[0].unit, *(PRIORS[k] for k in some)]
+    # The first features are these numbers in their prior standard deviations
+    features = np.eye(models[0].reach.shape[1])[: len(sds)]
+    each = [m.expected(features) for m in models]
+    means = weights @ np.array([one.mean for one in each])
+    squares = weights @ np.array([one.sd**2 + one.mean**2 for one in each])
+    errors = np.sqrt(np.maximum(squares - means**2, 0.0))
+    found = {
+        name: (float(sd * mean), float(sd * error))
+        for name, sd, mean, error in zip(
+            ["δ", *(CAUSES[k] for k in some)], sds, means, errors, strict=True
+        )
+    }
+    middle = float(np.median(models[0].values.y))
+    found["δ"] = (found["δ"][0] + middle, found["δ"][1])
     return found
-
-
-def _same_at_all_scales(cross: Array, own: Array, _: Scale) -> tuple[Array, Array]:
-    """Return the prior of numbers that are not of the chip's scales."""
-    return cross, own
 
 
 def _residuals(fitted: FittedSet, entries: Entries) -> dict[str, float]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from femnl.chip.causes import name_causes
 from femnl.chip.film import fit_film
-from femnl.chip.hierarchy import Array, Hierarchy, Mixture, Values
+from femnl.chip.hierarchy import Hierarchy, Mixture, Values
 from femnl.chip.outliers import Cleaned, clean
 from femnl.chip.result import ChipFit, Deviation, LeftOut, Quantity
 from femnl.chip.study import Chip, Member, Number
@@ -119,7 +119,7 @@ def _predicted(values: Values, cleaned: Cleaned) -> Mixture:
     """Return what each entry is to be by all devices that are alike, but its own."""
     alike = ~np.isin(values.device, [*cleaned.outliers])
     kept = cleaned.model.left_out()
-    shape = (len(cleaned.model.scales), len(values.y))
+    shape = (len(cleaned.model.weights), len(values.y))
     weights, means, variances = (np.empty(shape) for _ in range(3))
     weights[:, alike] = kept.weights
     means[:, alike] = kept.means
@@ -156,17 +156,11 @@ def _slope(model: Hierarchy) -> tuple[Parameter, Parameter]:
     step = 0.1 * model.scale
     found = []
     for axis, name in enumerate("xy"):
-        two = np.array([model.centre, model.centre])
-        two[0, axis] -= step
-        two[1, axis] += step
-
-        def prior(scale: tuple[str, float, float, float], two: Array = two) -> tuple[Array, Array]:
-            field, a, _, _ = scale
-            difference = np.diff(model.terms(two, field), axis=0)
-            cross = difference @ model.terms(model.values.place, field).T
-            return a**2 * cross, a**2 * (difference**2).sum(axis=1)
-
-        number = model.expected(prior)
+        back = model.centre[None].copy()
+        ahead = back.copy()
+        back[0, axis] -= step
+        ahead[0, axis] += step
+        number = model.expected(model.variation(ahead, back))
         found.append(
             Parameter(
                 name, float(number.mean[0] / (2 * step)), float(number.sd[0] / (2 * step)), "1"
@@ -181,9 +175,8 @@ def _means(entries: Entries, model: Hierarchy) -> dict[str, Parameter]:
     centre = np.tile(model.centre, (len(known), 1))
     group = np.array(known)
     where = Values(np.zeros(len(known)), np.zeros(len(known)), -1 - group, group, centre)
-    spread = model.predict(where)
-    own = np.array([t**2 + k**2 for _, _, t, k in model.scales])
-    means = Mixture(spread.weights, spread.means, spread.variances - own[:, None])
+    means = model.expected(model.features(where))
+    logarithm = model.middle(where) + means.mean
     return {
         " ".join(entries.groups[k]): Parameter(
             " ".join(entries.groups[k]),
@@ -191,5 +184,5 @@ def _means(entries: Entries, model: Hierarchy) -> dict[str, Parameter]:
             float(np.exp(mean) * sd),
             "",
         )
-        for k, mean, sd in zip(known, means.mean, means.sd, strict=True)
+        for k, mean, sd in zip(known, logarithm, means.sd, strict=True)
     }

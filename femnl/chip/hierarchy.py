@@ -3,7 +3,7 @@
     y_i = μ_g(i) + φ(x_i)·β + u_d(i) + v_i + e_i
 
 y: logarithm of frequency or quality factor. μ: one mean for each group, that is each mode of each
-design, with a flat prior unless `between` says how the means hang together. β ~ N(0, a²): the
+design, with a flat prior unless `factors` say how the means hang together. β ~ N(0, a²): the
 smooth variation over the chip, none, a plane or a bowl, common to all groups. u ~ N(0, τ²): spread
 from device to device. v ~ N(0, κ²): what modes of one device differ by. e: measurement, of known
 standard deviation.
@@ -14,7 +14,6 @@ probability (Rasmussen & Williams, Gaussian Processes for Machine Learning, MIT 
 chapters 2.7 and 5.4).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -25,10 +24,11 @@ from scipy.special import logsumexp
 
 Array = npt.NDArray[np.float64]
 Places = npt.NDArray[np.int64]
-Scale = tuple[str, float, float, float]
-"""Form of the variation, and a, τ, κ."""
 FIELDS = ("none", "plane", "bowl")
 """Forms of the variation over the chip: the last has all terms of second order as well."""
+PLANE = 2
+TERMS = 5
+"""Terms of a plane, and of a bowl with its plane."""
 SPREADS = np.geomspace(0.02, 3.0, 16)
 """Spread from device to device, in parts of what the devices show without any field."""
 RELIEFS = np.geomspace(0.1, 10.0, 7)
@@ -81,28 +81,67 @@ class Values:
 
 
 @dataclass(frozen=True)
+class Scales:
+    """Every form and scale that is summed over.
+
+    field: of each. relief, spread, split: a, τ and κ in units of y. noise: number of the pair of τ
+    and κ. log_prior: every form the same, and every scale within it.
+    """
+
+    field: tuple[str, ...]
+    relief: Array
+    spread: Array
+    split: Array
+    noise: Places
+    log_prior: Array
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Sums over the entries of devices, for every pair of τ and κ.
+
+    W is the inverse covariance of a device's entries without means and variation, U their features.
+
+    information: UᵀWU, (pairs, devices, r, r). pull: UᵀWy, (pairs, devices, r). square: yᵀWy and
+    log_determinant: ln|W|, (pairs, devices).
+    """
+
+    information: Array
+    pull: Array
+    square: Array
+    log_determinant: Array
+
+
+@dataclass(frozen=True)
 class Hierarchy:
-    """The model of one quantity.
+    """The model of one quantity, solved in the space of its features.
+
+    y = U·(d w) + noise with w ~ N(0, 1): means of groups and terms of the variation are features,
+    of which d are the prior standard deviations. The noise is that of each device for itself, so
+    sums over devices are all that is needed, and to leave one out is to subtract it.
 
     centre, scale: of the places, in their unit. unit: what scales are counted in, in units of y.
-    between: covariance of the means of all groups, (groups, groups); None for means of their own.
+    factors: F of the means of groups μ = F w, (groups, k); None for means of their own.
     """
 
     values: Values
     centre: Array
     scale: float
     unit: float
-    between: Array | None = None
+    factors: Array | None = None
 
-    def terms(self, place: Array, field: str) -> Array:
-        """Return the terms φ of a variation over the chip at places, (n, k)."""
+    def terms(self, place: Array, field: str = "bowl") -> Array:
+        """Return the terms φ of a variation over the chip at places, (n, 5), 0 where not in it."""
+        found = np.zeros((len(place), TERMS))
         if field == "none":
-            return np.zeros((len(place), 0))
+            return found
         x, y = ((place - self.centre) / self.scale).T
-        plane = [x, y]
-        # Half as large a prior: a bowl of one radius is as high as a plane over one
-        bowl = [(x**2 + y**2 - 2) / 2, (x**2 - y**2) / 2, x * y / 2]
-        return np.array(plane if field == "plane" else plane + bowl).T
+        found[:, :PLANE] = np.array([x, y]).T
+        if field == "bowl":
+            # Half as large a prior: a bowl of one radius is as high as a plane over one
+            bowl = [(x**2 + y**2 - 2) / 2, (x**2 - y**2) / 2, x * y / 2]
+            found[:, PLANE:] = np.array(bowl).T
+        return found
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -110,45 +149,85 @@ class Hierarchy:
         return FIELDS if np.isfinite(self.values.place).all() else FIELDS[:1]
 
     @cached_property
-    def scales(self) -> list[Scale]:
-        """Every form and scale that is summed over: field, a, τ, κ, in units of y."""
+    def means(self) -> Array:
+        """Features of the groups' means, (groups, k), their prior standard deviation in them."""
+        if self.factors is not None:
+            return self.factors
+        count = int(self.values.group.max()) + 1
+        return FLAT * self.unit * np.eye(count)[:, self.values.groups]
+
+    def features(self, of: Values) -> Array:
+        """Return U of entries, (n, r): means of groups, then terms of the variation."""
+        means = np.zeros((len(of.y), self.means.shape[1]))
+        known = of.group < len(self.means)
+        means[known] = self.means[of.group[known]]
+        return np.hstack([means, self.terms(of.place, self.fields[-1])])
+
+    @cached_property
+    def scales(self) -> Scales:
+        """Every form and scale that is summed over."""
         several = len(np.unique(self.values.device)) < len(self.values.y)
         splits = SPLITS if several else (0.0,)
-        found = []
-        for field in self.fields:
-            for relief in RELIEFS if field != "none" else (0.0,):
-                for spread in SPREADS:
-                    found += [(field, relief, spread, split) for split in splits]
-        return [(f, a * self.unit, t * self.unit, t * s * self.unit) for f, a, t, s in found]
+        pairs = [(t, s) for t in SPREADS for s in splits]
+        rows = [
+            (field, relief, k)
+            for field in self.fields
+            for relief in (RELIEFS if field != "none" else (0.0,))
+            for k in range(len(pairs))
+        ]
+        forms = [field for field, _, _ in rows]
+        noise = np.array([k for _, _, k in rows])
+        spread, part = np.array(pairs).T * self.unit
+        return Scales(
+            tuple(forms),
+            np.array([a for _, a, _ in rows]) * self.unit,
+            spread[noise],
+            (spread * part / self.unit)[noise],
+            noise,
+            np.array([-np.log(forms.count(f) * len(self.fields)) for f in forms]),
+        )
 
     @cached_property
-    def log_prior(self) -> Array:
-        """Prior of each entry of `scales`: every form the same, and every scale within it."""
-        forms = [field for field, *_ in self.scales]
-        return np.array([-np.log(forms.count(f) * len(self.fields)) for f in forms])
-
-    def covariance(self, scale: Scale, v: Values, w: Values) -> Array:
-        """Return the covariance of the entries v with w, without what measurement adds."""
-        field, a, spread, split = scale
-        alike = v.group[:, None] == w.group[None, :]
-        same = v.device[:, None] == w.device[None, :]
-        smooth = a**2 * self.terms(v.place, field) @ self.terms(w.place, field).T
-        mode = split**2 * (same & alike)
-        means = (FLAT * self.unit) ** 2 * alike
-        if self.between is not None:
-            means = self.between[np.ix_(v.group, w.group)]
-        return np.asarray(means + smooth + spread**2 * same + mode)
+    def reach(self) -> Array:
+        """Prior standard deviations d of the features, (scales, r)."""
+        s = self.scales
+        count = self.means.shape[1]
+        found = np.ones((len(s.field), count + TERMS))
+        terms = {"none": 0, "plane": PLANE, "bowl": TERMS}
+        for k, (field, relief) in enumerate(zip(s.field, s.relief, strict=True)):
+            own = np.arange(TERMS) < terms[field]
+            found[k, count:] = relief * own
+        return found
 
     @cached_property
-    def solved(self) -> list[tuple[Array, Array]]:
-        """K⁻¹ and K⁻¹(y − ȳ) for every scale."""
+    def devices(self) -> Places:
+        """Numbers of the devices, in the order of the sums."""
+        return np.unique(self.values.device)
+
+    @cached_property
+    def sums(self) -> Sums:
+        """Sums over the entries of each device."""
         v = self.values
-        found = []
-        for scale in self.scales:
-            total = self.covariance(scale, v, v) + np.diag(v.sd**2)
-            inverse = np.asarray(np.linalg.inv(total), dtype=np.float64)
-            solved: Array = inverse @ (v.y - self.middle(v))
-            found.append((inverse, solved))
+        features = self.features(v)
+        y = v.y - self.middle(v)
+        pairs = {int(k): i for i, k in enumerate(self.scales.noise)}
+        spread = np.array([self.scales.spread[pairs[k]] for k in range(len(pairs))])
+        split = np.array([self.scales.split[pairs[k]] for k in range(len(pairs))])
+        shape = (len(spread), len(self.devices))
+        r = features.shape[1]
+        found = Sums(
+            np.empty((*shape, r, r)), np.empty((*shape, r)), np.empty(shape), np.empty(shape)
+        )
+        for n, device in enumerate(self.devices):
+            own = v.device == device
+            u = features[own]
+            own_noise = split[:, None] ** 2 + v.sd[own] ** 2
+            noise = own_noise[:, :, None] * np.eye(len(u)) + spread[:, None, None] ** 2
+            inverse = np.linalg.inv(noise)
+            found.information[:, n] = np.einsum("ia,kij,jb->kab", u, inverse, u)
+            found.pull[:, n] = np.einsum("ia,kij,j->ka", u, inverse, y[own])
+            found.square[:, n] = np.einsum("i,kij,j->k", y[own], inverse, y[own])
+            found.log_determinant[:, n] = np.linalg.slogdet(inverse)[1]
         return found
 
     def middle(self, of: Values) -> Array:
@@ -158,110 +237,114 @@ class Hierarchy:
         """
         v = self.values
         found = np.full(len(of.y), np.median(v.y))
-        if self.between is None:
+        if self.factors is None:
             for g in v.groups:
                 found[of.group == g] = np.median(v.y[v.group == g])
         return found
 
-    @cached_property
-    def log_likelihoods(self) -> Array:
-        """Log p(y) for every scale."""
-        y = self.values.y - self.middle(self.values)
-        return np.array(
-            [
-                -0.5 * y @ solved + 0.5 * np.linalg.slogdet(inverse)[1] - 0.5 * len(y) * LOG2PI
-                for inverse, solved in self.solved
-            ]
+    def _solve(self, kept: npt.NDArray[np.bool_]) -> "Solved":
+        """Return weights of features and log p(y) for every scale, by some of the devices."""
+        k = self.scales.noise
+        sums = self.sums
+        d = self.reach
+        information = sums.information[:, kept].sum(axis=1)[k]
+        pull = d * sums.pull[:, kept].sum(axis=1)[k]
+        precision = np.eye(d.shape[1]) + d[:, :, None] * information * d[:, None, :]
+        covariance = np.linalg.inv(precision)
+        mean = np.einsum("kab,kb->ka", covariance, pull)
+        square = sums.square[:, kept].sum(axis=1)[k] - np.einsum("ka,ka->k", pull, mean)
+        log_determinant = sums.log_determinant[:, kept].sum(axis=1)[k]
+        count = int(np.isin(self.values.device, self.devices[kept]).sum())
+        log_likelihoods = 0.5 * (
+            log_determinant - np.linalg.slogdet(precision)[1] - square - count * LOG2PI
         )
+        return Solved(mean, covariance, log_likelihoods)
+
+    @cached_property
+    def solved(self) -> "Solved":
+        """Weights of features and log p(y) for every scale, by all devices."""
+        return self._solve(np.ones(len(self.devices), bool))
 
     @cached_property
     def log_evidence(self) -> float:
         """Log p(y), all scales and forms summed over."""
-        return float(logsumexp(self.log_likelihoods + self.log_prior))
+        return float(logsumexp(self.solved.log_likelihoods + self.scales.log_prior))
 
     @cached_property
     def weights(self) -> Array:
         """Posterior probability of every scale."""
-        return np.exp(self.log_likelihoods + self.log_prior - self.log_evidence)
+        return np.exp(self.solved.log_likelihoods + self.scales.log_prior - self.log_evidence)
 
     def probability(self, field: str) -> float:
         """Posterior probability of a form of the variation."""
-        return float(
-            sum(w for w, s in zip(self.weights, self.scales, strict=True) if s[0] == field)
-        )
-
-    def expected(self, priors: Callable[[Scale], tuple[Array, Array]]) -> "Mixture":
-        """Return what Gaussian numbers of the model are, given the data.
-
-        priors: for a scale, the numbers' covariance with the data, (k, n), and their own prior
-        variances, (k,).
-        """
-        means, variances = [], []
-        for scale, (inverse, solved) in zip(self.scales, self.solved, strict=True):
-            cross, own = priors(scale)
-            means.append(cross @ solved)
-            variances.append(own - np.einsum("ij,jk,ik->i", cross, inverse, cross))
-        return Mixture(self.weights[:, None], np.array(means), np.array(variances))
-
-    def over_chip(self, place: Array) -> "Mixture":
-        """Return the smooth variation at places, against its mean over the devices."""
-        devices = [
-            np.flatnonzero(self.values.device == d)[0] for d in np.unique(self.values.device)
-        ]
-
-        def prior(scale: Scale) -> tuple[Array, Array]:
-            field, a, _, _ = scale
-            known = self.terms(self.values.place, field)
-            new = self.terms(place, field) - known[devices].mean(axis=0)
-            return a**2 * new @ known.T, a**2 * (new**2).sum(axis=1)
-
-        return self.expected(prior)
+        return float(self.weights[np.array(self.scales.field) == field].sum())
 
     def spread(self) -> tuple[float, float]:
         """Return the spread from device to device, and its standard deviation."""
-        each = np.array([np.hypot(t, k) for _, _, t, k in self.scales])
+        each = np.hypot(self.scales.spread, self.scales.split)
         mean = float(self.weights @ each)
         return mean, float(np.sqrt(max(self.weights @ each**2 - mean**2, 0.0)))
+
+    def expected(self, features: Array) -> "Mixture":
+        """Return what sums of features are, given the data. features: (n, r)."""
+        return self._expected(self.solved, features, self.weights)
+
+    def _expected(self, solved: "Solved", features: Array, weights: Array) -> "Mixture":
+        reached = features[None] * self.reach[:, None, :]
+        mean = np.einsum("kna,ka->kn", reached, solved.mean)
+        variance = np.einsum("kna,kab,knb->kn", reached, solved.covariance, reached)
+        return Mixture(np.repeat(weights[:, None], len(features), axis=1), mean, variance)
+
+    def over_chip(self, place: Array) -> "Mixture":
+        """Return the smooth variation at places, against its mean over the devices."""
+        first = [np.flatnonzero(self.values.device == d)[0] for d in self.devices]
+        return self.expected(self.variation(place, self.values.place[first].mean(axis=0)[None]))
+
+    def variation(self, place: Array, against: Array) -> Array:
+        """Return the features of the variation at places, less those at other places."""
+        form = self.fields[-1]
+        terms = self.terms(place, form) - self.terms(against, form)
+        return np.hstack([np.zeros((len(place), self.means.shape[1])), terms])
 
     def predict(self, new: Values) -> "Mixture":
         """Return what y is to be at new entries, with their own measurement errors.
 
         New entries are of devices that are not in the data, each with its own deviation.
         """
-        means, variances = [], []
-        for scale, (inverse, solved) in zip(self.scales, self.solved, strict=True):
-            cross = self.covariance(scale, new, self.values)
-            own = np.diag(self.covariance(scale, new, new)) + new.sd**2
-            means.append(self.middle(new) + cross @ solved)
-            variances.append(own - np.einsum("ij,jk,ik->i", cross, inverse, cross))
-        return Mixture(self.weights[:, None], np.array(means), np.array(variances))
+        return self._predicted(self.solved, new, self.weights)
+
+    def _predicted(self, solved: "Solved", new: Values, weights: Array) -> "Mixture":
+        found = self._expected(solved, self.features(new), weights)
+        own = (self.scales.spread**2 + self.scales.split**2)[:, None] + new.sd**2
+        return Mixture(found.weights, self.middle(new) + found.means, found.variances + own)
 
     def left_out(self) -> "Mixture":
-        """Return what y of each device is to be by all others.
-
-        By the inverse: y − (K⁻¹)_dd⁻¹ (K⁻¹y)_d, with the weights that the others give the scales.
-        """
+        """Return what y of each device is to be by all others, with the weights that those give."""
         v = self.values
-        count = len(self.scales)
-        weights = np.empty((count, len(v.y)))
-        means = np.empty_like(weights)
-        variances = np.empty_like(weights)
-        for d in np.unique(v.device):
-            own = np.flatnonzero(v.device == d)
-            log_own = np.empty(count)
-            for k, (inverse, solved) in enumerate(self.solved):
-                block = np.linalg.inv(inverse[np.ix_(own, own)])
-                off = block @ solved[own]
-                means[k, own] = v.y[own] - off
-                variances[k, own] = np.diag(block)
-                log_own[k] = (
-                    -0.5 * off @ solved[own]
-                    - 0.5 * np.linalg.slogdet(block)[1]
-                    - 0.5 * len(own) * LOG2PI
-                )
-            without = self.log_likelihoods + self.log_prior - log_own
-            weights[:, own] = np.exp(without - logsumexp(without))[:, None]
-        return Mixture(weights, means, variances)
+        shape = (len(self.scales.field), len(v.y))
+        found = Mixture(np.empty(shape), np.empty(shape), np.empty(shape))
+        for n, device in enumerate(self.devices):
+            own = v.device == device
+            solved = self._solve(np.arange(len(self.devices)) != n)
+            log_weights = solved.log_likelihoods + self.scales.log_prior
+            weights = np.exp(log_weights - logsumexp(log_weights))
+            one = self._predicted(solved, v.only(own), weights)
+            found.weights[:, own] = one.weights
+            found.means[:, own] = one.means
+            found.variances[:, own] = one.variances
+        return found
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Weights of features given data, for every scale, in their prior standard deviations.
+
+    mean: (scales, r). covariance: (scales, r, r). log_likelihoods: log p(y), (scales,).
+    """
+
+    mean: Array
+    covariance: Array
+    log_likelihoods: Array
 
 
 LOG2PI = float(np.log(2 * np.pi))
@@ -295,10 +378,10 @@ class Mixture:
         return np.asarray(logsumexp(log_weights + log_each, axis=0))
 
 
-def hierarchy(values: Values, unit: float | None = None, between: Array | None = None) -> Hierarchy:
+def hierarchy(values: Values, unit: float | None = None, factors: Array | None = None) -> Hierarchy:
     """Return the model of some entries; unit: what scales are counted in, by default their own."""
     first = [np.flatnonzero(values.device == d)[0] for d in np.unique(values.device)]
     places = values.place[first]
     centre = places.mean(axis=0)
     scale = float(np.sqrt(((places - centre) ** 2).sum(axis=1).mean() / 2)) or 1.0
-    return Hierarchy(values, centre, scale, unit or values.unit, between)
+    return Hierarchy(values, centre, scale, unit or values.unit, factors)

@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 
 from femnl.chip import fit_chip, read_chip
 from femnl.chip.film import slackening
-from femnl.chip.hierarchy import Values, hierarchy
+from femnl.chip.hierarchy import FLAT, Values, hierarchy
 from femnl.chip.outliers import clean
 from femnl.chip.study import Chip, Member, Number
 from femnl.cli._main import run
@@ -41,13 +41,19 @@ def values(count: int = 14, slope: float = 0.0, modes: int = 1, more: int = 0) -
 def test_the_likelihood_is_that_of_a_normal_distribution() -> None:
     model = hierarchy(values(modes=2))
     v = model.values
-    for k in (0, 40, len(model.scales) - 1):
-        covariance = model.covariance(model.scales[k], v, v) + np.diag(v.sd**2)
+    scales = model.scales
+    same = v.device[:, None] == v.device[None]
+    alike = v.group[:, None] == v.group[None]
+    for k in (0, 40, len(scales.field) - 1):
+        covariance = (FLAT * model.unit) ** 2 * alike + np.diag(v.sd**2)
+        terms = model.terms(v.place, scales.field[k])
+        covariance = covariance + scales.relief[k] ** 2 * terms @ terms.T
+        covariance += scales.spread[k] ** 2 * same + scales.split[k] ** 2 * np.eye(len(v.y))
         expected = multivariate_normal(model.middle(v), covariance).logpdf(v.y)
-        assert model.log_likelihoods[k] == pytest.approx(expected, rel=1e-6)
-    evidence = logsumexp(model.log_likelihoods + model.log_prior)
+        assert model.solved.log_likelihoods[k] == pytest.approx(expected, rel=1e-6)
+    evidence = logsumexp(model.solved.log_likelihoods + scales.log_prior)
     assert model.log_evidence == pytest.approx(evidence)
-    assert np.exp(model.log_prior).sum() == pytest.approx(1)
+    assert np.exp(scales.log_prior).sum() == pytest.approx(1)
 
 
 @pytest.mark.parametrize("modes", [1, 2])
