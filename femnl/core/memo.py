@@ -1,6 +1,6 @@
 """A memory of the latest results of a pure function."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -26,5 +26,27 @@ def recent(find: Callable[..., T], most: int = 12) -> Callable[..., T]:
         else:
             kept[key] = kept.pop(key)  # now the latest
         return kept[key]
+
+    return found
+
+
+def recent_of(find: Callable[..., T], most: int = 12) -> Callable[..., T]:
+    """Return a pure function of objects that nobody changes, and of numbers, in the same way.
+
+    Objects count as the same where they are the same one, which is faster than to compare them.
+    The first argument is an object, further ones are objects or mappings of numbers.
+    """
+    kept: dict[tuple[object, ...], tuple[tuple[object, ...], T]] = {}
+
+    def found(*arguments: object) -> T:
+        key = tuple(tuple(a.items()) if isinstance(a, Mapping) else id(a) for a in arguments)
+        if key in kept:
+            kept[key] = kept.pop(key)  # now the latest
+        else:
+            if len(kept) == most:
+                del kept[next(iter(kept))]
+            # With its arguments: while they are kept no other object has their identity
+            kept[key] = arguments, find(*arguments)
+        return kept[key][1]
 
     return found

@@ -59,6 +59,8 @@ class TensionChanges:
     def __call__(self, strengths: Array) -> Array:
         """Return ΔK/σ (n, n) [m] at strengths (9,)."""
         acting = strengths != 0
+        if not acting.any():
+            return np.zeros(self.matrices.shape[1:])
         powers, matrices = self._among(acting)
         shape = self.matrices.shape[1:]
         factors = np.prod(strengths[acting] ** powers, axis=1)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.memo import recent
 from femnl.core.readout import Array
 from femnl.core.stages import ModalSystem
 
@@ -59,7 +60,7 @@ def loosen(system: ModalSystem, values: Values) -> ModalSystem:
     before, after, moved = (np.zeros_like(system.stiffness) for _ in range(3))
     for slopes, width in zip(along, system.box, strict=True):
         # Shares of x and y in k², which holes change alike.
-        squares, waves = np.linalg.eigh(slopes / np.outer(total, total))
+        squares, waves = _waves(slopes, total)
         low = _lowered(np.sqrt(np.maximum(squares, 0)), width, depth, layer) ** 2
         before += (waves * squares) @ waves.T
         after += (waves * low) @ waves.T
@@ -73,6 +74,15 @@ def loosen(system: ModalSystem, values: Values) -> ModalSystem:
         + np.outer(root, root) / np.outer(system.wavenumber, system.wavenumber) * changed
     ) * common
     return replace(system, stiffness=stiffness)
+
+
+def _directed(slopes: Array, total: Array) -> tuple[Array, Array]:
+    """Return k² along one direction and its waves on the base modes, whatever the edge does."""
+    squares, waves = np.linalg.eigh(slopes / np.outer(total, total))
+    return np.asarray(squares), np.asarray(waves)
+
+
+_waves = recent(_directed)
 
 
 def _lowered(k: Array, width: float, depth: float, layer: float) -> Array:

@@ -1,7 +1,7 @@
 """The forward model of a measurement, whatever its kind: residuals in σ of named parameters."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from femnl.core.comparison import Comparison
 from femnl.core.effect import Effect, Kind, ParameterSpec, Stage, Values
 from femnl.core.errors import ParameterError
+from femnl.core.memo import recent_of
 from femnl.core.readout import Array
 from femnl.core.tables import Columns
 
@@ -257,6 +258,30 @@ def apply(stage: Stage, value: T, effects: Sequence[Effect], values: Sequence[Va
         if stage in effect.changes:
             value = effect.changes[stage](value, numbers)
     return value
+
+
+def remembering(
+    stage: Stage, most: int = 24
+) -> Callable[[T, Sequence[Effect], Sequence[Values]], T]:
+    """Return `apply` at a stage, which keeps what each effect has lately made of each value.
+
+    A fit moves the parameters of one effect while those of others rest, and score tests try effects
+    beside causes that rest. For values that nobody changes.
+    """
+
+    def changed(value: T, effect: Effect, numbers: Values) -> T:
+        result: T = effect.changes[stage](value, numbers)
+        return result
+
+    known = recent_of(changed, most)
+
+    def applied(value: T, effects: Sequence[Effect], values: Sequence[Values]) -> T:
+        for effect, numbers in zip(effects, values, strict=True):
+            if stage in effect.changes:
+                value = known(value, effect, numbers)
+        return value
+
+    return applied
 
 
 @dataclass(frozen=True)

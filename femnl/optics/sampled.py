@@ -3,23 +3,17 @@
 Each point has its own amplitude and its own phase of the fringe.
 """
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import jv, jvp
 
 from femnl.core.compiled import compiled
 from femnl.core.memo import recent
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Fringe, Motion, Wave
+from femnl.optics.bessel_table import NODES, bessel_table
 
 Orders = NDArray[np.int64]
 
-NODES = 32
-"""Nodes a unit of z at which Bessel functions are tabulated; the interpolation errs by less than
-1e-8.
-"""
 PIECE = 4096
 SAMPLES = 8
 """Points whose harmonics are summed at a time, and samples of each; fewer points where there are
@@ -114,10 +108,8 @@ def _by_bessel(
     harmonic: Orders,
 ) -> ComplexArray:
     """Return 2 Σ_k Re(iⁿ c_k e^{ikθ}) J_n(kqA) e^{inφ}."""
-    table = _table(
-        tuple(harmonic.tolist()),
-        int(np.ceil(orders.max() * q * np.abs(swing).max() / 32 + 1e-9)) * 32,
-    )
+    reach = float(orders.max() * q * np.abs(swing).max())
+    table = bessel_table(tuple(harmonic.tolist()), reach)
     amplitude, unit = _polar(swing)
     phase = theta if np.ptp(theta) else theta[:1]
     found = np.empty((len(harmonic), len(swing)), complex)
@@ -146,7 +138,8 @@ def _sum(
 
     Args: found: V_n, (n_harmonics, n_points), filled in. place (n_points,): argument of the Bessel
         functions of the first order, in nodes. unit (n_points,): e^{iφ}. terms: orders k, lit_k,
-        and e^{ikθ} (n_orders, n_points), or (n_orders, 1) where all are alike. table: see `_table`.
+        and e^{ikθ} (n_orders, n_points), or (n_orders, 1) where all are alike. table: see
+        `bessel_table`.
     """
     orders, lit, turns = terms
     summed = np.empty(len(harmonic))
@@ -183,23 +176,6 @@ def _powers(unit: ComplexArray, harmonic: Orders) -> ComplexArray:
     for n in range(1, len(rows)):
         np.multiply(rows[n - 1], unit, out=rows[n])
     return rows[harmonic]
-
-
-@lru_cache(maxsize=16)
-def _table(harmonic: tuple[int, ...], longest: int) -> Array:
-    """Return the coefficients of J_n between nodes up to z = longest.
-
-    Lowest power first, (n_nodes, n_harmonics, 4).
-    """
-    z = np.arange(longest * NODES + 2) / NODES
-    n = np.array(harmonic)[:, None]
-    value = jv(n, z)
-    slope = jvp(n, z) / NODES
-    rise = np.diff(value, axis=1)
-    first = slope[:, :-1]
-    last = slope[:, 1:]
-    cubic = np.stack([value[:, :-1], first, 3 * rise - 2 * first - last, first + last - 2 * rise])
-    return np.ascontiguousarray(cubic.transpose(2, 1, 0))
 
 
 def _largest(series: ComplexArray) -> float:

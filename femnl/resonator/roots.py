@@ -1,11 +1,24 @@
 """Real roots of the Duffing amplitude equation, for whole arrays at once."""
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from femnl.core.compiled import compiled
+from femnl.core.readout import ComplexArray
 from femnl.core.resonator import Array
 
+# Stiffening a in b = 1/(δ + a |b|² + i) at which the response first becomes vertical.
+VERTICAL = 8 * np.sqrt(3) / 9
+ROUNDS = 12
+"""Iterations of the amplitude under a quintic term or a resonance of higher order, small
+corrections of the cubic one.
+"""
+SETTLED = 1e-10
+"""Relative change of a squared amplitude at which they end."""
+FAINT = 1e-6
+"""Squared amplitude, in that of one linewidth of stiffening, from which on a resonance of any order
+acts.
+"""
 MAX_STEPS = 4
 # Residual of the normalised equation below which another Newton step only moves rounding errors.
 EXACT = 1e-13
@@ -38,60 +51,178 @@ def duffing_roots(detuning: ArrayLike, stiffening: ArrayLike, damping: ArrayLike
     return x.reshape(3, *delta.shape)
 
 
+def self_stiffened(
+    x: Array,
+    detuning: Array,
+    stiffening: tuple[ComplexArray, Array, ComplexArray],
+    scale: Array,
+    order: float,
+) -> None:
+    """Bring the low and the high state, x (2, n), to where their own amplitude stiffens them.
+
+    a(x) = c + q x + p (scale·x)^(order − 2), whose imaginary part is d: each x becomes the state of
+    its branch at a(x), again and again until it stays. A branch that has ended is continued.
+
+    Args: x (2, n): changed. detuning δ (n,). stiffening: c, q and p, each (n,). scale (n,). order.
+    Source: steps after every second iteration by A. C. Aitken, Proc. R. Soc. Edinb. 46, 289 (1926).
+    """
+    compiled(_self_stiffened)(x, detuning, stiffening, scale, float(order - 2))
+
+
+def _self_stiffened(
+    x: Array,
+    delta: Array,
+    stiffening: tuple[ComplexArray, Array, ComplexArray],
+    scale: Array,
+    power: float,
+) -> None:
+    """Write the states (2, n), each after as many iterations as it needs."""
+    cubic, fifth, pulled = stiffening
+    for side in range(2):
+        for i in range(len(delta)):
+            here = x[side, i]
+            earlier = here
+            for step in range(ROUNDS):
+                a = cubic[i] + fifth[i] * here + pulled[i] * max(here * scale[i], FAINT) ** power
+                found = _state(delta[i], a.real, a.imag, side)
+                if abs(found - here) <= SETTLED * found:
+                    here = found
+                    break
+                if step % 2:
+                    earlier, here = here, _beyond(earlier, here, found)
+                else:
+                    earlier, here = here, found
+            x[side, i] = here
+
+
+def _beyond(first: float, second: float, third: float) -> float:
+    """Return where a sequence goes whose differences fall by one factor, if it goes anywhere."""
+    change = third - second
+    bend = change - (second - first)
+    if bend == 0 or abs(change) >= abs(second - first):
+        return third
+    limit = third - change * change / bend
+    return limit if limit > 0 else third
+
+
+def continued(
+    x: Array, detuning: ArrayLike, stiffening: ArrayLike, damping: ArrayLike
+) -> NDArray[np.bool_]:
+    """Return where the low or the high state x (2, …) has ended, and continue it there.
+
+    Past its fold x is continued by the real part of the complex pair of roots.
+
+    Args: x: changed; both are the single root where there is but one. Others: as `duffing_roots`.
+    """
+    ended = np.zeros(x.shape, dtype=bool)
+    delta, a, d = (
+        np.broadcast_to(np.asarray(v, dtype=float), x.shape[1:]).ravel()
+        for v in (detuning, stiffening, damping)
+    )
+    compiled(_continued)(x.reshape(2, -1), ended.reshape(2, -1), delta, a, d)
+    return ended
+
+
+def _continued(x: Array, ended: NDArray[np.bool_], delta: Array, a: Array, d: Array) -> None:
+    """Continue x (2, n) where a branch has ended, and mark it there."""
+    for i in range(len(delta)):
+        single = x[0, i]
+        if x[1, i] != single:
+            continue
+        for side in range(2):
+            if _ends(delta[i], a[i], d[i], single, side):
+                ended[side, i] = True
+                x[side, i] = _pair(delta[i], a[i], d[i], single)
+
+
+def _state(delta: float, a: float, d: float, side: int) -> float:
+    """Return the low (0) or the high (1) state, or its continuation where it has ended."""
+    low, _, high = _roots_at(delta, a, d)
+    if not np.isnan(high):
+        return _polished(high if side else low, delta, a, d)
+    single = _polished(low, delta, a, d)
+    return _pair(delta, a, d, single) if _ends(delta, a, d, single, side) else single
+
+
+def _ends(delta: float, a: float, d: float, single: float, side: int) -> bool:
+    """Whether the low or the high state has ended where there is a single root."""
+    square, q = _discriminant(delta, a, d)
+    # Below the critical stiffening no branch ends.
+    if not (abs(a) > VERTICAL and square > 0 and q < 0):
+        return False
+    return bool((single > -2 * q / (3 * (a * a + d * d))) == (side == 0))
+
+
+def _pair(delta: float, a: float, d: float, single: float) -> float:
+    """Return the real part of the complex pair of roots beside a single one."""
+    return -(delta * a + d) / (a * a + d * d) - single / 2
+
+
+def _discriminant(delta: float, a: float, d: float) -> tuple[float, float]:
+    """Return a square that is above 0 where the states have folds, and q = δa + d."""
+    # 4q² − 3ps, multiplied out so that its large terms cancel exactly.
+    square = delta * delta * (a * a - 3 * d * d) + 8 * delta * a * d + d * d - 3 * a * a
+    return square, delta * a + d
+
+
 def _solve(x: Array, delta: Array, a: Array, d: Array) -> None:
     """Write the roots (3, n) at every point."""
-
-    def polished(x: float, delta: float, a: float, d: float) -> float:
-        """Take Newton steps where they lower the residual x |D|² − 1, until none gains much.
-
-        So a root at a fold is left alone.
-        """
-        real = delta + a * x
-        imag = 1 + d * x
-        square = real * real + imag * imag
-        left = x * square - 1
-        for _ in range(MAX_STEPS):
-            new = x - left / (square + 2 * x * (real * a + imag * d))
-            real = delta + a * new
-            imag = 1 + d * new
-            square = real * real + imag * imag
-            fresh = new * square - 1
-            if not (abs(fresh) < abs(left) and new > 0):
-                break
-            x = new
-            left = fresh
-            if abs(left) <= EXACT:
-                break
-        return x
-
     for i in range(len(delta)):
-        e = delta[i]
-        b = a[i]
-        c = d[i]
-        p = b * b + c * c
-        q = e * b + c
-        s = e * e + 1
-        third = s / 3
-        spread = third * third + 2 * q / 3
-        half = third * third * third + third * q + p / 2
-        root = np.cbrt(
-            half + np.copysign(np.sqrt(max(half * half - spread * spread * spread, 0.0)), half)
-        )
-        x[0, i] = polished(1 / max(third + root + spread / root, 1.0), e, b, c)
-        # 4q² − 3ps, multiplied out so that its large terms cancel exactly.
-        square = e * e * (b * b - 3 * c * c) + 8 * e * b * c + c * c - 3 * b * b
-        if not (square > 0 and q < 0):
-            continue
-        centre = -2 * q / (3 * p)
-        reach = np.sqrt(square) / (3 * p)
-        upper = centre + reach
-        lower = s / (3 * p * upper)
-        above = lower * ((e + b * lower) ** 2 + (1 + c * lower) ** 2) - 1
-        below = upper * ((e + b * upper) ** 2 + (1 + c * upper) ** 2) - 1
-        if above >= 0 and below <= 0:  # the equation has the value 1 between its folds, too
-            angle = np.arctan2(np.sqrt(-below), np.sqrt(above)) * (2 / 3)
-            middle = centre + 2 * reach * np.cos(np.pi / 3 + angle)
-            high = centre + 2 * reach * np.cos(np.pi / 3 - angle)
-            x[0, i] = polished(1 / (p * middle * high), e, b, c)
-            x[1, i] = polished(middle, e, b, c)
-            x[2, i] = polished(high, e, b, c)
+        x[0, i], x[1, i], x[2, i] = _roots_at(delta[i], a[i], d[i])
+        x[0, i] = _polished(x[0, i], delta[i], a[i], d[i])
+        if not np.isnan(x[2, i]):
+            x[1, i] = _polished(x[1, i], delta[i], a[i], d[i])
+            x[2, i] = _polished(x[2, i], delta[i], a[i], d[i])
+
+
+def _roots_at(delta: float, a: float, d: float) -> tuple[float, float, float]:
+    """Return the roots at one point by rising x, but for rounding; NaN where there is none."""
+    p = a * a + d * d
+    square, q = _discriminant(delta, a, d)
+    s = delta * delta + 1
+    third = s / 3
+    spread = third * third + 2 * q / 3
+    half = third * third * third + third * q + p / 2
+    root = np.cbrt(
+        half + np.copysign(np.sqrt(max(half * half - spread * spread * spread, 0.0)), half)
+    )
+    single = 1 / max(third + root + spread / root, 1.0)
+    if not (square > 0 and q < 0):
+        return single, np.nan, np.nan
+    centre = -2 * q / (3 * p)
+    reach = np.sqrt(square) / (3 * p)
+    upper = centre + reach
+    lower = s / (3 * p * upper)
+    above = lower * ((delta + a * lower) ** 2 + (1 + d * lower) ** 2) - 1
+    below = upper * ((delta + a * upper) ** 2 + (1 + d * upper) ** 2) - 1
+    # The equation has the value 1 between its folds, too
+    if not (above >= 0 and below <= 0):
+        return single, np.nan, np.nan
+    angle = np.arctan2(np.sqrt(-below), np.sqrt(above)) * (2 / 3)
+    middle = centre + 2 * reach * np.cos(np.pi / 3 + angle)
+    high = centre + 2 * reach * np.cos(np.pi / 3 - angle)
+    return 1 / (p * middle * high), middle, high
+
+
+def _polished(x: float, delta: float, a: float, d: float) -> float:
+    """Take Newton steps where they lower the residual x |D|² − 1, until none gains much.
+
+    So a root at a fold is left alone.
+    """
+    real = delta + a * x
+    imag = 1 + d * x
+    square = real * real + imag * imag
+    left = x * square - 1
+    for _ in range(MAX_STEPS):
+        new = x - left / (square + 2 * x * (real * a + imag * d))
+        real = delta + a * new
+        imag = 1 + d * new
+        square = real * real + imag * imag
+        fresh = new * square - 1
+        if not (abs(fresh) < abs(left) and new > 0):
+            break
+        x = new
+        left = fresh
+        if abs(left) <= EXACT:
+            break
+    return x

@@ -18,6 +18,7 @@ from femnl.resonator import (
     duffing_roots,
     sweep_modes,
 )
+from femnl.resonator.roots import self_stiffened
 
 Force = Callable[[float, Array], Array]
 # All tests count time in 1/ω₀ and displacement in units of 1/√α, where the equations have no small
@@ -244,3 +245,20 @@ def test_sweeps_jump_at_the_folds_of_the_curve_and_differ_between_them(sign: int
     for fold, path in zip(folds[::-1], (up, down), strict=True):
         jump = np.argmax(np.abs(np.diff(path)))
         assert grid[jump] - spacing <= fold <= grid[jump + 1] + spacing
+
+
+@pytest.mark.parametrize(("fifth", "pull"), [(0.2, 0.0), (-0.1, 0.0), (0.0, 0.3), (0.2, 0.3)])
+def test_states_that_their_own_amplitude_stiffens_rest(fifth: float, pull: float) -> None:
+    """X |δ + a(x) x + i|² = 1 with a(x) = c + q x + p s x, Im a the damping."""
+    delta = np.linspace(8, -8, 97)
+    cubic = np.full(97, 2.0 + 0.05j)
+    quintic = np.full(97, fifth)
+    pulled = np.asarray(-pull / (3 - delta + 0.2j), complex)
+    scale = np.full(97, 2.0)
+    x = np.ones((2, 97))
+    self_stiffened(x, delta, (cubic, quintic, pulled), scale, 3.0)
+    a = cubic + quintic * x + pulled * scale * x
+    rests = np.abs(x * np.abs(delta + a * x + 1j) ** 2 - 1) < 1e-8
+    # Where one branch has ended the other one rests
+    assert rests.any(axis=0).all()
+    assert rests.mean() > 0.7

@@ -143,19 +143,24 @@ def solve_tension(modes: Modes, units: Units) -> TensionChanges:
 def _enlarge(modes: Modes, units: Units) -> _Enlarged:
     sectors = Sectors(modes)
     # What takes most memory comes first
-    sides = sectors.sides()
+    first, *further, last = sectors.effort.sides
+    outer = list(sectors.sides((first, last)))
     compliances = [compliance_at(t) * units.reach for t in YIELDING]
     between = solve_yielding(modes.domain, sectors.effort.relaxed_degree, compliances)
     stresses = sectors.stresses(units)
     followed = list(sectors.yielding(between, FOLLOWED))
-    basis = enriched(sectors, responses_of(stresses, [sides[0], sides[-1]], followed))
+    basis = enriched(sectors, responses_of(stresses, outer, followed))
+    sectors.release()
     edges = sectors.yielding(between, range(-1, len(compliances)))
+    at_first, at_last = (on_basis(sectors, basis, change) for change in outer)
+    outer.clear()
+    inner = [on_basis(sectors, basis, change) for change in sectors.sides(further)]
     return _Enlarged(
         len(modes.frequency),
         base_stiffness(sectors, basis),
         {name: on_basis(sectors, basis, change) for name, change in stresses.items()},
         np.array(sectors.effort.sides),
-        np.array([on_basis(sectors, basis, change) for change in sides]),
+        np.array([at_first, *inner, at_last]),
         np.array([on_basis(sectors, basis, change) for change in edges]),
         between,
         units.reach,

@@ -136,10 +136,16 @@ class Sectors:
             self.free[parity] = np.concatenate([mine, self._spanned.n + free])
             self.base[parity] = self._spanned.of(operators.stiffness(parity)).among(mine, free)
             self.mass[parity] = mass.among(mine, free)
-            self._solve[parity] = factorize(self.base[parity].inner)
+
+    def release(self) -> None:
+        """Let go of the factors of K, whose memory other changes need."""
+        self._solve.clear()
 
     def solve(self, parity: Parity, loads: Array) -> Array:
         """Return K⁻¹ of loads on the unknowns of a sector, with no share of the base modes."""
+        if parity not in self._solve:
+            # Not before: they take as much memory as the stretched films, solved earlier
+            self._solve[parity] = factorize(self.base[parity].inner)
         found = np.zeros_like(loads)
         own = len(self.mine[parity])
         found[own:] = self._solve[parity](loads[own:])
@@ -197,19 +203,17 @@ class Sectors:
                 total.add(local, cell.triangles)
             yield self._alike(total.total(), (1,) * len(self.sectors[0]))
 
-    def sides(self) -> list[Change]:
-        """Return what sides Lx eᵘ and Ly e⁻ᵘ add to K, for u of `Effort.sides`.
+    def sides(self, chosen: Sequence[float]) -> Iterator[Change]:
+        """Yield what sides Lx eᵘ and Ly e⁻ᵘ add to K, one at a time for their memory.
 
-        That is the film anew on the stretched mesh.
+        That is the film anew on the stretched mesh. Args: chosen: u, of `Effort.sides`.
         """
         degree = self.effort.relaxed_degree
         before = self._stiffness(self._relaxed(degree))
-        found = []
-        for u in self.effort.sides:
+        for u in chosen:
             after = self._stiffness(solve_prestress(stretched(self.domain, u), degree))
             changes = {p: after[p] - before[p] for p in self.sectors}
-            found.append(Change((1,) * len(self.sectors[0]), changes))
-        return found
+            yield Change((1,) * len(self.sectors[0]), changes)
 
     def _relaxed(self, degree: int) -> Prestress:
         """Return the film as it is, relaxed in elements of some degree."""

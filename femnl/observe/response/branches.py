@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.compiled import compiled
 from femnl.observe.response.sweeps import Array, Complex, Index, Sweeps
 from femnl.resonator import duffing_roots
+from femnl.resonator.roots import VERTICAL
+from femnl.resonator.roots import continued as beyond_folds
 
 # a = STIFFEN α_y/α_c in b = 1/(δ + a |b|² + i).
-STIFFEN = 8 * np.sqrt(3) / 9
+STIFFEN = VERTICAL
 # Derivatives are limited to 1/FOLD times those of a linear resonator.
 FOLD = 0.01
 NOISY = 2.0
@@ -113,34 +114,8 @@ def duffing_branches(delta: Array, a: Array, d: Array, *, continued: bool) -> Re
     real = np.stack([single, np.where(np.isfinite(roots[2]), roots[2], single)])
     pair = np.zeros(real.shape, dtype=bool)
     if continued:
-        here = (np.broadcast_to(v, single.shape).ravel() for v in (delta, a, d))
-        compiled(_continue)(
-            real.reshape(2, -1), pair.reshape(2, -1), np.isfinite(roots[2]).ravel(), *here
-        )
+        pair = beyond_folds(real, delta, a, d)
     return ResponseBranches(real, pair, single)
-
-
-def _continue(
-    x: Array, pair: NDArray[np.bool_], three: NDArray[np.bool_], delta: Array, a: Array, d: Array
-) -> None:
-    """Continue x (2, n) on the branch that has ended, and mark it in pair (2, n).
-
-    That is where there are not three roots.
-    """
-    for i in range(len(delta)):
-        e = delta[i]
-        b = a[i]
-        c = d[i]
-        p = b * b + c * c
-        q = e * b + c
-        square = e * e * (b * b - 3 * c * c) + 8 * e * b * c + c * c - 3 * b * b
-        # Below the critical stiffening no branch ends.
-        if abs(b) > STIFFEN and square > 0 and q < 0 and not three[i]:
-            centre = -2 * q / (3 * p)
-            single = x[0, i]
-            ended = 0 if single > centre else 1
-            pair[ended, i] = True
-            x[ended, i] = (3 * centre - single) / 2
 
 
 def fold(a: float, *, top: bool) -> tuple[float, float]:

@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammainccinv
 
 from femnl.core.comparison import Comparison
 from femnl.core.compiled import compiled
@@ -15,10 +14,10 @@ from femnl.core.memo import recent
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Acquisition, Oscillator, Signal
 from femnl.observe.model import Layout, MeasurementModel, Named, Quantity, apply
-from femnl.observe.response.acquisition import low_pass, settle
 from femnl.observe.response.curves import curves, sweep_name, voltages
+from femnl.observe.response.late import LateSweeps, States
 from femnl.observe.response.layout import along_sweeps, marked
-from femnl.observe.response.states import branch_amplitudes, follow, shifted
+from femnl.observe.response.states import branch_amplitudes, follow
 from femnl.observe.response.sweeps import Sweeps
 
 ALPHA_SD = 0.2
@@ -29,8 +28,6 @@ LITTLE = 1e-4
 """Part of the linewidth by which f₀ and w are moved where single sweeps may deviate."""
 STRONG = (2, 8, 32)
 """Powers of a signal with which gain and phase may deviate: smoothly, or of the strongest alone."""
-LATE = 4
-"""Points by which a jump may seem late, or early, behind a slow filter."""
 FARTHER = 2.0
 """Widths of the sweeps by which those that would tell backgrounds apart are further out."""
 BEYOND = 4
@@ -163,75 +160,12 @@ class ResponseModel(MeasurementModel):
         swept = apply("acquisition", Acquisition(), effects, values)
         if swept == Acquisition():
             return np.asarray(np.take_along_axis(both, chosen[None], axis=0)[0])
-        return self._acquired(swept, (delta, bend, states), chosen, read_out)
-
-    def _acquired(
-        self,
-        swept: Acquisition,
-        motion: tuple[Array, ComplexArray, ComplexArray],
-        chosen: NDArray[np.int64],
-        read_out: Callable[[ComplexArray], ComplexArray],
-    ) -> ComplexArray:
-        """Return the voltage (n,) of sweeps in which points keep something of those before.
-
-        A jump seems late where a filter is slow: it is where the data say, within `LATE` points.
-
-        Args: motion: see `_states`; chosen (n,): the branch of each point, as far as points tell
-            one by one; read_out: from motion to voltage.
-        """
-        delta, bend, states = motion
-        trials = []
-        late = LATE if swept.filtered > 0 else 0
-        for later in range(-late, late + 1):
-            branch = np.array(chosen)
-            for span, way in zip(self.sweeps.spans, self.sweeps.direction, strict=True):
-                branch[span] = shifted(chosen[span], later * way)
-            b = np.take_along_axis(states, branch[None], axis=0)[0]
-            trials.append(self._lagging(swept, (delta, bend, b), read_out))
-        misfit = np.abs(np.array(trials) - self.sweeps.voltage) ** 2
-        found = np.empty_like(trials[0])
-        for span in self.sweeps.spans:
-            found[span] = trials[int(np.argmin(misfit[:, span].sum(axis=1)))][span]
-        return found
-
-    def _lagging(
-        self,
-        swept: Acquisition,
-        motion: tuple[Array, ComplexArray, ComplexArray],
-        read_out: Callable[[ComplexArray], ComplexArray],
-    ) -> ComplexArray:
-        """Return the voltage (n,) of motion b (n,) that follows the drive late, and its filter.
-
-        Args: motion: δ, a and the steady b, each (n,).
-        """
-        delta, bend, b = motion
-        order, begins = self._order
-        step = self.step[order]
-        if swept.motion > 0:
-            late = np.empty_like(b)
-            rest = -np.log(swept.motion) * step
-            compiled(settle)(late, b[order], delta[order], bend[order], rest, begins)
-            b = np.empty_like(late)
-            b[order] = late
-        volts = read_out(b)
-        if swept.filtered > 0:
-            late = np.empty_like(volts)
-            # Of the step to a point, Q(n, T/τ) is left at its end.
-            rest = float(gammainccinv(swept.poles, swept.filtered)) * step
-            compiled(low_pass)(late, volts[order], rest, int(swept.poles), begins)
-            volts = np.empty_like(late)
-            volts[order] = late
-        return volts
+        return self._late.voltage(swept, States(delta, bend, states, both), chosen, read_out)
 
     @cached_property
-    def _order(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """The points (n,) in the order of time, and at which of those a sweep begins."""
-        parts = [
-            np.arange(span.start, span.stop)[:: -1 if way < 0 else 1]
-            for span, way in zip(self.sweeps.spans, self.sweeps.direction, strict=True)
-        ]
-        begins = np.concatenate([np.arange(len(part)) == 0 for part in parts])
-        return np.concatenate(parts), begins
+    def _late(self) -> LateSweeps:
+        """The sweeps where points keep something of those before."""
+        return LateSweeps(self.sweeps, self.step)
 
     def _mode(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values], data: Sweeps
@@ -304,8 +238,10 @@ class ResponseModel(MeasurementModel):
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (V − V_predicted)/σ of all real, then of all imaginary parts."""
-        _, own = self._mode(effects, base, values, self.sweeps)
-        deviation = (own / self.simulated_alpha - 1) / ALPHA_SD
+        deviation = 0.0
+        if self.softens:
+            _, own = self._mode(effects, base, values, self.sweeps)
+            deviation = (own / self.simulated_alpha - 1) / ALPHA_SD
         return self._whole(
             (self.sweeps.voltage - self.predict(effects, base, values)) / self.sweeps.noise,
             deviation,

@@ -5,19 +5,7 @@ from numpy.typing import NDArray
 
 from femnl.core.readout import Array, ComplexArray
 from femnl.observe.response.branches import duffing_branches
-
-SIDES = np.arange(2)
-"""Indices of the low and the high branch."""
-ROUNDS = 12
-"""Iterations of the amplitude under a quintic term or a resonance of higher order, small
-corrections of the cubic one.
-"""
-SETTLED = 1e-6
-"""Relative change of a squared amplitude at which they end."""
-FAINT = 1e-6
-"""Squared amplitude, in that of one linewidth of stiffening, from which on a resonance of any order
-acts.
-"""
+from femnl.resonator.roots import FAINT, self_stiffened
 
 
 def follow(
@@ -67,17 +55,6 @@ def branch_amplitudes(
     a = cubic + pulled
     x = duffing_branches(delta, a.real, a.imag, continued=True).x
     if np.any(fifth) or (np.any(pulled) and order != 2):
-        for _ in range(ROUNDS):
-            a = cubic + fifth * x + pulled * np.maximum(x * scale, FAINT) ** (order - 2)
-            # Both at once: row s of branch s continues from x[s].
-            before = x
-            x = duffing_branches(delta, a.real, a.imag, continued=True).x[SIDES, SIDES]
-            if np.all(np.abs(x - before).max(axis=1) < SETTLED * np.abs(x).max(axis=1)):
-                break
+        self_stiffened(x, delta, (cubic, fifth, pulled), scale, order)
+        a = cubic + fifth * x + pulled * np.maximum(x * scale, FAINT) ** (order - 2)
     return np.asarray(1 / (delta + a.real * x + 1j * (1 + a.imag * x)))
-
-
-def shifted(branch: NDArray[np.int64], later: int) -> NDArray[np.int64]:
-    """Return the branches (n,) of one sweep with its jump a few points later."""
-    place = np.clip(np.arange(len(branch)) - later, 0, len(branch) - 1)
-    return branch[place]

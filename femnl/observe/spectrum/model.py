@@ -16,11 +16,11 @@ from scipy.optimize import linear_sum_assignment
 
 from femnl.core.comparison import Comparison, Curve, Curves
 from femnl.core.effect import Effect, ParameterSpec, Values
-from femnl.core.memo import recent
+from femnl.core.memo import recent, recent_of
 from femnl.core.readout import Array
 from femnl.core.stages import Lines, ModalSystem
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import MeasurementModel, Named, Quantity, Ranked, apply
+from femnl.observe.model import MeasurementModel, Named, Quantity, Ranked, apply, remembering
 from femnl.observe.score_directions import smooth_film
 
 OWN = 0.75
@@ -70,9 +70,16 @@ class SpectrumModel(MeasurementModel):
         return (Ranked(np.arange(len(self.sd)), self.frequency, self.sd),)
 
     @cached_property
-    def _eigen(self) -> Callable[[Array, Array], tuple[Array, Array]]:
+    def _eigen(self) -> Callable[[ModalSystem], tuple[Array, Array]]:
         """Eigenvalues of the latest matrices; what has no labels needs no vectors."""
-        return recent(_eigen if self.label else _squares)
+        return recent_of(_eigen if self.label else _squares)
+
+    @cached_property
+    def _operators(
+        self,
+    ) -> Callable[[ModalSystem, Sequence[Effect], Sequence[Values]], ModalSystem]:
+        """What effects make of the latest matrices."""
+        return remembering("operators")
 
     @cached_property
     def _bare(self) -> Callable[[float, float], tuple[Array, Array, ModalSystem]]:
@@ -209,8 +216,8 @@ class SpectrumModel(MeasurementModel):
         Where nothing has a label the vectors are left out.
         """
         plain, mass, system = self._bare(base["speed"], base["bending_length"])
-        system = apply("operators", system, effects, values)
-        square, vectors = self._eigen(system.stiffness, system.mass)
+        system = self._operators(system, effects, values)
+        square, vectors = self._eigen(system)
         frequency = np.sqrt(np.maximum(square, 0)) / (2 * np.pi)
         return frequency, vectors * np.sqrt(mass)[:, None], plain, system.bending_length
 
@@ -318,30 +325,32 @@ class SpectrumModel(MeasurementModel):
         )
 
 
-def _eigen(stiffness: Array, mass: Array) -> tuple[Array, Array]:
+def _eigen(system: ModalSystem) -> tuple[Array, Array]:
     """Return ω² and the vectors of M-norm 1.
 
     Most causes leave the masses alone, and then a plain problem is the faster one.
     """
+    mass = system.mass
     own = np.diag(mass)
     if np.count_nonzero(mass) == len(own):
-        square, turned = np.linalg.eigh(stiffness / np.sqrt(np.outer(own, own)))
+        square, turned = np.linalg.eigh(system.stiffness / np.sqrt(np.outer(own, own)))
         return square, turned / np.sqrt(own)[:, None]
-    square, vectors = eigh(stiffness, mass, check_finite=False)
+    square, vectors = eigh(system.stiffness, mass, check_finite=False)
     return np.asarray(square), np.asarray(vectors)
 
 
-def _squares(stiffness: Array, mass: Array) -> tuple[Array, Array]:
+def _squares(system: ModalSystem) -> tuple[Array, Array]:
     """Return ω² alone, and no vectors (n, 0).
 
     What has no labels goes by rank, and the vectors cost twice as much as the squares.
     """
+    mass = system.mass
     root = np.sqrt(np.diag(mass))
     none = np.empty((len(root), 0))
     scaled = np.outer(root, root)
     if np.count_nonzero(mass) == len(root):
-        return np.linalg.eigvalsh(stiffness / scaled), none
-    return np.asarray(eigh(stiffness, mass, eigvals_only=True, check_finite=False)), none
+        return np.linalg.eigvalsh(system.stiffness / scaled), none
+    return np.asarray(eigh(system.stiffness, mass, eigvals_only=True, check_finite=False)), none
 
 
 def ranks(frequency: Array) -> NDArray[np.int64]:

@@ -1,0 +1,119 @@
+"""Sweeps whose points keep something of those before, in the mode or in the lock-in."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammainccinv
+
+from femnl.core.compiled import compiled
+from femnl.core.readout import Array, ComplexArray
+from femnl.core.stages import Acquisition
+from femnl.observe.response.acquisition import low_pass, settle
+from femnl.observe.response.sweeps import Sweeps
+
+LATE = 4
+"""Points by which a jump may seem late, or early, behind a slow filter."""
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """Both states of a mode at every point.
+
+    delta δ and bend a (n,), see `settle`; amplitude b and voltage [V] (2, n) at rest on the low and
+    on the high branch.
+    """
+
+    delta: Array
+    bend: ComplexArray
+    amplitude: ComplexArray
+    voltage: ComplexArray
+
+
+@dataclass(frozen=True, eq=False)
+class LateSweeps:
+    """Sweeps in the order of time.
+
+    step (n_points,): time since the point before, in those that most points take.
+    """
+
+    sweeps: Sweeps
+    step: Array
+
+    def voltage(
+        self,
+        swept: Acquisition,
+        states: States,
+        chosen: NDArray[np.int64],
+        read_out: Callable[[ComplexArray], ComplexArray],
+    ) -> ComplexArray:
+        """Return the voltage (n,) as acquired.
+
+        A jump seems late where a filter is slow: it is where the data say, within `LATE` points.
+
+        Args: chosen (n,): the branch of each point, as far as points tell one by one. read_out:
+            from motion to voltage.
+        """
+        branches = chosen[self._later] if swept.filtered > 0 else chosen[None]
+        points = np.arange(len(chosen))
+        trials = []
+        for branch in branches:
+            # A filter alone follows what the states are read out as
+            volts = states.voltage[branch, points]
+            if swept.motion > 0:
+                volts = read_out(self._motion(swept.motion, states, branch))
+            trials.append(self._filtered(swept, volts))
+        misfit = np.abs(np.array(trials) - self.sweeps.voltage) ** 2
+        found = np.empty_like(trials[0])
+        for span in self.sweeps.spans:
+            found[span] = trials[int(np.argmin(misfit[:, span].sum(axis=1)))][span]
+        return found
+
+    def _motion(self, kept: float, states: States, branch: NDArray[np.int64]) -> ComplexArray:
+        """Return the motion (n,) that follows the drive late.
+
+        Args: kept: of a deviation from one point to the next. branch (n,): the state at rest.
+        """
+        order, begins = self._order
+        steady = states.amplitude[branch[order], order]
+        rest = -np.log(kept) * self.step[order]
+        late = np.empty_like(steady)
+        compiled(settle)(late, steady, states.delta[order], states.bend[order], rest, begins)
+        found = np.empty_like(late)
+        found[order] = late
+        return found
+
+    def _filtered(self, swept: Acquisition, volts: ComplexArray) -> ComplexArray:
+        """Return the voltage (n,) behind the filter of the lock-in."""
+        if swept.filtered == 0:
+            return volts
+        order, begins = self._order
+        # Of the step to a point, Q(n, T/τ) is left at its end.
+        rest = float(gammainccinv(swept.poles, swept.filtered)) * self.step[order]
+        late = np.empty_like(volts)
+        compiled(low_pass)(late, volts[order], rest, int(swept.poles), begins)
+        found = np.empty_like(late)
+        found[order] = late
+        return found
+
+    @cached_property
+    def _later(self) -> NDArray[np.int64]:
+        """Points (2·LATE + 1, n) whose branch each one has where jumps come so many points late."""
+        lateness = np.arange(-LATE, LATE + 1)[:, None]
+        place = np.arange(len(self.sweeps.frequency))
+        found = np.empty((len(lateness), len(place)), np.int64)
+        for span, way in zip(self.sweeps.spans, self.sweeps.direction, strict=True):
+            found[:, span] = np.clip(place[span] - lateness * int(way), span.start, span.stop - 1)
+        return found
+
+    @cached_property
+    def _order(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """The points (n,) in the order of time, and at which of those a sweep begins."""
+        parts = [
+            np.arange(span.start, span.stop)[:: -1 if way < 0 else 1]
+            for span, way in zip(self.sweeps.spans, self.sweeps.direction, strict=True)
+        ]
+        begins = np.concatenate([np.arange(len(part)) == 0 for part in parts])
+        return np.concatenate(parts), begins

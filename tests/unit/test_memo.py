@@ -1,0 +1,63 @@
+"""Memories of the latest results."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.memo import recent_of
+from femnl.observe.model import apply, remembering
+
+
+def test_an_object_and_numbers_that_come_again_are_not_worked_out_again() -> None:
+    asked: list[float] = []
+
+    def find(place: list[float], numbers: Mapping[str, float]) -> float:
+        asked.append(numbers["x"])
+        return place[0] * numbers["x"]
+
+    known = recent_of(find, most=2)
+    place = [2.0]
+    assert [known(place, {"x": x}) for x in (1.0, 3.0, 1.0)] == [2.0, 6.0, 2.0]
+    assert asked == [1.0, 3.0]
+    # The latest two are kept, whatever was asked for first
+    assert [known(place, {"x": x}) for x in (4.0, 1.0, 3.0)] == [8.0, 2.0, 6.0]
+    assert asked == [1.0, 3.0, 4.0, 3.0]
+
+
+def test_another_object_of_the_same_content_is_another_one() -> None:
+    known = recent_of(lambda place: [*place])
+    first, second = [1.0], [1.0]
+    assert known(first) is known(first)
+    assert known(first) is not known(second)
+
+
+def test_what_effects_made_of_a_value_is_kept_for_each() -> None:
+    made: list[str] = []
+
+    def effect(name: str) -> Effect:
+        def change(value: np.ndarray, values: Values) -> np.ndarray:
+            made.append(name)
+            return value + values["by"]
+
+        return Effect(
+            name=name,
+            accuracy=0.0,
+            accuracy_reason="exact",
+            equation="v + by",
+            parameters=(ParameterSpec("by", "1", 0.0, 1.0, reason="none"),),
+            changes={"operators": change},
+            source="none",
+            limits="none",
+            sentence="it adds",
+        )
+
+    both = (effect("one"), effect("other"))
+    start = np.zeros(2)
+    known = remembering("operators")
+    for last in (1.0, 2.0):
+        values = ({"by": 0.5}, {"by": last})
+        found = known(start, both, values)
+        assert np.array_equal(found, np.full(2, 0.5 + last))
+    assert made == ["one", "other", "other"]
+    assert np.array_equal(apply("operators", start, both, values), found)
