@@ -24,6 +24,7 @@ QUICK = (
     "geometry-format",
     "kind",
     "architecture",
+    "chip",
     "commands",
     "degeneracies",
     "diagnosis-json",

@@ -49,7 +49,7 @@ FLOORS = (
     KINDS,
     ("effects",),
     ("sweep", "fits", "validation"),
-    ("diagnose",),
+    ("diagnose", "chip"),
     ("plot", "published"),
     ("report",),
     ("cli",),

@@ -22,7 +22,7 @@ from femnl.core.errors import FemnlError, ParameterError
 CHAPTERS = {
     "A device": ("geometries", "mesh", "modes", "bands", "view"),
     "What a readout shows of it": ("maps", "sweep"),
-    "Measurements": ("import", "show", "fit", "diagnose", "effects"),
+    "Measurements": ("import", "show", "fit", "diagnose", "chip", "effects"),
     "Trust": ("validate", "report"),
 }
 PROGRESS = Progress()

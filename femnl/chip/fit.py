@@ -1,0 +1,188 @@
+"""Fit all devices of a chip together."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from femnl.chip.causes import name_causes
+from femnl.chip.film import fit_film
+from femnl.chip.hierarchy import Hierarchy, Mixture, Values
+from femnl.chip.outliers import Cleaned, clean
+from femnl.chip.result import ChipFit, Deviation, LeftOut, Quantity
+from femnl.chip.study import Chip, Member, Number
+from femnl.core.errors import ParameterError
+from femnl.core.fit import Parameter
+
+LEAST_SD = 1e-7
+"""Least relative standard deviation of a measured number: no counter of a laboratory is better."""
+FEWEST = 4
+"""Devices of one quantity that a fit needs."""
+
+
+@dataclass(frozen=True)
+class Entries:
+    """The numbers of a chip in the order of `Values`. rows: device and mode of each."""
+
+    values: Values
+    rows: tuple[tuple[Member, str], ...]
+    groups: tuple[tuple[str, str], ...]
+
+
+def fit_chip(chip: Chip) -> ChipFit:
+    """Fit frequencies and quality factors of all devices of a chip.
+
+    See `femnl.chip.hierarchy` for the model, and `femnl.chip.outliers` for devices that deviate.
+
+    Raises: ParameterError where fewer than four devices have a frequency.
+    """
+    entries = entries_of(chip, {m.name: m.frequency for m in chip.members})
+    if len(np.unique(entries.values.device)) < FEWEST:
+        raise ParameterError(
+            f"chip {chip.name}: fewer than {FEWEST} devices have a frequency; add devices"
+        )
+    cleaned = clean(entries.values)
+    frequency = _quantity("frequency", "Hz", entries, cleaned)
+    quality = None
+    rated = [m for m in chip.members if m.quality]
+    if len(rated) >= FEWEST:
+        of_quality = entries_of(chip, {m.name: m.quality for m in rated})
+        quality = _quantity("quality factor", "1", of_quality, clean(of_quality.values))
+    film = fit_film(chip, entries, cleaned) if chip.geometries else None
+    causes = name_causes(entries, cleaned, frequency, quality)
+    notes = list(chip.notes)
+    if not np.isfinite(entries.values.place).all():
+        notes.append("places: not known of all devices, so no variation over the chip is sought")
+    return ChipFit(
+        chip.name,
+        len(chip.members),
+        chip.unit,
+        frequency,
+        quality,
+        causes,
+        film,
+        tuple(notes),
+    )
+
+
+def entries_of(chip: Chip, numbers: Mapping[str, Mapping[str, Number]]) -> Entries:
+    """Return the logarithms of one quantity; numbers: by device and mode."""
+    rows = [(m, mode) for m in chip.members for mode in numbers.get(m.name, {})]
+    groups = sorted({(m.design, mode) for m, mode in rows})
+    place_of = {group: k for k, group in enumerate(groups)}
+    devices = {m.name: k for k, m in enumerate(chip.members)}
+    read = [numbers[m.name][mode] for m, mode in rows]
+    values = Values(
+        y=np.log([n.value for n in read]),
+        sd=np.array([max(n.sd / n.value, LEAST_SD) for n in read]),
+        device=np.array([devices[m.name] for m, _ in rows]),
+        group=np.array([place_of[m.design, mode] for m, mode in rows]),
+        place=np.array([m.place for m, _ in rows]),
+    )
+    return Entries(values, tuple(rows), tuple(groups))
+
+
+def _quantity(name: str, unit: str, entries: Entries, cleaned: Cleaned) -> Quantity:
+    model = cleaned.model
+    values = entries.values
+    predicted = _predicted(values, cleaned)
+    devices = tuple(
+        Deviation(
+            member.name,
+            mode,
+            member.design,
+            member.place,
+            float(np.exp(values.y[k])),
+            float(np.exp(predicted.mean[k])),
+            float(values.y[k] - predicted.mean[k]),
+            float(predicted.sd[k]),
+            cleaned.outliers.get(int(values.device[k]), 0.0),
+        )
+        for k, (member, mode) in enumerate(entries.rows)
+    )
+    places = np.unique(model.values.place, axis=0)
+    field = model.over_chip(places).mean if len(model.fields) > 1 else np.zeros(1)
+    return Quantity(
+        name=name,
+        unit=unit,
+        fields={f: model.probability(f) for f in model.fields},
+        slope=_slope(model) if len(model.fields) > 1 else None,
+        relief=float(np.ptp(field)),
+        spread=Parameter("spread", *model.spread(), "1"),
+        means=_means(entries, model),
+        devices=devices,
+        left_out=_left_out(values, predicted),
+    )
+
+
+def _predicted(values: Values, cleaned: Cleaned) -> Mixture:
+    """Return what each entry is to be by all devices that are alike, but its own."""
+    alike = ~np.isin(values.device, [*cleaned.outliers])
+    kept = cleaned.model.left_out()
+    shape = (len(cleaned.model.weights), len(values.y))
+    weights, means, variances = (np.empty(shape) for _ in range(3))
+    weights[:, alike] = kept.weights
+    means[:, alike] = kept.means
+    variances[:, alike] = kept.variances
+    if not alike.all():
+        other = cleaned.model.predict(values.only(~alike))
+        weights[:, ~alike] = other.weights
+        means[:, ~alike] = other.means
+        variances[:, ~alike] = other.variances
+    return Mixture(weights, means, variances)
+
+
+def _left_out(values: Values, predicted: Mixture) -> LeftOut:
+    """Return how well entries are predicted that others of their group can predict."""
+    off = np.abs(values.y - predicted.mean)
+    plain = np.full(len(values.y), np.nan)
+    for k in range(len(plain)):
+        others = (values.group == values.group[k]) & (values.device != values.device[k])
+        if others.any():
+            plain[k] = abs(values.y[k] - values.y[others].mean())
+    known = np.isfinite(plain)
+    if not known.any():
+        return LeftOut(np.nan, np.nan, np.nan, 0)
+    return LeftOut(
+        float(np.median(off[known])),
+        float(np.median(plain[known])),
+        float(np.mean(off[known] < predicted.sd[known])),
+        int(known.sum()),
+    )
+
+
+def _slope(model: Hierarchy) -> tuple[Parameter, Parameter]:
+    """Return the gradient of the variation in the middle of the chip."""
+    step = 0.1 * model.scale
+    found = []
+    for axis, name in enumerate("xy"):
+        back = model.centre[None].copy()
+        ahead = back.copy()
+        back[0, axis] -= step
+        ahead[0, axis] += step
+        number = model.expected(model.variation(ahead, back))
+        found.append(
+            Parameter(
+                name, float(number.mean[0] / (2 * step)), float(number.sd[0] / (2 * step)), "1"
+            )
+        )
+    return found[0], found[1]
+
+
+def _means(entries: Entries, model: Hierarchy) -> dict[str, Parameter]:
+    """Return what a device of each design and mode would have in the middle of the chip."""
+    known = [k for k in range(len(entries.groups)) if k in model.values.groups]
+    centre = np.tile(model.centre, (len(known), 1))
+    group = np.array(known)
+    where = Values(np.zeros(len(known)), np.zeros(len(known)), -1 - group, group, centre)
+    means = model.expected(model.features(where))
+    logarithm = model.middle(where) + means.mean
+    return {
+        " ".join(entries.groups[k]): Parameter(
+            " ".join(entries.groups[k]),
+            float(np.exp(mean)),
+            float(np.exp(mean) * sd),
+            "",
+        )
+        for k, mean, sd in zip(known, logarithm, means.sd, strict=True)
+    }

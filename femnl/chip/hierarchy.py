@@ -1,0 +1,387 @@
+"""One quantity of all devices of a chip as a Gaussian hierarchy, marginalised over its scales.
+
+    y_i = μ_g(i) + φ(x_i)·β + u_d(i) + v_i + e_i
+
+y: logarithm of frequency or quality factor. μ: one mean for each group, that is each mode of each
+design, with a flat prior unless `factors` say how the means hang together. β ~ N(0, a²): the
+smooth variation over the chip, none, a plane or a bowl, common to all groups. u ~ N(0, τ²): spread
+from device to device. v ~ N(0, κ²): what modes of one device differ by. e: measurement, of known
+standard deviation.
+
+Given the scales a, τ and κ, everything is Gaussian and exact. The scales are summed over on a grid,
+uniform in their logarithms, as are the three forms of the variation, each with a third of the prior
+probability (Rasmussen & Williams, Gaussian Processes for Machine Learning, MIT Press 2006,
+chapters 2.7 and 5.4).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import logsumexp
+
+Array = npt.NDArray[np.float64]
+Places = npt.NDArray[np.int64]
+FIELDS = ("none", "plane", "bowl")
+"""Forms of the variation over the chip: the last has all terms of second order as well."""
+PLANE = 2
+TERMS = 5
+"""Terms of a plane, and of a bowl with its plane."""
+SPREADS = np.geomspace(0.02, 3.0, 16)
+"""Spread from device to device, in parts of what the devices show without any field."""
+RELIEFS = np.geomspace(0.1, 10.0, 7)
+"""Variation over the chip, in the same unit, for one standard deviation of the places."""
+SPLITS = (0.0, 0.3, 1.0)
+"""Spread between modes of one device, in parts of that from device to device."""
+FLAT = 20.0
+"""Standard deviation of the prior of a group's mean about its median, in the same unit."""
+
+
+@dataclass(frozen=True)
+class Values:
+    """A quantity of a chip, one entry for each mode of each device.
+
+    y: its logarithm. sd: standard deviation of y by measurement. device: number of the device.
+    group: number of the group that shares a mean. place: coordinates on the chip, (n, 2), in any
+    unit.
+    """
+
+    y: Array
+    sd: Array
+    device: Places
+    group: Places
+    place: Array
+
+    def without(self, devices: frozenset[int]) -> "Values":
+        """Return the entries of all other devices."""
+        kept = ~np.isin(self.device, [*devices])
+        return self.only(kept)
+
+    def only(self, kept: npt.NDArray[Any]) -> "Values":
+        """Return some entries."""
+        return Values(
+            self.y[kept], self.sd[kept], self.device[kept], self.group[kept], self.place[kept]
+        )
+
+    @cached_property
+    def unit(self) -> float:
+        """Robust standard deviation of y within its groups: 1.4826 of the median deviation."""
+        off = np.concatenate(
+            [self.y[self.group == g] - np.median(self.y[self.group == g]) for g in self.groups]
+        )
+        large = off[np.abs(off) > 0]
+        return 1.4826 * float(np.median(np.abs(large))) if large.size else 1e-12
+
+    @property
+    def groups(self) -> Places:
+        """Numbers of the groups that have entries."""
+        return np.unique(self.group)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Every form and scale that is summed over.
+
+    field: of each. relief, spread, split: a, τ and κ in units of y. noise: number of the pair of τ
+    and κ. log_prior: every form the same, and every scale within it.
+    """
+
+    field: tuple[str, ...]
+    relief: Array
+    spread: Array
+    split: Array
+    noise: Places
+    log_prior: Array
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Sums over the entries of devices, for every pair of τ and κ.
+
+    W is the inverse covariance of a device's entries without means and variation, U their features.
+
+    information: UᵀWU, (pairs, devices, r, r). pull: UᵀWy, (pairs, devices, r). square: yᵀWy and
+    log_determinant: ln|W|, (pairs, devices).
+    """
+
+    information: Array
+    pull: Array
+    square: Array
+    log_determinant: Array
+
+
+@dataclass(frozen=True)
+class Hierarchy:
+    """The model of one quantity, solved in the space of its features.
+
+    y = U·(d w) + noise with w ~ N(0, 1): means of groups and terms of the variation are features,
+    of which d are the prior standard deviations. The noise is that of each device for itself, so
+    sums over devices are all that is needed, and to leave one out is to subtract it.
+
+    centre, scale: of the places, in their unit. unit: what scales are counted in, in units of y.
+    factors: F of the means of groups μ = F w, (groups, k); None for means of their own.
+    """
+
+    values: Values
+    centre: Array
+    scale: float
+    unit: float
+    factors: Array | None = None
+
+    def terms(self, place: Array, field: str = "bowl") -> Array:
+        """Return the terms φ of a variation over the chip at places, (n, 5), 0 where not in it."""
+        found = np.zeros((len(place), TERMS))
+        if field == "none":
+            return found
+        x, y = ((place - self.centre) / self.scale).T
+        found[:, :PLANE] = np.array([x, y]).T
+        if field == "bowl":
+            # Half as large a prior: a bowl of one radius is as high as a plane over one
+            bowl = [(x**2 + y**2 - 2) / 2, (x**2 - y**2) / 2, x * y / 2]
+            found[:, PLANE:] = np.array(bowl).T
+        return found
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Forms of the variation that the places allow: without places, none."""
+        return FIELDS if np.isfinite(self.values.place).all() else FIELDS[:1]
+
+    @cached_property
+    def means(self) -> Array:
+        """Features of the groups' means, (groups, k), their prior standard deviation in them."""
+        if self.factors is not None:
+            return self.factors
+        count = int(self.values.group.max()) + 1
+        return FLAT * self.unit * np.eye(count)[:, self.values.groups]
+
+    def features(self, of: Values) -> Array:
+        """Return U of entries, (n, r): means of groups, then terms of the variation."""
+        means = np.zeros((len(of.y), self.means.shape[1]))
+        known = of.group < len(self.means)
+        means[known] = self.means[of.group[known]]
+        return np.hstack([means, self.terms(of.place, self.fields[-1])])
+
+    @cached_property
+    def scales(self) -> Scales:
+        """Every form and scale that is summed over."""
+        several = len(np.unique(self.values.device)) < len(self.values.y)
+        splits = SPLITS if several else (0.0,)
+        pairs = [(t, s) for t in SPREADS for s in splits]
+        rows = [
+            (field, relief, k)
+            for field in self.fields
+            for relief in (RELIEFS if field != "none" else (0.0,))
+            for k in range(len(pairs))
+        ]
+        forms = [field for field, _, _ in rows]
+        noise = np.array([k for _, _, k in rows])
+        spread, part = np.array(pairs).T * self.unit
+        return Scales(
+            tuple(forms),
+            np.array([a for _, a, _ in rows]) * self.unit,
+            spread[noise],
+            (spread * part / self.unit)[noise],
+            noise,
+            np.array([-np.log(forms.count(f) * len(self.fields)) for f in forms]),
+        )
+
+    @cached_property
+    def reach(self) -> Array:
+        """Prior standard deviations d of the features, (scales, r)."""
+        s = self.scales
+        count = self.means.shape[1]
+        found = np.ones((len(s.field), count + TERMS))
+        terms = {"none": 0, "plane": PLANE, "bowl": TERMS}
+        for k, (field, relief) in enumerate(zip(s.field, s.relief, strict=True)):
+            own = np.arange(TERMS) < terms[field]
+            found[k, count:] = relief * own
+        return found
+
+    @cached_property
+    def devices(self) -> Places:
+        """Numbers of the devices, in the order of the sums."""
+        return np.unique(self.values.device)
+
+    @cached_property
+    def sums(self) -> Sums:
+        """Sums over the entries of each device."""
+        v = self.values
+        features = self.features(v)
+        y = v.y - self.middle(v)
+        pairs = {int(k): i for i, k in enumerate(self.scales.noise)}
+        spread = np.array([self.scales.spread[pairs[k]] for k in range(len(pairs))])
+        split = np.array([self.scales.split[pairs[k]] for k in range(len(pairs))])
+        shape = (len(spread), len(self.devices))
+        r = features.shape[1]
+        found = Sums(
+            np.empty((*shape, r, r)), np.empty((*shape, r)), np.empty(shape), np.empty(shape)
+        )
+        for n, device in enumerate(self.devices):
+            own = v.device == device
+            u = features[own]
+            own_noise = split[:, None] ** 2 + v.sd[own] ** 2
+            noise = own_noise[:, :, None] * np.eye(len(u)) + spread[:, None, None] ** 2
+            inverse = np.linalg.inv(noise)
+            found.information[:, n] = np.einsum("ia,kij,jb->kab", u, inverse, u)
+            found.pull[:, n] = np.einsum("ia,kij,j->ka", u, inverse, y[own])
+            found.square[:, n] = np.einsum("i,kij,j->k", y[own], inverse, y[own])
+            found.log_determinant[:, n] = np.linalg.slogdet(inverse)[1]
+        return found
+
+    def middle(self, of: Values) -> Array:
+        """Return what y of entries is counted from.
+
+        The median of their group, or of all data where groups have no entry or hang together.
+        """
+        v = self.values
+        found = np.full(len(of.y), np.median(v.y))
+        if self.factors is None:
+            for g in v.groups:
+                found[of.group == g] = np.median(v.y[v.group == g])
+        return found
+
+    def _solve(self, kept: npt.NDArray[np.bool_]) -> "Solved":
+        """Return weights of features and log p(y) for every scale, by some of the devices."""
+        k = self.scales.noise
+        sums = self.sums
+        d = self.reach
+        information = sums.information[:, kept].sum(axis=1)[k]
+        pull = d * sums.pull[:, kept].sum(axis=1)[k]
+        precision = np.eye(d.shape[1]) + d[:, :, None] * information * d[:, None, :]
+        covariance = np.linalg.inv(precision)
+        mean = np.einsum("kab,kb->ka", covariance, pull)
+        square = sums.square[:, kept].sum(axis=1)[k] - np.einsum("ka,ka->k", pull, mean)
+        log_determinant = sums.log_determinant[:, kept].sum(axis=1)[k]
+        count = int(np.isin(self.values.device, self.devices[kept]).sum())
+        log_likelihoods = 0.5 * (
+            log_determinant - np.linalg.slogdet(precision)[1] - square - count * LOG2PI
+        )
+        return Solved(mean, covariance, log_likelihoods)
+
+    @cached_property
+    def solved(self) -> "Solved":
+        """Weights of features and log p(y) for every scale, by all devices."""
+        return self._solve(np.ones(len(self.devices), bool))
+
+    @cached_property
+    def log_evidence(self) -> float:
+        """Log p(y), all scales and forms summed over."""
+        return float(logsumexp(self.solved.log_likelihoods + self.scales.log_prior))
+
+    @cached_property
+    def weights(self) -> Array:
+        """Posterior probability of every scale."""
+        return np.exp(self.solved.log_likelihoods + self.scales.log_prior - self.log_evidence)
+
+    def probability(self, field: str) -> float:
+        """Posterior probability of a form of the variation."""
+        return float(self.weights[np.array(self.scales.field) == field].sum())
+
+    def spread(self) -> tuple[float, float]:
+        """Return the spread from device to device, and its standard deviation."""
+        each = np.hypot(self.scales.spread, self.scales.split)
+        mean = float(self.weights @ each)
+        return mean, float(np.sqrt(max(self.weights @ each**2 - mean**2, 0.0)))
+
+    def expected(self, features: Array) -> "Mixture":
+        """Return what sums of features are, given the data. features: (n, r)."""
+        return self._expected(self.solved, features, self.weights)
+
+    def _expected(self, solved: "Solved", features: Array, weights: Array) -> "Mixture":
+        reached = features[None] * self.reach[:, None, :]
+        mean = np.einsum("kna,ka->kn", reached, solved.mean)
+        variance = np.einsum("kna,kab,knb->kn", reached, solved.covariance, reached)
+        return Mixture(np.repeat(weights[:, None], len(features), axis=1), mean, variance)
+
+    def over_chip(self, place: Array) -> "Mixture":
+        """Return the smooth variation at places, against its mean over the devices."""
+        first = [np.flatnonzero(self.values.device == d)[0] for d in self.devices]
+        return self.expected(self.variation(place, self.values.place[first].mean(axis=0)[None]))
+
+    def variation(self, place: Array, against: Array) -> Array:
+        """Return the features of the variation at places, less those at other places."""
+        form = self.fields[-1]
+        terms = self.terms(place, form) - self.terms(against, form)
+        return np.hstack([np.zeros((len(place), self.means.shape[1])), terms])
+
+    def predict(self, new: Values) -> "Mixture":
+        """Return what y is to be at new entries, with their own measurement errors.
+
+        New entries are of devices that are not in the data, each with its own deviation.
+        """
+        return self._predicted(self.solved, new, self.weights)
+
+    def _predicted(self, solved: "Solved", new: Values, weights: Array) -> "Mixture":
+        found = self._expected(solved, self.features(new), weights)
+        own = (self.scales.spread**2 + self.scales.split**2)[:, None] + new.sd**2
+        return Mixture(found.weights, self.middle(new) + found.means, found.variances + own)
+
+    def left_out(self) -> "Mixture":
+        """Return what y of each device is to be by all others, with the weights that those give."""
+        v = self.values
+        shape = (len(self.scales.field), len(v.y))
+        found = Mixture(np.empty(shape), np.empty(shape), np.empty(shape))
+        for n, device in enumerate(self.devices):
+            own = v.device == device
+            solved = self._solve(np.arange(len(self.devices)) != n)
+            log_weights = solved.log_likelihoods + self.scales.log_prior
+            weights = np.exp(log_weights - logsumexp(log_weights))
+            one = self._predicted(solved, v.only(own), weights)
+            found.weights[:, own] = one.weights
+            found.means[:, own] = one.means
+            found.variances[:, own] = one.variances
+        return found
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Weights of features given data, for every scale, in their prior standard deviations.
+
+    mean: (scales, r). covariance: (scales, r, r). log_likelihoods: log p(y), (scales,).
+    """
+
+    mean: Array
+    covariance: Array
+    log_likelihoods: Array
+
+
+LOG2PI = float(np.log(2 * np.pi))
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Normal distributions with weights, (scales, n) each, for n numbers."""
+
+    weights: Array
+    means: Array
+    variances: Array
+
+    @cached_property
+    def mean(self) -> Array:
+        """Mean of each number."""
+        return np.asarray((self.weights * self.means).sum(axis=0))
+
+    @cached_property
+    def sd(self) -> Array:
+        """Standard deviation of each number."""
+        second = (self.weights * (self.variances + self.means**2)).sum(axis=0)
+        return np.asarray(np.sqrt(np.maximum(second - self.mean**2, 0.0)))
+
+    def log_density(self, y: Array, wider: float = 0.0) -> Array:
+        """Log density at y; each normal wider by a standard deviation."""
+        variance = self.variances + wider**2
+        log_each = -0.5 * ((y - self.means) ** 2 / variance + np.log(variance) + LOG2PI)
+        # A scale that is out of the question has the weight 0
+        log_weights = np.log(np.maximum(self.weights, np.finfo(float).tiny))
+        return np.asarray(logsumexp(log_weights + log_each, axis=0))
+
+
+def hierarchy(values: Values, unit: float | None = None, factors: Array | None = None) -> Hierarchy:
+    """Return the model of some entries; unit: what scales are counted in, by default their own."""
+    first = [np.flatnonzero(values.device == d)[0] for d in np.unique(values.device)]
+    places = values.place[first]
+    centre = places.mean(axis=0)
+    scale = float(np.sqrt(((places - centre) ** 2).sum(axis=1).mean() / 2)) or 1.0
+    return Hierarchy(values, centre, scale, unit or values.unit, factors)

@@ -1,0 +1,93 @@
+"""Devices that deviate from the rest of their chip, found by evidence.
+
+Each device is either of the chip, or an outlier whose quantity is anywhere near: normal about the
+prediction of the others, with a standard deviation of WIDE times their unit. The set of outliers of
+the highest posterior probability is sought by adding and removing one device at a time.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.special import expit, logsumexp
+
+from femnl.chip.hierarchy import Array, Hierarchy, Values, hierarchy
+
+ODD = 0.05
+"""Prior probability that a device is an outlier: about as many of a chip's devices are damaged."""
+WIDE = np.array([5.0, 15.0, 50.0, 200.0])
+"""How far outliers lie, in units of the spread of the rest; each as probable as another."""
+MOST = 0.4
+"""Largest part of the devices that can be outliers; beyond it there is no chip to deviate from."""
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """The model of the devices that are alike, and the probability of each other one.
+
+    outliers: number of each outlier, with the probability that it is one.
+    """
+
+    model: Hierarchy
+    outliers: dict[int, float]
+
+
+def clean(values: Values) -> Cleaned:
+    """Return the model of a quantity without its outliers."""
+    unit = values.unit
+    devices = frozenset(int(d) for d in np.unique(values.device))
+    most = int(MOST * len(devices))
+    out: frozenset[int] = frozenset()
+    known: dict[frozenset[int], float] = {}
+
+    def worth(some: frozenset[int]) -> float:
+        if some not in known:
+            known[some] = _log_posterior(values, some, len(devices), unit)
+        return known[some]
+
+    while True:
+        steps = [s for s in _steps(out, values, unit) if len(s) <= most]
+        best = max(steps, key=worth, default=out)
+        if worth(best) <= worth(out):
+            break
+        out = best
+    probabilities = {d: float(expit(worth(out) - worth(out - {d}))) for d in sorted(out)}
+    return Cleaned(hierarchy(values.without(out), unit), probabilities)
+
+
+CANDIDATES = 4
+"""Devices that are tried as outliers in each step, those furthest from their prediction."""
+
+
+def _steps(out: frozenset[int], values: Values, unit: float) -> Iterator[frozenset[int]]:
+    """Yield the sets to try next: one outlier fewer, or one or two of the furthest devices more.
+
+    Two, as each of two outliers can hide the other.
+    """
+    yield from (out - {d} for d in sorted(out))
+    rest = values.without(out)
+    model = hierarchy(rest, unit)
+    predicted = model.left_out()
+    off = np.abs(rest.y - predicted.mean) / predicted.sd
+    far = {int(d): float(off[rest.device == d].max()) for d in np.unique(rest.device)}
+    furthest = sorted(far, key=lambda d: -far[d])[:CANDIDATES]
+    yield from (out | {d} for d in furthest)
+    yield from (out | {*pair} for pair in combinations(furthest, 2))
+
+
+def _log_posterior(values: Values, out: frozenset[int], devices: int, unit: float) -> float:
+    """Return the log probability of all data with these outliers, up to a constant."""
+    model = hierarchy(values.without(out), unit)
+    found = model.log_evidence + (devices - len(out)) * np.log(1 - ODD) + len(out) * np.log(ODD)
+    for d in out:
+        own = values.only(values.device == d)
+        found += _log_anywhere(model, own, unit)
+    return float(found)
+
+
+def _log_anywhere(model: Hierarchy, own: Values, unit: float) -> float:
+    """Return the log density of an outlier's entries: all of them may lie anywhere near."""
+    predicted = model.predict(own)
+    each: list[Array] = [predicted.log_density(own.y, wide * unit) for wide in WIDE]
+    return float(logsumexp(np.array(each).sum(axis=1)) - np.log(len(WIDE)))

@@ -1,0 +1,89 @@
+"""What a fit of a chip says, in rows of words for tables and pages."""
+
+from femnl.chip.result import ChipFit, Quantity
+from femnl.core.fit import Parameter
+from femnl.core.numbers import engineering, plain, with_error
+
+CLEAR = 0.95
+"""Probability from which on a form of the variation is called so."""
+
+
+def common(quantity: Quantity, fit: ChipFit) -> list[list[str]]:
+    """Return name and value of what the devices share."""
+    rows = [["devices", str(len({d.device for d in quantity.devices}))]]
+    rows += [
+        [f"design {name.rsplit(' ', 1)[0]}, mode {name.rsplit(' ', 1)[1]}", _number(p, quantity)]
+        for name, p in quantity.means.items()
+    ]
+    rows.append(["variation over the chip", variation(quantity)])
+    if quantity.slope is not None and quantity.varies > CLEAR:
+        per = "mm" if fit.place_unit == "m" else "step"
+        factor = 1e-3 if fit.place_unit == "m" else 1.0
+        rows += [
+            [
+                f"slope along {p.name}",
+                f"{with_error(100 * factor * p.value, 100 * factor * p.sd, 2)} % a {per}",
+            ]
+            for p in quantity.slope
+        ]
+        rows.append(["from lowest to highest device", f"{100 * quantity.relief:.3g} %"])
+    spread = quantity.spread
+    rows.append(["from device to device", f"{percent(spread)}"])
+    return rows
+
+
+def _number(parameter: Parameter, quantity: Quantity) -> str:
+    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    return f"{with_error(parameter.value, parameter.sd, 2)}{unit}"
+
+
+def percent(part: Parameter) -> str:
+    """Return a relative number and its error in per cent, without powers of ten."""
+    decimals = 0 if part.sd >= 0.01 else 2
+    return f"{100 * part.value:.{decimals}f} ± {100 * part.sd:.{decimals}f} %"
+
+
+def variation(quantity: Quantity) -> str:
+    """Return which form the variation over the chip has, and how probable that is."""
+    parts = ", ".join(f"{name} {100 * p:.3g} %" for name, p in quantity.fields.items())
+    if quantity.varies > CLEAR:
+        form = max(("plane", "bowl"), key=lambda name: quantity.fields[name])
+        return f"{form} ({parts})"
+    if len(quantity.fields) == 1:
+        return "not sought without places"
+    return f"none to speak of ({parts})"
+
+
+def deviating(quantity: Quantity) -> list[list[str]]:
+    """Return a row for every device and mode, those that deviate most first."""
+    ordered = sorted(quantity.devices, key=lambda d: -abs(d.sigma))
+    show = engineering if quantity.unit != "1" else _plain
+    return [
+        [
+            d.device,
+            d.mode,
+            d.design,
+            show(d.value, quantity.unit),
+            show(d.predicted, quantity.unit),
+            f"{100 * d.part:+.3g} %".replace("-", "−"),
+            f"{d.sigma:+.1f}".replace("-", "−"),
+            f"{d.outlier:.2f}" if d.outlier else "",
+        ]
+        for d in ordered
+    ]
+
+
+def _plain(value: float, _: str) -> str:
+    return plain(value, 3)
+
+
+def left_out(quantity: Quantity) -> str:
+    """Return how well devices are predicted by the others."""
+    one = quantity.left_out
+    if not one.devices:
+        return f"{quantity.name}: no device can be predicted by others of its design"
+    return (
+        f"{quantity.name} of a device left out: median error {100 * one.error:.3g} %, "
+        f"{100 * one.plain_error:.3g} % by the mean of its design; "
+        f"{100 * one.held:.0f} % of the 68 % intervals hold ({one.devices} numbers)"
+    )

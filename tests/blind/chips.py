@@ -1,0 +1,175 @@
+"""Simulated chips: `python -m tests.blind.chips --seed S --draws N`, from the top.
+
+Every chip has designs, devices on a grid of which a part was made or measured, one to three modes
+of each with a part missing, a variation over the chip (none, a plane, a bowl, a wave that is
+neither), a spread, and what is hidden: nothing, devices that deviate by 5 to 100σ, or two devices
+whose names were exchanged. The rates say how often the fit finds what is hidden.
+"""
+
+import argparse
+import json
+import sys
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from femnl.chip import fit_chip
+from femnl.chip.study import Chip, Member, Number
+from tests.blind.counts import rate
+
+SHAPES = ("none", "plane", "bowl", "wave")
+HIDDEN = ("nothing", "one", "two", "exchanged", "lossy")
+STRENGTH = (5.0, 100.0)
+"""σ by which a device or a variation stands out, uniform in the logarithm."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is true of a simulated chip."""
+
+    shape: str
+    strength: float
+    hidden: str
+    odd: dict[str, float]
+
+
+def make(seed: int) -> tuple[Chip, Truth]:
+    """Draw a chip.
+
+    The strength of a variation is √Σ(its values less their means by design)²/spread.
+    """
+    rng = np.random.default_rng(seed)
+    designs = int(rng.integers(1, 5))
+    count = int(rng.integers(max(10, 5 * designs), 51))
+    side = int(np.ceil(np.sqrt(count * 1.4)))
+    grid = rng.permutation([(i, j) for i in range(side) for j in range(side)])[:count]
+    place = grid - grid.mean(axis=0)
+    design = np.sort(rng.integers(0, designs, count))
+    design[: 2 * designs] = np.repeat(np.arange(designs), 2)
+    rng.shuffle(design)
+    spread = float(np.exp(rng.uniform(np.log(3e-4), np.log(2e-2))))
+    shape = str(rng.choice(SHAPES))
+    field = _field(shape, place / max(side, 1), rng)
+    strength = 0.0
+    if shape != "none":
+        own = field.copy()
+        for d in range(designs):
+            own[design == d] -= own[design == d].mean()
+        strength = float(np.exp(rng.uniform(*np.log(STRENGTH))))
+        field = field * strength * spread / np.linalg.norm(own)
+    shift = rng.normal(0, spread, count)
+    hidden = str(rng.choice(HIDDEN))
+    odd: dict[str, float] = {}
+    loss = rng.normal(0, 0.4, count)
+    where = rng.choice(count, 2, replace=False)
+    if hidden in ("one", "two"):
+        for k in where[: 1 if hidden == "one" else 2]:
+            size = float(np.exp(rng.uniform(*np.log(STRENGTH))))
+            # As large as wanted, whatever its own part of the spread is
+            shift[k] = size * spread * rng.choice([-1, 1])
+            odd[str(k)] = size
+    if hidden == "lossy":
+        size = float(np.exp(rng.uniform(np.log(5), np.log(12))))
+        loss[where[0]] = -0.4 * size
+        odd[str(where[0])] = size
+    told = [f"d{d}" for d in design]
+    if hidden == "exchanged" and designs > 1:
+        first = int(where[0])
+        second = int(rng.choice(np.flatnonzero(design != design[first])))
+        told[first], told[second] = told[second], told[first]
+        odd = {str(first): np.inf, str(second): np.inf}
+    modes = int(rng.integers(1, 4))
+    base = np.cumprod(1 + rng.uniform(0.1, 0.6, designs)) * 1e5
+    ratio = np.cumprod(np.concatenate([[1.0], 1 + rng.uniform(0.3, 0.6, modes - 1)]))
+    sd = spread * float(rng.uniform(0.01, 0.3))
+    members = []
+    for k in range(count):
+        kept = [m for m in range(modes) if m == 0 or rng.random() > 0.3]
+        frequency = {}
+        for m in kept:
+            clean = base[design[k]] * ratio[m] * np.exp(field[k] + shift[k])
+            own = clean * np.exp(rng.normal(0, 0.2 * spread) + rng.normal(0, sd))
+            frequency[str(m + 1)] = Number(float(own), float(sd * own))
+        quality = {"1": Number(float(1e6 * np.exp(loss[k])), float(3e4 * np.exp(loss[k])))}
+        x, y = (float(c) for c in place[k])
+        members.append(Member(str(k), told[k], (x, y), frequency, quality))
+    return Chip(f"simulated {seed}", tuple(members), {}, ()), Truth(shape, strength, hidden, odd)
+
+
+def _field(shape: str, place: np.ndarray[Any, Any], rng: np.random.Generator) -> Any:
+    x, y = place.T
+    turn = rng.uniform(0, 2 * np.pi)
+    along = x * np.cos(turn) + y * np.sin(turn)
+    if shape == "plane":
+        return along
+    if shape == "bowl":
+        return x**2 + y**2 + 0.3 * along
+    if shape == "wave":
+        return np.sin(4 * along + rng.uniform(0, 2 * np.pi))
+    return np.zeros(len(place))
+
+
+def judge(seed: int) -> dict[str, Any]:
+    """Fit a chip and say what was found of what is hidden."""
+    chip, truth = make(seed)
+    fit = fit_chip(chip)
+    assert fit.quality is not None
+    named = {c.device: c.name for c in fit.causes}
+    devices = fit.frequency.devices
+    held = [abs(d.sigma) < 1 for d in devices if d.device not in truth.odd]
+    return {
+        "seed": seed,
+        "shape": truth.shape,
+        "strength": truth.strength,
+        "hidden": truth.hidden,
+        "odd": truth.odd,
+        "named": named,
+        "varies": fit.frequency.varies,
+        "held": held,
+        "error": fit.frequency.left_out.error,
+        "plain": fit.frequency.left_out.plain_error,
+    }
+
+
+def score(records: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the rates, with 95 % intervals."""
+    odd = [(r, device) for r in records for device in r["odd"]]
+    quiet = [r for r in records if not r["odd"]]
+    flat = [r for r in records if r["shape"] == "none"]
+    shaped = [r for r in records if r["shape"] != "none"]
+    exchanged = [(r, d) for r, d in odd if r["hidden"] == "exchanged"]
+    return {
+        "chips": len(records),
+        "hidden device named": rate([d in r["named"] for r, d in odd]),
+        "exchanged names told": rate([r["named"].get(d) == "mislabelled" for r, d in exchanged]),
+        "chip with nothing hidden: a device named": rate([bool(r["named"]) for r in quiet]),
+        "device named that is none": rate([d not in r["odd"] for r in records for d in r["named"]]),
+        "variation of 5σ and more found": rate([r["varies"] > 0.95 for r in shaped]),
+        "variation found where there is none": rate([r["varies"] > 0.95 for r in flat]),
+        "68 % intervals hold": rate([h for r in records for h in r["held"]]),
+        "worse than 1.05 of the design's mean": rate(
+            [r["error"] > 1.05 * r["plain"] for r in records]
+        ),
+    }
+
+
+def main() -> None:
+    """Draw chips, fit them, and print the rates."""
+    parser = argparse.ArgumentParser(description="simulated chips")
+    parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--draws", type=int, default=300)
+    given = parser.parse_args()
+    sys.stderr.write(f"seed {given.seed}\n")
+    seeds = np.random.default_rng(given.seed).integers(0, 2**32, given.draws)
+    records = [judge(int(seed)) for seed in seeds]
+    for r in records:
+        missed = [(d, size) for d, size in r["odd"].items() if d not in r["named"]]
+        wrong = [d for d in r["named"] if d not in r["odd"]]
+        if missed or wrong:
+            sys.stderr.write(f"{r['seed']} {r['hidden']}: missed {missed}, wrong {wrong}\n")
+    sys.stdout.write(json.dumps(score(records), indent=1, ensure_ascii=False) + "\n")
+
+
+if __name__ == "__main__":
+    main()

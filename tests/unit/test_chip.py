@@ -1,0 +1,304 @@
+"""Chips of many devices: the hierarchy, outliers, study files, and what a user sees."""
+
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from femnl.chip import fit_chip, read_chip
+from femnl.chip.film import slackening
+from femnl.chip.hierarchy import FLAT, Values, hierarchy
+from femnl.chip.outliers import clean
+from femnl.chip.study import Chip, Member, Number
+from femnl.cli._main import run
+from femnl.core.errors import FemnlError
+from femnl.device.geometry import load
+from tests.blind import chips
+
+SEED = 20261124
+DATA = Path(__file__).parents[3] / "shared" / "data"
+
+
+def values(count: int = 14, slope: float = 0.0, modes: int = 1, more: int = 0) -> Values:
+    """Devices of two designs at random places; slope: of ln f along x; more: added to the seed."""
+    spread = 1e-3
+    rng = np.random.default_rng(SEED + more)
+    place = rng.normal(size=(count, 2))
+    device = np.repeat(np.arange(count), modes)
+    design = np.arange(count) % 2
+    group = modes * np.repeat(design, modes) + np.tile(np.arange(modes), count)
+    shift = np.repeat(rng.normal(0, spread, count) + slope * place[:, 0], modes)
+    y = 11.0 + 0.7 * group + shift + rng.normal(0, 0.2 * spread, modes * count)
+    return Values(y, np.full(len(y), 1e-5), device, group, np.repeat(place, modes, axis=0))
+
+
+def test_the_likelihood_is_that_of_a_normal_distribution() -> None:
+    model = hierarchy(values(modes=2))
+    v = model.values
+    scales = model.scales
+    same = v.device[:, None] == v.device[None]
+    alike = v.group[:, None] == v.group[None]
+    for k in (0, 40, len(scales.field) - 1):
+        covariance = (FLAT * model.unit) ** 2 * alike + np.diag(v.sd**2)
+        terms = model.terms(v.place, scales.field[k])
+        covariance = covariance + scales.relief[k] ** 2 * terms @ terms.T
+        covariance += scales.spread[k] ** 2 * same + scales.split[k] ** 2 * np.eye(len(v.y))
+        expected = multivariate_normal(model.middle(v), covariance).logpdf(v.y)
+        assert model.solved.log_likelihoods[k] == pytest.approx(expected, rel=1e-6)
+    evidence = logsumexp(model.solved.log_likelihoods + scales.log_prior)
+    assert model.log_evidence == pytest.approx(evidence)
+    assert np.exp(scales.log_prior).sum() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("modes", [1, 2])
+def test_a_device_left_out_is_predicted_as_by_a_model_that_never_saw_it(modes: int) -> None:
+    v = values(modes=modes, slope=2e-3)
+    whole = hierarchy(v).left_out()
+    for device in (0, 5):
+        own = v.device == device
+        rest = hierarchy(v.without(frozenset([device])), v.unit)
+        # On the same terms of the places and counted from the same
+        rest = replace(rest, centre=hierarchy(v).centre, scale=hierarchy(v).scale)
+        other = rest.predict(v.only(own))
+        assert whole.mean[own] == pytest.approx(other.mean, abs=0.02 * v.unit)
+        assert whole.sd[own] == pytest.approx(other.sd, rel=0.02)
+
+
+def test_a_slope_is_found_and_none_where_there_is_none() -> None:
+    flat = [hierarchy(values(more=k)).probability("none") for k in range(10)]
+    assert np.median(flat) > 0.5
+    assert min(flat) > 0.05
+    assert hierarchy(values(slope=3e-3)).probability("none") < 1e-3
+
+
+def test_a_bowl_is_told_from_a_plane() -> None:
+    v = values(30)
+    bowl = 4e-3 * (v.place**2).sum(axis=1)
+    assert hierarchy(replace(v, y=v.y + bowl)).probability("bowl") > 0.95
+
+
+def test_without_places_no_variation_is_sought() -> None:
+    v = values()
+    assert hierarchy(replace(v, place=np.full_like(v.place, np.nan))).fields == ("none",)
+
+
+@pytest.mark.parametrize("odd", [(), (3,), (3, 8)])
+def test_outliers_are_found_even_where_two_hide_each_other(odd: tuple[int, ...]) -> None:
+    v = values(20)
+    y = v.y.copy()
+    for k in odd:
+        y[v.device == k] += 1.5e-2
+    assert set(clean(replace(v, y=y)).outliers) == set(odd)
+
+
+def test_simulated_chips_give_up_what_is_hidden_in_them() -> None:
+    """Ten chips; `python -m tests.blind.chips` draws hundreds."""
+    records = [chips.judge(SEED + k) for k in range(10)]
+    rates = chips.score(records)
+    assert rates["hidden device named"]["rate"] > 0.7
+    assert rates["chip with nothing hidden: a device named"]["k"] <= 1
+    assert rates["68 % intervals hold"]["rate"] == pytest.approx(0.68, abs=0.1)
+
+
+def test_names_that_were_exchanged_are_told() -> None:
+    members = []
+    rng = np.random.default_rng(SEED)
+    for k in range(16):
+        design = "ab"[k % 2]
+        frequency = {"a": 1e5, "b": 1.5e5}[design] * np.exp(rng.normal(0, 1e-3))
+        told = {0: "b", 1: "a"}.get(k, design)
+        members.append(Member(str(k), told, (k % 4, k // 4), {"1": Number(frequency, 0.0)}))
+    found = {c.device: c for c in fit_chip(Chip("c", tuple(members), {}, ())).causes}
+    assert {name: c.name for name, c in found.items()} == {"0": "mislabelled", "1": "mislabelled"}
+    assert "that of design a" in found["0"].words
+
+
+def test_a_lossy_device_is_told_from_one_with_another_frequency() -> None:
+    rng = np.random.default_rng(SEED)
+    members = []
+    for k in range(20):
+        loss = {4: -4.0}.get(k, 0.0) + rng.normal(0, 0.3)
+        shift = {7: 0.03}.get(k, 0.0) + rng.normal(0, 1e-3)
+        frequency = {"1": Number(1e5 * np.exp(shift), 0.1)}
+        quality = {"1": Number(1e6 * np.exp(loss), 1e4)}
+        members.append(Member(str(k), "a", (k % 5, k // 5), frequency, quality))
+    fit = fit_chip(Chip("c", tuple(members), {}, ()))
+    assert {c.device: c.name for c in fit.causes} == {"4": "lossy", "7": "other film or shape"}
+
+
+def test_the_slackening_of_a_square_is_that_of_its_side() -> None:
+    """−E/((1 − ν) σ L): both sides of length L move in by d, a strain of 2d/L in each direction."""
+    model = load("square-270um")
+    film = model.film
+    side = model.outline.length
+    expected = -film.young / ((1 - film.poisson) * film.stress * side)
+    assert slackening(model) == pytest.approx(expected, rel=1e-12)
+    # A circle of radius R has P/A = 2/R
+    circle = load("circle")
+    film = circle.film
+    expected = -film.young / (4 * (1 - film.poisson) * film.stress) * 4 / circle.outline.length
+    assert slackening(circle) == pytest.approx(expected, rel=1e-3)
+
+
+def sizes(folder: Path, inwards: float, sides: tuple[float, ...]) -> Path:
+    """Write a study of squares whose edges moved inwards.
+
+    Frequencies are those of the clamped plate as a membrane smaller by ℓ on every side, under the
+    tension that the strain 2d/L in both directions leaves.
+    """
+    rng = np.random.default_rng(SEED)
+    text = load("square-270um").text
+    film = tomllib.loads(text)["film"]
+    assert (film["young"], film["thickness"]) == ("250 GPa", "183.75 nm")
+    young, poisson, density, thickness, stress = 250e9, 0.23, 3100.0, 183.75e-9, 1101.5e6
+    lines = ['name = "sizes"']
+    for side in sides:
+        name = f"square-{side:g}um"
+        own = text.replace('side = "270 um"', f'side = "{side:g} um"')
+        (folder / f"{name}.toml").write_text(own.replace("square-270um", name), encoding="utf-8")
+        lines.append(f'[design.{name}]\ngeometry = "{name}.toml"')
+        for k in range(4):
+            length = side * 1e-6
+            left = stress - young / (1 - poisson) * 2 * inwards / length
+            rigidity = young * thickness**3 / (12 * (1 - poisson**2))
+            layer = np.sqrt(rigidity / (left * thickness))
+            shift = np.exp(rng.normal(0, 1e-3))
+            modes = []
+            for m, n in ((1, 1), (2, 2)):
+                k2 = np.pi**2 * (m**2 + n**2) / (length - 2 * layer) ** 2
+                omega = np.sqrt(left / density * (k2 + layer**2 * k2**2))
+                modes.append(
+                    f'{{mode = "{m},{n}", frequency = {omega * shift / (2 * np.pi):.2f}, '
+                    f"frequency_sd = 10.0}}"
+                )
+            lines.append(f'[[device]]\nname = "{name}-{k}"\ndesign = "{name}"')
+            lines.append(f"modes = [{', '.join(modes)}]")
+    path = folder / "study.toml"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def test_devices_of_other_sizes_prove_an_edge_that_moves_inwards(tmp_path: Path) -> None:
+    fit = fit_chip(read_chip(sizes(tmp_path, 20e-9, (60, 150, 400))))
+    assert fit.film is not None
+    proved = sum(p for name, p in fit.film.causes.items() if "edge" in name)
+    assert proved > 0.99
+    edge = next(p for p in fit.film.parameters if "edge" in p.name)
+    assert edge.value == pytest.approx(20e-9, abs=3 * edge.sd)
+    assert edge.sd < 1.5e-9
+
+
+def test_devices_of_one_size_cannot_and_say_which_would(tmp_path: Path) -> None:
+    fit = fit_chip(read_chip(sizes(tmp_path, 20e-9, (270,))))
+    assert fit.film is not None
+    assert fit.film.causes["one film as simulated"] > 0.1
+    assert "a square of 50 µm" in fit.film.measure_next
+
+
+STUDY = """
+name = "chip"
+[table]
+file = "table.csv"
+chip = "A-"
+[positions]
+pattern = "(?P<y>[0-9])(?P<x>[0-9])"
+pitch = "2 mm"
+"""
+HEAD = "device,mode,frequency,quality_factor\n"
+
+
+def study(folder: Path, text: str = STUDY, rows: str | None = None) -> Path:
+    """Write a study with a table of twelve devices in a plane."""
+    if rows is None:
+        rng = np.random.default_rng(SEED)
+        rows = HEAD + "".join(
+            f"A-{y}{x},1,{1e6 * np.exp(4e-3 * x + rng.normal(0, 5e-4)):.2f},{rng.uniform(1, 2)}e6\n"
+            for x in range(1, 5)
+            for y in range(1, 4)
+        )
+    (folder / "table.csv").write_text(rows, encoding="utf-8")
+    path = folder / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_table_of_a_chip_gives_its_gradient_per_metre(tmp_path: Path) -> None:
+    fit = fit_chip(read_chip(study(tmp_path)))
+    assert fit.frequency.fields["plane"] > 0.8
+    assert fit.frequency.slope is not None
+    x, y = fit.frequency.slope
+    assert x.value == pytest.approx(2.0, abs=3 * x.sd)
+    assert abs(y.value) < 3 * y.sd
+    assert fit.frequency.left_out.error < 0.5 * fit.frequency.left_out.plain_error
+    assert "none is stated" in fit.notes[0]
+
+
+def test_the_command_writes_a_page_numbers_and_a_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert run(["chip", str(study(tmp_path)), "--out", str(out)]) == 0
+    printed = capsys.readouterr()
+    assert "slope along x" in printed.out
+    assert "% by the mean of its design" in printed.err
+    numbers = json.loads((out / "chip.json").read_text(encoding="utf-8"))
+    assert numbers["femnl_chip"] == "1.0"
+    assert len(numbers["frequency"]["devices"]) == 12
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "% a mm" in page
+    assert "data:image/webp" in page
+    assert (out / "devices.csv").read_text(encoding="utf-8").count("\n") == 25
+
+
+@pytest.mark.parametrize(
+    ("text", "rows", "words"),
+    [
+        (STUDY.replace("[table]", "[tabel]"), None, "tabel: Extra inputs are not permitted"),
+        (STUDY.replace('"A-"', '"B-"'), None, "0 devices; a chip has 4 to 2000"),
+        (STUDY.replace("<x>", "<z>"), None, "it needs the groups"),
+        (STUDY.replace("[0-9])(", "[a-z])("), None, "'11' does not match it"),
+        (STUDY, "device,f\nA-11,1e6\n", "no column 'frequency'; it has device, f"),
+        (STUDY, HEAD + "A-11,1,zero,1e6\n", "line 2: frequency: 'zero' is no finite number"),
+        (STUDY, HEAD + "A-11,1,1e6,1e6\nA-12,1,-1e6,1e6\n", "line 3: frequency: -1e+06 is not"),
+        (STUDY + "\n[design.a]\ngeometry = 'circle'", None, "no device is of this design"),
+        ("name = 'x'\nname = 'y'", None, "is no TOML"),
+        (STUDY + "\n[[device]]\nname = '11'\nposition = ['1 s', '2 m']", None, "position"),
+    ],
+)
+def test_a_study_that_cannot_be_used_gets_one_line(
+    text: str, rows: str | None, words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(FemnlError) as error:
+        read_chip(study(tmp_path, text, rows))
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.skipif(not DATA.exists(), reason="../shared/data is not there")
+def test_a_real_chip_with_a_gradient_is_predicted_better_than_by_its_mean(tmp_path: Path) -> None:
+    """PSE2-41, 16 membranes on a grid of 4 × 4 (qpit/Ringdown-Processor)."""
+    text = STUDY.replace("table.csv", str(DATA / "decays.csv")).replace("A-", "PSE2-41-")
+    columns = '[table.columns]\ndevice = "sample"\nfrequency = "frequency_Hz"\n'
+    path = tmp_path / "study.toml"
+    path.write_text(text.replace("[positions]", f"{columns}[positions]"), encoding="utf-8")
+    fit = fit_chip(read_chip(path))
+    assert fit.frequency.varies > 0.999
+    assert fit.frequency.left_out.error < 0.25 * fit.frequency.left_out.plain_error
+
+
+def test_a_spectrum_file_gives_the_modes_of_a_device(tmp_path: Path) -> None:
+    from femnl.io import measurement
+
+    path = study(tmp_path)
+    dataset: Any = measurement.spectrum([1.01e6, 2.0e6], [5.0, 5.0], label=["1,1", "2,2"])
+    measurement.write(measurement.bundle({"s": dataset}), tmp_path / "s.nc")
+    more = "\n[[device]]\nname = '44'\nmeasurement = 's.nc'\n"
+    path.write_text(STUDY + more, encoding="utf-8")
+    found = next(m for m in read_chip(path).members if m.name == "44")
+    assert set(found.frequency) == {"1,1", "2,2"}
