@@ -53,10 +53,9 @@ def fit_line_scan(
     strongest = max(fit["drive"] for fit in fits)
     for name in FIELDS:
         if name in fits[0].parameters:
-            # α_y grows with the square of the drive: quote every position at the same one.
+            # α_y/α_c grows with the square of the drive: quote every position at the same one.
             power = [
-                (strongest / fit["drive"]) ** 2 if name in ("alpha_ratio", "alpha_y") else 1.0
-                for fit in fits
+                (strongest / fit["drive"]) ** 2 if name == "alpha_ratio" else 1.0 for fit in fits
             ]
             found = [fit.parameters[name] for fit in fits]
             out[name] = (

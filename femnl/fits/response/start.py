@@ -65,7 +65,7 @@ def starts(sweeps: Sweeps, use: Use, layout: Layout) -> Iterator[Array]:
                     theta[layout.gains] = np.log(np.abs(at))
                 if layout.phase:
                     theta[layout.phases] = np.angle(at)
-                    theta[-1] = tau * layout.span
+                    theta[layout.delay] = tau * layout.span
                 yield theta
 
 

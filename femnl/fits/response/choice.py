@@ -1,0 +1,322 @@
+"""The choice between models of a response by evidence: background, delay, stiffening, phase sign.
+
+Models are compared by the Bayesian information criterion χ²/s² + k ln n, the Laplace approximation
+of the evidence with unit-information priors. s² is 1 where the noise is stated and met, and else
+the least χ²/ν of all models, so that noise that is estimated, or a deviation that no model here
+explains, does not count as evidence.
+Source: G. Schwarz, Annals of Statistics 6, 461 (1978).
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from femnl.core.choices import Background, Use
+from femnl.fits.response.limits import Bounds, Limits, limits
+from femnl.fits.response.linear import linear_starts
+from femnl.fits.response.misfit import Misfit
+from femnl.fits.response.solve import solve
+from femnl.fits.response.variant import TERMS, Delay, Variant, carried
+from femnl.observe.response.branches import Layout
+from femnl.observe.response.sweeps import Array, Sweeps
+
+MARGIN = 3.0
+"""What a Duffing term must gain beyond its parameter: with it, noise alone makes one in 300."""
+SIGN_MARGIN = 10.0
+"""Fall of χ²/s² from which on the phase is taken to rise with frequency."""
+ADEQUATE = 1.3
+"""χ²/ν up to which a linear start is not followed by the full search for folds."""
+SLIGHT = 0.05
+"""Residual over signal, both r.m.s., up to which likewise: a jump is missed by more."""
+SHARE = 0.3
+"""Of the median magnitude: the background from which a fit to magnitudes starts."""
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a user asks of a fit; None and auto leave it to the evidence.
+
+    bounds and fixed: by parameter name, in SI.
+    """
+
+    background: Background | Literal["auto"] = "auto"
+    duffing: bool | None = None
+    delay: bool | None = None
+    phase_sign: int | None = None
+    bounds: Bounds = field(default_factory=dict)
+    fixed: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One model fitted: its misfit with the states it chose, θ, its limits, and χ²."""
+
+    variant: Variant
+    misfit: Misfit
+    theta: Array
+    limits: Limits
+    chi2: float
+    n_points: int
+
+    @property
+    def n_free(self) -> int:
+        """How many parameters were fitted."""
+        return int(np.count_nonzero(self.limits.free))
+
+    @property
+    def chi2_reduced(self) -> float:
+        """χ²/ν."""
+        return self.chi2 / max(self.n_points - self.n_free, 1)
+
+    def criterion(self, scale: float) -> float:
+        """Return χ²/s² + k ln n."""
+        return self.chi2 / scale + self.n_free * float(np.log(self.n_points))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The model chosen, all that were fitted, s², and the sign of the phase found."""
+
+    best: Candidate
+    candidates: tuple[Candidate, ...]
+    scale: float
+    phase_sign: int
+
+    def gain(self, other: Candidate) -> float:
+        """Return by how much the chosen model's criterion is lower."""
+        return other.criterion(self.scale) - self.best.criterion(self.scale)
+
+    def rival(self, *, duffing: bool) -> Candidate | None:
+        """Return the best of the models with, or without, a Duffing term."""
+        found = [one for one in self.candidates if one.variant.duffing == duffing]
+        return min(found, key=lambda one: one.criterion(self.scale)) if found else None
+
+
+def scale_of(sweeps: Sweeps, found: Iterable[Candidate]) -> float:
+    """Return s², see the module."""
+    least = min(one.chi2_reduced for one in found)
+    return max(least, np.finfo(float).tiny) if sweeps.estimated else max(least, 1.0)
+
+
+@dataclass
+class Fits:
+    """Fits of models to the same sweeps, those made so far by their variant in `found`."""
+
+    sweeps: Sweeps
+    like: Layout
+    use: Use
+    wish: Wish
+    found: dict[Variant, Candidate] = field(default_factory=dict)
+
+    @property
+    def least(self) -> float:
+        """The least χ² so far."""
+        return min(one.chi2 for one in self.found.values())
+
+    @property
+    def met(self) -> bool:
+        """Whether some model leaves no jump unexplained."""
+        volts = self.sweeps.voltage / self.sweeps.noise
+        signal = float(np.sum(np.abs(volts - volts.mean()) ** 2))
+        reduced = min(one.chi2_reduced for one in self.found.values())
+        return reduced < ADEQUATE or self.least < SLIGHT**2 * signal
+
+    def cheapest(self, *, duffing: bool) -> Candidate | None:
+        """Return the model of the least criterion among those with, or without, a Duffing term."""
+        some = [one for one in self.found.values() if one.variant.duffing == duffing]
+        scale = scale_of(self.sweeps, some) if some else 1.0
+        return min(some, key=lambda one: one.criterion(scale)) if some else None
+
+    def fit(self, variant: Variant, first: Sequence[Array], *, search: bool = False) -> Candidate:
+        """Fit one model from given starts, and where `search` from all others as well."""
+        layout = variant.layout(self.like)
+        allowed = limits(layout, self.wish.bounds, self.wish.fixed, variant.free(layout))
+        misfit, theta = solve(self.sweeps, layout, self.use, allowed, first, only_first=not search)
+        residual = misfit.residual(theta)
+        chi2 = float(np.sum(residual**2))
+        one = Candidate(variant, misfit, theta, allowed, chi2, len(residual))
+        kept = self.found.get(variant)
+        if kept is None or chi2 < kept.chi2:
+            self.found[variant] = one
+        return self.found[variant]
+
+    def linear(self, variant: Variant) -> Candidate:
+        """Fit a linear model to complex data, where that is not done."""
+        if variant in self.found:
+            return self.found[variant]
+        layout = variant.layout(self.like)
+        return self.fit(variant, linear_starts(self.sweeps, layout, late=variant.delay != "none"))
+
+    def again(self, variant: Variant, near: Candidate) -> Candidate:
+        """Fit a model from the solution of another one, where that is not done."""
+        if variant in self.found:
+            return self.found[variant]
+        start = carried(near.theta, near.misfit.layout, variant.layout(self.like))
+        return self.fit(variant, [start])
+
+    @property
+    def forms(self) -> list[Background]:
+        """Backgrounds to choose from, the simplest first."""
+        return list(TERMS) if self.wish.background == "auto" else [self.wish.background]
+
+    @property
+    def late(self) -> Delay:
+        """The most general delay that is allowed."""
+        return "all" if self.like.phase and self.wish.delay is not False else "none"
+
+    def begin(self) -> bool:
+        """Fit the model that decides on the sign of the phase; return whether the data are met.
+
+        Of complex data the richest linear one, of others the plain one with the full search.
+        """
+        if self.use == "complex":
+            self.linear(Variant(self.forms[-1], False, self.late, duffing=False))
+        else:
+            duffing = self.wish.duffing is not False
+            self.fit(Variant("none", False, self.late, duffing), [], search=True)
+        return self.met
+
+    def fold(self) -> None:
+        """Fit Duffing models with the full search for starts, until one meets the data."""
+        if self.wish.duffing is False or self.use != "complex":
+            return
+        for form in self.forms:
+            variant = Variant(form, False, self.late, duffing=True)
+            if variant not in self.found:
+                near = linear_starts(self.sweeps, variant.layout(self.like), late=False)[:1]
+                self.fit(variant, near, search=True)
+            if self.met:
+                return
+
+    def quadratures(self) -> None:
+        """Fit all models that may be chosen to complex data."""
+        rich = self.linear(Variant(self.forms[-1], False, self.late, duffing=False))
+        if self.wish.duffing is False:
+            self._vary(rich, duffing=False)
+            return
+        if self.met and not self._folded(rich):
+            self._vary(rich, duffing=False)
+            likely = [self.cheapest(duffing=False) or rich, rich]
+            for one in likely:
+                self.again(replace(one.variant, duffing=True), one)
+        else:
+            self.fold()
+        self._vary(self.cheapest(duffing=True) or rich, duffing=True)
+        if self.wish.duffing:
+            linear = [one for one in self.found if not one.duffing]
+            for variant in linear:
+                del self.found[variant]
+
+    def _folded(self, rich: Candidate) -> bool:
+        """Whether a Duffing model was fitted already because the linear one misses a jump."""
+        other = self.cheapest(duffing=True)
+        return other is not None and other.chi2 < rich.chi2
+
+    def _vary(self, near: Candidate, *, duffing: bool) -> None:
+        """Fit the backgrounds, then the delays of the best, then those that grow with the drive.
+
+        At the most general delay the backgrounds compare fairly: each pays for it alike.
+        """
+
+        def one(form: Background, delay: Delay, *, driven: bool = False) -> None:
+            variant = Variant(form, driven, delay, duffing)
+            if duffing or driven:
+                self.again(variant, near)
+            else:
+                self.linear(variant)
+
+        for form in self.forms:
+            one(form, self.late)
+        best = self.cheapest(duffing=duffing) or near
+        if self.late == "all":
+            if not self.wish.delay:
+                one(best.variant.background, "none")
+            if best.variant.background != "none":
+                one(best.variant.background, "resonance")
+        if np.unique(self.sweeps.drive).size > 1:
+            near = best = self.cheapest(duffing=duffing) or near
+            for form in self.forms:
+                if form != "none":
+                    one(form, best.variant.delay, driven=True)
+
+    def partial(self) -> None:
+        """Fit all models to magnitudes, or the plain one to phases, which hide a background."""
+        if self.use != "magnitude":
+            return
+        for duffing in (True, False):
+            if self.wish.duffing in (None, duffing):
+                for form in self.forms:
+                    self._behind_magnitude(Variant(form, False, "none", duffing))
+        if "none" not in self.forms:
+            del self.found[Variant("none", False, "none", self.wish.duffing is not False)]
+
+    def _behind_magnitude(self, variant: Variant) -> None:
+        """Fit a background to magnitudes: a constant one from several phases."""
+        layout = variant.layout(self.like)
+        near = min(self.found.values(), key=lambda one: one.chi2)
+        start = carried(near.theta, near.misfit.layout, layout)
+        starts = [start]
+        size = SHARE * float(np.median(np.abs(self.sweeps.voltage)))
+        for turn in (1, 1j, -1, -1j) if variant.background == "constant" else ():
+            other = start.copy()
+            other[layout.backgrounds.start :: 2] = (size * turn).real
+            other[layout.backgrounds.start + 1 :: 2] = (size * turn).imag
+            starts.append(other)
+        self.fit(variant, starts)
+
+
+def choose(sweeps: Sweeps, layout: Layout, use: Use, wish: Wish) -> Choice:
+    """Fit the models that are allowed and return the one that the evidence prefers.
+
+    A resonance runs through its circle clockwise, with or without background, delay or stiffening:
+    the sign of the phase is that of the file unless the other one leaves much less.
+
+    Args: layout: of θ, its background yet to be chosen.
+    """
+    signs = [wish.phase_sign] if wish.phase_sign else [1, -1]
+    if use == "magnitude" or not sweeps.phases:
+        signs = [1]
+    tried: dict[int, Fits] = {}
+    for sign in signs:
+        tried[sign] = Fits(turned(sweeps, sign), layout, use, wish)
+        if tried[sign].begin() and use != "complex":
+            break
+    if len(tried) > 1 and not any(fits.met for fits in tried.values()):
+        for fits in tried.values():
+            fits.fold()
+            if fits.met:
+                break
+    sign = signs[0]
+    if len(tried) > 1 and _turns(sweeps, tried):
+        sign = -1
+    chosen = tried[sign]
+    if use == "complex":
+        chosen.quadratures()
+    else:
+        chosen.partial()
+    return _best(sweeps, list(chosen.found.values()), wish, sign)
+
+
+def _turns(sweeps: Sweeps, tried: Mapping[int, Fits]) -> bool:
+    """Whether the phase rises: the data conjugated leave so much less."""
+    least = {sign: fits.least for sign, fits in tried.items()}
+    other = min(tried[-1].found.values(), key=lambda one: one.chi2)
+    floor = other.chi2_reduced if sweeps.estimated else max(other.chi2_reduced, 1.0)
+    return least[1] - least[-1] > SIGN_MARGIN * floor
+
+
+def turned(sweeps: Sweeps, sign: int) -> Sweeps:
+    """Return sweeps with the phase convention exp(+iωt), where they have `sign` of it."""
+    return sweeps if sign > 0 else replace(sweeps, voltage=sweeps.voltage.conj())
+
+
+def _best(sweeps: Sweeps, found: Sequence[Candidate], wish: Wish, sign: int) -> Choice:
+    """Return the model of the least criterion; a Duffing term must gain MARGIN beside it."""
+    scale = scale_of(sweeps, found)
+
+    def price(one: Candidate) -> float:
+        return one.criterion(scale) + (MARGIN if one.variant.duffing else 0.0)
+
+    return Choice(min(found, key=price), tuple(found), scale, sign)
