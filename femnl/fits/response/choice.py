@@ -30,6 +30,8 @@ ADEQUATE = 1.3
 """χ²/ν up to which a linear start is not followed by the full search for folds."""
 SLIGHT = 0.05
 """Residual over signal, both r.m.s., up to which likewise: a jump is missed by more."""
+ROUNDS = 3
+"""In which background and delay are chosen in turn."""
 SHARE = 0.3
 """Of the median magnitude: the background from which a fit to magnitudes starts."""
 
@@ -116,12 +118,16 @@ class Fits:
         return min(one.chi2 for one in self.found.values())
 
     @property
+    def quiet(self) -> bool:
+        """Whether some model leaves little more than the noise."""
+        return min(one.chi2_reduced for one in self.found.values()) < ADEQUATE
+
+    @property
     def met(self) -> bool:
         """Whether some model leaves no jump unexplained."""
         volts = self.sweeps.voltage / self.sweeps.noise
         signal = float(np.sum(np.abs(volts - volts.mean()) ** 2))
-        reduced = min(one.chi2_reduced for one in self.found.values())
-        return reduced < ADEQUATE or self.least < SLIGHT**2 * signal
+        return self.quiet or self.least < SLIGHT**2 * signal
 
     def cheapest(self, *, duffing: bool) -> Candidate | None:
         """Return the model of the least criterion among those with, or without, a Duffing term."""
@@ -173,6 +179,8 @@ class Fits:
         """
         if self.use == "complex":
             self.linear(Variant(self.forms[-1], False, self.late, duffing=False))
+            if self.late == "all" and self.forms[-1] != "none" and not self.quiet:
+                self.linear(Variant(self.forms[-1], False, "resonance", duffing=False))
         else:
             duffing = self.wish.duffing is not False
             self.fit(Variant("none", False, self.late, duffing), [], search=True)
@@ -192,7 +200,11 @@ class Fits:
 
     def quadratures(self) -> None:
         """Fit all models that may be chosen to complex data."""
-        rich = self.linear(Variant(self.forms[-1], False, self.late, duffing=False))
+        self.begin()
+        rich = min(
+            (one for one in self.found.values() if not one.variant.duffing),
+            key=lambda one: one.chi2,
+        )
         if self.wish.duffing is False:
             self._vary(rich, duffing=False)
             return
@@ -215,31 +227,46 @@ class Fits:
         return other is not None and other.chi2 < rich.chi2
 
     def _vary(self, near: Candidate, *, duffing: bool) -> None:
-        """Fit the backgrounds, then the delays of the best, then those that grow with the drive.
+        """Fit backgrounds and delays in turn, each with the best of the other so far.
 
-        At the most general delay the backgrounds compare fairly: each pays for it alike.
+        Then those that grow with the drive.
         """
 
-        def one(form: Background, delay: Delay, *, driven: bool = False) -> None:
+        def fit(form: Background, delay: Delay, *, driven: bool = False) -> None:
             variant = Variant(form, driven, delay, duffing)
             if duffing or driven:
                 self.again(variant, near)
             else:
                 self.linear(variant)
 
-        for form in self.forms:
-            one(form, self.late)
-        best = self.cheapest(duffing=duffing) or near
-        if self.late == "all":
-            if not self.wish.delay:
-                one(best.variant.background, "none")
-            if best.variant.background != "none":
-                one(best.variant.background, "resonance")
+        form = near.variant.background
+        delay = near.variant.delay
+        for _ in range(ROUNDS):
+            for other in self.forms:
+                fit(other, self._alike(delay, other))
+            form = (self.cheapest(duffing=duffing) or near).variant.background
+            for late in self._delays(form):
+                fit(form, late)
+            best = self.cheapest(duffing=duffing) or near
+            if best.variant.delay == delay:
+                break
+            delay = best.variant.delay
         if np.unique(self.sweeps.drive).size > 1:
-            near = best = self.cheapest(duffing=duffing) or near
-            for form in self.forms:
-                if form != "none":
-                    one(form, best.variant.delay, driven=True)
+            near = self.cheapest(duffing=duffing) or near
+            for other in self.forms:
+                if other != "none":
+                    fit(other, near.variant.delay, driven=True)
+
+    def _alike(self, delay: Delay, form: Background) -> Delay:
+        """Return the delay for another background: without any, one delay is as good as another."""
+        return "all" if form == "none" and delay == "resonance" else delay
+
+    def _delays(self, form: Background) -> list[Delay]:
+        """Return the delays that are allowed with a background."""
+        if self.late == "none":
+            return ["none"]
+        found: list[Delay] = [] if self.wish.delay else ["none"]
+        return [*found, "all"] if form == "none" else [*found, "all", "resonance"]
 
     def partial(self) -> None:
         """Fit all models to magnitudes, or the plain one to phases, which hide a background."""
