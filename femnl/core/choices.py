@@ -10,3 +10,5 @@ Symmetry = Literal["full", "half", "quarter", "eighth", "twelfth"]
 """Parts of a film that may be meshed."""
 Background = Literal["none", "constant", "slope"]
 """What lies behind a resonance: nothing, C₀, or C₀ + C₁(f − f₀), complex."""
+Law = Literal["line", "power", "arrhenius"]
+"""What a series follows: a + b x, c x^p, or A exp(−E/(k_B T))."""

@@ -2,8 +2,8 @@
 
 Models are compared by the Bayesian information criterion χ²/s² + k ln n, the Laplace approximation
 of the evidence with unit-information priors. s² is 1 where the noise is stated and met, and else
-the least χ²/ν of all models, so that noise that is estimated, or a deviation that no model here
-explains, does not count as evidence.
+the least χ²/ν of all models, times what a pattern in its residuals makes each count less, so that
+noise that is estimated, or a deviation that no model here explains, does not count as evidence.
 Source: G. Schwarz, Annals of Statistics 6, 461 (1978).
 """
 
@@ -22,8 +22,14 @@ from femnl.fits.response.variant import TERMS, Delay, Variant, carried
 from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array, Sweeps
 
-MARGIN = 3.0
-"""What a Duffing term must gain beyond its parameter: with it, noise alone makes one in 300."""
+MARGIN = 5.0
+"""What a Duffing term must gain beyond its parameter: with it, noise alone makes one in 1 000."""
+MISSED = 4.0
+"""χ²/ν from which on residuals in a pattern, twice the noise, are told."""
+ALIKE = 0.4
+"""Correlation of neighbouring residuals from which on they are no noise of another size."""
+SEEN = 4.0
+"""Standard deviations of that correlation, of white noise, that it must exceed as well."""
 SIGN_MARGIN = 10.0
 """Fall of χ²/s² from which on the phase is taken to rise with frequency."""
 ADEQUATE = 1.3
@@ -32,6 +38,8 @@ SLIGHT = 0.05
 """Residual over signal, both r.m.s., up to which likewise: a jump is missed by more."""
 ROUNDS = 3
 """In which background and delay are chosen in turn."""
+UNFOLDED = 0.7
+"""Of the χ² of the richest linear model: what leaves more is no response with a jump."""
 SHARE = 0.3
 """Of the median magnitude: the background from which a fit to magnitudes starts."""
 
@@ -72,6 +80,41 @@ class Candidate:
         """χ²/ν."""
         return self.chi2 / max(self.n_points - self.n_free, 1)
 
+    @property
+    def alike(self) -> float:
+        """The correlation of residuals of neighbouring points, over all sweeps."""
+        residual = self.misfit.residual(self.theta)
+        n = len(self.misfit.sweeps.frequency)
+        parts = residual[: len(residual) // n * n].reshape(-1, n)
+        together = 0.0
+        power = 0.0
+        for span in self.misfit.sweeps.spans:
+            here = parts[:, span]
+            together += float(np.sum(here[:, 1:] * here[:, :-1]))
+            power += float(np.sum(here[:, 1:] ** 2 + here[:, :-1] ** 2) / 2)
+        return together / power if power else 0.0
+
+    @property
+    def misses(self) -> bool:
+        """Whether residuals are larger than the noise and form a pattern along the sweeps.
+
+        Larger residuals that are white are noise of another size than stated or estimated.
+        """
+        if self.chi2_reduced < MISSED:
+            return False
+        return self.alike > max(ALIKE, SEEN / np.sqrt(max(self.n_points, 1)))
+
+    @property
+    def effective(self) -> float:
+        """χ²/ν, and where residuals form a pattern, times what one of them counts less.
+
+        Of residuals with a correlation r from one to the next, n(1 − r)/(1 + r) are independent.
+        """
+        if not self.misses:
+            return self.chi2_reduced
+        correlation = self.alike
+        return self.chi2_reduced * (1 + correlation) / max(1 - correlation, 0.01)
+
     def criterion(self, scale: float) -> float:
         """Return χ²/s² + k ln n."""
         return self.chi2 / scale + self.n_free * float(np.log(self.n_points))
@@ -98,7 +141,7 @@ class Choice:
 
 def scale_of(sweeps: Sweeps, found: Iterable[Candidate]) -> float:
     """Return s², see the module."""
-    least = min(one.chi2_reduced for one in found)
+    least = min(found, key=lambda one: one.chi2_reduced).effective
     return max(least, np.finfo(float).tiny) if sweeps.estimated else max(least, 1.0)
 
 
@@ -190,12 +233,16 @@ class Fits:
         """Fit Duffing models with the full search for starts, until one meets the data."""
         if self.wish.duffing is False or self.use != "complex":
             return
+        linear = min(
+            (one.chi2 for one in self.found.values() if not one.variant.duffing), default=np.inf
+        )
         for form in self.forms:
             variant = Variant(form, False, self.late, duffing=True)
             if variant not in self.found:
                 near = linear_starts(self.sweeps, variant.layout(self.like), late=False)[:1]
                 self.fit(variant, near, search=True)
-            if self.met:
+            folded = self.found[variant].chi2
+            if self.met or (form == "constant" and folded > UNFOLDED * linear):
                 return
 
     def quadratures(self) -> None:
@@ -216,6 +263,10 @@ class Fits:
         else:
             self.fold()
         self._vary(self.cheapest(duffing=True) or rich, duffing=True)
+        best = self.cheapest(duffing=True)
+        if best is not None:
+            # Its linear twin, so that the two differ in nothing else
+            self.again(replace(best.variant, duffing=False), best)
         if self.wish.duffing:
             linear = [one for one in self.found if not one.duffing]
             for variant in linear:
@@ -311,7 +362,11 @@ def choose(sweeps: Sweeps, layout: Layout, use: Use, wish: Wish) -> Choice:
         if tried[sign].begin() and use != "complex":
             break
     if len(tried) > 1 and not any(fits.met for fits in tried.values()):
-        for fits in tried.values():
+        for fits in sorted(tried.values(), key=lambda one: one.least):
+            before = fits.least
+            others = [other.least for other in tried.values() if other is not fits]
+            if min(others) < UNFOLDED * before:
+                continue
             fits.fold()
             if fits.met:
                 break

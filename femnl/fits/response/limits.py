@@ -36,7 +36,7 @@ def limits(layout: Layout, bounds: Bounds, fixed: Mapping[str, float], free: Mas
     Args: free (size,): what the model itself fits.
     Raises: ParameterError for a name that the fit does not have, or bounds out of order.
     """
-    names, values, _ = natural(layout, np.zeros(layout.size))
+    names = natural(layout, np.zeros(layout.size))[0]
     low = np.full(layout.size, -np.inf)
     high = np.full(layout.size, np.inf)
     free = free.copy()

@@ -34,7 +34,7 @@ def linear_starts(sweeps: Sweeps, layout: Layout, *, late: bool) -> list[Array]:
     """Return the starts θ of a linear resonance that leave the least, the best first.
 
     V = drive·A L(f; f₀, w) + background, each turned by the delay as the layout says, is linear in
-    A and the background once f₀, w and the delay are chosen: what a choice takes up is a projection.
+    A and the background once f₀, w and the delay are chosen: what one takes up is a projection.
 
     Args: late: whether a delay is tried.
     """

@@ -32,8 +32,8 @@ class ResponseFit(Fit):
     background: none, constant or slope; driven: whether that grows with the drive; delayed: what
     the delay turns (none, all, resonance); duffing: whether there is a Duffing term; phase_sign: −1
     where the data follow exp(−iωt) and were conjugated; errors: whether standard deviations are as
-    the noise is stated, scaled, or withheld; use: what of the data was fitted; evidence: by how much
-    the criterion of each model that was tried is above that of this one.
+    the noise is stated, scaled, or withheld; use: what of the data was fitted; evidence: by how
+    much the criterion of each model that was tried is above that of this one.
     """
 
     background: Background = "none"

@@ -79,6 +79,11 @@ def response(
     harmonic: ArrayLike = 1,
     time: ArrayLike | None = None,
     duration: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
+    pressure: ArrayLike | None = None,
+    laser_power: ArrayLike | None = None,
+    voltage: ArrayLike | None = None,
+    magnitude_only: bool = False,
     noise_sd: float | None = None,
     wavelength: float | None = None,
     mode: str | None = None,
@@ -89,8 +94,9 @@ def response(
 
     Args: frequency [Hz] and complex amplitude V [V], (sweep, point), frequency also (point,) for
     all sweeps; per sweep, or one number for all: drive [V], direction (+1 up, −1 down), x, y [m],
-    harmonic, time at which it begins [s], duration [s]; noise_sd [V] per quadrature; wavelength
-    [m].
+    harmonic, time at which it begins [s], duration [s], temperature [K], pressure [Pa],
+    laser_power [W], voltage [V]; magnitude_only: whether the amplitude is |V|, its phase unknown;
+    noise_sd [V] per quadrature; wavelength [m].
     Returns: Dataset of kind `response`.
     """
     volts = np.atleast_2d(np.asarray(amplitude))
@@ -104,6 +110,10 @@ def response(
         "harmonic": harmonic,
         "time": time,
         "duration": duration,
+        "temperature": temperature,
+        "pressure": pressure,
+        "laser_power": laser_power,
+        "voltage": voltage,
     }
     per_sweep = {
         key: None if value is None else np.broadcast_to(np.asarray(value), (sweeps,))
@@ -111,7 +121,8 @@ def response(
     }
     if points.ndim == 1:
         points = np.broadcast_to(points, (sweeps, points.size))
-    arrays = {"frequency": points, "real": volts.real, "imag": volts.imag, **per_sweep}
+    parts = {"magnitude": volts} if magnitude_only else {"real": volts.real, "imag": volts.imag}
+    arrays = {"frequency": points, **parts, **per_sweep}
     return _build(
         "response", arrays, {"noise_sd": noise_sd, "wavelength": wavelength, "mode": mode}
     )
