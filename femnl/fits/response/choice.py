@@ -18,6 +18,7 @@ from femnl.fits.response.limits import Bounds, Limits, limits
 from femnl.fits.response.linear import linear_starts
 from femnl.fits.response.misfit import Misfit
 from femnl.fits.response.solve import solve
+from femnl.fits.response.start import likely_sign
 from femnl.fits.response.variant import TERMS, Delay, Variant, carried
 from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array, Sweeps
@@ -40,6 +41,8 @@ ROUNDS = 3
 """In which background and delay are chosen in turn."""
 UNFOLDED = 0.7
 """Of the χ² of the richest linear model: what leaves more is no response with a jump."""
+MOSTLY = 0.1
+"""Likewise: what leaves less has a jump, and the sign of its phase is right."""
 SHARE = 0.3
 """Of the median magnitude: the background from which a fit to magnitudes starts."""
 
@@ -230,19 +233,27 @@ class Fits:
         return self.met
 
     def fold(self) -> None:
-        """Fit Duffing models with the full search for starts, until one meets the data."""
+        """Fit Duffing models across folds, until one meets the data.
+
+        The full search for starts is made without a background; the backgrounds follow from what it
+        finds, and have a full search of their own only where that is hardly better than a linear
+        model.
+        """
         if self.wish.duffing is False or self.use != "complex":
             return
         linear = min(
             (one.chi2 for one in self.found.values() if not one.variant.duffing), default=np.inf
         )
+        last: Candidate | None = None
         for form in self.forms:
             variant = Variant(form, False, self.late, duffing=True)
-            if variant not in self.found:
-                near = linear_starts(self.sweeps, variant.layout(self.like), late=False)[:1]
-                self.fit(variant, near, search=True)
-            folded = self.found[variant].chi2
-            if self.met or (form == "constant" and folded > UNFOLDED * linear):
+            layout = variant.layout(self.like)
+            starts = linear_starts(self.sweeps, layout, late=False)[:1]
+            if last is not None:
+                starts.append(carried(last.theta, last.misfit.layout, layout))
+            lost = form == "constant" and self.least > UNFOLDED * linear
+            last = self.fit(variant, starts, search=last is None or lost)
+            if self.met or (form == "constant" and last.chi2 > UNFOLDED * linear):
                 return
 
     def quadratures(self) -> None:
@@ -362,13 +373,11 @@ def choose(sweeps: Sweeps, layout: Layout, use: Use, wish: Wish) -> Choice:
         if tried[sign].begin() and use != "complex":
             break
     if len(tried) > 1 and not any(fits.met for fits in tried.values()):
-        for fits in sorted(tried.values(), key=lambda one: one.least):
-            before = fits.least
-            others = [other.least for other in tried.values() if other is not fits]
-            if min(others) < UNFOLDED * before:
-                continue
+        likely = likely_sign(sweeps)
+        linear = min(fits.least for fits in tried.values())
+        for fits in (tried[likely], tried[-likely]):
             fits.fold()
-            if fits.met:
+            if fits.met or fits.least < MOSTLY * linear:
                 break
     sign = signs[0]
     if len(tried) > 1 and _turns(sweeps, tried):

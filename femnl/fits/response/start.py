@@ -87,6 +87,21 @@ def _delay(sweeps: Sweeps) -> float:
     return float(tau[np.argmin(misfit)])
 
 
+def likely_sign(sweeps: Sweeps) -> int:
+    """Return the sign of the phase that the linear form of complex data finds.
+
+    f₀ + i w/2 = −p₀/p₁ lies in the upper half plane for exp(+iωt), in the lower one for exp(−iωt),
+    whatever the stiffening; a background may turn it.
+    """
+    total = 0.0
+    for p in range(sweeps.n_positions):
+        at = sweeps.position == p
+        basis, weight, inverse, _ = _linear_form(sweeps, at)
+        found = np.linalg.lstsq(basis * weight[:, None], inverse * weight, rcond=None)[0]
+        total += float(np.sign((-found[0] / found[1]).imag))
+    return -1 if total < 0 else 1
+
+
 def _linear_form(sweeps: Sweeps, at: Mask) -> tuple[Array, Array, Complex, float]:
     """Return the columns 1, f and |V|², scaled, the weights, drive/V and the centre of f."""
     f = sweeps.frequency[at]
