@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from femnl.fits.response.choice import Candidate
+from femnl.fits.response.candidate import Candidate
 
 Kind = Literal["stated", "scaled", "withheld"]
 HOPELESS = 25.0

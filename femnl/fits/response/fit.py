@@ -15,7 +15,8 @@ from femnl.core.choices import Background, Use
 from femnl.core.errors import ParameterError
 from femnl.fits.covariance import covariance, strongest_correlation
 from femnl.fits.response.adequacy import Errors, errors_of
-from femnl.fits.response.choice import Candidate, Choice, Wish, choose, turned
+from femnl.fits.response.candidate import Candidate
+from femnl.fits.response.choice import Choice, Wish, choose, turned
 from femnl.fits.response.limits import Bounds
 from femnl.fits.response.misfit import Misfit, usable
 from femnl.fits.response.result import ResponseFit, natural, parameters, vector

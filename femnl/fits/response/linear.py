@@ -62,6 +62,34 @@ def linear_starts(sweeps: Sweeps, layout: Layout, *, late: bool) -> list[Array]:
     return found
 
 
+def single_starts(f: Array, volts: Complex) -> list[tuple[float, float]]:
+    """Return frequencies and linewidths [Hz] of one line on a sloping background, the best first.
+
+    Args: f (n,) rising [Hz]; volts (n,) [V].
+    """
+    count = len(f)
+    zeros = np.zeros(count, np.intp)
+    one = Sweeps(
+        f,
+        volts,
+        np.ones(count),
+        zeros,
+        zeros,
+        zeros,
+        np.arange(count),
+        (slice(0, count),),
+        (0,),
+        np.zeros((1, 2)),
+        1.0,
+        1.0,
+        (),
+    )
+    middle = float(f.mean())
+    layout = Layout(middle, one.span / 10, one.span, 1.0, 1, False, True, True, 2)
+    found = [layout.split(theta) for theta in linear_starts(one, layout, late=False)]
+    return [(f0, w) for f0, w, *_ in found]
+
+
 def _alike(one: tuple[float, float, float], other: tuple[float, float, float], span: float) -> bool:
     """Whether two choices lead to one minimum."""
     return (
