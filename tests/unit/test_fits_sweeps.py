@@ -1,5 +1,7 @@
 """Fits of sweeps as laboratories record them: any Q, backgrounds, delays, either sign of phase."""
 
+import sys
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -275,7 +277,7 @@ def test_thirty_random_oscillators_are_found() -> None:
 @pytest.mark.slow
 def test_a_thousand_random_oscillators_are_found() -> None:
     failed, duffing, within = study(1000)
-    print(f"seed {SEED}: {failed} failed, {duffing} with a Duffing term, {within} within 68 %")
+    sys.stdout.write(f"seed {SEED}: {failed} failed, {duffing} Duffing, {within} within 68 %\n")
     assert failed <= 10
     assert duffing <= 20
     np.testing.assert_allclose(within, 0.68, atol=0.03)

@@ -79,7 +79,8 @@ def _control(dataset: xr.Dataset, law: Law, control: str | None) -> str:
     if control not in varied:
         there = ", ".join(varied) or "nothing"
         raise ParameterError(
-            f"series: the law {law} needs one control variable; {there} varies. Name one of them"
+            f"series: the law {law} needs {control or 'one control variable'}, and {there} varies; "
+            "choose another law, or name one that varies"
         )
     return control
 

@@ -14,6 +14,8 @@ STIFFEN = 8 * np.sqrt(3) / 9
 # Derivatives are limited to 1/FOLD times those of a linear resonator.
 FOLD = 0.01
 NOISY = 2.0
+# Of the middle of all frequencies, the lowest f₀ that a step of a fit may try.
+LOWEST = 1e-3
 
 
 @dataclass(frozen=True)
@@ -102,8 +104,9 @@ class Layout:
         # A step of a fit may go anywhere; beyond these the arithmetic overflows.
         w = self.width * float(np.exp(np.clip(theta[1], -25, 25)))
         ratio = float(np.clip(theta[2], -1e6, 1e6))
+        f0 = self.centre + self.width * float(np.clip(theta[0], -1e6, 1e6))
         return (
-            self.centre + self.width * float(np.clip(theta[0], -1e6, 1e6)),
+            max(f0, LOWEST * self.centre),
             w,
             ratio,
             damping,
