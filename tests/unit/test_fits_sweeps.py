@@ -13,7 +13,7 @@ from femnl.fits.response.fit import fit_response, predict_response
 from femnl.fits.response.modes import fit_modes
 from femnl.fits.spectrum.peaks import find_peaks
 from femnl.io import measurement
-from femnl.io.measurement import response
+from femnl.io.measurement import magnitudes_alone, response
 from femnl.observe.response.branches import STIFFEN
 from femnl.plot.response import response_figure
 
@@ -159,7 +159,7 @@ def test_magnitudes_alone_are_fitted_with_their_background() -> None:
     f = np.linspace(3765, 4168, 300)
     clean = 1e-2 * line(f, 3966.7, 66.7) + 2e-3 * np.exp(0.5j)
     size = np.abs(clean + noise(rng, f.shape, 2e-5))
-    data = response(f[None], size[None], drive=[1.0], magnitude_only=True, noise_sd=2e-5)
+    data = magnitudes_alone(response(f[None], size[None], drive=[1.0], noise_sd=2e-5))
     fit = fit_response(data)
     assert fit.use == "magnitude"
     assert fit.background != "none"
@@ -218,12 +218,12 @@ def test_a_figure_of_a_fit_draws_what_it_leaves() -> None:
 
 def test_magnitudes_are_kept_by_a_file_and_negative_ones_refused(tmp_path: object) -> None:
     f = np.linspace(1, 2, 20)
-    data = response(f[None], np.ones((1, 20)), magnitude_only=True)
+    data = magnitudes_alone(response(f[None], np.ones((1, 20))))
     path = f"{tmp_path}/m.nc"
     measurement.write(measurement.bundle({"m": data}), path)
     assert "magnitude" in measurement.read(path)["m"].to_dataset()
     with pytest.raises(MeasurementError, match="is negative"):
-        measurement.bundle({"m": response(f[None], -np.ones((1, 20)), magnitude_only=True)})
+        measurement.bundle({"m": data.assign(magnitude=-data["magnitude"])})
 
 
 def draw(rng: np.random.Generator) -> tuple[xr.Dataset, dict[str, float]]:

@@ -60,7 +60,7 @@ class Candidate:
         """
         if self.chi2_reduced < MISSED:
             return False
-        return self.alike > max(ALIKE, SEEN / np.sqrt(max(self.n_points, 1)))
+        return self.alike > max(ALIKE, SEEN / float(np.sqrt(max(self.n_points, 1))))
 
     @property
     def effective(self) -> float:

@@ -106,10 +106,17 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
     y = y[used]
     sd = sd[used] if stated else np.full(len(x), max(float(np.std(y)), np.finfo(float).tiny))
     form = _form(law, key, control, x, y, sd)
+
+    def residual(p: Array) -> Array:
+        return np.asarray((y - form.predict(p)) / sd)
+
+    def slopes(p: Array) -> Array:
+        return np.asarray(-form.slopes(p) / sd[:, None])
+
     found = least_squares(
-        lambda p: (y - form.predict(p)) / sd,
+        residual,
         form.start,
-        lambda p: -form.slopes(p) / sd[:, None],
+        slopes,
         x_scale="jac",
         xtol=1e-12,
         ftol=1e-12,
@@ -119,7 +126,7 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
     reduced = float(2 * found.cost / nu)
     scaled = not stated or reduced > 1 + EXCESS * np.sqrt(2 / nu)
     factor = float(np.sqrt(reduced)) if scaled else 1.0
-    spread, blind = covariance(-found.jac, form.names, np.ones(len(form.names)))
+    spread, blind = covariance(slopes(found.x), form.names, np.ones(len(form.names)))
     spread = spread * factor**2
     size = np.sqrt(np.diag(spread))
     width = float(student.ppf(0.5 + INTERVAL / 2, nu)) if scaled else 1.959963984540054

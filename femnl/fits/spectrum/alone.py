@@ -46,4 +46,4 @@ def one_line(f: Array, volts: Complex, noise: float) -> Cluster | None:
 
 def is_met(one: Cluster, limit: float) -> bool:
     """Whether a line and its background leave only noise."""
-    return one.chi2 < one.n_points + limit + 4 * np.sqrt(2 * one.n_points)
+    return bool(one.chi2 < one.n_points + limit + 4 * np.sqrt(2 * one.n_points))

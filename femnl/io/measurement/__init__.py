@@ -15,6 +15,7 @@ __all__ = [
     "bundle",
     "estimate_noise",
     "harmonic_map",
+    "magnitudes_alone",
     "is_measurement",
     "named_geometry",
     "noise_sd",

@@ -83,7 +83,6 @@ def response(
     pressure: ArrayLike | None = None,
     laser_power: ArrayLike | None = None,
     voltage: ArrayLike | None = None,
-    magnitude_only: bool = False,
     noise_sd: float | None = None,
     wavelength: float | None = None,
     mode: str | None = None,
@@ -95,8 +94,8 @@ def response(
     Args: frequency [Hz] and complex amplitude V [V], (sweep, point), frequency also (point,) for
     all sweeps; per sweep, or one number for all: drive [V], direction (+1 up, −1 down), x, y [m],
     harmonic, time at which it begins [s], duration [s], temperature [K], pressure [Pa],
-    laser_power [W], voltage [V]; magnitude_only: whether the amplitude is |V|, its phase unknown;
-    noise_sd [V] per quadrature; wavelength [m].
+    laser_power [W], voltage [V]; noise_sd [V] per quadrature; wavelength [m]. See
+    `magnitudes_alone` for data without phases.
     Returns: Dataset of kind `response`.
     """
     volts = np.atleast_2d(np.asarray(amplitude))
@@ -121,11 +120,16 @@ def response(
     }
     if points.ndim == 1:
         points = np.broadcast_to(points, (sweeps, points.size))
-    parts = {"magnitude": volts} if magnitude_only else {"real": volts.real, "imag": volts.imag}
-    arrays = {"frequency": points, **parts, **per_sweep}
+    arrays = {"frequency": points, "real": volts.real, "imag": volts.imag, **per_sweep}
     return _build(
         "response", arrays, {"noise_sd": noise_sd, "wavelength": wavelength, "mode": mode}
     )
+
+
+def magnitudes_alone(dataset: xr.Dataset) -> xr.Dataset:
+    """Return a `response` that holds magnitudes |V| [V] in place of real and imag."""
+    size = np.hypot(dataset["real"], dataset["imag"]).assign_attrs(units="V")
+    return dataset.drop_vars(["real", "imag"]).assign(magnitude=size)
 
 
 def harmonic_map(
