@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 from femnl.cli._outcome import Outcome, record, show, with_error
 from femnl.cli._output import note, table
@@ -12,37 +13,142 @@ from femnl.core.errors import ParameterError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from femnl.core.choices import Use
+    from femnl.core.choices import Background, Use
+    from femnl.fits.response.result import ResponseFit
 
 # χ²/ν, and relative width from which on a sweep may hold many modes
 _MISFIT = 2.0
 _WIDE = 0.05
 
 
-def response(
-    name: str, dataset: xr.Dataset, use: Use, nonlinear_damping: bool
-) -> dict[str, Outcome]:
+@dataclass(frozen=True)
+class Asked:
+    """What the command line asks of a response; None and auto leave it to the data."""
+
+    use: Use | None
+    background: Background | Literal["auto"]
+    linear: bool
+    nonlinear_damping: bool
+    fixed: dict[str, float]
+
+    def of_fit(self) -> dict[str, Any]:
+        """The arguments of `fit_response`."""
+        return {
+            "use": self.use,
+            "background": self.background,
+            "duffing": False if self.linear else None,
+            "nonlinear_damping": self.nonlinear_damping,
+            "fixed": self.fixed,
+        }
+
+
+def held(texts: list[str]) -> dict[str, float]:
+    """Read NAME=VALUE of --fix, in SI.
+
+    Raises: ParameterError for a text of another form.
+    """
+    found = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise ParameterError(
+                f"--fix {text}: expected NAME=VALUE in SI units, such as linewidth=66.7"
+            )
+    return found
+
+
+def response(name: str, dataset: xr.Dataset, asked: Asked) -> dict[str, Outcome]:
     """Fit all sweeps at once."""
     import numpy as np
 
     from femnl.fits.response.fit import fit_response, predict_response
     from femnl.plot.response import response_figure
 
-    fit = fit_response(dataset, use, nonlinear_damping=nonlinear_damping)
+    fit = fit_response(dataset, **asked.of_fit())
     f = dataset["frequency"].values
     if fit.chi2_reduced > _MISFIT and np.nanmax(f) > (1 + _WIDE) * np.nanmin(f):
-        note(f"{name}: one mode does not explain this wide sweep; --as overview finds its lines")
+        note(
+            f"{name}: one mode does not explain this wide sweep; --as overview finds its lines, "
+            "--modes N fits so many"
+        )
     return {
         name: Outcome(
-            record(fit),
+            record(fit) | {"model": model_record(fit)},
             show(name, fit),
-            {"fit": lambda: response_figure(dataset, predict_response(fit, dataset), use)},
+            {"fit": lambda: response_figure(dataset, predict_response(fit, dataset), fit.use)},
         )
     }
 
 
+def model_record(fit: ResponseFit) -> dict[str, Any]:
+    """What the evidence chose, for programs."""
+    return {
+        "background": fit.background,
+        "background_grows_with_drive": fit.driven,
+        "delay_of": fit.delayed,
+        "duffing": fit.duffing,
+        "phase_sign": fit.phase_sign,
+        "errors": fit.errors,
+        "use": fit.use,
+        "criterion_above_the_best": fit.evidence,
+    }
+
+
+def each_sweep(name: str, dataset: xr.Dataset, asked: Asked) -> dict[str, Outcome]:
+    """Fit every sweep on its own, and make a series of them."""
+    from femnl.fits.response.each import fit_each_sweep
+    from femnl.plot.measurement import series_figure
+
+    fits, found = fit_each_sweep(dataset, **asked.of_fit())
+    controls = [str(key) for key in found.coords]
+    rows = []
+    for row, fit in enumerate(fits):
+        frequency = fit.parameters["frequency"]
+        quality = fit.parameters["quality_factor"]
+        labels = [f"{float(found[key].values[row]):.6g}" for key in controls]
+        numbers = [
+            *with_error(frequency.value, frequency.sd),
+            *with_error(quality.value, quality.sd),
+        ]
+        rows.append([str(row + 1), *labels, *numbers, f"{fit.chi2_reduced:.3g}"])
+    heads = [f"{key.replace('_', ' ')} ({found[key].attrs['units']})" for key in controls]
+    columns = ["sweep", *heads, "f (Hz)", "±", "Q", "± ", "χ²/ν"]
+    sweeps = [record(fit) | {"model": model_record(fit)} for fit in fits]
+    return {
+        name: Outcome(
+            {"sweeps": sweeps},
+            [table(f"{name}: {len(fits)} sweeps, each fitted on its own", columns, rows)],
+            {"series": partial(series_figure, found)},
+            {"series": found},
+        )
+    }
+
+
+def modes(name: str, dataset: xr.Dataset, count: int) -> dict[str, Outcome]:
+    """Fit a number of linear modes to every sweep."""
+    from femnl.fits.response.modes import fit_modes
+    from femnl.plot.response import response_figure
+
+    outcomes = {}
+    for sweep in range(dataset.sizes["sweep"]):
+        own = name if dataset.sizes["sweep"] == 1 else f"{name}, sweep {sweep + 1}"
+        found = fit_modes(dataset, count, sweep)
+        one = dataset.isel(sweep=[sweep])
+        fitted = one["frequency"].copy(data=found.prediction[None])
+        outcomes[own] = Outcome(
+            record(found.fit),
+            show(own, found.fit),
+            {"modes": partial(response_figure, one, fitted)},
+        )
+    return outcomes
+
+
 def line_scan(
-    name: str, dataset: xr.Dataset, use: Use, nonlinear_damping: bool
+    name: str, dataset: xr.Dataset, use: Use | None, nonlinear_damping: bool
 ) -> dict[str, Outcome]:
     """Fit every position on its own."""
     from femnl.fits.response.linescan import FIELDS, fit_line_scan
@@ -62,7 +168,7 @@ def line_scan(
             if key in fields:
                 row += with_error(float(at[key]), float(at[f"{key}_sd"]))
         rows.append([*row, f"{float(at['chi2_reduced']):.3g}"])
-    named = {"alpha_ratio": "α_y/α_c", "alpha_y": "α_y (V²/V²)", "y_max": "y_max (V/V)"}
+    named = {"alpha_ratio": "α_y/α_c", "alpha_y": "α_y (V⁻²)", "y_max": "y_max (V/V)"}
     columns = [
         "x (µm)",
         "y (µm)",

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 # simulated modes
 _FIRST = 10
 _MOST = 160
+SLOW = 1e4  # Hz, below which frequencies are printed in Hz
 # Of the highest frequency: as far the simulation goes, the stress of the film being uncertain
 _BEYOND = 1.3
 
@@ -62,11 +63,13 @@ def film(name: str, dataset: xr.Dataset, device: Model, cache: bool) -> dict[str
 
     modes = _modes_up_to(device, float(np.nanmax(dataset["frequency"].values)), cache)
     found = fit_film(dataset, modes.label, modes.frequency, device.film)
+    # Sub-kilohertz modes in Hz
+    divisor, unit = (1e6, "MHz") if np.max(found.frequency) >= SLOW else (1.0, "Hz")
     rows = [
         [
             label,
-            f"{f / 1e6:.6f}",
-            f"{g * found.fit['scale'] / 1e6:.6f}",
+            f"{f / divisor:.6f}",
+            f"{g * found.fit['scale'] / divisor:.6f}",
             f"{away * 1e6:.1f}",
             f"{sd / f * 1e6:.1f}",
         ]
@@ -79,7 +82,7 @@ def film(name: str, dataset: xr.Dataset, device: Model, cache: bool) -> dict[str
             strict=True,
         )
     ]
-    columns = ["mode", "f (MHz)", "simulated, scaled (MHz)", "away (ppm)", "± (ppm)"]
+    columns = ["mode", f"f ({unit})", f"simulated, scaled ({unit})", "away (ppm)", "± (ppm)"]
     said = [] if found.assignment is None else _said(found.assignment)
     modes_record = {
         key: list(getattr(found, key))

@@ -63,7 +63,10 @@ def with_error(value: float, sd: float) -> tuple[str, str]:
     """A value to the digits that its standard deviation, given to two digits, leaves."""
     import numpy as np
 
+    if value == 0 and np.isfinite(sd) and sd > 0:
+        return "0", scientific(sd, 2)
     if not np.isfinite(sd) or sd <= 0 or value == 0:
-        return scientific(value, 6), "unknown" if not np.isfinite(sd) else "0"
+        digits = 6 if np.isfinite(sd) or abs(value) < 1 else 9
+        return scientific(value, digits), "unknown" if not np.isfinite(sd) else "0"
     digits = max(1, int(np.floor(np.log10(abs(value)))) - int(np.floor(np.log10(sd))) + 2)
     return scientific(value, digits), scientific(sd, 2)

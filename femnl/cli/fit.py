@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
 
 import typer
 
 from femnl.cli._device import Cache, Json, check_mode
 from femnl.cli._fit_decay import FEW, decays, summary
 from femnl.cli._fit_map import maps, readout
-from femnl.cli._fit_response import line_scan, response
+from femnl.cli._fit_response import Asked, each_sweep, held, line_scan, modes, response
+from femnl.cli._fit_series import law
 from femnl.cli._fit_spectrum import film, overview
 from femnl.cli._fit_trace import harmonics, oscillator, ringdown
 from femnl.cli._inputs import Inputs, files_of, read_file
 from femnl.cli._outcome import Outcome
 from femnl.cli._output import console, note, print_json
-from femnl.core.choices import Use
+from femnl.core.choices import Background, Law, Use
 from femnl.core.errors import MeasurementError, ParameterError
 
 if TYPE_CHECKING:
@@ -27,8 +28,11 @@ if TYPE_CHECKING:
     from femnl.core.device import Model
     from femnl.core.readout import PeriodicFringe
 
+Word = TypeVar("Word", bound=str)
 USES: tuple[Use, ...] = get_args(Use)
-FITTED = ("response", "spectrum", "trace", "map", "decay")
+LAWS: tuple[Law, ...] = get_args(Law)
+BACKGROUNDS: tuple[Background | Literal["auto"], ...] = ("auto", *get_args(Background))
+FITTED = ("response", "spectrum", "trace", "map", "decay", "series")
 # What a measurement may be taken for where its kind alone does not say, and the kind that it must
 # then have.
 MEANINGS = {
@@ -47,6 +51,12 @@ APPLIES = {
     "mode": ("map",),
     "n_harmonics": ("trace",),
     "held_out": ("oscillator",),
+    "background": ("response",),
+    "linear": ("response",),
+    "fix": ("response",),
+    "each_sweep_to": ("response",),
+    "n_modes": ("response",),
+    "law_name": ("series",),
 }
 
 As = Annotated[
@@ -62,7 +72,44 @@ As = Annotated[
         show_default=False,
     ),
 ]
-UseOption = Annotated[str, typer.Option(help=f"Of a response: {', '.join(USES)}.")]
+UseOption = Annotated[
+    str | None,
+    typer.Option(
+        help=f"Of a response: {', '.join(USES)}; by default what it has.", show_default=False
+    ),
+]
+BackgroundOption = Annotated[
+    str,
+    typer.Option(
+        "--background", help=f"Of a response: {', '.join(BACKGROUNDS)}, auto by evidence."
+    ),
+]
+Linear = Annotated[bool, typer.Option("--linear", help="Of a response: no Duffing term.")]
+Fix = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fix", help="Of a response: NAME=VALUE in SI, held; repeatable.", show_default=False
+    ),
+]
+EachSweep = Annotated[
+    Path | None,
+    typer.Option(
+        "--each-sweep",
+        help="Of a response: fit each sweep on its own, and write the series to this .nc file.",
+        show_default=False,
+    ),
+]
+Modes = Annotated[
+    int | None,
+    typer.Option(
+        "--modes",
+        help="Of a response: so many linear modes in the span.",
+        min=1,
+        max=40,
+        show_default=False,
+    ),
+]
+LawOption = Annotated[str, typer.Option("--law", help=f"Of a series: {', '.join(LAWS)}.")]
 Damping = Annotated[
     bool,
     typer.Option(
@@ -105,8 +152,14 @@ def command(
     files: Inputs,
     *,
     meaning: As = None,
-    use: UseOption = "complex",
+    use: UseOption = None,
+    background: BackgroundOption = "auto",
+    linear: Linear = False,
+    fix: Fix = None,
     nonlinear_damping: Damping = False,
+    each_sweep_to: EachSweep = None,
+    n_modes: Modes = None,
+    law_name: LawOption = "line",
     fringe: Fringe = "sine",
     mode: Annotated[int, typer.Option(help="Of a map: which mode moves, from 1.")] = 1,
     geometry: Device = None,
@@ -123,9 +176,21 @@ def command(
     from femnl.pipeline import measured_device
 
     index = check_mode(mode)
-    how = _use(use)
+    how = None if use is None else _one_of("--use", use, USES)
+    asked = Asked(
+        how,
+        _one_of("--background", background, BACKGROUNDS),
+        linear,
+        nonlinear_damping,
+        held(fix or []),
+    )
+    form = _one_of("--law", law_name, LAWS)
     part = _part(held_out)
     listed = files_of(files)
+    if each_sweep_to is not None and len(listed) > 1:
+        raise ParameterError(
+            f"--each-sweep: {len(listed)} files for one series; give one file at a time"
+        )
 
     def fit_one(file: Path, tree: xr.DataTree) -> dict[str, Outcome]:
         for repair in tree.attrs["repairs"]:
@@ -145,7 +210,14 @@ def command(
             "ring-down": lambda name, data: ringdown(name, data, envelope=False),
             "envelope": lambda name, data: ringdown(name, data, envelope=True),
             "oscillator": lambda name, data: oscillator(name, data, part),
-            "response": lambda name, data: response(name, data, how, nonlinear_damping),
+            "response": lambda name, data: (
+                modes(name, data, n_modes)
+                if n_modes
+                else each_sweep(name, data, asked)
+                if each_sweep_to
+                else response(name, data, asked)
+            ),
+            "series": lambda name, data: law(name, data, form),
             "spectrum": lambda name, data: film(name, data, device(), cache),
             "trace": lambda name, data: harmonics(
                 name, data, n_harmonics, _fringe_of(data, fringe, device)
@@ -166,6 +238,8 @@ def command(
         }
         if named:
             results |= maps(named, device(), index, fringe, cache)
+        if each_sweep_to is not None:
+            _write_series(results, each_sweep_to)
         if out is not None:
             kept = {
                 key: str(tree.attrs[key])
@@ -233,23 +307,21 @@ def _groups(tree: xr.DataTree, file: Path, meaning: str | None) -> dict[str, xr.
     kinds = (MEANINGS[meaning],) if meaning else FITTED
     chosen = {name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] in kinds}
     if not chosen:
-        held = ", ".join(sorted({str(dataset.attrs["kind"]) for dataset in groups.values()}))
+        there = ", ".join(sorted({str(dataset.attrs["kind"]) for dataset in groups.values()}))
         if meaning:
             raise ParameterError(
-                f"--as {meaning}: takes a {MEANINGS[meaning]}, but {file} holds {held}"
+                f"--as {meaning}: takes a {MEANINGS[meaning]}, but {file} holds {there}"
             )
-        raise MeasurementError(
-            f"{file}: holds {held}; femnl fit takes {', '.join(FITTED)}, and femnl diagnose "
-            "takes series too"
-        )
+        raise MeasurementError(f"{file}: holds {there}; femnl fit takes {', '.join(FITTED)}")
     return chosen
 
 
-def _use(text: str) -> Use:
-    for known in USES:
+def _one_of(option: str, text: str, words: tuple[Word, ...]) -> Word:
+    """The word that a text is. Raises: ParameterError for another text."""
+    for known in words:
         if text == known:
             return known
-    raise ParameterError(f"--use {text}: expected one of {', '.join(USES)}")
+    raise ParameterError(f"{option} {text}: expected one of {', '.join(words)}")
 
 
 def _check_options(context: typer.Context, read_as: set[str]) -> None:
@@ -278,6 +350,15 @@ def _part(text: str | None) -> slice | None:
     if not (colon and first.isdecimal() and end.isdecimal() and int(first) < int(end)):
         raise ParameterError(f"--held-out {text}: expected FIRST:END in samples, such as 0:40000")
     return slice(int(first), int(end))
+
+
+def _write_series(results: dict[str, Outcome], path: Path) -> None:
+    """Write the series that single sweeps make, one group a measurement."""
+    from femnl.io import measurement
+
+    found = {name: result.spectra["series"] for name, result in results.items()}
+    measurement.write(measurement.bundle(found), path)
+    note(f"wrote {path}")
 
 
 def _write(

@@ -208,15 +208,21 @@ def _record(modes: Modes, nonlinearity: Nonlinearity) -> dict[str, Any]:
     return record
 
 
+SLOW = 1e4
+"""Highest frequency [Hz] below which all are printed in Hz."""
+
+
 def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
     import numpy as np
 
     model = modes.domain.model
+    # Modes of a few kilohertz and less in Hz, where six decimals of MHz hold nothing
+    divisor, unit = (1e6, "MHz") if modes.frequency[-1] >= SLOW else (1.0, "Hz")
     rows = [
         [
             str(k + 1),
             modes.label[k] or "–",
-            f"{modes.frequency[k] / 1e6:.6f}",
+            f"{modes.frequency[k] / divisor:.6f}",
             f"{modes.ratio[k]:.6f}",
             f"{modes.effective_mass[k] * 1e12:.5g}",
             scientific(nonlinearity.alpha[k] * 1e-12, 5),
@@ -232,7 +238,7 @@ def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
     columns = [
         "mode",
         "label",
-        "f (MHz)",
+        f"f ({unit})",
         "f/f₁",
         "m_eff (ng)",
         "α (µm⁻²)",

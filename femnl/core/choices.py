@@ -8,3 +8,7 @@ Use = Literal["complex", "magnitude", "phase", "phase-mod-pi"]
 """What a fit takes of measured amplitudes."""
 Symmetry = Literal["full", "half", "quarter", "eighth", "twelfth"]
 """Parts of a film that may be meshed."""
+Background = Literal["none", "constant", "slope"]
+"""What lies behind a resonance: nothing, C₀, or C₀ + C₁(f − f₀), complex."""
+Law = Literal["line", "power", "arrhenius"]
+"""What a series follows: a + b x, c x^p, or A exp(−E/(k_B T))."""

@@ -33,7 +33,7 @@ def _group(dataset: xr.Dataset) -> list[str]:
     contract = KINDS[kind]
     lines = [f"{kind}, " + " × ".join(f"{dim} {dataset.sizes[dim]}" for dim in contract.dims)]
     for key, item in contract.datasets.items():
-        if key in ("real", "imag") or key not in dataset:
+        if key in ("real", "imag", "magnitude") or key not in dataset:
             continue
         values = dataset[key].values
         lines.append(
@@ -44,10 +44,11 @@ def _group(dataset: xr.Dataset) -> list[str]:
                 else _range(values, item.unit)
             )
         )
-    if "real" in dataset:
+    if "real" in dataset or "magnitude" in dataset:
         volts = np.abs(amplitude(dataset).values)
         lines.append(
-            f"amplitude: up to {_number(np.nanmax(volts), 'V')}, "
+            f"{'amplitude' if 'real' in dataset else 'magnitude'}: "
+            f"up to {_number(np.nanmax(volts), 'V')}, "
             f"{np.count_nonzero(np.isfinite(volts))} of {volts.size} points present"
         )
     shown = {
@@ -61,8 +62,7 @@ def _group(dataset: xr.Dataset) -> list[str]:
         for key, value in shown.items()
     ]
     if kind in ("response", "map", "trace") and (
-        "noise_sd" in dataset.attrs
-        or dataset["real" if "real" in dataset else "voltage"].size > _FEW
+        "noise_sd" in dataset.attrs or next(iter(dataset.data_vars.values())).size > _FEW
     ):
         lines.append(noise_sd(dataset)[1])
     return lines

@@ -3,10 +3,10 @@
 import xarray as xr
 from matplotlib.figure import Figure
 
-from femnl.core.choices import Use
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit
 from femnl.fits.response.fit import predict_response
+from femnl.fits.response.result import ResponseFit
 from femnl.plot.decays import ringdown_figure
 from femnl.plot.response import response_figure
 
@@ -18,21 +18,11 @@ def fit_figure(fit: Fit, data: xr.Dataset) -> Figure:
     Returns: the Figure. Raises: ParameterError for a fit or data of another kind.
     """
     kind = data.attrs.get("kind")
-    if kind == "response" and "linewidth" in fit.parameters:
-        return response_figure(data, predict_response(fit, data), _use(fit))
+    if kind == "response" and isinstance(fit, ResponseFit):
+        return response_figure(data, predict_response(fit, data), fit.use)
     if kind == "trace" and "decay_rate" in fit.parameters and data.sizes["step"] == 1:
         return ringdown_figure(data["time"].values, data["voltage"].values[0], fit)
     raise ParameterError(
         f"data of kind {kind!r}: a fit of a response or of a decay in one step is drawn with the "
         "data that it was made to; femnl.plot has the other figures"
     )
-
-
-def _use(fit: Fit) -> Use:
-    """Return what was fitted, as the parameters tell.
-
-    Phases alone do not tell whether they counted modulo π; they are drawn as if they did.
-    """
-    if not any(name.startswith("y_max") for name in fit.parameters):
-        return "phase-mod-pi"
-    return "complex" if "delay" in fit.parameters else "magnitude"

@@ -30,7 +30,7 @@ def line_scan_figure(scan: xr.Dataset) -> Figure:
             )
             if key == "alpha_y":
                 axes.set_yscale("log" if np.all(value > 0) else "linear")
-                axes.set_ylabel(r"$\alpha_y$ (V²/V²)")
+                axes.set_ylabel(r"$\alpha_y$ (V$^{-2}$)")
         mean = float(scan.attrs["alpha_ratio"])
         error = float(scan.attrs["alpha_ratio_sd"])
         last = panels[-1]

@@ -41,7 +41,7 @@ def response_figure(
     are dashed. With a fit the data are points and the lines are its.
     Args: dataset of kind `response`; fitted (sweep, point) complex [V]; use: what was fitted, which
     is all that is drawn of the fit.
-    Returns: the Figure, magnitude above phase.
+    Returns: the Figure, magnitude above phase, and with a fit what it leaves.
     """
     frequency = dataset["frequency"].values
     volts = amplitude(dataset).values
@@ -54,8 +54,10 @@ def response_figure(
     names, key, numbers = _key(dataset)
     half = 90 if use == "phase-mod-pi" else 180
     with style():
-        result = new_figure(height=4.4)
-        magnitude, phase = result.subplots(2, 1, sharex=True, height_ratios=(1.6, 1))
+        result = new_figure(height=4.4 if fitted is None else 5.6)
+        ratios = (1.6, 1) if fitted is None else (1.6, 1, 0.9)
+        panels = result.subplots(len(ratios), 1, sharex=True, height_ratios=ratios)
+        magnitude, phase = panels[:2]
         norm = _norm(numbers)
         order = {number: rank for rank, number in enumerate(np.unique(numbers))}
         down = (
@@ -93,6 +95,8 @@ def response_figure(
             magnitude.plot(x, np.abs(volts[index]) / scale, **points)
             phase.plot(x, seen, **points)
             model = fitted.values[index]
+            left = _residual(volts[index], model, use) / (noise or scale)
+            panels[2].plot(x, left, **{**points, "alpha": 0.7})
             if use in ("complex", "magnitude"):
                 magnitude.plot(x, np.abs(model) / scale, **dashes)
             if use != "magnitude":
@@ -109,7 +113,10 @@ def response_figure(
         phase.set_ylim(-1.05 * half, 1.05 * half)
         phase.grid(axis="y", color="#dddddd", linewidth=0.6)
         centre, centre_unit = prefixed(middle, "Hz")
-        phase.set_xlabel(
+        if fitted is not None:
+            panels[2].axhline(0, color=INK, linewidth=0.6)
+            panels[2].set_ylabel("residual (σ)" if noise else axis_label("residual", volt_unit))
+        panels[-1].set_xlabel(
             axis_label(
                 f"drive frequency − {middle / centre:.9g} {centre_unit}"
                 if narrow
@@ -117,11 +124,24 @@ def response_figure(
                 unit,
             )
         )
-        panel_letters([magnitude, phase])
+        panel_letters(list(panels))
         _explain(result, (magnitude, phase), names, key, norm, down)
         if fitted is not None:
             magnitude.set_title("points: measured   lines: fitted", loc="right", fontsize=7.5)
     return result
+
+
+def _residual(
+    volts: NDArray[np.complex128], model: NDArray[np.complex128], use: Use
+) -> NDArray[np.float64]:
+    """Return what a fit leaves [V], a column each: both quadratures, or what was fitted."""
+    if use == "complex":
+        left = volts - model
+        return np.stack([left.real, left.imag], axis=1)
+    if use == "magnitude":
+        return np.asarray(np.abs(volts) - np.abs(model))[:, None]
+    turn = 2 if use == "phase-mod-pi" else 1
+    return np.asarray(np.abs(volts) * np.angle((volts * model.conj()) ** turn) / turn)[:, None]
 
 
 def _degrees(volts: NDArray[np.complex128], use: Use) -> NDArray[np.float64]:

@@ -107,7 +107,9 @@ def test_alpha_in_metres_is_the_same_by_force_and_by_responsivity() -> None:
     )
     assert by_force["alpha_y[0]"] == pytest.approx(
         by_force["alpha_ratio"]
-        * critical_alpha(by_force["frequency"], by_force["linewidth"], by_force["y_max[0]"])
+        * critical_alpha(
+            by_force["frequency"], by_force["linewidth"], by_force["y_max[0]"] * by_force["drive"]
+        )
     )
 
 

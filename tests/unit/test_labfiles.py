@@ -334,7 +334,10 @@ def test_every_format_is_found_by_being_in_the_folder() -> None:
         "Gwyddion Simple Field",
         "LabOne HDF5",
         "LabOne text",
+        "LabVIEW text",
         "MATLAB file",
+        "NumPy array",
         "analyser text",
+        "recording",
         "text table",
     ]

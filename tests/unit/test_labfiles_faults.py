@@ -108,8 +108,8 @@ CASES: dict[str, tuple[str, Make, str]] = {
     ),
     "no phase": (
         "a.csv",
-        _csv("f,R\n1,2\n", Spec(kind="response", columns={"frequency": "f", "magnitude": "R"})),
-        "has magnitude but no phase",
+        _csv("x,R\n1,2\n", Spec(kind="map", columns={"x": "x", "magnitude": "R"})),
+        "columns.phase is missing",
     ),
     "no amplitude": (
         "a.csv",

@@ -90,7 +90,10 @@ REFUSED: dict[str, tuple[Damage, str]] = {
         "map: kind is 'picture'; give the group an attribute kind, one of decay, map, ",
     ),
     "no kind": (lambda f: f["map"].attrs.pop("kind"), "map: kind is ''"),
-    "missing dataset": (lambda f: f["response"].pop("imag"), "response: dataset imag is missing"),
+    "missing dataset": (
+        lambda f: f["response"].pop("imag"),
+        "needs one of the datasets imag, magnitude",
+    ),
     "no control": (
         lambda f: f["series"].pop("pressure"),
         "series: kind series needs one of the datasets pressure",

@@ -1,95 +1,141 @@
-"""Fit the Duffing response to driven sweeps.
+"""Fit the response of a driven mode to its sweeps, at any quality factor.
 
-F₀, Q and α_y/α_c shared, gain and phase by position, with honest uncertainties.
+F₀, Q and α_y/α_c shared, gain, phase and background by position, with honest uncertainties.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from femnl.core.choices import Use
+from femnl.core.choices import Background, Use
 from femnl.core.errors import ParameterError
-from femnl.core.fit import Fit
 from femnl.fits.covariance import covariance, strongest_correlation
+from femnl.fits.response.adequacy import Errors, errors_of
+from femnl.fits.response.candidate import Candidate
+from femnl.fits.response.choice import Choice, Wish, choose, turned
+from femnl.fits.response.limits import Bounds
 from femnl.fits.response.misfit import Misfit, usable
-from femnl.fits.response.result import natural, parameters, vector
-from femnl.fits.response.solve import Bounds, solve
+from femnl.fits.response.result import ResponseFit, natural, parameters, vector
+from femnl.fits.response.variant import TERMS
 from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array, Sweeps, collect
 
 
 def fit_response(
     dataset: xr.Dataset,
-    use: Use = "complex",
+    use: Use | None = None,
     *,
+    background: Background | Literal["auto"] = "auto",
+    duffing: bool | None = None,
+    delay: bool | None = None,
+    phase_sign: int | None = None,
     nonlinear_damping: bool = False,
     bounds: Bounds | None = None,
+    fixed: Mapping[str, float] | None = None,
     force_per_volt: float | None = None,
     responsivity: ArrayLike | None = None,
-) -> Fit:
+) -> ResponseFit:
     """Fit all sweeps of a driven response at once.
 
-    f₀, w, α_y/α_c and delay are shared; y_max and φ belong to each position.
+    f₀, w, α_y/α_c and delay are shared; y_max, φ and the background belong to each position.
 
-    y(f) = V/drive = y_max (w/2) e^{iφ − 2πi(f − f₀)τ} / (f₀ (1 + ⅜ α_y |y|²) − f + i w/2 (1 + d
-    |y/y_max|²)). In y, α_y grows with the square of the drive; it is quoted, as α_y/α_c and d are,
-    at the strongest drive.
+    V = drive · y_max e^{iφ} b + background, with the delay e^{−2πi(f − f₀)τ} of the resonance or of
+    both, and b = 1/(Δ + a |b|² + i (f/f₀)(1 + d |b|²)), Δ = (f₀² − f²)/(f₀ w), a = (8√3/9) α_y/α_c:
+    the balance of the first harmonic, whose linear part is exact. The background is C₀ + C₁(f −
+    f₀), or one that grows with the drive. What is left open is chosen by evidence, see `choice`.
 
     Args:
         dataset: of kind `response`; first harmonics are fitted.
         use: `complex`, `magnitude`, `phase`, or `phase-mod-pi` where a nonlinear readout may turn
-            the sign of the signal.
+            the sign of the signal; by default what the file has.
+        background: none, constant, slope, or auto.
+        duffing: whether there is a Duffing term; None: where the evidence says so.
+        delay: whether there is a delay; None: likewise.
+        phase_sign: +1 for e^{+iωt}, whose phase falls through the resonance, −1 for e^{−iωt}; None:
+            as the data say.
         nonlinear_damping: whether to fit d as well (0 otherwise).
         bounds: (low, high) by parameter name, SI.
+        fixed: values by parameter name, SI.
         force_per_volt: 𝓕/drive [m s⁻² V⁻¹]; gives α in m⁻².
         responsivity: dV/du · ξ [V/m] for each position, in the order of rising x, then y; gives α
             in m⁻².
 
     Returns:
-        Free parameters frequency, linewidth, alpha_ratio, damping_ratio, y_max, phase, delay, as
-        far as `use` sees them; derived drive (the strongest), quality_factor, alpha_c and alpha_y,
-        and with a calibration alpha and eta. With several positions, y_max, phase, alpha_c and
-        alpha_y carry [position].
+        Parameters frequency, linewidth, alpha_ratio, damping_ratio, y_max, phase, delay and
+        background_real, background_imag, background_slope_real, background_slope_imag, as far as
+        `use` sees them, those that are fitted first; derived drive (the strongest),
+        quality_factor, alpha_c and alpha_y [V⁻²], and with a calibration alpha and eta. With
+        several positions, y_max, phase, background, alpha_c and alpha_y carry [position].
+        alpha_ratio is 0 with the standard deviation of the test where there is no Duffing term.
+        Standard deviations are scaled by √(χ²/ν) where the noise is estimated from the data or
+        exceeds what is stated; where the model misses the data they are NaN.
 
     Raises:
         MeasurementError: data that cannot be fitted.
         ParameterError: an argument that means nothing.
         ConvergenceError: no start led to a minimum.
-    Valid: w ≪ f₀; noise normal and equal in both quadratures; one mode; readout linear, or
-    `phase-mod-pi`.
-    Source: arXiv:2502.19191, S2; the published factor of α is corrected by (4π²)².
+    Valid: one mode of any Q ≥ 3, linear: exact; Duffing: third harmonic of the motion below 1 %,
+    |α_y/α_c| ≪ 40 Q; noise normal and equal in both quadratures; readout linear, or
+    `phase-mod-pi`. Magnitudes are taken as those of such noise (Rice): their mean and variance
+    are, and their distribution is taken as normal.
+    Source: arXiv:2502.19191, S2, beyond the rotating wave; the published factor of α is corrected
+    by (4π²)².
     """
-    if use not in get_args(Use):
-        raise ParameterError(f"use = {use!r}: give one of {', '.join(get_args(Use))}")
-    if force_per_volt is not None and responsivity is not None:
-        raise ParameterError(
-            "force_per_volt and responsivity both calibrate the amplitude: give one of them"
-        )
     whole = collect(dataset)
+    use = use or ("complex" if whole.phases else "magnitude")
+    _check(use, whole, background, force_per_volt, responsivity)
     sweeps = whole.keep(usable(whole, use), "points too weak to have a phase left out")
-    layout = _layout(sweeps, use, nonlinear_damping)
-    misfit, theta = solve(sweeps, layout, use, bounds or {})
-    chi2 = float(np.sum(misfit.residual(theta) ** 2))
-    slopes = misfit.jacobian(theta, cautious=True)
-    names, _, scale = natural(layout, theta)
-    found, blind = covariance(slopes, names, np.ones(layout.size))
-    found = found * np.outer(scale, scale)
-    n_points = len(slopes)
+    wish = Wish(
+        background if use in ("complex", "magnitude") else "none",
+        True if nonlinear_damping else duffing,
+        delay,
+        phase_sign,
+        bounds or {},
+        fixed or {},
+    )
+    choice = choose(sweeps, _layout(sweeps, use, nonlinear_damping), use, wish)
+    best = choice.best
+    errors = errors_of(best, estimated=sweeps.estimated)
+    found, sd, blind = _uncertainty(best, choice, errors)
     derived = parameters(
-        sweeps, layout, theta, found, force_per_volt=force_per_volt, responsivity=responsivity
+        sweeps,
+        best.misfit.layout,
+        best.theta,
+        found,
+        free=best.limits.free,
+        sd=sd,
+        force_per_volt=force_per_volt,
+        responsivity=responsivity,
     )
-    notes = [*sweeps.notes, *blind, *_fold_notes(misfit, theta)]
-    notes += [sentence for sentence in [strongest_correlation(found, names)] if sentence]
-    return Fit(
-        derived, found, chi2 / max(n_points - layout.size, 1), n_points, layout.size, tuple(notes)
+    free = best.limits.free
+    names = [name for name, kept in zip(_names(best), free, strict=True) if kept]
+    inner = found[np.ix_(free, free)]
+    notes = [*sweeps.notes, *_said(choice), *errors.notes, *blind, *_fold_notes(best)]
+    notes += [sentence for sentence in [strongest_correlation(inner, names)] if sentence]
+    ordered = {name: derived[name] for name in names} | derived
+    return ResponseFit(
+        ordered,
+        inner,
+        best.chi2_reduced,
+        best.n_points,
+        best.n_free,
+        tuple(notes),
+        background=best.variant.background,
+        driven=best.variant.driven,
+        delayed=best.variant.delay,
+        duffing=best.variant.duffing,
+        phase_sign=choice.phase_sign,
+        errors=errors.kind,
+        use=use,
+        evidence={str(one.variant): choice.gain(one) for one in choice.candidates},
     )
 
 
-def predict_response(fit: Fit, dataset: xr.Dataset) -> xr.DataArray:
+def predict_response(fit: ResponseFit, dataset: xr.Dataset) -> xr.DataArray:
     """Return the complex voltage (sweep, point) [V] of a fit at the points of a dataset.
 
     NaN where nothing was fitted.
@@ -97,7 +143,7 @@ def predict_response(fit: Fit, dataset: xr.Dataset) -> xr.DataArray:
     States are chosen as in the fit: by the data of each sweep. A missing y_max is taken as 1 V/V, a
     missing phase as 0.
     """
-    whole = collect(dataset)
+    whole = turned(collect(dataset), fit.phase_sign)
     places = max(1, sum(name.startswith(("y_max[", "phase[")) for name in fit.parameters))
     if whole.n_positions not in (places, places / 2):
         raise ParameterError(
@@ -107,24 +153,101 @@ def predict_response(fit: Fit, dataset: xr.Dataset) -> xr.DataArray:
     whole = replace(
         whole, drive=whole.drive * whole.reference / fit["drive"], reference=fit["drive"]
     )
-    centre = fit["frequency"]
-    width = fit["linewidth"]
-    damping = "damping_ratio" in fit.parameters
     layout = Layout(
-        centre, width, whole.span, fit["drive"], whole.n_positions, damping, gain=True, phase=True
+        fit["frequency"],
+        fit["linewidth"],
+        whole.span,
+        fit["drive"],
+        whole.n_positions,
+        "damping_ratio" in fit.parameters,
+        gain=True,
+        phase=True,
+        background=TERMS[fit.background],
+        driven=fit.driven,
+        delayed=fit.delayed == "all",
     )
     theta = vector(layout, fit)
-    use: Use = "complex"
-    if not any(name.startswith("y_max") for name in fit.parameters):
-        use = "phase-mod-pi"
-    elif "delay" not in fit.parameters:
-        use = "magnitude"
+    use: Use = "phase-mod-pi" if fit.use == "phase" else fit.use
     misfit = Misfit.of(whole, layout, use)
     misfit.assign(theta)
     voltage, _ = misfit.real_state(theta)
-    out = np.full(dataset["real"].shape, np.nan + 0j)
-    out[whole.row, whole.column] = voltage
+    out = np.full(dataset["frequency"].shape, np.nan + 0j)
+    out[whole.row, whole.column] = voltage if fit.phase_sign > 0 else voltage.conj()
     return xr.DataArray(out, dims=("sweep", "point"), attrs={"units": "V"})
+
+
+def _check(
+    use: Use,
+    sweeps: Sweeps,
+    background: str,
+    force_per_volt: float | None,
+    responsivity: ArrayLike | None,
+) -> None:
+    """Refuse arguments that mean nothing, or not together."""
+    if use not in get_args(Use):
+        raise ParameterError(f"use = {use!r}: give one of {', '.join(get_args(Use))}")
+    if use != "magnitude" and not sweeps.phases:
+        raise ParameterError(
+            f"use = {use!r}: the measurement holds magnitudes alone; use 'magnitude'"
+        )
+    if background not in (*get_args(Background), "auto"):
+        known = ", ".join((*get_args(Background), "auto"))
+        raise ParameterError(f"background = {background!r}: give one of {known}")
+    if force_per_volt is not None and responsivity is not None:
+        raise ParameterError(
+            "force_per_volt and responsivity both calibrate the amplitude: give one of them"
+        )
+
+
+def _names(best: Candidate) -> list[str]:
+    return natural(best.misfit.layout, best.theta)[0]
+
+
+def _uncertainty(
+    best: Candidate, choice: Choice, errors: Errors
+) -> tuple[Array, Array, tuple[str, ...]]:
+    """Return the covariance (size, size) in SI, standard deviations, and what is undetermined.
+
+    What is held has none, but α_y/α_c where the evidence says that there is no Duffing term: it has
+    that of the test, the best model with one.
+    """
+    free = best.limits.free
+    names, _, scale = natural(best.misfit.layout, best.theta)
+    slopes = best.misfit.jacobian(best.theta, cautious=True)[:, free]
+    kept = [name for name, fitted in zip(names, free, strict=True) if fitted]
+    inner, blind = covariance(slopes, kept, np.ones(len(kept)))
+    found = np.zeros((len(names), len(names)))
+    found[np.ix_(free, free)] = inner * np.outer(scale[free], scale[free]) * errors.factor**2
+    sd = np.sqrt(np.diag(found))
+    rival = choice.rival(duffing=True)
+    if not best.variant.duffing and rival is not None and not free[2] and rival.limits.free[2]:
+        tested = rival.misfit.jacobian(rival.theta, cautious=True)[:, rival.limits.free]
+        size = np.ones(tested.shape[1])
+        bend = covariance(tested, [""] * tested.shape[1], size)[0][2, 2]
+        sd[2] = np.sqrt(bend) * errors.factor
+    return found, sd, blind
+
+
+def _said(choice: Choice) -> list[str]:
+    """Return what the evidence chose, in sentences."""
+    best = choice.best
+    said = [f"model chosen by evidence: {best.variant}"] if len(choice.candidates) > 1 else []
+    if choice.phase_sign < 0:
+        said.append(
+            "the phase rises through the resonance, so the data follow exp(−iωt); they are "
+            "conjugated, and phase and background are those of exp(+iωt)"
+        )
+    rival = choice.rival(duffing=not best.variant.duffing)
+    if rival is not None:
+        f0, w, ratio, *_ = rival.misfit.layout.split(rival.theta)
+        found = f"f₀ = {f0:.9g} Hz, w = {w:.4g} Hz"
+        found += f", α_y/α_c = {ratio:.3g}" if rival.variant.duffing else ""
+        said.append(
+            f"{'with' if rival.variant.duffing else 'without'} a Duffing term the fit has {found}, "
+            f"and its criterion (BIC) is {abs(choice.gain(rival)):.3g} "
+            f"{'higher' if choice.gain(rival) > 0 else 'lower'}"
+        )
+    return said
 
 
 def _layout(sweeps: Sweeps, use: Use, damping: bool) -> Layout:
@@ -144,6 +267,6 @@ def _layout(sweeps: Sweeps, use: Use, damping: bool) -> Layout:
     )
 
 
-def _fold_notes(misfit: Misfit, theta: Array) -> Sequence[str]:
-    past = misfit.past_fold(theta)
+def _fold_notes(best: Candidate) -> list[str]:
+    past = best.misfit.past_fold(best.theta)
     return [f"{past} points lie on a branch just past the fold where it ends"] if past else []

@@ -9,7 +9,7 @@ it is biased, so it is where an explicit fit starts.
 
 import numpy as np
 
-from femnl.observe.response.branches import STIFFEN, Layout
+from femnl.observe.response.branches import STIFFEN, Layout, background_columns
 from femnl.observe.response.sweeps import Array, Complex, Sweeps
 
 ROUNDS = 12
@@ -20,8 +20,10 @@ LARGEST = 0.7
 FOLD = 0.1
 
 
-def refine(sweeps: Sweeps, layout: Layout, theta: Array) -> Array:
-    """Improve θ by Gauss–Newton steps on the implicit equation.
+def refine(
+    sweeps: Sweeps, layout: Layout, theta: Array, free: np.ndarray[tuple[int], np.dtype[np.bool_]]
+) -> Array:
+    """Improve what is free of θ by Gauss–Newton steps on the implicit equation.
 
     Each point is weighted by its noise as it enters the equation.
     """
@@ -31,8 +33,9 @@ def refine(sweeps: Sweeps, layout: Layout, theta: Array) -> Array:
         if not np.all(np.isfinite(slopes)):
             break
         scale = np.linalg.norm(slopes, axis=0) + np.finfo(float).tiny
-        step, *_ = np.linalg.lstsq(slopes / scale, residual, rcond=1e-10)
-        step = step / scale
+        part, *_ = np.linalg.lstsq((slopes / scale)[:, free], residual, rcond=1e-10)
+        step = np.zeros(len(theta))
+        step[free] = part / scale[free]
         # ln w and ln y_max may change by a factor of two at a time, the rest along with them.
         step *= min(
             1.0,
@@ -50,24 +53,43 @@ def refine(sweeps: Sweeps, layout: Layout, theta: Array) -> Array:
 
 
 def _whitened(sweeps: Sweeps, layout: Layout, theta: Array) -> tuple[Array, Array]:
-    """Return the equation's residuals (2n,) in σ, and their derivatives by θ."""
+    """Return the equation's residuals (2n,) in σ, and their derivatives by θ.
+
+    z = (V − background)/(drive y_max e^{iφ}), the delay turned back, obeys z D − 1 = 0 with D = Δ +
+    i g + (a + i g d)|z|², Δ = (f₀² − f²)/(f₀ w) and g = f/f₀.
+    """
     f0, w, ratio, damping, gain, phase, tau = layout.split(theta)
-    away = sweeps.frequency - f0
-    scale = gain[sweeps.position] * sweeps.drive
-    z = sweeps.voltage / scale * np.exp(-1j * (phase[sweeps.position] - 2 * np.pi * away * tau))
+    f = sweeps.frequency
+    away = f - f0
+    back = np.exp(2j * np.pi * away * tau)
+    columns = background_columns(sweeps, layout, f0)
+    behind = np.sum(columns * layout.terms(theta)[sweeps.position], axis=1)
+    size = gain[sweeps.position] * sweeps.drive
+    scale = size * np.exp(1j * phase[sweeps.position])
+    moved = sweeps.voltage * back - behind if layout.delayed else (sweeps.voltage - behind) * back
+    z = moved / scale
+    g = f / f0
+    delta = (f0 - f) * (f0 + f) / (f0 * w)
     power = sweeps.drive**2
     x = np.abs(z) ** 2
-    slope = STIFFEN * ratio * power + 1j * damping * power
-    inverse = -2 * away / w + 1j + slope * x
-    turn = z / np.abs(z)
-    delta = -2 * away / w
-    by_theta = _slopes(
-        sweeps, layout, z, inverse=inverse, slope=slope, delta=delta, w=w, tau=tau, away=away
-    )
-    equation = (
-        np.column_stack([z * inverse - 1, by_theta]) * (turn.conj() * scale / sweeps.noise)[:, None]
-    )
-    rows = whiten(equation, inverse, inverse + 2 * x * slope)
+    bend = STIFFEN * ratio * power + 1j * g * damping * power
+    inverse = delta + 1j * g + bend * x
+
+    # What the equation says directly of its coefficients
+    by_theta = np.zeros((len(z), layout.size), dtype=complex)
+    by_g = 1j * (1 + damping * power * x)
+    by_theta[:, 0] = z * layout.width * ((1 + g**2) / w - by_g * g / f0)
+    by_theta[:, 1] = -z * delta
+    by_theta[:, 2] = z * x * STIFFEN * power
+    if layout.damping:
+        by_theta[:, 3] = 1j * g * z * x * power
+    moves = _motion_slopes(sweeps, layout, theta, z, back=back, scale=scale)
+    change = inverse[:, None] * moves
+    change += (2 * z * bend)[:, None] * (z.conj()[:, None] * moves).real
+    turn = np.where(x > 0, z, 1) / np.where(x > 0, np.abs(z), 1)
+    equation = np.column_stack([z * inverse - 1, by_theta + change])
+    equation = equation * (turn.conj() * size / sweeps.noise)[:, None]
+    rows = whiten(equation, inverse, inverse + 2 * x * bend)
     return rows[:, 0], rows[:, 1:]
 
 
@@ -88,30 +110,26 @@ def whiten(columns: Complex, across: Complex, along: Complex) -> Array:
     return np.concatenate([first, second], axis=-2)
 
 
-def _slopes(
-    sweeps: Sweeps,
-    layout: Layout,
-    z: Complex,
-    *,
-    inverse: Complex,
-    slope: Complex,
-    delta: Array,
-    w: float,
-    tau: float,
-    away: Array,
+def _motion_slopes(
+    sweeps: Sweeps, layout: Layout, theta: Array, z: Complex, *, back: Complex, scale: Complex
 ) -> Complex:
-    """Return the derivatives (n, size) of z D by θ."""
-    n = len(z)
-    power = sweeps.drive**2
-    x = np.abs(z) ** 2
-    out = np.zeros((n, layout.size), dtype=complex)
-    out[:, 0] = z * layout.width * (2 / w - 2j * np.pi * tau * inverse)
-    out[:, 1] = -z * delta
-    out[:, 2] = z * x * STIFFEN * power
-    if layout.damping:
-        out[:, 3] = 1j * z * x * power
-    points = np.arange(n)
-    out[points, layout.gains.start + sweeps.position] = -z * (inverse + 2 * x * slope)
-    out[points, layout.phases.start + sweeps.position] = -1j * z * inverse
-    out[:, -1] = 2j * np.pi * away / layout.span * z * inverse
+    """Return dz/dθ (n, size): how gain, phase, delay and background move what is read as motion."""
+    f0, *_, tau = layout.split(theta)
+    away = sweeps.frequency - f0
+    points = np.arange(len(z))
+    out = np.zeros((len(z), layout.size), dtype=complex)
+    out[points, layout.gains.start + sweeps.position] = -z
+    out[points, layout.phases.start + sweeps.position] = -1j * z
+    columns = background_columns(sweeps, layout, f0)
+    terms = layout.terms(theta)[sweeps.position]
+    factor = 1 / scale if layout.delayed else back / scale
+    turned = z + np.sum(columns * terms, axis=1) * factor if layout.delayed else z
+    out[:, 0] = -2j * np.pi * tau * layout.width * turned
+    out[:, layout.delay] = 2j * np.pi * away / layout.span * turned
+    start = layout.backgrounds.start + 2 * layout.background * sweeps.position
+    for k in range(layout.background):
+        out[points, start + 2 * k] = -columns[:, k] * factor
+        out[points, start + 2 * k + 1] = -1j * columns[:, k] * factor
+    if layout.background > 1:
+        out[:, 0] += terms[:, 1] * columns[:, 0] * factor * layout.width / layout.span
     return out

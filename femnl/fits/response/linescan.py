@@ -13,7 +13,7 @@ FIELDS = ("frequency", "linewidth", "alpha_ratio", "y_max", "alpha_y", "alpha_c"
 
 
 def fit_line_scan(
-    dataset: xr.Dataset, use: Use = "complex", *, nonlinear_damping: bool = False
+    dataset: xr.Dataset, use: Use | None = None, *, nonlinear_damping: bool = False
 ) -> xr.Dataset:
     """Fit each position of a `response` on its own, so that nothing forces them to agree.
 
@@ -39,7 +39,10 @@ def fit_line_scan(
     positions = np.unique(place, axis=0)
     fits = [
         fit_response(
-            dataset.isel(sweep=np.all(place == p, axis=1)), use, nonlinear_damping=nonlinear_damping
+            dataset.isel(sweep=np.all(place == p, axis=1)),
+            use,
+            duffing=True,
+            nonlinear_damping=nonlinear_damping,
         )
         for p in positions
     ]
@@ -53,10 +56,9 @@ def fit_line_scan(
     strongest = max(fit["drive"] for fit in fits)
     for name in FIELDS:
         if name in fits[0].parameters:
-            # α_y grows with the square of the drive: quote every position at the same one.
+            # α_y/α_c grows with the square of the drive: quote every position at the same one.
             power = [
-                (strongest / fit["drive"]) ** 2 if name in ("alpha_ratio", "alpha_y") else 1.0
-                for fit in fits
+                (strongest / fit["drive"]) ** 2 if name == "alpha_ratio" else 1.0 for fit in fits
             ]
             found = [fit.parameters[name] for fit in fits]
             out[name] = (

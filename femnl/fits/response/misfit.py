@@ -117,7 +117,7 @@ class Misfit:
         voltage, both = self._response(theta)
         v = voltage[self.high, np.arange(voltage.shape[1])]
         points = self._project(
-            v, jacobian(self.sweeps, self.layout, theta, both, self.high, v, cautious=cautious)
+            v, jacobian(self.sweeps, self.layout, theta, both, self.high, cautious=cautious)
         )
         return np.vstack([points, *(self._jump(theta, jump)[1] for jump in self.jumps)])
 
@@ -154,16 +154,21 @@ class Misfit:
         return voltage[chosen, points], both
 
     def _jump(self, theta: Array, jump: Jump) -> tuple[float, Array]:
-        """Return how far the fold is from where the sweep jumped, in standard deviations."""
+        """Return how far the fold is from where the sweep jumped, in standard deviations.
+
+        The fold is that of the reduced balance at the jump, (f₀² − f²)/(f w) = δ; its
+        derivatives are those of a high Q.
+        """
         f0, w, ratio, *_ = self.layout.split(theta)
         before, after = self.sweeps.frequency[jump.point - 1 : jump.point + 1]
-        power = self.sweeps.drive[jump.point] ** 2
+        power = self.sweeps.drive[jump.point] ** 2 * (2 * f0 / (before + after)) ** 3
         delta, x = fold(STIFFEN * ratio * power, top=jump.top)
         slopes = np.zeros(self.layout.size)
         slopes[:3] = self.layout.width, -w * delta / 2, w * x / 2 * STIFFEN * power
+        lies = np.hypot(f0, w * delta / 2) - w * delta / 2
         # The fold lies anywhere between two points: so many of their distance hold 68 %.
         sd = 0.341 * (after - before)
-        return float((f0 - w * delta / 2 - (before + after) / 2) / sd), slopes / sd
+        return float((lies - (before + after) / 2) / sd), slopes / sd
 
     def _compare(self, model: Complex) -> Array:
         data = self.sweeps.voltage

@@ -30,7 +30,18 @@ def pose(
     # Whether damping grows with amplitude is for the diagnosis to say; here it only makes the
     # start safe.
     fitted = min(
-        (fit_response(dataset, nonlinear_damping=damped) for damped in (False, True)),
+        (
+            fit_response(
+                dataset,
+                "complex",
+                background="none",
+                duffing=True,
+                delay=True,
+                phase_sign=1,
+                nonlinear_damping=damped,
+            )
+            for damped in (False, True)
+        ),
         key=lambda f: f.chi2_reduced,
     )
     mode = _mode(dataset, film, fitted["frequency"])
@@ -38,7 +49,7 @@ def pose(
     count = sweeps.n_positions
     place = ("",) if count == 1 else tuple(f"[{p}]" for p in range(count))
     slope = [fitted[f"y_max{name}"] for name in place]
-    ratio = fitted[f"alpha_y{place[0]}"] / sweeps.reference**2
+    ratio = fitted[f"alpha_y{place[0]}"]
     metre = float(np.sqrt(alpha / abs(ratio))) if ratio else slope[0] / 1e-7
     responsivity = [float(metre * s / slope[0]) for s in slope]
     peak = slope[0] / metre

@@ -1,8 +1,12 @@
 """From the vector of a response fit to named parameters in SI, and back."""
 
-import numpy as np
-from numpy.typing import ArrayLike
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femnl.core.choices import Background, Use
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.fits.covariance import derived
@@ -21,6 +25,27 @@ UNITS = {
 }
 
 
+@dataclass(frozen=True, repr=False)
+class ResponseFit(Fit):
+    """The fit of a driven response, and the model that it holds.
+
+    background: none, constant or slope; driven: whether that grows with the drive; delayed: what
+    the delay turns (none, all, resonance); duffing: whether there is a Duffing term; phase_sign: −1
+    where the data follow exp(−iωt) and were conjugated; errors: whether standard deviations are as
+    the noise is stated, scaled, or withheld; use: what of the data was fitted; evidence: by how
+    much the criterion of each model that was tried is above that of this one.
+    """
+
+    background: Background = "none"
+    driven: bool = False
+    delayed: str = "all"
+    duffing: bool = True
+    phase_sign: int = 1
+    errors: str = "stated"
+    use: Use = "complex"
+    evidence: Mapping[str, float] = field(default_factory=dict)
+
+
 def natural(layout: Layout, theta: Array) -> tuple[list[str], Array, Array]:
     """Return names, values in SI and the derivatives of the values by θ, which are diagonal."""
     f0, w, ratio, damping, gain, phase, tau = layout.split(theta)
@@ -36,8 +61,31 @@ def natural(layout: Layout, theta: Array) -> tuple[list[str], Array, Array]:
             for p, a in enumerate(phase)
         ]
         entries.append(("delay", tau, 1 / layout.span))
+    entries += _background(layout, theta)
     names, values, slopes = zip(*entries, strict=True)
     return list(names), np.array(values), np.array(slopes)
+
+
+def _background(layout: Layout, theta: Array) -> list[tuple[str, float, float]]:
+    """Return names, values and slopes of C₀ [V] and C₁ [V/Hz], per volt of drive where driven."""
+    per = layout.reference if layout.driven else 1.0
+    found = []
+    for p, terms in enumerate(layout.terms(theta)):
+        for k, term in enumerate(terms):
+            scale = 1 / per / layout.span**k
+            name = "background_slope" if k else "background"
+            for part, value in (("real", term.real), ("imag", term.imag)):
+                found.append((indexed(f"{name}_{part}", p, layout), value * scale, scale))
+    return found
+
+
+def unit(name: str, layout: Layout) -> str:
+    """Return the unit of a parameter."""
+    bare = name.partition("[")[0]
+    if not bare.startswith("background"):
+        return UNITS[bare]
+    volts = "V/V" if layout.driven else "V"
+    return f"{volts}/Hz" if "slope" in bare else volts
 
 
 def indexed(name: str, position: int, layout: Layout) -> str:
@@ -61,14 +109,19 @@ def parameters(
     theta: Array,
     found: Array,
     *,
+    free: NDArray[np.bool_],
+    sd: Array,
     force_per_volt: float | None,
     responsivity: ArrayLike | None,
 ) -> dict[str, Parameter]:
-    """Return the free parameters with standard deviations, and what follows from them."""
+    """Return the parameters with standard deviations, and what follows from them.
+
+    Args: found: covariance of all parameters, 0 of what is held; free: which are fitted; sd: of
+        each parameter.
+    """
     names, values, _ = natural(layout, theta)
-    sd = np.sqrt(np.diag(found))
     out = {
-        name: Parameter(name, float(v), float(s), UNITS[name.partition("[")[0]])
+        name: Parameter(name, float(v), float(s), unit(name, layout))
         for name, v, s in zip(names, values, sd, strict=True)
     }
     index = {name: k for k, name in enumerate(names)}
@@ -89,10 +142,10 @@ def parameters(
             "quality_factor": (f0 / w, ""),
         }
         for p in range(layout.n_positions if layout.gain else 0):
-            y = x[index[indexed("y_max", p, layout)]]
-            alpha_c = complex(critical_alpha(f0, w, y))
-            result[indexed("alpha_c", p, layout)] = alpha_c, "V²/V²"
-            result[indexed("alpha_y", p, layout)] = ratio * alpha_c, "V²/V²"
+            volts = x[index[indexed("y_max", p, layout)]] * sweeps.reference
+            alpha_c = complex(critical_alpha(f0, w, volts))
+            result[indexed("alpha_c", p, layout)] = alpha_c, "V⁻²"
+            result[indexed("alpha_y", p, layout)] = ratio * alpha_c, "V⁻²"
         if force_per_volt is not None:
             peak = force_per_volt * sweeps.reference / (4 * np.pi**2 * f0 * w)
         elif calibration is not None:
@@ -110,4 +163,8 @@ def parameters(
             result["eta"] = 4 * x[3] / peak**2, "m⁻²"
         return result
 
-    return out | derived(derive, values, found)
+    tested = found.copy()
+    if not free[2]:
+        # What follows from α_y/α_c is as uncertain as the test of it
+        tested[2, 2] = sd[2] ** 2
+    return out | derived(derive, values, tested)

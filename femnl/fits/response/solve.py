@@ -3,23 +3,22 @@
 Starts in turn, states and parameters in turn, and a way off the folds.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
 from scipy.optimize import least_squares, leastsq
 
 from femnl.core.choices import Use
-from femnl.core.errors import ConvergenceError, ParameterError
+from femnl.core.errors import ConvergenceError
 from femnl.fits.response.implicit import refine
+from femnl.fits.response.limits import Limits, Mask
 from femnl.fits.response.misfit import Misfit
-from femnl.fits.response.result import natural
 from femnl.fits.response.start import starts
 from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array, Sweeps
 
-Bounds = Mapping[str, tuple[float, float]]
 MAX_ROUNDS = 10
 MAX_CALLS = 80
 CLOSE = 1e-8
@@ -41,6 +40,7 @@ class _Search:
     misfit: Misfit
     low: Array
     high: Array
+    free: Mask
     cost: float = np.inf
     theta: Array = field(default_factory=lambda: np.empty(0))
     reached: list[float] = field(default_factory=list)
@@ -52,7 +52,7 @@ class _Search:
         fold.
         """
         tried = replace(self.misfit, strict=strict, last=None)
-        found = settle(tried, np.clip(theta, self.low, self.high), self.low, self.high)
+        found = settle(tried, np.clip(theta, self.low, self.high), self.low, self.high, self.free)
         cost = tried.cost(found)
         self.reached[-1] = min(self.reached[-1], cost)
         if cost < self.cost:
@@ -71,9 +71,14 @@ class _Search:
             self.descend(theta, strict=False)
             self.descend(self.theta if self.theta.size else theta, strict=True)
 
+    def found(self, noisy: float) -> bool:
+        """Whether the best fit leaves only noise, or several starts agree that none does better."""
+        agreed = np.count_nonzero(np.array(self.reached) < SAME * self.cost)
+        return self.cost < noisy or bool(agreed >= AGREED)
+
     def leave_fold(self) -> None:
         """Where the best fit has points past a fold, step the fold over them."""
-        if self.misfit.past_fold(self.theta):
+        if self.free[2] and self.misfit.past_fold(self.theta):
             slopes = self.misfit.jacobian(self.theta)
             stuck = self.theta
             step = np.zeros(len(self.theta))
@@ -82,27 +87,32 @@ class _Search:
                 self.descend(stuck + kick * step, strict=True)
 
 
-def solve(sweeps: Sweeps, layout: Layout, use: Use, bounds: Bounds) -> tuple[Misfit, Array]:
+def solve(
+    sweeps: Sweeps,
+    layout: Layout,
+    use: Use,
+    limits: Limits,
+    first: Iterable[Array] = (),
+    *,
+    only_first: bool = False,
+) -> tuple[Misfit, Array]:
     """Minimise the misfit from each start until one leaves only noise.
 
+    Args: limits: of θ; first: starts tried before all others; only_first: whether there are no
+        others.
     Return the best misfit, with its states, and θ.
     """
-    search = _Search(Misfit.of(sweeps, layout, use), *_limits(layout, bounds))
+    search = _Search(Misfit.of(sweeps, layout, use), limits.low, limits.high, limits.free)
     n_points = len(sweeps.frequency) * (2 if use == "complex" else 1)
     noisy = n_points + GOOD * np.sqrt(2 * n_points)
-    for start in _all_starts(sweeps, layout, use):
-        candidates = [start, refine(sweeps, layout, start)] if use == "complex" else [start]
-        fresh = Misfit.of(sweeps, layout, use)
-        search.start(
-            min(
-                (np.clip(candidate, search.low, search.high) for candidate in candidates),
-                key=fresh.cost,
-            )
-        )
-        if (
-            search.cost < noisy
-            or np.count_nonzero(np.array(search.reached) < SAME * search.cost) >= AGREED
-        ):
+    others = () if only_first else _all_starts(sweeps, layout, use, limits)
+    for start in chain(first, others):
+        candidates = [np.clip(start, limits.low, limits.high)]
+        if use == "complex" and limits.free[2]:
+            better = refine(sweeps, layout, candidates[0], limits.free)
+            candidates.append(np.clip(better, limits.low, limits.high))
+        search.start(min(candidates, key=Misfit.of(sweeps, layout, use).cost))
+        if not only_first and search.found(noisy):
             break
     if not search.theta.size:  # no start, or none with a finite misfit
         raise ConvergenceError(
@@ -113,7 +123,7 @@ def solve(sweeps: Sweeps, layout: Layout, use: Use, bounds: Bounds) -> tuple[Mis
     return search.misfit, search.theta
 
 
-def _all_starts(sweeps: Sweeps, layout: Layout, use: Use) -> Iterator[Array]:
+def _all_starts(sweeps: Sweeps, layout: Layout, use: Use, limits: Limits) -> Iterator[Array]:
     """Yield starts.
 
     For a magnitude or a phase the quick estimate from both quadratures comes first, and the
@@ -124,41 +134,61 @@ def _all_starts(sweeps: Sweeps, layout: Layout, use: Use) -> Iterator[Array]:
     if use == "complex":
         yield from starts(sweeps, use, layout)
         return
+    if not sweeps.phases:
+        yield from starts(sweeps, use, layout)
+        return
     full = replace(layout, gain=True, phase=True)
 
     def shared(theta: Array) -> Array:
         parts: list[Array | list[float]] = [
             theta[: full.gains.start],
             theta[full.gains] if layout.gain else [],
-            theta[full.phases.start :] if layout.phase else [],
+            theta[full.phases.start : full.backgrounds.start] if layout.phase else [],
+            theta[full.backgrounds],
         ]
         return np.concatenate(parts)
 
     glance = Misfit.of(sweeps, full, "complex")
-    free = np.full(full.size, np.inf)
+    no = Limits.none(full)
     for first in islice(starts(sweeps, "complex", full), 1):
-        yield shared(settle(glance, refine(sweeps, full, first), -free, free))
+        refined = refine(sweeps, full, first, no.free)
+        yield shared(settle(glance, refined, no.low, no.high, no.free))
     yield from starts(sweeps, use, layout)
-    yield shared(solve(sweeps, full, "complex", {})[1])
+    yield shared(solve(sweeps, full, "complex", no)[1])
 
 
-def settle(misfit: Misfit, theta: Array, low: Array, high: Array) -> Array:
+def settle(misfit: Misfit, theta: Array, low: Array, high: Array, free: Mask) -> Array:
     """Minimise and choose the states in turn, until the choice stands."""
     misfit.assign(theta)
     for _ in range(MAX_ROUNDS):
-        theta = _descend(misfit, theta, low, high)
+        theta = _descend(misfit, theta, low, high, free)
         if not misfit.assign(theta):
             break
     return theta
 
 
-def _descend(misfit: Misfit, theta: Array, low: Array, high: Array) -> Array:
-    """Minimise with the states fixed."""
+def _descend(misfit: Misfit, theta: Array, low: Array, high: Array, free: Mask) -> Array:
+    """Minimise over the free parameters with the states fixed."""
+    if not free.any():
+        return theta
+
+    def whole(part: Array) -> Array:
+        full = theta.copy()
+        full[free] = part
+        return full
+
+    def residual(part: Array) -> Array:
+        return misfit.residual(whole(part))
+
+    def slopes(part: Array) -> Array:
+        return misfit.jacobian(whole(part))[:, free]
+
+    low = low[free]
+    high = high[free]
     if np.isinf(low).all() and np.isinf(high).all():
-        slopes: Callable[[Array], Array] = misfit.jacobian
         found, *_ = leastsq(
-            misfit.residual,
-            theta,
+            residual,
+            theta[free],
             Dfun=slopes,
             full_output=True,
             ftol=CLOSE,
@@ -166,36 +196,17 @@ def _descend(misfit: Misfit, theta: Array, low: Array, high: Array) -> Array:
             gtol=CLOSE,
             maxfev=MAX_CALLS,
         )
-        return np.asarray(found)
+        return whole(np.asarray(found))
     margin = 1e-9 * np.minimum(high - low, 1.0)
-    start = np.clip(theta, low + margin, high - margin)
-    limits = (low, high)
     result = least_squares(
-        misfit.residual,
-        start,
-        misfit.jacobian,
-        limits,
+        residual,
+        np.clip(theta[free], low + margin, high - margin),
+        slopes,
+        (low, high),
         xtol=CLOSE,
         ftol=CLOSE,
         gtol=CLOSE,
         x_scale="jac",
         max_nfev=MAX_CALLS,
     )
-    return np.asarray(result.x)
-
-
-def _limits(layout: Layout, bounds: Bounds) -> tuple[Array, Array]:
-    """Turn bounds by name in SI into bounds of θ."""
-    names, _, _ = natural(layout, np.zeros(layout.size))
-    low = np.full(layout.size, -np.inf)
-    high = np.full(layout.size, np.inf)
-    if layout.damping:
-        low[3] = 0.0
-    for name, pair in bounds.items():
-        if name not in names or not pair[0] < pair[1]:
-            raise ParameterError(
-                f"bounds[{name!r}] = {pair}: give (low, high) for one of {', '.join(names)}"
-            )
-        k = names.index(name)
-        low[k], high[k] = (layout.theta_of(k, value) for value in pair)
-    return low, high
+    return whole(np.asarray(result.x))

@@ -65,7 +65,7 @@ def starts(sweeps: Sweeps, use: Use, layout: Layout) -> Iterator[Array]:
                     theta[layout.gains] = np.log(np.abs(at))
                 if layout.phase:
                     theta[layout.phases] = np.angle(at)
-                    theta[-1] = tau * layout.span
+                    theta[layout.delay] = tau * layout.span
                 yield theta
 
 
@@ -85,6 +85,21 @@ def _delay(sweeps: Sweeps) -> float:
         )
         misfit += np.sum(np.abs(turned) ** 2, axis=0) - np.sum(np.abs(q.T @ turned) ** 2, axis=0)
     return float(tau[np.argmin(misfit)])
+
+
+def likely_sign(sweeps: Sweeps) -> int:
+    """Return the sign of the phase that the linear form of complex data finds.
+
+    f₀ + i w/2 = −p₀/p₁ lies in the upper half plane for exp(+iωt), in the lower one for exp(−iωt),
+    whatever the stiffening; a background may turn it.
+    """
+    total = 0.0
+    for p in range(sweeps.n_positions):
+        at = sweeps.position == p
+        basis, weight, inverse, _ = _linear_form(sweeps, at)
+        found = np.linalg.lstsq(basis * weight[:, None], inverse * weight, rcond=None)[0]
+        total += float(np.sign((-found[0] / found[1]).imag))
+    return -1 if total < 0 else 1
 
 
 def _linear_form(sweeps: Sweeps, at: Mask) -> tuple[Array, Array, Complex, float]:

@@ -12,6 +12,8 @@ from femnl.fits.spectrum.round_labels import is_round, round_modes
 from femnl.observe.film import SimulatedFilm
 
 PLAIN = re.compile(r"\(?(\d+),(\d+)\)?")
+NUMBERED = re.compile(r"\(?mode (\d+)\)?")
+"""How an overview calls a mode of the film that has no name of its own, by its place from 1."""
 PAIR = re.compile(r"\(?(\d+),(\d+)\)?([+\-−])\(?(\d+),(\d+)\)?")
 
 
@@ -59,9 +61,11 @@ def named_modes(label: tuple[str, ...], film: SimulatedFilm) -> Named:
 
 def _parts(name: str, film: SimulatedFilm) -> dict[int, float]:
     """Return the modes in a label with their weights, whose squares add up to 1."""
-    plain = PLAIN.fullmatch(name)
-    if plain:
+    if PLAIN.fullmatch(name):
         return _single(name, film)
+    numbered = NUMBERED.fullmatch(name)
+    if numbered:
+        return {_numbered(int(numbered[1]), name, film): 1.0}
     pair = PAIR.fullmatch(name)
     if pair is None:
         raise MeasurementError(
@@ -96,6 +100,15 @@ def _single(name: str, film: SimulatedFilm) -> dict[int, float]:
         film.modes.label.index(hybrid): _sign((m, n), hybrid, film) * float(np.sqrt(0.5))
         for hybrid in hybrids
     }
+
+
+def _numbered(number: int, name: str, film: SimulatedFilm) -> int:
+    if not 1 <= number <= len(film.modes.label):
+        raise MeasurementError(
+            f"spectrum/label: {name!r} is none of the first {len(film.modes.label)} modes of "
+            f"{film.model.name}; correct it"
+        )
+    return number - 1
 
 
 def _index(mode: str, name: str, film: SimulatedFilm) -> int:

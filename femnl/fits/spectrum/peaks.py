@@ -1,12 +1,14 @@
 """Lines of a wide sweep, found one after the other and fitted together where they overlap."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 
-from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
 from femnl.core.spectrum import Peaks
+from femnl.fits.spectrum.alone import NARROWEST, is_met, one_line, threshold
 from femnl.fits.spectrum.lines import REACH, Array, Cluster, Complex, fit_cluster, polynomials
 from femnl.fits.spectrum.scan import WIDEST, scan
 from femnl.io.measurement import amplitude, noise_sd
@@ -18,10 +20,11 @@ _SHARES = (0.5, 0.2, 0.08)  # of the widest line of a badly fitted group, tried 
 _ROUNDS = 2  # of fitting each group with the others taken off, in every pass
 _APART = 8.0  # linewidths that lines found in the same pass must lie apart
 _TOUCH = 3.0  # linewidths within which lines are fitted together
-_NARROWEST = 1e-3  # spacings of points, the narrowest line that a fit may try
 _UNSURE = 0.5  # of a linewidth; a larger standard deviation of it is reported
 _BACKGROUND = 0.95  # of the widest linewidth: such a line is a bend of the background
-_FALSE = 1e-3  # probability that noise alone gives one line in the whole sweep
+_MOST = 5_000_000  # work of one search: a second or a few
+_RAYLEIGH = 1.1774  # median of |noise| over its standard deviation in each quadrature
+_COARSER = 4.0  # times the noise, at least, of the search that follows one without end
 
 
 def find_peaks(dataset: xr.Dataset, sweep: int = 0) -> Peaks:
@@ -54,29 +57,70 @@ def find_peaks(dataset: xr.Dataset, sweep: int = 0) -> Peaks:
             "finer sweep"
         )
     noise, sentence = noise_sd(dataset)
-    return _result(f, volts, _search(f, volts, noise), (sentence,))
+    alone = one_line(f, volts, noise)
+    task = _Task(noise, threshold(f.size), WIDEST * float(f[-1] - f[0]), _Work())
+    if alone is not None and is_met(alone, task.limit):
+        return _result(f, volts, [alone], (sentence,))
+    clusters, notes = _bounded_search(f, volts, task)
+    if not clusters and alone is not None:
+        # Wide lines are background to the search: alone in the span, one is a line
+        clusters = [alone]
+    return _result(f, volts, clusters, (sentence, *notes))
 
 
-def threshold(n_points: int) -> float:
-    """The score that noise alone exceeds once in a thousand sweeps.
+@dataclass
+class _Work:
+    """How much has been fitted, in points times unknowns."""
 
-    −2 ln(10⁻³/n), n counting places and widths.
+    done: int = 0
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What lines are sought by.
+
+    noise [V] per quadrature; limit: fall of χ² that a line must buy; widest: linewidth [Hz] of a
+    line that is not background; work: what the search has taken so far.
     """
-    return float(-2 * np.log(_FALSE / (4 * n_points)))
+
+    noise: float
+    limit: float
+    widest: float
+    work: _Work
 
 
-def _search(f: Array, volts: Complex, noise: float) -> list[Cluster]:
+@dataclass
+class _TooMuchError(Exception):
+    """The search goes on beyond what it may take; with the residual it had come to [V]."""
+
+    residual: float
+
+
+def _bounded_search(f: Array, volts: Complex, task: _Task) -> tuple[list[Cluster], tuple[str, ...]]:
+    """Search for lines with bounded work.
+
+    Where no sum of lines describes the sweep, each deviation from one would become a line of its
+    own, and more of them without end. Then what the lines leave counts as noise.
+    """
+    told: tuple[str, ...] = ()
+    for _ in range(_PASSES):
+        try:
+            return _search(f, volts, task), told
+        except _TooMuchError as stopped:
+            noise = max(_COARSER * task.noise, stopped.residual)
+            task = _Task(noise, task.limit, task.widest, _Work())
+            told = (f"no sum of lines describes the sweep; they are those above {noise:.3g} V",)
+    raise ConvergenceError("response: the search for lines does not end; sweep a part of it")
+
+
+def _search(f: Array, volts: Complex, task: _Task) -> list[Cluster]:
     """All lines of the sweep; the background is taken anew from what the lines leave."""
-    limit = threshold(f.size)
-    widest = WIDEST * float(f[-1] - f[0])
     clusters: list[Cluster] = []
     for _ in range(_PASSES):
         flat = volts - _background(f, volts - _sum(f, clusters))
-        found = _relax(f, flat, noise, clusters, np.empty((0, 2)), limit=limit, widest=widest)
-        found = _greedy(
-            f, flat, noise, _drop_weak(f, flat, noise, found, limit, widest), limit, widest
-        )
-        found = _rebuild(f, flat, noise, found, limit, widest)
+        found = _relax(f, flat, clusters, np.empty((0, 2)), task)
+        found = _greedy(f, flat, _drop_weak(f, flat, found, task), task)
+        found = _rebuild(f, flat, found, task)
         if _settled(clusters, found):
             return found
         clusters = found
@@ -96,52 +140,43 @@ def _settled(before: list[Cluster], after: list[Cluster]) -> bool:
     )
 
 
-def _greedy(
-    f: Array, flat: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float
-) -> list[Cluster]:
+def _greedy(f: Array, flat: Complex, clusters: list[Cluster], task: _Task) -> list[Cluster]:
     """Add the strongest lines of the residual, fit, drop what does not pay, and repeat."""
     for _ in range(_PASSES):
-        fresh = _fresh_lines(*scan(f, flat - _sum(f, clusters), noise, widest), limit)
+        left = flat - _sum(f, clusters)
+        if task.work.done > _MOST:
+            raise _TooMuchError(float(np.median(np.abs(left))) / _RAYLEIGH)
+        fresh = _fresh_lines(*scan(f, left, task.noise, task.widest), task.limit)
         if not len(fresh):
             return clusters
-        found = _drop_weak(
-            f,
-            flat,
-            noise,
-            _relax(f, flat, noise, clusters, fresh, limit=limit, widest=widest),
-            limit,
-            widest,
-        )
+        found = _drop_weak(f, flat, _relax(f, flat, clusters, fresh, task), task)
         if _table(found).shape[0] <= _table(clusters).shape[0]:
             return clusters
         clusters = found
     return clusters
 
 
-def _rebuild(
-    f: Array, flat: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float
-) -> list[Cluster]:
+def _rebuild(f: Array, flat: Complex, clusters: list[Cluster], task: _Task) -> list[Cluster]:
     """Search groups that are fitted badly once more from nothing, with narrower lines first.
 
     a wide line may have swallowed others.
     """
     kept = list(clusters)
     for cluster in clusters:
-        if cluster.chi2 < cluster.n_points + limit + 4 * np.sqrt(2 * cluster.n_points):
+        if is_met(cluster, task.limit):
             continue
         place = kept.index(cluster)
         left = flat - _sum(f, kept[:place] + kept[place + 1 :])
         inside = (f >= cluster.window[0]) & (f <= cluster.window[1])
         tried = [cluster]
         for share in _SHARES:
-            narrow = _greedy(
-                f[inside], left[inside], noise, [], limit, share * float(cluster.linewidth.max())
-            )
+            narrower = replace(task, widest=share * float(cluster.linewidth.max()))
+            narrow = _greedy(f[inside], left[inside], [], narrower)
             if narrow:
-                tried.append(_fit(f, left, noise, _table(narrow), widest, cluster.window))
-        kept[place] = min(tried, key=lambda other: other.chi2 + limit * other.frequency.size)
+                tried.append(_fit(f, left, _table(narrow), cluster.window, task))
+        kept[place] = min(tried, key=lambda other: other.chi2 + task.limit * other.frequency.size)
     return (
-        _drop_weak(f, flat, noise, kept, limit, widest)
+        _drop_weak(f, flat, kept, task)
         if any(one is not other for one, other in zip(kept, clusters, strict=True))
         else clusters
     )
@@ -210,12 +245,9 @@ def _groups(table: Array) -> list[Array]:
 def _relax(
     f: Array,
     volts: Complex,
-    noise: float,
     clusters: list[Cluster],
     fresh: Array,
-    *,
-    limit: float,
-    widest: float,
+    task: _Task,
 ) -> list[Cluster]:
     """Fit every group of lines with all others taken off, until their tails have settled."""
     new = {tuple(row) for row in fresh}
@@ -225,13 +257,10 @@ def _relax(
                 cluster for cluster in clusters if not np.isin(cluster.frequency, group[:, 0]).any()
             ]
             left = volts - _sum(f, others)
-            tried = [
-                _fit(f, left, noise, start, widest, _window(f, group))
-                for start in _starts(group, new)
-            ]
+            tried = [_fit(f, left, start, _window(f, group), task) for start in _starts(group, new)]
             clusters = [
                 *others,
-                min(tried, key=lambda cluster: cluster.chi2 + limit * cluster.frequency.size),
+                min(tried, key=lambda cluster: cluster.chi2 + task.limit * cluster.frequency.size),
             ]
             new -= {tuple(row) for row in group}
     return clusters
@@ -284,13 +313,13 @@ def _window(f: Array, table: Array) -> tuple[float, float]:
 
 
 def _fit(
-    f: Array, volts: Complex, noise: float, start: Array, widest: float, window: tuple[float, float]
+    f: Array, volts: Complex, start: Array, window: tuple[float, float], task: _Task
 ) -> Cluster:
     inside = (f >= window[0]) & (f <= window[1])
-    narrowest = _NARROWEST * float(np.median(np.diff(f[inside])))
-    return fit_cluster(
-        f[inside], volts[inside], noise, start, window, (narrowest, max(widest, 2 * narrowest))
-    )
+    narrowest = NARROWEST * float(np.median(np.diff(f[inside])))
+    task.work.done += int(np.count_nonzero(inside)) * (4 * start.shape[0] + 6) ** 2
+    widths = (narrowest, max(task.widest, 2 * narrowest))
+    return fit_cluster(f[inside], volts[inside], task.noise, start, window, widths)
 
 
 def _significance(cluster: Cluster) -> Array:
@@ -298,25 +327,21 @@ def _significance(cluster: Cluster) -> Array:
     return np.asarray((np.abs(cluster.amplitude) / np.maximum(cluster.amplitude_sd, 1e-300)) ** 2)
 
 
-def _gain(
-    f: Array, volts: Complex, noise: float, cluster: Cluster, index: int, widest: float
-) -> float:
+def _gain(f: Array, volts: Complex, cluster: Cluster, index: int, task: _Task) -> float:
     """Fall of χ² by line `index` of a cluster, other clusters taken off.
 
     Its window is fitted without it.
     """
     rest = np.delete(np.column_stack([cluster.frequency, cluster.linewidth]), index, axis=0)
     if rest.shape[0]:
-        return _fit(f, volts, noise, rest, widest, cluster.window).chi2 - cluster.chi2
+        return _fit(f, volts, rest, cluster.window, task).chi2 - cluster.chi2
     inside = (f >= cluster.window[0]) & (f <= cluster.window[1])
     basis = polynomials(f[inside], cluster.window).astype(complex)
     residual = volts[inside] - basis @ np.linalg.lstsq(basis, volts[inside], rcond=None)[0]
-    return float(np.sum(np.abs(residual) ** 2) / noise**2) - cluster.chi2
+    return float(np.sum(np.abs(residual) ** 2) / task.noise**2) - cluster.chi2
 
 
-def _drop_weak(
-    f: Array, volts: Complex, noise: float, clusters: list[Cluster], limit: float, widest: float
-) -> list[Cluster]:
+def _drop_weak(f: Array, volts: Complex, clusters: list[Cluster], task: _Task) -> list[Cluster]:
     """Take out one by one the lines and bends of the background that do not pay."""
     kept = list(clusters)
     for cluster in clusters:
@@ -326,11 +351,11 @@ def _drop_weak(
             worth = _significance(cluster)
             # A line narrower than the spacing has no certain height, and yet its fall of χ² is
             # certain.
-            for index in np.flatnonzero(worth < limit):
-                worth[index] = _gain(f, left, noise, cluster, int(index), widest)
-            worth[cluster.linewidth > _BACKGROUND * widest] = 0.0
+            for index in np.flatnonzero(worth < task.limit):
+                worth[index] = _gain(f, left, cluster, int(index), task)
+            worth[cluster.linewidth > _BACKGROUND * task.widest] = 0.0
             weakest = int(np.argmin(worth))
-            if worth[weakest] >= limit:
+            if worth[weakest] >= task.limit:
                 break
             rest = np.delete(
                 np.column_stack([cluster.frequency, cluster.linewidth]), weakest, axis=0
@@ -338,7 +363,7 @@ def _drop_weak(
             if not rest.shape[0]:
                 kept.pop(place)
                 break
-            kept[place] = cluster = _fit(f, left, noise, rest, widest, _window(f, rest))
+            kept[place] = cluster = _fit(f, left, rest, _window(f, rest), task)
     return kept
 
 

@@ -121,7 +121,9 @@ def sweeps_to_response(
     notes = [
         f"{where}: {len(sweeps)} sweeps, {ups} up and {downs} down, by the order of their points"
     ]
-    given: Labels = dict.fromkeys(("drive", "direction", "x", "y", "harmonic", "time"))
+    beside = {"duration": "s", "temperature": "K", "pressure": "Pa", "laser_power": "W"}
+    beside["voltage"] = "V"
+    given: Labels = dict.fromkeys(("drive", "direction", "x", "y", "harmonic", "time", *beside))
     given |= {"direction": direction if np.all(direction) else None, **labels}
     if given["direction"] is None:
         notes.append(
@@ -135,6 +137,7 @@ def sweeps_to_response(
         ("y", "m"),
         ("harmonic", ""),
         ("time", "s"),
+        *beside.items(),
     ):
         if given[name] is None:
             given[name] = per_sweep(spec, name, unit, len(sweeps), where)
@@ -151,6 +154,11 @@ def sweeps_to_response(
         x=given["x"],
         y=given["y"],
         time=given["time"],
+        duration=given["duration"],
+        temperature=given["temperature"],
+        pressure=given["pressure"],
+        laser_power=given["laser_power"],
+        voltage=given["voltage"],
         **scalars,
     )
     if harmonic is None:

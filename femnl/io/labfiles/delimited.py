@@ -22,6 +22,7 @@ time = { rate = "1 MHz" }.
 import csv
 import warnings
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +32,10 @@ from numpy.typing import NDArray
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import LARGEST, Format, Groups
 from femnl.io.labfiles.spec import Spec
-from femnl.io.labfiles.tables import take_columns, to_dataset
+from femnl.io.labfiles.tables import take_columns, to_dataset, unread
 
+HEAD = 200
+"""Lines of a table that its shape is read from."""
 _SUFFIXES = (".csv", ".txt", ".dat", ".tsv")
 
 
@@ -67,6 +70,8 @@ def read_table(path: Path, spec: Spec) -> dict[str, NDArray[Any]]:
             f"{path}: not a table ({' '.join(str(error).split())[:100]}); check delimiter, "
             "decimal and skip"
         ) from None
+    if spec.header:
+        _refuse_longer_head(path, spec, delimiter, frame.shape[1])
     names = (
         [str(name).strip() for name in frame.columns]
         if spec.header
@@ -78,6 +83,33 @@ def read_table(path: Path, spec: Spec) -> dict[str, NDArray[Any]]:
             f"{path}: heading {doubled[0]!r} stands over two columns; rename one"
         )
     return {name: frame.iloc[:, index].to_numpy() for index, name in enumerate(names)}
+
+
+def _refuse_longer_head(path: Path, spec: Spec, delimiter: str, named: int) -> None:
+    """Refuse a heading of more columns than its rows have, which would shift them.
+
+    Blanks within headings of a table that blanks separate do so.
+    """
+    with path.open(encoding="utf-8-sig") as file:
+        kept = (
+            line.split("#")[0].rstrip("\n")
+            for number, line in enumerate(file)
+            if number >= spec.skip
+        )
+        lines = [line for line in islice(kept, HEAD) if line.strip()]
+    if len(lines) < 2:
+        return
+    rows = [
+        line.split() if delimiter == " " else next(csv.reader([line], delimiter=delimiter))
+        for line in lines
+    ]
+    longest = max(len(row) for row in rows[1:])
+    heads = len(rows[0]) - (rows[0][-1].strip() == "")
+    if heads > longest:
+        raise MeasurementError(
+            f"{path}: the heading names {heads} columns, but rows have {longest}; quote headings "
+            "that hold blanks, or give skip, header = false and columns by number"
+        )
 
 
 def _delimiter(path: Path, spec: Spec) -> str:
@@ -100,8 +132,9 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
             f"{paths[1]}: one text table at a time; import each into a file of its own"
         )
     where = str(paths[0])
-    dataset, notes = to_dataset(spec, take_columns(spec, read_table(paths[0], spec), where), where)
-    return {spec.name: dataset}, notes
+    table = read_table(paths[0], spec)
+    dataset, notes = to_dataset(spec, take_columns(spec, table, where), where)
+    return {spec.name: dataset}, [*notes, *unread(spec, table, where)]
 
 
 FORMAT = Format("text table", lambda path: path.suffix.lower() in _SUFFIXES, _read)

@@ -25,7 +25,7 @@ from scipy.io.matlab import MatReadError
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import LARGEST, Format, Groups, head
 from femnl.io.labfiles.spec import Spec
-from femnl.io.labfiles.tables import take_columns, to_dataset
+from femnl.io.labfiles.tables import named, take_columns, to_dataset
 from femnl.io.measurement import open_hdf5
 
 _NUMERIC = (
@@ -67,7 +67,7 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
             f"{paths[1]}: one MATLAB file at a time; import each into a file of its own"
         )
     path = paths[0]
-    wanted = {str(spec.column(name).column) for name in spec.columns}
+    wanted = named(spec)
     table = _read_73(path, wanted) if head(path).startswith(_HDF5) else _read_5(path, wanted)
     columns = take_columns(
         spec, {name: _column(values) for name, values in table.items()}, str(path)

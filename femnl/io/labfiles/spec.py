@@ -18,13 +18,16 @@ class Strict(BaseModel):
 class Column(Strict):
     """Where a quantity comes from.
 
-    a column by its heading or number (from 1), or an even clock of the given rate.
+    a column by its heading or number (from 1), several of them side by side, one a sweep, or an
+    even clock of the given rate.
 
-    unit: of the column (default SI); round: a step such as "1 um" that read-back positions are
-    rounded to.
+    unit: of the column (default SI; a magnitude may be in dBm, dBV or dB); offset: what is added,
+    such as the centre "1.5 MHz" of a column of shifts; round: a step such as "1 um" that read-back
+    positions are rounded to.
     """
 
-    column: str | int | None = None
+    column: str | int | list[str | int] | None = None
+    offset: str | None = None
     unit: str | None = None
     rate: str | None = None
     round: str | None = None

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import RMS, scalar_values, sweeps_to_response
+from femnl.io.labfiles.levels import directions, even_clock, is_level, magnitudes
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import (
     KINDS,
@@ -23,9 +24,12 @@ from femnl.io.measurement import (
 )
 
 Columns = dict[str, NDArray[Any]]
+_PARTS = ("real", "imag", "amplitude", "magnitude", "phase")
 _COMPLEX = {"amplitude": "V", "magnitude": "V", "phase": "rad"}
 _OF_A_DECAY = {"frequency": "Hz", "bandwidth": "Hz", "pressure": "Pa", "temperature": "K"}
 _PER_SWEEP = ("drive", "direction", "x", "y", "harmonic")
+_BESIDE = ("temperature", "pressure", "laser_power", "voltage")
+"""What may change a little within a sweep, of which a sweep has the mean."""
 
 
 def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> Columns:
@@ -54,22 +58,49 @@ def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> C
             rate, _ = quantity(column.rate, "Hz", f"{place}.rate")
             taken[name] = np.arange(length) / rate
             continue
-        key = str(column.column)
-        if key not in table:
-            raise MeasurementError(
-                f"{place}: no column {key!r}; the file has {', '.join(list(table)[:12])}"
-            )
+        keys = column.column if isinstance(column.column, list) else [column.column]
+        for wanted in keys:
+            if str(wanted) not in table:
+                raise MeasurementError(
+                    f"{place}: no column {str(wanted)!r}; the file has "
+                    f"{', '.join(list(table)[:12])}"
+                )
+        key = ", ".join(str(wanted) for wanted in keys)
+        values = table[key] if len(keys) == 1 else np.stack([table[str(one)] for one in keys])
         si = _COMPLEX.get(name, known[name].unit if name in known else "")
         if si is None or name == "sweep":
-            taken[name] = np.asarray(table[key], dtype=object)
+            taken[name] = np.asarray(values, dtype=object)
             continue
-        taken[name] = _numbers(
-            table[key], column.unit if column.unit is not None else si, si, f"{place} ({key})"
-        )
+        where_here = f"{place} ({key})"
+        if name == "direction":
+            values = directions(values)
+        if name == "magnitude":
+            taken[name] = magnitudes(values, column.unit, key, where_here)
+        else:
+            unit = column.unit if column.unit is not None else si
+            taken[name] = _numbers(values, unit, si, where_here)
+        if column.offset is not None:
+            taken[name] = taken[name] + quantity(column.offset, si, f"{place}.offset")[0]
         if column.round is not None:
             step, _ = quantity(column.round, si, f"{place}.round")
             taken[name] = np.round(taken[name] / step) * step
     return taken
+
+
+def named(spec: Spec) -> set[str]:
+    """Return the columns that a spec names."""
+    found: set[str] = set()
+    for name in spec.columns:
+        given = spec.column(name).column
+        found |= {str(one) for one in (given if isinstance(given, list) else [given])}
+    return found
+
+
+def unread(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> list[str]:
+    """Say which columns of a file the spec does not name."""
+    known = named(spec)
+    left = [name for name in table if name not in known]
+    return [f"{where}: columns that are not read: {', '.join(left[:12])}"] if left else []
 
 
 def _numbers(values: NDArray[Any], unit: str, si: str, where: str) -> NDArray[Any]:
@@ -102,6 +133,7 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
     columns = dict(columns)
     if spec.kind == "decay":
         return _decay(spec, columns, where), []
+    _refuse_unused(spec, columns, where)
     _complex(spec, columns, where)
     if any(values.ndim > 1 for values in columns.values()) or spec.kind in ("spectrum", "series"):
         return _direct(spec, columns, where), []
@@ -109,17 +141,39 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
         return _response(spec, columns, where)
     if spec.kind == "map":
         return _map(spec, columns, where), []
-    return _trace(spec, columns, where), []
+    return _trace(spec, columns, where)
+
+
+def _refuse_unused(spec: Spec, columns: Columns, where: str) -> None:
+    """Refuse a column that is named and that a table of this kind has no use for."""
+    used = {
+        "response": ("frequency", "time", "duration", "sweep", *_PARTS, *_PER_SWEEP, *_BESIDE),
+        "map": ("x", "y", "harmonic", *_PARTS),
+        "trace": ("time", "voltage", "drive_voltage", "drive_frequency"),
+    }.get(str(spec.kind))
+    if used is None or any(values.ndim > 1 for values in columns.values()):
+        return
+    for name in columns:
+        if name not in used:
+            raise MeasurementError(
+                f"{where}: columns.{name}: a table of kind {spec.kind} has one value of it for "
+                "all; give it in [values], or leave it out"
+            )
 
 
 def _complex(spec: Spec, columns: Columns, where: str) -> None:
     """Replace magnitude and phase, or a complex amplitude, by real and imag.
 
-    Root mean square by amplitude.
+    Root mean square by amplitude; decibel are amplitudes already. Magnitudes alone stay.
     """
+    if "magnitude" in columns and "phase" not in columns and spec.kind == "response":
+        level = is_level(spec.column("magnitude").unit)
+        columns["magnitude"] = columns["magnitude"] * (RMS if spec.rms and not level else 1.0)
+        return
     if "amplitude" in columns:
         values = columns.pop("amplitude")
     elif "magnitude" in columns:
+        _need(columns, ("phase",), where)
         if "phase" not in columns:
             raise MeasurementError(
                 f"{where}: columns has magnitude but no phase; add it, or use real and imag"
@@ -129,7 +183,8 @@ def _complex(spec: Spec, columns: Columns, where: str) -> None:
         values = columns["real"] + 1j * columns["imag"]
     else:
         return
-    values = values * (RMS if spec.rms else 1.0)
+    level = "magnitude" in spec.columns and is_level(spec.column("magnitude").unit)
+    values = values * (RMS if spec.rms and not level else 1.0)
     columns["real"] = values.real
     columns["imag"] = values.imag
 
@@ -185,9 +240,10 @@ def _decay(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
 
 
 def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[str]]:
-    _need(columns, ("frequency", "real", "imag"), where)
+    alone = "magnitude" in columns
+    _need(columns, ("frequency", *(("magnitude",) if alone else ("real", "imag"))), where)
     frequency = columns["frequency"]
-    volts = columns["real"] + 1j * columns["imag"]
+    volts = columns["magnitude"] + 0j if alone else columns["real"] + 1j * columns["imag"]
     keys = [columns[name] for name in ("sweep", *_PER_SWEEP) if name in columns]
     changes = (
         np.logical_or.reduce([values[1:] != values[:-1] for values in keys])
@@ -201,9 +257,44 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
         for name in _PER_SWEEP
         if name in columns
     }
-    return sweeps_to_response(
+    notes: list[str] = []
+    for name in _BESIDE:
+        if name in columns:
+            labels[name] = np.array([np.nanmean(columns[name][piece]) for piece in pieces])
+            notes.append(f"{where}: {name} of a sweep is the mean over its points")
+    if "time" in columns:
+        labels["time"] = np.array([columns["time"][piece][0] for piece in pieces], dtype=float)
+        labels["duration"] = np.array([_lasts(columns["time"][piece]) for piece in pieces])
+        notes.append(f"{where}: time and duration of a sweep are those of its points")
+    dataset, found = sweeps_to_response(
         [(frequency[piece], volts[piece]) for piece in pieces], dict(labels), spec, where
     )
+    if alone:
+        dataset = dataset.drop_vars("imag").rename({"real": "magnitude"})
+        notes.append(f"{where}: magnitudes alone; the phase is not known")
+    if "direction" in columns:
+        notes += _contradicted(frequency, columns["direction"], pieces, where)
+    return dataset, [*found, *notes]
+
+
+def _lasts(times: NDArray[Any]) -> float:
+    """Return how long a sweep takes [s]: its last point as long as the others."""
+    count = len(times)
+    return float(abs(times[-1] - times[0])) * count / max(count - 1, 1)
+
+
+def _contradicted(
+    frequency: NDArray[np.float64], stated: NDArray[Any], pieces: list[slice], where: str
+) -> list[str]:
+    """Say where the order of the points is not that of the direction column, which is taken."""
+    wrong = 0
+    for piece in pieces:
+        steps = np.diff(frequency[piece])
+        way = 1 if np.all(steps >= 0) else -1 if np.all(steps <= 0) else 0
+        wrong += way not in (0, int(stated[piece][0]))
+    if not wrong:
+        return []
+    return [f"{where}: {wrong} sweeps have their points in the other order than direction says"]
 
 
 def _cuts(frequency: NDArray[np.float64], changes: NDArray[np.bool_], turns: bool) -> list[int]:
@@ -264,7 +355,7 @@ def _map(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
     return harmonic_map(axes[2], axes[1], axes[0], volts, **scalars)
 
 
-def _trace(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
+def _trace(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[str]]:
     _need(columns, ("voltage",), where)
     if "time" not in columns:
         raise MeasurementError(
@@ -283,15 +374,16 @@ def _trace(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
             f"{where}: steps of the drive have {lengths.min()} to {lengths.max()} samples; give "
             "each the same number"
         )
+    time, told = even_clock(columns["time"][: lengths[0]], where)
     cut = {key: values.reshape(lengths.size, -1) for key, values in columns.items()}
     scalars = scalar_values(spec, {"noise_sd": "V", "wavelength": "m", "x": "m", "y": "m"}, where)
     one = scalar_values(spec, {"drive_frequency": "Hz"}, where).get("drive_frequency")
     frequency = one if steps is None else cut["drive_frequency"][:, 0]
-    time = cut["time"][0]
-    return trace(
+    found = trace(
         time,
         cut["voltage"],
         drive_frequency=frequency,
         drive_voltage=cut.get("drive_voltage"),
         **scalars,
     )
+    return found, told

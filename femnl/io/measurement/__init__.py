@@ -16,6 +16,7 @@ __all__ = [
     "decay",
     "estimate_noise",
     "harmonic_map",
+    "magnitudes_alone",
     "is_measurement",
     "named_geometry",
     "noise_sd",

@@ -79,6 +79,10 @@ def response(
     harmonic: ArrayLike = 1,
     time: ArrayLike | None = None,
     duration: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
+    pressure: ArrayLike | None = None,
+    laser_power: ArrayLike | None = None,
+    voltage: ArrayLike | None = None,
     noise_sd: float | None = None,
     wavelength: float | None = None,
     mode: str | None = None,
@@ -89,8 +93,9 @@ def response(
 
     Args: frequency [Hz] and complex amplitude V [V], (sweep, point), frequency also (point,) for
     all sweeps; per sweep, or one number for all: drive [V], direction (+1 up, −1 down), x, y [m],
-    harmonic, time at which it begins [s], duration [s]; noise_sd [V] per quadrature; wavelength
-    [m].
+    harmonic, time at which it begins [s], duration [s], temperature [K], pressure [Pa],
+    laser_power [W], voltage [V]; noise_sd [V] per quadrature; wavelength [m]. See
+    `magnitudes_alone` for data without phases.
     Returns: Dataset of kind `response`.
     """
     volts = np.atleast_2d(np.asarray(amplitude))
@@ -104,6 +109,10 @@ def response(
         "harmonic": harmonic,
         "time": time,
         "duration": duration,
+        "temperature": temperature,
+        "pressure": pressure,
+        "laser_power": laser_power,
+        "voltage": voltage,
     }
     per_sweep = {
         key: None if value is None else np.broadcast_to(np.asarray(value), (sweeps,))
@@ -115,6 +124,12 @@ def response(
     return _build(
         "response", arrays, {"noise_sd": noise_sd, "wavelength": wavelength, "mode": mode}
     )
+
+
+def magnitudes_alone(dataset: xr.Dataset) -> xr.Dataset:
+    """Return a `response` that holds magnitudes |V| [V] in place of real and imag."""
+    size = np.hypot(dataset["real"], dataset["imag"]).assign_attrs(units="V")
+    return dataset.drop_vars(["real", "imag"]).assign(magnitude=size)
 
 
 def harmonic_map(

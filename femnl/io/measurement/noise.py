@@ -15,8 +15,11 @@ _QUANTILE = 0.25
 def amplitude(dataset: xr.Dataset) -> xr.DataArray:
     """The complex amplitude V = real + i·imag of a `response` or `map`, in V.
 
-    v(t) = Re(V e^{inωt}).
+    v(t) = Re(V e^{inωt}). Magnitudes alone stand as they are, with no phase.
     """
+    if "magnitude" in dataset:
+        volts = dataset["magnitude"] + 0j
+        return volts.rename("amplitude").assign_attrs(units="V")
     return (dataset["real"] + 1j * dataset["imag"]).rename("amplitude").assign_attrs(units="V")
 
 
@@ -57,8 +60,9 @@ def estimate_noise(dataset: xr.Dataset) -> float:
     """
     kind = dataset.attrs["kind"]
     if kind == "response":
+        names = ["magnitude"] if "magnitude" in dataset else ["real", "imag"]
         sweeps = zip(
-            dataset.frequency.values, dataset["real"].values, dataset["imag"].values, strict=True
+            dataset.frequency.values, *(dataset[name].values for name in names), strict=True
         )
         residues = np.concatenate([_residues(f, part) for f, *parts in sweeps for part in parts])
     elif kind == "map":

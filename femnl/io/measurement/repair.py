@@ -117,7 +117,10 @@ def _mend_sweeps(dataset: xr.Dataset, where: str, notes: list[str]) -> xr.Datase
         dataset = dataset.assign_coords(
             harmonic=("sweep", np.ones(dataset.sizes["sweep"], dtype=np.int64))
         )
-    table = np.stack([dataset.frequency.values, dataset["real"].values, dataset["imag"].values])
+    parts = ("magnitude",) if "magnitude" in dataset else _PAIRS
+    if "magnitude" in dataset:
+        _refuse_two_forms(dataset, where)
+    table = np.stack([dataset.frequency.values, *(dataset[part].values for part in parts)])
     placeless = np.isnan(table[0]) & np.isfinite(table[1:]).any(axis=0)
     if placeless.any():
         notes.append(
@@ -130,7 +133,7 @@ def _mend_sweeps(dataset: xr.Dataset, where: str, notes: list[str]) -> xr.Datase
         count = f"{np.count_nonzero(falling)} of {falling.size}"
         notes.append(
             f"{where}/frequency: not in rising order in {count} sweeps, sorted together with "
-            "real and imag"
+            f"{' and '.join(parts)}"
         )
         order = np.argsort(table[0], axis=1, kind="stable")
         table = np.take_along_axis(table, order[None], axis=2)
@@ -144,16 +147,29 @@ def _mend_sweeps(dataset: xr.Dataset, where: str, notes: list[str]) -> xr.Datase
         )
         table[:, copies] = np.nan
         table = np.take_along_axis(table, np.argsort(table[0], axis=1, kind="stable")[None], axis=2)
-    frequency, real, imag = table
     dataset = dataset.assign(
-        real=dataset["real"].copy(data=real), imag=dataset["imag"].copy(data=imag)
+        {part: dataset[part].copy(data=row) for part, row in zip(parts, table[1:], strict=True)}
     )
-    dataset = dataset.assign_coords(frequency=dataset.frequency.copy(data=frequency))
+    dataset = dataset.assign_coords(frequency=dataset.frequency.copy(data=table[0]))
     used = np.isfinite(table).all(axis=0)
     dataset = _keep(
         dataset, "sweep", used.any(axis=1), f"{where}: sweeps without a single point", notes
     )
     return dataset.isel(point=np.isfinite(dataset.frequency.values).any(axis=0))
+
+
+def _refuse_two_forms(dataset: xr.Dataset, where: str) -> None:
+    """Refuse a response that has magnitudes beside real and imag, or magnitudes below 0."""
+    if any(part in dataset for part in _PAIRS):
+        raise MeasurementError(
+            f"{where}: has magnitude beside real and imag; store one of the two forms"
+        )
+    size = dataset["magnitude"].values
+    if np.any(size < 0):
+        raise MeasurementError(
+            f"{where}/magnitude: value {size[size < 0].flat[0]:g} V is negative; a magnitude in "
+            "decibel has to name its unit, such as dBV or dBm"
+        )
 
 
 def _pair_missing(dataset: xr.Dataset, where: str, notes: list[str]) -> xr.Dataset:

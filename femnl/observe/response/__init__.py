@@ -1,7 +1,18 @@
 """Driven responses: sweeps over the frequency of the drive."""
 
-from femnl.core.kinds import AMPLITUDE, NOISE, WAVELENGTH, Contract, Item, KindSpec, label
+from femnl.core.kinds import (
+    AMPLITUDE,
+    CONTROLS,
+    NOISE,
+    WAVELENGTH,
+    Contract,
+    Item,
+    KindSpec,
+    label,
+)
 
+SURROUNDINGS = ("pressure", "temperature", "laser_power", "voltage")
+"""Control variables that a sweep may note beside its drive and time."""
 KIND = KindSpec(
     name="response",
     stages=("oscillator", "signal", "acquisition"),
@@ -30,10 +41,8 @@ KIND = KindSpec(
             "frequency": Item(
                 ("sweep", "point"), "Hz", required=True, coordinate=True, positive=True
             ),
-            **{
-                part: Item(("sweep", "point"), unit, required=True)
-                for part, unit in AMPLITUDE.items()
-            },
+            **{part: Item(("sweep", "point"), unit) for part, unit in AMPLITUDE.items()},
+            "magnitude": Item(("sweep", "point"), "V"),
             "drive": label("sweep", "V"),
             "direction": label("sweep", ""),
             "x": label("sweep", "m"),
@@ -41,7 +50,9 @@ KIND = KindSpec(
             "harmonic": label("sweep", ""),
             "time": label("sweep", "s"),
             "duration": label("sweep", "s"),
+            **{name: label("sweep", CONTROLS[name]) for name in SURROUNDINGS},
         },
+        needs=(("real", "magnitude"), ("imag", "magnitude")),
         attributes={"noise_sd": NOISE, "wavelength": WAVELENGTH, "mode": Item(unit=None)},
     ),
 )

@@ -15,6 +15,8 @@ STIFFEN = VERTICAL
 # Derivatives are limited to 1/FOLD times those of a linear resonator.
 FOLD = 0.01
 NOISY = 2.0
+# Of the middle of all frequencies, the lowest f₀ that a step of a fit may try.
+LOWEST = 1e-3
 
 
 @dataclass(frozen=True)
@@ -22,9 +24,12 @@ class Layout:
     """Where each parameter stands in the vector θ of a fit.
 
     θ = ((f₀ − centre)/width, ln(w/width), α_y/α_c at the strongest drive, [d], ln y_max per
-    position, φ per position, τ·span); f₀ and w count from `centre` in units of `width` [Hz], y_max
-    in V per `reference` [V] of drive, τ in 1/span [Hz]. y_max is missing in a fit to phases, φ and
-    τ in a fit to magnitudes, and d, the nonlinear damping at x = 1, unless asked for.
+    position, φ per position, τ·span, [background]); f₀ and w count from `centre` in units of
+    `width` [Hz], y_max in V per `reference` [V] of drive, τ in 1/span [Hz]. y_max is missing in a
+    fit to phases, φ and τ in a fit to magnitudes, and d, the nonlinear damping at x = 1, unless
+    asked for. The background has `background` complex terms a position, C₀ and C₁·span [V], as
+    real and imaginary parts in turn. It grows with the drive where `driven`, and where
+    `delayed` the delay turns it as well as the resonance.
     """
 
     centre: float
@@ -35,6 +40,9 @@ class Layout:
     damping: bool
     gain: bool
     phase: bool
+    background: int = 0
+    driven: bool = False
+    delayed: bool = False
 
     @property
     def gains(self) -> slice:
@@ -48,9 +56,25 @@ class Layout:
         return slice(self.gains.stop, self.gains.stop + (self.n_positions if self.phase else 0))
 
     @property
+    def delay(self) -> int:
+        """Where τ·span stands, or would stand."""
+        return int(self.phases.stop)
+
+    @property
+    def backgrounds(self) -> slice:
+        """Where the background stands: by position, term, and real before imaginary part."""
+        start = self.delay + int(self.phase)
+        return slice(start, start + 2 * self.background * self.n_positions)
+
+    @property
     def size(self) -> int:
         """How many parameters there are."""
-        return int(self.phases.stop) + int(self.phase)
+        return int(self.backgrounds.stop)
+
+    def terms(self, theta: Array) -> Complex:
+        """Return the background of θ, (n_positions, terms) complex [V]."""
+        pairs = theta[self.backgrounds].reshape(self.n_positions, self.background, 2)
+        return np.asarray(pairs[..., 0] + 1j * pairs[..., 1])
 
     def theta_of(self, k: int, value: float) -> float:
         """Return the entry k of θ for a parameter's value in SI."""
@@ -60,7 +84,13 @@ class Layout:
             return float(np.log(max(value, np.finfo(float).tiny) / self.width))
         if self.gains.start <= k < self.gains.stop:
             return float(np.log(max(value * self.reference, np.finfo(float).tiny)))
-        return value * self.span if self.phase and k == self.size - 1 else value
+        if self.phase and k == self.delay:
+            return value * self.span
+        if k >= self.backgrounds.start:
+            slope = (k - self.backgrounds.start) % (2 * self.background) >= 2
+            per = self.reference if self.driven else 1.0
+            return value * per * (self.span if slope else 1.0)
+        return value
 
     def split(self, theta: Array) -> tuple[float, float, float, float, Array, Array, float]:
         """Return f₀ [Hz], w [Hz], α_y/α_c, d, y_max and φ by position, and τ [s]."""
@@ -70,13 +100,14 @@ class Layout:
             else np.ones(self.n_positions)
         )
         phase = theta[self.phases] if self.phase else np.zeros(self.n_positions)
-        tau = float(theta[-1]) / self.span if self.phase else 0.0
+        tau = float(theta[self.delay]) / self.span if self.phase else 0.0
         damping = float(theta[3]) if self.damping else 0.0
         # A step of a fit may go anywhere; beyond these the arithmetic overflows.
         w = self.width * float(np.exp(np.clip(theta[1], -25, 25)))
         ratio = float(np.clip(theta[2], -1e6, 1e6))
+        f0 = self.centre + self.width * float(np.clip(theta[0], -1e6, 1e6))
         return (
-            self.centre + self.width * float(np.clip(theta[0], -1e6, 1e6)),
+            max(f0, LOWEST * self.centre),
             w,
             ratio,
             damping,
@@ -134,19 +165,64 @@ def fold(a: float, *, top: bool) -> tuple[float, float]:
     return float(np.copysign(r - size * x, -a)), x
 
 
+@dataclass(frozen=True)
+class Reduced:
+    """The exact harmonic balance in the form 1/(δ + a x + i(1 + d x)) that its cubic has.
+
+    With g = f/f₀ the balance of the first harmonic of ẍ + 2πw ẋ (1 + …) + (2πf₀)² x (1 + α x²)
+    reads b = 1/(Δ + a|b|² + i g (1 + d|b|²)), Δ = (f₀² − f²)/(f₀ w). Here δ = Δ/g, the stiffening
+    is a/g³, the nonlinear damping d/g², and x = g²|b|², so that b = 1/(g (δ + …)). All (n,).
+    """
+
+    g: Array
+    delta: Array
+    stiffening: Array
+    damping: Array
+
+
+def reduced(sweeps: Sweeps, f0: float, w: float, ratio: float, damping: float) -> Reduced:
+    """Return the reduced detuning, stiffening and nonlinear damping at every point.
+
+    Args: f0, w [Hz]; ratio: α_y/α_c and damping: d, both at the strongest drive.
+    """
+    f = sweeps.frequency
+    g = f / max(f0, np.finfo(float).tiny)
+    power = sweeps.drive**2
+    # (f₀ − f)(f₀ + f), since f₀² − f² loses the digits that a high Q needs
+    delta = (f0 - f) * (f0 + f) / (f * w)
+    return Reduced(g, delta, STIFFEN * ratio * power / g**3, damping * power / g**2)
+
+
+def background_columns(sweeps: Sweeps, layout: Layout, f0: float) -> Array:
+    """Return 1 and (f − f₀)/span as far as the layout has them, (n, terms), times the drive.
+
+    The drive is that of the strongest sweep as 1, and counts where the background is driven.
+    """
+    away = (sweeps.frequency - f0) / layout.span
+    columns = np.stack([np.ones_like(away), away], axis=1)[:, : layout.background]
+    return np.asarray(columns * (sweeps.drive[:, None] if layout.driven else 1.0))
+
+
 def response(
     sweeps: Sweeps, layout: Layout, theta: Array, *, continued: bool
 ) -> tuple[Complex, ResponseBranches]:
-    """Return the voltage [V] on both branches: y_max b e^{iφ − 2πi(f − f₀)τ} times drive."""
+    """Return the voltage [V] on both branches, (2, n).
+
+    y_max b e^{iφ − 2πi(f − f₀)τ} times drive, with the exact linear part of b, and the background
+    C₀ + C₁(f − f₀).
+    """
     f0, w, ratio, damping, gain, phase, tau = layout.split(theta)
-    power = sweeps.drive**2
-    delta = 2 * (f0 - sweeps.frequency) / w
-    a = STIFFEN * ratio * power
-    d = damping * power
-    both = duffing_branches(delta, a, d, continued=continued)
-    b = 1 / (delta + a * both.x + 1j * (1 + d * both.x))
-    turn = np.exp(1j * (phase[sweeps.position] - 2 * np.pi * (sweeps.frequency - f0) * tau))
-    return gain[sweeps.position] * sweeps.drive * turn * b, both
+    exact = reduced(sweeps, f0, w, ratio, damping)
+    both = duffing_branches(exact.delta, exact.stiffening, exact.damping, continued=continued)
+    inverse = exact.delta + exact.stiffening * both.x + 1j * (1 + exact.damping * both.x)
+    turn = np.exp(-2j * np.pi * (sweeps.frequency - f0) * tau)
+    scale = gain[sweeps.position] * sweeps.drive * np.exp(1j * phase[sweeps.position])
+    moving = scale * turn / (exact.g * inverse)
+    if not layout.background:
+        return moving, both
+    columns = background_columns(sweeps, layout, f0)
+    behind = np.sum(columns * layout.terms(theta)[sweeps.position], axis=1)
+    return moving + behind * (turn if layout.delayed else 1.0), both
 
 
 def jacobian(
@@ -155,7 +231,6 @@ def jacobian(
     theta: Array,
     both: ResponseBranches,
     high: Index,
-    voltage: Complex,
     *,
     cautious: bool,
 ) -> Complex:
@@ -169,15 +244,20 @@ def jacobian(
     x |D|² = 1 with D = δ + a x + i(1 + d x) gives x_p = −x ∂|D|²/∂p / (|D|² + x ∂|D|²/∂x), and V_p
     = −V b D_p.
     """
-    f0, w, ratio, damping, _gain, _phase, tau = layout.split(theta)
-    power = sweeps.drive**2
+    f0, w, ratio, damping, gain, phase, tau = layout.split(theta)
+    exact = reduced(sweeps, f0, w, ratio, damping)
     n = len(sweeps.frequency)
-    delta = 2 * (f0 - sweeps.frequency) / w
-    a = STIFFEN * ratio * power
-    d = damping * power
+    delta = exact.delta
+    a = exact.stiffening
+    d = exact.damping
     points = np.arange(n)
     x = both.x[high, points]
     pair = both.pair[high, points]
+    away = sweeps.frequency - f0
+    turn = np.exp(-2j * np.pi * away * tau)
+    scale = gain[sweeps.position] * sweeps.drive * np.exp(1j * phase[sweeps.position])
+    inverse = delta + a * x + 1j * (1 + d * x)
+    voltage = scale * turn / (exact.g * inverse)
     root = np.where(pair, both.single, x)
     real = delta + a * root
     imag = 1 + d * root
@@ -200,16 +280,47 @@ def jacobian(
         outer = np.stack([-a / p, -(delta * p - 2 * a * q) / p**2, -(p - 2 * d * q) / p**2])
         by = np.where(pair, outer - by / 2, by)
     direct = np.stack([np.ones(n), x, 1j * x])
-    change = -voltage / (delta + a * x + 1j * (1 + d * x)) * (direct + (a + 1j * d) * by)
+    # By δ, the stiffening and the nonlinear damping, all three as reduced
+    change = -voltage / inverse * (direct + (a + 1j * d) * by)
+    power = sweeps.drive**2
     out = np.zeros((n, layout.size), dtype=complex)
-    out[:, 0] = change[0] * (2 * layout.width / w) + 2j * np.pi * tau * layout.width * voltage
+    out[:, 0] = layout.width * (
+        change[0] * 2 * f0 / (sweeps.frequency * w)
+        + change[1] * 3 * a / f0
+        + change[2] * 2 * d / f0
+        + voltage * (1 / f0 + 2j * np.pi * tau)
+    )
     out[:, 1] = -change[0] * delta
-    out[:, 2] = change[1] * STIFFEN * power
+    out[:, 2] = change[1] * STIFFEN * power / exact.g**3
     if layout.damping:
-        out[:, 3] = change[2] * power
+        out[:, 3] = change[2] * power / exact.g**2
     if layout.gain:
         out[points, layout.gains.start + sweeps.position] = voltage
     if layout.phase:
         out[points, layout.phases.start + sweeps.position] = 1j * voltage
-        out[:, -1] = -2j * np.pi * (sweeps.frequency - f0) / layout.span * voltage
+        out[:, layout.delay] = -2j * np.pi * away / layout.span * voltage
+    if layout.background:
+        _background_slopes(out, sweeps, layout, theta, turn)
     return out
+
+
+def _background_slopes(
+    out: Complex, sweeps: Sweeps, layout: Layout, theta: Array, turn: Complex
+) -> None:
+    """Add to dV/dθ `out` (n, size) what the background does; turn (n,): of the delay."""
+    f0, *_, tau = layout.split(theta)
+    columns = background_columns(sweeps, layout, f0)
+    factor = turn if layout.delayed else np.ones_like(turn)
+    terms = layout.terms(theta)[sweeps.position]
+    start = layout.backgrounds.start + 2 * layout.background * sweeps.position
+    points = np.arange(len(start))
+    for k in range(layout.background):
+        out[points, start + 2 * k] = columns[:, k] * factor
+        out[points, start + 2 * k + 1] = 1j * columns[:, k] * factor
+    if layout.background > 1:
+        # C₁ counts from f₀
+        out[:, 0] -= terms[:, 1] * columns[:, 0] * factor * layout.width / layout.span
+    if layout.delayed and layout.phase:
+        behind = np.sum(columns * terms, axis=1) * factor
+        out[:, 0] += 2j * np.pi * tau * layout.width * behind
+        out[:, layout.delay] -= 2j * np.pi * (sweeps.frequency - f0) / layout.span * behind

@@ -22,7 +22,9 @@ class Sweeps:
     frequency (n,) [Hz]; voltage (n,) complex [V]; drive (n,) relative to `reference` [V]; sweep and
     position (n,): which one a point belongs to; row and column (n,): its place in the dataset;
     spans: where each sweep lies; direction of each sweep, +1 up, −1 down, 0 unknown; positions
-    (n_positions, 2): x, y [m]; noise [V] per quadrature; notes for the report.
+    (n_positions, 2): x, y [m]; noise [V] per quadrature; notes for the report; phases: whether the
+    file has phases, or magnitudes alone, which stand as real voltages; estimated: whether the noise
+    is that of the data's own scatter.
     """
 
     frequency: Array
@@ -38,6 +40,8 @@ class Sweeps:
     reference: float
     noise: float
     notes: tuple[str, ...]
+    phases: bool = True
+    estimated: bool = False
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -112,7 +116,11 @@ def collect(dataset: xr.Dataset) -> Sweeps:
     kept = np.flatnonzero(harmonic == 1)
     positions, position = np.unique(place[kept], axis=0, return_inverse=True)
     frequency = dataset["frequency"].values
-    voltage = dataset["real"].values + 1j * dataset["imag"].values
+    phases = "magnitude" not in dataset
+    if phases:
+        voltage = dataset["real"].values + 1j * dataset["imag"].values
+    else:
+        voltage = dataset["magnitude"].values + 0j
     pieces = []
     start = 0
     missing = 0
@@ -152,6 +160,8 @@ def collect(dataset: xr.Dataset) -> Sweeps:
         reference,
         noise,
         tuple(notes),
+        phases,
+        "noise_sd" not in dataset.attrs,
     )
 
 

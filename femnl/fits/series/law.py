@@ -1,0 +1,231 @@
+"""Fit a law to a series: a line, a power law or an Arrhenius law."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from femnl.core.choices import Law
+from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.fit import Fit, Parameter
+from femnl.core.kinds import CONTROLS
+from femnl.core.readout import Array
+from femnl.fits.covariance import covariance, strongest_correlation
+
+BOLTZMANN = 1.380649e-23
+"""Boltzmann constant [J/K], exact in the SI."""
+QUANTITIES: Mapping[str, str] = {"frequency": "Hz", "quality_factor": ""}
+"""What a series holds, with its unit."""
+LEAST = 3
+"""Points that two parameters and their errors need."""
+EXCESS = 3.0
+"""Standard deviations of χ²/ν above 1 from which on stated errors are too small."""
+INTERVAL = 0.95
+
+
+@dataclass(frozen=True)
+class SeriesFit:
+    """A law fitted to one quantity of a series against one control variable.
+
+    fit: its parameters. interval: the lower and upper end of the 95 % interval of each, by name.
+    x, y, sd (n,): the points used, sd as scaled; line (n,): the law there.
+    """
+
+    quantity: str
+    control: str
+    law: Law
+    fit: Fit
+    interval: Mapping[str, tuple[float, float]]
+    x: Array
+    y: Array
+    sd: Array
+    line: Array
+
+
+def fit_series(
+    dataset: xr.Dataset, law: Law = "line", control: str | None = None
+) -> tuple[SeriesFit, ...]:
+    """Fit a law to the frequency and the quality factor of a series.
+
+    line: y = value + slope (x − x̄), x̄ the weighted mean of x, where the two are independent.
+    power: y = value (x/x̄)^exponent, x̄ the geometric mean. arrhenius: y = prefactor exp(−E/(k_B T)).
+
+    Args: dataset of kind `series`; law; control: the variable, by default the only one that varies.
+    Returns: one fit for each quantity that it holds. Standard deviations are scaled by √(χ²/ν)
+    where the series states no errors, or scatters more than it states; 95 % intervals are those of
+    Student's t with ν degrees of freedom where they are scaled.
+    Raises: MeasurementError for fewer than three points; ParameterError for a control that does not
+    vary, several that do, or a law that the values do not allow.
+    """
+    name = _control(dataset, law, control)
+    return tuple(_fit(dataset, key, name, law) for key in QUANTITIES if key in dataset)
+
+
+def _control(dataset: xr.Dataset, law: Law, control: str | None) -> str:
+    """Return the control variable that the law is of."""
+    varied = [
+        name
+        for name in CONTROLS
+        if name in dataset.coords and np.ptp(np.asarray(dataset[name].values, float)) > 0
+    ]
+    if law == "arrhenius" and control is None:
+        control = "temperature"
+    if control is None and len(varied) == 1:
+        return varied[0]
+    if control not in varied:
+        there = ", ".join(varied) or "nothing"
+        raise ParameterError(
+            f"series: the law {law} needs {control or 'one control variable'}, and {there} varies; "
+            "choose another law, or name one that varies"
+        )
+    return control
+
+
+def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
+    x = np.asarray(dataset[control].values, float)
+    y = np.asarray(dataset[key].values, float)
+    stated = f"{key}_sd" in dataset
+    sd = np.asarray(dataset[f"{key}_sd"].values, float) if stated else np.ones(len(x))
+    used = np.isfinite(x) & np.isfinite(y) & np.isfinite(sd)
+    if stated and np.count_nonzero(used) < LEAST <= np.count_nonzero(
+        np.isfinite(x) & np.isfinite(y)
+    ):
+        # Standard deviations were withheld: all points count alike
+        stated = False
+        sd = np.ones(len(x))
+        used = np.isfinite(x) & np.isfinite(y)
+    if np.count_nonzero(used) < LEAST:
+        raise MeasurementError(
+            f"series: {np.count_nonzero(used)} usable points of {key}; a law needs {LEAST}"
+        )
+    x = x[used]
+    y = y[used]
+    sd = sd[used] if stated else np.full(len(x), max(float(np.std(y)), np.finfo(float).tiny))
+    form = _form(law, key, control, x, y, sd)
+
+    def residual(p: Array) -> Array:
+        return np.asarray((y - form.predict(p)) / sd)
+
+    def slopes(p: Array) -> Array:
+        return np.asarray(-form.slopes(p) / sd[:, None])
+
+    found = least_squares(
+        residual,
+        form.start,
+        slopes,
+        x_scale="jac",
+        xtol=1e-12,
+        ftol=1e-12,
+        gtol=1e-12,
+    )
+    nu = len(x) - len(form.start)
+    reduced = float(2 * found.cost / nu)
+    scaled = not stated or reduced > 1 + EXCESS * np.sqrt(2 / nu)
+    factor = float(np.sqrt(reduced)) if scaled else 1.0
+    spread, blind = covariance(slopes(found.x), form.names, np.ones(len(form.names)))
+    spread = spread * factor**2
+    size = np.sqrt(np.diag(spread))
+    width = float(student.ppf(0.5 + INTERVAL / 2, nu)) if scaled else 1.959963984540054
+    listed = zip(form.names, found.x, size, form.units, strict=True)
+    parameters = {n: Parameter(n, float(v), float(s), u) for n, v, s, u in listed}
+    interval = {
+        one.name: (one.value - width * one.sd, one.value + width * one.sd)
+        for one in parameters.values()
+    }
+    why = "the series states no errors" if not stated else "it scatters more than it states"
+    told = (
+        [f"standard deviations are scaled by √(χ²/ν) = {factor:.3g}: {why}"]
+        if scaled and stated
+        else []
+    )
+    told += (
+        [f"standard deviations are those of the scatter, {factor * sd[0]:.3g}: {why}"]
+        if not stated
+        else []
+    )
+    correlation = strongest_correlation(spread, form.names)
+    notes = (*form.notes, *told, *blind, *([correlation] if correlation else []))
+    return SeriesFit(
+        key,
+        control,
+        law,
+        Fit(parameters, spread, reduced if stated else 1.0, len(x), len(form.start), notes),
+        interval,
+        x,
+        y,
+        sd * factor,
+        form.predict(found.x),
+    )
+
+
+@dataclass(frozen=True)
+class _Form:
+    """A law: parameters with units and start, its values (n,) and their slopes (n, k)."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    start: Array
+    predict: Callable[[Array], Array]
+    slopes: Callable[[Array], Array]
+    notes: tuple[str, ...]
+
+
+def _form(law: Law, key: str, control: str, x: Array, y: Array, sd: Array) -> _Form:
+    """Return the law with a start from linear least squares."""
+    weight = 1 / sd**2
+    unit = QUANTITIES[key]
+    per = CONTROLS[control]
+    if law == "line":
+        middle = float(np.sum(weight * x) / np.sum(weight))
+        columns = np.column_stack([np.ones(len(x)), x - middle])
+        return _Form(
+            ("value", "slope"),
+            (unit, f"{unit or '1'}/{per}"),
+            _linear(columns, y, sd),
+            lambda p: np.asarray(columns @ p),
+            lambda p: columns,
+            (f"value is that at {control.replace('_', ' ')} = {middle:.6g} {per}",),
+        )
+    if np.any(x <= 0) or np.any(y <= 0):
+        raise ParameterError(f"series: the law {law} needs positive values of {control} and {key}")
+    if law == "power":
+        middle = float(np.exp(np.sum(weight * y**2 * np.log(x)) / np.sum(weight * y**2)))
+        ratio = np.log(x / middle)
+        return _power(unit, ratio, y, sd, (f"value is that at {control} = {middle:.6g} {per}",))
+    inverse = 1 / (BOLTZMANN * x)
+    scale = float(inverse.mean())
+    logged = _linear(np.column_stack([np.ones(len(x)), -inverse / scale]), np.log(y), sd / y)
+
+    def predict(p: Array) -> Array:
+        return np.asarray(p[0] * np.exp(-p[1] * inverse))
+
+    def slopes(p: Array) -> Array:
+        factor = np.exp(-p[1] * inverse)
+        return np.column_stack([factor, -p[0] * inverse * factor])
+
+    start = np.array([np.exp(logged[0]), logged[1] / scale])
+    return _Form(("prefactor", "activation_energy"), (unit, "J"), start, predict, slopes, ())
+
+
+def _power(unit: str, ratio: Array, y: Array, sd: Array, notes: tuple[str, ...]) -> _Form:
+    """Return the power law, ratio (n,) = ln(x/x̄)."""
+    logged = _linear(np.column_stack([np.ones(len(y)), ratio]), np.log(y), sd / y)
+
+    def predict(p: Array) -> Array:
+        return np.asarray(p[0] * np.exp(p[1] * ratio))
+
+    def slopes(p: Array) -> Array:
+        factor = np.exp(p[1] * ratio)
+        return np.column_stack([factor, p[0] * ratio * factor])
+
+    start = np.array([np.exp(logged[0]), logged[1]])
+    return _Form(("value", "exponent"), (unit, ""), start, predict, slopes, notes)
+
+
+def _linear(columns: Array, y: Array, sd: Array) -> NDArray[np.float64]:
+    found = np.linalg.lstsq(columns / sd[:, None], y / sd, rcond=None)[0]
+    return np.asarray(found)

@@ -1,0 +1,51 @@
+"""Arrays of NumPy (.npy): columns by name of a structured array, or by number from 1.
+
+Never pickled objects. Complex columns are an `amplitude`.
+Source: NumPy Enhancement Proposal 1, "A simple file format for NumPy arrays".
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.core.errors import MeasurementError
+from femnl.io.labfiles.base import LARGEST, Format, Groups, head
+from femnl.io.labfiles.spec import Spec
+from femnl.io.labfiles.tables import take_columns, to_dataset, unread
+
+
+def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
+    if len(paths) > 1:
+        raise MeasurementError(f"{paths[1]}: one array at a time; import each into its own file")
+    where = str(paths[0])
+    table = _table(paths[0])
+    dataset, notes = to_dataset(spec, take_columns(spec, table, where), where)
+    return {spec.name: dataset}, [*notes, *unread(spec, table, where)]
+
+
+def _table(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the columns of the array: the shorter axis of two holds them."""
+    if path.stat().st_size > LARGEST:
+        raise MeasurementError(f"{path}: more than {LARGEST / 2**30:g} GiB; split it")
+    try:
+        values = np.load(path, allow_pickle=False)
+    except (ValueError, OSError, EOFError) as error:
+        raise MeasurementError(
+            f"{path}: cannot be read as a plain array ({str(error)[:80]}); save numbers"
+        ) from None
+    if values.dtype.names:
+        return {name: values[name].reshape(-1) for name in values.dtype.names}
+    if values.ndim not in (1, 2) or values.dtype.kind not in "iufc":
+        raise MeasurementError(
+            f"{path}: an array of {values.ndim} axes of {values.dtype}; save columns of numbers"
+        )
+    rows = np.atleast_2d(values)
+    if rows.shape[0] > rows.shape[1]:
+        rows = rows.T
+    return {str(number): row for number, row in enumerate(rows, start=1)}
+
+
+FORMAT = Format("NumPy array", lambda path: head(path).startswith(b"\x93NUMPY"), _read, priority=1)
