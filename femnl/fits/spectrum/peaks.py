@@ -22,7 +22,7 @@ _APART = 8.0  # linewidths that lines found in the same pass must lie apart
 _TOUCH = 3.0  # linewidths within which lines are fitted together
 _UNSURE = 0.5  # of a linewidth; a larger standard deviation of it is reported
 _BACKGROUND = 0.95  # of the widest linewidth: such a line is a bend of the background
-_MOST = 5_000_000  # work of one search: a second or a few
+_MOST = 20_000_000  # work of one search: twice that of sweeps of many lines
 _RAYLEIGH = 1.1774  # median of |noise| over its standard deviation in each quadrature
 _COARSER = 4.0  # times the noise, at least, of the search that follows one without end
 

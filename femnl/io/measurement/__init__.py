@@ -1,6 +1,14 @@
 """Measurement files: read, checked, written and built; the contract between a lab and femnl."""
 
-from femnl.io.measurement.build import decay, harmonic_map, response, series, spectrum, trace
+from femnl.io.measurement.build import (
+    decay,
+    harmonic_map,
+    magnitudes_alone,
+    response,
+    series,
+    spectrum,
+    trace,
+)
 from femnl.io.measurement.contract import CONTROLS, KINDS, VERSION
 from femnl.io.measurement.files import bundle, is_measurement, named_geometry, read, write
 from femnl.io.measurement.hdf5_safety import open_hdf5
@@ -16,8 +24,8 @@ __all__ = [
     "decay",
     "estimate_noise",
     "harmonic_map",
-    "magnitudes_alone",
     "is_measurement",
+    "magnitudes_alone",
     "named_geometry",
     "noise_sd",
     "open_hdf5",

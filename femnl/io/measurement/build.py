@@ -128,8 +128,9 @@ def response(
 
 def magnitudes_alone(dataset: xr.Dataset) -> xr.Dataset:
     """Return a `response` that holds magnitudes |V| [V] in place of real and imag."""
-    size = np.hypot(dataset["real"], dataset["imag"]).assign_attrs(units="V")
-    return dataset.drop_vars(["real", "imag"]).assign(magnitude=size)
+    size = np.hypot(dataset["real"].values, dataset["imag"].values)
+    held = xr.Variable(dataset["real"].dims, size, {"units": "V"})
+    return dataset.drop_vars(["real", "imag"]).assign(magnitude=held)
 
 
 def harmonic_map(
