@@ -11,8 +11,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from femnl.chip.measured import measured
 from femnl.core.errors import ParameterError, one_line
-from femnl.io import measurement
 from femnl.io.measurement.units import quantity
 
 FEWEST = 4
@@ -73,7 +73,7 @@ class Mode(Strict):
 
 
 class Device(Strict):
-    """One device: numbers, or a measurement file with a spectrum."""
+    """One device: numbers, or a measurement file with spectra, responses or decays."""
 
     name: str
     design: str = ""
@@ -142,20 +142,20 @@ def read_chip(path: Path) -> Chip:
     """
     study = _parse(path)
     notes: list[str] = []
-    measured: dict[str, _Readings] = defaultdict(_Readings)
+    found: dict[str, _Readings] = defaultdict(_Readings)
     if study.table is not None:
-        _read_table(path.parent / study.table.file, study.table, measured)
+        _read_table(path.parent / study.table.file, study.table, found)
     for device in study.device:
-        _read_device(path, device, measured[device.name])
+        _read_device(path, device, found[device.name])
     unit = "m"
     if study.positions is not None:
-        unit = _place(path, study.positions, measured)
-    if not FEWEST <= len(measured) <= MOST:
+        unit = _place(path, study.positions, found)
+    if not FEWEST <= len(found) <= MOST:
         raise ParameterError(
-            f"{path}: {len(measured)} devices; a chip has {FEWEST} to {MOST}; "
+            f"{path}: {len(found)} devices; a chip has {FEWEST} to {MOST}; "
             "check table.chip, or add [[device]] tables"
         )
-    members = [readings.member(name) for name, readings in measured.items()]
+    members = [readings.member(name) for name, readings in found.items()]
     members = _with_designs(members, notes)
     geometries = {name: _beside(path, d.geometry) for name, d in study.design.items()}
     missing = sorted(set(geometries) - {m.design for m in members})
@@ -288,22 +288,17 @@ def _read_device(path: Path, device: Device, readings: _Readings) -> None:
 
 
 def _read_measurement(path: Path, readings: _Readings) -> None:
-    """Take the frequencies and quality factors of the spectra of a file."""
-    groups = measurement.read(path).children
-    spectra = [g.to_dataset() for g in groups.values() if g.attrs.get("kind") == "spectrum"]
-    if not spectra:
-        raise ParameterError(f"{path}: no spectrum; a chip takes the spectra of its devices")
-    for dataset in spectra:
-        for k, frequency in enumerate(dataset["frequency"].values):
-            if not np.isfinite(frequency):
-                continue
-            mode = str(dataset["label"].values[k]) if "label" in dataset else str(k + 1)
-            sd = float(dataset["frequency_sd"].values[k])
-            readings.frequency[mode].append((float(frequency), sd))
-            if "quality_factor" in dataset and np.isfinite(dataset["quality_factor"].values[k]):
-                q = float(dataset["quality_factor"].values[k])
-                q_sd = dataset.get("quality_factor_sd")
-                readings.quality[mode].append((q, 0.0 if q_sd is None else float(q_sd.values[k])))
+    """Take frequencies and quality factors of the measurements of a file."""
+    read = 0
+    for numbers in measured(path):
+        read += 1
+        readings.frequency[numbers.mode].append((numbers.frequency, numbers.frequency_sd))
+        if numbers.quality is not None:
+            readings.quality[numbers.mode].append((numbers.quality, numbers.quality_sd))
+    if not read:
+        raise ParameterError(
+            f"{path}: nothing of use; a chip takes spectra, responses and decays with a frequency"
+        )
 
 
 def _place(path: Path, positions: Positions, measured: dict[str, _Readings]) -> str:

@@ -4,7 +4,6 @@ import json
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from femnl.chip.study import Chip, Member, Number
 from femnl.cli._main import run
 from femnl.core.errors import FemnlError
 from femnl.device.geometry import load
+from femnl.io import measurement
 from tests.blind import chips
 
 SEED = 20261124
@@ -292,13 +292,33 @@ def test_a_real_chip_with_a_gradient_is_predicted_better_than_by_its_mean(tmp_pa
     assert fit.frequency.left_out.error < 0.25 * fit.frequency.left_out.plain_error
 
 
-def test_a_spectrum_file_gives_the_modes_of_a_device(tmp_path: Path) -> None:
-    from femnl.io import measurement
-
+def test_a_file_gives_the_modes_of_a_device_by_spectrum_response_and_decay(
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(SEED)
+    f = np.linspace(0.9999e6, 1.0001e6, 81)
+    # Q = 50 000 at 1 MHz
+    clean = 1e6 * 20.0 / (1e12 - f**2 + 20j * f) * 1e-3
+    volts = clean + 1e-6 * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
+    time = np.linspace(0, 2, 400)
+    # A decay of 60 dB in a second: γ = 6 ln 10 in energy
+    power = 10 * np.log10(1e-4 * np.exp(-6 * np.log(10) * time) + 1e-9)
+    groups = {
+        "spectrum": measurement.spectrum([1.5e6, 2.0e6], [5.0, 5.0], label=["1,1", "2,2"]),
+        "response": measurement.response(
+            f[None], volts[None], drive=[1.0], noise_sd=1e-6, mode="a"
+        ),
+        "decay": measurement.decay(
+            time=time,
+            power=power + 0.1 * rng.standard_normal(time.size),
+            attributes={"mode": "b", "frequency": 1e6},
+        ),
+    }
     path = study(tmp_path)
-    dataset: Any = measurement.spectrum([1.01e6, 2.0e6], [5.0, 5.0], label=["1,1", "2,2"])
-    measurement.write(measurement.bundle({"s": dataset}), tmp_path / "s.nc")
-    more = "\n[[device]]\nname = '44'\nmeasurement = 's.nc'\n"
-    path.write_text(STUDY + more, encoding="utf-8")
+    measurement.write(measurement.bundle(groups), tmp_path / "m.nc")
+    path.write_text(STUDY + "\n[[device]]\nname = '44'\nmeasurement = 'm.nc'\n", encoding="utf-8")
     found = next(m for m in read_chip(path).members if m.name == "44")
-    assert set(found.frequency) == {"1,1", "2,2"}
+    assert set(found.frequency) == {"1,1", "2,2", "a", "b"}
+    assert found.frequency["a"].value == pytest.approx(1e6, abs=1)
+    assert found.quality["a"].value == pytest.approx(5e4, rel=0.01)
+    assert found.quality["b"].value == pytest.approx(2e6 * np.pi / (6 * np.log(10)), rel=0.02)
