@@ -138,3 +138,17 @@ def test_numpy_arrays_recordings_and_labview_text_are_read(tmp_path: Path) -> No
     np.testing.assert_allclose(measurement.amplitude(data).values[0], V, rtol=1e-7)
     with pytest.raises(MeasurementError, match=r"line 10: .* is not a number"):
         imported(tmp_path, "c.lvm", text.replace("990,000", "99x", 1), spec)
+
+
+def test_an_array_of_objects_runs_nothing_and_is_refused(tmp_path: Path) -> None:
+    ran = tmp_path / "ran"
+
+    class Trap:
+        def __reduce__(self) -> tuple[object, tuple[str]]:
+            return Path.touch, (str(ran),)
+
+    np.save(tmp_path / "a.npy", np.array([Trap(), 1], dtype=object), allow_pickle=True)
+    (tmp_path / "a.toml").write_text('kind = "response"\n[columns]\nfrequency = "1"\n')
+    with pytest.raises(MeasurementError, match="cannot be read as a plain array"):
+        import_file(tmp_path / "a.npy", tmp_path / "a.nc")
+    assert not ran.exists()

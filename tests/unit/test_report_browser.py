@@ -86,7 +86,7 @@ def test_a_browser_shows_the_report_without_errors_or_sideways_scrolling(
     page, said, fetched = opened(browser, report, width, scheme)
     assert said == []
     assert [url for url in fetched if not url.startswith("data:")] == [report.path.as_uri()]
-    assert page.evaluate("document.images.length") == 10
+    assert page.evaluate("document.images.length") == 13
     assert page.evaluate(
         "[...document.images].every(image => image.complete && image.naturalWidth > 300 && "
         "image.alt)"

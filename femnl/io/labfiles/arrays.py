@@ -1,6 +1,6 @@
 """Arrays of NumPy (.npy): columns by name of a structured array, or by number from 1.
 
-Never pickled objects. Complex columns are an `amplitude`.
+Arrays of objects, which could run code, are refused. Complex columns are an `amplitude`.
 Source: NumPy Enhancement Proposal 1, "A simple file format for NumPy arrays".
 """
 
@@ -31,7 +31,8 @@ def _table(path: Path) -> dict[str, NDArray[Any]]:
     if path.stat().st_size > LARGEST:
         raise MeasurementError(f"{path}: more than {LARGEST / 2**30:g} GiB; split it")
     try:
-        values = np.load(path, allow_pickle=False)
+        # NumPy refuses arrays of objects by itself
+        values = np.load(path)
     except (ValueError, OSError, EOFError) as error:
         raise MeasurementError(
             f"{path}: cannot be read as a plain array ({str(error)[:80]}); save numbers"
