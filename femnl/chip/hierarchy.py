@@ -33,8 +33,9 @@ SPREADS = np.geomspace(0.02, 3.0, 16)
 """Spread from device to device, in parts of what the devices show without any field."""
 RELIEFS = np.geomspace(0.1, 10.0, 7)
 """Variation over the chip, in the same unit, for one standard deviation of the places."""
-SPLITS = (0.0, 0.3, 1.0)
-"""Spread between modes of one device, in parts of that from device to device."""
+SPLITS = (0.0, *np.geomspace(0.02, 2.0, 8))
+"""Spread between modes of one device, in the same unit. It is not tied to that from device to
+device: many modes tell it so well that a step of a common grid would pull the other with it."""
 FLAT = 20.0
 """Standard deviation of the prior of a group's mean about its median, in the same unit."""
 
@@ -182,7 +183,7 @@ class Hierarchy:
             tuple(forms),
             np.array([a for _, a, _ in rows]) * self.unit,
             spread[noise],
-            (spread * part / self.unit)[noise],
+            part[noise],
             noise,
             np.array([-np.log(forms.count(f) * len(self.fields)) for f in forms]),
         )

@@ -77,6 +77,18 @@ def test_a_slope_is_found_and_none_where_there_is_none() -> None:
     assert hierarchy(values(slope=3e-3)).probability("none") < 1e-3
 
 
+@pytest.mark.parametrize("modes", [1, 3])
+def test_predictions_are_as_wrong_as_they_say_with_one_mode_and_with_several(modes: int) -> None:
+    """Modes that differ by a fifth of the spread must not hide how far devices scatter."""
+    off = []
+    for k in range(20):
+        v = values(20, modes=modes, more=k)
+        predicted = hierarchy(v).left_out()
+        off.append((v.y - predicted.mean) / predicted.sd)
+    assert np.std(off) == pytest.approx(1.0, abs=0.12)
+    assert np.mean(np.abs(off) < 1) == pytest.approx(0.69, abs=0.06)
+
+
 def test_a_bowl_is_told_from_a_plane() -> None:
     v = values(30)
     bowl = 4e-3 * (v.place**2).sum(axis=1)
