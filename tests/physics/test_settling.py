@@ -5,8 +5,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from femnl.core.readout import ComplexArray
-from femnl.observe.response.acquisition import LEFT_OUT, TURNS, settle
+from femnl.observe.response.acquisition import TURNS, settle
 from femnl.resonator import duffing_roots
+
+EXACT = 3e-6
+"""What the motion may miss, in the linear amplitude at resonance; not taken from the code."""
 
 
 def after(start: complex, steady: complex, delta: float, a: complex, rest: float) -> complex:
@@ -42,7 +45,7 @@ def test_the_motion_is_that_of_the_differential_equation(rest: float) -> None:
 
     whole = solve_ivp(slope, (0, rest), [start], rtol=1e-10, atol=1e-12)
     b = steady_state(delta, a, 0.5 + 0j)
-    assert after(start, b, delta, a, rest) == pytest.approx(whole.y[0, -1], abs=LEFT_OUT)
+    assert after(start, b, delta, a, rest) == pytest.approx(whole.y[0, -1], abs=EXACT)
 
 
 @pytest.mark.parametrize("kept", [1e-3, 0.1, 0.5, 0.9])
@@ -70,7 +73,7 @@ def test_a_sweep_over_a_resonance_is_that_of_the_differential_equation(
             slope, (0, rest[k]), [whole[k - 1]], method="DOP853", rtol=1e-10, atol=1e-12
         )
         whole[k] = motion.y[0, -1]
-    assert np.abs(found - whole).max() < LEFT_OUT
+    assert np.abs(found - whole).max() < EXACT
 
 
 def test_a_trial_that_turns_a_million_times_ends() -> None:

@@ -61,3 +61,9 @@ def test_what_effects_made_of_a_value_is_kept_for_each() -> None:
         assert np.array_equal(found, np.full(2, 0.5 + last))
     assert made == ["one", "other", "other"]
     assert np.array_equal(apply("operators", start, both, values), found)
+
+
+def test_an_object_that_is_gone_is_not_taken_for_one_in_its_place() -> None:
+    """A list that nobody keeps leaves its identity to the next one."""
+    first = recent_of(lambda values: values[0])
+    assert [first([k]) for k in range(100)] == list(range(100))

@@ -17,10 +17,6 @@ LEFT_OUT = 3e-6
 """Amplitude, in that of the linear motion at resonance, that a deviation may end wrong by where it
 decays as a linear one.
 """
-WEAK = 0.1
-"""What bends the motion around a steady state, in parts of what pulls it back, up to which a
-deviation may decay as a linear one.
-"""
 ORDER = 20
 """Terms of one step's power series."""
 TERM = 1e-9
@@ -109,7 +105,7 @@ def _approach(
             off = abs(y - b)
             pull = abs(a) * off * (3 * abs(b) + off)
             kept = pull * off * np.exp(-slowest * left) * min(left, 1 / slowest)
-            if kept * rate.imag**2 < LEFT_OUT and pull * rate.imag < WEAK * slowest:
+            if kept * rate.imag**2 < LEFT_OUT:
                 return True, y, left
         order, step = _expand(series, y, delta, a, left)
         # Settled, on another branch than the steady one here
