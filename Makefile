@@ -29,7 +29,8 @@ slow: $(READY)  ## the slow studies
 blind: $(READY)  ## hide causes in hundreds of files and count what the diagnosis names (hours; goes on where it stopped)
 	$(BIN)/python -m tests.blind.study build/blind
 	$(BIN)/python -m tests.blind.realistic build/realistic
-	$(BIN)/python -m tests.blind.boards validation/blind.json weak=build/blind realistic=build/realistic
+	$(BIN)/python -m tests.blind.boards validation/blind.json weak=build/blind \
+		realistic=build/realistic
 
 fuzz: $(READY)  ## fuzz the readers for ten minutes (needs the extra fuzz)
 	$(BIN)/python -m pytest -m slow tests/robust/test_fuzz.py

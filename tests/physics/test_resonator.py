@@ -18,7 +18,7 @@ from femnl.resonator import (
     duffing_roots,
     sweep_modes,
 )
-from femnl.resonator.roots import self_stiffened
+from femnl.resonator.roots import continued, self_stiffened
 
 Force = Callable[[float, Array], Array]
 # All tests count time in 1/ω₀ and displacement in units of 1/√α, where the equations have no small
@@ -262,3 +262,26 @@ def test_states_that_their_own_amplitude_stiffens_rest(fifth: float, pull: float
     # Where one branch has ended the other one rests
     assert rests.any(axis=0).all()
     assert rests.mean() > 0.7
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+@pytest.mark.parametrize("stiffening", [4.0, -6.0])
+def test_a_branch_goes_on_past_its_fold_by_the_real_part_of_the_complex_roots(
+    stiffening: float, damping: float
+) -> None:
+    """X [(δ + ax)² + (1 + dx)²] = 1 as a cubic, by the eigenvalues of its companion matrix."""
+    detuning = np.linspace(-15, 15, 61)
+    x = duffing_roots(detuning, stiffening, damping)
+    both = np.array([x[0], np.where(np.isfinite(x[2]), x[2], x[0])])
+    single = ~np.isfinite(x[2])
+    before = both.copy()
+    ended = continued(both, detuning, stiffening, damping)
+    assert ended.any(axis=1).all()
+    assert np.array_equal(both[~ended], before[~ended])
+    assert not ended[:, ~single].any()
+    for side, k in np.argwhere(ended):
+        delta = detuning[k]
+        cubic = stiffening**2 + damping**2
+        roots = np.roots([cubic, 2 * (stiffening * delta + damping), delta**2 + 1, -1])
+        pair = roots[np.abs(roots.imag) > 1e-9]
+        assert both[side, k] == pytest.approx(pair.real.mean(), rel=1e-9)
