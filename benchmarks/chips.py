@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from femnl.chip import ChipFit, fit_chip, read_chip
+from femnl.chip.members import Chip
 from femnl.chip.result import LeftOut, Quantity
-from femnl.chip.study import Chip
 
 NAMED = re.compile(r"(.+-)[0-9]{2}")
 STUDY = """

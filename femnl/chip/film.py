@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from femnl.chip.hierarchy import FLAT, Array, Hierarchy, Values, hierarchy
+from femnl.chip.hierarchy import FLAT, Hierarchy, hierarchy
+from femnl.chip.members import Chip
 from femnl.chip.outliers import Cleaned
 from femnl.chip.result import FilmFit
-from femnl.chip.study import Chip
+from femnl.chip.values import Array, Values
 from femnl.core.device import Model, Outline
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Parameter

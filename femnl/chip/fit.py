@@ -7,10 +7,12 @@ import numpy as np
 
 from femnl.chip.causes import name_causes
 from femnl.chip.film import fit_film
-from femnl.chip.hierarchy import Hierarchy, Mixture, Values
+from femnl.chip.hierarchy import Hierarchy
+from femnl.chip.members import Chip, Member, Number
+from femnl.chip.mixture import Mixture
 from femnl.chip.outliers import Cleaned, clean
 from femnl.chip.result import ChipFit, Deviation, LeftOut, Quantity
-from femnl.chip.study import Chip, Member, Number
+from femnl.chip.values import Values
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Parameter
 

@@ -16,85 +16,17 @@ chapters 2.7 and 5.4).
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.special import logsumexp
 
-Array = npt.NDArray[np.float64]
-Places = npt.NDArray[np.int64]
-FIELDS = ("none", "plane", "bowl")
-"""Forms of the variation over the chip: the last has all terms of second order as well."""
-PLANE = 2
-TERMS = 5
-"""Terms of a plane, and of a bowl with its plane."""
-SPREADS = np.geomspace(0.02, 3.0, 16)
-"""Spread from device to device, in parts of what the devices show without any field."""
-RELIEFS = np.geomspace(0.1, 10.0, 7)
-"""Variation over the chip, in the same unit, for one standard deviation of the places."""
-SPLITS = (0.0, *np.geomspace(0.02, 2.0, 8))
-"""Spread between modes of one device, in the same unit. It is not tied to that from device to
-device: many modes tell it so well that a step of a common grid would pull the other with it."""
+from femnl.chip.mixture import LOG2PI, Mixture
+from femnl.chip.scales import FIELDS, PLANE, TERMS, Scales, grid
+from femnl.chip.values import Array, Places, Values
+
 FLAT = 20.0
 """Standard deviation of the prior of a group's mean about its median, in the same unit."""
-
-
-@dataclass(frozen=True)
-class Values:
-    """A quantity of a chip, one entry for each mode of each device.
-
-    y: its logarithm. sd: standard deviation of y by measurement. device: number of the device.
-    group: number of the group that shares a mean. place: coordinates on the chip, (n, 2), in any
-    unit.
-    """
-
-    y: Array
-    sd: Array
-    device: Places
-    group: Places
-    place: Array
-
-    def without(self, devices: frozenset[int]) -> "Values":
-        """Return the entries of all other devices."""
-        kept = ~np.isin(self.device, [*devices])
-        return self.only(kept)
-
-    def only(self, kept: npt.NDArray[Any]) -> "Values":
-        """Return some entries."""
-        return Values(
-            self.y[kept], self.sd[kept], self.device[kept], self.group[kept], self.place[kept]
-        )
-
-    @cached_property
-    def unit(self) -> float:
-        """Robust standard deviation of y within its groups: 1.4826 of the median deviation."""
-        off = np.concatenate(
-            [self.y[self.group == g] - np.median(self.y[self.group == g]) for g in self.groups]
-        )
-        large = off[np.abs(off) > 0]
-        return 1.4826 * float(np.median(np.abs(large))) if large.size else 1e-12
-
-    @property
-    def groups(self) -> Places:
-        """Numbers of the groups that have entries."""
-        return np.unique(self.group)
-
-
-@dataclass(frozen=True)
-class Scales:
-    """Every form and scale that is summed over.
-
-    field: of each. relief, spread, split: a, τ and κ in units of y. noise: number of the pair of τ
-    and κ. log_prior: every form the same, and every scale within it.
-    """
-
-    field: tuple[str, ...]
-    relief: Array
-    spread: Array
-    split: Array
-    noise: Places
-    log_prior: Array
 
 
 @dataclass(frozen=True)
@@ -168,25 +100,7 @@ class Hierarchy:
     def scales(self) -> Scales:
         """Every form and scale that is summed over."""
         several = len(np.unique(self.values.device)) < len(self.values.y)
-        splits = SPLITS if several else (0.0,)
-        pairs = [(t, s) for t in SPREADS for s in splits]
-        rows = [
-            (field, relief, k)
-            for field in self.fields
-            for relief in (RELIEFS if field != "none" else (0.0,))
-            for k in range(len(pairs))
-        ]
-        forms = [field for field, _, _ in rows]
-        noise = np.array([k for _, _, k in rows])
-        spread, part = np.array(pairs).T * self.unit
-        return Scales(
-            tuple(forms),
-            np.array([a for _, a, _ in rows]) * self.unit,
-            spread[noise],
-            part[noise],
-            noise,
-            np.array([-np.log(forms.count(f) * len(self.fields)) for f in forms]),
-        )
+        return grid(self.fields, several, self.unit)
 
     @cached_property
     def reach(self) -> Array:
@@ -346,37 +260,6 @@ class Solved:
     mean: Array
     covariance: Array
     log_likelihoods: Array
-
-
-LOG2PI = float(np.log(2 * np.pi))
-
-
-@dataclass(frozen=True)
-class Mixture:
-    """Normal distributions with weights, (scales, n) each, for n numbers."""
-
-    weights: Array
-    means: Array
-    variances: Array
-
-    @cached_property
-    def mean(self) -> Array:
-        """Mean of each number."""
-        return np.asarray((self.weights * self.means).sum(axis=0))
-
-    @cached_property
-    def sd(self) -> Array:
-        """Standard deviation of each number."""
-        second = (self.weights * (self.variances + self.means**2)).sum(axis=0)
-        return np.asarray(np.sqrt(np.maximum(second - self.mean**2, 0.0)))
-
-    def log_density(self, y: Array, wider: float = 0.0) -> Array:
-        """Log density at y; each normal wider by a standard deviation."""
-        variance = self.variances + wider**2
-        log_each = -0.5 * ((y - self.means) ** 2 / variance + np.log(variance) + LOG2PI)
-        # A scale that is out of the question has the weight 0
-        log_weights = np.log(np.maximum(self.weights, np.finfo(float).tiny))
-        return np.asarray(logsumexp(log_weights + log_each, axis=0))
 
 
 def hierarchy(values: Values, unit: float | None = None, factors: Array | None = None) -> Hierarchy:

@@ -12,7 +12,8 @@ from itertools import combinations
 import numpy as np
 from scipy.special import expit, logsumexp
 
-from femnl.chip.hierarchy import Array, Hierarchy, Values, hierarchy
+from femnl.chip.hierarchy import Hierarchy, hierarchy
+from femnl.chip.values import Array, Values
 
 ODD = 0.05
 """Prior probability that a device is an outlier: about as many of a chip's devices are damaged."""

@@ -1,17 +1,15 @@
 """Study files of a chip: its devices, where they are, what they are, and what was measured."""
 
-import csv
 import re
-import tomllib
 from collections import defaultdict
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from femnl.chip.measured import measured
+from femnl.chip.members import Chip, Member
+from femnl.chip.readings import Readings, finite, read_table
+from femnl.chip.schema import Device, Positions, parse
 from femnl.core.errors import ParameterError, one_line
 from femnl.io.measurement.units import quantity
 
@@ -24,127 +22,16 @@ MOST = 2000
 """More devices than this are taken for a mistake: the model takes time ∝ n³."""
 
 
-class Strict(BaseModel):
-    """Unknown keys are errors."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Columns(Strict):
-    """Names of the columns of a table; those that a table does not have are left out."""
-
-    device: str = "device"
-    mode: str = "mode"
-    frequency: str = "frequency"
-    frequency_sd: str = "frequency_sd"
-    quality_factor: str = "quality_factor"
-    quality_factor_sd: str = "quality_factor_sd"
-    design: str = "design"
-    x: str = "x"
-    y: str = "y"
-
-
-class Table(Strict):
-    """A table of numbers: CSV with a head, in SI units.
-
-    chip: how the names of the devices begin that are on this chip; the rest of the name is kept.
-    """
-
-    file: str
-    chip: str = ""
-    columns: Columns = Columns()
-
-
-class Positions(Strict):
-    """Places read from the devices' names: a regular expression with the groups x and y."""
-
-    pattern: str
-    pitch: str | float = 1.0
-
-
-class Mode(Strict):
-    """One mode of a device."""
-
-    mode: str = "1"
-    frequency: str | float
-    frequency_sd: str | float = 0.0
-    quality_factor: float | None = None
-    quality_factor_sd: float = 0.0
-
-
-class Device(Strict):
-    """One device: numbers, or a measurement file with spectra, responses or decays."""
-
-    name: str
-    design: str = ""
-    position: Annotated[list[str | float], Field(min_length=2, max_length=2)] | None = None
-    measurement: str | None = None
-    modes: list[Mode] = []
-
-
-class Design(Strict):
-    """A design; geometry: a name or a file beside the study, for the film's own numbers."""
-
-    geometry: str
-
-
-class StudyFile(Strict):
-    """A study file."""
-
-    name: str
-    table: Table | None = None
-    positions: Positions | None = None
-    design: dict[str, Design] = {}
-    device: list[Device] = []
-
-
-@dataclass(frozen=True)
-class Number:
-    """A number measured several times or once: median, and standard deviation of that.
-
-    repeats: how often.
-    """
-
-    value: float
-    sd: float
-    repeats: int = 1
-
-
-@dataclass(frozen=True)
-class Member:
-    """A device of a chip. place [m, or steps of the grid], NaN where it is not known.
-
-    frequency [Hz], quality: by mode.
-    """
-
-    name: str
-    design: str
-    place: tuple[float, float]
-    frequency: dict[str, Number] = field(default_factory=dict)
-    quality: dict[str, Number] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Chip:
-    """A chip. geometries: of designs, by name. notes: what was assumed. unit: of places."""
-
-    name: str
-    members: tuple[Member, ...]
-    geometries: dict[str, str]
-    notes: tuple[str, ...]
-    unit: str = "m"
-
-
 def read_chip(path: Path) -> Chip:
     """Read a study file and everything that it names.
 
     Raises: ParameterError, MeasurementError: one line that names file, key, value and remedy.
     """
-    study = _parse(path)
+    study = parse(path)
     notes: list[str] = []
-    found: dict[str, _Readings] = defaultdict(_Readings)
+    found: dict[str, Readings] = defaultdict(Readings)
     if study.table is not None:
-        _read_table(path.parent / study.table.file, study.table, found)
+        read_table(path.parent / study.table.file, study.table, found)
     for device in study.device:
         _read_device(path, device, found[device.name])
     unit = "m"
@@ -169,103 +56,7 @@ def _beside(path: Path, geometry: str) -> str:
     return str(beside) if beside.is_file() else geometry
 
 
-class _Readings:
-    """What was read of one device, reading by reading."""
-
-    def __init__(self) -> None:
-        self.design = ""
-        self.place = (np.nan, np.nan)
-        self.frequency: dict[str, list[tuple[float, float]]] = defaultdict(list)
-        self.quality: dict[str, list[tuple[float, float]]] = defaultdict(list)
-
-    def member(self, name: str) -> Member:
-        return Member(
-            name,
-            self.design,
-            self.place,
-            {mode: _median(each) for mode, each in self.frequency.items()},
-            {mode: _median(each) for mode, each in self.quality.items()},
-        )
-
-
-def _median(readings: list[tuple[float, float]]) -> Number:
-    """Return the median of readings, with the larger of their stated error and their scatter."""
-    values = np.array([value for value, _ in readings])
-    stated = float(np.median([sd for _, sd in readings]))
-    count = len(values)
-    scatter = 1.4826 * float(np.median(np.abs(values - np.median(values)))) if count > 2 else 0.0
-    return Number(float(np.median(values)), max(stated, scatter) / np.sqrt(count), count)
-
-
-def _parse(path: Path) -> StudyFile:
-    try:
-        return StudyFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8-sig")))
-    except OSError as error:
-        raise ParameterError(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ParameterError(one_line(f"{path}: is no TOML ({error}); mend this line")) from None
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise ParameterError(one_line(f"{path}: {key}: {first['msg']}")) from None
-
-
-def _read_table(path: Path, table: Table, measured: dict[str, _Readings]) -> None:
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file)
-            head = list(reader.fieldnames or [])
-            rows = list(enumerate(reader, 2))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ParameterError(one_line(f"{path}: cannot be read ({error})")) from None
-    columns = table.columns
-    for wanted in (columns.device, columns.frequency):
-        if wanted not in head:
-            raise ParameterError(
-                one_line(f"{path}: no column {wanted!r}; it has {', '.join(head)[:200]}")
-            )
-    for line, row in rows:
-        name = row[columns.device]
-        if not name.startswith(table.chip):
-            continue
-        where = f"{path}, line {line}"
-        readings = measured[name[len(table.chip) :]]
-        mode = row.get(columns.mode) or "1"
-        number = _positive(row[columns.frequency], where, columns.frequency)
-        readings.frequency[mode].append((number, _error(row, columns.frequency_sd, where)))
-        if row.get(columns.quality_factor):
-            quality = _positive(row[columns.quality_factor], where, columns.quality_factor)
-            readings.quality[mode].append((quality, _error(row, columns.quality_factor_sd, where)))
-        readings.design = row.get(columns.design) or readings.design
-        if row.get(columns.x) and row.get(columns.y):
-            readings.place = (
-                _finite(row[columns.x], where, columns.x),
-                _finite(row[columns.y], where, columns.y),
-            )
-
-
-def _finite(text: str, where: str, column: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise ParameterError(one_line(f"{where}: {column}: {text[:40]!r} is no finite number"))
-    return value
-
-
-def _positive(text: str, where: str, column: str) -> float:
-    value = _finite(text, where, column)
-    if value <= 0:
-        raise ParameterError(f"{where}: {column}: {value:g} is not above zero")
-    return value
-
-
-def _error(row: dict[str, Any], column: str, where: str) -> float:
-    return _positive(row[column], where, column) if row.get(column) else 0.0
-
-
-def _read_device(path: Path, device: Device, readings: _Readings) -> None:
+def _read_device(path: Path, device: Device, readings: Readings) -> None:
     where = f"{path}: device {device.name}"
     readings.design = device.design
     if device.position is not None:
@@ -287,7 +78,7 @@ def _read_device(path: Path, device: Device, readings: _Readings) -> None:
         raise ParameterError(f"{where}: has no frequency; give modes or a measurement")
 
 
-def _read_measurement(path: Path, readings: _Readings) -> None:
+def _read_measurement(path: Path, readings: Readings) -> None:
     """Take frequencies and quality factors of the measurements of a file."""
     read = 0
     for numbers in measured(path):
@@ -301,7 +92,7 @@ def _read_measurement(path: Path, readings: _Readings) -> None:
         )
 
 
-def _place(path: Path, positions: Positions, measured: dict[str, _Readings]) -> str:
+def _place(path: Path, positions: Positions, measured: dict[str, Readings]) -> str:
     """Read places from names; return their unit."""
     try:
         pattern = re.compile(positions.pattern)
@@ -321,8 +112,8 @@ def _place(path: Path, positions: Positions, measured: dict[str, _Readings]) -> 
             )
         where = f"{path}: positions.pattern: device {name}"
         readings.place = (
-            pitch * _finite(match["x"], where, "x"),
-            pitch * _finite(match["y"], where, "y"),
+            pitch * finite(match["x"], where, "x"),
+            pitch * finite(match["y"], where, "y"),
         )
     return "steps" if steps else "m"
 

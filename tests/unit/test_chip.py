@@ -12,9 +12,10 @@ from scipy.stats import multivariate_normal
 
 from femnl.chip import fit_chip, read_chip
 from femnl.chip.film import slackening
-from femnl.chip.hierarchy import FLAT, Values, hierarchy
+from femnl.chip.hierarchy import FLAT, hierarchy
+from femnl.chip.members import Chip, Member, Number
 from femnl.chip.outliers import clean
-from femnl.chip.study import Chip, Member, Number
+from femnl.chip.values import Values
 from femnl.cli._main import run
 from femnl.core.errors import FemnlError
 from femnl.device.geometry import load
