@@ -39,12 +39,16 @@ class Values:
 
     @cached_property
     def unit(self) -> float:
-        """Robust standard deviation of y within its groups: 1.4826 of the median deviation."""
+        """Robust standard deviation of y within its groups: 1.4826 of the median deviation.
+
+        At least the smallest error of measurement: equal numbers are not known any better.
+        """
         off = np.concatenate(
             [self.y[self.group == g] - np.median(self.y[self.group == g]) for g in self.groups]
         )
         large = off[np.abs(off) > 0]
-        return 1.4826 * float(np.median(np.abs(large))) if large.size else 1e-12
+        robust = 1.4826 * float(np.median(np.abs(large))) if large.size else 0.0
+        return max(robust, float(self.sd.min()))
 
     @property
     def groups(self) -> Places:

@@ -14,6 +14,7 @@ from femnl.chip import fit_chip, read_chip
 from femnl.chip.film import slackening
 from femnl.chip.hierarchy import FLAT, hierarchy
 from femnl.chip.members import Chip, Member, Number
+from femnl.chip.mixture import Mixture
 from femnl.chip.outliers import clean
 from femnl.chip.values import Values
 from femnl.cli._main import run
@@ -69,6 +70,26 @@ def test_a_device_left_out_is_predicted_as_by_a_model_that_never_saw_it(modes: i
         other = rest.predict(v.only(own))
         assert whole.mean[own] == pytest.approx(other.mean, abs=0.02 * v.unit)
         assert whole.sd[own] == pytest.approx(other.sd, rel=0.02)
+
+
+def test_the_spread_of_a_mixture_is_that_of_its_parts_and_between_them() -> None:
+    """Two normals of equal weight, 2d apart: σ² + d², also far from 0."""
+    apart = 3e-7
+    sd = 4e-7
+    ones = np.ones((2, 1))
+    means = 14.0 + apart * np.array([[-1.0], [1.0]])
+    mixture = Mixture(0.5 * ones, means, sd**2 * ones)
+    assert mixture.mean == pytest.approx(14.0, abs=1e-12)
+    assert mixture.sd == pytest.approx(5e-7, rel=1e-6)
+
+
+def test_devices_that_are_all_equal_have_an_error_of_measurement() -> None:
+    v = values(8)
+    equal = replace(v, y=11.0 + 0.7 * v.group, sd=np.full_like(v.sd, 1e-7))
+    # Three others of the design give its mean, and a spread below the error cannot be excluded
+    sd = hierarchy(equal).left_out().sd
+    assert np.all(sd > np.sqrt(1 + 1 / 3) * 0.99e-7)
+    assert np.all(sd < 2e-7)
 
 
 def test_a_slope_is_found_and_none_where_there_is_none() -> None:
