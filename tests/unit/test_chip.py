@@ -1,5 +1,6 @@
 """Chips of many devices: the hierarchy, outliers, study files, and what a user sees."""
 
+import csv
 import json
 import tomllib
 from dataclasses import replace
@@ -21,6 +22,7 @@ from femnl.cli._main import run
 from femnl.core.errors import FemnlError
 from femnl.device.geometry import load
 from femnl.io import measurement
+from femnl.report.chip import write_chip
 from tests.blind import chips
 
 SEED = 20261124
@@ -138,6 +140,42 @@ def test_simulated_chips_give_up_what_is_hidden_in_them() -> None:
     assert rates["hidden device named"]["rate"] > 0.7
     assert rates["chip with nothing hidden: a device named"]["k"] <= 1
     assert rates["68 % intervals hold"]["rate"] == pytest.approx(0.68, abs=0.1)
+
+
+def plain_chip(count: int = 12, shift: float = 0.0, seed: int = SEED) -> Chip:
+    """Return a chip of one design on a grid, of frequencies alone; shift: of the last device."""
+    rng = np.random.default_rng(seed)
+    members = []
+    for k in range(count):
+        own = rng.normal(0, 1e-3) + (shift if k == count - 1 else 0.0)
+        frequency = {"1": Number(1e6 * float(np.exp(own)), 1.0)}
+        members.append(Member(str(k), "a", (k % 4, k // 4), frequency))
+    return Chip("plain", tuple(members), {}, ())
+
+
+def test_a_deviating_device_without_a_place_is_named() -> None:
+    chip = plain_chip(shift=0.1)
+    lost = replace(chip.members[-1], place=(np.nan, np.nan))
+    fit = fit_chip(replace(chip, members=(*chip.members[:-1], lost)))
+    assert [c.device for c in fit.causes] == ["11"]
+    assert list(fit.frequency.fields) == ["none"]
+    assert any("places: not known of all devices" in line for line in fit.notes)
+
+
+def test_a_chip_without_quality_factors_has_frequencies_alone(tmp_path: Path) -> None:
+    fit = fit_chip(plain_chip())
+    assert fit.quality is None
+    write_chip(fit, tmp_path / "study.toml", tmp_path)
+    with (tmp_path / "devices.csv").open(encoding="utf-8", newline="") as file:
+        assert {row["quantity"] for row in csv.DictReader(file)} == {"frequency"}
+    assert "quality factor" not in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_devices_of_which_none_is_like_another_are_refused() -> None:
+    chip = plain_chip(4)
+    members = tuple(replace(m, design=m.name) for m in chip.members)
+    with pytest.raises(FemnlError, match="no two devices share a design and a mode"):
+        fit_chip(replace(chip, members=members))
 
 
 def test_names_that_were_exchanged_are_told() -> None:
