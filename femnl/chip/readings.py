@@ -50,6 +50,11 @@ def read_table(path: Path, table: Table, measured: dict[str, Readings]) -> None:
             rows = list(enumerate(reader, 2))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ParameterError(one_line(f"{path}: cannot be read ({error})")) from None
+    repeated = sorted({name for name in head if head.count(name) > 1})
+    if repeated:
+        raise ParameterError(
+            one_line(f"{path}: the head has two columns {repeated[0]!r}; rename one")
+        )
     columns = table.columns
     for wanted in (columns.device, columns.frequency):
         if wanted not in head:
@@ -57,6 +62,11 @@ def read_table(path: Path, table: Table, measured: dict[str, Readings]) -> None:
                 one_line(f"{path}: no column {wanted!r}; it has {', '.join(head)[:200]}")
             )
     for line, row in rows:
+        # The reader fills short rows with None, and puts what is too much under None
+        if None in row or None in row.values():
+            raise ParameterError(
+                f"{path}, line {line}: has not as many fields as the head ({len(head)})"
+            )
         name = row[columns.device]
         if not name.startswith(table.chip):
             continue

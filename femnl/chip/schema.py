@@ -1,5 +1,6 @@
 """The study file of a chip: its keys."""
 
+import math
 import tomllib
 from pathlib import Path
 from typing import Annotated
@@ -94,4 +95,10 @@ def parse(path: Path) -> StudyFile:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
+        # Of a number or a text, pydantic tells of the text first, also where a number is NaN
+        if isinstance(first["input"], float) and not math.isfinite(first["input"]):
+            key = key.removesuffix(".str")
+            raise ParameterError(
+                one_line(f"{path}: {key}: {first['input']} is no finite number")
+            ) from None
         raise ParameterError(one_line(f"{path}: {key}: {first['msg']}")) from None

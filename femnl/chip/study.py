@@ -28,10 +28,18 @@ def read_chip(path: Path) -> Chip:
     Raises: ParameterError, MeasurementError: one line that names file, key, value and remedy.
     """
     study = parse(path)
+    if study.table is None and not study.device:
+        raise ParameterError(f"{path}: has no devices; add [table] or [[device]] tables")
     notes: list[str] = []
     found: dict[str, Readings] = defaultdict(Readings)
     if study.table is not None:
         read_table(path.parent / study.table.file, study.table, found)
+    names = [device.name for device in study.device]
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise ParameterError(
+            one_line(f"{path}: two [[device]] tables have the name {repeated[0]!r}; rename one")
+        )
     for device in study.device:
         _read_device(path, device, found[device.name])
     unit = "m"
@@ -58,7 +66,7 @@ def _beside(path: Path, geometry: str) -> str:
 
 def _read_device(path: Path, device: Device, readings: Readings) -> None:
     where = f"{path}: device {device.name}"
-    readings.design = device.design
+    readings.design = device.design or readings.design
     if device.position is not None:
         x, y = (quantity(value, "m", f"{where}: position")[0] for value in device.position)
         readings.place = (x, y)
@@ -67,10 +75,14 @@ def _read_device(path: Path, device: Device, readings: Readings) -> None:
         sd = quantity(mode.frequency_sd, "Hz", f"{where}: frequency_sd")[0]
         if not frequency > 0:
             raise ParameterError(f"{where}: frequency: {frequency:g} Hz is not above zero")
+        if sd < 0:
+            raise ParameterError(f"{where}: frequency_sd: {sd:g} Hz is below zero")
         readings.frequency[mode.mode].append((frequency, sd))
         if mode.quality_factor is not None:
             if not mode.quality_factor > 0:
                 raise ParameterError(f"{where}: quality_factor: it is not above zero")
+            if mode.quality_factor_sd < 0:
+                raise ParameterError(f"{where}: quality_factor_sd: it is below zero")
             readings.quality[mode.mode].append((mode.quality_factor, mode.quality_factor_sd))
     if device.measurement is not None:
         _read_measurement(path.parent / device.measurement, readings)

@@ -285,6 +285,11 @@ pitch = "2 mm"
 HEAD = "device,mode,frequency,quality_factor\n"
 
 
+def device(frequency: str = "1e6") -> str:
+    """Return a table of a study for one device of one mode."""
+    return f"\n[[device]]\nname = '51'\nmodes = [{{frequency = {frequency}}}]\n"
+
+
 def study(folder: Path, text: str = STUDY, rows: str | None = None) -> Path:
     """Write a study with a table of twelve devices in a plane."""
     if rows is None:
@@ -341,6 +346,19 @@ def test_the_command_writes_a_page_numbers_and_a_table(
         (STUDY + "\n[design.a]\ngeometry = 'circle'", None, "no device is of this design"),
         ("name = 'x'\nname = 'y'", None, "is no TOML"),
         (STUDY + "\n[[device]]\nname = '11'\nposition = ['1 s', '2 m']", None, "position"),
+        ("name = 'x'", None, "has no devices; add [table] or [[device]]"),
+        (STUDY + 2 * device(), None, "two [[device]] tables have the name '51'"),
+        (STUDY + device("nan"), None, "device.0.modes.0.frequency: nan is no finite number"),
+        (STUDY + device("'nan Hz'"), None, "device 51: frequency: 'nan Hz' is not a quantity"),
+        (STUDY + device("1e6, frequency_sd = -1.0"), None, "frequency_sd: -1 Hz is below zero"),
+        (
+            STUDY + device("1e6, quality_factor = 1e6, quality_factor_sd = -1.0"),
+            None,
+            "quality_factor_sd: it is below zero",
+        ),
+        (STUDY, "device,frequency,frequency\nA-11,1e6,2e6\n", "two columns 'frequency'"),
+        (STUDY, HEAD + "A-11,1,1e6\n", "line 2: has not as many fields as the head (4)"),
+        (STUDY, HEAD + "A-11,1,1e6,1e6,1\n", "line 2: has not as many fields as the head (4)"),
     ],
 )
 def test_a_study_that_cannot_be_used_gets_one_line(
@@ -350,6 +368,30 @@ def test_a_study_that_cannot_be_used_gets_one_line(
         read_chip(study(tmp_path, text, rows))
     assert words in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_an_unknown_geometry_gets_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = ["name = 'c'", "[design.a]", "geometry = 'nosuch'"]
+    lines += [
+        f"[[device]]\nname = '{k}'\ndesign = 'a'\nmodes = [{{frequency = 1.0{k}e6}}]"
+        for k in range(5)
+    ]
+    path = tmp_path / "study.toml"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    assert run(["chip", str(path)]) != 0
+    told = capsys.readouterr().err.strip()
+    assert "nosuch: neither a shipped geometry nor a file" in told
+    assert "Traceback" not in told
+
+
+def test_a_device_adds_to_its_row_of_the_table(tmp_path: Path) -> None:
+    rows = "device,design,frequency\n" + "".join(f"A-1{k},a,1e6\n" for k in range(4))
+    more = "\n[[device]]\nname = '13'\nmodes = [{mode = '2', frequency = 2e6}]\n"
+    members = read_chip(study(tmp_path, STUDY + more, rows)).members
+    assert [m.design for m in members] == ["a"] * 4
+    assert set(members[3].frequency) == {"1", "2"}
 
 
 @pytest.mark.skipif(not DATA.exists(), reason="../shared/data is not there")
