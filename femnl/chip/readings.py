@@ -33,12 +33,18 @@ class Readings:
 
 
 def median_of(readings: list[tuple[float, float]]) -> Number:
-    """Return the median of readings, with the larger of their stated error and their scatter."""
+    """Return the median of readings, with its standard deviation.
+
+    That of one reading is the larger of what is stated and the scatter of all, 1.4826 of their
+    median deviation. That of the median is √(π/2n) of it, and 1/√n where it is the mean (n ≤ 2).
+    """
     values = np.array([value for value, _ in readings])
     stated = float(np.median([sd for _, sd in readings]))
+    median = float(np.median(values))
+    scatter = 1.4826 * float(np.median(np.abs(values - median)))
     count = len(values)
-    scatter = 1.4826 * float(np.median(np.abs(values - np.median(values)))) if count > 2 else 0.0
-    return Number(float(np.median(values)), max(stated, scatter) / np.sqrt(count), count)
+    part = np.sqrt((np.pi / 2 if count > 2 else 1.0) / count)
+    return Number(median, float(max(stated, scatter) * part), count)
 
 
 def read_table(path: Path, table: Table, measured: dict[str, Readings]) -> None:

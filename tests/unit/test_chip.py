@@ -17,6 +17,7 @@ from femnl.chip.hierarchy import FLAT, hierarchy
 from femnl.chip.members import Chip, Member, Number
 from femnl.chip.mixture import Mixture
 from femnl.chip.outliers import clean
+from femnl.chip.readings import median_of
 from femnl.chip.values import Values
 from femnl.cli._main import run
 from femnl.core.errors import FemnlError
@@ -283,6 +284,26 @@ pattern = "(?P<y>[0-9])(?P<x>[0-9])"
 pitch = "2 mm"
 """
 HEAD = "device,mode,frequency,quality_factor\n"
+
+
+@pytest.mark.parametrize("count", [1, 2, 25])
+def test_repeats_count_by_their_median_with_the_error_of_a_median(count: int) -> None:
+    """Against 2000 draws of normal readings, one of which is stated with half of their scatter."""
+    rng = np.random.default_rng(SEED)
+    draws = 1e6 + rng.normal(0, 10.0, (2000, count))
+    numbers = [median_of([(float(value), 5.0) for value in row]) for row in draws]
+    assert [n.value for n in numbers] == pytest.approx(np.median(draws, axis=1))
+    assert {n.repeats for n in numbers} == {count}
+    told = float(np.sqrt(np.mean([n.sd**2 for n in numbers])))
+    true = float(np.std(np.median(draws, axis=1)))
+    # One reading has no scatter, so what is stated counts
+    assert told == pytest.approx(5.0 if count == 1 else true, rel=0.1)
+
+
+def test_one_wrong_reading_of_five_does_not_move_a_number() -> None:
+    found = median_of([(v, 0.0) for v in (100.0, 101.0, 102.0, 103.0, 1e6)])
+    assert found.value == 102.0
+    assert found.sd == pytest.approx(1.4826 * np.sqrt(np.pi / 10))
 
 
 def device(frequency: str = "1e6") -> str:
