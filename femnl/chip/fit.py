@@ -136,7 +136,7 @@ def _quantity(name: str, unit: str, entries: Entries, cleaned: Cleaned) -> Quant
 def _predicted(values: Values, cleaned: Cleaned) -> Mixture:
     """Return what each entry is to be by all devices that are alike, but its own."""
     alike = ~np.isin(values.device, [*cleaned.outliers])
-    kept = cleaned.model.left_out()
+    kept = cleaned.model.left_out
     shape = (len(cleaned.model.weights), len(values.y))
     weights, means, variances = (np.empty(shape) for _ in range(3))
     weights[:, alike] = kept.weights

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import logsumexp
 
 from femnl.chip.mixture import LOG2PI, Mixture
@@ -31,18 +30,42 @@ FLAT = 20.0
 
 @dataclass(frozen=True)
 class Sums:
-    """Sums over the entries of devices, for every pair of τ and κ.
+    """Sums over the entries of each device, or of several devices, for every pair of τ and κ.
 
     W is the inverse covariance of a device's entries without means and variation, U their features.
 
     information: UᵀWU, (pairs, devices, r, r). pull: UᵀWy, (pairs, devices, r). square: yᵀWy and
-    log_determinant: ln|W|, (pairs, devices).
+    log_determinant: ln|W|, (pairs, devices). count: entries, (devices,). Without the axis of the
+    devices where they are summed over.
     """
 
     information: Array
     pull: Array
     square: Array
     log_determinant: Array
+    count: Places
+
+    @cached_property
+    def total(self) -> "Sums":
+        """The sums over all devices."""
+        return Sums(
+            self.information.sum(axis=1),
+            self.pull.sum(axis=1),
+            self.square.sum(axis=1),
+            self.log_determinant.sum(axis=1),
+            self.count.sum(),
+        )
+
+    def without(self, device: int) -> "Sums":
+        """Return the sums over all devices but one, by its place in the order."""
+        total = self.total
+        return Sums(
+            total.information - self.information[:, device],
+            total.pull - self.pull[:, device],
+            total.square - self.square[:, device],
+            total.log_determinant - self.log_determinant[:, device],
+            total.count - self.count[device],
+        )
 
 
 @dataclass(frozen=True)
@@ -131,7 +154,11 @@ class Hierarchy:
         shape = (len(spread), len(self.devices))
         r = features.shape[1]
         found = Sums(
-            np.empty((*shape, r, r)), np.empty((*shape, r)), np.empty(shape), np.empty(shape)
+            np.empty((*shape, r, r)),
+            np.empty((*shape, r)),
+            np.empty(shape),
+            np.empty(shape),
+            np.array([int((v.device == device).sum()) for device in self.devices]),
         )
         for n, device in enumerate(self.devices):
             own = v.device == device
@@ -157,28 +184,24 @@ class Hierarchy:
                 found[of.group == g] = np.median(v.y[v.group == g])
         return found
 
-    def _solve(self, kept: npt.NDArray[np.bool_]) -> "Solved":
-        """Return weights of features and log p(y) for every scale, by some of the devices."""
+    def _solve(self, sums: Sums) -> "Solved":
+        """Return weights of features and log p(y) for every scale, by sums over devices."""
         k = self.scales.noise
-        sums = self.sums
         d = self.reach
-        information = sums.information[:, kept].sum(axis=1)[k]
-        pull = d * sums.pull[:, kept].sum(axis=1)[k]
+        information = sums.information[k]
+        pull = d * sums.pull[k]
         precision = np.eye(d.shape[1]) + d[:, :, None] * information * d[:, None, :]
         covariance = np.linalg.inv(precision)
         mean = np.einsum("kab,kb->ka", covariance, pull)
-        square = sums.square[:, kept].sum(axis=1)[k] - np.einsum("ka,ka->k", pull, mean)
-        log_determinant = sums.log_determinant[:, kept].sum(axis=1)[k]
-        count = int(np.isin(self.values.device, self.devices[kept]).sum())
-        log_likelihoods = 0.5 * (
-            log_determinant - np.linalg.slogdet(precision)[1] - square - count * LOG2PI
-        )
+        square = sums.square[k] - np.einsum("ka,ka->k", pull, mean)
+        log_determinant = sums.log_determinant[k] - np.linalg.slogdet(precision)[1]
+        log_likelihoods = 0.5 * (log_determinant - square - sums.count * LOG2PI)
         return Solved(mean, covariance, log_likelihoods)
 
     @cached_property
     def solved(self) -> "Solved":
         """Weights of features and log p(y) for every scale, by all devices."""
-        return self._solve(np.ones(len(self.devices), bool))
+        return self._solve(self.sums.total)
 
     @cached_property
     def log_evidence(self) -> float:
@@ -233,6 +256,7 @@ class Hierarchy:
         own = (self.scales.spread**2 + self.scales.split**2)[:, None] + new.sd**2
         return Mixture(found.weights, self.middle(new) + found.means, found.variances + own)
 
+    @cached_property
     def left_out(self) -> "Mixture":
         """Return what y of each device is to be by all others, with the weights that those give."""
         v = self.values
@@ -240,7 +264,7 @@ class Hierarchy:
         found = Mixture(np.empty(shape), np.empty(shape), np.empty(shape))
         for n, device in enumerate(self.devices):
             own = v.device == device
-            solved = self._solve(np.arange(len(self.devices)) != n)
+            solved = self._solve(self.sums.without(n))
             log_weights = solved.log_likelihoods + self.scales.log_prior
             weights = np.exp(log_weights - logsumexp(log_weights))
             one = self._predicted(solved, v.only(own), weights)

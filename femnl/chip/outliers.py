@@ -1,8 +1,8 @@
 """Devices that deviate from the rest of their chip, found by evidence.
 
 Each device is either of the chip, or an outlier whose quantity is anywhere near: normal about the
-prediction of the others, with a standard deviation of WIDE times their unit. The set of outliers of
-the highest posterior probability is sought by adding and removing one device at a time.
+prediction of the others, with a standard deviation of WIDE times the unit of the scales. The set of
+outliers of the highest posterior probability is sought by steps: one device fewer, one or two more.
 """
 
 from collections.abc import Iterator
@@ -16,9 +16,12 @@ from femnl.chip.hierarchy import Hierarchy, hierarchy
 from femnl.chip.values import Array, Values
 
 ODD = 0.05
-"""Prior probability that a device is an outlier: about as many of a chip's devices are damaged."""
+"""Prior probability that a device is an outlier: one device in twenty is damaged or mixed up."""
 WIDE = np.array([5.0, 15.0, 50.0, 200.0])
-"""How far outliers lie, in units of the spread of the rest; each as probable as another."""
+"""Standard deviations of where outliers lie, each as probable as another.
+
+In what the devices of a design differ by without any variation over the chip (`Values.unit`).
+"""
 MOST = 0.4
 """Largest part of the devices that can be outliers; beyond it there is no chip to deviate from."""
 
@@ -48,28 +51,28 @@ def clean(values: Values) -> Cleaned:
         return known[some]
 
     while True:
-        steps = [s for s in _steps(out, values, unit) if len(s) <= most]
+        model = hierarchy(values.without(out), unit)
+        steps = [s for s in _steps(out, model) if len(s) <= most]
         best = max(steps, key=worth, default=out)
         if worth(best) <= worth(out):
             break
         out = best
     probabilities = {d: float(expit(worth(out) - worth(out - {d}))) for d in sorted(out)}
-    return Cleaned(hierarchy(values.without(out), unit), probabilities)
+    return Cleaned(model, probabilities)
 
 
 CANDIDATES = 4
 """Devices that are tried as outliers in each step, those furthest from their prediction."""
 
 
-def _steps(out: frozenset[int], values: Values, unit: float) -> Iterator[frozenset[int]]:
+def _steps(out: frozenset[int], model: Hierarchy) -> Iterator[frozenset[int]]:
     """Yield the sets to try next: one outlier fewer, or one or two of the furthest devices more.
 
-    Two, as each of two outliers can hide the other.
+    Two, as each of two outliers can hide the other. model: of the devices that are not in the set.
     """
     yield from (out - {d} for d in sorted(out))
-    rest = values.without(out)
-    model = hierarchy(rest, unit)
-    predicted = model.left_out()
+    rest = model.values
+    predicted = model.left_out
     off = np.abs(rest.y - predicted.mean) / predicted.sd
     far = {int(d): float(off[rest.device == d].max()) for d in np.unique(rest.device)}
     furthest = sorted(far, key=lambda d: -far[d])[:CANDIDATES]

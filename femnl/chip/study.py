@@ -19,7 +19,7 @@ LIKE = 0.02
 """Gap of the logarithm of frequency between two designs, where a file states no designs: films of
 one chip differ by less from edge to edge, designs mostly by more."""
 MOST = 2000
-"""More devices than this are taken for a mistake: the model takes time ∝ n³."""
+"""More devices than this are taken for a mistake; memory grows with their number."""
 
 
 def read_chip(path: Path) -> Chip:

@@ -64,7 +64,7 @@ def test_the_likelihood_is_that_of_a_normal_distribution() -> None:
 @pytest.mark.parametrize("modes", [1, 2])
 def test_a_device_left_out_is_predicted_as_by_a_model_that_never_saw_it(modes: int) -> None:
     v = values(modes=modes, slope=2e-3)
-    whole = hierarchy(v).left_out()
+    whole = hierarchy(v).left_out
     for device in (0, 5):
         own = v.device == device
         rest = hierarchy(v.without(frozenset([device])), v.unit)
@@ -90,7 +90,7 @@ def test_devices_that_are_all_equal_have_an_error_of_measurement() -> None:
     v = values(8)
     equal = replace(v, y=11.0 + 0.7 * v.group, sd=np.full_like(v.sd, 1e-7))
     # Three others of the design give its mean, and a spread below the error cannot be excluded
-    sd = hierarchy(equal).left_out().sd
+    sd = hierarchy(equal).left_out.sd
     assert np.all(sd > np.sqrt(1 + 1 / 3) * 0.99e-7)
     assert np.all(sd < 2e-7)
 
@@ -108,7 +108,7 @@ def test_predictions_are_as_wrong_as_they_say_with_one_mode_and_with_several(mod
     off = []
     for k in range(20):
         v = values(20, modes=modes, more=k)
-        predicted = hierarchy(v).left_out()
+        predicted = hierarchy(v).left_out
         off.append((v.y - predicted.mean) / predicted.sd)
     assert np.std(off) == pytest.approx(1.0, abs=0.12)
     assert np.mean(np.abs(off) < 1) == pytest.approx(0.69, abs=0.06)
