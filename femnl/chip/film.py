@@ -72,7 +72,7 @@ def fit_film(chip: Chip, entries: Entries, cleaned: Cleaned) -> FilmFit:
             *(Parameter(names[c][0], *number, names[c][1]) for c, number in numbers.items()),
         ),
         _residuals(best, entries),
-        _measure_next(first.model, cleaned.model, numbers),
+        _measure_next(first.model, design.slackening, cleaned.model, numbers),
     )
 
 
@@ -104,11 +104,13 @@ class Design:
 class FittedSet:
     """A set of causes, fitted. models: one for each size of what the simulation misses.
 
-    numbers: mean and standard deviation of δ and of each cause. left: ln(mean/film) of each group.
+    numbers: mean and standard deviation of δ and of each cause. columns: ∂ ln f of each group by the
+    strength of each of `CAUSES`, (groups, 2).
     """
 
     models: list[Hierarchy]
     numbers: dict[str, tuple[float, float]]
+    columns: Array
 
     @property
     def log_evidence(self) -> float:
@@ -136,7 +138,7 @@ def _fit_set(chip: Hierarchy, design: Design, some: tuple[int, ...]) -> FittedSe
         shift, offset = found, numbers["δ"][0]
         if settled:
             break
-    return FittedSet(models, numbers)
+    return FittedSet(models, numbers, columns)
 
 
 SETTLED = 1e-4
@@ -240,26 +242,33 @@ def _parameters(models: list[Hierarchy], some: tuple[int, ...]) -> dict[str, tup
 
 
 def _residuals(fitted: FittedSet, entries: Entries) -> dict[str, float]:
-    """Return ln(mean/film) of every design and mode, without what causes change.
-
-    The film's own offset and the causes are in it as the data give them.
-    """
-    model = fitted.models[0]
-    values = model.values
+    """Return ln(mean/film) of every design and mode, the film with the causes of the set."""
+    # The simulation of one film is subtracted from the values of these models already
+    values = fitted.models[0].values
+    strengths = np.array([fitted.numbers.get(cause, (0.0, 0.0))[0] for cause in CAUSES])
+    film = fitted.numbers["δ"][0] + fitted.columns @ strengths
     return {
-        " ".join(entries.groups[k]): float(np.mean(values.y[values.group == k]))
-        - fitted.numbers["δ"][0]
+        " ".join(entries.groups[k]): float(np.mean(values.y[values.group == k]) - film[k])
         for k in values.groups
     }
 
 
-def _measure_next(model: Model, chip: Hierarchy, numbers: dict[str, tuple[float, float]]) -> str:
+def _measure_next(
+    model: Model, present: Array, chip: Hierarchy, numbers: dict[str, tuple[float, float]]
+) -> str:
     """Return which square beside the chip's devices would tell how far edges move.
 
-    The strain that they release is ∝ 1/L, a common film is not; so the square furthest in 1/L.
+    The strain that they release is ∝ 1/L, a common film is not; so the square furthest in 1/L from
+    the mean of the present designs.
+
+    Args:
+        model: one of the designs, for the film.
+        present: `slackening` of each group [1/m].
+        chip: for the spread.
+        numbers: of the leading set.
     """
     film = model.film
-    own = slackening(model)
+    own = float(present.mean())
     per_metre = -film.young / ((1 - film.poisson) * film.stress) / LADDER
     spread = chip.spread()[0]
     known = numbers.get(CAUSES[0], (0.0, EDGE_SD))[1]

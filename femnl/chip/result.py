@@ -84,7 +84,8 @@ class FilmFit:
     """The film common to a chip's designs, where their geometries are known.
 
     causes: what makes the designs differ from the simulation of one film, with the probability of
-    each set. parameters: speed of waves and what the leading set adds.
+    each set. parameters: speed of waves and what the leading set adds. residuals: ln(mean/film) of
+    each design and mode, the film with the leading set. measure_next: in words.
     """
 
     causes: dict[str, float]
