@@ -104,8 +104,8 @@ class Design:
 class FittedSet:
     """A set of causes, fitted. models: one for each size of what the simulation misses.
 
-    numbers: mean and standard deviation of δ and of each cause. columns: ∂ ln f of each group by the
-    strength of each of `CAUSES`, (groups, 2).
+    numbers: mean and standard deviation of δ and of each cause. columns: ∂ ln f of each group by
+    the strength of each of `CAUSES`, (groups, 2).
     """
 
     models: list[Hierarchy]
