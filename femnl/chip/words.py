@@ -6,6 +6,8 @@ from femnl.core.numbers import engineering, plain, with_error
 
 CLEAR = 0.95
 """Probability from which on a form of the variation is called so."""
+LEAST_TOLD = 1e-3
+"""Probability below which a number is not told: the priors are not known that well."""
 
 
 def common(quantity: Quantity, fit: ChipFit) -> list[list[str]]:
@@ -43,9 +45,16 @@ def percent(part: Parameter) -> str:
     return f"{100 * part.value:.{decimals}f} ± {100 * part.sd:.{decimals}f} %"
 
 
+def chance(probability: float) -> str:
+    """Return a probability in per cent; what is below a thousandth, as that."""
+    if probability < LEAST_TOLD:
+        return f"< {100 * LEAST_TOLD:g} %"
+    return f"{100 * probability:.3g} %"
+
+
 def variation(quantity: Quantity) -> str:
     """Return which form the variation over the chip has, and how probable that is."""
-    parts = ", ".join(f"{name} {100 * p:.3g} %" for name, p in quantity.fields.items())
+    parts = ", ".join(f"{name} {chance(p)}" for name, p in quantity.fields.items())
     if quantity.varies > CLEAR:
         form = max(("plane", "bowl"), key=lambda name: quantity.fields[name])
         return f"{form} ({parts})"

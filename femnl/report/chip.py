@@ -10,7 +10,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from femnl.chip.result import ChipFit, Quantity
-from femnl.chip.words import common, deviating, left_out, percent, variation
+from femnl.chip.words import chance, common, deviating, left_out, percent, variation
 from femnl.core.numbers import with_error
 from femnl.io.results.atomic import make_folder, write_whole
 from femnl.plot.chip import chip_figure
@@ -37,7 +37,7 @@ def write_chip(fit: ChipFit, study: Path, folder: Path) -> list[Path]:
         sentences=[_sentence(q) for q in quantities],
         numbers=[(q.name, common(q, fit)) for q in quantities],
         devices=[(q.name, deviating(q), left_out(q)) for q in quantities],
-        causes=[[c.device, c.name, f"{c.probability:.3g}", c.words] for c in fit.causes],
+        causes=[[c.device, c.name, chance(c.probability), c.words] for c in fit.causes],
         film=_film(fit),
         picture=embed(
             chip_figure(fit),
@@ -69,7 +69,7 @@ def _sentence(quantity: Quantity) -> str:
 def _film(fit: ChipFit) -> list[list[str]]:
     if fit.film is None:
         return []
-    rows = [[name, f"{p:.3g}"] for name, p in fit.film.causes.items()]
+    rows = [[name, chance(p)] for name, p in fit.film.causes.items()]
     return rows + [
         [p.name, f"{with_error(p.value, p.sd, 2)} {'' if p.unit == '1' else p.unit}"]
         for p in fit.film.parameters

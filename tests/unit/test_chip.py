@@ -19,6 +19,7 @@ from femnl.chip.mixture import Mixture
 from femnl.chip.outliers import clean
 from femnl.chip.readings import median_of
 from femnl.chip.values import Values
+from femnl.chip.words import chance
 from femnl.cli._main import run
 from femnl.core.errors import FemnlError
 from femnl.device.geometry import load
@@ -177,6 +178,15 @@ def test_devices_of_which_none_is_like_another_are_refused() -> None:
     members = tuple(replace(m, design=m.name) for m in chip.members)
     with pytest.raises(FemnlError, match="no two devices share a design and a mode"):
         fit_chip(replace(chip, members=members))
+
+
+def test_small_probabilities_are_told_as_small() -> None:
+    assert [chance(p) for p in (3.26e-6, 1.2e-3, 0.1234, 1.0)] == [
+        "< 0.1 %",
+        "0.12 %",
+        "12.3 %",
+        "100 %",
+    ]
 
 
 def test_names_that_were_exchanged_are_told() -> None:
@@ -353,7 +363,21 @@ def test_the_command_writes_a_page_numbers_and_a_table(
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "% a mm" in page
     assert "data:image/webp" in page
-    assert (out / "devices.csv").read_text(encoding="utf-8").count("\n") == 25
+    assert "&lt; 0.1 %" in page
+    with (out / "devices.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 24
+    first = next(r for r in rows if (r["quantity"], r["device"]) == ("frequency", "31"))
+    told = next(d for d in numbers["frequency"]["devices"] if d["device"] == "31")
+    measured = (tmp_path / "table.csv").read_text(encoding="utf-8").split("A-31,1,")[1]
+    assert float(first["value"]) == pytest.approx(float(measured.split(",")[0]))
+    # 31: row 3, column 1 of a grid of 2 mm
+    assert (float(first["x"]), float(first["y"])) == pytest.approx((2e-3, 6e-3))
+    part = np.log(float(first["value"]) / float(first["predicted"]))
+    assert float(first["part"]) == pytest.approx(part)
+    assert float(first["sigma"]) == pytest.approx(part / float(first["sd"]))
+    assert {key: first[key] for key in ("mode", "design")} == {"mode": "1", "design": "1"}
+    assert float(first["sd"]) == told["sd"]
 
 
 @pytest.mark.parametrize(
