@@ -94,8 +94,9 @@ class Hierarchy:
         x, y = ((place - self.centre) / self.scale).T
         found[:, :PLANE] = np.array([x, y]).T
         if field == "bowl":
-            # Half as large a prior: a bowl of one radius is as high as a plane over one
-            bowl = [(x**2 + y**2 - 2) / 2, (x**2 - y**2) / 2, x * y / 2]
+            # Half of r², r² cos 2θ and r² sin 2θ: a bowl rises by half of what a plane does over one
+            # scale, and no axis of the chip is preferred
+            bowl = [(x**2 + y**2 - 2) / 2, (x**2 - y**2) / 2, x * y]
             found[:, PLANE:] = np.array(bowl).T
         return found
 

@@ -121,6 +121,15 @@ def test_a_bowl_is_told_from_a_plane() -> None:
     assert hierarchy(replace(v, y=v.y + bowl)).probability("bowl") > 0.95
 
 
+def test_the_evidence_does_not_depend_on_the_axes_of_the_places() -> None:
+    v = values(20)
+    v = replace(v, y=v.y + 3e-3 * v.place[:, 0] * v.place[:, 1])
+    turn = np.pi / 5
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    turned = replace(v, place=7.0 * v.place @ rotation + 3.0)
+    assert hierarchy(turned).log_evidence == pytest.approx(hierarchy(v).log_evidence, abs=1e-6)
+
+
 def test_without_places_no_variation_is_sought() -> None:
     v = values()
     assert hierarchy(replace(v, place=np.full_like(v.place, np.nan))).fields == ("none",)
