@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from femnl.chip.hierarchy import FLAT, Hierarchy, hierarchy
+from femnl.chip.hierarchy import MEAN_SD, Hierarchy, hierarchy
 from femnl.chip.members import Chip
 from femnl.chip.outliers import Cleaned
 from femnl.chip.result import FilmFit
@@ -32,9 +32,9 @@ MODES = 16
 EDGE_SD = 50e-9
 """Prior standard deviation [m] of how far an edge moves inwards: a ledge of silica of some µm, the
 film on it and the chip move by tens of nanometres (docs/explanation/edges.md)."""
-LADDER = np.array([50e-6, 100e-6, 200e-6, 500e-6, 1e-3])
+SIDES = np.array([50e-6, 100e-6, 200e-6, 500e-6, 1e-3])
 """Sides [m] of squares that are proposed as a further measurement."""
-MISFIT = np.geomspace(0.3, 100.0, 8)
+MISFITS = np.geomspace(0.3, 100.0, 8)
 """Standard deviation of what the simulation misses of a design, in units of the spread; the least
 is none to speak of."""
 CAUSES = ("edge moves inwards", "bending")
@@ -118,7 +118,7 @@ class FittedSet:
         return float(logsumexp([m.log_evidence for m in self.models]) - np.log(len(self.models)))
 
 
-TURNS = 8
+MOST_LINEARISATIONS = 8
 """Linearisations of the edge at most; three are enough where it moves by tens of nanometres."""
 SLACK = 0.9
 """Largest part of the stress that an edge is taken to have released in a linearisation."""
@@ -127,10 +127,10 @@ SLACK = 0.9
 def _fit_set(chip: Hierarchy, design: Design, some: tuple[int, ...]) -> FittedSet:
     v = chip.values
     shift = offset = 0.0
-    for _ in range(TURNS if 0 in some else 1):
+    for _ in range(MOST_LINEARISATIONS if 0 in some else 1):
         base, columns = design.about(shift, offset)
         values = Values(v.y - base[v.group], v.sd, v.device, v.group, v.place)
-        models = [_model(values, chip.unit, columns, some, m * chip.unit) for m in MISFIT]
+        models = [_model(values, chip.unit, columns, some, m * chip.unit) for m in MISFITS]
         numbers = _parameters(models, some)
         furthest = SLACK / (2 * np.abs(design.slackening).max()) * np.exp(2 * numbers["δ"][0])
         found = float(np.clip(numbers.get(CAUSES[0], (0.0, 0.0))[0], -furthest, furthest))
@@ -214,7 +214,7 @@ def _model(
 ) -> Hierarchy:
     """Return the model whose means are δ, the causes of a set, and what the simulation misses."""
     count = len(columns)
-    factors = [np.full((count, 1), FLAT * unit)]
+    factors = [np.full((count, 1), MEAN_SD * unit)]
     factors += [PRIORS[k] * columns[:, [k]] for k in some]
     return hierarchy(values, unit, np.hstack([*factors, misfit * np.eye(count)]))
 
@@ -223,9 +223,9 @@ def _parameters(models: list[Hierarchy], some: tuple[int, ...]) -> dict[str, tup
     """Return mean and standard deviation of δ and of the strength of each cause of a set."""
     evidence = np.array([m.log_evidence for m in models])
     weights = np.exp(evidence - logsumexp(evidence))
-    sds = [FLAT * models[0].unit, *(PRIORS[k] for k in some)]
+    sds = [MEAN_SD * models[0].unit, *(PRIORS[k] for k in some)]
     # The first features are these numbers in their prior standard deviations
-    features = np.eye(models[0].reach.shape[1])[: len(sds)]
+    features = np.eye(models[0].prior_sd.shape[1])[: len(sds)]
     each = [m.expected(features) for m in models]
     means = weights @ np.array([one.mean for one in each])
     squares = weights @ np.array([one.sd**2 + one.mean**2 for one in each])
@@ -269,13 +269,13 @@ def _measure_next(
     """
     film = model.film
     own = float(present.mean())
-    per_metre = -film.young / ((1 - film.poisson) * film.stress) / LADDER
+    per_metre = -film.young / ((1 - film.poisson) * film.stress) / SIDES
     spread = chip.spread()[0]
     known = numbers.get(CAUSES[0], (0.0, EDGE_SD))[1]
     best = int(np.argmax(np.abs(per_metre - own)))
     shift = abs(per_metre[best] - own) * known
     return (
-        f"a square of {LADDER[best] * 1e6:.0f} µm on this chip: edges that move inwards by another "
+        f"a square of {SIDES[best] * 1e6:.0f} µm on this chip: edges that move inwards by another "
         f"{known * 1e9:.2g} nm, which these data leave open, would shift it by "
         f"{100 * shift:.2g} % against the present devices, {shift / spread:.2g} times the spread "
         "from device to device"

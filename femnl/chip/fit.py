@@ -125,7 +125,7 @@ def _quantity(name: str, unit: str, entries: Entries, cleaned: Cleaned) -> Quant
         unit=unit,
         fields={f: model.probability(f) for f in model.fields},
         slope=_slope(model) if len(model.fields) > 1 else None,
-        relief=float(np.ptp(field)),
+        peak_to_valley=float(np.ptp(field)),
         spread=Parameter("spread", *model.spread(), "1"),
         means=_means(entries, model),
         devices=devices,
@@ -134,7 +134,7 @@ def _quantity(name: str, unit: str, entries: Entries, cleaned: Cleaned) -> Quant
 
 
 def _predicted(values: Values, cleaned: Cleaned) -> Mixture:
-    """Return what each entry is to be by all devices that are alike, but its own."""
+    """Predict each entry by all devices that are no outliers, but its own."""
     alike = ~np.isin(values.device, [*cleaned.outliers])
     kept = cleaned.model.left_out
     shape = (len(cleaned.model.weights), len(values.y))
@@ -194,7 +194,7 @@ def _means(entries: Entries, model: Hierarchy) -> dict[str, Parameter]:
     group = np.array(known)
     where = Values(np.zeros(len(known)), np.zeros(len(known)), -1 - group, group, centre)
     means = model.expected(model.features(where))
-    logarithm = model.middle(where) + means.mean
+    logarithm = model.reference(where) + means.mean
     return {
         " ".join(entries.groups[k]): Parameter(
             " ".join(entries.groups[k]),

@@ -3,7 +3,7 @@
     y_i = μ_g(i) + φ(x_i)·β + u_d(i) + v_i + e_i
 
 y: logarithm of frequency or quality factor. μ: one mean for each group, that is each mode of each
-design, with a flat prior unless `factors` say how the means hang together. β ~ N(0, a²): the
+design, each with a wide prior of its own unless `factors` relate them. β ~ N(0, a²): the
 smooth variation over the chip, none, a plane or a bowl, common to all groups. u ~ N(0, τ²): spread
 from device to device. v ~ N(0, κ²): what modes of one device differ by. e: measurement, of known
 standard deviation.
@@ -22,9 +22,9 @@ from scipy.special import logsumexp
 
 from femnl.chip.mixture import LOG2PI, Mixture
 from femnl.chip.scales import FIELDS, PLANE, TERMS, Scales, grid
-from femnl.chip.values import Array, Places, Values
+from femnl.chip.values import Array, Integers, Values
 
-FLAT = 20.0
+MEAN_SD = 20.0
 """Standard deviation of the prior of a group's mean about its median, in the same unit."""
 
 
@@ -34,23 +34,23 @@ class Sums:
 
     W is the inverse covariance of a device's entries without means and variation, U their features.
 
-    information: UᵀWU, (pairs, devices, r, r). pull: UᵀWy, (pairs, devices, r). square: yᵀWy and
-    log_determinant: ln|W|, (pairs, devices). count: entries, (devices,). Without the axis of the
-    devices where they are summed over.
+    information: UᵀWU, (pairs, devices, r, r). projection: UᵀWy, (pairs, devices, r). square: yᵀWy
+    and log_determinant: ln|W|, (pairs, devices). count: entries, (devices,). Without the axis of
+    the devices where they are summed over.
     """
 
     information: Array
-    pull: Array
+    projection: Array
     square: Array
     log_determinant: Array
-    count: Places
+    count: Integers
 
     @cached_property
     def total(self) -> "Sums":
         """The sums over all devices."""
         return Sums(
             self.information.sum(axis=1),
-            self.pull.sum(axis=1),
+            self.projection.sum(axis=1),
             self.square.sum(axis=1),
             self.log_determinant.sum(axis=1),
             self.count.sum(),
@@ -61,7 +61,7 @@ class Sums:
         total = self.total
         return Sums(
             total.information - self.information[:, device],
-            total.pull - self.pull[:, device],
+            total.projection - self.projection[:, device],
             total.square - self.square[:, device],
             total.log_determinant - self.log_determinant[:, device],
             total.count - self.count[device],
@@ -94,8 +94,8 @@ class Hierarchy:
         x, y = ((place - self.centre) / self.scale).T
         found[:, :PLANE] = np.array([x, y]).T
         if field == "bowl":
-            # Half of r², r² cos 2θ and r² sin 2θ: a bowl rises by half of what a plane does over one
-            # scale, and no axis of the chip is preferred
+            # Halves of r² − 2, r² cos 2θ and r² sin 2θ: at one scale a bowl is half as high as a
+            # plane, and no axis of the chip is preferred
             bowl = [(x**2 + y**2 - 2) / 2, (x**2 - y**2) / 2, x * y]
             found[:, PLANE:] = np.array(bowl).T
         return found
@@ -111,7 +111,7 @@ class Hierarchy:
         if self.factors is not None:
             return self.factors
         count = int(self.values.group.max()) + 1
-        return FLAT * self.unit * np.eye(count)[:, self.values.groups]
+        return MEAN_SD * self.unit * np.eye(count)[:, self.values.groups]
 
     def features(self, of: Values) -> Array:
         """Return U of entries, (n, r): means of groups, then terms of the variation."""
@@ -127,19 +127,19 @@ class Hierarchy:
         return grid(self.fields, several, self.unit)
 
     @cached_property
-    def reach(self) -> Array:
+    def prior_sd(self) -> Array:
         """Prior standard deviations d of the features, (scales, r)."""
         s = self.scales
         count = self.means.shape[1]
         found = np.ones((len(s.field), count + TERMS))
         terms = {"none": 0, "plane": PLANE, "bowl": TERMS}
-        for k, (field, relief) in enumerate(zip(s.field, s.relief, strict=True)):
+        for k, (field, amplitude) in enumerate(zip(s.field, s.amplitude, strict=True)):
             own = np.arange(TERMS) < terms[field]
-            found[k, count:] = relief * own
+            found[k, count:] = amplitude * own
         return found
 
     @cached_property
-    def devices(self) -> Places:
+    def devices(self) -> Integers:
         """Numbers of the devices, in the order of the sums."""
         return np.unique(self.values.device)
 
@@ -148,10 +148,10 @@ class Hierarchy:
         """Sums over the entries of each device."""
         v = self.values
         features = self.features(v)
-        y = v.y - self.middle(v)
+        y = v.y - self.reference(v)
         pairs = {int(k): i for i, k in enumerate(self.scales.noise)}
         spread = np.array([self.scales.spread[pairs[k]] for k in range(len(pairs))])
-        split = np.array([self.scales.split[pairs[k]] for k in range(len(pairs))])
+        mode_spread = np.array([self.scales.mode_spread[pairs[k]] for k in range(len(pairs))])
         shape = (len(spread), len(self.devices))
         r = features.shape[1]
         found = Sums(
@@ -164,19 +164,19 @@ class Hierarchy:
         for n, device in enumerate(self.devices):
             own = v.device == device
             u = features[own]
-            own_noise = split[:, None] ** 2 + v.sd[own] ** 2
+            own_noise = mode_spread[:, None] ** 2 + v.sd[own] ** 2
             noise = own_noise[:, :, None] * np.eye(len(u)) + spread[:, None, None] ** 2
             inverse = np.linalg.inv(noise)
             found.information[:, n] = np.einsum("ia,kij,jb->kab", u, inverse, u)
-            found.pull[:, n] = np.einsum("ia,kij,j->ka", u, inverse, y[own])
+            found.projection[:, n] = np.einsum("ia,kij,j->ka", u, inverse, y[own])
             found.square[:, n] = np.einsum("i,kij,j->k", y[own], inverse, y[own])
             found.log_determinant[:, n] = np.linalg.slogdet(inverse)[1]
         return found
 
-    def middle(self, of: Values) -> Array:
+    def reference(self, of: Values) -> Array:
         """Return what y of entries is counted from.
 
-        The median of their group, or of all data where groups have no entry or hang together.
+        The median of their group, or of all data where groups have no entry or share factors.
         """
         v = self.values
         found = np.full(len(of.y), np.median(v.y))
@@ -188,13 +188,13 @@ class Hierarchy:
     def _solve(self, sums: Sums) -> "Solved":
         """Return weights of features and log p(y) for every scale, by sums over devices."""
         k = self.scales.noise
-        d = self.reach
+        d = self.prior_sd
         information = sums.information[k]
-        pull = d * sums.pull[k]
+        projection = d * sums.projection[k]
         precision = np.eye(d.shape[1]) + d[:, :, None] * information * d[:, None, :]
         covariance = np.linalg.inv(precision)
-        mean = np.einsum("kab,kb->ka", covariance, pull)
-        square = sums.square[k] - np.einsum("ka,ka->k", pull, mean)
+        mean = np.einsum("kab,kb->ka", covariance, projection)
+        square = sums.square[k] - np.einsum("ka,ka->k", projection, mean)
         log_determinant = sums.log_determinant[k] - np.linalg.slogdet(precision)[1]
         log_likelihoods = 0.5 * (log_determinant - square - sums.count * LOG2PI)
         return Solved(mean, covariance, log_likelihoods)
@@ -220,7 +220,7 @@ class Hierarchy:
 
     def spread(self) -> tuple[float, float]:
         """Return the spread from device to device, and its standard deviation."""
-        each = np.hypot(self.scales.spread, self.scales.split)
+        each = np.hypot(self.scales.spread, self.scales.mode_spread)
         mean = float(self.weights @ each)
         return mean, float(np.sqrt(max(self.weights @ each**2 - mean**2, 0.0)))
 
@@ -229,9 +229,9 @@ class Hierarchy:
         return self._expected(self.solved, features, self.weights)
 
     def _expected(self, solved: "Solved", features: Array, weights: Array) -> "Mixture":
-        reached = features[None] * self.reach[:, None, :]
-        mean = np.einsum("kna,ka->kn", reached, solved.mean)
-        variance = np.einsum("kna,kab,knb->kn", reached, solved.covariance, reached)
+        scaled = features[None] * self.prior_sd[:, None, :]
+        mean = np.einsum("kna,ka->kn", scaled, solved.mean)
+        variance = np.einsum("kna,kab,knb->kn", scaled, solved.covariance, scaled)
         return Mixture(np.repeat(weights[:, None], len(features), axis=1), mean, variance)
 
     def over_chip(self, place: Array) -> "Mixture":
@@ -246,7 +246,7 @@ class Hierarchy:
         return np.hstack([np.zeros((len(place), self.means.shape[1])), terms])
 
     def predict(self, new: Values) -> "Mixture":
-        """Return what y is to be at new entries, with their own measurement errors.
+        """Predict y of new entries, with their own measurement errors.
 
         New entries are of devices that are not in the data, each with its own deviation.
         """
@@ -254,12 +254,12 @@ class Hierarchy:
 
     def _predicted(self, solved: "Solved", new: Values, weights: Array) -> "Mixture":
         found = self._expected(solved, self.features(new), weights)
-        own = (self.scales.spread**2 + self.scales.split**2)[:, None] + new.sd**2
-        return Mixture(found.weights, self.middle(new) + found.means, found.variances + own)
+        own = (self.scales.spread**2 + self.scales.mode_spread**2)[:, None] + new.sd**2
+        return Mixture(found.weights, self.reference(new) + found.means, found.variances + own)
 
     @cached_property
     def left_out(self) -> "Mixture":
-        """Return what y of each device is to be by all others, with the weights that those give."""
+        """Predict y of each device by all others, with the weights that those give."""
         v = self.values
         shape = (len(self.scales.field), len(v.y))
         found = Mixture(np.empty(shape), np.empty(shape), np.empty(shape))

@@ -15,7 +15,7 @@ from scipy.special import expit, logsumexp
 from femnl.chip.hierarchy import Hierarchy, hierarchy
 from femnl.chip.values import Array, Values
 
-ODD = 0.05
+OUTLIER_PRIOR = 0.05
 """Prior probability that a device is an outlier: one device in twenty is damaged or mixed up."""
 WIDE = np.array([5.0, 15.0, 50.0, 200.0])
 """Standard deviations of where outliers lie, each as probable as another.
@@ -45,7 +45,7 @@ def clean(values: Values) -> Cleaned:
     out: frozenset[int] = frozenset()
     known: dict[frozenset[int], float] = {}
 
-    def worth(some: frozenset[int]) -> float:
+    def log_posterior(some: frozenset[int]) -> float:
         if some not in known:
             known[some] = _log_posterior(values, some, len(devices), unit)
         return known[some]
@@ -53,11 +53,13 @@ def clean(values: Values) -> Cleaned:
     while True:
         model = hierarchy(values.without(out), unit)
         steps = [s for s in _steps(out, model) if len(s) <= most]
-        best = max(steps, key=worth, default=out)
-        if worth(best) <= worth(out):
+        best = max(steps, key=log_posterior, default=out)
+        if log_posterior(best) <= log_posterior(out):
             break
         out = best
-    probabilities = {d: float(expit(worth(out) - worth(out - {d}))) for d in sorted(out)}
+    probabilities = {
+        d: float(expit(log_posterior(out) - log_posterior(out - {d}))) for d in sorted(out)
+    }
     return Cleaned(model, probabilities)
 
 
@@ -83,7 +85,11 @@ def _steps(out: frozenset[int], model: Hierarchy) -> Iterator[frozenset[int]]:
 def _log_posterior(values: Values, out: frozenset[int], devices: int, unit: float) -> float:
     """Return the log probability of all data with these outliers, up to a constant."""
     model = hierarchy(values.without(out), unit)
-    found = model.log_evidence + (devices - len(out)) * np.log(1 - ODD) + len(out) * np.log(ODD)
+    found = (
+        model.log_evidence
+        + (devices - len(out)) * np.log(1 - OUTLIER_PRIOR)
+        + len(out) * np.log(OUTLIER_PRIOR)
+    )
     for d in out:
         own = values.only(values.device == d)
         found += _log_anywhere(model, own, unit)

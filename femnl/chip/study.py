@@ -15,7 +15,7 @@ from femnl.io.measurement.units import quantity
 
 FEWEST = 4
 """Devices below which there is no chip to speak of."""
-LIKE = 0.02
+DESIGN_GAP = 0.02
 """Gap of the logarithm of frequency between two designs, where a file states no designs: films of
 one chip differ by less from edge to edge, designs mostly by more."""
 MOST = 2000
@@ -143,12 +143,12 @@ def _with_designs(members: list[Member], notes: list[str]) -> list[Member]:
     number, last = 1, None
     for m in ordered:
         lowest = min(n.value for n in m.frequency.values())
-        if last is not None and np.log(lowest / last) > LIKE:
+        if last is not None and np.log(lowest / last) > DESIGN_GAP:
             number += 1
         last = lowest
         found.append(Member(m.name, str(number), m.place, m.frequency, m.quality))
     notes.append(
-        f"designs: none is stated; {number} groups of frequencies, more than {LIKE:.0%} apart, "
-        "are taken for designs"
+        f"designs: none is stated; {number} groups of frequencies, more than "
+        f"{DESIGN_GAP:.0%} apart, are taken for designs"
     )
     return found

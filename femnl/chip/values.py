@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-Places = npt.NDArray[np.int64]
+Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class Values:
 
     y: Array
     sd: Array
-    device: Places
-    group: Places
+    device: Integers
+    group: Integers
     place: Array
 
     def without(self, devices: frozenset[int]) -> "Values":
@@ -51,6 +51,6 @@ class Values:
         return max(robust, float(self.sd.min()))
 
     @property
-    def groups(self) -> Places:
+    def groups(self) -> Integers:
         """Numbers of the groups that have entries."""
         return np.unique(self.group)

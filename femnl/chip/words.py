@@ -28,7 +28,7 @@ def common(quantity: Quantity, fit: ChipFit) -> list[list[str]]:
             ]
             for p in quantity.slope
         ]
-        rows.append(["from lowest to highest device", f"{100 * quantity.relief:.3g} %"])
+        rows.append(["from lowest to highest device", f"{100 * quantity.peak_to_valley:.3g} %"])
     spread = quantity.spread
     rows.append(["from device to device", f"{percent(spread)}"])
     return rows
@@ -74,7 +74,7 @@ def deviating(quantity: Quantity) -> list[list[str]]:
             d.design,
             show(d.value, quantity.unit),
             show(d.predicted, quantity.unit),
-            f"{100 * d.part:+.3g} %".replace("-", "−"),
+            f"{100 * d.log_ratio:+.3g} %".replace("-", "−"),
             f"{d.sigma:+.1f}".replace("-", "−"),
             f"{d.outlier:.2f}" if d.outlier else "",
         ]
@@ -89,10 +89,10 @@ def _plain(value: float, _: str) -> str:
 def left_out(quantity: Quantity) -> str:
     """Return how well devices are predicted by the others."""
     one = quantity.left_out
-    if not one.devices:
+    if not one.count:
         return f"{quantity.name}: no device can be predicted by others of its design"
     return (
         f"{quantity.name} of a device left out: median error {100 * one.error:.3g} %, "
         f"{100 * one.plain_error:.3g} % by the mean of its design; "
-        f"{100 * one.held:.0f} % of the 68 % intervals hold ({one.devices} numbers)"
+        f"{100 * one.coverage:.0f} % of the 68 % intervals hold ({one.count} numbers)"
     )

@@ -1,4 +1,4 @@
-"""One page for one chip, for who makes the next wafer; and its numbers as files."""
+"""One page for one chip, for whoever makes the next wafer; and its numbers as files."""
 
 import csv
 import json
@@ -42,8 +42,8 @@ def write_chip(fit: ChipFit, study: Path, folder: Path) -> list[Path]:
         picture=embed(
             chip_figure(fit),
             "Maps of the chip and deviations of its devices",
-            "Colours are deviations; a ring marks a device that is none of the chip. On the right "
-            "each device beside what all others predict; bars are one standard deviation.",
+            "Colours are deviations; a ring marks a device that deviates from the chip. On the "
+            "right each device beside what all others predict; bars are one standard deviation.",
         ),
         command=shlex.join(["femnl", "chip", str(study), "--out", str(folder)]),
         provenance=provenance([]),
@@ -77,11 +77,11 @@ def _film(fit: ChipFit) -> list[list[str]]:
 
 
 def _write_devices(quantities: list[Quantity], path: Path) -> None:
-    head = ["quantity", "device", "mode", "design", "x", "y", "value", "predicted", "part", "sd"]
+    head = ["quantity", "device", "mode", "design", "x", "y", "value", "predicted"]
     with path.open("w", encoding="utf-8", newline="") as file:
         rows = csv.writer(file)
-        rows.writerow([*head, "sigma", "outlier"])
+        rows.writerow([*head, "log_ratio", "sd", "sigma", "outlier"])
         for q in quantities:
             for d in q.devices:
                 about = [q.name, d.device, d.mode, d.design, *d.place]
-                rows.writerow([*about, d.value, d.predicted, d.part, d.sd, d.sigma, d.outlier])
+                rows.writerow([*about, d.value, d.predicted, d.log_ratio, d.sd, d.sigma, d.outlier])

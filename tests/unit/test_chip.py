@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 
 from femnl.chip import fit_chip, read_chip
 from femnl.chip.film import slackening
-from femnl.chip.hierarchy import FLAT, hierarchy
+from femnl.chip.hierarchy import MEAN_SD, hierarchy
 from femnl.chip.members import Chip, Member, Number
 from femnl.chip.mixture import Mixture
 from femnl.chip.outliers import clean
@@ -51,11 +51,11 @@ def test_the_likelihood_is_that_of_a_normal_distribution() -> None:
     same = v.device[:, None] == v.device[None]
     alike = v.group[:, None] == v.group[None]
     for k in (0, 40, len(scales.field) - 1):
-        covariance = (FLAT * model.unit) ** 2 * alike + np.diag(v.sd**2)
+        covariance = (MEAN_SD * model.unit) ** 2 * alike + np.diag(v.sd**2)
         terms = model.terms(v.place, scales.field[k])
-        covariance = covariance + scales.relief[k] ** 2 * terms @ terms.T
-        covariance += scales.spread[k] ** 2 * same + scales.split[k] ** 2 * np.eye(len(v.y))
-        expected = multivariate_normal(model.middle(v), covariance).logpdf(v.y)
+        covariance = covariance + scales.amplitude[k] ** 2 * terms @ terms.T
+        covariance += scales.spread[k] ** 2 * same + scales.mode_spread[k] ** 2 * np.eye(len(v.y))
+        expected = multivariate_normal(model.reference(v), covariance).logpdf(v.y)
         assert model.solved.log_likelihoods[k] == pytest.approx(expected, rel=1e-6)
     evidence = logsumexp(model.solved.log_likelihoods + scales.log_prior)
     assert model.log_evidence == pytest.approx(evidence)
@@ -383,7 +383,7 @@ def test_the_command_writes_a_page_numbers_and_a_table(
     # 31: row 3, column 1 of a grid of 2 mm
     assert (float(first["x"]), float(first["y"])) == pytest.approx((2e-3, 6e-3))
     part = np.log(float(first["value"]) / float(first["predicted"]))
-    assert float(first["part"]) == pytest.approx(part)
+    assert float(first["log_ratio"]) == pytest.approx(part)
     assert float(first["sigma"]) == pytest.approx(part / float(first["sd"]))
     assert {key: first[key] for key in ("mode", "design")} == {"mode": "1", "design": "1"}
     assert float(first["sd"]) == told["sd"]
