@@ -51,7 +51,7 @@ def read_chip(path: Path) -> Chip:
             "check table.chip, or add [[device]] tables"
         )
     members = [readings.member(name) for name, readings in found.items()]
-    members = _with_designs(members, notes)
+    members = _with_designs(path, members, notes)
     geometries = {name: _beside(path, d.geometry) for name, d in study.design.items()}
     missing = sorted(set(geometries) - {m.design for m in members})
     if missing:
@@ -123,21 +123,22 @@ def _place(path: Path, positions: Positions, measured: dict[str, Readings]) -> s
                 one_line(f"{path}: positions.pattern: device {name[:40]!r} does not match it")
             )
         where = f"{path}: positions.pattern: device {name}"
-        readings.place = (
-            pitch * finite(match["x"], where, "x"),
-            pitch * finite(match["y"], where, "y"),
-        )
+        # A group that is optional can be missing from a match
+        x, y = (finite(match[axis] or "", where, axis) for axis in "xy")
+        readings.place = (pitch * x, pitch * y)
     return "steps" if steps else "m"
 
 
-def _with_designs(members: list[Member], notes: list[str]) -> list[Member]:
+def _with_designs(path: Path, members: list[Member], notes: list[str]) -> list[Member]:
     """Return the devices with designs; where none is stated, those of like frequency are alike."""
     stated = [m for m in members if m.design]
     if len(stated) == len(members):
         return members
     if stated:
         lacking = next(m.name for m in members if not m.design)
-        raise ParameterError(f"device {lacking}: it has no design; give one for every device")
+        raise ParameterError(
+            one_line(f"{path}: device {lacking}: has no design; give one for every device, or none")
+        )
     ordered = sorted(members, key=lambda m: min(n.value for n in m.frequency.values()))
     found: list[Member] = []
     number, last = 1, None

@@ -396,6 +396,8 @@ def test_the_command_writes_a_page_numbers_and_a_table(
         (STUDY.replace('"A-"', '"B-"'), None, "0 devices; a chip has 4 to 2000"),
         (STUDY.replace("<x>", "<z>"), None, "it needs the groups"),
         (STUDY.replace("[0-9])(", "[a-z])("), None, "'11' does not match it"),
+        (STUDY.replace("[0-9])(", "[7-9])?("), None, "device 11: y: '' is no finite number"),
+        (STUDY + device() + "design = 'a'", None, "has no design; give one for every device"),
         (STUDY, "device,f\nA-11,1e6\n", "no column 'frequency'; it has device, f"),
         (STUDY, HEAD + "A-11,1,zero,1e6\n", "line 2: frequency: 'zero' is no finite number"),
         (STUDY, HEAD + "A-11,1,1e6,1e6\nA-12,1,-1e6,1e6\n", "line 3: frequency: -1e+06 is not"),
