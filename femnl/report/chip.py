@@ -11,6 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from femnl.chip.result import ChipFit, Quantity
 from femnl.chip.words import chance, common, deviating, left_out, percent, variation
+from femnl.core.json_values import json_value
 from femnl.core.numbers import with_error
 from femnl.io.results.atomic import make_folder, write_whole
 from femnl.plot.chip import chip_figure
@@ -23,7 +24,8 @@ VERSION = "1.0"
 def write_chip(fit: ChipFit, study: Path, folder: Path) -> list[Path]:
     """Write chip.json, devices.csv and report.html into a folder, made where it is missing."""
     make_folder(folder)
-    text = json.dumps({"femnl_chip": VERSION, **asdict(fit)}, indent=1, ensure_ascii=False)
+    numbers = json_value({"femnl_chip": VERSION, **asdict(fit)})
+    text = json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False)
     quantities = [q for q in (fit.frequency, fit.quality) if q is not None]
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),

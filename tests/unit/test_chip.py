@@ -174,11 +174,16 @@ def test_a_deviating_device_without_a_place_is_named() -> None:
 
 
 def test_a_chip_without_quality_factors_has_frequencies_alone(tmp_path: Path) -> None:
-    fit = fit_chip(plain_chip())
+    chip = plain_chip()
+    without_places = tuple(replace(m, place=(np.nan, np.nan)) for m in chip.members)
+    fit = fit_chip(replace(chip, members=without_places))
     assert fit.quality is None
     write_chip(fit, tmp_path / "study.toml", tmp_path)
     with (tmp_path / "devices.csv").open(encoding="utf-8", newline="") as file:
         assert {row["quantity"] for row in csv.DictReader(file)} == {"frequency"}
+    text = (tmp_path / "chip.json").read_text(encoding="utf-8")
+    numbers = json.loads(text, parse_constant=pytest.fail)
+    assert numbers["frequency"]["devices"][0]["place"] == [None, None]
     assert "quality factor" not in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
