@@ -62,6 +62,32 @@ def test_the_likelihood_is_that_of_a_normal_distribution() -> None:
     assert np.exp(scales.log_prior).sum() == pytest.approx(1)
 
 
+def test_a_prediction_is_the_conditional_of_a_normal_distribution() -> None:
+    """For every kind of scales: mean and variance of new entries, given those of all others."""
+    v = values(modes=2, slope=2e-3)
+    own = v.device == 3
+    model = hierarchy(v.without(frozenset([3])))
+    predicted = model.predict(v.only(own))
+    same = v.device[:, None] == v.device[None]
+    alike = v.group[:, None] == v.group[None]
+    scales = model.scales
+    off = v.y - model.reference(v)
+    for k in (0, 40, len(scales.field) - 1):
+        terms = model.terms(v.place, scales.field[k])
+        covariance = (MEAN_SD * model.unit) ** 2 * alike + np.diag(v.sd**2)
+        covariance = covariance + scales.amplitude[k] ** 2 * terms @ terms.T
+        covariance += scales.spread[k] ** 2 * same + scales.mode_spread[k] ** 2 * np.eye(len(v.y))
+        gain = covariance[np.ix_(own, ~own)] @ np.linalg.inv(covariance[np.ix_(~own, ~own)])
+        mean = gain @ off[~own]
+        variance = covariance[np.ix_(own, own)] - gain @ covariance[np.ix_(~own, own)]
+        given = predicted.means[k] - model.reference(v.only(own))
+        assert given == pytest.approx(mean, rel=1e-5, abs=1e-9)
+        # The difference of covariances cancels six digits
+        assert predicted.variances[k] == pytest.approx(np.diag(variance), rel=1e-3)
+        assert scales.spread[k] > 0
+    assert scales.mode_spread[-1] > 0
+
+
 @pytest.mark.parametrize("modes", [1, 2])
 def test_a_device_left_out_is_predicted_as_by_a_model_that_never_saw_it(modes: int) -> None:
     v = values(modes=modes, slope=2e-3)
