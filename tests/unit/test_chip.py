@@ -8,15 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from scipy.special import logsumexp
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 from femnl.chip import fit_chip, read_chip
+from femnl.chip.causes import _other_design
 from femnl.chip.film import slackening
+from femnl.chip.fit import entries_of
 from femnl.chip.hierarchy import MEAN_SD, hierarchy
 from femnl.chip.members import Chip, Member, Number
 from femnl.chip.mixture import Mixture
-from femnl.chip.outliers import clean
+from femnl.chip.outliers import _log_anywhere, _log_posterior, clean
 from femnl.chip.readings import median_of
 from femnl.chip.values import Values
 from femnl.chip.words import chance
@@ -168,6 +171,58 @@ def test_outliers_are_found_even_where_two_hide_each_other(odd: tuple[int, ...])
     for k in odd:
         y[v.device == k] += 1.5e-2
     assert set(clean(replace(v, y=y)).outliers) == set(odd)
+
+
+@pytest.mark.parametrize(("count", "sign"), [(12, 1.0), (10, -1.0)])
+def test_two_outliers_that_hide_each_other_are_found_as_a_pair(count: int, sign: float) -> None:
+    """Neither is probable alone: with one as an outlier, the other still widens the spread."""
+    v = values(count, more=1)
+    y = v.y.copy()
+    y[v.device == 3] += 1e-2
+    y[v.device == 5] += sign * 1e-2
+    v = replace(v, y=y)
+    alone = [_log_posterior(v, frozenset([d]), count, v.unit) for d in (3, 5)]
+    assert max(alone) < _log_posterior(v, frozenset(), count, v.unit)
+    assert set(clean(v).outliers) == {3, 5}
+
+
+def test_the_density_of_an_outlier_has_the_integral_one() -> None:
+    v = values()
+    model = hierarchy(v.without(frozenset([2])))
+    own = v.only(v.device == 2)
+    # Uniform in the angle of a Cauchy distribution: fine in the middle, and 200 units wide
+    angle = np.linspace(-1.565, 1.565, 1401)
+    y = own.y + 10 * v.unit * np.tan(angle)
+    density = [np.exp(_log_anywhere(model, replace(own, y=np.array([one])), v.unit)) for one in y]
+    assert trapezoid(density, y) == pytest.approx(1, rel=1e-3)
+
+
+def test_the_probability_of_another_design_is_that_of_two_densities() -> None:
+    """Bayes: 0.2 N(y | design b) against 0.8 times the density of an outlier of design a."""
+    rng = np.random.default_rng(SEED)
+    members = []
+    for k in range(16):
+        design = "ab"[k % 2]
+        frequency = {"a": 1e5, "b": 1.5e5}[design] * np.exp(rng.normal(0, 1e-3))
+        members.append(Member(str(k), design, (np.nan, np.nan), {"1": Number(frequency, 0.0)}))
+    told = []
+    for shift in (0.0, 3.8e-3):
+        odd = Member("odd", "a", (np.nan, np.nan), {"1": Number(1.5e5 * np.exp(shift), 0.0)})
+        chip = Chip("c", (*members, odd), {}, ())
+        entries = entries_of(chip, {m.name: m.frequency for m in chip.members})
+        cleaned = clean(entries.values)
+        assert set(cleaned.outliers) == {16}
+        own = entries.values.only(entries.values.device == 16)
+        there = cleaned.model.predict(replace(own, group=np.array([1])))
+        sd = np.sqrt(there.variances[:, 0])
+        of_b = there.weights[:, 0] @ norm.pdf(own.y, there.means[:, 0], sd)
+        anywhere = np.exp(_log_anywhere(cleaned.model, own, cleaned.model.unit))
+        design, probability = _other_design(entries, cleaned, "odd")
+        expected = 0.2 * of_b / (0.2 * of_b + 0.8 * anywhere)
+        told.append(probability)
+        assert (design, probability) == ("b", pytest.approx(expected, rel=1e-9))
+    assert told[0] > 0.99
+    assert 0.2 < told[1] < 0.99
 
 
 def test_simulated_chips_give_up_what_is_hidden_in_them() -> None:
@@ -359,7 +414,7 @@ def test_one_wrong_reading_of_five_does_not_move_a_number() -> None:
 
 
 def device(frequency: str = "1e6") -> str:
-    """Return a table of a study for one device of one mode."""
+    """Return a [[device]] table for one device of one mode."""
     return f"\n[[device]]\nname = '51'\nmodes = [{{frequency = {frequency}}}]\n"
 
 
@@ -473,6 +528,18 @@ def test_an_unknown_geometry_gets_one_line(
     told = capsys.readouterr().err.strip()
     assert "nosuch: neither a shipped geometry nor a file" in told
     assert "Traceback" not in told
+
+
+def test_errors_of_quality_factors_are_read_and_counted(tmp_path: Path) -> None:
+    head = "device,design,frequency,quality_factor,quality_factor_sd\n"
+    rows = head + "".join(f"A-1{k},a,1e6,2e6,4e4\n" for k in range(4))
+    more = "\n[[device]]\nname = '14'\ndesign = 'a'\nmodes = [{frequency = 1e6, "
+    more += "quality_factor = 1e6, quality_factor_sd = 5e4}]\n"
+    chip = read_chip(study(tmp_path, STUDY + more, rows))
+    assert [m.quality["1"].sd for m in chip.members] == [4e4] * 4 + [5e4]
+    sd = entries_of(chip, {m.name: m.quality for m in chip.members}).values.sd
+    # Of the logarithm
+    assert sd == pytest.approx([0.02] * 4 + [0.05])
 
 
 def test_a_device_adds_to_its_row_of_the_table(tmp_path: Path) -> None:
