@@ -5,6 +5,7 @@ import json
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from scipy.stats import multivariate_normal, norm
 
 from femnl.chip import fit_chip, read_chip
 from femnl.chip.causes import _other_design
-from femnl.chip.film import slackening
+from femnl.chip.film import Design, slackening
 from femnl.chip.fit import entries_of
 from femnl.chip.hierarchy import MEAN_SD, hierarchy
 from femnl.chip.members import Chip, Member, Number
@@ -27,6 +28,7 @@ from femnl.cli._main import run
 from femnl.core.errors import FemnlError
 from femnl.device.geometry import load
 from femnl.io import measurement
+from femnl.observe.film import SimulatedFilm
 from femnl.report.chip import write_chip
 from tests.blind import chips
 
@@ -322,6 +324,40 @@ def test_the_slackening_of_a_square_is_that_of_its_side() -> None:
     film = circle.film
     expected = -film.young / (4 * (1 - film.poisson) * film.stress) * 4 / circle.outline.length
     assert slackening(circle) == pytest.approx(expected, rel=1e-3)
+
+
+def test_an_edge_is_linearised_about_where_it_is() -> None:
+    """Value and slope of ½(1 − β) ln(1 + 2 s d e^{−2δ}), with the stress before release e^{2δ}σ."""
+    design = Design(np.array([13.0, 14.0]), np.array([-2e6, -5e5]), np.array([0.03, 0.3]))
+    moved = 25e-9
+    offset = 0.07
+
+    def exact(d: float) -> np.ndarray[Any, Any]:
+        left = 1 + 2 * design.slackening * d * np.exp(-2 * offset)
+        return np.asarray(design.base + 0.5 * (1 - design.bending) * np.log(left))
+
+    base, columns = design.about(moved, offset)
+    assert base + moved * columns[:, 0] == pytest.approx(exact(moved), rel=1e-12)
+    step = 1e-12
+    slope = (exact(moved + step) - exact(moved - step)) / (2 * step)
+    assert columns[:, 0] == pytest.approx(slope, rel=1e-3)
+    assert columns[:, 1] == pytest.approx([0.03, 0.3])
+
+
+def test_a_change_of_stress_changes_frequencies_by_what_bending_leaves(tmp_path: Path) -> None:
+    """∂ ln f/∂ ln σ = ½(1 − β), with β the part of the energy in bending, by two simulations."""
+    text = load("square-270um").text.replace('side = "270 um"', 'side = "40 um"')
+    films = []
+    for stress in ("1101.5 MPa", "1112.5 MPa"):
+        path = tmp_path / f"{stress[:6]}.toml"
+        path.write_text(text.replace("1101.5 MPa", stress), encoding="utf-8")
+        films.append(SimulatedFilm(load(str(path)), 3))
+    ratio = films[1].modes.frequency[0] / films[0].modes.frequency[0]
+    stress = films[1].model.film.stress / films[0].model.film.stress
+    assert stress > 1.009
+    share = films[0].bending_share[0]
+    assert share > 0.03
+    assert np.log(ratio) / np.log(stress) == pytest.approx(0.5 * (1 - share), rel=2e-3)
 
 
 def sizes(folder: Path, inwards: float, sides: tuple[float, ...]) -> Path:
