@@ -56,7 +56,9 @@ def fit_film(chip: Chip, entries: Entries, cleaned: Cleaned) -> FilmFit:
     """
     films = _films(chip)
     design = _columns(entries, films)
-    sets = [s for n in range(len(CAUSES) + 1) for s in combinations(range(len(CAUSES)), n)]
+    # Films without a bending length have no other one
+    tried = (0, 1) if design.bending.any() else (0,)
+    sets = [s for n in range(len(tried) + 1) for s in combinations(tried, n)]
     fitted = {s: _fit_set(cleaned.model, design, s) for s in sets}
     total = logsumexp([one.log_evidence for one in fitted.values()])
     best = max(fitted.values(), key=lambda one: one.log_evidence)
@@ -181,7 +183,8 @@ def _columns(entries: Entries, films: dict[str, SimulatedFilm]) -> Design:
         order = _order(tuple(entries.groups[k][1] for k in own), film)
         base[own] = np.log(film.modes.frequency[order])
         columns[own, 0] = slackening(film.model)
-        columns[own, 1] = film.bending_share[order]
+        # A membrane stores nothing in bending, though `SimulatedFilm` says 1 of it
+        columns[own, 1] = film.bending_share[order] if film.model.bending else 0.0
     return Design(base, *columns.T)
 
 

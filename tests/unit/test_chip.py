@@ -360,7 +360,7 @@ def test_a_change_of_stress_changes_frequencies_by_what_bending_leaves(tmp_path:
     assert np.log(ratio) / np.log(stress) == pytest.approx(0.5 * (1 - share), rel=2e-3)
 
 
-def sizes(folder: Path, inwards: float, sides: tuple[float, ...]) -> Path:
+def sizes(folder: Path, inwards: float, sides: tuple[float, ...], bending: bool = True) -> Path:
     """Write a study of squares whose edges moved inwards.
 
     Frequencies are those of the clamped plate as a membrane smaller by ℓ on every side, under the
@@ -375,13 +375,15 @@ def sizes(folder: Path, inwards: float, sides: tuple[float, ...]) -> Path:
     for side in sides:
         name = f"square-{side:g}um"
         own = text.replace('side = "270 um"', f'side = "{side:g} um"')
+        if not bending:
+            own = own.replace("bending = true", "bending = false")
         (folder / f"{name}.toml").write_text(own.replace("square-270um", name), encoding="utf-8")
         lines.append(f'[design.{name}]\ngeometry = "{name}.toml"')
         for k in range(4):
             length = side * 1e-6
             left = stress - young / (1 - poisson) * 2 * inwards / length
             rigidity = young * thickness**3 / (12 * (1 - poisson**2))
-            layer = np.sqrt(rigidity / (left * thickness))
+            layer = np.sqrt(rigidity / (left * thickness)) if bending else 0.0
             shift = np.exp(rng.normal(0, 1e-3))
             modes = []
             for m, n in ((1, 1), (2, 2)):
@@ -408,6 +410,15 @@ def test_devices_of_other_sizes_prove_an_edge_that_moves_inwards(tmp_path: Path)
     assert edge.sd < 1.5e-9
     # Four devices of a spread of 0.1 % leave the means 0.05 %, and the closed form is as good
     assert max(abs(r) for r in fit.film.residuals.values()) < 1e-3
+
+
+def test_an_edge_that_moves_is_found_of_membranes_without_bending(tmp_path: Path) -> None:
+    fit = fit_chip(read_chip(sizes(tmp_path, 20e-9, (60, 150, 400), bending=False)))
+    assert fit.film is not None
+    assert set(fit.film.causes) == {"one film as simulated", "edge moves inwards"}
+    assert fit.film.causes["edge moves inwards"] > 0.99
+    edge = next(p for p in fit.film.parameters if "edge" in p.name)
+    assert edge.value == pytest.approx(20e-9, abs=3 * edge.sd)
 
 
 def test_devices_of_one_size_cannot_and_say_which_would(tmp_path: Path) -> None:
