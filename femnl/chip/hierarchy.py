@@ -197,7 +197,7 @@ class Hierarchy:
         square = sums.square[k] - np.einsum("ka,ka->k", projection, mean)
         log_determinant = sums.log_determinant[k] - np.linalg.slogdet(precision)[1]
         log_likelihoods = 0.5 * (log_determinant - square - sums.count * LOG2PI)
-        return Solved(mean, covariance, log_likelihoods)
+        return Solved(mean, np.asarray(covariance, float), log_likelihoods)
 
     @cached_property
     def solved(self) -> "Solved":
