@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from femnl.chip import ChipFit, fit_chip, read_chip
+from femnl.chip.members import Chip
 from femnl.chip.result import LeftOut, Quantity
-from femnl.chip.study import Chip
 
 NAMED = re.compile(r"(.+-)[0-9]{2}")
 STUDY = """
@@ -32,7 +32,7 @@ frequency = "frequency_Hz"
 pattern = "^(?P<y>[0-9])(?P<x>[0-9])$"
 """
 FEWEST = 8
-ALIKE = 4
+OF_A_DESIGN = 4
 
 
 def chips(path: Path) -> list[Chip]:
@@ -51,7 +51,7 @@ def chips(path: Path) -> list[Chip]:
             study.write_text(STUDY.format(chip=chip, file=path.resolve()), encoding="utf-8")
             read = read_chip(study)
             many = Counter(m.design for m in read.members)
-            members = tuple(m for m in read.members if many[m.design] >= ALIKE)
+            members = tuple(m for m in read.members if many[m.design] >= OF_A_DESIGN)
             if len(members) >= FEWEST:
                 found.append(Chip(chip.rstrip("-"), members, {}, read.notes, read.unit))
     return found
@@ -63,8 +63,8 @@ def row(name: str, quantity: Quantity, seconds: float) -> str:
     forms = " ".join(f"{p:.2f}" for p in quantity.fields.values())
     odd = ", ".join(sorted({d.device for d in quantity.devices if d.outlier > 0.5})) or "–"
     return (
-        f"| {name} | {quantity.name} | {one.devices} | {forms} | {100 * one.error:.3g} % | "
-        f"{100 * one.plain_error:.3g} % | {one.error / one.plain_error:.2f} | {one.held:.2f} | "
+        f"| {name} | {quantity.name} | {one.count} | {forms} | {100 * one.error:.3g} % | "
+        f"{100 * one.plain_error:.3g} % | {one.error / one.plain_error:.2f} | {one.coverage:.2f} | "
         f"{odd} | {seconds:.1f} |"
     )
 
@@ -74,8 +74,8 @@ def summary(quantities: list[Quantity]) -> str:
     parts: list[LeftOut] = [q.left_out for q in quantities]
     ratio = np.array([p.error / p.plain_error for p in parts])
     varies = np.array([q.varies > 0.95 for q in quantities])
-    numbers = sum(p.devices for p in parts)
-    held = sum(p.held * p.devices for p in parts) / numbers
+    numbers = sum(p.count for p in parts)
+    held = sum(p.coverage * p.count for p in parts) / numbers
     return (
         f"{quantities[0].name}: {len(parts)} chips, {numbers} numbers; ratio of errors, geometric "
         f"mean {np.exp(np.log(ratio).mean()):.2f}; {varies.sum()} vary (95 %), their median ratio "

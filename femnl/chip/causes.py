@@ -13,9 +13,9 @@ from femnl.chip.result import Cause, Deviation, Quantity
 if TYPE_CHECKING:
     from femnl.chip.fit import Entries
 
-MIXED_UP = 0.2
-"""Prior probability that a device with an odd frequency is one of another design of the chip: the
-names of devices are mixed up about as rarely as devices break."""
+MISLABELLED_PRIOR = 0.2
+"""Prior probability that a device with an odd frequency is one of another design of the chip: of
+five odd devices, one is mixed up and four are damaged or of another film."""
 CLEAR = 3.0
 """σ from which on a quality factor tells of a loss."""
 
@@ -49,7 +49,7 @@ def _strongest(quantity: Quantity) -> dict[str, Deviation]:
 def _shifted(entries: Entries, cleaned: Cleaned, shift: Deviation, loss: Deviation | None) -> Cause:
     """Return why a frequency is odd: another design's, or a device of its own."""
     swapped, probability = _other_design(entries, cleaned, shift.device)
-    part = f"{100 * np.expm1(shift.part):+.3g} %"
+    part = f"{100 * np.expm1(shift.log_ratio):+.3g} %"
     beside = f"; it {_loses(loss)}" if loss is not None else ""
     if probability > 0.5:
         words = (
@@ -57,7 +57,7 @@ def _shifted(entries: Entries, cleaned: Cleaned, shift: Deviation, loss: Deviati
             f"its place: names or designs are mixed up{beside}"
         )
         return Cause(shift.device, "mislabelled", probability * shift.outlier, words)
-    name = "damaged" if loss is not None and loss.part < 0 else "other film or shape"
+    name = "damaged" if loss is not None and loss.log_ratio < 0 else "other film or shape"
     words = f"its frequency is {part} off its chip ({shift.sigma:+.1f}σ){beside}"
     return Cause(shift.device, name, (1 - probability) * shift.outlier, words)
 
@@ -74,7 +74,7 @@ def _other_design(entries: Entries, cleaned: Cleaned, device: str) -> tuple[str,
     model = cleaned.model
     anywhere = model.predict(values)
     each = [anywhere.log_density(values.y, wide * model.unit).sum() for wide in WIDE]
-    log_odds = {design: np.log1p(-MIXED_UP) + logsumexp(each) - np.log(len(WIDE))}
+    log_odds = {design: np.log1p(-MISLABELLED_PRIOR) + logsumexp(each) - np.log(len(WIDE))}
     others = sorted({d for d, _ in entries.groups if d != design})
     for other in others:
         groups = [
@@ -87,7 +87,7 @@ def _other_design(entries: Entries, cleaned: Cleaned, device: str) -> tuple[str,
             type(values)(values.y, values.sd, values.device, np.array(groups), values.place)
         )
         log_density = there.log_density(values.y).sum()
-        log_odds[other] = np.log(MIXED_UP / len(others)) + log_density
+        log_odds[other] = np.log(MISLABELLED_PRIOR / len(others)) + log_density
     total = logsumexp([*log_odds.values()])
     best = max(log_odds, key=lambda name: log_odds[name])
     return best, 0.0 if best == design else float(np.exp(log_odds[best] - total))
@@ -95,11 +95,11 @@ def _other_design(entries: Entries, cleaned: Cleaned, device: str) -> tuple[str,
 
 def _lossy(loss: Deviation) -> Cause:
     """Return why a quality factor is odd where the frequency is not."""
-    name = "lossy" if loss.part < 0 else "loses less"
+    name = "lossy" if loss.log_ratio < 0 else "loses less"
     words = f"it {_loses(loss)}, and its frequency is the chip's"
     return Cause(loss.device, name, loss.outlier, words)
 
 
 def _loses(loss: Deviation) -> str:
-    factor = np.exp(abs(loss.part))
-    return f"loses {factor:.3g} times {'more' if loss.part < 0 else 'less'} than its chip"
+    factor = np.exp(abs(loss.log_ratio))
+    return f"loses {factor:.3g} times {'more' if loss.log_ratio < 0 else 'less'} than its chip"

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from femnl.chip.hierarchy import FLAT, Array, Hierarchy, Values, hierarchy
+from femnl.chip.hierarchy import MEAN_SD, Hierarchy, hierarchy
+from femnl.chip.members import Chip
 from femnl.chip.outliers import Cleaned
 from femnl.chip.result import FilmFit
-from femnl.chip.study import Chip
+from femnl.chip.values import Array, Values
 from femnl.core.device import Model, Outline
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Parameter
@@ -31,9 +32,9 @@ MODES = 16
 EDGE_SD = 50e-9
 """Prior standard deviation [m] of how far an edge moves inwards: a ledge of silica of some µm, the
 film on it and the chip move by tens of nanometres (docs/explanation/edges.md)."""
-LADDER = np.array([50e-6, 100e-6, 200e-6, 500e-6, 1e-3])
+SIDES = np.array([50e-6, 100e-6, 200e-6, 500e-6, 1e-3])
 """Sides [m] of squares that are proposed as a further measurement."""
-MISFIT = np.geomspace(0.3, 100.0, 8)
+MISFITS = np.geomspace(0.3, 100.0, 8)
 """Standard deviation of what the simulation misses of a design, in units of the spread; the least
 is none to speak of."""
 CAUSES = ("edge moves inwards", "bending")
@@ -55,7 +56,9 @@ def fit_film(chip: Chip, entries: Entries, cleaned: Cleaned) -> FilmFit:
     """
     films = _films(chip)
     design = _columns(entries, films)
-    sets = [s for n in range(len(CAUSES) + 1) for s in combinations(range(len(CAUSES)), n)]
+    # Films without a bending length have no other one
+    tried = (0, 1) if design.bending.any() else (0,)
+    sets = [s for n in range(len(tried) + 1) for s in combinations(tried, n)]
     fitted = {s: _fit_set(cleaned.model, design, s) for s in sets}
     total = logsumexp([one.log_evidence for one in fitted.values()])
     best = max(fitted.values(), key=lambda one: one.log_evidence)
@@ -71,7 +74,7 @@ def fit_film(chip: Chip, entries: Entries, cleaned: Cleaned) -> FilmFit:
             *(Parameter(names[c][0], *number, names[c][1]) for c, number in numbers.items()),
         ),
         _residuals(best, entries),
-        _measure_next(first.model, cleaned.model, numbers),
+        _measure_next(first.model, design.slackening, cleaned.model, numbers),
     )
 
 
@@ -103,11 +106,13 @@ class Design:
 class FittedSet:
     """A set of causes, fitted. models: one for each size of what the simulation misses.
 
-    numbers: mean and standard deviation of δ and of each cause. left: ln(mean/film) of each group.
+    numbers: mean and standard deviation of δ and of each cause. columns: ∂ ln f of each group by
+    the strength of each of `CAUSES`, (groups, 2).
     """
 
     models: list[Hierarchy]
     numbers: dict[str, tuple[float, float]]
+    columns: Array
 
     @property
     def log_evidence(self) -> float:
@@ -115,7 +120,7 @@ class FittedSet:
         return float(logsumexp([m.log_evidence for m in self.models]) - np.log(len(self.models)))
 
 
-TURNS = 8
+MOST_LINEARISATIONS = 8
 """Linearisations of the edge at most; three are enough where it moves by tens of nanometres."""
 SLACK = 0.9
 """Largest part of the stress that an edge is taken to have released in a linearisation."""
@@ -124,10 +129,10 @@ SLACK = 0.9
 def _fit_set(chip: Hierarchy, design: Design, some: tuple[int, ...]) -> FittedSet:
     v = chip.values
     shift = offset = 0.0
-    for _ in range(TURNS if 0 in some else 1):
+    for _ in range(MOST_LINEARISATIONS if 0 in some else 1):
         base, columns = design.about(shift, offset)
         values = Values(v.y - base[v.group], v.sd, v.device, v.group, v.place)
-        models = [_model(values, chip.unit, columns, some, m * chip.unit) for m in MISFIT]
+        models = [_model(values, chip.unit, columns, some, m * chip.unit) for m in MISFITS]
         numbers = _parameters(models, some)
         furthest = SLACK / (2 * np.abs(design.slackening).max()) * np.exp(2 * numbers["δ"][0])
         found = float(np.clip(numbers.get(CAUSES[0], (0.0, 0.0))[0], -furthest, furthest))
@@ -135,7 +140,7 @@ def _fit_set(chip: Hierarchy, design: Design, some: tuple[int, ...]) -> FittedSe
         shift, offset = found, numbers["δ"][0]
         if settled:
             break
-    return FittedSet(models, numbers)
+    return FittedSet(models, numbers, columns)
 
 
 SETTLED = 1e-4
@@ -178,7 +183,8 @@ def _columns(entries: Entries, films: dict[str, SimulatedFilm]) -> Design:
         order = _order(tuple(entries.groups[k][1] for k in own), film)
         base[own] = np.log(film.modes.frequency[order])
         columns[own, 0] = slackening(film.model)
-        columns[own, 1] = film.bending_share[order]
+        # A membrane stores nothing in bending, though `SimulatedFilm` says 1 of it
+        columns[own, 1] = film.bending_share[order] if film.model.bending else 0.0
     return Design(base, *columns.T)
 
 
@@ -211,7 +217,7 @@ def _model(
 ) -> Hierarchy:
     """Return the model whose means are δ, the causes of a set, and what the simulation misses."""
     count = len(columns)
-    factors = [np.full((count, 1), FLAT * unit)]
+    factors = [np.full((count, 1), MEAN_SD * unit)]
     factors += [PRIORS[k] * columns[:, [k]] for k in some]
     return hierarchy(values, unit, np.hstack([*factors, misfit * np.eye(count)]))
 
@@ -220,9 +226,9 @@ def _parameters(models: list[Hierarchy], some: tuple[int, ...]) -> dict[str, tup
     """Return mean and standard deviation of δ and of the strength of each cause of a set."""
     evidence = np.array([m.log_evidence for m in models])
     weights = np.exp(evidence - logsumexp(evidence))
-    sds = [FLAT * models[0].unit, *(PRIORS[k] for k in some)]
+    sds = [MEAN_SD * models[0].unit, *(PRIORS[k] for k in some)]
     # The first features are these numbers in their prior standard deviations
-    features = np.eye(models[0].reach.shape[1])[: len(sds)]
+    features = np.eye(models[0].prior_sd.shape[1])[: len(sds)]
     each = [m.expected(features) for m in models]
     means = weights @ np.array([one.mean for one in each])
     squares = weights @ np.array([one.sd**2 + one.mean**2 for one in each])
@@ -239,33 +245,40 @@ def _parameters(models: list[Hierarchy], some: tuple[int, ...]) -> dict[str, tup
 
 
 def _residuals(fitted: FittedSet, entries: Entries) -> dict[str, float]:
-    """Return ln(mean/film) of every design and mode, without what causes change.
-
-    The film's own offset and the causes are in it as the data give them.
-    """
-    model = fitted.models[0]
-    values = model.values
+    """Return ln(mean/film) of every design and mode, the film with the causes of the set."""
+    # The simulation of one film is subtracted from the values of these models already
+    values = fitted.models[0].values
+    strengths = np.array([fitted.numbers.get(cause, (0.0, 0.0))[0] for cause in CAUSES])
+    film = fitted.numbers["δ"][0] + fitted.columns @ strengths
     return {
-        " ".join(entries.groups[k]): float(np.mean(values.y[values.group == k]))
-        - fitted.numbers["δ"][0]
+        " ".join(entries.groups[k]): float(np.mean(values.y[values.group == k]) - film[k])
         for k in values.groups
     }
 
 
-def _measure_next(model: Model, chip: Hierarchy, numbers: dict[str, tuple[float, float]]) -> str:
+def _measure_next(
+    model: Model, present: Array, chip: Hierarchy, numbers: dict[str, tuple[float, float]]
+) -> str:
     """Return which square beside the chip's devices would tell how far edges move.
 
-    The strain that they release is ∝ 1/L, a common film is not; so the square furthest in 1/L.
+    The strain that they release is ∝ 1/L, a common film is not; so the square furthest in 1/L from
+    the mean of the present designs.
+
+    Args:
+        model: one of the designs, for the film.
+        present: `slackening` of each group [1/m].
+        chip: for the spread.
+        numbers: of the leading set.
     """
     film = model.film
-    own = slackening(model)
-    per_metre = -film.young / ((1 - film.poisson) * film.stress) / LADDER
+    own = float(present.mean())
+    per_metre = -film.young / ((1 - film.poisson) * film.stress) / SIDES
     spread = chip.spread()[0]
     known = numbers.get(CAUSES[0], (0.0, EDGE_SD))[1]
     best = int(np.argmax(np.abs(per_metre - own)))
     shift = abs(per_metre[best] - own) * known
     return (
-        f"a square of {LADDER[best] * 1e6:.0f} µm on this chip: edges that move inwards by another "
+        f"a square of {SIDES[best] * 1e6:.0f} µm on this chip: edges that move inwards by another "
         f"{known * 1e9:.2g} nm, which these data leave open, would shift it by "
         f"{100 * shift:.2g} % against the present devices, {shift / spread:.2g} times the spread "
         "from device to device"

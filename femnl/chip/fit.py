@@ -7,10 +7,12 @@ import numpy as np
 
 from femnl.chip.causes import name_causes
 from femnl.chip.film import fit_film
-from femnl.chip.hierarchy import Hierarchy, Mixture, Values
+from femnl.chip.hierarchy import Hierarchy
+from femnl.chip.members import Chip, Member, Number
+from femnl.chip.mixture import Mixture
 from femnl.chip.outliers import Cleaned, clean
 from femnl.chip.result import ChipFit, Deviation, LeftOut, Quantity
-from femnl.chip.study import Chip, Member, Number
+from femnl.chip.values import Values
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Parameter
 
@@ -34,19 +36,24 @@ def fit_chip(chip: Chip) -> ChipFit:
 
     See `femnl.chip.hierarchy` for the model, and `femnl.chip.outliers` for devices that deviate.
 
-    Raises: ParameterError where fewer than four devices have a frequency.
+    Raises: ParameterError where fewer than four devices have a frequency, or none is like another.
     """
     entries = entries_of(chip, {m.name: m.frequency for m in chip.members})
     if len(np.unique(entries.values.device)) < FEWEST:
         raise ParameterError(
             f"chip {chip.name}: fewer than {FEWEST} devices have a frequency; add devices"
         )
+    if not _compares_devices(entries.values):
+        raise ParameterError(
+            f"chip {chip.name}: no two devices share a design and a mode, so none can be compared; "
+            "state the designs, or add devices"
+        )
     cleaned = clean(entries.values)
     frequency = _quantity("frequency", "Hz", entries, cleaned)
     quality = None
     rated = [m for m in chip.members if m.quality]
-    if len(rated) >= FEWEST:
-        of_quality = entries_of(chip, {m.name: m.quality for m in rated})
+    of_quality = entries_of(chip, {m.name: m.quality for m in rated})
+    if len(rated) >= FEWEST and _compares_devices(of_quality.values):
         quality = _quantity("quality factor", "1", of_quality, clean(of_quality.values))
     film = fit_film(chip, entries, cleaned) if chip.geometries else None
     causes = name_causes(entries, cleaned, frequency, quality)
@@ -65,19 +72,30 @@ def fit_chip(chip: Chip) -> ChipFit:
     )
 
 
+def _compares_devices(values: Values) -> bool:
+    """Whether some group has two devices: one of each says nothing of how devices scatter."""
+    return len(values.groups) < len(values.y)
+
+
 def entries_of(chip: Chip, numbers: Mapping[str, Mapping[str, Number]]) -> Entries:
-    """Return the logarithms of one quantity; numbers: by device and mode."""
+    """Return the logarithms of one quantity; numbers: by device and mode.
+
+    Places are kept if those of all devices of the chip are known: the model is of one kind for
+    every subset of the devices.
+    """
     rows = [(m, mode) for m in chip.members for mode in numbers.get(m.name, {})]
     groups = sorted({(m.design, mode) for m, mode in rows})
-    place_of = {group: k for k, group in enumerate(groups)}
+    group_number = {group: k for k, group in enumerate(groups)}
     devices = {m.name: k for k, m in enumerate(chip.members)}
+    placed = np.isfinite([m.place for m in chip.members]).all()
+    places = [m.place if placed else (np.nan, np.nan) for m, _ in rows]
     read = [numbers[m.name][mode] for m, mode in rows]
     values = Values(
         y=np.log([n.value for n in read]),
         sd=np.array([max(n.sd / n.value, LEAST_SD) for n in read]),
-        device=np.array([devices[m.name] for m, _ in rows]),
-        group=np.array([place_of[m.design, mode] for m, mode in rows]),
-        place=np.array([m.place for m, _ in rows]),
+        device=np.array([devices[m.name] for m, _ in rows], int),
+        group=np.array([group_number[m.design, mode] for m, mode in rows], int),
+        place=np.array(places, float).reshape(-1, 2),
     )
     return Entries(values, tuple(rows), tuple(groups))
 
@@ -107,7 +125,7 @@ def _quantity(name: str, unit: str, entries: Entries, cleaned: Cleaned) -> Quant
         unit=unit,
         fields={f: model.probability(f) for f in model.fields},
         slope=_slope(model) if len(model.fields) > 1 else None,
-        relief=float(np.ptp(field)),
+        peak_to_valley=float(np.ptp(field)),
         spread=Parameter("spread", *model.spread(), "1"),
         means=_means(entries, model),
         devices=devices,
@@ -116,9 +134,9 @@ def _quantity(name: str, unit: str, entries: Entries, cleaned: Cleaned) -> Quant
 
 
 def _predicted(values: Values, cleaned: Cleaned) -> Mixture:
-    """Return what each entry is to be by all devices that are alike, but its own."""
+    """Predict each entry by all devices that are no outliers, but its own."""
     alike = ~np.isin(values.device, [*cleaned.outliers])
-    kept = cleaned.model.left_out()
+    kept = cleaned.model.left_out
     shape = (len(cleaned.model.weights), len(values.y))
     weights, means, variances = (np.empty(shape) for _ in range(3))
     weights[:, alike] = kept.weights
@@ -176,7 +194,7 @@ def _means(entries: Entries, model: Hierarchy) -> dict[str, Parameter]:
     group = np.array(known)
     where = Values(np.zeros(len(known)), np.zeros(len(known)), -1 - group, group, centre)
     means = model.expected(model.features(where))
-    logarithm = model.middle(where) + means.mean
+    logarithm = model.reference(where) + means.mean
     return {
         " ".join(entries.groups[k]): Parameter(
             " ".join(entries.groups[k]),

@@ -3,7 +3,7 @@
     y_i = μ_g(i) + φ(x_i)·β + u_d(i) + v_i + e_i
 
 y: logarithm of frequency or quality factor. μ: one mean for each group, that is each mode of each
-design, with a flat prior unless `factors` say how the means hang together. β ~ N(0, a²): the
+design, each with a wide prior of its own unless `factors` relate them. β ~ N(0, a²): the
 smooth variation over the chip, none, a plane or a bowl, common to all groups. u ~ N(0, τ²): spread
 from device to device. v ~ N(0, κ²): what modes of one device differ by. e: measurement, of known
 standard deviation.
@@ -16,101 +16,56 @@ chapters 2.7 and 5.4).
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import logsumexp
 
-Array = npt.NDArray[np.float64]
-Places = npt.NDArray[np.int64]
-FIELDS = ("none", "plane", "bowl")
-"""Forms of the variation over the chip: the last has all terms of second order as well."""
-PLANE = 2
-TERMS = 5
-"""Terms of a plane, and of a bowl with its plane."""
-SPREADS = np.geomspace(0.02, 3.0, 16)
-"""Spread from device to device, in parts of what the devices show without any field."""
-RELIEFS = np.geomspace(0.1, 10.0, 7)
-"""Variation over the chip, in the same unit, for one standard deviation of the places."""
-SPLITS = (0.0, *np.geomspace(0.02, 2.0, 8))
-"""Spread between modes of one device, in the same unit. It is not tied to that from device to
-device: many modes tell it so well that a step of a common grid would pull the other with it."""
-FLAT = 20.0
+from femnl.chip.mixture import LOG2PI, Mixture
+from femnl.chip.scales import FIELDS, PLANE, TERMS, Scales, grid
+from femnl.chip.values import Array, Integers, Values
+
+MEAN_SD = 20.0
 """Standard deviation of the prior of a group's mean about its median, in the same unit."""
 
 
 @dataclass(frozen=True)
-class Values:
-    """A quantity of a chip, one entry for each mode of each device.
-
-    y: its logarithm. sd: standard deviation of y by measurement. device: number of the device.
-    group: number of the group that shares a mean. place: coordinates on the chip, (n, 2), in any
-    unit.
-    """
-
-    y: Array
-    sd: Array
-    device: Places
-    group: Places
-    place: Array
-
-    def without(self, devices: frozenset[int]) -> "Values":
-        """Return the entries of all other devices."""
-        kept = ~np.isin(self.device, [*devices])
-        return self.only(kept)
-
-    def only(self, kept: npt.NDArray[Any]) -> "Values":
-        """Return some entries."""
-        return Values(
-            self.y[kept], self.sd[kept], self.device[kept], self.group[kept], self.place[kept]
-        )
-
-    @cached_property
-    def unit(self) -> float:
-        """Robust standard deviation of y within its groups: 1.4826 of the median deviation."""
-        off = np.concatenate(
-            [self.y[self.group == g] - np.median(self.y[self.group == g]) for g in self.groups]
-        )
-        large = off[np.abs(off) > 0]
-        return 1.4826 * float(np.median(np.abs(large))) if large.size else 1e-12
-
-    @property
-    def groups(self) -> Places:
-        """Numbers of the groups that have entries."""
-        return np.unique(self.group)
-
-
-@dataclass(frozen=True)
-class Scales:
-    """Every form and scale that is summed over.
-
-    field: of each. relief, spread, split: a, τ and κ in units of y. noise: number of the pair of τ
-    and κ. log_prior: every form the same, and every scale within it.
-    """
-
-    field: tuple[str, ...]
-    relief: Array
-    spread: Array
-    split: Array
-    noise: Places
-    log_prior: Array
-
-
-@dataclass(frozen=True)
 class Sums:
-    """Sums over the entries of devices, for every pair of τ and κ.
+    """Sums over the entries of each device, or of several devices, for every pair of τ and κ.
 
     W is the inverse covariance of a device's entries without means and variation, U their features.
 
-    information: UᵀWU, (pairs, devices, r, r). pull: UᵀWy, (pairs, devices, r). square: yᵀWy and
-    log_determinant: ln|W|, (pairs, devices).
+    information: UᵀWU, (pairs, devices, r, r). projection: UᵀWy, (pairs, devices, r). square: yᵀWy
+    and log_determinant: ln|W|, (pairs, devices). count: entries, (devices,). Without the axis of
+    the devices where they are summed over.
     """
 
     information: Array
-    pull: Array
+    projection: Array
     square: Array
     log_determinant: Array
+    count: Integers
+
+    @cached_property
+    def total(self) -> "Sums":
+        """The sums over all devices."""
+        return Sums(
+            self.information.sum(axis=1),
+            self.projection.sum(axis=1),
+            self.square.sum(axis=1),
+            self.log_determinant.sum(axis=1),
+            self.count.sum(),
+        )
+
+    def without(self, device: int) -> "Sums":
+        """Return the sums over all devices but one, by its place in the order."""
+        total = self.total
+        return Sums(
+            total.information - self.information[:, device],
+            total.projection - self.projection[:, device],
+            total.square - self.square[:, device],
+            total.log_determinant - self.log_determinant[:, device],
+            total.count - self.count[device],
+        )
 
 
 @dataclass(frozen=True)
@@ -139,8 +94,9 @@ class Hierarchy:
         x, y = ((place - self.centre) / self.scale).T
         found[:, :PLANE] = np.array([x, y]).T
         if field == "bowl":
-            # Half as large a prior: a bowl of one radius is as high as a plane over one
-            bowl = [(x**2 + y**2 - 2) / 2, (x**2 - y**2) / 2, x * y / 2]
+            # Halves of r² − 2, r² cos 2θ and r² sin 2θ: at one scale a bowl is half as high as a
+            # plane, and no axis of the chip is preferred
+            bowl = [(x**2 + y**2 - 2) / 2, (x**2 - y**2) / 2, x * y]
             found[:, PLANE:] = np.array(bowl).T
         return found
 
@@ -155,7 +111,7 @@ class Hierarchy:
         if self.factors is not None:
             return self.factors
         count = int(self.values.group.max()) + 1
-        return FLAT * self.unit * np.eye(count)[:, self.values.groups]
+        return MEAN_SD * self.unit * np.eye(count)[:, self.values.groups]
 
     def features(self, of: Values) -> Array:
         """Return U of entries, (n, r): means of groups, then terms of the variation."""
@@ -168,40 +124,22 @@ class Hierarchy:
     def scales(self) -> Scales:
         """Every form and scale that is summed over."""
         several = len(np.unique(self.values.device)) < len(self.values.y)
-        splits = SPLITS if several else (0.0,)
-        pairs = [(t, s) for t in SPREADS for s in splits]
-        rows = [
-            (field, relief, k)
-            for field in self.fields
-            for relief in (RELIEFS if field != "none" else (0.0,))
-            for k in range(len(pairs))
-        ]
-        forms = [field for field, _, _ in rows]
-        noise = np.array([k for _, _, k in rows])
-        spread, part = np.array(pairs).T * self.unit
-        return Scales(
-            tuple(forms),
-            np.array([a for _, a, _ in rows]) * self.unit,
-            spread[noise],
-            part[noise],
-            noise,
-            np.array([-np.log(forms.count(f) * len(self.fields)) for f in forms]),
-        )
+        return grid(self.fields, several, self.unit)
 
     @cached_property
-    def reach(self) -> Array:
+    def prior_sd(self) -> Array:
         """Prior standard deviations d of the features, (scales, r)."""
         s = self.scales
         count = self.means.shape[1]
         found = np.ones((len(s.field), count + TERMS))
         terms = {"none": 0, "plane": PLANE, "bowl": TERMS}
-        for k, (field, relief) in enumerate(zip(s.field, s.relief, strict=True)):
+        for k, (field, amplitude) in enumerate(zip(s.field, s.amplitude, strict=True)):
             own = np.arange(TERMS) < terms[field]
-            found[k, count:] = relief * own
+            found[k, count:] = amplitude * own
         return found
 
     @cached_property
-    def devices(self) -> Places:
+    def devices(self) -> Integers:
         """Numbers of the devices, in the order of the sums."""
         return np.unique(self.values.device)
 
@@ -210,31 +148,35 @@ class Hierarchy:
         """Sums over the entries of each device."""
         v = self.values
         features = self.features(v)
-        y = v.y - self.middle(v)
+        y = v.y - self.reference(v)
         pairs = {int(k): i for i, k in enumerate(self.scales.noise)}
         spread = np.array([self.scales.spread[pairs[k]] for k in range(len(pairs))])
-        split = np.array([self.scales.split[pairs[k]] for k in range(len(pairs))])
+        mode_spread = np.array([self.scales.mode_spread[pairs[k]] for k in range(len(pairs))])
         shape = (len(spread), len(self.devices))
         r = features.shape[1]
         found = Sums(
-            np.empty((*shape, r, r)), np.empty((*shape, r)), np.empty(shape), np.empty(shape)
+            np.empty((*shape, r, r)),
+            np.empty((*shape, r)),
+            np.empty(shape),
+            np.empty(shape),
+            np.array([int((v.device == device).sum()) for device in self.devices]),
         )
         for n, device in enumerate(self.devices):
             own = v.device == device
             u = features[own]
-            own_noise = split[:, None] ** 2 + v.sd[own] ** 2
+            own_noise = mode_spread[:, None] ** 2 + v.sd[own] ** 2
             noise = own_noise[:, :, None] * np.eye(len(u)) + spread[:, None, None] ** 2
             inverse = np.linalg.inv(noise)
             found.information[:, n] = np.einsum("ia,kij,jb->kab", u, inverse, u)
-            found.pull[:, n] = np.einsum("ia,kij,j->ka", u, inverse, y[own])
+            found.projection[:, n] = np.einsum("ia,kij,j->ka", u, inverse, y[own])
             found.square[:, n] = np.einsum("i,kij,j->k", y[own], inverse, y[own])
             found.log_determinant[:, n] = np.linalg.slogdet(inverse)[1]
         return found
 
-    def middle(self, of: Values) -> Array:
+    def reference(self, of: Values) -> Array:
         """Return what y of entries is counted from.
 
-        The median of their group, or of all data where groups have no entry or hang together.
+        The median of their group, or of all data where groups have no entry or share factors.
         """
         v = self.values
         found = np.full(len(of.y), np.median(v.y))
@@ -243,28 +185,24 @@ class Hierarchy:
                 found[of.group == g] = np.median(v.y[v.group == g])
         return found
 
-    def _solve(self, kept: npt.NDArray[np.bool_]) -> "Solved":
-        """Return weights of features and log p(y) for every scale, by some of the devices."""
+    def _solve(self, sums: Sums) -> "Solved":
+        """Return weights of features and log p(y) for every scale, by sums over devices."""
         k = self.scales.noise
-        sums = self.sums
-        d = self.reach
-        information = sums.information[:, kept].sum(axis=1)[k]
-        pull = d * sums.pull[:, kept].sum(axis=1)[k]
+        d = self.prior_sd
+        information = sums.information[k]
+        projection = d * sums.projection[k]
         precision = np.eye(d.shape[1]) + d[:, :, None] * information * d[:, None, :]
         covariance = np.linalg.inv(precision)
-        mean = np.einsum("kab,kb->ka", covariance, pull)
-        square = sums.square[:, kept].sum(axis=1)[k] - np.einsum("ka,ka->k", pull, mean)
-        log_determinant = sums.log_determinant[:, kept].sum(axis=1)[k]
-        count = int(np.isin(self.values.device, self.devices[kept]).sum())
-        log_likelihoods = 0.5 * (
-            log_determinant - np.linalg.slogdet(precision)[1] - square - count * LOG2PI
-        )
-        return Solved(mean, covariance, log_likelihoods)
+        mean = np.einsum("kab,kb->ka", covariance, projection)
+        square = sums.square[k] - np.einsum("ka,ka->k", projection, mean)
+        log_determinant = sums.log_determinant[k] - np.linalg.slogdet(precision)[1]
+        log_likelihoods = 0.5 * (log_determinant - square - sums.count * LOG2PI)
+        return Solved(mean, np.asarray(covariance, float), log_likelihoods)
 
     @cached_property
     def solved(self) -> "Solved":
         """Weights of features and log p(y) for every scale, by all devices."""
-        return self._solve(np.ones(len(self.devices), bool))
+        return self._solve(self.sums.total)
 
     @cached_property
     def log_evidence(self) -> float:
@@ -282,7 +220,7 @@ class Hierarchy:
 
     def spread(self) -> tuple[float, float]:
         """Return the spread from device to device, and its standard deviation."""
-        each = np.hypot(self.scales.spread, self.scales.split)
+        each = np.hypot(self.scales.spread, self.scales.mode_spread)
         mean = float(self.weights @ each)
         return mean, float(np.sqrt(max(self.weights @ each**2 - mean**2, 0.0)))
 
@@ -291,9 +229,9 @@ class Hierarchy:
         return self._expected(self.solved, features, self.weights)
 
     def _expected(self, solved: "Solved", features: Array, weights: Array) -> "Mixture":
-        reached = features[None] * self.reach[:, None, :]
-        mean = np.einsum("kna,ka->kn", reached, solved.mean)
-        variance = np.einsum("kna,kab,knb->kn", reached, solved.covariance, reached)
+        scaled = features[None] * self.prior_sd[:, None, :]
+        mean = np.einsum("kna,ka->kn", scaled, solved.mean)
+        variance = np.einsum("kna,kab,knb->kn", scaled, solved.covariance, scaled)
         return Mixture(np.repeat(weights[:, None], len(features), axis=1), mean, variance)
 
     def over_chip(self, place: Array) -> "Mixture":
@@ -308,7 +246,7 @@ class Hierarchy:
         return np.hstack([np.zeros((len(place), self.means.shape[1])), terms])
 
     def predict(self, new: Values) -> "Mixture":
-        """Return what y is to be at new entries, with their own measurement errors.
+        """Predict y of new entries, with their own measurement errors.
 
         New entries are of devices that are not in the data, each with its own deviation.
         """
@@ -316,17 +254,18 @@ class Hierarchy:
 
     def _predicted(self, solved: "Solved", new: Values, weights: Array) -> "Mixture":
         found = self._expected(solved, self.features(new), weights)
-        own = (self.scales.spread**2 + self.scales.split**2)[:, None] + new.sd**2
-        return Mixture(found.weights, self.middle(new) + found.means, found.variances + own)
+        own = (self.scales.spread**2 + self.scales.mode_spread**2)[:, None] + new.sd**2
+        return Mixture(found.weights, self.reference(new) + found.means, found.variances + own)
 
+    @cached_property
     def left_out(self) -> "Mixture":
-        """Return what y of each device is to be by all others, with the weights that those give."""
+        """Predict y of each device by all others, with the weights that those give."""
         v = self.values
         shape = (len(self.scales.field), len(v.y))
         found = Mixture(np.empty(shape), np.empty(shape), np.empty(shape))
         for n, device in enumerate(self.devices):
             own = v.device == device
-            solved = self._solve(np.arange(len(self.devices)) != n)
+            solved = self._solve(self.sums.without(n))
             log_weights = solved.log_likelihoods + self.scales.log_prior
             weights = np.exp(log_weights - logsumexp(log_weights))
             one = self._predicted(solved, v.only(own), weights)
@@ -346,37 +285,6 @@ class Solved:
     mean: Array
     covariance: Array
     log_likelihoods: Array
-
-
-LOG2PI = float(np.log(2 * np.pi))
-
-
-@dataclass(frozen=True)
-class Mixture:
-    """Normal distributions with weights, (scales, n) each, for n numbers."""
-
-    weights: Array
-    means: Array
-    variances: Array
-
-    @cached_property
-    def mean(self) -> Array:
-        """Mean of each number."""
-        return np.asarray((self.weights * self.means).sum(axis=0))
-
-    @cached_property
-    def sd(self) -> Array:
-        """Standard deviation of each number."""
-        second = (self.weights * (self.variances + self.means**2)).sum(axis=0)
-        return np.asarray(np.sqrt(np.maximum(second - self.mean**2, 0.0)))
-
-    def log_density(self, y: Array, wider: float = 0.0) -> Array:
-        """Log density at y; each normal wider by a standard deviation."""
-        variance = self.variances + wider**2
-        log_each = -0.5 * ((y - self.means) ** 2 / variance + np.log(variance) + LOG2PI)
-        # A scale that is out of the question has the weight 0
-        log_weights = np.log(np.maximum(self.weights, np.finfo(float).tiny))
-        return np.asarray(logsumexp(log_weights + log_each, axis=0))
 
 
 def hierarchy(values: Values, unit: float | None = None, factors: Array | None = None) -> Hierarchy:

@@ -1,8 +1,8 @@
 """Devices that deviate from the rest of their chip, found by evidence.
 
 Each device is either of the chip, or an outlier whose quantity is anywhere near: normal about the
-prediction of the others, with a standard deviation of WIDE times their unit. The set of outliers of
-the highest posterior probability is sought by adding and removing one device at a time.
+prediction of the others, with a standard deviation of WIDE times the unit of the scales. The set of
+outliers of the highest posterior probability is sought by steps: one device fewer, one or two more.
 """
 
 from collections.abc import Iterator
@@ -12,12 +12,16 @@ from itertools import combinations
 import numpy as np
 from scipy.special import expit, logsumexp
 
-from femnl.chip.hierarchy import Array, Hierarchy, Values, hierarchy
+from femnl.chip.hierarchy import Hierarchy, hierarchy
+from femnl.chip.values import Array, Values
 
-ODD = 0.05
-"""Prior probability that a device is an outlier: about as many of a chip's devices are damaged."""
+OUTLIER_PRIOR = 0.05
+"""Prior probability that a device is an outlier: one device in twenty is damaged or mixed up."""
 WIDE = np.array([5.0, 15.0, 50.0, 200.0])
-"""How far outliers lie, in units of the spread of the rest; each as probable as another."""
+"""Standard deviations of where outliers lie, each as probable as another.
+
+In what the devices of a design differ by without any variation over the chip (`Values.unit`).
+"""
 MOST = 0.4
 """Largest part of the devices that can be outliers; beyond it there is no chip to deviate from."""
 
@@ -41,34 +45,36 @@ def clean(values: Values) -> Cleaned:
     out: frozenset[int] = frozenset()
     known: dict[frozenset[int], float] = {}
 
-    def worth(some: frozenset[int]) -> float:
+    def log_posterior(some: frozenset[int]) -> float:
         if some not in known:
             known[some] = _log_posterior(values, some, len(devices), unit)
         return known[some]
 
     while True:
-        steps = [s for s in _steps(out, values, unit) if len(s) <= most]
-        best = max(steps, key=worth, default=out)
-        if worth(best) <= worth(out):
+        model = hierarchy(values.without(out), unit)
+        steps = [s for s in _steps(out, model) if len(s) <= most]
+        best = max(steps, key=log_posterior, default=out)
+        if log_posterior(best) <= log_posterior(out):
             break
         out = best
-    probabilities = {d: float(expit(worth(out) - worth(out - {d}))) for d in sorted(out)}
-    return Cleaned(hierarchy(values.without(out), unit), probabilities)
+    probabilities = {
+        d: float(expit(log_posterior(out) - log_posterior(out - {d}))) for d in sorted(out)
+    }
+    return Cleaned(model, probabilities)
 
 
 CANDIDATES = 4
 """Devices that are tried as outliers in each step, those furthest from their prediction."""
 
 
-def _steps(out: frozenset[int], values: Values, unit: float) -> Iterator[frozenset[int]]:
+def _steps(out: frozenset[int], model: Hierarchy) -> Iterator[frozenset[int]]:
     """Yield the sets to try next: one outlier fewer, or one or two of the furthest devices more.
 
-    Two, as each of two outliers can hide the other.
+    Two, as each of two outliers can hide the other. model: of the devices that are not in the set.
     """
     yield from (out - {d} for d in sorted(out))
-    rest = values.without(out)
-    model = hierarchy(rest, unit)
-    predicted = model.left_out()
+    rest = model.values
+    predicted = model.left_out
     off = np.abs(rest.y - predicted.mean) / predicted.sd
     far = {int(d): float(off[rest.device == d].max()) for d in np.unique(rest.device)}
     furthest = sorted(far, key=lambda d: -far[d])[:CANDIDATES]
@@ -79,7 +85,11 @@ def _steps(out: frozenset[int], values: Values, unit: float) -> Iterator[frozens
 def _log_posterior(values: Values, out: frozenset[int], devices: int, unit: float) -> float:
     """Return the log probability of all data with these outliers, up to a constant."""
     model = hierarchy(values.without(out), unit)
-    found = model.log_evidence + (devices - len(out)) * np.log(1 - ODD) + len(out) * np.log(ODD)
+    found = (
+        model.log_evidence
+        + (devices - len(out)) * np.log(1 - OUTLIER_PRIOR)
+        + len(out) * np.log(OUTLIER_PRIOR)
+    )
     for d in out:
         own = values.only(values.device == d)
         found += _log_anywhere(model, own, unit)

@@ -9,9 +9,9 @@ from femnl.core.fit import Parameter
 class Deviation:
     """One device and mode beside what the rest of the chip predicts.
 
-    value: as measured, in Hz or 1. predicted: by all other devices. part: ln(value/predicted), and
-    sd: its standard deviation, mostly the spread from device to device. outlier: probability that
-    the device is none of the chip.
+    value: as measured, in Hz or 1. predicted: by all other devices. log_ratio: ln(value/predicted),
+    and sd: its standard deviation, mostly the spread from device to device. outlier: probability
+    that the device deviates from the chip.
     """
 
     device: str
@@ -20,14 +20,14 @@ class Deviation:
     place: tuple[float, float]
     value: float
     predicted: float
-    part: float
+    log_ratio: float
     sd: float
     outlier: float
 
     @property
     def sigma(self) -> float:
         """The deviation in units of its standard deviation."""
-        return self.part / self.sd
+        return self.log_ratio / self.sd
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ class LeftOut:
     """How well devices are predicted by the others of their chip.
 
     error: median of |ln(value/predicted)|. plain_error: the same by the mean of the others of the
-    design. held: part of the 68 % intervals that hold the value. devices: how many.
+    design. coverage: part of the 68 % intervals that hold the value. count: how many numbers.
     """
 
     error: float
     plain_error: float
-    held: float
-    devices: int
+    coverage: float
+    count: int
 
 
 @dataclass(frozen=True)
@@ -49,15 +49,15 @@ class Quantity:
     """Frequencies or quality factors of a chip.
 
     fields: probability of each form of the smooth variation. slope: relative change for a unit of
-    the places, along x and y. relief: between the highest and the lowest device. spread: from
-    device to device, relative. means: of each design and mode, in Hz or 1.
+    the places, along x and y. peak_to_valley: of the variation, between the highest and the lowest
+    device. spread: from device to device, relative. means: of each design and mode, in Hz or 1.
     """
 
     name: str
     unit: str
     fields: dict[str, float]
     slope: tuple[Parameter, Parameter] | None
-    relief: float
+    peak_to_valley: float
     spread: Parameter
     means: dict[str, Parameter]
     devices: tuple[Deviation, ...]
@@ -84,7 +84,8 @@ class FilmFit:
     """The film common to a chip's designs, where their geometries are known.
 
     causes: what makes the designs differ from the simulation of one film, with the probability of
-    each set. parameters: speed of waves and what the leading set adds.
+    each set. parameters: speed of waves and what the leading set adds. residuals: ln(mean/film) of
+    each design and mode, the film with the leading set. measure_next: in words.
     """
 
     causes: dict[str, float]

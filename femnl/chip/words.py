@@ -6,6 +6,8 @@ from femnl.core.numbers import engineering, plain, with_error
 
 CLEAR = 0.95
 """Probability from which on a form of the variation is called so."""
+LEAST_TOLD = 1e-3
+"""Probability below which a number is not told: the priors are not known that well."""
 
 
 def common(quantity: Quantity, fit: ChipFit) -> list[list[str]]:
@@ -26,7 +28,7 @@ def common(quantity: Quantity, fit: ChipFit) -> list[list[str]]:
             ]
             for p in quantity.slope
         ]
-        rows.append(["from lowest to highest device", f"{100 * quantity.relief:.3g} %"])
+        rows.append(["from lowest to highest device", f"{100 * quantity.peak_to_valley:.3g} %"])
     spread = quantity.spread
     rows.append(["from device to device", f"{percent(spread)}"])
     return rows
@@ -43,9 +45,16 @@ def percent(part: Parameter) -> str:
     return f"{100 * part.value:.{decimals}f} ± {100 * part.sd:.{decimals}f} %"
 
 
+def chance(probability: float) -> str:
+    """Return a probability in per cent; what is below a thousandth, as that."""
+    if probability < LEAST_TOLD:
+        return f"< {100 * LEAST_TOLD:g} %"
+    return f"{100 * probability:.3g} %"
+
+
 def variation(quantity: Quantity) -> str:
     """Return which form the variation over the chip has, and how probable that is."""
-    parts = ", ".join(f"{name} {100 * p:.3g} %" for name, p in quantity.fields.items())
+    parts = ", ".join(f"{name} {chance(p)}" for name, p in quantity.fields.items())
     if quantity.varies > CLEAR:
         form = max(("plane", "bowl"), key=lambda name: quantity.fields[name])
         return f"{form} ({parts})"
@@ -65,7 +74,7 @@ def deviating(quantity: Quantity) -> list[list[str]]:
             d.design,
             show(d.value, quantity.unit),
             show(d.predicted, quantity.unit),
-            f"{100 * d.part:+.3g} %".replace("-", "−"),
+            f"{100 * d.log_ratio:+.3g} %".replace("-", "−"),
             f"{d.sigma:+.1f}".replace("-", "−"),
             f"{d.outlier:.2f}" if d.outlier else "",
         ]
@@ -80,10 +89,10 @@ def _plain(value: float, _: str) -> str:
 def left_out(quantity: Quantity) -> str:
     """Return how well devices are predicted by the others."""
     one = quantity.left_out
-    if not one.devices:
+    if not one.count:
         return f"{quantity.name}: no device can be predicted by others of its design"
     return (
         f"{quantity.name} of a device left out: median error {100 * one.error:.3g} %, "
         f"{100 * one.plain_error:.3g} % by the mean of its design; "
-        f"{100 * one.held:.0f} % of the 68 % intervals hold ({one.devices} numbers)"
+        f"{100 * one.coverage:.0f} % of the 68 % intervals hold ({one.count} numbers)"
     )

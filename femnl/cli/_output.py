@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from femnl.cli._format import chosen, render
+from femnl.core.json_values import json_value
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -79,17 +80,7 @@ def clear() -> None:
 def print_json(value: Any) -> None:
     """Print one JSON object with full precision and nothing else; NaN and infinities as null."""
     clear()
-    typer.echo(json.dumps(_plain(value), ensure_ascii=False))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    typer.echo(json.dumps(json_value(value), ensure_ascii=False))
 
 
 def table(title: str, columns: list[str], rows: list[list[str]]) -> Group:

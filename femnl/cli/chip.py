@@ -48,7 +48,7 @@ def command(study: Study, *, out: Out = None, as_json: Json = False) -> None:
 
 
 def _show(fit: ChipFit) -> None:
-    from femnl.chip.words import common, deviating, left_out
+    from femnl.chip.words import chance, common, deviating, left_out
     from femnl.core.numbers import with_error
 
     for quantity in (fit.frequency, fit.quality):
@@ -60,11 +60,11 @@ def _show(fit: ChipFit) -> None:
             [p.name, with_error(p.value, p.sd, 2), "" if p.unit == "1" else p.unit]
             for p in fit.film.parameters
         ]
-        leading = f"{fit.film.leading}, probability {fit.film.causes[fit.film.leading]:.3g}"
+        leading = f"{fit.film.leading}, probability {chance(fit.film.causes[fit.film.leading])}"
         console().print(table(f"Film of all designs: {leading}", ["", "value", "unit"], rows))
         note(f"measure next: {fit.film.measure_next}")
     if fit.causes:
-        rows = [[c.device, c.name, f"{c.probability:.3g}", c.words] for c in fit.causes]
+        rows = [[c.device, c.name, chance(c.probability), c.words] for c in fit.causes]
         head = ["device", "cause", "probability", "what is seen"]
         console().print(table("Devices that deviate", head, rows))
     console().print(_devices(fit.frequency, deviating(fit.frequency)[:SHOWN]))

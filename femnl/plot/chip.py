@@ -36,7 +36,7 @@ def chip_figure(fit: ChipFit) -> Figure:
                     100 * np.log(d.value / means.get(f"{d.design} {d.mode}", d.value))
                     for d in first
                 ]
-                left = [100 * d.part for d in first]
+                left = [100 * d.log_ratio for d in first]
                 limit = float(np.percentile(np.abs(whole), 90)) or 1.0
                 _map(axes[0], first, whole, limit, fit.place_unit)
                 _map(axes[1], first, left, limit, fit.place_unit)
@@ -95,13 +95,13 @@ def _map(
 
 def _compare(axes: Axes, quantity: Quantity) -> None:
     """Draw what every device deviates by, with its standard deviation, design by design."""
-    ordered = sorted(quantity.devices, key=lambda d: (d.design, d.mode, d.part))
+    ordered = sorted(quantity.devices, key=lambda d: (d.design, d.mode, d.log_ratio))
     groups = sorted({(d.design, d.mode) for d in ordered})
     for k, group in enumerate(groups):
         own = [(i, d) for i, d in enumerate(ordered) if (d.design, d.mode) == group]
         axes.errorbar(
             [i for i, _ in own],
-            [100 * d.part for _, d in own],
+            [100 * d.log_ratio for _, d in own],
             yerr=[100 * d.sd for _, d in own],
             fmt="o",
             markersize=2.5,
@@ -111,9 +111,9 @@ def _compare(axes: Axes, quantity: Quantity) -> None:
         )
     for i, d in enumerate(ordered):
         if d.outlier > 0.5:
-            axes.annotate(d.device, (i, 100 * d.part), fontsize=6, color=INK)
+            axes.annotate(d.device, (i, 100 * d.log_ratio), fontsize=6, color=INK)
     axes.axhline(0, color="#999999", linewidth=0.7)
-    inner = [100 * (abs(d.part) + d.sd) for d in ordered if d.outlier <= 0.5]
+    inner = [100 * (abs(d.log_ratio) + d.sd) for d in ordered if d.outlier <= 0.5]
     axes.set_ylim(*(np.array([-1.4, 1.4]) * max(inner, default=1.0)))
     axes.set_xlabel("device, by design")
     axes.set_ylabel("deviation (%)")

@@ -1,4 +1,4 @@
-"""One page for one chip, for who makes the next wafer; and its numbers as files."""
+"""One page for one chip, for whoever makes the next wafer; and its numbers as files."""
 
 import csv
 import json
@@ -10,7 +10,8 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from femnl.chip.result import ChipFit, Quantity
-from femnl.chip.words import common, deviating, left_out, percent, variation
+from femnl.chip.words import chance, common, deviating, left_out, percent, variation
+from femnl.core.json_values import json_value
 from femnl.core.numbers import with_error
 from femnl.io.results.atomic import make_folder, write_whole
 from femnl.plot.chip import chip_figure
@@ -23,7 +24,8 @@ VERSION = "1.0"
 def write_chip(fit: ChipFit, study: Path, folder: Path) -> list[Path]:
     """Write chip.json, devices.csv and report.html into a folder, made where it is missing."""
     make_folder(folder)
-    text = json.dumps({"femnl_chip": VERSION, **asdict(fit)}, indent=1, ensure_ascii=False)
+    numbers = json_value({"femnl_chip": VERSION, **asdict(fit)})
+    text = json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False)
     quantities = [q for q in (fit.frequency, fit.quality) if q is not None]
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
@@ -37,13 +39,13 @@ def write_chip(fit: ChipFit, study: Path, folder: Path) -> list[Path]:
         sentences=[_sentence(q) for q in quantities],
         numbers=[(q.name, common(q, fit)) for q in quantities],
         devices=[(q.name, deviating(q), left_out(q)) for q in quantities],
-        causes=[[c.device, c.name, f"{c.probability:.3g}", c.words] for c in fit.causes],
+        causes=[[c.device, c.name, chance(c.probability), c.words] for c in fit.causes],
         film=_film(fit),
         picture=embed(
             chip_figure(fit),
             "Maps of the chip and deviations of its devices",
-            "Colours are deviations; a ring marks a device that is none of the chip. On the right "
-            "each device beside what all others predict; bars are one standard deviation.",
+            "Colours are deviations; a ring marks a device that deviates from the chip. On the "
+            "right each device beside what all others predict; bars are one standard deviation.",
         ),
         command=shlex.join(["femnl", "chip", str(study), "--out", str(folder)]),
         provenance=provenance([]),
@@ -69,7 +71,7 @@ def _sentence(quantity: Quantity) -> str:
 def _film(fit: ChipFit) -> list[list[str]]:
     if fit.film is None:
         return []
-    rows = [[name, f"{p:.3g}"] for name, p in fit.film.causes.items()]
+    rows = [[name, chance(p)] for name, p in fit.film.causes.items()]
     return rows + [
         [p.name, f"{with_error(p.value, p.sd, 2)} {'' if p.unit == '1' else p.unit}"]
         for p in fit.film.parameters
@@ -77,11 +79,11 @@ def _film(fit: ChipFit) -> list[list[str]]:
 
 
 def _write_devices(quantities: list[Quantity], path: Path) -> None:
-    head = ["quantity", "device", "mode", "design", "x", "y", "value", "predicted", "part", "sd"]
+    head = ["quantity", "device", "mode", "design", "x", "y", "value", "predicted"]
     with path.open("w", encoding="utf-8", newline="") as file:
         rows = csv.writer(file)
-        rows.writerow([*head, "sigma", "outlier"])
+        rows.writerow([*head, "log_ratio", "sd", "sigma", "outlier"])
         for q in quantities:
             for d in q.devices:
                 about = [q.name, d.device, d.mode, d.design, *d.place]
-                rows.writerow([*about, d.value, d.predicted, d.part, d.sd, d.sigma, d.outlier])
+                rows.writerow([*about, d.value, d.predicted, d.log_ratio, d.sd, d.sigma, d.outlier])

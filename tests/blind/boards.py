@@ -15,7 +15,10 @@ def main() -> None:
     given = parser.parse_args()
     boards = {"femnl_blind": VERSION}
     if given.out.is_file():
-        boards |= json.loads(given.out.read_text("utf-8"))
+        boards = json.loads(given.out.read_text("utf-8"))
+        if boards.get("femnl_blind") != VERSION:
+            # Its studies have another form, and would stand beside the new ones
+            parser.error(f"{given.out}: is not of version {VERSION}; remove it")
     for study in given.studies:
         name, folder = study.split("=", 1)
         boards[name] = json.loads((Path(folder) / "scoreboard.json").read_text("utf-8"))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from femnl.chip import fit_chip
-from femnl.chip.study import Chip, Member, Number
+from femnl.chip.members import Chip, Member, Number
 from tests.blind.counts import rate
 
 SHAPES = ("none", "plane", "bowl", "wave")

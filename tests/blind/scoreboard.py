@@ -6,7 +6,6 @@ Run `python -m tests.blind.scoreboard OUT STUDY … [--note WORDS]` to score the
 studies as one.
 """
 
-import argparse
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
@@ -20,6 +19,7 @@ from femnl.plot.style import COLOURS, new_figure, style
 from femnl.report.scores import DETECTABLE, confusion_figure, detection_figure
 from tests.blind.counts import by_cause, confusion, detection, limits, rate
 from tests.blind.lab import KINDS
+from tests.blind.records import read_studies
 
 Record = dict[str, Any]
 TOLD = 1e-3
@@ -241,29 +241,14 @@ def _uniform(records: list[Record]) -> Any:
 
 def main() -> None:
     """Score several studies as one."""
-    parser = argparse.ArgumentParser(description="score the records of several studies as one")
-    parser.add_argument("out", type=Path)
-    parser.add_argument("studies", type=Path, nargs="+")
-    parser.add_argument("--note", help="what a reader should know of them")
-    given = parser.parse_args()
-    lines = [
-        line
-        for study in given.studies
-        for line in (study / "results.jsonl").read_text("utf-8").splitlines(keepends=True)
-    ]
-    # A study that runs may be at its last one
-    records = [json.loads(line) for line in lines if line.endswith("\n")]
-    seeds = dict.fromkeys(
-        json.loads((study / "study.json").read_text("utf-8"))["seed"] for study in given.studies
-    )
-    board = score(records, [*seeds])
+    given = read_studies()
+    board = score(given.records, given.seeds)
     board = {"seeds": board.pop("seeds"), **({"note": given.note} if given.note else {}), **board}
-    given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "scoreboard.json").write_text(
         json.dumps(board, indent=1, ensure_ascii=False), "utf-8"
     )
     (given.out / "table.md").write_text(table(board), "utf-8")
-    draw(board, records, given.out)
+    draw(board, given.records, given.out)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ Run `python -m tests.blind.realistic.score OUT STUDY … [--note WORDS]` to scor
 several studies as one, and to draw their figures.
 """
 
-import argparse
 import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -19,6 +18,7 @@ from femnl.report.scores import (
 )
 from tests.blind.counts import Record, by_cause, confusion, detection, limits, rate
 from tests.blind.realistic.regimes import REGIMES
+from tests.blind.records import read_studies
 
 NAMING = ("explained", "explained in part")
 CLEAR = 7.0
@@ -222,23 +222,8 @@ def write(board: dict[str, Any], folder: Path) -> None:
 
 def main() -> None:
     """Score several studies as one."""
-    parser = argparse.ArgumentParser(description="score the records of several studies as one")
-    parser.add_argument("out", type=Path)
-    parser.add_argument("studies", type=Path, nargs="+")
-    parser.add_argument("--note", default="", help="what a reader should know of them")
-    given = parser.parse_args()
-    lines = [
-        line
-        for study in given.studies
-        for line in (study / "results.jsonl").read_text("utf-8").splitlines(keepends=True)
-    ]
-    # A study that runs may be at its last one
-    records = [json.loads(line) for line in lines if line.endswith("\n")]
-    seeds = [
-        json.loads((study / "study.json").read_text("utf-8"))["seed"] for study in given.studies
-    ]
-    given.out.mkdir(parents=True, exist_ok=True)
-    write(score(records, {"seeds": seeds, "note": given.note}), given.out)
+    given = read_studies()
+    write(score(given.records, {"seeds": given.seeds, "note": given.note}), given.out)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,114 @@
+"""What was read of each device, reading by reading, and tables of readings."""
+
+import csv
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femnl.chip.members import Member, Number
+from femnl.chip.schema import Table
+from femnl.core.errors import ParameterError, one_line
+
+
+class Readings:
+    """What was read of one device, reading by reading."""
+
+    def __init__(self) -> None:
+        self.design = ""
+        self.place = (np.nan, np.nan)
+        self.frequency: dict[str, list[tuple[float, float]]] = defaultdict(list)
+        self.quality: dict[str, list[tuple[float, float]]] = defaultdict(list)
+
+    def member(self, name: str) -> Member:
+        """Return the device with one number for each mode."""
+        return Member(
+            name,
+            self.design,
+            self.place,
+            {mode: median_of(each) for mode, each in self.frequency.items()},
+            {mode: median_of(each) for mode, each in self.quality.items()},
+        )
+
+
+def median_of(readings: list[tuple[float, float]]) -> Number:
+    """Return the median of readings, with its standard deviation.
+
+    That of one reading is the larger of what is stated and the scatter of all, 1.4826 of their
+    median deviation. That of the median is √(π/2n) of it, and 1/√n where it is the mean (n ≤ 2).
+    """
+    values = np.array([value for value, _ in readings])
+    stated = float(np.median([sd for _, sd in readings]))
+    median = float(np.median(values))
+    scatter = 1.4826 * float(np.median(np.abs(values - median)))
+    count = len(values)
+    part = np.sqrt((np.pi / 2 if count > 2 else 1.0) / count)
+    return Number(median, float(max(stated, scatter) * part), count)
+
+
+def read_table(path: Path, table: Table, measured: dict[str, Readings]) -> None:
+    """Take the rows of a table that are of this chip."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file)
+            head = list(reader.fieldnames or [])
+            rows = list(enumerate(reader, 2))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ParameterError(one_line(f"{path}: cannot be read ({error})")) from None
+    repeated = sorted({name for name in head if head.count(name) > 1})
+    if repeated:
+        raise ParameterError(
+            one_line(f"{path}: the head has two columns {repeated[0]!r}; rename one")
+        )
+    columns = table.columns
+    for wanted in (columns.device, columns.frequency):
+        if wanted not in head:
+            raise ParameterError(
+                one_line(f"{path}: no column {wanted!r}; it has {', '.join(head)[:200]}")
+            )
+    for line, row in rows:
+        # The reader fills short rows with None, and puts what is too much under None
+        if None in row or None in row.values():
+            raise ParameterError(
+                f"{path}, line {line}: has not as many fields as the head ({len(head)})"
+            )
+        name = row[columns.device]
+        if not name.startswith(table.chip):
+            continue
+        where = f"{path}, line {line}"
+        readings = measured[name[len(table.chip) :]]
+        mode = row.get(columns.mode) or "1"
+        number = _positive(row[columns.frequency], where, columns.frequency)
+        readings.frequency[mode].append((number, _error(row, columns.frequency_sd, where)))
+        if row.get(columns.quality_factor):
+            quality = _positive(row[columns.quality_factor], where, columns.quality_factor)
+            readings.quality[mode].append((quality, _error(row, columns.quality_factor_sd, where)))
+        readings.design = row.get(columns.design) or readings.design
+        if row.get(columns.x) and row.get(columns.y):
+            readings.place = (
+                finite(row[columns.x], where, columns.x),
+                finite(row[columns.y], where, columns.y),
+            )
+
+
+def finite(text: str, where: str, column: str) -> float:
+    """Return a finite number from text."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise ParameterError(one_line(f"{where}: {column}: {text[:40]!r} is no finite number"))
+    return value
+
+
+def _positive(text: str, where: str, column: str) -> float:
+    value = finite(text, where, column)
+    if value <= 0:
+        raise ParameterError(f"{where}: {column}: {value:g} is not above zero")
+    return value
+
+
+def _error(row: dict[str, Any], column: str, where: str) -> float:
+    return _positive(row[column], where, column) if row.get(column) else 0.0

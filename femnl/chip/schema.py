@@ -1,0 +1,104 @@
+"""The study file of a chip: its keys."""
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from femnl.core.errors import ParameterError, one_line
+
+
+class Strict(BaseModel):
+    """Unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Columns(Strict):
+    """Names of the columns of a table; those that a table does not have are left out."""
+
+    device: str = "device"
+    mode: str = "mode"
+    frequency: str = "frequency"
+    frequency_sd: str = "frequency_sd"
+    quality_factor: str = "quality_factor"
+    quality_factor_sd: str = "quality_factor_sd"
+    design: str = "design"
+    x: str = "x"
+    y: str = "y"
+
+
+class Table(Strict):
+    """A table of numbers: CSV with a head, in SI units.
+
+    chip: how the names of the devices begin that are on this chip; the rest of the name is kept.
+    """
+
+    file: str
+    chip: str = ""
+    columns: Columns = Columns()
+
+
+class Positions(Strict):
+    """Places read from the devices' names: a regular expression with the groups x and y."""
+
+    pattern: str
+    pitch: str | float = 1.0
+
+
+class Mode(Strict):
+    """One mode of a device."""
+
+    mode: str = "1"
+    frequency: str | float
+    frequency_sd: str | float = 0.0
+    quality_factor: float | None = None
+    quality_factor_sd: float = 0.0
+
+
+class Device(Strict):
+    """One device: numbers, or a measurement file with spectra, responses or decays."""
+
+    name: str
+    design: str = ""
+    position: Annotated[list[str | float], Field(min_length=2, max_length=2)] | None = None
+    measurement: str | None = None
+    modes: list[Mode] = []
+
+
+class Design(Strict):
+    """A design; geometry: a name or a file beside the study, for the film's own numbers."""
+
+    geometry: str
+
+
+class StudyFile(Strict):
+    """A study file."""
+
+    name: str
+    table: Table | None = None
+    positions: Positions | None = None
+    design: dict[str, Design] = {}
+    device: list[Device] = []
+
+
+def parse(path: Path) -> StudyFile:
+    """Read a study file without what it names."""
+    try:
+        return StudyFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8-sig")))
+    except OSError as error:
+        raise ParameterError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ParameterError(one_line(f"{path}: is no TOML ({error}); mend this line")) from None
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        # Of a number or a text, pydantic tells of the text first, also where a number is NaN
+        if isinstance(first["input"], float) and not math.isfinite(first["input"]):
+            key = key.removesuffix(".str")
+            raise ParameterError(
+                one_line(f"{path}: {key}: {first['input']} is no finite number")
+            ) from None
+        raise ParameterError(one_line(f"{path}: {key}: {first['msg']}")) from None
