@@ -217,7 +217,8 @@ def _fit_files(
         except (MeasurementError, ParameterError) as error:
             if len(files) == 1:
                 raise
-            note(str(error))
+            text = str(error)
+            note(text if str(file) in text else f"{file}: {text}")
             continue
         fits = {name: result.record for name, result in results.items()}
         records.append({"file": str(file), "fits": fits})
