@@ -101,7 +101,7 @@ def segment(time: Array, power: Array, resolution: float = RESOLUTION) -> Segmen
     Every falling piece is a candidate. It grows by pieces that lie on its line. The candidate whose
     slope is known best, by its fall over the scatter about its line, is the decay. A coarse
     resolution [dB] looks for straight pieces through beats.
-    Raises: MeasurementError where nothing falls.
+    Raises: MeasurementError where nothing falls by more than its scatter explains.
     """
     recorded = recorded_points(power)
     found = pieces(time[:recorded], power[:recorded], resolution)
@@ -112,7 +112,7 @@ def segment(time: Array, power: Array, resolution: float = RESOLUTION) -> Segmen
         line, members = _grow(core, found, time, power)
         if best is None or line.evidence > best[0].evidence:
             best = (line, members)
-    if best is None:
+    if best is None or best[0].evidence < THRESHOLDS.errors:
         raise MeasurementError("decay: the power falls nowhere, so that nothing rings down")
     line, members = best
     return Segmentation(found, line, members, _floor(line, members, found), recorded)
@@ -271,7 +271,7 @@ def _name(k: int, segmentation: Segmentation, floor: float) -> PhaseName:
         name = "floor"
     elif decay[0] < k < decay[-1]:
         name = "dropout"
-    elif k < decay[0] and max(piece.high, piece.low) < floor + THRESHOLDS.step:
+    elif k < decay[0] and _rests(k, segmentation, floor):
         name = "before"
     elif k > decay[-1] and piece.middle < segmentation.pieces[decay[-1]].low:
         name = "floor"
@@ -280,6 +280,24 @@ def _name(k: int, segmentation: Segmentation, floor: float) -> PhaseName:
     elif k < decay[0]:
         name = "driven"
     return name
+
+
+def _rests(k: int, segmentation: Segmentation, floor: float) -> bool:
+    """Whether nothing moves yet in a piece before the decay.
+
+    It is at the floor; or, as the floor of a record that ends early is not known, all of the record
+    up to it lies a step below the begin of the decay and does not rise: a mode that rings up does.
+    """
+    piece = segmentation.pieces[k]
+    if max(piece.high, piece.low) < floor + THRESHOLDS.step:
+        return True
+    top = segmentation.pieces[segmentation.decay[0]].high
+    return all(
+        max(earlier.high, earlier.low) < top - THRESHOLDS.step
+        and -earlier.fall < THRESHOLDS.wander
+        and earlier.spread < THRESHOLDS.noisy
+        for earlier in segmentation.pieces[: k + 1]
+    )
 
 
 def _like(piece: Piece, line: Line) -> bool:
