@@ -129,6 +129,16 @@ def _derived(parameters: Mapping[str, Parameter], frequency: float | None) -> di
     return found
 
 
+def _floor_left_out(segmentation: Segmentation) -> float | None:
+    """Return the begin [s] of what lies below the decay and was not taken for its floor, if any."""
+    last = segmentation.decay[-1]
+    taken = segmentation.floor[-1] if segmentation.floor else last
+    end = segmentation.pieces[last].low
+    rest = segmentation.pieces[taken + 1 :]
+    below = [piece for piece in rest if piece.middle < end]
+    return below[0].begin if below else None
+
+
 def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> list[str]:
     """Say what was left out, assumed, and not seen."""
     notes = [SAID[term] for term in found.likelihood.terms]
@@ -147,7 +157,13 @@ def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> lis
         notes.append(
             f"noise is correlated over {found.correlation:.3g} points; the errors allow for it"
         )
-    if not segmentation.floor and "exit" not in found.likelihood.terms:
+    later = _floor_left_out(segmentation)
+    if later is not None and "exit" not in found.likelihood.terms:
+        notes.append(
+            f"the floor from {later:.4g} s on is not fitted: between the decay and it the power "
+            "falls off the line; floor is what the decay alone shows of it"
+        )
+    elif not segmentation.floor and "exit" not in found.likelihood.terms:
         notes.append("the record ends before the decay reaches a floor")
     if segmentation.recorded < len(record.time):
         end = record.time[segmentation.recorded]
