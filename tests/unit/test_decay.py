@@ -16,12 +16,12 @@ from scipy.stats import ncx2
 
 from femnl import measurement
 from femnl.core.decay import DecayFit
-from femnl.core.errors import MeasurementError
+from femnl.core.errors import MeasurementError, ParameterError
 from femnl.fits.decay.likelihood import averages_of, correlation_time
 from femnl.fits.decay.power import fit_decay
 from femnl.io.labfiles import read_lab_files
 from femnl.observe.decay.noise import FAR, log_density, normal_score
-from femnl.observe.decay.phases import recorded_points
+from femnl.observe.decay.phases import find_decay, recorded_points
 from femnl.observe.decay.pieces import pieces
 from femnl.plot.power_decay import local_rates, power_of_ten
 
@@ -321,6 +321,22 @@ def test_what_does_not_ring_down_is_refused_in_one_line() -> None:
         fit_decay(measurement.decay(np.arange(5.0), -np.arange(5.0)))
 
 
+def test_a_short_fall_that_a_coarse_resolution_does_not_see_is_fitted() -> None:
+    rng = np.random.default_rng(17)
+    power = np.concatenate([np.linspace(-10, -2, 150), np.linspace(-2, -5, 40)])
+    power = np.concatenate([power, np.linspace(-5, 3, 150)]) + 0.02 * rng.normal(size=340)
+    time = np.arange(340.0)
+    assert find_decay(time, power, 3.0) is None
+    assert fitted(time, power)["decay_rate"] == pytest.approx(3 / 39 * np.log(10) / 10, rel=0.02)
+
+
+@pytest.mark.parametrize("frequency", [0.0, -1e6, np.nan, np.inf])
+def test_a_frequency_that_cannot_be_is_refused(frequency: float) -> None:
+    time, power, _ = record(11)
+    with pytest.raises(ParameterError, match="must be positive and finite"):
+        fit_decay(measurement.decay(time, power), frequency=frequency)
+
+
 def test_a_decay_without_a_frequency_has_a_rate_and_no_quality_factor() -> None:
     time, power, _ = record(11)
     fit = fit_decay(measurement.decay(time, power))
@@ -348,7 +364,9 @@ def test_pieces_of_a_picture_give_the_decay_rate_within_their_errors() -> None:
 def test_an_axis_writes_its_power_of_ten_into_the_label(
     value: float, power: float, text: str
 ) -> None:
-    assert power_of_ten(value) == (pytest.approx(power), text)
+    found, written = power_of_ten(value)
+    assert found == pytest.approx(power)
+    assert written == text
 
 
 @pytest.mark.shared

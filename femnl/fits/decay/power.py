@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from femnl.core.decay import DecayFit
+from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.fits.decay.stretch import Found, choose
 from femnl.observe.decay.law import UNITS, Array, Term
@@ -42,8 +43,11 @@ def fit_decay(dataset: xr.Dataset, *, frequency: float | None = None) -> DecayFi
 
     Raises:
         MeasurementError: another kind of data, fewer than 16 points, or nothing that falls.
+        ParameterError: a frequency that is not positive and finite.
     Valid: the decay is straight between interruptions; N ≪ S at its begin.
     """
+    if frequency is not None and not 0 < frequency < np.inf:
+        raise ParameterError(f"frequency = {frequency:g} Hz: must be positive and finite")
     record = power_record(dataset)
     segmentation, found = choose(record, segment(record.time, record.power))
     tone = frequency if frequency is not None else record.frequency

@@ -11,8 +11,8 @@ from femnl.observe.decay.law import Array, Term
 from femnl.observe.decay.phases import (
     THRESHOLDS,
     Segmentation,
+    find_decay,
     logical,
-    segment,
     shallower_before,
     steeper_after,
     steeper_before,
@@ -27,8 +27,6 @@ MAD = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
 BELOW = 2.0
 """ln of the weakest datum over the floor to begin with, where a record shows no floor."""
-
-
 EVIDENCE = 7.0
 """ln of the odds from which a term is taken: 1000 to 1."""
 KNOWN = 3.0
@@ -91,9 +89,12 @@ def choose(record: PowerRecord, segmentation: Segmentation) -> tuple[Segmentatio
     best = (EVIDENCE, segmentation, straight)
     for term, longer in tried:
         best = _better(record, longer, term, (), best)
-    coarse = segment(record.time, record.power, BEATING)
-    start = _beat(record, coarse) if _hides_beats(segmentation, straight, coarse) else None
-    return (best if start is None else _better(record, coarse, "pair", start, best))[1:]
+    coarse = find_decay(record.time, record.power, BEATING)
+    if coarse is not None and _hides_beats(segmentation, straight, coarse):
+        start = _beat(record, coarse)
+        if start is not None:
+            best = _better(record, coarse, "pair", start, best)
+    return best[1:]
 
 
 def _hides_beats(fine: Segmentation, straight: Found, coarse: Segmentation) -> bool:

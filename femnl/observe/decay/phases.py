@@ -95,13 +95,23 @@ def recorded_points(power: Array) -> int:
     return first + 2
 
 
-def segment(time: Array, power: Array, resolution: float = RESOLUTION) -> Segmentation:
+def segment(time: Array, power: Array) -> Segmentation:
     """Find the decay in a record (n,) [s], [dB].
+
+    Raises: MeasurementError where nothing falls by more than its scatter explains.
+    """
+    found = find_decay(time, power)
+    if found is None:
+        raise MeasurementError("decay: the power falls nowhere, so that nothing rings down")
+    return found
+
+
+def find_decay(time: Array, power: Array, resolution: float = RESOLUTION) -> Segmentation | None:
+    """Find the decay in a record (n,) [s], [dB]; None where nothing falls for certain.
 
     Every falling piece is a candidate. It grows by pieces that lie on its line. The candidate whose
     slope is known best, by its fall over the scatter about its line, is the decay. A coarse
     resolution [dB] looks for straight pieces through beats.
-    Raises: MeasurementError where nothing falls by more than its scatter explains.
     """
     recorded = recorded_points(power)
     found = pieces(time[:recorded], power[:recorded], resolution)
@@ -113,7 +123,7 @@ def segment(time: Array, power: Array, resolution: float = RESOLUTION) -> Segmen
         if best is None or line.evidence > best[0].evidence:
             best = (line, members)
     if best is None or best[0].evidence < THRESHOLDS.errors:
-        raise MeasurementError("decay: the power falls nowhere, so that nothing rings down")
+        return None
     line, members = best
     return Segmentation(found, line, members, _floor(line, members, found), recorded)
 
