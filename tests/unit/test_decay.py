@@ -198,7 +198,7 @@ def test_a_floor_that_is_not_fitted_is_told() -> None:
     power[-120:] = power[-121] - 12 * np.minimum(after / 30, 1)
     power[-120:] += 0.3 * np.random.default_rng(14).normal(size=120)
     notes = fitted(time, power).fit.notes
-    assert any("is not fitted: between the decay and it" in note for note in notes)
+    assert any("is not fitted: the power does not come to it" in note for note in notes)
     assert not any("ends before the decay reaches a floor" in note for note in notes)
     short = fitted(time[: begin + 250], power[: begin + 250]).fit.notes
     assert any("ends before the decay reaches a floor" in note for note in short)

@@ -164,8 +164,8 @@ def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> lis
     later = _floor_left_out(segmentation)
     if later is not None and "exit" not in found.likelihood.terms:
         notes.append(
-            f"the floor from {later:.4g} s on is not fitted: between the decay and it the power "
-            "falls off the line; floor is what the decay alone shows of it"
+            f"the floor from {later:.4g} s on is not fitted: the power does not come to it along "
+            "the decay; the fitted floor may differ from it"
         )
     elif not segmentation.floor and "exit" not in found.likelihood.terms:
         notes.append("the record ends before the decay reaches a floor")
