@@ -162,6 +162,15 @@ def test_every_phase_is_found_and_the_decay_begins_at_the_switch_off() -> None:
     assert abs(pull(fit)) < 4
 
 
+def test_a_gain_moves_level_and_floor_and_nothing_else() -> None:
+    time, power, _ = record(3, length=24.0)
+    plain = fitted(time, power)
+    weaker = fitted(time, power - 37)
+    for name in ("level", "floor"):
+        assert weaker[name] == pytest.approx(plain[name] - 37, abs=1e-3)
+    assert weaker["quality_factor"] == pytest.approx(plain["quality_factor"], rel=1e-5)
+
+
 def test_wander_is_the_rms_of_the_power_about_a_strong_decay() -> None:
     time, power, begin = record(15, length=3.0, floor=1e-9)
     power[begin:] += 0.2 * np.random.default_rng(15).normal(size=len(power) - begin)
