@@ -13,7 +13,7 @@ from femnl.observe.decay.law import UNITS, Array, Term
 from femnl.observe.decay.phases import Segmentation, phases, segment
 from femnl.observe.decay.record import DB, PowerRecord, power_record
 
-SAID: Mapping[Term, str] = {
+TERM_NOTES: Mapping[Term, str] = {
     "damping": "the decay is faster at the start: nonlinear damping; the quality factor is that of "
     "small motion",
     "pair": "the power beats: a second mode is in the filter; the quality factor is that of the "
@@ -22,7 +22,7 @@ SAID: Mapping[Term, str] = {
     "is taken as tuned to 0.1 dB at the begin of the decay, which limits the error",
 }
 """What is said of each term of the law."""
-TUNED = 0.1
+TUNED_WITHIN = 0.1
 """dB that the filter may take from a mode that an analyser was tuned to by its peak."""
 
 
@@ -112,7 +112,7 @@ def _parameters(found: Found) -> tuple[dict[str, Parameter], Array]:
     if "exit_rate" in likelihood.names:
         # A mode that starts beside the filter's centre falls away at once, as if damped more.
         bend = max(float(si[likelihood.names.index("exit_rate")]), 0.0)
-        sd[1] = np.hypot(sd[1], 2 * np.sqrt(bend * TUNED / DB))
+        sd[1] = np.hypot(sd[1], 2 * np.sqrt(bend * TUNED_WITHIN / DB))
     parameters = {
         name: Parameter(name, float(v), float(s), UNITS[name])
         for name, v, s in zip(likelihood.names, si, sd, strict=True)
@@ -145,7 +145,7 @@ def _floor_left_out(segmentation: Segmentation) -> float | None:
 
 def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> list[str]:
     """Say what was left out, assumed, and not seen."""
-    notes = [SAID[term] for term in found.likelihood.terms]
+    notes = [TERM_NOTES[term] for term in found.likelihood.terms]
     decay = [segmentation.pieces[k] for k in segmentation.decay]
     inside = (record.time >= decay[0].begin) & (record.time <= decay[-1].end)
     missed = inside & ~found.stretch.used
