@@ -257,16 +257,24 @@ def test_nonlinear_damping_is_found_and_the_quality_factor_is_that_of_small_moti
     assert fit["damping_ratio"] == pytest.approx(2.0, rel=0.15)
 
 
-def test_a_beating_pair_gives_splitting_and_the_quality_factor_of_the_stronger() -> None:
-    time, _, begin = record(0)
+@pytest.mark.parametrize(
+    ("length", "points", "seed"), [(9.0, 600, 5), (12.0, 600, 6), (24.0, 1200, 5), (24.0, 1200, 7)]
+)
+def test_a_beating_pair_gives_splitting_and_the_quality_factor_of_the_stronger(
+    length: float, points: int, seed: int
+) -> None:
+    """Whether the floor after the beats is short or as long as they are."""
+    time, _, begin = record(0, length=length, points=points)
     after = time[begin:] - time[begin]
-    splitting = 1.7 * RATE / (2 * np.pi) * 2
-    # The weaker mode decays at 0.8 of the rate.
-    weaker = 0.4 * np.exp(0.1 * RATE * after + 2j * np.pi * splitting * after)
-    fit = fitted(*record(5, np.exp(-RATE * after / 2) * (1 + weaker))[:2])
+    splitting = 1.7 * RATE / np.pi
+    # The weaker mode decays at 1.2 times the rate.
+    weaker = 0.4 * np.exp(-0.1 * RATE * after + 2j * np.pi * splitting * after)
+    beats = np.exp(-RATE * after / 2) * (1 + weaker)
+    fit = fitted(*record(seed, beats, length=length, points=points)[:2])
     assert abs(fit["splitting"]) == pytest.approx(splitting, rel=1e-3)
-    assert fit["partner_rate"] == pytest.approx(0.8 * RATE, rel=0.02)
+    assert fit["partner_rate"] == pytest.approx(1.2 * RATE, rel=0.02)
     assert fit["partner"] == pytest.approx(0.4, rel=0.05)
+    assert fit["level"] == pytest.approx(20 * np.log10(1.4), abs=0.3)
     assert fit["quality_factor"] == pytest.approx(QUALITY, rel=0.01)
 
 
@@ -286,9 +294,12 @@ def test_dropouts_and_spikes_are_left_out_and_told() -> None:
     time, power, begin = record(8)
     power[begin + 60 : begin + 72] -= 25
     power[begin + 150 : begin + 153] += 8
+    # One point is too short to be a piece of its own.
+    power[begin + 100] += 3
     fit = fitted(time, power)
     assert not fit.used[begin + 61 : begin + 71].any()
     assert not fit.used[begin + 150 : begin + 153].any()
+    assert not fit.used[begin + 100]
     assert "left out where the decay is interrupted" in fit.fit.notes[0]
     assert abs(pull(fit)) < 4
 

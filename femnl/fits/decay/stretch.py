@@ -123,7 +123,7 @@ def _better(
 
 
 def _beat(record: PowerRecord, pieces: Segmentation) -> tuple[float, ...] | None:
-    """Return the start of a pair from the strongest period of a decay about its line.
+    """Return the start of a pair, in SI, from the strongest period of a decay about its line.
 
     None where it is weaker than straight decays wobble, or has not come FEWEST_BEATS times.
     """
@@ -143,8 +143,9 @@ def _beat(record: PowerRecord, pieces: Segmentation) -> tuple[float, ...] | None
     ratio = float(np.abs(amplitude[best])) / 2
     if 2 * DB * ratio < 2 * THRESHOLDS.wobble:
         return None
-    rate = -pieces.line.slope / DB * duration
-    return min(ratio, 0.9), rate, float(cycles[best]), float(np.angle(amplitude[best]))
+    rate = -pieces.line.slope / DB
+    splitting = float(cycles[best]) / duration
+    return min(ratio, 0.9), rate, splitting, float(np.angle(amplitude[best]))
 
 
 def _evidence(plain: Found, bent: Found) -> float:
@@ -216,8 +217,8 @@ def _start_of(
 ) -> tuple[float, float, Sequence[float]]:
     """Return level [ln units], rate [1/s] and the term's parameters that a fit starts from.
 
-    Args: duration: of the fitted record [s]; start: the parameters of a pair. Those of other terms
-    follow from the pieces.
+    Args: duration: of the fitted record with its floor [s], the unit of a term's rates; start: the
+    parameters of a pair in SI. Those of other terms follow from the pieces.
     """
     rate = -segmentation.line.slope / DB
     if term == "exit":
@@ -228,7 +229,10 @@ def _start_of(
         first = segmentation.pieces[segmentation.decay[0]]
         level = (first.high - stretch.reference) / DB
         return level, rate, (max(first.slope / segmentation.line.slope - 1, LEAST_DAMPING),)
-    return 0.0, rate, start
+    if term == "pair":
+        ratio, partner_rate, splitting, phase = start
+        return 0.0, rate, (ratio, partner_rate * duration, splitting * duration, phase)
+    return 0.0, rate, ()
 
 
 def _parabola(segmentation: Segmentation, stretch: Stretch) -> tuple[float, float, float]:
