@@ -26,8 +26,6 @@ from femnl.io.labfiles import read_lab_files
 
 SAME_MODE = 1e-3
 """Relative difference of frequencies within which records of one sample and mode repeat it."""
-
-
 MISLABELLED = 2.0
 """Repeats whose quality factors by hand differ by this factor are not of one mode."""
 

@@ -64,7 +64,7 @@ def summary(records: Sequence[Mapping[str, Any]]) -> Group:
     for file in records:
         rows += [_row(name, fit) for name, fit in file["fits"].items() if "phases" in fit]
     columns = ["decay", "f (Hz)", "Q", "± Q", "γ (1/s)", "± γ", "from … to (s)"]
-    return table(f"{len(rows)} decays", columns, rows)
+    return table("1 decay" if len(rows) == 1 else f"{len(rows)} decays", columns, rows)
 
 
 def _row(name: str, fit: Mapping[str, Any]) -> list[str]:

@@ -10,12 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
 import typer
 
 from femnl.cli._device import Cache, Json, check_mode
-from femnl.cli._fit_decay import FEW, decays, summary
-from femnl.cli._fit_map import maps, readout
-from femnl.cli._fit_response import Asked, each_sweep, held, line_scan, modes, response
-from femnl.cli._fit_series import law
-from femnl.cli._fit_spectrum import film, overview
-from femnl.cli._fit_trace import harmonics, oscillator, ringdown
+from femnl.cli._fit_decay import FEW, summary
+from femnl.cli._fit_kinds import FitOptions, MeasuredFile, fit_file, measured_file
+from femnl.cli._fit_response import Asked, held
 from femnl.cli._inputs import Inputs, files_of, read_file
 from femnl.cli._outcome import Outcome
 from femnl.cli._output import console, note, print_json
@@ -25,24 +22,10 @@ from femnl.core.errors import MeasurementError, ParameterError
 if TYPE_CHECKING:
     import xarray as xr
 
-    from femnl.core.device import Model
-    from femnl.core.readout import PeriodicFringe
-
 Word = TypeVar("Word", bound=str)
 USES: tuple[Use, ...] = get_args(Use)
 LAWS: tuple[Law, ...] = get_args(Law)
 BACKGROUNDS: tuple[Background | Literal["auto"], ...] = ("auto", *get_args(Background))
-FITTED = ("response", "spectrum", "trace", "map", "decay", "series")
-# What a measurement may be taken for where its kind alone does not say, and the kind that it must
-# then have.
-MEANINGS = {
-    "overview": "response",
-    "line-scan": "response",
-    "ring-down": "trace",
-    "envelope": "trace",
-    "oscillator": "trace",
-    "decay": "decay",
-}
 # What each option is for: a kind of measurement, or a meaning of one.
 APPLIES = {
     "use": ("response", "line-scan"),
@@ -173,9 +156,6 @@ def command(
 
     All maps of a file are fitted with one amplitude.
     """
-    from femnl.pipeline import measured_device
-
-    index = check_mode(mode)
     how = None if use is None else _one_of("--use", use, USES)
     asked = Asked(
         how,
@@ -184,74 +164,33 @@ def command(
         nonlinear_damping,
         held(fix or []),
     )
-    form = _one_of("--law", law_name, LAWS)
-    part = _part(held_out)
+    options = FitOptions(
+        meaning=meaning,
+        response=asked,
+        n_modes=n_modes,
+        each_sweep=each_sweep_to is not None,
+        law=_one_of("--law", law_name, LAWS),
+        fringe=fringe,
+        mode=check_mode(mode),
+        geometry=geometry,
+        n_harmonics=n_harmonics,
+        held_out=_part(held_out),
+        cache=cache,
+    )
     listed = files_of(files)
     if each_sweep_to is not None and len(listed) > 1:
         raise ParameterError(
             f"--each-sweep: {len(listed)} files for one series; give one file at a time"
         )
 
-    def fit_one(file: Path, tree: xr.DataTree) -> dict[str, Outcome]:
-        for repair in tree.attrs["repairs"]:
-            note(f"repaired: {repair}")
-        groups = _groups(tree, file, meaning)
-        _check_options(
-            context,
-            {meaning} if meaning else {str(dataset.attrs["kind"]) for dataset in groups.values()},
-        )
-        device = partial(measured_device, tree.attrs, file, geometry)
-        has_device = geometry is not None or not {"model", "geometry"}.isdisjoint(tree.attrs)
-        fit: dict[str, Callable[[str, xr.Dataset], Mapping[str, Outcome]]] = {
-            "overview": lambda name, data: overview(
-                name, data, device() if has_device else None, cache
-            ),
-            "line-scan": lambda name, data: line_scan(name, data, how, nonlinear_damping),
-            "ring-down": lambda name, data: ringdown(name, data, envelope=False),
-            "envelope": lambda name, data: ringdown(name, data, envelope=True),
-            "oscillator": lambda name, data: oscillator(name, data, part),
-            "response": lambda name, data: (
-                modes(name, data, n_modes)
-                if n_modes
-                else each_sweep(name, data, asked)
-                if each_sweep_to
-                else response(name, data, asked)
-            ),
-            "series": lambda name, data: law(name, data, form),
-            "spectrum": lambda name, data: film(name, data, device(), cache),
-            "trace": lambda name, data: harmonics(
-                name, data, n_harmonics, _fringe_of(data, fringe, device)
-            ),
-        }
-        results: dict[str, Outcome] = {}
-        for name, dataset in groups.items():
-            meant = meaning or str(dataset.attrs["kind"])
-            if meant in fit:
-                results |= fit[meant](name, dataset)
-        rung = {
-            name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] == "decay"
-        }
-        if rung:
-            results |= decays(rung, whole=len(listed) == 1 and len(rung) <= FEW)
-        named = {
-            name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] == "map"
-        }
-        if named:
-            results |= maps(named, device(), index, fringe, cache)
+    def fit_one(path: Path, tree: xr.DataTree) -> dict[str, Outcome]:
+        file = measured_file(path, tree, options)
+        _check_options(context, file.meanings)
+        results = fit_file(file, alone=len(listed) == 1)
         if each_sweep_to is not None:
             _write_series(results, each_sweep_to)
         if out is not None:
-            kept = {
-                key: str(tree.attrs[key])
-                for key in ("title", "source", "sample")
-                if key in tree.attrs
-            }
-            _write(
-                results,
-                out,
-                file.stem,
-                kept | ({"geometry": device().name, "model": device().text} if has_device else {}),
-            )
+            _write(results, out, path.stem, _origin(file))
         return results
 
     records = _fit_files(listed, fit_one, shows=not as_json)
@@ -271,11 +210,15 @@ def _fit_files(
     records: list[dict[str, Any]] = []
     for file in files:
         try:
-            results = fit_one(file, read_file(file))
+            tree = read_file(file)
+            for repair in tree.attrs["repairs"]:
+                note(f"repaired: {repair}")
+            results = fit_one(file, tree)
         except (MeasurementError, ParameterError) as error:
             if len(files) == 1:
                 raise
-            note(str(error))
+            text = str(error)
+            note(text if str(file) in text else f"{file}: {text}")
             continue
         fits = {name: result.record for name, result in results.items()}
         records.append({"file": str(file), "fits": fits})
@@ -288,32 +231,6 @@ def _fit_files(
 
 def _has_decays(records: Sequence[Mapping[str, Any]]) -> bool:
     return any("phases" in fit for found in records for fit in found["fits"].values())
-
-
-def _fringe_of(
-    dataset: xr.Dataset, fringe: str, device: Callable[[], Model]
-) -> PeriodicFringe | None:
-    """Return the fringe of a trace, None where no wavelength turns it into metres."""
-    if "wavelength" not in dataset.attrs:
-        return None
-    return readout(fringe, device(), dataset, ("sine", "multilayer"))
-
-
-def _groups(tree: xr.DataTree, file: Path, meaning: str | None) -> dict[str, xr.Dataset]:
-    """The measurements that are fitted: all that femnl fits, or with --as those of its kind."""
-    if meaning is not None and meaning not in MEANINGS:
-        raise ParameterError(f"--as {meaning}: expected one of {', '.join(MEANINGS)}")
-    groups = {name: node.to_dataset() for name, node in tree.children.items()}
-    kinds = (MEANINGS[meaning],) if meaning else FITTED
-    chosen = {name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] in kinds}
-    if not chosen:
-        there = ", ".join(sorted({str(dataset.attrs["kind"]) for dataset in groups.values()}))
-        if meaning:
-            raise ParameterError(
-                f"--as {meaning}: takes a {MEANINGS[meaning]}, but {file} holds {there}"
-            )
-        raise MeasurementError(f"{file}: holds {there}; femnl fit takes {', '.join(FITTED)}")
-    return chosen
 
 
 def _one_of(option: str, text: str, words: tuple[Word, ...]) -> Word:
@@ -359,6 +276,19 @@ def _write_series(results: dict[str, Outcome], path: Path) -> None:
     found = {name: result.spectra["series"] for name, result in results.items()}
     measurement.write(measurement.bundle(found), path)
     note(f"wrote {path}")
+
+
+def _origin(file: MeasuredFile) -> dict[str, str]:
+    """The attributes that files made from a measurement keep: its title, source and device."""
+    kept = {
+        key: str(file.attributes[key])
+        for key in ("title", "source", "sample")
+        if key in file.attributes
+    }
+    if file.has_device:
+        device = file.device()
+        kept |= {"geometry": device.name, "model": device.text}
+    return kept
 
 
 def _write(

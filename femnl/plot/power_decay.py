@@ -7,6 +7,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from femnl.core.decay import DecayFit, PhaseName
+from femnl.core.numbers import SUPERSCRIPT
 from femnl.observe.decay.record import DB
 from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters, prefixed, style
 
@@ -57,7 +58,9 @@ def _draw_power(axes: Axes, found: DecayFit, time: Array, divisor: float) -> Non
     for phase in found.phases:
         shade = SHADES[phase.name]
         axes.axvspan(phase.begin / divisor, phase.end / divisor, color=shade, zorder=0, linewidth=0)
-        shown.setdefault(phase.name, Patch(color=shade, label=phase.name))
+        # An outline tells a patch of the legend from the same shade behind it.
+        key = Patch(facecolor=shade, edgecolor=INK, linewidth=0.4, label=phase.name)
+        shown.setdefault(phase.name, key)
     axes.plot(time, found.power, color="0.55", linewidth=0.6)
     used = np.where(found.used, found.power, np.nan)
     axes.plot(time, used, ".", markersize=2, color=COLOURS[0])
@@ -73,17 +76,37 @@ def _draw_quality(axes: Axes, found: DecayFit) -> None:
     power, rate, sd = local_rates(found)
     quality = found.fit.parameters.get("quality_factor")
     rated = found.fit.parameters["decay_rate"]
-    factor = 1.0 if quality is None else quality.value * rated.value
     known = rate > 2 * sd
-    value = rate[known] if quality is None else factor / rate[known]
-    error = value * sd[known] / rate[known]
     best = rated if quality is None else quality
-    axes.axhspan(best.value - best.sd, best.value + best.sd, color="#fbe3cf", linewidth=0)
-    axes.axhline(best.value, color=COLOURS[1])
+    # The power of ten stands in the label; matplotlib would set it on top of the axis.
+    unit, exponent = power_of_ten(best.value)
+    if quality is None:
+        value = rate[known] / unit
+    else:
+        value = quality.value * rated.value / rate[known] / unit
+    error = value * sd[known] / rate[known]
+    low = (best.value - best.sd) / unit
+    high = (best.value + best.sd) / unit
+    axes.axhspan(low, high, color="#fbe3cf", linewidth=0)
+    axes.axhline(best.value / unit, color=COLOURS[1])
     axes.errorbar(power[known], value, error, fmt="o", color=COLOURS[0], elinewidth=0.7)
     axes.invert_xaxis()
-    name = "decay rate (1/s)" if quality is None else "quality factor"
-    axes.set(xlabel=axis_label("power of the signal", "dB"), ylabel=name)
+    name = "quality factor"
+    if quality is None:
+        name = "decay rate"
+        exponent = f"{exponent} 1/s".strip()
+    axes.set(xlabel=axis_label("power of the signal", "dB"), ylabel=axis_label(name, exponent))
+
+
+def power_of_ten(value: float) -> tuple[float, str]:
+    """Return the power of ten of a positive value and how it is written: 10⁷ for 1.7·10⁷.
+
+    One, and nothing to write, from 0.01 to 10000: such ticks are short as they are.
+    """
+    if not 1e-2 <= value < 1e4 and value > 0:
+        exponent = int(np.floor(np.log10(value)))
+        return 10.0**exponent, f"10{str(exponent).translate(SUPERSCRIPT)}"
+    return 1.0, ""
 
 
 def local_rates(found: DecayFit) -> tuple[Array, Array, Array]:

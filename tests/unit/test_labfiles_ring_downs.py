@@ -70,6 +70,8 @@ def test_a_folder_becomes_one_file_and_its_spectra_are_named(tmp_path: Path) -> 
         (HEADING + "0.1, -30\n0.2\n0.3, -31\n", "line 14, column 2: 1 numbers for the columns"),
         (HEADING + "0.1, -30\n", "line 13: only 1 rows of data"),
         ("% time [s], power [dBm], odd\n0, 1, 2\n", "line 12, column 3: heading 'odd' is not"),
+        (HEADING + "0.1, -30\n0.3, -31\n0.2, -32\n", "line 15: the time goes back from 0.3 to 0.2"),
+        ("% time [s], power [W]\n0, 1\n1, 2\n2, 3\n", "power [W]: a ring-down needs power [dB"),
     ],
 )
 def test_damage_is_named_by_line_and_column(text: str, expected: str, tmp_path: Path) -> None:
@@ -79,6 +81,22 @@ def test_damage_is_named_by_line_and_column(text: str, expected: str, tmp_path: 
         import_file(source, tmp_path / "out.nc")
     assert expected in str(caught.value)
     assert str(source) in str(caught.value)
+
+
+def test_a_head_that_cannot_be_read_is_named_by_its_line(tmp_path: Path) -> None:
+    source = tmp_path / "bad.txt"
+    source.write_text(HEAD.replace("1000000.0", "fast") + HEADING + rows())
+    with pytest.raises(MeasurementError, match="line 4: Frequency"):
+        import_file(source, tmp_path / "out.nc")
+
+
+def test_times_that_rounding_made_equal_are_taken_as_evenly_spaced(tmp_path: Path) -> None:
+    source = tmp_path / "r.txt"
+    rounded = "".join(f"{0.04 * k:.1f}, {-30 - 0.3 * k:.1f}\n" for k in range(26))
+    source.write_text(HEAD + HEADING + rounded)
+    tree = import_file(source, tmp_path / "out.nc")
+    np.testing.assert_allclose(tree["r"]["time"].values, 0.04 * np.arange(26), rtol=1e-12)
+    assert any("times repeat the one before" in line for line in tree.attrs["repairs"])
 
 
 def test_what_a_head_does_not_know_is_left_out(tmp_path: Path) -> None:
@@ -117,7 +135,11 @@ def test_records_and_folders_are_fitted_without_being_imported(
     assert [phase["phase"] for phase in found["phases"]] == ["decay"]
     assert Path("pictures/a-a-decay.png").is_file()
     Path("c.txt").write_text(HEAD + "% frequency [Hz], power [dBm]\n" + rows())
+    Path("d.txt").write_text(HEAD + HEADING + rows().replace(", -", ", "))
+    Path("e.txt").write_text("")
     assert run(["fit", "."]) == 0
     captured = capsys.readouterr()
     assert "2 decays" in captured.out
     assert "c.txt: power against frequency" in captured.err
+    assert "d.txt: decay: the power falls nowhere" in captured.err
+    assert "e.txt: not a table" in captured.err

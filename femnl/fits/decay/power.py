@@ -6,13 +6,14 @@ import numpy as np
 import xarray as xr
 
 from femnl.core.decay import DecayFit
+from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.fits.decay.stretch import Found, choose
 from femnl.observe.decay.law import UNITS, Array, Term
 from femnl.observe.decay.phases import Segmentation, phases, segment
 from femnl.observe.decay.record import DB, PowerRecord, power_record
 
-SAID: Mapping[Term, str] = {
+TERM_NOTES: Mapping[Term, str] = {
     "damping": "the decay is faster at the start: nonlinear damping; the quality factor is that of "
     "small motion",
     "pair": "the power beats: a second mode is in the filter; the quality factor is that of the "
@@ -21,7 +22,7 @@ SAID: Mapping[Term, str] = {
     "is taken as tuned to 0.1 dB at the begin of the decay, which limits the error",
 }
 """What is said of each term of the law."""
-TUNED = 0.1
+TUNED_WITHIN = 0.1
 """dB that the filter may take from a mode that an analyser was tuned to by its peak."""
 
 
@@ -42,8 +43,11 @@ def fit_decay(dataset: xr.Dataset, *, frequency: float | None = None) -> DecayFi
 
     Raises:
         MeasurementError: another kind of data, fewer than 16 points, or nothing that falls.
+        ParameterError: a frequency that is not positive and finite.
     Valid: the decay is straight between interruptions; N ≪ S at its begin.
     """
+    if frequency is not None and not 0 < frequency < np.inf:
+        raise ParameterError(f"frequency = {frequency:g} Hz: must be positive and finite")
     record = power_record(dataset)
     segmentation, found = choose(record, segment(record.time, record.power))
     tone = frequency if frequency is not None else record.frequency
@@ -108,7 +112,7 @@ def _parameters(found: Found) -> tuple[dict[str, Parameter], Array]:
     if "exit_rate" in likelihood.names:
         # A mode that starts beside the filter's centre falls away at once, as if damped more.
         bend = max(float(si[likelihood.names.index("exit_rate")]), 0.0)
-        sd[1] = np.hypot(sd[1], 2 * np.sqrt(bend * TUNED / DB))
+        sd[1] = np.hypot(sd[1], 2 * np.sqrt(bend * TUNED_WITHIN / DB))
     parameters = {
         name: Parameter(name, float(v), float(s), UNITS[name])
         for name, v, s in zip(likelihood.names, si, sd, strict=True)
@@ -129,9 +133,19 @@ def _derived(parameters: Mapping[str, Parameter], frequency: float | None) -> di
     return found
 
 
+def _floor_left_out(segmentation: Segmentation) -> float | None:
+    """Return the begin [s] of what lies below the decay and was not taken for its floor, if any."""
+    last = segmentation.decay[-1]
+    taken = segmentation.floor[-1] if segmentation.floor else last
+    end = segmentation.pieces[last].low
+    rest = segmentation.pieces[taken + 1 :]
+    below = [piece for piece in rest if piece.middle < end]
+    return below[0].begin if below else None
+
+
 def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> list[str]:
     """Say what was left out, assumed, and not seen."""
-    notes = [SAID[term] for term in found.likelihood.terms]
+    notes = [TERM_NOTES[term] for term in found.likelihood.terms]
     decay = [segmentation.pieces[k] for k in segmentation.decay]
     inside = (record.time >= decay[0].begin) & (record.time <= decay[-1].end)
     missed = inside & ~found.stretch.used
@@ -147,7 +161,13 @@ def _notes(record: PowerRecord, segmentation: Segmentation, found: Found) -> lis
         notes.append(
             f"noise is correlated over {found.correlation:.3g} points; the errors allow for it"
         )
-    if not segmentation.floor and "exit" not in found.likelihood.terms:
+    later = _floor_left_out(segmentation)
+    if later is not None and "exit" not in found.likelihood.terms:
+        notes.append(
+            f"the floor from {later:.4g} s on is not fitted: the power does not come to it along "
+            "the decay; the fitted floor may differ from it"
+        )
+    elif not segmentation.floor and "exit" not in found.likelihood.terms:
         notes.append("the record ends before the decay reaches a floor")
     if segmentation.recorded < len(record.time):
         end = record.time[segmentation.recorded]

@@ -6,38 +6,36 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.fits.decay.likelihood import STRONGEST, Likelihood, averages_of, start_values
+from femnl.fits.decay.likelihood import STRONGEST_DAMPING, Likelihood, averages_of, start_values
 from femnl.observe.decay.law import Array, Term
 from femnl.observe.decay.phases import (
     THRESHOLDS,
     Segmentation,
+    find_decay,
     logical,
-    segment,
     shallower_before,
     steeper_after,
     steeper_before,
 )
 from femnl.observe.decay.record import DB, PowerRecord
 
-ROUNDS = 3
+MOST_FITS = 3
 """Fits between which interruptions are looked for."""
-OUTLIER = 6.0
+OUTLIER_SIGMAS = 6.0
 """Standard deviations of a datum that interrupts the decay."""
 MAD = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
-BELOW = 2.0
+FLOOR_BELOW = 2.0
 """ln of the weakest datum over the floor to begin with, where a record shows no floor."""
-
-
-EVIDENCE = 7.0
+LEAST_EVIDENCE = 7.0
 """ln of the odds from which a term is taken: 1000 to 1."""
-KNOWN = 3.0
+RATE_SIGMAS = 3.0
 """Standard errors from zero at which a decay rate counts as seen beside a term."""
-BEATING = 3.0
+BEAT_RESOLUTION = 3.0
 """Resolution [dB] at which beats look like scatter about one line."""
-BEATS = 2.0
+FEWEST_BEATS = 2.0
 """Periods from which beats are told from a bump."""
-LEAST_BEATING = 24
+FEWEST_BEAT_POINTS = 24
 """Points of a decay in which beats can be seen."""
 LEAST_DAMPING = 0.1
 """Nonlinear over linear damping that a fit starts from at least."""
@@ -88,12 +86,15 @@ def choose(record: PowerRecord, segmentation: Segmentation) -> tuple[Segmentatio
         whole = shallow + segmentation.decay + after
         floor = () if after else segmentation.floor
         tried.append(("exit", replace(segmentation, decay=whole, floor=floor)))
-    best = (EVIDENCE, segmentation, straight)
+    best = (LEAST_EVIDENCE, segmentation, straight)
     for term, longer in tried:
         best = _better(record, longer, term, (), best)
-    coarse = segment(record.time, record.power, BEATING)
-    start = _beat(record, coarse) if _hides_beats(segmentation, straight, coarse) else None
-    return (best if start is None else _better(record, coarse, "pair", start, best))[1:]
+    coarse = find_decay(record.time, record.power, BEAT_RESOLUTION)
+    if coarse is not None and _hides_beats(segmentation, straight, coarse):
+        start = _beat(record, coarse)
+        if start is not None:
+            best = _better(record, coarse, "pair", start, best)
+    return best[1:]
 
 
 def _hides_beats(fine: Segmentation, straight: Found, coarse: Segmentation) -> bool:
@@ -122,19 +123,19 @@ def _better(
 
 
 def _beat(record: PowerRecord, pieces: Segmentation) -> tuple[float, ...] | None:
-    """Return the start of a pair from the strongest period of a decay about its line.
+    """Return the start of a pair, in SI, from the strongest period of a decay about its line.
 
-    None where it is weaker than straight decays wobble, or has not come BEATS times.
+    None where it is weaker than straight decays wobble, or has not come FEWEST_BEATS times.
     """
     inside = logical(pieces, pieces.decay, len(record.time))
     time = record.time[inside]
     count = len(time)
-    if count < LEAST_BEATING:
+    if count < FEWEST_BEAT_POINTS:
         return None
     time = time - time[0]
     duration = float(time[-1])
     away = (record.power[inside] - pieces.line(record.time[inside])) / DB
-    cycles = np.arange(BEATS, count / 4, 0.5)
+    cycles = np.arange(FEWEST_BEATS, count / 4, 0.5)
     turns = np.exp(-2j * np.pi * np.outer(cycles, time / duration))
     amplitude = 2 * (turns @ (away - away.mean())) / count
     best = int(np.argmax(np.abs(amplitude)))
@@ -142,8 +143,9 @@ def _beat(record: PowerRecord, pieces: Segmentation) -> tuple[float, ...] | None
     ratio = float(np.abs(amplitude[best])) / 2
     if 2 * DB * ratio < 2 * THRESHOLDS.wobble:
         return None
-    rate = -pieces.line.slope / DB * duration
-    return min(ratio, 0.9), rate, float(cycles[best]), float(np.angle(amplitude[best]))
+    rate = -pieces.line.slope / DB
+    splitting = float(cycles[best]) / duration
+    return min(ratio, 0.9), rate, splitting, float(np.angle(amplitude[best]))
 
 
 def _evidence(plain: Found, bent: Found) -> float:
@@ -159,8 +161,8 @@ def _shows(plain: Found, bent: Found) -> bool:
 
     A term must also leave a decay of its own to the mode.
     """
-    known = bent.values[1] > KNOWN * np.sqrt(bent.covariance[1, 1])
-    if bent.likelihood.terms == ("damping",) and bent.values[-1] > 0.99 * STRONGEST:
+    known = bent.values[1] > RATE_SIGMAS * np.sqrt(bent.covariance[1, 1])
+    if bent.likelihood.terms == ("damping",) and bent.values[-1] > 0.99 * STRONGEST_DAMPING:
         return False
     return bool(known) and THRESHOLDS.wobble < wander(plain) > 2 * wander(bent)
 
@@ -190,22 +192,12 @@ def fit_stretch(
     log_power = (record.power - stretch.reference) / DB
     seen = float(np.log(np.mean(np.exp(log_power[floor])))) if floor.any() else None
     averages = averages_of(log_power[floor])
-    for again in reversed(range(ROUNDS)):
+    for again in reversed(range(MOST_FITS)):
         time = record.time[stretch.used] - stretch.begin
         likelihood = Likelihood(time, log_power[stretch.used], averages, terms)
-        lowest = seen if seen is not None else float(likelihood.log_power.min()) - BELOW
-        level = 0.0
-        rate = -segmentation.line.slope / DB
-        if term == "exit":
-            level, rate, bend = _parabola(segmentation, stretch)
-            start = (bend * float(time.max()) ** 2,)
-        if term == "damping":
-            # The rate at the begin is (1 + d) times that of small motion, which the line has.
-            first = segmentation.pieces[segmentation.decay[0]]
-            level = (first.high - stretch.reference) / DB
-            start = (max(first.slope / segmentation.line.slope - 1, LEAST_DAMPING),)
-        begin = start_values(likelihood, level, rate, lowest, start)
-        values, value = likelihood.fit(begin)
+        lowest = seen if seen is not None else float(likelihood.log_power.min()) - FLOOR_BELOW
+        level, rate, extra = _start_of(term, segmentation, stretch, float(time.max()), start)
+        values, value = likelihood.fit(start_values(likelihood, level, rate, lowest, extra))
         interrupted = _interruptions(likelihood, values)
         if again == 0 or not interrupted.any():
             break
@@ -214,6 +206,33 @@ def fit_stretch(
         stretch = Stretch(stretch.begin, stretch.reference, used)
     covariance, correlation = likelihood.covariance(values)
     return Found(stretch, likelihood, values, value, covariance, correlation)
+
+
+def _start_of(
+    term: Term | None,
+    segmentation: Segmentation,
+    stretch: Stretch,
+    duration: float,
+    start: Sequence[float],
+) -> tuple[float, float, Sequence[float]]:
+    """Return level [ln units], rate [1/s] and the term's parameters that a fit starts from.
+
+    Args: duration: of the fitted record with its floor [s], the unit of a term's rates; start: the
+    parameters of a pair in SI. Those of other terms follow from the pieces.
+    """
+    rate = -segmentation.line.slope / DB
+    if term == "exit":
+        level, rate, bend = _parabola(segmentation, stretch)
+        return level, rate, (bend * duration**2,)
+    if term == "damping":
+        # The rate at the begin is (1 + d) times that of small motion, which the line has.
+        first = segmentation.pieces[segmentation.decay[0]]
+        level = (first.high - stretch.reference) / DB
+        return level, rate, (max(first.slope / segmentation.line.slope - 1, LEAST_DAMPING),)
+    if term == "pair":
+        ratio, partner_rate, splitting, phase = start
+        return 0.0, rate, (ratio, partner_rate * duration, splitting * duration, phase)
+    return 0.0, rate, ()
 
 
 def _parabola(segmentation: Segmentation, stretch: Stretch) -> tuple[float, float, float]:
@@ -234,7 +253,7 @@ def _interruptions(likelihood: Likelihood, values: Array) -> NDArray[np.bool_]:
     if np.count_nonzero(strong) < 2:
         return np.zeros(len(away), dtype=bool)
     usual = MAD * float(np.median(np.abs(away[strong])))
-    limit = max(OUTLIER * usual, THRESHOLDS.wobble)
+    limit = max(OUTLIER_SIGMAS * usual, THRESHOLDS.wobble)
     found = strong & (np.abs(away) > limit)
     # A decay that is interrupted more often than not is none: the law is wrong instead.
     often = np.count_nonzero(found) >= 0.5 * np.count_nonzero(strong)

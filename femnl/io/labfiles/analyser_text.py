@@ -109,8 +109,12 @@ def _columns(path: Path, line: str, number: int) -> dict[str, str]:
 
 
 def _rows(path: Path, lines: list[str], first: int, names: list[str]) -> Rows:
-    """Return the numbers (n, columns) below the heading."""
-    rows = []
+    """Return the numbers (n, columns) below the heading.
+
+    Raises: MeasurementError for damaged lines, for fewer than 3 rows, and for times that go back.
+    """
+    rows: list[list[float]] = []
+    numbers: list[int] = []
     for number, line in enumerate(lines[first:], start=first + 1):
         if not line.strip() or line.startswith("%"):
             continue
@@ -122,11 +126,29 @@ def _rows(path: Path, lines: list[str], first: int, names: list[str]) -> Rows:
                 "or cut off, correct or delete it"
             )
         rows.append([_number(path, number, place, cell) for place, cell in enumerate(cells, 1)])
+        numbers.append(number)
     if len(rows) < _LEAST:
         raise MeasurementError(
             f"{path}: line {len(lines)}: only {len(rows)} rows of data; export the record again"
         )
-    return np.array(rows)
+    found = np.array(rows)
+    _refuse_times_that_go_back(path, found[:, names.index("time")], numbers)
+    return found
+
+
+def _refuse_times_that_go_back(path: Path, time: Rows, lines: Sequence[int]) -> None:
+    """Refuse times that rise and go back: two records in one file, or a damaged number.
+
+    Sorted, they would be one record that never was. Times that fall throughout are only reversed.
+    """
+    steps = np.diff(time)
+    back = np.flatnonzero(steps < 0)
+    if back.size and np.any(steps > 0):
+        row = int(back[0]) + 1
+        raise MeasurementError(
+            f"{path}: line {lines[row]}: the time goes back from {time[row - 1]:g} to "
+            f"{time[row]:g}; correct the line, or put each record into a file of its own"
+        )
 
 
 def _number(path: Path, line: int, column: int, cell: str) -> float:
@@ -154,6 +176,12 @@ def _dataset(
             columns[name] = to_si(values, unit, _UNITS[name], f"{path}: column {name}")
         else:
             notes.append(f"{path}: column {name} [{unit}] is not used")
+    if columns.keys() <= {"time", "imag"}:
+        given = ", ".join(f"{name} [{unit}]" for name, unit in names.items())
+        raise MeasurementError(
+            f"{path}: columns {given}: a ring-down needs power [dB or dBm], magnitude [V], or "
+            "real [V] and imag [V]; name one so"
+        )
     columns["time"] = _rising(path, columns["time"], notes)
     return decay(**columns, attributes=attributes)
 

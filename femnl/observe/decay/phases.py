@@ -95,13 +95,23 @@ def recorded_points(power: Array) -> int:
     return first + 2
 
 
-def segment(time: Array, power: Array, resolution: float = RESOLUTION) -> Segmentation:
+def segment(time: Array, power: Array) -> Segmentation:
     """Find the decay in a record (n,) [s], [dB].
+
+    Raises: MeasurementError where nothing falls by more than its scatter explains.
+    """
+    found = find_decay(time, power)
+    if found is None:
+        raise MeasurementError("decay: the power falls nowhere, so that nothing rings down")
+    return found
+
+
+def find_decay(time: Array, power: Array, resolution: float = RESOLUTION) -> Segmentation | None:
+    """Find the decay in a record (n,) [s], [dB]; None where nothing falls for certain.
 
     Every falling piece is a candidate. It grows by pieces that lie on its line. The candidate whose
     slope is known best, by its fall over the scatter about its line, is the decay. A coarse
     resolution [dB] looks for straight pieces through beats.
-    Raises: MeasurementError where nothing falls.
     """
     recorded = recorded_points(power)
     found = pieces(time[:recorded], power[:recorded], resolution)
@@ -112,8 +122,8 @@ def segment(time: Array, power: Array, resolution: float = RESOLUTION) -> Segmen
         line, members = _grow(core, found, time, power)
         if best is None or line.evidence > best[0].evidence:
             best = (line, members)
-    if best is None:
-        raise MeasurementError("decay: the power falls nowhere, so that nothing rings down")
+    if best is None or best[0].evidence < THRESHOLDS.errors:
+        return None
     line, members = best
     return Segmentation(found, line, members, _floor(line, members, found), recorded)
 
@@ -271,7 +281,7 @@ def _name(k: int, segmentation: Segmentation, floor: float) -> PhaseName:
         name = "floor"
     elif decay[0] < k < decay[-1]:
         name = "dropout"
-    elif k < decay[0] and max(piece.high, piece.low) < floor + THRESHOLDS.step:
+    elif k < decay[0] and _rests(k, segmentation, floor):
         name = "before"
     elif k > decay[-1] and piece.middle < segmentation.pieces[decay[-1]].low:
         name = "floor"
@@ -280,6 +290,24 @@ def _name(k: int, segmentation: Segmentation, floor: float) -> PhaseName:
     elif k < decay[0]:
         name = "driven"
     return name
+
+
+def _rests(k: int, segmentation: Segmentation, floor: float) -> bool:
+    """Whether nothing moves yet in a piece before the decay.
+
+    It is at the floor; or, as the floor of a record that ends early is not known, all of the record
+    up to it lies a step below the begin of the decay and does not rise: a mode that rings up does.
+    """
+    piece = segmentation.pieces[k]
+    if max(piece.high, piece.low) < floor + THRESHOLDS.step:
+        return True
+    top = segmentation.pieces[segmentation.decay[0]].high
+    return all(
+        max(earlier.high, earlier.low) < top - THRESHOLDS.step
+        and -earlier.fall < THRESHOLDS.wander
+        and earlier.spread < THRESHOLDS.noisy
+        for earlier in segmentation.pieces[: k + 1]
+    )
 
 
 def _like(piece: Piece, line: Line) -> bool:

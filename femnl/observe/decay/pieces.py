@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-MOST = 400
+MOST_BLOCKS = 400
 """Blocks that a record is averaged to before change points are sought."""
-LEAST = 4
+FEWEST_BLOCKS = 4
 """Blocks of the shortest piece: fewer would show no spread of their own."""
-NUMBERS = 4
+PARAMETERS_PER_PIECE = 4
 """A piece has a place, a level, a slope and a spread."""
 RESOLUTION = 0.05
 """dB: a smaller spread tells pieces apart by wobbles that no analyser reproduces."""
@@ -61,13 +61,14 @@ class Piece:
 def pieces(time: Array, power: Array, resolution: float = RESOLUTION) -> tuple[Piece, ...]:
     """Cut a record (n,) [s], [dB] into the straight pieces that explain it best.
 
-    The pieces minimise Σ n ln(σ² + σ₀²) + NUMBERS · ln n a piece, the Bayesian information
-    criterion of lines with noise of an own size each. Spreads in a record differ by a factor of
-    1000 between a strong decay and the floor, so that one common spread would see only the floor.
+    The pieces minimise Σ n ln(σ² + σ₀²) + PARAMETERS_PER_PIECE · ln n a piece, the Bayesian
+    information criterion of lines with noise of an own size each. Spreads in a record differ by a
+    factor of 1000 between a strong decay and the floor, so that one common spread would see only
+    the floor.
     resolution σ₀ [dB]: a coarse one sees beats as scatter about one line.
     Source: Jackson et al., IEEE Signal Processing Letters 12, 105 (2005) (the recursion).
     """
-    size = -(-len(time) // MOST)
+    size = -(-len(time) // MOST_BLOCKS)
     count = len(time) // size
     used = slice(0, count * size)
     middle = time[used].reshape(count, size).mean(axis=1)
@@ -101,12 +102,12 @@ def _cuts(time: Array, level: Array, resolution: float) -> list[int]:
     y = level - level.mean()
     # Sums of 1, x, y, x², xy, y² up to each block give the squares about any line.
     sums = [np.concatenate([[0.0], np.cumsum(v)]) for v in (np.ones(n), x, y, x * x, x * y, y * y)]
-    penalty = NUMBERS * np.log(n)
+    penalty = PARAMETERS_PER_PIECE * np.log(n)
     best = np.full(n + 1, np.inf)
     best[0] = 0.0
     previous = np.zeros(n + 1, dtype=np.intp)
-    for stop in range(LEAST, n + 1):
-        starts = np.arange(stop - LEAST + 1)
+    for stop in range(FEWEST_BLOCKS, n + 1):
+        starts = np.arange(stop - FEWEST_BLOCKS + 1)
         m, sx, sy, sxx, sxy, syy = (total[stop] - total[starts] for total in sums)
         covariance = sxy - sx * sy / m
         squares = syy - sy**2 / m - covariance**2 / (sxx - sx**2 / m)
