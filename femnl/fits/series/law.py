@@ -57,7 +57,9 @@ def fit_series(
     Args: dataset of kind `series`; law; control: the variable, by default the only one that varies.
     Returns: one fit for each quantity that it holds. Standard deviations are scaled by √(χ²/ν)
     where the series states no errors, or scatters more than it states; 95 % intervals are those of
-    Student's t with ν degrees of freedom where they are scaled.
+    Student's t with ν degrees of freedom where they are scaled. Without stated errors a line takes
+    all values to be equally uncertain, and a power law or an Arrhenius law takes all relative
+    values to be so: values over decades have no common error.
     Raises: MeasurementError for fewer than three points; ParameterError for a control that does not
     vary, several that do, or a law that the values do not allow.
     """
@@ -104,14 +106,20 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
         )
     x = x[used]
     y = y[used]
-    sd = sd[used] if stated else np.full(len(x), max(float(np.std(y)), np.finfo(float).tiny))
+    relative = not stated and law != "line"
+    sd = sd[used] if stated else _alike(y, relative=relative)
     form = _form(law, key, control, x, y, sd)
 
     def residual(p: Array) -> Array:
-        return np.asarray((y - form.predict(p)) / sd)
+        # ln y − ln f where relative errors are equal: linear in ln(value), and so without bias
+        away = y * np.log(y / form.predict(p)) if relative else y - form.predict(p)
+        return np.asarray(away / sd)
 
     def slopes(p: Array) -> Array:
-        return np.asarray(-form.slopes(p) / sd[:, None])
+        growth = form.slopes(p)
+        if relative:
+            growth = growth * (y / form.predict(p))[:, None]
+        return np.asarray(-growth / sd[:, None])
 
     found = least_squares(
         residual,
@@ -142,11 +150,11 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
         if scaled and stated
         else []
     )
-    told += (
-        [f"standard deviations are those of the scatter, {factor * sd[0]:.3g}: {why}"]
-        if not stated
-        else []
-    )
+    if not stated:
+        scatter = (
+            f"{factor * sd[0] / y[0]:.3g} of each value" if relative else f"{factor * sd[0]:.3g}"
+        )
+        told.append(f"standard deviations are those of the scatter, {scatter}: {why}")
     correlation = strongest_correlation(spread, form.names)
     notes = (*form.notes, *told, *blind, *([correlation] if correlation else []))
     return SeriesFit(
@@ -160,6 +168,13 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
         sd * factor,
         form.predict(found.x),
     )
+
+
+def _alike(y: Array, *, relative: bool) -> Array:
+    """Return standard deviations (n,) by which all values count alike, or all relative values."""
+    if relative:
+        return np.abs(y)
+    return np.full(len(y), max(float(np.std(y)), np.finfo(float).tiny))
 
 
 @dataclass(frozen=True)
