@@ -134,7 +134,7 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
     reduced = float(2 * found.cost / nu)
     scaled = not stated or reduced > 1 + EXCESS * np.sqrt(2 / nu)
     factor = float(np.sqrt(reduced)) if scaled else 1.0
-    spread, blind = covariance(slopes(found.x), form.names, np.ones(len(form.names)))
+    spread, blind = covariance(slopes(found.x), form.names, form.steps)
     spread = spread * factor**2
     size = np.sqrt(np.diag(spread))
     width = float(student.ppf(0.5 + INTERVAL / 2, nu)) if scaled else 1.959963984540054
@@ -179,11 +179,16 @@ def _alike(y: Array, *, relative: bool) -> Array:
 
 @dataclass(frozen=True)
 class _Form:
-    """A law: parameters with units and start, its values (n,) and their slopes (n, k)."""
+    """A law: its values (n,) and their slopes (n, k) by its parameters.
+
+    names, units and start of the parameters; steps (k,): a change of each that would matter, by
+    which `covariance` tells what the data do not see.
+    """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     start: Array
+    steps: Array
     predict: Callable[[Array], Array]
     slopes: Callable[[Array], Array]
     notes: tuple[str, ...]
@@ -201,6 +206,7 @@ def _form(law: Law, key: str, control: str, x: Array, y: Array, sd: Array) -> _F
             ("value", "slope"),
             (unit, f"{unit or '1'}/{per}"),
             _linear(columns, y, sd),
+            float(np.max(np.abs(y))) * np.array([1, 1 / float(np.ptp(x))]),
             lambda p: np.asarray(columns @ p),
             lambda p: columns,
             (f"value is that at {control.replace('_', ' ')} = {middle:.6g} {per}",),
@@ -223,7 +229,8 @@ def _form(law: Law, key: str, control: str, x: Array, y: Array, sd: Array) -> _F
         return np.column_stack([factor, -p[0] * inverse * factor])
 
     start = np.array([np.exp(logged[0]), logged[1] / scale])
-    return _Form(("prefactor", "activation_energy"), (unit, "J"), start, predict, slopes, ())
+    steps = np.array([start[0], 1 / scale])
+    return _Form(("prefactor", "activation_energy"), (unit, "J"), start, steps, predict, slopes, ())
 
 
 def _power(unit: str, ratio: Array, y: Array, sd: Array, notes: tuple[str, ...]) -> _Form:
@@ -238,7 +245,8 @@ def _power(unit: str, ratio: Array, y: Array, sd: Array, notes: tuple[str, ...])
         return np.column_stack([factor, p[0] * ratio * factor])
 
     start = np.array([np.exp(logged[0]), logged[1]])
-    return _Form(("value", "exponent"), (unit, ""), start, predict, slopes, notes)
+    steps = np.array([start[0], 1.0])
+    return _Form(("value", "exponent"), (unit, ""), start, steps, predict, slopes, notes)
 
 
 def _linear(columns: Array, y: Array, sd: Array) -> NDArray[np.float64]:
