@@ -134,6 +134,12 @@ def test_errors_are_scaled_or_withheld_where_the_model_misses_the_data() -> None
     assert half.parameters["frequency"].sd == pytest.approx(
         honest.parameters["frequency"].sd, rel=0.05
     )
+    # Noise that is estimated is no statement: what the fit leaves decides
+    guessed = fit_response(response(f[None], good[None]))
+    assert guessed.errors == "scaled"
+    assert guessed.parameters["frequency"].sd == pytest.approx(
+        honest.parameters["frequency"].sd, rel=0.1
+    )
     two = line(f, 998, 2) + 0.7 * line(f, 1003, 2) + noise(rng, f.shape, 1e-4)
     missed = fit_response(response(f[None], two[None], noise_sd=1e-4))
     assert missed.errors == "withheld"
@@ -224,6 +230,38 @@ def test_magnitudes_are_kept_by_a_file_and_negative_ones_refused(tmp_path: objec
     assert "magnitude" in measurement.read(path)["m"].to_dataset()
     with pytest.raises(MeasurementError, match="is negative"):
         measurement.bundle({"m": data.assign(magnitude=-data["magnitude"])})
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_delay_has_its_value_and_its_sign(sign: int) -> None:
+    rng = np.random.default_rng(16)
+    f0, w = 1e5, 10.0
+    f = np.linspace(f0 - 60, f0 + 60, 241)
+    tau = sign * 2e-3
+    # A signal that comes later by τ has the phase −2πfτ
+    volts = line(f, f0, w) * np.exp(-2j * np.pi * (f - f0) * tau) + noise(rng, f.shape, 2e-3)
+    fit = fit_response(response(f[None], volts[None], noise_sd=2e-3), duffing=False)
+    assert abs(fit["delay"] - tau) < 4 * fit.parameters["delay"].sd
+    assert fit.parameters["delay"].sd < 0.02 * abs(tau)
+
+
+def test_a_duffing_term_must_gain_five_beyond_its_price() -> None:
+    f0, w, sd = 1e5, 10.0, 2e-2
+    f = np.linspace(f0 - 40, f0 + 40, 161)
+    # About three standard deviations of α_y/α_c, so that gains lie on either side of 0 and 5
+    x = np.array([_root(g, f0, w, 0.03, from_top=True) for g in f])
+    clean = 1 / ((f0 - f) * (f0 + f) / (f0 * w) + STIFFEN * 0.03 * x + 1j * f / f0)
+    gains = []
+    for seed in range(8):
+        volts = clean + noise(np.random.default_rng([17, seed]), f.shape, sd)
+        data = response(f[None], volts[None], direction=[1], noise_sd=sd)
+        fit = fit_response(data, background="none", delay=False, phase_sign=1)
+        linear = min(v for key, v in fit.evidence.items() if key.endswith("linear"))
+        duffing = min(v for key, v in fit.evidence.items() if key.endswith("a Duffing term"))
+        gains.append(linear - duffing)
+        assert fit.duffing == (linear - duffing > 5)
+    assert any(0 < gain < 5 for gain in gains)
+    assert any(gain > 5 for gain in gains)
 
 
 def draw(rng: np.random.Generator) -> tuple[xr.Dataset, dict[str, float]]:
