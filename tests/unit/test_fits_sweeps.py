@@ -222,6 +222,22 @@ def test_a_figure_of_a_fit_draws_what_it_leaves() -> None:
     assert np.std(drawn) == pytest.approx(1, abs=0.1)
 
 
+def test_a_point_within_a_jump_does_not_press_other_residuals_onto_zero() -> None:
+    f = np.linspace(990, 1010, 200)
+    model = line(f, 1000, 2)[None]
+    volts = model + noise(np.random.default_rng(18), (1, 200), 1e-3)
+    fitted = xr.DataArray(model, dims=("sweep", "point"))
+    plain = response_figure(response(f[None], volts, noise_sd=1e-3), fitted).axes[2]
+    assert plain.get_yscale() == "linear"
+    volts[0, 100] += 2
+    panel = response_figure(response(f[None], volts, noise_sd=1e-3), fitted).axes[2]
+    assert panel.get_yscale() == "symlog"
+    low, high = panel.get_ylim()
+    # All points are within the panel, 2 V at 1 mV a standard deviation
+    assert high > 2000
+    assert low == -high
+
+
 def test_magnitudes_are_kept_by_a_file_and_negative_ones_refused(tmp_path: object) -> None:
     f = np.linspace(1, 2, 20)
     data = magnitudes_alone(response(f[None], np.ones((1, 20))))
