@@ -1,5 +1,6 @@
 """Fits of sweeps as laboratories record them: any Q, backgrounds, delays, either sign of phase."""
 
+import re
 import sys
 
 import numpy as np
@@ -246,6 +247,34 @@ def test_magnitudes_are_kept_by_a_file_and_negative_ones_refused(tmp_path: objec
     assert "magnitude" in measurement.read(path)["m"].to_dataset()
     with pytest.raises(MeasurementError, match="is negative"):
         measurement.bundle({"m": data.assign(magnitude=-data["magnitude"])})
+
+
+def test_weak_magnitudes_are_those_of_a_signal_in_noise() -> None:
+    rng = np.random.default_rng(19)
+    f = np.linspace(960, 1040, 400)
+    sd = 0.05
+    # Far from resonance the signal is half of the noise, whose mean magnitude is √(π/2) σ
+    size = np.abs(line(f, 1000, 2) + noise(rng, f.shape, sd))
+    data = magnitudes_alone(response(f[None], size[None], drive=[1.0], noise_sd=sd))
+    fit = fit_response(data, background="none", duffing=False)
+    assert fit.chi2_reduced < 1 + 4 * np.sqrt(2 / 400)
+    assert abs(fit["frequency"] - 1000) < 4 * fit.parameters["frequency"].sd
+    assert abs(fit["linewidth"] - 2) < 4 * fit.parameters["linewidth"].sd
+    assert abs(fit["y_max"] - 1) < 4 * fit.parameters["y_max"].sd
+
+
+def test_alike_residuals_count_only_as_many_as_are_independent() -> None:
+    rng = np.random.default_rng(20)
+    f = np.linspace(990, 1010, 200)
+    two = line(f, 1000, 2) + 0.05 * line(f, 1003, 1) + noise(rng, f.shape, 3e-3)
+    data = response(f[None], two[None], noise_sd=3e-3)
+    fit = fit_response(data, background="none", duffing=False, delay=False)
+    assert 4 < fit.chi2_reduced < 25
+    (told,) = [note for note in fit.notes if "the model misses the data" in note]
+    alike, factor = re.findall(r"correlation ([\d.]+)\).*scaled by ([\d.]+)", told)[0]
+    # Of residuals with a correlation r, n(1 − r)/(1 + r) are independent
+    r = float(alike)
+    assert float(factor) == pytest.approx(np.sqrt(fit.chi2_reduced * (1 + r) / (1 - r)), rel=0.03)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
