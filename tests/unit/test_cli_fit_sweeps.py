@@ -67,14 +67,14 @@ def test_each_sweep_is_fitted_and_its_series_has_the_slope_of_a_line(
     fit: Callable[..., dict[str, Any]],
 ) -> None:
     warming("w.nc")
-    sweeps = fit("w.nc", "--each-sweep", "s.nc", "--linear", "--background", "none")["cold"][
+    sweeps = fit("w.nc", "--each-sweep", "s.nc", "--linear", "--background", "constant")["cold"][
         "sweeps"
     ]
     for one, t in zip(sweeps, TEMPERATURE, strict=True):
         found = one["parameters"]["frequency"]
         assert abs(found["value"] - (F0 - FALL * t)) < 4 * found["sd"]
         # What was asked for reaches the fit of every sweep
-        assert (one["model"]["duffing"], one["model"]["background"]) == (False, "none")
+        assert (one["model"]["duffing"], one["model"]["background"]) == (False, "constant")
     law = fit("s.nc", "--law", "line", "--out", "o")["cold, frequency"]
     slope = law["parameters"]["slope"]
     assert slope["unit"] == "Hz/K"
