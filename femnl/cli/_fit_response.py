@@ -101,9 +101,10 @@ def model_record(fit: ResponseFit) -> dict[str, Any]:
 def each_sweep(name: str, dataset: xr.Dataset, asked: Asked) -> dict[str, Outcome]:
     """Fit every sweep on its own, and make a series of them."""
     from femnl.fits.response.each import fit_each_sweep
+    from femnl.fits.response.fit import fit_response
     from femnl.plot.measurement import series_figure
 
-    fits, found = fit_each_sweep(dataset, **asked.of_fit())
+    fits, found = fit_each_sweep(dataset, partial(fit_response, **asked.of_fit()))
     controls = [str(key) for key in found.coords]
     rows = []
     for row, fit in enumerate(fits):

@@ -114,6 +114,7 @@ def response_figure(
         phase.grid(axis="y", color="#dddddd", linewidth=0.6)
         centre, centre_unit = prefixed(middle, "Hz")
         if fitted is not None:
+            _scale_residuals(panels[2])
             panels[2].axhline(0, color=INK, linewidth=0.6)
             panels[2].set_ylabel("residual (σ)" if noise else axis_label("residual", volt_unit))
         panels[-1].set_xlabel(
@@ -142,6 +143,22 @@ def _residual(
         return np.asarray(np.abs(volts) - np.abs(model))[:, None]
     turn = 2 if use == "phase-mod-pi" else 1
     return np.asarray(np.abs(volts) * np.angle((volts * model.conj()) ** turn) / turn)[:, None]
+
+
+def _scale_residuals(axes: Axes) -> None:
+    """Draw residuals logarithmically beyond their median where a few are far larger than it.
+
+    A point within a jump, between two states, would else press all others onto zero.
+    """
+    drawn = np.concatenate([np.ravel(np.asarray(one.get_ydata(), float)) for one in axes.lines])
+    size = np.abs(drawn[np.isfinite(drawn) & (drawn != 0)])
+    if size.size and size.max() > _DYNAMIC * np.median(size):
+        decade = 10 ** np.floor(np.log10(np.median(size)))
+        axes.set_yscale("symlog", linthresh=decade)
+        # One tick a decade on either side is more than the panel holds
+        far = 10 ** np.floor(np.log10(size.max()))
+        axes.set_yticks([-far, -decade, 0, decade, far])
+        axes.set_ylim(-2 * size.max(), 2 * size.max())
 
 
 def _degrees(volts: NDArray[np.complex128], use: Use) -> NDArray[np.float64]:

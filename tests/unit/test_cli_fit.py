@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from femnl import effects
 from femnl.cli._main import run
 from femnl.core.resonator import Resonator
 from femnl.device.geometry import load
@@ -85,6 +86,41 @@ def test_an_overview_gives_a_labelled_spectrum_that_the_film_is_fitted_to(
     assert film["label"] == [modes.label[k] for k in known]
     assert abs(film["parameters"]["scale"]["value"] - 1.05) < 4 * film["parameters"]["scale"]["sd"]
     assert "s-wide-spectrum-spectrum-film.png" in written("o")
+
+
+def test_an_overview_of_modes_without_names_is_fitted_and_diagnosed(
+    fit: Callable[..., dict[str, Any]],
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    device = "circle"
+    modes = solve_modes(load(device), 10)
+    known = [0, 1, 3, 5]
+    f = np.linspace(0.8 * modes.frequency[0], 1.08 * modes.frequency[5], 4000)
+    rng = np.random.default_rng(3)
+    volts = 1e-5 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+    w = 2e-3 * modes.frequency[0]
+    for k in known:
+        g = 1.05 * modes.frequency[k]
+        volts = volts + 1e-3 * g * w / (g**2 - f**2 + 1j * f * w)
+    wide = measurement.response(f, volts, noise_sd=1e-5)
+    measurement.write(measurement.bundle({"wide": wide}, geometry=device), "s.nc")
+    label = fit("s.nc", "--as", "overview", "--out", "o")["wide"]["assignment"]["label"]
+    # The second and fourth line are pairs, of which either mode may be named
+    assert label[0] == "mode 1"
+    assert label[1] in ("mode 2", "mode 3")
+    assert label[2] in ("mode 4", "mode 5")
+    assert label[3] == "mode 6"
+    film = fit("o/s-wide-spectrum.nc")["spectrum"]
+    assert film["label"] == label
+    scale = film["parameters"]["scale"]
+    assert abs(scale["value"] - 1.05) < 4 * scale["sd"]
+    capsys.readouterr()
+    # One cause is enough to read the file; the whole library takes minutes
+    few = {"gas_loading": effects.known()["gas_loading"]}
+    monkeypatch.setattr(effects, "known", lambda folder: few)
+    assert run(["diagnose", "o/s-wide-spectrum.nc", "--workers", "1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["verdict"]
 
 
 def test_an_overview_without_a_device_lists_lines_without_labels(

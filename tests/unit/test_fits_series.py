@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from femnl.core.choices import Law
 from femnl.core.errors import ParameterError
 from femnl.fits.series.law import BOLTZMANN, fit_series
 from femnl.io.measurement import series
@@ -21,6 +22,51 @@ def test_a_line_has_its_slope_and_its_interval() -> None:
     assert found.fit.parameters["slope"].unit == "Hz/K"
     # 95 % of 200 within three standard deviations
     assert abs(held / 200 - 0.95) < 0.047
+
+
+@pytest.mark.parametrize("law", ["power", "arrhenius"])
+def test_values_over_decades_without_errors_have_honest_intervals(law: Law) -> None:
+    rng = np.random.default_rng(3)
+    x = np.linspace(100, 300, 12)
+    name = {"power": "exponent", "arrhenius": "activation_energy"}[law]
+    truth = {"power": -3.5, "arrhenius": -8e-21}[law]
+    held = 0
+    for _ in range(200):
+        clean = (x / 200) ** truth if law == "power" else np.exp(-truth / (BOLTZMANN * x))
+        y = 1e4 * clean * np.exp(0.05 * rng.normal(size=12))
+        (found,) = fit_series(series({"temperature": x}, quality_factor=y), law)
+        low, high = found.interval[name]
+        held += low < truth < high
+    # 95 % of 200 within three standard deviations
+    assert abs(held / 200 - 0.95) < 0.047
+    assert any("of each value" in note for note in found.fit.notes)
+
+
+@pytest.mark.parametrize("law", ["line", "power", "arrhenius"])
+def test_large_values_with_large_errors_are_determined(law: Law) -> None:
+    t = np.linspace(100, 300, 12)
+    q = 1e7 * np.exp(8e-21 / (BOLTZMANN * t))
+    data = series({"temperature": t}, quality_factor=q, quality_factor_sd=0.1 * q)
+    (found,) = fit_series(data, law)
+    assert not any("do not determine" in note for note in found.fit.notes)
+    assert all(0 < one.sd < np.inf for one in found.fit.parameters.values())
+
+
+def test_stated_errors_are_taken_as_they_are_or_enlarged_by_the_scatter() -> None:
+    rng = np.random.default_rng(4)
+    x = np.linspace(0, 10, 40)
+    y = 1e4 + 3 * x + 0.5 * rng.normal(size=40)
+    # sd of a slope by linear regression: σ/√Σ(x − x̄)²
+    exact = 0.5 / np.sqrt(np.sum((x - x.mean()) ** 2))
+    for stated, enlarged in ((0.5, False), (0.1, True), (5.0, False)):
+        data = series({"drive": x}, frequency=y, frequency_sd=np.full(40, stated))
+        (found,) = fit_series(data)
+        left = y - np.polyval(np.polyfit(x, y, 1), x)
+        scatter = np.sqrt(np.sum(left**2) / 38)
+        size = exact * (scatter if enlarged else stated) / 0.5
+        assert found.fit.parameters["slope"].sd == pytest.approx(size, rel=1e-6)
+        # The points are drawn with the errors that were used
+        np.testing.assert_allclose(found.sd, scatter if enlarged else stated, rtol=1e-6)
 
 
 def test_power_and_arrhenius_laws_give_back_exponent_and_energy() -> None:

@@ -1,5 +1,6 @@
 """Fits of sweeps as laboratories record them: any Q, backgrounds, delays, either sign of phase."""
 
+import re
 import sys
 
 import numpy as np
@@ -134,6 +135,12 @@ def test_errors_are_scaled_or_withheld_where_the_model_misses_the_data() -> None
     assert half.parameters["frequency"].sd == pytest.approx(
         honest.parameters["frequency"].sd, rel=0.05
     )
+    # Noise that is estimated is no statement: what the fit leaves decides
+    guessed = fit_response(response(f[None], good[None]))
+    assert guessed.errors == "scaled"
+    assert guessed.parameters["frequency"].sd == pytest.approx(
+        honest.parameters["frequency"].sd, rel=0.1
+    )
     two = line(f, 998, 2) + 0.7 * line(f, 1003, 2) + noise(rng, f.shape, 1e-4)
     missed = fit_response(response(f[None], two[None], noise_sd=1e-4))
     assert missed.errors == "withheld"
@@ -189,6 +196,11 @@ def test_each_sweep_makes_a_series_and_two_modes_are_fitted_in_one_span() -> Non
     assert list(series.coords) == ["temperature"]
     with pytest.raises(MeasurementError, match="no control variable differs"):
         fit_each_sweep(data.drop_vars("temperature"))
+    alone = data.isel(sweep=[0])
+    one = fit_modes(alone, 1).fit.parameters["frequency[1]"].sd
+    # The other estimator, whose background has one degree less
+    other = fit_response(alone, background="slope", duffing=False, delay=False)
+    assert one == pytest.approx(other.parameters["frequency"].sd, rel=0.3)
     both = line(f, 998, 2) + 0.7j * line(f, 1001, 1.5) + 0.1 + noise(rng, f.shape, 1e-3)
     found = fit_modes(response(f[None], both[None], noise_sd=1e-3), 2).fit
     for name, truth in (("frequency[1]", 998), ("frequency[2]", 1001), ("linewidth[2]", 1.5)):
@@ -216,6 +228,22 @@ def test_a_figure_of_a_fit_draws_what_it_leaves() -> None:
     assert np.std(drawn) == pytest.approx(1, abs=0.1)
 
 
+def test_a_point_within_a_jump_does_not_press_other_residuals_onto_zero() -> None:
+    f = np.linspace(990, 1010, 200)
+    model = line(f, 1000, 2)[None]
+    volts = model + noise(np.random.default_rng(18), (1, 200), 1e-3)
+    fitted = xr.DataArray(model, dims=("sweep", "point"))
+    plain = response_figure(response(f[None], volts, noise_sd=1e-3), fitted).axes[2]
+    assert plain.get_yscale() == "linear"
+    volts[0, 100] += 2
+    panel = response_figure(response(f[None], volts, noise_sd=1e-3), fitted).axes[2]
+    assert panel.get_yscale() == "symlog"
+    low, high = panel.get_ylim()
+    # All points are within the panel, 2 V at 1 mV a standard deviation
+    assert high > 2000
+    assert low == -high
+
+
 def test_magnitudes_are_kept_by_a_file_and_negative_ones_refused(tmp_path: object) -> None:
     f = np.linspace(1, 2, 20)
     data = magnitudes_alone(response(f[None], np.ones((1, 20))))
@@ -224,6 +252,66 @@ def test_magnitudes_are_kept_by_a_file_and_negative_ones_refused(tmp_path: objec
     assert "magnitude" in measurement.read(path)["m"].to_dataset()
     with pytest.raises(MeasurementError, match="is negative"):
         measurement.bundle({"m": data.assign(magnitude=-data["magnitude"])})
+
+
+def test_weak_magnitudes_are_those_of_a_signal_in_noise() -> None:
+    rng = np.random.default_rng(19)
+    f = np.linspace(960, 1040, 1200)
+    sd = 0.05
+    # Far from resonance the signal is half of the noise, whose mean magnitude is √(π/2) σ
+    size = np.abs(line(f, 1000, 2) + noise(rng, f.shape, sd))
+    data = magnitudes_alone(response(f[None], size[None], drive=[1.0], noise_sd=sd))
+    fit = fit_response(data, background="none", duffing=False)
+    assert fit.chi2_reduced < 1 + 4 * np.sqrt(2 / 1200)
+    assert abs(fit["frequency"] - 1000) < 4 * fit.parameters["frequency"].sd
+    assert abs(fit["linewidth"] - 2) < 4 * fit.parameters["linewidth"].sd
+    assert abs(fit["y_max"] - 1) < 4 * fit.parameters["y_max"].sd
+
+
+def test_alike_residuals_count_only_as_many_as_are_independent() -> None:
+    rng = np.random.default_rng(20)
+    f = np.linspace(990, 1010, 200)
+    two = line(f, 1000, 2) + 0.05 * line(f, 1003, 1) + noise(rng, f.shape, 3e-3)
+    data = response(f[None], two[None], noise_sd=3e-3)
+    fit = fit_response(data, background="none", duffing=False, delay=False)
+    assert 4 < fit.chi2_reduced < 25
+    (told,) = [note for note in fit.notes if "the model misses the data" in note]
+    alike, factor = re.findall(r"correlation ([\d.]+)\).*scaled by ([\d.]+)", told)[0]
+    # Of residuals with a correlation r, n(1 − r)/(1 + r) are independent
+    r = float(alike)
+    assert float(factor) == pytest.approx(np.sqrt(fit.chi2_reduced * (1 + r) / (1 - r)), rel=0.03)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_delay_has_its_value_and_its_sign(sign: int) -> None:
+    rng = np.random.default_rng(16)
+    f0, w = 1e5, 10.0
+    f = np.linspace(f0 - 60, f0 + 60, 241)
+    tau = sign * 2e-3
+    # A signal that comes later by τ has the phase −2πfτ
+    volts = line(f, f0, w) * np.exp(-2j * np.pi * (f - f0) * tau) + noise(rng, f.shape, 2e-3)
+    fit = fit_response(response(f[None], volts[None], noise_sd=2e-3), duffing=False)
+    assert abs(fit["delay"] - tau) < 4 * fit.parameters["delay"].sd
+    assert fit.parameters["delay"].sd < 0.02 * abs(tau)
+
+
+def test_a_duffing_term_must_gain_five_beyond_its_price() -> None:
+    f0, w, sd = 1e5, 10.0, 2e-2
+    f = np.linspace(f0 - 40, f0 + 40, 161)
+    # About three standard deviations of α_y/α_c, so that gains lie on either side of 0 and 5
+    x = np.array([_root(g, f0, w, 0.03, from_top=True) for g in f])
+    clean = 1 / ((f0 - f) * (f0 + f) / (f0 * w) + STIFFEN * 0.03 * x + 1j * f / f0)
+    gains = []
+    for seed in range(8):
+        volts = clean + noise(np.random.default_rng([17, seed]), f.shape, sd)
+        data = response(f[None], volts[None], direction=[1], noise_sd=sd)
+        fit = fit_response(data, background="none", delay=False, phase_sign=1)
+        linear = min(v for key, v in fit.evidence.items() if key.endswith("linear"))
+        duffing = min(v for key, v in fit.evidence.items() if key.endswith("a Duffing term"))
+        gains.append(linear - duffing)
+        assert fit.duffing == (linear - duffing > 5)
+    assert any(0 < gain < 5 for gain in gains)
+    assert any(gain > 5 for gain in gains)
 
 
 def draw(rng: np.random.Generator) -> tuple[xr.Dataset, dict[str, float]]:

@@ -62,11 +62,14 @@ def test_levels_become_amplitudes_and_are_refused_without_a_unit(
         )
 
 
-def test_time_temperature_and_direction_of_points_are_kept(tmp_path: Path) -> None:
+@pytest.mark.parametrize("ways", [("up", "down"), (1, -1)])
+def test_time_temperature_and_direction_of_points_are_kept(
+    ways: tuple[object, object], tmp_path: Path
+) -> None:
     f = np.concatenate([F, F[::-1]])
     v = np.concatenate([V, V[::-1]])
     time = 100 + 2.0 * np.arange(42)
-    way = ["up"] * 21 + ["down"] * 21
+    way = [ways[0]] * 21 + [ways[1]] * 21
     text = "t,f,X,Y,T,way,note\n" + rows(time, f, v.real, v.imag, 4 + time / 100, way, f)
     spec = (
         'kind = "response"\n[columns]\ntime = "t"\nfrequency = "f"\nreal = "X"\nimag = "Y"\n'

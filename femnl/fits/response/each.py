@@ -1,9 +1,10 @@
 """One fit a sweep, as a series of frequency and quality factor."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.core.kinds import CONTROLS
@@ -13,15 +14,15 @@ from femnl.io.measurement import series
 
 
 def fit_each_sweep(
-    dataset: xr.Dataset, **asked: object
+    dataset: xr.Dataset, fit: Callable[[xr.Dataset], ResponseFit] = fit_response
 ) -> tuple[tuple[ResponseFit, ...], xr.Dataset]:
-    """Fit every sweep of a `response` on its own, and return the fits and what they make together.
+    """Fit every sweep of a `response` on its own, and gather the results in a `series`.
 
-    Args: dataset of kind `response`; asked: arguments of `fit_response`, the same for each sweep.
+    Args: dataset of kind `response`; fit: what fits one sweep, `fit_response` or a `partial` of it.
     Returns: one fit a sweep, in their order; Dataset of kind `series` with frequency and
-    quality_factor and their standard deviations (NaN where a fit gives none), against those of
-    drive, time, pressure, temperature, laser_power and voltage that differ between the sweeps.
-    Raises: MeasurementError for fewer than two sweeps, or where nothing tells them apart.
+    quality_factor and their standard deviations (NaN where a fit gives none), against those
+    control variables (drive, time, temperature, …) that differ between the sweeps.
+    Raises: MeasurementError for fewer than two sweeps, or where no control variable differs.
     """
     count = dataset.sizes["sweep"]
     if count < 2:
@@ -29,18 +30,21 @@ def fit_each_sweep(
             "response: has one sweep, and a series needs two; fit it without --each-sweep"
         )
     controls = _controls(dataset)
-    fits = tuple(fit_response(dataset.isel(sweep=[row]), **asked) for row in range(count))  # type: ignore[arg-type]
+    fits = tuple(fit(dataset.isel(sweep=[row])) for row in range(count))
     data: dict[str, list[float]] = {}
     for name in ("frequency", "quality_factor"):
-        found = [fit.parameters[name] for fit in fits]
-        data[name] = [one.value for one in found]
-        data[f"{name}_sd"] = [
-            one.sd if np.isfinite(one.sd) and one.sd > 0 else np.nan for one in found
-        ]
+        found = [one.parameters[name] for one in fits]
+        data[name] = [parameter.value for parameter in found]
+        data[f"{name}_sd"] = [_given(parameter.sd) for parameter in found]
     return fits, series(controls, **data)
 
 
-def _controls(dataset: xr.Dataset) -> Mapping[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
+def _given(sd: float) -> float:
+    """Return a standard deviation, NaN where it is withheld or its parameter was held."""
+    return sd if np.isfinite(sd) and sd > 0 else float("nan")
+
+
+def _controls(dataset: xr.Dataset) -> Mapping[str, NDArray[np.float64]]:
     """Return the control variables that differ between the sweeps."""
     found = {}
     for name in CONTROLS:

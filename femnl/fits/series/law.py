@@ -57,7 +57,9 @@ def fit_series(
     Args: dataset of kind `series`; law; control: the variable, by default the only one that varies.
     Returns: one fit for each quantity that it holds. Standard deviations are scaled by √(χ²/ν)
     where the series states no errors, or scatters more than it states; 95 % intervals are those of
-    Student's t with ν degrees of freedom where they are scaled.
+    Student's t with ν degrees of freedom where they are scaled. Without stated errors a line takes
+    all values to be equally uncertain, and a power law or an Arrhenius law takes all relative
+    values to be so: values over decades have no common error.
     Raises: MeasurementError for fewer than three points; ParameterError for a control that does not
     vary, several that do, or a law that the values do not allow.
     """
@@ -104,14 +106,20 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
         )
     x = x[used]
     y = y[used]
-    sd = sd[used] if stated else np.full(len(x), max(float(np.std(y)), np.finfo(float).tiny))
+    relative = not stated and law != "line"
+    sd = sd[used] if stated else _alike(y, relative=relative)
     form = _form(law, key, control, x, y, sd)
 
     def residual(p: Array) -> Array:
-        return np.asarray((y - form.predict(p)) / sd)
+        # ln y − ln f where relative errors are equal: linear in ln(value), and so without bias
+        away = y * np.log(y / form.predict(p)) if relative else y - form.predict(p)
+        return np.asarray(away / sd)
 
     def slopes(p: Array) -> Array:
-        return np.asarray(-form.slopes(p) / sd[:, None])
+        growth = form.slopes(p)
+        if relative:
+            growth = growth * (y / form.predict(p))[:, None]
+        return np.asarray(-growth / sd[:, None])
 
     found = least_squares(
         residual,
@@ -126,7 +134,7 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
     reduced = float(2 * found.cost / nu)
     scaled = not stated or reduced > 1 + EXCESS * np.sqrt(2 / nu)
     factor = float(np.sqrt(reduced)) if scaled else 1.0
-    spread, blind = covariance(slopes(found.x), form.names, np.ones(len(form.names)))
+    spread, blind = covariance(slopes(found.x), form.names, form.steps)
     spread = spread * factor**2
     size = np.sqrt(np.diag(spread))
     width = float(student.ppf(0.5 + INTERVAL / 2, nu)) if scaled else 1.959963984540054
@@ -142,11 +150,11 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
         if scaled and stated
         else []
     )
-    told += (
-        [f"standard deviations are those of the scatter, {factor * sd[0]:.3g}: {why}"]
-        if not stated
-        else []
-    )
+    if not stated:
+        scatter = (
+            f"{factor * sd[0] / y[0]:.3g} of each value" if relative else f"{factor * sd[0]:.3g}"
+        )
+        told.append(f"standard deviations are those of the scatter, {scatter}: {why}")
     correlation = strongest_correlation(spread, form.names)
     notes = (*form.notes, *told, *blind, *([correlation] if correlation else []))
     return SeriesFit(
@@ -162,13 +170,25 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
     )
 
 
+def _alike(y: Array, *, relative: bool) -> Array:
+    """Return standard deviations (n,) by which all values count alike, or all relative values."""
+    if relative:
+        return np.abs(y)
+    return np.full(len(y), max(float(np.std(y)), np.finfo(float).tiny))
+
+
 @dataclass(frozen=True)
 class _Form:
-    """A law: parameters with units and start, its values (n,) and their slopes (n, k)."""
+    """A law: its values (n,) and their slopes (n, k) by its parameters.
+
+    names, units and start of the parameters; steps (k,): a change of each that would matter, by
+    which `covariance` tells what the data do not see.
+    """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     start: Array
+    steps: Array
     predict: Callable[[Array], Array]
     slopes: Callable[[Array], Array]
     notes: tuple[str, ...]
@@ -186,6 +206,7 @@ def _form(law: Law, key: str, control: str, x: Array, y: Array, sd: Array) -> _F
             ("value", "slope"),
             (unit, f"{unit or '1'}/{per}"),
             _linear(columns, y, sd),
+            float(np.max(np.abs(y))) * np.array([1, 1 / float(np.ptp(x))]),
             lambda p: np.asarray(columns @ p),
             lambda p: columns,
             (f"value is that at {control.replace('_', ' ')} = {middle:.6g} {per}",),
@@ -208,7 +229,8 @@ def _form(law: Law, key: str, control: str, x: Array, y: Array, sd: Array) -> _F
         return np.column_stack([factor, -p[0] * inverse * factor])
 
     start = np.array([np.exp(logged[0]), logged[1] / scale])
-    return _Form(("prefactor", "activation_energy"), (unit, "J"), start, predict, slopes, ())
+    steps = np.array([start[0], 1 / scale])
+    return _Form(("prefactor", "activation_energy"), (unit, "J"), start, steps, predict, slopes, ())
 
 
 def _power(unit: str, ratio: Array, y: Array, sd: Array, notes: tuple[str, ...]) -> _Form:
@@ -223,7 +245,8 @@ def _power(unit: str, ratio: Array, y: Array, sd: Array, notes: tuple[str, ...])
         return np.column_stack([factor, p[0] * ratio * factor])
 
     start = np.array([np.exp(logged[0]), logged[1]])
-    return _Form(("value", "exponent"), (unit, ""), start, predict, slopes, notes)
+    steps = np.array([start[0], 1.0])
+    return _Form(("value", "exponent"), (unit, ""), start, steps, predict, slopes, notes)
 
 
 def _linear(columns: Array, y: Array, sd: Array) -> NDArray[np.float64]:

@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
+from femnl.fits.spectrum.numbered import numbered_mode
 from femnl.fits.spectrum.round_labels import is_round, round_modes
 from femnl.observe.film import SimulatedFilm
 
 PLAIN = re.compile(r"\(?(\d+),(\d+)\)?")
-NUMBERED = re.compile(r"\(?mode (\d+)\)?")
-"""How an overview calls a mode of the film that has no name of its own, by its place from 1."""
 PAIR = re.compile(r"\(?(\d+),(\d+)\)?([+\-−])\(?(\d+),(\d+)\)?")
 
 
@@ -63,9 +62,9 @@ def _parts(name: str, film: SimulatedFilm) -> dict[int, float]:
     """Return the modes in a label with their weights, whose squares add up to 1."""
     if PLAIN.fullmatch(name):
         return _single(name, film)
-    numbered = NUMBERED.fullmatch(name)
-    if numbered:
-        return {_numbered(int(numbered[1]), name, film): 1.0}
+    numbered = numbered_mode(name, film)
+    if numbered is not None:
+        return {numbered: 1.0}
     pair = PAIR.fullmatch(name)
     if pair is None:
         raise MeasurementError(
@@ -100,15 +99,6 @@ def _single(name: str, film: SimulatedFilm) -> dict[int, float]:
         film.modes.label.index(hybrid): _sign((m, n), hybrid, film) * float(np.sqrt(0.5))
         for hybrid in hybrids
     }
-
-
-def _numbered(number: int, name: str, film: SimulatedFilm) -> int:
-    if not 1 <= number <= len(film.modes.label):
-        raise MeasurementError(
-            f"spectrum/label: {name!r} is none of the first {len(film.modes.label)} modes of "
-            f"{film.model.name}; correct it"
-        )
-    return number - 1
 
 
 def _index(mode: str, name: str, film: SimulatedFilm) -> int:

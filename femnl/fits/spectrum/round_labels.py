@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from femnl.core.device import Outline
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
+from femnl.fits.spectrum.numbered import numbered_mode
 from femnl.observe.film import SimulatedFilm
 
 ORDERS = re.compile(r"\(?(\d+),(\d+)\)?")
@@ -53,7 +54,9 @@ def round_orders(film: SimulatedFilm) -> tuple[Orders | None, ...]:
 
 
 def round_modes(label: tuple[str, ...], film: SimulatedFilm) -> tuple[NDArray[np.int64], Array]:
-    """Return the modes of a round film that labels "m,n" name, and the shape that each one names.
+    """Return the modes of a round film that labels name, and the shape that each one names.
+
+    A label is "m,n", or "mode N" as of an overview, which means the orders m, n of that mode.
 
     The two modes of a pair bear the same label; where it comes once, which of them it means is not
     known, and makes no difference unless a cause splits the pair.
@@ -74,7 +77,7 @@ def round_modes(label: tuple[str, ...], film: SimulatedFilm) -> tuple[NDArray[np
                 f"{len(alike)}; correct the labels"
             )
         order.append(left[0])
-        turns = len(alike) > 1 and _count(label, name) == 1
+        turns = len(alike) > 1 and _count(label, name, orders, film) == 1
         target[place, left[0]] = np.cos(UNKNOWN_TURN) if turns else 1.0
         if turns:
             target[place, alike[1]] = np.sin(UNKNOWN_TURN)
@@ -83,8 +86,8 @@ def round_modes(label: tuple[str, ...], film: SimulatedFilm) -> tuple[NDArray[np
 
 def _alike(name: str, orders: Sequence[Orders | None], film: SimulatedFilm) -> list[int]:
     """Return the modes that a label names, two of a pair."""
-    named = _parsed(name)
-    alike = [k for k, own in enumerate(orders) if own == named]
+    named = _parsed(name, orders, film)
+    alike = [k for k, own in enumerate(orders) if named in (k, own)]
     if not alike:
         raise MeasurementError(
             f"spectrum/label: {name!r} is none of the first {len(orders)} modes of "
@@ -94,12 +97,19 @@ def _alike(name: str, orders: Sequence[Orders | None], film: SimulatedFilm) -> l
     return alike
 
 
-def _count(label: tuple[str, ...], name: str) -> int:
+def _count(
+    label: tuple[str, ...], name: str, orders: Sequence[Orders | None], film: SimulatedFilm
+) -> int:
     """Return how often a mode is named."""
-    return sum(_parsed(other) == _parsed(name) for other in label)
+    named = _parsed(name, orders, film)
+    return sum(_parsed(other, orders, film) == named for other in label)
 
 
-def _parsed(name: str) -> Orders:
+def _parsed(name: str, orders: Sequence[Orders | None], film: SimulatedFilm) -> Orders | int:
+    """Return the orders that a label means, or its mode from 0 where that has none."""
+    mode = numbered_mode(name, film)
+    if mode is not None:
+        return orders[mode] or mode
     match = ORDERS.fullmatch(name)
     if match is None:
         raise MeasurementError(

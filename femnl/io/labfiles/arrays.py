@@ -13,17 +13,12 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import LARGEST, Format, Groups, head
+from femnl.io.labfiles.columns import one_table
 from femnl.io.labfiles.spec import Spec
-from femnl.io.labfiles.tables import take_columns, to_dataset, unread
 
 
 def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
-    if len(paths) > 1:
-        raise MeasurementError(f"{paths[1]}: one array at a time; import each into its own file")
-    where = str(paths[0])
-    table = _table(paths[0])
-    dataset, notes = to_dataset(spec, take_columns(spec, table, where), where)
-    return {spec.name: dataset}, [*notes, *unread(spec, table, where)]
+    return one_table(paths, spec, "array", _table)
 
 
 def _table(path: Path) -> dict[str, NDArray[Any]]:

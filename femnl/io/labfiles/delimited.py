@@ -22,6 +22,7 @@ time = { rate = "1 MHz" }.
 import csv
 import warnings
 from collections.abc import Sequence
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -31,8 +32,8 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import LARGEST, Format, Groups
+from femnl.io.labfiles.columns import one_table
 from femnl.io.labfiles.spec import Spec
-from femnl.io.labfiles.tables import take_columns, to_dataset, unread
 
 HEAD = 200
 """Lines of a table that its shape is read from."""
@@ -127,14 +128,7 @@ def _delimiter(path: Path, spec: Spec) -> str:
 
 
 def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
-    if len(paths) > 1:
-        raise MeasurementError(
-            f"{paths[1]}: one text table at a time; import each into a file of its own"
-        )
-    where = str(paths[0])
-    table = read_table(paths[0], spec)
-    dataset, notes = to_dataset(spec, take_columns(spec, table, where), where)
-    return {spec.name: dataset}, [*notes, *unread(spec, table, where)]
+    return one_table(paths, spec, "text table", partial(read_table, spec=spec))
 
 
 FORMAT = Format("text table", lambda path: path.suffix.lower() in _SUFFIXES, _read)

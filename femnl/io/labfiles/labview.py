@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import Format, Groups, head, text_lines
+from femnl.io.labfiles.columns import one_table
 from femnl.io.labfiles.spec import Spec
-from femnl.io.labfiles.tables import take_columns, to_dataset, unread
 
 START = b"LabVIEW Measurement"
 END = "***End_of_Header***"
@@ -23,12 +23,7 @@ SEPARATORS = {"Tab": "\t", "Comma": ",", "Semicolon": ";"}
 
 
 def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
-    if len(paths) > 1:
-        raise MeasurementError(f"{paths[1]}: one .lvm file at a time; import each on its own")
-    where = str(paths[0])
-    table = _table(paths[0])
-    dataset, notes = to_dataset(spec, take_columns(spec, table, where), where)
-    return {spec.name: dataset}, [*notes, *unread(spec, table, where)]
+    return one_table(paths, spec, ".lvm file", _table)
 
 
 def _table(path: Path) -> dict[str, NDArray[Any]]:

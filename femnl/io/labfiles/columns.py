@@ -1,0 +1,33 @@
+"""Lab files that hold one table of columns: what all such formats do once their table is read."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from femnl.core.errors import MeasurementError
+from femnl.io.labfiles.base import Groups
+from femnl.io.labfiles.spec import Spec
+from femnl.io.labfiles.tables import take_columns, to_dataset, unread
+
+Table = Mapping[str, NDArray[Any]]
+
+
+def one_table(
+    paths: Sequence[Path], spec: Spec, what: str, read: Callable[[Path], Table]
+) -> tuple[Groups, list[str]]:
+    """Return the measurement that a file of one table holds, and what was told of it.
+
+    Args: paths: of which there may be one only; spec: says what the columns are; what: the file is
+        called in messages; read: returns the columns of the file by heading or number.
+    Raises: MeasurementError for several files, and for columns that are no measurement.
+    """
+    if len(paths) > 1:
+        raise MeasurementError(
+            f"{paths[1]}: one {what} at a time; import each into a file of its own"
+        )
+    where = str(paths[0])
+    table = read(paths[0])
+    dataset, notes = to_dataset(spec, take_columns(spec, table, where), where)
+    return {spec.name: dataset}, [*notes, *unread(spec, table, where)]
