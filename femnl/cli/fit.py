@@ -178,6 +178,10 @@ def command(
         cache=cache,
     )
     listed = files_of(files)
+    if each_sweep_to is not None and n_modes is not None:
+        raise ParameterError(
+            "--each-sweep fits one mode a sweep, and --modes several; leave one of them out"
+        )
     if each_sweep_to is not None and len(listed) > 1:
         raise ParameterError(
             f"--each-sweep: {len(listed)} files for one series; give one file at a time"

@@ -160,6 +160,10 @@ def test_power_and_arrhenius_laws_are_chosen_by_their_names(
             "response: 121 points for 9 modes; a fit needs 16 a mode",
         ),
         (
+            ["w.nc", "--modes", "2", "--each-sweep", "s.nc"],
+            "--each-sweep fits one mode a sweep, and --modes several; leave one of them out",
+        ),
+        (
             ["one.nc", "--each-sweep", "s.nc"],
             "response: has one sweep, and a series needs two; fit it without --each-sweep",
         ),

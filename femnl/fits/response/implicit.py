@@ -96,7 +96,7 @@ def _whitened(sweeps: Sweeps, layout: Layout, theta: Array) -> tuple[Array, Arra
 def whiten(columns: Complex, across: Complex, along: Complex) -> Array:
     """Undo what the equation does to noise.
 
-    a part along z enters by `along`, a part across it by i · `couples_blocks`.
+    A part along z enters by `along`, a part across it by i · `across`.
 
     columns (…, n, k), turned so that z is real and positive; across and along (…, n). Return (…,
     2n, k) real; at a fold, where the map cannot be inverted, the weight falls to zero.
