@@ -9,6 +9,7 @@ from scipy.special import logsumexp
 
 from femnl.chip.outliers import WIDE, Cleaned
 from femnl.chip.result import Cause, Deviation, Quantity
+from femnl.chip.words import signed_percent
 
 if TYPE_CHECKING:
     from femnl.chip.fit import Entries
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
 MISLABELLED_PRIOR = 0.2
 """Prior probability that a device with an odd frequency is one of another design of the chip: of
 five odd devices, one is mixed up and four are damaged or of another film."""
-CLEAR = 3.0
-"""σ from which on a quality factor tells of a loss."""
 
 
 def name_causes(
@@ -49,7 +48,7 @@ def _strongest(quantity: Quantity) -> dict[str, Deviation]:
 def _shifted(entries: Entries, cleaned: Cleaned, shift: Deviation, loss: Deviation | None) -> Cause:
     """Return why a frequency is odd: another design's, or a device of its own."""
     swapped, probability = _other_design(entries, cleaned, shift.device)
-    part = f"{100 * np.expm1(shift.log_ratio):+.3g} %"
+    part = signed_percent(shift.log_ratio)
     beside = f"; it {_loses(loss)}" if loss is not None else ""
     if probability > 0.5:
         words = (
@@ -58,7 +57,8 @@ def _shifted(entries: Entries, cleaned: Cleaned, shift: Deviation, loss: Deviati
         )
         return Cause(shift.device, "mislabelled", probability * shift.outlier, words)
     name = "damaged" if loss is not None and loss.log_ratio < 0 else "other film or shape"
-    words = f"its frequency is {part} off its chip ({shift.sigma:+.1f}σ){beside}"
+    sigma = f"{shift.sigma:+.1f}σ".replace("-", "−")
+    words = f"its frequency is {part} off its chip ({sigma}){beside}"
     return Cause(shift.device, name, (1 - probability) * shift.outlier, words)
 
 

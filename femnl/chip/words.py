@@ -1,5 +1,7 @@
 """What a fit of a chip says, in rows of words for tables and pages."""
 
+import numpy as np
+
 from femnl.chip.result import ChipFit, Quantity
 from femnl.core.fit import Parameter
 from femnl.core.numbers import engineering, plain, with_error
@@ -52,6 +54,11 @@ def chance(probability: float) -> str:
     return f"{100 * probability:.3g} %"
 
 
+def signed_percent(log_ratio: float) -> str:
+    """Return by how much a value is off its prediction, of the logarithm of their ratio."""
+    return f"{100 * np.expm1(log_ratio):+.3g} %".replace("-", "−")
+
+
 def variation(quantity: Quantity) -> str:
     """Return which form the variation over the chip has, and how probable that is."""
     parts = ", ".join(f"{name} {chance(p)}" for name, p in quantity.fields.items())
@@ -74,7 +81,7 @@ def deviating(quantity: Quantity) -> list[list[str]]:
             d.design,
             show(d.value, quantity.unit),
             show(d.predicted, quantity.unit),
-            f"{100 * d.log_ratio:+.3g} %".replace("-", "−"),
+            signed_percent(d.log_ratio),
             f"{d.sigma:+.1f}".replace("-", "−"),
             f"{d.outlier:.2f}" if d.outlier else "",
         ]

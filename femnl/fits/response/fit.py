@@ -269,4 +269,7 @@ def _layout(sweeps: Sweeps, use: Use, damping: bool) -> Layout:
 
 def _fold_notes(best: Candidate) -> list[str]:
     past = best.misfit.past_fold(best.theta)
-    return [f"{past} points lie on a branch just past the fold where it ends"] if past else []
+    if not past:
+        return []
+    points = "1 point lies" if past == 1 else f"{past} points lie"
+    return [f"{points} on a branch just past the fold where it ends"]
