@@ -277,9 +277,10 @@ def _measure_next(
     known = numbers.get(CAUSES[0], (0.0, EDGE_SD))[1]
     best = int(np.argmax(np.abs(per_metre - own)))
     shift = abs(per_metre[best] - own) * known
+    times = f"{shift / spread:.0f}" if shift >= 10 * spread else f"{shift / spread:.2g}"
     return (
         f"a square of {SIDES[best] * 1e6:.0f} µm on this chip: edges that move inwards by another "
         f"{known * 1e9:.2g} nm, which these data leave open, would shift it by "
-        f"{100 * shift:.2g} % against the present devices, {shift / spread:.2g} times the spread "
-        "from device to device"
+        f"{100 * shift:.2g} % against the present devices, {times} times the spread from device to "
+        "device"
     )
