@@ -29,6 +29,8 @@ NEXT = 8
 """Unmeasured modes that are offered as the next measurement."""
 CLOSE = 0.01
 """Relative distance in frequency up to which two modes may exchange labels."""
+ReadOff = Callable[[NDArray[np.int64], NDArray[np.int64]], Lines]
+"""What is read off for measured modes of the changed modes that they go to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,17 +165,15 @@ class SpectrumModel(MeasurementModel):
         frequency, content, plain, layer = self._solved(effects, base, values)
         film = self._bare(base["speed"], base["bending_length"])[2].film
 
-        rated = len(self._rated) > 0
-        own_loss = base["intrinsic_loss"] * self._share(layer) if rated else np.empty(0)
+        own_loss = base["intrinsic_loss"] * self._share(layer) if len(self._rated) else None
 
-        def read_off(chosen: NDArray[np.int64]) -> Lines:
+        def read_off(measured: NDArray[np.int64], changed: NDArray[np.int64]) -> Lines:
             # Without labels no vectors are solved for, and the film's own modes stand for them.
-            own = np.eye(len(plain))[:, self.order]
-            parts = content[:, chosen] ** 2 if self.label else own
+            parts = content[:, changed] ** 2 if self.label else self._unmixed[:, measured]
             lines = Lines(
-                frequency[chosen],
-                self.time,
-                own_loss @ parts if rated else own_loss,
+                frequency[changed],
+                self.time[measured] if len(self.time) else self.time,
+                np.empty(0) if own_loss is None else own_loss @ parts,
                 self._participation @ parts,
                 film,
                 self.film.gap,
@@ -181,19 +181,23 @@ class SpectrumModel(MeasurementModel):
             )
             return apply("frequencies", lines, effects, values)
 
-        def misfit(chosen: NDArray[np.int64]) -> Array:
-            return np.asarray((self.frequency - read_off(chosen).frequency) / self.sd)
-
-        chosen = self._labelled(frequency, (self.target @ content) ** 2, plain, misfit)
-        lines = read_off(chosen)
-        quality = self.quality_factor[self._rated] - 1 / lines.loss[self._rated]
+        if self.label:
+            found, loss = self._by_label((self.target @ content) ** 2, plain, read_off)
+        else:
+            found, loss = self._by_rank(frequency, read_off)
+        quality = self.quality_factor[self._rated] - 1 / loss[self._rated]
         return np.concatenate(
             [
-                (self.frequency - lines.frequency) / self.sd,
+                (self.frequency - found) / self.sd,
                 [(base["bending_length"] / self.film.bending_length - 1) / self.bending_sd],
                 quality / self.quality_factor_sd[self._rated],
             ]
         )
+
+    @cached_property
+    def _unmixed(self) -> Array:
+        """Share of each base mode in the base mode that each measured one goes by, (n_modes, n)."""
+        return np.eye(self.film.count)[:, self.order]
 
     @cached_property
     def _share(self) -> Callable[[float], Array]:
@@ -256,32 +260,54 @@ class SpectrumModel(MeasurementModel):
             for name, k in zip(names, missing, strict=True)
         }
 
-    def _labelled(
-        self,
-        frequency: Array,
-        share: Array,
-        plain: Array,
-        misfit: Callable[[NDArray[np.int64]], Array],
-    ) -> NDArray[np.int64]:
-        """Return the changed mode of each measured one: by rank.
+    def _by_rank(self, frequency: Array, read_off: ReadOff) -> tuple[Array, Array]:
+        """Return frequency and loss of each measured mode, which goes to a changed one by rank.
 
-        With labels by its share of that mode, mixed pairs as they fit best.
+        Ranks are those of one moment: two close modes may have been measured in the wrong order by
+        a film that drifts.
+
+        Args: frequency: of every changed mode. read_off: what is read off for measured modes of
+            changed ones.
         """
-        if not self.label:
-            # Ranks are those of one moment: two close modes may have been measured in the wrong
-            # order by a film that drifts.
-            moved = (self.frequency - self.sd * misfit(self.order)) / frequency[self.order]
-            return ranks(self.frequency / moved)
-        _, column = linear_sum_assignment(-share)
-        chosen = np.asarray(column, dtype=np.int64)
-        mixed = np.flatnonzero(share[np.arange(len(share)), chosen] < OWN)
-        for a, b in combinations(mixed, 2):
-            if abs(plain[self.order[a]] / plain[self.order[b]] - 1) < CLOSE:
-                swapped = chosen.copy()
-                swapped[[a, b]] = chosen[[b, a]]
-                if np.sum(misfit(swapped) ** 2) < np.sum(misfit(chosen) ** 2):
-                    chosen = swapped
-        return chosen
+        everyone = np.arange(len(self.sd))
+        moved = read_off(everyone, self.order).frequency / frequency[self.order]
+        lines = read_off(everyone, ranks(self.frequency / moved))
+        return lines.frequency, lines.loss
+
+    def _by_label(self, share: Array, plain: Array, read_off: ReadOff) -> tuple[Array, Array]:
+        """Return frequency and loss of each measured mode, which goes to a changed one by label.
+
+        By the share of what the label names in each changed mode; mixed pairs as they fit best.
+
+        Args: share (n, n_changed). plain: frequency of every base mode. read_off: see `_by_rank`.
+        """
+        _, chosen = linear_sum_assignment(-share)
+        everyone = np.arange(len(chosen))
+        mixed = np.flatnonzero(share[everyone, chosen] < OWN)
+        own = plain[self.order[mixed]]
+        pairs = [
+            (i, j)
+            for i, j in combinations(range(len(mixed)), 2)
+            if abs(own[i] / own[j] - 1) < CLOSE
+        ]
+        if not pairs:
+            lines = read_off(everyone, chosen)
+            return lines.frequency, lines.loss
+        # Every mixed mode with the label of every other, read off at once
+        crossed = np.repeat(mixed, len(mixed))
+        lines = read_off(
+            np.append(everyone, crossed), np.append(chosen, np.tile(chosen[mixed], len(mixed)))
+        )
+        at = len(everyone) + np.arange(len(crossed)).reshape(len(mixed), len(mixed))
+        square = ((self.frequency[mixed, None] - lines.frequency[at]) / self.sd[mixed, None]) ** 2
+        partner = np.arange(len(mixed))
+        for i, j in pairs:
+            as_they_are = square[i, partner[i]] + square[j, partner[j]]
+            if square[i, partner[j]] + square[j, partner[i]] < as_they_are:
+                partner[[i, j]] = partner[[j, i]]
+        place = everyone.copy()
+        place[mixed] = at[np.arange(len(mixed)), partner]
+        return lines.frequency[place], lines.loss[place] if len(lines.loss) else lines.loss
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Frequencies, mode by mode."""
