@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from femnl import load
 from femnl.core.diagnosis import Diagnosis
+from femnl.core.errors import MeasurementError
 from femnl.diagnose import diagnose
 from femnl.diagnose.candidate import criticise
 from femnl.diagnose.search import search
@@ -165,3 +166,26 @@ def test_a_fit_is_led_over_jumps_that_a_thousandth_of_the_peak_moves(tmp_path: P
     ]
     # Steps of three thousandths of the peak and more end at 1.22.
     assert found[0].chi2 / found[0].degrees < 1.1
+
+
+@pytest.mark.parametrize("causes", [(), ("crosstalk",), ("quintic_stiffness",)])
+def test_a_phase_that_rises_with_frequency_is_noticed_and_told(
+    causes: tuple[str, ...], tmp_path: Path
+) -> None:
+    make(Case("response", causes, 20331125), tmp_path / "file.nc")
+    data = measurement.read(tmp_path / "file.nc")["response"].to_dataset()
+    turned = data.assign(imag=-data["imag"])
+    film = SimulatedFilm(load("square-270um"), 12)
+    (falling, rising) = (pose_response(one, film) for one in (data, turned))
+    at_start = ExtendedModel(falling).residuals(falling.start)
+    assert ExtendedModel(rising).residuals(rising.start) == pytest.approx(at_start)
+    assert not any("conjugated" in note for note in falling.notes)
+    assert any("conjugated" in note for note in rising.notes)
+
+
+def test_magnitudes_alone_are_refused_with_what_takes_them(tmp_path: Path) -> None:
+    make(Case("response", (), 1), tmp_path / "file.nc")
+    data = measurement.read(tmp_path / "file.nc")["response"].to_dataset()
+    alone = measurement.magnitudes_alone(data)
+    with pytest.raises(MeasurementError, match=r"magnitudes alone.*femnl fit"):
+        pose_response(alone, SimulatedFilm(load("square-270um"), 12))

@@ -37,6 +37,10 @@ UNFOLDED = 0.7
 """Of the χ² of the richest linear model: what leaves more is no response with a jump."""
 MOSTLY = 0.1
 """Likewise: what leaves less has a jump, and the sign of its phase is right."""
+CONJUGATED = (
+    "the phase rises through the resonance, so the data follow exp(−iωt); they are conjugated, and "
+    "phase and background are those of exp(+iωt)"
+)
 SHARE = 0.3
 """Of the median magnitude: the background from which a fit to magnitudes starts."""
 
@@ -297,6 +301,23 @@ def choose(sweeps: Sweeps, layout: Layout, use: Use, wish: Wish) -> Choice:
 
     Args: layout: of θ, its background yet to be chosen.
     """
+    tried = _begun(sweeps, layout, use, wish)
+    sign = _sign(sweeps, tried)
+    chosen = tried[sign]
+    if use == "complex":
+        chosen.quadratures()
+    else:
+        chosen.partial()
+    return _best(sweeps, list(chosen.found.values()), wish, sign)
+
+
+def sign_of_phase(sweeps: Sweeps, layout: Layout) -> int:
+    """Return +1 for complex data that follow exp(+iωt), −1 for exp(−iωt); see `choose`."""
+    return _sign(sweeps, _begun(sweeps, layout, "complex", Wish()))
+
+
+def _begun(sweeps: Sweeps, layout: Layout, use: Use, wish: Wish) -> dict[int, Fits]:
+    """Return by the sign of the phase, where it is open, the fits that decide on it."""
     signs = [wish.phase_sign] if wish.phase_sign else [1, -1]
     if use == "magnitude" or not sweeps.phases:
         signs = [1]
@@ -312,15 +333,13 @@ def choose(sweeps: Sweeps, layout: Layout, use: Use, wish: Wish) -> Choice:
             fits.fold()
             if fits.met or fits.least < MOSTLY * linear:
                 break
-    sign = signs[0]
-    if len(tried) > 1 and _turns(sweeps, tried):
-        sign = -1
-    chosen = tried[sign]
-    if use == "complex":
-        chosen.quadratures()
-    else:
-        chosen.partial()
-    return _best(sweeps, list(chosen.found.values()), wish, sign)
+    return tried
+
+
+def _sign(sweeps: Sweeps, tried: Mapping[int, Fits]) -> int:
+    """Return the sign of the phase: that of the file, unless the other one leaves much less."""
+    first, *others = tried
+    return -1 if others and _turns(sweeps, tried) else first
 
 
 def _turns(sweeps: Sweeps, tried: Mapping[int, Fits]) -> bool:

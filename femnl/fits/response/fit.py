@@ -16,7 +16,7 @@ from femnl.core.errors import ParameterError
 from femnl.fits.covariance import covariance, strongest_correlation
 from femnl.fits.response.adequacy import Errors, errors_of
 from femnl.fits.response.candidate import Candidate
-from femnl.fits.response.choice import Choice, Wish, choose, turned
+from femnl.fits.response.choice import CONJUGATED, Choice, Wish, choose, turned
 from femnl.fits.response.limits import Bounds
 from femnl.fits.response.misfit import Misfit, usable
 from femnl.fits.response.result import ResponseFit, natural, parameters, vector
@@ -97,7 +97,7 @@ def fit_response(
         bounds or {},
         fixed or {},
     )
-    choice = choose(sweeps, _layout(sweeps, use, nonlinear_damping), use, wish)
+    choice = choose(sweeps, first_layout(sweeps, use, damping=nonlinear_damping), use, wish)
     best = choice.best
     errors = errors_of(best, estimated=sweeps.estimated)
     found, sd, blind = _uncertainty(best, choice, errors)
@@ -233,10 +233,7 @@ def _said(choice: Choice) -> list[str]:
     best = choice.best
     said = [f"model chosen by evidence: {best.variant}"] if len(choice.candidates) > 1 else []
     if choice.phase_sign < 0:
-        said.append(
-            "the phase rises through the resonance, so the data follow exp(−iωt); they are "
-            "conjugated, and phase and background are those of exp(+iωt)"
-        )
+        said.append(CONJUGATED)
     rival = choice.rival(duffing=not best.variant.duffing)
     if rival is not None:
         f0, w, ratio, *_ = rival.misfit.layout.split(rival.theta)
@@ -250,7 +247,7 @@ def _said(choice: Choice) -> list[str]:
     return said
 
 
-def _layout(sweeps: Sweeps, use: Use, damping: bool) -> Layout:
+def first_layout(sweeps: Sweeps, use: Use, *, damping: bool = False) -> Layout:
     """Centre and scale the parameters on the data."""
     centre = float(np.mean(sweeps.frequency))
     gain = not use.startswith("phase")

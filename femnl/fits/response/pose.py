@@ -8,7 +8,8 @@ from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.fit import Fit
 from femnl.core.readout import Array
-from femnl.fits.response.fit import fit_response
+from femnl.fits.response.choice import CONJUGATED, sign_of_phase, turned
+from femnl.fits.response.fit import first_layout, fit_response
 from femnl.mechanics.modes import shape_at
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.response.model import ALPHA_SD, ResponseModel
@@ -27,6 +28,13 @@ def pose(
     Raises: MeasurementError where the file names a mode that the film does not have.
     """
     sweeps = collect(dataset)
+    if not sweeps.phases:
+        raise MeasurementError(
+            "response: it holds magnitudes alone, and a diagnosis needs both quadratures; measure "
+            "them, or use femnl fit, which takes magnitudes"
+        )
+    sign = sign_of_phase(sweeps, first_layout(sweeps, "complex"))
+    sweeps = turned(sweeps, sign)
     # Whether damping grows with amplitude is for the diagnosis to say; here it only makes the
     # start safe.
     fitted = min(
@@ -37,7 +45,7 @@ def pose(
                 background="none",
                 duffing=True,
                 delay=True,
-                phase_sign=1,
+                phase_sign=sign,
                 nonlinear_damping=damped,
             )
             for damped in (False, True)
@@ -89,7 +97,10 @@ def pose(
             **({"time": float(np.ptp(when.time))} if when.recorded else {}),
         },
         notes=_notes(
-            (*sweeps.notes, *when.notes), film.modes.label[mode] or str(mode + 1), alpha, softens
+            (*sweeps.notes, *when.notes, *([CONJUGATED] if sign < 0 else [])),
+            film.modes.label[mode] or str(mode + 1),
+            alpha,
+            softens,
         ),
     )
 
