@@ -61,7 +61,7 @@ def row(name: str, quantity: Quantity, seconds: float) -> str:
     """Return a row of the table."""
     one = quantity.left_out
     forms = " ".join(f"{p:.2f}" for p in quantity.fields.values())
-    odd = ", ".join(sorted({d.device for d in quantity.devices if d.outlier > 0.5})) or "–"
+    odd = ", ".join(sorted({d.device for d in quantity.devices if d.odd})) or "–"
     return (
         f"| {name} | {quantity.name} | {one.count} | {forms} | {100 * one.error:.3g} % | "
         f"{100 * one.plain_error:.3g} % | {one.error / one.plain_error:.2f} | {one.coverage:.2f} | "

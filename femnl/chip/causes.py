@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import logsumexp
 
-from femnl.chip.outliers import WIDE, Cleaned
+from femnl.chip.outliers import Cleaned, log_anywhere
 from femnl.chip.result import Cause, Deviation, Quantity
 from femnl.chip.words import signed_percent
 
@@ -28,8 +29,8 @@ def name_causes(
     shifted = _strongest(frequency)
     for name, shift in shifted.items():
         loss = rated.get(name)
-        odd_loss = loss is not None and loss.outlier > 0.5
-        if shift.outlier > 0.5:
+        odd_loss = loss is not None and loss.odd
+        if shift.odd:
             found.append(_shifted(entries, cleaned, shift, loss if odd_loss else None))
         elif loss is not None and odd_loss:
             found.append(_lossy(loss))
@@ -72,9 +73,7 @@ def _other_design(entries: Entries, cleaned: Cleaned, device: str) -> tuple[str,
     modes = [mode for member, mode in entries.rows if member.name == device]
     design = next(member.design for member, _ in entries.rows if member.name == device)
     model = cleaned.model
-    anywhere = model.predict(values)
-    each = [anywhere.log_density(values.y, wide * model.unit).sum() for wide in WIDE]
-    log_odds = {design: np.log1p(-MISLABELLED_PRIOR) + logsumexp(each) - np.log(len(WIDE))}
+    log_odds = {design: np.log1p(-MISLABELLED_PRIOR) + log_anywhere(model, values)}
     others = sorted({d for d, _ in entries.groups if d != design})
     for other in others:
         groups = [
@@ -83,10 +82,8 @@ def _other_design(entries: Entries, cleaned: Cleaned, device: str) -> tuple[str,
         ]
         if any(group not in model.values.groups for group in groups):
             continue
-        there = model.predict(
-            type(values)(values.y, values.sd, values.device, np.array(groups), values.place)
-        )
-        log_density = there.log_density(values.y).sum()
+        there = replace(values, group=np.array(groups))
+        log_density = model.log_density(there)
         log_odds[other] = np.log(MISLABELLED_PRIOR / len(others)) + log_density
     total = logsumexp([*log_odds.values()])
     best = max(log_odds, key=lambda name: log_odds[name])

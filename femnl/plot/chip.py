@@ -70,7 +70,7 @@ def _map(
         marker="s",
         linewidth=0,
     )
-    odd = np.array([d.outlier > 0.5 for d in devices])
+    odd = np.array([d.odd for d in devices])
     axes.scatter(
         place[odd, 0], place[odd, 1], s=280, facecolors="none", edgecolors=INK, linewidths=1.2
     )
@@ -110,10 +110,10 @@ def _compare(axes: Axes, quantity: Quantity) -> None:
             label=f"design {group[0]}, mode {group[1]}",
         )
     for i, d in enumerate(ordered):
-        if d.outlier > 0.5:
+        if d.odd:
             axes.annotate(d.device, (i, 100 * d.log_ratio), fontsize=6, color=INK)
     axes.axhline(0, color="#999999", linewidth=0.7)
-    inner = [100 * (abs(d.log_ratio) + d.sd) for d in ordered if d.outlier <= 0.5]
+    inner = [100 * (abs(d.log_ratio) + d.sd) for d in ordered if not d.odd]
     axes.set_ylim(*(np.array([-1.4, 1.4]) * max(inner, default=1.0)))
     axes.set_xlabel("device, by design")
     axes.set_ylabel("deviation (%)")

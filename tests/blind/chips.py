@@ -3,7 +3,9 @@
 Every chip has designs, devices on a grid of which a part was made or measured, one to three modes
 of each with a part missing, a variation over the chip (none, a plane, a bowl, a wave that is
 neither), a spread, and what is hidden: nothing, devices that deviate by 5 to 100σ, or two devices
-whose names were exchanged. The rates say how often the fit finds what is hidden.
+whose names were exchanged. σ is what an exact prediction of the device by the ordinary ones would
+be wrong by, `_sigma`: of two devices of a design, no one can say which is the odd one. The rates
+say how often the fit finds what is hidden.
 """
 
 import argparse
@@ -22,6 +24,8 @@ SHAPES = ("none", "plane", "bowl", "wave")
 HIDDEN = ("nothing", "one", "two", "exchanged", "lossy")
 STRENGTH = (5.0, 100.0)
 """σ by which a device or a variation stands out, uniform in the logarithm."""
+ORDINARY = 3
+"""Devices of a design that stay ordinary, so that an odd one of it can be told."""
 
 
 @dataclass(frozen=True)
@@ -62,21 +66,24 @@ def make(seed: int) -> tuple[Chip, Truth]:
     hidden = str(rng.choice(HIDDEN))
     odd: dict[str, float] = {}
     loss = rng.normal(0, 0.4, count)
-    where = rng.choice(count, 2, replace=False)
+    where = _telling(design, rng)
     if hidden in ("one", "two"):
-        for k in where[: 1 if hidden == "one" else 2]:
+        chosen = where[: 1 if hidden == "one" else 2]
+        for k in chosen:
             size = float(np.exp(rng.uniform(*np.log(STRENGTH))))
             # As large as wanted, whatever its own part of the spread is
-            shift[k] = size * spread * rng.choice([-1, 1])
+            sigma = _sigma(int(k), chosen, design, place, field, spread)
+            shift[k] = size * sigma * rng.choice([-1, 1])
             odd[str(k)] = size
     if hidden == "lossy":
         size = float(np.exp(rng.uniform(np.log(5), np.log(12))))
         loss[where[0]] = -0.4 * size
         odd[str(where[0])] = size
     told = [f"d{d}" for d in design]
-    if hidden == "exchanged" and designs > 1:
+    others = where[design[where] != design[where[0]]]
+    if hidden == "exchanged" and len(others):
         first = int(where[0])
-        second = int(rng.choice(np.flatnonzero(design != design[first])))
+        second = int(others[0])
         told[first], told[second] = told[second], told[first]
         odd = {str(first): np.inf, str(second): np.inf}
     modes = int(rng.integers(1, 4))
@@ -95,6 +102,37 @@ def make(seed: int) -> tuple[Chip, Truth]:
         x, y = (float(c) for c in place[k])
         members.append(Member(str(k), told[k], (x, y), frequency, quality))
     return Chip(f"simulated {seed}", tuple(members), {}, ()), Truth(shape, strength, hidden, odd)
+
+
+def _telling(design: np.ndarray[Any, Any], rng: np.random.Generator) -> np.ndarray[Any, Any]:
+    """Return the devices that may be odd, in random order; each design keeps ordinary ones."""
+    order = rng.permutation(len(design))
+    kept = [k for d in np.unique(design) for k in order[design[order] == d][ORDINARY:]]
+    return rng.permutation(np.array(kept, int))
+
+
+def _sigma(
+    device: int,
+    odd: np.ndarray[Any, Any],
+    design: np.ndarray[Any, Any],
+    place: np.ndarray[Any, Any],
+    field: np.ndarray[Any, Any],
+    spread: float,
+) -> float:
+    """Return the standard deviation of ln f of a device, predicted by those that are not odd.
+
+    By least squares of the means of all designs and, where there is a variation, a plane and a
+    bowl; what those miss of the variation counts as spread.
+    """
+    x, y = place.T / np.ptp(place)
+    terms = np.eye(design.max() + 1)[design]
+    if field.any():
+        terms = np.column_stack([terms, x, y, x**2, x * y, y**2])
+    ordinary = np.setdiff1d(np.arange(len(design)), odd)
+    weights, *_ = np.linalg.lstsq(terms[ordinary], field[ordinary], rcond=None)
+    missed = field[ordinary] - terms[ordinary] @ weights
+    own = np.linalg.lstsq(terms[ordinary].T, terms[device], rcond=None)[0]
+    return float(np.sqrt((1 + own @ own) * (spread**2 + np.mean(missed**2))))
 
 
 def _field(shape: str, place: np.ndarray[Any, Any], rng: np.random.Generator) -> Any:
