@@ -222,7 +222,7 @@ CASES: dict[str, tuple[str, Make, str]] = {
     "hdf5 of another make": (
         "a.h5",
         _hdf5(lambda file: file.create_dataset("x", data=[1.0])),
-        "no demodulator record in it",
+        "what its arrays are; start with kind",
     ),
     "hdf5 link": (
         "a.h5",

@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import Format, Groups, Sweep, head, scalar_values, sweeps_to_response
+from femnl.io.labfiles.hdf5 import SIGNATURE
 from femnl.io.labfiles.labone_csv import sweep_of
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import open_hdf5, quantity, trace
 
-_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 Fields = dict[str, NDArray[np.float64]]
 
 
@@ -136,6 +136,16 @@ def _signal(
     return trace((ticks - ticks[0]) / rate, volts, drive_frequency=steps, **scalars), notes
 
 
-FORMAT = Format(
-    "LabOne HDF5", lambda path: head(path, 8) == _SIGNATURE and path.suffix.lower() != ".mat", _read
-)
+def _recognise(path: Path) -> bool:
+    """Whether an HDF5 file has groups named by a number, which hold the chunks."""
+    if head(path, 8) != SIGNATURE or path.suffix.lower() == ".mat":
+        return False
+    try:
+        with open_hdf5(path) as file:
+            return any(name.isdigit() for name in file)
+    except MeasurementError:
+        # Damaged: the reader of all HDF5 files says how
+        return False
+
+
+FORMAT = Format("LabOne HDF5", _recognise, _read)

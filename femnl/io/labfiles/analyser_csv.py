@@ -1,0 +1,187 @@
+"""Traces of spectrum analysers: exports of Keysight's X series and Rohde & Schwarz's FSV and FSW.
+
+Keysight (.csv): lines "key,value", a line DATA, then x and y.
+
+    Trace
+    Swept SA
+    Center Frequency,1.5266179E+06
+    RBW,30
+    X Axis Units,s
+    Y Axis Units,dBm
+    DATA
+    0,-62.1
+
+Rohde & Schwarz (.dat, .csv): lines "key;value;unit", for each trace a line "Trace 1;;" with its
+units behind it and "Values;1001;", then x and y; a comma may be the decimal mark.
+
+    Type;FSW-26;
+    Center Freq;1526617.9;Hz
+    Span;0;Hz
+    RBW;30;Hz
+    Trace 1;;
+    x-Unit;s;
+    y-Unit;dBm;
+    Values;1001;
+    0;-62,1;
+
+A trace over time, in zero span, is a `decay`, tuned to the centre frequency behind the resolution
+bandwidth; one over frequency is a `response` of magnitudes alone. The first trace is read, and of
+detectors that store two values a point the higher one, which is the last column.
+Source: Keysight, "Spectrum Analyzer Mode User's & Programmer's Reference", Trace File Contents;
+Rohde & Schwarz, "FSW User Manual", 1173.9411.02, ASCII File Export Format.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from femnl.core.errors import MeasurementError
+from femnl.io.labfiles.base import Format, Groups, head, sweeps_to_response, text_lines
+from femnl.io.labfiles.levels import is_level, magnitudes
+from femnl.io.labfiles.spec import Spec
+from femnl.io.measurement import decay, quantity, to_si
+
+DATA = "DATA"
+VALUES = "Values"
+KEYS = {
+    "center frequency": "frequency",
+    "center freq": "frequency",
+    "rbw": "bandwidth",
+    "res bw": "bandwidth",
+    "x axis units": "x",
+    "x-unit": "x",
+    "y axis units": "y",
+    "y-unit": "y",
+    "date": "date",
+}
+"""What is read of the head, by its key in small letters."""
+LEAST = 3
+"""Points without which there is nothing to import."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One trace: its head, and its points (n, 2) in the units of the head."""
+
+    head: dict[str, str]
+    points: NDArray[np.float64]
+
+
+def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
+    groups: Groups = {}
+    notes: list[str] = []
+    for path in paths:
+        name = spec.name if len(paths) == 1 else path.stem
+        found, told = _measurement(path, _trace(path), spec)
+        groups[name] = found
+        notes += told
+    return groups, notes
+
+
+def _measurement(path: Path, trace: Trace, spec: Spec) -> tuple[xr.Dataset, list[str]]:
+    over = trace.head.get("x", "")
+    if over.lower() == "s":
+        return _decay(path, trace), []
+    if over.lower() == "hz":
+        return _response(path, trace, spec)
+    raise MeasurementError(
+        f"{path}: its x axis is in {over[:20]!r}; a trace over Hz or s can be imported"
+    )
+
+
+def _decay(path: Path, trace: Trace) -> xr.Dataset:
+    """Return a trace in zero span as a decay."""
+    time, level = trace.points.T
+    attributes: dict[str, float | str | None] = {}
+    for name in ("frequency", "bandwidth"):
+        if name in trace.head:
+            given = trace.head[name]
+            text = given if " " in given else f"{given} Hz"
+            number = quantity(text, "Hz", f"{path}: {name}")[0]
+            attributes[name] = number if number > 0 else None
+    if "date" in trace.head:
+        attributes["date"] = trace.head["date"]
+    unit = trace.head.get("y", "dBm")
+    if unit.startswith("dB"):
+        return decay(time=time, power=level, attributes=attributes)
+    volts = to_si(level, unit, "V", f"{path}: y axis")
+    return decay(time=time, magnitude=volts, attributes=attributes)
+
+
+def _response(path: Path, trace: Trace, spec: Spec) -> tuple[xr.Dataset, list[str]]:
+    """Return a trace over frequency as a response without phases."""
+    frequency, level = trace.points.T
+    unit = trace.head.get("y", "dBm")
+    if unit.startswith("dB") and not is_level(unit):
+        raise MeasurementError(
+            f"{path}: its y axis is in {unit[:20]!r}; export it in dBm, dBV, dBmV, dBµV or V"
+        )
+    volts = magnitudes(level, unit, "trace", f"{path}: y axis")
+    sweep = (frequency, volts.astype(np.complex128))
+    dataset, notes = sweeps_to_response([sweep], {}, spec, str(path))
+    alone = dataset.drop_vars("imag").rename({"real": "magnitude"})
+    return alone, [*notes, f"{path}: magnitudes alone; the phase is not known"]
+
+
+def _trace(path: Path) -> Trace:
+    """Return the first trace of a file. Raises: MeasurementError naming the line that is wrong."""
+    lines = text_lines(path)
+    mark = ";" if _is_rohde(lines) else ","
+    entries: dict[str, str] = {}
+    for at, line in enumerate(lines):
+        key, *cells = (cell.strip() for cell in line.split(mark))
+        if key == DATA or (mark == ";" and key == VALUES):
+            count = int(cells[0]) if cells and cells[0].isdigit() else None
+            return Trace(entries, _points(path, lines[at + 1 :], at + 2, mark, count))
+        known = KEYS.get(key.lower())
+        if known and cells and cells[0]:
+            # A number with its unit, where it has one of its own
+            entries.setdefault(known, " ".join(cells[:2]).strip())
+    raise MeasurementError(
+        f"{path}: no line {VALUES if mark == ';' else DATA} before the points; export it again"
+    )
+
+
+def _points(
+    path: Path, lines: Sequence[str], first: int, mark: str, count: int | None
+) -> NDArray[np.float64]:
+    """Return x and the last y of each line, (n, 2), up to a line that is empty."""
+    rows = []
+    for number, line in enumerate(lines[:count], start=first):
+        if not line.strip():
+            break
+        cells = [cell.strip() for cell in line.split(mark) if cell.strip()]
+        texts = [cell.replace(",", ".") for cell in cells] if mark == ";" else cells
+        try:
+            rows.append((float(texts[0]), float(texts[-1])))
+        except ValueError:
+            raise MeasurementError(
+                f"{path}: line {number}: {line.strip()[:30]!r} is no pair of numbers; correct it"
+            ) from None
+        if len(texts) < 2:
+            raise MeasurementError(f"{path}: line {number}: one number, not two; correct it")
+    if len(rows) < LEAST or (count is not None and len(rows) < count):
+        said = "" if count is None else f" of {count}"
+        raise MeasurementError(
+            f"{path}: line {first}: only {len(rows)}{said} points follow; export it again"
+        )
+    return np.array(rows)
+
+
+def _is_rohde(lines: Sequence[str]) -> bool:
+    return bool(lines) and lines[0].lower().startswith("type;")
+
+
+def _recognise(path: Path) -> bool:
+    start = head(path).decode("utf-8-sig", "replace")
+    lines = [line.strip().lower() for line in start.splitlines()]
+    if _is_rohde(lines):
+        return True
+    return len(lines) > 1 and lines[0].rstrip(",") == "trace" and "sa" in lines[1].split()
+
+
+FORMAT = Format("analyser trace", _recognise, _read, priority=2)
