@@ -44,19 +44,23 @@ _HOMES = {
     "SeriesFringe": "femnl.optics.fringe",
 }
 _MODULES = {"geometry": "femnl.device.geometry", "measurement": "femnl.io.measurement"}
+# Packages that a session reaches by `import femnl` alone, as femnl.plot.mechanics
+_PACKAGES = ("chip", "diagnose", "effects", "fits", "io", "plot", "sweep")
 __all__ = ["__version__", *_HOMES, *_MODULES]
 
 
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
         return import_module(_MODULES[name])
+    if name in _PACKAGES:
+        return import_module(f"femnl.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module 'femnl' has no attribute '{name}'")
     return getattr(import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return [*__all__, *_PACKAGES]
 
 
 # What a notebook shows as a picture, beside its table, and who draws it; like the names above, only

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 import femnl
@@ -15,6 +16,8 @@ from femnl.cli._output import note
 from femnl.core.errors import ParameterError
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from femnl.core.device import Model
     from femnl.optics.harmonics import Fringe
 
@@ -30,6 +33,14 @@ Readout = Annotated[
         "--fringe", help="sine, or multilayer for the reflection of the geometry's stack."
     ),
 ]
+Noise = Annotated[
+    str | None,
+    typer.Option(
+        help='Noise to add to each quadrature, as a standard deviation with its unit: "0.3 mV".',
+        show_default=False,
+    ),
+]
+Seed = Annotated[int, typer.Option(help="Of that noise.", min=0, max=2**63)]
 Points = Annotated[int, typer.Option(help="Points along each axis of the map.", min=3, max=2001)]
 Out = Annotated[
     Path | None,
@@ -50,6 +61,8 @@ def command(
     fringe: Readout = "sine",
     theta: Theta = math.pi / 4,
     points: Points = 101,
+    noise: Noise = None,
+    seed: Seed = 1,
     bending: Bending = None,
     out: Out = None,
     cache: Cache = True,
@@ -80,6 +93,11 @@ def command(
             f'--wavelength "{wavelength}": {length:g} m is no wavelength of light; write e.g. '
             '"632.8 nm"'
         )
+    noise_sd = None
+    if noise is not None:
+        noise_sd, _ = measurement.quantity(noise, "V", f'--noise "{noise}"')
+        if not 0 < noise_sd < math.inf:
+            raise ParameterError(f'--noise "{noise}": expected a positive voltage; write "0.3 mV"')
     amplitude = z * length / (4 * math.pi)
     modes = solve_modes(model, max(10, mode), cache=cache)
     name = f"mode {modes.label[index] or mode}"
@@ -91,8 +109,12 @@ def command(
     result = harmonic_maps(
         modes, index, readout, amplitude, length, harmonics=harmonics, points=points
     )
+    values = result.values
+    if noise_sd is not None:
+        values = values + _noise(values.shape, noise_sd, seed)
+        note(f"added noise of {noise_sd:.4g} V in each quadrature, seed {seed}")
     dataset = measurement.harmonic_map(
-        result.x, result.y, result.harmonic, result.values, wavelength=length
+        result.x, result.y, result.harmonic, values, noise_sd=noise_sd, wavelength=length
     )
     attributes = {
         "title": title,
@@ -106,6 +128,12 @@ def command(
         partial(harmonic_map_figure(dataset, polyline(model.outline), title).savefig, dpi=200),
     )
     note(f"wrote {path} and {picture}")
+
+
+def _noise(shape: tuple[int, ...], sd: float, seed: int) -> NDArray[np.complex128]:
+    """Draw normal noise [V], of the same standard deviation in both quadratures."""
+    rng = np.random.default_rng(seed)
+    return rng.normal(0, sd, shape) + 1j * rng.normal(0, sd, shape)
 
 
 def _fringe(model: Model, kind: str, wavelength: float, theta: float) -> Fringe:

@@ -178,6 +178,10 @@ def test_mesh_tells_what_it_made(capsys: pytest.CaptureFixture[str]) -> None:
             ["maps", "circle", "--z", "2", "--fringe", "x"],
             "femnl: --fringe x: expected sine or multilayer",
         ),
+        (
+            ["maps", "circle", "--z", "2", "--noise", "0 V"],
+            'femnl: --noise "0 V": expected a positive voltage; write "0.3 mV"',
+        ),
         (["mod"], "femnl: No such command 'mod'. Did you mean 'modes'?"),
     ],
 )

@@ -292,6 +292,15 @@ def test_maps_are_drawn_beside_their_fit(fit: Callable[..., dict[str, Any]]) -> 
     assert written("o") == {"m-map-fit.png"}
 
 
+def test_a_fit_of_maps_with_noise_leaves_that_noise(fit: Callable[..., dict[str, Any]]) -> None:
+    words = ["maps", DEVICE, "--z", "3", "--points", "31", "--harmonics", "3", "--out", "m.nc"]
+    assert run([*words, "--noise", "3 mV", "--seed", "7"]) == 0
+    found = fit("m.nc", "--out", "o")["map"]
+    assert found["chi2_reduced"] == pytest.approx(1, abs=0.1)
+    modulation = found["parameters"]["modulation"]
+    assert modulation["value"] == pytest.approx(3, abs=5 * modulation["sd"])
+
+
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
