@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 import femnl
@@ -16,6 +15,7 @@ from femnl.cli._output import note
 from femnl.core.errors import ParameterError
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
 
     from femnl.core.device import Model
@@ -132,7 +132,9 @@ def command(
 
 def _noise(shape: tuple[int, ...], sd: float, seed: int) -> NDArray[np.complex128]:
     """Draw normal noise [V], of the same standard deviation in both quadratures."""
-    rng = np.random.default_rng(seed)
+    from numpy.random import default_rng
+
+    rng = default_rng(seed)
     return rng.normal(0, sd, shape) + 1j * rng.normal(0, sd, shape)
 
 
