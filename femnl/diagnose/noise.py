@@ -56,12 +56,25 @@ def found_noise(
     """
     dropped = np.zeros(len(residuals), dtype=bool)
     dropped[list(known.glitches)] = True
-    factor, correlation = _spread(residuals, layout, dropped, bare)
-    fresh = _glitches(residuals, layout, dropped, factor)
-    glitches = tuple(int(i) for i in np.flatnonzero(dropped | fresh))
-    if np.any(fresh):
-        factor, correlation = _spread(residuals, layout, dropped | fresh, bare)
-    return FoundNoise(glitches, factor, correlation)
+    # In the quieter half of the data few glitches count as noise
+    factor, _ = _spread(residuals, layout, dropped, bare=False)
+    dropped |= _glitches(residuals, layout, dropped, factor)
+    glitches = tuple(int(i) for i in np.flatnonzero(dropped))
+    return FoundNoise(glitches, *_spread(residuals, layout, dropped, bare))
+
+
+def standing_out(residuals: Array, layout: Layout) -> FoundNoise:
+    """Return all that stands out from what is around it, as if it were glitches.
+
+    What recurs under the same conditions too: a few large glitches move a fit, and then much of the
+    data near a resonance seems to recur.
+
+    Args: residuals (n,): in stated σ. layout: their neighbours.
+    """
+    dropped = np.zeros(len(residuals), dtype=bool)
+    factor, _ = _spread(residuals, layout, dropped, bare=False)
+    datum = _outlying(residuals, layout, dropped, factor)
+    return FoundNoise(tuple(int(i) for i in np.flatnonzero(_of(datum, layout))))
 
 
 def _spread(
@@ -224,18 +237,29 @@ def _glitches(
     stands out at the same conditions in several lines is no glitch, nor is what more data share
     than `MOST_GLITCHES`.
     """
-    none = np.zeros(len(residuals), dtype=bool)
+    datum = _outlying(residuals, layout, dropped, factor)
+    found = _of(np.setdiff1d(datum, _recurring(layout, datum)), layout)
+    count = int(np.sum(layout.datum >= 0))
+    few = np.sum(found | dropped) <= MOST_GLITCHES * count
+    return found if few else np.zeros(len(residuals), dtype=bool)
+
+
+def _outlying(
+    residuals: Array, layout: Layout, dropped: NDArray[np.bool_], factor: float
+) -> NDArray[np.int64]:
+    """Return the data that stand out from those around them by more than chance allows."""
     middle, scatter = _around(residuals, layout, dropped)
     known = np.maximum(np.sum(layout.near >= 0, axis=1), 1)
     away = np.abs(residuals - middle) / np.maximum(scatter, factor)
     away /= np.sqrt(1 + MEDIAN_VARIANCE / known)
     away[dropped | (layout.datum < 0)] = 0.0
-    count = int(np.sum(layout.datum >= 0))
     limit = outlier_limit(away[layout.datum >= 0])
-    datum = np.unique(layout.datum[away > limit])
-    recurring = _recurring(layout, datum)
-    found = np.isin(layout.datum, np.setdiff1d(datum, recurring)) & (layout.datum >= 0)
-    return found if np.sum(found | dropped) <= MOST_GLITCHES * count else none
+    return np.unique(layout.datum[away > limit])
+
+
+def _of(datum: NDArray[np.int64], layout: Layout) -> NDArray[np.bool_]:
+    """Return which residuals (n,) are of some data."""
+    return np.isin(layout.datum, datum) & (layout.datum >= 0)
 
 
 def _around(residuals: Array, layout: Layout, dropped: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -1,6 +1,6 @@
 """The noise of each measurement of a file, before causes are sought and after."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -10,16 +10,21 @@ from femnl.core.effect import Effect
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, criticise, scaled
 from femnl.diagnose.joint import JointModel
-from femnl.diagnose.noise import found_noise
+from femnl.diagnose.noise import found_noise, standing_out
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import FitResult, fit
-from femnl.observe.model import ExtendedModel, MeasurementModel
+from femnl.observe.model import ExtendedModel, Layout, MeasurementModel
 from femnl.observe.noisy import FoundNoise, with_noise, without_noise
 
 Noise = Mapping[str, FoundNoise]
 """What was found of each measurement, by its name."""
 LOOKS = 3
 """Times that a base model is fitted without the glitches found so far: a large one may hide others.
+"""
+FALLS_INTO_PLACE = 0.5
+LEAST_MOVED = 3
+"""Part and number of the data that recur, more than which fall into place where glitches alone had
+moved the fit. Of the points at jumps that a model misses, a fit without them moves one of two.
 """
 SAME_FACTOR = 0.02
 """Relative difference of two factors, and difference of two correlations, up to which noise is the
@@ -39,18 +44,24 @@ def first_noise(
     around = bare.layout
     if around is None:
         return FoundNoise()
-    noise = FoundNoise()
-    for _ in range(LOOKS):
+
+    def left(noise: FoundNoise) -> Array:
+        """Return the residuals of all data, of a fit under some noise, in stated σ."""
         seen = with_noise(bare, noise)
         result = fit(ExtendedModel(seen), seen.start, checkpoint=checkpoint)
-        base, values = result.model.split(result.vector)
-        found = found_noise(bare.residuals((), base, values), around, noise)
+        base, _ = result.model.split(result.vector)
+        return bare.residuals((), base, ())
+
+    noise = _glitches_that_move_the_fit(left, around)
+    for _ in range(LOOKS):
+        residuals = left(noise)
+        found = found_noise(residuals, around, noise)
         settled = found.glitches == noise.glitches
         noise = found
         if settled:
             break
     sure = FoundNoise(noise.glitches, 1.0 if noise.correlation else min(noise.factor, 1.0), 0.0)
-    bare_noise = found_noise(bare.residuals((), base, values), around, noise, bare=True)
+    bare_noise = found_noise(residuals, around, noise, bare=True)
     for other in (noise, bare_noise):
         if other == sure:
             continue
@@ -59,6 +70,29 @@ def first_noise(
         if criticise(result, library).p_value >= THRESHOLDS.base_inadequate:
             return other
     return sure
+
+
+def _glitches_that_move_the_fit(left: Callable[[FoundNoise], Array], around: Layout) -> FoundNoise:
+    """Return the glitches that a fit without them shows, where they had moved it; else none.
+
+    A few large ones move a fit, and then much of the data near a resonance stands out in sweep
+    after sweep. Without all that stands out it falls into place, but for the glitches. What a model
+    lacks stays where it was.
+
+    Args: left: residuals of all data, of a fit under some noise.
+    """
+    first = left(FoundNoise())
+    outlying = standing_out(first, around)
+    recurring = set(outlying.glitches) - set(found_noise(first, around, FoundNoise()).glitches)
+    if not recurring:
+        return FoundNoise()
+    freed = left(outlying)
+    still = recurring & set(standing_out(freed, around).glitches)
+    moved = len({int(around.datum[i]) for i in recurring})
+    placed = moved - len({int(around.datum[i]) for i in still})
+    if placed < LEAST_MOVED or placed <= FALLS_INTO_PLACE * moved:
+        return FoundNoise()
+    return found_noise(freed, around, FoundNoise())
 
 
 def last_noise(best: Candidate, noise: Noise) -> Noise:

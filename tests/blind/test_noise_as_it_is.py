@@ -79,3 +79,13 @@ def test_what_a_mode_that_does_not_settle_leaves_at_two_jumps_is_no_glitch(
     found = diagnose(tmp_path / "file.nc", effects=[library()["unsettled_mode"]])
     assert (found.verdict, found.causes) == ("explained", ("unsettled_mode",))
     assert not found.excluded
+
+
+def test_large_glitches_side_by_side_near_a_resonance_are_found(tmp_path: Path) -> None:
+    """Three of twelve lie at neighbouring frequencies of different sweeps, and move the fit."""
+    draw = Draw("response", (), "glitches", "square-270um", 2850179101)
+    truth = make(draw, tmp_path / "file.nc")
+    found = diagnose(tmp_path / "file.nc", effects=[library()["fano_background"]])
+    assert found.verdict == "adequate"
+    clear = [size for size in truth["glitches"] if size > 10]
+    assert len(clear) <= len(found.excluded) <= len(truth["glitches"]) + 2
