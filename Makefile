@@ -29,8 +29,9 @@ slow: $(READY)  ## the slow studies
 blind: $(READY)  ## hide causes in hundreds of files and count what the diagnosis names (hours; goes on where it stopped)
 	$(BIN)/python -m tests.blind.study build/blind
 	$(BIN)/python -m tests.blind.realistic build/realistic
+	$(BIN)/python -m tests.blind.chips build/chips --seed 6
 	$(BIN)/python -m tests.blind.boards validation/blind.json weak=build/blind \
-		realistic=build/realistic
+		realistic=build/realistic chips=build/chips
 
 fuzz: $(READY)  ## fuzz the readers for ten minutes (needs the extra fuzz)
 	$(BIN)/python -m pytest -m slow tests/robust/test_fuzz.py

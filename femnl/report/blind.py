@@ -30,6 +30,12 @@ TITLES = {
         "something unknown, with glitches, correlated noise, a wrong standard deviation, a film "
         "as fabricated, or one that the library is made to lack.",
     ),
+    "chips": (
+        "Chips of many devices",
+        "Chips hide no device, one or two that deviate by 5 to 100σ, one that loses more, or two "
+        "whose names were exchanged, beside a variation over the chip that is none, a plane, a "
+        "bowl, or a wave; a file is a chip.",
+    ),
 }
 """What each study of a scoreboard hides."""
 
