@@ -173,6 +173,13 @@ class MeasurementModel(ABC):
         places = np.array([self.locate(int(residual)) for residual in at])
         return (Quantity(self.kind, unit, at, sizes[at], {"datum": (places, "")}),)
 
+    def deviations(self, residuals: Array) -> Array:
+        """Return residuals (…, n_residuals) as deviations of the data, in the sd of each datum.
+
+        The same, unless a kind frees its residuals from correlated noise.
+        """
+        return residuals
+
     @property
     @abstractmethod
     def blocks(self) -> NDArray[np.int64]:

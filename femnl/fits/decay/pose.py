@@ -1,12 +1,309 @@
-"""Decays and the diagnosis."""
+"""From a decay in a file to its model: what is compared, its noise, and where fits start."""
 
+from dataclasses import dataclass
+
+import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
+from scipy.linalg import cholesky
+from scipy.ndimage import median_filter
 
+from femnl.core.checkpoint import Checkpoint
+from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
+from femnl.fits.decay.likelihood import FAINTEST_FLOOR, correlation_time
+from femnl.fits.decay.readout import Noisy, wander_of
+from femnl.fits.decay.window import Window, listed, window
+from femnl.observe.decay.blocks import (
+    Blocks,
+    Wander,
+    Whitening,
+    filtered,
+    in_blocks,
+    normal_scale,
+    read,
+)
+from femnl.observe.decay.model import DecayModel
+from femnl.observe.decay.record import DB, PowerRecord, power_record
+from femnl.observe.film import SimulatedFilm
+
+Array = NDArray[np.float64]
+MOST_BLOCKS = 180
+"""Blocks that a decay is compared in; its floor has as many as its length asks for."""
+FEWEST_BLOCKS = 16
+"""Blocks that a diagnosis needs."""
+SHORTEST_FLOOR = 48
+"""Points of a floor that show how long the filter remembers."""
+AT_FLOOR = 0.7
+"""ln of the power over the noise up to which what comes after a decay is noise alone."""
+MEMORIES = np.geomspace(0.2, 20, 8)
+"""Memories of a filter that are tried where no floor shows it, in points."""
+STRONG = 20.0
+"""Signal over noise from which on a phase can be followed from point to point."""
+FAINT = -3.0
+"""ln S/N below which a datum counts as noise."""
+SMOOTHED = 5
+"""Blocks of the running median that tells the signal whatever its law."""
+CURVATURE = 0.1
+"""1/A0²: the unit of nonlinear damping, of which forty at most are told, ηA0²/4 = 10."""
+FARTHEST = 50.0
+"""Factor between the rate of the straight part and that of small motion, at most."""
+REACH = 80.0
+"""dB by which level and floor may be beside the data."""
 
 
-def pose(dataset: xr.Dataset, film: object, checkpoint: object = None) -> None:
-    """Refuse: no effect acts on decays yet. Raises: MeasurementError."""
-    raise MeasurementError(
-        "femnl diagnose does not take decays yet; femnl fit finds their quality factor"
+@dataclass(frozen=True, eq=False)
+class _Data:
+    """Points of a decay (n,): time [s] from its begin, ln of the power; blocks of them.
+
+    memories [s] that the filter may have; floor: ln of the noise; averages of each power.
+    """
+
+    time: Array
+    log_power: Array
+    blocks: Blocks
+    of_decay: NDArray[np.bool_]
+    memories: tuple[float, ...]
+    floor: float
+    averages: float
+
+    @property
+    def middle(self) -> Array:
+        """ln of the mean power (n_blocks,)."""
+        top = float(self.log_power.max())
+        return top + np.log(self.blocks.mean(np.exp(self.log_power - top)))
+
+    @property
+    def smooth(self) -> Array:
+        """ln of the power (n_blocks,) that is expected, whatever the law of the signal."""
+        return np.asarray(median_filter(self.middle, SMOOTHED, mode="nearest"))
+
+    @property
+    def log_ratio(self) -> Array:
+        """ln S/N (n_blocks,)."""
+        above = np.maximum(np.expm1(self.smooth - self.floor), np.exp(FAINT))
+        return np.asarray(np.log(above))
+
+
+def pose(
+    dataset: xr.Dataset, film: SimulatedFilm | None = None, checkpoint: Checkpoint | None = None
+) -> DecayModel:
+    """Return the model of a decay, which needs no film.
+
+    Raises: MeasurementError where nothing rings down, or too few points of it are left.
+    """
+    record = power_record(dataset)
+    seen = window(record)
+    data = _data(record, seen)
+    if np.count_nonzero(data.of_decay) < FEWEST_BLOCKS:
+        raise MeasurementError(
+            f"decay: {np.count_nonzero(data.of_decay)} points from the switch-off to the floor; a "
+            f"diagnosis needs at least {FEWEST_BLOCKS}: record faster"
+        )
+    share = 1 / (1 + np.exp(-data.log_ratio))
+    strong = data.of_decay & (data.log_ratio > 0)
+    power = _Fluctuating(
+        data.blocks, data.time, data.middle, share, share, data.averages, strong
     )
+    noise, wander = _noise(power, data.memories)
+    base, start = _base(record, seen, data)
+    scales = _scales(seen, data)
+    phase = _phase(dataset, record, seen, data)
+    if phase is not None:
+        base += phase.base
+        start = np.concatenate([start, phase.start])
+        scales["phase"] = 1.0
+        if record.frequency is not None:
+            # Only the phase tells a drift of the frequency apart from all else
+            scales["time"] = float(data.time[-1])
+    return DecayModel(
+        time=data.time,
+        blocks_of_power=data.blocks,
+        blocks_of_phase=_NONE if phase is None else phase.blocks,
+        log_power=data.middle,
+        phase=np.empty(0) if phase is None else phase.values,
+        of_power=Whitening(cholesky(noise, lower=True)),
+        of_phase=Whitening(np.empty((0, 0))) if phase is None else phase.noise,
+        scale=normal_scale(data.smooth, share, np.diag(noise)),
+        origin=float(record.time[seen.used][0]),
+        frequency=record.frequency or 0.0,
+        base=base,
+        start=start,
+        scales=scales,
+        notes=_notes(record, seen, data, wander),
+        left_out=listed(record, seen.interruptions),
+    )
+
+
+def _data(record: PowerRecord, seen: Window) -> _Data:
+    """Return the points that are compared, in blocks."""
+    used = np.flatnonzero(seen.used)
+    size = -(-int(np.count_nonzero(seen.decay)) // MOST_BLOCKS)
+    number = (used - used[0]) // size
+    # The floor begins a block of its own
+    number = 2 * number + seen.floor[used]
+    time = record.time[used] - record.time[used[0]]
+    blocks = in_blocks(time, number, size * record.interval)
+    log = record.power / DB
+    likelihood = seen.found.likelihood
+    floor = float(seen.found.values[2]) + seen.found.stretch.reference / DB
+    return _Data(
+        time,
+        log[used],
+        blocks,
+        seen.decay[used][blocks.first],
+        _memories(log[seen.floor], floor, record.interval),
+        floor,
+        likelihood.averages,
+    )
+
+
+def _memories(late: Array, floor: float, interval: float) -> tuple[float, ...]:
+    """Return the memories [s] that the filter may have, one where a floor shows it.
+
+    The size of a noise is correlated nearly as its power, ρ², with ρ = e^{−1/memory}.
+    Args: late: ln p (n,) after the decay; floor: ln of the noise; interval: of points [s].
+    """
+    if len(late) < SHORTEST_FLOOR or float(np.log(np.mean(np.exp(late - floor)))) > AT_FLOOR:
+        return tuple(interval * MEMORIES)
+    size = np.exp(0.5 * (late - floor))
+    remembered = correlation_time(size - size.mean())
+    square = (remembered - 1) / (remembered + 1)
+    return (interval * float(max(-2 / np.log(max(square, 1e-9)), MEMORIES[0])),)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fluctuating:
+    """What fluctuates: values (n_blocks,) of blocks of points (n,) at times [s].
+
+    share (n_blocks,): S/(S + N). read_share (n_blocks,): by which noise of the readout counts.
+    averages of the filter's noise. strong (n_blocks,): blocks that tell the noise.
+    """
+
+    blocks: Blocks
+    time: Array
+    values: Array
+    share: Array
+    read_share: Array
+    averages: float
+    strong: NDArray[np.bool_]
+
+
+def _noise(one: _Fluctuating, memories: tuple[float, ...]) -> tuple[Array, Wander]:
+    """Return the covariance (n_blocks, n_blocks), and the noise of the readout in it.
+
+    Of the memories [s] that the filter may have, the one that makes the data likeliest.
+    """
+    part = _part(one.blocks, one.strong)
+    tried = []
+    for memory in memories:
+        behind = filtered(one.blocks, one.time, one.share, memory, one.averages)
+        inside = behind[np.ix_(one.strong, one.strong)]
+        noisy = Noisy(part, one.values[one.strong], inside, one.read_share[one.strong])
+        wander, cost = wander_of(noisy)
+        tried.append((cost, behind, wander))
+    _, behind, wander = min(tried, key=lambda found: found[0])
+    return wander.filtered * behind + read(one.blocks, one.read_share, wander), wander
+
+
+def _part(blocks: Blocks, chosen: NDArray[np.bool_]) -> Blocks:
+    """Return some of the blocks."""
+    return Blocks(blocks.first[chosen], blocks.count[chosen], blocks.time[chosen], blocks.width)
+
+
+def _base(
+    record: PowerRecord, seen: Window, data: _Data
+) -> tuple[tuple[ParameterSpec, ...], Array]:
+    """Return level and floor [dB] and the rate [1/s] with their ranges, and where they start."""
+    found = seen.found
+    rate = float(found.values[1] * found.likelihood.units[1])
+    rate = max(rate, 1e-3 / float(data.time[-1]))
+    late = found.stretch.begin - float(record.time[seen.used][0])
+    level = found.stretch.reference + DB * (float(found.values[0]) + rate * late)
+    low = float(DB * data.log_power.min()) - REACH
+    high = float(DB * data.log_power.max()) + REACH
+    specs = (
+        ParameterSpec("level", "dB", low, high),
+        ParameterSpec("decay_rate", "1/s", rate / FARTHEST, FARTHEST * rate),
+        ParameterSpec("floor", "dB", low, high),
+    )
+    start = np.array([level, rate, DB * data.floor])
+    return specs, np.clip(start, [s.low for s in specs], [s.high for s in specs])
+
+
+def _scales(seen: Window, data: _Data) -> dict[str, float]:
+    """Return the numbers that ranges of parameters count in."""
+    duration = float(data.blocks.time[data.of_decay][-1])
+    rate = float(seen.found.values[1] * seen.found.likelihood.units[1])
+    return {
+        "curvature": CURVATURE,
+        "per_time": 1 / duration,
+        "per_time_square": 1 / duration**2,
+        "rate": max(rate, 1e-3 / duration),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class _Phase:
+    """The phase of a decay: blocks of its first points, means (n,) [rad], noise, parameters."""
+
+    blocks: Blocks
+    values: Array
+    noise: Whitening
+    base: tuple[ParameterSpec, ...]
+    start: Array
+
+
+_NONE = Blocks(np.empty(0, np.intp), np.empty(0), np.empty(0), 1.0)
+
+
+def _phase(
+    dataset: xr.Dataset, record: PowerRecord, seen: Window, data: _Data
+) -> _Phase | None:
+    """Return the phase as long as the signal is strong, None where none was recorded."""
+    if "real" not in dataset or "imag" not in dataset:
+        return None
+    weak = np.flatnonzero((data.log_ratio < np.log(STRONG)) | ~data.of_decay)
+    count = int(weak[0]) if len(weak) else len(data.blocks.time)
+    if count < FEWEST_BLOCKS:
+        return None
+    chosen = np.arange(len(data.blocks.time)) < count
+    blocks = _part(data.blocks, chosen)
+    points = int(blocks.first[-1] + blocks.count[-1])
+    known = np.isfinite(dataset["real"].values) & (np.hypot(dataset["real"], dataset["imag"]) > 0)
+    volts = (dataset["real"].values + 1j * dataset["imag"].values)[np.asarray(known)]
+    angle = np.unwrap(np.angle(volts[seen.used][:points]))
+    values = blocks.mean(angle)
+    # Of the noise behind the filter, half is across the amplitude
+    every = np.ones(count)
+    share = 1 / (1 + np.exp(-data.log_ratio[chosen]))
+    # Across the amplitude there is as much noise as along it, which moves ln p twice as much
+    turning = _Fluctuating(
+        blocks, data.time[:points], values, share, every, 4.0, every.astype(bool)
+    )
+    matrix, _ = _noise(turning, data.memories)
+    slope, begin = np.polyfit(blocks.time, values, 1)
+    highest = 0.5 / record.interval
+    base = (
+        ParameterSpec("phase", "rad", begin - 10 * np.pi, begin + 10 * np.pi),
+        ParameterSpec("detuning", "Hz", -highest, highest),
+    )
+    noise = Whitening(cholesky(matrix, lower=True))
+    return _Phase(blocks, values, noise, base, np.array([begin, slope / (2 * np.pi)]))
+
+
+def _notes(record: PowerRecord, seen: Window, data: _Data, wander: Wander) -> tuple[str, ...]:
+    """Say what is compared, and of which noise."""
+    time = record.time[seen.used]
+    notes = [
+        f"decay: compared from {time[0]:.4g} to {time[-1]:.4g} s, in {len(data.blocks.time)} "
+        "blocks",
+        f"decay: the readout's noise is {DB * wander.white:.2g} dB a point and wanders by "
+        f"{DB * wander.size:.2g} dB within {wander.memory:.2g} s, beside smooth bends",
+    ]
+    if seen.found.values[2] <= FAINTEST_FLOOR + 1e-6:
+        notes.append("decay: the record ends before the decay reaches a floor")
+    if len(seen.interruptions):
+        lost = sum(one.stop - one.first for one in seen.interruptions)
+        notes.append(f"decay: {lost} points are left out where the decay is interrupted")
+    return tuple(notes)
