@@ -1,6 +1,6 @@
 """From a decay in a file to its model: what is compared, its noise, and where fits start."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
-from femnl.fits.decay.likelihood import FAINTEST_FLOOR, correlation_time
+from femnl.fits.decay.likelihood import FAINTEST_FLOOR
 from femnl.fits.decay.readout import Noisy, wander_of
 from femnl.fits.decay.window import Window, listed, window
 from femnl.observe.decay.blocks import (
@@ -33,13 +33,13 @@ MOST_BLOCKS = 180
 FEWEST_BLOCKS = 16
 """Blocks that a diagnosis needs."""
 SHORTEST_FLOOR = 48
-"""Points of a floor that show how long the filter remembers."""
-AT_FLOOR = 0.7
-"""ln of the power over the noise up to which what comes after a decay is noise alone."""
+"""Points of a floor that show how large the noise is."""
 MEMORIES = np.geomspace(0.2, 20, 8)
-"""Memories of a filter that are tried where no floor shows it, in points."""
+"""Memories of a filter that are tried, in points."""
 STRONG = 20.0
 """Signal over noise from which on a phase can be followed from point to point."""
+CLEAR = 1.1
+"""ln S/N from which on a decay tells its noise."""
 FAINT = -3.0
 """ln S/N below which a datum counts as noise."""
 SMOOTHED = 5
@@ -56,14 +56,14 @@ REACH = 80.0
 class _Data:
     """Points of a decay (n,): time [s] from its begin, ln of the power; blocks of them.
 
-    memories [s] that the filter may have; floor: ln of the noise; averages of each power.
+    interval [s]: between points; floor: ln of the noise; averages of each power.
     """
 
     time: Array
     log_power: Array
     blocks: Blocks
     of_decay: NDArray[np.bool_]
-    memories: tuple[float, ...]
+    interval: float
     floor: float
     averages: float
 
@@ -80,9 +80,9 @@ class _Data:
 
     @property
     def log_ratio(self) -> Array:
-        """ln S/N (n_blocks,)."""
+        """ln S/N (n_blocks,); a floor has no signal, however it fluctuates."""
         above = np.maximum(np.expm1(self.smooth - self.floor), np.exp(FAINT))
-        return np.asarray(np.log(above))
+        return np.where(self.of_decay, np.log(above), FAINT)
 
 
 def pose(
@@ -101,11 +101,14 @@ def pose(
             f"diagnosis needs at least {FEWEST_BLOCKS}: record faster"
         )
     share = 1 / (1 + np.exp(-data.log_ratio))
-    strong = data.of_decay & (data.log_ratio > 0)
+    # Between signal and noise, smooth bends are not smooth in ln p
+    strong = (data.log_ratio > CLEAR) | ~data.of_decay
+    scale = normal_scale(data.smooth, share, np.zeros_like(share))
+    values = data.smooth + scale.data(data.middle)
     power = _Fluctuating(
-        data.blocks, data.time, data.middle, share, share, data.averages, strong
+        data.blocks, data.time, values, share, share, data.averages, strong, ~data.of_decay
     )
-    noise, wander = _noise(power, data.memories)
+    noise, wander = _noise(power, record.interval)
     base, start = _base(record, seen, data)
     scales = _scales(seen, data)
     phase = _phase(dataset, record, seen, data)
@@ -124,7 +127,7 @@ def pose(
         phase=np.empty(0) if phase is None else phase.values,
         of_power=Whitening(cholesky(noise, lower=True)),
         of_phase=Whitening(np.empty((0, 0))) if phase is None else phase.noise,
-        scale=normal_scale(data.smooth, share, np.diag(noise)),
+        scale=replace(scale, variance=np.diag(noise)),
         origin=float(record.time[seen.used][0]),
         frequency=record.frequency or 0.0,
         base=base,
@@ -146,30 +149,25 @@ def _data(record: PowerRecord, seen: Window) -> _Data:
     blocks = in_blocks(time, number, size * record.interval)
     log = record.power / DB
     likelihood = seen.found.likelihood
-    floor = float(seen.found.values[2]) + seen.found.stretch.reference / DB
+    floor = _floor(log[seen.floor], float(seen.found.values[2]) + seen.found.stretch.reference / DB)
     return _Data(
         time,
         log[used],
         blocks,
         seen.decay[used][blocks.first],
-        _memories(log[seen.floor], floor, record.interval),
+        record.interval,
         floor,
         likelihood.averages,
     )
 
 
-def _memories(late: Array, floor: float, interval: float) -> tuple[float, ...]:
-    """Return the memories [s] that the filter may have, one where a floor shows it.
-
-    The size of a noise is correlated nearly as its power, ρ², with ρ = e^{−1/memory}.
-    Args: late: ln p (n,) after the decay; floor: ln of the noise; interval: of points [s].
-    """
-    if len(late) < SHORTEST_FLOOR or float(np.log(np.mean(np.exp(late - floor)))) > AT_FLOOR:
-        return tuple(interval * MEMORIES)
-    size = np.exp(0.5 * (late - floor))
-    remembered = correlation_time(size - size.mean())
-    square = (remembered - 1) / (remembered + 1)
-    return (interval * float(max(-2 / np.log(max(square, 1e-9)), MEMORIES[0])),)
+def _floor(late: Array, fitted: float) -> float:
+    """Return ln of the noise: of what comes last (n,), where that is long, else as fitted."""
+    if len(late) < SHORTEST_FLOOR:
+        return fitted
+    last = late[len(late) // 2 :]
+    # The lower of both: a floor may begin with the end of the decay
+    return min(fitted, float(last.max() + np.log(np.mean(np.exp(last - last.max())))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +175,8 @@ class _Fluctuating:
     """What fluctuates: values (n_blocks,) of blocks of points (n,) at times [s].
 
     share (n_blocks,): S/(S + N). read_share (n_blocks,): by which noise of the readout counts.
-    averages of the filter's noise. strong (n_blocks,): blocks that tell the noise.
+    averages of the filter's noise. strong (n_blocks,): blocks that tell the noise; late
+    (n_blocks,): those of the floor.
     """
 
     blocks: Blocks
@@ -187,19 +186,22 @@ class _Fluctuating:
     read_share: Array
     averages: float
     strong: NDArray[np.bool_]
+    late: NDArray[np.bool_]
 
 
-def _noise(one: _Fluctuating, memories: tuple[float, ...]) -> tuple[Array, Wander]:
+def _noise(one: _Fluctuating, interval: float) -> tuple[Array, Wander]:
     """Return the covariance (n_blocks, n_blocks), and the noise of the readout in it.
 
-    Of the memories [s] that the filter may have, the one that makes the data likeliest.
+    Of the memories that the filter may have, the one that makes the data likeliest.
+    Args: interval: between points [s].
     """
     part = _part(one.blocks, one.strong)
     tried = []
-    for memory in memories:
+    told = one.strong
+    for memory in interval * MEMORIES:
         behind = filtered(one.blocks, one.time, one.share, memory, one.averages)
-        inside = behind[np.ix_(one.strong, one.strong)]
-        noisy = Noisy(part, one.values[one.strong], inside, one.read_share[one.strong])
+        inside = behind[np.ix_(told, told)]
+        noisy = Noisy(part, one.values[told], inside, one.read_share[told], one.late[told])
         wander, cost = wander_of(noisy)
         tried.append((cost, behind, wander))
     _, behind, wander = min(tried, key=lambda found: found[0])
@@ -278,10 +280,11 @@ def _phase(
     every = np.ones(count)
     share = 1 / (1 + np.exp(-data.log_ratio[chosen]))
     # Across the amplitude there is as much noise as along it, which moves ln p twice as much
+    all_of_them = every.astype(bool)
     turning = _Fluctuating(
-        blocks, data.time[:points], values, share, every, 4.0, every.astype(bool)
+        blocks, data.time[:points], values, share, every, 4.0, all_of_them, ~all_of_them
     )
-    matrix, _ = _noise(turning, data.memories)
+    matrix, _ = _noise(turning, record.interval)
     slope, begin = np.polyfit(blocks.time, values, 1)
     highest = 0.5 / record.interval
     base = (

@@ -7,15 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.fits.decay.likelihood import STRONGEST_DAMPING
-from femnl.fits.decay.stretch import BEAT_RESOLUTION, Found, choose
+from femnl.fits.decay.readout import beats
+from femnl.fits.decay.stretch import Found, choose, fit_stretch, stretch_of
 from femnl.observe.decay.phases import (
     Segmentation,
     find_decay,
     floor_after,
+    joined,
     logical,
     segment,
-    steeper_after,
-    steeper_before,
 )
 from femnl.observe.decay.record import PowerRecord
 
@@ -23,8 +23,20 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 EDGE = 3
 """Points after a switch-off in which the drive may still be in the filter."""
-LONGER = 2.0
-"""Times that a decay is longer where beats count as scatter, from which on it beats."""
+COARSE = (3.0, 6.0)
+"""Resolutions [dB] at which beats, and deep ones, look like scatter."""
+LONGER = 1.5
+"""Times that a decay must be longer where beats count as scatter."""
+LEAST_BEAT = 0.5
+"""rms [dB] of beats that hide a decay."""
+FLATTER = 0.35
+STEEPER = 1 + STRONGEST_DAMPING
+"""Slopes of a neighbour that still belongs to a decay, in parts of its own: a plateau of the drive
+is flatter, a drive that dies in the filter steeper.
+"""
+LEAST_FALL = 2.0
+SPREADS = 3.0
+"""dB, and scatters, by which a piece must fall to be no floor."""
 FLOOR_PART = 0.5
 """Floor that is compared, in parts of the decay: more of it says nothing of the mode."""
 JUMP = 8.0
@@ -78,6 +90,9 @@ def window(record: PowerRecord) -> Window:
     fine = segment(record.time, record.power)
     chosen, found = choose(record, fine)
     members = _members(record, fine, chosen)
+    if members.pieces is not chosen.pieces:
+        # The law of a part of the beats says nothing of the noise
+        found = fit_stretch(record, members, stretch_of(record, members))
     count = len(record.time)
     pieces = members.pieces
     decay = np.zeros(count, dtype=bool)
@@ -94,24 +109,58 @@ def window(record: PowerRecord) -> Window:
 
 def _members(record: PowerRecord, fine: Segmentation, chosen: Segmentation) -> Segmentation:
     """Return a segmentation whose decay is all that may belong to it, and the floor after it."""
-    coarse = find_decay(record.time, record.power, BEAT_RESOLUTION)
     if chosen.pieces is not fine.pieces:
         return chosen
-    if coarse is not None and _length(coarse) > LONGER * _length(chosen):
-        return coarse
-    before = [
-        k
-        for k in steeper_before(fine)
-        if fine.pieces[k].slope > (1 + STRONGEST_DAMPING) * fine.line.slope
-    ]
-    members = tuple(sorted({*before, *chosen.decay, *steeper_after(fine)}))
+    members = _grown(_grown(chosen.decay, fine, -1), fine, 1)
     floor = floor_after(fine.line, members, fine.pieces)
-    return Segmentation(fine.pieces, fine.line, members, floor, fine.recorded)
+    longer = Segmentation(fine.pieces, fine.line, members, floor, fine.recorded)
+    return beating(record, longer) or longer
 
 
-def _length(found: Segmentation) -> float:
-    """Return the time from the begin of a decay to its end [s]."""
-    return found.pieces[found.decay[-1]].end - found.pieces[found.decay[0]].begin
+def _grown(members: tuple[int, ...], found: Segmentation, step: int) -> tuple[int, ...]:
+    """Return members with the falling pieces that run into them without a jump.
+
+    Interruptions are skipped. Args: step: −1 for those before the decay, +1 for those after it.
+    """
+    pieces = found.pieces
+    grown = list(members)
+    k = grown[0 if step < 0 else -1] + step
+    missed = 0.0
+    while 0 <= k < len(pieces) and missed <= LONGEST * _duration(found, grown):
+        near = pieces[grown[0 if step < 0 else -1]]
+        piece = pieces[k]
+        ratio = piece.slope / near.slope
+        falls = piece.fall > max(LEAST_FALL, SPREADS * piece.spread)
+        if falls and FLATTER < ratio < STEEPER and joined(piece, near, step):
+            grown.insert(0 if step < 0 else len(grown), k)
+            missed = 0.0
+        else:
+            missed += piece.duration
+        k += step
+    return tuple(grown)
+
+
+def _duration(found: Segmentation, members: Sequence[int]) -> float:
+    """Return the time from the begin of the first member to the end of the last [s]."""
+    return found.pieces[members[-1]].end - found.pieces[members[0]].begin
+
+
+def beating(record: PowerRecord, straight: Segmentation) -> Segmentation | None:
+    """Return the segmentation of a record whose decay beats, None where it does not.
+
+    A coarse resolution takes beats for scatter about one line. That the scatter is beats, one
+    period tells, which makes up most of it.
+    """
+    known = _duration(straight, straight.decay)
+    for resolution in COARSE:
+        found = find_decay(record.time, record.power, resolution)
+        if found is None or _duration(found, found.decay) < LONGER * known:
+            continue
+        inside = logical(found, found.decay, len(record.time))
+        time = record.time[inside]
+        if beats(time, record.power[inside], LEAST_BEAT):
+            return found
+    return None
 
 
 def interruptions(power: Array, decay: Mask) -> tuple[Interruption, ...]:

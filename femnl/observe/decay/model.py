@@ -14,8 +14,10 @@ from femnl.observe.decay.blocks import Blocks, Scale, Whitening
 from femnl.observe.decay.record import DB
 from femnl.observe.model import MeasurementModel, Named, Quantity, apply
 
-STRETCHES = 6
-"""Stretches of time that are held out one by one."""
+STRETCHES = 18
+"""Stretches of time that a record is cut into."""
+HELD_OUT = 6
+"""Parts of the record that are held out one by one, of three stretches each."""
 LEVELS = 800
 """Steps of the energy over which a decay is integrated."""
 GONE = 1e-300
@@ -80,7 +82,12 @@ class DecayModel(MeasurementModel):
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Stretches of time with as many blocks each."""
+        """Stretches of time, dealt in turns: what is held out lies between what is not."""
+        return self._stretches % HELD_OUT
+
+    @property
+    def _stretches(self) -> NDArray[np.int64]:
+        """The stretch of time of each residual."""
         found = [
             np.arange(len(blocks.time)) * STRETCHES // max(len(blocks.time), 1)
             for blocks in (self.blocks_of_power, self.blocks_of_phase)
@@ -226,7 +233,7 @@ class DecayModel(MeasurementModel):
 
     def describe(self, residuals: Array) -> str:
         """Say in which stretch the data deviate most, and by how much the power does."""
-        stretch = self.blocks
+        stretch = self._stretches
         rms = [float(np.sqrt(np.mean(residuals[stretch == k] ** 2))) for k in np.unique(stretch)]
         worst = int(np.argmax(rms))
         away = self.deviations(residuals)[: len(self.log_power)] * self.of_power.sd * DB
