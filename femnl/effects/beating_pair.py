@@ -29,12 +29,12 @@ EFFECT = Effect(
         ParameterSpec(
             "splitting",
             "Hz",
-            1.5,
+            2.5,
             40.0,
             strength=False,
             log=True,
             scale="per_time",
-            reason="fewer than 1.5 beats in a decay look like any other bend; more than 40 are too "
+            reason="fewer than 2.5 beats in a decay look like any other bend; more than 40 are too "
             "fast for a few hundred points",
         ),
         ParameterSpec(

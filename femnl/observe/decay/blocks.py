@@ -102,6 +102,16 @@ def read(blocks: Blocks, share: Array, wander: Wander) -> Array:
     return np.asarray(found * np.outer(share, share))
 
 
+def drifting(blocks: Blocks, share: Array, size: float, memory: float) -> Array:
+    """Return the covariance (n_blocks, n_blocks) by a gain that drifts smoothly.
+
+    Args: share (n_blocks,): S/(S + N); size: standard deviation in ln of the power; memory [s]: of
+    a correlation e^{−(t/memory)²/2}.
+    """
+    apart = (blocks.time[:, None] - blocks.time[None, :]) / memory
+    return np.asarray(size**2 * np.exp(-(apart**2) / 2) * np.outer(share, share))
+
+
 @dataclass(frozen=True, eq=False)
 class Whitening:
     """A lower triangular factor (n, n) of a covariance, which turns noise white and back."""
