@@ -11,18 +11,17 @@ from scipy.ndimage import median_filter
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
+from femnl.fits.decay.fluctuation import Fluctuating, fluctuation
 from femnl.fits.decay.likelihood import FAINTEST_FLOOR
-from femnl.fits.decay.readout import Noisy, wander_of
 from femnl.fits.decay.window import Window, listed, window
 from femnl.observe.decay.blocks import (
     Blocks,
     Wander,
     Whitening,
     drifting,
-    filtered,
     in_blocks,
     normal_scale,
-    read,
+    part_of,
 )
 from femnl.observe.decay.model import DecayModel
 from femnl.observe.decay.record import DB, PowerRecord, power_record
@@ -35,8 +34,8 @@ FEWEST_BLOCKS = 16
 """Blocks that a diagnosis needs."""
 SHORTEST_FLOOR = 48
 """Points of a floor that show how large the noise is."""
-MEMORIES = np.geomspace(0.2, 20, 8)
-"""Memories of a filter that are tried, in points."""
+ACROSS = 4.0
+"""Variance of ln p over that of the phase: noise along an amplitude moves ln p twice as much."""
 STRONG = 20.0
 """Signal over noise from which on a phase can be followed from point to point."""
 GAIN = 0.2
@@ -113,15 +112,23 @@ def pose(
     strong = (data.log_ratio > CLEAR) | ~data.of_decay
     scale = normal_scale(data.smooth, share, np.zeros_like(share))
     values = data.smooth + scale.data(data.middle)
-    power = _Fluctuating(
-        data.blocks, data.time, values, share, share, data.averages, strong, ~data.of_decay
+    power = Fluctuating(
+        blocks=data.blocks,
+        time=data.time,
+        interval=data.interval,
+        values=values,
+        share=share,
+        read_share=share,
+        averages=data.averages,
+        strong=strong,
+        late=~data.of_decay,
     )
-    noise, wander = _noise(power, record.interval)
+    noise, wander = fluctuation(power, checkpoint)
     whole = float(data.blocks.time[data.of_decay][-1])
     noise = noise + drifting(data.blocks, share, GAIN / DB, SLOW * whole)
     base, start = _base(record, seen, data)
     scales = _scales(seen, data)
-    phase = _phase(dataset, record, seen, data)
+    phase = _phase(dataset, seen, data, checkpoint)
     if phase is not None:
         base += phase.base
         start = np.concatenate([start, phase.start])
@@ -180,49 +187,6 @@ def _floor(late: Array, fitted: float) -> float:
     return min(fitted, float(last.max() + np.log(np.mean(np.exp(last - last.max())))))
 
 
-@dataclass(frozen=True, eq=False)
-class _Fluctuating:
-    """What fluctuates: values (n_blocks,) of blocks of points (n,) at times [s].
-
-    share (n_blocks,): S/(S + N). read_share (n_blocks,): by which noise of the readout counts.
-    averages of the filter's noise. strong (n_blocks,): blocks that tell the noise; late
-    (n_blocks,): those of the floor.
-    """
-
-    blocks: Blocks
-    time: Array
-    values: Array
-    share: Array
-    read_share: Array
-    averages: float
-    strong: NDArray[np.bool_]
-    late: NDArray[np.bool_]
-
-
-def _noise(one: _Fluctuating, interval: float) -> tuple[Array, Wander]:
-    """Return the covariance (n_blocks, n_blocks), and the noise of the readout in it.
-
-    Of the memories that the filter may have, the one that makes the data likeliest.
-    Args: interval: between points [s].
-    """
-    part = _part(one.blocks, one.strong)
-    tried = []
-    told = one.strong
-    for memory in interval * MEMORIES:
-        behind = filtered(one.blocks, one.time, one.share, memory, one.averages)
-        inside = behind[np.ix_(told, told)]
-        noisy = Noisy(part, one.values[told], inside, one.read_share[told], one.late[told])
-        wander, cost = wander_of(noisy)
-        tried.append((cost, behind, wander))
-    _, behind, wander = min(tried, key=lambda found: found[0])
-    return wander.filtered * behind + read(one.blocks, one.read_share, wander), wander
-
-
-def _part(blocks: Blocks, chosen: NDArray[np.bool_]) -> Blocks:
-    """Return some of the blocks."""
-    return Blocks(blocks.first[chosen], blocks.count[chosen], blocks.time[chosen], blocks.width)
-
-
 def _base(
     record: PowerRecord, seen: Window, data: _Data
 ) -> tuple[tuple[ParameterSpec, ...], Array]:
@@ -270,7 +234,7 @@ _NONE = Blocks(np.empty(0, np.intp), np.empty(0), np.empty(0), 1.0)
 
 
 def _phase(
-    dataset: xr.Dataset, record: PowerRecord, seen: Window, data: _Data
+    dataset: xr.Dataset, seen: Window, data: _Data, checkpoint: Checkpoint | None
 ) -> _Phase | None:
     """Return the phase as long as the signal is strong, None where none was recorded."""
     if "real" not in dataset or "imag" not in dataset:
@@ -280,23 +244,28 @@ def _phase(
     if count < FEWEST_BLOCKS:
         return None
     chosen = np.arange(len(data.blocks.time)) < count
-    blocks = _part(data.blocks, chosen)
+    blocks = part_of(data.blocks, chosen)
     points = int(blocks.first[-1] + blocks.count[-1])
     known = np.isfinite(dataset["real"].values) & (np.hypot(dataset["real"], dataset["imag"]) > 0)
     volts = (dataset["real"].values + 1j * dataset["imag"].values)[np.asarray(known)]
     angle = np.unwrap(np.angle(volts[seen.used][:points]))
     values = blocks.mean(angle)
     # Of the noise behind the filter, half is across the amplitude
-    every = np.ones(count)
     share = 1 / (1 + np.exp(-data.log_ratio[chosen]))
-    # Across the amplitude there is as much noise as along it, which moves ln p twice as much
-    all_of_them = every.astype(bool)
-    turning = _Fluctuating(
-        blocks, data.time[:points], values, share, every, 4.0, all_of_them, ~all_of_them
+    turning = Fluctuating(
+        blocks=blocks,
+        time=data.time[:points],
+        interval=data.interval,
+        values=values,
+        share=share,
+        read_share=np.ones(count),
+        averages=ACROSS,
+        strong=np.ones(count, dtype=bool),
+        late=np.zeros(count, dtype=bool),
     )
-    matrix, _ = _noise(turning, record.interval)
+    matrix, _ = fluctuation(turning, checkpoint)
     slope, begin = np.polyfit(blocks.time, values, 1)
-    highest = 0.5 / record.interval
+    highest = 0.5 / data.interval
     base = (
         ParameterSpec("phase", "rad", begin - 10 * np.pi, begin + 10 * np.pi),
         ParameterSpec("detuning", "Hz", -highest, highest),

@@ -22,6 +22,8 @@ LEAST = 7e-4
 """ln of the power by which an analyser reproduces a reading: 0.003 dB."""
 LARGEST = 1.0
 """ln of the power by which a readout wanders at most."""
+IMPOSSIBLE = 1e9
+"""−ln of the likelihood of a noise that no data can have."""
 OFF = 4.0
 """Factor by which the filter's noise may differ from what the floor of a fit says."""
 FEWEST = 24
@@ -103,7 +105,7 @@ def _cost(data: Noisy, design: Array) -> Callable[[Wander], float]:
         try:
             factor = cho_factor(matrix, lower=True)
         except LinAlgError:
-            return np.inf
+            return IMPOSSIBLE
         solved = cho_solve(factor, np.column_stack([design, data.values]))
         across = design.T @ solved[:, :-1]
         beside = design.T @ solved[:, -1]

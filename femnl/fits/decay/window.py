@@ -22,7 +22,10 @@ from femnl.observe.decay.record import PowerRecord
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 EDGE = 3
-"""Points after a switch-off in which the drive may still be in the filter."""
+EDGE_PART = 0.03
+"""Points, and part of the decay, after a switch-off in which the drive may still be in the filter:
+so long are the corners of one record in five.
+"""
 COARSE = (3.0, 6.0)
 """Resolutions [dB] at which beats, and deep ones, look like scatter."""
 LONGER = 1.5
@@ -97,7 +100,10 @@ def window(record: PowerRecord) -> Window:
     pieces = members.pieces
     decay = np.zeros(count, dtype=bool)
     first = pieces[members.decay[0]].first
-    decay[first + (EDGE if first else 0) : pieces[members.decay[-1]].stop] = True
+    stop = pieces[members.decay[-1]].stop
+    # Where the record begins with the decay, nothing was switched off
+    corner = EDGE + int(EDGE_PART * (stop - first)) if first else 0
+    decay[first + corner : stop] = True
     length = np.count_nonzero(decay)
     floor = logical(members, members.floor, count)
     floor[np.flatnonzero(floor)[int(FLOOR_PART * length) :]] = False

@@ -44,6 +44,11 @@ def in_blocks(time: Array, number: Index, width: float) -> Blocks:
     return Blocks(first, count, np.add.reduceat(time, first) / count, width)
 
 
+def part_of(blocks: Blocks, chosen: NDArray[np.bool_]) -> Blocks:
+    """Return some of the blocks."""
+    return Blocks(blocks.first[chosen], blocks.count[chosen], blocks.time[chosen], blocks.width)
+
+
 @dataclass(frozen=True)
 class Wander:
     """Noise of the readout, in ln of the power, beside that of the filter.
@@ -58,37 +63,47 @@ class Wander:
     memory: float
 
 
-def filtered(blocks: Blocks, time: Array, share: Array, memory: float, averages: float) -> Array:
+@dataclass(frozen=True)
+class Filter:
+    """The filter of an analyser, as its noise shows it.
+
+    Amplitudes behind it are correlated as e^{−|t/memory|^steepness}, memory in s: steepness 1 of a
+    single pole, 2 of a Gaussian filter. averages: independent values that each power is the mean
+    of.
+    """
+
+    memory: float
+    steepness: float
+    averages: float
+
+
+def filtered(blocks: Blocks, time: Array, share: Array, behind: Filter) -> Array:
     """Return the relative covariance (n_blocks, n_blocks) of mean powers by a filter's noise.
 
-    Of p = |a + n|² with S = |a|² and N = ⟨|n|²⟩, n complex normal and correlated as
-    ρ = e^{−|t|/memory}, it is (2SNρ + N²ρ²)/(S + N)².
+    Of p = |a + n|² with S = |a|² and N = ⟨|n|²⟩, n complex normal with a correlation ρ, it is
+    (2SNρ + N²ρ²)/(S + N)².
 
     Args:
         blocks: of points.
         time: of the points (n,) [s].
         share: S/(S + N) (n_blocks,).
-        memory: of the filter [s].
-        averages: independent values that each power is the mean of.
+        behind: the filter.
     """
-    mixed = np.sqrt(2 * share * (1 - share) / averages)
-    alone = (1 - share) / np.sqrt(averages)
-    found = _correlated(blocks, time, memory) * np.outer(mixed, mixed)
-    return found + _correlated(blocks, time, memory / 2) * np.outer(alone, alone)
-
-
-def _correlated(blocks: Blocks, time: Array, memory: float) -> Array:
-    """Return the correlation of block means of noise with e^{−|t|/memory}."""
+    mixed = np.sqrt(2 * share * (1 - share) / behind.averages)
+    alone = (1 - share) / np.sqrt(behind.averages)
     number = np.repeat(np.arange(len(blocks.first)), blocks.count.astype(int))
     size = len(blocks.first)
-    found = np.diag(0.5 * blocks.count)
+    once = np.diag(0.5 * blocks.count)
+    twice = once.copy()
     for lag in range(1, len(time)):
-        rho = np.exp(-(time[lag:] - time[:-lag]) / memory)
+        rho = np.exp(-(((time[lag:] - time[:-lag]) / behind.memory) ** behind.steepness))
         if rho.max() < FORGOTTEN:
             break
         pair = number[:-lag] * size + number[lag:]
-        found += np.bincount(pair, rho, size**2).reshape(size, size)
-    return np.asarray((found + found.T) / np.outer(blocks.count, blocks.count))
+        once += np.bincount(pair, rho, size**2).reshape(size, size)
+        twice += np.bincount(pair, rho**2, size**2).reshape(size, size)
+    found = (once + once.T) * np.outer(mixed, mixed) + (twice + twice.T) * np.outer(alone, alone)
+    return np.asarray(found / np.outer(blocks.count, blocks.count))
 
 
 def read(blocks: Blocks, share: Array, wander: Wander) -> Array:
