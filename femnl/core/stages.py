@@ -280,6 +280,7 @@ class Points:
     gap: float = np.inf
     spot: float = 1.0
 
+
 @dataclass(frozen=True)
 class Dissipation:
     """Stage `dissipation`: how a mode loses energy at each size of its motion.

@@ -76,18 +76,18 @@ class _Data:
 
     @property
     def middle(self) -> Array:
-        """ln of the mean power (n_blocks,)."""
+        """Logarithm of the mean power (n_blocks,)."""
         top = float(self.log_power.max())
         return top + np.log(self.blocks.mean(np.exp(self.log_power - top)))
 
     @property
     def smooth(self) -> Array:
-        """ln of the power (n_blocks,) that is expected, whatever the law of the signal."""
+        """Logarithm of the power (n_blocks,) that is expected, whatever the law of the signal."""
         return np.asarray(median_filter(self.middle, SMOOTHED, mode="nearest"))
 
     @property
     def log_ratio(self) -> Array:
-        """ln S/N (n_blocks,); a floor has no signal, however it fluctuates."""
+        """Logarithm of S/N (n_blocks,); a floor has no signal, however it fluctuates."""
         above = np.maximum(np.expm1(self.smooth - self.floor), np.exp(FAINT))
         return np.where(self.of_decay, np.log(above), FAINT)
 

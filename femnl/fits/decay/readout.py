@@ -12,7 +12,7 @@ from femnl.observe.decay.blocks import Blocks, Wander, read
 
 Array = NDArray[np.float64]
 BENDS = 9
-"""Polynomials that are taken off: a cause bends a decay, and the wander is not to be all of that."""
+"""Polynomials that are taken off: a cause bends a decay, and that is no noise."""
 FEWEST_BEATS = 2.5
 FEW_BENDS = 4
 """Periods from which on beats are told from a bend, and polynomials that are taken for one."""
@@ -30,6 +30,9 @@ FEWEST = 24
 """Blocks above the floor from which on noise is told from bends."""
 MEMORY = 1 / 20
 """Memory that a search starts from, in parts of the duration."""
+THOROUGH = 400
+ROUGH = 40
+"""Steps of a search, and of one that only ranks filters."""
 STEP = 0.7
 """First steps of a search, in the logarithm."""
 LONGEST = 0.5
@@ -52,10 +55,10 @@ class Noisy:
     late: NDArray[np.bool_]
 
 
-def wander_of(data: Noisy) -> tuple[Wander, float]:
+def wander_of(data: Noisy, most: int = THOROUGH) -> tuple[Wander, float]:
     """Return the noise of the readout that makes the data likeliest, and −ln of how likely.
 
-    Whatever bends them.
+    Whatever bends them. most: steps of the search.
 
     By restricted likelihood, which counts what polynomials and beats take up.
     Source: Patterson and Thompson, Biometrika 58, 545 (1971).
@@ -92,7 +95,7 @@ def wander_of(data: Noisy) -> tuple[Wander, float]:
         objective,
         start,
         method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.01, "maxiter": 400},
+        options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.01, "maxiter": most},
     )
     return Wander(*np.exp(np.clip(best.x, low, high))), float(best.fun)
 

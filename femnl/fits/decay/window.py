@@ -10,13 +10,14 @@ from femnl.fits.decay.likelihood import STRONGEST_DAMPING
 from femnl.fits.decay.readout import beats
 from femnl.fits.decay.stretch import Found, choose, fit_stretch, stretch_of
 from femnl.observe.decay.phases import (
+    THRESHOLDS,
     Segmentation,
     find_decay,
     floor_after,
-    joined,
     logical,
     segment,
 )
+from femnl.observe.decay.pieces import Piece
 from femnl.observe.decay.record import PowerRecord
 
 Array = NDArray[np.float64]
@@ -137,13 +138,23 @@ def _grown(members: tuple[int, ...], found: Segmentation, step: int) -> tuple[in
         piece = pieces[k]
         ratio = piece.slope / near.slope
         falls = piece.fall > max(LEAST_FALL, SPREADS * piece.spread)
-        if falls and FLATTER < ratio < STEEPER and joined(piece, near, step):
+        if falls and FLATTER < ratio < STEEPER and _meet(piece, near, step):
             grown.insert(0 if step < 0 else len(grown), k)
             missed = 0.0
         else:
             missed += piece.duration
         k += step
     return tuple(grown)
+
+
+def _meet(piece: Piece, near: Piece, step: int) -> bool:
+    """Whether two pieces meet, over what may lie between them, at the mean of their slopes."""
+    first, second = (piece, near) if step < 0 else (near, piece)
+    expected = 0.5 * (first.slope + second.slope) * (second.begin - first.end)
+    apart = abs(second.high - first.low - expected)
+    # The ends of a line through n points are known to 2/√n of their scatter
+    known = sum(2 * one.spread / np.sqrt(one.count) for one in (first, second))
+    return bool(apart < THRESHOLDS.wander + known)
 
 
 def _duration(found: Segmentation, members: Sequence[int]) -> float:

@@ -53,8 +53,9 @@ def part_of(blocks: Blocks, chosen: NDArray[np.bool_]) -> Blocks:
 class Wander:
     """Noise of the readout, in ln of the power, beside that of the filter.
 
-    filtered: noise of the filter over what S/N says, as a ratio of variances. white: standard deviation of one point. size: that of the part that wanders; memory [s]: the
-    time after which it has forgotten where it was.
+    filtered: noise of the filter over what S/N says, as a ratio of variances. white: standard
+    deviation of one point. size: that of the part that wanders; memory [s]: the time after which it
+    has forgotten where it was.
     """
 
     filtered: float

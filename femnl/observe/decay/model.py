@@ -27,7 +27,7 @@ BELOW = 4.0
 WAVES = range(1, 9)
 """Half periods over the record of the smooth deviations that are tested."""
 WEAKER = 0.25
-"""Energy at the begin of a weaker decay, as a candidate measurement, in parts of the present one."""
+"""Energy at the begin of a weaker decay that may be measured, in parts of the present one."""
 WIDER = 10.0
 """Bandwidth of an analyser that a drift does not leave, in parts of the present one."""
 
@@ -38,6 +38,22 @@ class Prediction:
 
     log_power: Array
     phase: Array
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How a decay is measured.
+
+    begin: ln of the energy at its begin over that of the measurement; bandwidth of the analyser, in
+    parts of that of the measurement; drive: whether the generator is connected.
+    """
+
+    begin: float = 0.0
+    bandwidth: float = 1.0
+    drive: bool = True
+
+
+AS_MEASURED = Setting()
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,28 +149,22 @@ class DecayModel(MeasurementModel):
         effects: Sequence[Effect],
         base: Values,
         values: Sequence[Values],
-        *,
-        begin: float = 0.0,
-        bandwidth: float = 1.0,
-        drive: bool = True,
+        setting: Setting = AS_MEASURED,
     ) -> Prediction:
-        """Return ln p and phase of the blocks.
-
-        Args: begin: ln of the energy at the begin of another decay over that of this one;
-        bandwidth: of another analyser, in parts of this one's; drive: whether the generator is
-        connected.
-        """
+        """Return power and phase of the blocks, as measured or under another setting."""
         slow = base["decay_rate"]
         log_floor = base["floor"] / DB
         log_level = base["level"] / DB
-        lowest = min(float(self.log_power.min()) - log_level, -1.0) + begin - BELOW
-        level = np.linspace(begin, lowest, LEVELS)
+        lowest = min(float(self.log_power.min()) - log_level, -1.0) + setting.begin - BELOW
+        level = np.linspace(setting.begin, lowest, LEVELS)
         idle = Dissipation(level, np.full(LEVELS, slow), slow, np.zeros(LEVELS))
         energy, turned = decayed(apply("dissipation", idle, effects, values), self.time)
         moving = Ringing(self.time, np.exp(energy / 2 + 1j * turned), slow, self.frequency)
         ringing = apply("ringing", moving, effects, values)
         count = len(self.time)
-        plain = Reading(self.time, np.ones(count), np.zeros(count, complex), bandwidth, drive)
+        plain = Reading(
+            self.time, np.ones(count), np.zeros(count, complex), setting.bandwidth, setting.drive
+        )
         reading = apply("reading", plain, effects, values)
         signal = ringing.amplitude * reading.gain + reading.added
         mean = self.blocks_of_power.mean(np.abs(signal) ** 2)
@@ -204,13 +214,13 @@ class DecayModel(MeasurementModel):
     ) -> dict[str, Array]:
         """A weaker decay, a wider filter, and no generator."""
         others = {
-            "the same decay from half the amplitude": {"begin": float(np.log(WEAKER))},
-            "the same decay with ten times the bandwidth": {"bandwidth": WIDER},
-            "the same decay with the generator unplugged at the switch-off": {"drive": False},
+            "the same decay from half the amplitude": Setting(begin=float(np.log(WEAKER))),
+            "the same decay with ten times the bandwidth": Setting(bandwidth=WIDER),
+            "the same decay with the generator unplugged at the switch-off": Setting(drive=False),
         }
         found = {}
-        for phrase, other in others.items():
-            predicted = self.predict(effects, base, values, **other)
+        for phrase, setting in others.items():
+            predicted = self.predict(effects, base, values, setting)
             found[phrase] = self._white(self.scale.expected(predicted.log_power), predicted.phase)
         return found
 

@@ -170,7 +170,7 @@ def _grow(
                 members.append(k)
                 line = longer
                 missed = 0.0
-            elif not on_line and missed == 0 and joined(found[k], found[k - step], step):
+            elif not on_line and missed == 0 and _joined(found[k], found[k - step], step):
                 # An interruption begins with a jump: this is a bend, which ends the straight part.
                 break
             else:
@@ -227,7 +227,7 @@ def _run(found: Segmentation, step: int, *, steeper: bool) -> list[int]:
     while 0 <= k < len(found.pieces):
         piece = found.pieces[k]
         bent = piece.slope < slope if steeper else slope < piece.slope < 0
-        if bent and joined(piece, near, step):
+        if bent and _joined(piece, near, step):
             run.append(k)
             known += piece.duration
             slope = piece.slope
@@ -241,7 +241,7 @@ def _run(found: Segmentation, step: int, *, steeper: bool) -> list[int]:
     return run
 
 
-def joined(piece: Piece, near: Piece, step: int) -> bool:
+def _joined(piece: Piece, near: Piece, step: int) -> bool:
     """Whether two pieces meet, over what may lie between them, at the mean of their slopes."""
     first, second = (piece, near) if step < 0 else (near, piece)
     expected = 0.5 * (first.slope + second.slope) * (second.begin - first.end)

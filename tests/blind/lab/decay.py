@@ -25,6 +25,8 @@ FEED = 3.0
 """Drive that feeds through, in amplitudes of the mode, until the switch-off."""
 DIGIT = 1e-4
 """Step [dB] of what is written."""
+CORNER = 0.05
+"""Part of a decay in which the drive may still be in the filter."""
 SHARP = 0.06
 """ln of the energy within which the damping of an exchange changes."""
 FRINGE = np.linspace(0, 2 * np.pi, 64, endpoint=False)
@@ -50,6 +52,8 @@ class DecayBench:
             self.unit |= {"phase": 1.0, "detuning": 1 / self.whole}
         self.time = self.interval * np.arange(self.points)
         self._factor = self._noise_factor()
+        # What no library has, as `clean` gives it
+        self.unknown = np.zeros(self.points)
 
     def draw(self, rng: np.random.Generator) -> Values:
         """Draw level and floor [dB], rate [1/s], and where the phase begins and turns."""
@@ -67,7 +71,10 @@ class DecayBench:
         return found
 
     def clean(self, variants: list[tuple[Values, dict[str, Values]]]) -> Array:
-        """ln of the mean power, and the phase, freed from the correlation of their noise."""
+        """Ln of the mean power, and the phase, freed from the correlation of their noise.
+
+        Of a record with its drive, what its corner hides counts for nothing.
+        """
         rows = []
         for (base, _), behind in zip(variants, self._filtered(variants), strict=True):
             power = np.abs(behind) ** 2 + 10 ** ((base["floor"] - base["level"]) / 10)
@@ -78,21 +85,23 @@ class DecayBench:
                 solve_triangular(factor, one[: len(factor)], lower=True)
                 for factor, one in zip(self._factor, data, strict=False)
             ]
+            hides = int(CORNER * self.points) if self.before else 0
+            for one in white:
+                one[:hides] = 0.0
             rows.append(np.concatenate(white))
         return np.stack(rows)
+
+    def whitened(self, away: Array) -> Array:
+        """Return a deviation (points,) of ln of the power as `clean` gives data."""
+        return np.asarray(solve_triangular(self._factor[0], away, lower=True))
 
     def measured(
         self, base: Values, hidden: dict[str, Values], rng: Noise
     ) -> dict[str, xr.Dataset]:
         """The power in dB, or both quadratures [V], with noise that went through the filter."""
-        more = getattr(rng, "more", None)
-        if more is not None:
-            rng.more = None  # type: ignore[attr-defined]
-        return {"decay": self._written(base, hidden, rng, more)}
+        return {"decay": self._written(base, hidden, rng)}
 
-    def _written(
-        self, base: Values, hidden: dict[str, Values], rng: Noise, more: Array | None
-    ) -> xr.Dataset:
+    def _written(self, base: Values, hidden: dict[str, Values], rng: Noise) -> xr.Dataset:
         motion = self._seen([(base, hidden)])[0]
         size = len(motion) + self.before * STEPS
         moving = np.zeros(size, complex)
@@ -105,9 +114,7 @@ class DecayBench:
         moving = moving + np.sqrt(power / 2) * self._loud() * (parts[0] + 1j * parts[1])
         seen = self._behind(moving)[::STEPS]
         gain = self._drifting(rng, len(seen))
-        if more is not None:
-            late = self._factor[0] @ more[: self.points]
-            gain[self.before :] += late
+        gain[self.before :] += self._factor[0] @ self.unknown[: self.points]
         seen = seen * np.exp(gain / 2) * 10 ** (base["level"] / 20)
         time = self.interval * np.arange(len(seen))
         told = {"frequency": TONE, "bandwidth": self.width}
@@ -301,7 +308,7 @@ def _exit(rng: np.random.Generator, bench: DecayBench) -> Cause:
 def _point(rng: np.random.Generator, bench: DecayBench) -> Cause:
     phase = float(rng.uniform(0, 0.8))
     # No further than where the fringe turns round
-    most = (1.4 - phase) * bench.whole / (bench.interval * bench.points)
+    most = 1.45 - phase
     turn = 0.2 / bench.whole
     return Cause({"turn": turn, "phase": phase}, ("turn",), most / 0.2)
 
