@@ -7,7 +7,7 @@ import numpy as np
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Dissipation
 
-EDGE = 0.2
+EDGE = 0.06
 """Change of ln energy over which the rate changes: less than most records resolve."""
 
 

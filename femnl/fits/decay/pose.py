@@ -110,7 +110,7 @@ def pose(
     share = 1 / (1 + np.exp(-data.log_ratio))
     # Between signal and noise, smooth bends are not smooth in ln p
     strong = (data.log_ratio > CLEAR) | ~data.of_decay
-    scale = normal_scale(data.smooth, share, np.zeros_like(share))
+    scale = normal_scale(data.smooth, np.exp(data.log_ratio), np.zeros_like(share))
     values = data.smooth + scale.data(data.middle)
     power = Fluctuating(
         blocks=data.blocks,

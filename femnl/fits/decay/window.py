@@ -23,7 +23,7 @@ from femnl.observe.decay.record import PowerRecord
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 EDGE = 3
-EDGE_PART = 0.03
+EDGE_PART = 0.02
 """Points, and part of the decay, after a switch-off in which the drive may still be in the filter:
 so long are the corners of one record in five.
 """

@@ -13,8 +13,8 @@ from scipy.linalg import solve_triangular
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-LEAST_EXPONENT = 1e-9
-"""Exponent that stands for the logarithm."""
+STRAIGHT = 100.0
+"""S/N from which on the scale is more and more the logarithm."""
 FORGOTTEN = 1e-5
 """Correlation below which two points count as independent."""
 
@@ -152,12 +152,13 @@ class Whitening:
 class Scale:
     """A scale on which mean powers of blocks (n,) have normal noise: (q^λ − 1)/λ, q = p/reference.
 
-    Far above the noise λ is 0, and the scale is ln p; for noise alone λ is 1/3, as the cube root of
-    a χ² is nearly normal even for two degrees of freedom.
+    For noise alone λ is 1/3, as the cube root of a χ² is nearly normal even for two degrees of
+    freedom; with signal it comes near 1/2. Far above the noise any scale is normal, and λ goes to
+    0: in ln p a decay is straight, which helps a fit that starts far off.
 
     reference (n,): ln of a power near each; exponent λ (n,); variance (n,) of each power, in parts
     of its square.
-    Source: Wilson and Hilferty, Proc. Natl. Acad. Sci. USA 17, 684 (1931).
+    Source: Sankaran, Biometrika 46, 235 (1959).
     """
 
     reference: Array
@@ -177,6 +178,7 @@ class Scale:
         return np.asarray(np.expm1(self.exponent * away) / self.exponent + bent)
 
 
-def normal_scale(reference: Array, share: Array, variance: Array) -> Scale:
-    """Return the scale of powers near ln references (n,), of which S is a share S/(S + N)."""
-    return Scale(reference, np.maximum((1 - share) / 3, LEAST_EXPONENT), variance)
+def normal_scale(reference: Array, ratio: Array, variance: Array) -> Scale:
+    """Return the scale of powers near ln references (n,), whose S/N is a ratio (n,)."""
+    normal = 1 - 2 / 3 * (1 + ratio) * (1 + 3 * ratio) / (1 + 2 * ratio) ** 2
+    return Scale(reference, normal / (1 + ratio / STRAIGHT), variance)

@@ -18,7 +18,7 @@ STRETCHES = 18
 """Stretches of time that a record is cut into."""
 HELD_OUT = 6
 """Parts of the record that are held out one by one, of three stretches each."""
-LEVELS = 800
+LEVELS = 1200
 """Steps of the energy over which a decay is integrated."""
 GONE = 1e-300
 """Power of a signal that is gone, in parts of that at the begin."""

@@ -298,7 +298,7 @@ def _leak(rng: np.random.Generator, bench: DecayBench) -> Cause:
         "quadrature": 0.01 * float(np.sin(turn)),
         "offset": float(rng.uniform(2, 15)) / bench.whole,
     }
-    return Cause(values, ("in_phase", "quadrature"), 30.0)
+    return Cause(values, ("in_phase", "quadrature"), 10.0)
 
 
 def _exit(rng: np.random.Generator, bench: DecayBench) -> Cause:
