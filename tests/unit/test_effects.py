@@ -59,7 +59,7 @@ VALUES: dict[Stage, object] = {
     "harmonics": Harmonics(np.outer(N, N).astype(complex), np.arange(1, 7), 1.0),
     "dissipation": Dissipation(-N, 0.3 + 0.01 * N, 0.3, 0.1 * N),
     "ringing": Ringing(N - 1, np.exp(-0.1 * N + 0.3j * N), 0.3, 1e6),
-    "reading": Reading(N - 1, 1 + 0.1 * N, 0.01j * N),
+    "reading": Reading(N - 1, 1 + 0.1 * N, np.asarray(0.01j * N, np.complex128)),
     "points": Points(1e6 * N, 1e5 * N, CONTROL, FILM, 3e-6),
 }
 

@@ -68,7 +68,7 @@ def test_nonlinear_damping_has_the_closed_form() -> None:
 def test_an_exchange_of_energy_has_two_rates_and_a_corner_at_its_threshold() -> None:
     found, _ = energy(energy_exchange={"excess": 3.0, "threshold": -2.0})
     corner = 2.0 / (4 * RATE)
-    expected = np.where(TIME < corner, -4 * RATE * TIME, -2.0 - RATE * (TIME - corner))
+    expected = np.where(corner > TIME, -4 * RATE * TIME, -2.0 - RATE * (TIME - corner))
     np.testing.assert_allclose(found, expected, atol=0.03)
 
 

@@ -45,7 +45,10 @@ class DecayBench:
         late = rng.uniform(0.9, 1.5)
         self.interval = late * self.whole / self.points
         self.before = int(rng.choice([0, self.points // 5]))
-        self.phased = bool(set(causes) & set(PHASED)) or rng.uniform() < 0.25
+        by_chance = rng.uniform() < 0.25
+        # To a phase, a mode that leaves the filter shows its drift as well: two causes
+        shown = by_chance and "filter_exit" not in causes
+        self.phased = bool(set(causes) & set(PHASED)) or shown
         self.width = rng.uniform(60, 150) / self.whole  # of the filter [Hz]
         self.unit = {"level": 1.0, "decay_rate": self.rate, "floor": 1.0}
         if self.phased:
