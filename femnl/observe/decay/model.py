@@ -71,6 +71,7 @@ class DecayModel(MeasurementModel):
     """
 
     kind = "decay"
+    estimates_noise = True
 
     time: Array
     blocks_of_power: Blocks
