@@ -279,3 +279,49 @@ class Points:
     film: Film | None = None
     gap: float = np.inf
     spot: float = 1.0
+
+
+@dataclass(frozen=True)
+class Dissipation:
+    """Stage `dissipation`: how a mode loses energy at each size of its motion.
+
+    level (m,): ln of the energy over that at the begin of the decay, falling from 0. rate (m,)
+    [1/s] at which the energy decays there; slow [1/s]: that of small motion without any cause.
+    pull (m,) [Hz]: by how much the frequency differs from that of small motion.
+    """
+
+    level: Array
+    rate: Array
+    slow: float
+    pull: Array
+
+
+@dataclass(frozen=True)
+class Ringing:
+    """Stage `ringing`: all that moves within the bandwidth of an analyser after a switch-off.
+
+    time (n,) [s] from the begin; amplitude (n,), complex, in units of that of the mode at the
+    begin, in a frame that turns at the frequency of small motion; slow [1/s]: the rate at which the
+    mode's energy decays; frequency [Hz] of the mode, 0 where not known.
+    """
+
+    time: Array
+    amplitude: ComplexArray
+    slow: float
+    frequency: float
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Stage `reading`: what readout and analyser make of a motion.
+
+    The signal is gain · amplitude + added, in units of the mode's amplitude at the begin.
+    time (n,) [s] from the begin; gain (n,); added (n,): what passes by the mode; bandwidth of the
+    analyser in parts of that of the measurement; drive: whether the generator is connected.
+    """
+
+    time: Array
+    gain: Array
+    added: ComplexArray
+    bandwidth: float = 1.0
+    drive: bool = True

@@ -92,7 +92,7 @@ def _against(best: Candidate) -> str:
 class _Measurement:
     """One measurement: its name, its model under the stated noise, the noise that was found.
 
-    residuals (n_models, n): of each model, in stated σ.
+    residuals (n_models, n): deviations of each model, in stated σ.
     """
 
     name: str
@@ -112,7 +112,7 @@ def _measurements(model: MeasurementModel, models: Sequence[Named]) -> Iterator[
             seen: Own = (effects, own, values)
             if joint is not None:
                 seen = joint.seen_by(name, effects, own, values)
-            rows.append(bare.residuals(*seen))
+            rows.append(bare.deviations(bare.residuals(*seen)))
         noise = group.noise if isinstance(group, NoisyModel) else FoundNoise()
         yield _Measurement(name, bare, noise, np.stack(rows))
 

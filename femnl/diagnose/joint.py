@@ -103,6 +103,13 @@ class JointModel(MeasurementModel):
         unit = found[0][1]
         return np.concatenate([s if u == unit else np.full_like(s, np.nan) for s, u in found]), unit
 
+    def deviations(self, residuals: Array) -> Array:
+        """Those of each measurement."""
+        ends = np.cumsum([len(base_model.blocks) for base_model in self.groups.values()])
+        parts = np.split(residuals, ends[:-1], axis=-1)
+        rows = zip(self.groups.values(), parts, strict=True)
+        return np.concatenate([group.deviations(part) for group, part in rows], axis=-1)
+
     def locate(self, residual: int) -> str:
         """Name the measurement and its datum."""
         begin = 0

@@ -123,8 +123,10 @@ def remainder(best: Candidate, base: Candidate, forms: Sequence[FreeForm]) -> Re
 
 def _in_units(best: Candidate, base: Candidate) -> str:
     """Return the largest deviation that is left, and the largest of the base model, with units."""
-    sizes, unit = best.result.model.base_model.quantity
+    model = best.result.model.base_model
+    sizes, unit = model.quantity
     left, before = (
-        float(np.nanmax(np.abs(candidate.result.residuals) * sizes)) for candidate in (best, base)
+        float(np.nanmax(np.abs(model.deviations(candidate.result.residuals)) * sizes))
+        for candidate in (best, base)
     )
     return f"{engineering(left, unit)} of {engineering(before, unit)}"

@@ -10,6 +10,7 @@ from femnl.diagnose.discrepancy import Discrepancy, discrepancy, log_evidence
 from femnl.diagnose.freeform import fitted_forms
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import CrossValidation
+from femnl.observe.noisy import without_noise
 
 EVEN = float(np.log(THRESHOLDS.even_odds))
 """Logarithm of the odds up to which a set is no less likely than another."""
@@ -40,13 +41,16 @@ class Weighed:
 
         Each of their causes is worth its parameters. Several causes, or one that fits badly, must
         also outdo a smooth form of unknown cause, and several causes deviations at random: in just
-        the right ratio they imitate what the library lacks.
+        the right ratio they imitate what the library lacks. Where the noise is an estimate from the
+        same data, the base model counts as one of the smaller sets.
         """
         tried = self.found[1:]
+        bare = without_noise(self.base.result.model.base_model)
+        fewer = self.found if bare.estimates_noise else tried
         worth = [
             c
             for c in tried
-            if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in tried)
+            if not any(set(o.names) < set(c.names) and o.weight >= c.weight for o in fewer)
         ]
         likely = [c for c in worth if c.viable]
         if any(len(c.names) > 1 for c in likely):

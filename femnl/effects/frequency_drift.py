@@ -2,8 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from femnl.core.effect import Effect, ParameterSpec, Values
-from femnl.core.stages import Lines, Oscillator, Points
+from femnl.core.stages import Lines, Oscillator, Points, Ringing
 
 
 def drift(lines: Lines, values: Values) -> Lines:
@@ -26,6 +28,12 @@ def drift_points(points: Points, values: Values) -> Points:
     return replace(points, frequency=points.frequency * (1 + values["rate"] * (time - time.min())))
 
 
+def drift_ringing(ringing: Ringing, values: Values) -> Ringing:
+    """Turn the phase of a decay by πf r t²."""
+    angle = np.pi * ringing.frequency * values["rate"] * ringing.time**2
+    return replace(ringing, amplitude=ringing.amplitude * np.exp(1j * angle))
+
+
 EFFECT = Effect(
     name="frequency_drift",
     accuracy=0.1,
@@ -41,7 +49,12 @@ EFFECT = Effect(
             "on silicon, at 9e-5 a kelvin, would have to warm by 80 K in that time",
         ),
     ),
-    changes={"frequencies": drift, "oscillator": drift_mode, "points": drift_points},
+    changes={
+        "frequencies": drift,
+        "oscillator": drift_mode,
+        "points": drift_points,
+        "ringing": drift_ringing,
+    },
     source="first order in time of a drifting film stress",
     limits="a steady drift that is the same part of every frequency; the mode follows it within "
     "its decay time, which moves a sweep by r f₀/(πw), 0.1 Hz for r f₀ = 1 Hz/s and w = 3 Hz. "

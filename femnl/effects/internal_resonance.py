@@ -25,7 +25,7 @@ EFFECT = Effect(
     name="internal_resonance",
     accuracy=0.05,
     accuracy_reason="one partner, of which the first order in the detuning is kept",
-    equation="f₀ → f₀ − g² (A/A_s)^{2(p−1)}/(f_j/p − f + iw/2), p = 2, 3; ⅜αf₀A_s² = linewidth; "
+    equation="f₀ → f₀ − g² (A/A_s)^{2(p−1)} / (f_j/p − f + iw/2), p = 2, 3; ⅜αf₀A_s² = linewidth; "
     "w that of the second mode over p",
     parameters=(
         ParameterSpec(

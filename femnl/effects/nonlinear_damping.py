@@ -2,8 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from femnl.core.effect import Effect, ParameterSpec, Values
-from femnl.core.stages import Equation, Oscillator
+from femnl.core.stages import Dissipation, Equation, Oscillator
 
 
 def damp(mode: Oscillator, values: Values) -> Oscillator:
@@ -14,6 +16,12 @@ def damp(mode: Oscillator, values: Values) -> Oscillator:
 def damp_record(forces: Equation, values: Values) -> Equation:
     """Add η to the damping that grows with displacement."""
     return replace(forces, damping=forces.damping + values["eta"])
+
+
+def damp_decay(mode: Dissipation, values: Values) -> Dissipation:
+    """Add ηA²/4 times the rate of small motion, A in units of that at the begin."""
+    added = mode.slow * values["eta"] / 4 * np.exp(mode.level)
+    return replace(mode, rate=mode.rate + added)
 
 
 EFFECT = Effect(
@@ -32,9 +40,10 @@ EFFECT = Effect(
             "as linear damping would",
         ),
     ),
-    changes={"oscillator": damp, "equation": damp_record},
+    changes={"oscillator": damp, "equation": damp_record, "dissipation": damp_decay},
     source="averaging of ηu²u̇ over a period; seen by Eichler et al., Nat. Nanotechnol. (2011), "
     "doi:10.1038/nnano.2011.71, and Zaitsev et al., arXiv:0911.0833",
-    limits="first order of averaging: ηA² may be large, w ≪ f₀",
+    limits="first order of averaging: ηA² may be large, w ≪ f₀; of a decay, A counts in units of "
+    "its amplitude A0 at the begin",
     sentence="damping grows with amplitude",
 )

@@ -8,6 +8,7 @@ import numpy as np
 from femnl.core.effect import Change, Effect, ParameterSpec, Stage, Values
 from femnl.core.operators import WEIGHTS
 from femnl.core.stages import (
+    Dissipation,
     Equation,
     Fringe,
     Harmonics,
@@ -16,6 +17,8 @@ from femnl.core.stages import (
     Motion,
     Oscillator,
     Points,
+    Reading,
+    Ringing,
     Signal,
 )
 from femnl.io.measurement import CONTROLS
@@ -27,6 +30,10 @@ OTHERS = range(1, 7)
 """Modes that a free shape is made of beside the driven one."""
 POWERS = range(1, 4)
 """Powers of the polynomials that a series or a readout may follow."""
+LATER = range(2, 5)
+"""Powers of time that the gain of a decay and its phase may follow."""
+LEAST_RATE = 0.02
+"""Rate of a decay of free form, in parts of that of small motion, at least."""
 DISPERSIONS = (-1, 1, 2)
 """Powers of frequency of which a dispersion is made."""
 
@@ -162,6 +169,30 @@ def _gain(harmonics: Harmonics, values: Values) -> Harmonics:
     return replace(harmonics, values=harmonics.values * factor[:, None])
 
 
+def _dissipate(mode: Dissipation, values: Values) -> Dissipation:
+    """Add Σ c_n Aⁿ to the rate, in parts of that of small motion, A over that at the begin."""
+    added = sum(values[f"amplitude{n}"] * np.exp(0.5 * n * mode.level) for n in POWERS)
+    return replace(mode, rate=np.maximum(mode.rate + mode.slow * added, LEAST_RATE * mode.slow))
+
+
+def _read(reading: Reading, values: Values) -> Reading:
+    """Multiply the signal by exp Σ c_n tⁿ, t from 0 to 1 over the record."""
+    time = reading.time / reading.time.max()
+    bent = sum(values[f"power{n}"] * time**n for n in LATER)
+    return replace(reading, gain=reading.gain * np.exp(bent))
+
+
+def _swing(ringing: Ringing, values: Values) -> Ringing:
+    """Turn the phase by Σ c_n tⁿ, t from 0 to 1 over the record."""
+    time = ringing.time / ringing.time.max()
+    angle = sum(values[f"power{n}"] * time**n for n in LATER)
+    return replace(ringing, amplitude=ringing.amplitude * np.exp(1j * angle))
+
+
+def _later(half: float) -> tuple[ParameterSpec, ...]:
+    return tuple(ParameterSpec(f"power{n}", "1", -half, half) for n in LATER)
+
+
 def _smooth(names: range | tuple[str, ...], half: float) -> tuple[ParameterSpec, ...]:
     return tuple(ParameterSpec(str(name), "1", -half, half) for name in names)
 
@@ -220,6 +251,34 @@ FORMS = (
         ("ηu²u̇ of any sign", "damping"),
     ),
     FORCES,
+    *_shorter(
+        _form(
+            "a damping that varies with amplitude",
+            "γ → γ(1 + Σ c_n Aⁿ), n = 1, 2, 3",
+            tuple(ParameterSpec(f"amplitude{n}", "1", -30.0, 30.0) for n in POWERS),
+            {"dissipation": _dissipate},
+        ),
+        ("γ → γ(1 + c A)", "amplitude1"),
+        ("γ → γ(1 + c A²)", "amplitude2"),
+    ),
+    *_shorter(
+        _form(
+            "a gain that varies smoothly with time",
+            "V → V exp Σ c_n tⁿ, n = 2, 3, 4",
+            _later(20.0),
+            {"reading": _read},
+        ),
+        ("V → V exp c t²", "power2"),
+    ),
+    *_shorter(
+        _form(
+            "a frequency that varies smoothly with time",
+            "φ → φ + Σ c_n tⁿ, n = 2, 3, 4",
+            _later(1000.0),
+            {"ringing": _swing},
+        ),
+        ("φ → φ + c t²", "power2"),
+    ),
     *_shorter(
         _form(
             "a readout of free form",

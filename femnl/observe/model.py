@@ -114,7 +114,9 @@ class MeasurementModel(ABC):
     so that they are sought from afar as well. jumps: base parameters that move jumps of the data,
     at which a fit may stop short. independent_blocks: groups of base parameters of which each moves
     residuals of its own, given by the mask (n_residuals,) of those, unless an effect
-    `couples_blocks`. tells_noise: whether the data themselves tell their noise. noise_factor: noise
+    `couples_blocks`. tells_noise: whether the data themselves tell their noise. estimates_noise:
+    whether the noise follows from the data alone, so that a misfit which is rare under it does not
+    yet make a cause worth its parameters. noise_factor: noise
     that the model takes over the one stated. left_out: glitches that never became residuals, where
     and by how many σ. ranked: residuals whose data go to predictions by rank.
     """
@@ -127,6 +129,7 @@ class MeasurementModel(ABC):
     needs_global_search: bool = False
     jumps: tuple[str, ...] = ()
     tells_noise: bool = False
+    estimates_noise: bool = False
     noise_factor: float = 1.0
     left_out: tuple[tuple[str, float], ...] = ()
 
@@ -172,6 +175,13 @@ class MeasurementModel(ABC):
         at = np.flatnonzero(np.isfinite(sizes))
         places = np.array([self.locate(int(residual)) for residual in at])
         return (Quantity(self.kind, unit, at, sizes[at], {"datum": (places, "")}),)
+
+    def deviations(self, residuals: Array) -> Array:
+        """Return residuals (…, n_residuals) as deviations of the data, in the sd of each datum.
+
+        The same, unless a kind frees its residuals from correlated noise.
+        """
+        return residuals
 
     @property
     @abstractmethod

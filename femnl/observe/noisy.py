@@ -123,6 +123,12 @@ class NoisyModel(MeasurementModel):
         sizes, unit = self.bare.quantity
         return sizes[self.kept] * self.noise.factor, unit
 
+    def deviations(self, residuals: Array) -> Array:
+        """Those of the bare model; glitches deviate by nothing."""
+        whole = np.zeros((*residuals.shape[:-1], len(self.kept)))
+        whole[..., self.kept] = residuals
+        return self.bare.deviations(whole)[..., self.kept]
+
     def locate(self, residual: int) -> str:
         """Say which datum a residual is of."""
         return self.bare.locate(int(np.flatnonzero(self.kept)[residual]))

@@ -36,6 +36,11 @@ TURNING = ("aspect_ratio", "shear_stress", "stress_anisotropy")
 """Causes that only differ in direction, which a hexagon does not know."""
 UNTOLD = {
     "added_mass": ("x", "y"),
+    "beating_pair": ("in_phase", "quadrature"),
+    "duffing_shift": ("shift",),
+    "energy_exchange": ("threshold",),
+    "feed_through": ("in_phase", "quadrature"),
+    "working_point": ("phase", "turn"),
     "doublet": ("partner", "in_phase", "quadrature"),
     "fano_background": ("real", "imag"),
     "internal_resonance": ("order", "offset"),
@@ -67,6 +72,7 @@ BASE = {
     "series": ("frequency",),
     "trace": ("contrast", "amplitude[0]"),
     "record": ("frequency", "linewidth", "stiffness", "alpha"),
+    "decay": ("decay_rate",),
     "lasers": ("amplitude", "red.x", "red.y", "green.x", "green.y"),
     "device": ("spectrum.speed", "response.frequency", "response.linewidth"),
 }
@@ -207,6 +213,9 @@ def _pulls(case: Case, truth: dict[str, Any], found: Diagnosis) -> dict[str, flo
         }
     turn = np.sign(np.cos(truth["base"].get("phase", truth["base"].get("red.phase", 0.0))))
     pulls = {}
+    if case.kind == "decay":
+        # It counts in the amplitude where the compared part begins
+        known.pop(("nonlinear_damping", "eta"), None)
     for (owner, spec), value in known.items():
         for name, fitted in found.parameters.get(owner, {}).items():
             if name != spec and not (owner != "base" and name.endswith(f".{spec}")):

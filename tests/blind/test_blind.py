@@ -39,6 +39,9 @@ HIDDEN = [
     pytest.param(
         Case("spectrum", ("added_mass",), 3, HEXAGON, (30.0, 60.0)), marks=pytest.mark.slow
     ),
+    Case("decay", ("beating_pair",), 1, SQUARE, (20.0, 60.0)),
+    Case("decay", ("energy_exchange",), 1, SQUARE, (20.0, 60.0)),
+    Case("decay", ("frequency_drift",), 1, SQUARE, (20.0, 60.0)),
     Case("series", ("gas_damping",), 2),
     Case("series", ("thermal_stress",), 2),
     Case("series", ("gas_damping", "thermal_stress"), 2),
@@ -64,6 +67,7 @@ HIDDEN = [
     ),
 ]
 LACKING = [
+    Case("decay", ("energy_exchange",), 1, SQUARE, (100.0, 200.0)),
     Case("spectrum", ("frequency_drift",), 2, SQUARE, (50.0, 100.0)),
     Case("series", ("thermal_stress",), 2),
     # 6 to 9σ, spread over many data: seen by none but the looks at what the drive adds, at forces,
@@ -85,7 +89,10 @@ LACKING = [
 
 @pytest.mark.parametrize(
     ("kind", "geometry"),
-    [*((k, SQUARE) for k in ("spectrum", "response", "map", "series")), ("map", PERFORATED)],
+    [
+        *((k, SQUARE) for k in ("spectrum", "response", "map", "series", "decay")),
+        ("map", PERFORATED),
+    ],
 )
 def test_nothing_is_found_where_nothing_is_hidden(kind: str, geometry: str, tmp_path: Path) -> None:
     case = Case(kind, (), 1, geometry)

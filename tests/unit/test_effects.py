@@ -5,7 +5,17 @@ import pytest
 
 from femnl.core.effect import Effect, Stage
 from femnl.core.kinds import kinds
-from femnl.core.stages import Harmonics, Lines, Oscillator, Placement, Points, Signal
+from femnl.core.stages import (
+    Dissipation,
+    Harmonics,
+    Lines,
+    Oscillator,
+    Placement,
+    Points,
+    Reading,
+    Ringing,
+    Signal,
+)
 from femnl.device.geometry import load
 from femnl.effects import library
 
@@ -47,6 +57,9 @@ VALUES: dict[Stage, object] = {
     ),
     "placement": Placement(1e-5 * N, 2e-5 * N),
     "harmonics": Harmonics(np.outer(N, N).astype(complex), np.arange(1, 7), 1.0),
+    "dissipation": Dissipation(-N, 0.3 + 0.01 * N, 0.3, 0.1 * N),
+    "ringing": Ringing(N - 1, np.exp(-0.1 * N + 0.3j * N), 0.3, 1e6),
+    "reading": Reading(N - 1, 1 + 0.1 * N, np.asarray(0.01j * N, np.complex128)),
     "points": Points(1e6 * N, 1e5 * N, CONTROL, FILM, 3e-6),
 }
 
@@ -97,7 +110,10 @@ def test_an_effect_of_no_strength_changes_nothing_and_one_of_some_strength_does(
     assert any(not np.array_equal(a, b) for a, b in zip(arrays(plain), arrays(active), strict=True))
 
 
-@pytest.mark.parametrize("stage", ["oscillator", "frequencies", "points", "harmonics"])
+@pytest.mark.parametrize(
+    "stage",
+    ["oscillator", "frequencies", "points", "harmonics", "dissipation", "ringing", "reading"],
+)
 def test_effects_that_act_at_one_stage_commute_to_first_order(stage: Stage) -> None:
     acting = [e for e in EFFECTS if stage in e.changes]
     for first in acting:

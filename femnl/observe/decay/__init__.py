@@ -4,8 +4,8 @@ from femnl.core.kinds import Contract, Item, KindSpec
 
 KIND = KindSpec(
     name="decay",
-    stages=("decay",),
-    scales=frozenset(("time",)),
+    stages=("dissipation", "ringing", "reading"),
+    scales=frozenset(("curvature", "per_time", "per_time_square", "phase", "rate", "time")),
     pose="femnl.fits.decay.pose:pose",
     figure="femnl.plot.measurement:decay_figure",
     needs_device=False,

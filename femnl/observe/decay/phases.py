@@ -125,7 +125,7 @@ def find_decay(time: Array, power: Array, resolution: float = RESOLUTION) -> Seg
     if best is None or best[0].evidence < THRESHOLDS.errors:
         return None
     line, members = best
-    return Segmentation(found, line, members, _floor(line, members, found), recorded)
+    return Segmentation(found, line, members, floor_after(line, members, found), recorded)
 
 
 def _fit_line(members: Sequence[int], found: Sequence[Piece], time: Array, power: Array) -> Line:
@@ -182,8 +182,8 @@ def _grow(
     return line, tuple(sorted(members))
 
 
-def _floor(line: Line, members: Sequence[int], found: Sequence[Piece]) -> tuple[int, ...]:
-    """Return the pieces after the decay that neither rise above its end nor fall as fast."""
+def floor_after(line: Line, members: Sequence[int], found: Sequence[Piece]) -> tuple[int, ...]:
+    """Return the pieces after members that neither rise above their end nor fall as fast."""
     top = found[members[-1]].high
     floor = []
     for k in range(members[-1] + 1, len(found)):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from femnl.io import measurement
-from tests.blind.lab import holes, joint, maps, record, response, series, spectrum, trace
+from tests.blind.lab import decay, holes, joint, maps, record, response, series, spectrum, trace
 from tests.blind.lab.bench import Bench, Cause, sized
 from tests.blind.lab.film import device
 
@@ -28,6 +28,7 @@ KINDS: dict[str, Any] = {
     "series": series,
     "trace": trace,
     "record": record,
+    "decay": decay,
     "lasers": joint.Lasers,
     "device": joint.Device,
 }
@@ -42,6 +43,7 @@ GEOMETRIES = {
     "series": ("square-270um",),
     "trace": ("square-270um",),
     "record": ("square-270um",),
+    "decay": ("square-270um",),
     "lasers": ("square-270um", "rectangle"),
     "device": ("square-270um",),
 }

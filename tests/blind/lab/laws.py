@@ -160,6 +160,16 @@ LAWS: dict[str, dict[str, str]] = {
         "quadratic_stiffness": "a third harmonic of the motion",
         "trigger_jitter": "errors that are spread evenly",
     },
+    "decay": {
+        "beating_pair": "a third mode beside the partner",
+        "duffing_shift": "a term in A⁴ beside A²",
+        "energy_exchange": "a gradual transition",
+        "feed_through": "a leak that fades",
+        "filter_exit": "a drift that relaxes exponentially",
+        "frequency_drift": "a drift that relaxes exponentially",
+        "nonlinear_damping": "a term in |A|⁴ beside |A|²",
+        "working_point": "a drift that relaxes exponentially",
+    },
     "record": {
         "nonlinear_damping": "a term in y⁴ beside y²",
         "quadratic_stiffness": "a term in y⁴ beside y²",

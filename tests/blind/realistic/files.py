@@ -104,9 +104,11 @@ def make(draw: Draw, path: Path) -> dict[str, Any]:
     film = prepared(draw)
     bench = film.bench
     # A stream of its own: the same device under other noise
-    noise = RealNoise(
-        draw.kind, film.options, np.random.default_rng([draw.seed, 1, *b"noise"]), film.more
-    )
+    apart = hasattr(bench, "unknown")
+    if apart and film.more is not None:
+        bench.unknown = film.more
+    stream = np.random.default_rng([draw.seed, 1, *b"noise"])
+    noise = RealNoise(draw.kind, film.options, stream, None if apart else film.more)
     if hasattr(bench, "rating"):
         bench.rating = noise
     data = film.hidden | film.beside

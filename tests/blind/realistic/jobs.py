@@ -19,7 +19,7 @@ from tests.blind.lab import GEOMETRIES, Case, causes
 from tests.blind.realistic.files import Draw, make
 from tests.blind.realistic.regimes import QUIET, REGIMES, allowed
 
-KINDS = ("spectrum", "holes", "response", "map", "series", "trace", "record")
+KINDS = ("spectrum", "holes", "response", "map", "series", "trace", "record", "decay")
 """Kinds of one measurement; files of several are in the older study alone."""
 NULLS = 2
 """Files in which nothing is hidden, in every round, for each kind."""

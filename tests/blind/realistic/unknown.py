@@ -80,6 +80,15 @@ def _hum(bench: Any, rng: np.random.Generator) -> Array:
     return found
 
 
+def _bump(bench: Any, rng: np.random.Generator) -> Array:
+    """Let the gain of the readout rise or fall for a while, and step."""
+    time = bench.time / bench.whole
+    width = rng.uniform(0.04, 0.12)
+    bump = np.exp(-0.5 * ((time - rng.uniform(0.2, 0.7)) / width) ** 2)
+    step = rng.uniform(-0.7, 0.7) * (time > rng.uniform(0.2, 0.7))
+    return np.asarray(bench.whitened(rng.choice([-1.0, 1.0]) * bump + step))
+
+
 SIGNALS: dict[str, Callable[[Any, np.random.Generator], Array]] = {
     "spectrum": _pulls,
     "holes": _pulls,
@@ -88,6 +97,7 @@ SIGNALS: dict[str, Callable[[Any, np.random.Generator], Array]] = {
     "series": _wander,
     "trace": _tone,
     "record": _hum,
+    "decay": _bump,
 }
 """What is unknown, in the shape of a bench's first noise."""
 

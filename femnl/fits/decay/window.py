@@ -1,0 +1,244 @@
+"""What of a record a diagnosis compares: from the switch-off to the floor, less interruptions."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.fits.decay.likelihood import STRONGEST_DAMPING
+from femnl.fits.decay.readout import beats
+from femnl.fits.decay.stretch import Found, choose, fit_stretch, stretch_of
+from femnl.observe.decay.phases import (
+    THRESHOLDS,
+    Segmentation,
+    find_decay,
+    floor_after,
+    logical,
+    segment,
+)
+from femnl.observe.decay.pieces import Piece
+from femnl.observe.decay.record import PowerRecord
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+EDGE = 3
+EDGE_PART = 0.02
+"""Points, and part of the decay, after a switch-off in which the drive may still be in the filter:
+so long are the corners of one record in five.
+"""
+COARSE = (3.0, 6.0)
+"""Resolutions [dB] at which beats, and deep ones, look like scatter."""
+LONGER = 1.5
+"""Times that a decay must be longer where beats count as scatter."""
+LEAST_BEAT = 0.5
+"""rms [dB] of beats that hide a decay."""
+FLATTER = 0.35
+STEEPER = 1 + STRONGEST_DAMPING
+"""Slopes of a neighbour that still belongs to a decay, in parts of its own: a plateau of the drive
+is flatter, a drive that dies in the filter steeper.
+"""
+LEAST_FALL = 2.0
+SPREADS = 3.0
+"""dB, and scatters, by which a piece must fall to be no floor."""
+FLOOR_PART = 0.5
+"""Floor that is compared, in parts of the decay: more of it says nothing of the mode."""
+JUMP = 8.0
+"""Scatters of the usual difference of neighbours from which on a point interrupts the decay."""
+LEAST_JUMP = 0.1
+"""dB of the smallest jump: less is the wobble of a good record."""
+LONGEST = 0.1
+"""Longest interruption, in parts of the decay: what lasts longer is another state."""
+MOST = 0.25
+"""Part of the decay that may be interrupted: beyond, the law is wrong instead."""
+NEIGHBOURS = 61
+"""Differences around one that tell what is usual."""
+MAD = 1.4826
+
+
+@dataclass(frozen=True)
+class Interruption:
+    """Points first … stop − 1 of a record, which deviate by up to so many scatters."""
+
+    first: int
+    stop: int
+    sigma: float
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """What of a record is compared.
+
+    decay, floor (n,): its points, without interruptions. end [s]: of the decay. found: the fit of
+    a law that `choose` finds, from which noise and start values follow.
+    """
+
+    decay: Mask
+    floor: Mask
+    interruptions: tuple[Interruption, ...]
+    found: Found
+
+    @property
+    def used(self) -> Mask:
+        """Points that are compared."""
+        return self.decay | self.floor
+
+
+def window(record: PowerRecord) -> Window:
+    """Return what of a record a diagnosis compares.
+
+    More than what one law is fitted to: the steeper pieces on either side of a straight decay
+    belong to it, whatever made them, and where a record beats, the whole of the beats.
+    Raises: MeasurementError where nothing falls by more than its scatter explains.
+    """
+    fine = segment(record.time, record.power)
+    chosen, found = choose(record, fine)
+    members = _members(record, fine, chosen)
+    if members.pieces is not chosen.pieces:
+        # The law of a part of the beats says nothing of the noise
+        found = fit_stretch(record, members, stretch_of(record, members))
+    count = len(record.time)
+    pieces = members.pieces
+    decay = np.zeros(count, dtype=bool)
+    first = pieces[members.decay[0]].first
+    stop = pieces[members.decay[-1]].stop
+    # Where the record begins with the decay, nothing was switched off
+    corner = EDGE + int(EDGE_PART * (stop - first)) if first else 0
+    decay[first + corner : stop] = True
+    length = np.count_nonzero(decay)
+    floor = logical(members, members.floor, count)
+    floor[np.flatnonzero(floor)[int(FLOOR_PART * length) :]] = False
+    stopped = interruptions(record.power, decay)
+    for one in stopped:
+        decay[one.first : one.stop] = False
+    return Window(decay, floor & ~decay, stopped, found)
+
+
+def _members(record: PowerRecord, fine: Segmentation, chosen: Segmentation) -> Segmentation:
+    """Return a segmentation whose decay is all that may belong to it, and the floor after it."""
+    if chosen.pieces is not fine.pieces:
+        return chosen
+    members = _grown(_grown(chosen.decay, fine, -1), fine, 1)
+    floor = floor_after(fine.line, members, fine.pieces)
+    longer = Segmentation(fine.pieces, fine.line, members, floor, fine.recorded)
+    return beating(record, longer) or longer
+
+
+def _grown(members: tuple[int, ...], found: Segmentation, step: int) -> tuple[int, ...]:
+    """Return members with the falling pieces that run into them without a jump.
+
+    Interruptions are skipped. Args: step: −1 for those before the decay, +1 for those after it.
+    """
+    pieces = found.pieces
+    grown = list(members)
+    k = grown[0 if step < 0 else -1] + step
+    missed = 0.0
+    while 0 <= k < len(pieces) and missed <= LONGEST * _duration(found, grown):
+        near = pieces[grown[0 if step < 0 else -1]]
+        piece = pieces[k]
+        ratio = piece.slope / near.slope
+        falls = piece.fall > max(LEAST_FALL, SPREADS * piece.spread)
+        if falls and FLATTER < ratio < STEEPER and _meet(piece, near, step):
+            grown.insert(0 if step < 0 else len(grown), k)
+            missed = 0.0
+        else:
+            missed += piece.duration
+        k += step
+    return tuple(grown)
+
+
+def _meet(piece: Piece, near: Piece, step: int) -> bool:
+    """Whether two pieces meet, over what may lie between them, at the mean of their slopes."""
+    first, second = (piece, near) if step < 0 else (near, piece)
+    expected = 0.5 * (first.slope + second.slope) * (second.begin - first.end)
+    apart = abs(second.high - first.low - expected)
+    # The ends of a line through n points are known to 2/√n of their scatter
+    known = sum(2 * one.spread / np.sqrt(one.count) for one in (first, second))
+    return bool(apart < THRESHOLDS.wander + known)
+
+
+def _duration(found: Segmentation, members: Sequence[int]) -> float:
+    """Return the time from the begin of the first member to the end of the last [s]."""
+    return found.pieces[members[-1]].end - found.pieces[members[0]].begin
+
+
+def beating(record: PowerRecord, straight: Segmentation) -> Segmentation | None:
+    """Return the segmentation of a record whose decay beats, None where it does not.
+
+    A coarse resolution takes beats for scatter about one line. That the scatter is beats, one
+    period tells, which makes up most of it.
+    """
+    known = _duration(straight, straight.decay)
+    for resolution in COARSE:
+        found = find_decay(record.time, record.power, resolution)
+        if found is None or _duration(found, found.decay) < LONGER * known:
+            continue
+        inside = logical(found, found.decay, len(record.time))
+        time = record.time[inside]
+        if beats(time, record.power[inside], LEAST_BEAT):
+            return found
+    return None
+
+
+def interruptions(power: Array, decay: Mask) -> tuple[Interruption, ...]:
+    """Return where a decay is left by a jump and taken up again on the line that it had.
+
+    A bend has no jumps, and a beat comes back without one.
+    Args: power (n,) [dB]; decay (n,): the points of one run that is to be looked at.
+    """
+    inside = np.flatnonzero(decay)
+    y = power[inside]
+    difference = np.diff(y)
+    usual, scatter = _around(difference)
+    limit = np.maximum(JUMP * scatter, LEAST_JUMP)
+    jumps = np.abs(difference - usual) > limit
+    longest = int(LONGEST * len(y))
+    found = []
+    k = 0
+    while k < len(jumps):
+        stop = _taken_up(y, k, usual[k], limit, longest) if jumps[k] else None
+        if stop is None:
+            k += 1
+            continue
+        line = y[k] + usual[k] * np.arange(1, stop - k)
+        sigma = float(np.max(np.abs(y[k + 1 : stop] - line)) / (limit[k] / JUMP))
+        found.append(Interruption(int(inside[k + 1]), int(inside[stop - 1]) + 1, sigma))
+        k = stop
+    lost = sum(one.stop - one.first for one in found)
+    return tuple(found) if lost <= MOST * len(y) else ()
+
+
+def _around(difference: Array) -> tuple[Array, Array]:
+    """Return the usual difference of neighbours around each, and its scatter, (n,)."""
+    half = NEIGHBOURS // 2
+    padded = np.pad(difference, half, mode="reflect") if len(difference) > half else None
+    if padded is None:
+        middle = float(np.median(difference))
+        spread = MAD * float(np.median(np.abs(difference - middle)))
+        return np.full(len(difference), middle), np.full(len(difference), spread)
+    rows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
+    usual = np.median(rows, axis=1)
+    return usual, MAD * np.median(np.abs(rows - usual[:, None]), axis=1)
+
+
+def _taken_up(y: Array, k: int, slope: float, limit: Array, longest: int) -> int | None:
+    """Return the first point after k that is back on the line through k, None where none is.
+
+    Two in a row must be back, or a swing that only crosses the line would pass for it.
+    """
+    for stop in range(k + 2, min(k + 2 + longest, len(y) - 1)):
+        back = [abs(y[j] - y[k] - slope * (j - k)) < 2 * limit[k] for j in (stop, stop + 1)]
+        if all(back):
+            return stop
+    return None
+
+
+def listed(record: PowerRecord, stopped: Sequence[Interruption]) -> tuple[tuple[str, float], ...]:
+    """Return where each interruption is, in words, and by how many scatters it deviates."""
+    found = []
+    for one in stopped:
+        begin = record.time[one.first]
+        end = record.time[one.stop - 1]
+        where = f"power at {begin:.5g} s" if begin == end else f"power, {begin:.5g} … {end:.5g} s"
+        found.append((where, one.sigma))
+    return tuple(found)

@@ -1,0 +1,230 @@
+"""The model that a diagnosis fits to decays: its noise, what it compares, and what it refuses."""
+
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import cholesky
+from scipy.signal import lfilter
+
+from femnl import measurement
+from femnl.core.errors import MeasurementError
+from femnl.effects import library
+from femnl.fits.decay.pose import pose
+from femnl.fits.decay.readout import Noisy, beats, wander_of
+from femnl.fits.decay.window import interruptions, window
+from femnl.fits.least_squares import fit
+from femnl.observe.decay.blocks import (
+    Filter,
+    Wander,
+    Whitening,
+    filtered,
+    in_blocks,
+    normal_scale,
+    read,
+)
+from femnl.observe.decay.model import AS_MEASURED, DecayModel, Setting
+from femnl.observe.decay.record import power_record
+from femnl.observe.model import ExtendedModel
+from tests.unit.test_decay import RATE, TONE, record
+
+Array = NDArray[np.float64]
+
+
+def posed(seed: int, *, length: float = 12.0, phase: bool = False) -> DecayModel:
+    """Return the model of a simulated record of a mode alone."""
+    time, power, begin = record(seed, length=length)
+    told = {"frequency": TONE}
+    if not phase:
+        return pose(measurement.decay(time, power, attributes=told))
+    volts = 10 ** (power / 20) * np.exp(1j * 0.3 * (time - time[begin]))
+    return pose(measurement.decay(time, real=volts.real, imag=volts.imag, attributes=told))
+
+
+def test_the_scatter_of_blocks_is_that_of_drawn_records() -> None:
+    """Covariance of mean powers of |a + n|² in blocks of 4, from 4000 draws."""
+    rng = np.random.default_rng(1)
+    memory = 3.0
+    rho = np.exp(-1 / memory)
+    white = rng.normal(size=(4000, 140, 2)) @ [1, 1j] / np.sqrt(2)
+    noise = lfilter([np.sqrt(1 - rho**2)], [1, -rho], white, axis=1)[:, 100:]
+    time = np.arange(40.0)
+    signal = np.exp(-time / 8) * 30
+    power = np.abs(np.sqrt(signal) + noise) ** 2
+    blocks = in_blocks(time, np.arange(40) // 4, 4.0)
+    means = power.reshape(4000, 10, 4).mean(axis=2)
+    mean = means.mean(axis=0)
+    share = blocks.mean(signal) / (blocks.mean(signal) + 1)
+    found = filtered(blocks, time, share, Filter(memory, 1.0, 1.0))
+    drawn = np.cov(means / mean, rowvar=False)
+    np.testing.assert_allclose(found, drawn, atol=0.06)
+    np.testing.assert_allclose(np.diag(found), np.diag(drawn), rtol=0.12)
+
+
+def test_drawn_powers_are_normal_on_their_scale_and_have_its_mean() -> None:
+    rng = np.random.default_rng(2)
+    for signal in (0.0, 1.0, 30.0):
+        power = np.abs(np.sqrt(signal) + rng.normal(size=(40000, 2)) @ [1, 1j] / np.sqrt(2)) ** 2
+        share = signal / (signal + 1)
+        variance = 2 * share * (1 - share) + (1 - share) ** 2
+        reference = np.full(1, np.log(signal + 1))
+        scale = normal_scale(reference, np.full(1, signal), np.full(1, variance))
+        seen = scale.data(np.log(power))
+        assert seen.mean() == pytest.approx(float(scale.expected(reference)[0]), abs=0.03)
+        assert seen.std() == pytest.approx(np.sqrt(variance), rel=0.1)
+        skewness = float(np.mean(((seen - seen.mean()) / seen.std()) ** 3))
+        assert abs(skewness) < 0.45
+
+
+def test_whitening_and_back_is_the_identity_and_its_sd_that_of_the_covariance() -> None:
+    rng = np.random.default_rng(3)
+    roots = rng.normal(size=(6, 6))
+    covariance = roots @ roots.T + np.eye(6)
+    whitening = Whitening(cholesky(covariance, lower=True))
+    away = rng.normal(size=(3, 6))
+    np.testing.assert_allclose(whitening.coloured(whitening.white(away)), away)
+    np.testing.assert_allclose(whitening.sd, np.sqrt(np.diag(covariance)))
+    assert whitening.white(roots.T).shape == (6, 6)
+
+
+def test_the_readout_s_noise_is_found_beside_a_bend_and_beats() -> None:
+    rng = np.random.default_rng(4)
+    blocks = in_blocks(np.arange(300.0), np.arange(300), 1.0)
+    truth = Wander(1.0, 0.02, 0.05, 8.0)
+    share = np.ones(300)
+    factor = np.linalg.cholesky(read(blocks, share, truth))
+    time = blocks.time / 300
+    bend = -6 * time + 2 * time**3 + 0.4 * np.cos(2 * np.pi * 13 * time)
+    found = []
+    for _ in range(12):
+        values = bend + factor @ rng.normal(size=300)
+        noisy = Noisy(blocks, values, np.zeros((300, 300)), share, np.zeros(300, dtype=bool))
+        found.append(astuple(wander_of(noisy)[0]))
+    _, white, size, memory = np.median(found, axis=0)
+    assert white == pytest.approx(truth.white, rel=0.25)
+    assert size == pytest.approx(truth.size, rel=0.35)
+    assert memory == pytest.approx(truth.memory, rel=0.6)
+
+
+def test_beats_are_told_from_a_corner_and_from_noise() -> None:
+    rng = np.random.default_rng(5)
+    time = np.linspace(0, 10, 300)
+    noise = 0.1 * rng.normal(size=300)
+    line = -4 * time
+    deep = 20 * np.log10(np.abs(1 + 0.8 * np.exp(2j * np.pi * 0.7 * time)))
+    corner = np.where(time < 2, 0.0, -4 * (time - 2))
+    assert beats(time, line + deep + noise, 0.5)
+    assert not beats(time, corner + noise, 0.5)
+    assert not beats(time, line + 10 * noise, 0.5)
+
+
+def test_dropouts_and_spikes_interrupt_and_bends_and_beats_do_not() -> None:
+    rng = np.random.default_rng(6)
+    time = np.arange(400.0)
+    power = -0.1 * time + 0.02 * rng.normal(size=400)
+    every = np.ones(400, dtype=bool)
+    assert interruptions(power, every) == ()
+    bent = power - 3e-4 * time**2 + 2 * np.cos(time / 15)
+    assert interruptions(bent, every) == ()
+    power[100:112] -= 25
+    power[200] += 3
+    found = interruptions(power, every)
+    assert [(one.first, one.stop) for one in found] == [(100, 112), (200, 201)]
+    assert found[0].sigma > found[1].sigma > 20
+    # What stays away is no interruption
+    power[300:] -= 10
+    assert len(interruptions(power, every)) == 2
+
+
+def test_interruptions_are_listed_and_no_residual() -> None:
+    time, power, begin = record(8)
+    power[begin + 60 : begin + 72] -= 25
+    model = pose(measurement.decay(time, power))
+    (listed,) = model.left_out
+    assert listed[0] == f"power, {time[begin + 60]:.5g} … {time[begin + 71]:.5g} s"
+    assert listed[1] > 20
+    seen = window(power_record(measurement.decay(time, power)))
+    assert not seen.used[begin + 60 : begin + 72].any()
+    assert seen.used[begin + 80 : begin + 200].all()
+
+
+def test_a_mode_alone_leaves_white_residuals_and_its_rate_within_the_errors() -> None:
+    chi2 = []
+    pulls = []
+    neighbours = []
+    for seed in range(12):
+        model = posed(300 + seed)
+        result = fit(ExtendedModel(model), model.start)
+        chi2.append(result.chi2 / result.degrees)
+        sd = float(np.sqrt(result.covariance[1, 1]))
+        pulls.append((result.vector[1] - RATE) / sd)
+        r = result.residuals
+        neighbours.append(float(r[1:] @ r[:-1]) / float(r @ r))
+    # 12 records of 160 data: the mean of χ²/ν is known to 0.03
+    assert 0.8 < np.mean(chi2) < 1.1
+    assert abs(np.mean(neighbours)) < 0.06
+    assert np.sqrt(np.mean(np.square(pulls))) < 1.6
+
+
+def test_residuals_follow_the_law_that_fits_use() -> None:
+    """Power of the model without noise against e^{−γτ} and a floor, block by block."""
+    model = posed(301)
+    base = {"level": 3.0, "decay_rate": 0.5, "floor": -40.0}
+    found = model.predict((), base, ())
+    blocks = model.blocks_of_power
+    signal = 10**0.3 * np.exp(-0.5 * model.time)
+    mean = np.add.reduceat(signal, blocks.first) / blocks.count + 1e-4
+    np.testing.assert_allclose(found.log_power, np.log(mean), atol=1e-9)
+
+
+def test_deviations_are_in_the_sd_of_each_datum() -> None:
+    model = posed(302)
+    base = dict(zip(("level", "decay_rate", "floor"), model.start, strict=True))
+    other = base | {"level": base["level"] + 1.0}
+    moved = model.deviations(model.residuals((), base, ())) - model.deviations(
+        model.residuals((), other, ())
+    )
+    sd, unit = model.quantity
+    assert unit == "dB"
+    strong = model.blocks_of_power.time < 3 / RATE
+    np.testing.assert_allclose((moved * sd)[strong], 1.0, rtol=0.02)
+
+
+def test_a_phase_adds_its_own_residuals_and_the_causes_that_only_it_shows() -> None:
+    known = library().values()
+    plain = posed(303)
+    phased = posed(303, phase=True)
+    names = {effect.name for effect in phased.usable_effects(known)}
+    assert names - {effect.name for effect in plain.usable_effects(known)} == {
+        "duffing_shift",
+        "frequency_drift",
+    }
+    result = fit(ExtendedModel(phased), phased.start)
+    found = dict(zip((spec.name for spec in phased.base), result.vector, strict=True))
+    assert found["detuning"] == pytest.approx(0.3 / (2 * np.pi), rel=1e-3)
+    assert [quantity.name for quantity in phased.quantities] == ["power", "phase"]
+    assert phased.locate(len(phased.log_power)).startswith("phase at ")
+    assert len(phased.compare([("base model", (), found, ())])) == 2
+
+
+def test_other_settings_change_what_they_say() -> None:
+    model = posed(304)
+    base = dict(zip(("level", "decay_rate", "floor"), model.start, strict=True))
+    exit_ = (library()["filter_exit"],)
+    pace = ({"exit_rate": 0.02},)
+    plain = model.predict((), base, ())
+    wide = model.predict(exit_, base, pace, Setting(bandwidth=1e4))
+    near = model.predict(exit_, base, pace, AS_MEASURED)
+    np.testing.assert_allclose(wide.log_power, plain.log_power, atol=1e-6)
+    assert (near.log_power - plain.log_power).min() < -0.5
+    weaker = model.predict((), base, (), Setting(begin=-1.0))
+    np.testing.assert_allclose((weaker.log_power - plain.log_power)[:40], -1.0, atol=1e-3)
+
+
+def test_too_few_points_of_a_decay_are_refused_in_one_line() -> None:
+    time, power, begin = record(9)
+    with pytest.raises(MeasurementError, match=r"diagnosis needs at least 16: record faster"):
+        pose(measurement.decay(time[: begin + 14], power[: begin + 14]))
+    with pytest.raises(MeasurementError, match="the power falls nowhere"):
+        pose(measurement.decay(np.arange(40.0), np.arange(40.0)))
