@@ -160,7 +160,7 @@ def test_inertia_a_bow_and_dilution_are_told_where_asked_for(
         ),
         (
             ["--homogenised", "--inertia"],
-            "femnl: --homogenised: the even film tells nothing of --inertia, --bow or --dilution",
+            "femnl: --homogenised: the even film tells nothing of --inertia, --bow, --dilution, ",
         ),
     ],
 )

@@ -15,8 +15,8 @@ from femnl.core.device import Film, Holes, Model, Outline, Segment
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
 from femnl.device.mesh import has_symmetry, mesh
-from femnl.device.mesh.build import bending_length
 from femnl.device.mesh.collect import check_unfolded
+from femnl.device.mesh.grading import bending_length
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells
 

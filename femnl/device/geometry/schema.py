@@ -11,6 +11,7 @@ from femnl.core.device import Edge, Holes, Layer, Model, Stack
 from femnl.core.errors import GeometryError
 from femnl.device.geometry.edges import ClampTable, FilmTable, OverhangTable
 from femnl.device.geometry.holes import HoleGroups, refuse_outside, refuse_overlap
+from femnl.device.geometry.loss import LossTable
 from femnl.device.geometry.openings import openings, refuse_misplaced
 from femnl.device.geometry.outlines import OutlineTable
 from femnl.device.geometry.quantities import LENGTH, Length, refusal, to_si
@@ -156,6 +157,7 @@ class GeometryFile(Table):
     holes: HoleGroups | None = None
     film: FilmTable
     readout: ReadoutTable | None = None
+    loss: LossTable = LossTable()
     clamp: ClampTable = ClampTable()
     overhang: OverhangTable | None = None
     model: ModelTable = ModelTable()
@@ -222,4 +224,5 @@ class GeometryFile(Table):
             clamp,
             overhang,
             others,
+            self.loss.loss(),
         )

@@ -53,9 +53,12 @@ EXAMPLES = {
     "sides": "6",
     "source": '"measured in 2025"',
     "stress": '"1101.5 MPa"',
+    "surface": '"6e10 m^-1"',
+    "surface_error": '"4e10 m^-1"',
     "taper": '"60 nm"',
     "taper_length": '"4 um"',
     "thickness": '"183.75 nm"',
+    "volume": "28000",
     "width": '"270 um"',
     "young": '"250 GPa"',
 }
