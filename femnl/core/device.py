@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from femnl.core.arrays import freeze
 
 Edge = Literal["clamped", "sliding", "paper"]
+CELL = "cell"
+"""Kind of an outline that is no edge of the film but the sides of a cell that repeats."""
 
 
 @dataclass(frozen=True)

@@ -133,15 +133,17 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
     operation each.
     """
     occ = gmsh.model.occ
-    points: dict[tuple[float, float], int] = {}
-
-    def point(xy: Array | tuple[float, float]) -> int:
-        x, y = np.round(np.asarray(xy) * unit, 9)
-        if (x, y) not in points:
-            points[x, y] = occ.addPoint(x, y, 0)
-        return points[x, y]
 
     def loop(segments: tuple[Segment, ...]) -> list[int]:
+        # Of one loop alone: gmsh forgets the points of what it has cut
+        points: dict[tuple[float, float], int] = {}
+
+        def point(xy: Array | tuple[float, float]) -> int:
+            x, y = np.round(np.asarray(xy) * unit, 9)
+            if (x, y) not in points:
+                points[x, y] = occ.addPoint(x, y, 0)
+            return points[x, y]
+
         lines = []
         for s in segments:
             if s.centre is None:

@@ -6,7 +6,7 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import Model
+from femnl.core.device import CELL, Model
 from femnl.device.geometry import curves as exact
 from femnl.device.mesh.corners import singular_corners
 from femnl.device.mesh.symmetry import beyond_mirrors
@@ -68,8 +68,9 @@ def grade(
     _grade_rims(sizes, model, curves, unit)
     if model.pierced:
         _grade_webs(sizes, model, wedge, unit)
-    _grade_edges(sizes, model, curves, unit)
-    _grade_corners(sizes, model, unit, degree)
+    if model.outline.kind != CELL:
+        _grade_edges(sizes, model, curves, unit)
+        _grade_corners(sizes, model, unit, degree)
     return sizes.set()
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from femnl.core.device import Model
+from femnl.core.device import CELL, Model
 from femnl.device.geometry import curves
 
 Array = NDArray[np.float64]
@@ -72,7 +72,8 @@ def _pieces(model: Model, longest: float) -> tuple[Array, Array, Index]:
     """Starts and ends (n, 2) [m] of straight pieces of every closed curve, and which it is."""
     angle = 2 * np.pi * np.arange(PER_TURN + 1) / PER_TURN
     circle = model.holes.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    lines = [curves.polyline(model.edge_outline, PER_TURN)]
+    outline = model.edge_outline
+    lines = [] if outline.kind == CELL else [curves.polyline(outline, PER_TURN)]
     lines += [centre + circle for centre in model.holes.centres]
     lines += [curves.polyline(opening, PER_TURN) for opening in model.openings]
     starts = np.concatenate([line[:-1] for line in lines])
