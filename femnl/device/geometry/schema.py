@@ -16,6 +16,7 @@ from femnl.device.geometry.openings import openings, refuse_misplaced
 from femnl.device.geometry.outlines import OutlineTable
 from femnl.device.geometry.quantities import LENGTH, Length, refusal, to_si
 from femnl.device.geometry.tables import Table, show
+from femnl.device.geometry.webs import Web
 
 Thickness = float | Literal["film", "gap"] | None
 Indices = tuple[tuple[float, complex], ...]
@@ -177,6 +178,8 @@ class GeometryFile(Table):
             else Holes(np.empty((0, 2)), 0.0)
         )
         others = openings([group for group in groups if group is not lattice])
+        if isinstance(self.outline, Web):
+            others = (*others, *self.outline.windows())
         refuse_overlap(holes)
         if others and self.outline.kind == "etched":
             raise GeometryError(

@@ -15,6 +15,14 @@ from femnl.device.geometry.quantities import refusal
 
 EXAMPLES = {
     "angle": '"30 deg"',
+    "beam": '"2 um"',
+    "beams": '["100 um", "200 um"]',
+    "defect": '"100 um"',
+    "distance": '"30 um"',
+    "pad": '"100 um"',
+    "span": '"700 um"',
+    "tether": '"5 um"',
+    "tethers": "8",
     "arcs": '[{edge = 2, through = ["10 um", "20 um"]}]',
     "clamped": "true",
     "fillet": '"5 um"',

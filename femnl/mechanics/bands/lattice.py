@@ -12,7 +12,7 @@ from femnl.core.device import CELL, Clamp, Holes, Model, Outline, Segment
 Array = NDArray[np.float64]
 Symmetry = Literal["quarter", "eighth", "twelfth"]
 """Parts of a cell that may make the whole."""
-SPREAD = 6
+SPREAD = 4
 """Parts of a side between wave vectors inside the irreducible part, where a band may be higher or
 lower than anywhere on its rim."""
 
