@@ -125,7 +125,10 @@ def solve_modes_near(
         domain = mesh(model, symmetry, resolution, DEGREE)
 
         def at_degree(number: int, degree: int) -> Modes:
-            return solve_on_mesh(solve_prestress(domain, degree), frequency, number, degree)
+            # Buckling shows at each degree: it is looked for once, where that is cheap and sure
+            stable = degree != DEGREE - 1
+            prestress = solve_prestress(domain, degree)
+            return solve_on_mesh(prestress, frequency, number, degree, stable)
 
         # Counterparts may lie beyond either end
         return _with_counterparts(model, at_degree, count, 2 * SPARE, DEGREE)

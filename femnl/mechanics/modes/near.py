@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Modes, Prestress
+from femnl.core.mechanics import Domain, Modes, Prestress
 from femnl.mechanics.fem.memory import need_memory
 from femnl.mechanics.fem.solvers import factorize, nearest_eigenpairs
 from femnl.mechanics.modes.operators import Operators
@@ -27,11 +27,14 @@ Array = NDArray[np.float64]
 Parity = tuple[int, ...]
 
 
-def solve_modes_near(prestress: Prestress, frequency: float, count: int, degree: int) -> Modes:
+def solve_modes_near(
+    prestress: Prestress, frequency: float, count: int, degree: int, stable: bool = False
+) -> Modes:
     """Solve for the modes nearest to a frequency; the equation is that of `solve_modes`.
 
     Args: prestress: the relaxed film stress. frequency: the target [Hz]. count: how many modes, on
-    both sides of it. degree: of the elements, 2 to 6.
+    both sides of it. degree: of the elements, 2 to 6. stable: whether it is known that the film
+    does not buckle, which is looked for otherwise.
     Returns: modes by rising frequency, as `solve_modes` returns them; `first` is the number of the
         lowest among all modes of the film, counted by inertia (see `nearest_eigenpairs`).
     Raises: ParameterError, ConvergenceError.
@@ -48,7 +51,7 @@ def solve_modes_near(prestress: Prestress, frequency: float, count: int, degree:
         "ask for fewer modes or lower the resolution",
     )
     domain = prestress.domain
-    sectors = _Sectors(prestress, degree, (2 * np.pi * frequency) ** 2)
+    sectors = _Sectors(Operators(prestress, degree), domain, (2 * np.pi * frequency) ** 2, stable)
     values, shapes, parity = settle_degenerate(
         sectors.operators.space, domain, sectors.nearest(count)
     )
@@ -73,11 +76,12 @@ class _Sectors:
     known once `nearest` has run.
     """
 
-    def __init__(self, prestress: Prestress, degree: int, target: float) -> None:
-        self.operators = Operators(prestress, degree)
+    def __init__(self, operators: Operators, domain: Domain, target: float, stable: bool) -> None:
+        self.operators = operators
         self.target = target
         self.below = 0
-        self._domain = prestress.domain
+        self._domain = domain
+        self._stable = stable
 
     def nearest(self, count: int) -> tuple[Array, Array, tuple[Parity, ...]]:
         """ω², shapes and parities of at least the `count` modes nearest to the target, rising.
@@ -116,7 +120,8 @@ class _Sectors:
         free = self.operators.free(parity)
         stiffness = csc_matrix(self.operators.stiffness(parity)[free][:, free])
         mass = csc_matrix(self.operators.mass[free][:, free])
-        factorize(stiffness)  # which refuses a film that buckles: its lowest ω² is negative
+        if not self._stable:
+            factorize(stiffness)  # which refuses a film that buckles: its lowest ω² is negative
         values, vectors, below = nearest_eigenpairs(stiffness, mass, count, self.target)
         shapes = np.zeros((count, self.operators.space.size))
         shapes[:, free] = vectors.T
