@@ -66,6 +66,10 @@ def find_cell(model: Model) -> Cell:
         )
     lattice, angle = found
     basis = _basis(_turned(inner, -angle), lattice)
+    if any(isinstance(s, Outline) and s.segments[0].clamped for s in basis.shapes):
+        raise ParameterError(
+            f"{model.name}: holes: bands need a lattice whose holes are all free; leave clamped out"
+        )
     for cell in _cells(basis, lattice):
         device = cell.of(model)
         words: tuple[Symmetry, ...] = ("twelfth",) if lattice.turns == 6 else ("eighth", "quarter")
