@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -133,7 +134,7 @@ def test_gaps_are_free_of_waves_and_of_their_errors() -> None:
     assert bands.gaps == ((2.25, 2.75),)
     inside = np.array([[1.0, 2.7, 6.0]])
     bands = replace(bands, inside=inside, inside_error=error[:1] / 10)
-    assert bands.gaps == (pytest.approx((2.25, 2.675)),)
+    assert bands.gaps[0] == pytest.approx((2.25, 2.675))
 
 
 @pytest.mark.parametrize(
@@ -144,10 +145,13 @@ def test_the_lattice_of_shipped_devices_is_found(name: str, kind: str) -> None:
     assert find_lattice(load(name)).kind == kind
 
 
-def lattice_device(centres: Array, radius: float, others: Array, other: float) -> Model:
+Places = NDArray[np.floating[Any]]
+
+
+def lattice_device(centres: Places, radius: float, others: Places, other: float) -> Model:
     """A film with two groups of round holes, all given in µm."""
 
-    def written(points: Array) -> str:
+    def written(points: Places) -> str:
         return ", ".join(f'["{x:.12g} um", "{y:.12g} um"]' for x, y in points)
 
     group = '[[holes]]\nlattice = "list"\ncentres = [{}]\nradius = "{:.15g} um"\n'
@@ -164,7 +168,8 @@ def lattice_device(centres: Array, radius: float, others: Array, other: float) -
 def test_cells_of_two_holes_that_are_nearly_one_fold_the_bands_of_cells_of_one() -> None:
     # Black and white squares of a board: a lattice √2 wider, turned by 45°, whose waves at k are
     # those of the narrow one at k and at k + G, G = (π/p, π/p) of the board
-    pitch, radius = 20.0, 6.0
+    pitch = 20.0
+    radius = 6.0
     row, column = np.meshgrid(np.arange(8), np.arange(8))
     board = pitch * np.stack([row.ravel(), column.ravel()], axis=1) - 3.5 * pitch
     black = (row + column).ravel() % 2 == 0
@@ -190,7 +195,8 @@ def honeycomb(turns: float) -> Model:
     every = np.concatenate([cells + shift, cells - shift])
     away = np.hypot(*every.T)
     kept = every[(away > 100) & (away < 700)]
-    c, s = np.cos(turns), np.sin(turns)
+    c = np.cos(turns)
+    s = np.sin(turns)
     return lattice_device(kept @ np.array([[c, s], [-s, c]]), 0.26 * 160, kept[:0], 1.0)
 
 

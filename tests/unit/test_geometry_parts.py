@@ -47,7 +47,10 @@ def holes(table: str) -> str:
 
 
 def test_a_trampoline_has_the_area_of_its_pad_tethers_and_fillets() -> None:
-    pad, tether, span, radius = 100e-6, 10e-6, 500e-6, 30e-6
+    pad = 100e-6
+    tether = 10e-6
+    span = 500e-6
+    radius = 30e-6
     straight = pad**2 + 4 * tether * (span / 2 - pad / np.sqrt(2) + tether / 4)
     # An arc that turns by 45° leaves R² (tan 22.5° − π/8) of its corner's triangle
     fillets = 8 * radius**2 * (np.tan(np.pi / 8) - np.pi / 8)
@@ -66,9 +69,10 @@ def test_a_web_has_windows_between_its_tethers_and_beams() -> None:
     half = np.pi / 8
 
     def width(distance: float) -> float:
-        return 2 * distance * np.tan(half) - 6e-6 / np.cos(half)
+        return float(2 * distance * np.tan(half) - 6e-6 / np.cos(half))
 
-    edges = [30e-6, *(r * np.cos(half) + side for r in (100e-6, 200e-6) for side in (-2e-6, 2e-6))]
+    middles = np.array([100e-6, 200e-6]) * np.cos(half)
+    edges = [30e-6, *np.add.outer(middles, [-2e-6, 2e-6]).ravel()]
     for k, opening in enumerate(model.openings):
         inner, outer = (edges[:2], edges[2:4])[k // 8]
         area = (width(inner) + width(outer)) / 2 * (outer - inner)
@@ -92,7 +96,7 @@ def test_a_dandelion_is_a_web_without_beams() -> None:
 def test_holes_of_a_honeycomb_have_three_neighbours_and_leave_a_defect() -> None:
     table = 'lattice = "honeycomb"\npitch = "160 um"\nradius = "40 um"\ncount = [9, 9]\n'
     every = parse(holes(table)).holes.centres
-    gaps, _ = cKDTree(every).query(every, k=4)
+    gaps = np.asarray(cKDTree(every).query(every, k=4)[0])
     inner = np.abs(every).max(axis=1) < 500e-6
     np.testing.assert_allclose(gaps[inner][:, 1:], 160e-6 / np.sqrt(3))
     for mirror in ([-1, 1], [1, -1]):

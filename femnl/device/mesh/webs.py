@@ -40,10 +40,8 @@ def narrow_webs(model: Model, widest: float) -> dict[float, Array]:
         if not long.any():
             break
         middle = (starts[long] + ends[long]) / 2
-        starts, ends = (
-            np.concatenate([starts[~long], starts[long], middle]),
-            np.concatenate([ends[~long], middle, ends[long]]),
-        )
+        starts = np.concatenate([starts[~long], starts[long], middle])
+        ends = np.concatenate([ends[~long], middle, ends[long]])
         loop = np.concatenate([loop[~long], loop[long], loop[long]])
     width, middle = _across(starts, ends, loop)
     narrow = width < ACROSS * widest

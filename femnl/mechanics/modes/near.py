@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from femnl.core.errors import ParameterError
+from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.mechanics import Domain, Modes, Prestress
 from femnl.mechanics.fem.memory import need_memory
-from femnl.mechanics.fem.solvers import factorize, nearest_eigenpairs
+from femnl.mechanics.fem.solvers import INDEFINITE, factorize, nearest_eigenpairs
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.modes.shapes import label_shapes
 from femnl.mechanics.modes.solve import (
@@ -123,6 +123,8 @@ class _Sectors:
         if not self._stable:
             factorize(stiffness)  # which refuses a film that buckles: its lowest ω² is negative
         values, vectors, below = nearest_eigenpairs(stiffness, mass, count, self.target)
+        if values[0] <= 0:
+            raise ConvergenceError(INDEFINITE)
         shapes = np.zeros((count, self.operators.space.size))
         shapes[:, free] = vectors.T
         return values, shapes, below
