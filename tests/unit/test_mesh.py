@@ -290,3 +290,22 @@ def test_each_arc_is_divided_by_its_own_radius(device: Device) -> None:
     ]
     assert 30 < 2 * round_ends[0].sum() < 60
     assert 20 < 2 * round_ends[1].sum() < 60
+
+
+@pytest.mark.parametrize("gap", [0.02, 0.1])
+def test_elements_in_a_web_between_two_holes_are_no_longer_than_it_is_wide(
+    gap: float, device: Device
+) -> None:
+    model = device(SQUARE)
+    radius = 0.1 * model.outline.length
+    apart = radius * (2 + gap)
+    holes = Holes(np.array([[-apart / 2, 0.0], [apart / 2, 0.0]]), radius)
+    made = mesh(replace(model, holes=holes), "full").mesh
+    x, y = made.p[:, made.t].mean(axis=1)
+    within = np.hypot(x, y) < gap * radius / 2
+    corners = made.p[:, made.t[:, within]]
+    longest = max(
+        np.hypot(*(corners[:, a] - corners[:, b])).max() for a, b in combinations(range(3), 2)
+    )
+    assert within.sum() > 1
+    assert longest < 1.5 * gap * radius

@@ -28,7 +28,6 @@ GROWTH = 0.7
 HOLE_GROWTH = 1.0
 HOLE_SEGMENTS = 12  # curved edges around a hole
 ELEMENTS_ACROSS = 3  # elements across the narrowest place of a strip, such as a tether
-TRIANGLES_IN_A_WEB = 4  # for each of the places that ask for small elements there, measured
 ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
 ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
 # Times the triangles along a straight line as long, measured: the film widens away from a hole
@@ -151,7 +150,8 @@ def _grade_webs(sizes: _Sizes, model: Model, wedge: float, unit: float) -> None:
         if tags:
             gmsh.model.occ.synchronize()
             sizes.grow_from_points(size * unit / sizes.grading, tags, HOLE_GROWTH)
-            sizes.inverse_square.append(TRIANGLES_IN_A_WEB * len(tags) * sizes.grading**2)
+            # Each place stands for a square of its size
+            sizes.inverse_square.append(len(tags) * sizes.grading**2)
 
 
 def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> None:
@@ -169,7 +169,9 @@ def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> No
         tags = [t for t, k in curves.segment.items() if k == index]
         if tags and width * unit < ELEMENTS_ACROSS * sizes.largest:
             size = width * unit / ELEMENTS_ACROSS / sizes.resolution
-            sizes.grow_from_curves(size, tags, GROWTH)
+            # The strip ends in its middle, where elements would grow on beyond
+            grown = GROWTH / sizes.grading * width * unit / 2
+            sizes.grow_from_curves(size, tags, GROWTH, grown / (size + grown))
 
 
 def _grade_corners(sizes: _Sizes, model: Model, unit: float, degree: int) -> None:
