@@ -302,7 +302,7 @@ def test_elements_in_a_web_between_two_holes_are_no_longer_than_it_is_wide(
     holes = Holes(np.array([[-apart / 2, 0.0], [apart / 2, 0.0]]), radius)
     made = mesh(replace(model, holes=holes), "full").mesh
     x, y = made.p[:, made.t].mean(axis=1)
-    within = np.hypot(x, y) < gap * radius / 2
+    within = np.hypot(x, y) < gap * radius
     corners = made.p[:, made.t[:, within]]
     longest = max(
         np.hypot(*(corners[:, a] - corners[:, b])).max() for a, b in combinations(range(3), 2)
