@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from femnl.core.arrays import freeze
 
 Edge = Literal["clamped", "sliding", "paper"]
+CELL = "cell"
+"""Kind of an outline that is no edge of the film but the sides of a cell that repeats."""
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,34 @@ class Clamp:
 
 
 @dataclass(frozen=True)
+class Loss:
+    """What the film loses as it bends: 1/Q_int = 1/volume + 1/(surface h), h the thickness.
+
+    volume: quality factor of the material without a surface. surface and surface_error [1/m]: β of
+    Q_surf = βh and its standard deviation among films.
+
+    The default is silicon nitride at room temperature: Villanueva and Schmid, Phys. Rev. Lett.
+    113, 227201 (2014), who find β = (6 ± 4)·10¹⁰ m⁻¹, 6000 for 100 nm.
+    """
+
+    volume: float = 2.8e4
+    surface: float = 6e10
+    surface_error: float = 4e10
+
+    def intrinsic(self, thickness: float) -> tuple[float, float, float]:
+        """Return Q_int of a film [m], and the same for β one standard deviation less and more."""
+        low, mean, high = (
+            1 / (1 / self.volume + 1 / (surface * thickness))
+            for surface in (
+                self.surface - self.surface_error,
+                self.surface,
+                self.surface + self.surface_error,
+            )
+        )
+        return mean, low, high
+
+
+@dataclass(frozen=True)
 class Overhang:
     """An undercut strip of the frame around the suspended film.
 
@@ -201,6 +231,7 @@ class Model:
     openings: inner edges of the film that `holes` does not list, each one closed loop, walked
     counter-clockwise like an outline: ellipses, holes of other radii, and posts, whose rims are
     clamped.
+    loss: what the film's material loses.
     text: the TOML text that this model was read from, so that results can carry it. assumed: keys
     of that text, such as "holes.radius", whose values the source does not give.
     """
@@ -218,6 +249,7 @@ class Model:
     clamp: Clamp = Clamp()
     overhang: Overhang | None = None
     openings: tuple[Outline, ...] = ()
+    loss: Loss = Loss()
 
     @property
     def pierced(self) -> bool:

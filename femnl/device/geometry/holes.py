@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from femnl.core.device import Holes, Outline
 from femnl.core.errors import GeometryError
 from femnl.device.geometry import curves
-from femnl.device.geometry.quantities import Angle, Coordinate, Length, Radii, refusal
+from femnl.device.geometry.quantities import Angle, Coordinate, Depth, Length, Radii, refusal
 from femnl.device.geometry.tables import Table
 
 Array = NDArray[np.float64]
@@ -51,6 +51,10 @@ class Group(Table):
         """Whether the holes are round, of one radius, and free: those of `Model.holes`."""
         return isinstance(self.radius, float) and not self.clamped
 
+    def angles(self, number: int) -> Array:
+        """Return the angles (n,) [rad] from x to the first axis of each hole."""
+        return np.full(number, self.angle)
+
     def axes(self, number: int) -> Array:
         """Return the semi-axes (n, 2) [m] of the holes."""
         if self.semi_axes is not None:
@@ -60,11 +64,20 @@ class Group(Table):
 
 
 class Lattice(Group):
-    """What regular lattices share. Their middle lies at the origin, or at `offset` from it."""
+    """What regular lattices share. Their middle lies at the origin, or at `offset` from it.
+
+    defect: distance from the middle within which holes are left out.
+    """
 
     pitch: Length
     radius: Length | None = None
     offset: Position = Field(default_factory=lambda: [0.0, 0.0])
+    defect: Depth = 0.0
+
+    def around_defect(self, places: Array) -> Array:
+        """Return the places (n, 2) [m] about the middle that no defect takes, moved by `offset`."""
+        kept = places[np.hypot(*places.T) > self.defect] if self.defect > 0 else places
+        return kept + self.offset
 
     @model_validator(mode="after")
     def _leaves_film_between_holes(self) -> Self:
@@ -88,7 +101,7 @@ class SquareLattice(Lattice):
         nx, ny = self.count
         _refuse_too_many(nx * ny, f"count = [{nx}, {ny}]")
         x, y = (self.pitch * (np.arange(n) - (n - 1) / 2) for n in (nx, ny))
-        return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) + self.offset
+        return self.around_defect(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
 
 
 class HexagonalLattice(Lattice):
@@ -128,7 +141,68 @@ class HexagonalLattice(Lattice):
             y = row.ravel()
             x = x - (x.min() + x.max()) / 2
             y = y - (ny - 1) / 2
-        return self.pitch * np.stack([x, y * np.sqrt(3) / 2], axis=-1) + self.offset
+        return self.around_defect(self.pitch * np.stack([x, y * np.sqrt(3) / 2], axis=-1))
+
+
+class Honeycomb(Lattice):
+    """Two holes a cell, at a third and two thirds of its long diagonal, none in the middle.
+
+    pitch: of the cells, √3 times the distance between neighbouring holes. count: nx columns and ny
+    rows of cells around the middle, of which holes of the cells at the rim may be halved.
+    """
+
+    lattice: Literal["honeycomb"]
+    count: Annotated[list[Count], Field(min_length=2, max_length=2)]
+
+    @model_validator(mode="after")
+    def _leaves_film_between_neighbours(self) -> Self:
+        if self.radius is not None and self.pitch <= 2 * np.sqrt(3) * self.radius * (1 + TOUCHING):
+            raise refusal(
+                "holes overlap or touch, the pitch of a honeycomb must exceed 2√3 times their "
+                "radius; raise pitch or lower radius",
+                "pitch",
+            )
+        return self
+
+    def positions(self) -> Array:
+        """Return the centres (n, 2) [m], row by row from below."""
+        nx, ny = self.count
+        _refuse_too_many(2 * nx * ny, f"count = [{nx}, {ny}]")
+        i, j = np.meshgrid(np.arange(-nx - ny, nx + ny + 1), np.arange(-ny, ny + 1))
+        cells = np.stack([(i + j / 2).ravel(), (j * np.sqrt(3) / 2).ravel()], axis=1)
+        third = np.array([0.0, 1 / np.sqrt(3)])
+        every = np.concatenate([cells + third, cells - third])
+        x, y = np.abs(every).T
+        within = every[(x <= nx / 2 + TOUCHING) & (y <= ny * np.sqrt(3) / 4 + TOUCHING)]
+        order = np.lexsort(np.round(within.T, 9))
+        return self.around_defect(self.pitch * within[order])
+
+
+class Ring(Group):
+    """Holes evenly around a circle, the first along +x, such as the petals around a pad.
+
+    distance: of their centres from the middle of the ring. angle: from the ray through a hole's
+    centre to the first of semi_axes.
+    """
+
+    lattice: Literal["ring"]
+    count: Count
+    distance: Length
+    radius: Length | None = None
+    offset: Position = Field(default_factory=lambda: [0.0, 0.0])
+
+    def positions(self) -> Array:
+        """Return the centres (n, 2) [m], counter-clockwise."""
+        turn = self._turns()
+        ring = self.distance * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        return np.asarray(ring + self.offset)
+
+    def angles(self, number: int) -> Array:
+        """Return the angles (n,) [rad] from x to the first axis of each hole."""
+        return self.angle + self._turns()
+
+    def _turns(self) -> Array:
+        return 2 * np.pi * np.arange(self.count) / self.count
 
 
 class HoleList(Group):
@@ -152,7 +226,10 @@ class HoleList(Group):
         return np.array(self.centres)
 
 
-HolesTable = Annotated[SquareLattice | HexagonalLattice | HoleList, Field(discriminator="lattice")]
+HolesTable = Annotated[
+    SquareLattice | HexagonalLattice | Honeycomb | Ring | HoleList,
+    Field(discriminator="lattice"),
+]
 
 
 def _as_groups(value: Any) -> Any:

@@ -25,11 +25,12 @@ def openings(groups: Sequence[HolesTable]) -> tuple[Outline, ...]:
     found = []
     for group in groups:
         centres = group.positions()
-        for centre, axes in zip(centres, group.axes(len(centres)), strict=True):
+        number = len(centres)
+        rows = zip(centres, group.axes(number), group.angles(number), strict=True)
+        for centre, axes, angle in rows:
             semi_axes = (float(axes[0]), float(axes[1]))
-            rim = ellipse(
-                (float(centre[0]), float(centre[1])), semi_axes, group.angle, group.clamped
-            )
+            at = (float(centre[0]), float(centre[1]))
+            rim = ellipse(at, semi_axes, float(angle), group.clamped)
             kind = "circle" if semi_axes[0] == semi_axes[1] else "ellipse"
             found.append(Outline(kind, rim, None, 2 * max(semi_axes)))
     return tuple(found)
@@ -114,10 +115,10 @@ def _narrowest(rim: Outline) -> float:
 def _called(rims: Sequence[Outline], index: int) -> str:
     """Return what messages call an opening: its number, counted from 1, its place and its size."""
     rim = rims[index]
-    size = rim.segments[0].semi_axes or 2 * (rim.length / 2,)
-    what = (
-        f"of radius {size[0] * 1e6:.4g} um"
-        if rim.kind == "circle"
-        else f"with semi-axes {size[0] * 1e6:.4g} and {size[1] * 1e6:.4g} um"
-    )
+    axes = rim.segments[0].semi_axes
+    what = f"of {rim.length * 1e6:.4g} um"
+    if rim.kind == "circle":
+        what = f"of radius {rim.length / 2 * 1e6:.4g} um"
+    elif axes is not None:
+        what = f"with semi-axes {axes[0] * 1e6:.4g} and {axes[1] * 1e6:.4g} um"
     return f"opening {index + 1} at {place(middle(rim))} {what}"

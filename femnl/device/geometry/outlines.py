@@ -14,6 +14,7 @@ from femnl.device.geometry.polygons import Polygon
 from femnl.device.geometry.quantities import Depth, Length
 from femnl.device.geometry.scallops import union_of_discs
 from femnl.device.geometry.tables import Table
+from femnl.device.geometry.webs import Trampoline, Web
 
 Array = NDArray[np.float64]
 
@@ -175,7 +176,7 @@ class Etched(Table):
 
 
 OutlineTable = Annotated[
-    Square | Rectangle | RegularPolygon | Circle | Ellipse | Polygon | Etched,
+    Square | Rectangle | RegularPolygon | Circle | Ellipse | Polygon | Etched | Trampoline | Web,
     Field(discriminator="kind"),
 ]
 

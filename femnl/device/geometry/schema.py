@@ -11,10 +11,12 @@ from femnl.core.device import Edge, Holes, Layer, Model, Stack
 from femnl.core.errors import GeometryError
 from femnl.device.geometry.edges import ClampTable, FilmTable, OverhangTable
 from femnl.device.geometry.holes import HoleGroups, refuse_outside, refuse_overlap
+from femnl.device.geometry.loss import LossTable
 from femnl.device.geometry.openings import openings, refuse_misplaced
 from femnl.device.geometry.outlines import OutlineTable
 from femnl.device.geometry.quantities import LENGTH, Length, refusal, to_si
 from femnl.device.geometry.tables import Table, show
+from femnl.device.geometry.webs import Web
 
 Thickness = float | Literal["film", "gap"] | None
 Indices = tuple[tuple[float, complex], ...]
@@ -156,6 +158,7 @@ class GeometryFile(Table):
     holes: HoleGroups | None = None
     film: FilmTable
     readout: ReadoutTable | None = None
+    loss: LossTable = LossTable()
     clamp: ClampTable = ClampTable()
     overhang: OverhangTable | None = None
     model: ModelTable = ModelTable()
@@ -175,6 +178,8 @@ class GeometryFile(Table):
             else Holes(np.empty((0, 2)), 0.0)
         )
         others = openings([group for group in groups if group is not lattice])
+        if isinstance(self.outline, Web):
+            others = (*others, *self.outline.windows())
         refuse_overlap(holes)
         if others and self.outline.kind == "etched":
             raise GeometryError(
@@ -222,4 +227,5 @@ class GeometryFile(Table):
             clamp,
             overhang,
             others,
+            self.loss.loss(),
         )

@@ -15,6 +15,14 @@ from femnl.device.geometry.quantities import refusal
 
 EXAMPLES = {
     "angle": '"30 deg"',
+    "beam": '"2 um"',
+    "beams": '["100 um", "200 um"]',
+    "defect": '"100 um"',
+    "distance": '"30 um"',
+    "pad": '"100 um"',
+    "span": '"700 um"',
+    "tether": '"5 um"',
+    "tethers": "8",
     "arcs": '[{edge = 2, through = ["10 um", "20 um"]}]',
     "clamped": "true",
     "fillet": '"5 um"',
@@ -53,9 +61,12 @@ EXAMPLES = {
     "sides": "6",
     "source": '"measured in 2025"',
     "stress": '"1101.5 MPa"',
+    "surface": '"6e10 m^-1"',
+    "surface_error": '"4e10 m^-1"',
     "taper": '"60 nm"',
     "taper_length": '"4 um"',
     "thickness": '"183.75 nm"',
+    "volume": "28000",
     "width": '"270 um"',
     "young": '"250 GPa"',
 }

@@ -58,6 +58,17 @@ def has_symmetry(model: Model, wedge: float) -> bool:
     return all(_is_mirrored(p, a, tolerance) for p in (*points, slope) for a in angles)
 
 
+def beyond_mirrors(points: Array, wedge: float) -> Array:
+    """How far points (n, 2) lie beyond the mirror lines of a wedge; negative inside."""
+    x, y = points.T
+    beyond = np.full(len(points), -np.inf)
+    if wedge < FULL:
+        beyond = np.maximum(beyond, -y)
+    if wedge < HALF:
+        beyond = np.maximum(beyond, y * np.cos(wedge) - x * np.sin(wedge))
+    return beyond
+
+
 def _key_points(outline: Outline) -> Array:
     """Points that pin down an outline.
 

@@ -143,7 +143,12 @@ def _modes_dataset(modes: Modes, nonlinearity: Nonlinearity | None) -> "xr.Datas
                 {"units": "N/m^3"},
             )
     return xr.Dataset(
-        data, attrs={"degree": modes.degree, "prestress_degree": modes.prestress.degree}
+        data,
+        attrs={
+            "degree": modes.degree,
+            "prestress_degree": modes.prestress.degree,
+            "first": modes.first,
+        },
     )
 
 
@@ -171,4 +176,6 @@ def _modes(data: h5py.Group, domain: Domain) -> Modes:
         label,
         departure=departure,
         coupling=coupling,
+        # Older files hold the lowest modes
+        first=int(_attribute(data, "first")) if "first" in data.attrs else 1,
     )

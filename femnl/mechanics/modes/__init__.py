@@ -1,5 +1,6 @@
 """Prestressed modes: frequencies, effective masses, shapes and labels."""
 
+from femnl.mechanics.modes.near import solve_modes_near
 from femnl.mechanics.modes.shapes import ShapeValues, shape_at, shapes_at
 from femnl.mechanics.modes.solve import align, solve_modes, solve_pencil, solve_sectors
 
@@ -9,6 +10,7 @@ __all__ = [
     "shape_at",
     "shapes_at",
     "solve_modes",
+    "solve_modes_near",
     "solve_pencil",
     "solve_sectors",
 ]
