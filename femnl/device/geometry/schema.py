@@ -13,7 +13,7 @@ from femnl.device.geometry.edges import ClampTable, FilmTable, OverhangTable
 from femnl.device.geometry.holes import HoleGroups, refuse_outside, refuse_overlap
 from femnl.device.geometry.openings import openings, refuse_misplaced
 from femnl.device.geometry.outlines import OutlineTable
-from femnl.device.geometry.quantities import LENGTH, Length, refusal, to_si
+from femnl.device.geometry.quantities import LENGTH, Depth, Length, refusal, to_si
 from femnl.device.geometry.tables import Table, show
 
 Thickness = float | Literal["film", "gap"] | None
@@ -146,11 +146,13 @@ class ModelTable(Table):
 class GeometryFile(Table):
     """A whole geometry file.
 
-    `assumed` names the values, such as "film.young", that the source does not give.
+    `assumed` names the values, such as "film.young", that the source does not give. `grid` is the
+    step to which a drawing rounds its coordinates.
     """
 
     name: Annotated[str, AfterValidator(_plain_name)]
     source: str = ""
+    grid: Depth = 0.0
     assumed: list[str] = Field(default_factory=list)
     outline: OutlineTable
     holes: HoleGroups | None = None
@@ -170,8 +172,8 @@ class GeometryFile(Table):
         groups = self.holes or []
         lattice = next((group for group in groups if group.alike), None)
         holes = (
-            Holes(lattice.positions(), float(lattice.axes(1)[0, 0]))
-            if lattice is not None
+            Holes(lattice.positions(), lattice.radius)
+            if lattice is not None and isinstance(lattice.radius, float)
             else Holes(np.empty((0, 2)), 0.0)
         )
         others = openings([group for group in groups if group is not lattice])
@@ -222,4 +224,5 @@ class GeometryFile(Table):
             clamp,
             overhang,
             others,
+            self.grid,
         )

@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from femnl.core.device import Model, Outline, Segment
+from femnl.core.device import Model, Segment
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
 from femnl.device.geometry import curves as exact
 from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double, misfit
 from femnl.device.mesh.corners import singular_corners
+from femnl.device.mesh.openings import webs
 from femnl.device.mesh.symmetry import EIGHTH, FULL, HALF, QUARTER, find_wedge, has_symmetry
 from femnl.mechanics.fem.memory import need_memory
 
@@ -119,6 +120,7 @@ class _Curves:
     rim: list[int]  # between film and overhang
     segment: dict[int, int]  # the edge's segment that a clamped or free curve is part of
     openings: list[int]  # free rims of openings; clamped ones are among the clamped curves
+    rims: dict[int, int]  # the opening on whose rim a curve lies
 
 
 def _build(model: Model, wedge: float, resolution: float, degree: int, copies: int) -> Raw:
@@ -246,7 +248,7 @@ def _wedge_surface(wedge: float) -> int:
 
 def _classify(model: Model, wedge: float, unit: float) -> _Curves:
     """Tell curves apart by where they lie."""
-    curves = _Curves([], [], [], ([], []), [], {}, [])
+    curves = _Curves([], [], [], ([], []), [], {}, [], {})
     outline = model.edge_outline
     holes = cKDTree(model.holes.centres * unit) if len(model.holes.centres) else None
     boxes = np.array([exact.box(o) for o in model.openings]).reshape(-1, 4) * unit
@@ -263,7 +265,9 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
             np.abs(holes.query(where)[0] - model.holes.radius * unit) < TOLERANCE
         ):
             curves.holes.append(tag)
-        elif (rim := _opening(model, boxes, where, unit)) is not None:
+        elif (index := _opening(model, boxes, where, unit)) is not None:
+            rim = model.openings[index]
+            curves.rims[tag] = index
             (curves.clamped if rim.segments[0].clamped else curves.openings).append(tag)
         elif (
             model.overhang is not None
@@ -282,7 +286,7 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
     return curves
 
 
-def _opening(model: Model, boxes: Array, where: Array, unit: float) -> Outline | None:
+def _opening(model: Model, boxes: Array, where: Array, unit: float) -> int | None:
     """The opening on whose rim points (n, 2) of a curve lie, in scaled units, or None.
 
     boxes (m, 4): around the openings, outside of which there is no need to look.
@@ -293,7 +297,7 @@ def _opening(model: Model, boxes: Array, where: Array, unit: float) -> Outline |
     )
     for k in np.flatnonzero(within):
         if exact.distance(model.openings[k], where / unit).max() * unit < TOLERANCE:
-            return model.openings[k]
+            return int(k)
     return None
 
 
@@ -348,6 +352,8 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float, degree
         )
     for radius, arcs in _arcs_by_radius(curves.openings).items():
         grow_from_curves(2 * np.pi * radius / HOLE_SEGMENTS / grading, arcs, HOLE_GROWTH)
+    for size, tags in webs(model, curves.rims, unit, SCALE / ELEMENTS_PER_LENGTH):
+        grow_from_curves(size / grading, tags, HOLE_GROWTH)
     for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
         grow_from_curves(2 * np.pi * radius / ARC_SEGMENTS / resolution, arcs)
     for index, width in enumerate(exact.widths(model.edge_outline)):
