@@ -1,0 +1,237 @@
+"""From what a layout draws to the film's edge and its inner edges."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from femnl.core.errors import GeometryError
+from femnl.device.geometry import curves
+from femnl.device.geometry.booleans import Operation, Region, combine
+from femnl.device.geometry.openings import polygon
+from femnl.device.layout.drawing import Drawing, Fault, Loop
+from femnl.device.layout.recognise import outline_of, recognise
+
+Array = NDArray[np.float64]
+
+SMALL = 2.0
+"""Steps of the grid: an edge or a width below it is rounding, and no feature."""
+SLIVER = 1e-3
+"""Width over length of a piece that is an accident of drawing."""
+
+
+@dataclass(frozen=True)
+class Film:
+    """The film of a layout: its outer edge, inner edges, what was recognised, what is wrong."""
+
+    outer: Loop
+    inner: tuple[Loop, ...]
+    curves: Counter[str]
+    faults: tuple[Fault, ...]
+
+
+def film_of(drawing: Drawing) -> Film:
+    """Return film ∩ release − holes, with the posts as clamped inner edges.
+
+    Edges of the film are clamped where no release is drawn, and free where it is; those of the
+    release are clamped, those of holes free.
+
+    Raises:
+        GeometryError: nothing left, or several pieces.
+    """
+    faults = list(drawing.faults)
+    counts: Counter[str] = Counter()
+    regions = {}
+    for role in dict.fromkeys((*drawing.polygons, *drawing.loops)):
+        drawn = drawing.polygons.get(role, ())
+        regions[role], found, seen = merged(drawn, drawing.grid)
+        regions[role] += [Region(loop, ()) for loop in drawing.loops.get(role, ())]
+        counts += found
+        faults += [replace(fault, what=f"{fault.what} ({role})") for fault in seen]
+    film, inner = _film(regions)
+    posts = [_held(region.outer, True) for region in regions.get("posts", [])]
+    return Film(film, (*inner, *posts), counts, tuple(faults))
+
+
+def merged(
+    polygons: Sequence[Array], grid: float
+) -> tuple[list[Region], Counter[str], list[Fault]]:
+    """Return the regions that polygons (n, 2) cover together, their curves and their faults.
+
+    A polygon may meet itself along the cut by which layouts draw holes.
+    """
+    whole = []
+    faults: list[Fault] = []
+    for corners in polygons:
+        shape = shapely.Polygon(corners)
+        if not shape.is_valid:
+            shape = shapely.make_valid(shape, method="structure", keep_collapsed=False)
+            # A cut that is walked twice leaves the area as it is, a crossing does not
+            if abs(shape.area - abs(_area(corners))) > 1e-6 * shape.area:
+                faults.append(Fault("self-intersection", _where_invalid(corners), True))
+        whole.append(shape)
+    counts: Counter[str] = Counter()
+    found = []
+    known: dict[bytes, tuple[Loop, Counter[str]]] = {}
+    for shape in shapely.get_parts(shapely.union_all(whole)):
+        if shape.geom_type != "Polygon":
+            continue
+        faults += _small_features(shape, grid)
+        loops = []
+        for ring in (shape.exterior, *shape.interiors):
+            loop, kinds = _recognised(shapely.get_coordinates(ring)[:-1], grid, known)
+            loops.append(loop)
+            counts += kinds
+        found.append(Region(loops[0], tuple(loops[1:])))
+    return found, counts, faults
+
+
+def _recognised(
+    corners: Array, grid: float, known: dict[bytes, tuple[Loop, Counter[str]]]
+) -> tuple[Loop, Counter[str]]:
+    """Recognise a ring; rings of one shape in different places are looked at once."""
+    start = int(np.lexsort(corners.T)[0])
+    turned = np.roll(corners, -start, axis=0)
+    if _area(turned) < 0:
+        turned = np.roll(turned[::-1], 1, axis=0)
+    origin = turned[0]
+    steps = np.rint((turned - origin) / (1e-3 * grid)).astype(np.int64)
+    key = steps.tobytes()
+    if key not in known:
+        known[key] = recognise(turned - origin, grid)
+    loop, counts = known[key]
+    return moved(loop, origin), counts
+
+
+def moved(loop: Loop, by: Array) -> Loop:
+    """Return a loop moved by (2,) [m]."""
+
+    def shifted(point: tuple[float, float]) -> tuple[float, float]:
+        return float(point[0] + by[0]), float(point[1] + by[1])
+
+    return tuple(
+        replace(
+            s,
+            start=shifted(s.start),
+            end=shifted(s.end),
+            centre=None if s.centre is None else shifted(s.centre),
+        )
+        for s in loop
+    )
+
+
+def _film(regions: dict[str, list[Region]]) -> tuple[Loop, list[Loop]]:
+    """The outer edge of what is suspended, and its free inner edges."""
+    release = regions.get("release", [])
+    free = bool(release)
+    steps: list[tuple[Operation, Loop]] = []
+    inner: list[Loop] = []
+    for region in regions["film"]:
+        steps.append(("add", _held(region.outer, not free)))
+        inner += [_held(loop, False) for loop in region.inner]
+    window = _window(release)
+    if window is not None:
+        steps.append(("intersect", window))
+    inner += [_held(region.outer, False) for region in regions.get("holes", [])]
+    if len(steps) == 1:
+        edge = steps[0][1]
+    else:
+        edge = _only(combine(steps)).outer
+    within, across = _sorted(edge, inner)
+    if across:
+        pieces = combine([("add", edge), *(("subtract", loop) for loop in across)])
+        film = _only(pieces)
+        edge = film.outer
+        within = _sorted(edge, [*within, *(_held(loop, False) for loop in film.inner)])[0]
+    return edge, within
+
+
+def _window(release: list[Region]) -> Loop | None:
+    if not release:
+        return None
+    if len(release) > 1 or release[0].inner:
+        x, y = release[-1].outer[0].start
+        raise GeometryError(
+            f"release: {len(release)} pieces, one at ({x * 1e6:.6g}, {y * 1e6:.6g}) um; give one "
+            "closed curve, and posts on a layer of their own"
+        )
+    return _held(release[0].outer, True)
+
+
+def _sorted(edge: Loop, loops: list[Loop]) -> tuple[list[Loop], list[Loop]]:
+    """Loops within an edge, and those that meet it; those beyond it are left out."""
+    if not loops:
+        return [], []
+    around = polygon(outline_of(edge))
+    shapely.prepare(around)
+    shapes = np.array([polygon(outline_of(loop)) for loop in loops])
+    within = shapely.contains_properly(around, shapes)
+    meets = shapely.intersects(around, shapes) & ~within
+    return (
+        [loop for loop, inside in zip(loops, within, strict=True) if inside],
+        [loop for loop, cuts in zip(loops, meets, strict=True) if cuts],
+    )
+
+
+def _only(regions: list[Region]) -> Region:
+    if not regions:
+        raise GeometryError("film, release and holes leave no film; check the layers")
+    if len(regions) > 1:
+        sizes = [curves.area(outline_of(region.outer)) for region in regions]
+        where = "; ".join(
+            f"{size * 1e12:.4g} um² at ({r.outer[0].start[0] * 1e6:.6g}, "
+            f"{r.outer[0].start[1] * 1e6:.6g}) um"
+            for size, r in list(zip(sizes, regions, strict=True))[:4]
+        )
+        raise GeometryError(
+            f"the film falls into {len(regions)} pieces: {where}; import a cell with one of them"
+        )
+    return regions[0]
+
+
+def _held(loop: Loop, clamped: bool) -> Loop:
+    return tuple(replace(segment, clamped=clamped) for segment in loop)
+
+
+def _small_features(shape: shapely.Polygon, grid: float) -> list[Fault]:
+    """Slivers, and edges or widths that the grid does not resolve."""
+    found = []
+    points = shapely.get_coordinates(shape.exterior)
+    x0, y0, x1, y1 = shape.bounds
+    longest = max(x1 - x0, y1 - y0)
+    width = 2 * shape.area / shape.length
+    if width < SMALL * grid:
+        found.append(Fault(f"feature {width * 1e9:.3g} nm wide, below the grid", _pair(points[0]), False))
+    elif width < SLIVER * longest:
+        found.append(Fault(f"sliver {width * 1e9:.3g} nm wide", _pair(points[0]), False))
+    chords = np.diff(points, axis=0)
+    lengths = np.hypot(*chords.T)
+    short = np.flatnonzero(lengths < SMALL * grid)
+    if len(short):
+        found.append(
+            Fault(
+                f"edge of {lengths[short[0]] * 1e9:.3g} nm, below the grid",
+                _pair(points[short[0]]),
+                False,
+            )
+        )
+    return found
+
+
+def _where_invalid(corners: Array) -> tuple[float, float]:
+    """The point that GEOS names, in the brackets of its explanation."""
+    reason = shapely.is_valid_reason(shapely.Polygon(corners))
+    x, y = reason.partition("[")[2].rstrip("]").split()
+    return float(x), float(y)
+
+
+def _area(corners: Array) -> float:
+    x, y = (corners - corners[0]).T
+    return float(x @ np.roll(y, -1) - np.roll(x, -1) @ y) / 2
+
+
+def _pair(point: Array) -> tuple[float, float]:
+    return float(point[0]), float(point[1])
