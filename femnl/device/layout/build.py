@@ -62,7 +62,8 @@ def import_layout(
         film = film_of(drawing)
         _refuse(film.faults)
         x0, y0, x1, y1 = curves.box(outline_of(film.outer))
-        middle = np.array([x0 + x1, y0 + y1]) / 2
+        half = drawing.grid / 2
+        middle = np.round(np.array([x0 + x1, y0 + y1]) / 2 / half) * half
         tables: Tables = {
             "name": _plain(drawing.cell),
             "source": f"{path.name}, cell {drawing.cell}",
@@ -104,7 +105,7 @@ def _value(value: Any) -> str:
         return "{" + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list):
         entries = [_value(v) for v in value]
-        if len(entries) > 4:
+        if any(isinstance(v, list | dict) for v in value) and len(entries) > 2:
             return "[\n  " + ",\n  ".join(entries) + ",\n]"
         return "[" + ", ".join(entries) + "]"
     return json.dumps(value, ensure_ascii=False)

@@ -17,6 +17,7 @@ Loop = tuple[Segment, ...]
 ROLES = {
     "film": "where the film is",
     "release": "where the wafer under it is gone; the film is clamped at its edge",
+    "frame": "where the wafer is left; the film is clamped at its edge",
     "holes": "where the film is etched away",
     "posts": "where the film is held from below; clamped at the rims",
 }

@@ -19,6 +19,11 @@ FEWEST = 4
 """Chords that make an arc."""
 ROUNDING = 0.75
 """Steps of the grid by which a corner may lie off its curve: rounding both coordinates takes 0.71."""
+FITTED = 1.1
+"""Steps of the grid by which corners may lie off the circle of least squares, which follows chance."""
+MOVED = 50.0
+"""Steps of the grid by which a radius may move for a round number: a short arc hardly fixes it."""
+CENTRING = 4
 STEPS = (1000.0, 500.0, 100.0, 50.0, 10.0, 5.0, 1.0, 0.5, 0.1)
 """Steps of the grid in which a radius is tried, the roundest number first."""
 SHARPEST = np.radians(150.0)
@@ -71,7 +76,7 @@ def _whole_curve(points: Array, tolerance: float, grid: float) -> tuple[Loop, Co
     chords = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
     if not (np.all(turns > 0) or np.all(turns < 0)):
         return None
-    circle = _rounded(_fit(points), points, tolerance, grid)
+    circle = _rounded(_fit(points), points, grid)
     if circle is not None and chords.max() <= WIDEST * circle.radius + 2 * tolerance:
         centre = (float(circle.centre[0]), float(circle.centre[1]))
         return ellipse(centre, (circle.radius, circle.radius)), Counter(circles=1)
@@ -127,11 +132,11 @@ def _runs(points: Array, tolerance: float, grid: float) -> list[_Run]:
     found = []
     k = offset
     while k + FEWEST <= offset + number:
-        run = _longest(points, turn, gentle, k, offset + number, tolerance)
+        run = _longest(points, turn, gentle, k, offset + number, FITTED * grid)
         if run is None:
             k += 1
             continue
-        circle = _rounded(run.circle, points[np.arange(k, run.last + 1) % number], tolerance, grid)
+        circle = _rounded(run.circle, points[np.arange(k, run.last + 1) % number], grid)
         found.append(run if circle is None else _Run(run.first, run.last, circle))
         k = run.last
     return found
@@ -174,23 +179,33 @@ def _fit(points: Array) -> Circle | None:
     return Circle(middle + scale * solution[:2], float(scale * np.sqrt(square)))
 
 
-def _rounded(
-    circle: Circle | None, points: Array, tolerance: float, grid: float
-) -> Circle | None:
-    """The circle with the roundest centre and radius that all points lie on, if there is one."""
-    if circle is None or circle.off(points) > tolerance:
+def _rounded(circle: Circle | None, points: Array, grid: float) -> Circle | None:
+    """The circle with the roundest radius and centre that all points lie on, if there is one."""
+    if circle is None or circle.off(points) > FITTED * grid:
         return None
-    for step in (1.0, 0.5):
-        centre = np.round(circle.centre / (step * grid)) * (step * grid)
-        moved = Circle(centre, circle.radius)
-        if moved.off(points) <= tolerance:
-            circle = moved
-            break
     for step in STEPS:
         radius = float(np.round(circle.radius / (step * grid)) * (step * grid))
-        if radius > 0 and Circle(circle.centre, radius).off(points) <= tolerance:
-            return Circle(circle.centre, radius)
+        if abs(radius - circle.radius) > MOVED * grid or radius == 0:
+            continue
+        tried = _centred(Circle(circle.centre, radius), points)
+        for places in (1.0, 0.5):
+            centre = np.round(tried.centre / (places * grid)) * (places * grid)
+            if Circle(centre, radius).off(points) <= ROUNDING * grid:
+                return Circle(centre, radius)
+        if tried.off(points) <= ROUNDING * grid:
+            return tried
     return circle
+
+
+def _centred(circle: Circle, points: Array) -> Circle:
+    """The circle of the same radius from which points lie off least (Gauss–Newton)."""
+    centre = circle.centre
+    for _ in range(CENTRING):
+        spokes = points - centre
+        size = np.hypot(*spokes.T)
+        step = np.linalg.lstsq(-spokes / size[:, None], circle.radius - size, rcond=None)[0]
+        centre = centre + step
+    return Circle(centre, circle.radius)
 
 
 def _loop(

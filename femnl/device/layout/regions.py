@@ -34,10 +34,10 @@ class Film:
 
 
 def film_of(drawing: Drawing) -> Film:
-    """Return film ∩ release − holes, with the posts as clamped inner edges.
+    """Return film ∩ release − frame − holes, with the posts as clamped inner edges.
 
-    Edges of the film are clamped where no release is drawn, and free where it is; those of the
-    release are clamped, those of holes free.
+    Edges of the film are clamped where neither release nor frame is drawn, and free else; those of
+    release and frame are clamped, those of holes free.
 
     Raises:
         GeometryError: nothing left, or several pieces.
@@ -126,7 +126,8 @@ def moved(loop: Loop, by: Array) -> Loop:
 def _film(regions: dict[str, list[Region]]) -> tuple[Loop, list[Loop]]:
     """The outer edge of what is suspended, and its free inner edges."""
     release = regions.get("release", [])
-    free = bool(release)
+    frame = regions.get("frame", [])
+    free = bool(release or frame)
     steps: list[tuple[Operation, Loop]] = []
     inner: list[Loop] = []
     for region in regions["film"]:
@@ -135,6 +136,7 @@ def _film(regions: dict[str, list[Region]]) -> tuple[Loop, list[Loop]]:
     window = _window(release)
     if window is not None:
         steps.append(("intersect", window))
+    steps += [("subtract", _held(region.outer, True)) for region in frame]
     inner += [_held(region.outer, False) for region in regions.get("holes", [])]
     if len(steps) == 1:
         edge = steps[0][1]
