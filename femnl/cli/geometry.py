@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from femnl.cli._device import Geometry
-from femnl.cli._output import console, note, print_json, table
+from femnl.cli._output import note
 from femnl.core.resources import find_geometry, need_file
 
 Layout = Annotated[

@@ -200,8 +200,9 @@ class Model:
     there is one, whose outer rim is that edge.
     openings: inner edges of the film that `holes` does not list, each one closed loop, walked
     counter-clockwise like an outline: ellipses, holes of other radii, and posts, whose rims are
-    clamped. grid [m]: the step to which a drawing rounds its coordinates, within which it is its own
-    mirror image; 0 where the numbers are exact.
+    clamped.
+    grid [m]: the step to which a drawing rounds its coordinates, within which it is its own mirror
+    image; 0 where the numbers are exact.
     text: the TOML text that this model was read from, so that results can carry it. assumed: keys
     of that text, such as "holes.radius", whose values the source does not give.
     """

@@ -64,27 +64,23 @@ class Group(Table):
         """Whether the holes are round, of one radius, and free: those of `Model.holes`."""
         return isinstance(self.radius, float) and not self.clamped
 
-    def rims(self, centres: Array) -> list[Outline]:
-        """Return the rims of the holes at centres (n, 2) [m], counter-clockwise."""
+    def prototypes(self, number: int) -> tuple[list[Outline], NDArray[np.int64]]:
+        """Return the different rims about the origin, and which of them each hole (n,) has."""
+        which = np.zeros(number, dtype=np.int64)
         if self.shape is not None:
-            none = Holes(np.empty((0, 2)), 0.0)
-            made = held(self.shape.outline(none), self.clamped)
-            return [placed(made, centre, self.angle) for centre in centres]
-        axes = self._axes(len(centres))
-        found = []
-        for centre, (a, b) in zip(centres, axes, strict=True):
-            middle = (float(centre[0]), float(centre[1]))
-            rim = ellipse(middle, (float(a), float(b)), self.angle, self.clamped)
-            kind = "circle" if a == b else "ellipse"
-            found.append(Outline(kind, rim, None, 2 * float(max(a, b))))
-        return found
-
-    def _axes(self, number: int) -> Array:
-        """Return the semi-axes (n, 2) [m] of the holes."""
+            made = self.shape.outline(Holes(np.empty((0, 2)), 0.0))
+            return [placed(held(made, self.clamped), (0.0, 0.0), self.angle)], which
+        axes = np.zeros((1, 2))
         if self.semi_axes is not None:
-            return np.broadcast_to(self.semi_axes, (number, 2))
-        radii = np.broadcast_to(0.0 if self.radius is None else self.radius, number)
-        return np.stack([radii, radii], axis=1)
+            axes = np.array([self.semi_axes])
+        elif self.radius is not None:
+            radii, which = np.unique(np.broadcast_to(self.radius, number), return_inverse=True)
+            axes = np.stack([radii, radii], axis=1)
+        found = []
+        for a, b in axes.tolist():
+            rim = ellipse((0.0, 0.0), (a, b), self.angle, self.clamped)
+            found.append(Outline("circle" if a == b else "ellipse", rim, None, 2 * max(a, b)))
+        return found, which
 
 
 class Lattice(Group):

@@ -1,6 +1,7 @@
 """Inner edges of the film beyond a lattice of like holes: any shapes, mixed radii, clamped rims."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -11,6 +12,7 @@ from femnl.core.errors import GeometryError
 from femnl.device.geometry import curves
 from femnl.device.geometry.holes import TOUCHING, HolesTable
 from femnl.device.geometry.naming import name, place
+from femnl.device.geometry.placing import placed
 
 Array = NDArray[np.float64]
 
@@ -21,9 +23,26 @@ NARROWEST = 1e-4
 leave their curve by (π/720)²/2 of its radius. Beside round ones the distance is exact."""
 
 
-def openings(groups: Sequence[HolesTable]) -> tuple[Outline, ...]:
+@dataclass(frozen=True)
+class Openings:
+    """The rims of openings, and the same with their curves cut into short chords (n,)."""
+
+    rims: tuple[Outline, ...]
+    drawn: NDArray[np.object_]
+
+
+def openings(groups: Sequence[HolesTable]) -> Openings:
     """Return the rims of all holes of the groups, in their order."""
-    return tuple(rim for group in groups for rim in group.rims(group.positions()))
+    rims: list[Outline] = []
+    drawn: list[shapely.Polygon] = []
+    for group in groups:
+        centres = group.positions()
+        like, which = group.prototypes(len(centres))
+        chords = [curves.polyline(rim, PER_TURN) for rim in like]
+        for centre, k in zip(centres, which, strict=True):
+            rims.append(placed(like[k], centre))
+            drawn.append(shapely.Polygon(chords[k] + centre))
+    return Openings(tuple(rims), np.array(drawn, dtype=object))
 
 
 def middle(opening: Outline) -> Array:
@@ -32,15 +51,16 @@ def middle(opening: Outline) -> Array:
     return np.array([x0 + x1, y0 + y1]) / 2
 
 
-def refuse_misplaced(rims: Sequence[Outline], holes: Holes, outline: Outline) -> None:
+def refuse_misplaced(inner: Openings, holes: Holes, outline: Outline) -> None:
     """Refuse openings that meet the outline, lie outside of it, or meet each other or a hole.
 
     Raises:
         GeometryError: naming the first such opening.
     """
+    rims = inner.rims
+    shapes = inner.drawn
     if not rims:
         return
-    shapes = np.array([polygon(rim) for rim in rims])
     around = polygon(outline)
     shapely.prepare(around)
     room = np.array([_narrowest(rim) for rim in rims])
@@ -64,13 +84,15 @@ def refuse_misplaced(rims: Sequence[Outline], holes: Holes, outline: Outline) ->
                 f"[holes] {_called(rims, first)} and {_called(rims, second)} overlap or touch; "
                 "move them apart or make one smaller"
             )
-    if not len(holes.centres):
-        return
-    for k, rim in enumerate(rims):
-        gaps = curves.distance(rim, holes.centres)
-        gaps = np.where(curves.contains(rim, holes.centres), -gaps, gaps) - holes.radius
-        nearest = int(np.argmin(gaps))
-        if gaps[nearest] <= TOUCHING * holes.radius:
+    within = shapely.STRtree(shapely.points(holes.centres)).query(
+        shapes, "dwithin", holes.radius + 2 * room
+    )
+    for k, nearest in sorted(within.T.tolist()):
+        centre = holes.centres[nearest : nearest + 1]
+        gap = float(curves.distance(rims[k], centre)[0])
+        if curves.contains(rims[k], centre)[0]:
+            gap = -gap
+        if gap - holes.radius <= TOUCHING * holes.radius:
             raise GeometryError(
                 f"[holes] {_called(rims, k)} and the round {name(holes, nearest)} overlap or "
                 "touch; move them apart or make one smaller"

@@ -176,7 +176,8 @@ class GeometryFile(Table):
             if lattice is not None and isinstance(lattice.radius, float)
             else Holes(np.empty((0, 2)), 0.0)
         )
-        others = openings([group for group in groups if group is not lattice])
+        inner = openings([group for group in groups if group is not lattice])
+        others = inner.rims
         refuse_overlap(holes)
         if others and self.outline.kind == "etched":
             raise GeometryError(
@@ -184,7 +185,7 @@ class GeometryFile(Table):
                 "leave the others out or choose another kind of outline"
             )
         outline = self.outline.outline(holes)
-        refuse_misplaced(others, holes, outline)
+        refuse_misplaced(inner, holes, outline)
         if outline.kind != "etched":  # the etch reaches further than the hole that it starts from
             refuse_outside(holes, outline)
         free = [o for o in others if not o.segments[0].clamped]

@@ -1,8 +1,8 @@
 """Drawn layouts (GDSII, OASIS, DXF, SVG): read into geometry files, and written from them."""
 
 from femnl.device.layout.build import Imported, import_layout
-from femnl.device.layout.export import export_layout
 from femnl.device.layout.drawing import read_layers
+from femnl.device.layout.export import export_layout
 from femnl.device.layout.readers import SUFFIXES
 
 __all__ = ["SUFFIXES", "Imported", "export_layout", "import_layout", "read_layers"]

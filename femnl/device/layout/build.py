@@ -8,17 +8,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femnl.core.device import Model
 from femnl.core.errors import GeometryError, one_line
 from femnl.device.geometry import curves, parse
 from femnl.device.geometry.naming import place
-from femnl.device.layout.drawing import Fault
+from femnl.device.layout.drawing import Fault, moved
 from femnl.device.layout.readers import read
 from femnl.device.layout.recognise import outline_of
-from femnl.device.layout.regions import Film, film_of, moved
+from femnl.device.layout.regions import Film, film_of
 from femnl.device.layout.tables import hole_groups, outline_keys, written
 
+Array = NDArray[np.float64]
 Tables = dict[str, Any]
 
 TAKEN = ("film", "readout", "clamp", "model")
@@ -71,7 +73,7 @@ def import_layout(
             **_lent(like),
             "outline": outline_keys(moved(film.outer, -middle)),
         }
-        groups = hole_groups([moved(loop, -middle) for loop in film.inner], drawing.grid)
+        groups = hole_groups(film.inner, middle, drawing.grid)
     except GeometryError as error:
         raise GeometryError(one_line(f"{path}: {error}")) from error
     if groups:
@@ -136,7 +138,7 @@ def _refuse(faults: tuple[Fault, ...]) -> None:
         raise GeometryError(f"{fatal[0]}{more}; femnl geometry check marks them in a picture")
 
 
-def _notes(film: Film, middle: np.ndarray[Any, np.dtype[np.float64]], like: Model, model: Model) -> list[str]:
+def _notes(film: Film, middle: Array, like: Model, model: Model) -> list[str]:
     """What the import did, a line each."""
     found = [f"recognised {count} {kind} drawn as chords" for kind, count in film.curves.items()]
     if np.any(middle != 0):

@@ -1,14 +1,15 @@
 """What a layout holds: closed curves by role, and what is wrong with it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import Segment
+from femnl.core.device import Outline, Segment
 from femnl.core.errors import ParameterError
 from femnl.device.geometry.naming import place
+from femnl.device.geometry.placing import placed
 from femnl.device.geometry.tables import suggest
 
 Array = NDArray[np.float64]
@@ -22,6 +23,25 @@ ROLES = {
     "posts": "where the film is held from below; clamped at the rims",
 }
 """What a layer of a layout may be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A closed curve drawn about a point `at` (2,) [m]. Like ones share their loop."""
+
+    loop: Loop
+    at: Array
+    clamped: bool = True
+
+    @property
+    def there(self) -> Loop:
+        """The loop in its place, clamped or free as a whole."""
+        return tuple(replace(s, clamped=self.clamped) for s in moved(self.loop, self.at))
+
+
+def moved(loop: Loop, by: Array) -> Loop:
+    """Return a loop moved by (2,) [m]."""
+    return placed(Outline("", loop, None, 0.0), by).segments
 
 
 @dataclass(frozen=True)

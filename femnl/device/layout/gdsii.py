@@ -37,7 +37,7 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
         polygons[role] = []
         for polygon in found:
             corners = _on_grid(polygon.points, size, grid)
-            if len(np.unique(corners, axis=0)) >= 3:
+            if len(corners) >= 3 and np.ptp(corners, axis=0).max() > 0:
                 polygons[role].append(corners)
                 continue
             # A path without a width encloses nothing

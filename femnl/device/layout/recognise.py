@@ -18,9 +18,9 @@ WIDEST = np.radians(23.0)
 FEWEST = 4
 """Chords that make an arc."""
 ROUNDING = 0.75
-"""Steps of the grid by which a corner may lie off its curve: rounding both coordinates takes 0.71."""
+"""Steps of the grid by which a corner may lie off its curve: rounding x and y takes 0.71."""
 FITTED = 1.1
-"""Steps of the grid by which corners may lie off the circle of least squares, which follows chance."""
+"""Steps of the grid by which corners may lie off the circle of least squares, led by chance."""
 MOVED = 50.0
 """Steps of the grid by which a radius may move for a round number: a short arc hardly fixes it."""
 CENTRING = 4
@@ -240,7 +240,7 @@ def _loop(
 
 
 def _arc(a: Array, b: Array, inner: Array, circle: Circle) -> Segment:
-    """The arc from a to b on the side of an inner point, with a circle's radius as near as may be."""
+    """The arc from a to b through the point of a circle that is nearest to an inner one."""
     spoke = inner - circle.centre
     return arc_through(a, circle.centre + circle.radius * spoke / np.hypot(*spoke), b, True)
 

@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 from femnl.core.errors import GeometryError
 from femnl.device.geometry import curves
 from femnl.device.geometry.booleans import Operation, Region, combine
-from femnl.device.geometry.openings import polygon
-from femnl.device.layout.drawing import Drawing, Fault, Loop
+from femnl.device.geometry.naming import place
+from femnl.device.geometry.openings import PER_TURN, polygon
+from femnl.device.layout.drawing import Drawing, Fault, Loop, Placed
 from femnl.device.layout.recognise import outline_of, recognise
 
 Array = NDArray[np.float64]
 
 SMALL = 2.0
 """Steps of the grid: an edge or a width below it is rounding, and no feature."""
+ORIGIN = np.zeros(2)
 SLIVER = 1e-3
 """Width over length of a piece that is an accident of drawing."""
 
@@ -28,9 +30,17 @@ class Film:
     """The film of a layout: its outer edge, inner edges, what was recognised, what is wrong."""
 
     outer: Loop
-    inner: tuple[Loop, ...]
+    inner: tuple[Placed, ...]
     curves: Counter[str]
     faults: tuple[Fault, ...]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A connected region of a layer: its outer edge and its holes."""
+
+    outer: Placed
+    inner: tuple[Placed, ...] = ()
 
 
 def film_of(drawing: Drawing) -> Film:
@@ -48,17 +58,15 @@ def film_of(drawing: Drawing) -> Film:
     for role in dict.fromkeys((*drawing.polygons, *drawing.loops)):
         drawn = drawing.polygons.get(role, ())
         regions[role], found, seen = merged(drawn, drawing.grid)
-        regions[role] += [Region(loop, ()) for loop in drawing.loops.get(role, ())]
+        regions[role] += [Drawn(Placed(loop, ORIGIN)) for loop in drawing.loops.get(role, ())]
         counts += found
         faults += [replace(fault, what=f"{fault.what} ({role})") for fault in seen]
     film, inner = _film(regions)
-    posts = [_held(region.outer, True) for region in regions.get("posts", [])]
+    posts = [region.outer for region in regions.get("posts", [])]
     return Film(film, (*inner, *posts), counts, tuple(faults))
 
 
-def merged(
-    polygons: Sequence[Array], grid: float
-) -> tuple[list[Region], Counter[str], list[Fault]]:
+def merged(polygons: Sequence[Array], grid: float) -> tuple[list[Drawn], Counter[str], list[Fault]]:
     """Return the regions that polygons (n, 2) cover together, their curves and their faults.
 
     A polygon may meet itself along the cut by which layouts draw holes.
@@ -76,7 +84,7 @@ def merged(
     counts: Counter[str] = Counter()
     found = []
     known: dict[bytes, tuple[Loop, Counter[str]]] = {}
-    for shape in shapely.get_parts(shapely.union_all(whole)):
+    for shape in _joined(np.array(whole, dtype=object)):
         if shape.geom_type != "Polygon":
             continue
         faults += _small_features(shape, grid)
@@ -85,13 +93,30 @@ def merged(
             loop, kinds = _recognised(shapely.get_coordinates(ring)[:-1], grid, known)
             loops.append(loop)
             counts += kinds
-        found.append(Region(loops[0], tuple(loops[1:])))
+        found.append(Drawn(loops[0], tuple(loops[1:])))
     return found, counts, faults
+
+
+def _joined(shapes: NDArray[np.object_]) -> NDArray[np.object_]:
+    """The connected parts of the union; a shape that meets no other stays as it is."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = shapely.STRtree(shapes).query(shapes, "intersects")
+    meets = coo_array((np.ones(pairs.shape[1]), pairs), shape=2 * (len(shapes),))
+    _, group = connected_components(meets, directed=False)
+    order = np.argsort(group, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+    together = [
+        shapes[members[0]] if len(members) == 1 else shapely.union_all(shapes[members])
+        for members in groups
+    ]
+    return np.asarray(shapely.get_parts(together))
 
 
 def _recognised(
     corners: Array, grid: float, known: dict[bytes, tuple[Loop, Counter[str]]]
-) -> tuple[Loop, Counter[str]]:
+) -> tuple[Placed, Counter[str]]:
     """Recognise a ring; rings of one shape in different places are looked at once."""
     start = int(np.lexsort(corners.T)[0])
     turned = np.roll(corners, -start, axis=0)
@@ -103,79 +128,65 @@ def _recognised(
     if key not in known:
         known[key] = recognise(turned - origin, grid)
     loop, counts = known[key]
-    return moved(loop, origin), counts
+    return Placed(loop, origin), counts
 
 
-def moved(loop: Loop, by: Array) -> Loop:
-    """Return a loop moved by (2,) [m]."""
-
-    def shifted(point: tuple[float, float]) -> tuple[float, float]:
-        return float(point[0] + by[0]), float(point[1] + by[1])
-
-    return tuple(
-        replace(
-            s,
-            start=shifted(s.start),
-            end=shifted(s.end),
-            centre=None if s.centre is None else shifted(s.centre),
-        )
-        for s in loop
-    )
-
-
-def _film(regions: dict[str, list[Region]]) -> tuple[Loop, list[Loop]]:
+def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed]]:
     """The outer edge of what is suspended, and its free inner edges."""
     release = regions.get("release", [])
     frame = regions.get("frame", [])
-    free = bool(release or frame)
+    held = not (release or frame)
     steps: list[tuple[Operation, Loop]] = []
-    inner: list[Loop] = []
+    inner: list[Placed] = []
     for region in regions["film"]:
-        steps.append(("add", _held(region.outer, not free)))
-        inner += [_held(loop, False) for loop in region.inner]
-    window = _window(release)
-    if window is not None:
-        steps.append(("intersect", window))
-    steps += [("subtract", _held(region.outer, True)) for region in frame]
-    inner += [_held(region.outer, False) for region in regions.get("holes", [])]
-    if len(steps) == 1:
-        edge = steps[0][1]
-    else:
-        edge = _only(combine(steps)).outer
+        steps.append(("add", replace(region.outer, clamped=held).there))
+        inner += [replace(placed, clamped=False) for placed in region.inner]
+    if release:
+        steps.append(("intersect", _window(release).there))
+    steps += [("subtract", region.outer.there) for region in frame]
+    inner += [replace(region.outer, clamped=False) for region in regions.get("holes", [])]
+    edge = steps[0][1] if len(steps) == 1 else _only(combine(steps)).outer
     within, across = _sorted(edge, inner)
     if across:
-        pieces = combine([("add", edge), *(("subtract", loop) for loop in across)])
-        film = _only(pieces)
+        film = _only(combine([("add", edge), *(("subtract", p.there) for p in across)]))
+        cut = [Placed(loop, ORIGIN, False) for loop in film.inner]
         edge = film.outer
-        within = _sorted(edge, [*within, *(_held(loop, False) for loop in film.inner)])[0]
+        within = _sorted(edge, [*within, *cut])[0]
     return edge, within
 
 
-def _window(release: list[Region]) -> Loop | None:
-    if not release:
-        return None
+def _window(release: list[Drawn]) -> Placed:
     if len(release) > 1 or release[0].inner:
-        x, y = release[-1].outer[0].start
+        where = place(np.array(release[-1].outer.there[0].start))
         raise GeometryError(
-            f"release: {len(release)} pieces, one at ({x * 1e6:.6g}, {y * 1e6:.6g}) um; give one "
-            "closed curve, and posts on a layer of their own"
+            f"release: {len(release)} pieces, one at {where}; give one closed curve, and posts on "
+            "a layer of their own"
         )
-    return _held(release[0].outer, True)
+    return release[0].outer
 
 
-def _sorted(edge: Loop, loops: list[Loop]) -> tuple[list[Loop], list[Loop]]:
-    """Loops within an edge, and those that meet it; those beyond it are left out."""
-    if not loops:
+def _sorted(edge: Loop, placed: list[Placed]) -> tuple[list[Placed], list[Placed]]:
+    """Curves within an edge, and those that meet it; those beyond it are left out."""
+    if not placed:
         return [], []
     around = polygon(outline_of(edge))
     shapely.prepare(around)
-    shapes = np.array([polygon(outline_of(loop)) for loop in loops])
+    shapes = _chords(placed)
     within = shapely.contains_properly(around, shapes)
     meets = shapely.intersects(around, shapes) & ~within
     return (
-        [loop for loop, inside in zip(loops, within, strict=True) if inside],
-        [loop for loop, cuts in zip(loops, meets, strict=True) if cuts],
+        [one for one, inside in zip(placed, within, strict=True) if inside],
+        [one for one, cuts in zip(placed, meets, strict=True) if cuts],
     )
+
+
+def _chords(placed: list[Placed]) -> NDArray[np.object_]:
+    """Polygons of curves in their places, the chords of like ones found once."""
+    drawn: dict[int, Array] = {}
+    for one in placed:
+        if id(one.loop) not in drawn:
+            drawn[id(one.loop)] = curves.polyline(outline_of(one.loop), PER_TURN)
+    return np.array([shapely.Polygon(drawn[id(one.loop)] + one.at) for one in placed])
 
 
 def _only(regions: list[Region]) -> Region:
@@ -184,18 +195,13 @@ def _only(regions: list[Region]) -> Region:
     if len(regions) > 1:
         sizes = [curves.area(outline_of(region.outer)) for region in regions]
         where = "; ".join(
-            f"{size * 1e12:.4g} um² at ({r.outer[0].start[0] * 1e6:.6g}, "
-            f"{r.outer[0].start[1] * 1e6:.6g}) um"
+            f"{size * 1e12:.4g} um² at {place(np.array(r.outer[0].start))}"
             for size, r in list(zip(sizes, regions, strict=True))[:4]
         )
         raise GeometryError(
             f"the film falls into {len(regions)} pieces: {where}; import a cell with one of them"
         )
     return regions[0]
-
-
-def _held(loop: Loop, clamped: bool) -> Loop:
-    return tuple(replace(segment, clamped=clamped) for segment in loop)
 
 
 def _small_features(shape: shapely.Polygon, grid: float) -> list[Fault]:
@@ -206,7 +212,9 @@ def _small_features(shape: shapely.Polygon, grid: float) -> list[Fault]:
     longest = max(x1 - x0, y1 - y0)
     width = 2 * shape.area / shape.length
     if width < SMALL * grid:
-        found.append(Fault(f"feature {width * 1e9:.3g} nm wide, below the grid", _pair(points[0]), False))
+        found.append(
+            Fault(f"feature {width * 1e9:.3g} nm wide, below the grid", _pair(points[0]), False)
+        )
     elif width < SLIVER * longest:
         found.append(Fault(f"sliver {width * 1e9:.3g} nm wide", _pair(points[0]), False))
     chords = np.diff(points, axis=0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femnl.core.device import Segment
 from femnl.device.geometry import curves
 from femnl.device.geometry.splines import arcs_along
-from femnl.device.layout.drawing import Loop
+from femnl.device.layout.drawing import Loop, Placed
 from femnl.device.layout.recognise import circle_of, outline_of
 
 Array = NDArray[np.float64]
@@ -41,30 +41,46 @@ def outline_keys(loop: Loop) -> Keys:
     return _box_keys(loop) or polygon_keys(loop)
 
 
-def hole_groups(loops: Sequence[Loop], grid: float) -> list[Keys]:
-    """Return tables [[holes]], one for each shape and size, in the order of first appearance."""
+def hole_groups(placed: Sequence[Placed], origin: Array, grid: float) -> list[Keys]:
+    """Return tables [[holes]], one for each shape and size, in the order of first appearance.
+
+    Args:
+        placed: curves of the layout.
+        origin: (2,) [m] of the geometry in the layout.
+        grid: step of its coordinates [m].
+    """
+    known: dict[tuple[int, bool], tuple[Keys, Array]] = {}
     groups: dict[str, tuple[Keys, list[Array]]] = {}
-    for loop in loops:
-        x0, y0, x1, y1 = curves.box(outline_of(loop))
-        middle = np.array([x0 + x1, y0 + y1]) / 2
-        circle = circle_of(loop)
-        first = loop[0]
-        keys: Keys
-        if circle is not None:
-            middle = circle[0]
-            keys = {"radius": written(circle[1])}
-        elif first.semi_axes is not None and _whole_ellipse(loop):
-            keys = {"semi_axes": [written(size) for size in first.semi_axes]}
-            if abs(first.angle) > 1e-9:
-                keys["angle"] = written_angle(first.angle)
-        else:
-            keys = {"shape": _shape_keys(loop, middle)}
-        if first.clamped:
-            keys["clamped"] = True
-        groups.setdefault(repr(keys), (keys, []))[1].append(middle)
-    return [
-        array_keys(np.array(centres), keys, grid) for keys, centres in groups.values()
-    ]
+    for one in placed:
+        like = (id(one.loop), one.clamped)
+        if like not in known:
+            known[like] = _hole_keys(one)
+        keys, middle = known[like]
+        groups.setdefault(repr(keys), (keys, []))[1].append(one.at + middle - origin)
+    return [array_keys(np.array(centres), keys, grid) for keys, centres in groups.values()]
+
+
+def _hole_keys(one: Placed) -> tuple[Keys, Array]:
+    """The keys of a hole's shape, and its middle (2,) from the point about which it is drawn."""
+    x0, y0, x1, y1 = curves.box(outline_of(one.loop))
+    middle = np.array([x0 + x1, y0 + y1]) / 2
+    circle = circle_of(one.loop)
+    first = one.loop[0]
+    keys: Keys
+    if circle is not None:
+        middle = circle[0]
+        keys = {"radius": written(circle[1])}
+    elif first.semi_axes is not None and _whole_ellipse(one.loop):
+        middle = np.array(first.centre)
+        keys = {"semi_axes": [written(size) for size in first.semi_axes]}
+        if abs(first.angle) > 1e-9:
+            keys["angle"] = written_angle(first.angle)
+    else:
+        about = Placed(one.loop, -middle).there
+        keys = {"shape": _box_keys(about) or polygon_keys(about)}
+    if one.clamped:
+        keys["clamped"] = True
+    return keys, middle
 
 
 def array_keys(centres: Array, keys: Keys, grid: float) -> Keys:
@@ -108,9 +124,7 @@ def polygon_keys(loop: Loop) -> Keys:
         points.append(_point(start))
         radii.append(radius)
         if segment.centre is not None:
-            arcs.append(
-                {"edge": len(points), "through": _point(curves.point_at(segment, 0.5))}
-            )
+            arcs.append({"edge": len(points), "through": _point(curves.point_at(segment, 0.5))})
         if not segment.clamped:
             free.append(len(points))
     keys: Keys = {"kind": "polygon", "points": points}
@@ -134,15 +148,6 @@ def written(length: float) -> str:
 def written_angle(angle: float) -> str:
     """Return an angle [rad] in degrees."""
     return f"{np.format_float_positional(round(np.degrees(angle), 10), trim='-')} deg"
-
-
-def _shape_keys(loop: Loop, middle: Array) -> Keys:
-    from femnl.device.layout.regions import moved
-
-    about = moved(loop, -middle)
-    keys = _box_keys(about) or polygon_keys(about)
-    keys.pop("free", None)  # a hole's rim is held as a whole, which `clamped` says
-    return keys
 
 
 def _box_keys(loop: Loop) -> Keys | None:

@@ -20,7 +20,8 @@ from femnl.core.mechanics import Domain
 from femnl.device.geometry import curves as exact
 from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double, misfit
 from femnl.device.mesh.corners import singular_corners
-from femnl.device.mesh.openings import webs
+from femnl.device.mesh.openings import SEGMENTS as HOLE_SEGMENTS
+from femnl.device.mesh.openings import arcs_by_radius, rim_sizes
 from femnl.device.mesh.symmetry import EIGHTH, FULL, HALF, QUARTER, find_wedge, has_symmetry
 from femnl.mechanics.fem.memory import need_memory
 
@@ -39,7 +40,6 @@ TOLERANCE = 1e-6  # of a point lying on a curve, in scaled units
 GROWTH = 0.7
 # The same away from holes, whose fields fade faster than those of edges and corners
 HOLE_GROWTH = 1.0
-HOLE_SEGMENTS = 12  # curved edges around a hole
 ELEMENTS_ACROSS = 3  # elements across the narrowest place of a strip, such as a tether
 ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
 ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
@@ -350,11 +350,10 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float, degree
         grow_from_curves(
             (min(LAYER_SIZE * layer * unit, rim) if model.bending else rim) / resolution, curves.rim
         )
-    for radius, arcs in _arcs_by_radius(curves.openings).items():
-        grow_from_curves(2 * np.pi * radius / HOLE_SEGMENTS / grading, arcs, HOLE_GROWTH)
-    for size, tags in webs(model, curves.rims, unit, SCALE / ELEMENTS_PER_LENGTH):
+    free = set(curves.openings)
+    for size, tags in rim_sizes(model, curves.rims, free, unit, SCALE / ELEMENTS_PER_LENGTH):
         grow_from_curves(size / grading, tags, HOLE_GROWTH)
-    for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
+    for radius, arcs in arcs_by_radius(curves.clamped + curves.free).items():
         grow_from_curves(2 * np.pi * radius / ARC_SEGMENTS / resolution, arcs)
     for index, width in enumerate(exact.widths(model.edge_outline)):
         tags = [t for t, k in curves.segment.items() if k == index]
@@ -375,18 +374,6 @@ def _grade(model: Model, curves: _Curves, unit: float, resolution: float, degree
     field.setNumbers(smallest, "FieldsList", wanted)
     field.setAsBackgroundMesh(smallest)
     return float(4 / np.sqrt(3) * sum(inverse_square))
-
-
-def _arcs_by_radius(tags: list[int]) -> dict[float, list[int]]:
-    """The arcs among gmsh's curves, by their least radius of curvature in scaled units."""
-    arcs: dict[float, list[int]] = {}
-    for tag in tags:
-        if gmsh.model.getType(1, tag) != "Line":
-            low, high = gmsh.model.getParametrizationBounds(1, tag)
-            stops = np.linspace(low[0], high[0], 5)
-            radius = 1 / np.max(gmsh.model.getCurvature(1, tag, list(stops)))
-            arcs.setdefault(round(radius, 6), []).append(tag)
-    return arcs
 
 
 def bending_length(model: Model) -> float:

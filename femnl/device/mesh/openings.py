@@ -9,9 +9,28 @@ import shapely
 from femnl.core.device import Model
 from femnl.device.geometry.openings import polygon
 
-SEGMENTS = 12  # elements along the rim of an opening
+SEGMENTS = 12  # curved edges around a hole or opening
 ACROSS = 3  # elements across a web of film between two openings, or to the outline
 STEP = np.sqrt(2)  # sizes within this factor of each other count as one
+
+
+def rim_sizes(
+    model: Model, rims: dict[int, int], free: set[int], unit: float, largest: float
+) -> Iterator[tuple[float, list[int]]]:
+    """Yield element sizes along the rims of openings, and the curves that ask so.
+
+    Free arcs ask for SEGMENTS a full turn of their circle; see `webs` for the rest.
+
+    Args:
+        model: the device.
+        rims: gmsh's curve tags, and the opening that each is part of the rim of.
+        free: tags of the curves among them that are not clamped.
+        unit: of gmsh's lengths in 1 m.
+        largest: element size far from everything, in gmsh's lengths.
+    """
+    for radius, arcs in arcs_by_radius(sorted(free)).items():
+        yield 2 * np.pi * radius / SEGMENTS, arcs
+    yield from webs(model, rims, unit, largest)
 
 
 def webs(
@@ -22,6 +41,7 @@ def webs(
     A rim asks for a twelfth of its length and, towards a narrow web, for a third of the web.
 
     Args:
+        model: the device.
         rims: gmsh's curve tags, and the opening that each is part of the rim of.
         unit: of gmsh's lengths in 1 m.
         largest: element size far from everything, in gmsh's lengths.
@@ -54,3 +74,15 @@ def webs(
             groups.setdefault(round(np.log(size) / np.log(STEP)), []).append(tag)
     for power, tags in groups.items():
         yield float(STEP**power), tags
+
+
+def arcs_by_radius(tags: list[int]) -> dict[float, list[int]]:
+    """Return the arcs among gmsh's curves, by their least radius of curvature in scaled units."""
+    arcs: dict[float, list[int]] = {}
+    for tag in tags:
+        if gmsh.model.getType(1, tag) != "Line":
+            low, high = gmsh.model.getParametrizationBounds(1, tag)
+            stops = np.linspace(low[0], high[0], 5)
+            radius = 1 / np.max(gmsh.model.getCurvature(1, tag, list(stops)))
+            arcs.setdefault(round(radius, 6), []).append(tag)
+    return arcs
