@@ -30,6 +30,9 @@ Layers = Annotated[
         show_default=False,
     ),
 ]
+LayersToCheck = Annotated[
+    str | None, typer.Option("--layers", help="As for import.", show_default=False)
+]
 Cell = Annotated[
     str | None,
     typer.Option(help="Cell or block; else the one at the top.", show_default=False),
@@ -88,7 +91,35 @@ def export(geometry: Geometry, dest: Drawn) -> None:
     note(f"wrote {dest}")
 
 
-COMMANDS = {"import": import_, "export": export}
+def check(
+    file: File,
+    *,
+    layers: LayersToCheck = None,
+    cell: Cell = None,
+    unit: Unit = None,
+    like: Like = "square-270um",
+    out: Picture = None,
+) -> None:
+    """Draw a geometry or a layout with what is wrong marked, and the stress after release."""
+    from femnl.cli._check import check_geometry, check_layout
+    from femnl.cli._device import suffix_of
+    from femnl.core.errors import ParameterError
+    from femnl.device.layout import SUFFIXES, read_layers
+    from femnl.io.results.atomic import need_room
+
+    path = Path(file)
+    picture = out or Path(f"{path.stem}.png")
+    suffix_of(picture, (".png", ".pdf", ".svg"))
+    need_room(picture)
+    if path.suffix.lower() not in SUFFIXES:
+        check_geometry(find_geometry(file), picture)
+        return
+    if layers is None:
+        raise ParameterError(f"{path}: --layers is missing; write e.g. --layers film=1/0,holes=2/0")
+    check_layout(need_file(path), read_layers(layers), find_geometry(like), cell, unit, picture)
+
+
+COMMANDS = {"import": import_, "export": export, "check": check}
 
 
 def command() -> None:

@@ -55,7 +55,10 @@ def refuse_crossings(corners: Array) -> None:
             if k == number - 1
             else "leave one of them out"
         )
-        raise GeometryError(f"[outline] points {k + 1} and {(k + 1) % number + 1} coincide: {hint}")
+        raise GeometryError(
+            f"[outline] points {k + 1} and {(k + 1) % number + 1} coincide: {hint}",
+            (float(corners[k][0]), float(corners[k][1])),
+        )
     for k in range(number):
         chord = ends[k] - corners[k]
         # The neighbour on either side shares a corner, and must only not fold back onto this edge.
@@ -65,14 +68,16 @@ def refuse_crossings(corners: Array) -> None:
         ):
             raise GeometryError(
                 f"[outline] points: edge {(k + 1) % number + 1} folds back onto edge {k + 1}; "
-                "give the corners in order"
+                "give the corners in order",
+                (float(ends[k][0]), float(ends[k][1])),
             )
         others = np.arange(k + 2, number - (k == 0))
         meets = others[_meet(corners[k], ends[k], corners[others], ends[others], 1e-12 * extent**2)]
         if len(meets):
             raise GeometryError(
                 f"[outline] points: edges {k + 1} and {int(meets[0]) + 1} cross or touch; give "
-                "the corners in order"
+                "the corners in order",
+                (float(corners[k][0]), float(corners[k][1])),
             )
 
 

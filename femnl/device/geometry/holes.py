@@ -233,7 +233,8 @@ def refuse_overlap(holes: Holes) -> None:
         raise GeometryError(
             f"[holes] {name(holes, first)} and {name(holes, second)} {verb}: their centres are "
             f"{gap * 1e6:.4g} um apart and their radius is {holes.radius * 1e6:.4g} um; move them "
-            "apart or lower radius"
+            "apart or lower radius",
+            _point(holes.centres[first]),
         )
 
 
@@ -258,8 +259,13 @@ def refuse_outside(holes: Holes, outline: Outline) -> None:
     others = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
     raise GeometryError(
         f"[holes] {name(holes, int(bad[0]))} of radius {holes.radius * 1e6:.4g} um {verb} the "
-        f"outline{others}; use fewer holes, move them, lower radius or enlarge the outline"
+        f"outline{others}; use fewer holes, move them, lower radius or enlarge the outline",
+        _point(holes.centres[bad[0]]),
     )
+
+
+def _point(centre: Array) -> tuple[float, float]:
+    return float(centre[0]), float(centre[1])
 
 
 def _refuse_too_many(number: int, cause: str) -> None:

@@ -74,7 +74,8 @@ def refuse_misplaced(inner: Openings, holes: Holes, outline: Outline) -> None:
             verb = "cuts or touches" if gap <= room[k] else "lies outside"
             raise GeometryError(
                 f"[holes] {_called(rims, k)} {verb} the outline; move it, make it smaller or "
-                "enlarge the outline"
+                "enlarge the outline",
+                rims[k].segments[0].start,
             )
     pairs = shapely.STRtree(shapes).query(shapes, "dwithin", 2 * room)
     for first, second in sorted(pairs.T[pairs[0] < pairs[1]].tolist()):
@@ -82,7 +83,8 @@ def refuse_misplaced(inner: Openings, holes: Holes, outline: Outline) -> None:
         if apart <= room[first]:
             raise GeometryError(
                 f"[holes] {_called(rims, first)} and {_called(rims, second)} overlap or touch; "
-                "move them apart or make one smaller"
+                "move them apart or make one smaller",
+                rims[first].segments[0].start,
             )
     within = shapely.STRtree(shapely.points(holes.centres)).query(
         shapes, "dwithin", holes.radius + 2 * room
@@ -95,7 +97,8 @@ def refuse_misplaced(inner: Openings, holes: Holes, outline: Outline) -> None:
         if gap - holes.radius <= TOUCHING * holes.radius:
             raise GeometryError(
                 f"[holes] {_called(rims, k)} and the round {name(holes, nearest)} overlap or "
-                "touch; move them apart or make one smaller"
+                "touch; move them apart or make one smaller",
+                rims[k].segments[0].start,
             )
 
 

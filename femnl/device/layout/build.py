@@ -15,7 +15,7 @@ from femnl.core.errors import GeometryError, one_line
 from femnl.device.geometry import curves, parse
 from femnl.device.geometry.naming import place
 from femnl.device.layout.drawing import Fault, moved
-from femnl.device.layout.readers import read
+from femnl.device.layout.readers import read_drawing
 from femnl.device.layout.recognise import outline_of
 from femnl.device.layout.regions import Film, film_of
 from femnl.device.layout.tables import hole_groups, outline_keys, written
@@ -59,7 +59,7 @@ def import_layout(
         GeometryError: a layout that cannot be read or that draws no film, and open paths or
             self-intersections: one line with the first coordinate.
     """
-    drawing = read(path, cell, layers, unit)
+    drawing = read_drawing(path, cell, layers, unit)
     try:
         film = film_of(drawing)
         _refuse(film.faults)

@@ -14,7 +14,9 @@ Reader = Callable[[Path, str | None, Mapping[str, str], str | None], Drawing]
 SUFFIXES = {".gds": "gdsii", ".oas": "gdsii", ".dxf": "dxf", ".svg": "svg"}
 
 
-def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | None) -> Drawing:
+def read_drawing(
+    path: Path, cell: str | None, layers: Mapping[str, str], unit: str | None
+) -> Drawing:
     """Read a layout.
 
     Args:

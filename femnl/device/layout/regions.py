@@ -66,6 +66,15 @@ def film_of(drawing: Drawing) -> Film:
     return Film(film, (*inner, *posts), counts, tuple(faults))
 
 
+def faults_of(drawing: Drawing) -> list[Fault]:
+    """Return what is wrong with each layer of a layout, whatever becomes of the film."""
+    faults = list(drawing.faults)
+    for role, polygons in drawing.polygons.items():
+        seen = merged(polygons, drawing.grid)[2]
+        faults += [replace(fault, what=f"{fault.what} ({role})") for fault in seen]
+    return faults
+
+
 def merged(polygons: Sequence[Array], grid: float) -> tuple[list[Drawn], Counter[str], list[Fault]]:
     """Return the regions that polygons (n, 2) cover together, their curves and their faults.
 
