@@ -133,11 +133,11 @@ def _app(words: list[str]) -> typer.Typer:
     }
     asked = next((word for word in (*words, *_being_completed()) if not word.startswith("-")), "")
     if asked in names:
-        module = import_module(f"{__package__}.{names[asked]}")
-        if hasattr(module, "COMMANDS"):
-            app.add_typer(_group(module), name=asked)
+        found = import_module(f"{__package__}.{names[asked]}")
+        if hasattr(found, "COMMANDS"):
+            app.add_typer(_group(found), name=asked)
         else:
-            app.command(asked)(_with_format(module.command))
+            app.command(asked)(_with_format(found.command))
     else:
         for name, module in sorted(names.items()):
             app.command(name, help=_summary(module))(_listed)

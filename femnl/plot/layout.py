@@ -39,13 +39,11 @@ def layout_figure(model: Model, stress: ReleasedStress) -> Figure:
         high = float(values.max())
         scale = TwoSlopeNorm(0.0, low, high)
         map_ = PolyCollection(
-            stress.corners * UM, array=values, cmap=DIVERGING, norm=scale, edgecolors="face"
+            list(stress.corners * UM), array=values, cmap=DIVERGING, norm=scale, edgecolors="face"
         )
         map_.set(linewidth=0.1, rasterized=True)
         released.add_collection(map_)
-        bar = figure.colorbar(
-            map_, ax=released, label="smaller principal stress (MPa)", shrink=0.8
-        )
+        bar = figure.colorbar(map_, ax=released, label="smaller principal stress (MPa)", shrink=0.8)
         ticks = [low, low / 2, 0.0, high / 2, high]
         bar.set_ticks(ticks, labels=[f"{tick:.3g}" for tick in ticks])
         released.set_title("after release")

@@ -73,7 +73,7 @@ def refuse_misplaced(inner: Openings, holes: Holes, outline: Outline) -> None:
         if not within or gap <= room[k]:
             verb = "cuts or touches" if gap <= room[k] else "lies outside"
             raise GeometryError(
-                f"[holes] {_called(rims, k)} {verb} the outline; move it, make it smaller or "
+                f"[holes] {_called(rims, int(k))} {verb} the outline; move it, make it smaller or "
                 "enlarge the outline",
                 rims[k].segments[0].start,
             )
@@ -96,7 +96,7 @@ def refuse_misplaced(inner: Openings, holes: Holes, outline: Outline) -> None:
             gap = -gap
         if gap - holes.radius <= TOUCHING * holes.radius:
             raise GeometryError(
-                f"[holes] {_called(rims, k)} and the round {name(holes, nearest)} overlap or "
+                f"[holes] {_called(rims, int(k))} and the round {name(holes, nearest)} overlap or "
                 "touch; move them apart or make one smaller",
                 rims[k].segments[0].start,
             )

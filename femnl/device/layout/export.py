@@ -60,7 +60,7 @@ def export_layout(model: Model, path: Path) -> tuple[str, ...]:
     cell = library.new_cell(model.name.replace(" ", "-"))
     for role, drawn in polygons.items():
         layer, kind = LAYERS[role]
-        cell.add(*(gdstk.Polygon(p * 1e6, layer=layer, datatype=kind) for p in drawn))
+        cell.add(*(gdstk.Polygon((p * 1e6).tolist(), layer=layer, datatype=kind) for p in drawn))
     if path.suffix == ".gds":
         library.write_gds(path, max_points=MOST_CORNERS)
     else:

@@ -36,7 +36,7 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
             )
         polygons[role] = []
         for polygon in found:
-            corners = _on_grid(polygon.points, size, grid)
+            corners = _on_grid(np.asarray(polygon.points), size, grid)
             if len(corners) >= 3 and np.ptp(corners, axis=0).max() > 0:
                 polygons[role].append(corners)
                 continue
@@ -92,7 +92,7 @@ def _numbers(path: Path, role: str, layer: str) -> tuple[int, int]:
 
 def _on_grid(points: Array, unit: float, grid: float) -> Array:
     """Corners (n, 2) [m], each the double nearest to a whole number of steps where it is one."""
-    steps = np.asarray(points) * (unit / grid)
+    steps = points * (unit / grid)
     whole = np.rint(steps)
     per_metre = round(1 / grid)
     exact = whole / per_metre if abs(per_metre * grid - 1) < 1e-12 else whole * grid

@@ -294,11 +294,11 @@ def _without_straight_angles(corners: Array, tolerance: float) -> Array:
     following = np.roll(corners, -1, axis=0)
     points = corners[np.hypot(*(following - corners).T) > tolerance]
     if len(points) < 3:
-        return points
+        return np.asarray(points)
     before = points - np.roll(points, 1, axis=0)
     after = np.roll(points, -1, axis=0) - points
     height = np.abs(_cross(before, after)) / np.hypot(*(before + after).T).clip(tolerance)
-    return points[height > tolerance]
+    return np.asarray(points[height > tolerance])
 
 
 def _cross(a: Array, b: Array) -> Array:
