@@ -14,7 +14,7 @@ from femnl.core.device import Model
 from femnl.core.errors import GeometryError, one_line
 from femnl.device.geometry import curves, parse
 from femnl.device.geometry.naming import place
-from femnl.device.layout.drawing import Fault, moved
+from femnl.device.layout.drawing import moved
 from femnl.device.layout.readers import read_drawing
 from femnl.device.layout.recognise import outline_of
 from femnl.device.layout.regions import Film, film_of
@@ -62,7 +62,6 @@ def import_layout(
     drawing = read_drawing(path, cell, layers, unit)
     try:
         film = film_of(drawing)
-        _refuse(film.faults)
         x0, y0, x1, y1 = curves.box(outline_of(film.outer))
         half = drawing.grid / 2
         middle = np.round(np.array([x0 + x1, y0 + y1]) / 2 / half) * half
@@ -129,13 +128,6 @@ def _plain(name: str) -> str:
     """A cell's name as a geometry may have it."""
     kept = "".join(c if c.isalnum() or c in " .,+()_-" else "-" for c in name)[:100]
     return kept if kept[:1].isalnum() else f"cell {kept}"[:100]
-
-
-def _refuse(faults: tuple[Fault, ...]) -> None:
-    fatal = [fault for fault in faults if fault.fatal]
-    if fatal:
-        more = f" (and {len(fatal) - 1} more)" if len(fatal) > 1 else ""
-        raise GeometryError(f"{fatal[0]}{more}; femnl geometry check marks them in a picture")
 
 
 def _notes(film: Film, middle: Array, like: Model, model: Model) -> list[str]:

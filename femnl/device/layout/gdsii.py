@@ -26,7 +26,8 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
     for role, layer in layers.items():
         number, kind = _numbers(path, role, layer)
         found = chosen.get_polygons(layer=number, datatype=kind)
-        if not found:
+        open_paths = _open_paths(chosen, number, kind)
+        if not found and not open_paths:
             known = sorted({f"{p.layer}/{p.datatype}" for p in chosen.get_polygons()})
             raise GeometryError(
                 one_line(
@@ -34,16 +35,19 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
                     f"of {', '.join(known)}"
                 )
             )
-        polygons[role] = []
-        for polygon in found:
-            corners = _on_grid(np.asarray(polygon.points), size, grid)
-            if len(corners) >= 3 and np.ptp(corners, axis=0).max() > 0:
-                polygons[role].append(corners)
-                continue
-            # A path without a width encloses nothing
-            x, y = corners[0]
-            faults.append(Fault(f"open path on layer {layer} ({role})", (x, y), True))
+        # A path without a width comes as a polygon of its two ends
+        areas = [np.asarray(polygon.points) for polygon in found if len(polygon.points) > 2]
+        polygons[role] = [_on_grid(points, size, grid) for points in areas]
+        for x, y in open_paths:
+            where = (float(x) * size, float(y) * size)
+            faults.append(Fault(f"open path on layer {layer} ({role})", where, True))
     return Drawing(chosen.name, grid, polygons, faults=tuple(faults))
+
+
+def _open_paths(cell: gdstk.Cell, layer: int, kind: int) -> list[Array]:
+    """Starts (2,) of paths without a width, which enclose nothing."""
+    paths = cell.get_paths(layer=layer, datatype=kind)
+    return [p.spine()[0] for p in paths if not np.any(p.widths())]
 
 
 def _open(path: Path, cell: str | None) -> tuple[gdstk.Cell, float, float]:

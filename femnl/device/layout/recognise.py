@@ -190,9 +190,9 @@ def _rounded(circle: Circle | None, points: Array, grid: float) -> Circle | None
         tried = _centred(Circle(circle.centre, radius), points)
         for places in (1.0, 0.5):
             centre = np.round(tried.centre / (places * grid)) * (places * grid)
-            if Circle(centre, radius).off(points) <= ROUNDING * grid:
+            if Circle(centre, radius).off(points) <= FITTED * grid:
                 return Circle(centre, radius)
-        if tried.off(points) <= ROUNDING * grid:
+        if tried.off(points) <= FITTED * grid:
             return tried
     return circle
 
@@ -268,17 +268,18 @@ def _make_fillet(
     corner = np.subtract(before.end, 0.0) + one * (
         _cross(np.subtract(after.start, before.end), other) / _cross(one, other)
     )
-    nearest = np.round(corner / grid) * grid
-    if np.hypot(*(nearest - corner)) <= 2 * tolerance:
-        corner = nearest
     inward = np.sign(turn) * np.array([-one[1], one[0]])
     cut = circle.radius * np.tan(abs(turn) / 2)
-    start = corner - cut * one
-    ideal = Circle(start + circle.radius * inward, circle.radius)
-    # The tangent points are rounded like all others, along lines whose ends are rounded too
-    if ideal.off(inner) > 2 * tolerance:
+    # Drawn corners lie on the grid, turned ones do not
+    for place in (np.round(corner / grid) * grid, corner):
+        start = place - cut * one
+        end = place + cut * other
+        ideal = Circle(start + circle.radius * inward, circle.radius)
+        # The tangent points are rounded like all others, along lines whose ends are rounded too
+        if ideal.off(inner) <= 2 * tolerance:
+            break
+    else:
         return False
-    end = corner + cut * other
     far = max(np.hypot(*(start - inner[0])), np.hypot(*(end - inner[-1])))
     # Along the line a tangent point is known to the chord that leaves it by a rounding
     if far > 2 * tolerance + np.sqrt(8 * tolerance * circle.radius):

@@ -50,7 +50,7 @@ def film_of(drawing: Drawing) -> Film:
     release and frame are clamped, those of holes free.
 
     Raises:
-        GeometryError: nothing left, or several pieces.
+        GeometryError: faults that forbid the use of the layout; nothing left, or several pieces.
     """
     faults = list(drawing.faults)
     counts: Counter[str] = Counter()
@@ -61,6 +61,7 @@ def film_of(drawing: Drawing) -> Film:
         regions[role] += [Drawn(Placed(loop, ORIGIN)) for loop in drawing.loops.get(role, ())]
         counts += found
         faults += [replace(fault, what=f"{fault.what} ({role})") for fault in seen]
+    _refuse(faults)
     film, inner = _film(regions)
     posts = [region.outer for region in regions.get("posts", [])]
     return Film(film, (*inner, *posts), counts, tuple(faults))
@@ -138,6 +139,13 @@ def _recognised(
         known[key] = recognise(turned - origin, grid)
     loop, counts = known[key]
     return Placed(loop, origin), counts
+
+
+def _refuse(faults: list[Fault]) -> None:
+    fatal = [fault for fault in faults if fault.fatal]
+    if fatal:
+        more = f" (and {len(fatal) - 1} more)" if len(fatal) > 1 else ""
+        raise GeometryError(f"{fatal[0]}{more}; femnl geometry check marks them in a picture")
 
 
 def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed]]:

@@ -1,7 +1,7 @@
 """Closed curves as the tables of a geometry file."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 Keys = dict[str, Any]
 
 TOUCHES = 1e-6  # rad between a line and the arc that is its fillet
+ROUNDED = 1e-13  # m, up to which two coordinates are alike
 SHARPEST = np.radians(150.0)  # turn of a corner that may have one
 ELLIPSE_WITHIN = 1e-7  # of its longer half axis, how far arcs of circles may leave part of one
 
@@ -104,39 +105,57 @@ def array_keys(centres: Array, keys: Keys, grid: float) -> Keys:
     return {"lattice": "list", "centres": [_point(c) for c in centres], **keys}
 
 
+@dataclass(frozen=True)
+class _Edge:
+    """An edge of a polygon: its corner (2,), the fillet there, and the middle of an arc or None."""
+
+    corner: Array
+    fillet: float
+    through: Array | None
+    clamped: bool
+
+
 def polygon_keys(loop: Loop) -> Keys:
-    """Return the keys of a polygon: its points, with fillets, arcs and free edges."""
-    segments = _without_elliptical(loop)
-    fillets = [k for k in range(len(segments)) if _is_fillet(segments, k)]
-    points = []
-    radii = []
-    arcs = []
-    free = []
-    for k, segment in enumerate(segments):
-        if k in fillets:
-            continue
-        start = np.array(segment.start)
-        radius = 0.0
-        if (k - 1) % len(segments) in fillets:
-            arc = segments[k - 1]
-            start = _corner(segments[k - 2], segment)
-            radius = float(arc.frame[0, 0])
-        points.append(_point(start))
-        radii.append(radius)
-        if segment.centre is not None:
-            arcs.append({"edge": len(points), "through": _point(curves.point_at(segment, 0.5))})
-        if not segment.clamped:
-            free.append(len(points))
-    keys: Keys = {"kind": "polygon", "points": points}
+    """Return the keys of a polygon: its points, with fillets, arcs and free edges.
+
+    The first point is the rightmost corner, the lower one of two.
+    """
+    edges = _edges(_without_elliptical(loop))
+    places = [(-round(e.corner[0] / ROUNDED), round(e.corner[1] / ROUNDED)) for e in edges]
+    first = min(range(len(edges)), key=lambda k: places[k])
+    edges = edges[first:] + edges[:first]
+    keys: Keys = {"kind": "polygon", "points": [_point(e.corner) for e in edges]}
+    arcs = [
+        {"edge": k, "through": _point(e.through)}
+        for k, e in enumerate(edges, start=1)
+        if e.through is not None
+    ]
     if arcs:
         keys["arcs"] = arcs
-    if any(radii):
-        keys["fillet"] = [written(radius) for radius in radii]
-        if len(set(keys["fillet"])) == 1:
-            keys["fillet"] = keys["fillet"][0]
+    fillets = [written(e.fillet) for e in edges]
+    if any(e.fillet for e in edges):
+        keys["fillet"] = fillets if len(set(fillets)) > 1 else fillets[0]
+    free = [k for k, e in enumerate(edges, start=1) if not e.clamped]
     if free:
         keys["free"] = free
     return keys
+
+
+def _edges(segments: Loop) -> list[_Edge]:
+    """The edges of a loop whose arcs that touch two lines are fillets."""
+    fillets = {k for k in range(len(segments)) if _is_fillet(segments, k)}
+    found = []
+    for k, segment in enumerate(segments):
+        if k in fillets:
+            continue
+        corner = np.array(segment.start)
+        radius = 0.0
+        if (k - 1) % len(segments) in fillets:
+            corner = _corner(segments[k - 2], segment)
+            radius = float(segments[k - 1].frame[0, 0])
+        through = None if segment.centre is None else curves.point_at(segment, 0.5)
+        found.append(_Edge(corner, radius, through, segment.clamped))
+    return found
 
 
 def written(length: float) -> str:
