@@ -23,6 +23,7 @@ NOISE = 5e-3
 class ReleasedStress:
     """The stress after release in the triangles of the whole film.
 
+    Means over triangles: at a sharp inner corner the stress at points is infinite, and of any sign.
     corners (n, 3, 2) [m]; least (n,) [Pa]: the smaller principal stress, area (n,) [m²]; film [Pa]:
     the stress before release.
     """

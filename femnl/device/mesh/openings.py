@@ -10,6 +10,9 @@ from femnl.core.device import Model
 from femnl.device.geometry.openings import polygon
 
 SEGMENTS = 12  # curved edges around a hole or opening
+# The same of rims that are no circles or ellipses: where a line meets an arc the curvature jumps,
+# and the error falls more slowly with the degree, measured at slots
+JUMPS = 24
 ACROSS = 3  # elements across a web of film between two openings, or to the outline
 STEP = np.sqrt(2)  # sizes within this factor of each other count as one
 
@@ -19,7 +22,7 @@ def rim_sizes(
 ) -> Iterator[tuple[float, list[int]]]:
     """Yield element sizes along the rims of openings, and the curves that ask so.
 
-    Free arcs ask for SEGMENTS a full turn of their circle; see `webs` for the rest.
+    Free arcs ask for SEGMENTS or JUMPS a full turn of their circle; see `webs` for the rest.
 
     Args:
         model: the device.
@@ -28,8 +31,10 @@ def rim_sizes(
         unit: of gmsh's lengths in 1 m.
         largest: element size far from everything, in gmsh's lengths.
     """
-    for radius, arcs in arcs_by_radius(sorted(free)).items():
-        yield 2 * np.pi * radius / SEGMENTS, arcs
+    drawn = {t for t in free if model.openings[rims[t]].kind not in ("circle", "ellipse")}
+    for tags, segments in ((free - drawn, SEGMENTS), (drawn, JUMPS)):
+        for radius, arcs in arcs_by_radius(sorted(tags)).items():
+            yield 2 * np.pi * radius / segments, arcs
     yield from webs(model, rims, unit, largest)
 
 
@@ -38,7 +43,7 @@ def webs(
 ) -> Iterator[tuple[float, list[int]]]:
     """Yield element sizes along rims that are no circles or ellipses, and the curves that ask so.
 
-    A rim asks for a twelfth of its length and, towards a narrow web, for a third of the web.
+    A rim asks for a part of its length and, towards a narrow web, for a third of the web.
 
     Args:
         model: the device.
@@ -64,7 +69,7 @@ def webs(
         line = shapely.LineString(
             np.reshape(gmsh.model.getValue(1, tag, list(stops)), (-1, 3))[:, :2] / unit
         )
-        size = min(largest, shapes[k].exterior.length * unit / SEGMENTS)
+        size = min(largest, shapes[k].exterior.length * unit / JUMPS)
         near = tree.query(line, "dwithin", ACROSS * size / unit + model.holes.radius)
         others = near[near != k]
         if len(others):
