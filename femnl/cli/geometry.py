@@ -78,10 +78,13 @@ def import_(
 
 def export(geometry: Geometry, dest: Drawn) -> None:
     """Draw a geometry as a layout."""
+    from femnl.core.errors import ParameterError
     from femnl.device.geometry import load
-    from femnl.device.layout import export_layout
+    from femnl.device.layout import WRITTEN, export_layout
     from femnl.io.results.atomic import need_room, write_whole
 
+    if dest.suffix not in WRITTEN:
+        raise ParameterError(f"{dest}: expected a name that ends in {' or '.join(WRITTEN)}")
     need_room(dest)
     model = load(geometry)
     notes: list[str] = []

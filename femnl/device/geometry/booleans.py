@@ -164,8 +164,6 @@ def _meeting(a: Segment, b: Segment, near: Array, extent: float) -> tuple[float,
     # Curves that touch meet where one of them ends
     on_both = max(_off(a, point), _off(b, point)) < SNAP * extent
     if not on_both or np.hypot(*(point - near)) > FAR * extent:
-        if not ends:
-            raise GeometryError(f"two edges touch near {place(near)}; move them apart")
         point = min(ends, key=lambda p: float(np.hypot(*(p - near))))
         if max(_off(a, point), _off(b, point)) > FAR * extent:
             raise GeometryError(

@@ -8,12 +8,13 @@ import shapely
 from numpy.typing import NDArray
 
 from femnl.core.device import Model, Outline, Segment
-from femnl.core.errors import GeometryError, ParameterError
+from femnl.core.errors import GeometryError
 from femnl.device.geometry import curves
 from femnl.device.geometry.shapes import ellipse
 
 Array = NDArray[np.float64]
 
+WRITTEN = (".gds", ".oas")
 LAYERS = {"film": (1, 0), "holes": (2, 0), "frame": (3, 0), "posts": (4, 0)}
 GRIDS = (1e-9, 1e-10, 1e-11)
 """Steps of coordinates [m], of which the coarsest is taken that all corners lie on; 32-bit integers
@@ -40,8 +41,6 @@ def export_layout(model: Model, path: Path) -> tuple[str, ...]:
         raise GeometryError(
             f"{model.name}: an overhang is made by the etch and not drawn; leave [overhang] out"
         )
-    if path.suffix not in (".gds", ".oas"):
-        raise ParameterError(f"{path}: expected a name that ends in .gds or .oas")
     grid = model.grid or _grid(model)
     polygons = {"film": [corners(model.outline, grid)]}
     rims = {"holes": [o for o in model.openings if not o.segments[0].clamped]}

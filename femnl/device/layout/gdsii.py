@@ -47,7 +47,8 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
 def _open_paths(cell: gdstk.Cell, layer: int, kind: int) -> list[Array]:
     """Starts (2,) of paths without a width, which enclose nothing."""
     paths = cell.get_paths(layer=layer, datatype=kind)
-    return [p.spine()[0] for p in paths if not np.any(p.widths())]
+    flexible = [p for p in paths if isinstance(p, gdstk.FlexPath)]
+    return [p.spine()[0] for p in flexible if not np.any(p.widths())]
 
 
 def _open(path: Path, cell: str | None) -> tuple[gdstk.Cell, float, float]:
