@@ -60,7 +60,7 @@ def combine(steps: Sequence[tuple[Operation, Loop]]) -> list[Region]:
     for operation, loop in steps:
         part = shapely.set_precision(shapely.Polygon(_chords(loop)), grid)
         result = operations[operation](result, part, grid_size=grid)
-    sources = _Sources([segment for _, loop in steps for segment in loop], grid)
+    sources = _sources([segment for _, loop in steps for segment in loop], grid)
     return [
         Region(
             _along(shapely.get_exterior_ring(polygon), sources, extent),
@@ -73,17 +73,19 @@ def combine(steps: Sequence[tuple[Operation, Loop]]) -> list[Region]:
     ]
 
 
+@dataclass(frozen=True)
 class _Sources:
-    """The curves that edges of a result may be part of, found by their chords."""
+    """The curves that edges of a result may be part of, found by their chords.
 
-    def __init__(self, segments: list[Segment], grid: float) -> None:
-        self.segments = segments
-        self.grid = grid
-        points = [_stops(segment) for segment in segments]
-        self.owner = np.repeat(np.arange(len(segments)), [len(p) - 1 for p in points])
-        self.start = np.concatenate([p[:-1] for p in points])
-        self.end = np.concatenate([p[1:] for p in points])
-        self.tree = shapely.STRtree(shapely.linestrings(np.stack([self.start, self.end], axis=1)))
+    start, end (n, 2) [m]: of every chord; owner (n,): the segment that it is part of.
+    """
+
+    segments: list[Segment]
+    grid: float
+    owner: NDArray[np.int64]
+    start: Array
+    end: Array
+    tree: shapely.STRtree
 
     def of(self, edges: Array) -> NDArray[np.int64]:
         """Return which curve each edge (n, 2, 2) is part of; −1 for edges too short to tell."""
@@ -104,6 +106,15 @@ class _Sources:
                 best[k] = rank
                 found[k] = self.owner[chord]
         return found
+
+
+def _sources(segments: list[Segment], grid: float) -> _Sources:
+    points = [_stops(segment) for segment in segments]
+    owner = np.repeat(np.arange(len(segments)), [len(p) - 1 for p in points])
+    start = np.concatenate([p[:-1] for p in points])
+    end = np.concatenate([p[1:] for p in points])
+    tree = shapely.STRtree(shapely.linestrings(np.stack([start, end], axis=1)))
+    return _Sources(segments, grid, owner, start, end, tree)
 
 
 def _along(ring: shapely.LinearRing, sources: _Sources, extent: float) -> Loop:
