@@ -232,6 +232,8 @@ class Model:
     counter-clockwise like an outline: ellipses, holes of other radii, and posts, whose rims are
     clamped.
     loss: what the film's material loses.
+    grid [m]: the step to which a drawing rounds its coordinates, within which it is its own mirror
+    image; 0 where the numbers are exact.
     text: the TOML text that this model was read from, so that results can carry it. assumed: keys
     of that text, such as "holes.radius", whose values the source does not give.
     """
@@ -250,6 +252,7 @@ class Model:
     overhang: Overhang | None = None
     openings: tuple[Outline, ...] = ()
     loss: Loss = Loss()
+    grid: float = 0.0
 
     @property
     def pierced(self) -> bool:

@@ -15,6 +15,7 @@ from femnl.device.geometry.quantities import refusal
 
 EXAMPLES = {
     "angle": '"30 deg"',
+    "at": '["10 um", "0 um"]',
     "beam": '"2 um"',
     "beams": '["100 um", "200 um"]',
     "defect": '"100 um"',
@@ -41,6 +42,7 @@ EXAMPLES = {
     "free": "[2, 3]",
     "gap": '"3226.25 nm"',
     "gradient": '["0.1 nm/um", "0 nm/um"]',
+    "grid": '"1 nm"',
     "height": '"180 um"',
     "index": '{"632.8 nm" = 2.0395, "532 nm" = "4.1366 - 0.0338i"}',
     "kind": '"square"',
@@ -50,12 +52,15 @@ EXAMPLES = {
     "name": '"square-270um"',
     "normal": '"20 GPa"',
     "offset": '["1 um", "0 um"]',
+    "operation": '"subtract"',
+    "parts": '[{shape = {kind = "square", side = "100 um"}}]',
     "pitch": '"8.56 um"',
     "points": '[["0 um", "0 um"], ["270 um", "0 um"], ["0 um", "270 um"]]',
     "poisson": "0.23",
     "radius": '"0.9 um"',
     "rings": "15",
     "rotation": '"0.2 mN"',
+    "shape": '{kind = "square", side = "10 um"}',
     "shear": '"20 GPa"',
     "side": '"270 um"',
     "sides": "6",
@@ -110,6 +115,8 @@ def complaint(error: ValidationError) -> str:
     group = loc.pop(1) if len(loc) > 1 and loc[0] == "holes" else 0
     if len(loc) > 1 and loc[0] in _UNIONS:
         del loc[1]
+    if "shape" in loc[:-1]:
+        del loc[loc.index("shape") + 1]
     if group:  # the first of several groups of holes is called as one that is alone
         loc.insert(1, group)
     if first["type"] == "missing":

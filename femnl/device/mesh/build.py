@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from femnl.core.device import Model, Outline, Segment
+from femnl.core.device import Model, Segment
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
 from femnl.device.geometry import curves as exact
@@ -213,7 +213,7 @@ def _wedge_surface(wedge: float) -> int:
 
 def _classify(model: Model, wedge: float, unit: float) -> Curves:
     """Tell curves apart by where they lie."""
-    curves = Curves([], [], [], ([], []), [], {}, [])
+    curves = Curves([], [], [], ([], []), [], {}, [], {})
     outline = model.edge_outline
     holes = cKDTree(model.holes.centres * unit) if len(model.holes.centres) else None
     boxes = np.array([exact.box(o) for o in model.openings]).reshape(-1, 4) * unit
@@ -230,7 +230,9 @@ def _classify(model: Model, wedge: float, unit: float) -> Curves:
             np.abs(holes.query(where)[0] - model.holes.radius * unit) < TOLERANCE
         ):
             curves.holes.append(tag)
-        elif (rim := _opening(model, boxes, where, unit)) is not None:
+        elif (index := _opening(model, boxes, where, unit)) is not None:
+            rim = model.openings[index]
+            curves.rims[tag] = index
             (curves.clamped if rim.segments[0].clamped else curves.openings).append(tag)
         elif (
             model.overhang is not None
@@ -249,7 +251,7 @@ def _classify(model: Model, wedge: float, unit: float) -> Curves:
     return curves
 
 
-def _opening(model: Model, boxes: Array, where: Array, unit: float) -> Outline | None:
+def _opening(model: Model, boxes: Array, where: Array, unit: float) -> int | None:
     """The opening on whose rim points (n, 2) of a curve lie, in scaled units, or None.
 
     boxes (m, 4): around the openings, outside of which there is no need to look.
@@ -260,5 +262,5 @@ def _opening(model: Model, boxes: Array, where: Array, unit: float) -> Outline |
     )
     for k in np.flatnonzero(within):
         if exact.distance(model.openings[k], where / unit).max() * unit < TOLERANCE:
-            return model.openings[k]
+            return int(k)
     return None

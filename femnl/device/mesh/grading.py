@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from femnl.core.device import CELL, Model
 from femnl.device.geometry import curves as exact
 from femnl.device.mesh.corners import singular_corners
+from femnl.device.mesh.openings import SEGMENTS as HOLE_SEGMENTS
+from femnl.device.mesh.openings import arcs_by_radius, rim_sizes
 from femnl.device.mesh.symmetry import beyond_mirrors
 from femnl.device.mesh.webs import narrow_webs
 
@@ -26,7 +28,6 @@ TOLERANCE = 1e-6  # of a point lying on a curve, in scaled units
 GROWTH = 0.7
 # The same away from holes, whose fields fade faster than those of edges and corners
 HOLE_GROWTH = 1.0
-HOLE_SEGMENTS = 12  # curved edges around a hole
 ELEMENTS_ACROSS = 3  # elements across the narrowest place of a strip, such as a tether
 ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
 ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
@@ -46,6 +47,7 @@ class Curves:
     rim: list[int]  # between film and overhang
     segment: dict[int, int]  # the edge's segment that a clamped or free curve is part of
     openings: list[int]  # free rims of openings; clamped ones are among the clamped curves
+    rims: dict[int, int]  # the opening on whose rim a curve lies
 
 
 def grade(
@@ -133,17 +135,18 @@ def _grade_rims(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> Non
     if curves.holes:
         rim = 2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / sizes.grading
         sizes.grow_from_curves(rim, curves.holes, HOLE_GROWTH, AROUND_HOLES)
-    for radius, arcs in _arcs_by_radius(curves.openings).items():
-        rim = 2 * np.pi * radius / HOLE_SEGMENTS / sizes.grading
-        sizes.grow_from_curves(rim, arcs, HOLE_GROWTH)
+    free = set(curves.openings)
+    for size, tags in rim_sizes(model, curves.rims, free, unit, SCALE / ELEMENTS_PER_LENGTH):
+        sizes.grow_from_curves(size / sizes.grading, tags, HOLE_GROWTH)
 
 
 def _grade_webs(sizes: _Sizes, model: Model, wedge: float, unit: float) -> None:
     segments = [s for opening in model.openings for s in opening.segments]
     radii = [model.holes.radius, *(exact.radius(s) for s in segments)]
-    rim = 2 * np.pi * max(radii) / HOLE_SEGMENTS
-    if any(s.centre is None for s in segments):  # which ask for no size themselves
-        rim = max(rim, sizes.largest / unit)
+    largest = sizes.largest / unit
+    rim = min(2 * np.pi * max(radii) / HOLE_SEGMENTS, largest)
+    if any(s.centre is None for s in segments):  # which may ask for no size themselves
+        rim = largest
     for size, places in narrow_webs(model, rim / sizes.grading).items():
         within = places[beyond_mirrors(places, wedge) < size]
         tags = [gmsh.model.occ.addPoint(x, y, 0) for x, y in within * unit]
@@ -162,7 +165,7 @@ def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> No
         rim = model.overhang.width * unit / ELEMENTS_ACROSS
         size = min(layer, rim) if model.bending else rim
         sizes.grow_from_curves(size / sizes.resolution, curves.rim, GROWTH)
-    for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
+    for radius, arcs in arcs_by_radius(curves.clamped + curves.free).items():
         size = 2 * np.pi * radius / ARC_SEGMENTS / sizes.resolution
         sizes.grow_from_curves(size, arcs, GROWTH)
     for index, width in enumerate(exact.widths(model.edge_outline)):
@@ -183,18 +186,6 @@ def _grade_corners(sizes: _Sizes, model: Model, unit: float, degree: int) -> Non
             sizes.grow_from_points(size * unit, near, GROWTH)
             fan = max(np.log(sizes.largest / (size * unit)) - 1, 0.0)
             sizes.inverse_square.append(angle * (sizes.grading / GROWTH) ** 2 * fan)
-
-
-def _arcs_by_radius(tags: list[int]) -> dict[float, list[int]]:
-    """The arcs among gmsh's curves, by their least radius of curvature in scaled units."""
-    arcs: dict[float, list[int]] = {}
-    for tag in tags:
-        if gmsh.model.getType(1, tag) != "Line":
-            low, high = gmsh.model.getParametrizationBounds(1, tag)
-            stops = np.linspace(low[0], high[0], 5)
-            radius = 1 / np.max(gmsh.model.getCurvature(1, tag, list(stops)))
-            arcs.setdefault(round(radius, 6), []).append(tag)
-    return arcs
 
 
 def bending_length(model: Model) -> float:

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from femnl.core.device import Holes, Model, Outline, Segment
+from femnl.core.device import Holes, Model, Outline
 from femnl.core.errors import ParameterError
 from femnl.device.geometry import curves
+from femnl.device.geometry.placing import placed
 from femnl.device.mesh import WEDGES, has_symmetry
 from femnl.mechanics.bands.lattice import Cell, Lattice, Symmetry
 
@@ -151,7 +152,7 @@ def _among(centres: Array, points: Array, tolerance: float) -> NDArray[np.bool_]
 def _turned(inner: _Inner, angle: float) -> _Inner:
     turn = _rotation(angle)
     shapes = tuple(
-        shape if isinstance(shape, float) else _placed(shape, turn, np.zeros(2))
+        shape if isinstance(shape, float) else placed(shape, (0.0, 0.0), angle)
         for shape in inner.shapes
     )
     return _Inner(inner.centres @ turn.T, inner.look, shapes)
@@ -201,7 +202,7 @@ def _cell_about(basis: _Inner, lattice: Lattice, origin: Array) -> Cell:
         if isinstance(shape, float):
             centres.append(near)
         else:
-            openings += [_placed(shape, np.eye(2), place - centre) for place in near]
+            openings += [placed(shape, place - centre) for place in near]
     every = np.concatenate(centres) if centres else np.empty((0, 2))
     return Cell(lattice, Holes(every, radius), tuple(openings))
 
@@ -210,24 +211,3 @@ def _rotation(angle: float) -> Array:
     c = np.cos(angle)
     s = np.sin(angle)
     return np.array([[c, -s], [s, c]])
-
-
-def _placed(outline: Outline, turn: Array, shift: Array) -> Outline:
-    """An outline turned about the origin and then moved."""
-
-    def moved(point: tuple[float, float]) -> tuple[float, float]:
-        x, y = turn @ point + shift
-        return float(x), float(y)
-
-    angle = float(np.arctan2(turn[1, 0], turn[0, 0]))
-
-    def placed(segment: Segment) -> Segment:
-        return replace(
-            segment,
-            start=moved(segment.start),
-            end=moved(segment.end),
-            centre=None if segment.centre is None else moved(segment.centre),
-            angle=segment.angle + angle,
-        )
-
-    return replace(outline, segments=tuple(placed(s) for s in outline.segments))
