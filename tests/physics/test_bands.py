@@ -13,7 +13,7 @@ from femnl import load
 from femnl.core.device import Holes, Model, Outline, Segment
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.device.geometry import parse
-from femnl.device.geometry.outlines import ellipse
+from femnl.device.geometry.shapes import ellipse
 from femnl.mechanics.bands import Bands, Lattice, find_cell, find_lattice, solve_bands
 from femnl.mechanics.bands.spectrum import lowest_eigenvalues
 from femnl.mechanics.lattice import solve_cell

@@ -61,7 +61,8 @@ def test_a_sound_geometry_is_drawn_with_its_compression(
 ) -> None:
     assert run(["geometry", "check", "trampoline"]) == 0
     out = capsys.readouterr().out
-    assert "20 pieces, 4 of them clamped" in out
+    # Four edges a tether, and two fillets
+    assert "24 pieces, 4 of them clamped" in out
     assert "a quarter is solved" in out
     assert "MPa at (" in out
     assert orange("trampoline.png") > 100

@@ -31,15 +31,20 @@ def rim_sizes(
         unit: of gmsh's lengths in 1 m.
         largest: element size far from everything, in gmsh's lengths.
     """
-    drawn = {t for t in free if model.openings[rims[t]].kind not in ROUND}
-    for tags, segments in ((free - drawn, SEGMENTS), (drawn, JUMPS)):
-        for radius, arcs in arcs_by_radius(sorted(tags)).items():
+    drawn = {
+        k: polygon(model.openings[k]).exterior.length * unit / JUMPS
+        for k in set(rims.values())
+        if model.openings[k].kind not in ROUND
+    }
+    jumping = [t for t in sorted(free) if rims[t] in drawn]
+    smooth = [t for t in sorted(free) if rims[t] not in drawn]
+    for curved, segments in ((smooth, SEGMENTS), (jumping, JUMPS)):
+        for radius, arcs in arcs_by_radius(curved).items():
             yield 2 * np.pi * radius / segments, arcs
     around: dict[int, list[int]] = {}
     for tag, k in rims.items():
-        size = polygon(model.openings[k]).exterior.length * unit / JUMPS
-        if model.openings[k].kind not in ROUND and size < largest:
-            around.setdefault(round(np.log(size) / np.log(STEP)), []).append(tag)
+        if k in drawn and drawn[k] < largest:
+            around.setdefault(round(np.log(drawn[k]) / np.log(STEP)), []).append(tag)
     for power, tags in around.items():
         yield float(STEP**power), tags
 
