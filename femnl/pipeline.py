@@ -100,6 +100,23 @@ def solve_modes(
     return _alone(model, options, solve, cache)
 
 
+def solve_release(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Modes:
+    """Mesh a device and relax its film stress, and solve no mode.
+
+    So that a film which buckles, and has no modes, can be looked at.
+
+    Args: symmetry, resolution: as in `solve_modes`.
+    Returns: Modes of which there are none.
+    Raises: ParameterError, GeometryError; ConvergenceError where the film is not supported.
+    """
+    from femnl.device.mesh import mesh
+    from femnl.mechanics.modes import without_modes
+    from femnl.mechanics.prestress import solve_prestress
+
+    with one_blas_thread():
+        return without_modes(solve_prestress(mesh(model, symmetry, resolution, DEGREE), DEGREE))
+
+
 def solve_modes_near(
     model: Model,
     frequency: float,

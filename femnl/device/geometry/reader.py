@@ -1,7 +1,7 @@
 """From a geometry's name, file or text to a Model."""
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +72,7 @@ def parse(text: str, origin: str = "geometry") -> Model:
     """
     try:
         data = _toml(text)
-        model = GeometryFile.model_validate(data).build(text)
+        model = replace(GeometryFile.model_validate(data).build(text), reader=parse)
         _refuse_unknown_assumptions(data, model.assumed)
     except ValidationError as error:
         raise GeometryError(f"{one_line(origin)}: {complaint(error)}") from None

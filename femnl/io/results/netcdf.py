@@ -39,7 +39,7 @@ def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = No
     tree.attrs = {
         "femnl_modes": VERSION,
         "geometry": model.name,
-        "model": model.text,
+        "model": model.described,
         "edge": model.edge,
         "bending": int(model.bending),
         "wedge": modes.domain.wedge,

@@ -46,7 +46,8 @@ def factorize(stiffness: csc_matrix) -> Solve:
 
 INDEFINITE = (
     "the stiffness is not positive definite: part of the film is unsupported or under compression; "
-    "check the outline's free edges and the film stress, or raise the resolution"
+    "femnl geometry check draws where; check the outline's free edges and the film stress, or "
+    "raise the resolution"
 )
 
 

@@ -2,7 +2,13 @@
 
 from femnl.mechanics.modes.near import solve_modes_near
 from femnl.mechanics.modes.shapes import ShapeValues, shape_at, shapes_at
-from femnl.mechanics.modes.solve import align, solve_modes, solve_pencil, solve_sectors
+from femnl.mechanics.modes.solve import (
+    align,
+    solve_modes,
+    solve_pencil,
+    solve_sectors,
+    without_modes,
+)
 
 __all__ = [
     "ShapeValues",
@@ -13,4 +19,5 @@ __all__ = [
     "solve_modes_near",
     "solve_pencil",
     "solve_sectors",
+    "without_modes",
 ]

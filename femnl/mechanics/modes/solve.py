@@ -115,6 +115,13 @@ class _Assembled:
         return values, shapes
 
 
+def without_modes(prestress: Prestress) -> Modes:
+    """Return a film after release of which no mode was solved."""
+    none = np.empty(0)
+    size = Space(prestress.domain.mesh, prestress.degree).size
+    return Modes(prestress, prestress.degree, none, none, np.empty((0, size)), (), ())
+
+
 def solve_pencil(operators: Pencil, prestress: Prestress, count: int) -> Modes:
     """Solve K w = ω² M w for the lowest modes; see `solve_modes`."""
     return solve_sectors(_Assembled(operators), prestress, count)
