@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # what a type checker reads; at run time the names load when 
     from femnl.optics.fringe import SineFringe as SineFringe
     from femnl.pipeline import harmonic_maps as harmonic_maps
     from femnl.pipeline import solve_modes as solve_modes
+    from femnl.pipeline import solve_modes_near as solve_modes_near
     from femnl.pipeline import solve_modes_to as solve_modes_to
     from femnl.pipeline import solve_nonlinearity as solve_nonlinearity
 
@@ -29,6 +30,7 @@ __version__ = "0.2.0"
 _HOMES = {
     "load": "femnl.device.geometry",
     "solve_modes": "femnl.pipeline",
+    "solve_modes_near": "femnl.pipeline",
     "solve_modes_to": "femnl.pipeline",
     "solve_nonlinearity": "femnl.pipeline",
     "solve_inertia": "femnl.mechanics.nonlinearity",

@@ -92,32 +92,105 @@ def solve_modes(
     """
 
     def solve() -> Modes:
-        from femnl.mechanics.modes import align
+        return _with_counterparts(
+            model, _road(model, symmetry, resolution, count, degree), count, SPARE, degree
+        )
 
-        at_degree = _road(model, symmetry, resolution, count, degree)
-        fine = at_degree(count, degree)
-        middle = align(at_degree(count + SPARE, degree - 1), fine)
-        try:
-            coarse = align(at_degree(count + SPARE, degree - 2), fine)
-        except ConvergenceError:
-            # Two degrees less may be too crude for the stress at a free edge, where it must not
-            # push. Without them nothing shows that the degrees converge, and the error bars are as
-            # wide as where they do not.
-            logging.getLogger("femnl").warning(
-                "%s: degree %d is too crude for this mesh; error bars are wide, raise the "
-                "resolution to narrow them",
-                model.name,
-                degree - 2,
-            )
-            return replace(fine, coarse=middle)
-        return replace(fine, coarse=replace(middle, coarse=coarse))
+    options = (count, symmetry, resolution, degree)
+    return _alone(model, options, solve, cache)
+
+
+def solve_release(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Modes:
+    """Mesh a device and relax its film stress, and solve no mode.
+
+    So that a film which buckles, and has no modes, can be looked at.
+
+    Args: symmetry, resolution: as in `solve_modes`.
+    Returns: Modes of which there are none.
+    Raises: ParameterError, GeometryError; ConvergenceError where the film is not supported.
+    """
+    from femnl.device.mesh import mesh
+    from femnl.mechanics.modes import without_modes
+    from femnl.mechanics.prestress import solve_prestress
+
+    with one_blas_thread():
+        return without_modes(solve_prestress(mesh(model, symmetry, resolution, DEGREE), DEGREE))
+
+
+def solve_modes_near(
+    model: Model,
+    frequency: float,
+    count: int = 10,
+    symmetry: str = "auto",
+    resolution: float = 1.0,
+    cache: bool = True,
+) -> Modes:
+    """Solve the modes of a device nearest to a frequency, without those below them.
+
+    Args: frequency: the target [Hz]. count: how many, on both sides of it. symmetry, resolution,
+        cache: as in `solve_modes`.
+    Returns: Modes as of `solve_modes`, by rising frequency; `first` is the number of the lowest
+        among all modes of the film. They tell no f/f₁.
+    Raises: ParameterError, GeometryError, ConvergenceError.
+    """
+
+    def solve() -> Modes:
+        from femnl.device.mesh import mesh
+        from femnl.mechanics.modes import solve_modes_near as solve_on_mesh
+        from femnl.mechanics.prestress import solve_prestress
+
+        domain = mesh(model, symmetry, resolution, DEGREE)
+
+        def at_degree(number: int, degree: int) -> Modes:
+            # Buckling shows at each degree: it is looked for once, where that is cheap and sure
+            stable = degree != DEGREE - 1
+            prestress = solve_prestress(domain, degree)
+            return solve_on_mesh(prestress, frequency, number, degree, stable)
+
+        # Counterparts may lie beyond either end
+        return _with_counterparts(model, at_degree, count, 2 * SPARE, DEGREE)
+
+    options = ("near", frequency, count, symmetry, resolution, DEGREE)
+    return _alone(model, options, solve, cache)
+
+
+def _alone(
+    model: Model, options: tuple[object, ...], solve: Callable[[], Modes], cache: bool
+) -> Modes:
+    """Take modes from the cache or solve them, on one thread."""
 
     def solve_alone() -> Modes:
         with one_blas_thread():
             return solve()
 
-    options = (count, symmetry, resolution, degree)
     return cached_modes(model, options, solve_alone) if cache else solve_alone()
+
+
+def _with_counterparts(
+    model: Model, at_degree: Callable[[int, int], Modes], count: int, spare: int, degree: int
+) -> Modes:
+    """Solve modes, and their counterparts of one and two degrees less for their errors.
+
+    Args: at_degree: solves so many modes at a degree. spare: coarse modes beyond those asked for.
+    """
+    from femnl.mechanics.modes import align
+
+    fine = at_degree(count, degree)
+    middle = align(at_degree(count + spare, degree - 1), fine)
+    try:
+        coarse = align(at_degree(count + spare, degree - 2), fine)
+    except ConvergenceError:
+        # Two degrees less may be too crude for the stress at a free edge, where it must not
+        # push. Without them nothing shows that the degrees converge, and the error bars are as
+        # wide as where they do not.
+        logging.getLogger("femnl").warning(
+            "%s: degree %d is too crude for this mesh; error bars are wide, raise the "
+            "resolution to narrow them",
+            model.name,
+            degree - 2,
+        )
+        return replace(fine, coarse=middle)
+    return replace(fine, coarse=replace(middle, coarse=coarse))
 
 
 def _road(
@@ -234,7 +307,8 @@ def solve_nonlinearity(
         with one_blas_thread():
             return nonlinearity.solve_nonlinearity(modes, chosen, tensor, energies)
 
-    return cached_nonlinearity(modes, chosen, tensor, solve) if cache else solve()
+    found = cached_nonlinearity(modes, chosen, tensor, solve) if cache else solve()
+    return replace(found, first=modes.first)
 
 
 def harmonic_maps(

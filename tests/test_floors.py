@@ -29,6 +29,7 @@ FLOORS = (
         "mechanics.fem",
     ),
     (
+        "device.layout",
         "device.mesh",
         "mechanics.prestress",
         "mechanics.modes",
@@ -41,7 +42,13 @@ FLOORS = (
         "io.labfiles",
         "io.results",
     ),
-    ("mechanics.lattice", "mechanics.static_deflection", "mechanics.bands", "mechanics.tension"),
+    (
+        "mechanics.lattice",
+        "mechanics.static_deflection",
+        "mechanics.bands",
+        "mechanics.compression",
+        "mechanics.tension",
+    ),
     ("pipeline",),
     ("observe.model", "observe.film"),
     ("observe.free_forms", "observe.noisy"),

@@ -6,8 +6,8 @@ from math import pi
 import numpy as np
 
 from femnl.device import geometry
-from femnl.fits.gas import crossing_time, free_molecular_loss
 from femnl.mechanics.airload import airload
+from femnl.mechanics.gas import crossing_time, free_molecular_loss
 from femnl.observe.film import SimulatedFilm
 from femnl.validation import Case, Reference
 

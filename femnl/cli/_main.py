@@ -10,6 +10,7 @@ from importlib import import_module
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from pkgutil import iter_modules
+from types import ModuleType
 from typing import Annotated, Any
 
 import typer
@@ -20,7 +21,7 @@ from femnl.cli._output import Progress, note
 from femnl.core.errors import FemnlError, ParameterError
 
 CHAPTERS = {
-    "A device": ("geometries", "mesh", "modes", "bands", "view"),
+    "A device": ("geometries", "geometry", "mesh", "modes", "bands", "view"),
     "What a readout shows of it": ("maps", "sweep"),
     "Measurements": ("import", "show", "fit", "diagnose", "chip", "effects"),
     "Trust": ("validate", "report"),
@@ -132,12 +133,23 @@ def _app(words: list[str]) -> typer.Typer:
     }
     asked = next((word for word in (*words, *_being_completed()) if not word.startswith("-")), "")
     if asked in names:
-        command = import_module(f"{__package__}.{names[asked]}").command
-        app.command(asked)(_with_format(command))
+        found = import_module(f"{__package__}.{names[asked]}")
+        if hasattr(found, "COMMANDS"):
+            app.add_typer(_group(found), name=asked)
+        else:
+            app.command(asked)(_with_format(found.command))
     else:
         for name, module in sorted(names.items()):
             app.command(name, help=_summary(module))(_listed)
     return app
+
+
+def _group(module: ModuleType) -> typer.Typer:
+    """The commands under one name, such as femnl geometry check."""
+    group = typer.Typer(help=module.command.__doc__, rich_markup_mode=None, no_args_is_help=True)
+    for name, command in module.COMMANDS.items():
+        group.command(name)(_with_format(command))
+    return group
 
 
 def _being_completed() -> list[str]:

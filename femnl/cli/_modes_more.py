@@ -1,6 +1,6 @@
 """What `femnl modes` tells beside frequencies and Duffing coefficients.
 
-In-plane inertia, a bow, dissipation dilution.
+In-plane inertia, a bow, dissipation dilution, quality factors.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from femnl.core.mechanics import Modes, Nonlinearity
+    from femnl.mechanics.modes.quality import Quality
     from femnl.mechanics.nonlinearity import Inertia
     from femnl.mechanics.static_deflection import StaticDeflection
 
@@ -23,31 +24,51 @@ DIGITS = 6
 
 
 @dataclass(frozen=True)
+class Wishes:
+    """What the options ask for beside frequencies.
+
+    bow: depth or pressure, see `bow_of`. pressure [Pa]: of the gas that takes part of Q.
+    """
+
+    inertia: bool
+    bow: tuple[float | None, float | None] | None
+    dilution: bool
+    quality: bool
+    pressure: float
+
+    @property
+    def any(self) -> bool:
+        """Whether they ask for anything."""
+        return self.inertia or self.bow is not None or self.dilution or self.quality
+
+
+@dataclass(frozen=True)
 class More:
-    """Results that were asked for, None for the others. quality: Q/Q_bend and its error."""
+    """Results that were asked for, None for the others. dilution: Q/Q_bend and its error."""
 
     inertia: Inertia | None
     bowed: StaticDeflection | None
-    quality: tuple[NDArray[np.float64], NDArray[np.float64]] | None
+    dilution: tuple[NDArray[np.float64], NDArray[np.float64]] | None
+    quality: Quality | None
 
     @classmethod
     def solve(
         cls,
         modes: Modes,
-        inertia: bool,
-        bow: tuple[float | None, float | None] | None,
-        dilute: bool,
+        wishes: Wishes,
         tensor: bool,
     ) -> More:
-        """Solve what the options ask for. bow: depth or pressure, see `bow_of`."""
+        """Solve what the options ask for."""
         from femnl.mechanics.modes.dilution import dilution
+        from femnl.mechanics.modes.quality import solve_quality
         from femnl.mechanics.nonlinearity import solve_inertia
         from femnl.mechanics.static_deflection import solve_static_deflection
 
         return cls(
-            solve_inertia(modes, cross=tensor) if inertia else None,
-            solve_static_deflection(modes, *bow) if bow is not None else None,
-            dilution(modes) if dilute else None,
+            solve_inertia(modes, cross=tensor) if wishes.inertia else None,
+            solve_static_deflection(modes, *wishes.bow) if wishes.bow is not None else None,
+            dilution(modes) if wishes.dilution else None,
+            solve_quality(modes, wishes.pressure) if wishes.quality else None,
         )
 
     def record(self) -> dict[str, Any]:
@@ -72,13 +93,19 @@ class More:
                 "alpha_error",
             )
             found["bow"] = {name: getattr(self.bowed, name) for name in names}
+        if self.dilution is not None:
+            found["dilution"] = {"factor": self.dilution[0], "error": self.dilution[1]}
         if self.quality is not None:
-            found["dilution"] = {"factor": self.quality[0], "error": self.quality[1]}
+            parts = ("total", "low", "high", "intrinsic", "dilution", "dilution_error", "gas")
+            found["quality"] = {name: getattr(self.quality, name) for name in parts}
         return found
 
     def show(self, modes: Modes, nonlinearity: Nonlinearity) -> None:
         """Print a table for each."""
-        names = [[str(k + 1), modes.label[k] or "–"] for k in range(len(modes.frequency))]
+        names = [
+            [str(number), label or "–"]
+            for number, label in zip(modes.number, modes.label, strict=True)
+        ]
         if self.inertia is not None:
             rows = [
                 [
@@ -107,9 +134,11 @@ class More:
         if self.bowed is not None:
             self._show_bow(self.bowed, names)
         if self.quality is not None:
+            _show_quality(self.quality, names)
+        if self.dilution is not None:
             rows = [
                 [*name, f"{q:.1f}", f"{error / q:.0e}"]
-                for name, q, error in zip(names, *self.quality, strict=True)
+                for name, q, error in zip(names, *self.dilution, strict=True)
             ]
             console().print(
                 table(
@@ -144,6 +173,52 @@ class More:
                 rows,
             )
         )
+
+
+def _show_quality(quality: Quality, names: list[list[str]]) -> None:
+    """Print Q with its parts and bounds."""
+    rows = [
+        [
+            *name,
+            scientific(quality.total[k], 3),
+            f"{scientific(quality.low[k], 2)} … {scientific(quality.high[k], 2)}",
+            scientific(quality.dilution[k], DIGITS),
+            f"{quality.dilution_error[k] / quality.dilution[k]:.0e}",
+            "–" if quality.gas[k] == float("inf") else scientific(quality.gas[k], 3),
+        ]
+        for k, name in enumerate(names)
+    ]
+    mean, low, high = quality.intrinsic
+    title = (
+        f"1/Q = 1/(Q_int D) + 1/Q_gas, Q_int = {mean:.0f} ({low:.0f} … {high:.0f}), without sound "
+        "into the chip; ± of D is relative"
+    )
+    console().print(table(title, ["mode", "label", "Q", "1 σ of β", "D", "±D", "Q_gas"], rows))
+
+
+def pressure_of(words: str) -> float:
+    """The pressure [Pa] that words such as "1e-6 mbar" mean. Raises: ParameterError."""
+    pressure = _quantity(words, "Pa", "--pressure")
+    if pressure < 0:
+        raise ParameterError(f'--pressure "{words}": expected 0 or more')
+    return pressure
+
+
+def frequency_of(words: str) -> float:
+    """The frequency [Hz] that words such as "1.45 MHz" mean. Raises: ParameterError."""
+    frequency = _quantity(words, "Hz", "--near")
+    if frequency <= 0:
+        raise ParameterError(f'--near "{words}": expected a frequency above 0')
+    return frequency
+
+
+def _quantity(words: str, unit: str, option: str) -> float:
+    from femnl.io import measurement
+
+    try:
+        return measurement.quantity(words, unit, option)[0]
+    except MeasurementError as error:
+        raise ParameterError(str(error)) from None
 
 
 def bow_of(words: str) -> tuple[float | None, float | None]:

@@ -82,7 +82,8 @@ def command(
         console().print(table(title, ["", *(f"band {k + 1}" for k in range(count)), "±"], rows))
         gaps = ", ".join(f"{low / 1e6:.6g} … {high / 1e6:.6g} MHz" for low, high in bands.gaps)
         console().print(
-            f"gaps along {'–'.join(name for name, _ in bands.corners)}: {gaps or 'none'}"
+            f"complete gaps, around and inside {'–'.join(name for name, _ in bands.corners)}: "
+            f"{gaps or 'none'}"
         )
     if out:
         draw_bands(bands, out)

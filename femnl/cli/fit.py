@@ -291,7 +291,7 @@ def _origin(file: MeasuredFile) -> dict[str, str]:
     }
     if file.has_device:
         device = file.device()
-        kept |= {"geometry": device.name, "model": device.text}
+        kept |= {"geometry": device.name, "model": device.described}
     return kept
 
 

@@ -119,7 +119,7 @@ def command(
     attributes = {
         "title": title,
         "source": f"simulated by femnl {femnl.__version__}",
-        "model": model.text,
+        "model": model.described,
     }
     measurement.write(measurement.bundle({"map": dataset}, geometry=model.name, **attributes), path)
     picture = path.with_suffix(".png")

@@ -19,7 +19,7 @@ from femnl.cli._device import (
     load_device,
     suffix_of,
 )
-from femnl.cli._modes_more import More, bow_of
+from femnl.cli._modes_more import More, Wishes, bow_of, frequency_of, pressure_of
 from femnl.cli._output import console, note, print_json, scientific, table
 from femnl.core.choices import Certified
 from femnl.core.errors import ParameterError
@@ -77,11 +77,30 @@ Dilution = Annotated[
     bool, typer.Option("--dilution", help="Dissipation dilution: Q over that of bending alone.")
 ]
 
+Quality = Annotated[
+    bool,
+    typer.Option(
+        "--q", help="Quality factors, of the film's material, tension and gas, with their bounds."
+    ),
+]
+Pressure = Annotated[
+    str | None,
+    typer.Option(help='Of the gas that takes part of Q, such as "1e-6 mbar".', show_default=False),
+]
+Near = Annotated[
+    str | None,
+    typer.Option(
+        help='The modes nearest to a frequency such as "1.45 MHz", without those below them.',
+        show_default=False,
+    ),
+]
+
 
 def command(
     geometry: Geometry,
     *,
     count: Count = 10,
+    near: Near = None,
     edge: EdgeOption = None,
     bending: Bending = None,
     tensor: Tensor = False,
@@ -93,6 +112,8 @@ def command(
     inertia: Inertia = False,
     bow: Bow = None,
     dilution: Dilution = False,
+    quality: Quality = False,
+    pressure: Pressure = None,
     out: Out = None,
     cache: Cache = True,
     as_json: Json = False,
@@ -104,24 +125,12 @@ def command(
     kind = suffix_of(out, (".nc", ".vtu")) if out else ""
     if out:
         need_room(out)
-    rest = None if bow is None else bow_of(bow)
+    wishes = _wishes(inertia, bow, dilution, quality, pressure)
+    target = None if near is None else frequency_of(near)
     model = load_device(geometry, bending, edge)
+    meshed = (tolerance, tolerance_of, resolution, symmetry) != (None, None, 1.0, "auto")
     if homogenised:
-        if (
-            tolerance is not None
-            or tolerance_of is not None
-            or resolution != 1.0
-            or symmetry != "auto"
-        ):
-            unfit = "--tolerance, --tolerance-of, --resolution and --symmetry"
-            raise ParameterError(
-                f"--homogenised: the even film has a mesh of its own; leave out {unfit}"
-            )
-        if inertia or bow is not None or dilution:
-            raise ParameterError(
-                "--homogenised: the even film tells nothing of --inertia, --bow or --dilution; "
-                "solve the full film for them"
-            )
+        _refuse_for_an_even_film(meshed, wishes, target)
         from femnl.mechanics.lattice import solve_homogenised
 
         modes, nonlinearity = solve_homogenised(model, count, tensor=tensor)
@@ -129,6 +138,7 @@ def command(
         modes = _solve(
             model,
             count,
+            near=target,
             symmetry=symmetry,
             resolution=resolution,
             tolerance=tolerance,
@@ -136,7 +146,7 @@ def command(
             cache=cache,
         )
         nonlinearity = solve_nonlinearity(modes, tensor=tensor, cache=cache)
-    more = More.solve(modes, inertia, rest, dilution, tensor)
+    more = More.solve(modes, wishes, tensor)
     if as_json:
         print_json(_record(modes, nonlinearity) | more.record())
     else:
@@ -153,18 +163,55 @@ def command(
         note(f"wrote {out}")
 
 
+def _wishes(
+    inertia: bool, bow: str | None, dilution: bool, quality: bool, pressure: str | None
+) -> Wishes:
+    """What is asked for beside frequencies, read from the words of the command line."""
+    if pressure is not None and not quality:
+        raise ParameterError(f"--pressure {pressure}: gas takes part of Q; ask for it with --q")
+    return Wishes(
+        inertia,
+        None if bow is None else bow_of(bow),
+        dilution,
+        quality,
+        0.0 if pressure is None else pressure_of(pressure),
+    )
+
+
+def _refuse_for_an_even_film(meshed: bool, wishes: Wishes, target: float | None) -> None:
+    """An even film in the place of the holes has neither a mesh to choose nor all results."""
+    if meshed:
+        unfit = "--tolerance, --tolerance-of, --resolution and --symmetry"
+        raise ParameterError(
+            f"--homogenised: the even film has a mesh of its own; leave out {unfit}"
+        )
+    if wishes.any or target is not None:
+        raise ParameterError(
+            "--homogenised: the even film tells nothing of --inertia, --bow, --dilution, --q or "
+            "--near; solve the full film for them"
+        )
+
+
 def _solve(
     model: Model,
     count: int,
     *,
+    near: float | None,
     symmetry: str,
     resolution: float,
     tolerance: float | None,
     of: Certified | None,
     cache: bool,
 ) -> Modes:
-    from femnl.pipeline import solve_modes, solve_modes_to
+    from femnl.pipeline import solve_modes, solve_modes_near, solve_modes_to
 
+    if near is not None:
+        if tolerance is not None or of is not None:
+            raise ParameterError(
+                "--near: no tolerance is reached there; leave out --tolerance, and raise "
+                "--resolution for smaller errors"
+            )
+        return solve_modes_near(model, near, count, symmetry, resolution, cache)
     if tolerance is None:
         if of is not None:
             raise ParameterError(
@@ -180,6 +227,7 @@ def _solve(
 
 def _record(modes: Modes, nonlinearity: Nonlinearity) -> dict[str, Any]:
     columns = zip(
+        modes.number,
         modes.label,
         modes.frequency,
         modes.ratio,
@@ -188,7 +236,7 @@ def _record(modes: Modes, nonlinearity: Nonlinearity) -> dict[str, Any]:
         nonlinearity.alpha,
         strict=True,
     )
-    names = ("label", "frequency", "ratio", "effective_mass", "k3", "alpha")
+    names = ("number", "label", "frequency", "ratio", "effective_mass", "k3", "alpha")
     record: dict[str, Any] = {
         "geometry": modes.domain.model.name,
         "modes": [dict(zip(names, row, strict=True)) for row in columns],
@@ -218,46 +266,33 @@ def _show(modes: Modes, nonlinearity: Nonlinearity) -> None:
     model = modes.domain.model
     # Modes of a few kilohertz and less in Hz, where six decimals of MHz hold nothing
     divisor, unit = (1e6, "MHz") if modes.frequency[-1] >= SLOW else (1.0, "Hz")
-    rows = [
-        [
-            str(k + 1),
-            modes.label[k] or "–",
-            f"{modes.frequency[k] / divisor:.6f}",
-            f"{modes.ratio[k]:.6f}",
-            f"{modes.effective_mass[k] * 1e12:.5g}",
-            scientific(nonlinearity.alpha[k] * 1e-12, 5),
-            scientific(nonlinearity.k3[k], 5),
-            f"{modes.frequency_error[k] / modes.frequency[k]:.0e}",
-            f"{modes.ratio_error[k] / modes.ratio[k]:.0e}",
-            f"{modes.effective_mass_error[k] / modes.effective_mass[k]:.0e}",
-            f"{nonlinearity.alpha_error[k] / nonlinearity.alpha[k]:.0e}",
-            f"{nonlinearity.k3_error[k] / nonlinearity.k3[k]:.0e}",
-        ]
-        for k in range(len(modes.frequency))
-    ]
-    columns = [
-        "mode",
-        "label",
-        f"f ({unit})",
-        "f/f₁",
-        "m_eff (ng)",
-        "α (µm⁻²)",
-        "k₃ (N/m³)",
-        "±f",
-        "±f/f₁",
-        "±m_eff",
-        "±α",
-        "±k₃",
-    ]
+    columns = {
+        "mode": [str(number) for number in modes.number],
+        "label": [label or "–" for label in modes.label],
+        f"f ({unit})": [f"{f / divisor:.6f}" for f in modes.frequency],
+        "f/f₁": [f"{ratio:.6f}" for ratio in modes.ratio],
+        "m_eff (ng)": [f"{mass * 1e12:.5g}" for mass in modes.effective_mass],
+        "α (µm⁻²)": [scientific(alpha * 1e-12, 5) for alpha in nonlinearity.alpha],
+        "k₃ (N/m³)": [scientific(k3, 5) for k3 in nonlinearity.k3],
+    }
+    if modes.coarse is not None:
+        errors = {
+            "±f": modes.frequency_error / modes.frequency,
+            "±f/f₁": modes.ratio_error / modes.ratio,
+            "±m_eff": modes.effective_mass_error / modes.effective_mass,
+            "±α": nonlinearity.alpha_error / nonlinearity.alpha,
+            "±k₃": nonlinearity.k3_error / nonlinearity.k3,
+        }
+        columns |= {name: [f"{e:.0e}" for e in error] for name, error in errors.items()}
+    if modes.first > 1:  # without the lowest mode there is no ratio to it
+        columns = {name: column for name, column in columns.items() if "f/f₁" not in name}
     title = (
         f"{model.name}, in-plane edge {nonlinearity.edge}, "
         f"{'with' if model.bending else 'without'} bending; "
     )
     title += "± are relative" if modes.coarse else "an even film in the place of the holes"
-    if modes.coarse is None:
-        columns = columns[:7]
-        rows = [row[:7] for row in rows]
-    console().print(table(title, columns, rows))
+    rows = [list(row) for row in zip(*columns.values(), strict=True)]
+    console().print(table(title, list(columns), rows))
     if nonlinearity.tensor is not None:
         n = len(modes.frequency)
         cross = [

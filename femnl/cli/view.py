@@ -38,9 +38,12 @@ def command(
     bending: Bending = None,
     cache: Cache = True,
 ) -> None:
-    """Show the mesh, the relaxed stress, the thickness or a mode shape."""
+    """Show the mesh, the relaxed stress, the thickness or a mode shape.
+
+    All but shapes are drawn without solving any mode.
+    """
     from femnl.io.results.atomic import need_room
-    from femnl.pipeline import solve_modes
+    from femnl.pipeline import solve_modes, solve_release
     from femnl.plot.film import WHAT
     from femnl.plot.mechanics import FORMATS, view
 
@@ -49,12 +52,12 @@ def command(
         need_room(out)
     if what not in WHAT:
         raise ParameterError(f"{what}: expected one of {', '.join(WHAT)}")
-    count = max(10, check_mode(mode) + 1)
-    view(
-        solve_modes(load_device(geometry, bending), count, symmetry, resolution, cache),
-        what,
-        mode,
-        out,
-    )
+    device = load_device(geometry, bending)
+    if what == "shape":
+        count = max(10, check_mode(mode) + 1)
+        film = solve_modes(device, count, symmetry, resolution, cache)
+    else:
+        film = solve_release(device, symmetry, resolution)
+    view(film, what, mode, out)
     if out:
         note(f"wrote {out}")

@@ -3,15 +3,26 @@
 Outline, holes, film, readout gap and the choices of the mechanical model.
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.arrays import freeze
+from femnl.core.errors import GeometryError
+from femnl.core.geometry_text import film_values, same, with_values
 
 Edge = Literal["clamped", "sliding", "paper"]
+FITS = 1.3
+"""Factor up to which a stated length may differ from the box of the edge: a pentagon is quoted by
+the diameter of the circle around it.
+"""
+CELL = "cell"
+"""Kind of an outline that is no edge of the film but the sides of a cell that repeats."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +85,22 @@ class Outline:
     segments: tuple[Segment, ...]
     size: tuple[float, float] | None
     length: float
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Return the least and the most that the longer side of its box may be [m].
+
+        By the ends of its segments, and with whole circles or ellipses in the place of arcs.
+        """
+        ends = np.array([segment.start for segment in self.segments])
+        around = [
+            np.asarray(segment.centre) + side * np.linalg.norm(segment.frame, axis=1)
+            for segment in self.segments
+            for side in (-1, 1)
+            if segment.centre is not None
+        ]
+        widest = np.vstack([ends, *around])
+        return float(np.ptp(ends, axis=0).max()), float(np.ptp(widest, axis=0).max())
 
     @property
     def corners(self) -> tuple[tuple[int, float], ...]:
@@ -153,6 +180,34 @@ class Clamp:
 
 
 @dataclass(frozen=True)
+class Loss:
+    """What the film loses as it bends: 1/Q_int = 1/volume + 1/(surface h), h the thickness.
+
+    volume: quality factor of the material without a surface. surface and surface_error [1/m]: β of
+    Q_surf = βh and its standard deviation among films.
+
+    The default is silicon nitride at room temperature: Villanueva and Schmid, Phys. Rev. Lett.
+    113, 227201 (2014), who find β = (6 ± 4)·10¹⁰ m⁻¹, 6000 for 100 nm.
+    """
+
+    volume: float = 2.8e4
+    surface: float = 6e10
+    surface_error: float = 4e10
+
+    def intrinsic(self, thickness: float) -> tuple[float, float, float]:
+        """Return Q_int of a film [m], and the same for β one standard deviation less and more."""
+        low, mean, high = (
+            1 / (1 / self.volume + 1 / (surface * thickness))
+            for surface in (
+                self.surface - self.surface_error,
+                self.surface,
+                self.surface + self.surface_error,
+            )
+        )
+        return mean, low, high
+
+
+@dataclass(frozen=True)
 class Overhang:
     """An undercut strip of the frame around the suspended film.
 
@@ -201,8 +256,14 @@ class Model:
     openings: inner edges of the film that `holes` does not list, each one closed loop, walked
     counter-clockwise like an outline: ellipses, holes of other radii, and posts, whose rims are
     clamped.
-    text: the TOML text that this model was read from, so that results can carry it. assumed: keys
-    of that text, such as "holes.radius", whose values the source does not give.
+    loss: what the film's material loses.
+    grid [m]: the step to which a drawing rounds its coordinates, within which it is its own mirror
+    image; 0 where the numbers are exact.
+    text: the TOML text that this model was read from; results carry `described`. assumed: keys of
+    that text, such as "holes.radius", whose values the source does not give. reader: makes a model
+    of such a text.
+
+    Raises: GeometryError where the length that the outline states is not that of its edge.
     """
 
     name: str
@@ -218,6 +279,67 @@ class Model:
     clamp: Clamp = Clamp()
     overhang: Overhang | None = None
     openings: tuple[Outline, ...] = ()
+    loss: Loss = Loss()
+    grid: float = 0.0
+    reader: Callable[[str], Model] | None = field(default=None, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        least, most = self.outline.extent
+        if not least / FITS <= self.outline.length <= most * FITS:
+            raise GeometryError(
+                f"{self.name}: its outline states a length of {self.outline.length * 1e6:.5g} µm, "
+                f"but its edge spans {least * 1e6:.5g} µm; change the geometry by "
+                "model.with_('outline.…', …)"
+            )
+
+    def with_(self, key: str, value: object) -> Model:
+        """Return the device whose geometry file has another value.
+
+        Args:
+            key: of the file, dotted, as "film.stress" or "holes.radius"; groups of holes, points
+                and layers are counted from 1.
+            value: as the file would have it, "500 MPa".
+
+        Raises:
+            GeometryError: a key or value that the file cannot have, and a device that was changed
+                by `dataclasses.replace`, whose text no longer describes it.
+        """
+        if self.reader is None:
+            raise GeometryError(f"{self.name}: was not read from a geometry file; load one")
+        if not self._is(self.text):
+            raise GeometryError(
+                f"{self.name}: was changed in Python, and its text no longer describes it; load it "
+                "anew, and make every change by with_"
+            )
+        return self.reader(with_values(self.text, {key: value}, self.name))
+
+    @property
+    def described(self) -> str:
+        """The text of a geometry file that describes the device, "" where none is known.
+
+        The one that it was read from, where it still does; with the film's numbers and the choices
+        of the mechanical model put right, where only these were changed by `dataclasses.replace`.
+        """
+        if not self.text or self._is(self.text):
+            return self.text
+        film = film_values(self.film)
+        choices = {"model.bending": self.bending, "model.edge": self.edge}
+        text = with_values(self.text, {**film, **choices}, self.name)
+        return text if self._is(text) else ""
+
+    def _is(self, text: str) -> bool:
+        """Whether a text describes the device."""
+        if self.reader is None:
+            return False
+        try:
+            told = self.reader(text)
+        except GeometryError:
+            return False
+        return all(
+            same(getattr(self, one.name), getattr(told, one.name))
+            for one in fields(self)
+            if one.name not in ("text", "assumed", "reader")
+        )
 
     @property
     def pierced(self) -> bool:

@@ -12,7 +12,14 @@ class FemnlError(Exception):
 
 
 class GeometryError(FemnlError):
-    """A geometry file, or the device it describes, cannot be used."""
+    """A geometry file, or the device it describes, cannot be used.
+
+    point: (x, y) [m] of the place that is wrong, where there is one.
+    """
+
+    def __init__(self, message: str, point: tuple[float, float] | None = None) -> None:
+        super().__init__(message)
+        self.point = point
 
 
 class MeasurementError(FemnlError):

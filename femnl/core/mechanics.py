@@ -101,6 +101,8 @@ class Modes(Tabulated):
     (n_modes, n_modes) [Hz], of counterparts that were turned to match: (aᵢ, K aⱼ)/(8π²√(fᵢfⱼ)) of
     their operator, which lets neighbours in frequency mix; next to nothing where a symmetry of film
     and mesh keeps two modes apart, NaN where none were turned.
+    first: number of the lowest of these modes among all modes of the film, from 1; above 1 where
+    modes near a frequency were solved alone.
     """
 
     prestress: Prestress
@@ -113,6 +115,7 @@ class Modes(Tabulated):
     coarse: "Modes | None" = None
     departure: Array | None = None
     coupling: Array | None = None
+    first: int = 1
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -133,8 +136,14 @@ class Modes(Tabulated):
 
     @property
     def ratio(self) -> Array:
-        """f/f₁."""
-        return np.asarray(self.frequency / self.frequency[0])
+        """f/f₁, NaN where the lowest mode of the film is not among these."""
+        lowest = self.frequency[0] if self.first == 1 else np.nan
+        return np.asarray(self.frequency / lowest)
+
+    @property
+    def number(self) -> NDArray[np.int64]:
+        """Number of each mode among all modes of the film, from 1."""
+        return self.first + np.arange(len(self.frequency))
 
     @property
     def grades(self) -> tuple["Modes", ...]:
@@ -156,7 +165,7 @@ class Modes(Tabulated):
 
         It is less than that of f where all modes err alike.
         """
-        inner = np.arange(len(self.frequency)) > 0
+        inner = self.number > 1
         if self.coarse is None:
             return np.where(inner, np.inf, 0.0)
         relative = ratio_remainder(
@@ -275,7 +284,7 @@ class Modes(Tabulated):
         found = dataset(
             "mode",
             {
-                "mode": (np.arange(1, len(self.frequency) + 1), ""),
+                "mode": (self.number, ""),
                 "label": ([label or "" for label in self.label], ""),
             },
             {
@@ -295,12 +304,14 @@ class Modes(Tabulated):
         megahertz = zip(self.frequency * 1e-6, self.frequency_error * 1e-6, strict=True)
         nanograms = zip(self.effective_mass * 1e12, self.effective_mass_error * 1e12, strict=True)
         columns = {
-            "mode": [str(k + 1) for k in range(len(self.frequency))],
+            "mode": [str(number) for number in self.number],
             "label": [label or "–" for label in self.label],
             "f (MHz)": [with_error(*f) for f in megahertz],
             "f/f₁": [with_error(*r) for r in zip(self.ratio, self.ratio_error, strict=True)],
             "m_eff (ng)": [with_error(*m) for m in nanograms],
         }
+        if self.first > 1:
+            del columns["f/f₁"]
         title = f"{model.name}: {len(self.frequency)} modes"
         title += f" {'with' if model.bending else 'without'} bending, degree {self.degree}"
         note = NO_ERRORS if self.coarse is None else ERRORS
@@ -316,7 +327,8 @@ class Nonlinearity(Tabulated):
     k3 [N/m³] and alpha = k3/k [m⁻²] of each mode, so that m q̈ = −k q − k₃ q³. k3_error,
     alpha_error: discretisation errors, upper estimates, infinite where the modes carry no
     counterpart of lower degree. tensor (n, n, n, n) [N/m³], where asked for: the force on mode i is
-    −Σ tensor[i,j,k,l] q_j q_k q_l; fully symmetric. tensor_error, of each of its entries.
+    −Σ tensor[i,j,k,l] q_j q_k q_l; fully symmetric. tensor_error, of each of its entries. first:
+    number of the first of these modes, see `Modes`.
     """
 
     edge: str
@@ -326,6 +338,7 @@ class Nonlinearity(Tabulated):
     alpha_error: Array
     tensor: Array | None = None
     tensor_error: Array | None = None
+    first: int = 1
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -357,7 +370,7 @@ class Nonlinearity(Tabulated):
     def _columns(self) -> "xr.Dataset":
         found = dataset(
             "mode",
-            {"mode": (np.arange(1, len(self.k3) + 1), "")},
+            {"mode": (self.first + np.arange(len(self.k3)), "")},
             {
                 "k3": (self.k3, "N/m³"),
                 "k3_error": (self.k3_error, "N/m³"),
@@ -370,7 +383,7 @@ class Nonlinearity(Tabulated):
     def _tables(self) -> list[Table]:
         per_micrometre = zip(self.alpha * 1e-12, self.alpha_error * 1e-12, strict=True)
         columns = {
-            "mode": [str(k + 1) for k in range(len(self.k3))],
+            "mode": [str(self.first + k) for k in range(len(self.k3))],
             "k₃ (N/m³)": [with_error(*k) for k in zip(self.k3, self.k3_error, strict=True)],
             "α (µm⁻²)": [with_error(*a) for a in per_micrometre],
         }
@@ -378,23 +391,3 @@ class Nonlinearity(Tabulated):
         if self.tensor is not None:
             notes.append("the full cubic tensor [N/m³] is in `tensor`")
         return [Table(f"Duffing coefficients, in-plane edge {self.edge}", columns, notes)]
-
-
-@dataclass(frozen=True)
-class Surface:
-    """The whole film as quadratic triangles with nodal fields, for pictures and other programs.
-
-    points (n, 2) [m]; triangles (m, 6) in VTK's order; shapes (n_modes, n); thickness (n,) [m];
-    stress (n, 3) [Pa] as (xx, yy, xy): the relaxed film stress; in_plane (n, 2) [m]: the
-    displacement that relaxed it.
-    """
-
-    points: Array
-    triangles: NDArray[np.int64]
-    shapes: Array
-    thickness: Array
-    stress: Array
-    in_plane: Array
-
-    def __post_init__(self) -> None:
-        freeze(self)

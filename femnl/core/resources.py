@@ -78,11 +78,13 @@ def shipped() -> list[tuple[str, str]]:
     return [(file.stem, _described(tomllib.loads(file.read_text("utf-8")))) for file in files]
 
 
-def _described(tables: Mapping[str, Mapping[str, Any]]) -> str:
+def _described(tables: Mapping[str, Any]) -> str:
     """Quote the outline, the holes and the film of a geometry file in one line."""
     outline = dict(tables["outline"])
     film = tables["film"]
-    holes = f"holes {_quoted(tables['holes'])}" if "holes" in tables else "no holes"
+    groups = tables.get("holes", [])
+    groups = groups if isinstance(groups, list) else [groups]
+    holes = " and ".join(f"holes {_quoted(group)}" for group in groups) or "no holes"
     parts = [
         f"{outline.pop('kind')}, {_quoted(outline)}".rstrip(", "),
         holes,
@@ -95,7 +97,7 @@ def _described(tables: Mapping[str, Mapping[str, Any]]) -> str:
 def _quoted(table: Mapping[str, Any]) -> str:
     """Quote the plain values of a table; lists of points would fill pages."""
     plain = {name: value for name, value in table.items() if not isinstance(value, list)}
-    if "count" in table:
+    if isinstance(table.get("count"), list):
         plain["count"] = " × ".join(map(str, table["count"]))
     return ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in plain.items())
 

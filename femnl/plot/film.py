@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from femnl.core.device import Outline
 from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Modes, Surface
+from femnl.core.mechanics import Modes
+from femnl.core.surface import Surface
 from femnl.device.geometry.curves import polyline
 from femnl.plot.screen import need_offscreen
 from femnl.plot.style import DIVERGING, INK, SEQUENTIAL

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,9 +10,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, diags_array
 
 from femnl import load
-from femnl.core.device import Holes, Model
+from femnl.core.device import Holes, Model, Outline, Segment
 from femnl.core.errors import ConvergenceError, ParameterError
-from femnl.mechanics.bands import Bands, Lattice, find_lattice, solve_bands
+from femnl.device.geometry import parse
+from femnl.device.geometry.shapes import ellipse
+from femnl.mechanics.bands import Bands, Lattice, find_cell, find_lattice, solve_bands
 from femnl.mechanics.bands.spectrum import lowest_eigenvalues
 from femnl.mechanics.lattice import solve_cell
 
@@ -125,8 +128,13 @@ def test_holes_that_leave_narrow_bridges_open_a_gap(model: Model) -> None:
 def test_gaps_are_free_of_waves_and_of_their_errors() -> None:
     frequency = np.array([[0.0, 3.0, 7.0], [2.0, 4.0, 4.5]])
     error = np.full((2, 3), 0.25)
-    bands = Bands(LATTICES[0], np.zeros((2, 2)), frequency, error, (), 1.0, 1.0)
+    bands = Bands(
+        LATTICES[0], np.zeros((2, 2)), frequency, error, (), 1.0, 1.0, frequency[:0], error[:0]
+    )
     assert bands.gaps == ((2.25, 2.75),)
+    inside = np.array([[1.0, 2.7, 6.0]])
+    bands = replace(bands, inside=inside, inside_error=error[:1] / 10)
+    assert bands.gaps[0] == pytest.approx((2.25, 2.675))
 
 
 @pytest.mark.parametrize(
@@ -135,6 +143,108 @@ def test_gaps_are_free_of_waves_and_of_their_errors() -> None:
 )
 def test_the_lattice_of_shipped_devices_is_found(name: str, kind: str) -> None:
     assert find_lattice(load(name)).kind == kind
+
+
+Places = NDArray[np.floating[Any]]
+
+
+def lattice_device(centres: Places, radius: float, others: Places, other: float) -> Model:
+    """A film with two groups of round holes, all given in µm."""
+
+    def written(points: Places) -> str:
+        return ", ".join(f'["{x:.12g} um", "{y:.12g} um"]' for x, y in points)
+
+    group = '[[holes]]\nlattice = "list"\ncentres = [{}]\nradius = "{:.15g} um"\n'
+    words = group.format(written(centres), radius)
+    words += group.format(written(others), other) if len(others) else ""
+    side = 4 * float(np.abs(np.concatenate([centres, others])).max())
+    return parse(
+        f'name = "lattice"\n[outline]\nkind = "square"\nside = "{side} um"\n{words}[film]\n'
+        'thickness = "100 nm"\nyoung = "250 GPa"\npoisson = 0.23\ndensity = "3100 kg/m^3"\n'
+        'stress = "1 GPa"\n'
+    )
+
+
+def test_cells_of_two_holes_that_are_nearly_one_fold_the_bands_of_cells_of_one() -> None:
+    # Black and white squares of a board: a lattice √2 wider, turned by 45°, whose waves at k are
+    # those of the narrow one at k and at k + G, G = (π/p, π/p) of the board
+    pitch = 20.0
+    radius = 6.0
+    row, column = np.meshgrid(np.arange(8), np.arange(8))
+    board = pitch * np.stack([row.ravel(), column.ravel()], axis=1) - 3.5 * pitch
+    black = (row + column).ravel() % 2 == 0
+    device = lattice_device(board[black], radius, board[~black], radius * (1 + 1e-9))
+    wide = find_cell(device)
+    assert wide.lattice.kind == "square"
+    assert wide.lattice.pitch == pytest.approx(np.sqrt(2) * pitch * 1e-6)
+    waves = np.array([[0.3, 0.1], [0.0, 0.5]]) * np.pi / (pitch * 1e-6)
+    turn = np.array([[1.0, 1.0], [-1.0, 1.0]]) / np.sqrt(2)
+    folded = solve_bands(device, 4, waves @ turn.T)
+    plain = lattice_device(board, radius, board[:0], radius)
+    both = np.concatenate([waves, waves + np.pi / (pitch * 1e-6)])
+    narrow = solve_bands(plain, 4, both).frequency
+    expected = np.sort(np.concatenate([narrow[:2], narrow[2:]], axis=1), axis=1)[:, :4]
+    np.testing.assert_allclose(folded.frequency, expected, rtol=2e-6)
+
+
+def honeycomb(turns: float) -> Model:
+    """A honeycomb of holes with six of them left out, turned."""
+    steps = 160.0 * np.array([[1.0, 0.0], [0.5, np.sqrt(0.75)]])
+    cells = np.array([i * steps[0] + j * steps[1] for i, j in product(range(-6, 7), repeat=2)])
+    shift = np.array([0.0, 160 / np.sqrt(3)])
+    every = np.concatenate([cells + shift, cells - shift])
+    away = np.hypot(*every.T)
+    kept = every[(away > 100) & (away < 700)]
+    c = np.cos(turns)
+    s = np.sin(turns)
+    return lattice_device(kept @ np.array([[c, s], [-s, c]]), 0.26 * 160, kept[:0], 1.0)
+
+
+def test_the_honeycomb_of_soft_clamping_is_found_around_its_defect_and_has_a_gap() -> None:
+    cell = find_cell(honeycomb(0.3))
+    assert cell.lattice.kind == "hexagonal"
+    assert cell.lattice.pitch == pytest.approx(160e-6, rel=1e-9)
+    assert cell.symmetry == "twelfth"
+    bands = solve_bands(honeycomb(0.3), 4, steps=3)
+    upright = solve_bands(honeycomb(0.0), 4, steps=3)
+    np.testing.assert_allclose(bands.frequency[1:-1], upright.frequency[1:-1], rtol=1e-6)
+    (low, high), *_ = bands.gaps
+    # Between the second and the first band, wide as narrow bridges make it
+    assert (high - low) / (high + low) > 0.05
+
+
+def test_cells_with_two_unequal_mirrors_take_waves_along_both() -> None:
+    row, column = np.meshgrid(np.arange(6), np.arange(6))
+    board = 20.0 * np.stack([row.ravel(), column.ravel()], axis=1) - 50.0
+    device = lattice_device(board, 1.0, board[:0], 1.0)
+    oval = ellipse((0.0, 0.0), (8e-6, 3e-6))
+    openings = tuple(
+        Outline("ellipse", tuple(moved(s, place * 1e-6) for s in oval), None, 16e-6)
+        for place in board
+    )
+    slotted = replace(device, holes=Holes(np.empty((0, 2)), 0.0), openings=openings)
+    bands = solve_bands(slotted, 2, steps=2)
+    assert [name for name, _ in bands.corners] == ["Γ", "X", "M", "Y", "Γ"]
+    places = dict(bands.corners)
+    assert bands.frequency[places["X"], 0] != pytest.approx(
+        bands.frequency[places["Y"], 0], rel=0.05
+    )
+
+
+def moved(segment: Segment, shift: Array) -> Segment:
+    start, end, centre = (
+        (float(x + shift[0]), float(y + shift[1]))
+        for x, y in (segment.start, segment.end, segment.centre or (0.0, 0.0))
+    )
+    return replace(segment, start=start, end=end, centre=centre)
+
+
+def test_a_cell_without_mirror_lines_is_refused() -> None:
+    row, column = np.meshgrid(np.arange(6), np.arange(6))
+    board = 20.0 * np.stack([row.ravel(), column.ravel()], axis=1) - 50.0
+    beside = board + np.array([6.0, 3.0])
+    with pytest.raises(ParameterError, match="lacks mirror lines along x and y"):
+        find_cell(lattice_device(board, 2.0, beside, 1.0))
 
 
 def test_paths_go_around_the_irreducible_part() -> None:

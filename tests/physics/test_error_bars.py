@@ -174,9 +174,9 @@ def test_where_two_degrees_less_are_too_crude_it_is_said_and_the_error_bars_hold
     film = replace(model, holes=Holes(centres, 0.6e-6))
     with monkeypatch.context() as crude:
         # Nine curved edges around a hole: meshes of coarse resolutions no longer are so crude
-        crude.setattr("femnl.device.mesh.build.HOLE_SEGMENTS", 9)
-        crude.setattr("femnl.device.mesh.build.HOLE_GROWTH", 4 / 3)
-        crude.setattr("femnl.device.mesh.build.GROWTH", 0.7 * 4 / 3)
+        crude.setattr("femnl.device.mesh.grading.HOLE_SEGMENTS", 9)
+        crude.setattr("femnl.device.mesh.grading.HOLE_GROWTH", 4 / 3)
+        crude.setattr("femnl.device.mesh.grading.GROWTH", 0.7 * 4 / 3)
         modes = solve_modes(film, 4, resolution=0.75, cache=False)
     assert len(modes.grades) == 2, "degree 2 has become able to solve this film; find another"
     assert "degree 2 is too crude for this mesh" in caplog.text

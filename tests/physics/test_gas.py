@@ -11,8 +11,8 @@ from femnl.core.effect import Effect
 from femnl.core.stages import Lines, ModalSystem, Points
 from femnl.device.geometry import load
 from femnl.effects import library
-from femnl.fits.gas import crossing_time, free_molecular_loss
 from femnl.mechanics.airload import airload
+from femnl.mechanics.gas import crossing_time, free_molecular_loss
 from femnl.observe.film import SimulatedFilm
 
 Array = NDArray[np.float64]

@@ -389,8 +389,22 @@ def test_degrees_without_elements_or_curvature_are_refused_in_one_line(device: D
         solve_modes(solve_prestress(bending, 1), 1, 1)
 
 
-def test_the_trampoline_flaps_its_slack_corners_before_its_middle_moves() -> None:
-    modes = solve(load("trampoline"), 5)
+SHARP = [(250, -5), (250, 5), (50, 5), (50, 50), (5, 50)]
+
+
+def test_a_trampoline_with_sharp_corners_flaps_them_before_its_middle_moves(
+    device: Device,
+) -> None:
+    # A square pad whose corners stand between the tethers, and carry next to no stress
+    points = [
+        (round(x * c - y * s), round(x * s + y * c))
+        for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))
+        for x, y in SHARP
+    ]
+    written = ", ".join(f'["{x} um", "{y} um"]' for x, y in points)
+    free = [edge for edge in range(1, 21) if edge % 5 != 1]
+    model = device(f'kind = "polygon"\npoints = [{written}]\nfree = {free}', model="bending = true")
+    modes = solve(replace(model, film=load("trampoline").film), 5)
     corner = np.array([49.0e-6, 49.0e-6])
     middle = np.zeros(2)
     for index in range(4):

@@ -20,7 +20,7 @@ from femnl.core.device import Film, Model
 from femnl.core.errors import ConvergenceError
 from femnl.core.mechanics import Domain, Modes
 from femnl.device.mesh import mesh
-from femnl.device.mesh.build import bending_length
+from femnl.device.mesh.grading import bending_length
 from femnl.mechanics.modes import shape_at, solve_modes
 from femnl.mechanics.prestress import solve_prestress
 from femnl.validation import load

@@ -25,7 +25,7 @@ def test_bands_are_told_at_the_corners_of_the_path_and_drawn(
     assert run([*QUICK, "--out", "bands.png"]) == 0
     out = capsys.readouterr().out
     assert "square lattice of pitch 8.56 µm, long waves 580.2" in out
-    assert "gaps along Γ–X–M–Γ: none" in out
+    assert "complete gaps, around and inside Γ–X–M–Γ: none" in out
     assert Path("bands.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -55,7 +55,9 @@ def test_the_picture_names_corners_and_shades_gaps() -> None:
     lattice = Lattice("square", 1e-5)
     wave, corners = lattice.path(3)
     frequency = np.linalg.norm(wave, axis=1)[:, None] * [10.0, 1.0] + [0.0, 2e7]
-    axes = bands_figure(Bands(lattice, wave, frequency, 0 * frequency, corners, 1.0, 1.0)).axes[0]
+    none = np.empty((0, frequency.shape[1]))
+    bands = Bands(lattice, wave, frequency, 0 * frequency, corners, 1.0, 1.0, none, none)
+    axes = bands_figure(bands).axes[0]
     assert [label.get_text() for label in axes.get_xticklabels()] == ["Γ", "X", "M", "Γ"]
     assert len(axes.lines) == 2 + 2 + 1  # corners, bands, long waves
     assert len(axes.patches) == 1

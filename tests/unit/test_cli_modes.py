@@ -160,7 +160,7 @@ def test_inertia_a_bow_and_dilution_are_told_where_asked_for(
         ),
         (
             ["--homogenised", "--inertia"],
-            "femnl: --homogenised: the even film tells nothing of --inertia, --bow or --dilution",
+            "femnl: --homogenised: the even film tells nothing of --inertia, --bow, --dilution, ",
         ),
     ],
 )
@@ -176,3 +176,54 @@ def test_bows_and_losses_that_mean_nothing_are_one_line(
         == 2
     )
     assert capsys.readouterr().err.startswith(line)
+
+
+def test_modes_near_a_frequency_have_their_numbers_and_no_ratio(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ["modes", "square-270um", "--near", "3.3 MHz", "-n", "3", "--resolution", "0.4"]
+    assert run(words) == 0
+    out = capsys.readouterr().out
+    assert "f/f₁" not in out
+    rows = [line.split()[:2] for line in out.splitlines() if line.strip()[:1].isdigit()]
+    assert [number for number, _ in rows] == ["4", "5", "6"]
+    assert rows[0][1] == "(2,2)"
+    assert run([*words, "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert [mode["number"] for mode in record["modes"]] == [4, 5, 6]
+    assert all(mode["ratio"] is None for mode in record["modes"])
+
+
+def test_q_is_told_with_its_parts_and_bounds(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["modes", "square-270um", "-n", "1", "--resolution", "0.4", "--q"]
+    assert run(words) == 0
+    out = capsys.readouterr().out
+    # 1/(1/28000 + 1/(β · 183.75 nm)) for β = 6e10, 2e10 and 10e10 per metre
+    assert "Q_int = 7910 (3249 … 11094)" in out
+    assert run([*words, "--pressure", "1e-3 mbar", "--json"]) == 0
+    quality = json.loads(capsys.readouterr().out)["quality"]
+    assert quality["low"][0] < quality["total"][0] < quality["high"][0]
+    inverse = 1 / (quality["intrinsic"][0] * quality["dilution"][0]) + 1 / quality["gas"][0]
+    assert 1 / quality["total"][0] == pytest.approx(inverse, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--pressure", "1 Pa"], "femnl: --pressure 1 Pa: gas takes part of Q; ask for it with"),
+        (["--q", "--pressure", "-1 Pa"], 'femnl: --pressure "-1 Pa": expected 0 or more'),
+        (["--q", "--pressure", "1 kg"], "femnl: --pressure: unit 'kg' is not a unit of this"),
+        (["--q", "--no-bending"], "femnl: square-270um: bending = false leaves nothing that"),
+        (["--near", "0 Hz"], 'femnl: --near "0 Hz": expected a frequency above 0'),
+        (["--near", "soon"], "femnl: --near: 'soon' is not a quantity; give a number in 'Hz'"),
+        (["--near", "1 MHz", "--tolerance", "1e-6"], "femnl: --near: no tolerance is reached"),
+        (["--homogenised", "--near", "1 MHz"], "femnl: --homogenised: the even film tells nothing"),
+    ],
+)
+def test_targets_and_pressures_that_mean_nothing_are_one_line(
+    words: list[str], line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["modes", "square-270um", "-n", "1", *words]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(line)
+    assert error.count("\n") == 1

@@ -20,10 +20,15 @@ from femnl.device.geometry.tables import EXAMPLES, Table
 
 SHIPPED = {
     "circle",
+    "dandelion",
     "hexagon-278um",
     "hexagon-278um-etched",
     "hexagon-278um-perforated",
+    "lotus",
     "rectangle",
+    "soft-clamped-honeycomb",
+    "soft-clamped-square",
+    "spider-web",
     "square-270um",
     "square-270um-etched",
     "square-270um-perforated",
@@ -282,6 +287,7 @@ def test_every_key_of_the_schema_has_an_example_for_messages() -> None:
         "outline",
         "holes",
         "film",
+        "loss",
         "readout",
         "model",
         "layers",

@@ -13,7 +13,7 @@ from femnl.device.geometry import curves, parse
 from femnl.device.geometry.reader import describe
 from femnl.device.mesh import has_symmetry, mesh
 from femnl.device.mesh.symmetry import HALF, QUARTER, TWELFTH
-from femnl.mechanics.bands import solve_bands
+from femnl.mechanics.bands import Lattice, solve_bands
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import thickness
 from femnl.mechanics.lattice import obstacle
@@ -238,8 +238,12 @@ def test_openings_and_fillets_are_no_lattice() -> None:
     assert "sharp corners" in obstacle(device(f'{square}\nfillet = "0.1 m"', lattice))
     post = lattice + listed('radius = "0.02 m"\nclamped = true', (0, 0))
     assert "all round, free and of one radius" in obstacle(device(square, post))
-    with pytest.raises(ParameterError, match="bands need a lattice whose holes are all round"):
-        solve_bands(device(square, post), 2)
+    posts = lattice.replace('"0.04 m"', '"0.04 m"\nclamped = true')
+    with pytest.raises(ParameterError, match="bands need a lattice whose holes are all free"):
+        solve_bands(device(square, posts), 2)
+    given = Lattice("square", 0.2)
+    with pytest.raises(ParameterError, match="that is given takes holes that are all round"):
+        solve_bands(device(square, post), 2, lattice=given)
 
 
 def test_an_etched_film_takes_one_group_of_like_holes() -> None:

@@ -15,8 +15,8 @@ from femnl.core.device import Film, Holes, Model, Outline, Segment
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
 from femnl.device.mesh import has_symmetry, mesh
-from femnl.device.mesh.build import bending_length
 from femnl.device.mesh.collect import check_unfolded
+from femnl.device.mesh.grading import bending_length
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells
 
@@ -290,3 +290,22 @@ def test_each_arc_is_divided_by_its_own_radius(device: Device) -> None:
     ]
     assert 30 < 2 * round_ends[0].sum() < 60
     assert 20 < 2 * round_ends[1].sum() < 60
+
+
+@pytest.mark.parametrize("gap", [0.02, 0.1])
+def test_elements_in_a_web_between_two_holes_are_no_longer_than_it_is_wide(
+    gap: float, device: Device
+) -> None:
+    model = device(SQUARE)
+    radius = 0.1 * model.outline.length
+    apart = radius * (2 + gap)
+    holes = Holes(np.array([[-apart / 2, 0.0], [apart / 2, 0.0]]), radius)
+    made = mesh(replace(model, holes=holes), "full").mesh
+    x, y = made.p[:, made.t].mean(axis=1)
+    within = np.hypot(x, y) < gap * radius
+    corners = made.p[:, made.t[:, within]]
+    longest = max(
+        np.hypot(*(corners[:, a] - corners[:, b])).max() for a, b in combinations(range(3), 2)
+    )
+    assert within.sum() > 1
+    assert longest < 1.5 * gap * radius

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+import femnl
 from femnl.core.errors import MissingLibraryError, ParameterError
 from femnl.core.mechanics import Modes
 from femnl.device.geometry import parse
 from femnl.io.results.surface import unfold
-from femnl.pipeline import solve_modes
+from femnl.pipeline import solve_modes, solve_release
 from femnl.plot import screen
 from femnl.plot.film import draw_flat, draw_raised, film_box, film_field
 from femnl.plot.mechanics import close_up, film_figure, mode_gallery, view
@@ -177,3 +178,18 @@ def test_a_missing_display_is_one_line_and_no_crash(
     screen._first_usable.cache_clear()
     with pytest.raises(MissingLibraryError, match="name a file to draw into instead"):
         view(modes, "mesh")
+
+
+def test_what_needs_no_mode_is_drawn_of_a_film_that_has_none(tmp_path: Path) -> None:
+    """A film under compression buckles, and its stress is what one wants to see."""
+    model = femnl.load("trampoline").with_("model.bending", False)
+    film = solve_release(model, resolution=0.5)
+    assert len(film.frequency) == 0
+    solved = solve_modes(femnl.load("circle"), 1, resolution=0.5, cache=False)
+    released = solve_release(femnl.load("circle"), resolution=0.5)
+    assert unfold(released).stress == pytest.approx(unfold(solved).stress)
+    for what in ("mesh", "stress", "thickness"):
+        view(film, what, out=tmp_path / f"{what}.png")
+        assert (tmp_path / f"{what}.png").stat().st_size > 10_000
+    with pytest.raises(ParameterError, match="mode"):
+        view(film, "shape", out=tmp_path / "shape.png")

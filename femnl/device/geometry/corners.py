@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femnl.core.device import Segment
 from femnl.core.errors import GeometryError
+from femnl.device.geometry.naming import place
 
 Array = NDArray[np.float64]
 
@@ -91,6 +92,18 @@ def rounded(segments: tuple[Segment, ...], radii: Array, names: list[str]) -> tu
             clockwise=bool(turn < 0),
         )
     return _joined(segments, cuts, arcs, names)
+
+
+def fillet_where_straight(segments: tuple[Segment, ...], radius: float) -> tuple[Segment, ...]:
+    """Return an outline with an arc at every corner between straight edges that are held alike."""
+    radii = np.zeros(len(segments))
+    for k, after in enumerate(segments):
+        before = segments[k - 1]
+        straight = before.centre is None and after.centre is None
+        if straight and before.clamped == after.clamped:
+            radii[k] = radius
+    names = [f"corner {place(np.array(s.start))}" for s in segments]
+    return rounded(segments, radii, names)
 
 
 def _joined(

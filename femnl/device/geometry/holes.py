@@ -9,7 +9,12 @@ from pydantic import BeforeValidator, Field, model_validator
 from femnl.core.device import Holes, Outline
 from femnl.core.errors import GeometryError
 from femnl.device.geometry import curves
-from femnl.device.geometry.quantities import Angle, Coordinate, Length, Radii, refusal
+from femnl.device.geometry.combined import Combined
+from femnl.device.geometry.naming import name
+from femnl.device.geometry.placing import held, placed
+from femnl.device.geometry.polygons import Polygon
+from femnl.device.geometry.quantities import Angle, Depth, Length, Position, Radii, refusal
+from femnl.device.geometry.shapes import Rectangle, RegularPolygon, Spline, Square, ellipse
 from femnl.device.geometry.tables import Table
 
 Array = NDArray[np.float64]
@@ -19,31 +24,39 @@ MOST = 100_000
 TOUCHING = 1e-9
 """A web of film narrower than this part of the hole's radius is rounding: the rims touch."""
 
-Position = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
+HoleShape = Annotated[
+    Square | Rectangle | RegularPolygon | Polygon | Spline | Combined, Field(discriminator="kind")
+]
 Count = Annotated[int, Field(ge=1, le=MOST)]
 
 
 class Group(Table):
     """What groups of holes share: their shape, and whether their rims are held.
 
-    radius: of round holes. semi_axes: half the axes of elliptical ones; angle: from x to the first
-    of them. clamped: whether the film is held at the rims, as on posts; else it ends free.
+    radius: of round holes. semi_axes: half the axes of elliptical ones. shape: any other shape,
+    whose origin comes to lie at each centre. angle: from x to the first of semi_axes, or to the x
+    axis of the shape. clamped: whether the film is held at the rims, as on posts; else it ends
+    free.
     """
 
     radius: Radii | None = None
     semi_axes: Annotated[list[Length], Field(min_length=2, max_length=2)] | None = None
+    shape: HoleShape | None = None
     angle: Angle = 0.0
     clamped: bool = False
 
     @model_validator(mode="after")
     def _has_one_shape(self) -> Self:
-        if (self.radius is None) == (self.semi_axes is None):
+        given = [self.radius is not None, self.semi_axes is not None, self.shape is not None]
+        if sum(given) != 1:
             raise refusal(
-                'give either radius = "0.9 um" (round holes) or semi_axes = ["4 um", "2 um"] '
-                "(elliptical ones), not both, not neither"
+                'give either radius = "0.9 um" (round holes), semi_axes = ["4 um", "2 um"] '
+                "(elliptical ones) or a table shape (any others), one of them"
             )
-        if self.angle != 0 and self.semi_axes is None:
+        if self.angle != 0 and self.radius is not None:
             raise refusal("round holes have no direction; leave angle out", "angle")
+        if isinstance(self.shape, Polygon | Combined) and self.shape.free:
+            raise refusal("a hole's rim ends free unless clamped = true; leave free out", "shape")
         return self
 
     @property
@@ -51,20 +64,40 @@ class Group(Table):
         """Whether the holes are round, of one radius, and free: those of `Model.holes`."""
         return isinstance(self.radius, float) and not self.clamped
 
-    def axes(self, number: int) -> Array:
-        """Return the semi-axes (n, 2) [m] of the holes."""
+    def prototypes(self, number: int) -> tuple[list[Outline], NDArray[np.int64]]:
+        """Return the different rims about the origin, and which of them each hole (n,) has."""
+        which = np.zeros(number, dtype=np.int64)
+        if self.shape is not None:
+            made = self.shape.outline(Holes(np.empty((0, 2)), 0.0))
+            return [placed(held(made, self.clamped), (0.0, 0.0), self.angle)], which
+        axes = np.zeros((1, 2))
         if self.semi_axes is not None:
-            return np.broadcast_to(self.semi_axes, (number, 2))
-        radii = np.broadcast_to(0.0 if self.radius is None else self.radius, number)
-        return np.stack([radii, radii], axis=1)
+            axes = np.array([self.semi_axes])
+        elif self.radius is not None:
+            radii, which = np.unique(np.broadcast_to(self.radius, number), return_inverse=True)
+            axes = np.stack([radii, radii], axis=1)
+        found = []
+        for a, b in axes.tolist():
+            rim = ellipse((0.0, 0.0), (a, b), self.angle, self.clamped)
+            found.append(Outline("circle" if a == b else "ellipse", rim, None, 2 * max(a, b)))
+        return found, which
 
 
 class Lattice(Group):
-    """What regular lattices share. Their middle lies at the origin, or at `offset` from it."""
+    """What regular lattices share. Their middle lies at the origin, or at `offset` from it.
+
+    defect: distance from the middle within which holes are left out.
+    """
 
     pitch: Length
     radius: Length | None = None
     offset: Position = Field(default_factory=lambda: [0.0, 0.0])
+    defect: Depth = 0.0
+
+    def around_defect(self, places: Array) -> Array:
+        """Return the places (n, 2) [m] about the middle that no defect takes, moved by `offset`."""
+        kept = places[np.hypot(*places.T) > self.defect] if self.defect > 0 else places
+        return kept + self.offset
 
     @model_validator(mode="after")
     def _leaves_film_between_holes(self) -> Self:
@@ -88,6 +121,24 @@ class SquareLattice(Lattice):
         nx, ny = self.count
         _refuse_too_many(nx * ny, f"count = [{nx}, {ny}]")
         x, y = (self.pitch * (np.arange(n) - (n - 1) / 2) for n in (nx, ny))
+        return self.around_defect(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+
+
+class RectangularLattice(Group):
+    """nx × ny holes in columns and rows at two pitches. Their middle lies at `offset`."""
+
+    lattice: Literal["rectangular"]
+    pitch: Annotated[list[Length], Field(min_length=2, max_length=2)]
+    radius: Length | None = None
+    offset: Position = Field(default_factory=lambda: [0.0, 0.0])
+    count: Annotated[list[Count], Field(min_length=2, max_length=2)]
+
+    def positions(self) -> Array:
+        """Return the centres (n, 2) [m], row by row from the lower left."""
+        nx, ny = self.count
+        _refuse_too_many(nx * ny, f"count = [{nx}, {ny}]")
+        x = self.pitch[0] * (np.arange(nx) - (nx - 1) / 2)
+        y = self.pitch[1] * (np.arange(ny) - (ny - 1) / 2)
         return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) + self.offset
 
 
@@ -128,7 +179,69 @@ class HexagonalLattice(Lattice):
             y = row.ravel()
             x = x - (x.min() + x.max()) / 2
             y = y - (ny - 1) / 2
-        return self.pitch * np.stack([x, y * np.sqrt(3) / 2], axis=-1) + self.offset
+        return self.around_defect(self.pitch * np.stack([x, y * np.sqrt(3) / 2], axis=-1))
+
+
+class Honeycomb(Lattice):
+    """Two holes a cell, at a third and two thirds of its long diagonal, none in the middle.
+
+    pitch: of the cells, √3 times the distance between neighbouring holes. count: nx columns and ny
+    rows of cells around the middle, of which holes of the cells at the rim may be halved.
+    """
+
+    lattice: Literal["honeycomb"]
+    count: Annotated[list[Count], Field(min_length=2, max_length=2)]
+
+    @model_validator(mode="after")
+    def _leaves_film_between_neighbours(self) -> Self:
+        if self.radius is not None and self.pitch <= 2 * np.sqrt(3) * self.radius * (1 + TOUCHING):
+            raise refusal(
+                "holes overlap or touch, the pitch of a honeycomb must exceed 2√3 times their "
+                "radius; raise pitch or lower radius",
+                "pitch",
+            )
+        return self
+
+    def positions(self) -> Array:
+        """Return the centres (n, 2) [m], row by row from below."""
+        nx, ny = self.count
+        _refuse_too_many(2 * nx * ny, f"count = [{nx}, {ny}]")
+        i, j = np.meshgrid(np.arange(-nx - ny, nx + ny + 1), np.arange(-ny, ny + 1))
+        cells = np.stack([(i + j / 2).ravel(), (j * np.sqrt(3) / 2).ravel()], axis=1)
+        third = np.array([0.0, 1 / np.sqrt(3)])
+        every = np.concatenate([cells + third, cells - third])
+        x, y = np.abs(every).T
+        within = every[(x <= nx / 2 + TOUCHING) & (y <= ny * np.sqrt(3) / 4 + TOUCHING)]
+        order = np.lexsort(np.round(within.T, 9))
+        return self.around_defect(self.pitch * within[order])
+
+
+class Ring(Group):
+    """Holes evenly around a circle, the first along +x, such as the petals around a pad.
+
+    distance: of their centres from the middle of the ring. angle: from the ray through a hole's
+    centre to the first of semi_axes, or to the x axis of the shape.
+    """
+
+    lattice: Literal["ring"]
+    count: Count
+    distance: Length
+    radius: Length | None = None
+    offset: Position = Field(default_factory=lambda: [0.0, 0.0])
+
+    def positions(self) -> Array:
+        """Return the centres (n, 2) [m], counter-clockwise."""
+        turn = self._turns()
+        ring = self.distance * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        return np.asarray(ring + self.offset)
+
+    def prototypes(self, number: int) -> tuple[list[Outline], NDArray[np.int64]]:
+        """Return a rim about the origin for each hole, turned with its ray."""
+        (first,), _ = super().prototypes(number)
+        return [placed(first, (0.0, 0.0), turn) for turn in self._turns()], np.arange(number)
+
+    def _turns(self) -> Array:
+        return 2 * np.pi * np.arange(self.count) / self.count
 
 
 class HoleList(Group):
@@ -152,7 +265,10 @@ class HoleList(Group):
         return np.array(self.centres)
 
 
-HolesTable = Annotated[SquareLattice | HexagonalLattice | HoleList, Field(discriminator="lattice")]
+HolesTable = Annotated[
+    SquareLattice | RectangularLattice | HexagonalLattice | Honeycomb | Ring | HoleList,
+    Field(discriminator="lattice"),
+]
 
 
 def _as_groups(value: Any) -> Any:
@@ -188,7 +304,8 @@ def refuse_overlap(holes: Holes) -> None:
         raise GeometryError(
             f"[holes] {name(holes, first)} and {name(holes, second)} {verb}: their centres are "
             f"{gap * 1e6:.4g} um apart and their radius is {holes.radius * 1e6:.4g} um; move them "
-            "apart or lower radius"
+            "apart or lower radius",
+            _point(holes.centres[first]),
         )
 
 
@@ -213,19 +330,13 @@ def refuse_outside(holes: Holes, outline: Outline) -> None:
     others = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
     raise GeometryError(
         f"[holes] {name(holes, int(bad[0]))} of radius {holes.radius * 1e6:.4g} um {verb} the "
-        f"outline{others}; use fewer holes, move them, lower radius or enlarge the outline"
+        f"outline{others}; use fewer holes, move them, lower radius or enlarge the outline",
+        _point(holes.centres[bad[0]]),
     )
 
 
-def name(holes: Holes, index: int) -> str:
-    """Return what messages call a hole: its number, counted from 1, and its position."""
-    return f"hole {index + 1} at {place(holes.centres[index])}"
-
-
-def place(point: Array) -> str:
-    """Return a point (2,) [m] as messages write it."""
-    x, y = np.round(point * 1e6, 9) + 0.0  # no −0
-    return f"({x:.6g}, {y:.6g}) um"
+def _point(centre: Array) -> tuple[float, float]:
+    return float(centre[0]), float(centre[1])
 
 
 def _refuse_too_many(number: int, cause: str) -> None:

@@ -1,38 +1,54 @@
-"""Inner edges of the film beyond a lattice of like holes: ellipses, mixed radii, clamped rims."""
+"""Inner edges of the film beyond a lattice of like holes: any shapes, mixed radii, clamped rims."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from femnl.core.device import Holes, Outline
 from femnl.core.errors import GeometryError
 from femnl.device.geometry import curves
-from femnl.device.geometry.holes import TOUCHING, HolesTable, name, place
-from femnl.device.geometry.outlines import ellipse
+from femnl.device.geometry.holes import TOUCHING, HolesTable
+from femnl.device.geometry.naming import name, place
+from femnl.device.geometry.placing import placed
 
 Array = NDArray[np.float64]
 
 PER_TURN = 720
-"""Points along an ellipse at which its distance from other curves is looked at."""
+"""Chords of a full turn of a curve from which its distance from other curves is taken."""
 NARROWEST = 1e-4
-"""A web of film beside an ellipse narrower than this part of its length counts as none: between
-two of the points along it the distance is unknown to (π/720)²/2 of it."""
+"""A web of film beside an opening narrower than this part of its length counts as none: chords
+leave their curve by (π/720)²/2 of its radius. Beside round ones the distance is exact."""
 
 
-def openings(groups: Sequence[HolesTable]) -> tuple[Outline, ...]:
+@dataclass(frozen=True)
+class Openings:
+    """The rims of openings, and the same with their curves cut into short chords (n,)."""
+
+    rims: tuple[Outline, ...]
+    drawn: NDArray[np.object_]
+
+
+def openings(groups: Sequence[HolesTable]) -> Openings:
     """Return the rims of all holes of the groups, in their order."""
-    found = []
+    rims: list[Outline] = []
+    drawn: list[shapely.Polygon] = []
     for group in groups:
         centres = group.positions()
-        for centre, axes in zip(centres, group.axes(len(centres)), strict=True):
-            semi_axes = (float(axes[0]), float(axes[1]))
-            rim = ellipse(
-                (float(centre[0]), float(centre[1])), semi_axes, group.angle, group.clamped
-            )
-            kind = "circle" if semi_axes[0] == semi_axes[1] else "ellipse"
-            found.append(Outline(kind, rim, None, 2 * max(semi_axes)))
-    return tuple(found)
+        like, which = group.prototypes(len(centres))
+        chords = [curves.polyline(rim, PER_TURN) for rim in like]
+        for centre, k in zip(centres, which, strict=True):
+            rims.append(placed(like[k], centre))
+            drawn.append(shapely.Polygon(chords[k] + centre))
+    return Openings(tuple(rims), np.array(drawn, dtype=object))
+
+
+def joined(inner: Openings, rims: Sequence[Outline]) -> Openings:
+    """Return openings followed by the rims of more."""
+    drawn = np.array([polygon(rim) for rim in rims], dtype=object)
+    return Openings((*inner.rims, *rims), np.concatenate([inner.drawn, drawn]))
 
 
 def middle(opening: Outline) -> Array:
@@ -41,69 +57,73 @@ def middle(opening: Outline) -> Array:
     return np.array([x0 + x1, y0 + y1]) / 2
 
 
-def refuse_misplaced(rims: Sequence[Outline], holes: Holes, outline: Outline) -> None:
+def refuse_misplaced(inner: Openings, holes: Holes, outline: Outline) -> None:
     """Refuse openings that meet the outline, lie outside of it, or meet each other or a hole.
 
     Raises:
         GeometryError: naming the first such opening.
     """
-    for k, rim in enumerate(rims):
-        gap = _gap(rim, outline)
-        inside = bool(curves.contains(outline, middle(rim)[None])[0])
-        if not inside or gap <= _narrowest(rim):
-            verb = "cuts or touches" if gap <= _narrowest(rim) else "lies outside"
-            raise GeometryError(
-                f"[holes] {_called(rims, k)} {verb} the outline; move it, make it smaller or "
-                "enlarge the outline"
-            )
-    for first, second in _near_pairs(rims):
-        _refuse_meeting(rims[first], rims[second], _called(rims, first), _called(rims, second))
-    if not len(holes.centres):
+    rims = inner.rims
+    shapes = inner.drawn
+    if not rims:
         return
-    for k, rim in enumerate(rims):
-        gaps = curves.distance(rim, holes.centres)
-        gaps = np.where(curves.contains(rim, holes.centres), -gaps, gaps) - holes.radius
-        nearest = int(np.argmin(gaps))
-        if gaps[nearest] <= TOUCHING * holes.radius:
+    around = polygon(outline)
+    shapely.prepare(around)
+    room = np.array([_narrowest(rim) for rim in rims])
+    inside = shapely.contains_properly(around, shapes)
+    # A chord of the outline may hide what its arc leaves, so that near it all is looked at
+    near = shapely.dwithin(around.exterior, shapes, 2 * room + 1e-4 * outline.length)
+    for k in np.flatnonzero(near | ~inside):
+        gap = _gap(rims[k], shapes[k], outline, around.exterior)
+        within = bool(curves.contains(outline, np.array([rims[k].segments[0].start]))[0])
+        if not within or gap <= room[k]:
+            verb = "cuts or touches" if gap <= room[k] else "lies outside"
             raise GeometryError(
-                f"[holes] {_called(rims, k)} and the round {name(holes, nearest)} overlap or "
-                "touch; move them apart or make one smaller"
+                f"[holes] {_called(rims, int(k))} {verb} the outline; move it, make it smaller or "
+                "enlarge the outline",
+                rims[k].segments[0].start,
+            )
+    pairs = shapely.STRtree(shapes).query(shapes, "dwithin", 2 * room)
+    for first, second in sorted(pairs.T[pairs[0] < pairs[1]].tolist()):
+        apart = _gap(rims[first], shapes[first], rims[second], shapes[second])
+        if apart <= room[first]:
+            raise GeometryError(
+                f"[holes] {_called(rims, first)} and {_called(rims, second)} overlap or touch; "
+                "move them apart or make one smaller",
+                rims[first].segments[0].start,
+            )
+    within = shapely.STRtree(shapely.points(holes.centres)).query(
+        shapes, "dwithin", holes.radius + 2 * room
+    )
+    for k, nearest in sorted(within.T.tolist()):
+        centre = holes.centres[nearest : nearest + 1]
+        gap = float(curves.distance(rims[k], centre)[0])
+        if curves.contains(rims[k], centre)[0]:
+            gap = -gap
+        if gap - holes.radius <= TOUCHING * holes.radius:
+            raise GeometryError(
+                f"[holes] {_called(rims, int(k))} and the round {name(holes, nearest)} overlap or "
+                "touch; move them apart or make one smaller",
+                rims[k].segments[0].start,
             )
 
 
-def _refuse_meeting(one: Outline, other: Outline, first: str, second: str) -> None:
-    nested = (
-        curves.contains(one, middle(other)[None])[0] or curves.contains(other, middle(one)[None])[0]
-    )
-    if nested or _gap(one, other) <= _narrowest(one):
-        raise GeometryError(
-            f"[holes] {first} and {second} overlap or touch; move them apart or make one smaller"
-        )
+def polygon(outline: Outline) -> shapely.Polygon:
+    """Return an outline with its curves cut into short chords."""
+    return shapely.Polygon(curves.polyline(outline, PER_TURN))
 
 
-def _near_pairs(rims: Sequence[Outline]) -> Iterator[tuple[int, int]]:
-    """Pairs of openings whose boxes meet."""
-    boxes = np.array([curves.box(rim) for rim in rims]).reshape(-1, 4)
-    for k in range(len(rims) - 1):
-        after = boxes[k + 1 :]
-        meets = np.all((after[:, :2] <= boxes[k, 2:]) & (boxes[k, :2] <= after[:, 2:]), axis=1)
-        for other in np.flatnonzero(meets):
-            yield k, k + 1 + int(other)
+def _gap(rim: Outline, shape: shapely.Polygon, other: Outline, drawn: shapely.Geometry) -> float:
+    """The least distance [m] between a rim and another curve; 0 or less where they meet.
 
-
-def _gap(rim: Outline, other: Outline) -> float:
-    """The least distance [m] between two closed curves; 0 or less where they cross.
-
-    From the middle of a circle, else from points along the rim.
+    Exact from the middle of a circle, else between chords.
     """
-    if rim.kind == "circle":
-        centre = middle(rim)[None]
-        return float(curves.distance(other, centre)[0]) - rim.length / 2
-    points = curves.polyline(rim, PER_TURN)
-    within = curves.contains(other, points)
-    if within.any() and not within.all():
-        return 0.0
-    return float(curves.distance(other, points).min())
+    if rim.kind == "circle" and other.kind == "circle" and drawn.geom_type == "Polygon":
+        apart = float(np.hypot(*(middle(rim) - middle(other))))
+        return apart - (rim.length + other.length) / 2
+    if rim.kind == "circle" and drawn.geom_type != "Polygon":
+        return float(curves.distance(other, middle(rim)[None])[0]) - rim.length / 2
+    return float(shapely.distance(shape, drawn))
 
 
 def _narrowest(rim: Outline) -> float:
@@ -115,9 +135,9 @@ def _called(rims: Sequence[Outline], index: int) -> str:
     """Return what messages call an opening: its number, counted from 1, its place and its size."""
     rim = rims[index]
     size = rim.segments[0].semi_axes or 2 * (rim.length / 2,)
-    what = (
-        f"of radius {size[0] * 1e6:.4g} um"
-        if rim.kind == "circle"
-        else f"with semi-axes {size[0] * 1e6:.4g} and {size[1] * 1e6:.4g} um"
-    )
+    what = f"of {rim.length * 1e6:.4g} um"
+    if rim.kind == "circle":
+        what = f"of radius {size[0] * 1e6:.4g} um"
+    elif rim.kind == "ellipse":
+        what = f"with semi-axes {size[0] * 1e6:.4g} and {size[1] * 1e6:.4g} um"
     return f"opening {index + 1} at {place(middle(rim))} {what}"

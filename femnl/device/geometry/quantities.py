@@ -9,7 +9,7 @@ from decimal import Decimal
 from functools import cache, partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 if TYPE_CHECKING:
@@ -158,3 +158,4 @@ LooseSpring = Annotated[
 ]
 Torsion = Annotated[float, BeforeValidator(partial(to_si, dimension=TORSION, sign="not negative"))]
 Slope = Annotated[float, BeforeValidator(partial(to_si, dimension=SLOPE, sign="any"))]
+Position = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]

@@ -1,16 +1,35 @@
 """From a geometry's name, file or text to a Model."""
 
 import tomllib
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from femnl.core import resources
-from femnl.core.device import Model
+from femnl.core.device import Holes, Model, Outline
 from femnl.core.errors import GeometryError, one_line
+from femnl.device.geometry import curves
 from femnl.device.geometry.schema import GeometryFile
 from femnl.device.geometry.tables import complaint
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """What a geometry draws.
+
+    outline (n, 2) [m]: points along it, closed, or its corners where it cannot be made; faults:
+    what is wrong with it.
+    """
+
+    outline: NDArray[np.float64]
+    holes: Holes
+    openings: tuple[Outline, ...]
+    faults: tuple[GeometryError, ...]
+
 
 LARGEST = 2**24
 """Bytes of a geometry file; a list of the most holes allowed has a third of it."""
@@ -26,7 +45,8 @@ def load(name_or_path: str | Path) -> Model:
         GeometryError: no such geometry, or a file that does not describe a device: one line with
             file, key, value and remedy.
     """
-    return _read(resources.find_geometry(name_or_path))
+    path = resources.find_geometry(name_or_path)
+    return parse(read_text(path), str(path))
 
 
 def load_shipped(name: str) -> Model:
@@ -35,7 +55,8 @@ def load_shipped(name: str) -> Model:
     Raises:
         GeometryError: no such geometry.
     """
-    return _read(resources.find_shipped(name))
+    path = resources.find_shipped(name)
+    return parse(read_text(path), str(path))
 
 
 def parse(text: str, origin: str = "geometry") -> Model:
@@ -51,13 +72,37 @@ def parse(text: str, origin: str = "geometry") -> Model:
     """
     try:
         data = _toml(text)
-        model = GeometryFile.model_validate(data).build(text)
+        model = replace(GeometryFile.model_validate(data).build(text), reader=parse)
         _refuse_unknown_assumptions(data, model.assumed)
     except ValidationError as error:
         raise GeometryError(f"{one_line(origin)}: {complaint(error)}") from None
     except GeometryError as error:
-        raise GeometryError(f"{one_line(origin)}: {one_line(str(error))}") from None
+        line = f"{one_line(origin)}: {one_line(str(error))}"
+        raise GeometryError(line, error.point) from None
     return model
+
+
+def sketch(text: str, origin: str) -> Sketch:
+    """Read what a geometry draws, whatever is wrong with where it lies.
+
+    Raises:
+        GeometryError: text that draws nothing.
+    """
+    try:
+        tables = GeometryFile.model_validate(_toml(text))
+        holes, inner = tables.inner()
+    except ValidationError as error:
+        raise GeometryError(f"{one_line(origin)}: {complaint(error)}") from None
+    except GeometryError as error:
+        raise GeometryError(f"{one_line(origin)}: {one_line(str(error))}") from None
+    try:
+        faults = tuple(tables.faults())
+        outline = curves.polyline(tables.outline.outline(holes))
+    except GeometryError as error:
+        faults = (error,)
+        corners = np.array(getattr(tables.outline, "points", np.empty((0, 2))))
+        outline = np.concatenate([corners, corners[:1]])
+    return Sketch(outline, holes, inner.rims, faults)
 
 
 def describe(model: Model) -> str:
@@ -85,7 +130,12 @@ def describe(model: Model) -> str:
     )
 
 
-def _read(path: Path) -> Model:
+def read_text(path: Path) -> str:
+    """Return the text of a geometry file.
+
+    Raises:
+        GeometryError: a file that cannot be read or is no text.
+    """
     try:
         if path.exists() and not path.is_file():
             raise GeometryError(
@@ -110,7 +160,7 @@ def _read(path: Path) -> Model:
         raise GeometryError(
             one_line(f"{path}: not text in UTF-8: {error.reason} at byte {error.start}")
         ) from error
-    return parse(text, str(path))
+    return text
 
 
 def _toml(text: str) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from femnl.core.device import Holes, Segment
 from femnl.core.errors import GeometryError
-from femnl.device.geometry.holes import name, place
+from femnl.device.geometry.naming import name, place
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,8 @@
 """The tables of a geometry file, and the model that they make."""
 
 import re
+from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -11,10 +13,12 @@ from femnl.core.device import Edge, Holes, Layer, Model, Stack
 from femnl.core.errors import GeometryError
 from femnl.device.geometry.edges import ClampTable, FilmTable, OverhangTable
 from femnl.device.geometry.holes import HoleGroups, refuse_outside, refuse_overlap
-from femnl.device.geometry.openings import openings, refuse_misplaced
+from femnl.device.geometry.loss import LossTable
+from femnl.device.geometry.openings import Openings, joined, openings, refuse_misplaced
 from femnl.device.geometry.outlines import OutlineTable
-from femnl.device.geometry.quantities import LENGTH, Length, refusal, to_si
+from femnl.device.geometry.quantities import LENGTH, Depth, Length, refusal, to_si
 from femnl.device.geometry.tables import Table, show
+from femnl.device.geometry.webs import Web
 
 Thickness = float | Literal["film", "gap"] | None
 Indices = tuple[tuple[float, complex], ...]
@@ -146,19 +150,50 @@ class ModelTable(Table):
 class GeometryFile(Table):
     """A whole geometry file.
 
-    `assumed` names the values, such as "film.young", that the source does not give.
+    `assumed` names the values, such as "film.young", that the source does not give. `grid` is the
+    step to which a drawing rounds its coordinates.
     """
 
     name: Annotated[str, AfterValidator(_plain_name)]
     source: str = ""
+    grid: Depth = 0.0
     assumed: list[str] = Field(default_factory=list)
     outline: OutlineTable
     holes: HoleGroups | None = None
     film: FilmTable
     readout: ReadoutTable | None = None
+    loss: LossTable = LossTable()
     clamp: ClampTable = ClampTable()
     overhang: OverhangTable | None = None
     model: ModelTable = ModelTable()
+
+    def inner(self) -> tuple[Holes, Openings]:
+        """Return the lattice of like holes, and all other inner edges."""
+        groups = self.holes or []
+        lattice = next((group for group in groups if group.alike), None)
+        holes = Holes(np.empty((0, 2)), 0.0)
+        if lattice is not None and isinstance(lattice.radius, float):
+            holes = Holes(lattice.positions(), lattice.radius)
+        others = openings([group for group in groups if group is not lattice])
+        if isinstance(self.outline, Web):
+            others = joined(others, self.outline.windows())
+        return holes, others
+
+    def faults(self) -> list[GeometryError]:
+        """Return what is wrong with where the holes are, the first of each kind.
+
+        Raises:
+            GeometryError: an outline that cannot be made.
+        """
+        holes, inner = self.inner()
+        found = _refusals([partial(refuse_overlap, holes)])
+        if found and self.outline.kind == "etched":  # which follows the holes
+            return found
+        outline = self.outline.outline(holes)
+        checks: list[Callable[[], None]] = [partial(refuse_misplaced, inner, holes, outline)]
+        if outline.kind != "etched":  # the etch reaches further than the hole that it starts from
+            checks.append(partial(refuse_outside, holes, outline))
+        return found + _refusals(checks)
 
     def build(self, text: str) -> Model:
         """Return the device in SI units.
@@ -167,24 +202,16 @@ class GeometryFile(Table):
             GeometryError: holes or an outline that cannot be made, in one line without the file's
             name.
         """
-        groups = self.holes or []
-        lattice = next((group for group in groups if group.alike), None)
-        holes = (
-            Holes(lattice.positions(), float(lattice.axes(1)[0, 0]))
-            if lattice is not None
-            else Holes(np.empty((0, 2)), 0.0)
-        )
-        others = openings([group for group in groups if group is not lattice])
-        refuse_overlap(holes)
+        holes, inner = self.inner()
+        others = inner.rims
         if others and self.outline.kind == "etched":
             raise GeometryError(
                 '[holes] kind = "etched" takes one group of round, free holes of one radius; '
                 "leave the others out or choose another kind of outline"
             )
+        for fault in self.faults():
+            raise fault
         outline = self.outline.outline(holes)
-        refuse_misplaced(others, holes, outline)
-        if outline.kind != "etched":  # the etch reaches further than the hole that it starts from
-            refuse_outside(holes, outline)
         free = [o for o in others if not o.segments[0].clamped]
         if self.film.taper > 0 and any(o.kind != "circle" for o in free):
             raise GeometryError(
@@ -222,4 +249,16 @@ class GeometryFile(Table):
             clamp,
             overhang,
             others,
+            self.loss.loss(),
+            self.grid,
         )
+
+
+def _refusals(checks: list[Callable[[], None]]) -> list[GeometryError]:
+    found = []
+    for check in checks:
+        try:
+            check()
+        except GeometryError as error:
+            found.append(error)
+    return found

@@ -15,6 +15,15 @@ from femnl.device.geometry.quantities import refusal
 
 EXAMPLES = {
     "angle": '"30 deg"',
+    "at": '["10 um", "0 um"]',
+    "beam": '"2 um"',
+    "beams": '["100 um", "200 um"]',
+    "defect": '"100 um"',
+    "distance": '"30 um"',
+    "pad": '"100 um"',
+    "span": '"700 um"',
+    "tether": '"5 um"',
+    "tethers": "8",
     "arcs": '[{edge = 2, through = ["10 um", "20 um"]}]',
     "clamped": "true",
     "fillet": '"5 um"',
@@ -33,6 +42,7 @@ EXAMPLES = {
     "free": "[2, 3]",
     "gap": '"3226.25 nm"',
     "gradient": '["0.1 nm/um", "0 nm/um"]',
+    "grid": '"1 nm"',
     "height": '"180 um"',
     "index": '{"632.8 nm" = 2.0395, "532 nm" = "4.1366 - 0.0338i"}',
     "kind": '"square"',
@@ -42,20 +52,26 @@ EXAMPLES = {
     "name": '"square-270um"',
     "normal": '"20 GPa"',
     "offset": '["1 um", "0 um"]',
+    "operation": '"subtract"',
+    "parts": '[{shape = {kind = "square", side = "100 um"}}]',
     "pitch": '"8.56 um"',
     "points": '[["0 um", "0 um"], ["270 um", "0 um"], ["0 um", "270 um"]]',
     "poisson": "0.23",
     "radius": '"0.9 um"',
     "rings": "15",
     "rotation": '"0.2 mN"',
+    "shape": '{kind = "square", side = "10 um"}',
     "shear": '"20 GPa"',
     "side": '"270 um"',
     "sides": "6",
     "source": '"measured in 2025"',
     "stress": '"1101.5 MPa"',
+    "surface": '"6e10 m^-1"',
+    "surface_error": '"4e10 m^-1"',
     "taper": '"60 nm"',
     "taper_length": '"4 um"',
     "thickness": '"183.75 nm"',
+    "volume": "28000",
     "width": '"270 um"',
     "young": '"250 GPa"',
 }
@@ -99,6 +115,8 @@ def complaint(error: ValidationError) -> str:
     group = loc.pop(1) if len(loc) > 1 and loc[0] == "holes" else 0
     if len(loc) > 1 and loc[0] in _UNIONS:
         del loc[1]
+    if "shape" in loc[:-1]:
+        del loc[loc.index("shape") + 1]
     if group:  # the first of several groups of holes is called as one that is alone
         loc.insert(1, group)
     if first["type"] == "missing":

@@ -1,7 +1,8 @@
 """Meshes of the film: gmsh is imported here and nowhere else."""
 
-from femnl.device.mesh.build import bending_length, mesh
+from femnl.device.mesh.build import mesh
 from femnl.device.mesh.collect import distinct, from_patches
+from femnl.device.mesh.grading import bending_length
 from femnl.device.mesh.symmetry import WEDGES, has_symmetry
 
 __all__ = ["WEDGES", "bending_length", "distinct", "from_patches", "has_symmetry", "mesh"]

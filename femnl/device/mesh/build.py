@@ -6,7 +6,7 @@ Curved triangles, graded towards clamped edges, corners and holes, whole or by s
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import gmsh
@@ -14,41 +14,30 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from femnl.core.device import Model, Outline, Segment
+from femnl.core.device import Model, Segment
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
 from femnl.device.geometry import curves as exact
 from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double, misfit
-from femnl.device.mesh.corners import singular_corners
-from femnl.device.mesh.symmetry import EIGHTH, FULL, HALF, QUARTER, find_wedge, has_symmetry
+from femnl.device.mesh.grading import SCALE, TOLERANCE, Curves, grade
+from femnl.device.mesh.symmetry import (
+    EIGHTH,
+    FULL,
+    HALF,
+    QUARTER,
+    beyond_mirrors,
+    find_wedge,
+    has_symmetry,
+)
 from femnl.mechanics.fem.memory import need_memory
 
 Array = NDArray[np.float64]
 PROGRESS = logging.getLogger("femnl.progress")
 
-# gmsh's geometry kernel has absolute tolerances near 1e-7: it works on coordinates scaled to this
-# many units per outline length.
-SCALE = 100.0
-TOLERANCE = 1e-6  # of a point lying on a curve, in scaled units
-
-# Element size gained per distance from the feature that asks for small elements, at resolution 1.
-# Coarser meshes grade no more steeply: what fades as a power of the distance is resolved by the
-# ratio of distances across an element, and gmsh cannot follow a size that grows faster than the
-# distance.
-GROWTH = 0.7
-# The same away from holes, whose fields fade faster than those of edges and corners
-HOLE_GROWTH = 1.0
-HOLE_SEGMENTS = 12  # curved edges around a hole
-ELEMENTS_ACROSS = 3  # elements across the narrowest place of a strip, such as a tether
-ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
-ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
-# Times the triangles along a straight line as long, measured: the film widens away from a hole
-AROUND_HOLES = 3
 # Of memory a triangle by the degree of the elements, for the factorised in-plane stiffness: 38, 81,
 # 158, 284 kB at 6820 triangles (peak resident memory, degrees 3 to 6), and the more the more
 # triangles.
 BYTES = {3: 42_000, 4: 90_000, 5: 180_000, 6: 320_000}
-LAYER_SIZE = 1.5  # element size at clamped edges in units of the bending length ℓ = √(D/σh)
 
 
 def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: int = 4) -> Domain:
@@ -108,25 +97,12 @@ def _gmsh_session() -> Iterator[None]:
         gmsh.finalize()
 
 
-@dataclass(frozen=True)
-class _Curves:
-    """gmsh's curve tags by what they are."""
-
-    clamped: list[int]
-    free: list[int]
-    holes: list[int]
-    mirrors: tuple[list[int], list[int]]
-    rim: list[int]  # between film and overhang
-    segment: dict[int, int]  # the edge's segment that a clamped or free curve is part of
-    openings: list[int]  # free rims of openings; clamped ones are among the clamped curves
-
-
 def _build(model: Model, wedge: float, resolution: float, degree: int, copies: int) -> Raw:
     unit = SCALE / model.outline.length
     try:
         _draw(model, wedge, unit)
         curves = _classify(model, wedge, unit)
-        triangles = copies * _grade(model, curves, unit, resolution, degree)
+        triangles = copies * grade(model, curves, wedge, unit, resolution, degree)
         PROGRESS.info("%s: about %.3g triangles", model.name, triangles)
         what = f"{model.name}: modes of degree {degree} on {triangles:.2g} triangles"
         need_memory(BYTES[max(degree, min(BYTES))] * triangles, what, "lower the resolution")
@@ -157,15 +133,17 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
     operation each.
     """
     occ = gmsh.model.occ
-    points: dict[tuple[float, float], int] = {}
-
-    def point(xy: Array | tuple[float, float]) -> int:
-        x, y = np.round(np.asarray(xy) * unit, 9)
-        if (x, y) not in points:
-            points[x, y] = occ.addPoint(x, y, 0)
-        return points[x, y]
 
     def loop(segments: tuple[Segment, ...]) -> list[int]:
+        # Of one loop alone: gmsh forgets the points of what it has cut
+        points: dict[tuple[float, float], int] = {}
+
+        def point(xy: Array | tuple[float, float]) -> int:
+            x, y = np.round(np.asarray(xy) * unit, 9)
+            if (x, y) not in points:
+                points[x, y] = occ.addPoint(x, y, 0)
+            return points[x, y]
+
         lines = []
         for s in segments:
             if s.centre is None:
@@ -189,12 +167,12 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
     film = [(2, occ.addPlaneSurface([occ.addCurveLoop(loop(model.edge_outline.segments))]))]
     if wedge < FULL:
         film, _ = occ.intersect(film, [(2, _wedge_surface(wedge))])
-    near = model.holes.centres[_outside(model.holes.centres, wedge) < model.holes.radius]
+    near = model.holes.centres[beyond_mirrors(model.holes.centres, wedge) < model.holes.radius]
     if len(near):
         radius = model.holes.radius * unit
         discs = [(2, occ.addDisk(x * unit, y * unit, 0, radius, radius)) for x, y in near]
         film, _ = occ.cut(film, discs)
-    inner = [o for o in model.openings if np.any(_outside(exact.polyline(o), wedge) < 0)]
+    inner = [o for o in model.openings if np.any(beyond_mirrors(exact.polyline(o), wedge) < 0)]
     if inner:
         film, _ = occ.cut(
             film, [(2, occ.addPlaneSurface([occ.addCurveLoop(loop(o.segments))])) for o in inner]
@@ -211,17 +189,6 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
             recursive=True,
         )
         occ.synchronize()
-
-
-def _outside(points: Array, wedge: float) -> Array:
-    """How far points (n, 2) lie beyond the mirror lines of a wedge; negative inside."""
-    x, y = points.T
-    beyond = np.full(len(points), -np.inf)
-    if wedge < FULL:
-        beyond = np.maximum(beyond, -y)
-    if wedge < HALF:
-        beyond = np.maximum(beyond, y * np.cos(wedge) - x * np.sin(wedge))
-    return beyond
 
 
 def _wedge_surface(wedge: float) -> int:
@@ -244,9 +211,9 @@ def _wedge_surface(wedge: float) -> int:
     )
 
 
-def _classify(model: Model, wedge: float, unit: float) -> _Curves:
+def _classify(model: Model, wedge: float, unit: float) -> Curves:
     """Tell curves apart by where they lie."""
-    curves = _Curves([], [], [], ([], []), [], {}, [])
+    curves = Curves([], [], [], ([], []), [], {}, [], {})
     outline = model.edge_outline
     holes = cKDTree(model.holes.centres * unit) if len(model.holes.centres) else None
     boxes = np.array([exact.box(o) for o in model.openings]).reshape(-1, 4) * unit
@@ -263,7 +230,9 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
             np.abs(holes.query(where)[0] - model.holes.radius * unit) < TOLERANCE
         ):
             curves.holes.append(tag)
-        elif (rim := _opening(model, boxes, where, unit)) is not None:
+        elif (index := _opening(model, boxes, where, unit)) is not None:
+            rim = model.openings[index]
+            curves.rims[tag] = index
             (curves.clamped if rim.segments[0].clamped else curves.openings).append(tag)
         elif (
             model.overhang is not None
@@ -282,7 +251,7 @@ def _classify(model: Model, wedge: float, unit: float) -> _Curves:
     return curves
 
 
-def _opening(model: Model, boxes: Array, where: Array, unit: float) -> Outline | None:
+def _opening(model: Model, boxes: Array, where: Array, unit: float) -> int | None:
     """The opening on whose rim points (n, 2) of a curve lie, in scaled units, or None.
 
     boxes (m, 4): around the openings, outside of which there is no need to look.
@@ -293,104 +262,5 @@ def _opening(model: Model, boxes: Array, where: Array, unit: float) -> Outline |
     )
     for k in np.flatnonzero(within):
         if exact.distance(model.openings[k], where / unit).max() * unit < TOLERANCE:
-            return model.openings[k]
+            return int(k)
     return None
-
-
-def _grade(model: Model, curves: _Curves, unit: float, resolution: float, degree: int) -> float:
-    """Return the element size h.
-
-    It grows linearly with the distance from clamped edges, arcs, corners and holes.
-
-    Returns: about how many triangles that makes: ∫ dA / (h²√3/4), where every curve of length l
-        adds ∫ l dx / (s + g x)² = l / (s g), and every corner of angle β ∫ βr dr / (s + g r)² = β
-        (ln h/s − 1) / g².
-    """
-    field = gmsh.model.mesh.field
-    layer = bending_length(model)
-    largest = SCALE / ELEMENTS_PER_LENGTH / resolution
-    wanted = []
-    grading = max(resolution, 1.0)
-    inverse_square = [
-        sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2)) / largest**2
-    ]
-
-    def grow(size: float, distance: int, growth: float = GROWTH) -> None:
-        wanted.append(field.add("MathEval"))
-        field.setString(
-            wanted[-1], "F", f"min({largest}, {size} + {growth / grading} * F{distance})"
-        )
-
-    def grow_from_curves(size: float, tags: list[int], growth: float = GROWTH) -> None:
-        distance = field.add("Distance")
-        lengths = [gmsh.model.occ.getMass(1, t) for t in tags]
-        inverse_square.append(
-            (AROUND_HOLES if tags == curves.holes else 1) * sum(lengths) * grading / (size * growth)
-        )
-        field.setNumbers(distance, "CurvesList", tags)
-        # gmsh measures the distance to points along the curves: two an element hide the gaps
-        # between them.
-        field.setNumber(distance, "Sampling", np.ceil(2 * max(lengths) / size))
-        grow(size, distance, growth)
-
-    if curves.holes:
-        grow_from_curves(
-            2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / grading,
-            curves.holes,
-            HOLE_GROWTH,
-        )
-    if model.bending and curves.clamped:
-        grow_from_curves(LAYER_SIZE * layer * unit / resolution, curves.clamped)
-    if model.overhang is not None:
-        rim = model.overhang.width * unit / ELEMENTS_ACROSS
-        grow_from_curves(
-            (min(LAYER_SIZE * layer * unit, rim) if model.bending else rim) / resolution, curves.rim
-        )
-    for radius, arcs in _arcs_by_radius(curves.openings).items():
-        grow_from_curves(2 * np.pi * radius / HOLE_SEGMENTS / grading, arcs, HOLE_GROWTH)
-    for radius, arcs in _arcs_by_radius(curves.clamped + curves.free).items():
-        grow_from_curves(2 * np.pi * radius / ARC_SEGMENTS / resolution, arcs)
-    for index, width in enumerate(exact.widths(model.edge_outline)):
-        tags = [t for t, k in curves.segment.items() if k == index]
-        if tags and width * unit < ELEMENTS_ACROSS * largest:
-            grow_from_curves(width * unit / ELEMENTS_ACROSS / resolution, tags)
-    ends = {t: np.array(gmsh.model.getValue(0, t, []))[:2] for _, t in gmsh.model.getEntities(0)}
-    for corner, angle, size in singular_corners(model, resolution, layer, degree):
-        near = [t for t, end in ends.items() if np.hypot(*(end - corner * unit)) < TOLERANCE]
-        if near:
-            distance = field.add("Distance")
-            field.setNumbers(distance, "PointsList", near)
-            grow(size * unit, distance)
-            fan = max(np.log(largest / (size * unit)) - 1, 0.0)
-            inverse_square.append(angle * (grading / GROWTH) ** 2 * fan)
-    wanted.append(field.add("MathEval"))
-    field.setString(wanted[-1], "F", str(largest))
-    smallest = field.add("Min")
-    field.setNumbers(smallest, "FieldsList", wanted)
-    field.setAsBackgroundMesh(smallest)
-    return float(4 / np.sqrt(3) * sum(inverse_square))
-
-
-def _arcs_by_radius(tags: list[int]) -> dict[float, list[int]]:
-    """The arcs among gmsh's curves, by their least radius of curvature in scaled units."""
-    arcs: dict[float, list[int]] = {}
-    for tag in tags:
-        if gmsh.model.getType(1, tag) != "Line":
-            low, high = gmsh.model.getParametrizationBounds(1, tag)
-            stops = np.linspace(low[0], high[0], 5)
-            radius = 1 / np.max(gmsh.model.getCurvature(1, tag, list(stops)))
-            arcs.setdefault(round(radius, 6), []).append(tag)
-    return arcs
-
-
-def bending_length(model: Model) -> float:
-    """Return ℓ = √(D/σh) [m], the width of the layer that bending makes at a clamped edge.
-
-    0 without bending, L at most.
-    """
-    film = model.film
-    length = model.outline.length
-    if not model.bending:
-        return 0.0
-    squared = film.young * film.thickness**2 / 12 / (1 - film.poisson**2)
-    return float(length if film.stress * length**2 <= squared else np.sqrt(squared / film.stress))

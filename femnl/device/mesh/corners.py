@@ -17,6 +17,9 @@ CORNER_FALL = 0.1
 # Element size over ℓ: the bending stiffness of smaller ones drowns that of the film in rounding
 # errors
 SMALLEST = 1e-2
+# rad: a turn by less, as where an arc is rounded to a drawing's grid, makes a singularity whose
+# strength goes as the turn and whose energy as its square, 1e-5 of that of a corner
+KINK = 3e-3
 RIM_CORNER = 1e-3  # element size over side where film and overhang meet in a corner
 # The same of the plate within the bending length, whose energy is a small part of all
 PLATE_ERROR = 1e-5
@@ -25,7 +28,7 @@ PLATE_ERROR = 1e-5
 def singular_corners(
     model: Model, resolution: float, layer: float, degree: int
 ) -> Iterator[tuple[Array, float, float]]:
-    """Yield corners of the edge wider than 90°, their inner angle [rad] and element size [m].
+    """Yield corners of the edges wider than 90°, the film's angle [rad] and element size [m].
 
     And all corners where two films meet.
 
@@ -35,9 +38,11 @@ def singular_corners(
     than what leaves (s/ℓ)^(2λ). Where film and overhang meet, the corner is only as strong as the
     two differ.
     """
-    for k, angle in model.edge_outline.corners:
-        if angle > np.pi / 2 + 1e-6:
-            segment = model.edge_outline.segments[k]
+    corners = [(model.edge_outline.segments[k], angle) for k, angle in model.edge_outline.corners]
+    for rim in model.openings:
+        corners += [(rim.segments[k], 2 * np.pi - angle) for k, angle in rim.corners]
+    for segment, angle in corners:
+        if angle > np.pi / 2 + 1e-6 and abs(angle - np.pi) > KINK:
             side = float(np.linalg.norm(np.subtract(segment.end, segment.start)))
             fall = CORNER_FALL ** max(degree - 4, 0) if angle <= np.pi else 1.0
             film = side * (CORNER_ERROR * fall / resolution**8) ** (angle / (2 * np.pi))

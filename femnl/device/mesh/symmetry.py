@@ -15,6 +15,9 @@ HALF = np.pi
 QUARTER = np.pi / 2
 EIGHTH = np.pi / 4
 TWELFTH = np.pi / 6
+GRID_STEPS = 1.5
+"""Steps of the drawing's grid up to which two points are images of each other: both are rounded to
+it, by up to 0.71 of a step."""
 WEDGES = {"full": FULL, "half": HALF, "quarter": QUARTER, "eighth": EIGHTH, "twelfth": TWELFTH}
 
 
@@ -49,13 +52,25 @@ def has_symmetry(model: Model, wedge: float) -> bool:
     if wedge == FULL:
         return True
     angles = (0.0,) if wedge == HALF else (0.0, wedge)
-    tolerance = 1e-6 * model.outline.length
+    tolerance = max(1e-6 * model.outline.length, GRID_STEPS * model.grid)
     points = [_key_points(model.outline), model.holes.centres, _opening_points(model)]
     points += [] if model.overhang is None else [_key_points(model.overhang.outline)]
     # A slope of the thickness is its own image where the film's thickness is everywhere, to the
     # same part.
     slope = np.array([model.film.gradient]) * model.outline.length**2 / model.film.thickness
-    return all(_is_mirrored(p, a, tolerance) for p in (*points, slope) for a in angles)
+    drawn = all(_is_mirrored(p, a, tolerance) for p in points for a in angles)
+    return drawn and all(_is_mirrored(slope, a, 1e-6 * model.outline.length) for a in angles)
+
+
+def beyond_mirrors(points: Array, wedge: float) -> Array:
+    """How far points (n, 2) lie beyond the mirror lines of a wedge; negative inside."""
+    x, y = points.T
+    beyond = np.full(len(points), -np.inf)
+    if wedge < FULL:
+        beyond = np.maximum(beyond, -y)
+    if wedge < HALF:
+        beyond = np.maximum(beyond, y * np.cos(wedge) - x * np.sin(wedge))
+    return beyond
 
 
 def _key_points(outline: Outline) -> Array:

@@ -10,8 +10,8 @@ from femnl.core.device import Film
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
-from femnl.fits.gas import crossing_time, free_molecular_loss
 from femnl.io.measurement import CONTROLS, estimate_noise
+from femnl.mechanics.gas import crossing_time, free_molecular_loss
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.series.model import SeriesModel
 

@@ -9,8 +9,8 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
-from femnl.fits.gas import crossing_time, free_molecular_loss
 from femnl.fits.spectrum.labels import Named, named_modes
+from femnl.mechanics.gas import crossing_time, free_molecular_loss
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.spectrum.model import SpectrumModel, ranks
 

@@ -135,6 +135,7 @@ def key(model: Model, options: tuple[object, ...]) -> str:
         model.clamp,
         model.overhang,
         model.bending,
+        model.grid,
         model.holes.radius,
         holes.shape,
         options,

@@ -39,7 +39,7 @@ def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = No
     tree.attrs = {
         "femnl_modes": VERSION,
         "geometry": model.name,
-        "model": model.text,
+        "model": model.described,
         "edge": model.edge,
         "bending": int(model.bending),
         "wedge": modes.domain.wedge,
@@ -143,7 +143,12 @@ def _modes_dataset(modes: Modes, nonlinearity: Nonlinearity | None) -> "xr.Datas
                 {"units": "N/m^3"},
             )
     return xr.Dataset(
-        data, attrs={"degree": modes.degree, "prestress_degree": modes.prestress.degree}
+        data,
+        attrs={
+            "degree": modes.degree,
+            "prestress_degree": modes.prestress.degree,
+            "first": modes.first,
+        },
     )
 
 
@@ -171,4 +176,6 @@ def _modes(data: h5py.Group, domain: Domain) -> Modes:
         label,
         departure=departure,
         coupling=coupling,
+        # Older files hold the lowest modes
+        first=int(_attribute(data, "first")) if "first" in data.attrs else 1,
     )

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.mechanics import Modes, Surface
+from femnl.core.mechanics import Modes
+from femnl.core.surface import Surface
 from femnl.mechanics.fem.elements import Space, reference_basis
 from femnl.mechanics.fem.elements import nodes as reference_nodes
 from femnl.mechanics.fem.forms import in_plane_strain, vector_dofs

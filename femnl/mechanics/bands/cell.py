@@ -5,7 +5,6 @@ K and M of waves w = e^{ik·r} φ with φ periodic.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,54 +12,44 @@ from scipy.sparse import csc_matrix, diags_array
 from scipy.spatial import cKDTree
 from skfem import MeshTri2
 
-from femnl.core.device import Clamp, Holes, Model, Outline, Segment
+from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain, Prestress
-from femnl.device.mesh import from_patches
-from femnl.mechanics.bands.lattice import Lattice
-from femnl.mechanics.fem.elements import EDGES, Space
+from femnl.device.mesh import from_patches, mesh
+from femnl.mechanics.bands.lattice import Cell, Lattice
+from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import Assembly, slope_continuity
 from femnl.mechanics.fem.memory import need_memory
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.modes.operators import Operators
+from femnl.mechanics.modes.projection import film_images
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 JOIN = 1e-7  # of the pitch, up to which points are the same
-RAY = np.pi / 12  # angle between rays of the mesh at resolution 1
-ACROSS = 4  # triangles from the centre of a cell without a hole to its side
+DEGREE = 4  # of the elements that the mesh is meant for
 BYTES = 90_000  # of memory a triangle, as of the modes of a film
 
 
-def cell_domain(model: Model, lattice: Lattice, resolution: float) -> Domain:
-    """The whole cell around a hole at the origin, or without one.
+def cell_domain(cell: Cell, model: Model, resolution: float) -> Domain:
+    """The whole cell with its holes, put together from the part between two mirror lines.
 
-    It has all of the lattice's mirrors; its sides are `clamped`.
+    Its sides are `clamped`. As every part is an image of one, opposite sides have nodes that match.
 
-    Raises: ParameterError.
+    Args: cell: what repeats. model: the device whose film it is of.
+    Raises: ParameterError, GeometryError.
     """
     if not 0.3 <= resolution <= 10:
         raise ParameterError(f"resolution = {resolution:g}: expected a number from 0.3 to 10")
-    corners = [(float(x), float(y)) for x, y in lattice.corners]
-    sides = tuple(Segment(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True))
-    holes = Holes(np.zeros((min(len(model.holes.centres), 1), 2)), model.holes.radius)
-    outline = Outline(
-        "rectangle" if lattice.turns == 4 else "regular-polygon",
-        sides,
-        None,
-        2 * float(np.abs(lattice.corners).max()),
-    )
-    film = replace(model.film, gradient=(0.0, 0.0))
-    device = replace(model, outline=outline, holes=holes, film=film, overhang=None, clamp=Clamp())
-    radius = model.holes.radius if len(model.holes.centres) else 0.0
-    patches = _wedge(lattice, radius, resolution)
-    angles = 2 * np.pi / lattice.turns * np.arange(lattice.turns)
-    need_memory(
-        BYTES * len(patches) * 2 * lattice.turns, "waves in one cell", "lower the resolution"
-    )
-    turns = [_turn(angle) @ flip for angle in angles for flip in (np.eye(2), np.diag([1.0, -1.0]))]
-    whole = from_patches(np.concatenate([patches @ turn.T for turn in turns]))
+    lattice = cell.lattice
+    device = cell.of(model)
+    # Without bending no side asks for the small elements of a clamped edge
+    part = mesh(replace(device, bending=False), cell.symmetry, resolution, DEGREE)
+    patches = np.asarray(part.mesh.doflocs).T[Space(part.mesh, 2).dofs]
+    need_memory(BYTES * len(patches) * part.copies, "waves in one cell", "lower the resolution")
+    images = [turn for turn, _ in film_images(part, ((1, 1),))]
+    whole = from_patches(np.concatenate([patches @ turn.T for turn in images]))
     outer = np.flatnonzero(whole.f2t[1] < 0)
     middle = whole.p[:, whole.facets[:, outer]].mean(axis=1).T
     on_side = np.abs(middle @ lattice.steps.T).max(axis=1) / lattice.pitch**2 > 0.5 - JOIN
@@ -69,54 +58,6 @@ def cell_domain(model: Model, lattice: Lattice, resolution: float) -> Domain:
         replace(whole, _boundaries={"clamped": outer[on_side], "free": outer[~on_side]}),
         2 * np.pi,
     )
-
-
-def _wedge(lattice: Lattice, radius: float, resolution: float) -> Array:
-    """Second-order triangles (m, 6, 2) [m] between the x axis and the next mirror line."""
-    half = np.pi / lattice.turns
-    if radius == 0:
-        n = max(1, round(ACROSS * resolution))
-        corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, np.tan(half)]]) * lattice.pitch / 2 / n
-        grid = {
-            (i, j): i * corners[1] + j * (corners[2] - corners[1])
-            for i in range(n + 1)
-            for j in range(i + 1)
-        }
-        up = [((i, j), (i + 1, j), (i + 1, j + 1)) for i in range(n) for j in range(i + 1)]
-        down = [((i, j), (i + 1, j + 1), (i, j + 1)) for i in range(n) for j in range(i)]
-        return np.array([_straight([grid[key] for key in keys]) for keys in up + down])
-    # Rays from the rim to the side, and rows across them that grow with the distance from the hole.
-    rays = np.linspace(0, half, max(1, round(half / RAY * resolution)) + 1)
-    growth = np.log(lattice.pitch / 2 / np.cos(half) / radius)
-    rows = np.expm1(growth * np.linspace(0, 1, max(1, round(growth / rays[1])) + 1)) / np.expm1(
-        growth
-    )
-    direction = np.stack([np.cos(rays), np.sin(rays)], -1)
-    reach = radius + rows[:, None] * (lattice.pitch / 2 / np.cos(rays) - radius)
-    grid = reach[..., None] * direction
-    patches = []
-    for i, j in product(range(len(rows) - 1), range(len(rays) - 1)):
-        patches += [
-            _straight([grid[i, j], grid[i + 1, j], grid[i + 1, j + 1]]),
-            _straight([grid[i, j], grid[i + 1, j + 1], grid[i, j + 1]]),
-        ]
-        if i == 0:  # the last edge is an arc of the rim
-            patches[-1][5] = (
-                radius
-                * (direction[j] + direction[j + 1])
-                / np.linalg.norm(direction[j] + direction[j + 1])
-            )
-    return np.array(patches)
-
-
-def _straight(corners: list[Array]) -> Array:
-    return np.array([*corners, *((corners[a] + corners[b]) / 2 for a, b in EDGES)])
-
-
-def _turn(angle: float) -> Array:
-    c = np.cos(angle)
-    s = np.sin(angle)
-    return np.array([[c, -s], [s, c]])
 
 
 def inner(domain: Domain) -> Domain:

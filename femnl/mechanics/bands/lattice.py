@@ -1,25 +1,27 @@
-"""Lattices of holes: vectors, cells, and the paths of wave vectors along which bands run."""
+"""Lattices: vectors, cells, and the paths of wave vectors along which bands run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement, pairwise
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from femnl.core.device import Model
-from femnl.core.errors import ParameterError
+from femnl.core.device import CELL, Clamp, Holes, Model, Outline, Segment
 
 Array = NDArray[np.float64]
-
-EVEN = 1e-6  # of the pitch, to which holes must lie on their lattice
+Symmetry = Literal["quarter", "eighth", "twelfth"]
+"""Parts of a cell that may make the whole."""
+SPREAD = 4
+"""Parts of a side between wave vectors inside the irreducible part, where a band may be higher or
+lower than anywhere on its rim."""
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """A lattice with one hole a cell, a row of it along x. kind: `square` or `hexagonal`.
+    """A lattice of equal cells, a row of them along x. kind: `square` or `hexagonal`.
 
-    pitch [m]: of nearest neighbours.
+    pitch [m]: of nearest cells.
     """
 
     kind: Literal["square", "hexagonal"]
@@ -41,7 +43,7 @@ class Lattice:
 
     @property
     def corners(self) -> Array:
-        """Corners (turns, 2) [m] of the cell around the origin's hole, counter-clockwise."""
+        """Corners (turns, 2) [m] of the cell around the origin, counter-clockwise."""
         angle = 2 * np.pi / self.turns * (np.arange(self.turns) + 0.5)
         return np.asarray(
             self.pitch
@@ -58,15 +60,19 @@ class Lattice:
             return {"Γ": np.zeros(2), "X": np.array([k, 0]), "M": np.array([k, k])}
         return {"Γ": np.zeros(2), "M": np.array([k, k / np.sqrt(3)]), "K": np.array([4 * k / 3, 0])}
 
-    def path(self, steps: int) -> tuple[Array, tuple[tuple[str, int], ...]]:
+    def path(
+        self, steps: int, corners: dict[str, Array] | None = None
+    ) -> tuple[Array, tuple[tuple[str, int], ...]]:
         """Wave vectors (n, 2) [rad/m] around the irreducible part.
 
         And the places of its corners among them.
 
         Args: steps: along the first side; the others have as many a length, at least one.
+            corners: of the part, `points` by default.
         """
-        names = [*self.points, "Γ"]
-        ends = np.array([self.points[name] for name in names])
+        points = self.points if corners is None else corners
+        names = [*points, "Γ"]
+        ends = np.array([points[name] for name in names])
         lengths = np.linalg.norm(np.diff(ends, axis=0), axis=1)
         counts = np.maximum(1, np.round(steps * lengths / lengths[0]).astype(int))
         parts = [
@@ -79,28 +85,52 @@ class Lattice:
         )
 
 
-def find_lattice(model: Model) -> Lattice:
-    """The lattice on which the holes of a device lie.
+@dataclass(frozen=True)
+class Cell:
+    """What repeats on a lattice, about the origin.
 
-    Raises: ParameterError where they lie on no square or hexagonal lattice, or are less than four.
+    holes, openings: all that reach into the cell, also those that its sides cut. symmetry: the part
+    of it, in words of `device.mesh`, of which mirror lines make the whole.
     """
-    centres = model.holes.centres
-    name = model.name
-    if len(centres) < 4:
-        raise ParameterError(
-            f"{name}: holes: {len(centres)} of them make no lattice; give a device with four or "
-            "more, or a lattice"
+
+    lattice: Lattice
+    holes: Holes
+    openings: tuple[Outline, ...] = ()
+    symmetry: Symmetry = "eighth"
+
+    @property
+    def points(self) -> dict[str, Array]:
+        """Corners of the irreducible part of wave vectors, that of the lattice or twice as large.
+
+        Where x and y are no equals, waves along both are solved.
+        """
+        found = self.lattice.points
+        if self.symmetry == "quarter":
+            found["Y"] = found["X"][::-1]
+        return found
+
+    @property
+    def inside(self) -> Array:
+        """Wave vectors (n, 2) [rad/m] within the irreducible part, evenly spread."""
+        gamma, *others = self.points.values()
+        found = []
+        for first, second in pairwise(others):
+            for i, j in combinations_with_replacement(range(1, SPREAD), 2):
+                # i/SPREAD from Γ towards the opposite side, and along that
+                found.append(gamma + (j * first + i * (second - first)) / SPREAD)
+        return np.array(found)
+
+    def of(self, model: Model) -> Model:
+        """Return the cell as a device of the same even film, whose outline is the cell's sides."""
+        corners = [(float(x), float(y)) for x, y in self.lattice.corners]
+        sides = [Segment(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+        length = 2 * float(np.abs(self.lattice.corners).max())
+        return replace(
+            model,
+            outline=Outline(CELL, tuple(sides), None, length),
+            holes=self.holes,
+            openings=self.openings,
+            film=replace(model.film, gradient=(0.0, 0.0)),
+            overhang=None,
+            clamp=Clamp(),
         )
-    gaps, nearest = (np.asarray(found) for found in cKDTree(centres).query(centres, k=2))
-    pitch = float(gaps[:, 1].min())
-    first = int(np.argmin(gaps[:, 1]))
-    along = centres[nearest[first, 1]] - centres[first]
-    for lattice in (Lattice("square", pitch), Lattice("hexagonal", pitch)):
-        turn = np.array([[along[0], -along[1]], [along[1], along[0]]]) / pitch
-        basis = turn @ lattice.steps[:2].T
-        places = np.linalg.solve(basis, (centres - centres[first]).T)
-        if np.abs(places - np.round(places)).max() < EVEN:
-            return lattice
-    raise ParameterError(
-        f"{name}: holes: they lie on no square or hexagonal lattice; bands need one"
-    )

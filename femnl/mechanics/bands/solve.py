@@ -7,12 +7,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from femnl.core.arrays import freeze
-from femnl.core.device import Model
+from femnl.core.device import Holes, Model
 from femnl.core.discretisation_error import remainder
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import STEADY, Prestress
 from femnl.mechanics.bands.cell import Periodic, cell_domain, periodic
-from femnl.mechanics.bands.lattice import Lattice, find_lattice
+from femnl.mechanics.bands.find import find_cell
+from femnl.mechanics.bands.lattice import Cell, Lattice
 from femnl.mechanics.bands.spectrum import lowest_eigenvalues
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells, quadrature_order
@@ -33,7 +34,9 @@ class Bands:
 
     wave (n, 2) [rad/m]; frequency (n, n_bands) [Hz] and its discretisation error, an upper
     estimate; corners: names and places of the wave vectors at which a path turns, none where the
-    wave vectors were given. tension [N/m], mass [kg/m²]: of waves that are long.
+    wave vectors were given. tension [N/m], mass [kg/m²]: of waves that are long. inside,
+    inside_error (m, n_bands) [Hz]: the same as of `frequency` within the irreducible part, none
+    where wave vectors were given.
     """
 
     lattice: Lattice
@@ -43,6 +46,8 @@ class Bands:
     corners: tuple[tuple[str, int], ...]
     tension: float
     mass: float
+    inside: Array
+    inside_error: Array
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -54,9 +59,14 @@ class Bands:
 
     @property
     def gaps(self) -> tuple[tuple[float, float], ...]:
-        """Ranges of frequency [Hz] between bands without a wave, less their errors."""
-        low = (self.frequency + self.frequency_error).max(axis=0)[:-1]
-        high = (self.frequency - self.frequency_error).min(axis=0)[1:]
+        """Ranges of frequency [Hz] between bands without a wave, less their errors.
+
+        Complete ones where the wave vectors run around the irreducible part.
+        """
+        frequency = np.concatenate([self.frequency, self.inside])
+        error = np.concatenate([self.frequency_error, self.inside_error])
+        low = (frequency + error).max(axis=0)[:-1]
+        high = (frequency - error).min(axis=0)[1:]
         return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True) if b > a)
 
 
@@ -87,24 +97,19 @@ def solve_bands(
     """
     if count < 1 or steps < 1:
         raise ParameterError(f"count = {count}, steps = {steps}: expected at least one of each")
-    if model.openings:
-        raise ParameterError(
-            f"{model.name}: holes: bands need a lattice whose holes are all round, free and of "
-            "one radius"
-        )
-    lattice = lattice or find_lattice(model)
-    if len(model.holes.centres) > 0 and not 2 * model.holes.radius < lattice.pitch:
-        raise ParameterError(
-            f"pitch = {lattice.pitch:g} m: expected more than the diameter "
-            f"{2 * model.holes.radius:g} m of the holes"
-        )
-    places, corners = lattice.path(steps) if wave is None else (np.asarray(wave, dtype=float), ())
+    cell = find_cell(model) if lattice is None else _cell_of(model, lattice)
+    lattice = cell.lattice
+    places, corners = (
+        lattice.path(steps, cell.points) if wave is None else (np.asarray(wave, dtype=float), ())
+    )
     if places.ndim != 2 or places.shape[1] != 2 or not np.all(np.isfinite(places)):
         raise ParameterError(
             "wave: expected finite wave vectors (n, 2) in rad/m, found an array of shape "
             f"{places.shape}"
         )
-    domain = cell_domain(model, lattice, resolution)
+    inside = cell.inside if wave is None else np.empty((0, 2))
+    every = np.concatenate([places, inside])
+    domain = cell_domain(cell, model, resolution)
     tension = 0.0
     mass = 0.0
     found = []
@@ -112,12 +117,43 @@ def solve_bands(
         prestress = solve_prestress(domain, degree, "sliding")
         if degree == DEGREES[0]:
             tension, mass = _means(prestress, lattice)
-        cell = periodic(domain, lattice, prestress, degree)
+        waves = periodic(domain, lattice, prestress, degree)
         found.append(
-            np.array([_frequencies(cell, k, count, lattice, tension / mass) for k in places])
+            np.array([_frequencies(waves, k, count, lattice, tension / mass) for k in every])
         )
     scale = np.where(found[0] > 0, found[0], 1.0)
-    return Bands(lattice, places, found[0], remainder(found, scale, STEADY), corners, tension, mass)
+    error = remainder(found, scale, STEADY)
+    n = len(places)
+    return Bands(
+        lattice,
+        places,
+        found[0][:n],
+        error[:n],
+        corners,
+        tension,
+        mass,
+        found[0][n:],
+        error[n:],
+    )
+
+
+def _cell_of(model: Model, lattice: Lattice) -> Cell:
+    """The cell of a lattice that is given, with one of the device's holes in its middle, or none.
+
+    Raises: ParameterError for a device with holes of several kinds.
+    """
+    if model.openings:
+        raise ParameterError(
+            f"{model.name}: holes: a lattice that is given takes holes that are all round, free "
+            "and of one radius"
+        )
+    if len(model.holes.centres) > 0 and not 2 * model.holes.radius < lattice.pitch:
+        raise ParameterError(
+            f"pitch = {lattice.pitch:g} m: expected more than the diameter "
+            f"{2 * model.holes.radius:g} m of the holes"
+        )
+    holes = Holes(np.zeros((min(len(model.holes.centres), 1), 2)), model.holes.radius)
+    return Cell(lattice, holes, symmetry="eighth" if lattice.turns == 4 else "twelfth")
 
 
 def _frequencies(cell: Periodic, wave: Array, count: int, lattice: Lattice, square: float) -> Array:

@@ -46,7 +46,8 @@ def factorize(stiffness: csc_matrix) -> Solve:
 
 INDEFINITE = (
     "the stiffness is not positive definite: part of the film is unsupported or under compression; "
-    "check the outline's free edges and the film stress, or raise the resolution"
+    "femnl geometry check draws where; check the outline's free edges and the film stress, or "
+    "raise the resolution"
 )
 
 
@@ -101,3 +102,74 @@ def lowest_eigenpairs(stiffness: csc_matrix, mass: csc_matrix, count: int) -> tu
         ) from error
     order = np.argsort(values)
     return values[order], vectors[:, order]
+
+
+def nearest_eigenpairs(
+    stiffness: csc_matrix, mass: csc_matrix, count: int, target: float
+) -> tuple[Array, Array, int]:
+    """Return the `count` solutions of K x = λ M x nearest to a target, without those in between.
+
+    λ (count,) rising, x (n, count) with xᵀMx = 1, and how many λ lie below the target: as many as
+    K − target·M = LDLᵀ has negative pivots (Sylvester's law of inertia).
+
+    Shift–invert Lanczos at the target. K may be indefinite: whether it is has to be told from the
+    lowest eigenvalues.
+    Raises: ConvergenceError naming the setting, such as a target on an eigenvalue.
+    """
+    n = stiffness.shape[0]
+    if count >= n - 1:
+        raise ConvergenceError(
+            f"{count} modes were asked of a mesh with {n} unknowns: ask for fewer modes or raise "
+            "the resolution"
+        )
+    shifted = csc_matrix(stiffness - target * mass)
+    solve, below = _factorize_indefinite(shifted)
+    inverse = LinearOperator(shifted.shape, matvec=solve, dtype=float)
+    start = np.random.default_rng(0).standard_normal(n)  # a fixed start makes reruns identical
+    try:
+        values, vectors = eigsh(
+            stiffness, k=count, M=mass, sigma=target, OPinv=inverse, tol=1e-10, v0=start
+        )
+    except ArpackNoConvergence as error:
+        raise ConvergenceError(
+            f"the eigenvalue iteration found {len(error.eigenvalues)} of {count} modes near the "
+            "target: ask for fewer modes"
+        ) from error
+    order = np.argsort(values)
+    return values[order], vectors[:, order], below
+
+
+RESIDUAL = 1e-6
+"""Of the right side, what a solution without pivoting may miss: growth of the pivots beyond that
+would also spoil their signs."""
+
+
+def _factorize_indefinite(matrix: csc_matrix) -> tuple[Solve, int]:
+    """Factorise a symmetric indefinite matrix once; also return how many eigenvalues are negative.
+
+    SuperLU in its symmetric mode keeps the pivots on the diagonal, so that U = DLᵀ and the signs of
+    its diagonal are those of the eigenvalues.
+    """
+    logging.getLogger("femnl.progress").info("solving for %s unknowns", f"{matrix.shape[0]:,}")
+    try:
+        factor = splu(
+            matrix,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError as error:  # exactly singular
+        raise ConvergenceError(ON_A_MODE) from error
+    probe = np.random.default_rng(1).standard_normal(matrix.shape[0])
+    missed = np.linalg.norm(matrix @ factor.solve(probe) - probe) / np.linalg.norm(probe)
+    if missed > RESIDUAL or not np.array_equal(factor.perm_r, factor.perm_c):
+        raise ConvergenceError(ON_A_MODE)
+    return lambda right: np.asarray(factor.solve(np.asarray(right))), int(
+        np.sum(factor.U.diagonal() < 0)
+    )
+
+
+ON_A_MODE = (
+    "the target lies on the frequency of a mode, too close to tell which modes are below it; move "
+    "the target by 1e-6 of itself"
+)

@@ -1,7 +1,14 @@
 """Prestressed modes: frequencies, effective masses, shapes and labels."""
 
+from femnl.mechanics.modes.near import solve_modes_near
 from femnl.mechanics.modes.shapes import ShapeValues, shape_at, shapes_at
-from femnl.mechanics.modes.solve import align, solve_modes, solve_pencil, solve_sectors
+from femnl.mechanics.modes.solve import (
+    align,
+    solve_modes,
+    solve_pencil,
+    solve_sectors,
+    without_modes,
+)
 
 __all__ = [
     "ShapeValues",
@@ -9,6 +16,8 @@ __all__ = [
     "shape_at",
     "shapes_at",
     "solve_modes",
+    "solve_modes_near",
     "solve_pencil",
     "solve_sectors",
+    "without_modes",
 ]

@@ -115,6 +115,13 @@ class _Assembled:
         return values, shapes
 
 
+def without_modes(prestress: Prestress) -> Modes:
+    """Return a film after release of which no mode was solved."""
+    none = np.empty(0)
+    size = Space(prestress.domain.mesh, prestress.degree).size
+    return Modes(prestress, prestress.degree, none, none, np.empty((0, size)), (), ())
+
+
 def solve_pencil(operators: Pencil, prestress: Prestress, count: int) -> Modes:
     """Solve K w = ω² M w for the lowest modes; see `solve_modes`."""
     return solve_sectors(_Assembled(operators), prestress, count)
@@ -125,14 +132,14 @@ def solve_sectors(source: Source, prestress: Prestress, count: int) -> Modes:
     if count < 1:
         raise ParameterError(f"count = {count}: expected at least one mode")
     sectors = _solve_sectors(source, prestress.domain, count)
-    values, shapes, parity = _settle_degenerate(source.space, prestress.domain, sectors)
-    found = _finish(source.space, prestress, values[:count], shapes[:count], 1.0, parity[:count])
+    values, shapes, parity = settle_degenerate(source.space, prestress.domain, sectors)
+    found = finish(source.space, prestress, values[:count], shapes[:count], 1.0, parity[:count])
     return replace(
         found, label=label_shapes(prestress.domain, source.space, found.shapes, found.parity)
     )
 
 
-def _finish(
+def finish(
     space: Space,
     prestress: Prestress,
     values: Array,
@@ -174,7 +181,7 @@ def _solve_sectors(source: Source, domain: Domain, count: int) -> Sectors:
                 found[parity] = source.lowest(parity, n)
         if domain.diagonal:
             odd, shapes = found[ODD_IN_Y]
-            found[ODD_IN_X] = odd, shapes[:, _exchange(source.space)]
+            found[ODD_IN_X] = odd, shapes[:, exchange(source.space)]
         highest = np.sort(np.concatenate([values for values, _ in found.values()]))[count - 1]
         ask = {p: 2 * len(v) for p, (v, _) in found.items() if v[-1] <= highest * (1 + DEGENERATE)}
     values = np.concatenate([v for v, _ in found.values()])
@@ -184,7 +191,7 @@ def _solve_sectors(source: Source, domain: Domain, count: int) -> Sectors:
     return values[order], shapes[order], tuple(parities[k] for k in order)
 
 
-def _exchange(space: Space) -> NDArray[np.int64]:
+def exchange(space: Space) -> NDArray[np.int64]:
     """The unknown at (y, x) for each unknown at (x, y)."""
     distance, image = cKDTree(space.location).query(space.location[:, ::-1])
     if np.max(distance) > 1e-9 * np.abs(space.location).max():
@@ -194,7 +201,7 @@ def _exchange(space: Space) -> NDArray[np.int64]:
     return np.asarray(image)
 
 
-def _settle_degenerate(space: Space, domain: Domain, sectors: Sectors) -> Sectors:
+def settle_degenerate(space: Space, domain: Domain, sectors: Sectors) -> Sectors:
     """Turn and order modes that share a frequency as `canonical_turn` says."""
     values, shapes, parity = sectors
     breaks = np.flatnonzero(np.diff(values) > DEGENERATE * values[1:]) + 1
@@ -254,7 +261,7 @@ def align(coarse: Modes, fine: Modes) -> Modes:
     turn = left @ right
     square = turn @ ((2 * np.pi * coarse.frequency[:, None]) ** 2 * turn.T)
     lost = np.einsum("ij,ij->i", turn, overlap) < COUNTERPART
-    found = _finish(
+    found = finish(
         space, coarse.prestress, np.diagonal(square), turn @ shapes, 1 / domain.copies, fine.parity
     )
     together = (near.astype(int) @ near.T > 0) & np.array(

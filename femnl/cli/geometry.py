@@ -1,0 +1,129 @@
+"""`femnl geometry import|export|check`: layouts and geometry files."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from femnl.cli._device import Geometry
+from femnl.cli._output import note
+from femnl.core.resources import find_geometry, need_file
+
+Layout = Annotated[
+    Path,
+    typer.Argument(
+        help="Layout: .gds, .oas, .dxf or .svg.", show_default=False, callback=need_file
+    ),
+]
+Dest = Annotated[Path, typer.Argument(help="Geometry file (.toml) to write.", show_default=False)]
+Drawn = Annotated[Path, typer.Argument(help="Layout (.gds, .oas) to write.", show_default=False)]
+File = Annotated[
+    str,
+    typer.Argument(
+        help="A shipped name, a geometry file, or a layout with --layers.", show_default=False
+    ),
+]
+Layers = Annotated[
+    str,
+    typer.Option(
+        help="Layer of film, holes, release, frame and posts: film=1/0,holes=2/0.",
+        show_default=False,
+    ),
+]
+LayersToCheck = Annotated[
+    str | None, typer.Option("--layers", help="As for import.", show_default=False)
+]
+Cell = Annotated[
+    str | None,
+    typer.Option(help="Cell or block; else the one at the top.", show_default=False),
+]
+Unit = Annotated[
+    str | None,
+    typer.Option(help="Unit of a DXF or SVG file that names none: um.", show_default=False),
+]
+Like = Annotated[
+    str,
+    typer.Option(help="Geometry that lends its film, readout, clamp and model."),
+]
+Picture = Annotated[
+    Path | None,
+    typer.Option(help="Picture to write: .png, .pdf or .svg.", show_default="FILE.png here"),
+]
+
+
+def import_(
+    layout: Layout,
+    dest: Dest,
+    *,
+    layers: Layers,
+    cell: Cell = None,
+    unit: Unit = None,
+    like: Like = "square-270um",
+) -> None:
+    """Turn a layout into a geometry file; arcs drawn as chords become arcs."""
+    from femnl.core.errors import ParameterError
+    from femnl.device.geometry import load
+    from femnl.device.layout import import_layout, read_layers
+    from femnl.io.results.atomic import need_room, write_whole
+
+    if dest.suffix != ".toml":
+        raise ParameterError(f"{dest}: expected a name that ends in .toml")
+    need_room(dest)
+    found = import_layout(layout, read_layers(layers), load(find_geometry(like)), cell, unit)
+    write_whole(dest, lambda file: file.write_text(found.text, encoding="utf-8"))
+    for line in found.notes:
+        note(line)
+    note(f"wrote {dest}")
+
+
+def export(geometry: Geometry, dest: Drawn) -> None:
+    """Draw a geometry as a layout."""
+    from femnl.core.errors import ParameterError
+    from femnl.device.geometry import load
+    from femnl.device.layout import WRITTEN, export_layout
+    from femnl.io.results.atomic import need_room, write_whole
+
+    if dest.suffix not in WRITTEN:
+        raise ParameterError(f"{dest}: expected a name that ends in {' or '.join(WRITTEN)}")
+    need_room(dest)
+    model = load(geometry)
+    notes: list[str] = []
+    write_whole(dest, lambda file: notes.extend(export_layout(model, file)))
+    for line in notes:
+        note(line)
+    note(f"wrote {dest}")
+
+
+def check(
+    file: File,
+    *,
+    layers: LayersToCheck = None,
+    cell: Cell = None,
+    unit: Unit = None,
+    like: Like = "square-270um",
+    out: Picture = None,
+) -> None:
+    """Draw a geometry or a layout with what is wrong marked, and the stress after release."""
+    from femnl.cli._check import check_geometry, check_layout
+    from femnl.cli._device import suffix_of
+    from femnl.core.errors import ParameterError
+    from femnl.device.layout import SUFFIXES, read_layers
+    from femnl.io.results.atomic import need_room
+
+    path = Path(file)
+    picture = out or Path(f"{path.stem}.png")
+    suffix_of(picture, (".png", ".pdf", ".svg"))
+    need_room(picture)
+    if path.suffix.lower() not in SUFFIXES:
+        check_geometry(find_geometry(file), picture)
+        return
+    if layers is None:
+        raise ParameterError(f"{path}: --layers is missing; write e.g. --layers film=1/0,holes=2/0")
+    check_layout(need_file(path), read_layers(layers), find_geometry(like), cell, unit, picture)
+
+
+COMMANDS = {"import": import_, "export": export, "check": check}
+
+
+def command() -> None:
+    """Turn layouts into geometries and back, and check either in a picture."""

@@ -1,0 +1,19 @@
+"""What messages call holes and points."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.core.device import Holes
+
+Array = NDArray[np.float64]
+
+
+def name(holes: Holes, index: int) -> str:
+    """Return what messages call a hole: its number, counted from 1, and its position."""
+    return f"hole {index + 1} at {place(holes.centres[index])}"
+
+
+def place(point: Array) -> str:
+    """Return a point (2,) [m] as messages write it."""
+    x, y = np.round(point * 1e6, 9) + 0.0  # no −0
+    return f"({x:.6g}, {y:.6g}) um"

@@ -1,0 +1,40 @@
+"""Outlines moved and turned in the plane."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from femnl.core.device import Outline, Segment
+
+Array = NDArray[np.float64]
+
+
+def placed(outline: Outline, at: ArrayLike, angle: float = 0.0) -> Outline:
+    """Return an outline turned about the origin by `angle` [rad], then moved by `at` (2,) [m]."""
+    segments = tuple(_placed(s, np.asarray(at, float), angle) for s in outline.segments)
+    return replace(outline, segments=segments, size=None)
+
+
+def held(outline: Outline, clamped: bool) -> Outline:
+    """Return an outline that is clamped all around, or free all around."""
+    return replace(outline, segments=tuple(replace(s, clamped=clamped) for s in outline.segments))
+
+
+def _placed(segment: Segment, at: Array, angle: float) -> Segment:
+    c = np.cos(angle)
+    s = np.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+
+    def image(point: tuple[float, float]) -> tuple[float, float]:
+        # A turn by nothing must leave coordinates as they are written
+        x, y = at + (point if angle == 0 else turn @ point)
+        return float(x), float(y)
+
+    return replace(
+        segment,
+        start=image(segment.start),
+        end=image(segment.end),
+        centre=None if segment.centre is None else image(segment.centre),
+        angle=segment.angle + angle if segment.semi_axes else 0.0,
+    )

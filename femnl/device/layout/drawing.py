@@ -1,0 +1,96 @@
+"""What a layout holds: closed curves by role, and what is wrong with it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.core.device import Outline, Segment
+from femnl.core.errors import ParameterError
+from femnl.device.geometry.naming import place
+from femnl.device.geometry.placing import placed
+from femnl.device.geometry.tables import suggest
+
+Array = NDArray[np.float64]
+Loop = tuple[Segment, ...]
+
+ROLES = {
+    "film": "where the film is",
+    "release": "where the wafer under it is gone; the film is clamped at its edge",
+    "frame": "where the wafer is left; the film is clamped at its edge",
+    "holes": "where the film is etched away",
+    "posts": "where the film is held from below; clamped at the rims",
+}
+"""What a layer of a layout may be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A closed curve drawn about a point `at` (2,) [m]. Like ones share their loop."""
+
+    loop: Loop
+    at: Array
+    clamped: bool = True
+
+    @property
+    def there(self) -> Loop:
+        """The loop in its place, clamped or free as a whole."""
+        return tuple(replace(s, clamped=self.clamped) for s in moved(self.loop, self.at))
+
+
+def moved(loop: Loop, by: Array) -> Loop:
+    """Return a loop moved by (2,) [m]."""
+    return placed(Outline("", loop, None, 0.0), by).segments
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something wrong at a point (2,) [m] of a layout; `fatal` where it cannot be used."""
+
+    what: str
+    point: tuple[float, float]
+    fatal: bool
+
+    def __str__(self) -> str:
+        """One line with the coordinate."""
+        return f"{self.what} at {place(np.array(self.point))}"
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A layout as drawn, in m.
+
+    polygons: by role, corners (n, 2) of closed polygons whose arcs are drawn as chords. loops: by
+    role, closed curves that the file holds as such. grid: step of the coordinates, 0 where there
+    is none. faults: what the reader saw.
+    """
+
+    cell: str
+    grid: float
+    polygons: Mapping[str, Sequence[Array]]
+    loops: Mapping[str, Sequence[Loop]] = field(default_factory=dict)
+    faults: tuple[Fault, ...] = ()
+
+
+def read_layers(text: str) -> dict[str, str]:
+    """Return the layer by role of a text such as "film=1/0,holes=2/0".
+
+    Raises:
+        ParameterError: an unknown role, one given twice, or no film.
+    """
+    found: dict[str, str] = {}
+    for entry in text.split(","):
+        role, equals, layer = (word.strip() for word in entry.partition("="))
+        if not equals or not layer:
+            raise ParameterError(
+                f'--layers "{entry}": expected role=layer, write e.g. film=1/0,holes=2/0'
+            )
+        if role not in ROLES:
+            raise ParameterError(f"--layers {role}: {suggest(role, list(ROLES))}")
+        if role in found:
+            raise ParameterError(f"--layers {role} stands twice; give one layer a role")
+        found[role] = layer
+    if "film" not in found:
+        raise ParameterError("--layers names no film; write e.g. film=1/0,holes=2/0")
+    return found

@@ -1,0 +1,136 @@
+"""DXF through ezdxf."""
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import numpy as np
+from ezdxf import units
+from numpy.typing import NDArray
+
+from femnl.core.device import Segment
+from femnl.core.errors import GeometryError, one_line
+from femnl.device.geometry.corners import arc_through
+from femnl.device.geometry.quantities import LENGTH, to_si
+from femnl.device.geometry.shapes import ellipse
+from femnl.device.geometry.splines import arcs_along
+from femnl.device.geometry.tables import suggest
+from femnl.device.layout.chains import GRID, closed
+from femnl.device.layout.drawing import Drawing, Loop
+
+Array = NDArray[np.float64]
+
+DRAWN = {"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE", "INSERT"}
+WITHIN = GRID  # m, how far arcs may leave a spline
+
+
+def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | None) -> Drawing:
+    """Read lines, arcs, circles, ellipses, splines and polylines; see `readers.read_drawing`."""
+    try:
+        document = ezdxf.readfile(path)
+    except (OSError, ezdxf.DXFError, UnicodeDecodeError) as error:
+        raise GeometryError(one_line(f"{path}: not a whole DXF file; export it again")) from error
+    size = _unit(path, document.units, unit)
+    drawn: Any = document.modelspace()
+    if cell is not None:
+        names = [block.name for block in document.blocks if not block.name.startswith("*")]
+        if cell not in names:
+            raise GeometryError(one_line(f"{path}: no block {cell}; {suggest(cell, names)}"))
+        drawn = document.blocks[cell]
+    entities = list(_flat(drawn))
+    polygons = {}
+    loops = {}
+    faults = []
+    for role, layer in layers.items():
+        pieces = [p for e in entities if e.dxf.layer == layer for p in _pieces(e, size)]
+        if not pieces:
+            known = sorted({e.dxf.layer for e in entities})
+            raise GeometryError(
+                one_line(
+                    f"{path}: layer {layer} ({role}) is empty; expected one of {', '.join(known)}"
+                )
+            )
+        polygons[role], loops[role], seen = closed(pieces, f"layer {layer} ({role})")
+        faults += seen
+    return Drawing(cell or path.stem, GRID, polygons, loops, tuple(faults))
+
+
+def _unit(path: Path, known: int, unit: str | None) -> float:
+    """The length [m] of the drawing's unit."""
+    if known and unit is not None:
+        raise GeometryError(one_line(f"{path}: this file names its unit; leave --unit out"))
+    if known:
+        return float(
+            units.conversion_factor(ezdxf.enums.InsertUnits(known), ezdxf.enums.InsertUnits.Meters)
+        )
+    if unit is None:
+        raise GeometryError(one_line(f"{path}: names no unit; give one, such as --unit um"))
+    return to_si(f"1 {unit}", LENGTH)
+
+
+def _flat(drawn: Any) -> Iterator[Any]:
+    """Entities, those of inserted blocks in their places."""
+    for entity in drawn:
+        if entity.dxftype() == "INSERT":
+            for one in entity.multi_insert() if entity.mcount > 1 else [entity]:
+                yield from _flat(one.virtual_entities())
+        elif entity.dxftype() in DRAWN:
+            yield entity
+
+
+def _pieces(entity: Any, size: float) -> list[Loop]:
+    """An entity as chains of lines and arcs [m]."""
+    kind = entity.dxftype()
+    if kind in ("LWPOLYLINE", "POLYLINE"):
+        parts = [_pieces(part, size)[0] for part in entity.virtual_entities()]
+        return [tuple(segment for part in parts for segment in part)] if parts else []
+    if kind == "LINE":
+        return [(Segment(_at(entity.dxf.start, size), _at(entity.dxf.end, size)),)]
+    if kind == "CIRCLE":
+        centre = entity.ocs().to_wcs(entity.dxf.center)
+        radius = entity.dxf.radius * size
+        return [ellipse(_at(centre, size), (radius, radius))]
+    if kind == "ARC":
+        return [(_arc(entity, size),)]
+    if kind == "ELLIPSE" and abs(entity.dxf.end_param - entity.dxf.start_param) > 2 * np.pi - 1e-9:
+        major = entity.dxf.major_axis
+        longer = float(np.hypot(major.x, major.y)) * size
+        axes = (longer, longer * entity.dxf.ratio)
+        return [ellipse(_at(entity.dxf.center, size), axes, float(np.arctan2(major.y, major.x)))]
+    return [_smooth(entity.construction_tool(), size)]
+
+
+def _arc(entity: Any, size: float) -> Segment:
+    """An arc, which may be mirrored by its plane."""
+    begin = np.radians(entity.dxf.start_angle)
+    turn = (np.radians(entity.dxf.end_angle) - begin) % (2 * np.pi)
+    ocs = entity.ocs()
+    points = []
+    for part in (0.0, 0.5, 1.0):
+        angle = begin + part * turn
+        spoke = entity.dxf.radius * np.array([np.cos(angle), np.sin(angle)])
+        x, y, _ = entity.dxf.center
+        points.append(np.array(_at(ocs.to_wcs((x + spoke[0], y + spoke[1], 0.0)), size)))
+    return arc_through(points[0], points[1], points[2], True)
+
+
+def _smooth(tool: Any, size: float) -> Loop:
+    """Arcs along a spline, or along part of an ellipse."""
+    spline = tool if hasattr(tool, "derivatives") else ezdxf.math.BSpline.from_ellipse(tool)
+
+    def curve(place: float) -> tuple[Array, Array]:
+        point, slope = next(iter(spline.derivatives([place], 1)))
+        along = np.array([slope.x, slope.y])
+        return np.array([point.x, point.y]) * size, along / np.hypot(*along)
+
+    knots = np.unique(spline.knots())
+    pieces: list[Segment] = []
+    for low, high in pairwise(knots):
+        pieces += arcs_along(curve, float(low), float(high), WITHIN)
+    return tuple(pieces)
+
+
+def _at(point: Any, size: float) -> tuple[float, float]:
+    return float(point[0]) * size, float(point[1]) * size

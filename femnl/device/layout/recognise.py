@@ -1,0 +1,315 @@
+"""Circles, ellipses, arcs and fillets that a layout draws as many short chords."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.core.device import Outline, Segment
+from femnl.device.geometry.corners import arc_through
+from femnl.device.geometry.shapes import ellipse
+
+Array = NDArray[np.float64]
+Loop = tuple[Segment, ...]
+
+WIDEST = np.radians(23.0)
+"""A chord that turns by more is meant as a side: up to octagons and twelve-gons stay polygons."""
+FEWEST = 4
+"""Chords that make an arc."""
+ROUNDING = 0.75
+"""Steps of the grid by which a corner may lie off its curve: rounding x and y takes 0.71."""
+FITTED = 1.1
+"""Steps of the grid by which corners may lie off the circle of least squares, led by chance."""
+MOVED = 50.0
+"""Steps of the grid by which a radius may move for a round number: a short arc hardly fixes it."""
+CENTRING = 4
+STEPS = (1000.0, 500.0, 100.0, 50.0, 10.0, 5.0, 1.0, 0.5, 0.1)
+"""Steps of the grid in which a radius is tried, the roundest number first."""
+SHARPEST = np.radians(150.0)
+"""A corner that turns by more has no fillet: its two edges meet far away."""
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle that chords follow within a tolerance."""
+
+    centre: Array
+    radius: float
+
+    def off(self, points: Array) -> float:
+        """Return how far the farthest of points (n, 2) lies off the circle."""
+        return float(np.abs(np.hypot(*(points - self.centre).T) - self.radius).max())
+
+
+def recognise(corners: Array, grid: float) -> tuple[Loop, Counter[str]]:
+    """Return the curves that a closed polygon (n, 2) [m] draws, and how many of each kind.
+
+    All corners of a run lie within ROUNDING of the grid from the curve that takes their place. An
+    arc that touches the two lines beside it becomes their fillet exactly; a radius becomes the
+    roundest number that fits.
+    """
+    tolerance = ROUNDING * grid
+    points = _without_straight_angles(corners, 1e-3 * grid)
+    if len(points) >= 2 * np.pi / WIDEST:
+        whole = _whole_curve(points, tolerance, grid)
+        if whole is not None:
+            return whole
+    runs = _runs(points, tolerance, grid)
+    return _loop(points, runs, tolerance, grid)
+
+
+def circle_of(loop: Loop) -> tuple[Array, float] | None:
+    """Return centre (2,) and radius of a loop that is one whole circle, else None."""
+    first = loop[0]
+    if first.centre is None or first.semi_axes is not None:
+        return None
+    if any(s.centre != first.centre or s.semi_axes is not None for s in loop):
+        return None
+    return np.array(first.centre), float(first.frame[0, 0])
+
+
+def _whole_curve(points: Array, tolerance: float, grid: float) -> tuple[Loop, Counter[str]] | None:
+    """The circle or ellipse that all corners lie on, if there is one."""
+    spokes = points - points.mean(axis=0)
+    turns = np.diff(np.unwrap(np.arctan2(spokes[:, 1], spokes[:, 0])), append=np.nan)[:-1]
+    chords = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
+    if not (np.all(turns > 0) or np.all(turns < 0)):
+        return None
+    circle = _rounded(_fit(points), points, grid)
+    if circle is not None and chords.max() <= WIDEST * circle.radius + 2 * tolerance:
+        centre = (float(circle.centre[0]), float(circle.centre[1]))
+        return ellipse(centre, (circle.radius, circle.radius)), Counter(circles=1)
+    return _whole_ellipse(points, tolerance)
+
+
+def _whole_ellipse(points: Array, tolerance: float) -> tuple[Loop, Counter[str]] | None:
+    """The ellipse A x² + B xy + C y² + D x + E y = 1 through all corners, if there is one."""
+    middle = points.mean(axis=0)
+    scale = float(np.abs(points - middle).max())
+    x, y = ((points - middle) / scale).T
+    a, b, c, d, e = np.linalg.lstsq(
+        np.stack([x * x, x * y, y * y, x, y], axis=1), np.ones(len(x)), rcond=None
+    )[0]
+    if 4 * a * c - b * b <= 1e-9:
+        return None
+    centre = np.linalg.solve([[2 * a, b], [b, 2 * c]], [-d, -e])
+    level = 1 - (d * centre[0] + e * centre[1]) / 2
+    values, vectors = np.linalg.eigh(np.array([[a, b / 2], [b / 2, c]]) / level)
+    axes = scale / np.sqrt(values)  # the longer one first
+    angle = float(np.arctan2(vectors[1, 0], vectors[0, 0]) % np.pi)
+    away = (points - middle - scale * centre) @ vectors / axes
+    size = np.hypot(*away.T)
+    # A point at radius r of the unit circle's image is (r − 1)/|∇r| off the ellipse
+    off = np.abs(size - 1) / np.hypot(*(away / axes).T) * size
+    parts = np.arctan2(away[:, 1], away[:, 0])
+    widest = np.abs(np.diff(np.unwrap(np.append(parts, parts[0])))).max()
+    if off.max() > tolerance or widest > WIDEST:
+        return None
+    where = middle + scale * centre
+    semi_axes = (float(axes[0]), float(axes[1]))
+    return ellipse((float(where[0]), float(where[1])), semi_axes, angle), Counter(ellipses=1)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Chords from corner `first` to corner `last` (which may exceed the number of corners)."""
+
+    first: int
+    last: int
+    circle: Circle
+
+
+def _runs(points: Array, tolerance: float, grid: float) -> list[_Run]:
+    """Return runs of chords that lie on one circle each."""
+    number = len(points)
+    along = np.roll(points, -1, axis=0) - points
+    before = np.roll(along, 1, axis=0)
+    turn = np.arctan2(_cross(before, along), np.sum(before * along, axis=1))
+    gentle = np.abs(turn) <= WIDEST + 2 * tolerance / np.hypot(*along.T)
+    # Where all corners are gentle, any of them begins; else one after a sharp corner
+    offset = 0 if gentle.all() else int(np.flatnonzero(~gentle)[0])
+    found = []
+    k = offset
+    while k + FEWEST <= offset + number:
+        run = _longest(points, turn, gentle, k, offset + number, FITTED * grid)
+        if run is None:
+            k += 1
+            continue
+        circle = _rounded(run.circle, points[np.arange(k, run.last + 1) % number], grid)
+        found.append(run if circle is None else _Run(run.first, run.last, circle))
+        k = run.last
+    return found
+
+
+def _longest(
+    points: Array, turn: Array, gentle: NDArray[np.bool_], first: int, end: int, tolerance: float
+) -> _Run | None:
+    """The longest run of chords on one circle that starts at a corner; None for fewer than four."""
+    number = len(points)
+    best = None
+    last = first + FEWEST
+    while last <= end:
+        inner = np.arange(first + 1, last) % number
+        alike = np.all(turn[inner] > 0) or np.all(turn[inner] < 0)
+        if not (gentle[inner].all() and alike):
+            break
+        some = points[np.arange(first, last + 1) % number]
+        circle = _fit(some)
+        chords = np.hypot(*np.diff(some, axis=0).T)
+        if circle is None or circle.off(some) > tolerance:
+            break
+        if chords.max() > WIDEST * circle.radius + 2 * tolerance:
+            break
+        best = _Run(first, last, circle)
+        last += 1
+    return best
+
+
+def _fit(points: Array) -> Circle | None:
+    """The circle whose algebraic distance x² + y² − 2c·x − k is least (Kåsa)."""
+    middle = points.mean(axis=0)
+    scale = float(np.abs(points - middle).max())
+    x = (points - middle) / scale
+    columns = np.concatenate([2 * x, np.ones((len(x), 1))], axis=1)
+    solution, _, rank, _ = np.linalg.lstsq(columns, np.sum(x * x, axis=1), rcond=1e-9)
+    square = solution[2] + solution[:2] @ solution[:2]
+    if rank < 3 or square <= 0:
+        return None
+    return Circle(middle + scale * solution[:2], float(scale * np.sqrt(square)))
+
+
+def _rounded(circle: Circle | None, points: Array, grid: float) -> Circle | None:
+    """The circle with the roundest radius and centre that all points lie on, if there is one."""
+    if circle is None or circle.off(points) > FITTED * grid:
+        return None
+    for step in STEPS:
+        radius = float(np.round(circle.radius / (step * grid)) * (step * grid))
+        if abs(radius - circle.radius) > MOVED * grid or radius == 0:
+            continue
+        tried = _centred(Circle(circle.centre, radius), points)
+        for places in (1.0, 0.5):
+            centre = np.round(tried.centre / (places * grid)) * (places * grid)
+            if Circle(centre, radius).off(points) <= FITTED * grid:
+                return Circle(centre, radius)
+        if tried.off(points) <= FITTED * grid:
+            return tried
+    return circle
+
+
+def _centred(circle: Circle, points: Array) -> Circle:
+    """The circle of the same radius from which points lie off least (Gauss–Newton)."""
+    centre = circle.centre
+    for _ in range(CENTRING):
+        spokes = points - centre
+        size = np.hypot(*spokes.T)
+        step = np.linalg.lstsq(-spokes / size[:, None], circle.radius - size, rcond=None)[0]
+        centre = centre + step
+    return Circle(centre, circle.radius)
+
+
+def _loop(
+    points: Array, runs: list[_Run], tolerance: float, grid: float
+) -> tuple[Loop, Counter[str]]:
+    """Put arcs and fillets in the place of runs of chords."""
+    number = len(points)
+    begins = {run.first % number: run for run in runs}
+    start = runs[0].first % number if runs else 0
+    found: list[Segment] = []
+    counts: Counter[str] = Counter()
+    fillets = []
+    k = start
+    while k < start + number:
+        run = begins.get(k % number)
+        last = k + 1 if run is None else k + run.last - run.first
+        a = points[k % number]
+        b = points[last % number]
+        if run is None:
+            found.append(Segment(_pair(a), _pair(b)))
+        else:
+            inner = points[np.arange(k, last + 1) % number]
+            found.append(_arc(a, b, inner[len(inner) // 2], run.circle))
+            fillets.append((len(found) - 1, run, inner))
+        k = last
+    for index, run, inner in fillets:
+        if _make_fillet(found, index, run.circle, inner, tolerance, grid):
+            counts["fillets"] += 1
+        else:
+            counts["arcs"] += 1
+    return tuple(found), counts
+
+
+def _arc(a: Array, b: Array, inner: Array, circle: Circle) -> Segment:
+    """The arc from a to b through the point of a circle that is nearest to an inner one."""
+    spoke = inner - circle.centre
+    return arc_through(a, circle.centre + circle.radius * spoke / np.hypot(*spoke), b, True)
+
+
+def _make_fillet(
+    segments: list[Segment],
+    index: int,
+    circle: Circle,
+    inner: Array,
+    tolerance: float,
+    grid: float,
+) -> bool:
+    """Make an arc touch the lines beside it, where its corners allow that."""
+    before = segments[index - 1]
+    after = segments[(index + 1) % len(segments)]
+    if before.centre is not None or after.centre is not None or len(segments) < 3:
+        return False
+    one = np.subtract(before.end, before.start)
+    other = np.subtract(after.end, after.start)
+    one = one / np.hypot(*one)
+    other = other / np.hypot(*other)
+    turn = float(np.arctan2(_cross(one, other), one @ other))
+    if not 1e-3 < abs(turn) < SHARPEST:
+        return False
+    corner = np.subtract(before.end, 0.0) + one * (
+        _cross(np.subtract(after.start, before.end), other) / _cross(one, other)
+    )
+    inward = np.sign(turn) * np.array([-one[1], one[0]])
+    cut = circle.radius * np.tan(abs(turn) / 2)
+    # Drawn corners lie on the grid, turned ones do not
+    for place in (np.round(corner / grid) * grid, corner):
+        start = place - cut * one
+        end = place + cut * other
+        ideal = Circle(start + circle.radius * inward, circle.radius)
+        # The tangent points are rounded like all others, along lines whose ends are rounded too
+        if ideal.off(inner) <= 2 * tolerance:
+            break
+    else:
+        return False
+    far = max(np.hypot(*(start - inner[0])), np.hypot(*(end - inner[-1])))
+    # Along the line a tangent point is known to the chord that leaves it by a rounding
+    if far > 2 * tolerance + np.sqrt(8 * tolerance * circle.radius):
+        return False
+    segments[index - 1] = Segment(before.start, _pair(start))
+    segments[index] = Segment(_pair(start), _pair(end), _pair(ideal.centre), clockwise=turn < 0)
+    segments[(index + 1) % len(segments)] = Segment(_pair(end), after.end)
+    return True
+
+
+def _without_straight_angles(corners: Array, tolerance: float) -> Array:
+    """Leave out corners that coincide with the next or lie on the line between their neighbours."""
+    following = np.roll(corners, -1, axis=0)
+    points = corners[np.hypot(*(following - corners).T) > tolerance]
+    if len(points) < 3:
+        return np.asarray(points)
+    before = points - np.roll(points, 1, axis=0)
+    after = np.roll(points, -1, axis=0) - points
+    height = np.abs(_cross(before, after)) / np.hypot(*(before + after).T).clip(tolerance)
+    return np.asarray(points[height > tolerance])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _pair(point: Array) -> tuple[float, float]:
+    return float(point[0]), float(point[1])
+
+
+def outline_of(loop: Loop) -> Outline:
+    """Return a loop as an outline without a length."""
+    return Outline("", loop, None, 0.0)

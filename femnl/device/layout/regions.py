@@ -1,0 +1,264 @@
+"""From what a layout draws to the film's edge and its inner edges."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from femnl.core.errors import GeometryError
+from femnl.device.geometry import curves
+from femnl.device.geometry.booleans import Operation, Region, combine
+from femnl.device.geometry.naming import place
+from femnl.device.geometry.openings import PER_TURN, polygon
+from femnl.device.layout.drawing import Drawing, Fault, Loop, Placed
+from femnl.device.layout.recognise import outline_of, recognise
+
+Array = NDArray[np.float64]
+
+SMALL = 2.0
+"""Steps of the grid: an edge or a width below it is rounding, and no feature."""
+ORIGIN = np.zeros(2)
+SLIVER = 1e-3
+"""Width over length of a piece that is an accident of drawing."""
+
+
+@dataclass(frozen=True)
+class Film:
+    """The film of a layout: its outer edge, inner edges, what was recognised, what is wrong."""
+
+    outer: Loop
+    inner: tuple[Placed, ...]
+    curves: Counter[str]
+    faults: tuple[Fault, ...]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A connected region of a layer: its outer edge and its holes."""
+
+    outer: Placed
+    inner: tuple[Placed, ...] = ()
+
+
+def film_of(drawing: Drawing) -> Film:
+    """Return film ∩ release − frame − holes, with the posts as clamped inner edges.
+
+    Edges of the film are clamped where neither release nor frame is drawn, and free else; those of
+    release and frame are clamped, those of holes free.
+
+    Raises:
+        GeometryError: faults that forbid the use of the layout; nothing left, or several pieces.
+    """
+    faults = list(drawing.faults)
+    counts: Counter[str] = Counter()
+    regions = {}
+    for role in dict.fromkeys((*drawing.polygons, *drawing.loops)):
+        drawn = drawing.polygons.get(role, ())
+        regions[role], found, seen = merged(drawn, drawing.grid)
+        regions[role] += [Drawn(Placed(loop, ORIGIN)) for loop in drawing.loops.get(role, ())]
+        counts += found
+        faults += [replace(fault, what=f"{fault.what} ({role})") for fault in seen]
+    _refuse(faults)
+    film, inner = _film(regions)
+    posts = [region.outer for region in regions.get("posts", [])]
+    return Film(film, (*inner, *posts), counts, tuple(faults))
+
+
+def faults_of(drawing: Drawing) -> list[Fault]:
+    """Return what is wrong with each layer of a layout, whatever becomes of the film."""
+    faults = list(drawing.faults)
+    for role, polygons in drawing.polygons.items():
+        seen = merged(polygons, drawing.grid)[2]
+        faults += [replace(fault, what=f"{fault.what} ({role})") for fault in seen]
+    return faults
+
+
+def merged(polygons: Sequence[Array], grid: float) -> tuple[list[Drawn], Counter[str], list[Fault]]:
+    """Return the regions that polygons (n, 2) cover together, their curves and their faults.
+
+    A polygon may meet itself along the cut by which layouts draw holes.
+    """
+    whole = []
+    faults: list[Fault] = []
+    for corners in polygons:
+        shape = shapely.Polygon(corners)
+        if not shape.is_valid:
+            shape = shapely.make_valid(shape, method="structure", keep_collapsed=False)
+            # A cut that is walked twice leaves the area as it is, a crossing does not
+            if abs(shape.area - abs(_area(corners))) > 1e-6 * shape.area:
+                faults.append(Fault("self-intersection", _where_invalid(corners), True))
+        whole.append(shape)
+    counts: Counter[str] = Counter()
+    found = []
+    known: dict[bytes, tuple[Loop, Counter[str]]] = {}
+    for shape in _joined(np.array(whole, dtype=object)):
+        if shape.geom_type != "Polygon":
+            continue
+        faults += _small_features(shape, grid)
+        loops = []
+        for ring in (shape.exterior, *shape.interiors):
+            loop, kinds = _recognised(shapely.get_coordinates(ring)[:-1], grid, known)
+            loops.append(loop)
+            counts += kinds
+        found.append(Drawn(loops[0], tuple(loops[1:])))
+    return found, counts, faults
+
+
+def _joined(shapes: NDArray[np.object_]) -> NDArray[np.object_]:
+    """The connected parts of the union; a shape that meets no other stays as it is."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = shapely.STRtree(shapes).query(shapes, "intersects")
+    meets = coo_array((np.ones(pairs.shape[1]), pairs), shape=2 * (len(shapes),))
+    _, group = connected_components(meets, directed=False)
+    order = np.argsort(group, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+    together = [
+        shapes[members[0]] if len(members) == 1 else shapely.union_all(shapes[members])
+        for members in groups
+    ]
+    return np.asarray(shapely.get_parts(together))
+
+
+def _recognised(
+    corners: Array, grid: float, known: dict[bytes, tuple[Loop, Counter[str]]]
+) -> tuple[Placed, Counter[str]]:
+    """Recognise a ring; rings of one shape in different places are looked at once."""
+    start = int(np.lexsort(corners.T)[0])
+    turned = np.roll(corners, -start, axis=0)
+    if _area(turned) < 0:
+        turned = np.roll(turned[::-1], 1, axis=0)
+    origin = turned[0]
+    steps = np.rint((turned - origin) / (1e-3 * grid)).astype(np.int64)
+    key = steps.tobytes()
+    if key not in known:
+        known[key] = recognise(turned - origin, grid)
+    loop, counts = known[key]
+    return Placed(loop, origin), counts
+
+
+def _refuse(faults: list[Fault]) -> None:
+    fatal = [fault for fault in faults if fault.fatal]
+    if fatal:
+        more = f" (and {len(fatal) - 1} more)" if len(fatal) > 1 else ""
+        raise GeometryError(f"{fatal[0]}{more}; femnl geometry check marks them in a picture")
+
+
+def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed]]:
+    """The outer edge of what is suspended, and its free inner edges."""
+    release = regions.get("release", [])
+    frame = regions.get("frame", [])
+    held = not (release or frame)
+    steps: list[tuple[Operation, Loop]] = []
+    inner: list[Placed] = []
+    for region in regions["film"]:
+        steps.append(("add", replace(region.outer, clamped=held).there))
+        inner += [replace(placed, clamped=False) for placed in region.inner]
+    if release:
+        steps.append(("intersect", _window(release).there))
+    steps += [("subtract", region.outer.there) for region in frame]
+    inner += [replace(region.outer, clamped=False) for region in regions.get("holes", [])]
+    edge = steps[0][1] if len(steps) == 1 else _only(combine(steps)).outer
+    within, across = _sorted(edge, inner)
+    if across:
+        film = _only(combine([("add", edge), *(("subtract", p.there) for p in across)]))
+        cut = [Placed(loop, ORIGIN, False) for loop in film.inner]
+        edge = film.outer
+        within = _sorted(edge, [*within, *cut])[0]
+    return edge, within
+
+
+def _window(release: list[Drawn]) -> Placed:
+    if len(release) > 1 or release[0].inner:
+        where = place(np.array(release[-1].outer.there[0].start))
+        raise GeometryError(
+            f"release: {len(release)} pieces, one at {where}; give one closed curve, and posts on "
+            "a layer of their own"
+        )
+    return release[0].outer
+
+
+def _sorted(edge: Loop, placed: list[Placed]) -> tuple[list[Placed], list[Placed]]:
+    """Curves within an edge, and those that meet it; those beyond it are left out."""
+    if not placed:
+        return [], []
+    around = polygon(outline_of(edge))
+    shapely.prepare(around)
+    shapes = _chords(placed)
+    within = shapely.contains_properly(around, shapes)
+    meets = shapely.intersects(around, shapes) & ~within
+    return (
+        [one for one, inside in zip(placed, within, strict=True) if inside],
+        [one for one, cuts in zip(placed, meets, strict=True) if cuts],
+    )
+
+
+def _chords(placed: list[Placed]) -> NDArray[np.object_]:
+    """Polygons of curves in their places, the chords of like ones found once."""
+    drawn: dict[int, Array] = {}
+    for one in placed:
+        if id(one.loop) not in drawn:
+            drawn[id(one.loop)] = curves.polyline(outline_of(one.loop), PER_TURN)
+    return np.array([shapely.Polygon(drawn[id(one.loop)] + one.at) for one in placed])
+
+
+def _only(regions: list[Region]) -> Region:
+    if not regions:
+        raise GeometryError("film, release and holes leave no film; check the layers")
+    if len(regions) > 1:
+        sizes = [curves.area(outline_of(region.outer)) for region in regions]
+        where = "; ".join(
+            f"{size * 1e12:.4g} um² at {place(np.array(r.outer[0].start))}"
+            for size, r in list(zip(sizes, regions, strict=True))[:4]
+        )
+        raise GeometryError(
+            f"the film falls into {len(regions)} pieces: {where}; import a cell with one of them"
+        )
+    return regions[0]
+
+
+def _small_features(shape: shapely.Polygon, grid: float) -> list[Fault]:
+    """Slivers, and edges or widths that the grid does not resolve."""
+    found = []
+    points = shapely.get_coordinates(shape.exterior)
+    x0, y0, x1, y1 = shape.bounds
+    longest = max(x1 - x0, y1 - y0)
+    width = 2 * shape.area / shape.length
+    if width < SMALL * grid:
+        found.append(
+            Fault(f"feature {width * 1e9:.3g} nm wide, below the grid", _pair(points[0]), False)
+        )
+    elif width < SLIVER * longest:
+        found.append(Fault(f"sliver {width * 1e9:.3g} nm wide", _pair(points[0]), False))
+    chords = np.diff(points, axis=0)
+    lengths = np.hypot(*chords.T)
+    short = np.flatnonzero(lengths < SMALL * grid)
+    if len(short):
+        found.append(
+            Fault(
+                f"edge of {lengths[short[0]] * 1e9:.3g} nm, below the grid",
+                _pair(points[short[0]]),
+                False,
+            )
+        )
+    return found
+
+
+def _where_invalid(corners: Array) -> tuple[float, float]:
+    """The point that GEOS names, in the brackets of its explanation."""
+    reason = shapely.is_valid_reason(shapely.Polygon(corners))
+    x, y = reason.partition("[")[2].rstrip("]").split()
+    return float(x), float(y)
+
+
+def _area(corners: Array) -> float:
+    x, y = (corners - corners[0]).T
+    return float(x @ np.roll(y, -1) - np.roll(x, -1) @ y) / 2
+
+
+def _pair(point: Array) -> tuple[float, float]:
+    return float(point[0]), float(point[1])

@@ -1,0 +1,121 @@
+"""SVG through svgpathtools."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import svgpathtools
+from numpy.typing import NDArray
+
+from femnl.core.device import Segment
+from femnl.core.errors import GeometryError, one_line
+from femnl.device.geometry.quantities import LENGTH, to_si
+from femnl.device.geometry.splines import arcs_along
+from femnl.device.layout.chains import GRID, closed
+from femnl.device.layout.drawing import Drawing, Loop
+
+Array = NDArray[np.float64]
+
+PHYSICAL = ("mm", "cm", "in")
+LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
+WITHIN = GRID  # m, how far arcs may leave a Bézier curve
+ROUND = 1e-9  # relative difference up to which two half axes are one radius
+
+
+def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | None) -> Drawing:
+    """Read the paths and shapes of groups by id or label; see `readers.read_drawing`."""
+    if cell is not None:
+        raise GeometryError(one_line(f"{path}: an SVG file has no cells; leave --cell out"))
+    try:
+        document = svgpathtools.Document(str(path))
+        found = document.paths()
+    except (OSError, ElementTree.ParseError, ValueError) as error:
+        raise GeometryError(one_line(f"{path}: not a whole SVG file; export it again")) from error
+    root: Any = document.tree.getroot()
+    size = _unit(path, root, unit)
+    parents = {child: parent for parent in root.iter() for child in parent}
+    polygons = {}
+    loops = {}
+    faults = []
+    for role, layer in layers.items():
+        pieces = [
+            _chain(part, size)
+            for drawn in found
+            if layer in _names(drawn.element, parents)
+            for part in drawn.continuous_subpaths()
+        ]
+        if not pieces:
+            known = sorted({name for drawn in found for name in _names(drawn.element, parents)})
+            raise GeometryError(
+                one_line(
+                    f"{path}: group {layer} ({role}) is empty; expected one of {', '.join(known)}"
+                )
+            )
+        polygons[role], loops[role], seen = closed(pieces, f"group {layer} ({role})")
+        faults += seen
+    return Drawing(path.stem, GRID, polygons, loops, tuple(faults))
+
+
+def _unit(path: Path, root: Any, unit: str | None) -> float:
+    """The length [m] of a user unit: width over that of viewBox, where width has a unit."""
+    match = re.fullmatch(r"\s*([\d.eE+-]+)\s*(\w+)\s*", root.get("width", ""))
+    box = root.get("viewBox", "").replace(",", " ").split()
+    known = match is not None and match[2] in PHYSICAL and len(box) == 4
+    if known and unit is not None:
+        raise GeometryError(one_line(f"{path}: this file names its unit; leave --unit out"))
+    if match is not None and known:
+        return to_si(f"{match[1]} {match[2]}", LENGTH) / float(box[2])
+    if unit is None:
+        raise GeometryError(
+            one_line(f"{path}: names no unit of length; give one, such as --unit um")
+        )
+    return to_si(f"1 {unit}", LENGTH)
+
+
+def _names(element: Any, parents: Mapping[Any, Any]) -> set[str]:
+    """The ids and labels of an element and of the groups around it."""
+    found = set()
+    here = element
+    while here is not None:
+        found |= {name for name in (here.get("id"), here.get(LABEL)) if name}
+        here = parents.get(here)
+    return found
+
+
+def _chain(part: Any, size: float) -> Loop:
+    """A path as lines and arcs [m], y upwards."""
+    pieces: list[Segment] = []
+    for piece in part:
+        pieces += _segments(piece, size)
+    return tuple(pieces)
+
+
+def _segments(piece: Any, size: float) -> list[Segment]:
+    start = _at(piece.start, size)
+    end = _at(piece.end, size)
+    if isinstance(piece, svgpathtools.Line):
+        return [Segment(_pair(start), _pair(end))] if np.hypot(*(end - start)) > 0 else []
+    if isinstance(piece, svgpathtools.Arc):
+        radius = piece.radius
+        if abs(radius.real - radius.imag) <= ROUND * radius.real:
+            # What turns clockwise in SVG, whose y points down, does so upright as well
+            middle = _pair(_at(piece.center, size))
+            clockwise = piece.delta > 0
+            return [Segment(_pair(start), _pair(end), middle, clockwise=clockwise)]
+
+    def curve(place: float) -> tuple[Array, Array]:
+        along = _at(piece.derivative(place), size)
+        return _at(piece.point(place), size), along / np.hypot(*along)
+
+    return arcs_along(curve, 0.0, 1.0, WITHIN)
+
+
+def _at(point: complex, size: float) -> Array:
+    return np.array([point.real, -point.imag]) * size
+
+
+def _pair(point: Array) -> tuple[float, float]:
+    return float(point[0]), float(point[1])

@@ -1,0 +1,201 @@
+"""Sizes of elements: small at clamped edges, corners, arcs, holes and webs, growing from there."""
+
+from dataclasses import dataclass
+
+import gmsh
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.core.device import CELL, Model
+from femnl.device.geometry import curves as exact
+from femnl.device.mesh.corners import singular_corners
+from femnl.device.mesh.openings import SEGMENTS as HOLE_SEGMENTS
+from femnl.device.mesh.openings import arcs_by_radius, rim_sizes
+from femnl.device.mesh.symmetry import beyond_mirrors
+from femnl.device.mesh.webs import narrow_webs
+
+Array = NDArray[np.float64]
+
+# gmsh's geometry kernel has absolute tolerances near 1e-7: it works on coordinates scaled to this
+# many units per outline length.
+SCALE = 100.0
+TOLERANCE = 1e-6  # of a point lying on a curve, in scaled units
+
+# Element size gained per distance from the feature that asks for small elements, at resolution 1.
+# Coarser meshes grade no more steeply: what fades as a power of the distance is resolved by the
+# ratio of distances across an element, and gmsh cannot follow a size that grows faster than the
+# distance.
+GROWTH = 0.7
+# The same away from holes, whose fields fade faster than those of edges and corners
+HOLE_GROWTH = 1.0
+ELEMENTS_ACROSS = 3  # elements across the narrowest place of a strip, such as a tether
+ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
+ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
+# Times the triangles along a straight line as long, measured: the film widens away from a hole
+AROUND_HOLES = 3
+LAYER_SIZE = 1.5  # element size at clamped edges in units of the bending length ℓ = √(D/σh)
+
+
+@dataclass(frozen=True)
+class Curves:
+    """gmsh's curve tags by what they are."""
+
+    clamped: list[int]
+    free: list[int]
+    holes: list[int]
+    mirrors: tuple[list[int], list[int]]
+    rim: list[int]  # between film and overhang
+    segment: dict[int, int]  # the edge's segment that a clamped or free curve is part of
+    openings: list[int]  # free rims of openings; clamped ones are among the clamped curves
+    rims: dict[int, int]  # the opening on whose rim a curve lies
+
+
+def grade(
+    model: Model, curves: Curves, wedge: float, unit: float, resolution: float, degree: int
+) -> float:
+    """Set the element size h.
+
+    It grows linearly with the distance from clamped edges, arcs, corners, holes and narrow webs.
+
+    Args: curves: of the model that gmsh holds, scaled by `unit`. wedge: the part of it that is
+        meshed. resolution, degree: as of `mesh`.
+    Returns: about how many triangles that makes: ∫ dA / (h²√3/4), where every curve of length l
+        adds ∫ l dx / (s + g x)² = l / (s g), and every corner of angle β ∫ βr dr / (s + g r)² = β
+        (ln h/s − 1) / g².
+    """
+    sizes = _Sizes(resolution, [], [])
+    area = sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2))
+    sizes.inverse_square.append(area / sizes.largest**2)
+    _grade_rims(sizes, model, curves, unit)
+    if model.pierced:
+        _grade_webs(sizes, model, wedge, unit)
+    if model.outline.kind != CELL:
+        _grade_edges(sizes, model, curves, unit)
+        _grade_corners(sizes, model, unit, degree)
+    return sizes.set()
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """gmsh's fields of sizes as they are collected, and what each adds to ∫ dA / h²."""
+
+    resolution: float
+    fields: list[int]
+    inverse_square: list[float]
+
+    @property
+    def largest(self) -> float:
+        return SCALE / ELEMENTS_PER_LENGTH / self.resolution
+
+    @property
+    def grading(self) -> float:
+        return max(self.resolution, 1.0)
+
+    def grow(self, size: float, distance: int, growth: float) -> None:
+        """Let elements grow from a size with the distance that a field of gmsh's holds."""
+        field = gmsh.model.mesh.field
+        self.fields.append(field.add("MathEval"))
+        slope = growth / self.grading
+        field.setString(
+            self.fields[-1], "F", f"min({self.largest}, {size} + {slope} * F{distance})"
+        )
+
+    def grow_from_curves(
+        self, size: float, tags: list[int], growth: float, fan: float = 1.0
+    ) -> None:
+        """Let elements grow from curves. fan: triangles over those along a straight line."""
+        field = gmsh.model.mesh.field
+        distance = field.add("Distance")
+        lengths = [gmsh.model.occ.getMass(1, t) for t in tags]
+        self.inverse_square.append(fan * sum(lengths) * self.grading / (size * growth))
+        field.setNumbers(distance, "CurvesList", tags)
+        # gmsh measures the distance to points along the curves: two an element hide the gaps
+        # between them.
+        field.setNumber(distance, "Sampling", np.ceil(2 * max(lengths) / size))
+        self.grow(size, distance, growth)
+
+    def grow_from_points(self, size: float, tags: list[int], growth: float) -> None:
+        """Let elements grow from points."""
+        distance = gmsh.model.mesh.field.add("Distance")
+        gmsh.model.mesh.field.setNumbers(distance, "PointsList", tags)
+        self.grow(size, distance, growth)
+
+    def set(self) -> float:
+        """Hand the smallest of all sizes to gmsh; return about how many triangles it makes."""
+        field = gmsh.model.mesh.field
+        self.fields.append(field.add("MathEval"))
+        field.setString(self.fields[-1], "F", str(self.largest))
+        smallest = field.add("Min")
+        field.setNumbers(smallest, "FieldsList", self.fields)
+        field.setAsBackgroundMesh(smallest)
+        return float(4 / np.sqrt(3) * sum(self.inverse_square))
+
+
+def _grade_rims(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> None:
+    if curves.holes:
+        rim = 2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / sizes.grading
+        sizes.grow_from_curves(rim, curves.holes, HOLE_GROWTH, AROUND_HOLES)
+    free = set(curves.openings)
+    for size, tags in rim_sizes(model, curves.rims, free, unit, SCALE / ELEMENTS_PER_LENGTH):
+        sizes.grow_from_curves(size / sizes.grading, tags, HOLE_GROWTH)
+
+
+def _grade_webs(sizes: _Sizes, model: Model, wedge: float, unit: float) -> None:
+    segments = [s for opening in model.openings for s in opening.segments]
+    radii = [model.holes.radius, *(exact.radius(s) for s in segments)]
+    largest = sizes.largest / unit
+    rim = min(2 * np.pi * max(radii) / HOLE_SEGMENTS, largest)
+    if any(s.centre is None for s in segments):  # which may ask for no size themselves
+        rim = largest
+    for size, places in narrow_webs(model, rim / sizes.grading).items():
+        within = places[beyond_mirrors(places, wedge) < size]
+        tags = [gmsh.model.occ.addPoint(x, y, 0) for x, y in within * unit]
+        if tags:
+            gmsh.model.occ.synchronize()
+            sizes.grow_from_points(size * unit / sizes.grading, tags, HOLE_GROWTH)
+            # Each place stands for a square of its size
+            sizes.inverse_square.append(len(tags) * sizes.grading**2)
+
+
+def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> None:
+    layer = LAYER_SIZE * bending_length(model) * unit
+    if model.bending and curves.clamped:
+        sizes.grow_from_curves(layer / sizes.resolution, curves.clamped, GROWTH)
+    if model.overhang is not None:
+        rim = model.overhang.width * unit / ELEMENTS_ACROSS
+        size = min(layer, rim) if model.bending else rim
+        sizes.grow_from_curves(size / sizes.resolution, curves.rim, GROWTH)
+    for radius, arcs in arcs_by_radius(curves.clamped + curves.free).items():
+        size = 2 * np.pi * radius / ARC_SEGMENTS / sizes.resolution
+        sizes.grow_from_curves(size, arcs, GROWTH)
+    for index, width in enumerate(exact.widths(model.edge_outline)):
+        tags = [t for t, k in curves.segment.items() if k == index]
+        if tags and width * unit < ELEMENTS_ACROSS * sizes.largest:
+            size = width * unit / ELEMENTS_ACROSS / sizes.resolution
+            # The strip ends in its middle, where elements would grow on beyond
+            grown = GROWTH / sizes.grading * width * unit / 2
+            sizes.grow_from_curves(size, tags, GROWTH, grown / (size + grown))
+
+
+def _grade_corners(sizes: _Sizes, model: Model, unit: float, degree: int) -> None:
+    ends = {t: np.array(gmsh.model.getValue(0, t, []))[:2] for _, t in gmsh.model.getEntities(0)}
+    layer = bending_length(model)
+    for corner, angle, size in singular_corners(model, sizes.resolution, layer, degree):
+        near = [t for t, end in ends.items() if np.hypot(*(end - corner * unit)) < TOLERANCE]
+        if near:
+            sizes.grow_from_points(size * unit, near, GROWTH)
+            fan = max(np.log(sizes.largest / (size * unit)) - 1, 0.0)
+            sizes.inverse_square.append(angle * (sizes.grading / GROWTH) ** 2 * fan)
+
+
+def bending_length(model: Model) -> float:
+    """Return ℓ = √(D/σh) [m], the width of the layer that bending makes at a clamped edge.
+
+    0 without bending, L at most.
+    """
+    film = model.film
+    length = model.outline.length
+    if not model.bending:
+        return 0.0
+    squared = film.young * film.thickness**2 / 12 / (1 - film.poisson**2)
+    return float(length if film.stress * length**2 <= squared else np.sqrt(squared / film.stress))

@@ -1,0 +1,122 @@
+"""`femnl geometry`: layouts to geometries and back, and pictures of what is wrong."""
+
+from pathlib import Path
+
+import gdstk
+import pytest
+from matplotlib.image import imread
+
+from femnl.cli._main import run
+from tests.unit.layouts import box, from_points, trampoline, write
+
+LAYERS = ["--layers", "film=1/0,release=3/0,holes=2/0"]
+WRONG = """name = "wrong"
+[outline]
+kind = "square"
+side = "100 um"
+[[holes]]
+lattice = "list"
+centres = [["0 um", "0 um"], ["49 um", "10 um"]]
+radius = "3 um"
+[[holes]]
+lattice = "list"
+centres = [["4 um", "0 um"]]
+shape = {kind = "square", side = "5 um"}
+[film]
+thickness = "50 nm"
+young = "250 GPa"
+poisson = 0.23
+density = "3100 kg/m^3"
+stress = "1 GPa"
+"""
+
+
+@pytest.fixture(autouse=True)
+def _own_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def orange(picture: str) -> int:
+    """How many pixels have the colour of the marks, #D55E00."""
+    red, green, blue = (imread(picture)[..., k] for k in range(3))
+    return int(((abs(red - 0.835) < 0.05) & (abs(green - 0.369) < 0.05) & (blue < 0.05)).sum())
+
+
+def test_a_layout_is_imported_exported_and_imported_again(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    write(Path("chip.gds"), *trampoline())
+    assert run(["geometry", "import", "chip.gds", "one.toml", *LAYERS]) == 0
+    assert "recognised 12 fillets drawn as chords" in capsys.readouterr().err
+    assert run(["geometry", "export", "one.toml", "back.oas"]) == 0
+    assert "--layers film=1/0,holes=2/0,frame=3/0" in capsys.readouterr().err
+    words = ["back.oas", "two.toml", "--layers", "film=1/0,holes=2/0,frame=3/0"]
+    assert run(["geometry", "import", *words]) == 0
+    one, two = (Path(f"{name}.toml").read_text(encoding="utf-8") for name in ("one", "two"))
+    assert one.replace("chip.gds", "back.oas") == two
+
+
+def test_a_sound_geometry_is_drawn_with_its_compression(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(["geometry", "check", "trampoline"]) == 0
+    out = capsys.readouterr().out
+    # Four edges a tether, and two fillets
+    assert "24 pieces, 4 of them clamped" in out
+    assert "a quarter is solved" in out
+    assert "MPa at (" in out
+    assert orange("trampoline.png") > 100
+    assert run(["geometry", "check", "circle"]) == 0
+    assert "compression after release  none" in capsys.readouterr().out
+    assert orange("circle.png") == 0
+
+
+def test_a_wrong_geometry_is_drawn_with_every_fault_marked(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("wrong.toml").write_text(WRONG, encoding="utf-8")
+    assert run(["geometry", "check", "wrong.toml"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "wrote wrong.png"
+    assert "hole 2 at (49, 10) um of radius 3 um cuts the outline" in lines[1]
+    assert "opening 1 at (4, 0) um of 5 um and the round hole 1 at (0, 0) um" in lines[2]
+    both = orange("wrong.png")
+    Path("one.toml").write_text(WRONG.replace('["49 um", "10 um"]', '["30 um", "10 um"]'))
+    assert run(["geometry", "check", "one.toml"]) == 2
+    assert 1.6 * orange("one.png") < both < 2.4 * orange("one.png")
+
+
+def test_a_wrong_layout_is_drawn_with_its_faults(capsys: pytest.CaptureFixture[str]) -> None:
+    path = gdstk.FlexPath([(7, 8), (20, 8)], 0, layer=2, simple_path=True)
+    bow = from_points([(200, 0), (300, 0), (200, 100), (300, 100)])
+    library = gdstk.Library()
+    library.new_cell("DEVICE").add(box(100, 100), bow, path)
+    library.write_gds("bad.gds")
+    assert run(["geometry", "check", "bad.gds", "--layers", "film=1/0,holes=2/0"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "open path on layer 2/0 (holes) at (7, 8) um"
+    assert lines[1] == "self-intersection (film) at (250, 50) um"
+    assert lines[2] == "wrote bad.png"
+    assert lines[3].startswith("femnl: bad.gds: open path on layer 2/0 (holes) at (7, 8) um")
+    assert orange("bad.png") > 100
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["check", "chip.gds"], "femnl: chip.gds: --layers is missing; write e.g."),
+        (["check", "circl"], "femnl: circl: neither a shipped geometry nor a file; did you mean"),
+        (["import", "chip.gds", "a.txt", *LAYERS], "femnl: a.txt: expected a name that ends in"),
+        (["import", "no.gds", "a.toml", *LAYERS], "femnl: no.gds: no such file; check the path"),
+        (["export", "circle", "a.png"], "femnl: a.png: expected a name that ends in .gds or .oas"),
+        (["export", "circle"], "femnl: Missing argument 'dest'"),
+        (["mend", "circle"], "femnl: No such command 'mend'"),
+    ],
+)
+def test_wrong_requests_are_met_with_one_line(
+    words: list[str], line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(Path("chip.gds"), *trampoline())
+    assert run(["geometry", *words]) == 2
+    (said,) = capsys.readouterr().err.splitlines()
+    assert said.startswith(line)

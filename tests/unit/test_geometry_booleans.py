@@ -1,0 +1,121 @@
+"""Unions, differences and intersections keep areas, curves and clamps."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from femnl.core.device import Outline, Segment
+from femnl.device.geometry import curves
+from femnl.device.geometry.booleans import Operation, Region, combine
+from femnl.device.geometry.corners import loop
+from femnl.device.geometry.placing import held, placed
+from femnl.device.geometry.shapes import ellipse
+from femnl.device.geometry.splines import spline
+
+Loop = tuple[Segment, ...]
+ROUNDS = settings(derandomize=True, database=None, deadline=None, max_examples=80)
+PLACES = st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
+
+
+def box(width: float, height: float) -> Loop:
+    x = width / 2
+    y = height / 2
+    return loop(np.array([(-x, -y), (x, -y), (x, y), (-x, y)]))
+
+
+def outline(segments: Loop) -> Outline:
+    return Outline("", segments, None, 1.0)
+
+
+def area(region: Region) -> float:
+    return curves.area(outline(region.outer)) - sum(curves.area(outline(i)) for i in region.inner)
+
+
+def total(operation: Operation, one: Loop, other: Loop) -> float:
+    return sum(area(region) for region in combine([("add", one), (operation, other)]))
+
+
+@st.composite
+def shapes(draw: st.DrawFn) -> Loop:
+    kind = draw(st.sampled_from(["box", "circle", "ellipse"]))
+    a = draw(st.floats(0.3, 2))
+    b = draw(st.floats(0.3, 2))
+    made = box(a, b)
+    if kind != "box":
+        made = ellipse((0.0, 0.0), (a / 2, a / 2 if kind == "circle" else b / 2))
+    angle = draw(st.floats(0, 3))
+    return placed(outline(made), draw(PLACES), angle).segments
+
+
+@ROUNDS
+@given(shapes(), shapes())
+def test_areas_add_up(one: Loop, other: Loop) -> None:
+    areas = [curves.area(outline(s)) for s in (one, other)]
+    union = total("add", one, other)
+    both = total("intersect", one, other)
+    rest = total("subtract", one, other)
+    # Slits thinner than the chords show are no area of either
+    assert union + both == pytest.approx(sum(areas), rel=1e-4)
+    assert rest + both == pytest.approx(areas[0], rel=1e-4)
+    assume(both > 1e-3 and rest > 1e-3)
+    assert union + both == pytest.approx(sum(areas), rel=1e-9)
+    assert rest + both == pytest.approx(areas[0], rel=1e-9)
+
+
+@ROUNDS
+@given(shapes(), shapes())
+def test_what_remains_is_closed_and_lies_on_the_curves(one: Loop, other: Loop) -> None:
+    for region in combine([("add", one), ("add", other)]):
+        for ring in (region.outer, *region.inner):
+            after = ring[1:] + ring[:1]
+            assert all(a.end == b.start for a, b in zip(ring, after, strict=True))
+            assert curves.area(outline(ring)) > 0
+            points = np.concatenate([curves.point_at(s, [0.0, 0.3, 0.7]) for s in ring])
+            gaps = np.minimum(
+                curves.distance(outline(one), points), curves.distance(outline(other), points)
+            )
+            assert gaps.max() < 1e-7
+
+
+def test_a_ring_keeps_its_hole() -> None:
+    (region,) = combine(
+        [("add", ellipse((0.0, 0.0), (1.0, 1.0))), ("subtract", ellipse((0.1, 0.0), (0.5, 0.5)))]
+    )
+    assert len(region.inner) == 1
+    assert area(region) == pytest.approx(np.pi * 0.75, rel=1e-12)
+
+
+def test_where_edges_coincide_the_clamp_wins() -> None:
+    free = held(outline(box(2, 1)), False).segments
+    (region,) = combine([("add", free), ("intersect", box(1, 1))])
+    assert all(s.clamped for s in region.outer)
+    (other,) = combine([("add", free), ("intersect", box(1, 3))])
+    assert sorted(s.clamped for s in other.outer) == [False, False, True, True]
+
+
+def test_a_line_that_touches_an_arc_meets_it_at_its_end() -> None:
+    slot = [box(2, 1), *(ellipse((x, 0.0), (0.5, 0.5)) for x in (-1.0, 1.0))]
+    turned = [placed(outline(part), (0.3, 0.1), 0.7).segments for part in slot]
+    (region,) = combine([("add", part) for part in turned])
+    assert area(region) == pytest.approx(2 + np.pi / 4, rel=1e-12)
+    assert outline(region.outer).corners == ()
+
+
+@pytest.mark.parametrize("points", [5, 8, 20])
+def test_a_spline_through_a_circle_is_smooth_and_nearly_round(points: int) -> None:
+    angle = 2 * np.pi * np.arange(points) / points
+    found = outline(spline(np.stack([np.cos(angle), np.sin(angle)], axis=1)))
+    assert found.corners == ()
+    # A cubic spline errs as the fourth power of the spacing
+    radii = np.hypot(*curves.polyline(found, 720).T)
+    assert np.abs(radii - 1).max() < 0.02 * (5 / points) ** 4 + 2e-6
+
+
+def test_a_spline_passes_through_its_points_either_way_round() -> None:
+    points = np.array([(1.0, 0.0), (0.2, 0.9), (-1.0, 0.3), (0.0, -0.5)])
+    one = outline(spline(points))
+    other = outline(spline(points[::-1]))
+    assert curves.distance(one, points).max() < 1e-12
+    assert curves.area(one) == pytest.approx(-curves.area(other), rel=1e-6)
+    assert one.corners == other.corners == ()
