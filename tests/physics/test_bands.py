@@ -217,7 +217,7 @@ def test_cells_with_two_unequal_mirrors_take_waves_along_both() -> None:
     row, column = np.meshgrid(np.arange(6), np.arange(6))
     board = 20.0 * np.stack([row.ravel(), column.ravel()], axis=1) - 50.0
     device = lattice_device(board, 1.0, board[:0], 1.0)
-    oval = ellipse((0.0, 0.0), (8e-6, 3e-6))
+    oval = ellipse((0.0, 0.0), (8e-6, 3e-6), clamped=False)
     openings = tuple(
         Outline("ellipse", tuple(moved(s, place * 1e-6) for s in oval), None, 16e-6)
         for place in board

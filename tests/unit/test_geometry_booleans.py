@@ -1,5 +1,7 @@
 """Unions, differences and intersections keep areas, curves and clamps."""
 
+import tomllib
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -10,8 +12,10 @@ from femnl.device.geometry import curves
 from femnl.device.geometry.booleans import Operation, Region, combine
 from femnl.device.geometry.corners import loop
 from femnl.device.geometry.placing import held, placed
+from femnl.device.geometry.schema import GeometryFile
 from femnl.device.geometry.shapes import ellipse
 from femnl.device.geometry.splines import spline
+from femnl.sweep.axes import put
 
 Loop = tuple[Segment, ...]
 ROUNDS = settings(derandomize=True, database=None, deadline=None, max_examples=80)
@@ -119,3 +123,37 @@ def test_a_spline_passes_through_its_points_either_way_round() -> None:
     assert curves.distance(one, points).max() < 1e-12
     assert curves.area(one) == pytest.approx(-curves.area(other), rel=1e-6)
     assert one.corners == other.corners == ()
+
+
+def test_every_number_of_a_combined_shape_can_vary_in_a_sweep() -> None:
+    text = """name = "any"
+[outline]
+kind = "combined"
+[[outline.parts]]
+shape = {kind = "square", side = "100 um"}
+[[outline.parts]]
+shape = {kind = "circle", diameter = "60 um"}
+at = ["50 um", "0 um"]
+[[holes]]
+lattice = "rectangular"
+pitch = ["20 um", "10 um"]
+count = [2, 2]
+shape = {kind = "rectangle", width = "6 um", height = "4 um", fillet = "1 um"}
+[film]
+thickness = "50 nm"
+young = "250 GPa"
+poisson = 0.23
+density = "3100 kg/m^3"
+stress = "1 GPa"
+"""
+    varied = {
+        "outline.parts.2.at": ["60 um", "0 um"],
+        "outline.parts.1.shape.side": "120 um",
+        "holes.1.shape.fillet": "2 um",
+    }
+    tables = put(tomllib.loads(text), varied)
+    model = GeometryFile.model_validate(tables).build("")
+    x0, y0, x1, y1 = curves.box(model.outline)
+    assert [x0, y0, x1, y1] == pytest.approx([-60e-6, -60e-6, 90e-6, 60e-6])
+    fillets = {round(float(s.frame[0, 0]) * 1e6, 9) for s in model.openings[0].segments if s.centre}
+    assert fillets == {2.0}

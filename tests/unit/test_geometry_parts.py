@@ -127,6 +127,19 @@ def test_petals_of_a_ring_point_away_from_its_middle() -> None:
     )
 
 
+def test_slots_of_a_ring_turn_with_it() -> None:
+    slot = 'shape = {kind = "rectangle", width = "80 um", height = "20 um", fillet = "10 um"}\n'
+    table = 'lattice = "ring"\ncount = 5\ndistance = "100 um"\n' + slot
+    model = parse(holes(table))
+    assert len(model.openings) == 5
+    for k, opening in enumerate(model.openings):
+        ray = np.array([np.cos(2 * np.pi * k / 5), np.sin(2 * np.pi * k / 5)])
+        ends = np.array([60e-6 * ray, 140e-6 * ray])
+        np.testing.assert_allclose(curves.distance(opening, ends), 0, atol=1e-15)
+        assert curves.area(opening) == pytest.approx(60e-6 * 20e-6 + np.pi * 10e-6**2)
+    assert has_symmetry(model, WEDGES["half"])
+
+
 @pytest.mark.parametrize(
     "name",
     [
@@ -160,6 +173,10 @@ def test_shipped_parts_are_solved_by_quarters(name: str) -> None:
         (
             holes('lattice = "honeycomb"\npitch = "100 um"\nradius = "30 um"\ncount = [3, 3]'),
             '[holes] pitch = "100 um": holes overlap or touch, the pitch of a honeycomb',
+        ),
+        (
+            web() + '[holes]\nlattice = "list"\ncentres = [["97 um", "0 um"]]\nradius = "3.5 um"\n',
+            "[holes] opening 1 at (60.3981, 34.59) um of 72.39 um and the round hole 1 at",
         ),
         (
             holes('lattice = "ring"\ncount = 12\ndistance = "50 um"\nradius = "20 um"'),

@@ -16,11 +16,9 @@ import femnl
 from femnl.core.device import Model
 from femnl.core.errors import GeometryError, MissingLibraryError, ParameterError
 from femnl.device.geometry import curves, load
-from femnl.device.geometry.schema import GeometryFile
 from femnl.device.layout import Imported, export_layout, import_layout, read_layers
 from femnl.device.layout.recognise import circle_of, recognise
 from femnl.device.mesh import mesh
-from femnl.sweep.axes import put
 from tests.unit.layouts import box, circle, from_points, trampoline, write
 
 LAYERS = "film=1/0,release=3/0,holes=2/0"
@@ -88,12 +86,13 @@ def ends(model: Model) -> Any:
     return np.concatenate([curves.point_at(s, [0.0, 0.5]) for s in model.outline.segments])
 
 
-@pytest.mark.parametrize("name", ["circle", "hexagon-278um", "trampoline"])
+@pytest.mark.parametrize("name", ["circle", "hexagon-278um", "trampoline", "spider-web"])
 def test_frequencies_survive_a_round_trip(tmp_path: Path, name: str) -> None:
     before = load(name)
     path = tmp_path / "a.gds"
     notes = export_layout(before, path)
-    after = imported(path, notes[0].removeprefix("--layers ")).model
+    drawn = imported(path, notes[0].removeprefix("--layers ")).model
+    after = replace(drawn, film=before.film)  # which no layout holds
     one, other = (
         femnl.solve_modes(m, 6, symmetry="quarter", cache=False).frequency for m in (before, after)
     )
@@ -374,37 +373,3 @@ def test_a_drawing_is_symmetric_to_its_grid_and_its_pairs_stay_degenerate(tmp_pa
     assert mesh(replace(model, grid=0.0)).copies == 1
     modes = femnl.solve_modes(model, 3, cache=False)
     assert modes.frequency[1] == pytest.approx(modes.frequency[2], rel=1e-12)
-
-
-def test_every_number_of_a_combined_shape_can_vary_in_a_sweep() -> None:
-    text = """name = "any"
-[outline]
-kind = "combined"
-[[outline.parts]]
-shape = {kind = "square", side = "100 um"}
-[[outline.parts]]
-shape = {kind = "circle", diameter = "60 um"}
-at = ["50 um", "0 um"]
-[[holes]]
-lattice = "rectangular"
-pitch = ["20 um", "10 um"]
-count = [2, 2]
-shape = {kind = "rectangle", width = "6 um", height = "4 um", fillet = "1 um"}
-[film]
-thickness = "50 nm"
-young = "250 GPa"
-poisson = 0.23
-density = "3100 kg/m^3"
-stress = "1 GPa"
-"""
-    varied = {
-        "outline.parts.2.at": ["60 um", "0 um"],
-        "outline.parts.1.shape.side": "120 um",
-        "holes.1.shape.fillet": "2 um",
-    }
-    tables = put(tomllib.loads(text), varied)
-    model = GeometryFile.model_validate(tables).build("")
-    x0, y0, x1, y1 = curves.box(model.outline)
-    assert [x0, y0, x1, y1] == pytest.approx([-60e-6, -60e-6, 90e-6, 60e-6])
-    fillets = {round(float(s.frame[0, 0]) * 1e6, 9) for s in model.openings[0].segments if s.centre}
-    assert fillets == {2.0}

@@ -127,8 +127,9 @@ def _runs(points: Array, tolerance: float, grid: float) -> list[_Run]:
     before = np.roll(along, 1, axis=0)
     turn = np.arctan2(_cross(before, along), np.sum(before * along, axis=1))
     gentle = np.abs(turn) <= WIDEST + 2 * tolerance / np.hypot(*along.T)
-    # Where all corners are gentle, any of them begins; else one after a sharp corner
-    offset = 0 if gentle.all() else int(np.flatnonzero(~gentle)[0])
+    # No arc runs past a sharp corner or, where all are gentle, past the longest straight edge
+    sharp = np.flatnonzero(~gentle)
+    offset = int(sharp[0]) if len(sharp) else int(np.argmax(np.hypot(*along.T)) + 1) % number
     found = []
     k = offset
     while k + FEWEST <= offset + number:
