@@ -13,6 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from stat import S_ISREG
 
 import numpy as np
 
@@ -26,9 +27,13 @@ ADDRESS = 6 * 2**30
 """Address space, which keeps a case from taking the machine down."""
 LONGEST = 2000
 """Characters of a line that a user is shown."""
-NOTES = ("femnl: ", "repaired: ", "wrote ")
+STRANGE = re.compile(r"^\w*(Error|Exception|Warning)\b|Warning: |HDF5-DIAG|^Error")
+"""Lines that speak of a program's inside and not of what a user can mend."""
 UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\udc80-\udcff]")
 """What no terminal may get: control characters, escapes and overrides of direction."""
+
+SHELL = "!"
+"""The first of two words, of which the second is a line for a shell."""
 
 Make = Callable[[np.random.Generator, Path], list[str]]
 """Writes the files of a case into a folder and returns the words of the command."""
@@ -58,6 +63,7 @@ def run_case(kind: str, seed: int, make: Make, cache: Path) -> Result:
         out = Path(name) / "out"
         err = Path(name) / "err"
         began = time.monotonic()
+        before = time.time()
         child = os.fork()
         if child == 0:
             _serve(words, folder, out, err, cache)
@@ -67,8 +73,17 @@ def run_case(kind: str, seed: int, make: Make, cache: Path) -> Result:
         told = err.read_text(encoding="utf-8", errors="surrogateescape")
         said = out.read_text(encoding="utf-8", errors="surrogateescape")
         faults = _faults(status, told, said, memory, hung=hung)
+        if any(_open_to_others(path, before) for path in folder.rglob("*")):
+            faults = (*faults, "umask")
         _clear(folder)
     return Result(kind, seed, tuple(words), status, seconds, memory, faults, told[-1500:])
+
+
+def _open_to_others(path: Path, before: float) -> bool:
+    """Whether a file that was made since is readable by others, whom the umask shuts out."""
+    found = path.lstat()
+    made = S_ISREG(found.st_mode) and found.st_mtime > before
+    return made and bool(found.st_mode & 0o077)
 
 
 def _clear(folder: Path) -> None:
@@ -90,9 +105,12 @@ def _serve(words: list[str], folder: Path, out: Path, err: Path, cache: Path) ->
         sys.stdout = os.fdopen(1, "w", encoding="utf-8")
         sys.stderr = os.fdopen(2, "w", encoding="utf-8", errors="backslashreplace")
         os.chdir(folder)
+        os.umask(0o077)
         os.environ["XDG_CACHE_HOME"] = str(cache)
         resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
         resource.setrlimit(resource.RLIMIT_AS, (ADDRESS, ADDRESS))
+        if words[0] == SHELL:
+            os.execvp("sh", ["sh", "-c", words[1]])
         from femnl.cli._main import run
 
         status = run(words)
@@ -140,10 +158,9 @@ def _faults(status: int, told: str, said: str, memory: float, *, hung: bool) -> 
         found.append("memory")
     if "traceback" in found:
         return tuple(found)
-    lines = told.split("\n")[:-1] if told.endswith("\n") else told.split("\n")
-    strange = [line for line in lines if line and not line.startswith(NOTES)]
+    lines = told.split("\n")
     refusals = [line for line in lines if line.startswith("femnl: ")]
-    if strange or (status == 2 and len(refusals) != 1):
+    if any(STRANGE.search(line) for line in lines) or (status == 2 and len(refusals) != 1):
         found.append("lines")
     if any(len(line) > LONGEST for line in lines):
         found.append("long")
