@@ -7,10 +7,12 @@ import numpy as np
 
 from tests.robust.hostile.files import Array, drum, measurement, pick, resonance
 
-LEVELS = [0.0, 1.0, -1.0, 5e-324, 1e-300, -1e-300, 1e-160, 1e150, 1e300, -1e300, 1.79e308, np.nan]
+BEYOND = [5e-324, 1e-300, -1e-300, 1e-160, 1e150, 1e300, -1e300, 1.79e308]
+WITHIN = [0.0, 0.0, 1.0, -1.0, 1e-29, 1e-12, -1e-12, 1e12, 1e29, -1e29, np.nan]
+LEVELS = [*BEYOND, *WITHIN, *WITHIN]
 SD = [0.0, 5e-324, 1e-300, 1e-12, 1.0, 1e300, 1.79e308, np.nan, np.inf, -1.0]
 
-SIZES = [5e-324, 1e-300, 1e-12, 1.0, 1.0, 1e300, 1.79e308]
+SIZES = [5e-324, 1e300, 1e-29, 1e-12, 1e-3, 1.0, 1.0, 1e12, 1e29]
 
 
 def values(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
@@ -36,7 +38,7 @@ def values(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
 def positive(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
     """Return hostile values of the only sign that a file may have."""
     found = np.abs(values(rng, shape))
-    return np.where(found == 0, pick(rng, [5e-324, 1e-300, 1.0]), found)
+    return np.where(found == 0, pick(rng, [1e-300, 1e-29, 1.0]), found)
 
 
 def signal(rng: np.random.Generator, plain: Array) -> Array:
@@ -44,7 +46,7 @@ def signal(rng: np.random.Generator, plain: Array) -> Array:
     if rng.random() < 0.5:
         return values(rng, plain.shape)
     with np.errstate(all="ignore"):
-        return np.asarray(plain * pick(rng, LEVELS) / pick(rng, [1.0, 1e-3, 1e300]))
+        return np.asarray(plain * pick(rng, LEVELS) / pick(rng, [1.0, 1e-3, 1e25]))
 
 
 def axis(rng: np.random.Generator, count: int, low: float, high: float) -> Array:
@@ -61,7 +63,7 @@ def axis(rng: np.random.Generator, count: int, low: float, high: float) -> Array
 
 def attributes(rng: np.random.Generator, names: list[str]) -> dict[str, Any]:
     """Return some attributes, vast and tiny ones among them."""
-    usual = [1e-300, 1e-6, 1e-3, 1.0, 1e6, 1e300]
+    usual = [1e-29, 1e-6, 1e-3, 1.0, 1e6, 1e29]
     odd = rng.random() < 0.1
     return {name: pick(rng, SD if odd else usual) for name in names if rng.random() < 0.5}
 
