@@ -8,6 +8,8 @@ from io import TextIOWrapper
 from threading import Thread
 from time import sleep
 
+from femnl.core.errors import leave_out_warnings_of_numbers
+
 __all__ = ["main"]
 
 INTERRUPTED = 130
@@ -21,6 +23,7 @@ def main() -> None:
     0 done, 2 the request cannot be met, 130 interrupted.
     """
     _need_streams()
+    leave_out_warnings_of_numbers()
     Thread(target=_stop_what_cannot_hear, args=(_signals(),), daemon=True).start()
     try:
         # Loaded here, so that an interrupt while libraries load is met like any other.

@@ -35,9 +35,7 @@ def run(words: list[str]) -> int:
     chosen.set("text")
     warn_in_lines()
     logging.getLogger("femnl.progress").addHandler(PROGRESS)
-    logging.getLogger("femnl.progress").setLevel(
-        logging.INFO if sys.stderr.isatty() else logging.WARNING
-    )
+    logging.getLogger("femnl.progress").setLevel(logging.INFO)
     command = typer.main.get_command(_app(words))
     try:
         status = command.main(words, prog_name="femnl", standalone_mode=False)

@@ -6,6 +6,7 @@ import json
 import logging
 import math
 import sys
+import time
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 SENTENCE = 40
 """Characters of a cell from which on its column wraps, so that the short ones keep theirs."""
+QUIET = 30.0
+"""Seconds without a word where progress is not shown on a terminal."""
 CLEAR = "\r\x1b[K"  # of a terminal: to the start of the line, and empty it
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -68,13 +71,23 @@ def note(text: str) -> None:
 class Progress(logging.Handler):
     """The step that femnl works on, in the last line of a terminal.
 
-    The next step, or a result, takes its place.
+    The next step, or a result, takes its place. Where there is no terminal, a step is told in a
+    line of its own after each QUIET seconds.
     """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._told = time.monotonic()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show what the logger femnl.progress tells."""
-        sys.stderr.write(f"{CLEAR}{one_line(record.getMessage())} …")
-        sys.stderr.flush()
+        step = f"{one_line(record.getMessage())} …"
+        if sys.stderr.isatty():
+            sys.stderr.write(f"{CLEAR}{step}")
+            sys.stderr.flush()
+        elif time.monotonic() - self._told > QUIET:
+            self._told = time.monotonic()
+            note(step)
 
 
 def clear() -> None:

@@ -4,6 +4,10 @@ Each names what is wrong, the value found, and which setting to change.
 """
 
 import logging
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 LONGEST = 1000
 """Characters of a line for people; of a longer text, begin and end are shown."""
@@ -69,3 +73,28 @@ def warn_in_lines() -> None:
     shown = logging.StreamHandler()
     shown.setFormatter(_OneLine("femnl: %(message)s"))
     logging.basicConfig(handlers=[shown], level=logging.WARNING)
+
+
+def leave_out_warnings_of_numbers() -> None:
+    """Leave out NumPy's warnings of numbers that overflow, which no user can mend.
+
+    What uses such numbers refuses them. An option -W of Python brings the warnings back.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore", RuntimeWarning)
+
+
+@contextmanager
+def numbers_of(what: str) -> Iterator[None]:
+    """Say of which data a computation broke down over numbers that no step of it foresees.
+
+    Raises: ConvergenceError in the place of overflows, divisions by zero, and what linear algebra
+    and optimisers say of numbers that are not finite.
+    """
+    try:
+        yield
+    except (ArithmeticError, ValueError) as error:
+        raise ConvergenceError(
+            f"{what}: the computation breaks down on these numbers ({error}); look at them with "
+            "femnl show, and leave out what is constant or out of proportion"
+        ) from error

@@ -18,7 +18,9 @@ from stat import S_ISREG
 import numpy as np
 
 SECONDS = 60
-"""Processor time that a case may take; the issue calls more a hang."""
+"""Processor time that a case may take without a word; more is a hang."""
+PATIENCE = 75
+"""Processor time after which a case is ended though it tells what it does."""
 WALL = 150.0
 """Seconds after which a case is ended that takes no processor time."""
 MEBIBYTES = 2048
@@ -72,7 +74,7 @@ def run_case(kind: str, seed: int, make: Make, cache: Path) -> Result:
         memory = usage.ru_maxrss / 1024
         told = err.read_text(encoding="utf-8", errors="surrogateescape")
         said = out.read_text(encoding="utf-8", errors="surrogateescape")
-        faults = _faults(status, told, said, memory, hung=hung)
+        faults = _faults(status, told, said, memory, seconds, hung=hung)
         if any(_open_to_others(path, before) for path in folder.rglob("*")):
             faults = (*faults, "umask")
         _clear(folder)
@@ -107,14 +109,14 @@ def _serve(words: list[str], folder: Path, out: Path, err: Path, cache: Path) ->
         os.chdir(folder)
         os.umask(0o077)
         os.environ["XDG_CACHE_HOME"] = str(cache)
-        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
+        resource.setrlimit(resource.RLIMIT_CPU, (PATIENCE, PATIENCE + 5))
         resource.setrlimit(resource.RLIMIT_AS, (ADDRESS, ADDRESS))
         if words[0] == SHELL:
             os.execvp("sh", ["sh", "-c", words[1]])
-        from femnl.cli._main import run
+        from femnl.cli import main
 
-        status = run(words)
-        sys.stdout.flush()
+        sys.argv = ["femnl", *words]
+        main()
     except SystemExit as error:
         status = error.code if isinstance(error.code, int) else 1
     except BaseException:  # what a user would see as a traceback is what is looked for
@@ -145,15 +147,21 @@ def _wait(child: int, began: float) -> tuple[int, resource.struct_rusage, bool]:
     return status, usage, hung or status in (-signal.SIGXCPU, -signal.SIGKILL)
 
 
-def _faults(status: int, told: str, said: str, memory: float, *, hung: bool) -> tuple[str, ...]:
+def _faults(
+    status: int, told: str, said: str, memory: float, seconds: float, *, hung: bool
+) -> tuple[str, ...]:
     """Return what is wrong with how a command ended."""
     found = []
     if "Traceback" in told or "Traceback" in said:
         found.append("traceback")
-    elif hung:
+    elif seconds > SECONDS and not told:
         found.append("hang")
+    elif hung:
+        found.append("slow" if status == -signal.SIGXCPU else "hang")
     elif status not in (0, 2):
         found.append(f"status {status}")
+    if "breaks down on these numbers" in told:
+        found.append("net")
     if memory > MEBIBYTES or "the memory is full" in told:
         found.append("memory")
     if "traceback" in found:
