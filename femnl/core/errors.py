@@ -71,6 +71,7 @@ class _OneLine(logging.Formatter):
 def warn_in_lines() -> None:
     """Let warnings of femnl go to standard error, each a line."""
     shown = logging.StreamHandler()
+    shown.setLevel(logging.WARNING)
     shown.setFormatter(_OneLine("femnl: %(message)s"))
     logging.basicConfig(handlers=[shown], level=logging.WARNING)
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from femnl.core.errors import numbers_of
 from femnl.core.kinds import function, kind_of
 from femnl.observe.decay.record import decibels
-from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters, prefixed, style
+from femnl.plot.style import COLOURS, INK, as_written, axis_label, new_figure, panel_letters, prefixed, style
 
 _CLOSE = 0.035  # of the axis: labels of lines nearer than this share one place
 
@@ -96,7 +96,7 @@ def _label_lines(
         else:
             clusters.append([int(index)])
     for cluster in clusters:
-        words = "\n".join(f"({labels[index]})" for index in cluster if labels[index])
+        words = "\n".join(f"({as_written(labels[index])})" for index in cluster if labels[index])
         axes.annotate(
             words,
             (float(np.mean(x[cluster])), float(np.max(y[cluster]))),

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import xarray as xr
@@ -12,7 +13,8 @@ from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import quantity, response
 
-LARGEST = 2**30  # bytes of a text file
+T = TypeVar("T")
+LARGEST = 2**30  # bytes of a file
 RMS = float(np.sqrt(2))  # amplitude over root mean square of a sine
 
 Sweep = tuple[NDArray[np.float64], NDArray[np.complex128]]
@@ -45,16 +47,35 @@ def head(path: Path, size: int = 512) -> bytes:
         ) from None
 
 
+def need_size(path: Path, remedy: str) -> None:
+    """Refuse a file that is larger than any format allows. Raises: MeasurementError."""
+    size = path.stat().st_size
+    if size > LARGEST:
+        raise MeasurementError(
+            f"{path}: {size / 2**30:.1f} GiB, more than {LARGEST / 2**30:g}; {remedy}"
+        )
+
+
+def undamaged(path: Path, what: str, read: Callable[[], T]) -> T:
+    """Run a library's reader on a file of a stranger.
+
+    Raises: MeasurementError, which names the file and what it should be, in the place of anything
+    that damage makes the reader stumble over: each has other exceptions, and none lists them.
+    """
+    try:
+        return read()
+    except Exception as error:
+        raise MeasurementError(
+            f"{path}: damaged, or not a {what} ({str(error)[:80]}); save it again"
+        ) from error
+
+
 def text_lines(path: Path) -> list[str]:
     """The lines of a text file of bounded size.
 
     Raises: MeasurementError if it is too large or not text.
     """
-    if path.stat().st_size > LARGEST:
-        raise MeasurementError(
-            f"{path}: {path.stat().st_size / 2**30:.1f} GiB of text, more than "
-            f"{LARGEST / 2**30:g}; split it"
-        )
+    need_size(path, "split it")
     try:
         return path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:

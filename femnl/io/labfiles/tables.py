@@ -107,19 +107,23 @@ def _numbers(values: NDArray[Any], unit: str, si: str, where: str) -> NDArray[An
     if values.dtype.kind == "c":
         return to_si(values.real, unit, si, where) + 1j * to_si(values.imag, unit, si, where)
     if values.dtype.kind not in "iuf":
-        bad = next(str(value) for value in values.ravel() if not _is_number(value))
+        bad = next((str(value) for value in values.ravel() if not _is_number(value)), "")
         raise MeasurementError(
             f"{where}: {bad[:30]!r} is not a number; correct that row or mark it as NaN"
+            if bad
+            else f"{where}: holds {values.dtype} and no numbers; save them as such"
         )
     return to_si(values, unit, si, where)
 
 
 def _is_number(value: object) -> bool:
+    """Whether a value is a number as tables write it; Python also reads 1_000 and other digits."""
+    text = str(value)
     try:
-        float(str(value))
+        float(text)
     except ValueError:
         return False
-    return True
+    return text.isascii() and "_" not in text
 
 
 def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[str]]:
@@ -131,6 +135,7 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
     Returns: the Dataset and notes. Raises: MeasurementError.
     """
     columns = dict(columns)
+    _refuse_lengths(columns, where)
     if spec.kind == "decay":
         return _decay(spec, columns, where), []
     _refuse_unused(spec, columns, where)
@@ -142,6 +147,18 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
     if spec.kind == "map":
         return _map(spec, columns, where), []
     return _trace(spec, columns, where)
+
+
+def _refuse_lengths(columns: Columns, where: str) -> None:
+    """Refuse plain columns of unequal length, and such without a row."""
+    plain = {name: len(values) for name, values in columns.items() if values.ndim == 1}
+    if len(plain) < len(columns):  # arrays in the shape of the contract, which checks them
+        return
+    if len(set(plain.values())) > 1:
+        told = ", ".join(f"{name} has {length}" for name, length in plain.items())
+        raise MeasurementError(f"{where}: columns of unequal length: {told}; save them alike")
+    if columns and not any(plain.values()):
+        raise MeasurementError(f"{where}: no row of data; export it again")
 
 
 def _refuse_unused(spec: Spec, columns: Columns, where: str) -> None:

@@ -154,7 +154,7 @@ def write(tree: xr.DataTree, path: str | Path) -> None:
     clean = _collect(groups, str(path))
     lines = [*filter(None, [clean.attrs.get("history", "")]), *earlier, *clean.attrs.pop("repairs")]
     if lines:
-        clean.attrs["history"] = "\n".join(lines)
+        clean.attrs["history"] = text("\n".join(lines))
     try:
         # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file,
         # and says so on standard error.

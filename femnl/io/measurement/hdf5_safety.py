@@ -134,7 +134,9 @@ def _look(group: h5py.Group, path: Path, file: h5py.File, depth: int, total: lis
                 raise MeasurementError(
                     f"{where}: keeps its data in another file; store the data in the file itself"
                 )
-            total[0] += math.prod(item.shape or ()) * item.dtype.itemsize
+            if item.shape is None:
+                raise MeasurementError(f"{where}: is empty; store numbers in it, or leave it out")
+            total[0] += math.prod(item.shape) * item.dtype.itemsize
             if total[0] > LIMIT:
                 raise MeasurementError(
                     f"{where}: the file declares more than {LIMIT / 2**30:g} GiB of data; split "

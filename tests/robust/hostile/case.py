@@ -65,7 +65,7 @@ def run_case(kind: str, seed: int, make: Make, cache: Path) -> Result:
         out = Path(name) / "out"
         err = Path(name) / "err"
         began = time.monotonic()
-        before = time.time()
+        given = {path: path.lstat().st_ino for path in folder.rglob("*")}
         child = os.fork()
         if child == 0:
             _serve(words, folder, out, err, cache)
@@ -75,17 +75,17 @@ def run_case(kind: str, seed: int, make: Make, cache: Path) -> Result:
         told = err.read_text(encoding="utf-8", errors="surrogateescape")
         said = out.read_text(encoding="utf-8", errors="surrogateescape")
         faults = _faults(status, told, said, memory, seconds, hung=hung)
-        if any(_open_to_others(path, before) for path in folder.rglob("*")):
+        made = [path for path in folder.rglob("*") if given.get(path) != path.lstat().st_ino]
+        if any(_open_to_others(path) for path in made):
             faults = (*faults, "umask")
         _clear(folder)
     return Result(kind, seed, tuple(words), status, seconds, memory, faults, told[-1500:])
 
 
-def _open_to_others(path: Path, before: float) -> bool:
-    """Whether a file that was made since is readable by others, whom the umask shuts out."""
-    found = path.lstat()
-    made = S_ISREG(found.st_mode) and found.st_mtime > before
-    return made and bool(found.st_mode & 0o077)
+def _open_to_others(path: Path) -> bool:
+    """Whether a file is readable by others, whom the umask shuts out."""
+    mode = path.lstat().st_mode
+    return S_ISREG(mode) and bool(mode & 0o077)
 
 
 def _clear(folder: Path) -> None:
