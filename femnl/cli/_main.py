@@ -34,6 +34,7 @@ def run(words: list[str]) -> int:
     """Run one command; its exit status: 0 done, 2 the request cannot be met, 130 interrupted."""
     chosen.set("text")
     warn_in_lines()
+    PROGRESS.begin()
     logging.getLogger("femnl.progress").addHandler(PROGRESS)
     logging.getLogger("femnl.progress").setLevel(logging.INFO)
     command = typer.main.get_command(_app(words))

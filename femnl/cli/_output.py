@@ -77,6 +77,10 @@ class Progress(logging.Handler):
 
     def __init__(self) -> None:
         super().__init__()
+        self.begin()
+
+    def begin(self) -> None:
+        """Count the time without a word from now on."""
         self._told = time.monotonic()
 
     def emit(self, record: logging.LogRecord) -> None:
