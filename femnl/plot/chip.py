@@ -8,7 +8,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from femnl.chip.result import ChipFit, Deviation, Quantity
-from femnl.plot.style import COLOURS, DIVERGING, INK, WIDTH, as_written, axis_label, new_figure, style
+from femnl.plot.style import (
+    COLOURS,
+    DIVERGING,
+    INK,
+    WIDTH,
+    as_written,
+    axis_label,
+    new_figure,
+    style,
+)
 
 MAPS = 60
 """Devices up to which their names stand in a map."""

@@ -11,7 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from femnl.core.errors import numbers_of
 from femnl.core.kinds import function, kind_of
 from femnl.observe.decay.record import decibels
-from femnl.plot.style import COLOURS, INK, as_written, axis_label, new_figure, panel_letters, prefixed, style
+from femnl.plot.style import (
+    COLOURS,
+    INK,
+    as_written,
+    axis_label,
+    new_figure,
+    panel_letters,
+    prefixed,
+    style,
+)
 
 _CLOSE = 0.035  # of the axis: labels of lines nearer than this share one place
 

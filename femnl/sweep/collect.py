@@ -31,8 +31,7 @@ def collect(sweep: Sweep, store: Store) -> xr.Dataset:
     points = list(sweep.points(store.seed))
     records = [store.records[point.key(sweep.settings)] for point in points]
     data: dict[str, Any] = {
-        path: _coordinate(path, [point.varied[path] for point in points])
-        for path in sweep.paths
+        path: _coordinate(path, [point.varied[path] for point in points]) for path in sweep.paths
     }
     data["error"] = ("point", np.array([record.get("error", "") for record in records]))
     data["label"] = (

@@ -109,7 +109,9 @@ def _mend(path: Path, settings: Settings, retry: bool) -> None:
         damaged = {at: line for at, (line, record) in enumerate(lines, 2) if record is None}
         torn = {at: line for at, line in damaged.items() if not line.endswith(b"\n")}
         set_aside(
-            path, {at: line for at, line in damaged.items() if at not in torn}, "its point is solved"
+            path,
+            {at: line for at, line in damaged.items() if at not in torn},
+            "its point is solved",
         )
         records = [record for _, record in lines if record is not None]
         kept = [record for record in records if not (retry and "error" in record)]
@@ -145,11 +147,11 @@ def _record(line: bytes, settings: Settings) -> Record | None:
 def _parsed(line: bytes, form: type[BaseModel]) -> dict[str, Any] | None:
     """Return the object of a line, as it was written; None for what is none of this form."""
     try:
-        found = json.loads(line) if line.endswith(b"\n") else None
+        found: dict[str, Any] = json.loads(line)
         form.model_validate(found)
     except (ValueError, RecursionError):  # the latter of a bracket in a bracket, and so on
         return None
-    return dict(found)
+    return found if line.endswith(b"\n") else None
 
 
 def _refuse_others(path: Path, header: dict[str, Any], settings: Settings) -> None:

@@ -1,9 +1,9 @@
 """What a lab-file format is, and what all of them share."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import xarray as xr
@@ -80,6 +80,18 @@ def text_lines(path: Path) -> list[str]:
         return path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise MeasurementError(f"{path}: not UTF-8 text; export it as UTF-8") from None
+
+
+def refuse_lengths(columns: Mapping[str, NDArray[Any]], where: str) -> None:
+    """Refuse plain columns of unequal length, and such without a row. Raises: MeasurementError."""
+    plain = {name: len(values) for name, values in columns.items() if values.ndim == 1}
+    if len(plain) < len(columns):  # arrays in the shape of the contract, which checks them
+        return
+    if len(set(plain.values())) > 1:
+        told = ", ".join(f"{name} has {length}" for name, length in plain.items())
+        raise MeasurementError(f"{where}: columns of unequal length: {told}; save them alike")
+    if columns and not any(plain.values()):
+        raise MeasurementError(f"{where}: no row of data; export it again")
 
 
 def scalar_values(spec: Spec, names: dict[str, str], where: str) -> dict[str, float]:

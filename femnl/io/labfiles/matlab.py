@@ -71,7 +71,9 @@ def _read_5(path: Path, wanted: set[str]) -> dict[str, NDArray[Any]]:
             f"{path}: variables {', '.join(names)} hold more than {LARGEST / 2**30:g} GiB; split "
             "the file"
         )
-    found = undamaged(path, "MATLAB file", lambda: loadmat(str(path), appendmat=False, variable_names=names))
+    found = undamaged(
+        path, "MATLAB file", lambda: loadmat(str(path), appendmat=False, variable_names=names)
+    )
     if lost := [name for name in names if name not in found]:
         raise MeasurementError(
             f"{path}: variable {lost[0]} is listed but cannot be read; save it again"

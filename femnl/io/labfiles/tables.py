@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.labfiles.base import RMS, scalar_values, sweeps_to_response
+from femnl.io.labfiles.base import RMS, refuse_lengths, scalar_values, sweeps_to_response
 from femnl.io.labfiles.levels import directions, even_clock, is_level, magnitudes
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import (
@@ -135,7 +135,7 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
     Returns: the Dataset and notes. Raises: MeasurementError.
     """
     columns = dict(columns)
-    _refuse_lengths(columns, where)
+    refuse_lengths(columns, where)
     if spec.kind == "decay":
         return _decay(spec, columns, where), []
     _refuse_unused(spec, columns, where)
@@ -147,18 +147,6 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
     if spec.kind == "map":
         return _map(spec, columns, where), []
     return _trace(spec, columns, where)
-
-
-def _refuse_lengths(columns: Columns, where: str) -> None:
-    """Refuse plain columns of unequal length, and such without a row."""
-    plain = {name: len(values) for name, values in columns.items() if values.ndim == 1}
-    if len(plain) < len(columns):  # arrays in the shape of the contract, which checks them
-        return
-    if len(set(plain.values())) > 1:
-        told = ", ".join(f"{name} has {length}" for name, length in plain.items())
-        raise MeasurementError(f"{where}: columns of unequal length: {told}; save them alike")
-    if columns and not any(plain.values()):
-        raise MeasurementError(f"{where}: no row of data; export it again")
 
 
 def _refuse_unused(spec: Spec, columns: Columns, where: str) -> None:

@@ -19,7 +19,7 @@ from femnl.io.measurement.units import quantity, to_si
 _FIXED = ("kind", "convention")
 LEAST = 1e-30
 MOST = 1e30
-"""Sizes in SI units beyond which no quantity of a laboratory is: squares and their sums stay finite."""
+"""Sizes in SI units beyond which no laboratory measures; sums of their squares stay finite."""
 MOST_DECIBELS = 600.0
 """The same for levels: 600 dB are a factor of 10³⁰ in amplitude."""
 

@@ -119,10 +119,9 @@ def _serve(words: list[str], folder: Path, out: Path, err: Path, cache: Path) ->
         main()
     except SystemExit as error:
         status = error.code if isinstance(error.code, int) else 1
-    except BaseException:  # what a user would see as a traceback is what is looked for
-        traceback.print_exc()
-        status = 1
     finally:
+        if sys.exc_info()[0] is not None:  # what a user would see is what is looked for
+            traceback.print_exc()
         with suppress(OSError, ValueError):
             sys.stderr.flush()
         os._exit(status)

@@ -1,14 +1,15 @@
 """Files of the hostile cases: measurement files as a stranger's program writes them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
+T = TypeVar("T")
 UNITS = {
     "frequency": "Hz",
     "frequency_sd": "Hz",
@@ -68,7 +69,7 @@ def measurement(
                 node[key].attrs["units"] = UNITS[key]
 
 
-def pick(rng: np.random.Generator, choices: list[Any]) -> Any:
+def pick(rng: np.random.Generator, choices: Sequence[T]) -> T:
     """Return one of some choices."""
     return choices[int(rng.integers(len(choices)))]
 

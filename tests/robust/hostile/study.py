@@ -16,7 +16,18 @@ from pkgutil import iter_modules
 from tests.robust.hostile import classes
 from tests.robust.hostile.case import Make, Result, run_case
 
-FAULTS = ("traceback", "hang", "memory", "lines", "long", "control", "status", "umask", "net", "slow")
+FAULTS = (
+    "traceback",
+    "hang",
+    "memory",
+    "lines",
+    "long",
+    "control",
+    "status",
+    "umask",
+    "net",
+    "slow",
+)
 PRELOADED = (
     "femnl.cli._main",
     "femnl.cli.show",

@@ -1,4 +1,4 @@
-"""Small files that ask for vast work: nested, linked, sparse, compressed, and files that are none."""
+"""Small files that ask for vast work: nested, linked, sparse, compressed, or endless."""
 
 import os
 import zlib
@@ -32,7 +32,7 @@ def _toml_text(rng: np.random.Generator) -> str:
                 "#" * n,
                 'x = "' + "a" * n,
                 f"[{'.'.join(['a'] * n)}]\n",
-                "".join(f"[[holes]]\n" for _ in range(n)),
+                "".join("[[holes]]\n" for _ in range(n)),
                 "".join(f'"{"k" * 50}{k}" = 1\n' for k in range(n)),
                 "x = " + "1_" * n + "1\n",
                 "x = 1e" + "9" * n + "\n",
@@ -48,7 +48,9 @@ def _toml(rng: np.random.Generator, folder: Path) -> list[str]:
         text = FILM.replace('name = "drum"\n', f'name = "drum"\n{text}')
     (folder / "b.toml").write_text(text, encoding="utf-8")
     (folder / "t.csv").write_text("a,b\n1,2\n", encoding="utf-8")
-    measurement(folder / "f.nc", "map", {"real": [1.0]}, {}, {"model": text[:60_000], "geometry": "b"})
+    measurement(
+        folder / "f.nc", "map", {"real": [1.0]}, {}, {"model": text[:60_000], "geometry": "b"}
+    )
     commands = [
         ["modes", "b.toml"],
         ["mesh", "b.toml"],
@@ -70,60 +72,102 @@ def _json(rng: np.random.Generator, folder: Path) -> list[str]:
     return ["sweep", "s.toml", "--workers", "1", "--estimate"]
 
 
+def _linked(group: h5py.Group) -> None:
+    """2¹⁴ ways through hard links."""
+    node = group
+    for _ in range(14):
+        inner = node.create_group("a")
+        node["b"] = inner
+        node = inner
+
+
+def _looped(group: h5py.Group) -> None:
+    group["loop"] = group
+
+
+def _attributed(group: h5py.Group) -> None:
+    for k in range(20_000):
+        group.attrs[f"a{k}"] = k
+
+
+def _many_groups(group: h5py.Group) -> None:
+    for k in range(5_000):
+        group.file.create_group(f"h{k}").attrs["kind"] = "map"
+
+
+def _many_texts(group: h5py.Group) -> None:
+    kind = h5py.string_dtype()
+    group.create_dataset("label", data=["x" * 1_000] * 5_000, dtype=kind)
+
+
+def _long_text(group: h5py.Group) -> None:
+    group["label"] = "x" * 30_000_000
+
+
+def _hollow(group: h5py.Group) -> None:
+    group.create_dataset("real", (1, 20_000, 20_000), dtype="f8", chunks=(1, 500, 500))
+
+
+def _long_attributes(group: h5py.Group) -> None:
+    group.attrs["title"] = "x" * 60_000
+    group.file.attrs["title"] = np.arange(8_000)
+
+
+def _elsewhere(group: h5py.Group) -> None:
+    group["soft"] = h5py.SoftLink("/nowhere")
+    group["ext"] = h5py.ExternalLink("/etc/passwd", "/")
+
+
+def _empty_and_vast(group: h5py.Group) -> None:
+    group.create_dataset("real", (0, 2**62, 2**62), dtype="f8")
+
+
+def _strays(group: h5py.Group) -> None:
+    for k in range(3_000):
+        group[f"stray{k}"] = [1.0]
+
+
+def _zeros(group: h5py.Group) -> None:
+    shape = (1, 4_000, 4_000)
+    group.create_dataset("real", shape, dtype="f8", chunks=shape, compression="gzip")
+    group["real"][:] = 0.0
+
+
+HDF5 = [
+    _linked,
+    _looped,
+    _attributed,
+    _many_groups,
+    _many_texts,
+    _long_text,
+    _hollow,
+    _long_attributes,
+    _elsewhere,
+    _empty_and_vast,
+    _strays,
+    _zeros,
+]
+
+
 def _hdf5(rng: np.random.Generator, folder: Path) -> list[str]:
-    way = int(rng.integers(12))
     path = folder / "b.nc"
     with h5py.File(path, "w") as file:
         file.attrs["femnl_measurement"] = "1.1"
         group = file.create_group("g")
         group.attrs["kind"] = "map"
-        if way == 0:  # 2**14 paths through hard links
-            node = group
-            for _ in range(14):
-                inner = node.create_group("a")
-                node["b"] = inner
-                node = inner
-        elif way == 1:
-            group["loop"] = group
-        elif way == 2:
-            for k in range(20_000):
-                group.attrs[f"a{k}"] = k
-        elif way == 3:
-            for k in range(5_000):
-                file.create_group(f"h{k}").attrs["kind"] = "map"
-        elif way == 4:
-            kind = h5py.string_dtype()
-            group.create_dataset("label", data=["x" * 1_000] * 5_000, dtype=kind)
-        elif way == 5:
-            group["label"] = "x" * 30_000_000
-        elif way == 6:
-            group.create_dataset("real", (1, 20_000, 20_000), dtype="f8", chunks=(1, 500, 500))
-        elif way == 7:
-            group.attrs["title"] = "x" * 60_000
-            file.attrs["title"] = np.arange(8_000)
-        elif way == 8:
-            group["soft"] = h5py.SoftLink("/nowhere")
-            group["ext"] = h5py.ExternalLink("/etc/passwd", "/")
-        elif way == 9:
-            group.create_dataset("real", (0, 2**62, 2**62), dtype="f8")
-        elif way == 10:
-            for k in range(3_000):
-                group[f"stray{k}"] = [1.0]
-        else:
-            group.create_dataset(
-                "real", (1, 4_000, 4_000), dtype="f8", chunks=(1, 4_000, 4_000), compression="gzip"
-            )
-            group["real"][:] = 0.0
+        HDF5[int(rng.integers(len(HDF5)))](group)
     name = pick(rng, ["b.nc", "b.h5", "b.mat"])
     path.rename(folder / name)
     if name == "b.nc":
-        return list(pick(rng, [["show", "b.nc"], ["fit", "b.nc"], ["diagnose", "b.nc"]]))
+        return pick(rng, [["show", "b.nc"], ["fit", "b.nc"], ["diagnose", "b.nc"]])
     return ["import", name, "o.nc"]
 
 
 def _special(rng: np.random.Generator, folder: Path) -> list[str]:
     """FIFOs, devices, sparse gigabytes and folders in the place of files."""
-    suffix = pick(rng, [".nc", ".toml", ".csv", ".mat", ".h5", ".gsf", ".npy", ".wav", ".lvm", ".txt"])
+    suffix = pick(
+        rng, [".nc", ".toml", ".csv", ".mat", ".h5", ".gsf", ".npy", ".wav", ".lvm", ".txt"]
+    )
     path = folder / f"b{suffix}"
     way = int(rng.integers(5))
     if way == 0:
@@ -161,7 +205,9 @@ def _lab(rng: np.random.Generator, folder: Path) -> list[str]:
     spec = 'kind = "trace"\n[columns]\ntime = "a"\nvoltage = "b"\n'
     (folder / "b.toml").write_text(spec, encoding="utf-8")
     if way == 0:
-        savemat(folder / "b.mat", {"a": np.zeros(12_000_000), "b": np.zeros(3)}, do_compression=True)
+        savemat(
+            folder / "b.mat", {"a": np.zeros(12_000_000), "b": np.zeros(3)}, do_compression=True
+        )
         return ["import", "b.mat", "o.nc"]
     if way == 1:
         bomb = zlib.compress(b"\x0e\0\0\0" + b"\xff\xff\xff\x7f" + bytes(50_000_000))

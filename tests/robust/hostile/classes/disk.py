@@ -18,7 +18,24 @@ keep = ["frequency", "ratio"]
 [[axis]]
 film.stress = ["1 GPa", "1.1 GPa", "1.2 GPa"]
 """
-ODD = [None, True, -1, 0, 1e308, -1e308, "x", "", [], {}, [[]], [1], [None], {"a": 1}, 10**30, "é\x1b[31m"]
+ODD: list[Any] = [
+    None,
+    True,
+    -1,
+    0,
+    1e308,
+    -1e308,
+    "x",
+    "",
+    [],
+    {},
+    [[]],
+    [1],
+    [None],
+    {"a": 1},
+    10**30,
+    "é\x1b[31m",
+]
 
 
 def odd(rng: np.random.Generator, value: Any) -> Any:
@@ -119,8 +136,22 @@ def _places(rng: np.random.Generator, folder: Path) -> list[str]:
     (folder / "o.nc").mkdir()
     place = pick(
         rng,
-        ["file", "folder", "file/x", "dangling", "loop", "/dev/null", "/dev/full", "/proc/x", "o.nc",
-         "", "x" * 300, "a/b/c", "/dev/stdin", "."],
+        [
+            "file",
+            "folder",
+            "file/x",
+            "dangling",
+            "loop",
+            "/dev/null",
+            "/dev/full",
+            "/proc/x",
+            "o.nc",
+            "",
+            "x" * 300,
+            "a/b/c",
+            "/dev/stdin",
+            ".",
+        ],
     )
     return pick(
         rng,

@@ -1,7 +1,6 @@
 """Lab files of odd shapes, classes and sizes, whole ones that were damaged, and none at all."""
 
 import io
-
 import wave
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ import h5py
 import numpy as np
 from scipy.io import savemat
 
-from tests.robust.hostile.files import pick
+from tests.robust.hostile.files import Array, pick
 
 KINDS = ["spectrum", "response", "map", "trace", "series", "decay"]
 COLUMNS = {
@@ -21,12 +20,37 @@ COLUMNS = {
     "series": ["pressure", "quality_factor"],
     "decay": ["time", "power"],
 }
-DIGITS = ["١٢٣", "１２３", "१२", "1e999", "1_000", "0x1p3", "1,5", "--1", "1d3", "∞", "NaN", "inf", ""]
+DIGITS = [
+    "١٢٣",
+    "\uff11\uff12",
+    "१२",
+    "1e999",
+    "1_000",
+    "0x1p3",
+    "1,5",
+    "--1",
+    "1d3",
+    "∞",
+    "NaN",
+    "inf",
+    "",
+]
 
 
 def odd_array(rng: np.random.Generator) -> Any:
     """Return a value of an odd shape or class, as a MATLAB file may hold."""
-    shapes = [(0, 0), (0,), (1, 1), (1, 20), (20, 1), (3, 20), (20, 20), (2, 3, 4), (20, 0), (1, 1, 20)]
+    shapes = [
+        (0, 0),
+        (0,),
+        (1, 1),
+        (1, 20),
+        (20, 1),
+        (3, 20),
+        (20, 20),
+        (2, 3, 4),
+        (20, 0),
+        (1, 1, 20),
+    ]
     shape = pick(rng, shapes)
     plain = rng.normal(size=shape) + 2
     choices = [
@@ -65,7 +89,9 @@ def _spec(rng: np.random.Generator, folder: Path, names: list[str], stem: str = 
         column = pick(rng, names) if names else "a"
         form = f'"{column}"'
         if rng.random() < 0.1:
-            form = f'{{ column = "{column}", unit = "{pick(rng, ["kHz", "mV", "dBm", "s", "m"])}" }}'
+            form = (
+                f'{{ column = "{column}", unit = "{pick(rng, ["kHz", "mV", "dBm", "s", "m"])}" }}'
+            )
         elif rng.random() < 0.05:
             form = f'{{ rate = "{pick(rng, ["1 MHz", "0 Hz", "-1 Hz", "1e-300 Hz"])}" }}'
         elif rng.random() < 0.05:
@@ -123,7 +149,9 @@ def _node(rng: np.random.Generator, file: Any, name: str) -> None:
     elif way == 6:
         file.create_dataset(name, data=np.array([b"a", b"b"]), dtype="S1")
     else:
-        file[name] = rng.normal(size=pick(rng, [(1, 20), (20, 1), (3, 20), (20,), (2, 2, 2), (0, 3)]))
+        file[name] = rng.normal(
+            size=pick(rng, [(1, 20), (20, 1), (3, 20), (20,), (2, 2, 2), (0, 3)])
+        )
     if rng.random() < 0.7:
         odd = [label, label, 7, np.array([b"double", b"x"]), np.array([1.0, 2.0]), b"\xff"]
         file[name].attrs["MATLAB_class"] = pick(rng, odd)
@@ -132,7 +160,9 @@ def _node(rng: np.random.Generator, file: Any, name: str) -> None:
 def _labone_hdf5(rng: np.random.Generator, folder: Path) -> str:
     fields = ["timestamp", "frequency", "grid", "x", "y", "r", "phase", "value"]
     with h5py.File(folder / "t.h5", "w") as file:
-        for chunk in pick(rng, [["000"], ["000", "001"], ["000", "x"], ["²", "000"], ["000", "0000"], []]):
+        for chunk in pick(
+            rng, [["000"], ["000", "001"], ["000", "x"], ["²", "000"], ["000", "0000"], []]
+        ):
             places = ["dev1/demods/0/sample", "sample", "dev1/demods/0/sample.x", "sample.x.avg"]
             group = file.create_group(f"{chunk}/{pick(rng, places)}")
             for name in fields:
@@ -161,7 +191,15 @@ def _labone_hdf5(rng: np.random.Generator, folder: Path) -> str:
 
 def _labone_csv(rng: np.random.Generator, folder: Path) -> str:
     mark = pick(rng, [";", ","])
-    lines = [mark.join(["chunk", "timestamp", *pick(rng, [["size", "fieldname"], ["x", "y", "freq"], ["x"], ["size"]])])]
+    lines = [
+        mark.join(
+            [
+                "chunk",
+                "timestamp",
+                *pick(rng, [["size", "fieldname"], ["x", "y", "freq"], ["x"], ["size"]]),
+            ]
+        )
+    ]
     for chunk in range(int(rng.integers(3))):
         for name in ("frequency", "grid", "x", "y", "r", "phase"):
             if rng.random() < 0.7:
@@ -223,10 +261,25 @@ def _lvm(rng: np.random.Generator, folder: Path) -> str:
 
 
 def _analyser(rng: np.random.Generator, folder: Path) -> str:
-    heads = ["% time [s], power [dBm]", "% time [], power []", "% time [s], time [s]", "% power [dBm], x [V]",
-             "% frequency [Hz], power [dBm]", "% time [furlong], magnitude [V]", "% time [s], real [V]"]
-    entries = ["% Frequency [Hz]: x", "% Pressure [mBar]: 1e400", "% Frequency [Hz]: -1", "% Notes:", "% Sample ID: a",
-               "% Temperature [K]: 1e-400", "% Bandwidth [Hz]: 10 Hz", "% Pressure []: 3"]
+    heads = [
+        "% time [s], power [dBm]",
+        "% time [], power []",
+        "% time [s], time [s]",
+        "% power [dBm], x [V]",
+        "% frequency [Hz], power [dBm]",
+        "% time [furlong], magnitude [V]",
+        "% time [s], real [V]",
+    ]
+    entries = [
+        "% Frequency [Hz]: x",
+        "% Pressure [mBar]: 1e400",
+        "% Frequency [Hz]: -1",
+        "% Notes:",
+        "% Sample ID: a",
+        "% Temperature [K]: 1e-400",
+        "% Bandwidth [Hz]: 10 Hz",
+        "% Pressure []: 3",
+    ]
     lines = [str(pick(rng, entries)) for _ in range(int(rng.integers(4)))] + [pick(rng, heads)]
     for k in range(int(pick(rng, [0, 2, 40, 400]))):
         row = [f"{k * 0.1:.3f}", f"{-50 - k * 0.1:.3f}"]
@@ -240,25 +293,47 @@ def _analyser(rng: np.random.Generator, folder: Path) -> str:
 def _gsf(rng: np.random.Generator, folder: Path) -> str:
     nx = int(pick(rng, [1, 2, 8, 12]))
     ny = int(pick(rng, [1, 2, 8, 12]))
-    odd = pick(rng, ["", "", "XReal = 0\n", "XReal = nan\n", "XReal = -1\n", "XYUnits = V\n", "XOffset = 1e300\n", "ZUnits = m\n", "XReal = 1e-300\n"])
-    head = f"Gwyddion Simple Field 1.0\nXRes = {pick(rng, [nx, nx, nx, 0, -1, 'x', 1e30, '٣'])}\nYRes = {ny}\n{odd}"
+    odd = pick(
+        rng,
+        [
+            "",
+            "",
+            "XReal = 0\n",
+            "XReal = nan\n",
+            "XReal = -1\n",
+            "XYUnits = V\n",
+            "XOffset = 1e300\n",
+            "ZUnits = m\n",
+            "XReal = 1e-300\n",
+        ],
+    )
+    width = pick(rng, [str(nx), str(nx), str(nx), "0", "-1", "x", "1e30", "٣"])
+    head = f"Gwyddion Simple Field 1.0\nXRes = {width}\nYRes = {ny}\n{odd}"
     content = head.encode()
     content += b"\0" * (4 - len(content) % 4)
-    values = pick(rng, [rng.normal(size=(ny, nx)), np.zeros((ny, nx)), np.full((ny, nx), np.nan), np.full((ny, nx), 3e38)])
+    values = pick(
+        rng,
+        [
+            rng.normal(size=(ny, nx)),
+            np.zeros((ny, nx)),
+            np.full((ny, nx), np.nan),
+            np.full((ny, nx), 3e38),
+        ],
+    )
     content += values.astype("<f4").tobytes()
     (folder / pick(rng, ["m_1f.gsf", "m_0f.gsf", "m.gsf", "m_999f_imag.gsf"])).write_bytes(content)
     return next(folder.glob("*.gsf")).name
 
 
 def _npy(rng: np.random.Generator, folder: Path) -> str:
-    values = pick(
+    values: Array = pick(
         rng,
         [
             rng.normal(size=(30, 3)),
             rng.normal(size=(3, 30)),
             np.zeros((0, 3)),
             np.zeros(0),
-            np.float64(1),
+            np.array(1.0),
             np.zeros((3, 30), dtype="S3"),
             np.zeros((2, 2, 2)),
             np.zeros(30, dtype=[("a", "f8"), ("b", "f8", (3,))]),
@@ -320,6 +395,8 @@ def make(rng: np.random.Generator, folder: Path) -> list[str]:
     if rng.random() < 0.25:
         _damage(rng, folder / name)
     if rng.random() < 0.03:
-        (folder / name).rename(folder / f"{Path(name).stem}{pick(rng, ['.mat', '.csv', '.h5', '.nc', '.wav'])}")
+        (folder / name).rename(
+            folder / f"{Path(name).stem}{pick(rng, ['.mat', '.csv', '.h5', '.nc', '.wav'])}"
+        )
         name = next(path.name for path in folder.iterdir() if path.suffix != ".toml")
     return ["fit", name, "--json"] if rng.random() < 0.2 else ["import", name, "o.nc"]

@@ -8,7 +8,21 @@ from tests.robust.hostile.files import drum, pick
 
 LENGTHS = ["1 m", "1 km", "1 pm", "1 nm", "10 um", "100 um", "1 mm", "270 um", "99 um"]
 PRESSURES = ["1 Pa", "10 TPa", "1 MPa", "1 GPa", "250 GPa", "1 kPa"]
-NUMBERS = ["0", "-1", "1e-300", "1e300", "nan", "inf", "-inf", "1e400", "0.5", "3", "1e9", "-1e12", "x"]
+NUMBERS = [
+    "0",
+    "-1",
+    "1e-300",
+    "1e300",
+    "nan",
+    "inf",
+    "-inf",
+    "1e400",
+    "0.5",
+    "3",
+    "1e9",
+    "-1e12",
+    "x",
+]
 OUTLINES = [
     'kind = "circle"\ndiameter = "{a}"',
     'kind = "square"\nside = "{a}"',
@@ -34,7 +48,12 @@ EXTRA = [
 
 
 def _filled(rng: np.random.Generator, text: str) -> str:
-    for mark, values in (("a", LENGTHS), ("b", LENGTHS), ("p", PRESSURES), ("n", ["3", "30", "1", "0"])):
+    for mark, values in (
+        ("a", LENGTHS),
+        ("b", LENGTHS),
+        ("p", PRESSURES),
+        ("n", ["3", "30", "1", "0"]),
+    ):
         text = text.replace(f"{{{mark}}}", str(pick(rng, values)))
     return text
 
@@ -82,7 +101,15 @@ def _of_device(rng: np.random.Generator, name: str) -> list[str]:
             ["maps", name, "--z", "1", "--wavelength", length, "--points", "5"],
             ["maps", name, "--z", "1", "--fringe", "multilayer", "--points", "5"],
             ["view", name, "mesh", "--out", "o.png", "--resolution", "0.3"],
-            ["view", name, "shape", "--mode", str(pick(rng, ["1", "0", "-1", "99"])), "--out", "o.png"],
+            [
+                "view",
+                name,
+                "shape",
+                "--mode",
+                str(pick(rng, ["1", "0", "-1", "99"])),
+                "--out",
+                "o.png",
+            ],
         ],
     )
 
@@ -95,7 +122,7 @@ def _sweep(rng: np.random.Generator, folder: Path, name: str) -> list[str]:
             'film = [{ stress = "1 GPa" }]',
             'outline.kind = ["square", "circle"]',
             'outline.diameter = { from = "1 nm", to = "1 km", points = 3 }',
-            'film.poisson = { from = -1, to = 1, points = 3 }',
+            "film.poisson = { from = -1, to = 1, points = 3 }",
             'film.thickness = { from = "1 m", to = "1 pm", points = 2, spacing = "log" }',
             "model.bending = [true, false, 3]",
             'film.stress = { from = "1 GPa", to = "1e999 GPa", points = 2 }',
@@ -105,7 +132,17 @@ def _sweep(rng: np.random.Generator, folder: Path, name: str) -> list[str]:
             'film.stress = { from = "1 GPa", to = "1 GPa", points = 1000001 }',
         ],
     )
-    head = pick(rng, ["", "modes = 0\n", "modes = 1000\n", "resolution = 1e9\n", 'keep = []\n', 'keep = ["x"]\n'])
+    head = pick(
+        rng,
+        [
+            "",
+            "modes = 0\n",
+            "modes = 1000\n",
+            "resolution = 1e9\n",
+            "keep = []\n",
+            'keep = ["x"]\n',
+        ],
+    )
     sample = pick(rng, ["", "", "[sample]\npoints = 3\n", "[sample]\npoints = 0\n"])
     text = f'geometry = "{name}"\n{head}{sample}[[axis]]\n{axis}\n'
     (folder / "s.toml").write_text(text, encoding="utf-8")

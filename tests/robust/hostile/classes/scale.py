@@ -1,5 +1,6 @@
 """Data without a scale: constant, zero, subnormal and vast values, and errors of such size."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,9 @@ def attributes(rng: np.random.Generator, names: list[str]) -> dict[str, Any]:
     return {name: pick(rng, SD if odd else usual) for name in names if rng.random() < 0.5}
 
 
+Build = Callable[[np.random.Generator], tuple[dict[str, Any], dict[str, Any]]]
+
+
 def _response(rng: np.random.Generator) -> tuple[dict[str, Any], dict[str, Any]]:
     sweeps = int(rng.integers(1, 4))
     points = int(pick(rng, [1, 3, 8, 60, 60, 60, 200]))
@@ -122,11 +126,13 @@ def _trace(rng: np.random.Generator) -> tuple[dict[str, Any], dict[str, Any]]:
 def _series(rng: np.random.Generator) -> tuple[dict[str, Any], dict[str, Any]]:
     points = int(pick(rng, [1, 3, 12, 12, 40]))
     control = pick(rng, ["pressure", "temperature", "laser_power", "drive", "time", "voltage"])
-    data = {control: axis(rng, points, 1.0, 300.0) if rng.random() < 0.7 else values(rng, (points,))}
+    data = {
+        control: axis(rng, points, 1.0, 300.0) if rng.random() < 0.7 else values(rng, (points,))
+    }
     for name in pick(rng, [["frequency"], ["quality_factor"], ["frequency", "quality_factor"]]):
-            data[name] = positive(rng, (points,))
-            if rng.random() < 0.5:
-                data[f"{name}_sd"] = np.full(points, pick(rng, SIZES))
+        data[name] = positive(rng, (points,))
+        if rng.random() < 0.5:
+            data[f"{name}_sd"] = np.full(points, pick(rng, SIZES))
     return data, attributes(rng, ["noise_sd"])
 
 
@@ -152,7 +158,7 @@ def _decay(rng: np.random.Generator) -> tuple[dict[str, Any], dict[str, Any]]:
     return data, attributes(rng, ["frequency", "bandwidth", "pressure", "temperature"])
 
 
-KINDS = {
+KINDS: dict[str, tuple[Build, list[list[str]]]] = {
     "response": (_response, [[], ["--as", "overview"], ["--linear"], ["--modes", "2"]]),
     "map": (_map, [[], ["--fringe", "free"], ["--fringe", "multilayer"]]),
     "trace": (_trace, [[], ["--as", "ring-down"], ["--as", "oscillator"], ["--as", "envelope"]]),

@@ -18,7 +18,13 @@ def _response(rng: np.random.Generator, folder: Path) -> list[str]:
         "imag": np.tile(volts.imag, (sweeps, 1)),
     }
     measurement(folder / "f.nc", "response", data)
-    options = [["show"], ["fit"], ["fit", "--as", "overview"], ["fit", "--modes", "3"], ["diagnose"]]
+    options = [
+        ["show"],
+        ["fit"],
+        ["fit", "--as", "overview"],
+        ["fit", "--modes", "3"],
+        ["diagnose"],
+    ]
     return _asked(options, rng)
 
 
@@ -84,8 +90,8 @@ def _device(rng: np.random.Generator, folder: Path) -> list[str]:
         corners = int(pick(rng, [200, 1_000, 20_000]))
         angle = 2 * np.pi * np.arange(corners) / corners
         radius = 50 * (1 + 0.05 * rng.random(corners))
-        places = zip(radius * np.cos(angle), radius * np.sin(angle), strict=True)
-        points = ", ".join(f'["{x:.6f} um", "{y:.6f} um"]' for x, y in places)
+        corner = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+        points = ", ".join(f'["{x:.6f} um", "{y:.6f} um"]' for x, y in corner)
         text = FILM.replace(outline, f'kind = "polygon"\npoints = [{points}]')
     elif way == 1:
         count = int(pick(rng, [2_000, 20_000]))

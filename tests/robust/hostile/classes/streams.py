@@ -1,4 +1,4 @@
-"""Output that goes nowhere, and terminals of other encodings: real processes, started by a shell."""
+"""Output that goes nowhere, and terminals of other encodings: processes that a shell starts."""
 
 import sys
 from pathlib import Path
@@ -22,7 +22,17 @@ ENVIRONMENTS = [
     "TERM= LANG=",
     "",
 ]
-ENDS = ["", ">&-", "2>&-", ">&- 2>&-", "<&-", "| head -c 20", "| true", "> /dev/full", "2> /dev/full"]
+ENDS = [
+    "",
+    ">&-",
+    "2>&-",
+    ">&- 2>&-",
+    "<&-",
+    "| head -c 20",
+    "| true",
+    "> /dev/full",
+    "2> /dev/full",
+]
 
 
 def make(rng: np.random.Generator, folder: Path) -> list[str]:

@@ -189,8 +189,8 @@ def _device(rng: np.random.Generator, folder: Path) -> list[str]:
         (folder / "s.toml").write_text(axis, encoding="utf-8")
         return ["sweep", "s.toml", "--workers", "1", "--estimate"]
     if rng.random() < 0.3:
-        study = f'name = {_toml(word(rng))}\n[[device]]\nname = {_toml(word(rng))}\n'
-        study += f'[[device.modes]]\nfrequency = {_toml(word(rng))}\n'
+        study = f"name = {_toml(word(rng))}\n[[device]]\nname = {_toml(word(rng))}\n"
+        study += f"[[device.modes]]\nfrequency = {_toml(word(rng))}\n"
         (folder / "c.toml").write_text(study, encoding="utf-8")
         return ["chip", "c.toml"]
     name = _renamed(rng, folder / "drum.toml")
