@@ -14,6 +14,8 @@ from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import quantity, response
 
 T = TypeVar("T")
+PARTS = ("real", "imag", "amplitude", "magnitude", "phase")
+"""Columns that make an amplitude."""
 LARGEST = 2**30  # bytes of a file
 RMS = float(np.sqrt(2))  # amplitude over root mean square of a sine
 
@@ -83,7 +85,11 @@ def text_lines(path: Path) -> list[str]:
 
 
 def refuse_lengths(columns: Mapping[str, NDArray[Any]], where: str) -> None:
-    """Refuse plain columns of unequal length, and such without a row. Raises: MeasurementError."""
+    """Refuse columns of unequal length, and such without a row. Raises: MeasurementError."""
+    parts = {name: columns[name].shape for name in PARTS if name in columns}
+    if len(set(parts.values())) > 1:
+        told = ", ".join(f"{name} has shape {shape}" for name, shape in parts.items())
+        raise MeasurementError(f"{where}: parts of an amplitude differ: {told}; save them alike")
     plain = {name: len(values) for name, values in columns.items() if values.ndim == 1}
     if len(plain) < len(columns):  # arrays in the shape of the contract, which checks them
         return

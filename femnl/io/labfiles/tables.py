@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.labfiles.base import RMS, refuse_lengths, scalar_values, sweeps_to_response
+from femnl.io.labfiles.base import PARTS, RMS, refuse_lengths, scalar_values, sweeps_to_response
 from femnl.io.labfiles.levels import directions, even_clock, is_level, magnitudes
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import (
@@ -24,7 +24,6 @@ from femnl.io.measurement import (
 )
 
 Columns = dict[str, NDArray[Any]]
-_PARTS = ("real", "imag", "amplitude", "magnitude", "phase")
 _COMPLEX = {"amplitude": "V", "magnitude": "V", "phase": "rad"}
 _OF_A_DECAY = {"frequency": "Hz", "bandwidth": "Hz", "pressure": "Pa", "temperature": "K"}
 _PER_SWEEP = ("drive", "direction", "x", "y", "harmonic")
@@ -152,8 +151,8 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
 def _refuse_unused(spec: Spec, columns: Columns, where: str) -> None:
     """Refuse a column that is named and that a table of this kind has no use for."""
     used = {
-        "response": ("frequency", "time", "duration", "sweep", *_PARTS, *_PER_SWEEP, *_BESIDE),
-        "map": ("x", "y", "harmonic", *_PARTS),
+        "response": ("frequency", "time", "duration", "sweep", *PARTS, *_PER_SWEEP, *_BESIDE),
+        "map": ("x", "y", "harmonic", *PARTS),
         "trace": ("time", "voltage", "drive_voltage", "drive_frequency"),
     }.get(str(spec.kind))
     if used is None or any(values.ndim > 1 for values in columns.values()):
