@@ -7,7 +7,7 @@ READY := .venv/.ready
 PYTEST := $(BIN)/python -m pytest -n auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help env report test slow blind fuzz lint docs benchmarks lowest lock
+.PHONY: help env report test slow blind fuzz hostile lint docs benchmarks lowest lock
 
 help:  ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -35,6 +35,9 @@ blind: $(READY)  ## hide causes in hundreds of files and count what the diagnosi
 
 fuzz: $(READY)  ## fuzz the readers for ten minutes (needs the extra fuzz)
 	$(BIN)/python -m pytest -m slow tests/robust/test_fuzz.py
+
+hostile: $(READY)  ## draw thousands of hostile inputs and count tracebacks, hangs and blow-ups of memory (an hour)
+	$(BIN)/python -m tests.robust.hostile.study build/hostile 300 $$(date +%j000)
 
 lint: $(READY)  ## ruff and mypy
 	@status=0; for check in "ruff check ." "ruff format --check ." mypy; do echo "$$check"; $(BIN)/$$check || status=1; done; exit $$status

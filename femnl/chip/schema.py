@@ -1,13 +1,13 @@
 """The study file of a chip: its keys."""
 
 import math
-import tomllib
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from femnl.core.errors import ParameterError, one_line
+from femnl.core.toml import read_toml
 
 
 class Strict(BaseModel):
@@ -87,11 +87,9 @@ class StudyFile(Strict):
 def parse(path: Path) -> StudyFile:
     """Read a study file without what it names."""
     try:
-        return StudyFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8-sig")))
+        return StudyFile.model_validate(read_toml(path))
     except OSError as error:
         raise ParameterError(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ParameterError(one_line(f"{path}: is no TOML ({error}); mend this line")) from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
@@ -102,3 +100,5 @@ def parse(path: Path) -> StudyFile:
                 one_line(f"{path}: {key}: {first['input']} is no finite number")
             ) from None
         raise ParameterError(one_line(f"{path}: {key}: {first['msg']}")) from None
+    except ValueError as error:
+        raise ParameterError(one_line(f"{path}: is no TOML ({error}); mend this line")) from None

@@ -4,8 +4,11 @@ import os
 import signal
 import sys
 from importlib import import_module
+from io import TextIOWrapper
 from threading import Thread
 from time import sleep
+
+from femnl.core.errors import leave_out_warnings_of_numbers
 
 __all__ = ["main"]
 
@@ -19,6 +22,8 @@ def main() -> None:
 
     0 done, 2 the request cannot be met, 130 interrupted.
     """
+    _need_streams()
+    leave_out_warnings_of_numbers()
     Thread(target=_stop_what_cannot_hear, args=(_signals(),), daemon=True).start()
     try:
         # Loaded here, so that an interrupt while libraries load is met like any other.
@@ -27,6 +32,21 @@ def main() -> None:
         sys.stderr.write(LINE)
         status = INTERRUPTED
     sys.exit(status)
+
+
+def _need_streams() -> None:
+    """Let output that is closed go nowhere, and show signs that its encoding lacks as escapes.
+
+    A file that is opened must not become standard output, where a library may print.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            # The lowest free number, which is that of the stream
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            setattr(sys, name, os.fdopen(nowhere, mode))
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _signals() -> int:

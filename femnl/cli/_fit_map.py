@@ -67,4 +67,8 @@ def readout(
             f"{device.name}: its geometry gives no [readout] gap, which the multilayer fringe "
             "needs; use --fringe sine"
         )
+    if "wavelength" not in dataset.attrs:
+        raise ParameterError(
+            f"--fringe {kind}: the {dataset.attrs['kind']} has no attribute wavelength; add it"
+        )
     return MultilayerFringe(device.stack, float(dataset.attrs["wavelength"]))

@@ -18,7 +18,7 @@ import typer
 import femnl
 from femnl.cli._format import STYLES, chosen
 from femnl.cli._output import Progress, note
-from femnl.core.errors import FemnlError, ParameterError
+from femnl.core.errors import FemnlError, ParameterError, warn_in_lines
 
 CHAPTERS = {
     "A device": ("geometries", "geometry", "mesh", "modes", "bands", "view"),
@@ -34,11 +34,10 @@ ABOUT = "Finite elements for the mechanics and nonlinearity of stressed membrane
 def run(words: list[str]) -> int:
     """Run one command; its exit status: 0 done, 2 the request cannot be met, 130 interrupted."""
     chosen.set("text")
-    logging.basicConfig(format="femnl: %(message)s", level=logging.WARNING)
+    warn_in_lines()
+    PROGRESS.begin()
     logging.getLogger("femnl.progress").addHandler(PROGRESS)
-    logging.getLogger("femnl.progress").setLevel(
-        logging.INFO if sys.stderr.isatty() else logging.WARNING
-    )
+    logging.getLogger("femnl.progress").setLevel(logging.INFO)
     command = typer.main.get_command(_app(words))
     try:
         status = command.main(words, prog_name="femnl", standalone_mode=False)

@@ -226,12 +226,12 @@ def _show_counts(rows: pd.DataFrame) -> None:
 
 
 def _show(found: Diagnosis) -> None:
+    from rich.text import Text
+
     causes = f": {', '.join(found.causes)}" if found.causes else ""
     p_value = f"{found.p_value:.2g}" if found.p_value else "below 1e-300"
-    console().print(
-        f"[bold]{found.verdict}[/bold]{causes} (probability {found.probability:.3g}, p-value "
-        f"{p_value})"
-    )
+    chances = f" (probability {found.probability:.3g}, p-value {p_value})"
+    console().print(Text.assemble((found.verdict, "bold"), causes, chances))
     console().print(found.where)
     _show_shares(found)
     if found.contributions is not None:

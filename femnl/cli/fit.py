@@ -17,7 +17,7 @@ from femnl.cli._inputs import Inputs, files_of, read_file
 from femnl.cli._outcome import Outcome
 from femnl.cli._output import console, note, print_json
 from femnl.core.choices import Background, Law, Use
-from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError, numbers_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -217,8 +217,9 @@ def _fit_files(
             tree = read_file(file)
             for repair in tree.attrs["repairs"]:
                 note(f"repaired: {repair}")
-            results = fit_one(file, tree)
-        except (MeasurementError, ParameterError) as error:
+            with numbers_of(str(file)):
+                results = fit_one(file, tree)
+        except (MeasurementError, ParameterError, ConvergenceError) as error:
             if len(files) == 1:
                 raise
             text = str(error)

@@ -1,6 +1,7 @@
 """What a diagnosis says: `diagnosis.json`, version 1.1, and what its report shows beside it."""
 
 from dataclasses import dataclass
+from math import inf
 from typing import TYPE_CHECKING, Literal
 
 from femnl.core.comparison import Comparison
@@ -173,8 +174,12 @@ class Diagnosis(Tabulated):
 
     @property
     def gain(self) -> float:
-        """Held-out χ² before over after."""
-        return self.before.heldout_chi2_reduced / self.after.heldout_chi2_reduced
+        """Held-out χ² before over after; 1 where data without any deviation leave both at 0."""
+        before = self.before.heldout_chi2_reduced
+        after = self.after.heldout_chi2_reduced
+        if after == 0:
+            return 1.0 if before == 0 else inf
+        return before / after
 
     def __repr__(self) -> str:
         """Verdict, causes, probability and file."""

@@ -3,12 +3,25 @@
 Each names what is wrong, the value found, and which setting to change.
 """
 
+import logging
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+LONGEST = 1000
+"""Characters of a line for people; of a longer text, begin and end are shown."""
+
 
 class FemnlError(Exception):
     """The base of all failures that femnl foresees.
 
     The command line prints its one line and exits with status 2.
     """
+
+    def __str__(self) -> str:
+        """Return the message as one line, whatever text of a file it quotes."""
+        return one_line(super().__str__())
 
 
 class GeometryError(FemnlError):
@@ -39,5 +52,57 @@ class ParameterError(FemnlError):
 
 
 def one_line(text: str) -> str:
-    """Return text with everything unprintable escaped, line ends first of all."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    """Return text as a terminal may show it: unprintable signs escaped, and the middle cut out.
+
+    Unprintable are line ends, escape sequences, overrides of direction, and bytes of no encoding.
+    """
+    short = _cut(text)
+    if short.isprintable():
+        return short
+    return _cut("".join(c if c.isprintable() else ascii(c)[1:-1] for c in short))
+
+
+def _cut(text: str) -> str:
+    half = LONGEST // 2
+    return text if len(text) <= LONGEST else f"{text[:half]} … {text[-half:]}"
+
+
+class _OneLine(logging.Formatter):
+    """Writes a warning as the line that a user is shown."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line of a record."""
+        return one_line(super().format(record))
+
+
+def warn_in_lines() -> None:
+    """Let warnings of femnl go to standard error, each a line."""
+    shown = logging.StreamHandler()
+    shown.setLevel(logging.WARNING)
+    shown.setFormatter(_OneLine("femnl: %(message)s"))
+    logging.basicConfig(handlers=[shown], level=logging.WARNING)
+
+
+def leave_out_warnings_of_numbers() -> None:
+    """Leave out NumPy's warnings of numbers that overflow, which no user can mend.
+
+    What uses such numbers refuses them. An option -W of Python brings the warnings back.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore", RuntimeWarning)
+
+
+@contextmanager
+def numbers_of(what: str) -> Iterator[None]:
+    """Say of which data a computation broke down over numbers that no step of it foresees.
+
+    Raises: ConvergenceError in the place of overflows, divisions by zero, and what linear algebra
+    and optimisers say of numbers that are not finite.
+    """
+    try:
+        yield
+    except (ArithmeticError, ValueError) as error:
+        raise ConvergenceError(
+            f"{what}: the computation breaks down on these numbers ({error}); look at them with "
+            "femnl show, and leave out what is constant or out of proportion"
+        ) from error

@@ -4,19 +4,22 @@ import os
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
+from threading import Thread
 from types import ModuleType
 from typing import Any, TypeVar
 
-from femnl.core.errors import MissingLibraryError
+from femnl.core.errors import MissingLibraryError, leave_out_warnings_of_numbers
 
 T = TypeVar("T")
 TRIES = 3
 """How often a task is begun whose process dies, before it counts as failed."""
+ORPHANED = 3
+"""Exit code of a process whose parent has gone, which nobody reads."""
 _CONTEXT = get_context("spawn")  # a fork would copy the state of meshers and solvers
 
 
@@ -39,7 +42,7 @@ class Worker:
 
     def __init__(self, serve: Callable[..., None], *about: object) -> None:
         self.connection, theirs = _CONTEXT.Pipe()
-        self.process = _CONTEXT.Process(target=serve, args=(theirs, *about), daemon=True)
+        self.process = _CONTEXT.Process(target=_begin, args=(serve, theirs, *about), daemon=True)
         # The process inherits the mask: an interrupt from the keyboard reaches the client alone,
         # which ends its workers.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -70,6 +73,21 @@ class Worker:
         self.process.join()
         self.connection.close()
         return self.process.exitcode or 0
+
+
+def _begin(serve: Callable[..., None], connection: Connection, *about: object) -> None:
+    """Serve in a process that ends with the one that started it, whatever it is busy with."""
+    Thread(target=_end_with_parent, daemon=True).start()
+    leave_out_warnings_of_numbers()
+    with suppress(ConnectionError):  # the client may go while this process loads what it serves
+        serve(connection, *about)
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(ORPHANED)
 
 
 def answer(connection: Connection, find: Callable[[Any], Any]) -> None:

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import IO
 from femnl.core.errors import ParameterError
 from femnl.diagnose.one_file import Row, failed
 from femnl.io.results.atomic import need_room, write_whole
-from femnl.io.results.lines import append, hold, json_line
+from femnl.io.results.lines import append, hold, json_line, set_aside
 
 BEGIN = b'{"femnl_row": '
 """How every line of a checkpoint begins."""
@@ -63,11 +62,8 @@ def _repair(path: Path) -> None:
             raise ParameterError(
                 f"{path}: is no checkpoint of a table of diagnoses; name another table with --table"
             )
-        damaged = [number for number, line in enumerate(lines, 1) if _row(line) is None]
-        for number in damaged:
-            logging.getLogger("femnl").warning(
-                "%s: line %d is damaged; its file is diagnosed again", path, number
-            )
+        damaged = {number: line for number, line in enumerate(lines, 1) if _row(line) is None}
+        set_aside(path, damaged, "its file is diagnosed")
         if damaged:
             kept = b"".join(line for line in lines if _row(line) is not None)
             write_whole(path, lambda whole: whole.write_bytes(kept))
@@ -86,7 +82,7 @@ def _row(line: bytes) -> tuple[str, Row] | None:
         key = record["femnl_row"]
         whole = line.endswith(b"\n") and row.keys() == failed("").keys()
         return (key, row) if whole and record["sum"] == _sum(key, row) else None
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
 
 

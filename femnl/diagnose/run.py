@@ -13,7 +13,7 @@ from femnl.core.checkpoint import Checkpoint, remembered
 from femnl.core.device import Model
 from femnl.core.diagnosis import Diagnosis
 from femnl.core.effect import Effect
-from femnl.core.errors import MeasurementError, ParameterError
+from femnl.core.errors import MeasurementError, ParameterError, numbers_of
 from femnl.core.kinds import function, kind_of
 from femnl.core.processes import one_blas_thread
 from femnl.diagnose.candidate import Candidate
@@ -70,6 +70,13 @@ def diagnose(
     if workers < 1:
         raise ParameterError(f"workers: {workers} is none; give a whole number of at least 1")
     path = Path(path)
+    with numbers_of(str(path)):
+        return _diagnosed(path, geometry, effects, workers)
+
+
+def _diagnosed(
+    path: Path, geometry: str | None, effects: Iterable[Effect] | None, workers: int
+) -> Diagnosis:
     tree, model = _opened(path, geometry)
     pool = considered(effects)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()

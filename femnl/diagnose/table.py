@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from femnl.core.checkpoint import code_digest
 from femnl.core.effect import Effect
-from femnl.core.errors import ParameterError
+from femnl.core.errors import ParameterError, warn_in_lines
 from femnl.core.processes import Death, Worker, answer, dask, share_out
 from femnl.diagnose.one_file import (
     Row,
@@ -174,7 +174,7 @@ def _died(task: Task, code: int) -> None:
 
 
 def _serve(connection: Connection, settings: Settings, folder: str) -> None:
-    logging.basicConfig(format="femnl: %(message)s", level=logging.WARNING)
+    warn_in_lines()
     answer(connection, partial(attempt, settings=settings, folder=folder))
 
 

@@ -8,7 +8,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from femnl.chip.result import ChipFit, Deviation, Quantity
-from femnl.plot.style import COLOURS, DIVERGING, INK, WIDTH, axis_label, new_figure, style
+from femnl.plot.style import (
+    COLOURS,
+    DIVERGING,
+    INK,
+    WIDTH,
+    as_written,
+    axis_label,
+    new_figure,
+    style,
+)
 
 MAPS = 60
 """Devices up to which their names stand in a map."""
@@ -78,7 +87,7 @@ def _map(
         for d, (x, y), value in zip(devices, place, values, strict=True):
             pale = abs(value) < 0.6 * limit
             axes.annotate(
-                d.device,
+                as_written(d.device),
                 (x, y),
                 ha="center",
                 va="center",
@@ -107,11 +116,11 @@ def _compare(axes: Axes, quantity: Quantity) -> None:
             markersize=2.5,
             linewidth=0.6,
             color=COLOURS[k % len(COLOURS)],
-            label=f"design {group[0]}, mode {group[1]}",
+            label=as_written(f"design {group[0]}, mode {group[1]}"),
         )
     for i, d in enumerate(ordered):
         if d.odd:
-            axes.annotate(d.device, (i, 100 * d.log_ratio), fontsize=6, color=INK)
+            axes.annotate(as_written(d.device), (i, 100 * d.log_ratio), fontsize=6, color=INK)
     axes.axhline(0, color="#999999", linewidth=0.7)
     inner = [100 * (abs(d.log_ratio) + d.sd) for d in ordered if not d.odd]
     axes.set_ylim(*(np.array([-1.4, 1.4]) * max(inner, default=1.0)))

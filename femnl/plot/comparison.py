@@ -15,6 +15,7 @@ from femnl.plot.style import (
     DIVERGING,
     INK,
     WIDTH,
+    as_written,
     axis_label,
     new_figure,
     prefixed,
@@ -75,7 +76,7 @@ def _curves(found: Curves) -> Figure:
         for axes, predicted in zip(right, curve.predictions, strict=True):
             away = (curve.data - predicted) / curve.sd
             largest = max(largest, float(np.nanmax(np.abs(away))))
-            axes.plot(x, away, ".", markersize=3, color=colour, label=curve.name)
+            axes.plot(x, away, ".", markersize=3, color=colour, label=as_written(curve.name))
             axes.plot(x[out], away[out], "x", color=EXCLUDED, markersize=5)
     for name, line in zip(found.models, LINES, strict=False):
         test = line if found.joined else ("_" if line == LINES[0] else "x")

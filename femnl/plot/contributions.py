@@ -24,6 +24,7 @@ from femnl.plot.style import (
     COLOURS,
     INK,
     WIDTH,
+    as_written,
     axis_label,
     new_figure,
     prefixed,
@@ -138,7 +139,7 @@ def _remainder(axes: Axes, found: Curves, across: Across) -> None:
         largest = max(largest, float(np.nanmax(np.abs(away))))
         x = across.place(curve.x)
         out = list(curve.excluded)
-        axes.plot(x, away, ".", markersize=3, color=colour, label=curve.name)
+        axes.plot(x, away, ".", markersize=3, color=colour, label=as_written(curve.name))
         axes.plot(x[out], away[out], "x", color=EXCLUDED, markersize=5)
     residual_axis(axes, largest)
     axes.set_title(LEFT, fontsize=8)

@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from femnl.core.errors import MeasurementError
 from femnl.io.measurement import KINDS, amplitude, noise_sd
 from femnl.plot.style import prefixed
 
@@ -64,8 +65,15 @@ def _group(dataset: xr.Dataset) -> list[str]:
     if kind in ("response", "map", "trace") and (
         "noise_sd" in dataset.attrs or next(iter(dataset.data_vars.values())).size > _FEW
     ):
-        lines.append(noise_sd(dataset)[1])
+        lines.append(_noise(dataset))
     return lines
+
+
+def _noise(dataset: xr.Dataset) -> str:
+    try:
+        return noise_sd(dataset)[1]
+    except MeasurementError as error:
+        return f"noise unknown ({error})"
 
 
 def _attribute(value: object, unit: str | None) -> str:

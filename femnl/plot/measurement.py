@@ -8,9 +8,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from femnl.core.errors import numbers_of
 from femnl.core.kinds import function, kind_of
 from femnl.observe.decay.record import decibels
-from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters, prefixed, style
+from femnl.plot.style import (
+    COLOURS,
+    INK,
+    as_written,
+    axis_label,
+    new_figure,
+    panel_letters,
+    prefixed,
+    style,
+)
 
 _CLOSE = 0.035  # of the axis: labels of lines nearer than this share one place
 
@@ -22,7 +32,11 @@ def figures(tree: xr.DataTree, outline: ArrayLike | None = None) -> dict[str, Fi
     [m], drawn into maps.
     Returns: group name → Figure.
     """
-    return {name: figure(node.to_dataset(), outline) for name, node in tree.children.items()}
+    found = {}
+    for name, node in tree.children.items():
+        with numbers_of(name):
+            found[name] = figure(node.to_dataset(), outline)
+    return found
 
 
 def figure(dataset: xr.Dataset, outline: ArrayLike | None = None) -> Figure:
@@ -37,6 +51,8 @@ def spectrum_figure(dataset: xr.Dataset) -> Figure:
     frequency = dataset["frequency"].values
     divisor, unit = prefixed(frequency, "Hz")
     quality = dataset["quality_factor"].values if "quality_factor" in dataset else None
+    if quality is not None and not np.isfinite(quality).any():
+        quality = None
     with style():
         result = new_figure(height=3.0 if quality is not None else 2.2)
         axes = result.subplots()
@@ -89,7 +105,7 @@ def _label_lines(
         else:
             clusters.append([int(index)])
     for cluster in clusters:
-        words = "\n".join(f"({labels[index]})" for index in cluster if labels[index])
+        words = "\n".join(f"({as_written(labels[index])})" for index in cluster if labels[index])
         axes.annotate(
             words,
             (float(np.mean(x[cluster])), float(np.max(y[cluster]))),

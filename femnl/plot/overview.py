@@ -8,7 +8,16 @@ from numpy.typing import NDArray
 
 from femnl.core.spectrum import Assignment, FilmFit, Peaks
 from femnl.io.measurement import amplitude
-from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters, prefixed, style
+from femnl.plot.style import (
+    COLOURS,
+    INK,
+    as_written,
+    axis_label,
+    new_figure,
+    panel_letters,
+    prefixed,
+    style,
+)
 
 Array = NDArray[np.float64]
 
@@ -73,7 +82,7 @@ def overview_figure(
             upper.text(
                 place,
                 height * 1.05,
-                text,
+                as_written(text),
                 rotation=90,
                 ha="center",
                 va="bottom",
@@ -133,7 +142,9 @@ def film_figure(film: FilmFit) -> Figure:
         axes.margins(x=0.05)
         places = _spread(film.frequency / divisor, 0.022 * float(np.ptp(film.frequency)) / divisor)
         for place, label in zip(places, film.label, strict=True):
-            axes.text(place, high, label, rotation=90, ha="center", va="bottom", fontsize=7)
+            axes.text(
+                place, high, as_written(label), rotation=90, ha="center", va="bottom", fontsize=7
+            )
         axes.set_xlabel(axis_label("frequency", unit))
         axes.set_title("grey: scatter of the simulation", loc="right", fontsize=7.5)
     return figure

@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from femnl.core.choices import Use
+from femnl.core.errors import MeasurementError
 from femnl.io.measurement import amplitude, noise_sd
 from femnl.plot.style import (
     COLOURS,
@@ -30,6 +31,14 @@ _DYNAMIC = 25.0  # largest over median magnitude above which the magnitude is dr
 _LEGEND = 6
 _SEEN = 3.0  # the phase of weaker amplitudes, in units of the noise, says nothing and is not drawn
 _FEW = 40
+
+
+def _noise(dataset: xr.Dataset) -> float:
+    """Return the noise [V] that phases are drawn above; 0, for all of them, where none shows."""
+    try:
+        return noise_sd(dataset)[0]
+    except MeasurementError:
+        return 0.0
 
 
 def response_figure(
@@ -50,7 +59,7 @@ def response_figure(
     shift = middle if narrow else 0.0
     divisor, unit = prefixed(frequency - shift, "Hz")
     scale, volt_unit = prefixed(np.abs(volts), "V")
-    noise = noise_sd(dataset)[0] if np.count_nonzero(np.isfinite(volts)) > _FEW else 0.0
+    noise = _noise(dataset) if np.count_nonzero(np.isfinite(volts)) > _FEW else 0.0
     names, key, numbers = _key(dataset)
     half = 90 if use == "phase-mod-pi" else 180
     with style():
@@ -104,7 +113,8 @@ def response_figure(
         top = np.nanmax(np.abs(volts))
         if top > _DYNAMIC * np.nanmedian(np.abs(volts)):
             magnitude.set_yscale("log")
-            magnitude.set_ylim(bottom=0.5 * np.nanquantile(np.abs(volts), 0.02) / scale)
+            size = np.abs(volts)
+            magnitude.set_ylim(bottom=0.5 * np.nanquantile(size[size > 0], 0.02) / scale)
         else:
             magnitude.set_ylim(bottom=0)
         magnitude.set_ylabel(axis_label("magnitude |V|", volt_unit))

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
-from femnl.plot.style import COLOURS, INK, WIDTH, new_figure, style
+from femnl.plot.style import COLOURS, INK, WIDTH, as_written, new_figure, style
 
 MARKERS = "osD^v"
 
@@ -30,7 +30,7 @@ def harmonic_spectrum_figure(
                 strength / strength.max(),
                 color=COLOURS[k],
                 marker=MARKERS[k % 5],
-                label=name,
+                label=as_written(name),
             )
         if level is not None:
             axes.axhline(level, color=INK, linewidth=0.8, linestyle="--")

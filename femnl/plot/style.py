@@ -11,11 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from femnl.core.errors import one_line
+
 # Okabe and Ito's palette, readable with every common colour blindness (jfly.uni-koeln.de/color).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#B8A800")
 INK = "#333333"
 DIVERGING = "RdBu_r"
 SEQUENTIAL = "viridis"
+LONGEST = 40
+"""Signs of a name in a figure."""
 WIDTH = 7.2  # inches, two columns of a journal page
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 _SETTINGS: Any = {
@@ -79,6 +83,13 @@ def prefixed(values: ArrayLike, unit: str) -> tuple[float, str]:
 def axis_label(quantity: str, unit: str) -> str:
     """Write quantity (unit), or the quantity alone where it has no unit."""
     return f"{quantity} ({unit})" if unit else quantity
+
+
+def as_written(text: str) -> str:
+    """Return a file's text for a figure, where $ is no mathematics and a long one is cut."""
+    shown = one_line(text)
+    short = shown if len(shown) <= LONGEST else f"{shown[:LONGEST]}…"
+    return short.replace("$", r"\$")
 
 
 def panel_letters(axes: Sequence[Axes]) -> None:

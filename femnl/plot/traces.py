@@ -21,6 +21,8 @@ from femnl.plot.style import (
 # More points than this in one line are drawn as the band between smallest and largest
 _COLUMNS = 1500
 _WAVES = 3
+FAINT = 1e-30
+"""Amplitude [V] below all that a file may hold."""
 _PERIODS = 4.0  # of the drive, shown of each wave
 
 
@@ -160,7 +162,7 @@ def _spectrum(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Frequencies [Hz] and amplitudes [V] (step, frequency) of the Hann-windowed signals.
 
-    Missing samples stand at the mean.
+    Missing samples stand at the mean. No amplitude is below FAINT, which a log scale can show.
     """
     window = np.hanning(time.size + 1)[:-1]
     swing = np.nan_to_num(voltage - np.nanmean(voltage, axis=1, keepdims=True))
@@ -168,4 +170,4 @@ def _spectrum(
     frequency: NDArray[np.float64] = np.asarray(
         np.fft.rfftfreq(time.size, float(np.median(np.diff(time)))), dtype=np.float64
     )
-    return frequency[1:], volts[:, 1:]
+    return frequency[1:], np.maximum(volts[:, 1:], FAINT)

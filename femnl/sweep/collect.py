@@ -28,10 +28,10 @@ def collect(sweep: Sweep, store: Store) -> xr.Dataset:
         failure or nothing; along `point` and `mode`, the kept results, their errors (infinite where
         unknown), and labels. NaN where a point failed.
     """
-    records = [store.records[point.key(sweep.settings)] for point in sweep.points(store.seed)]
+    points = list(sweep.points(store.seed))
+    records = [store.records[point.key(sweep.settings)] for point in points]
     data: dict[str, Any] = {
-        path: _coordinate(path, [record["varied"][path] for record in records])
-        for path in sweep.paths
+        path: _coordinate(path, [point.varied[path] for point in points]) for path in sweep.paths
     }
     data["error"] = ("point", np.array([record.get("error", "") for record in records]))
     data["label"] = (

@@ -1,7 +1,6 @@
 """Sweep files: which values of a geometry vary, how, and what is asked of every device."""
 
 import math
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
@@ -11,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from femnl.core.errors import ParameterError, one_line
+from femnl.core.toml import parse_toml, read_toml
 from femnl.device.geometry import load
 from femnl.device.geometry.tables import suggest
 from femnl.device.mesh import WEDGES
@@ -123,7 +123,7 @@ def read_sweep(path: Path) -> Sweep:
         settings = _settings(spec)
         sweep = Sweep(
             model.name,
-            tomllib.loads(model.text),
+            parse_toml(model.text),
             settings,
             tuple(read_axis(table) for table in spec.axis),
             spec.sample,
@@ -136,7 +136,7 @@ def read_sweep(path: Path) -> Sweep:
 
 def _read(path: Path) -> SpecFile:
     try:
-        return SpecFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8-sig")))
+        return SpecFile.model_validate(read_toml(path))
     except OSError as error:
         raise ParameterError(f"{path}: cannot be read ({error.strerror}); check the path") from None
     except ValidationError as error:
@@ -161,7 +161,7 @@ def _read(path: Path) -> SpecFile:
         raise ParameterError(
             one_line(f"{path}: {key} = {str(first['input'])[:60]}: {reason}")
         ) from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ParameterError(
             one_line(f"{path}: not TOML ({error}); text and quantities stand in quotes")
         ) from None

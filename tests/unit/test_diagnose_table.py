@@ -197,7 +197,8 @@ def test_a_damaged_line_is_told_and_its_file_is_diagnosed_again(
         again = diagnose_many(files, effects=few(), out="out.csv")
     assert done == ["1.nc"]
     assert [record.getMessage() for record in caplog.records] == [
-        "out.jsonl: line 3 is damaged; its file is diagnosed again"
+        "out.jsonl: line 3 is damaged and set aside in out.jsonl.damaged; "
+        "its file is diagnosed anew"
     ]
     pd.testing.assert_frame_equal(again.drop(columns="seconds"), rows.drop(columns="seconds"))
     caplog.clear()

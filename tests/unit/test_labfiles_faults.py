@@ -206,7 +206,7 @@ CASES: dict[str, tuple[str, Make, str]] = {
     "mat cut off": (
         "a.mat",
         _bytes(b"MATLAB 5.0 MAT-file" + b" " * 105 + b"\x00\x01IM" + b"\x0e\x00\x00\x00\xff"),
-        "damaged, or not a MATLAB file; save it again",
+        "damaged, or not a MATLAB file (",
     ),
     "mat garbage": (
         "a.mat",
@@ -217,7 +217,7 @@ CASES: dict[str, tuple[str, Make, str]] = {
             + b"\x0e\0\0\0\xff\0\0\0"
             + bytes(range(64))
         ),
-        "damaged, or not a MATLAB file; save it again",
+        "damaged, or not a MATLAB file (",
     ),
     "hdf5 of another make": (
         "a.h5",
@@ -232,7 +232,7 @@ CASES: dict[str, tuple[str, Make, str]] = {
     "hdf5 half": (
         "a.h5",
         _hdf5(lambda file: _sample(file, grid=[1.0, 2.0], x=[1.0], y=[1.0])),
-        "2 frequencies for 1 amplitudes; the file is cut off",
+        "2 values of grid, 1 values of x, 1 values of y; the file is cut off",
     ),
     "daq without clock": (
         "a.h5",

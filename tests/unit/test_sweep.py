@@ -345,18 +345,23 @@ class TestStore:
         with open_store(path, sweep.settings, None, False):
             assert path.read_bytes() == whole
 
-    def test_a_damaged_line_is_named(self, tmp_path: Path) -> None:
+    def test_a_damaged_line_is_set_aside_and_its_point_solved_anew(
+        self, tmp_path: Path, caplog: pytest.LogCaptureFixture
+    ) -> None:
         sweep = read_sweep(write(tmp_path, STRESSES))
         path = tmp_path / "s.jsonl"
         with open_store(path, sweep.settings, None, False) as store:
             run(sweep, store, made_up, lambda record: None)
         lines = path.read_bytes().splitlines(keepends=True)
-        path.write_bytes(b"".join([*lines[:2], b"{}\n", *lines[3:]]))
-        with (
-            pytest.raises(ParameterError, match="line 3 cannot be read"),
-            open_store(path, sweep.settings, None, False),
-        ):
-            pass
+        changed = lines[2].replace(b'"seconds": ', b'"seconds": -')
+        path.write_bytes(b"".join([*lines[:2], changed, *lines[3:]]))
+        seen: list[Record] = []
+        with open_store(path, sweep.settings, None, False) as store:
+            run(sweep, store, made_up, seen.append)
+        assert [record["key"] for record in seen] == [json.loads(lines[2])["key"]]
+        assert "s.jsonl: line 3 is damaged and set aside in " in caplog.text
+        assert path.with_name("s.jsonl.damaged").read_bytes() == changed
+        assert sorted(path.read_bytes().splitlines(keepends=True)) == sorted(lines)
 
     @pytest.mark.parametrize("content", ["", "{}\n", "words\n", '{"femnl_sweep": 1'])
     def test_a_file_of_another_kind_is_left_alone(self, content: str, tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """From a geometry's name, file or text to a Model."""
 
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from pydantic import ValidationError
 from femnl.core import resources
 from femnl.core.device import Holes, Model, Outline
 from femnl.core.errors import GeometryError, one_line
+from femnl.core.toml import parse_toml
 from femnl.device.geometry import curves
 from femnl.device.geometry.schema import GeometryFile
 from femnl.device.geometry.tables import complaint
@@ -165,9 +165,7 @@ def read_text(path: Path) -> str:
 
 def _toml(text: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(text)
-    except RecursionError as error:
-        raise GeometryError("not a geometry: brackets nested too deep") from error
+        return parse_toml(text)
     except ValueError as error:  # tomllib's own, and Python's for integers of thousands of digits
         raise GeometryError(
             f"not TOML: {str(error).split(';')[0]}; text and quantities stand in quotes"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.labfiles.base import LARGEST, Format, Groups, head
+from femnl.io.labfiles.base import Format, Groups, head, need_size, undamaged
 from femnl.io.labfiles.columns import one_table
 from femnl.io.labfiles.spec import Spec
 
@@ -23,15 +23,9 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
 
 def _table(path: Path) -> dict[str, NDArray[Any]]:
     """Return the columns of the array: the shorter axis of two holds them."""
-    if path.stat().st_size > LARGEST:
-        raise MeasurementError(f"{path}: more than {LARGEST / 2**30:g} GiB; split it")
-    try:
-        # NumPy refuses arrays of objects by itself
-        values = np.load(path)
-    except (ValueError, OSError, EOFError) as error:
-        raise MeasurementError(
-            f"{path}: cannot be read as a plain array ({str(error)[:80]}); save numbers"
-        ) from None
+    need_size(path, "split it")
+    # NumPy refuses arrays of objects by itself
+    values = undamaged(path, "plain array of numbers", lambda: np.load(path, mmap_mode="r"))
     if values.dtype.names:
         return {name: values[name].reshape(-1) for name in values.dtype.names}
     if values.ndim not in (1, 2) or values.dtype.kind not in "iufc":

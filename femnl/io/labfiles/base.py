@@ -1,8 +1,9 @@
 """What a lab-file format is, and what all of them share."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 import xarray as xr
@@ -12,7 +13,10 @@ from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import quantity, response
 
-LARGEST = 2**30  # bytes of a text file
+T = TypeVar("T")
+PARTS = ("real", "imag", "amplitude", "magnitude", "phase")
+"""Columns that make an amplitude."""
+LARGEST = 2**30  # bytes of a file
 RMS = float(np.sqrt(2))  # amplitude over root mean square of a sine
 
 Sweep = tuple[NDArray[np.float64], NDArray[np.complex128]]
@@ -45,20 +49,55 @@ def head(path: Path, size: int = 512) -> bytes:
         ) from None
 
 
+def need_size(path: Path, remedy: str) -> None:
+    """Refuse a file that is larger than any format allows. Raises: MeasurementError."""
+    size = path.stat().st_size
+    if size > LARGEST:
+        raise MeasurementError(
+            f"{path}: {size / 2**30:.1f} GiB, more than {LARGEST / 2**30:g}; {remedy}"
+        )
+
+
+def undamaged(path: Path, what: str, read: Callable[[], T]) -> T:
+    """Run a library's reader on a file of a stranger.
+
+    Raises: MeasurementError, which names the file and what it should be, in the place of anything
+    that damage makes the reader stumble over: each has other exceptions, and none lists them.
+    """
+    try:
+        return read()
+    except Exception as error:
+        raise MeasurementError(
+            f"{path}: damaged, or not a {what} ({str(error)[:80]}); save it again"
+        ) from error
+
+
 def text_lines(path: Path) -> list[str]:
     """The lines of a text file of bounded size.
 
     Raises: MeasurementError if it is too large or not text.
     """
-    if path.stat().st_size > LARGEST:
-        raise MeasurementError(
-            f"{path}: {path.stat().st_size / 2**30:.1f} GiB of text, more than "
-            f"{LARGEST / 2**30:g}; split it"
-        )
+    need_size(path, "split it")
     try:
         return path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise MeasurementError(f"{path}: not UTF-8 text; export it as UTF-8") from None
+
+
+def refuse_lengths(columns: Mapping[str, NDArray[Any]], where: str) -> None:
+    """Refuse columns of unequal length, and such without a row. Raises: MeasurementError."""
+    parts = {name: columns[name].shape for name in PARTS if name in columns}
+    if len(set(parts.values())) > 1:
+        told = ", ".join(f"{name} has shape {shape}" for name, shape in parts.items())
+        raise MeasurementError(f"{where}: parts of an amplitude differ: {told}; save them alike")
+    plain = {name: len(values) for name, values in columns.items() if values.ndim == 1}
+    if len(plain) < len(columns):  # arrays in the shape of the contract, which checks them
+        return
+    if len(set(plain.values())) > 1:
+        told = ", ".join(f"{name} has {length}" for name, length in plain.items())
+        raise MeasurementError(f"{where}: columns of unequal length: {told}; save them alike")
+    if columns and not any(plain.values()):
+        raise MeasurementError(f"{where}: no row of data; export it again")
 
 
 def scalar_values(spec: Spec, names: dict[str, str], where: str) -> dict[str, float]:

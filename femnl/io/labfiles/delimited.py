@@ -21,6 +21,7 @@ time = { rate = "1 MHz" }.
 
 import csv
 import warnings
+from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 from itertools import islice
@@ -31,12 +32,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.labfiles.base import LARGEST, Format, Groups
+from femnl.io.labfiles.base import Format, Groups, need_size
 from femnl.io.labfiles.columns import one_table
 from femnl.io.labfiles.spec import Spec
 
 HEAD = 200
 """Lines of a table that its shape is read from."""
+MOST_COLUMNS = 10_000
 _SUFFIXES = (".csv", ".txt", ".dat", ".tsv")
 
 
@@ -45,14 +47,10 @@ def read_table(path: Path, spec: Spec) -> dict[str, NDArray[Any]]:
 
     Raises: MeasurementError.
     """
-    if path.stat().st_size > LARGEST:
-        raise MeasurementError(
-            f"{path}: {path.stat().st_size / 2**30:.1f} GiB of text, more than "
-            f"{LARGEST / 2**30:g}; split it"
-        )
+    need_size(path, "split it")
     try:
         with warnings.catch_warnings():
-            delimiter = spec.delimiter or _delimiter(path, spec)
+            delimiter = _delimiter(path, spec)
             # Rows longer than the heading would be cut off with a warning only.
             warnings.simplefilter("error", pd.errors.ParserWarning)
             frame = pd.read_csv(
@@ -66,19 +64,19 @@ def read_table(path: Path, spec: Spec) -> dict[str, NDArray[Any]]:
                 index_col=False,
                 encoding="utf-8-sig",
             )
+            if spec.header:
+                _refuse_longer_head(path, spec, delimiter, frame.shape[1])
     except (ValueError, csv.Error, pd.errors.ParserWarning) as error:
         raise MeasurementError(
             f"{path}: not a table ({' '.join(str(error).split())[:100]}); check delimiter, "
             "decimal and skip"
         ) from None
-    if spec.header:
-        _refuse_longer_head(path, spec, delimiter, frame.shape[1])
     names = (
         [str(name).strip() for name in frame.columns]
         if spec.header
         else [str(number + 1) for number in range(frame.shape[1])]
     )
-    doubled = sorted({name for name in names if names.count(name) > 1})
+    doubled = sorted(name for name, count in Counter(names).items() if count > 1)
     if doubled:
         raise MeasurementError(
             f"{path}: heading {doubled[0]!r} stands over two columns; rename one"
@@ -114,7 +112,10 @@ def _refuse_longer_head(path: Path, spec: Spec, delimiter: str, named: int) -> N
 
 
 def _delimiter(path: Path, spec: Spec) -> str:
-    """The separator that the first line of the table uses most."""
+    """The separator that the spec names, else the one that the first line uses most.
+
+    Raises: MeasurementError for more columns than MOST_COLUMNS, over which readers take for ever.
+    """
     with path.open(encoding="utf-8-sig") as file:
         lines = (
             line
@@ -122,7 +123,16 @@ def _delimiter(path: Path, spec: Spec) -> str:
             if number >= spec.skip and line.strip() and not line.startswith("#")
         )
         first = next(lines, "")
-    counts = {mark: first.count(mark) for mark in (";", "\t", "," if spec.decimal == "." else "|")}
+    marks = (";", "\t", "," if spec.decimal == "." else "|", spec.delimiter or " ")
+    counts = {mark: first.count(mark) for mark in marks}
+    if max(counts.values()) > MOST_COLUMNS:
+        raise MeasurementError(
+            f"{path}: its first line has {max(counts.values())} columns, more than "
+            f"{MOST_COLUMNS}; save each quantity as a column and each point as a row"
+        )
+    if spec.delimiter is not None:
+        return spec.delimiter
+    del counts[" "]
     best = max(counts, key=lambda mark: counts[mark])
     return best if counts[best] else " "
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.labfiles.base import LARGEST, RMS, Format, Groups, head, scalar_values
+from femnl.io.labfiles.base import RMS, Format, Groups, head, need_size, scalar_values
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import harmonic_map, to_si
 
@@ -56,8 +56,7 @@ class Field:
 
 def read_field(path: Path, unit: str) -> Field:
     """Read one .gsf file whose values are of the given SI unit. Raises: MeasurementError."""
-    if path.stat().st_size > LARGEST:
-        raise MeasurementError(f"{path}: more than {LARGEST / 2**30:g} GiB; crop the image")
+    need_size(path, "crop the image")
     data = path.read_bytes()
     end = data.find(b"\0")
     if not data.startswith(_MAGIC) or end < 0:

@@ -35,6 +35,10 @@ def sweep_of(fields: Mapping[str, NDArray[np.float64]], spec: Spec, where: str) 
 
     Raises: MeasurementError if they do not suffice.
     """
+    sizes = {name: values.size for name, values in fields.items() if name in _FIELDS}
+    if len(set(sizes.values())) > 1:
+        told = ", ".join(f"{size} values of {name}" for name, size in sizes.items())
+        raise MeasurementError(f"{where}: {told}; the file is cut off, export it again")
     frequency = fields.get("frequency", fields.get("grid"))
     if frequency is None:
         raise MeasurementError(
@@ -47,11 +51,6 @@ def sweep_of(fields: Mapping[str, NDArray[np.float64]], spec: Spec, where: str) 
     else:
         raise MeasurementError(
             f"{where}: has neither x and y nor r and phase; save the sweep with all its fields"
-        )
-    if frequency.shape != volts.shape:
-        raise MeasurementError(
-            f"{where}: {frequency.size} frequencies for {volts.size} amplitudes; the file is cut "
-            "off, export it again"
         )
     if np.unique(frequency[np.isfinite(frequency)]).size < 2:
         raise MeasurementError(

@@ -36,7 +36,7 @@ Fields = dict[str, NDArray[np.float64]]
 
 def _nodes(file: h5py.File) -> Iterator[tuple[str, str, h5py.Group]]:
     """Chunk, node path and group of every demodulator record, in the order of the chunks."""
-    for chunk in sorted((name for name in file if name.isdigit()), key=int):
+    for chunk in sorted((name for name in file if name.isascii() and name.isdigit()), key=int):
         found: list[tuple[str, h5py.Group]] = []
 
         def collect(
@@ -75,7 +75,7 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
     groups: Groups = {}
     notes: list[str] = []
     for name, found in sweeps.items():
-        demodulator = name.split("/")[-2]
+        demodulator = name.rpartition("/")[0].rpartition("/")[2]
         key = spec.name if len(sweeps) == 1 else f"{spec.name}-demod{demodulator}"
         groups[key], lines = sweeps_to_response(found, {}, spec, f"{where}: /{name}")
         notes += lines

@@ -10,20 +10,17 @@ arrays that have the contract's shape. Source: MathWorks, "MAT-File Versions"
 (mathworks.com/help/matlab/import_export/mat-file-versions.html); scipy.io.loadmat.
 """
 
-import struct
-import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.io import loadmat, whosmat
-from scipy.io.matlab import MatReadError
 
 from femnl.core.errors import MeasurementError
-from femnl.io.labfiles.base import LARGEST, Format, Groups, head
+from femnl.io.labfiles.base import LARGEST, Format, Groups, head, need_size, undamaged
 from femnl.io.labfiles.spec import Spec
 from femnl.io.labfiles.tables import named, take_columns, to_dataset
 from femnl.io.measurement import open_hdf5
@@ -42,23 +39,6 @@ _NUMERIC = (
     "logical",
 )
 _HDF5 = b"MATLAB 7.3"
-# What scipy's reader raises over damaged files, as fuzzing found; it alone runs where they are
-# caught.
-_DAMAGE = (
-    MatReadError,
-    struct.error,
-    zlib.error,
-    ValueError,
-    TypeError,
-    KeyError,
-    IndexError,
-    OSError,
-    EOFError,
-    NotImplementedError,
-    OverflowError,
-    MemoryError,  # a damaged length
-)
-_Result = TypeVar("_Result")
 
 
 def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
@@ -67,6 +47,7 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
             f"{paths[1]}: one MATLAB file at a time; import each into a file of its own"
         )
     path = paths[0]
+    need_size(path, "split it")
     wanted = named(spec)
     table = _read_73(path, wanted) if head(path).startswith(_HDF5) else _read_5(path, wanted)
     columns = take_columns(
@@ -82,30 +63,22 @@ def _column(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _read_5(path: Path, wanted: set[str]) -> dict[str, NDArray[Any]]:
-    listing = {
-        str(name): (shape, str(kind))
-        for name, shape, kind in _undamaged(path, lambda: whosmat(str(path), appendmat=False))
-    }
+    listed = undamaged(path, "MATLAB file", lambda: whosmat(str(path), appendmat=False))
+    listing = {str(name): (shape, str(kind)) for name, shape, kind in listed}
     names = _allowed(path, wanted, {name: kind for name, (_, kind) in listing.items()})
     if sum(8 * float(np.prod(listing[name][0], dtype=float)) for name in names) > LARGEST:
         raise MeasurementError(
             f"{path}: variables {', '.join(names)} hold more than {LARGEST / 2**30:g} GiB; split "
             "the file"
         )
-    found = _undamaged(path, lambda: loadmat(str(path), appendmat=False, variable_names=names))
+    found = undamaged(
+        path, "MATLAB file", lambda: loadmat(str(path), appendmat=False, variable_names=names)
+    )
     if lost := [name for name in names if name not in found]:
         raise MeasurementError(
             f"{path}: variable {lost[0]} is listed but cannot be read; save it again"
         )
     return {name: np.asarray(found[name]) for name in names}
-
-
-def _undamaged(path: Path, read: Callable[[], _Result]) -> _Result:
-    """Run scipy's reader, whose failures say that the file is damaged."""
-    try:
-        return read()
-    except _DAMAGE as error:
-        raise MeasurementError(f"{path}: damaged, or not a MATLAB file; save it again") from error
 
 
 def _read_73(path: Path, wanted: set[str]) -> dict[str, NDArray[Any]]:

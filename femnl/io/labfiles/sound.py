@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.io import wavfile
 
 from femnl.core.errors import MeasurementError
-from femnl.io.labfiles.base import LARGEST, Format, Groups, head
+from femnl.io.labfiles.base import Format, Groups, head, need_size, undamaged
 from femnl.io.labfiles.spec import Spec
 from femnl.io.labfiles.tables import take_columns, to_dataset, unread
 
@@ -35,17 +35,17 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
 
 def _table(path: Path) -> tuple[int, dict[str, NDArray[Any]], list[str]]:
     """Return the rate [Hz], the channels and the time, and what was assumed."""
-    if path.stat().st_size > LARGEST:
-        raise MeasurementError(f"{path}: more than {LARGEST / 2**30:g} GiB; split it")
-    try:
-        with warnings.catch_warnings():
-            # Chunks that are no sound, such as comments, are of no interest
-            warnings.simplefilter("ignore", wavfile.WavFileWarning)
-            rate, values = wavfile.read(path)
-    except (ValueError, OSError, EOFError) as error:
-        raise MeasurementError(f"{path}: not a plain recording ({str(error)[:80]})") from None
+    need_size(path, "split it")
+    with warnings.catch_warnings():
+        # Chunks that are no sound, such as comments, are of no interest
+        warnings.simplefilter("ignore", wavfile.WavFileWarning)
+        rate, values = undamaged(path, "plain recording", lambda: wavfile.read(path))
     notes = []
     samples = np.asarray(values)
+    if not samples.size or rate < 1:
+        raise MeasurementError(
+            f"{path}: {len(samples)} samples at {rate} Hz are no recording; save it again"
+        )
     if samples.dtype.kind in "iu":
         middle = 128 if samples.dtype == np.uint8 else 0
         full = 128.0 if samples.dtype == np.uint8 else float(np.iinfo(samples.dtype).max) + 1

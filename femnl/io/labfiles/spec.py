@@ -1,12 +1,12 @@
 """The small TOML file that says what the columns of a lab's file are."""
 
-import tomllib
 from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from femnl.core.errors import MeasurementError
+from femnl.core.toml import read_toml
 
 
 class Strict(BaseModel):
@@ -76,13 +76,11 @@ class Spec(Strict):
 def read_spec(path: Path) -> Spec:
     """Read the TOML file. Raises: MeasurementError naming file and key."""
     try:
-        return Spec.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        return Spec.model_validate(read_toml(path))
     except OSError as error:
         raise MeasurementError(
             f"{path}: cannot be read ({error.strerror}); check the path"
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise MeasurementError(f"{path}: not TOML ({error}); correct that place") from None
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
@@ -90,3 +88,5 @@ def read_spec(path: Path) -> Spec:
             f"{path}: {key} = {str(first['input'])[:40]!r}: {first['msg']}; correct it or "
             "leave it out"
         ) from None
+    except ValueError as error:
+        raise MeasurementError(f"{path}: not TOML ({error}); correct that place") from None

@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.labfiles.base import RMS, scalar_values, sweeps_to_response
+from femnl.io.labfiles.base import PARTS, RMS, refuse_lengths, scalar_values, sweeps_to_response
 from femnl.io.labfiles.levels import directions, even_clock, is_level, magnitudes
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import (
@@ -24,7 +24,6 @@ from femnl.io.measurement import (
 )
 
 Columns = dict[str, NDArray[Any]]
-_PARTS = ("real", "imag", "amplitude", "magnitude", "phase")
 _COMPLEX = {"amplitude": "V", "magnitude": "V", "phase": "rad"}
 _OF_A_DECAY = {"frequency": "Hz", "bandwidth": "Hz", "pressure": "Pa", "temperature": "K"}
 _PER_SWEEP = ("drive", "direction", "x", "y", "harmonic")
@@ -107,19 +106,23 @@ def _numbers(values: NDArray[Any], unit: str, si: str, where: str) -> NDArray[An
     if values.dtype.kind == "c":
         return to_si(values.real, unit, si, where) + 1j * to_si(values.imag, unit, si, where)
     if values.dtype.kind not in "iuf":
-        bad = next(str(value) for value in values.ravel() if not _is_number(value))
+        bad = next((str(value) for value in values.ravel() if not _is_number(value)), "")
         raise MeasurementError(
             f"{where}: {bad[:30]!r} is not a number; correct that row or mark it as NaN"
+            if bad
+            else f"{where}: holds {values.dtype} and no numbers; save them as such"
         )
     return to_si(values, unit, si, where)
 
 
 def _is_number(value: object) -> bool:
+    """Whether a value is a number as tables write it; Python also reads 1_000 and other digits."""
+    text = str(value)
     try:
-        float(str(value))
+        float(text)
     except ValueError:
         return False
-    return True
+    return text.isascii() and "_" not in text
 
 
 def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[str]]:
@@ -131,6 +134,7 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
     Returns: the Dataset and notes. Raises: MeasurementError.
     """
     columns = dict(columns)
+    refuse_lengths(columns, where)
     if spec.kind == "decay":
         return _decay(spec, columns, where), []
     _refuse_unused(spec, columns, where)
@@ -147,8 +151,8 @@ def to_dataset(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, li
 def _refuse_unused(spec: Spec, columns: Columns, where: str) -> None:
     """Refuse a column that is named and that a table of this kind has no use for."""
     used = {
-        "response": ("frequency", "time", "duration", "sweep", *_PARTS, *_PER_SWEEP, *_BESIDE),
-        "map": ("x", "y", "harmonic", *_PARTS),
+        "response": ("frequency", "time", "duration", "sweep", *PARTS, *_PER_SWEEP, *_BESIDE),
+        "map": ("x", "y", "harmonic", *PARTS),
         "trace": ("time", "voltage", "drive_voltage", "drive_frequency"),
     }.get(str(spec.kind))
     if used is None or any(values.ndim > 1 for values in columns.values()):

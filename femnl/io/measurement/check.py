@@ -17,13 +17,21 @@ from femnl.io.measurement.shapes import fit_shapes
 from femnl.io.measurement.units import quantity, to_si
 
 _FIXED = ("kind", "convention")
+LEAST = 1e-30
+MOST = 1e30
+"""Sizes in SI units beyond which no laboratory measures; sums of their squares stay finite."""
+MOST_DECIBELS = 600.0
+"""The same for levels: 600 dB are a factor of 10³⁰ in amplitude."""
 
 
 def text(value: object) -> str:
     """Read an attribute as text, stored as a string, as bytes or as an array of one."""
     if isinstance(value, np.ndarray) and value.size == 1:
         value = value.reshape(-1)[0]
-    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    # HDF5 hands over bytes of no encoding as half signs, which cannot be written again
+    return str(value).encode("utf-8", "surrogatepass").decode("utf-8", "replace")
 
 
 def check(group: xr.Dataset, where: str) -> tuple[xr.Dataset, list[str]]:
@@ -103,6 +111,25 @@ def _values(variable: xr.Variable, item: Item, where: str, notes: list[str]) -> 
             f"{where}: value {numbers[numbers <= 0].flat[0]:g} is not positive; mark missing "
             "points by NaN"
         )
+    return _of_a_size(numbers, item, where, notes)
+
+
+def _of_a_size(
+    numbers: NDArray[np.float64], item: Item, where: str, notes: list[str]
+) -> NDArray[np.float64]:
+    """Refuse values beyond any laboratory; those too small to be other than 0 become 0."""
+    most = MOST_DECIBELS if item.unit == "dB" else MOST
+    size = np.abs(numbers)
+    tiny = (size > 0) & (size < LEAST)
+    wrong = (size > most) | (tiny & item.positive)
+    if wrong.any():
+        raise MeasurementError(
+            f"{where}: value {numbers[wrong].flat[0]:g} {item.unit} is beyond any measurement "
+            f"({LEAST:g} to {most:g}); check its unit, or mark it as missing (NaN)"
+        )
+    if tiny.any():
+        notes.append(f"{where}: {np.count_nonzero(tiny)} values below {LEAST:g} taken as 0")
+        return np.where(tiny, 0.0, numbers)
     return numbers
 
 
@@ -131,7 +158,9 @@ def _attributes(
             and len(kind.datasets[name].dims) == 1
         ):
             number, _ = quantity(_plain(value), kind.datasets[name].unit or "", f"{where}/{name}")
-            arrays[name] = np.array(number)
+            arrays[name] = _of_a_size(
+                np.array(number), kind.datasets[name], f"{where}/{name}", notes
+            )
             notes.append(
                 f"{where}/{name}: one attribute, taken for every {kind.datasets[name].dims[0]}"
             )
@@ -146,7 +175,8 @@ def _attributes(
                     f"{where}: attribute {name} is {number:g}; give a "
                     f"{'positive ' * item.positive}number in {item.unit}, or leave it out"
                 )
-            clean[name] = number
+            sized = _of_a_size(np.array([number]), item, f"{where}: attribute {name}", notes)
+            clean[name] = float(sized[0])
         elif item is not None or name in _FIXED or isinstance(_plain(value), str | int | float):
             plain = _plain(value)
             clean[name] = plain if isinstance(plain, int | float) and item is None else text(value)

@@ -154,12 +154,12 @@ def write(tree: xr.DataTree, path: str | Path) -> None:
     clean = _collect(groups, str(path))
     lines = [*filter(None, [clean.attrs.get("history", "")]), *earlier, *clean.attrs.pop("repairs")]
     if lines:
-        clean.attrs["history"] = "\n".join(lines)
+        clean.attrs["history"] = text("\n".join(lines))
     try:
         # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file,
         # and says so on standard error.
         content = clean.to_netcdf(engine="h5netcdf")
-        with tempfile.TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as folder:
+        with tempfile.TemporaryDirectory(prefix=".femnl-", dir=path.parent) as folder:
             part = Path(folder) / "part.nc"
             with part.open("wb") as stream:
                 stream.write(content)

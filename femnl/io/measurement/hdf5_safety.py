@@ -4,6 +4,7 @@ Opened only after a look that refuses what would leave the folder or fill the me
 """
 
 import math
+from dataclasses import dataclass, field
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
@@ -17,6 +18,8 @@ SMALL = 2**26  # bytes declared that are never too many
 # Of data over file: noise hardly compresses, but a page of zeros does so a thousandfold
 RATIO = 100
 _DEPTH = 16
+MOST = 10_000
+"""Groups and datasets of a file, and attributes of one of them."""
 HEAP = b"GCOL\x01\0\0\0"
 
 
@@ -29,7 +32,12 @@ def open_hdf5(path: Path) -> h5py.File:
     Raises: MeasurementError for a missing, truncated, foreign or oversized file.
     """
     need_file(path)
-    _walk_heaps(path)
+    if path.stat().st_size > LIMIT:
+        raise MeasurementError(
+            f"{path}: {path.stat().st_size / 2**30:.0f} GiB, more than {LIMIT / 2**30:g}; split it"
+        )
+    if h5py.is_hdf5(path):
+        _walk_heaps(path)
     try:
         file = h5py.File(path, "r")
     except OSError as error:
@@ -38,11 +46,11 @@ def open_hdf5(path: Path) -> h5py.File:
             "export it again"
         ) from None
     try:
-        total = [0]
-        _look(file, path, file, 0, total)
-        if total[0] > max(SMALL, RATIO * path.stat().st_size):
+        found = _Found()
+        _look(file, path, file, 0, found)
+        if found.size > max(SMALL, RATIO * path.stat().st_size):
             raise MeasurementError(
-                f"{path}: declares {total[0] / 2**20:.0f} MiB of data in {path.stat().st_size} "
+                f"{path}: declares {found.size / 2**20:.0f} MiB of data in {path.stat().st_size} "
                 "bytes, which no measurement does; export it again without the empty parts"
             )
     except (RuntimeError, OSError, KeyError, ValueError, TypeError, OverflowError) as error:
@@ -92,7 +100,10 @@ def _look_at_types(item: h5py.Group | h5py.Dataset, where: str) -> None:
     Where one is damaged, HDF5 ends the whole process.
     """
     kinds = {"values": item.id.get_type()} if isinstance(item, h5py.Dataset) else {}
-    for index in range(h5py.h5a.get_num_attrs(item.id)):
+    count = h5py.h5a.get_num_attrs(item.id)
+    if count > MOST:
+        raise MeasurementError(f"{where}: has {count} attributes, more than {MOST}; leave some out")
+    for index in range(count):
         attribute = h5py.h5a.open(item.id, index=index)
         kinds[attribute.name.decode("utf-8", "replace")] = attribute.get_type()
     for name, kind in kinds.items():
@@ -107,7 +118,29 @@ def _look_at_types(item: h5py.Group | h5py.Dataset, where: str) -> None:
             )
 
 
-def _look(group: h5py.Group, path: Path, file: h5py.File, depth: int, total: list[int]) -> None:
+@dataclass
+class _Found:
+    """What a file declares, so far: bytes of data, and the places of its groups and datasets."""
+
+    size: int = 0
+    places: set[int] = field(default_factory=set)
+
+
+def _refuse_again(place: int, found: _Found, where: str) -> None:
+    """Refuse a second way to one group or dataset, and more of them than a file has.
+
+    A few links make as many ways through a file as a tree of that depth has leaves.
+    """
+    if place in found.places:
+        raise MeasurementError(f"{where}: is a second link to one object; store it once")
+    found.places.add(place)
+    if len(found.places) > MOST:
+        raise MeasurementError(
+            f"{where}: the file has more than {MOST} groups and datasets; split it"
+        )
+
+
+def _look(group: h5py.Group, path: Path, file: h5py.File, depth: int, found: _Found) -> None:
     _look_at_types(group, f"{path}: {group.name}")
     if depth > _DEPTH:
         raise MeasurementError(
@@ -122,20 +155,25 @@ def _look(group: h5py.Group, path: Path, file: h5py.File, depth: int, total: lis
                 "file itself"
             )
         item = group[name]
+        place = hash(item)  # of file and address
         if isinstance(item, h5py.Group):
             if depth and item == file:
                 raise MeasurementError(
                     f"{where}: is a link back to the root; store the data in the file itself"
                 )
-            _look(item, path, file, depth + 1, total)
+            _refuse_again(place, found, where)
+            _look(item, path, file, depth + 1, found)
         elif isinstance(item, h5py.Dataset):
+            _refuse_again(place, found, where)
             _look_at_types(item, where)
             if item.is_virtual or item.external:
                 raise MeasurementError(
                     f"{where}: keeps its data in another file; store the data in the file itself"
                 )
-            total[0] += math.prod(item.shape or ()) * item.dtype.itemsize
-            if total[0] > LIMIT:
+            if item.shape is None:
+                raise MeasurementError(f"{where}: is empty; store numbers in it, or leave it out")
+            found.size += math.prod(item.shape) * item.dtype.itemsize
+            if found.size > LIMIT:
                 raise MeasurementError(
                     f"{where}: the file declares more than {LIMIT / 2**30:g} GiB of data; split "
                     "it into smaller files"

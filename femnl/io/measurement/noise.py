@@ -51,8 +51,8 @@ def estimate_noise(dataset: xr.Dataset) -> float:
     mean.
     Args: dataset of kind response, map, trace or series. Returns: the standard deviation per value
     (per quadrature).
-    Raises: MeasurementError for a `spectrum`, whose frequency_sd is required, and for fewer than 8
-    usable points.
+    Raises: MeasurementError for a `spectrum`, whose frequency_sd is required, for fewer than 8
+    usable points, and for data without any scatter.
     Valid: signal smooth over five points (response, map, series), or lines and bands filling less
     than 3/4 of the spectrum (trace); otherwise the estimate is high.
     Source: generalised from J. Immerkær, Computer Vision and Image Understanding 64, 300 (1996), to
@@ -89,7 +89,17 @@ def _spread(residues: NDArray[np.float64], kind: str) -> float:
             f"{kind}: {residues.size} usable points are too few to estimate the noise; store "
             "noise_sd"
         )
-    return float(_MAD * np.median(np.abs(residues)))
+    spread = float(_MAD * np.median(np.abs(residues)))
+    if spread > 0:
+        return spread
+    steps = np.abs(residues[residues != 0])
+    if not steps.size:
+        raise MeasurementError(
+            f"{kind}: the data show no noise at all; they are constant or computed, store noise_sd"
+        )
+    # Most neighbours are equal, so that the last digit q of the instrument is what scatters: even
+    # within ±q/2, and seen by a single residue as q over the norm of its weights
+    return float(np.min(steps) * np.sqrt(comb(2 * _ORDER, _ORDER)) / np.sqrt(12))
 
 
 def _residues(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -128,4 +138,9 @@ def _floor(voltage: NDArray[np.float64]) -> float:
     power = np.abs(
         np.fft.rfft((usable - np.mean(usable, axis=1, keepdims=True)) * window)[:, 1:-1]
     ) ** 2 / np.sum(window**2)
-    return float(np.sqrt(np.median(np.quantile(power, _QUANTILE, axis=1)) / -np.log(1 - _QUANTILE)))
+    floor = np.median(np.quantile(power, _QUANTILE, axis=1))
+    if not floor > 0:
+        raise MeasurementError(
+            "trace: the voltage shows no noise at all; it is constant or computed, store noise_sd"
+        )
+    return float(np.sqrt(floor / -np.log(1 - _QUANTILE)))

@@ -9,35 +9,30 @@ from femnl.core.errors import ParameterError
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a temporary file beside `path`, then rename it.
+    """Let `write` fill a file in a temporary folder beside `path`, then rename it.
 
-    a failure leaves what was there before.
+    A failure leaves what was there before. The file is readable for whom the umask says.
 
     Raises: ParameterError where the folder cannot be written.
     """
     try:
-        handle, name = tempfile.mkstemp(
-            prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent
-        )
+        folder = tempfile.TemporaryDirectory(prefix=".femnl-", dir=path.parent)
     except OSError as error:
         raise ParameterError(
             f"{path}: cannot write there ({error.strerror}); name a file in a folder that exists "
             "and is writable"
         ) from error
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        write(temporary)
-        temporary.chmod(0o644)
-        with temporary.open("rb") as written:
-            os.fsync(written.fileno())  # the name must not reach the disk before the content
-        temporary.replace(path)
-    except OSError as error:
-        raise ParameterError(
-            f"{path}: writing failed ({error.strerror or error}); nothing was changed"
-        ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
+    with folder:
+        part = Path(folder.name) / f"part{path.suffix}"
+        try:
+            write(part)
+            with part.open("rb") as written:
+                os.fsync(written.fileno())  # the name must not reach the disk before the content
+            part.replace(path)
+        except OSError as error:
+            raise ParameterError(
+                f"{path}: writing failed ({error.strerror or error}); nothing was changed"
+            ) from error
 
 
 def make_folder(path: Path) -> None:

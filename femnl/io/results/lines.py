@@ -2,7 +2,9 @@
 
 import fcntl
 import json
+import logging
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -18,6 +20,19 @@ def hold(path: Path, file: IO[bytes], remedy: str) -> None:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         raise ParameterError(f"{path}: {remedy}") from None
+
+
+def set_aside(path: Path, damaged: Mapping[int, bytes], remedy: str) -> None:
+    """Keep damaged lines, by their numbers, in a file of their own, and tell each of them."""
+    if not damaged:
+        return
+    aside = path.with_name(f"{path.name}.damaged")
+    for number in damaged:
+        logging.getLogger("femnl").warning(
+            "%s: line %d is damaged and set aside in %s; %s anew", path, number, aside, remedy
+        )
+    with aside.open("ab") as file:
+        file.writelines(line if line.endswith(b"\n") else line + b"\n" for line in damaged.values())
 
 
 def append(file: IO[bytes], record: dict[str, Any]) -> None:
