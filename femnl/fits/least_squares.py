@@ -27,6 +27,8 @@ PUSHED = 2.0
 """Distance from a bound, in parts of the range, and σ by which the data push beyond it, from which
 on a parameter is stuck there.
 """
+LOOSE = 0.05
+"""Part of its range below which the data know a parameter that shapes an effect."""
 ITERATIONS = 12
 """Iterations of the fits that leave a block out; they start at the whole fit."""
 
@@ -111,21 +113,23 @@ class FitResult:
 
     @property
     def stuck(self) -> list[str]:
-        """Names of the effects' strengths that ended at a bound, and of what the data push there.
+        """Names of the effects' parameters that ended at a bound, or that the data push there.
 
-        A shape may end at its bound, as one does half the time whose true value is near it, but not
-        where χ² would fall clearly beyond.
+        A shape that the data hardly know may end anywhere, but not where χ² would fall clearly
+        beyond its bound.
         """
         low, high = self.model.bounds
         sd = np.sqrt(np.diag(self.covariance))
         push = -(self.jacobian.T @ self.residuals) * sd  # its square is what χ² would fall by
         beside = np.where(push > 0, high - self.vector, self.vector - low) < BESIDE * (high - low)
         pushed = beside & (np.abs(push) > PUSHED)
-        found = zip(self.model.parameters, self.free, pushed, strict=True)
+        found = zip(
+            self.model.parameters, self.free, sd < LOOSE * (high - low), pushed, strict=True
+        )
         return [
             f"{owner}.{spec.name}"
-            for (owner, spec), inside, beyond in found
-            if owner != "base" and (beyond or (spec.strength and not inside))
+            for (owner, spec), f, k, p in found
+            if owner != "base" and (p or (not f and (spec.strength or k)))
         ]
 
 
