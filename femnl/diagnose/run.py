@@ -104,7 +104,7 @@ def diagnose(
             excluded=told_glitches(best.result, noise),
             noise=told_noise(best.result, noise, factor),
         )
-    return replace(noisy, geometry=geometry)
+    return replace(noisy, geometry=geometry, model=model)
 
 
 def _notes(found: list[Candidate]) -> tuple[str, ...]:

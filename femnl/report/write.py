@@ -4,8 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
-
 from femnl.core import resources
 from femnl.core.numbers import plain, with_error
 from femnl.io.results.atomic import make_folder, write_whole
@@ -30,6 +28,7 @@ from femnl.report.provenance import provenance
 from femnl.report.published import DEVICES, Device
 from femnl.report.readout import Maps, Spectrum, maps, spectrum
 from femnl.report.shape import turning
+from femnl.report.template import template
 
 NAME = "index.html"
 IN_PLANE = (
@@ -85,7 +84,7 @@ def write_report(
     ]
     checks = check(cases or resources.cases(), select, progress)
     progress("page")
-    page = _template().render(
+    page = template("page.html.j2").render(
         sections=sections,
         checks=checks,
         models=models,
@@ -128,15 +127,3 @@ def _section(
         if published is None or stack is None or not drives
         else spectrum(stack, drives[0], published),
     )
-
-
-def _template() -> Template:
-    folder = Path(__file__).parent
-    environment = Environment(
-        loader=FileSystemLoader(folder),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("page.html.j2")
