@@ -99,9 +99,7 @@ def _closest(found: list[Candidate]) -> Candidate | None:
     return max(found[1:], key=lambda candidate: candidate.weight, default=None)
 
 
-def _compare(
-    base: Candidate, best: Candidate, closest: Candidate | None
-) -> tuple[Comparison, ...]:
+def _compare(base: Candidate, best: Candidate, closest: Candidate | None) -> tuple[Comparison, ...]:
     """Compare the data with the base model and with the one that the verdict rests on.
 
     Where nothing explains the data, with the best trial.

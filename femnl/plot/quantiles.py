@@ -25,9 +25,7 @@ def quantiles_figure(residuals: Array) -> Figure:
     """
     n = residuals.size
     rank = _shown(n)
-    middle, low, high = (
-        norm.ppf(beta.ppf(part, rank, n + 1 - rank)) for part in (0.5, *SIDES)
-    )
+    middle, low, high = (norm.ppf(beta.ppf(part, rank, n + 1 - rank)) for part in (0.5, *SIDES))
     with style():
         figure = new_figure(4.8, 4.0)
         axes = figure.subplots()

@@ -75,7 +75,7 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
                 s.cause,
                 s.share,
                 f"{100 * s.share:.5g} %",
-                f"± {100 * s.sd:.2g} %",
+                f"± {plain(100 * s.sd, 2)} %",
                 f"{100 * s.alone:.5g} %",
             )
             for s in diagnosis.shares
@@ -141,7 +141,8 @@ def _numbers(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     if not diagnosis.causes:
         return [p_value, ("χ² per unseen datum", before, DEFINITIONS["unseen"])]
     after = plain(diagnosis.after.heldout_chi2_reduced, 3)
-    odds = plain(diagnosis.probability, 3)
+    certain = diagnosis.probability >= 0.9995
+    odds = "above 0.999" if certain else plain(diagnosis.probability, 3)
     return [
         p_value,
         ("probability of the verdict", odds, DEFINITIONS["probability"]),
@@ -234,6 +235,12 @@ def _picture(comparison: Comparison) -> Picture:
             "ranges are written at the left, those of what is left at the right."
         )
         words = f"Maps of the harmonics: measured, {models}, and what they leave"
+    elif comparison.ticks and not comparison.joined:
+        caption = (
+            f"{comparison.y.capitalize()} of each {comparison.x}: what is measured less what the "
+            "models predict, and the same in σ (grey: ±2σ)."
+        )
+        words = f"Deviation of the {comparison.y} of each {comparison.x} from {models}"
     else:
         caption = (
             f"{comparison.y.capitalize()} against {comparison.x}: measured beside what the models "
