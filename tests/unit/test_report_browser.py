@@ -104,6 +104,34 @@ def test_a_browser_shows_the_report_without_errors_or_sideways_scrolling(
 
 
 @pytest.mark.browser
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_contents_stay_in_sight_and_lead_to_what_they_name(
+    browser: Browser, report: Written, width: int
+) -> None:
+    page, _, _ = opened(browser, report, width, "light")
+    page.locator("nav a[href='#made-with']").click()
+    assert page.locator("nav a[href='#summary']").is_visible()
+    nav = page.locator("nav").bounding_box()
+    heading = page.locator("#made-with h2").bounding_box()
+    assert nav is not None
+    assert heading is not None
+    assert 0 <= nav["y"] < 100
+    # Not under the row of a narrow window
+    assert heading["y"] >= (0 if width == 1280 else nav["y"] + nav["height"])
+    page.close()
+
+
+@pytest.mark.browser
+def test_paper_shows_what_a_screen_folds(browser: Browser, report: Written) -> None:
+    page, _, _ = opened(browser, report, 1280, "light")
+    folded = page.locator("details:not([open]) td").first
+    assert not folded.is_visible()
+    page.emulate_media(media="print")
+    assert folded.is_visible()
+    page.close()
+
+
+@pytest.mark.browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_stands_out_from_its_background(
     browser: Browser, report: Written, scheme: str
