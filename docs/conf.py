@@ -4,6 +4,7 @@
 """
 
 import logging
+import re
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -37,7 +38,7 @@ html_title = "femnl"
 html_math_renderer = "mathml"
 html_show_sphinx = html_show_copyright = False
 html_static_path = ["static"]
-html_css_files = ["formulas.css"]
+html_css_files = ["site.css"]
 default_role = "code"
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
@@ -52,9 +53,11 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "write_computation_times": False,
     "min_reported_time": 1e9,
+    "thumbnail_size": (800, 560),
     "image_scrapers": ("conf.keep_figures",),
 }
 drawn: set[int] = set()
+FUNCTION = re.compile(r"(<mi>(?:ln|log|exp|sin|cos|tan|atan|tanh|arctan)</mi>\s*)(?=<m[in]>|<mrow>)")
 
 
 def keep_figures(block: Any, variables: dict[str, Any], settings: dict[str, Any]) -> str:
@@ -72,9 +75,10 @@ def keep_figures(block: Any, variables: dict[str, Any], settings: dict[str, Any]
 
 
 def setup(app: Any) -> None:
-    """Draw the architecture and formulas, and take docstrings as they are written."""
+    """Draw the architecture and formulas, make pages, and take docstrings as they are written."""
     architecture = import_module("architecture")
     architecture.PICTURE.write_text(architecture.draw(), encoding="utf-8")
+    import_module("generated_pages").write()
     app.add_html_math_renderer(
         "mathml", inline_renderers=(draw_formula, None), block_renderers=(draw_equation, None)
     )
@@ -83,13 +87,19 @@ def setup(app: Any) -> None:
 
 def draw_formula(writer: Any, node: Any) -> None:
     """Write a formula within a line."""
-    writer.body.append(mathml.tex2mathml(node.astext()))
+    writer.body.append(spaced(mathml.tex2mathml(node.astext())))
     raise nodes.SkipNode
+
+
+def spaced(formula: str) -> str:
+    """Put a thin space behind the name of a function: ln 100, not ln100."""
+    return FUNCTION.sub(r'\1<mspace width="0.167em"></mspace>', formula)
 
 
 def draw_equation(writer: Any, node: Any) -> None:
     """Write a formula on a line of its own."""
-    writer.body.append(f'<div class="math">{mathml.tex2mathml(node.astext(), as_block=True)}</div>')
+    formula = spaced(mathml.tex2mathml(node.astext(), as_block=True))
+    writer.body.append(f'<div class="math">{formula}</div>')
     raise nodes.SkipNode
 
 
