@@ -57,7 +57,9 @@ sphinx_gallery_conf = {
     "image_scrapers": ("conf.keep_figures",),
 }
 drawn: set[int] = set()
-FUNCTION = re.compile(r"(<mi>(?:ln|log|exp|sin|cos|tan|atan|tanh|arctan)</mi>\s*)(?=<m[in]>|<mrow>)")
+FUNCTION = re.compile(
+    r"(<mi>(?:ln|log|exp|sin|cos|tan|atan|tanh|arctan)</mi>\s*)(?=<m[in]>|<mrow>)"
+)
 
 
 def keep_figures(block: Any, variables: dict[str, Any], settings: dict[str, Any]) -> str:

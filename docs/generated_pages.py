@@ -4,6 +4,7 @@
 """
 
 import re
+import textwrap
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -15,7 +16,8 @@ from femnl.core.numbers import plain, scale_for
 from femnl.effects import library
 
 DOCS = Path(__file__).parent
-EXAMPLE = re.compile(r"^    # (.+)\n((?:    femnl .+\n)+)", re.MULTILINE)
+EXAMPLE = re.compile(r"^    # .+\n(?:    femnl .+\n)+", re.MULTILINE)
+OPTION = re.compile(r"(?<![\w`-])--[a-z][\w-]*")
 
 
 def write() -> None:
@@ -43,30 +45,28 @@ def command_page(name: str) -> str:
     group = typer.main.get_command(_app([name]))
     assert isinstance(group, typer.core.TyperGroup)
     command = group.commands[name]
-    context = command.make_context(name, [], resilient_parsing=True)
+    parent = group.make_context("femnl", [name], resilient_parsing=True)
+    context = command.make_context(name, [], parent, resilient_parsing=True)
     usage = " ".join(["femnl", name, *command.collect_usage_pieces(context)])
     records = [parameter.get_help_record(context) for parameter in command.get_params(context)]
-    rows = [(f"``{names}``", _escaped(text)) for names, text in filter(None, records)]
+    rows = [(f"``{names}``", _escaped(_as_code(text))) for names, text in filter(None, records)]
     parts = [
         _title(f"femnl {name}"),
-        _escaped(command.help or ""),
+        _escaped(_as_code(command.help or "")),
         _literal([usage]),
         _table(("argument or option", "what it does"), rows, (35, 65)),
     ]
     examples = examples_of(name)
     if examples:
-        parts += [_title("Examples", "-")]
-    for words, lines in examples:
-        parts += [f"{_escaped(words[0].upper() + words[1:])}:", _literal(lines)]
+        parts += [_title("Examples", "-"), _literal("\n\n".join(examples).split("\n"))]
     return _joined(parts)
 
 
-def examples_of(name: str) -> list[tuple[str, list[str]]]:
-    """Return the uses of a command that the page of all commands shows, and what each does."""
+def examples_of(name: str) -> list[str]:
+    """Return the uses of a command that the page of all commands shows, with what they do."""
     text = (DOCS / "reference" / "commands.md").read_text(encoding="utf-8")
-    found = [(words, block.split("\n")) for words, block in EXAMPLE.findall(text)]
-    cut = [(words, [line.strip() for line in lines if line]) for words, lines in found]
-    return [(words, lines) for words, lines in cut if lines[0].split()[1] == name]
+    found = [textwrap.dedent(block).strip() for block in EXAMPLE.findall(text)]
+    return [block for block in found if block.split("\n")[1].split()[1] == name]
 
 
 def commands_page() -> str:
@@ -133,9 +133,7 @@ def _literal(lines: Iterable[str]) -> str:
     return "\n".join([".. code-block:: text", "", *(f"   {line}" for line in lines)])
 
 
-def _table(
-    head: tuple[str, ...], rows: Iterable[tuple[str, ...]], widths: tuple[int, ...]
-) -> str:
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]], widths: tuple[int, ...]) -> str:
     """Return a table, nothing where there are no rows."""
     listed = list(rows)
     if not listed:
@@ -146,6 +144,11 @@ def _table(
         for k, cell in enumerate(row):
             lines.append(f"   {'* -' if k == 0 else '  -'} {' '.join(cell.split())}")
     return "\n".join(lines)
+
+
+def _as_code(text: str) -> str:
+    """Put options in a text of help between backquotes."""
+    return OPTION.sub(r"`\g<0>`", text)
 
 
 def _escaped(text: str) -> str:
