@@ -57,9 +57,7 @@ sphinx_gallery_conf = {
     "image_scrapers": ("conf.keep_figures",),
 }
 drawn: set[int] = set()
-FUNCTION = re.compile(
-    r"(<mi>(?:ln|log|exp|sin|cos|tan|atan|tanh|arctan)</mi>\s*)(?=<m[in]>|<mrow>)"
-)
+APPLIED = re.compile(r"<mo>&ApplyFunction;</mo>(?=\s*<m(?:i|n|sub|sup|subsup|frac)>)")
 
 
 def keep_figures(block: Any, variables: dict[str, Any], settings: dict[str, Any]) -> str:
@@ -95,7 +93,7 @@ def draw_formula(writer: Any, node: Any) -> None:
 
 def spaced(formula: str) -> str:
     """Put a thin space behind the name of a function: ln 100, not ln100."""
-    return FUNCTION.sub(r'\1<mspace width="0.167em"></mspace>', formula)
+    return APPLIED.sub(r'\g<0><mspace width="0.167em"></mspace>', formula)
 
 
 def draw_equation(writer: Any, node: Any) -> None:

@@ -97,9 +97,16 @@ def _predictions(axes: Axes, found: Curves, across: Across) -> None:
     scale, unit = prefixed(np.concatenate([c.data for c in found.curves]), found.y_unit)
     for k, curve in enumerate(found.curves):
         x = across.place(curve.x)
-        bars = {"fmt": ".", "markersize": 3, "elinewidth": 0.5, "alpha": 0.7}
-        colour = COLOURS[k % len(COLOURS)]
-        axes.errorbar(x, curve.data / scale, curve.sd / scale, color=colour, **bars)
+        axes.errorbar(
+            x,
+            curve.data / scale,
+            curve.sd / scale,
+            fmt=".",
+            markersize=3,
+            elinewidth=0.5,
+            color=COLOURS[k % len(COLOURS)],
+            alpha=0.7,
+        )
         out = list(curve.excluded)
         axes.plot(x[out], curve.data[out] / scale, "x", color=EXCLUDED, markersize=5)
         for line, predicted in zip(_marks(found), curve.predictions, strict=False):

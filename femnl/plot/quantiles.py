@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from scipy.stats import beta, norm
 
 from femnl.core.readout import Array
@@ -38,7 +39,7 @@ def quantiles_figure(residuals: Array) -> Figure:
     return figure
 
 
-def _shown(n: int) -> Array:
+def _shown(n: int) -> NDArray[np.int64]:
     """Return the ranks, from 1, that are drawn."""
     ranks = np.arange(1, n + 1)
     if n <= MOST:

@@ -177,9 +177,10 @@ def test_normal_numbers_lie_in_the_band_of_the_quantile_plot_and_others_do_not()
     parts = []
     for draw in (rng.normal(size=5000), rng.standard_t(3, size=5000)):
         axes = quantiles_figure(draw).axes[0]
-        band = axes.collections[0].get_paths()[0].vertices
+        band = np.asarray(axes.collections[0].get_paths()[0].vertices)
         (points,) = (line for line in axes.lines if line.get_label() == "residuals")
-        x, y = points.get_data()
+        x = np.asarray(points.get_xdata())
+        y = np.asarray(points.get_ydata())
         assert len(x) <= 2000
         low, high = (
             np.array([pick(band[np.isclose(band[:, 0], at), 1]) for at in x])
@@ -234,7 +235,7 @@ def test_frequencies_of_modes_are_drawn_in_ppm() -> None:
     )
     top = comparison_figure(found).axes[0]
     assert top.get_ylabel() == "measured − predicted (ppm)"
-    np.testing.assert_allclose(top.lines[0].get_ydata(), [0, 5, -7], atol=1e-6)
+    np.testing.assert_allclose(np.asarray(top.lines[0].get_ydata()), [0, 5, -7], atol=1e-6)
 
 
 def test_maps_show_data_and_predictions_in_the_same_colours_and_residuals_too() -> None:

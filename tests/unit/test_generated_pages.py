@@ -64,7 +64,9 @@ def test_the_font_of_formulas_can_set_those_of_the_pages() -> None:
     assert "MATH" in font  # without it, scripts stand beside their letters
     greek = "αβγδεζηθκλμνξπρστφχψωΓΔΘΛΞΠΣΦΨΩ∂∇∑∫√≤≥≪≈·×−±"
     italic = "".join(chr(0x1D434 + k) for k in range(26) if k != 33)
-    missing = {c for c in greek + italic if ord(c) not in font.getBestCmap()}
+    characters = font.getBestCmap()
+    assert characters is not None
+    missing = {c for c in greek + italic if ord(c) not in characters}
     assert missing == set()
     css = (DOCS / "static" / "site.css").read_text(encoding="utf-8")
     assert 'url("math.woff")' in css
