@@ -41,7 +41,10 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 default_role = "code"
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+# Above this, each parameter stands on a line of its own
+maximum_signature_line_length = 72
 suppress_warnings = ["config.cache"]
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
@@ -57,6 +60,10 @@ sphinx_gallery_conf = {
     "image_scrapers": ("conf.keep_figures",),
 }
 drawn: set[int] = set()
+ARRAY = re.compile(
+    r"~numpy\.ndarray\[tuple\[~typing\.Any, \.\.\.\], ~numpy\.dtype\[~numpy\.(\w+)\]\]"
+)
+ARRAY_LIKE = re.compile(r"~numpy\.[\w.]*_Buffer \| .*?_NestedSequence\[complex \| bytes \| str\]")
 APPLIED = re.compile(r"<mo>&ApplyFunction;</mo>(?=\s*<m(?:i|n|sub|sup|subsup|frac)>)")
 
 
@@ -83,6 +90,7 @@ def setup(app: Any) -> None:
         "mathml", inline_renderers=(draw_formula, None), block_renderers=(draw_equation, None)
     )
     app.connect("autodoc-process-docstring", lay_out)
+    app.connect("autodoc-process-signature", shorten)
 
 
 def draw_formula(writer: Any, node: Any) -> None:
@@ -101,6 +109,25 @@ def draw_equation(writer: Any, node: Any) -> None:
     formula = spaced(mathml.tex2mathml(node.astext(), as_block=True))
     writer.body.append(f'<div class="math">{formula}</div>')
     raise nodes.SkipNode
+
+
+def shorten(
+    app: object,
+    what: str,
+    name: str,
+    value: object,
+    options: object,
+    signature: str | None,
+    returned: str | None,
+) -> tuple[str | None, str | None]:
+    """Write the types of arrays as their users do."""
+    return _named(signature), _named(returned)
+
+
+def _named(text: str | None) -> str | None:
+    if text is None:
+        return None
+    return ARRAY_LIKE.sub("ArrayLike", ARRAY.sub(r"NDArray[\1]", text))
 
 
 def lay_out(
