@@ -112,15 +112,10 @@ def draw_equation(writer: Any, node: Any) -> None:
 
 
 def shorten(
-    app: object,
-    what: str,
-    name: str,
-    value: object,
-    options: object,
-    signature: str | None,
-    returned: str | None,
+    app: object, what: str, name: str, value: object, *rest: Any
 ) -> tuple[str | None, str | None]:
-    """Write the types of arrays as their users do."""
+    """Write the types of arrays as their users do. rest: options, signature, returned type."""
+    _, signature, returned = rest
     return _named(signature), _named(returned)
 
 
