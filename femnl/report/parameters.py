@@ -13,7 +13,7 @@ MOST = 12
 
 
 def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
-    """Owner, name, value before and after, unit.
+    """Owner, name, value before and after, unit; one value where no cause is named.
 
     The base parameters first, also those that a cause replaces.
     """
@@ -25,7 +25,9 @@ def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
     for owner, own in after.items():
         if owner != "base":
             rows += [_row(owner, name, None, parameter) for name, parameter in own.items()]
-    return rows
+    if diagnosis.causes:
+        return rows
+    return [[owner, name, value, unit] for owner, name, _, value, unit in rows]
 
 
 def bound_rows(bounds: tuple[Bound, ...]) -> list[list[str]]:
