@@ -59,10 +59,10 @@ def scale_for(value: float, unit: str) -> Scale:
         return Scale(1e-6, "ppm") if 0 < large < SMALL else Scale(1.0, "")
     if large == 0 or parts is None:
         return Scale(1.0, _superscript(unit))
-    symbol, power, rest = parts[1], int(parts[2] or 1), _superscript(parts[3] or "")
-    one = 1.0
-    if unit == "kg":
-        one, symbol = 1e-3, "g"
+    symbol = "g" if unit == "kg" else parts[1]
+    one = 1e-3 if unit == "kg" else 1.0
+    power = int(parts[2] or 1)
+    rest = _superscript(parts[3] or "")
     decades = log10(large / one) / (3 * power)
     exponent = floor(decades + 1e-12) if power == 1 else round(decades)
     exponent = min(max(exponent, min(PREFIXES)), 0 if symbol in NO_MULTIPLES else max(PREFIXES))
