@@ -4,6 +4,7 @@
 """
 
 import logging
+import re
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -37,10 +38,13 @@ html_title = "femnl"
 html_math_renderer = "mathml"
 html_show_sphinx = html_show_copyright = False
 html_static_path = ["static"]
-html_css_files = ["formulas.css"]
+html_css_files = ["site.css"]
 default_role = "code"
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+# Above this, each parameter stands on a line of its own
+maximum_signature_line_length = 72
 suppress_warnings = ["config.cache"]
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
@@ -52,9 +56,15 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "write_computation_times": False,
     "min_reported_time": 1e9,
+    "thumbnail_size": (800, 560),
     "image_scrapers": ("conf.keep_figures",),
 }
 drawn: set[int] = set()
+ARRAY = re.compile(
+    r"~numpy\.ndarray\[tuple\[~typing\.Any, \.\.\.\], ~numpy\.dtype\[~numpy\.(\w+)\]\]"
+)
+ARRAY_LIKE = re.compile(r"~numpy\.[\w.]*_Buffer \| .*?_NestedSequence\[complex \| bytes \| str\]")
+APPLIED = re.compile(r"<mo>&ApplyFunction;</mo>(?=\s*<m(?:i|n|sub|sup|subsup|frac)>)")
 
 
 def keep_figures(block: Any, variables: dict[str, Any], settings: dict[str, Any]) -> str:
@@ -72,25 +82,47 @@ def keep_figures(block: Any, variables: dict[str, Any], settings: dict[str, Any]
 
 
 def setup(app: Any) -> None:
-    """Draw the architecture and formulas, and take docstrings as they are written."""
+    """Draw the architecture and formulas, make pages, and take docstrings as they are written."""
     architecture = import_module("architecture")
     architecture.PICTURE.write_text(architecture.draw(), encoding="utf-8")
+    import_module("generated_pages").write()
     app.add_html_math_renderer(
         "mathml", inline_renderers=(draw_formula, None), block_renderers=(draw_equation, None)
     )
     app.connect("autodoc-process-docstring", lay_out)
+    app.connect("autodoc-process-signature", shorten)
 
 
 def draw_formula(writer: Any, node: Any) -> None:
     """Write a formula within a line."""
-    writer.body.append(mathml.tex2mathml(node.astext()))
+    writer.body.append(spaced(mathml.tex2mathml(node.astext())))
     raise nodes.SkipNode
+
+
+def spaced(formula: str) -> str:
+    """Put a thin space behind the name of a function: ln 100, not ln100."""
+    return APPLIED.sub(r'\g<0><mspace width="0.167em"></mspace>', formula)
 
 
 def draw_equation(writer: Any, node: Any) -> None:
     """Write a formula on a line of its own."""
-    writer.body.append(f'<div class="math">{mathml.tex2mathml(node.astext(), as_block=True)}</div>')
+    formula = spaced(mathml.tex2mathml(node.astext(), as_block=True))
+    writer.body.append(f'<div class="math">{formula}</div>')
     raise nodes.SkipNode
+
+
+def shorten(
+    app: object, what: str, name: str, value: object, *rest: Any
+) -> tuple[str | None, str | None]:
+    """Write the types of arrays as their users do. rest: options, signature, returned type."""
+    _, signature, returned = rest
+    return _named(signature), _named(returned)
+
+
+def _named(text: str | None) -> str | None:
+    if text is None:
+        return None
+    return ARRAY_LIKE.sub("ArrayLike", ARRAY.sub(r"NDArray[\1]", text))
 
 
 def lay_out(

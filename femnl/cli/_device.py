@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 SYMMETRIES = get_args(choices.Symmetry)
 
 
-def _known(geometry: str) -> str:
+def _known(geometry: str | None) -> str | None:
     """Refuse a geometry that is not there before anything heavy is loaded."""
-    find_geometry(geometry)
+    if geometry is not None:
+        find_geometry(geometry)
     return geometry
 
 
@@ -34,15 +35,14 @@ def _there(folder: Path | None) -> Path | None:
     return None if folder is None else need_folder(folder)
 
 
-Geometry = Annotated[
-    str,
-    typer.Argument(
-        help="A shipped name (see `femnl geometries`) or the path of a TOML file.",
-        show_default=False,
-        autocompletion=_shipped,
-        callback=_known,
-    ),
-]
+GEOMETRY = typer.Argument(
+    help="A shipped name (see `femnl geometries`) or the path of a TOML file.",
+    show_default=False,
+    autocompletion=_shipped,
+    callback=_known,
+)
+Geometry = Annotated[str, GEOMETRY]
+OptionalGeometry = Annotated[str | None, GEOMETRY]
 MeasurementFile = Annotated[
     Path,
     typer.Argument(help="A measurement file (.nc).", show_default=False, callback=need_file),

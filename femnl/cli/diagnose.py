@@ -230,7 +230,9 @@ def _show(found: Diagnosis) -> None:
 
     causes = f": {', '.join(found.causes)}" if found.causes else ""
     p_value = f"{found.p_value:.2g}" if found.p_value else "below 1e-300"
-    chances = f" (probability {found.probability:.3g}, p-value {p_value})"
+    # Without causes there is no probability of them, and nothing after that differs from before
+    odds = f"probability {found.probability:.3g}, " if found.causes else ""
+    chances = f" ({odds}p-value {p_value})"
     console().print(Text.assemble((found.verdict, "bold"), causes, chances))
     console().print(found.where)
     _show_shares(found)
@@ -244,10 +246,10 @@ def _show(found: Diagnosis) -> None:
     console().print(table("Parameters", ["of", "name", "value", "±", "unit"], rows))
     before = found.before
     after = found.after
-    console().print(
-        f"χ² per datum held out: {before.heldout_chi2_reduced:.4g} before, "
-        f"{after.heldout_chi2_reduced:.4g} after, gain {found.gain:.4g}"
-    )
+    quality = f"χ² per datum held out: {before.heldout_chi2_reduced:.4g}"
+    if found.causes:
+        quality += f" before, {after.heldout_chi2_reduced:.4g} after, gain {found.gain:.4g}"
+    console().print(quality)
     for other in found.alternatives[:5]:
         console().print(
             f"also tried: {', '.join(other.causes)}, probability {other.probability:.2g}"

@@ -1,15 +1,16 @@
-"""`femnl report`: the two devices of the source paper, from mesh to harmonic maps, on one page."""
+"""`femnl report`: femnl's evidence, or one device, on one page."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from femnl.cli._device import Cache
+from femnl.cli._device import Cache, OptionalGeometry
 from femnl.cli._output import note
 
 
 def command(
+    geometry: OptionalGeometry = None,
     out: Annotated[
         Path, typer.Option(help="Folder for index.html; it is made where missing.")
     ] = Path("report"),
@@ -21,12 +22,15 @@ def command(
     ] = False,
     cache: Cache = True,
 ) -> None:
-    """Write the validation report: one page that needs no other file."""
+    """Write the validation report, or one on a device: a page that needs no other file."""
     from femnl.report.paper import find_browser, print_page
-    from femnl.report.write import write_report
+    from femnl.report.write import write_device, write_report
 
     browser = find_browser() if pdf else None
-    page = write_report(out, note, cache)
+    if geometry is None:
+        page = write_report(out, note, cache)
+    else:
+        page = write_device(geometry, out, note, cache)
     note(f"wrote {page}")
     if browser is not None:
         note(f"wrote {print_page(page, browser)}")

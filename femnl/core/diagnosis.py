@@ -4,12 +4,17 @@ from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
+from femnl.core.arrays import freeze
 from femnl.core.comparison import Comparison
 from femnl.core.contributions import Contributions
+from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Parameter, parameter_columns
 from femnl.core.kinds import function
 from femnl.core.numbers import plain
+from femnl.core.readout import Array
 from femnl.core.tables import Table, Tabulated
 
 if TYPE_CHECKING:
@@ -74,6 +79,42 @@ class Bound:
     high: float
     unit: str
     reason: str
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What the library says of a named cause.
+
+    The sentence that names it, its equation, the source of that, and how far it holds.
+    """
+
+    name: str
+    sentence: str
+    equation: str
+    source: str
+    limits: str
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance (p, p) of fitted parameters in SI, by owner ("base" or the cause) and name.
+
+    Of what the data say: what no amount of them lowers is in the standard deviations of
+    `Diagnosis.parameters` only. Whole numbers have none.
+    """
+
+    owners: tuple[str, ...]
+    names: tuple[str, ...]
+    matrix: Array
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+    @property
+    def correlation(self) -> Array:
+        """Covariance over both standard deviations (p, p)."""
+        sd = np.sqrt(np.diag(self.matrix))
+        return np.asarray(self.matrix / np.outer(sd, sd))
 
 
 @dataclass(frozen=True)
@@ -142,7 +183,11 @@ class Diagnosis(Tabulated):
     one of `femnl.diagnose.verdict.RULES` that decided. bounds: of the parameters of the causes.
     shares: of each named cause; remainder: what they leave, None where nothing is named; excluded:
     glitches, which no fit has seen; noise: of each measurement whose data tell it. contributions:
-    what each named cause changes of every datum, None where nothing is named.
+    what each named cause changes of every datum, None where nothing is named. explained: what the
+    library says of each cause. covariance: of `parameters`. residuals (n,): what the verdict's
+    model leaves of the data, in σ as found, neighbours made independent. best_trial: the causes
+    that come closest, where nothing explains the data. model: the device, None of a record without
+    one.
     """
 
     file: str
@@ -171,6 +216,11 @@ class Diagnosis(Tabulated):
     excluded: tuple[Excluded, ...] = ()
     noise: tuple[NoiseTold, ...] = ()
     contributions: Contributions | None = None
+    explained: tuple[Cause, ...] = ()
+    covariance: Covariance | None = None
+    residuals: Array | None = None
+    best_trial: tuple[str, ...] = ()
+    model: Model | None = None
 
     @property
     def gain(self) -> float:
@@ -182,8 +232,9 @@ class Diagnosis(Tabulated):
         return before / after
 
     def __repr__(self) -> str:
-        """Verdict, causes, probability and file."""
-        return f"<Diagnosis of {self.file}: {self._finding()}, probability {self.probability:.3g}>"
+        """Verdict, causes with their probability, and file."""
+        odds = f", probability {self.probability:.3g}" if self.causes else ""
+        return f"<Diagnosis of {self.file}: {self._finding()}{odds}>"
 
     def plot(self, comparison: int = 0) -> "Figure":
         """Draw data, models and what each leaves, of one comparison.
@@ -226,14 +277,13 @@ class Diagnosis(Tabulated):
         owners = [owner for owner, own in self.parameters.items() for _ in own]
         listed = [parameter for own in self.parameters.values() for parameter in own.values()]
         found = {"of": owners} | parameter_columns(listed)
-        title = f"{self.file}: {self._finding()} (probability {self.probability:.3g})"
-        before = self.before.heldout_chi2_reduced
-        after = self.after.heldout_chi2_reduced
-        notes = [
-            self.where,
-            f"χ² per held-out datum: {before:.4g} before, {after:.4g} after",
-            self.measure_next,
-        ]
+        title = f"{self.file}: {self._finding()}"
+        quality = f"χ² per held-out datum: {self.before.heldout_chi2_reduced:.4g}"
+        # Without causes, nothing has a probability among others, and after is before
+        if self.causes:
+            title += f" (probability {self.probability:.3g})"
+            quality += f" before, {self.after.heldout_chi2_reduced:.4g} after"
+        notes = [self.where, quality, self.measure_next]
         tables = [Table(title, found, notes)]
         return [*tables, self._tried()] if self.trials else tables
 

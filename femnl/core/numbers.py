@@ -1,10 +1,30 @@
 """Numbers as a reader wants them: as many digits as the error leaves."""
 
+import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from math import floor, inf, isfinite, log10
 
 MINUS = str.maketrans("-", "−")
-PREFIXES = {-5: "f", -4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G", 4: "T"}
+PREFIXES = {
+    -6: "a",
+    -5: "f",
+    -4: "p",
+    -3: "n",
+    -2: "µ",
+    -1: "m",
+    0: "",
+    1: "k",
+    2: "M",
+    3: "G",
+    4: "T",
+}
+UNIT = re.compile(r"(Hz|Pa|kg(?!/)|rad|[mVsKNW])(?:\^([23]))?(/.*)?")
+"""Units whose first symbol takes a prefix, its power, and the rest."""
+NO_MULTIPLES = ("s", "rad")
+"""Symbols that nobody writes with kilo."""
+SMALL = 1e-3
+"""Numbers without unit count in ppm below this."""
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -17,12 +37,53 @@ def plain(value: float, digits: int = 7) -> str:
     return text.replace("-", "−")
 
 
+@dataclass(frozen=True)
+class Scale:
+    """A unit of readable size: how much of the SI unit it is, and how it is written."""
+
+    size: float
+    unit: str
+
+
+def scale_for(value: float, unit: str) -> Scale:
+    """Return the unit in which a value [unit] has few digits: 3.97e-7 m are 397 nm.
+
+    Masses count in grams, and small numbers without unit in ppm. A unit that begins with a power,
+    as 1/V does, stays as it is: its prefixes are harder to read than a power of ten.
+
+    Args: unit: in SI, as files write it: "m", "m^3", "V/m", "" or "1" for none.
+    """
+    parts = UNIT.fullmatch(unit)
+    large = abs(value) if isfinite(value) else 0.0
+    if unit in ("", "1"):
+        return Scale(1e-6, "ppm") if 0 < large < SMALL else Scale(1.0, "")
+    if large == 0 or parts is None:
+        return Scale(1.0, _superscript(unit))
+    symbol = "g" if unit == "kg" else parts[1]
+    one = 1e-3 if unit == "kg" else 1.0
+    power = int(parts[2] or 1)
+    rest = _superscript(parts[3] or "")
+    decades = log10(large / one) / (3 * power)
+    exponent = floor(decades + 1e-12) if power == 1 else round(decades)
+    exponent = min(max(exponent, min(PREFIXES)), 0 if symbol in NO_MULTIPLES else max(PREFIXES))
+    raised = "" if power == 1 else str(power).translate(SUPERSCRIPT)
+    return Scale(one * 1000.0 ** (exponent * power), f"{PREFIXES[exponent]}{symbol}{raised}{rest}")
+
+
 def engineering(value: float, unit: str) -> str:
-    """A value to three digits with an SI prefix, such as 480 Hz or 73 kHz."""
-    if value == 0 or not unit or not isfinite(value):
-        return f"{plain(value, 3)} {unit}".strip()
-    power = min(max(floor(log10(abs(value)) / 3), min(PREFIXES)), max(PREFIXES))
-    return f"{plain(value / 1000.0**power, 3)} {PREFIXES[power]}{unit}"
+    """A value to three digits in a readable unit, such as 480 Hz or 73 kHz."""
+    scale = scale_for(value, unit)
+    return f"{plain(value / scale.size, 3)} {scale.unit}".strip()
+
+
+def signed(value: float, unit: str) -> str:
+    """As `engineering`, with a sign."""
+    return ("" if value < 0 else "+") + engineering(value, unit)
+
+
+def _superscript(unit: str) -> str:
+    """Return a unit with its powers set high: m^-2 is m⁻²."""
+    return re.sub(r"\^(-?\d+)", lambda power: power[1].translate(SUPERSCRIPT), unit)
 
 
 def with_error(value: float, error: float | None, digits: int = 1) -> str:

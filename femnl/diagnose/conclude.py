@@ -6,6 +6,8 @@ from femnl.core.comparison import Comparison
 from femnl.core.diagnosis import (
     Alternative,
     Bound,
+    Cause,
+    Covariance,
     Diagnosis,
     FreeForm,
     Quality,
@@ -52,6 +54,7 @@ def conclude(
     )
     left = best if judged.verdict == "explained in part" else base
     described = judged.verdict in ("explained in part", "unexplained")
+    closest = _closest(found) if judged.verdict == "unexplained" else None
     forms = free_forms(left.result, run) if described else ()
     return Diagnosis(
         file=file,
@@ -74,20 +77,38 @@ def conclude(
         ),
         notes=(*notes, *joint),
         sentences=tuple(effect.sentence for effect in best.result.model.effects),
-        comparisons=_compare(base, best),
+        comparisons=_compare(base, best, closest),
         free_forms=forms,
         rule=judged.rule,
         bounds=_bounds(best),
         shares=shares(best, found, run),
         remainder=remainder(best, base, forms) if best.names else None,
         contributions=contributions(best, found) if best.names else None,
+        explained=tuple(
+            Cause(e.name, e.sentence, e.equation, e.source, e.limits)
+            for e in best.result.model.effects
+        ),
+        covariance=_covariance(best, judged.inflation),
+        residuals=best.result.residuals,
+        best_trial=() if closest is None else closest.names,
     )
 
 
-def _compare(base: Candidate, best: Candidate) -> tuple[Comparison, ...]:
-    """Compare the data with the base model and with the one that the verdict rests on."""
+def _closest(found: list[Candidate]) -> Candidate | None:
+    """Return the set of causes of highest evidence, for a reader to see what it leaves."""
+    return max(found[1:], key=lambda candidate: candidate.weight, default=None)
+
+
+def _compare(base: Candidate, best: Candidate, closest: Candidate | None) -> tuple[Comparison, ...]:
+    """Compare the data with the base model and with the one that the verdict rests on.
+
+    Where nothing explains the data, with the best trial.
+    """
     models = [_named(base, "base model")]
-    models += [_named(best, " + ".join(best.names))] if best is not base else []
+    if best is not base:
+        models.append(_named(best, " + ".join(best.names)))
+    if closest is not None:
+        models.append(_named(closest, f"best trial: {' + '.join(closest.names)}"))
     return base.result.model.base_model.compare(models)
 
 
@@ -150,6 +171,17 @@ def _parameters(candidate: Candidate, inflation: float = 1.0) -> dict[str, dict[
             spec.name, float(number), float(spread), spec.unit
         )
     return found
+
+
+def _covariance(candidate: Candidate, inflation: float) -> Covariance:
+    """Return the covariance of all parameters but whole numbers, larger by a factor squared."""
+    fitted = candidate.result.model.parameters
+    kept = [k for k, (_, spec) in enumerate(fitted) if not spec.whole]
+    return Covariance(
+        tuple(fitted[k][0] for k in kept),
+        tuple(fitted[k][1].name for k in kept),
+        inflation**2 * candidate.result.covariance[np.ix_(kept, kept)],
+    )
 
 
 def _bounds(candidate: Candidate) -> tuple[Bound, ...]:

@@ -1,15 +1,18 @@
 """A diagnosis as the object of `diagnosis.json`, and on disk."""
 
+import hashlib
 import json
 from pathlib import Path
 from typing import Any
 
+import femnl
 from femnl.core.contributions import Account, Contributions, Term
-from femnl.core.diagnosis import Diagnosis, NoiseTold
+from femnl.core.device import Model
+from femnl.core.diagnosis import Covariance, Diagnosis, NoiseTold
 from femnl.core.errors import ParameterError
 from femnl.io.results.atomic import write_whole
 
-VERSION = "1.1"
+VERSION = "1.2"
 TABLE = "contributions.csv"
 DIGITS = "%.12g"
 """Numbers of the table: frequencies are known to 1e-10, and sums shall add up."""
@@ -19,8 +22,10 @@ def record(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return a diagnosis as the object of `diagnosis.json`."""
     return {
         "femnl_diagnosis": VERSION,
+        "femnl_version": femnl.__version__,
         "file": diagnosis.file,
         "sha256": diagnosis.sha256,
+        "geometry": _geometry_record(diagnosis.model),
         "verdict": diagnosis.verdict,
         "causes": list(diagnosis.causes),
         "probability": diagnosis.probability,
@@ -28,6 +33,7 @@ def record(diagnosis: Diagnosis) -> dict[str, Any]:
             owner: {name: {"value": p.value, "sd": p.sd, "unit": p.unit} for name, p in own.items()}
             for owner, own in diagnosis.parameters.items()
         },
+        "covariance": _covariance_record(diagnosis.covariance),
         "alternatives": [
             {"causes": list(a.causes), "probability": a.probability} for a in diagnosis.alternatives
         ],
@@ -44,6 +50,24 @@ def record(diagnosis: Diagnosis) -> dict[str, Any]:
         "excluded": [vars(datum) for datum in diagnosis.excluded],
         "noise": _noise_record(diagnosis.noise),
         "contributions": _contributions_record(diagnosis.contributions),
+    }
+
+
+def _geometry_record(model: Model | None) -> dict[str, str] | None:
+    """Return the name and the text of the geometry that was solved, and the digest of the text."""
+    if model is None:
+        return None
+    digest = hashlib.sha256(model.text.encode()).hexdigest()
+    return {"name": model.name, "sha256": digest, "text": model.text}
+
+
+def _covariance_record(found: Covariance | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    listed = zip(found.owners, found.names, strict=True)
+    return {
+        "parameters": [{"of": owner, "name": name} for owner, name in listed],
+        "matrix": found.matrix.tolist(),
     }
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from femnl.core.numbers import plain
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.verdict import Judgement
@@ -25,8 +26,8 @@ def measure_next(judged: Judgement, found: list[Candidate]) -> str:
     if judged.verdict == "explained":
         worse = float(np.sqrt(max(rival.result.chi2 - best.result.chi2, 0.0)))
         return (
-            f"nothing is left to separate: the next best explanation, {other}, is {worse:.3g}σ "
-            "worse on these data"
+            f"nothing is left to separate: the next best explanation, {other}, is "
+            f"{plain(worse, 3)}σ worse on these data"
         )
     theirs = _predicted_measurements(rival)
     separation = {
@@ -39,7 +40,7 @@ def measure_next(judged: Judgement, found: list[Candidate]) -> str:
             f"no further measurement of this kind separates {one} from {other} (at most "
             f"{separation[phrase]:.2g}σ): use another kind"
         )
-    return f"measure {phrase}: it separates {one} from {other} by {separation[phrase]:.3g}σ"
+    return f"measure {phrase}: it separates {one} from {other} by {plain(separation[phrase], 3)}σ"
 
 
 def _predicted_measurements(

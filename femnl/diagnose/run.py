@@ -111,7 +111,7 @@ def _diagnosed(
             excluded=told_glitches(best.result, noise),
             noise=told_noise(best.result, noise, factor),
         )
-    return replace(noisy, geometry=geometry)
+    return replace(noisy, geometry=geometry, model=model)
 
 
 def _notes(found: list[Candidate]) -> tuple[str, ...]:

@@ -14,7 +14,6 @@ from femnl.plot.style import (
     COLOURS,
     DIVERGING,
     INK,
-    WIDTH,
     as_written,
     axis_label,
     new_figure,
@@ -25,85 +24,17 @@ from femnl.plot.style import (
 )
 
 Array = NDArray[np.float64]
+WIDE = 9.6
+"""Width [inch] of a figure that fills a page on a screen."""
 LINES = ("--", "-", ":")
-"""Line styles of the models, in their order: the base is dashed."""
+SIGNS = ("_", "x", "+")
+"""Line styles and signs of the models, in their order: the base is dashed."""
 NOISE = 3.0
 """Residuals in σ up to which an axis is linear; noise stays within."""
 EXCLUDED = "#c62828"
 """Colour of data that no fit has seen."""
 FAINTEST = 5.0
 """Smallest limit, in σ, of the colours of residuals, so that noise looks like noise."""
-
-
-def comparison_figure(comparison: Comparison) -> Figure:
-    """Draw a comparison of data with models. Returns: the Figure."""
-    with style():
-        return _images(comparison) if isinstance(comparison, Images) else _curves(comparison)
-
-
-def _curves(found: Curves) -> Figure:
-    """Left: data and models; right: a panel of residuals for each model, on one scale."""
-    count = len(found.models)
-    figure = new_figure(height=max(3.0, 1.6 * count))
-    grid = figure.add_gridspec(count, 2, width_ratios=[1.25, 1])
-    left = figure.add_subplot(grid[:, 0])
-    right = [figure.add_subplot(grid[k, 1], sharex=left) for k in range(count)]
-    across = axis_across(found)
-    scale, y_unit = prefixed(np.concatenate([c.data for c in found.curves]), found.y_unit)
-    largest = 0.0
-    for k, curve in enumerate(found.curves):
-        colour = COLOURS[k % len(COLOURS)]
-        x = across.place(curve.x)
-        left.errorbar(
-            x,
-            curve.data / scale,
-            curve.sd / scale,
-            fmt=".",
-            markersize=3,
-            elinewidth=0.5,
-            color=colour,
-            alpha=0.7,
-        )
-        out = list(curve.excluded)
-        left.plot(x[out], curve.data[out] / scale, "x", color=EXCLUDED, markersize=5)
-        for line, predicted in zip(LINES, curve.predictions, strict=False):
-            if found.joined:
-                left.plot(x, predicted / scale, line, color=INK, linewidth=0.9)
-            else:
-                left.plot(
-                    x, predicted / scale, "_" if line == LINES[0] else "x", color=INK, markersize=7
-                )
-        for axes, predicted in zip(right, curve.predictions, strict=True):
-            away = (curve.data - predicted) / curve.sd
-            largest = max(largest, float(np.nanmax(np.abs(away))))
-            axes.plot(x, away, ".", markersize=3, color=colour, label=as_written(curve.name))
-            axes.plot(x[out], away[out], "x", color=EXCLUDED, markersize=5)
-    for name, line in zip(found.models, LINES, strict=False):
-        test = line if found.joined else ("_" if line == LINES[0] else "x")
-        left.plot([], [], test, color=INK, label=name)
-    left.plot([], [], ".", color=INK, label="measured")
-    _name_excluded(left, found)
-    left.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2)
-    left.set_ylabel(axis_label(found.y, y_unit))
-    for axes, name in zip(right, found.models, strict=True):
-        residual_axis(axes, largest)
-        axes.set_title(f"left by {name} (σ)", fontsize=8)
-    for axes in (left, right[-1]):
-        axes.set_xlabel(axis_label(across.name, across.unit))
-    for axes in right[:-1]:
-        axes.tick_params(labelbottom=False)
-    if found.ticks:
-        for axes in (left, right[-1]):
-            name_ticks(axes, found.ticks)
-    if 1 < len(found.curves) <= len(COLOURS):
-        figure.legend(*right[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    return figure
-
-
-def _name_excluded(axes: Axes, found: Curves) -> None:
-    """Say in the legend what the crosses are, where there are any."""
-    if any(curve.excluded for curve in found.curves):
-        axes.plot([], [], "x", color=EXCLUDED, label="left out as a glitch")
 
 
 @dataclass(frozen=True)
@@ -118,6 +49,109 @@ class Across:
     def place(self, x: Array) -> Array:
         """Return values [SI] in the unit of the axis, from its zero."""
         return (x - self.zero) / self.divisor
+
+
+def comparison_figure(comparison: Comparison) -> Figure:
+    """Draw a comparison of data with models. Returns: the Figure."""
+    with style():
+        return _images(comparison) if isinstance(comparison, Images) else _curves(comparison)
+
+
+def _curves(found: Curves) -> Figure:
+    """Draw data and models on top, and below what each model leaves, on one scale."""
+    count = len(found.models)
+    figure = new_figure(WIDE, 3.2 + 1.25 * count)
+    ratios = {"height_ratios": [2.2, *[1.0] * count]}
+    top, *below = figure.subplots(1 + count, 1, sharex=True, gridspec_kw=ratios)
+    across = axis_across(found)
+    if _of_modes(found):
+        _deviations(top, found, across)
+    else:
+        _predictions(top, found, across)
+    _name_excluded(top, found)
+    top.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4)
+    largest = 0.0
+    for number, (axes, name) in enumerate(zip(below, found.models, strict=True)):
+        for k, curve in enumerate(found.curves):
+            away = (curve.data - curve.predictions[number]) / curve.sd
+            largest = max(largest, float(np.nanmax(np.abs(away))))
+            colour = COLOURS[number if _of_modes(found) else k % len(COLOURS)]
+            _points(
+                axes, across.place(curve.x), away, curve.excluded, colour, as_written(curve.name)
+            )
+        axes.set_title(f"left by {name} (σ)", fontsize=8)
+    for axes in below:
+        residual_axis(axes, largest)
+    below[-1].set_xlabel(axis_label(across.name, across.unit))
+    if found.ticks:
+        name_ticks(below[-1], found.ticks)
+    if 1 < len(found.curves) <= len(COLOURS):
+        figure.legend(*below[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
+
+
+def _of_modes(found: Curves) -> bool:
+    """Whether these are frequencies, mode by mode: only their relative deviation can be seen."""
+    return not found.joined and found.y_unit == "Hz"
+
+
+def _predictions(axes: Axes, found: Curves, across: Across) -> None:
+    """Draw the data of each curve with their errors, and what each model predicts."""
+    scale, unit = prefixed(np.concatenate([c.data for c in found.curves]), found.y_unit)
+    for k, curve in enumerate(found.curves):
+        x = across.place(curve.x)
+        axes.errorbar(
+            x,
+            curve.data / scale,
+            curve.sd / scale,
+            fmt=".",
+            markersize=3,
+            elinewidth=0.5,
+            color=COLOURS[k % len(COLOURS)],
+            alpha=0.7,
+        )
+        out = list(curve.excluded)
+        axes.plot(x[out], curve.data[out] / scale, "x", color=EXCLUDED, markersize=5)
+        for line, predicted in zip(_marks(found), curve.predictions, strict=False):
+            axes.plot(x, predicted / scale, line, color=INK, linewidth=0.9, markersize=7)
+    for name, line in zip(found.models, _marks(found), strict=False):
+        axes.plot([], [], line, color=INK, label=name)
+    axes.plot([], [], ".", color=INK, label="measured")
+    axes.set_ylabel(axis_label(found.y, unit))
+
+
+def _marks(found: Curves) -> tuple[str, ...]:
+    """Return how each model is drawn: as a line, or as signs where neighbours do not belong."""
+    return LINES if found.joined else SIGNS
+
+
+def _deviations(axes: Axes, found: Curves, across: Across) -> None:
+    """Draw measured over predicted frequency, less one, for each model."""
+    (curve,) = found.curves
+    x = across.place(curve.x)
+    for k, (name, predicted) in enumerate(zip(found.models, curve.predictions, strict=True)):
+        away = 1e6 * (curve.data / predicted - 1)
+        sd = 1e6 * curve.sd / predicted
+        axes.errorbar(x, away, sd, fmt="os^"[k], elinewidth=0.8, color=COLOURS[k], label=name)
+        out = list(curve.excluded)
+        axes.plot(x[out], away[out], "x", color=EXCLUDED, markersize=6)
+    axes.axhline(0, color=INK, linewidth=0.5)
+    axes.set_ylabel("measured − predicted (ppm)")
+
+
+def _points(
+    axes: Axes, x: Array, away: Array, excluded: tuple[int, ...], colour: str, name: str
+) -> None:
+    """Draw residuals in σ; a cross for data that no fit has seen."""
+    axes.plot(x, away, ".", markersize=3, color=colour, label=name)
+    out = list(excluded)
+    axes.plot(x[out], away[out], "x", color=EXCLUDED, markersize=5)
+
+
+def _name_excluded(axes: Axes, found: Curves) -> None:
+    """Say in the legend what the crosses are, where there are any."""
+    if any(curve.excluded for curve in found.curves):
+        axes.plot([], [], "x", color=EXCLUDED, label="left out as a glitch")
 
 
 def axis_across(found: Curves) -> Across:
@@ -166,7 +200,7 @@ def _images(found: Images) -> Figure:
     """
     count = len(found.models)
     columns = 1 + 2 * count
-    panel = min(WIDTH / columns, 1.9)
+    panel = min(WIDE / columns, 1.9)
     aspect = np.ptp(found.y) / max(np.ptp(found.x), 1e-300)
     figure = new_figure(
         max(panel * columns, 4.6),

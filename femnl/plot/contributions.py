@@ -11,6 +11,7 @@ from femnl.optics.harmonics import signal_phase
 from femnl.plot.comparison import (
     EXCLUDED,
     FAINTEST,
+    WIDE,
     Across,
     axis_across,
     bar_of_sigma,
@@ -23,7 +24,6 @@ from femnl.plot.comparison import (
 from femnl.plot.style import (
     COLOURS,
     INK,
-    WIDTH,
     as_written,
     axis_label,
     new_figure,
@@ -62,7 +62,7 @@ def _curves(found: Curves) -> Figure:
     scale, unit = prefixed(every, found.y_unit)
     single = len(found.curves) == 1
     heights = [2.2, 1.0] if single else [1.0] * (len(shown) + 1)
-    figure = new_figure(height=1.3 * sum(heights) + 0.5)
+    figure = new_figure(WIDE, 1.3 * sum(heights) + 0.5)
     ratios = {"height_ratios": heights}
     panels = figure.subplots(len(heights), 1, sharex=True, gridspec_kw=ratios)
     if single:
@@ -155,7 +155,7 @@ def _images(found: Images) -> Figure:
         columns.append(together)
         titles.append(TOGETHER)
     rest = found.data - found.predictions[0]
-    panel = min(WIDTH / (len(columns) + 1), 1.9)
+    panel = min(WIDE / (len(columns) + 1), 1.9)
     aspect = np.ptp(found.y) / max(np.ptp(found.x), 1e-300)
     height = len(found.harmonic) * panel * min(max(aspect, 0.4), 1.6) * 0.9 + 0.5
     figure = new_figure(max(panel * (len(columns) + 1), 4.6), height)

@@ -7,8 +7,6 @@ from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
 from femnl.chip.result import ChipFit, Quantity
 from femnl.chip.words import chance, common, deviating, left_out, percent, variation
 from femnl.core.json_values import json_value
@@ -17,6 +15,7 @@ from femnl.io.results.atomic import make_folder, write_whole
 from femnl.plot.chip import chip_figure
 from femnl.report.picture import embed
 from femnl.report.provenance import provenance
+from femnl.report.template import template
 
 VERSION = "1.0"
 
@@ -27,14 +26,7 @@ def write_chip(fit: ChipFit, study: Path, folder: Path) -> list[Path]:
     numbers = json_value({"femnl_chip": VERSION, **asdict(fit)})
     text = json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False)
     quantities = [q for q in (fit.frequency, fit.quality) if q is not None]
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("chip.html.j2").render(
+    page = template("chip.html.j2").render(
         fit=fit,
         sentences=[_sentence(q) for q in quantities],
         numbers=[(q.name, common(q, fit)) for q in quantities],

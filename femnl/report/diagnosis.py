@@ -6,23 +6,40 @@ Verdict, data beside models, parameters, what was tried, how to reproduce it.
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import iter_modules
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
+import femnl.effects
 from femnl.core.comparison import Comparison, Images
 from femnl.core.contributions import Account, Contributions
-from femnl.core.diagnosis import Diagnosis
-from femnl.core.fit import Parameter
-from femnl.core.numbers import engineering, plain, with_error
+from femnl.core.diagnosis import Cause, Diagnosis
+from femnl.core.numbers import engineering, plain
 from femnl.io.results.atomic import write_whole
 from femnl.plot.comparison import comparison_figure
 from femnl.plot.contributions import contributions_figure
+from femnl.plot.quantiles import quantiles_figure
+from femnl.report.parameters import bound_rows, correlations, parameter_rows
 from femnl.report.picture import Picture, embed
 from femnl.report.provenance import provenance
+from femnl.report.template import template
 
 NAME = "report.html"
 SHOWN = 15
 """Sets of causes that are listed, the best ones."""
+SITE = "https://femnl.github.io/femnl"
+"""Where the documentation is published, with a page of each cause."""
+DEFINITIONS = {
+    "gain": "χ² per unseen datum of the base model, over that of the model with the causes named.",
+    "share": "The part of the base model's excess χ² on unseen data that goes away when the cause "
+    "is added to the other causes named. Alone: when it is added to the base model.",
+    "unseen": "χ² per datum on blocks of data that the fit did not see, as tiles, drives, modes, "
+    "sweeps or stretches of a series. It is 1 where only noise is left.",
+    "p-value": "How often noise alone would look at least as bad for the base model, all tests of "
+    "its residuals counted together.",
+    "probability": "Posterior probability of these causes among all sets that were tried.",
+    "evidence": "Logarithm of the probability of the data, averaged over the range of every "
+    "parameter, times the prior odds of each cause, over that of the base model.",
+}
+"""What the words of the page mean, for who points at them."""
 MEANING = {
     "adequate": "The base model explains these data; no further cause is needed.",
     "explained": "This set of causes explains the data, and is clearly preferred to every other "
@@ -41,34 +58,24 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
 
     Returns: its path.
     """
-    loader = FileSystemLoader(Path(__file__).parent)
-    environment = Environment(
-        loader=loader,
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     ranked = sorted(diagnosis.trials, key=lambda trial: -trial.log_evidence)
-    page = environment.get_template("diagnosis.html.j2").render(
+    page = template("diagnosis.html.j2").render(
         d=diagnosis,
         meaning=MEANING[diagnosis.verdict],
-        numbers=[
-            ("p-value of the base model", _p_value(diagnosis.p_value)),
-            ("probability of the verdict", f"{diagnosis.probability:.3g}"),
-            ("χ² per unseen datum, before", plain(diagnosis.before.heldout_chi2_reduced, 3)),
-            ("χ² per unseen datum, after", plain(diagnosis.after.heldout_chi2_reduced, 3)),
-            ("gain", plain(diagnosis.gain, 3)),
-        ],
+        numbers=_numbers(diagnosis),
+        means=DEFINITIONS,
         pictures=[_picture(comparison) for comparison in diagnosis.comparisons],
+        quantiles=_quantiles(diagnosis),
         contributions=_contributions(diagnosis.contributions),
-        parameters=_parameters(diagnosis),
+        explained=[(cause, _page(cause)) for cause in diagnosis.explained],
+        parameters=parameter_rows(diagnosis),
+        correlations=correlations(diagnosis.covariance),
         shares=[
             (
                 s.cause,
                 s.share,
                 f"{100 * s.share:.5g} %",
-                f"± {100 * s.sd:.2g} %",
+                f"± {plain(100 * s.sd, 2)} %",
                 f"{100 * s.alone:.5g} %",
             )
             for s in diagnosis.shares
@@ -76,19 +83,15 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
         noise=[
             [
                 n.measurement or "–",
-                plain(n.stated, 3),
-                plain(n.found, 3),
+                engineering(n.stated, n.unit),
+                engineering(n.found, n.unit),
                 plain(n.correlation_length, 3),
-                n.unit,
             ]
             for n in diagnosis.noise
         ],
         excluded=[[e.where, f"{e.sigma:.3g}"] for e in diagnosis.excluded[:SHOWN]],
         more_excluded=max(len(diagnosis.excluded) - SHOWN, 0),
-        bounds=[
-            [b.cause, b.name, plain(b.low, 3), plain(b.high, 3), _unit(b.unit), b.reason]
-            for b in diagnosis.bounds
-        ],
+        bounds=bound_rows(diagnosis.bounds),
         trials=[
             [
                 " + ".join(t.causes) or "base model",
@@ -117,7 +120,7 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
                 *(("--geometry", diagnosis.geometry) if diagnosis.geometry else ()),
             ]
         ),
-        provenance=provenance([]),
+        provenance=provenance([] if diagnosis.model is None else [diagnosis.model]),
     )
     path = folder / NAME
 
@@ -126,6 +129,46 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
 
     write_whole(path, save)
     return path
+
+
+def _numbers(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
+    """Return the numbers on top with their definitions.
+
+    Without causes, there is no probability of them, and after is before.
+    """
+    before = plain(diagnosis.before.heldout_chi2_reduced, 3)
+    p_value = ("p-value of the base model", _p_value(diagnosis.p_value), DEFINITIONS["p-value"])
+    if not diagnosis.causes:
+        return [p_value, ("χ² per unseen datum", before, DEFINITIONS["unseen"])]
+    after = plain(diagnosis.after.heldout_chi2_reduced, 3)
+    certain = diagnosis.probability >= 0.9995
+    odds = "above 0.999" if certain else plain(diagnosis.probability, 3)
+    return [
+        p_value,
+        ("probability of the verdict", odds, DEFINITIONS["probability"]),
+        ("χ² per unseen datum, before", before, DEFINITIONS["unseen"]),
+        ("χ² per unseen datum, after", after, DEFINITIONS["unseen"]),
+        ("gain", plain(diagnosis.gain, 3), DEFINITIONS["gain"]),
+    ]
+
+
+def _quantiles(diagnosis: Diagnosis) -> Picture | None:
+    """Draw what the verdict's model leaves; None where that is not known, as of old diagnoses."""
+    if diagnosis.residuals is None:
+        return None
+    model = " + ".join(diagnosis.causes) or "the base model"
+    caption = (
+        f"What {model} leaves of the {diagnosis.residuals.size} data, in order of size, against "
+        "normal numbers. Residuals that are noise lie in the grey band, 95 % of them."
+    )
+    words = f"Quantile plot of the residuals that {model} leaves"
+    return embed(quantiles_figure(diagnosis.residuals), words, caption)
+
+
+def _page(cause: Cause) -> str:
+    """Return the address of the page on a cause; empty for one that is not femnl's own."""
+    own = {found.name for found in iter_modules(femnl.effects.__path__)}
+    return f"{SITE}/effects/{cause.name}.html" if cause.name in own else ""
 
 
 @dataclass(frozen=True)
@@ -183,36 +226,6 @@ def _p_value(p: float) -> str:
     return plain(p, 2) if p > 0 else "below 10⁻³⁰⁰"
 
 
-def _parameters(diagnosis: Diagnosis) -> list[list[str]]:
-    """Owner, name, value before and after, unit.
-
-    The base parameters first, also those that a cause replaces.
-    """
-    after = diagnosis.parameters
-    names = [
-        *diagnosis.base_parameters,
-        *(name for name in after["base"] if name not in diagnosis.base_parameters),
-    ]
-    rows = [
-        ["base", name, _value(diagnosis.base_parameters.get(name)), _value(after["base"].get(name))]
-        for name in names
-    ]
-    units = [(diagnosis.base_parameters.get(name) or after["base"][name]).unit for name in names]
-    for owner, own in after.items():
-        if owner != "base":
-            rows += [[owner, name, "–", _value(p)] for name, p in own.items()]
-            units += [p.unit for p in own.values()]
-    return [[*row, _unit(unit)] for row, unit in zip(rows, units, strict=True)]
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else unit
-
-
-def _value(parameter: Parameter | None) -> str:
-    return "–" if parameter is None else with_error(parameter.value, parameter.sd)
-
-
 def _picture(comparison: Comparison) -> Picture:
     models = " and ".join(comparison.models)
     if isinstance(comparison, Images):
@@ -222,10 +235,16 @@ def _picture(comparison: Comparison) -> Picture:
             "ranges are written at the left, those of what is left at the right."
         )
         words = f"Maps of the harmonics: measured, {models}, and what they leave"
+    elif comparison.ticks and not comparison.joined:
+        caption = (
+            f"{comparison.y.capitalize()} of each {comparison.x}: what is measured less what the "
+            "models predict, and the same in σ (grey: ±2σ)."
+        )
+        words = f"Deviation of the {comparison.y} of each {comparison.x} from {models}"
     else:
         caption = (
-            f"{comparison.y.capitalize()} against {comparison.x}: measured, as the models predict "
-            "it, and what each of them leaves in σ (grey: ±2σ)."
+            f"{comparison.y.capitalize()} against {comparison.x}: measured beside what the models "
+            "predict, and what each of them leaves in σ (grey: ±2σ)."
         )
         words = f"{comparison.y} against {comparison.x}: measured, {models}, and what they leave"
     return embed(comparison_figure(comparison), words, f"{comparison.title}: {caption}")

@@ -62,6 +62,19 @@ def solve(device: Device, say: Say, cache: bool) -> list[Geometry]:
     return solved
 
 
+def summary_of(geometry: Geometry) -> list[tuple[str, str]]:
+    """Name the numbers of the fundamental mode that everyone asks for first."""
+    modes = geometry.modes
+    duffing = geometry.nonlinearity[geometry.model.edge]
+    alpha = with_error(duffing.alpha[0] / 1e9, duffing.alpha_error[0] / 1e9)
+    frequency = with_error(modes.frequency[0] / 1e6, modes.frequency_error[0] / 1e6)
+    return [
+        ("f₁ (MHz)", frequency),
+        ("effective mass (ng)", plain(modes.effective_mass[0] * 1e12, 5)),
+        (f"α (10⁻³ µm⁻²), {geometry.model.edge} edge", alpha),
+    ]
+
+
 def describe_geometry(geometry: Geometry, say: Say) -> Part:
     """Write up one geometry: its table of modes and its pictures."""
     model = geometry.model

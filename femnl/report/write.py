@@ -4,15 +4,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
-
 from femnl.core import resources
 from femnl.core.numbers import plain, with_error
+from femnl.device.geometry.reader import load
 from femnl.io.results.atomic import make_folder, write_whole
 from femnl.plot.screen import need_offscreen
-from femnl.report.benchmarks import benchmarks
-from femnl.report.blind import blind
-from femnl.report.checks import check
+from femnl.report.benchmarks import Benchmark, benchmarks
+from femnl.report.blind import Blind, blind
+from femnl.report.checks import Checks, check
 from femnl.report.inplane import in_plane_figure
 from femnl.report.mechanics import (
     EDGES,
@@ -24,12 +23,14 @@ from femnl.report.mechanics import (
     frequency_table,
     ratio_table,
     solve,
+    summary_of,
 )
 from femnl.report.picture import Picture, embed
 from femnl.report.provenance import provenance
 from femnl.report.published import DEVICES, Device
 from femnl.report.readout import Maps, Spectrum, maps, spectrum
 from femnl.report.shape import turning
+from femnl.report.template import template
 
 NAME = "index.html"
 IN_PLANE = (
@@ -53,6 +54,7 @@ class Section:
     in_plane: Picture
     maps: list[Maps]
     spectrum: Spectrum | None
+    summary: list[tuple[str, str]]
 
 
 def write_report(
@@ -78,20 +80,61 @@ def write_report(
     need_offscreen()
     make_folder(out)
     solved = [solve(device, progress, cache) for device in devices]
-    models = [geometry.model for geometries in solved for geometry in geometries]
     sections = [
         _section(device, geometries, progress)
         for device, geometries in zip(devices, solved, strict=True)
     ]
     checks = check(cases or resources.cases(), select, progress)
+    evidence = _Evidence(
+        checks, blind(cases or resources.cases()), benchmarks(cases or resources.cases())
+    )
+    return _write(out, progress, solved, sections, evidence)
+
+
+def write_device(
+    geometry: str | Path, out: Path, progress: Callable[[str], None], cache: bool = True
+) -> Path:
+    """Solve one device, and write `index.html` on it into a folder.
+
+    The page needs no other file, and says nothing of what femnl is checked against.
+
+    Args: geometry: a shipped name, or the path of a TOML file. out, progress, cache: as
+        `write_report`.
+    Returns: the path of the page.
+    Raises: GeometryError; MissingLibraryError before anything is solved where pictures cannot be
+    drawn; ParameterError; whatever solving raises.
+    """
+    need_offscreen()
+    model = load(geometry)
+    make_folder(out)
+    device = Device(model.name, (str(geometry),))
+    solved = [solve(device, progress, cache)]
+    return _write(out, progress, solved, [_section(device, solved[0], progress)], None)
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """What femnl is checked against: validation cases, hidden causes, other programs."""
+
+    checks: Checks
+    blind: list[Blind]
+    benchmarks: list[Benchmark]
+
+
+def _write(
+    out: Path,
+    progress: Callable[[str], None],
+    solved: list[list[Geometry]],
+    sections: list[Section],
+    evidence: _Evidence | None,
+) -> Path:
     progress("page")
-    page = _template().render(
+    models = [geometry.model for geometries in solved for geometry in geometries]
+    page = template("page.html.j2").render(
         sections=sections,
-        checks=checks,
+        evidence=evidence,
         models=models,
         shape=turning(solved[0][0].modes) if solved else None,
-        benchmarks=benchmarks(cases or resources.cases()),
-        blind=blind(cases or resources.cases()),
         provenance=provenance(models),
         edges=EDGES,
         plain=plain,
@@ -127,16 +170,5 @@ def _section(
         None
         if published is None or stack is None or not drives
         else spectrum(stack, drives[0], published),
+        summary_of(first),
     )
-
-
-def _template() -> Template:
-    folder = Path(__file__).parent
-    environment = Environment(
-        loader=FileSystemLoader(folder),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("page.html.j2")

@@ -211,7 +211,7 @@ def test_the_record_and_the_table_hold_what_was_found(
     np.testing.assert_allclose(total, table["deviation"], rtol=0, atol=1e-9)
     page = write_diagnosis(diagnosis, tmp_path).read_text(encoding="utf-8")
     assert "<h2>What each cause changes</h2>" in page
-    assert page.count("data:image/webp;base64,") == 2
+    assert page.count("data:image/webp;base64,") == 3
 
 
 def test_a_diagnosis_without_causes_leaves_no_table_of_an_earlier_one(

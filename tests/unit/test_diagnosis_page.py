@@ -1,21 +1,28 @@
 """What a diagnosis shows: data beside models, free forms where no cause is known, one page."""
 
 from dataclasses import replace
+from hashlib import sha256
+from html import unescape
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import femnl
 from femnl.core.comparison import Curve, Curves, Images
-from femnl.core.diagnosis import Diagnosis
+from femnl.core.diagnosis import Covariance, Diagnosis
+from femnl.core.numbers import engineering
 from femnl.core.stages import Fringe, Motion
-from femnl.diagnose import diagnose
+from femnl.device.geometry import load, parse
+from femnl.diagnose import diagnose, record
 from femnl.effects import library
 from femnl.fits.map.pose import _upright
 from femnl.io import measurement
 from femnl.optics.sampled import harmonics
 from femnl.plot.comparison import comparison_figure
+from femnl.plot.quantiles import quantiles_figure
 from femnl.report.diagnosis import write_diagnosis
+from femnl.report.parameters import MOST, correlations
 
 SEED = 11
 
@@ -67,6 +74,9 @@ def test_the_page_tells_everything_and_runs_nothing(unexplained: Diagnosis, tmp_
     )
     assert "<h1>Unexplained</h1>" in page
     assert "<script" not in page
+    # Nothing that reads as if something had been explained
+    assert ">gain<" not in page
+    assert "probability of the verdict" not in page
     assert "a &lt;b&gt; &amp; c.nc" in page
     for heading in (
         "Data, prediction, and what is left",
@@ -78,7 +88,131 @@ def test_the_page_tells_everything_and_runs_nothing(unexplained: Diagnosis, tmp_
         assert f"<h2>{heading}</h2>" in page
     assert unexplained.sha256 in page
     assert "--geometry square-270um" in page
-    assert page.count("data:image/webp;base64,") == len(unexplained.comparisons) == 1
+    assert page.count("data:image/webp;base64,") == 1 + len(unexplained.comparisons) == 2
+
+
+def test_where_nothing_explains_the_data_the_best_trial_is_drawn(unexplained: Diagnosis) -> None:
+    trials = [trial for trial in unexplained.trials if trial.causes]
+    best = max(trials, key=lambda trial: trial.log_evidence)
+    assert unexplained.best_trial == best.causes
+    (shown,) = unexplained.comparisons
+    assert isinstance(shown, Curves)
+    assert shown.models == ("base model", f"best trial: {' + '.join(best.causes)}")
+    (curve,) = shown.curves
+    left = ((curve.data - curve.predictions) / curve.sd) ** 2
+    assert left.sum(axis=1) == pytest.approx([unexplained.trials[0].chi2, best.chi2], rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def explained(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    """Return losses that grow with the pressure of a gas."""
+    pressure = np.linspace(0, 300, 12)
+    noise = 1 + 0.01 * np.random.default_rng(SEED).normal(size=12)
+    quality = noise / (1 / 2e5 + 3e-8 * pressure)
+    data = measurement.series(
+        {"pressure": pressure}, quality_factor=quality, quality_factor_sd=0.01 * quality
+    )
+    path = tmp_path_factory.mktemp("series") / "gas.nc"
+    measurement.write(measurement.bundle({"q": data}, geometry="square-270um"), path)
+    return diagnose(path)
+
+
+def test_a_cause_stands_on_the_page_with_its_equation_source_and_limits(
+    explained: Diagnosis, tmp_path: Path
+) -> None:
+    page = unescape(write_diagnosis(explained, tmp_path).read_text(encoding="utf-8"))
+    (name,) = explained.causes
+    effect = library()[name]
+    for text in (effect.equation, effect.source, effect.limits, f"femnl effects {name}"):
+        assert text in page
+    assert f'<a href="#cause-{name}">' in page
+    assert f'id="cause-{name}"' in page
+    assert f"/effects/{name}.html" in page
+    # Definitions that pointer and keyboard reach
+    for word in ("gain", "Share", "ln evidence"):
+        assert f'<span class="term" tabindex="0">{word}<span role="tooltip">' in page
+
+
+def test_the_file_holds_version_geometry_and_the_covariance_of_the_parameters(
+    explained: Diagnosis,
+) -> None:
+    kept = record(explained)
+    model = load("square-270um")
+    assert kept["femnl_version"] == femnl.__version__
+    assert kept["geometry"]["name"] == "square-270um"
+    assert parse(kept["geometry"]["text"]).film == model.film
+    assert kept["geometry"]["sha256"] == sha256(model.text.encode()).hexdigest()
+    named = [(entry["of"], entry["name"]) for entry in kept["covariance"]["parameters"]]
+    sd = [explained.parameters[owner][name].sd for owner, name in named]
+    matrix = np.array(kept["covariance"]["matrix"])
+    np.testing.assert_allclose(np.sqrt(np.diag(matrix)), sd, rtol=1e-9)
+    assert len(named) == sum(map(len, explained.parameters.values()))
+
+
+def test_correlations_of_two_slopes_are_those_of_least_squares() -> None:
+    design = np.stack([np.ones(8), np.arange(8.0)], axis=1)
+    matrix = np.linalg.inv(design.T @ design)
+    found = correlations(Covariance(("base", "cause"), ("offset", "slope"), matrix))
+    assert found is not None
+    assert found.names == ["offset", "cause.slope"]
+    # ρ = −Σx/√(n Σx²)
+    rho = -28 / np.sqrt(8 * 140)
+    text, size, sign = found.rows[0][1]
+    assert (text, sign) == (f"−{-rho:.2f}", "negative")
+    assert size == pytest.approx(-rho)
+    assert found.rows[1][1][0] == "1.00"
+
+
+def test_of_many_parameters_those_that_go_with_the_causes_are_shown() -> None:
+    count = MOST + 3
+    matrix = np.eye(count)
+    matrix[-1, :-1] = matrix[:-1, -1] = np.linspace(0.01, 0.2, count - 1)
+    owners = (*["base"] * (count - 1), "cause")
+    found = correlations(Covariance(owners, tuple(f"p{k}" for k in range(count)), matrix))
+    assert found is not None
+    assert found.names == [*(f"p{k}" for k in range(3, count - 1)), f"cause.p{count - 1}"]
+    assert found.left_out == 3
+
+
+def test_normal_numbers_lie_in_the_band_of_the_quantile_plot_and_others_do_not() -> None:
+    rng = np.random.default_rng(SEED)
+    parts = []
+    for draw in (rng.normal(size=5000), rng.standard_t(3, size=5000)):
+        axes = quantiles_figure(draw).axes[0]
+        band = np.asarray(axes.collections[0].get_paths()[0].vertices)
+        (points,) = (line for line in axes.lines if line.get_label() == "residuals")
+        x = np.asarray(points.get_xdata())
+        y = np.asarray(points.get_ydata())
+        assert len(x) <= 2000
+        low, high = (
+            np.array([pick(band[np.isclose(band[:, 0], at), 1]) for at in x])
+            for pick in (np.min, np.max)
+        )
+        parts.append(float(np.mean((y >= low) & (y <= high))))
+    assert parts[0] > 0.9
+    assert parts[1] < 0.5
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (3.97e-7, "m", "397 nm"),
+        (1.466e6, "Hz", "1.47 MHz"),
+        (-8310.0, "Hz", "−8.31 kHz"),
+        (9.9e-14, "kg", "99 pg"),
+        (1.02, "kg/m³", "1.02 kg/m³"),
+        (1e-18, "m^3", "1 µm³"),
+        (6.9e9, "m^-2", "6.9·10⁹ m⁻²"),
+        (2.5e-4, "1", "250 ppm"),
+        (0.5, "1", "0.5"),
+        (3e5, "s", "3·10⁵ s"),
+        (2e-8, "m/V", "20 nm/V"),
+        (0.0, "Hz", "0 Hz"),
+        (float("inf"), "m", "inf m"),
+    ],
+)
+def test_numbers_stand_in_units_that_people_use(value: float, unit: str, text: str) -> None:
+    assert engineering(value, unit) == text
 
 
 def test_residuals_of_all_models_share_one_scale() -> None:
@@ -88,10 +222,22 @@ def test_residuals_of_all_models_share_one_scale() -> None:
     figure = comparison_figure(
         Curves("t", "frequency", "Hz", "signal", "V", ("base model", "more"), (curve,))
     )
-    left, *right = figure.axes
-    assert [axes.get_title() for axes in right] == ["left by base model (σ)", "left by more (σ)"]
-    assert right[0].get_ylim() == right[1].get_ylim()
-    assert left.get_xlabel() == "frequency − 1 000 050 Hz (Hz)"
+    _, *below = figure.axes
+    assert [axes.get_title() for axes in below] == ["left by base model (σ)", "left by more (σ)"]
+    assert below[0].get_ylim() == below[1].get_ylim()
+    assert below[1].get_xlabel() == "frequency − 1 000 050 Hz (Hz)"
+
+
+def test_frequencies_of_modes_are_drawn_in_ppm() -> None:
+    predicted = np.array([1e6, 2e6, 3e6])
+    data = predicted * (1 + np.array([0.0, 5e-6, -7e-6]))
+    curve = Curve("modes", np.arange(3.0), data, np.full(3, 1.0), predicted[None])
+    found = Curves(
+        "s", "mode", "", "frequency", "Hz", ("base model",), (curve,), ("a", "b", "c"), joined=False
+    )
+    top = comparison_figure(found).axes[0]
+    assert top.get_ylabel() == "measured − predicted (ppm)"
+    np.testing.assert_allclose(np.asarray(top.lines[0].get_ydata()), [0, 5, -7], atol=1e-6)
 
 
 def test_maps_show_data_and_predictions_in_the_same_colours_and_residuals_too() -> None:

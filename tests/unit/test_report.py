@@ -16,7 +16,7 @@ from femnl.core.errors import ParameterError
 from femnl.core.numbers import plain, ppm, with_error
 from femnl.device.geometry import load
 from femnl.pipeline import solve_modes, solve_nonlinearity
-from femnl.report import write_report
+from femnl.report import write_device, write_report
 from femnl.report.benchmarks import benchmarks
 from femnl.report.blind import UNIFORM, blind
 from femnl.report.published import HEXAGON, SQUARE
@@ -62,6 +62,31 @@ def test_the_report_prints_what_the_library_computes(report: Written) -> None:
         )
     assert ppm(modes.ratio[3], 2.0) in report.text
     assert "201.43 nm" in report.text  # 4 · 632.8 nm / 4π
+
+
+def test_a_case_that_holds_is_folded_and_one_that_does_not_is_open(report: Written) -> None:
+    folds = re.findall(r"<details( open)?>\s*<summary>.*?<small>(\w+),", report.text)
+    assert {name: bool(is_open) for is_open, name in folds} == {
+        "holds": False,
+        "differs": True,
+        "corrects": False,
+        "breaks": True,
+    }
+
+
+def test_a_report_on_one_device_says_nothing_of_what_femnl_is_checked_against(
+    report: Written, tmp_path: Path
+) -> None:
+    page = write_device(report.geometry, tmp_path / "out", lambda step: None, cache=False)
+    text = re.sub(r"<script.*?</script>", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    modes = solve_modes(load(report.geometry), cache=False)
+    assert with_error(modes.frequency[0] / 1e6, modes.frequency_error[0] / 1e6) in text
+    assert "<h1>square-100um</h1>" in text
+    assert HOSTILE not in text
+    assert "film.poisson assumed" in text
+    for absent in ("errata", "checks", "blind", "benchmarks"):
+        assert f'id="{absent}"' not in text
+        assert f'href="#{absent}"' not in text
 
 
 def test_text_from_files_is_escaped(report: Written) -> None:

@@ -18,6 +18,9 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from femnl.cli._main import run
 from femnl.core.errors import MissingLibraryError, ParameterError
+from femnl.diagnose import diagnose
+from femnl.io import measurement
+from femnl.report.diagnosis import write_diagnosis
 from femnl.report.paper import find_browser, print_page
 from tests.unit.report_page import Written
 
@@ -100,6 +103,66 @@ def test_a_browser_shows_the_report_without_errors_or_sideways_scrolling(
         f"{frames}.every(frame => frame.className == 'scroll' && frame.tabIndex == 0)"
     )
     assert page.evaluate("typeof window.hacked") == "undefined"
+    page.close()
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_contents_stay_in_sight_and_lead_to_what_they_name(
+    browser: Browser, report: Written, width: int
+) -> None:
+    page, _, _ = opened(browser, report, width, "light")
+    page.locator("nav a[href='#made-with']").click()
+    assert page.locator("nav a[href='#summary']").is_visible()
+    nav = page.locator("nav").bounding_box()
+    heading = page.locator("#made-with h2").bounding_box()
+    assert nav is not None
+    assert heading is not None
+    assert 0 <= nav["y"] < 100
+    # Not under the row of a narrow window
+    assert heading["y"] >= (0 if width == 1280 else nav["y"] + nav["height"])
+    page.close()
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("width", [1280, 390])
+def test_a_diagnosis_defines_its_words_within_the_window(
+    browser: Browser, tmp_path: Path, width: int
+) -> None:
+    pressure = np.linspace(0, 300, 12)
+    quality = 1 / (1 / 2e5 + 3e-8 * pressure)
+    data = measurement.series(
+        {"pressure": pressure}, quality_factor=quality, quality_factor_sd=0.01 * quality
+    )
+    measurement.write(measurement.bundle({"q": data}, geometry="square-270um"), tmp_path / "gas.nc")
+    path = write_diagnosis(diagnose(tmp_path / "gas.nc"), tmp_path)
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto(path.as_uri())
+    assert page.evaluate(
+        "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
+    )
+    terms = page.locator(".term")
+    assert terms.count() >= 6
+    for term in terms.all():
+        words = term.locator("[role=tooltip]")
+        assert not words.is_visible()
+        term.focus()
+        assert words.is_visible()
+        box = words.bounding_box()
+        assert box is not None
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= width
+        page.evaluate("document.activeElement.blur()")
+    page.close()
+
+
+@pytest.mark.browser
+def test_paper_shows_what_a_screen_folds(browser: Browser, report: Written) -> None:
+    page, _, _ = opened(browser, report, 1280, "light")
+    folded = page.locator("details:not([open]) td").first
+    assert not folded.is_visible()
+    page.emulate_media(media="print")
+    assert folded.is_visible()
     page.close()
 
 

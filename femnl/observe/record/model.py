@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from femnl.core.comparison import Comparison, Curve, Curves
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import ParameterError
+from femnl.core.numbers import engineering
 from femnl.core.readout import Array
 from femnl.core.stages import Equation
 from femnl.observe.model import Layout, MeasurementModel, Named, Quantity, apply
@@ -198,6 +199,6 @@ class RecordModel(MeasurementModel):
         )
         size = float(np.sqrt(np.mean(residuals**2)) * self.noise)
         return (
-            f"the free run leaves {size:.3g} V rms, most between {start:.3g} and {stop:.3g} s "
-            f"({max(rms):.3g}σ against {min(rms):.3g}σ)"
+            f"the free run leaves {engineering(size, 'V')} rms, most between {start:.3g} and "
+            f"{stop:.3g} s ({max(rms):.3g}σ against {min(rms):.3g}σ)"
         )

@@ -11,6 +11,7 @@ from femnl.core.comparison import Comparison
 from femnl.core.compiled import compiled
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.memo import recent
+from femnl.core.numbers import engineering, signed
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Acquisition, Oscillator, Signal
 from femnl.observe.model import Layout, MeasurementModel, Named, Quantity, apply
@@ -328,8 +329,9 @@ class ResponseModel(MeasurementModel):
         worst = max(rms, key=lambda d: rms[d])
         k = int(np.argmax(power))
         table = ", ".join(
-            f"{d * self.sweeps.reference:.3g} V: {value:.2f}σ" for d, value in rms.items()
+            f"{engineering(d * self.sweeps.reference, 'V')}: {value:.2f}σ"
+            for d, value in rms.items()
         )
         offset = self.sweeps.frequency[k] - self.start[0]
-        drive = f"the drive of {worst * self.sweeps.reference:.3g} V deviates most"
-        return f"{drive}, most strongly {offset:+.3g} Hz from resonance; rms by drive {table}"
+        drive = f"the drive of {engineering(worst * self.sweeps.reference, 'V')} deviates most"
+        return f"{drive}, most strongly {signed(offset, 'Hz')} from resonance; rms by drive {table}"

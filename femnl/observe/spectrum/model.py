@@ -17,6 +17,7 @@ from scipy.optimize import linear_sum_assignment
 from femnl.core.comparison import Comparison, Curve, Curves
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.memo import recent, recent_of
+from femnl.core.numbers import plain, signed
 from femnl.core.readout import Array
 from femnl.core.stages import Lines, ModalSystem
 from femnl.observe.film import SimulatedFilm
@@ -342,12 +343,12 @@ class SpectrumModel(MeasurementModel):
         worst = np.argsort(-np.abs(deviation))[:3]
         names = self._names
         parts = [
-            f"({names[i]}) by {deviation[i] * self.sd[i]:+.3g} Hz ({deviation[i]:+.1f}σ)"
+            f"({names[i]}) by {signed(deviation[i] * self.sd[i], 'Hz')} ({plain(deviation[i], 3)}σ)"
             for i in worst
         ]
         return (
             f"modes {', '.join(parts)} deviate most from the simulated film; rms "
-            f"{np.sqrt(np.mean(deviation**2)):.3g}σ"
+            f"{plain(float(np.sqrt(np.mean(deviation**2))), 3)}σ"
         )
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison, Curve, Curves
 from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.numbers import plain, scale_for
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Fringe, Harmonics, Motion
 from femnl.observe.film import SimulatedFilm
@@ -256,11 +257,12 @@ class TraceModel(MeasurementModel):
         )
         rms = np.sqrt(power.mean(axis=1))
         k = int(np.argmax(rms))
-        step = int(np.argmax(power[k]))
+        at = float(self.frequency[int(np.argmax(power[k]))])
+        scale = scale_for(at, "Hz")
         table = ", ".join(
             f"{n}: {value:.2f}σ" for n, value in zip(self.harmonic[:SHOWN], rms, strict=False)
         )
         return (
             f"harmonic {self.harmonic[k]} deviates most, and most strongly at "
-            f"{self.frequency[step]:.9g} Hz; rms by harmonic {table}"
+            f"{plain(at / scale.size, 9)} {scale.unit}; rms by harmonic {table}"
         )
