@@ -158,6 +158,7 @@ def _alone(
     model: Model, options: tuple[object, ...], solve: Callable[[], Modes], cache: bool
 ) -> Modes:
     """Take modes from the cache or solve them, on one thread."""
+    model.refuse_contradictions()
 
     def solve_alone() -> Modes:
         with one_blas_thread():

@@ -262,8 +262,6 @@ class Model:
     text: the TOML text that this model was read from; results carry `described`. assumed: keys of
     that text, such as "holes.radius", whose values the source does not give. reader: makes a model
     of such a text.
-
-    Raises: GeometryError where the length that the outline states is not that of its edge.
     """
 
     name: str
@@ -283,7 +281,11 @@ class Model:
     grid: float = 0.0
     reader: Callable[[str], Model] | None = field(default=None, compare=False, repr=False)
 
-    def __post_init__(self) -> None:
+    def refuse_contradictions(self) -> None:
+        """Refuse a device whose outline states another length than its edge has.
+
+        Raises: GeometryError.
+        """
         least, most = self.outline.extent
         if not least / FITS <= self.outline.length <= most * FITS:
             raise GeometryError(

@@ -64,7 +64,8 @@ def print_page(page: Path, browser: str) -> Path:
             raise ParameterError(
                 f"{path}: {browser} did not print it in {SECONDS} s; print {page} from a browser"
             ) from None
-        if done.returncode or not file.read_bytes().startswith(b"%PDF"):
+        printed = file.is_file() and file.read_bytes().startswith(b"%PDF")
+        if done.returncode or not printed:
             raise ParameterError(
                 f"{path}: {browser} did not print it (status {done.returncode}); print {page} "
                 "from a browser"

@@ -78,7 +78,7 @@ def test_a_spoilt_file_is_refused_with_the_line_that_helps(case: dict[str, str])
             f"[30, 0x{'f' * 3000}]",
             f"[holes] count 2 = 0x{'f' * 58}…: expected less than or equal to 100000",
         ),
-        ('"270 um"', "[" * 20_000, "not a geometry: brackets nested too deep"),
+        ('"270 um"', "[" * 20_000, "not TOML: brackets nested too deep"),
         ('"270 um"', f'"{"1" * 10_000} um"', f'[outline] side = "{"1" * 59}…: expected a length'),
         (
             '"270 um"',

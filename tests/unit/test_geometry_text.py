@@ -76,4 +76,4 @@ def test_contradictions_are_refused() -> None:
     with pytest.raises(GeometryError, match="its text no longer describes it"):
         changed.with_("film.poisson", 0.3)
     with pytest.raises(GeometryError, match="a length of 100 µm, but its edge spans 270 µm"):
-        replace(model, outline=replace(model.outline, length=1e-4))
+        femnl.solve_modes(replace(model, outline=replace(model.outline, length=1e-4)))

@@ -152,6 +152,6 @@ def test_an_array_of_objects_runs_nothing_and_is_refused(tmp_path: Path) -> None
 
     np.save(tmp_path / "a.npy", np.array([Trap(), 1], dtype=object), allow_pickle=True)
     (tmp_path / "a.toml").write_text('kind = "response"\n[columns]\nfrequency = "1"\n')
-    with pytest.raises(MeasurementError, match="cannot be read as a plain array"):
+    with pytest.raises(MeasurementError, match="not a plain array of numbers"):
         import_file(tmp_path / "a.npy", tmp_path / "a.nc")
     assert not ran.exists()
