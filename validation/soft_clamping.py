@@ -40,10 +40,11 @@ def compute() -> Iterator[tuple[float, float]]:
 CASE = Case(
     claim="A mode in the gap of a honeycomb of holes does not bend at the clamp: its Q is 1e8",
     source="Tsaturyan, Barg, Polzik & Schliesser, Nature Nanotech. 12, 776 (2017), arXiv "
-    "1608.00937: 777 kHz, 2.14e8, 35 nm, 1.27 GPa, r = 0.26 a, and in the abstract five orders "
-    "of magnitude of dilution. Tolerance of Q that of the surface loss, (6 ± 4)e10/m (Villanueva "
-    "& Schmid, Phys. Rev. Lett. 113, 227201 (2014)); of the dilution half an order; of the "
-    "frequency 1 %, to which the pitch was set",
+    "1608.00937: 777 kHz and 2.14e8, and in the abstract five orders of magnitude of dilution. "
+    "Assumed, as the text with the dimensions could not be opened: 35 nm, 1.27 GPa, r = 0.26 a, "
+    "the defect. Tolerance of Q that of the surface loss, (6 ± 4)e10/m (Villanueva & Schmid, Phys. "
+    "Rev. Lett. 113, 227201 (2014)); of the dilution half an order; of the frequency 1 %, to which "
+    "the pitch was set",
     references=(
         Reference("frequency", PUBLISHED, "Hz", relative=0.01),
         Reference("dilution", 1e5, relative=1 - 10**-0.5),
