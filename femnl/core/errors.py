@@ -4,6 +4,7 @@ Each names what is wrong, the value found, and which setting to change.
 """
 
 import logging
+import re
 import sys
 import warnings
 from collections.abc import Iterator
@@ -92,17 +93,30 @@ def leave_out_warnings_of_numbers() -> None:
         warnings.simplefilter("ignore", RuntimeWarning)
 
 
+OF_NUMBERS = re.compile(r"finite|\bnans?\b", re.IGNORECASE)
+"""Words of NumPy and SciPy in the errors that values raise, and no mistake in a program does."""
+
+
 @contextmanager
 def numbers_of(what: str) -> Iterator[None]:
     """Say of which data a computation broke down over numbers that no step of it foresees.
 
     Raises: ConvergenceError in the place of overflows, divisions by zero, and what linear algebra
-    and optimisers say of numbers that are not finite.
+    and optimisers say of numbers that are not finite. Any other error is a fault of femnl.
     """
     try:
         yield
     except (ArithmeticError, ValueError) as error:
+        if not _is_of_numbers(error):
+            raise
         raise ConvergenceError(
             f"{what}: the computation breaks down on these numbers ({error}); look at them with "
             "femnl show, and leave out what is constant or out of proportion"
         ) from error
+
+
+def _is_of_numbers(error: Exception) -> bool:
+    """Whether values raised an error; NumPy, which has LinAlgError, is not loaded to refuse."""
+    if isinstance(error, ArithmeticError) or type(error).__name__ == "LinAlgError":
+        return True
+    return OF_NUMBERS.search(str(error)) is not None
