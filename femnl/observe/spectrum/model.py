@@ -163,7 +163,7 @@ class SpectrumModel(MeasurementModel):
 
         And (Q − Q_predicted)/σ of each mode whose quality factor is known.
         """
-        frequency, content, plain, layer = self._solved(effects, base, values)
+        frequency, content, bare, layer = self._solved(effects, base, values)
         film = self._bare(base["speed"], base["bending_length"])[2].film
 
         own_loss = base["intrinsic_loss"] * self._share(layer) if len(self._rated) else None
@@ -183,7 +183,7 @@ class SpectrumModel(MeasurementModel):
             return apply("frequencies", lines, effects, values)
 
         if self.label:
-            found, loss = self._by_label((self.target @ content) ** 2, plain, read_off)
+            found, loss = self._by_label((self.target @ content) ** 2, bare, read_off)
         else:
             found, loss = self._by_rank(frequency, read_off)
         quality = self.quality_factor[self._rated] - 1 / loss[self._rated]
@@ -275,17 +275,17 @@ class SpectrumModel(MeasurementModel):
         lines = read_off(everyone, ranks(self.frequency / moved))
         return lines.frequency, lines.loss
 
-    def _by_label(self, share: Array, plain: Array, read_off: ReadOff) -> tuple[Array, Array]:
+    def _by_label(self, share: Array, bare: Array, read_off: ReadOff) -> tuple[Array, Array]:
         """Return frequency and loss of each measured mode, which goes to a changed one by label.
 
         By the share of what the label names in each changed mode; mixed pairs as they fit best.
 
-        Args: share (n, n_changed). plain: frequency of every base mode. read_off: see `_by_rank`.
+        Args: share (n, n_changed). bare: frequency of every base mode. read_off: see `_by_rank`.
         """
         _, chosen = linear_sum_assignment(-share)
         everyone = np.arange(len(chosen))
         mixed = np.flatnonzero(share[everyone, chosen] < OWN)
-        own = plain[self.order[mixed]]
+        own = bare[self.order[mixed]]
         pairs = [
             (i, j)
             for i, j in combinations(range(len(mixed)), 2)
