@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from femnl.cli._device import EffectsFolder, Json
-from femnl.cli._output import console, note, print_json, scientific, table
+from femnl.cli._output import console, note, print_json, table
 from femnl.cli._sharing import Scheduler, progress, workers_at_hand
 from femnl.core.errors import ParameterError
 from femnl.core.numbers import engineering
@@ -228,6 +228,8 @@ def _show_counts(rows: pd.DataFrame) -> None:
 def _show(found: Diagnosis) -> None:
     from rich.text import Text
 
+    from femnl.report.parameters import parameter_rows
+
     causes = f": {', '.join(found.causes)}" if found.causes else ""
     p_value = f"{found.p_value:.2g}" if found.p_value else "below 1e-300"
     # Without causes there is no probability of them, and nothing after that differs from before
@@ -238,12 +240,9 @@ def _show(found: Diagnosis) -> None:
     _show_shares(found)
     if found.contributions is not None:
         _show_contributions(found.contributions)
-    rows = [
-        [owner, name, scientific(p.value, 6), scientific(p.sd, 2), p.unit]
-        for owner, own in found.parameters.items()
-        for name, p in own.items()
-    ]
-    console().print(table("Parameters", ["of", "name", "value", "±", "unit"], rows))
+    values = ["without causes", "with them"] if found.causes else ["value"]
+    head = ["of", "name", *values, "unit"]
+    console().print(table("Parameters", head, parameter_rows(found)))
     before = found.before
     after = found.after
     quality = f"χ² per datum held out: {before.heldout_chi2_reduced:.4g}"
