@@ -8,7 +8,7 @@ from io import TextIOWrapper
 from threading import Thread
 from time import sleep
 
-from femnl.core.errors import leave_out_warnings_of_numbers
+from femnl.core.errors import leave_out_warnings
 
 __all__ = ["main"]
 
@@ -23,7 +23,7 @@ def main() -> None:
     0 done, 2 the request cannot be met, 130 interrupted.
     """
     _need_streams()
-    leave_out_warnings_of_numbers()
+    leave_out_warnings()
     Thread(target=_stop_what_cannot_hear, args=(_signals(),), daemon=True).start()
     try:
         # Loaded here, so that an interrupt while libraries load is met like any other.

@@ -84,13 +84,15 @@ def warn_in_lines() -> None:
     logging.basicConfig(handlers=[shown], level=logging.WARNING)
 
 
-def leave_out_warnings_of_numbers() -> None:
-    """Leave out NumPy's warnings of numbers that overflow, which no user can mend.
+def leave_out_warnings() -> None:
+    """Leave out warnings of libraries that no user can mend.
 
-    What uses such numbers refuses them. An option -W of Python brings the warnings back.
+    NumPy's of numbers that overflow, which what uses them refuses, and Matplotlib's of signs that
+    its font lacks, which stand as boxes in a figure. An option -W of Python brings them back.
     """
     if not sys.warnoptions:
         warnings.simplefilter("ignore", RuntimeWarning)
+        warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
 
 
 OF_NUMBERS = re.compile(r"finite|\bnans?\b", re.IGNORECASE)

@@ -13,7 +13,7 @@ from threading import Thread
 from types import ModuleType
 from typing import Any, TypeVar
 
-from femnl.core.errors import MissingLibraryError, leave_out_warnings_of_numbers
+from femnl.core.errors import MissingLibraryError, leave_out_warnings
 
 T = TypeVar("T")
 TRIES = 3
@@ -78,7 +78,7 @@ class Worker:
 def _begin(serve: Callable[..., None], connection: Connection, *about: object) -> None:
     """Serve in a process that ends with the one that started it, whatever it is busy with."""
     Thread(target=_end_with_parent, daemon=True).start()
-    leave_out_warnings_of_numbers()
+    leave_out_warnings()
     with suppress(ConnectionError):  # the client may go while this process loads what it serves
         serve(connection, *about)
 

@@ -22,9 +22,8 @@ LOOKS = 3
 """Times that a base model is fitted without the glitches found so far: a large one may hide others.
 """
 FALLS_INTO_PLACE = 0.5
-LEAST_MOVED = 3
-"""Part and number of the data that recur, more than which fall into place where glitches alone had
-moved the fit. Of the points at jumps that a model misses, a fit without them moves one of two.
+"""Part of the data that recur, more than which falls into place where glitches alone had moved the
+fit. Of the points at jumps that a model misses, a fit without them moves one of two.
 """
 SAME_FACTOR = 0.02
 """Relative difference of two factors, and difference of two correlations, up to which noise is the
@@ -90,7 +89,7 @@ def _glitches_that_move_the_fit(left: Callable[[FoundNoise], Array], around: Lay
     still = recurring & set(standing_out(freed, around).glitches)
     moved = len({int(around.datum[i]) for i in recurring})
     placed = moved - len({int(around.datum[i]) for i in still})
-    if placed < LEAST_MOVED or placed <= FALLS_INTO_PLACE * moved:
+    if placed <= FALLS_INTO_PLACE * moved:
         return FoundNoise()
     return found_noise(freed, around, FoundNoise())
 

@@ -148,7 +148,9 @@ def test_channels_of_a_tdms_file_are_columns_and_waveforms_have_times(tmp_path: 
     np.testing.assert_allclose(np.diff(data["time"]), 1e-3)
 
 
-def test_a_damaged_tdms_file_is_refused_in_one_line_or_said_to_be_cut_off(tmp_path: Path) -> None:
+def test_a_damaged_tdms_file_is_refused_in_one_line_or_said_to_be_cut_off(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     with TdmsWriter(tmp_path / "log.tdms") as file:
         file.write_segment([ChannelObject("scan", "V", F)])
     whole = (tmp_path / "log.tdms").read_bytes()
@@ -161,5 +163,9 @@ def test_a_damaged_tdms_file_is_refused_in_one_line_or_said_to_be_cut_off(tmp_pa
         except MeasurementError as error:
             told.append(str(error))
             assert "\n" not in told[-1]
-    said = ("damaged", "cut off", "no channel")
+    assert capfd.readouterr().err == ""
+    # The folder is named after this test
+    told = [one.replace(str(tmp_path), "") for one in told]
+    said = ("damaged, or not", "cut off in its last segment", "no channel of numbers")
+    assert any(said[1] in one for one in told)
     assert [one for one in told if not any(words in one for words in said)] == []

@@ -111,7 +111,11 @@ def solve(
         if use == "complex" and limits.free[2]:
             better = refine(sweeps, layout, candidates[0], limits.free)
             candidates.append(np.clip(better, limits.low, limits.high))
-        search.start(min(candidates, key=Misfit.of(sweeps, layout, use).cost))
+        # Of data far out of proportion a linear estimate may be no number
+        finite = [theta for theta in candidates if np.isfinite(theta).all()]
+        if not finite:
+            continue
+        search.start(min(finite, key=Misfit.of(sweeps, layout, use).cost))
         if not only_first and search.found(noisy):
             break
     if not search.theta.size:  # no start, or none with a finite misfit

@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from nptdms.log import log_manager
 from nptdms.tdms import TdmsFile
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.labfiles.base import LARGEST, Format, Groups, head
+from femnl.io.labfiles.base import Format, Groups, head, need_size, undamaged
 from femnl.io.labfiles.columns import one_table
 from femnl.io.labfiles.spec import Spec
 
@@ -40,17 +41,11 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
 
 
 def _opened(path: Path) -> TdmsFile:
-    """Return the file, read. Raises: MeasurementError for one that is damaged."""
-    if path.stat().st_size > LARGEST:
-        raise MeasurementError(f"{path}: more than {LARGEST / 2**30:g} GiB; split it")
-    # What it would print of a file that is cut off is among the notes
-    logging.getLogger("nptdms").setLevel(logging.ERROR)
-    try:
-        file: TdmsFile = TdmsFile.read(path)
-    except Exception as error:  # npTDMS lets what it meets in a damaged file through
-        raise MeasurementError(
-            f"{path}: damaged, or no .tdms file ({str(error)[:80]}); export it again"
-        ) from error
+    """Return the file, read. Raises: MeasurementError for one that is damaged or too large."""
+    need_size(path, "split it")
+    # What npTDMS prints of a file that is cut off is among the notes
+    log_manager.set_level(logging.ERROR)
+    file: TdmsFile = undamaged(path, ".tdms file", lambda: TdmsFile.read(path))
     return file
 
 
