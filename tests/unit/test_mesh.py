@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from skfem import MeshTri1, MeshTri2
 
 from femnl import load
+from femnl.core import resources
 from femnl.core.device import Film, Holes, Model, Outline, Segment
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
+from femnl.device.geometry import parse
 from femnl.device.mesh import has_symmetry, mesh
 from femnl.device.mesh.collect import check_unfolded
 from femnl.device.mesh.grading import bending_length
@@ -309,3 +311,21 @@ def test_elements_in_a_web_between_two_holes_are_no_longer_than_it_is_wide(
     )
     assert within.sum() > 1
     assert longest < 1.5 * gap * radius
+
+
+@pytest.mark.parametrize("width", [2, 4, 6])
+def test_a_web_between_holes_is_refined_in_step_with_all_else(width: int) -> None:
+    text = (resources.geometries() / "square-270um.toml").read_text(encoding="utf-8")
+    away = 10 + width / 2
+    holes = f'centres = [["{away} um", "30 um"], ["-{away} um", "30 um"]]\nradius = "10 um"\n'
+    model = parse(f'{text}\n[holes]\nlattice = "list"\n{holes}')
+
+    def length(resolution: float) -> float:
+        """Return the mean length [m] of edges in the web."""
+        found = mesh(model, "full", resolution).mesh
+        middle = found.p[:, found.t].mean(axis=1)
+        near = np.hypot(middle[0], middle[1] - 30e-6) < width * 0.5e-6
+        sides = found.p[:, found.t[1]] - found.p[:, found.t[0]]
+        return float(np.linalg.norm(sides, axis=0)[near].mean())
+
+    assert length(2.0) < 0.6 * length(1.0)

@@ -147,7 +147,7 @@ def _grade_webs(sizes: _Sizes, model: Model, wedge: float, unit: float) -> None:
     rim = min(2 * np.pi * max(radii) / HOLE_SEGMENTS, largest)
     if any(s.centre is None for s in segments):  # which may ask for no size themselves
         rim = largest
-    for size, places in narrow_webs(model, rim / sizes.grading).items():
+    for size, places in narrow_webs(model, rim).items():
         within = places[beyond_mirrors(places, wedge) < size]
         tags = [gmsh.model.occ.addPoint(x, y, 0) for x, y in within * unit]
         if tags:
