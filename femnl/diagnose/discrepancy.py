@@ -7,7 +7,7 @@ and integrated over, so that a cause is worth what it takes from the discrepancy
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -28,6 +28,14 @@ GROWING = (1, 2)
 """Powers of what a cause does to a datum with which its equation may be wrong."""
 VARYING = (1, 2, 3)
 """Powers of the place along the data with which it may be wrong."""
+ACCURACIES = ((1.0, 0.5), (2.0, 0.25), (4.0, 0.15), (8.0, 0.1))
+"""Factors on the stated accuracy of equations, and their prior probabilities.
+
+A device may be farther from what an equation assumes than the devices that its accuracy is known
+from.
+"""
+LEAST_ACCURATE = 0.25
+"""Part of what a cause does that its equation may miss at most; else it is another cause."""
 LAGS = 64
 """Residuals along a line over which a remainder may be correlated."""
 UNCORRELATED = 0.05
@@ -39,11 +47,18 @@ class Discrepancy:
     """What every candidate may miss the data by.
 
     directions (k, n): orthonormal, of smooth deviations. pieces: independent data of what is beside
-    them, fewer than residuals where the remainder of the best candidate is smooth.
+    them, fewer than residuals where the remainder of the best candidate is smooth. sizes (k,): τ
+    that are summed over, in σ.
     """
 
     directions: Array
     pieces: float
+    sizes: Array = field(default_factory=lambda: SIZES)
+
+    @property
+    def none(self) -> "Discrepancy":
+        """The same data with no discrepancy, where only equations may be inexact."""
+        return replace(self, directions=self.directions[:0], sizes=np.zeros(1))
 
 
 def discrepancy(base: FitResult, best: FitResult) -> Discrepancy:
@@ -103,19 +118,41 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
 
     Residuals r have the covariance v₀ (1 − QᵀQ)/w + v₁ QᵀQ, with v = 1 + τ² and the weight
     w = pieces per residual, and beside it the distortions that the accuracy of each cause's
-    equation allows, with normal coefficients. Around the fit the model is linear, so that
-    parameters and distortions integrate in closed form. Up to a constant that all candidates of the
-    measurement share.
+    equation allows, with normal coefficients. How accurate an equation is for this device is known
+    to a factor only (`ACCURACIES`), the same for all causes of a set. Around the fit the model is
+    linear, so that parameters and distortions integrate in closed form. Up to a constant that all
+    candidates of the measurement share.
     """
-    result = candidate.result
+    places = places_of(base.result.model.base_model)
+    done = [done_by(candidate, base, effect) for effect in effects_of(candidate)]
+
+    def missed(factor: float) -> Array:
+        parts = [
+            min(factor * effect.accuracy, max(effect.accuracy, LEAST_ACCURATE))
+            * distortions(own, places)
+            for effect, own in zip(effects_of(candidate), done, strict=True)
+        ]
+        return np.concatenate([np.empty((len(candidate.result.residuals), 0)), *parts], axis=1)
+
+    return float(
+        logsumexp(
+            [
+                np.log(probability) + _at_accuracy(candidate.result, missed(factor), allowed)
+                for factor, probability in ACCURACIES
+            ]
+        )
+    )
+
+
+def _at_accuracy(result: FitResult, missed: Array, allowed: Discrepancy) -> float:
+    """Return the logarithm of evidence where equations are as accurate as stated.
+
+    Args: missed (n, n_distortions): what they may miss, one standard deviation each.
+    """
     low, high = result.model.bounds
     width = high - low
     directions = allowed.directions
-    places = places_of(base.result.model.base_model)
-    distorted = [
-        distortions(done_by(candidate, base, e), e.accuracy, places) for e in effects_of(candidate)
-    ]
-    slopes = np.concatenate([result.jacobian * width, *distorted], axis=1)
+    slopes = np.concatenate([result.jacobian * width, missed], axis=1)
     n_distortions = slopes.shape[1] - width.size
     known = np.concatenate([np.full(width.size, 12.0), np.ones(n_distortions)])
     inside = directions @ slopes
@@ -125,8 +162,8 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
     across = slopes.T @ slopes - inside.T @ inside
     pull = slopes.T @ result.residuals - inside.T @ seen
     rest = max(result.chi2 - float(seen @ seen), 0.0)
-    smooth = (1 + SIZES**2)[:, None]
-    scatter = (1 + SIZES**2)[None, :]
+    smooth = (1 + allowed.sizes**2)[:, None]
+    scatter = (1 + allowed.sizes**2)[None, :]
     per_scatter = weight / scatter
     fisher = (
         across * per_scatter[..., None, None]
@@ -148,8 +185,8 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
     return float(logsumexp(level) + prior + constant)
 
 
-def distortions(done: Array, accuracy: float, places: Array) -> Array:
-    """Return what an equation of this accuracy may miss, as columns (n, n_distortions).
+def distortions(done: Array, places: Array) -> Array:
+    """Return in what ways an equation may miss the whole of a cause, as columns (n, n_distortions).
 
     Of what a cause does to the data, a part that grows with its size there, and one that varies
     with the place of the data.
@@ -158,7 +195,7 @@ def distortions(done: Array, accuracy: float, places: Array) -> Array:
     """
     size = np.abs(done) / max(float(np.abs(done).max()), 1e-300)
     shapes = [*(size**p for p in GROWING), *(along**p for along in places for p in VARYING)]
-    return np.asarray(accuracy * done[:, None] * np.stack(shapes, axis=1))
+    return np.asarray(done[:, None] * np.stack(shapes, axis=1))
 
 
 def places_of(base_model: MeasurementModel) -> Array:

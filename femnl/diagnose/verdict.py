@@ -111,6 +111,17 @@ def only_set_predicts_no_better(weighed: Weighed) -> Judgement | None:
     return Judgement("unexplained", weighed.base, (), weighed.share)
 
 
+def fewer_causes_may_suffice(weighed: Weighed) -> Judgement | None:
+    """One set explains the data, but a cause of it may only make up for another's equation."""
+    sets = weighed.may_suffice
+    if weighed.rivals or not sets:
+        return None
+    others = (*sets[1:], weighed.best)
+    return Judgement(
+        "ambiguous", sets[0], others, weighed.graded, inflation=weighed.inflation(sets[0])
+    )
+
+
 def one_set_stands_alone(weighed: Weighed) -> Judgement | None:
     """One set explains the data, and no other may be right."""
     if weighed.rivals:
@@ -136,6 +147,7 @@ RULES: tuple[Rule, ...] = (
     several_sets_take_up_most_of_the_deviation,
     no_set_explains_the_data,
     only_set_predicts_no_better,
+    fewer_causes_may_suffice,
     one_set_stands_alone,
     several_sets_are_left,
 )

@@ -14,6 +14,8 @@ from femnl.observe.noisy import without_noise
 
 EVEN = float(np.log(THRESHOLDS.even_odds))
 """Logarithm of the odds up to which a set is no less likely than another."""
+SURE = float(np.log(THRESHOLDS.named_alone / (1 - THRESHOLDS.named_alone)))
+"""Logarithm of the odds of a set that is named alone."""
 
 
 @dataclass(frozen=True)
@@ -169,6 +171,27 @@ class Weighed:
             if own * THRESHOLDS.needless_odds >= max(fewer, default=0.0):
                 kept.append(candidate)
         return kept
+
+    @cached_property
+    def may_suffice(self) -> list[Candidate]:
+        """Fewer causes of the best set, whose inexact equations may do what the others take up.
+
+        The likeliest first, where nothing but equations may be inexact: what they leave is then a
+        part of what they do, and a further cause must be likelier than that beyond doubt.
+        """
+        best = self.best
+        fewer = [c for c in self.found if c.names and set(c.names) < set(best.names)]
+        if not fewer:
+            return []
+        exact = self.allowed.none
+        odds = float(np.log(THRESHOLDS.odds_per_cause))
+
+        def weight(one: Candidate) -> float:
+            return log_evidence(one, self.base, exact) + len(one.names) * odds
+
+        least = weight(best) - SURE
+        ranked = sorted(((weight(c), i) for i, c in enumerate(fewer)), reverse=True)
+        return [fewer[i] for one, i in ranked if one > least]
 
     @cached_property
     def left_in_part(self) -> list[Candidate]:

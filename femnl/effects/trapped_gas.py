@@ -14,8 +14,8 @@ def stiffen(system: ModalSystem, values: Values) -> ModalSystem:
     square = np.diag(system.stiffness) / np.diag(system.mass)
     slow = square * _times(square, values) ** 2
     area = np.diag(system.mass) / (system.film.density * system.film.thickness)
-    spring = values["pressure"] / system.gap * area * slow / (1 + slow)
-    return replace(system, stiffness=system.stiffness + np.diag(spring))
+    spring = np.diag(values["pressure"] / system.gap * area * slow / (1 + slow))
+    return replace(system, stiffness=system.stiffness + spring, unbent=system.unbent + spring)
 
 
 def damp(lines: Lines, values: Values) -> Lines:

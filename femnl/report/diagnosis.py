@@ -46,7 +46,7 @@ MEANING = {
     "that was tried.",
     "explained in part": "These causes are beyond doubt. They take up most of what the base model "
     "gets wrong, and leave more than noise.",
-    "ambiguous": "Several sets of causes explain these data equally well; the simplest is "
+    "ambiguous": "These data do not decide between several sets of causes; the simplest is "
     "named first.",
     "unexplained": "The base model does not explain these data, and neither does any cause in "
     "the library.",

@@ -11,7 +11,6 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
 from femnl.core.comparison import Comparison, Curve, Curves
@@ -23,6 +22,7 @@ from femnl.core.stages import Lines, ModalSystem
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import MeasurementModel, Named, Quantity, Ranked, apply, remembering
 from femnl.observe.score_directions import smooth_film
+from femnl.observe.spectrum.eigen import eigen, squares
 
 OWN = 0.75
 """Share of a base mode in a changed mode from which on the change keeps its label."""
@@ -74,8 +74,8 @@ class SpectrumModel(MeasurementModel):
 
     @cached_property
     def _eigen(self) -> Callable[[ModalSystem], tuple[Array, Array]]:
-        """Eigenvalues of the latest matrices; what has no labels needs no vectors."""
-        return recent_of(_eigen if self.label else _squares)
+        """Eigenvalues of the latest matrices; where no label and no loss asks, without vectors."""
+        return recent_of(eigen if self.label or len(self._rated) else squares)
 
     @cached_property
     def _operators(
@@ -163,20 +163,23 @@ class SpectrumModel(MeasurementModel):
 
         And (Q − Q_predicted)/σ of each mode whose quality factor is known.
         """
-        frequency, content, bare, layer = self._solved(effects, base, values)
-        film = self._bare(base["speed"], base["bending_length"])[2].film
-
-        own_loss = base["intrinsic_loss"] * self._share(layer) if len(self._rated) else None
+        frequency, content, bare, system = self._solved(effects, base, values)
+        _, mass, unchanged = self._bare(base["speed"], base["bending_length"])
+        own_loss = None
+        if len(self._rated):
+            bent = self._bent_part(frequency, content / np.sqrt(mass)[:, None], system)
+            own_loss = base["intrinsic_loss"] * bent
 
         def read_off(measured: NDArray[np.int64], changed: NDArray[np.int64]) -> Lines:
-            # Without labels no vectors are solved for, and the film's own modes stand for them.
-            parts = content[:, changed] ** 2 if self.label else self._unmixed[:, measured]
+            # Without labels and losses no vectors are solved for; the film's own modes stand for
+            # them.
+            parts = content[:, changed] ** 2 if content.size else self._unmixed[:, measured]
             lines = Lines(
                 frequency[changed],
                 self.time[measured] if len(self.time) else self.time,
-                np.empty(0) if own_loss is None else own_loss @ parts,
+                np.empty(0) if own_loss is None else own_loss[changed],
                 self._participation @ parts,
-                film,
+                unchanged.film,
                 self.film.gap,
                 self.pressure,
             )
@@ -205,6 +208,20 @@ class SpectrumModel(MeasurementModel):
         """1/Q of each base mode in units of the loss angle of bending, (n,), at the latest ℓ."""
         return recent(self.film.bending_share_at)
 
+    def _bent_part(self, frequency: Array, vectors: Array, system: ModalSystem) -> Array:
+        """Return the part of bending in the energy of each changed mode, (n_changed,).
+
+        Σ ξᵢξⱼ √(sᵢsⱼ) (K − what bending does not follow)ᵢⱼ / ω², with s of `_share`.
+
+        Args: vectors (base, changed): ξ, of modal mass 1.
+        """
+        # The cubic in ℓ may cross zero far from the geometry's own
+        share = np.maximum(self._share(system.bending_length), 0.0)
+        shapes = np.sqrt(share)[:, None] * vectors
+        energy = np.sum(shapes * ((system.stiffness - system.unbent) @ shapes), axis=0)
+        omega = 2 * np.pi * frequency
+        return np.asarray(np.divide(energy, omega**2, out=np.zeros_like(energy), where=omega > 0))
+
     @cached_property
     def _participation(self) -> Array:
         """Squared share of each base mode in the rigid motions of the film, (3, n)."""
@@ -212,19 +229,19 @@ class SpectrumModel(MeasurementModel):
 
     def _solved(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
-    ) -> tuple[Array, Array, Array, float]:
+    ) -> tuple[Array, Array, Array, ModalSystem]:
         """Return the frequencies of the changed modes, and the base modes of modal mass 1 in them.
 
-        (base, changed), whose squares are shares; the own frequency of each base mode; and ℓ [m] of
-        the changed film.
+        (base, changed), whose squares are shares; the own frequency of each base mode; and the
+        matrices of the changed film.
 
-        Where nothing has a label the vectors are left out.
+        Where nothing has a label or a quality factor the vectors are left out.
         """
         plain, mass, system = self._bare(base["speed"], base["bending_length"])
         system = self._operators(system, effects, values)
         square, vectors = self._eigen(system)
         frequency = np.sqrt(np.maximum(square, 0)) / (2 * np.pi)
-        return frequency, vectors * np.sqrt(mass)[:, None], plain, system.bending_length
+        return frequency, vectors * np.sqrt(mass)[:, None], plain, system
 
     def _unchanged(self, speed: float, bending_length: float) -> tuple[Array, Array, ModalSystem]:
         """Return frequencies and masses of the unchanged film's modes, and its matrices."""
@@ -350,34 +367,6 @@ class SpectrumModel(MeasurementModel):
             f"modes {', '.join(parts)} deviate most from the simulated film; rms "
             f"{plain(float(np.sqrt(np.mean(deviation**2))), 3)}σ"
         )
-
-
-def _eigen(system: ModalSystem) -> tuple[Array, Array]:
-    """Return ω² and the vectors of M-norm 1.
-
-    Most causes leave the masses alone, and then a plain problem is the faster one.
-    """
-    mass = system.mass
-    own = np.diag(mass)
-    if np.count_nonzero(mass) == len(own):
-        square, turned = np.linalg.eigh(system.stiffness / np.sqrt(np.outer(own, own)))
-        return square, turned / np.sqrt(own)[:, None]
-    square, vectors = eigh(system.stiffness, mass, check_finite=False)
-    return np.asarray(square), np.asarray(vectors)
-
-
-def _squares(system: ModalSystem) -> tuple[Array, Array]:
-    """Return ω² alone, and no vectors (n, 0).
-
-    What has no labels goes by rank, and the vectors cost twice as much as the squares.
-    """
-    mass = system.mass
-    root = np.sqrt(np.diag(mass))
-    none = np.empty((len(root), 0))
-    scaled = np.outer(root, root)
-    if np.count_nonzero(mass) == len(root):
-        return np.linalg.eigvalsh(system.stiffness / scaled), none
-    return np.asarray(eigh(system.stiffness, mass, eigvals_only=True, check_finite=False)), none
 
 
 def ranks(frequency: Array) -> NDArray[np.int64]:

@@ -201,6 +201,7 @@ class SpectrumBench:
             more = self.membrane(layer * (1 + STEP) - depth, stretch)
             moved = more.clamped(layer * (1 + STEP), depth)
             lossy = np.diag(own**2 * base["loss"] * _bending_share(plate, moved, layer))
+            lossy = _pulled(lossy, modes, hidden.get("stress_anisotropy", {}))
         if "trapped_gas" in hidden:
             gas = hidden["trapped_gas"]
             spring = gas["pressure"] / (density * film.thickness * self.gap)
@@ -243,6 +244,18 @@ def _bending_share(plate: Array, more: Array, layer: float) -> Array:
     before = plate + layer**2 * plate**2
     after = more + (layer * (1 + STEP)) ** 2 * more**2
     return np.asarray(np.log(after / before) / (2 * np.log1p(STEP)))
+
+
+def _pulled(lossy: Array, modes: Membrane, values: Values) -> Array:
+    """Let the layers along each pair of sides bend as √(tension across them)."""
+    if not values:
+        return lossy
+    anisotropy = values["anisotropy"]
+    root = np.sqrt(np.diag(lossy))
+    x, y = modes.slopes[0], modes.slopes[1]
+    each = np.sqrt(np.diag(x + y))
+    bent = np.sqrt(1 + anisotropy / 2) * x + np.sqrt(1 - anisotropy / 2) * y
+    return np.asarray(np.outer(root / each, root / each) * bent)
 
 
 def _yielded(modes: Membrane, compliance: float, layer: float) -> Array:
