@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femnl.chip.alone import explained
 from femnl.chip.causes import name_causes
 from femnl.chip.film import fit_film
 from femnl.chip.hierarchy import Hierarchy
@@ -56,7 +57,10 @@ def fit_chip(chip: Chip) -> ChipFit:
     if len(rated) >= FEWEST and _compares_devices(of_quality.values):
         quality = _quantity("quality factor", "1", of_quality, clean(of_quality.values))
     film = fit_film(chip, entries, cleaned) if chip.geometries else None
-    causes = name_causes(entries, cleaned, frequency, quality)
+    causes = tuple(
+        explained(cause, chip, frequency, cleaned.model)
+        for cause in name_causes(entries, cleaned, frequency, quality)
+    )
     notes = list(chip.notes)
     if not np.isfinite(entries.values.place).all():
         notes.append("places: not known of all devices, so no variation over the chip is sought")

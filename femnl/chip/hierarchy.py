@@ -224,6 +224,13 @@ class Hierarchy:
         mean = float(self.weights @ each)
         return mean, float(np.sqrt(max(self.weights @ each**2 - mean**2, 0.0)))
 
+    @property
+    def scatter(self) -> tuple[float, float]:
+        """Spread of all modes of a device together, and between its modes, relative."""
+        squares = self.weights @ np.stack([self.scales.spread, self.scales.mode_spread], 1) ** 2
+        together, between = np.sqrt(squares)
+        return float(together), float(between)
+
     def expected(self, features: Array) -> "Mixture":
         """Return what sums of features are, given the data. features: (n, r)."""
         return self._expected(self.solved, features, self.weights)

@@ -61,6 +61,12 @@ def pose(
     quality, quality_sd = _quality_factors(dataset, usable)
     rated = np.isfinite(quality) & np.isfinite(quality_sd)
     pressure = float(dataset.attrs.get("pressure", 0.0))
+    known_speed = _known_speed(dataset)
+    told = (
+        "c is free"
+        if known_speed is None
+        else f"c is {known_speed[0]:.6g} ± {known_speed[1]:.2g} m/s"
+    )
     known = (
         "the geometry assumes its film, so ℓ is fitted without prior knowledge"
         if np.isinf(bending_sd)
@@ -96,11 +102,27 @@ def pose(
             **({"quality_factor": 1.0} if rated.any() else {}),
             **(_gas(film, float(frequency.min()), pressure) if pressure else {}),
         },
-        notes=(f"spectrum: c is free, {known}; side, stress and density enter only through c/L",),
+        notes=(f"spectrum: {told}, {known}; side, stress and density enter only through c/L",),
         quality_factor=quality,
         quality_factor_sd=quality_sd,
         pressure=pressure,
+        known_speed=known_speed,
     )
+
+
+def _known_speed(dataset: xr.Dataset) -> tuple[float, float] | None:
+    """Return c and its standard deviation where the file tells them.
+
+    Raises: MeasurementError where it tells one of them alone.
+    """
+    given = [name for name in ("wave_speed", "wave_speed_sd") if name in dataset.attrs]
+    if not given:
+        return None
+    if len(given) == 1:
+        raise MeasurementError(
+            f"spectrum: {given[0]} is alone; give wave_speed and wave_speed_sd [m/s], or neither"
+        )
+    return float(dataset.attrs["wave_speed"]), float(dataset.attrs["wave_speed_sd"])
 
 
 def _quality_factors(dataset: xr.Dataset, usable: NDArray[np.bool_]) -> tuple[Array, Array]:

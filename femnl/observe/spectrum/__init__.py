@@ -41,7 +41,11 @@ KIND = KindSpec(
             "quality_factor": Item(("mode",), "", positive=True),
             "quality_factor_sd": Item(("mode",), "", positive=True),
         },
-        attributes={"pressure": Item(unit="Pa", positive=True)},
+        attributes={
+            "pressure": Item(unit="Pa", positive=True),
+            "wave_speed": Item(unit="m/s", positive=True),
+            "wave_speed_sd": Item(unit="m/s", positive=True),
+        },
     ),
     modes=modes_needed,
 )

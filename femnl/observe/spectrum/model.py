@@ -43,7 +43,8 @@ class SpectrumModel(MeasurementModel):
     (n, n_modes): the shape that each label names, in modes of modal mass 1, empty without labels;
     bending_sd: relative standard deviation of ℓ. quality_factor and quality_factor_sd (n,), NaN
     where one was not measured, empty where none was; pressure [Pa] of the gas, 0 where not
-    recorded.
+    recorded; known_speed: c [m/s] and its standard deviation where the file tells them, as the rest
+    of a chip does.
     """
 
     kind = "spectrum"
@@ -64,6 +65,7 @@ class SpectrumModel(MeasurementModel):
     quality_factor: Array = field(default_factory=lambda: np.empty(0))
     quality_factor_sd: Array = field(default_factory=lambda: np.empty(0))
     pressure: float = 0.0
+    known_speed: tuple[float, float] | None = None
 
     @property
     def ranked(self) -> tuple[Ranked, ...]:
@@ -91,13 +93,13 @@ class SpectrumModel(MeasurementModel):
 
     @property
     def blocks(self) -> NDArray[np.int64]:
-        """Every mode is a block of its own; prior knowledge of ℓ belongs to none."""
-        return np.concatenate([np.arange(len(self.frequency)), [-1], self._rated])
+        """Every mode is a block of its own; prior knowledge of ℓ and c belongs to none."""
+        return np.concatenate([np.arange(len(self.frequency)), [-1], self._rated, -self._told])
 
     @property
     def quantity(self) -> tuple[Array, str]:
         """Hz of the frequencies."""
-        rest = np.full(1 + len(self._rated), np.nan)
+        rest = np.full(1 + len(self._rated) + len(self._told), np.nan)
         return np.concatenate([self.sd, rest]), "Hz"
 
     @property
@@ -126,6 +128,8 @@ class SpectrumModel(MeasurementModel):
             return f"frequency of mode ({names[residual]})"
         if residual == n:
             return "the bending length"
+        if residual > n + len(self._rated):
+            return "the speed of waves"
         return f"quality factor of mode ({names[self._rated[residual - n - 1]]})"
 
     @cached_property
@@ -133,6 +137,11 @@ class SpectrumModel(MeasurementModel):
         """The modes whose quality factors are known."""
         known = np.isfinite(self.quality_factor) & np.isfinite(self.quality_factor_sd)
         return np.flatnonzero(known)
+
+    @cached_property
+    def _told(self) -> NDArray[np.int64]:
+        """One where the file tells the speed of waves, as its last residual; none elsewhere."""
+        return np.ones(0 if self.known_speed is None else 1, dtype=np.int64)
 
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
@@ -147,21 +156,23 @@ class SpectrumModel(MeasurementModel):
             found["order of acquisition"] = (
                 (self.time - self.time.mean()) / self.scales["time"] * self.frequency / self.sd
             )
-        lossless = np.zeros(1 + len(self._rated))
+        told = np.zeros(len(self._told))
+        lossless = np.zeros(1 + len(self._rated) + len(told))
         found = {name: np.append(row, lossless) for name, row in found.items()}
         if len(self._rated) > 1:
             q = self.quality_factor[self._rated]
             alike = q / q.max() * q / self.quality_factor_sd[self._rated]
             ratio = self.frequency[self._rated] / self.frequency.max()
             bare = np.zeros(1 + len(self.frequency))
-            found["loss alike for all modes"] = np.append(bare, alike)
-            found["loss that falls with frequency"] = np.append(bare, alike / ratio)
+            found["loss alike for all modes"] = np.concatenate([bare, alike, told])
+            found["loss that falls with frequency"] = np.concatenate([bare, alike / ratio, told])
         return found | smooth_film(self, effects, base, values)
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (f − f_predicted)/σ of each mode, the deviation of ℓ in units of its own σ.
 
-        And (Q − Q_predicted)/σ of each mode whose quality factor is known.
+        And (Q − Q_predicted)/σ of each mode whose quality factor is known, and the deviation of c
+        in units of its σ where that is.
         """
         frequency, content, bare, system = self._solved(effects, base, values)
         _, mass, unchanged = self._bare(base["speed"], base["bending_length"])
@@ -190,11 +201,13 @@ class SpectrumModel(MeasurementModel):
         else:
             found, loss = self._by_rank(frequency, read_off)
         quality = self.quality_factor[self._rated] - 1 / loss[self._rated]
+        speed, speed_sd = self.known_speed or (0.0, 1.0)
         return np.concatenate(
             [
                 (self.frequency - found) / self.sd,
                 [(base["bending_length"] / self.film.bending_length - 1) / self.bending_sd],
                 quality / self.quality_factor_sd[self._rated],
+                self._told * (base["speed"] - speed) / speed_sd,
             ]
         )
 

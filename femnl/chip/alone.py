@@ -1,0 +1,98 @@
+"""A device that deviates from its chip, diagnosed by the library with the chip as prior knowledge.
+
+What the device shows beside its chip is laid on the simulated film of its design: what all devices
+of the chip have in common, and the simulation has not, is no cause of this one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femnl.chip.members import Chip
+from femnl.chip.result import Cause, Deviation, Quantity
+from femnl.core.fit import Parameter
+from femnl.core.numbers import scale_for, with_error
+from femnl.device.geometry import load
+from femnl.diagnose import diagnose
+from femnl.fits.spectrum.labels import named_modes
+from femnl.io import measurement
+from femnl.observe.film import SimulatedFilm
+
+if TYPE_CHECKING:
+    from femnl.chip.hierarchy import Hierarchy
+    from femnl.core.diagnosis import Diagnosis
+
+FEWEST = 3
+"""Modes of a device that its diagnosis needs."""
+UNKNOWN = ("other film or shape", "damaged")
+"""Causes that say no more than that a frequency is off."""
+MOST_RIVALS = 3
+"""Sets of causes that are told beside the one that is named."""
+MODES = 48
+"""Simulated modes among which those of a device are found."""
+
+
+def explained(cause: Cause, chip: Chip, frequency: Quantity, model: Hierarchy) -> Cause:
+    """Return a cause with what the library makes of the device.
+
+    The same where its frequencies say too little: of fewer than three modes, of a design without a
+    geometry, or where another cause is known.
+    """
+    own = [one for one in frequency.devices if one.device == cause.device]
+    geometry = chip.geometries.get(own[0].design)
+    if cause.name not in UNKNOWN or geometry is None or len(own) < FEWEST:
+        return cause
+    return _told(cause, diagnosed(own, geometry, model))
+
+
+def diagnosed(own: list[Deviation], geometry: str, model: Hierarchy) -> Diagnosis:
+    """Diagnose a device by its deviations from its chip.
+
+    f = f_simulated · f_measured/f_predicted of each mode, with the scatter between modes of one
+    device as its noise. The speed of waves is that of the film to the spread from device to device.
+
+    Args: own: the modes of the device. geometry: of its design. model: of the devices that do not
+        deviate.
+    """
+    film = SimulatedFilm(load(geometry), MODES)
+    names = [one.mode for one in own]
+    numbered = all(name.isdecimal() for name in names)
+    order = [int(n) - 1 for n in names] if numbered else named_modes(tuple(names), film).order
+    simulated = film.modes.frequency[order]
+    found = simulated * np.exp([one.log_ratio for one in own])
+    common, between_modes = model.scatter
+    labels = None if numbered else names
+    group = measurement.spectrum(found, simulated * between_modes, labels).assign_attrs(
+        wave_speed=film.speed, wave_speed_sd=film.speed * common
+    )
+    with TemporaryDirectory(prefix="femnl-") as folder:
+        path = Path(folder) / "device.nc"
+        measurement.write(measurement.bundle({"spectrum": group}), path)
+        return diagnose(path, geometry)
+
+
+def _told(cause: Cause, found: Diagnosis) -> Cause:
+    """Return the cause that a diagnosis names, with its parameters in words."""
+    if not found.causes:
+        words = f"{cause.words}; no cause of the library explains its modes"
+        return replace(cause, words=words)
+    own = " + ".join(found.causes)
+    rivals = found.alternatives if found.verdict == "ambiguous" else ()
+    others = [" + ".join(rival.causes) for rival in rivals if rival.causes != found.causes]
+    beside = f"; {', '.join(others[:MOST_RIVALS])} may do the same" if others else ""
+    parameters = ", ".join(
+        f"{p.name} {_readable(p)}" for name in found.causes for p in found.parameters[name].values()
+    )
+    words = f"{cause.words}; so its modes deviate ({parameters}){beside}"
+    return replace(cause, name=own, words=words)
+
+
+def _readable(parameter: Parameter) -> str:
+    scale = scale_for(parameter.value, parameter.unit)
+    number = with_error(parameter.value / scale.size, parameter.sd / scale.size, 2)
+    return f"{number} {scale.unit}".rstrip()
