@@ -182,7 +182,7 @@ def test_every_module_has_a_floor() -> None:
         (
             "mechanics.modes",
             "def f():\n    import femnl.cli",
-            "line 2: mechanics.modes (floor 2) imports cli (floor 14)",
+            "line 2: mechanics.modes (floor 2) imports cli (floor 15)",
         ),
         ("mechanics.modes", "from .types import device", "relative import"),
         ("mechanics.modes", "import femnl", "mechanics.modes (floor 2) imports femnl (floor 10)"),
@@ -195,7 +195,7 @@ def test_every_module_has_a_floor() -> None:
         (
             "mechanics.modes",
             "from importlib import import_module\nimport_module('femnl.plot')",
-            "imports plot (floor 12)",
+            "imports plot (floor 13)",
         ),
         ("mechanics.modes", "import gmsh", "only femnl.device.mesh imports gmsh"),
         (
