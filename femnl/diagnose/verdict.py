@@ -112,14 +112,19 @@ def only_set_predicts_no_better(weighed: Weighed) -> Judgement | None:
 
 
 def fewer_causes_may_suffice(weighed: Weighed) -> Judgement | None:
-    """One set explains the data, but a cause of it may only make up for another's equation."""
+    """A set explains the data, but a cause of it may only make up for another's equation.
+
+    Where all that rivals the set has the fewer causes, too.
+    """
     sets = weighed.may_suffice
-    if weighed.rivals or not sets:
+    if not sets:
         return None
-    others = (*sets[1:], weighed.best)
-    return Judgement(
-        "ambiguous", sets[0], others, weighed.graded, inflation=weighed.inflation(sets[0])
-    )
+    first, *more = sets
+    if not all(set(first.names) <= set(rival.names) for rival in weighed.rivals):
+        return None
+    beside = (rival for rival in weighed.rivals if rival not in sets)
+    others = (*more, weighed.best, *beside)
+    return Judgement("ambiguous", first, others, weighed.graded, inflation=weighed.inflation(first))
 
 
 def one_set_stands_alone(weighed: Weighed) -> Judgement | None:
