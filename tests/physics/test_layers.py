@@ -1,0 +1,197 @@
+"""Layers on a film: closed forms of laminates, loaded drums and stressed inclusions."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import jv, jvp, yv, yvp
+
+from femnl.core.device import Model
+from femnl.device.geometry import parse
+from femnl.device.mesh import mesh
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.forms import cells
+from femnl.mechanics.fem.stress import relaxed_tension
+from femnl.mechanics.prestress import solve_prestress
+from femnl.pipeline import solve_modes, solve_nonlinearity
+
+RADIUS = 50e-6
+INNER = 20e-6
+FILM = """
+[film]
+thickness = "100 nm"
+young = "250 GPa"
+poisson = 0.23
+density = "3000 kg/m^3"
+stress = "{stress}"
+"""
+DISC = '[outline]\nkind = "circle"\ndiameter = "100 um"\n'
+SQUARE = '[outline]\nkind = "square"\nside = "100 um"\n'
+PAD = 'shape = {kind = "circle", diameter = "40 um"}\n'
+
+
+def device(outline: str, *layers: str, stress: str = "1 GPa", bending: bool = False) -> Model:
+    tables = "".join(f"[[layers]]\n{layer}\n" for layer in layers)
+    model = f"[model]\nbending = {str(bending).lower()}\n"
+    return parse(f'name = "layered"\n{outline}{FILM.format(stress=stress)}{tables}{model}')
+
+
+def layer(
+    thickness: str = "50 nm",
+    young: str = "70 GPa",
+    poisson: float = 0.23,
+    density: str = "2700 kg/m^3",
+    stress: str = "100 MPa",
+    more: str = "",
+) -> str:
+    return (
+        f'name = "metal"\nthickness = "{thickness}"\nyoung = "{young}"\npoisson = {poisson}\n'
+        f'density = "{density}"\nstress = "{stress}"\n{more}'
+    )
+
+
+def loaded_drum(order: int, inner_mass: float, outer_mass: float, tension: float) -> float:
+    """Return f₁ of a membrane under one tension whose disc r < INNER has another mass by area.
+
+    Jₘ(k₁a) and its slope continue as AJₘ(k₂r) + BYₘ(k₂r), which vanishes at the edge.
+    """
+
+    def mismatch(omega: float) -> float:
+        first = omega * np.sqrt(inner_mass / tension)
+        second = omega * np.sqrt(outer_mass / tension)
+        edge = second * RADIUS
+        rim = second * INNER
+
+        def value(x: float) -> float:
+            return float(jv(order, x) * yv(order, edge) - yv(order, x) * jv(order, edge))
+
+        slope = jvp(order, rim) * yv(order, edge) - yvp(order, rim) * jv(order, edge)
+        inside = jv(order, first * INNER)
+        inside_slope = jvp(order, first * INNER)
+        return float(inside * second * slope - first * inside_slope * value(rim))
+
+    highest = 8 * np.sqrt(tension / outer_mass) / RADIUS
+    grid = np.linspace(1e-3, 1, 4000) * highest
+    values = np.array([mismatch(omega) for omega in grid])
+    first_sign = int(np.flatnonzero(np.diff(np.sign(values)))[0])
+    return float(brentq(mismatch, grid[first_sign], grid[first_sign + 1])) / (2 * np.pi)
+
+
+@pytest.mark.parametrize("density", ["2700 kg/m^3", "19300 kg/m^3"])
+def test_a_loaded_drum_has_the_frequencies_of_bessels_equation(density: str) -> None:
+    """A soft disc without stress adds mass alone: the tension stays even."""
+    disc = layer(density=density, stress="0 MPa", young="1 Pa", more=PAD)
+    modes = solve_modes(device(DISC, disc), 3, cache=False)
+    film = 3000 * 100e-9
+    metal = float(density.split()[0]) * 50e-9
+    exact = np.array([loaded_drum(m, film + metal, film, 100.0) for m in (0, 1, 1)])
+    off = np.abs(modes.frequency - exact)
+    assert np.all(off < 1e-6 * exact)
+    assert np.all(off <= modes.frequency_error)
+    assert modes.frequency[1] == pytest.approx(modes.frequency[2], rel=1e-9)
+
+
+def test_tension_settles_as_lame_says() -> None:
+    """A disc of other tension and stiffness in a clamped ring: u = Ar inside, Br + C/r outside."""
+    model = device(DISC, layer(stress="-300 MPa", more=PAD))
+    domain = mesh(model)
+    prestress = solve_prestress(domain, 4)
+    nu = 0.23
+    outer = 250e9 * 100e-9 / (1 - nu**2)
+    inner = outer + 70e9 * 50e-9 / (1 - nu**2)
+    before = np.array([1e9 * 100e-9 - 0.3e9 * 50e-9, 1e9 * 100e-9])
+    a = INNER
+    # Unknowns A, B, C: held at the edge, u and the radial tension continue at the rim
+    matrix = np.array(
+        [
+            [0, RADIUS, 1 / RADIUS],
+            [a, -a, -1 / a],
+            [inner * (1 + nu), -outer * (1 + nu), outer * (1 - nu) / a**2],
+        ]
+    )
+    first, second, third = np.linalg.solve(matrix, [0, 0, before[1] - before[0]])
+    for cell, tension in zip(
+        cells(Space(domain.mesh, 4), 8), relaxed_tension(prestress, 8), strict=True
+    ):
+        r = np.hypot(*np.moveaxis(cell.jet.point, -1, 0))
+        inside = np.broadcast_to((r.mean(axis=1) < a)[:, None], r.shape)
+        pressure = np.where(
+            inside,
+            before[0] + inner * (1 + nu) * first,
+            before[1] + outer * (1 + nu) * second,
+        )
+        shear = np.where(inside, 0.0, outer * (1 - nu) * third / r**2)
+        x, y = np.moveaxis(cell.jet.point, -1, 0) / r
+        exact = np.stack(
+            [
+                pressure - shear * (x**2 - y**2),
+                pressure + shear * (x**2 - y**2),
+                -2 * shear * x * y,
+            ],
+            -1,
+        )
+        assert np.abs(tension - exact).max() < 2e-4 * before[1]
+
+
+def test_an_evenly_covered_film_is_the_equivalent_film() -> None:
+    """f, m_eff and α of an even laminate are those of one film of its tension, mass and A."""
+    covered = solve_modes(device(SQUARE, layer()), 4, cache=False)
+    h = 150e-9
+    young = (250e9 * 100e-9 + 70e9 * 50e-9) / h
+    density = (3000 * 100e-9 + 2700 * 50e-9) / h
+    stress = (1e9 * 100e-9 + 0.1e9 * 50e-9) / h
+    text = (
+        f'name = "equivalent"\n{SQUARE}[film]\nthickness = "{h!r} m"\nyoung = "{young!r} Pa"\n'
+        f'poisson = 0.23\ndensity = "{density!r} kg/m^3"\nstress = "{stress!r} Pa"\n'
+        "[model]\nbending = false\n"
+    )
+    alone = solve_modes(parse(text), 4, cache=False)
+    assert covered.frequency == pytest.approx(alone.frequency, rel=1e-9)
+    assert covered.effective_mass == pytest.approx(alone.effective_mass, rel=1e-9)
+    k3 = solve_nonlinearity(covered, cache=False).k3
+    assert k3 == pytest.approx(solve_nonlinearity(alone, cache=False).k3, rel=1e-8)
+    exact = np.sqrt(2) / 2 * np.sqrt(stress / density) / 100e-6
+    assert covered.frequency[0] == pytest.approx(exact, rel=1e-8)
+
+
+def test_a_laminated_plate_bends_about_its_neutral_plane() -> None:
+    """A clamped circular bilayer: ω = λ² √(D*/m)/R², λ = 3.19622 of Leissa, NASA SP-160 (1969).
+
+    Tension of 1 kPa raises it by less than 1e-5. D* = E of both about their neutral plane.
+    """
+    metal = layer("80 nm", "70 GPa", stress="0 MPa")
+    found = solve_modes(device(DISC, metal, stress="1 Pa", bending=True), 1, cache=False)
+    young = np.array([250e9, 70e9])
+    size = np.array([100e-9, 80e-9])
+    middle = np.array([0.0, 90e-9])
+    neutral = (young * size) @ middle / (young @ size)
+    rigidity = np.sum(young * (size**3 / 12 + size * (middle - neutral) ** 2)) / (1 - 0.23**2)
+    mass = 3000 * 100e-9 + 2700 * 80e-9
+    exact = 3.196220616**2 * np.sqrt(rigidity / mass) / RADIUS**2 / (2 * np.pi)
+    assert found.frequency[0] == pytest.approx(exact, rel=3e-6)
+
+
+def test_both_sides_alike_leave_the_middle_where_it_is() -> None:
+    """A layer on each side: D = Σ of Steiner's terms, the same from either side."""
+    one = layer("30 nm", stress="0 MPa")
+    both = device(DISC, one, one + 'side = "bottom"\n', stress="1 Pa", bending=True)
+    found = solve_modes(both, 1, cache=False)
+    steiner = 2 * 70e9 * (30e-9**3 / 12 + 30e-9 * 65e-9**2)
+    rigidity = (250e9 * 100e-9**3 / 12 + steiner) / (1 - 0.23**2)
+    mass = 3000 * 100e-9 + 2 * 2700 * 30e-9
+    exact = 3.196220616**2 * np.sqrt(rigidity / mass) / RADIUS**2 / (2 * np.pi)
+    assert found.frequency[0] == pytest.approx(exact, rel=3e-6)
+
+
+def test_layers_that_cross_edge_and_mirrors_keep_the_symmetry() -> None:
+    """A cross that reaches beyond the edge: as a quarter and whole; a lone strip breaks it."""
+    cross = 'shape = {kind = "rectangle", width = "200 um", height = "10 um"}\n'
+    other = 'shape = {kind = "rectangle", width = "10 um", height = "200 um"}\n'
+    model = device(SQUARE, layer(more=cross), layer(more=other))
+    quarter = solve_modes(model, 3, cache=False)
+    whole = solve_modes(model, 3, "full", cache=False)
+    assert quarter.domain.copies == 4
+    bars = quarter.frequency_error + whole.frequency_error
+    assert np.all(np.abs(quarter.frequency - whole.frequency) <= bars)
+    corner = 'shape = {kind = "polygon", points = [["0 um", "0 um"], ["20 um", "0 um"], '
+    corner += '["10 um", "30 um"]]}\n'
+    assert mesh(device(SQUARE, layer(more=corner))).copies == 1
