@@ -96,8 +96,24 @@ def solve_modes(
             model, _road(model, symmetry, resolution, count, degree), count, SPARE, degree
         )
 
+    _say_what_bends(model)
     options = (count, symmetry, resolution, degree)
     return _alone(model, options, solve, cache)
+
+
+def _say_what_bends(model: Model) -> None:
+    """Say how far layers bend the film at rest, which its modes are solved without."""
+    from femnl.mechanics.fem.offset import tension_offset
+
+    offset = tension_offset(model)
+    if offset != 0:
+        logging.getLogger("femnl").warning(
+            "%s: the stresses of its layers bend the film at rest, by about %.2g nm, %.2g of its "
+            "thickness; modes are those of the flat film",
+            model.name,
+            abs(offset) * 1e9,
+            abs(offset) / model.film.thickness,
+        )
 
 
 def solve_release(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Modes:

@@ -24,7 +24,8 @@ NOISE = 5e-3
 class ReleasedStress:
     """The stress after release in the triangles of the whole film.
 
-    Means over triangles, and over the thickness where layers lie on the film: at a sharp inner corner the stress at points is infinite, and of any sign.
+    Means over triangles: at a sharp inner corner the stress at points is infinite, and of any sign.
+    Where layers lie on the film, means over their thickness too.
     corners (n, 3, 2) [m]; least (n,) [Pa]: the smaller principal stress, area (n,) [m²]; film [Pa]:
     the stress before release.
     """

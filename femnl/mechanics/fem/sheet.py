@@ -39,7 +39,9 @@ class Sheet:
         self._covered = np.zeros((len(self._laminae), domain.mesh.nelements))
         for k, on in enumerate(self._covered):
             on[(domain.mesh.subdomains or {})[f"layer-{k}"]] = 1.0
-        self.largest_poisson = max(f.poisson for f in (*films, *self._laminae))
+        self.largest_poisson = max(
+            [f.poisson for f in films] + [lamina.poisson for lamina in self._laminae]
+        )
         self._thickness = np.array([f.thickness for f in films])
         self._density = np.array([f.density for f in films])
         self._stress = np.array([f.stress for f in films])
