@@ -1,17 +1,23 @@
 """Layers on a film: closed forms of laminates, loaded drums and stressed inclusions."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 from scipy.special import jv, jvp, yv, yvp
 
 from femnl.core.device import Model
-from femnl.device.geometry import parse
+from femnl.core.errors import GeometryError, ParameterError
+from femnl.device.geometry import curves, load_shipped, parse
+from femnl.device.layout import export_layout, import_layout, read_layers
 from femnl.device.mesh import mesh
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells
+from femnl.mechanics.fem.offset import tension_offset
 from femnl.mechanics.fem.stress import relaxed_tension
 from femnl.mechanics.prestress import solve_prestress
+from femnl.observe.film import SimulatedFilm
 from femnl.pipeline import solve_modes, solve_nonlinearity
 
 RADIUS = 50e-6
@@ -195,3 +201,59 @@ def test_layers_that_cross_edge_and_mirrors_keep_the_symmetry() -> None:
     corner = 'shape = {kind = "polygon", points = [["0 um", "0 um"], ["20 um", "0 um"], '
     corner += '["10 um", "30 um"]]}\n'
     assert mesh(device(SQUARE, layer(more=corner))).copies == 1
+
+
+def test_frequencies_converge_within_their_errors() -> None:
+    """A stiff, stressed pad on a plate: each resolution holds that of a fine mesh in its errors."""
+    model = device(DISC, layer("80 nm", stress="500 MPa", more=PAD), bending=True)
+    fine = solve_modes(model, 3, resolution=2.5, cache=False)
+    before = np.inf
+    for resolution in (0.7, 1.0, 1.5):
+        modes = solve_modes(model, 3, resolution=resolution, cache=False)
+        off = np.abs(modes.frequency - fine.frequency)
+        assert np.all(off <= modes.frequency_error + fine.frequency_error)
+        assert off[0] < before
+        before = off[0]
+
+
+def test_a_film_without_layers_keeps_its_middle() -> None:
+    """The tension's offset: 0 where nothing ends, Σσhz/Σσh where a pad does."""
+    assert tension_offset(device(SQUARE, layer())) == 0.0
+    pad = device(DISC, layer("50 nm", stress="200 MPa", more=PAD))
+    assert tension_offset(pad) == pytest.approx(0.2 * 50 * 75e-9 / (100 + 0.2 * 50), rel=1e-12)
+    below = device(DISC, layer("50 nm", stress="200 MPa", more='side = "bottom"\n' + PAD))
+    assert tension_offset(below) == pytest.approx(-tension_offset(pad), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ('thickness = "50"', "[layers] 1 thickness"),
+        ('side = "left"', "[layers] 1 side"),
+        ('stress = "1 m"', "[layers] 1 stress"),
+    ],
+)
+def test_mistakes_in_a_layer_are_named(changed: str, said: str) -> None:
+    key = changed.split(" = ")[0]
+    lines = [line for line in layer().splitlines() if not line.startswith(key)]
+    with pytest.raises(GeometryError) as refused:
+        device(SQUARE, "\n".join([*lines, changed, ""]))
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_layer_varies_by_its_key_and_goes_through_a_layout(tmp_path: Path) -> None:
+    model = load_shipped("metallised-drum")
+    assert model.with_("layers.1.thickness", "60 nm").layers[0].thickness == 60e-9
+    path = tmp_path / "drum.gds"
+    export_layout(model, path)
+    layers = read_layers("film=1/0,metal=5/0")
+    back = import_layout(path, layers, model).model
+    assert len(back.layers) == 1
+    first, second = model.layers[0].rims[0], back.layers[0].rims[0]
+    assert curves.area(second) == pytest.approx(curves.area(first), rel=1e-6)
+
+
+def test_a_diagnosis_refuses_layers_in_one_line() -> None:
+    with pytest.raises(ParameterError, match=r"\[layers\]: causes act on a film of one material"):
+        _ = SimulatedFilm(device(SQUARE, layer()), 3).modes
