@@ -12,6 +12,7 @@ from femnl.core.errors import GeometryError, ParameterError
 from femnl.device.geometry import curves, load_shipped, parse
 from femnl.device.layout import export_layout, import_layout, read_layers
 from femnl.device.mesh import mesh
+from femnl.io.results.netcdf import read_modes, write_modes
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells
 from femnl.mechanics.fem.offset import tension_offset
@@ -257,3 +258,26 @@ def test_a_layer_varies_by_its_key_and_goes_through_a_layout(tmp_path: Path) -> 
 def test_a_diagnosis_refuses_layers_in_one_line() -> None:
     with pytest.raises(ParameterError, match=r"\[layers\]: causes act on a film of one material"):
         _ = SimulatedFilm(device(SQUARE, layer()), 3).modes
+
+
+def test_a_layer_beside_the_film_is_refused_with_its_place() -> None:
+    part = '{shape = {kind = "square", side = "10 um"}, at = ["90 um", "0 um"]}'
+    beside = f'shape = {{kind = "combined", parts = [{part}]}}\n'
+    with pytest.raises(GeometryError, match=r"\[layers\] 1 metal lies beside the film"):
+        device(DISC, layer(more=beside))
+
+
+def test_modes_with_layers_are_kept_on_disk(tmp_path: Path) -> None:
+    model = device(DISC, layer(more=PAD), layer("20 nm", more='side = "bottom"\n'))
+    modes = solve_modes(model, 2, cache=False)
+    path = tmp_path / "modes.nc"
+    write_modes(path, modes)
+    back = read_modes(path, model)
+    again = solve_nonlinearity(back, cache=False).k3
+    assert again == pytest.approx(solve_nonlinearity(modes, cache=False).k3, rel=1e-12)
+
+
+def test_a_layer_of_the_films_own_outline_covers_it_all() -> None:
+    own = 'shape = {kind = "square", side = "100 um"}\n'
+    found = [solve_modes(device(SQUARE, layer(more=m)), 2, cache=False) for m in ("", own)]
+    assert found[1].frequency == pytest.approx(found[0].frequency, rel=1e-12)

@@ -12,7 +12,8 @@ from femnl.device.geometry import curves
 from femnl.device.geometry.booleans import combine
 from femnl.device.geometry.combined import Combined, steps_of
 from femnl.device.geometry.edges import Poisson
-from femnl.device.geometry.naming import plain_name
+from femnl.device.geometry.naming import place, plain_name
+from femnl.device.geometry.openings import polygon
 from femnl.device.geometry.polygons import Polygon
 from femnl.device.geometry.quantities import Density, Length, Pressure, Stress, refusal
 from femnl.device.geometry.shapes import Circle, Ellipse, Rectangle, RegularPolygon, Spline, Square
@@ -81,19 +82,32 @@ class LaminaTable(Table):
 Laminae = Annotated[list[LaminaTable], Field(max_length=MOST_LAYERS)]
 
 
-def laminae(tables: Sequence[LaminaTable]) -> tuple[Lamina, ...]:
+def laminae(tables: Sequence[LaminaTable], outline: Outline) -> tuple[Lamina, ...]:
     """Return the layers of a file.
 
     Raises:
-        GeometryError: a shape that cannot be made, with the number of its table.
+        GeometryError: a shape that cannot be made or that lies beside the outline, with the number
+            of its table.
     """
     found = []
     for number, table in enumerate(tables, start=1):
         try:
-            found.append(table.lamina())
+            lamina = table.lamina()
+            _refuse_beside(lamina, outline)
+            found.append(lamina)
         except GeometryError as error:
             raise GeometryError(f"[layers] {number} {error}", error.point) from None
     return tuple(found)
+
+
+def _refuse_beside(lamina: Lamina, outline: Outline) -> None:
+    around = polygon(outline)
+    if lamina.rims and not any(around.intersects(polygon(rim)) for rim in lamina.rims):
+        where = lamina.rims[0].segments[0].start
+        raise GeometryError(
+            f"{lamina.name} lies beside the film, at {place(np.array(where))}; move its shape",
+            where,
+        )
 
 
 def _longest(rim: Outline) -> float:

@@ -249,7 +249,7 @@ class GeometryFile(Table):
             others,
             self.loss.loss(),
             self.grid,
-            laminae(self.layers),
+            laminae(self.layers, outline),
         )
 
 
