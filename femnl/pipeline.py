@@ -96,7 +96,6 @@ def solve_modes(
             model, _road(model, symmetry, resolution, count, degree), count, SPARE, degree
         )
 
-    _say_what_bends(model)
     options = (count, symmetry, resolution, degree)
     return _alone(model, options, solve, cache)
 
@@ -175,6 +174,7 @@ def _alone(
 ) -> Modes:
     """Take modes from the cache or solve them, on one thread."""
     model.refuse_contradictions()
+    _say_what_bends(model)
 
     def solve_alone() -> Modes:
         with one_blas_thread():
