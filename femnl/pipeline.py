@@ -100,6 +100,21 @@ def solve_modes(
     return _alone(model, options, solve, cache)
 
 
+def _say_what_bends(model: Model) -> None:
+    """Say how far layers bend the film at rest, which its modes are solved without."""
+    from femnl.mechanics.fem.offset import tension_offset
+
+    offset = tension_offset(model)
+    if offset != 0:
+        logging.getLogger("femnl").warning(
+            "%s: the stresses of its layers bend the film at rest, by about %.2g nm, %.2g of its "
+            "thickness; modes are those of the flat film",
+            model.name,
+            abs(offset) * 1e9,
+            abs(offset) / model.film.thickness,
+        )
+
+
 def solve_release(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Modes:
     """Mesh a device and relax its film stress, and solve no mode.
 
@@ -159,6 +174,7 @@ def _alone(
 ) -> Modes:
     """Take modes from the cache or solve them, on one thread."""
     model.refuse_contradictions()
+    _say_what_bends(model)
 
     def solve_alone() -> Modes:
         with one_blas_thread():

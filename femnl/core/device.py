@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from femnl.core.arrays import freeze
 from femnl.core.errors import GeometryError
 from femnl.core.geometry_text import film_values, same, with_values
+from femnl.core.loss import Loss
 
 Edge = Literal["clamped", "sliding", "paper"]
 FITS = 1.3
@@ -180,34 +181,6 @@ class Clamp:
 
 
 @dataclass(frozen=True)
-class Loss:
-    """What the film loses as it bends: 1/Q_int = 1/volume + 1/(surface h), h the thickness.
-
-    volume: quality factor of the material without a surface. surface and surface_error [1/m]: β of
-    Q_surf = βh and its standard deviation among films.
-
-    The default is silicon nitride at room temperature: Villanueva and Schmid, Phys. Rev. Lett.
-    113, 227201 (2014), who find β = (6 ± 4)·10¹⁰ m⁻¹, 6000 for 100 nm.
-    """
-
-    volume: float = 2.8e4
-    surface: float = 6e10
-    surface_error: float = 4e10
-
-    def intrinsic(self, thickness: float) -> tuple[float, float, float]:
-        """Return Q_int of a film [m], and the same for β one standard deviation less and more."""
-        low, mean, high = (
-            1 / (1 / self.volume + 1 / (surface * thickness))
-            for surface in (
-                self.surface - self.surface_error,
-                self.surface,
-                self.surface + self.surface_error,
-            )
-        )
-        return mean, low, high
-
-
-@dataclass(frozen=True)
 class Overhang:
     """An undercut strip of the frame around the suspended film.
 
@@ -217,6 +190,26 @@ class Overhang:
     width: float
     outline: Outline
     film: Film
+
+
+@dataclass(frozen=True)
+class Lamina:
+    """A further layer on the film, such as an electrode.
+
+    thickness [m], Young's modulus [Pa], Poisson's ratio, density [kg/m³], stress [Pa] before
+    release, tension positive. side: `top`, away from the substrate, towards which deflections
+    count, or `bottom`.
+    rims: closed curves; the layer is where an odd number of them goes around. None: everywhere.
+    """
+
+    name: str
+    thickness: float
+    young: float
+    poisson: float
+    density: float
+    stress: float
+    side: Literal["top", "bottom"]
+    rims: tuple[Outline, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -257,6 +250,7 @@ class Model:
     counter-clockwise like an outline: ellipses, holes of other radii, and posts, whose rims are
     clamped.
     loss: what the film's material loses.
+    layers: what lies on the film, on either side in the order from the film outwards.
     grid [m]: the step to which a drawing rounds its coordinates, within which it is its own mirror
     image; 0 where the numbers are exact.
     text: the TOML text that this model was read from; results carry `described`. assumed: keys of
@@ -277,8 +271,9 @@ class Model:
     clamp: Clamp = Clamp()
     overhang: Overhang | None = None
     openings: tuple[Outline, ...] = ()
-    loss: Loss = Loss()
+    loss: Loss = field(default_factory=Loss)
     grid: float = 0.0
+    layers: tuple[Lamina, ...] = ()
     reader: Callable[[str], Model] | None = field(default=None, compare=False, repr=False)
 
     def refuse_contradictions(self) -> None:

@@ -228,7 +228,8 @@ class Modes(Tabulated):
     @property
     def _least(self) -> float:
         # Around holes the errors of stress and deflection have opposite signs, and settle apart.
-        return REENTRANT if self.domain.model.released else self._least_without_holes
+        uneven = self.domain.model.released or self.domain.model.layers
+        return REENTRANT if uneven else self._least_without_holes
 
     @property
     def _apart(self) -> float:

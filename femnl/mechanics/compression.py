@@ -9,7 +9,8 @@ from femnl.core.arrays import freeze
 from femnl.core.mechanics import Domain
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells
-from femnl.mechanics.fem.stress import relaxed_stress
+from femnl.mechanics.fem.sheet import Sheet
+from femnl.mechanics.fem.stress import relaxed_tension
 from femnl.mechanics.prestress import solve_prestress
 
 Array = NDArray[np.float64]
@@ -24,6 +25,7 @@ class ReleasedStress:
     """The stress after release in the triangles of the whole film.
 
     Means over triangles: at a sharp inner corner the stress at points is infinite, and of any sign.
+    Where layers lie on the film, means over their thickness too.
     corners (n, 3, 2) [m]; least (n,) [Pa]: the smaller principal stress, area (n,) [m²]; film [Pa]:
     the stress before release.
     """
@@ -67,10 +69,13 @@ def released_stress(domain: Domain) -> ReleasedStress:
     """
     prestress = solve_prestress(domain, DEGREE)
     order = 2 * DEGREE
+    sheet = Sheet(domain)
     stresses = []
     areas = []
     space = Space(domain.mesh, DEGREE)
-    for cell, stress in zip(cells(space, order), relaxed_stress(prestress, order), strict=True):
+    for cell, tension in zip(cells(space, order), relaxed_tension(prestress, order), strict=True):
+        size = sheet.total_thickness(cell.triangles, cell.jet.point)
+        stress = tension / size[..., None]
         area = cell.dx.sum(axis=1)
         stresses.append(np.einsum("eqc,eq->ec", stress, cell.dx) / area[:, None])
         areas.append(area)

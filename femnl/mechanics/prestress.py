@@ -59,7 +59,7 @@ def solve_prestress(domain: Domain, degree: int, edge: Edge = "clamped") -> Pres
     sheet = Sheet(domain)
     clamp = domain.model.clamp
     stiffness, loads = _in_plane(
-        domain, space, sheet, lambda triangles, _: sheet.stress(triangles)[None]
+        domain, space, sheet, lambda triangles, point: sheet.tension(triangles, point)[None]
     )
     matrix = stiffness.matrix() + in_plane_springs(space, clamp)
     load = in_plane_draw(space, clamp) + loads[0]
@@ -131,7 +131,7 @@ def solve_yielding(domain: Domain, degree: int, compliances: Sequence[float]) ->
     space = Space(domain.mesh, degree)
     sheet = Sheet(domain)
     assembly, loads = _in_plane(
-        domain, space, sheet, lambda triangles, _: sheet.stress(triangles)[None]
+        domain, space, sheet, lambda triangles, point: sheet.tension(triangles, point)[None]
     )
     stiffness = assembly.matrix()
     # Springs alone hold the edge, whatever their stiffness
@@ -176,7 +176,8 @@ def solve_units(domain: Domain, degree: int) -> Units:
 
     def stresses(triangles: slice, point: Array) -> Array:
         values = weights(np.moveaxis(point, -1, 0) / reach)
-        return (values[:, None, :, :, None] * components[:, None, None]).reshape(
+        h = sheet.thickness(triangles, point)
+        return (values[:, None, :, :, None] * h[..., None] * components[:, None, None]).reshape(
             -1, *point.shape[:2], len(DIRECTIONS)
         )
 
@@ -196,21 +197,22 @@ def solve_units(domain: Domain, degree: int) -> Units:
 
 
 def _in_plane(
-    domain: Domain, space: Space, sheet: Sheet, stresses: Callable[[slice, Array], Array]
+    domain: Domain, space: Space, sheet: Sheet, tensions: Callable[[slice, Array], Array]
 ) -> tuple[Assembly, Array]:
-    """Stiffness ∫ h C ε(u) : ε(v), and loads −∫ h s .
+    """Stiffness ∫ A ε(u) : ε(v), and loads −∫ N : ε(v) (n, 2·size).
 
-    ε(v) (n, 2·size) of stresses s (n, e, q, 3) [Pa] of triangles at points (e, q, 2) [m].
+    tensions: N (n, e, q, 3) [N/m] of triangles at points (e, q, 2) [m].
     """
     assembly = Assembly(2 * space.size)
     loads = None
     for cell in cells(space, quadrature_order(domain.model, 2 * space.degree)):
         strain = in_plane_strain(cell.jet)
-        h = sheet.thickness(cell.triangles, cell.jet.point)
         dofs = vector_dofs(space, cell.triangles)
-        given = stresses(cell.triangles, cell.jet.point)
+        given = tensions(cell.triangles, cell.jet.point)
         loads = np.zeros((len(given), 2 * space.size)) if loads is None else loads
-        for load, stress in zip(loads, given, strict=True):
-            np.add.at(load, dofs, -local_vectors(strain, h[..., None] * stress, cell.dx))
-        assembly.add(local_matrices(strain, sheet.moduli(cell.triangles), h * cell.dx), dofs)
+        for load, tension in zip(loads, given, strict=True):
+            np.add.at(load, dofs, -local_vectors(strain, tension, cell.dx))
+        assembly.add(
+            local_matrices(strain, sheet.membrane(cell.triangles, cell.jet.point), cell.dx), dofs
+        )
     return assembly, np.asarray(loads)

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from femnl.core.device import Model
+from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Modes
 from femnl.core.operators import Projection
 from femnl.core.processes import one_blas_thread
@@ -43,7 +44,16 @@ class SimulatedFilm:
 
     @cached_property
     def modes(self) -> Modes:
-        """The lowest modes of the device as its geometry says."""
+        """The lowest modes of the device as its geometry says.
+
+        Raises:
+            ParameterError: a film with layers, as all causes change one even material.
+        """
+        if self.model.layers:
+            raise ParameterError(
+                f"{self.model.name}: [layers]: causes act on a film of one material, and are not "
+                "modelled with layers; leave them out, or take the geometry of an equivalent film"
+            )
         return solve_modes(self.model, self.count)
 
     @cached_property

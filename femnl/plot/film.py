@@ -111,6 +111,9 @@ def draw_flat(modes: Modes, surface: Surface, field: Field, box: Box, width: int
     plotter = _offscreen(width, round(width * (box[3] - box[2]) / (box[1] - box[0])))
     add_film(plotter, surface, field, box)
     add_outline(plotter, modes.domain.model.outline)
+    for lamina in modes.domain.model.layers:
+        for rim in lamina.rims:
+            add_outline(plotter, rim)
     look_down(plotter, box)
     return _photograph(plotter)
 

@@ -32,6 +32,8 @@ def layout_figure(model: Model, stress: ReleasedStress) -> Figure:
         figure = new_figure(height=3.6)
         drawn, released = figure.subplots(1, 2, sharex=True, sharey=True)
         _draw_film(drawn, polyline(model.outline), model.holes, model.openings)
+        for lamina in model.layers:
+            _draw_rims(drawn, lamina.rims)
         _draw_edges(drawn, model.outline)
         drawn.set_title(f"{model.name}: bold edges are clamped")
         values = stress.least * 1e-6
@@ -89,6 +91,14 @@ def _draw_film(axes: Axes, outline: Array, holes: Holes, openings: Sequence[Outl
     if rims:
         shapes = PolyCollection(rims, facecolors="white", edgecolors=INK, linewidths=0.4)
         axes.add_collection(shapes)
+
+
+def _draw_rims(axes: Axes, rims: Sequence[Outline]) -> None:
+    """Draw the rims of a layer within what is drawn of the film already."""
+    limits = axes.dataLim.frozen()
+    for rim in rims:
+        axes.plot(*polyline(rim).T * UM, "-", color=COLOURS[2], linewidth=1.0)
+    axes.dataLim.set(limits)
 
 
 def _draw_edges(axes: Axes, outline: Outline) -> None:

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femnl.core.device import Film, Loss, Model
+from femnl.core.device import Film, Model
 from femnl.core.errors import ParameterError
+from femnl.core.loss import Loss
 from femnl.core.mechanics import Modes
 from femnl.device.geometry import parse
 from femnl.mechanics.modes.quality import solve_quality

@@ -28,6 +28,7 @@ SHIPPED = {
     "rectangle",
     "soft-clamped-honeycomb",
     "soft-clamped-square",
+    "metallised-drum",
     "spider-web",
     "square-270um",
     "square-270um-etched",

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from femnl.core.device import Holes, Outline
+from femnl.core.device import Holes, Outline, Segment
 from femnl.core.errors import GeometryError
 from femnl.device.geometry import curves
 from femnl.device.geometry.corners import fillet_where_straight
@@ -23,6 +23,9 @@ Shape = Annotated[
 MOST_PARTS = 1000
 
 
+Operation = Literal["add", "subtract", "intersect"]
+
+
 class Part(Table):
     """A shape that is turned by `angle`, moved by `at`, and put to those before it.
 
@@ -30,7 +33,7 @@ class Part(Table):
     """
 
     shape: Shape
-    operation: Literal["add", "subtract", "intersect"] = "add"
+    operation: Operation = "add"
     at: Position = Field(default_factory=lambda: [0.0, 0.0])
     angle: Angle = 0.0
     name: str = ""
@@ -75,14 +78,7 @@ class Combined(Table):
                     f'[outline] free = "{name}": no part has this name; write name = "{name}" in '
                     "a part"
                 )
-        none = Holes(np.empty((0, 2)), 0.0)
-        steps = []
-        for part in self.parts:
-            shape = placed(part.shape.outline(none), part.at, part.angle)
-            if part.name in self.free:
-                shape = held(shape, False)
-            steps.append((part.operation, shape.segments))
-        regions = combine(steps)
+        regions = combine(steps_of(self))
         if not regions:
             raise GeometryError("[outline] parts: they leave no film; check their operations")
         if len(regions) > 1:
@@ -105,3 +101,15 @@ class Combined(Table):
         outline = Outline(self.kind, segments, None, 0.0)
         x0, y0, x1, y1 = curves.box(outline)
         return Outline(self.kind, segments, None, max(x1 - x0, y1 - y0))
+
+
+def steps_of(table: Combined) -> list[tuple[Operation, tuple[Segment, ...]]]:
+    """Return the operations of a combined shape in their order, and the curve of each part."""
+    none = Holes(np.empty((0, 2)), 0.0)
+    steps: list[tuple[Operation, tuple[Segment, ...]]] = []
+    for part in table.parts:
+        shape = placed(part.shape.outline(none), part.at, part.angle)
+        if part.name in table.free:
+            shape = held(shape, False)
+        steps.append((part.operation, shape.segments))
+    return steps

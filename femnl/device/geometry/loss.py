@@ -5,7 +5,7 @@ from typing import Annotated, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from femnl.core.device import Loss
+from femnl.core.loss import Loss
 from femnl.device.geometry.quantities import Dimension, refusal, to_si
 from femnl.device.geometry.tables import Table
 

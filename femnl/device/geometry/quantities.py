@@ -151,6 +151,7 @@ Lengths = Annotated[float | list[float], BeforeValidator(partial(to_lengths, sig
 Radii = Annotated[float | list[float], BeforeValidator(to_lengths)]
 Angle = Annotated[float, BeforeValidator(partial(to_si, dimension=ANGLE, sign="any"))]
 Pressure = Annotated[float, BeforeValidator(partial(to_si, dimension=PRESSURE))]
+Stress = Annotated[float, BeforeValidator(partial(to_si, dimension=PRESSURE, sign="any"))]
 Density = Annotated[float, BeforeValidator(partial(to_si, dimension=DENSITY))]
 Spring = Annotated[float, BeforeValidator(partial(to_si, dimension=SPRING))]
 LooseSpring = Annotated[

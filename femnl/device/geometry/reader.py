@@ -122,6 +122,8 @@ def describe(model: Model) -> str:
         m = len(model.openings)
         holes = f"{holes if n else ''}{' and ' if n else ''}{m} opening{'s' * (m > 1)}"
     held = "" if model.clamp.rigid else ", elastic clamp"
+    if model.layers:
+        held = f", layers {', '.join(lamina.name for lamina in model.layers)}{held}"
     if model.overhang is not None:
         held = f", overhang {model.overhang.width * 1e6:.4g} µm{held}"
     return (

@@ -13,7 +13,9 @@ from femnl.core.device import Edge, Holes, Layer, Model, Stack
 from femnl.core.errors import GeometryError
 from femnl.device.geometry.edges import ClampTable, FilmTable, OverhangTable
 from femnl.device.geometry.holes import HoleGroups, refuse_outside, refuse_overlap
+from femnl.device.geometry.layers import Laminae, laminae
 from femnl.device.geometry.loss import LossTable
+from femnl.device.geometry.naming import plain_name
 from femnl.device.geometry.openings import Openings, joined, openings, refuse_misplaced
 from femnl.device.geometry.outlines import OutlineTable
 from femnl.device.geometry.quantities import LENGTH, Depth, Length, refusal, to_si
@@ -59,15 +61,6 @@ def _wavelength(key: str) -> float:
         return to_si(key, LENGTH)
     except PydanticCustomError as error:
         raise refusal(f"wavelength {show(key)}: {error}") from None
-
-
-def _plain_name(value: str) -> str:
-    if not re.fullmatch(r"\w[\w .,+()-]{0,99}", value):
-        raise refusal(
-            "expected at most 100 letters, digits, spaces and . , _ + - ( ), a letter or "
-            "digit first"
-        )
-    return value
 
 
 def _index(value: Any) -> complex:
@@ -154,13 +147,14 @@ class GeometryFile(Table):
     step to which a drawing rounds its coordinates.
     """
 
-    name: Annotated[str, AfterValidator(_plain_name)]
+    name: Annotated[str, AfterValidator(plain_name)]
     source: str = ""
     grid: Depth = 0.0
     assumed: list[str] = Field(default_factory=list)
     outline: OutlineTable
     holes: HoleGroups | None = None
     film: FilmTable
+    layers: Laminae = Field(default_factory=list)
     readout: ReadoutTable | None = None
     loss: LossTable = LossTable()
     clamp: ClampTable = ClampTable()
@@ -229,6 +223,10 @@ class GeometryFile(Table):
             if self.overhang is not None
             else None
         )
+        if self.overhang is not None and self.layers:
+            raise GeometryError(
+                "[layers] and [overhang] are not modelled together; leave one of them out"
+            )
         clamp = self.clamp.clamp()
         if self.model.edge != "clamped" and not clamp.rigid_in_plane:
             raise GeometryError(
@@ -251,6 +249,7 @@ class GeometryFile(Table):
             others,
             self.loss.loss(),
             self.grid,
+            laminae(self.layers, outline),
         )
 
 

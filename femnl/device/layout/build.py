@@ -15,6 +15,7 @@ from femnl.core.errors import GeometryError, one_line
 from femnl.device.geometry import curves, parse
 from femnl.device.geometry.naming import place
 from femnl.device.layout.drawing import moved
+from femnl.device.layout.metal import parts_of
 from femnl.device.layout.readers import read_drawing
 from femnl.device.layout.recognise import outline_of
 from femnl.device.layout.regions import Film, film_of
@@ -25,6 +26,16 @@ Tables = dict[str, Any]
 
 TAKEN = ("film", "readout", "clamp", "model")
 """Tables that a layout does not draw, and another geometry lends."""
+
+
+METAL = {
+    "thickness": "50 nm",
+    "young": "70 GPa",
+    "poisson": 0.34,
+    "density": "2700 kg/m^3",
+    "stress": "0 MPa",
+}
+"""Aluminium, for a layer whose numbers a layout does not hold; listed as assumed."""
 
 
 @dataclass(frozen=True)
@@ -73,10 +84,14 @@ def import_layout(
             "outline": outline_keys(moved(film.outer, -middle)),
         }
         groups = hole_groups(film.inner, middle, drawing.grid)
+        shape = parts_of(film.metal, middle)
     except GeometryError as error:
         raise GeometryError(one_line(f"{path}: {error}")) from error
     if groups:
         tables["holes"] = groups
+    if film.metal:
+        tables["assumed"].append("layers")
+        tables["layers"] = [{"name": "metal", **METAL, "shape": shape}]
     text = toml(tables)
     model = parse(text, str(path))
     return Imported(text, model, tuple(_notes(film, middle, like, model)))
@@ -139,6 +154,11 @@ def _notes(film: Film, middle: Array, like: Model, model: Model) -> list[str]:
     if len(film.faults) > 10:
         found.append(f"doubtful: {len(film.faults) - 10} more")
     found.append(f"film, readout and clamp are those of {like.name}; write your own into the file")
+    if film.metal:
+        found.append(
+            "the layer metal is taken for 50 nm of aluminium without stress; write your own "
+            "numbers into [[layers]]"
+        )
     inner = len(model.holes.centres) + len(model.openings)
     found.append(f"{model.outline.kind} with {len(model.outline.segments)} edges, {inner} holes")
     return found

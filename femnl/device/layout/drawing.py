@@ -21,6 +21,7 @@ ROLES = {
     "frame": "where the wafer is left; the film is clamped at its edge",
     "holes": "where the film is etched away",
     "posts": "where the film is held from below; clamped at the rims",
+    "metal": "where a layer lies on the film",
 }
 """What a layer of a layout may be."""
 

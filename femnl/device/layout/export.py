@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from femnl.core.device import Model, Outline, Segment
+from femnl.core.device import Lamina, Model, Outline, Segment
 from femnl.core.errors import GeometryError
 from femnl.device.geometry import curves
 from femnl.device.geometry.shapes import ellipse
@@ -15,7 +15,7 @@ from femnl.device.geometry.shapes import ellipse
 Array = NDArray[np.float64]
 
 WRITTEN = (".gds", ".oas")
-LAYERS = {"film": (1, 0), "holes": (2, 0), "frame": (3, 0), "posts": (4, 0)}
+LAYERS = {"film": (1, 0), "holes": (2, 0), "frame": (3, 0), "posts": (4, 0), "metal": (5, 0)}
 GRIDS = (1e-9, 1e-10, 1e-11)
 """Steps of coordinates [m], of which the coarsest is taken that all corners lie on; 32-bit integers
 reach to 21 mm at the finest."""
@@ -53,6 +53,12 @@ def export_layout(model: Model, path: Path) -> tuple[str, ...]:
         # One shape for all, so that its place alone is rounded to the grid
         shape = corners(rim, grid)
         polygons["holes"] += [shape + _on(centre, grid) for centre in model.holes.centres]
+    if any(not lamina.rims for lamina in model.layers) or len(model.layers) > 1:
+        raise GeometryError(
+            f"{model.name}: [layers]: a layout draws one layer, with a shape; leave the others out"
+        )
+    for lamina in model.layers:
+        polygons["metal"] = _metal(lamina, grid)
     if not all(s.clamped for s in model.outline.segments):
         polygons["frame"] = _frame(model.outline, grid)
     library = gdstk.Library(unit=1e-6, precision=grid)
@@ -67,6 +73,20 @@ def export_layout(model: Model, path: Path) -> tuple[str, ...]:
     used = {role: LAYERS[role] for role, drawn in polygons.items() if drawn}
     words = ",".join(f"{role}={layer}/{kind}" for role, (layer, kind) in used.items())
     return f"--layers {words}", f"grid of {grid * 1e9:g} nm"
+
+
+def _metal(lamina: Lamina, grid: float) -> list[Array]:
+    """The polygons that a layer covers, holes cut out along a slit."""
+    whole = shapely.Polygon()
+    for rim in lamina.rims:
+        whole = shapely.symmetric_difference(whole, shapely.Polygon(corners(rim, grid)))
+    found: list[Array] = []
+    for part in shapely.get_parts(whole):
+        outer = [shapely.get_coordinates(part.exterior)[:-1]]
+        inner = [shapely.get_coordinates(ring)[:-1] for ring in part.interiors]
+        pieces = gdstk.boolean(outer, inner, "not", precision=grid / 2) if inner else []
+        found += [np.asarray(piece.points) for piece in pieces] if inner else outer
+    return found
 
 
 def corners(outline: Outline, grid: float) -> Array:

@@ -27,12 +27,16 @@ SLIVER = 1e-3
 
 @dataclass(frozen=True)
 class Film:
-    """The film of a layout: its outer edge, inner edges, what was recognised, what is wrong."""
+    """The film of a layout: its outer edge, inner edges, what was recognised, what is wrong.
+
+    metal: the regions of a layer on it.
+    """
 
     outer: Loop
     inner: tuple[Placed, ...]
     curves: Counter[str]
     faults: tuple[Fault, ...]
+    metal: "tuple[Drawn, ...]" = ()
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,8 @@ def film_of(drawing: Drawing) -> Film:
     _refuse(faults)
     film, inner = _film(regions)
     posts = [region.outer for region in regions.get("posts", [])]
-    return Film(film, (*inner, *posts), counts, tuple(faults))
+    metal = tuple(regions.get("metal", ()))
+    return Film(film, (*inner, *posts), counts, tuple(faults), metal)
 
 
 def faults_of(drawing: Drawing) -> list[Fault]:

@@ -20,6 +20,7 @@ from femnl.core.mechanics import Domain
 from femnl.device.geometry import curves as exact
 from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double, misfit
 from femnl.device.mesh.grading import SCALE, TOLERANCE, Curves, grade
+from femnl.device.mesh.layers import covered
 from femnl.device.mesh.symmetry import (
     EIGHTH,
     FULL,
@@ -72,6 +73,8 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: 
     if model.overhang is not None:
         outside = ~exact.contains(model.outline, result.p[:, result.t].mean(axis=1).T)
         result = replace(result, _subdomains={"overhang": np.flatnonzero(outside)})
+    if model.layers:
+        result = replace(result, _subdomains=covered(model, result))
     return Domain(model, result, wedge, diagonal, misfit=misfit(model, result))
 
 
@@ -177,11 +180,14 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
         film, _ = occ.cut(
             film, [(2, occ.addPlaneSurface([occ.addCurveLoop(loop(o.segments))])) for o in inner]
         )
-    if model.overhang is not None:
-        film, _ = occ.fragment(film, [(1, line) for line in loop(model.outline.segments)])
+    between = [] if model.overhang is None else [model.outline]
+    between += [rim for lamina in model.layers for rim in lamina.rims]
+    lines = [(1, line) for rim in between for line in loop(rim.segments)]
+    if lines:
+        film, _ = occ.fragment(film, lines)
     occ.synchronize()
     # Curves beyond the wedge, and the centres of arcs, bound nothing
-    if model.overhang is not None:
+    if lines:
         faces = gmsh.model.getEntities(2)
         bounding = {tag for _, tag in gmsh.model.getBoundary(faces, combined=False, oriented=False)}
         occ.remove(
@@ -222,7 +228,9 @@ def _classify(model: Model, wedge: float, unit: float) -> Curves:
         where = np.array(
             gmsh.model.getValue(1, tag, list(np.linspace(low[0], high[0], 5)[1:4]))
         ).reshape(-1, 3)[:, :2]
-        if wedge < FULL and np.all(np.abs(where[:, 1]) < TOLERANCE):
+        if len(gmsh.model.getAdjacencies(1, tag)[0]) == 2:
+            curves.rim.append(tag)
+        elif wedge < FULL and np.all(np.abs(where[:, 1]) < TOLERANCE):
             curves.mirrors[0].append(tag)
         elif wedge < HALF and np.all(np.abs(where @ [np.sin(wedge), -np.cos(wedge)]) < TOLERANCE):
             curves.mirrors[1].append(tag)
@@ -234,11 +242,6 @@ def _classify(model: Model, wedge: float, unit: float) -> Curves:
             rim = model.openings[index]
             curves.rims[tag] = index
             (curves.clamped if rim.segments[0].clamped else curves.openings).append(tag)
-        elif (
-            model.overhang is not None
-            and exact.distance(model.outline, where / unit).max() * unit < TOLERANCE
-        ):
-            curves.rim.append(tag)
         else:
             distances = [
                 exact.distance(replace(outline, segments=(s,)), where / unit).max()

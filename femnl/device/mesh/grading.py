@@ -33,6 +33,7 @@ ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
 ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
 # Times the triangles along a straight line as long, measured: the film widens away from a hole
 AROUND_HOLES = 3
+BESIDE_LAYERS = 12  # elements along the length of a layer, at its rim
 LAYER_SIZE = 1.5  # element size at clamped edges in units of the bending length ℓ = √(D/σh)
 
 
@@ -165,7 +166,10 @@ def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> No
         rim = model.overhang.width * unit / ELEMENTS_ACROSS
         size = min(layer, rim) if model.bending else rim
         sizes.grow_from_curves(size / sizes.resolution, curves.rim, GROWTH)
-    for radius, arcs in arcs_by_radius(curves.clamped + curves.free).items():
+    if model.layers and curves.rim:
+        size = largest_beside_layers(model) * unit
+        sizes.grow_from_curves(size / sizes.resolution, curves.rim, GROWTH)
+    for radius, arcs in arcs_by_radius(curves.clamped + curves.free + curves.rim).items():
         size = 2 * np.pi * radius / ARC_SEGMENTS / sizes.resolution
         sizes.grow_from_curves(size, arcs, GROWTH)
     for index, width in enumerate(exact.widths(model.edge_outline)):
@@ -186,6 +190,12 @@ def _grade_corners(sizes: _Sizes, model: Model, unit: float, degree: int) -> Non
             sizes.grow_from_points(size * unit, near, GROWTH)
             fan = max(np.log(sizes.largest / (size * unit)) - 1, 0.0)
             sizes.inverse_square.append(angle * (sizes.grading / GROWTH) ** 2 * fan)
+
+
+def largest_beside_layers(model: Model) -> float:
+    """Return the size [m] of elements along the rims of layers: a twelfth of the longest rim."""
+    rims = [rim for lamina in model.layers for rim in lamina.rims]
+    return max(rim.length for rim in rims) / BESIDE_LAYERS
 
 
 def bending_length(model: Model) -> float:

@@ -55,6 +55,11 @@ def has_symmetry(model: Model, wedge: float) -> bool:
     tolerance = max(1e-6 * model.outline.length, GRID_STEPS * model.grid)
     points = [_key_points(model.outline), model.holes.centres, _opening_points(model)]
     points += [] if model.overhang is None else [_key_points(model.overhang.outline)]
+    points += [
+        np.concatenate([_key_points(rim) for rim in lamina.rims])
+        for lamina in model.layers
+        if lamina.rims
+    ]
     # A slope of the thickness is its own image where the film's thickness is everywhere, to the
     # same part.
     slope = np.array([model.film.gradient]) * model.outline.length**2 / model.film.thickness

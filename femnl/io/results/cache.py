@@ -134,6 +134,7 @@ def key(model: Model, options: tuple[object, ...]) -> str:
         model.film,
         model.clamp,
         model.overhang,
+        model.layers,
         model.bending,
         model.grid,
         model.holes.radius,

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 VERSION = "1.3"
+PARTS = ("overhang", "layer-")  # names of the parts of a mesh that are not of the film alone
 GRADES = ("coarse", "coarser")  # groups of the counterparts of lower degree
 
 
@@ -71,7 +72,8 @@ def read_modes(path: Path, model: Model) -> Modes:
                 for name, values in stored.items()
                 if name.startswith("boundary_")
             },
-            _subdomains={"overhang": stored["overhang"]} if "overhang" in stored else None,
+            _subdomains={name: values for name, values in stored.items() if name.startswith(PARTS)}
+            or None,
         )
         wedge, tiles = (float(_attribute(file, name)) for name in ("wedge", "tiles"))
         # Older files have no ellipses
@@ -95,11 +97,8 @@ def _mesh_dataset(mesh: MeshTri2) -> "xr.Dataset":
     }
     for name, facets in (mesh.boundaries or {}).items():
         data[f"boundary_{name}"] = ((f"facet_{name}",), np.asarray(facets, dtype=np.int64))
-    if mesh.subdomains:
-        data["overhang"] = (
-            ("triangle_overhang",),
-            np.asarray(mesh.subdomains["overhang"], dtype=np.int64),
-        )
+    for name, members in (mesh.subdomains or {}).items():
+        data[name] = ((f"triangle_{name}",), np.asarray(members, dtype=np.int64))
     return xr.Dataset(data)
 
 

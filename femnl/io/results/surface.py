@@ -56,7 +56,7 @@ def _in_plane(modes: Modes, nodes: Space, plane: Space, local: Array) -> tuple[A
     np.add.at(
         total,
         nodes.dofs,
-        np.concatenate([values, sheet.thickness(every, jet.point)[..., None]], -1),
+        np.concatenate([values, sheet.total_thickness(every, jet.point)[..., None]], -1),
     )
     np.add.at(count, nodes.dofs, 1)
     half = plane.dofs.shape[1]

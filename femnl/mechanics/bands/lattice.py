@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.device import CELL, Clamp, Holes, Model, Outline, Segment
+from femnl.core.errors import ParameterError
 
 Array = NDArray[np.float64]
 Symmetry = Literal["quarter", "eighth", "twelfth"]
@@ -121,7 +122,16 @@ class Cell:
         return np.array(found)
 
     def of(self, model: Model) -> Model:
-        """Return the cell as a device of the same even film, whose outline is the cell's sides."""
+        """Return the cell as a device of the same even film, whose outline is the cell's sides.
+
+        Raises:
+            ParameterError: a film with layers, which need not repeat with the cell.
+        """
+        if model.layers:
+            raise ParameterError(
+                f"{model.name}: [layers]: bands of films with layers are not modelled; leave the "
+                "layers out"
+            )
         corners = [(float(x), float(y)) for x, y in self.lattice.corners]
         sides = [Segment(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
         length = 2 * float(np.abs(self.lattice.corners).max())

@@ -208,9 +208,9 @@ class Space:
         mesh = self.mesh
         ends = mesh.f2t[1] < 0
         if mesh.subdomains:  # two films meet, too
-            kind = np.isin(
-                np.arange(mesh.nelements), np.concatenate(list(mesh.subdomains.values()))
-            )
+            kind = np.zeros(mesh.nelements, dtype=np.int64)
+            for k, members in enumerate(mesh.subdomains.values()):
+                kind[members] += 1 << k
             ends |= kind[mesh.f2t[0]] != kind[mesh.f2t[1]]
         facets = np.flatnonzero(ends)
         start, end = (mesh.doflocs[:, mesh.facets[k, facets]].T for k in (0, 1))

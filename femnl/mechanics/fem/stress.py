@@ -28,6 +28,21 @@ def relaxed_stress(prestress: Prestress, order: int) -> list[Array]:
     ]
 
 
+def relaxed_tension(prestress: Prestress, order: int) -> list[Array]:
+    """Tension N = Σ hᵢσᵢ I + A ε(u) of film and layers together, as above.
+
+    (e, q, 3) [N/m] as (xx, yy, xy).
+    """
+    sheet = Sheet(prestress.domain)
+    strains = _strains(prestress.domain, prestress.degree, prestress.displacement[None], order)
+    found = []
+    for cell, strain in strains:
+        where = (cell.triangles, cell.jet.point)
+        moved = (strain[0, ..., None, :] @ sheet.membrane(*where))[..., 0, :]
+        found.append(sheet.tension(*where) + moved)
+    return found
+
+
 def unit_stress(domain: Domain, units: Units, order: int) -> Iterator[Array]:
     """What is left of a film stress of each of `WEIGHTS` times each of `DIRECTIONS`, as above.
 

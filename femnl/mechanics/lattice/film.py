@@ -139,6 +139,10 @@ def solve_homogenised(
 
 def _array(model: Model) -> tuple[float, Array]:
     """Pitch, and half the sides of the box of whole cells."""
+    if model.layers:
+        raise ParameterError(
+            f"{model.name}: [layers]: the homogenised film carries none; solve the full film"
+        )
     if model.overhang is not None or any(model.film.gradient):
         raise ParameterError(
             f"{model.name}: the homogenised film knows no overhang and no gradient of the "

@@ -131,6 +131,8 @@ def obstacle(model: Model) -> str:
         pitch, counts = array(model, "a tiled film")
     except ParameterError as error:
         return str(error)
+    if model.layers:
+        return f"{model.name}: a tiled film carries no layers"
     margin = _half(model) - np.array(counts) * pitch / 2
     if np.any(margin <= EVEN * pitch) or np.any(margin > WIDEST * pitch):
         return (

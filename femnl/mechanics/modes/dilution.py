@@ -8,8 +8,7 @@ from femnl.core.errors import ParameterError
 from femnl.core.mechanics import STEADY, Modes
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells, quadrature_order, slope
-from femnl.mechanics.fem.sheet import Sheet
-from femnl.mechanics.fem.stress import relaxed_stress
+from femnl.mechanics.fem.stress import relaxed_tension
 from femnl.mechanics.fem.supports import deflection_springs, slope_springs
 
 Array = NDArray[np.float64]
@@ -32,9 +31,8 @@ def bending_share(modes: Modes) -> Array:
         space, domain.model.clamp
     )
     tension = np.einsum("ni,ni->n", modes.shapes, (springs @ modes.shapes.T).T)
-    sheet = Sheet(domain)
-    for cell, stress in zip(
-        cells(space, order), relaxed_stress(modes.prestress, order), strict=True
+    for cell, pull in zip(
+        cells(space, order), relaxed_tension(modes.prestress, order), strict=True
     ):
         slopes = np.einsum(
             "eqxj,nej->neqx",
@@ -42,15 +40,13 @@ def bending_share(modes: Modes) -> Array:
             modes.shapes[:, space.dofs[cell.triangles]],
             optimize=True,
         )
-        xx, yy, xy = np.moveaxis(stress, -1, 0)
+        xx, yy, xy = np.moveaxis(pull, -1, 0)
         energy = (
             xx * slopes[..., 0] ** 2
             + yy * slopes[..., 1] ** 2
             + 2 * xy * slopes[..., 0] * slopes[..., 1]
         )
-        tension += np.einsum(
-            "neq,eq->n", energy, sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
-        )
+        tension += np.einsum("neq,eq->n", energy, cell.dx)
     return np.asarray(1 - domain.copies * tension / modes.stiffness)
 
 

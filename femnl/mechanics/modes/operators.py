@@ -19,7 +19,7 @@ from femnl.mechanics.fem.forms import (
     slope_continuity,
 )
 from femnl.mechanics.fem.sheet import Sheet
-from femnl.mechanics.fem.stress import relaxed_stress
+from femnl.mechanics.fem.stress import relaxed_tension
 from femnl.mechanics.fem.supports import deflection_springs, free_deflections, slope_held_facets
 
 Array = NDArray[np.float64]
@@ -48,18 +48,16 @@ class Operators:
         self._sheet = Sheet(domain)
         stiffness = Assembly(self.space.size)
         order = quadrature_order(domain.model, 2 * degree)
-        for cell, stress in zip(
+        for cell, tension in zip(
             cells(self.space, order, second=self._bends),
-            relaxed_stress(prestress, order),
+            relaxed_tension(prestress, order),
             strict=True,
         ):
-            h = self._sheet.thickness(cell.triangles, cell.jet.point)
             dofs = self.space.dofs[cell.triangles]
-            local = local_matrices(slope(cell.jet), as_matrix(stress), h * cell.dx)
+            local = local_matrices(slope(cell.jet), as_matrix(tension), cell.dx)
             if self._bends:
-                local += local_matrices(
-                    curvature(cell.jet), self._sheet.moduli(cell.triangles), h**3 / 12 * cell.dx
-                )
+                moduli = self._sheet.bending(cell.triangles, cell.jet.point)
+                local += local_matrices(curvature(cell.jet), moduli, cell.dx)
             stiffness.add(local, dofs)
         if self._bends:
             inside = np.flatnonzero(domain.mesh.f2t[1] >= 0)
@@ -102,11 +100,7 @@ def mass_matrix(domain: Domain, space: Space) -> csc_matrix:
     mass = Assembly(space.size)
     sheet = Sheet(domain)
     for cell in cells(space, quadrature_order(domain.model, 2 * space.degree)):
-        weight = (
-            sheet.density(cell.triangles)
-            * sheet.thickness(cell.triangles, cell.jet.point)
-            * cell.dx
-        )
+        weight = sheet.inertia(cell.triangles, cell.jet.point) * cell.dx
         mass.add(
             local_matrices(deflection(cell.jet), np.eye(1), weight), space.dofs[cell.triangles]
         )

@@ -52,6 +52,11 @@ def solve_quality(modes: Modes, pressure: float = 0.0) -> Quality:
     """
     model = modes.domain.model
     film = model.film
+    if model.layers:
+        raise ParameterError(
+            f"{model.name}: [layers]: Q_int of films with layers is not modelled; ask for the "
+            "dissipation dilution alone"
+        )
     uneven = film.taper > 0 or any(film.gradient)
     if uneven or (model.overhang is not None and model.overhang.film != film):
         raise ParameterError(

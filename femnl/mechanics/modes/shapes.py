@@ -147,7 +147,7 @@ def canonical_turn(
     spread = np.zeros((len(shapes), len(shapes)))
     # A label needs no accuracy
     for triangles, point, dx, values in walk(space, shapes, space.degree + 2):
-        weight = dx * Sheet(domain).thickness(triangles, point) * np.cosh(4 * point[..., 0] / reach)
+        weight = dx * Sheet(domain).inertia(triangles, point) * np.cosh(4 * point[..., 0] / reach)
         spread += (values * weight).reshape(len(shapes), -1) @ values.reshape(len(shapes), -1).T
     width = np.zeros(len(shapes))
     turn = np.zeros_like(spread)

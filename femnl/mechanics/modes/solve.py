@@ -222,7 +222,7 @@ def _overlap(domain: Domain, space: Space, first: Array, second: Array) -> Array
     total = np.zeros((len(first), len(second)))
     order = quadrature_order(domain.model, 2 * space.degree)
     for triangles, point, dx, values in walk(space, np.concatenate([first, second]), order):
-        weighted = values * (sheet.density(triangles) * sheet.thickness(triangles, point) * dx)
+        weighted = values * (sheet.inertia(triangles, point) * dx)
         total += (
             weighted[: len(first)].reshape(len(first), -1)
             @ values[len(first) :].reshape(len(second), -1).T

@@ -121,11 +121,7 @@ def in_plane_mass(modes: Modes, space: Space) -> csc_matrix:
     sheet = Sheet(modes.domain)
     mass = Assembly(space.size)
     for cell in cells(space, quadrature_order(modes.domain.model, 2 * space.degree)):
-        weight = (
-            sheet.density(cell.triangles)
-            * sheet.thickness(cell.triangles, cell.jet.point)
-            * cell.dx
-        )
+        weight = sheet.inertia(cell.triangles, cell.jet.point) * cell.dx
         mass.add(
             local_matrices(deflection(cell.jet), np.eye(1), weight), space.dofs[cell.triangles]
         )
