@@ -150,7 +150,9 @@ class Thresholds:
     needless_odds: float = _threshold(
         1e3,
         "odds, with a discrepancy in every set, by which fewer causes must be likelier than a set "
-        "that explains the data within noise before its further causes are needless",
+        "that explains the data within noise before its further causes are needless; and odds by "
+        "which that set must be likelier, where only equations may be inexact, before they are "
+        "named: docs/adr/0039-further-causes-and-inexact-equations.md",
         _REALISTIC,
     )
     least_share_of_alike: float = _threshold(

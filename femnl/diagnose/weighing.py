@@ -14,8 +14,8 @@ from femnl.observe.noisy import without_noise
 
 EVEN = float(np.log(THRESHOLDS.even_odds))
 """Logarithm of the odds up to which a set is no less likely than another."""
-SURE = float(np.log(THRESHOLDS.named_alone / (1 - THRESHOLDS.named_alone)))
-"""Logarithm of the odds of a set that is named alone."""
+NEEDLESS = float(np.log(THRESHOLDS.needless_odds))
+"""Logarithm of the odds that decide whether further causes are needless, either way."""
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,7 @@ class Weighed:
         def weight(one: Candidate) -> float:
             return log_evidence(one, self.base, exact) + len(one.names) * odds
 
-        least = weight(best) - SURE
+        least = weight(best) - NEEDLESS
         ranked = sorted(((weight(c), i) for i, c in enumerate(fewer)), reverse=True)
         return [fewer[i] for one, i in ranked if one > least]
 
