@@ -97,7 +97,7 @@ def refitted(
         found += grown.values()
         if _settled(grown):  # as in a search, no larger ones
             break
-    return found
+    return _simpler(found, library, run)
 
 
 def better(found: list[Candidate], others: list[Candidate]) -> list[Candidate]:

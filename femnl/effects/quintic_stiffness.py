@@ -25,11 +25,11 @@ EFFECT = Effect(
         ParameterSpec(
             "alpha5",
             "m^-4",
-            -1e-4,
-            1e-4,
-            scale="curvature_square",
-            reason="at the largest linear amplitude it moves the frequency by 3·10⁻⁵; stronger, it "
-            "is no correction of the cubic term",
+            -0.5,
+            0.5,
+            scale="stiffening_square",
+            reason="half of the cubic term α at the largest motion; stronger, it is no correction "
+            "of that",
         ),
     ),
     changes={"oscillator": stiffen, "equation": stiffen_record},

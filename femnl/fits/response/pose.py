@@ -63,6 +63,7 @@ def pose(
     peak = slope[0] / metre
     softens = bool(ratio * alpha < 0)
     size = np.abs(sweeps.voltage)
+    motion = float((size / np.array(responsivity)[sweeps.position]).max())
     moving = sweeps.frequency[size > MOVING * size.max()]
     when = timing(dataset, sweeps)
     wavelength = float(dataset.attrs.get("wavelength", 0.0))
@@ -87,6 +88,7 @@ def pose(
             "slope": slope[0],
             "slope_per_span": slope[0] / sweeps.span,
             "span": sweeps.span,
+            "stiffening_square": abs(alpha) / motion**2,
             "drive_square": sweeps.reference**-2,
             "frequency": fitted["frequency"],
             "linewidth": fitted["linewidth"],

@@ -29,6 +29,7 @@ KIND = KindSpec(
             "slope",
             "slope_per_span",
             "span",
+            "stiffening_square",
             "time",
             "wavelength",
         )
