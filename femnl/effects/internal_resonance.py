@@ -40,11 +40,12 @@ EFFECT = Effect(
         ParameterSpec(
             "offset",
             "Hz",
-            -0.5,
-            0.5,
+            -1.0,
+            1.0,
             strength=False,
             scale="moving",
-            reason="beyond the drives that move the mode strongly a second mode only stiffens it",
+            reason="farther from the drives that move the mode strongly a second mode only "
+            "stiffens it; it may itself end the strong motion, and lie half their range beyond",
         ),
         ParameterSpec(
             "width",
