@@ -1,11 +1,11 @@
-"""Outlines moved and turned in the plane."""
+"""Outlines and devices moved and turned in the plane."""
 
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femnl.core.device import Outline, Segment
+from femnl.core.device import Holes, Model, Outline, Segment
 
 Array = NDArray[np.float64]
 
@@ -14,6 +14,28 @@ def placed(outline: Outline, at: ArrayLike, angle: float = 0.0) -> Outline:
     """Return an outline turned about the origin by `angle` [rad], then moved by `at` (2,) [m]."""
     segments = tuple(_placed(s, np.asarray(at, float), angle) for s in outline.segments)
     return replace(outline, segments=segments, size=None)
+
+
+def moved(model: Model, by: ArrayLike) -> Model:
+    """Return a device whose edges and layers are moved by (2,) [m], and nothing else of it.
+
+    The slope of its thickness stays where it was, about the origin.
+    """
+    step = np.asarray(by, float)
+    overhang = model.overhang
+    if overhang is not None:
+        overhang = replace(overhang, outline=placed(overhang.outline, step))
+    return replace(
+        model,
+        outline=placed(model.outline, step),
+        holes=Holes(model.holes.centres + step, model.holes.radius),
+        openings=tuple(placed(opening, step) for opening in model.openings),
+        layers=tuple(
+            replace(layer, rims=tuple(placed(rim, step) for rim in layer.rims))
+            for layer in model.layers
+        ),
+        overhang=overhang,
+    )
 
 
 def held(outline: Outline, clamped: bool) -> Outline:

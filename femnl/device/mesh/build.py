@@ -18,6 +18,7 @@ from femnl.core.device import Model, Segment
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
 from femnl.device.geometry import curves as exact
+from femnl.device.geometry.placing import moved
 from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double, misfit
 from femnl.device.mesh.grading import SCALE, TOLERANCE, Curves, grade
 from femnl.device.mesh.layers import covered
@@ -39,6 +40,9 @@ PROGRESS = logging.getLogger("femnl.progress")
 # 158, 284 kB at 6820 triangles (peak resident memory, degrees 3 to 6), and the more the more
 # triangles.
 BYTES = {3: 42_000, 4: 90_000, 5: 180_000, 6: 320_000}
+# Lengths of the film between it and the origin: numbers of 16 digits then still place its edges to
+# 1e-10 of its length, and gmsh needs 1e-9.
+FARTHEST = 1e6
 
 
 def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: int = 4) -> Domain:
@@ -62,13 +66,16 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: 
     PROGRESS.info("%s: meshing", model.name)
     wedge = find_wedge(model, symmetry)
     diagonal = wedge == QUARTER and has_symmetry(model, EIGHTH)
+    middle = _middle(model, wedge)
+    # gmsh's tolerances are absolute, so that a film far from the origin would mesh differently
+    centred = moved(model, -middle) if middle.any() else model
     with _gmsh_session():
         raw = (
-            double(_build(model, EIGHTH, resolution, degree, 2))
+            double(_build(centred, EIGHTH, resolution, degree, 2))
             if diagonal
-            else _build(model, wedge, resolution, degree, 1)
+            else _build(centred, wedge, resolution, degree, 1)
         )
-    result = assemble(raw)
+    result = assemble(replace(raw, points=raw.points + middle))
     check_unfolded(model, result)
     if model.overhang is not None:
         outside = ~exact.contains(model.outline, result.p[:, result.t].mean(axis=1).T)
@@ -76,6 +83,25 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: 
     if model.layers:
         result = replace(result, _subdomains=covered(model, result))
     return Domain(model, result, wedge, diagonal, misfit=misfit(model, result))
+
+
+def _middle(model: Model, wedge: float) -> Array:
+    """Return the middle (2,) [m] of the film's box along its mirrors, and 0 across them.
+
+    Mirrors of a wedge run through the origin, which is then the middle already.
+
+    Raises: GeometryError where the film is too far from the origin for its coordinates.
+    """
+    x0, y0, x1, y1 = exact.box(model.edge_outline)
+    middle = np.array([x0 + x1, y0 + y1]) / 2
+    away = float(np.hypot(*middle))
+    if away > FARTHEST * model.outline.length:
+        raise GeometryError(
+            f"{model.name}: the film lies {away:.4g} m from the origin, {FARTHEST:g} times its "
+            f"length of {model.outline.length:.4g} m at most is possible, as coordinates have 16 "
+            "digits; move it and its holes nearer to the origin"
+        )
+    return middle * [wedge >= HALF, wedge == FULL]
 
 
 @contextmanager

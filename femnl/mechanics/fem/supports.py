@@ -202,20 +202,20 @@ def _hold_rigid_motion(space: Space, held: Held, sprung: Sprung) -> None:
     """Hold one point in the direction of each rigid motion that nothing else resists."""
     if not held and not sprung:
         return
-    reach = np.abs(space.location).max()
+    # About a far origin, a turn would look like a shift
+    place = space.location - space.location.mean(axis=0)
+    reach = np.abs(place).max()
     dofs = np.concatenate(
         [np.repeat(dof, len(d)) for dof, d in held.items()] + [dofs for dofs, _ in sprung]
     )
     directions = np.concatenate([*map(np.asarray, held.values()), *(d for _, d in sprung)])
-    x, y = space.location[dofs].T / reach
+    x, y = place[dofs].T / reach
     rows = np.stack(
         [directions[:, 0], directions[:, 1], x * directions[:, 1] - y * directions[:, 0]], 1
     )
     values, vectors = np.linalg.eigh(rows.T @ rows)
     for a, b, turn in vectors.T[values < RIGID**2 * values[-1]]:
-        motion = np.stack(
-            [a - turn * space.location[:, 1] / reach, b + turn * space.location[:, 0] / reach], 1
-        )
+        motion = np.stack([a - turn * place[:, 1] / reach, b + turn * place[:, 0] / reach], 1)
         most = int(np.argmax(np.linalg.norm(motion, axis=1)))
         held.setdefault(most, []).append(motion[most] / np.linalg.norm(motion[most]))
 

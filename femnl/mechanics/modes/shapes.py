@@ -134,7 +134,7 @@ def canonical_turn(
 ) -> Array:
     """Turn a degenerate set of shapes so that ∫ h ξᵢ ξⱼ cosh(4x/R) is diagonal, R the film's reach.
 
-    Largest first.
+    Largest first. x counts from the film's middle.
 
     A weight of x alone gives sin·sin on a rectangle, and shapes even or odd in x and y where the
     film has those mirrors. Its angular harmonics never end, so that it tells cos mθ from sin mθ on
@@ -143,11 +143,14 @@ def canonical_turn(
     Args: shapes (n, size), mass-normalised, and their parities. Returns: orthogonal (n, n), the new
     shapes from the old ones.
     """
-    reach = np.abs(space.location).max()
+    # What mirrors leave of a film lies beside its middle, which is the origin
+    middle = _middle_of(space) if domain.copies == 1 else np.zeros(2)
+    reach = np.abs(space.location - middle).max()
     spread = np.zeros((len(shapes), len(shapes)))
     # A label needs no accuracy
     for triangles, point, dx, values in walk(space, shapes, space.degree + 2):
-        weight = dx * Sheet(domain).inertia(triangles, point) * np.cosh(4 * point[..., 0] / reach)
+        along = (point[..., 0] - middle[0]) / reach
+        weight = dx * Sheet(domain).inertia(triangles, point) * np.cosh(4 * along)
         spread += (values * weight).reshape(len(shapes), -1) @ values.reshape(len(shapes), -1).T
     width = np.zeros(len(shapes))
     turn = np.zeros_like(spread)
@@ -156,6 +159,12 @@ def canonical_turn(
         width[members], vectors = np.linalg.eigh(spread[np.ix_(members, members)])
         turn[np.ix_(members, members)] = vectors.T
     return turn[np.argsort(-width, kind="stable")]
+
+
+def _middle_of(space: Space) -> Array:
+    """Return the middle (2,) [m] of the box around a mesh."""
+    low = space.location.min(axis=0)
+    return np.asarray(low + np.ptp(space.location, axis=0) / 2)
 
 
 def label_shapes(
