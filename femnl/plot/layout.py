@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from femnl.core.device import Holes, Model, Outline
+from femnl.core.numbers import plain
 from femnl.device.geometry.curves import point_at, polyline, turn
 from femnl.mechanics.compression import ReleasedStress
 from femnl.plot.style import COLOURS, DIVERGING, INK, new_figure, style
@@ -37,8 +38,10 @@ def layout_figure(model: Model, stress: ReleasedStress) -> Figure:
         _draw_edges(drawn, model.outline)
         drawn.set_title(f"{model.name}: bold edges are clamped")
         values = stress.least * 1e-6
-        low = min(float(values.min()), -1e-3 * float(values.max()))
         high = float(values.max())
+        compressed = bool(values.min() < 0)
+        # Red is tension, whether or not something is compressed
+        low = float(values.min()) if compressed else -high
         scale = TwoSlopeNorm(0.0, low, high)
         map_ = PolyCollection(
             list(stress.corners * UM), array=values, cmap=DIVERGING, norm=scale, edgecolors="face"
@@ -46,8 +49,10 @@ def layout_figure(model: Model, stress: ReleasedStress) -> Figure:
         map_.set(linewidth=0.1, rasterized=True)
         released.add_collection(map_)
         bar = figure.colorbar(map_, ax=released, label="smaller principal stress (MPa)", shrink=0.8)
-        ticks = [low, low / 2, 0.0, high / 2, high]
-        bar.set_ticks(ticks, labels=[f"{tick:.3g}" for tick in ticks])
+        if not compressed:
+            bar.ax.set_ylim(0.0, high)
+        ticks = [*([low, low / 2] if compressed else []), 0.0, high / 2, high]
+        bar.set_ticks(ticks, labels=[plain(tick, 4) for tick in ticks])
         released.set_title("after release")
         if stress.compressed.any():
             _, point = stress.worst
