@@ -15,6 +15,7 @@ import numpy as np
 
 from femnl.chip.members import Chip
 from femnl.chip.result import Cause, Deviation, Quantity
+from femnl.chip.values import LEAST_SD, Array
 from femnl.core.fit import Parameter
 from femnl.core.numbers import scale_for, with_error
 from femnl.device.geometry import load
@@ -47,17 +48,20 @@ def explained(cause: Cause, chip: Chip, frequency: Quantity, model: Hierarchy) -
     geometry = chip.geometries.get(own[0].design)
     if cause.name not in UNKNOWN or geometry is None or len(own) < FEWEST:
         return cause
-    return _told(cause, diagnosed(own, geometry, model))
+    numbers = next(m.frequency for m in chip.members if m.name == cause.device)
+    measured = np.array([numbers[one.mode].sd / numbers[one.mode].value for one in own])
+    return _told(cause, diagnosed(own, measured, geometry, model))
 
 
-def diagnosed(own: list[Deviation], geometry: str, model: Hierarchy) -> Diagnosis:
+def diagnosed(own: list[Deviation], measured: Array, geometry: str, model: Hierarchy) -> Diagnosis:
     """Diagnose a device by its deviations from its chip.
 
     f = f_simulated · f_measured/f_predicted of each mode, with the scatter between modes of one
-    device as its noise. The speed of waves is that of the film to the spread from device to device.
+    device and the error of measurement as its noise. The speed of waves is that of the film to the
+    spread from device to device.
 
-    Args: own: the modes of the device. geometry: of its design. model: of the devices that do not
-        deviate.
+    Args: own: the modes of the device. measured (n,): relative errors of their frequencies.
+        geometry: of its design. model: of the devices that do not deviate.
     """
     film = SimulatedFilm(load(geometry), MODES)
     names = [one.mode for one in own]
@@ -67,7 +71,8 @@ def diagnosed(own: list[Deviation], geometry: str, model: Hierarchy) -> Diagnosi
     found = simulated * np.exp([one.log_ratio for one in own])
     common, between_modes = model.scatter
     labels = None if numbered else names
-    group = measurement.spectrum(found, simulated * between_modes, labels).assign_attrs(
+    sd = simulated * np.hypot(between_modes, np.maximum(measured, LEAST_SD))
+    group = measurement.spectrum(found, sd, labels).assign_attrs(
         wave_speed=film.speed, wave_speed_sd=film.speed * common
     )
     with TemporaryDirectory(prefix="femnl-") as folder:

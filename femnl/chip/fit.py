@@ -13,12 +13,10 @@ from femnl.chip.members import Chip, Member, Number
 from femnl.chip.mixture import Mixture
 from femnl.chip.outliers import Cleaned, clean
 from femnl.chip.result import ChipFit, Deviation, LeftOut, Quantity
-from femnl.chip.values import Values
+from femnl.chip.values import LEAST_SD, Values
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Parameter
 
-LEAST_SD = 1e-7
-"""Least relative standard deviation of a measured number: no counter of a laboratory is better."""
 FEWEST = 4
 """Devices of one quantity that a fit needs."""
 

@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+LEAST_SD = 1e-7
+"""Least relative standard deviation of a measured number: no counter of a laboratory is better."""
 
 
 @dataclass(frozen=True)
