@@ -3,10 +3,12 @@
 import hashlib
 import json
 import logging
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from platformdirs import user_cache_path
@@ -18,25 +20,15 @@ Found = tuple[Array, Array]
 
 
 class Checkpoint:
-    """A file of one line a fit, only ever added to; it is removed when the diagnosis is done."""
+    """A file of one line a fit, only ever added to; it is removed when the diagnosis is done.
 
-    def __init__(self, path: Path) -> None:
+    known: fits by their keys, as the file held them.
+    """
+
+    def __init__(self, path: Path, known: dict[str, Found]) -> None:
         self.path = path
-        self._known: dict[str, Found] = {}
+        self._known = known
         self._writable = True
-        text = path.read_text(encoding="utf-8") if path.is_file() else ""
-        # Of a torn line, which must not tear the next one, too
-        self._end = "" if text.endswith("\n") or not text else "\n"
-        for line in text.splitlines():
-            try:
-                key, vector, steps = json.loads(line)
-                self._known[key] = np.array(vector, float), np.array(steps, float)
-            except (ValueError, TypeError):
-                continue  # torn by what ended the earlier run; that fit is made again
-        if self._known:
-            logging.getLogger("femnl.progress").info(
-                "going on after %d fits of an earlier run", len(self._known)
-            )
 
     def recall(self, key: str, find: Callable[[], Found]) -> Found:
         """Return what was kept under a key, or find it and keep it.
@@ -52,12 +44,10 @@ class Checkpoint:
         self._known[key] = found
         if not self._writable:
             return
-        line = json.dumps([key, *(values.tolist() for values in found)]) + "\n"
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write(self._end + line)
-                self._end = ""
+            with self.path.open("ab") as file:
+                file.write(_line(key, found))
         except OSError as error:
             self._writable = False
             WARNINGS.warning(
@@ -84,7 +74,7 @@ class Share(Checkpoint):
     """
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path)
+        super().__init__(path, dict(filter(None, map(_fit, _lines(path)))))
         self._added: list[tuple[str, Found]] = []
 
     def add(self, key: str, found: Found) -> None:
@@ -106,9 +96,79 @@ def remembered(*about: object) -> Iterator[Checkpoint]:
     What an interruption leaves is found by the same call again.
     """
     digest = hashlib.sha256(repr((code_digest(), *about)).encode()).hexdigest()[:32]
-    checkpoint = Checkpoint(user_cache_path("femnl") / f"diagnosis-{digest}.jsonl")
+    checkpoint = open_checkpoint(user_cache_path("femnl") / f"diagnosis-{digest}.jsonl")
     yield checkpoint
     checkpoint.close()
+
+
+def open_checkpoint(path: Path) -> Checkpoint:
+    """Go on with the fits of an earlier run, or begin anew.
+
+    A last line without its end, which a kill leaves, is cut off. Where another line is not as it
+    was written, that is told, the file is set aside, and the fit of that line is made anew.
+    """
+    lines = _lines(path)
+    fits = list(map(_fit, lines))
+    known = dict(filter(None, fits))
+    damaged = [number for number, fit in enumerate(fits, 1) if fit is None]
+    checkpoint = Checkpoint(path, known)
+    if damaged:
+        _repair(path, [_line(key, found) for key, found in known.items()])
+    if damaged and lines[damaged[0] - 1].endswith(b"\n"):
+        WARNINGS.warning(
+            "%s: %d of %d lines are damaged, the first of them line %d; the file is set aside as "
+            "%s, and these fits are made anew",
+            path,
+            len(damaged),
+            len(lines),
+            damaged[0],
+            _aside(path).name,
+        )
+    if known:
+        logging.getLogger("femnl.progress").info(
+            "going on after %d fits of an earlier run", len(known)
+        )
+    return checkpoint
+
+
+def _aside(path: Path) -> Path:
+    return path.with_name(f"{path.name}.damaged")
+
+
+def _repair(path: Path, whole: list[bytes]) -> None:
+    """Leave only whole lines in a checkpoint, and the file as it was beside it."""
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        part.write_bytes(b"".join(whole))
+        path.replace(_aside(path))
+        part.replace(path)
+    except OSError as error:
+        WARNINGS.warning("%s: cannot be repaired (%s); its whole lines are used", path, error)
+
+
+def _lines(path: Path) -> list[bytes]:
+    return path.read_bytes().splitlines(keepends=True) if path.is_file() else []
+
+
+def _line(key: str, found: Found) -> bytes:
+    """Return a fit as a line that ends in a checksum of the rest."""
+    fit = [key, *(values.tolist() for values in found)]
+    return json.dumps([*fit, _sum(fit)]).encode() + b"\n"
+
+
+def _fit(line: bytes) -> tuple[str, Found] | None:
+    """Return key and fit of a line; None where it is not as it was written."""
+    try:
+        *fit, checksum = json.loads(line)
+        key, vector, steps = fit
+        found = np.array(vector, float), np.array(steps, float)
+    except (ValueError, TypeError, RecursionError):
+        return None
+    return (key, found) if line.endswith(b"\n") and checksum == _sum(fit) else None
+
+
+def _sum(fit: list[Any]) -> str:
+    return hashlib.sha256(json.dumps(fit).encode()).hexdigest()[:16]
 
 
 @cache

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femnl.core.checkpoint import Checkpoint
+from femnl.core.checkpoint import Checkpoint, open_checkpoint
 from femnl.core.comparison import Curves
 from femnl.core.effect import Effect, ParameterSpec
 from femnl.core.errors import MeasurementError, ParameterError
@@ -70,7 +70,7 @@ def test_a_record_that_is_posed_again_is_not_followed_again(
     rng = np.random.default_rng(4)
     bench = RecordBench(rng)
     record = bench.measured(bench.draw(rng), {}, rng)["record"].isel(time=slice(0, 900))
-    checkpoint = Checkpoint(tmp_path / "fits.jsonl")
+    checkpoint = open_checkpoint(tmp_path / "fits.jsonl")
     first = pose_record(record, None, checkpoint)
 
     def followed(model: RecordModel, checkpoint: Checkpoint | None) -> None:

@@ -38,10 +38,8 @@ def test_a_killed_diagnosis_goes_on_where_it_stopped_and_says_the_same(
     with checkpoint.open("a", encoding="utf-8") as file:
         file.write(TORN)
     later = lines_of_killed(path, folder, len(kept) + 6)
-    assert later[: len(kept) + 1] == [*kept, TORN + "\n"], (
-        "a kept line was changed, or the torn one spoils another"
-    )
-    made = [json.loads(line)[0] for line in [*kept, *later[len(kept) + 1 :]]]
+    assert later[: len(kept)] == kept, "a kept line was changed, or the torn one spoils another"
+    made = [json.loads(line)[0] for line in later]
     assert len(set(made)) == len(made) >= len(kept) + 4, "a fit that was kept was made again"
     again = diagnose(path)
     assert not list(folder.glob("diagnosis-*.jsonl"))

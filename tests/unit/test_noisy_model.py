@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl.core.checkpoint import Checkpoint
+from femnl.core.checkpoint import open_checkpoint
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, criticise
@@ -102,7 +102,7 @@ def test_directions_are_whitened_like_residuals() -> None:
 def test_a_fit_under_one_noise_is_not_recalled_under_another(tmp_path: Path) -> None:
     data = 3 + noise(4)
     data[17] += 1e3
-    kept = Checkpoint(tmp_path / "fits.jsonl")
+    kept = open_checkpoint(tmp_path / "fits.jsonl")
     whole = line(data)
     with_glitch = fit(ExtendedModel(whole), whole.start, checkpoint=kept)
     model = noisy(data, FoundNoise(glitches=(17,)))
