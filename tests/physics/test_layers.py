@@ -230,7 +230,7 @@ def test_a_film_without_layers_keeps_its_middle() -> None:
     ("changed", "said"),
     [
         ('thickness = "50"', "[layers] 1 thickness"),
-        ('side = "left"', "[layers] 1 side"),
+        ('side = "left"', "expected 'top' or 'bottom', write e.g. side = \"top\""),
         ('stress = "1 m"', "[layers] 1 stress"),
     ],
 )

@@ -174,6 +174,8 @@ def _place(loc: list[Any], table: bool = False) -> str:
 
 def _how_to_write(loc: list[Any]) -> str:
     keys = [part for part in loc if isinstance(part, str)]
+    if keys == ["layers", "side"]:  # of the film, not of a square
+        return 'write e.g. side = "top"'
     if keys[-1] in EXAMPLES:
         return f"write e.g. {keys[-1]} = {EXAMPLES[keys[-1]]}"
     return f"write a table [{keys[-1]}], as in the shipped geometries"
