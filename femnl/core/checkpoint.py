@@ -112,9 +112,10 @@ def open_checkpoint(path: Path) -> Checkpoint:
     known = dict(filter(None, fits))
     damaged = [number for number, fit in enumerate(fits, 1) if fit is None]
     checkpoint = Checkpoint(path, known)
+    edited = bool(damaged) and lines[damaged[0] - 1].endswith(b"\n")
     if damaged:
-        _repair(path, [_line(key, found) for key, found in known.items()])
-    if damaged and lines[damaged[0] - 1].endswith(b"\n"):
+        _repair(path, [_line(key, found) for key, found in known.items()], aside=edited)
+    if edited:
         WARNINGS.warning(
             "%s: %d of %d lines are damaged, the first of them line %d; the file is set aside as "
             "%s, and these fits are made anew",
@@ -135,12 +136,16 @@ def _aside(path: Path) -> Path:
     return path.with_name(f"{path.name}.damaged")
 
 
-def _repair(path: Path, whole: list[bytes]) -> None:
-    """Leave only whole lines in a checkpoint, and the file as it was beside it."""
+def _repair(path: Path, whole: list[bytes], *, aside: bool) -> None:
+    """Leave only whole lines in a checkpoint.
+
+    Args: aside: whether the file as it was is kept beside it.
+    """
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
         part.write_bytes(b"".join(whole))
-        path.replace(_aside(path))
+        if aside:
+            path.replace(_aside(path))
         part.replace(path)
     except OSError as error:
         WARNINGS.warning("%s: cannot be repaired (%s); its whole lines are used", path, error)

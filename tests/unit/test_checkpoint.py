@@ -46,6 +46,7 @@ def test_a_torn_last_line_is_cut_off_in_silence(
     with caplog.at_level(logging.WARNING):
         assert made_anew(path) == [2]
     assert not caplog.records
+    assert [*tmp_path.iterdir()] == [path]
     assert made_anew(path) == []
 
 
