@@ -93,7 +93,7 @@ def _told(cause: Cause, found: Diagnosis) -> Cause:
     parameters = ", ".join(
         f"{p.name} {_readable(p)}" for name in found.causes for p in found.parameters[name].values()
     )
-    words = f"{cause.words}; so its modes deviate ({parameters}){beside}"
+    words = f"{cause.words}; its modes deviate as this makes them ({parameters}){beside}"
     return replace(cause, name=own, words=words)
 
 

@@ -78,8 +78,8 @@ class ModalSystem:
         Most bending is in the layer ℓ = √(D/N) along the edge, ½ ∮ √(DN) (∂ₙξ)², N across the edge.
         With that tension it grows by half as much as K, and not at all by shear along the sides of
         a rectangle. With a side L as L⁻³ where K grows as L⁻²: by 1.5 times as much. Right to a
-        sixth of the change where both sides of a film are alike, and to a third where they differ
-        by a fifth.
+        sixth of the largest change where both sides of a film are alike, and to a third where they
+        differ by a fifth.
         """
         polynomial = self.projection.tension
         if polynomial is None:

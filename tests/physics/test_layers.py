@@ -18,6 +18,7 @@ from femnl.mechanics.fem.forms import cells
 from femnl.mechanics.fem.offset import tension_offset
 from femnl.mechanics.fem.stress import relaxed_tension
 from femnl.mechanics.prestress import solve_prestress
+from femnl.mechanics.static_deflection import solve_static_deflection
 from femnl.observe.film import SimulatedFilm
 from femnl.pipeline import solve_modes, solve_nonlinearity
 
@@ -158,6 +159,11 @@ def test_an_evenly_covered_film_is_the_equivalent_film() -> None:
     assert k3 == pytest.approx(solve_nonlinearity(alone, cache=False).k3, rel=1e-8)
     exact = np.sqrt(2) / 2 * np.sqrt(stress / density) / 100e-6
     assert covered.frequency[0] == pytest.approx(exact, rel=1e-8)
+    bent, other = (solve_static_deflection(modes, pressure=1e5) for modes in (covered, alone))
+    assert bent.frequency[0] > 1.01 * covered.frequency[0]
+    assert bent.depth == pytest.approx(other.depth, rel=1e-8)
+    assert bent.frequency == pytest.approx(other.frequency, rel=1e-8)
+    assert bent.k2 == pytest.approx(other.k2, rel=1e-7, abs=1e-7 * np.abs(other.k2).max())
 
 
 def test_a_laminated_plate_bends_about_its_neutral_plane() -> None:

@@ -97,9 +97,9 @@ def _middle(model: Model, wedge: float) -> Array:
     away = float(np.hypot(*middle))
     if away > FARTHEST * model.outline.length:
         raise GeometryError(
-            f"{model.name}: the film lies {away:.4g} m from the origin, {FARTHEST:g} times its "
-            f"length of {model.outline.length:.4g} m at most is possible, as coordinates have 16 "
-            "digits; move it and its holes nearer to the origin"
+            f"{model.name}: the film lies {away:.4g} m from the origin, more than {FARTHEST:g} "
+            f"times its length of {model.outline.length:.4g} m, where 16 digits no longer tell its "
+            "edges; move it and its holes nearer to the origin"
         )
     return middle * [wedge >= HALF, wedge == FULL]
 
