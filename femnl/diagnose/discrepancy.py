@@ -35,7 +35,7 @@ A device may be farther from what an equation assumes than the devices that its 
 from.
 """
 LEAST_ACCURATE = 0.25
-"""Part of what a cause does that its equation may miss at most; else it is another cause."""
+"""The largest standard deviation of what an equation may miss, in parts of what its cause does."""
 LAGS = 64
 """Residuals along a line over which a remainder may be correlated."""
 UNCORRELATED = 0.05

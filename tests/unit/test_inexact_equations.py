@@ -1,0 +1,94 @@
+"""A further cause beside one whose equation is inexact: a line, and a parabola that may bend it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.readout import Array
+from femnl.diagnose.candidate import Candidate, criticise
+from femnl.diagnose.search import refitted
+from femnl.diagnose.verdict import judge
+from femnl.diagnose.weighing import Weighed
+from femnl.fits.least_squares import fit
+from femnl.observe.model import ExtendedModel
+from tests.unit.level import Level
+
+N = 60
+PLACE = np.linspace(-1, 1, N)
+BLOCKS = np.repeat(np.arange(6), N // 6)
+STRONG = 200.0
+"""Strength of the line [σ]."""
+
+
+def cause(name: str, power: int, accuracy: float) -> Effect:
+    """Return an effect that adds a power of the place, times its strength."""
+
+    def act(value: Array, values: Values) -> Array:
+        return value + values["strength"] * PLACE**power
+
+    spec = ParameterSpec("strength", "1", -1e4, 1e4)
+    return Effect(name, "", (spec,), {"placement": act}, "", "", "", accuracy=accuracy)
+
+
+def weighed(bend: float, accuracy: float) -> Weighed:
+    """Return all sets of two causes, of data with a line and a parabola of so much of it."""
+    noise = np.random.default_rng(20261125).standard_normal(N)
+    data = STRONG * (PLACE + bend * PLACE**2) + noise
+    model = Level(data, BLOCKS, 1e4, {"any bend": PLACE**2})
+    line = cause("line", 1, accuracy)
+    parabola = cause("parabola", 2, accuracy)
+    return Weighed([candidate(model, *effects) for effects in ((), (line,), (line, parabola))])
+
+
+def candidate(model: Level, *effects: Effect) -> Candidate:
+    start = np.array([0.0, *(1.0 for _ in effects)])
+    return criticise(fit(ExtendedModel(model, effects), start), [])
+
+
+@pytest.mark.parametrize(
+    ("bend", "accuracy", "verdict"),
+    [
+        # x² is x times what an equation may miss along the data
+        (0.05, 0.05, "ambiguous"),
+        # Accuracies are known to a factor: 10 % of an equation good to 1.5 %
+        (0.1, 0.015, "ambiguous"),
+        (0.1, 0.001, "explained"),
+        # No equation misses more than its cause does: six times the largest accuracy of 25 %
+        (1.5, 0.1, "explained"),
+    ],
+)
+def test_a_further_cause_must_outdo_what_the_equation_of_the_first_may_miss(
+    bend: float, accuracy: float, verdict: str
+) -> None:
+    sets = weighed(bend, accuracy)
+    judged = judge(sets.found)
+    assert judged.verdict == verdict
+    named = ("line",) if verdict == "ambiguous" else ("line", "parabola")
+    assert judged.chosen.names == named
+    both = [rival.names for rival in judged.rivals]
+    assert both == ([("line", "parabola")] if verdict == "ambiguous" else [])
+
+
+def test_fewer_causes_are_not_named_where_a_rival_does_without_them() -> None:
+    sets = weighed(0.05, 0.05)
+    base, line, both = sets.found
+    # The same parabola, by a cause that explains the data without any line
+    other = replace(both, result=replace(both.result, model=renamed(both)))
+    judged = judge([base, line, both, other])
+    assert judged.chosen.names != ("line",)
+    assert judged.verdict == "ambiguous"
+
+
+def renamed(both: Candidate) -> ExtendedModel:
+    effects = both.result.model.effects
+    one, two = (replace(e, name=n) for e, n in zip(effects, ("curve", "tilt"), strict=True))
+    return ExtendedModel(both.result.model.base_model, (one, two))
+
+
+def test_what_is_fitted_again_is_tried_without_each_of_its_causes() -> None:
+    base, _, both = weighed(0.6, 0.1).found
+    again = refitted(base.result.model.base_model, [], [base, both])
+    assert ("line",) in [found.names for found in again]
+    assert ("parabola",) in [found.names for found in again]
