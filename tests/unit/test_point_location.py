@@ -6,7 +6,7 @@ import pytest
 from femnl import load
 from femnl.device.mesh import mesh
 from femnl.mechanics.fem.elements import Space, reference_basis
-from femnl.mechanics.modes.shapes import Finder
+from femnl.mechanics.modes.points import Finder
 
 INSIDE = np.array(
     [(0.02, 0.02), (0.96, 0.02), (0.02, 0.96), (1 / 3, 1 / 3), (0.5, 0.49), (0.01, 0.5)]

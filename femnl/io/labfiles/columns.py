@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import Groups
+from femnl.io.labfiles.named_columns import take_columns, unread
 from femnl.io.labfiles.spec import Spec
-from femnl.io.labfiles.tables import take_columns, to_dataset, unread
+from femnl.io.labfiles.tables import to_dataset
 
 Table = Mapping[str, NDArray[Any]]
 

@@ -21,8 +21,9 @@ from scipy.io import loadmat, whosmat
 
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import LARGEST, Format, Groups, head, need_size, undamaged
+from femnl.io.labfiles.named_columns import named, take_columns
 from femnl.io.labfiles.spec import Spec
-from femnl.io.labfiles.tables import named, take_columns, to_dataset
+from femnl.io.labfiles.tables import to_dataset
 from femnl.io.measurement import open_hdf5
 
 _NUMERIC = (

@@ -15,8 +15,9 @@ from scipy.io import wavfile
 
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import Format, Groups, head, need_size, undamaged
+from femnl.io.labfiles.named_columns import take_columns, unread
 from femnl.io.labfiles.spec import Spec
-from femnl.io.labfiles.tables import take_columns, to_dataset, unread
+from femnl.io.labfiles.tables import to_dataset
 
 
 def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:

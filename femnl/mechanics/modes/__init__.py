@@ -1,7 +1,7 @@
 """Prestressed modes: frequencies, effective masses, shapes and labels."""
 
 from femnl.mechanics.modes.near import solve_modes_near
-from femnl.mechanics.modes.shapes import ShapeValues, shape_at, shapes_at
+from femnl.mechanics.modes.points import ShapeValues, shape_at, shapes_at
 from femnl.mechanics.modes.solve import (
     align,
     solve_modes,

@@ -15,7 +15,7 @@ from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import as_matrix, cells, quadrature_order
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.stress import unit_stress
-from femnl.mechanics.modes.shapes import shapes_at
+from femnl.mechanics.modes.points import shapes_at
 
 Array = NDArray[np.float64]
 

@@ -1,24 +1,17 @@
-"""Mode shapes as functions: their largest value, canonical pairs, labels, values at points."""
+"""Mode shapes as functions: their largest value, canonical pairs, labels."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
-from femnl.core.errors import ParameterError
-from femnl.core.mechanics import Domain, Modes
-from femnl.mechanics.fem.elements import EDGES, VERTICES, Space, nodes, reference_basis
+from femnl.core.mechanics import Domain
+from femnl.mechanics.fem.elements import EDGES, VERTICES, Space, reference_basis
 from femnl.mechanics.fem.forms import CHUNK
 from femnl.mechanics.fem.sheet import Sheet
 
 Array = NDArray[np.float64]
 
-# In reference coordinates, how far outside a triangle a point still counts as on its edge
-EDGE = 1e-9
-ARRIVED = 1e-12  # in reference coordinates, the step at which Newton's method ends
-NEIGHBOURS = 4  # triangles with the nearest centres that are tried first
 SAMPLES = 6  # points along an edge of a triangle at which shapes are searched for their maximum
 LATTICE = np.array([(a, b) for a in range(SAMPLES + 1) for b in range(SAMPLES + 1 - a)]) / SAMPLES
 BETWEEN = 0.05  # relative height by which the samples of the triangle with the maximum may miss it
@@ -220,161 +213,3 @@ def _label(overlap: Array, norm: float, ideal: Array, parity: tuple[int, ...]) -
         pair = sorted(names)
         return f"{pair[0]}{'+' if a * b > 0 else '−'}{pair[1]}"
     return None
-
-
-def shape_at(modes: Modes, index: int, x: Array, y: Array) -> Array:
-    """Return ξ of one mode at points (x, y) in m, which broadcast against each other.
-
-    Exactly 0 outside the film.
-
-    Args: index: 0 for the fundamental mode.
-    Raises: IndexError where there is no such mode; ParameterError where a point is not finite.
-    """
-    return np.asarray(ShapeValues(modes, [index])(x, y)[0])
-
-
-def shapes_at(modes: Modes, x: Array, y: Array) -> Array:
-    """Return ξ of every mode at points (x, y), (n_modes, *shape).
-
-    As `shape_at`, at the cost of little more than one mode.
-    """
-    return ShapeValues(modes)(x, y)
-
-
-class ShapeValues:
-    """ξ of some modes, all unless chosen, as a function of points; see `shapes_at`.
-
-    It is prepared once and asked often.
-    """
-
-    def __init__(self, modes: Modes, chosen: Sequence[int] | None = None) -> None:
-        kept = list(range(len(modes.frequency)) if chosen is None else chosen)
-        self._domain = modes.domain
-        self._finder = Finder(modes.domain)
-        self._space = Space(modes.domain.mesh, modes.degree)
-        self._shapes = modes.shapes[kept]
-        self._parity = np.array([modes.parity[k] for k in kept])
-
-    def __call__(self, x: Array, y: Array) -> Array:
-        """Return ξ at points (x, y) in m, which broadcast against each other, (n_chosen, *shape).
-
-        Raises: ParameterError.
-        """
-        points = np.stack(
-            np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)), -1
-        )
-        if not np.all(np.isfinite(points)):
-            raise ParameterError(
-                "x, y: expected finite numbers in m, found NaN or infinity among the points"
-            )
-        where, flips = _fold(self._domain, points.reshape(-1, 2), self._parity.shape[1])
-        triangle, reference = self._finder.locate(where)
-        found = triangle >= 0
-        value = np.zeros((len(self._shapes), len(where)))
-        basis = reference_basis(self._space.degree, reference[found])
-        dofs = self._space.dofs[triangle[found]]
-        rows = csr_array(
-            (basis.ravel(), dofs.ravel(), np.arange(len(dofs) + 1) * basis.shape[1]),
-            shape=(len(dofs), self._space.size),
-        )
-        value[:, found] = (rows @ self._shapes.T).T * np.prod(
-            self._parity[:, None] ** flips[found], axis=2
-        )
-        return value.reshape(len(self._shapes), *points.shape[:-1])
-
-
-def _fold(domain: Domain, points: Array, mirrors: int) -> tuple[Array, NDArray[np.int64]]:
-    """Mirror points into the wedge; how often in each mirror, (n_points, mirrors)."""
-    points = points.copy()
-    flips = np.zeros((len(points), mirrors), dtype=np.int64)
-    for _ in range(domain.copies):
-        for k in range(mirrors):
-            angle = (0.0, domain.wedge)[k]
-            normal = np.array([-np.sin(angle), np.cos(angle)]) * (1 if k == 0 else -1)
-            beyond = points @ normal < 0
-            points[beyond] -= 2 * (points[beyond] @ normal)[:, None] * normal
-            flips[beyond, k] += 1
-    return points, flips
-
-
-class Finder:
-    """Which triangle of a mesh holds a point, and where in it."""
-
-    def __init__(self, domain: Domain) -> None:
-        space = Space(domain.mesh, 2)
-        self._degree = space.map_degree
-        self._nodes = space.map_nodes
-        corners = self._nodes[:, :3]
-        self._centre = corners.mean(axis=1)
-        self._reach = 1.05 * np.linalg.norm(self._nodes - self._centre[:, None], axis=2).max(axis=1)
-        self._nearest = cKDTree(self._centre)
-        self._origin = corners[:, 0]
-        sides = corners[:, 1:] - corners[:, :1]
-        self._inverse = np.linalg.inv(sides)
-        flat = self._origin[:, None] + nodes(self._degree) @ sides
-        self._bent = np.abs(self._nodes - flat).max(axis=(1, 2)) > ARRIVED * self._reach
-
-    def locate(self, points: Array) -> tuple[NDArray[np.int64], Array]:
-        """Return the triangle that holds each point (n, 2), −1 for none, and the place in it."""
-        triangle = np.full(len(points), -1)
-        reference = np.zeros((len(points), 2))
-
-        def settle(point: NDArray[np.int64], trial: NDArray[np.int64]) -> None:
-            near = np.linalg.norm(points[point] - self._centre[trial], axis=1) <= self._reach[trial]
-            point = point[near]
-            trial = trial[near]
-            place = self._place(trial, points[point])
-            inside = np.all(place > -EDGE, axis=1) & (place.sum(axis=1) < 1 + EDGE)
-            triangle[point[inside]] = trial[inside]
-            reference[point[inside]] = place[inside]
-
-        farthest = float(self._reach.max())
-        away, near = map(
-            np.asarray, self._nearest.query(points, NEIGHBOURS, distance_upper_bound=farthest)
-        )
-        for k in range(NEIGHBOURS):
-            left = np.flatnonzero((triangle < 0) & np.isfinite(away[:, k]))
-            settle(left, near[left, k])
-        # Beside an edge of the film, or the centre is far off
-        left = np.flatnonzero((triangle < 0) & np.isfinite(away[:, -1]))
-        pairs = cKDTree(points[left]).sparse_distance_matrix(
-            self._nearest, farthest, output_type="ndarray"
-        )
-        settle(left[pairs["i"]], pairs["j"])
-        return triangle, reference
-
-    def _place(self, triangle: NDArray[np.int64], points: Array) -> Array:
-        """Return reference coordinates of points (n, 2), each in its own triangle.
-
-        By Newton's method where that is bent.
-        """
-        place: Array = np.einsum(
-            "nx,nxr->nr", points - self._origin[triangle], self._inverse[triangle]
-        )
-        bent = self._bent[triangle]
-        if bent.any():
-            place[bent] = _invert(
-                self._degree, self._nodes[triangle[bent]], points[bent], np.clip(place[bent], -2, 3)
-            )
-        return place
-
-
-def _invert(degree: int, nodes: Array, points: Array, place: Array) -> Array:
-    """Reference coordinates of points (n, 2), each in its own triangle, from a first guess.
-
-    The triangle's map has the given degree and nodes.
-    """
-    for _ in range(8):
-        value = np.einsum("nj,njx->nx", reference_basis(degree, place), nodes)
-        jacobian = np.stack(
-            [
-                np.einsum("nj,njx->nx", reference_basis(degree, place, d), nodes)
-                for d in ((1, 0), (0, 1))
-            ],
-            -1,
-        )
-        step = np.linalg.solve(jacobian, (points - value)[..., None])[..., 0]
-        place = np.clip(place + step, -2, 3)
-        if np.abs(step).max(initial=0) < ARRIVED:
-            break
-    return place

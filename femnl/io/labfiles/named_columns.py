@@ -1,0 +1,110 @@
+"""The columns of a file that its description names, in SI."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femnl.core.errors import MeasurementError
+from femnl.io.labfiles.levels import directions, magnitudes
+from femnl.io.labfiles.spec import Spec
+from femnl.io.measurement import KINDS, quantity, to_si
+
+Columns = dict[str, NDArray[Any]]
+COMPLEX = {"amplitude": "V", "magnitude": "V", "phase": "rad"}
+"""Quantities that together make a complex one, with their units."""
+
+
+def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> Columns:
+    """Pick the columns that the spec names and turn them into SI.
+
+    Args: spec: with kind and columns; table: the file's columns by name. Returns: quantity →
+    values.
+    Raises: MeasurementError for an unknown quantity, a missing column or a wrong unit.
+    """
+    if spec.kind is None:
+        raise MeasurementError(
+            f"{where}: needs a TOML beside it that says what its columns are; start with kind "
+            "and [columns]"
+        )
+    known = {**KINDS[spec.kind].datasets}
+    taken: Columns = {}
+    length = max((values.shape[0] for values in table.values()), default=0)
+    for name in spec.columns:
+        place = f"{where}: columns.{name}"
+        column = spec.column(name)
+        if name not in known and name not in (*COMPLEX, "sweep"):
+            raise MeasurementError(
+                f"{place}: not a quantity of kind {spec.kind}; use {', '.join([*known, *COMPLEX])}"
+            )
+        if column.rate is not None:
+            rate, _ = quantity(column.rate, "Hz", f"{place}.rate")
+            taken[name] = np.arange(length) / rate
+            continue
+        keys = column.column if isinstance(column.column, list) else [column.column]
+        for wanted in keys:
+            if str(wanted) not in table:
+                raise MeasurementError(
+                    f"{place}: no column {str(wanted)!r}; the file has "
+                    f"{', '.join(list(table)[:12])}"
+                )
+        key = ", ".join(str(wanted) for wanted in keys)
+        values = table[key] if len(keys) == 1 else np.stack([table[str(one)] for one in keys])
+        si = COMPLEX.get(name, known[name].unit if name in known else "")
+        if si is None or name == "sweep":
+            taken[name] = np.asarray(values, dtype=object)
+            continue
+        where_here = f"{place} ({key})"
+        if name == "direction":
+            values = directions(values)
+        if name == "magnitude":
+            taken[name] = magnitudes(values, column.unit, key, where_here)
+        else:
+            unit = column.unit if column.unit is not None else si
+            taken[name] = _numbers(values, unit, si, where_here)
+        if column.offset is not None:
+            taken[name] = taken[name] + quantity(column.offset, si, f"{place}.offset")[0]
+        if column.round is not None:
+            step, _ = quantity(column.round, si, f"{place}.round")
+            taken[name] = np.round(taken[name] / step) * step
+    return taken
+
+
+def named(spec: Spec) -> set[str]:
+    """Return the columns that a spec names."""
+    found: set[str] = set()
+    for name in spec.columns:
+        given = spec.column(name).column
+        found |= {str(one) for one in (given if isinstance(given, list) else [given])}
+    return found
+
+
+def unread(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> list[str]:
+    """Say which columns of a file the spec does not name."""
+    known = named(spec)
+    left = [name for name in table if name not in known]
+    return [f"{where}: columns that are not read: {', '.join(left[:12])}"] if left else []
+
+
+def _numbers(values: NDArray[Any], unit: str, si: str, where: str) -> NDArray[Any]:
+    if values.dtype.kind == "c":
+        return to_si(values.real, unit, si, where) + 1j * to_si(values.imag, unit, si, where)
+    if values.dtype.kind not in "iuf":
+        bad = next((str(value) for value in values.ravel() if not _is_number(value)), "")
+        raise MeasurementError(
+            f"{where}: {bad[:30]!r} is not a number; correct that row or mark it as NaN"
+            if bad
+            else f"{where}: holds {values.dtype} and no numbers; save them as such"
+        )
+    return to_si(values, unit, si, where)
+
+
+def _is_number(value: object) -> bool:
+    """Whether a value is a number as tables write it; Python also reads 1_000 and other digits."""
+    text = str(value)
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return text.isascii() and "_" not in text
