@@ -19,7 +19,8 @@ from benchmarks.ledge_section import OXIDE, Materials, solve_ledge
 from benchmarks.ledge_solid import USUAL_GRID, USUAL_WAFER, Grid, Moved, Wafer, solve_solid
 from benchmarks.ledge_wafer import edge_motion
 from femnl import load
-from femnl.core.device import Film, Holes, Model
+from femnl.core.device import Film, Model
+from femnl.core.outline import Holes
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,8 @@ from benchmarks.ledge_section import OXIDE, Ledge, solve_ledge
 from benchmarks.ledge_solid import Moved
 from benchmarks.measured import RATIOS
 from femnl import load, solve_modes
-from femnl.core.device import Clamp, Film, Holes, Model
+from femnl.core.device import Clamp, Film, Model
+from femnl.core.outline import Holes
 from femnl.mechanics.lattice import solve_homogenised
 
 Array = NDArray[np.float64]

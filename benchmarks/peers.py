@@ -24,7 +24,8 @@ import numpy as np
 from benchmarks.peers_ngsolve import solve as solve_with_ngsolve
 from benchmarks.peers_plain import plain_scikit_fem
 from femnl import load
-from femnl.core.device import Holes, Model
+from femnl.core.device import Model
+from femnl.core.outline import Holes
 from femnl.mechanics.lattice import solve_condensed, solve_homogenised, strain_energies, tile
 from femnl.mechanics.nonlinearity import solve_nonlinearity as solve_cubic
 from femnl.pipeline import solve_modes, solve_nonlinearity

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 import femnl
-from femnl.core.device import Holes
+from femnl.core.outline import Holes
 from femnl.validation import Case, Reference
 
 F11 = 1.466060e6

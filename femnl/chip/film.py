@@ -15,9 +15,10 @@ from femnl.chip.members import Chip
 from femnl.chip.outliers import Cleaned
 from femnl.chip.result import FilmFit
 from femnl.chip.values import Array, Values
-from femnl.core.device import Model, Outline
+from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Parameter
+from femnl.core.outline import Outline
 from femnl.device.geometry import load
 from femnl.device.geometry.curves import area, polyline
 from femnl.fits.spectrum.labels import named_modes

@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from femnl.cli._output import console, note, table
-from femnl.core.device import Holes, Model
+from femnl.core.device import Model
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Holes
 from femnl.device.geometry import load, parse
 from femnl.device.geometry.naming import place
 from femnl.device.geometry.reader import describe, read_text, sketch

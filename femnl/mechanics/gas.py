@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from femnl.core.device import Film, Outline
+from femnl.core.device import Film
+from femnl.core.outline import Outline
 
 GAS_CONSTANT = 8.314462618
 NITROGEN = 0.0280134

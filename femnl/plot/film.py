@@ -11,9 +11,9 @@ import pyvista as pv
 from matplotlib.colors import Normalize, PowerNorm
 from numpy.typing import NDArray
 
-from femnl.core.device import Outline
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Modes
+from femnl.core.outline import Outline
 from femnl.core.surface import Surface
 from femnl.device.geometry.curves import polyline
 from femnl.plot.screen import need_offscreen

@@ -9,8 +9,9 @@ from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from femnl.core.device import Holes, Model, Outline
+from femnl.core.device import Model
 from femnl.core.numbers import plain
+from femnl.core.outline import Holes, Outline
 from femnl.device.geometry.curves import point_at, polyline, turn
 from femnl.mechanics.compression import ReleasedStress
 from femnl.plot.style import COLOURS, DIVERGING, INK, new_figure, style

@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from scipy.spatial import cKDTree
 
-from femnl.core.device import Holes, Model
+from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Modes
+from femnl.core.outline import Holes
 from femnl.io.results.atomic import write_whole
 from femnl.io.results.surface import unfold
 from femnl.plot.film import (

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import jn_zeros
 
-from femnl.core.device import Edge, Holes, Model
+from femnl.core.device import Edge, Model
 from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.core.outline import Holes
 from femnl.device import geometry
 from femnl.device.mesh import mesh
 from femnl.mechanics.modes import solve_modes

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from femnl.core.device import Holes, Model, Outline, Segment
+from femnl.core.device import Model
+from femnl.core.outline import Holes, Outline, Segment
 from femnl.device import geometry
 from tests.physics.error_battery import FILM, Film, outline, pierced, stiff
 

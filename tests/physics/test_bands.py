@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, diags_array
 
 from femnl import load
-from femnl.core.device import Holes, Model, Outline, Segment
+from femnl.core.device import Model
 from femnl.core.errors import ConvergenceError, ParameterError
+from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.geometry import parse
 from femnl.device.geometry.shapes import ellipse
 from femnl.mechanics.bands import Bands, Lattice, find_cell, find_lattice, solve_bands

@@ -13,8 +13,9 @@ from scipy.special import jn_zeros, jv, jvp
 from skfem import Basis, BilinearForm, ElementTriP2, ElementVector, LinearForm, MeshTri
 from skfem.helpers import ddot, sym_grad, trace
 
-from femnl.core.device import Clamp, Holes
+from femnl.core.device import Clamp
 from femnl.core.errors import ParameterError
+from femnl.core.outline import Holes
 from femnl.device.mesh import mesh
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells

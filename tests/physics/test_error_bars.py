@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl.core.device import Holes, Model
+from femnl.core.device import Model
 from femnl.core.discretisation_error import MOST, remainder
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.mechanics import Modes
+from femnl.core.outline import Holes
 from femnl.device.geometry import load
 from femnl.pipeline import solve_modes, solve_modes_to, solve_nonlinearity
 from tests.physics.error_battery import QUANTITIES, Film, films, measure, outline, stiff

@@ -10,8 +10,9 @@ import pytest
 
 from femnl import load
 from femnl.core import resources
-from femnl.core.device import Holes, Model, Outline
+from femnl.core.device import Model
 from femnl.core.errors import ParameterError
+from femnl.core.outline import Holes, Outline
 from femnl.mechanics.lattice import solve_cell, solve_homogenised
 from femnl.pipeline import solve_modes, solve_nonlinearity
 from femnl.validation import load as load_case

@@ -13,7 +13,7 @@ from benchmarks.ledge_section import OXIDE, USUAL, line_force, solve_ledge
 from benchmarks.ledge_solid import Grid, Wafer, solve_solid
 from benchmarks.ledge_wafer import edge_motion, side_force, square_force
 from femnl import load
-from femnl.core.device import Holes
+from femnl.core.outline import Holes
 
 PRESSURE = 280e6
 SIDE = 270e-6

@@ -11,9 +11,10 @@ from scipy.special import jn_zeros, jv
 from skfem import MeshTri1, MeshTri2
 
 from femnl import load
-from femnl.core.device import Holes, Model, Outline, Segment
+from femnl.core.device import Model
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.mechanics import Domain, Modes
+from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.mesh import mesh
 from femnl.mechanics.modes import align, shape_at, solve_modes
 from femnl.mechanics.modes.operators import Operators

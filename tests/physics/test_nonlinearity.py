@@ -12,8 +12,9 @@ import pytest
 from numpy.typing import NDArray
 from skfem import MeshTri1, MeshTri2
 
-from femnl.core.device import Edge, Holes, Model
+from femnl.core.device import Edge, Model
 from femnl.core.mechanics import Domain, Modes
+from femnl.core.outline import Holes
 from femnl.device.mesh import mesh
 from femnl.mechanics.modes import align, shape_at, solve_modes
 from femnl.mechanics.nonlinearity import solve_nonlinearity

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from femnl.core.device import Edge, Holes, Model
+from femnl.core.device import Edge, Model
 from femnl.core.mechanics import Prestress
+from femnl.core.outline import Holes
 from femnl.device.mesh import mesh
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells, in_plane_strain, plane_stress, thickness, vector_dofs

@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from femnl.core.device import Holes
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Modes
 from femnl.core.operators import Projection
+from femnl.core.outline import Holes
 from femnl.device.geometry import parse
 from femnl.device.mesh import mesh
 from femnl.mechanics.modes import shape_at, shapes_at

@@ -9,9 +9,10 @@ from numpy.polynomial import Legendre
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from femnl.core.device import Holes, Model
+from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Modes
+from femnl.core.outline import Holes
 from femnl.device.mesh import has_symmetry, mesh
 from femnl.device.mesh.symmetry import EIGHTH, HALF, QUARTER
 from femnl.mechanics.fem.elements import Space

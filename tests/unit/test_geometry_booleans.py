@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from femnl.core.device import Outline, Segment
+from femnl.core.outline import Outline, Segment
 from femnl.device.geometry import curves
 from femnl.device.geometry.booleans import Operation, Region, combine
 from femnl.device.geometry.corners import loop

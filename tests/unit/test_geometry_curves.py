@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from femnl.core.device import Holes, Outline
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Holes, Outline
 from femnl.device.geometry import curves, load
 from femnl.device.geometry.outlines import Etched
 

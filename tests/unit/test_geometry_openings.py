@@ -7,8 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import ellipe
 
-from femnl.core.device import Model, Outline
+from femnl.core.device import Model
 from femnl.core.errors import GeometryError, ParameterError
+from femnl.core.outline import Outline
 from femnl.device.geometry import curves, parse
 from femnl.device.geometry.reader import describe
 from femnl.device.mesh import has_symmetry, mesh

@@ -12,9 +12,10 @@ from skfem import MeshTri1, MeshTri2
 
 from femnl import load
 from femnl.core import resources
-from femnl.core.device import Film, Holes, Model, Outline, Segment
+from femnl.core.device import Film, Model
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
+from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.geometry import parse
 from femnl.device.mesh import has_symmetry, mesh
 from femnl.device.mesh.collect import check_unfolded

@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from femnl.core.device import Outline, Segment
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Outline, Segment
 from femnl.device.geometry import curves
 from femnl.device.geometry.naming import place
 

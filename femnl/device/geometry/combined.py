@@ -5,8 +5,8 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from femnl.core.device import Holes, Outline, Segment
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.geometry import curves
 from femnl.device.geometry.corners import fillet_where_straight
 from femnl.device.geometry.naming import place

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femnl.core.device import Segment
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Segment
 from femnl.device.geometry.naming import place
 
 Array = NDArray[np.float64]

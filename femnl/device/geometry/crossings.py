@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import Outline, Segment
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Outline, Segment
 from femnl.device.geometry import curves
 from femnl.device.geometry.naming import place
 

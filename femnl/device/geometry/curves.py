@@ -6,7 +6,7 @@ Area, box, inside or outside, distance, points to draw.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femnl.core.device import Outline, Segment
+from femnl.core.outline import Outline, Segment
 
 Array = NDArray[np.float64]
 

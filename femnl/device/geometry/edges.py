@@ -5,8 +5,9 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from femnl.core.device import Clamp, Film, Holes, Outline, Overhang
+from femnl.core.device import Clamp, Film, Overhang
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Holes, Outline
 from femnl.device.geometry import curves
 from femnl.device.geometry.outlines import OutlineTable
 from femnl.device.geometry.quantities import (

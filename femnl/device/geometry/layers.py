@@ -6,8 +6,9 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from femnl.core.device import Holes, Lamina, Outline
+from femnl.core.device import Lamina
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Holes, Outline
 from femnl.device.geometry import curves
 from femnl.device.geometry.booleans import combine
 from femnl.device.geometry.combined import Combined, steps_of

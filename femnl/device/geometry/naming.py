@@ -5,7 +5,7 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import Holes
+from femnl.core.outline import Holes
 from femnl.device.geometry.quantities import refusal
 
 Array = NDArray[np.float64]

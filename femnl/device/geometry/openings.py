@@ -7,8 +7,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from femnl.core.device import Holes, Outline
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Holes, Outline
 from femnl.device.geometry import curves
 from femnl.device.geometry.holes import TOUCHING, HolesTable
 from femnl.device.geometry.naming import name, place

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from femnl.core.device import Holes, Model, Outline, Segment
+from femnl.core.device import Model
+from femnl.core.outline import Holes, Outline, Segment
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from femnl.core import resources
-from femnl.core.device import Holes, Model, Outline
+from femnl.core.device import Model
 from femnl.core.errors import GeometryError, one_line
+from femnl.core.outline import Holes, Outline
 from femnl.core.toml import parse_toml
 from femnl.device.geometry import curves
 from femnl.device.geometry.schema import GeometryFile

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import Holes, Segment
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Holes, Segment
 from femnl.device.geometry.naming import name, place
 
 Array = NDArray[np.float64]

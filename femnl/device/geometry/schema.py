@@ -9,8 +9,9 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, model_validator
 from pydantic_core import PydanticCustomError
 
-from femnl.core.device import Edge, Holes, Layer, Model, Stack
+from femnl.core.device import Edge, Layer, Model, Stack
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Holes
 from femnl.device.geometry.edges import ClampTable, FilmTable, OverhangTable
 from femnl.device.geometry.holes import HoleGroups, refuse_outside, refuse_overlap
 from femnl.device.geometry.layers import Laminae, laminae

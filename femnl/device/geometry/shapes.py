@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from femnl.core.device import Holes, Outline, Segment
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.geometry import curves
 from femnl.device.geometry.corners import loop, rounded
 from femnl.device.geometry.crossings import counter_clockwise, refuse_curved_crossings

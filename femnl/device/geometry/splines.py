@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import Segment
+from femnl.core.outline import Segment
 
 Array = NDArray[np.float64]
 Curve = Callable[[float], tuple[Array, Array]]

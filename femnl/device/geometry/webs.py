@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from femnl.core.device import Holes, Outline
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Holes, Outline
 from femnl.device.geometry.corners import loop, rounded
 from femnl.device.geometry.polygons import Polygon
 from femnl.device.geometry.quantities import Depth, Length

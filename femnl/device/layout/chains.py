@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import Outline
+from femnl.core.outline import Outline
 from femnl.device.geometry import curves
 from femnl.device.geometry.crossings import counter_clockwise
 from femnl.device.layout.drawing import Fault, Loop

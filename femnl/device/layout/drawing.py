@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import Outline, Segment
 from femnl.core.errors import ParameterError
+from femnl.core.outline import Outline, Segment
 from femnl.device.geometry.naming import place
 from femnl.device.geometry.placing import placed
 from femnl.device.geometry.tables import suggest

@@ -10,8 +10,8 @@ import numpy as np
 from ezdxf import units
 from numpy.typing import NDArray
 
-from femnl.core.device import Segment
 from femnl.core.errors import GeometryError, one_line
+from femnl.core.outline import Segment
 from femnl.device.geometry.corners import arc_through
 from femnl.device.geometry.quantities import LENGTH, to_si
 from femnl.device.geometry.shapes import ellipse

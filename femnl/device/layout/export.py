@@ -7,8 +7,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from femnl.core.device import Lamina, Model, Outline, Segment
+from femnl.core.device import Lamina, Model
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Outline, Segment
 from femnl.device.geometry import curves
 from femnl.device.geometry.shapes import ellipse
 

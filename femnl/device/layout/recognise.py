@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import Outline, Segment
+from femnl.core.outline import Outline, Segment
 from femnl.device.geometry.corners import arc_through
 from femnl.device.geometry.shapes import ellipse
 

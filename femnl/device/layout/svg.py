@@ -10,8 +10,8 @@ import numpy as np
 import svgpathtools
 from numpy.typing import NDArray
 
-from femnl.core.device import Segment
 from femnl.core.errors import GeometryError, one_line
+from femnl.core.outline import Segment
 from femnl.device.geometry.quantities import LENGTH, to_si
 from femnl.device.geometry.splines import arcs_along
 from femnl.device.layout.chains import GRID, closed

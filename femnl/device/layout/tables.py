@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import Segment
+from femnl.core.outline import Segment
 from femnl.device.geometry import curves
 from femnl.device.geometry.splines import arcs_along
 from femnl.device.layout.drawing import Loop, Placed

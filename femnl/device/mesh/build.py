@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from femnl.core.device import Model, Segment
+from femnl.core.device import Model
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
+from femnl.core.outline import Segment
 from femnl.device.geometry import curves as exact
 from femnl.device.geometry.placing import moved
 from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double, misfit

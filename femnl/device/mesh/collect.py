@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri1, MeshTri2
 
-from femnl.core.device import Model, Outline
+from femnl.core.device import Model
 from femnl.core.errors import GeometryError
+from femnl.core.outline import Outline
 from femnl.device.geometry import curves
 from femnl.mechanics.fem.elements import ARC_DEGREE, Space, nodes
 

@@ -6,7 +6,8 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import CELL, Model
+from femnl.core.device import Model
+from femnl.core.outline import CELL
 from femnl.device.geometry import curves as exact
 from femnl.device.mesh.corners import singular_corners
 from femnl.device.mesh.openings import SEGMENTS as HOLE_SEGMENTS

@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from femnl.core.device import Model, Outline
+from femnl.core.device import Model
 from femnl.core.errors import ParameterError
+from femnl.core.outline import Outline
 from femnl.device.geometry import curves
 
 Array = NDArray[np.float64]

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from femnl.core.device import CELL, Model
+from femnl.core.device import Model
+from femnl.core.outline import CELL
 from femnl.device.geometry import curves
 
 Array = NDArray[np.float64]

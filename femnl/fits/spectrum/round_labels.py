@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import Outline
 from femnl.core.errors import MeasurementError
+from femnl.core.outline import Outline
 from femnl.core.readout import Array
 from femnl.fits.spectrum.numbered import numbered_mode
 from femnl.observe.film import SimulatedFilm

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from femnl.core.device import Holes, Model, Outline
+from femnl.core.device import Model
 from femnl.core.errors import ParameterError
+from femnl.core.outline import Holes, Outline
 from femnl.device.geometry import curves
 from femnl.device.geometry.placing import placed
 from femnl.device.mesh import WEDGES, has_symmetry

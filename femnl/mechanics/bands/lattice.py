@@ -7,8 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.device import CELL, Clamp, Holes, Model, Outline, Segment
+from femnl.core.device import Clamp, Model
 from femnl.core.errors import ParameterError
+from femnl.core.outline import CELL, Holes, Outline, Segment
 
 Array = NDArray[np.float64]
 Symmetry = Literal["quarter", "eighth", "twelfth"]

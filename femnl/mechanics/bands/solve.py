@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
 from femnl.core.arrays import freeze
-from femnl.core.device import Holes, Model
+from femnl.core.device import Model
 from femnl.core.discretisation_error import remainder
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import STEADY, Prestress
+from femnl.core.outline import Holes
 from femnl.mechanics.bands.cell import Periodic, cell_domain, periodic
 from femnl.mechanics.bands.find import find_cell
 from femnl.mechanics.bands.lattice import Cell, Lattice

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from femnl.core.device import Holes, Model, Outline, Segment
+from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain
+from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.mesh import mesh
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (

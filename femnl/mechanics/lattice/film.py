@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from skfem import MeshTri1, MeshTri2
 
-from femnl.core.device import Edge, Holes, Model
+from femnl.core.device import Edge, Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain, Modes, Nonlinearity, Prestress
+from femnl.core.outline import Holes
 from femnl.device.mesh import bending_length
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTri2
 
-from femnl.core.device import Holes, Model, Outline, Segment
+from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain
+from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.mesh import bending_length, from_patches, mesh
 
 Array = NDArray[np.float64]
