@@ -7,11 +7,9 @@ that is bending and one loss angle φ of the material.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from femnl.core.comparison import Comparison, Curve, Curves
 from femnl.core.effect import Effect, ParameterSpec, Values
@@ -22,16 +20,11 @@ from femnl.core.stages import Lines, ModalSystem
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.model import MeasurementModel, Named, Quantity, Ranked, apply, remembering
 from femnl.observe.score_directions import smooth_film
+from femnl.observe.spectrum.by_label import ReadOff, by_label
 from femnl.observe.spectrum.eigen import eigen, squares
 
-OWN = 0.75
-"""Share of a base mode in a changed mode from which on the change keeps its label."""
 NEXT = 8
 """Unmeasured modes that are offered as the next measurement."""
-CLOSE = 0.01
-"""Relative distance in frequency up to which two modes may exchange labels."""
-ReadOff = Callable[[NDArray[np.int64], NDArray[np.int64]], Lines]
-"""What is read off for measured modes of the changed modes that they go to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,7 +190,9 @@ class SpectrumModel(MeasurementModel):
             return apply("frequencies", lines, effects, values)
 
         if self.label:
-            found, loss = self._by_label((self.target @ content) ** 2, bare, read_off)
+            found, loss = by_label(
+                (self.target @ content) ** 2, bare[self.order], self.frequency, self.sd, read_off
+            )
         else:
             found, loss = self._by_rank(frequency, read_off)
         quality = self.quality_factor[self._rated] - 1 / loss[self._rated]
@@ -304,41 +299,6 @@ class SpectrumModel(MeasurementModel):
         moved = read_off(everyone, self.order).frequency / frequency[self.order]
         lines = read_off(everyone, ranks(self.frequency / moved))
         return lines.frequency, lines.loss
-
-    def _by_label(self, share: Array, bare: Array, read_off: ReadOff) -> tuple[Array, Array]:
-        """Return frequency and loss of each measured mode, which goes to a changed one by label.
-
-        By the share of what the label names in each changed mode; mixed pairs as they fit best.
-
-        Args: share (n, n_changed). bare: frequency of every base mode. read_off: see `_by_rank`.
-        """
-        _, chosen = linear_sum_assignment(-share)
-        everyone = np.arange(len(chosen))
-        mixed = np.flatnonzero(share[everyone, chosen] < OWN)
-        own = bare[self.order[mixed]]
-        pairs = [
-            (i, j)
-            for i, j in combinations(range(len(mixed)), 2)
-            if abs(own[i] / own[j] - 1) < CLOSE
-        ]
-        if not pairs:
-            lines = read_off(everyone, chosen)
-            return lines.frequency, lines.loss
-        # Every mixed mode with the label of every other, read off at once
-        crossed = np.repeat(mixed, len(mixed))
-        lines = read_off(
-            np.append(everyone, crossed), np.append(chosen, np.tile(chosen[mixed], len(mixed)))
-        )
-        at = len(everyone) + np.arange(len(crossed)).reshape(len(mixed), len(mixed))
-        square = ((self.frequency[mixed, None] - lines.frequency[at]) / self.sd[mixed, None]) ** 2
-        partner = np.arange(len(mixed))
-        for i, j in pairs:
-            as_they_are = square[i, partner[i]] + square[j, partner[j]]
-            if square[i, partner[j]] + square[j, partner[i]] < as_they_are:
-                partner[[i, j]] = partner[[j, i]]
-        place = everyone.copy()
-        place[mixed] = at[np.arange(len(mixed)), partner]
-        return lines.frequency[place], lines.loss[place] if len(lines.loss) else lines.loss
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
         """Frequencies, mode by mode."""
