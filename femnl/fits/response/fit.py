@@ -16,10 +16,11 @@ from femnl.core.errors import ParameterError
 from femnl.fits.covariance import covariance, strongest_correlation
 from femnl.fits.response.adequacy import Errors, errors_of
 from femnl.fits.response.candidate import Candidate
-from femnl.fits.response.choice import CONJUGATED, Choice, Wish, choose, turned
+from femnl.fits.response.choice import CONJUGATED, Choice, choose, turned
 from femnl.fits.response.limits import Bounds
 from femnl.fits.response.misfit import Misfit, usable
 from femnl.fits.response.result import ResponseFit, natural, parameters, vector
+from femnl.fits.response.tried import Asked
 from femnl.fits.response.variant import TERMS
 from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array, Sweeps, collect
@@ -89,7 +90,7 @@ def fit_response(
     use = use or ("complex" if whole.phases else "magnitude")
     _check(use, whole, background, force_per_volt, responsivity)
     sweeps = whole.keep(usable(whole, use), "points too weak to have a phase left out")
-    wish = Wish(
+    asked = Asked(
         background if use in ("complex", "magnitude") else "none",
         True if nonlinear_damping else duffing,
         delay,
@@ -97,7 +98,7 @@ def fit_response(
         bounds or {},
         fixed or {},
     )
-    choice = choose(sweeps, first_layout(sweeps, use, damping=nonlinear_damping), use, wish)
+    choice = choose(sweeps, first_layout(sweeps, use, damping=nonlinear_damping), use, asked)
     best = choice.best
     errors = errors_of(best, estimated=sweeps.estimated)
     found, sd, blind = _uncertainty(best, choice, errors)
