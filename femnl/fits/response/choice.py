@@ -22,7 +22,7 @@ MARGIN = 5.0
 SIGN_MARGIN = 10.0
 """Fall of χ²/s² from which on the phase is taken to rise with frequency."""
 MOSTLY = 0.1
-"""Of the χ² of the richest linear model: what leaves less has a jump, and the right sign of phase."""
+"""Of the χ² of the richest linear model: what leaves less has a jump, and the right sign."""
 CONJUGATED = (
     "the phase rises through the resonance, so the data follow exp(−iωt); they are conjugated, and "
     "phase and background are those of exp(+iωt)"
