@@ -36,3 +36,19 @@ def test_points_beside_the_film_are_in_no_triangle() -> None:
     assert np.all(beyond == -1)
     assert np.all(Finder(domain).locate(1e3 * rim)[0] == -1)
     assert len(Finder(domain).locate(np.empty((0, 2)))[0]) == 0
+
+
+@pytest.mark.parametrize("name", ["hexagon-278um", "trampoline", "square-270um-perforated"])
+def test_a_raster_of_cells_changes_nothing_of_what_is_found(name: str) -> None:
+    domain = mesh(load(name))
+    finder = Finder(domain)
+    low = domain.mesh.p.min(axis=1)
+    points = low + np.random.default_rng(20261125).uniform(-0.2, 1.2, (4000, 2)) * np.ptp(
+        domain.mesh.p, axis=1
+    )
+    triangle, reference = finder.locate(points)
+    none = np.full(len(points), -1)
+    slowly, there = finder._locate(points, none, np.ones(len(points), dtype=bool))
+    assert np.array_equal(triangle, slowly)
+    assert np.array_equal(reference, there)
+    assert 0 < np.count_nonzero(triangle >= 0) < len(points)

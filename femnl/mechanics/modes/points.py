@@ -1,6 +1,8 @@
 """Values of mode shapes at points."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,8 @@ Array = NDArray[np.float64]
 EDGE = 1e-9
 ARRIVED = 1e-12  # in reference coordinates, the step at which Newton's method ends
 NEIGHBOURS = 4  # triangles with the nearest centres that are tried first
+CELLS = 128  # of the raster along each side of the mesh
+BESIDE = 0.05  # parts of the mesh by which the raster reaches beyond it, as bent edges may
 
 
 def shape_at(modes: Modes, index: int, x: Array, y: Array) -> Array:
@@ -94,6 +98,30 @@ def _fold(domain: Domain, points: Array, mirrors: int) -> tuple[Array, NDArray[n
     return points, flips
 
 
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """A raster of cells (k, k) over a mesh, from the corner low (2,) in steps of size (2,) [m].
+
+    holds: the triangle at the middle of each cell, −1 for none. touched: whether a triangle may
+    reach into the cell.
+    """
+
+    low: Array
+    size: Array
+    holds: NDArray[np.int64]
+    touched: NDArray[np.bool_]
+
+    def at(self, points: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Return the triangle of the cell that each point (n, 2) is in, and whether one reaches it.
+
+        Beyond all cells there is none.
+        """
+        index = np.floor((points - self.low) / self.size)
+        within = np.all((index >= 0) & (index < len(self.holds)), axis=1)
+        i, j = np.where(within[:, None], index, 0).astype(np.int64).T
+        return np.where(within, self.holds[i, j], -1), within & self.touched[i, j]
+
+
 class Finder:
     """Which triangle of a mesh holds a point, and where in it."""
 
@@ -113,6 +141,41 @@ class Finder:
 
     def locate(self, points: Array) -> tuple[NDArray[np.int64], Array]:
         """Return the triangle that holds each point (n, 2), −1 for none, and the place in it."""
+        likely, possible = self._cells.at(points)
+        return self._locate(points, likely, possible)
+
+    @cached_property
+    def _cells(self) -> "_Cells":
+        """What a raster of cells over the mesh says of the points in each."""
+        low = self._nodes.min(axis=(0, 1))
+        size = np.ptp(self._nodes, axis=(0, 1)) * (1 + 2 * BESIDE) / CELLS
+        low = low - BESIDE * CELLS * size / (1 + 2 * BESIDE)
+        index = np.stack(np.meshgrid(np.arange(CELLS), np.arange(CELLS), indexing="ij"), -1)
+        middle = (low + (index + 0.5) * size).reshape(-1, 2)
+        everywhere = np.ones(len(middle), dtype=bool)
+        holds, _ = self._locate(middle, np.full(len(middle), -1), everywhere)
+        # Every triangle lies in a square of cells; how many do so over each cell, by their corners
+        first, last = (
+            np.clip(
+                np.floor((self._centre + side * self._reach[:, None] - low) / size), 0, CELLS - 1
+            ).astype(np.int64)
+            for side in (-1, 1)
+        )
+        count = np.zeros((CELLS + 1, CELLS + 1), dtype=np.int64)
+        np.add.at(count, (first[:, 0], first[:, 1]), 1)
+        np.add.at(count, (last[:, 0] + 1, first[:, 1]), -1)
+        np.add.at(count, (first[:, 0], last[:, 1] + 1), -1)
+        np.add.at(count, (last[:, 0] + 1, last[:, 1] + 1), 1)
+        touched = count.cumsum(axis=0).cumsum(axis=1)[:CELLS, :CELLS] > 0
+        return _Cells(low, size, holds.reshape(CELLS, CELLS), touched)
+
+    def _locate(
+        self, points: Array, likely: NDArray[np.int64], possible: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int64], Array]:
+        """Return the same for points of which a likely triangle is known, −1 for none.
+
+        Args: possible (n,): whether any triangle may hold each point.
+        """
         triangle = np.full(len(points), -1)
         reference = np.zeros((len(points), 2))
 
@@ -125,15 +188,19 @@ class Finder:
             triangle[point[inside]] = trial[inside]
             reference[point[inside]] = place[inside]
 
+        guessed = np.flatnonzero(likely >= 0)
+        settle(guessed, likely[guessed])
+        left = np.flatnonzero(possible & (triangle < 0))
         farthest = float(self._reach.max())
         away, near = map(
-            np.asarray, self._nearest.query(points, NEIGHBOURS, distance_upper_bound=farthest)
+            np.asarray,
+            self._nearest.query(points[left], NEIGHBOURS, distance_upper_bound=farthest),
         )
         for k in range(NEIGHBOURS):
-            left = np.flatnonzero((triangle < 0) & np.isfinite(away[:, k]))
-            settle(left, near[left, k])
+            still = (triangle[left] < 0) & np.isfinite(away[:, k])
+            settle(left[still], near[still, k])
         # Beside an edge of the film, or the centre is far off
-        left = np.flatnonzero((triangle < 0) & np.isfinite(away[:, -1]))
+        left = left[(triangle[left] < 0) & np.isfinite(away[:, -1])]
         pairs = cKDTree(points[left]).sparse_distance_matrix(
             self._nearest, farthest, output_type="ndarray"
         )
