@@ -1,5 +1,6 @@
 """Results as tables: aligned text for `print`, HTML for notebooks, columns with SI units."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -52,12 +53,12 @@ class Table:
         return pd.DataFrame(self.columns).set_index(first).rename_axis(index=None, columns=first)
 
 
-class Tabulated:
+class Tabulated(ABC):
     """A result that `print` and notebooks show as tables instead of arrays."""
 
+    @abstractmethod
     def _tables(self) -> Sequence[Table]:
         """Return what is shown, in its order."""
-        raise NotImplementedError
 
     def summary(self) -> str:
         """Return a plain-text table: values with errors, and units."""
