@@ -138,6 +138,10 @@ class MeasurementModel(ABC):
         """None, unless a kind says otherwise."""
         return ()
 
+    def unscaled_by(self, glitches: Sequence[int]) -> "MeasurementModel":
+        """Return the model whose scales do not follow these residuals; itself if none do."""
+        return self
+
     @property
     def ranked(self) -> tuple[Ranked, ...]:
         """None, unless a kind says otherwise."""

@@ -183,6 +183,7 @@ def with_noise(bare: MeasurementModel, noise: FoundNoise) -> MeasurementModel:
     if noise.as_stated:
         return bare
     around = bare.layout or apart(bare.blocks)
+    bare = bare.unscaled_by(noise.glitches)
     return NoisyModel(
         bare=bare,
         noise=noise,

@@ -89,3 +89,14 @@ def test_large_glitches_side_by_side_near_a_resonance_are_found(tmp_path: Path) 
     assert found.verdict == "adequate"
     clear = [size for size in truth["glitches"] if size > 10]
     assert len(clear) <= len(found.excluded) <= len(truth["glitches"]) + 2
+
+
+def test_a_glitch_larger_than_every_signal_does_not_hide_a_detector_that_clips(
+    tmp_path: Path,
+) -> None:
+    draw = Draw("response", ("one_sided_saturation",), "glitches", "square-270um", 1525881494)
+    truth = make(draw, tmp_path / "file.nc")
+    effects = [library()[f"{name}_saturation"] for name in ("one_sided", "detector")]
+    found = diagnose(tmp_path / "file.nc", effects=effects)
+    assert (found.verdict, found.causes) == ("explained", ("one_sided_saturation",))
+    assert len(found.excluded) == len([size for size in truth["glitches"] if size > 10])

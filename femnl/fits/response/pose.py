@@ -12,12 +12,10 @@ from femnl.fits.response.choice import CONJUGATED, sign_of_phase, turned
 from femnl.fits.response.fit import first_layout, fit_response
 from femnl.mechanics.modes import shape_at
 from femnl.observe.film import SimulatedFilm
+from femnl.observe.response.extent import extent
 from femnl.observe.response.model import ALPHA_SD, ResponseModel
 from femnl.observe.response.sweeps import Sweeps, collect
 from femnl.observe.response.timing import timing
-
-MOVING = 0.3
-"""Part of the largest signal from which on the mode moves strongly."""
 
 
 def pose(
@@ -62,9 +60,7 @@ def pose(
     responsivity = [float(metre * s / slope[0]) for s in slope]
     peak = slope[0] / metre
     softens = bool(ratio * alpha < 0)
-    size = np.abs(sweeps.voltage)
-    motion = float((size / np.array(responsivity)[sweeps.position]).max())
-    moving = sweeps.frequency[size > MOVING * size.max()]
+    everywhere = extent(sweeps, np.array(responsivity), np.ones(len(sweeps.frequency), dtype=bool))
     when = timing(dataset, sweeps)
     wavelength = float(dataset.attrs.get("wavelength", 0.0))
     base, start = _base(fitted, sweeps.span, peak, responsivity, place)
@@ -78,8 +74,8 @@ def pose(
         time=when.time,
         step=when.step,
         shape=_shape(dataset, sweeps, film, mode),
-        middle=float(moving.min() + moving.max()) / 2,
-        largest=float(size.max()),
+        middle=everywhere.middle,
+        largest=everywhere.largest,
         base=base,
         start=start,
         scales={
@@ -88,12 +84,12 @@ def pose(
             "slope": slope[0],
             "slope_per_span": slope[0] / sweeps.span,
             "span": sweeps.span,
-            "stiffening_square": abs(alpha) / motion**2,
+            "stiffening_square": abs(alpha) / everywhere.motion**2,
             "drive_square": sweeps.reference**-2,
             "frequency": fitted["frequency"],
             "linewidth": fitted["linewidth"],
             "linewidth_square": fitted["linewidth"] ** 2,
-            "moving": float(np.ptp(moving)),
+            "moving": everywhere.width,
             **({"wavelength": wavelength} if wavelength else {}),
             **({"direction": 1.0} if all(sweeps.direction) else {}),
             **({"time": float(np.ptp(when.time))} if when.recorded else {}),

@@ -16,6 +16,7 @@ from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Acquisition, Oscillator, Signal
 from femnl.observe.model import Layout, MeasurementModel, Named, Quantity, apply
 from femnl.observe.response.curves import curves, sweep_name, voltages
+from femnl.observe.response.extent import extent
 from femnl.observe.response.late import LateSweeps, States
 from femnl.observe.response.layout import along_sweeps, marked
 from femnl.observe.response.states import branch_amplitudes, follow
@@ -67,6 +68,22 @@ class ResponseModel(MeasurementModel):
     start: Array
     scales: Mapping[str, float]
     notes: tuple[str, ...]
+
+    def unscaled_by(self, glitches: Sequence[int]) -> "ResponseModel":
+        """Return the model whose scales are those of the other data: a glitch is no signal."""
+        n = len(self.sweeps.frequency)
+        used = np.ones(n, dtype=bool)
+        used[[residual % n for residual in glitches if residual < 2 * n]] = False
+        names = [spec.name for spec in self.base]
+        gain = self.start[[names.index(f"responsivity{place}") for place in self.place]]
+        left = extent(self.sweeps, gain, used)
+        scales = {
+            "stiffening_square": abs(self.simulated_alpha) / left.motion**2,
+            "moving": left.width,
+        }
+        return replace(
+            self, middle=left.middle, largest=left.largest, scales={**self.scales, **scales}
+        )
 
     @cached_property
     def _solved(self) -> Callable[..., ComplexArray]:
