@@ -31,7 +31,9 @@ ABSURD = 10.0
 another's place.
 """
 FEW_PARAMETERS = 3
-"""Parameters up to which an effect is sought by rays wherever tangents mislead."""
+"""Parameters, but for whole numbers, up to which an effect is sought by rays wherever tangents
+mislead.
+"""
 REFINED = 2
 PROMISING = 2.0
 """Starts that are fitted to the end, the best by then, and what they may leave of χ² over what the
@@ -94,7 +96,7 @@ def extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) 
         # whose ray is short; tangents at zero may lead into a trap beside it
         far = scan(result, effect)[0]
         elsewhere.append(model.pack(far.base, [*earlier, far.values]))
-    elif tangents_mislead(result) and len(effect.parameters) <= FEW_PARAMETERS:
+    elif tangents_mislead(result) and _continuous(effect) <= FEW_PARAMETERS:
         far_starts = scan(result, effect)[:REFINED]
         starts += [model.pack(far.base, [*earlier, far.values]) for far in far_starts]
     # A few evaluations do not separate what predicts alike.
@@ -181,10 +183,19 @@ def sought_again(result: FitResult, k: int) -> FitResult | None:
 def unlike(found: list[ScoreTest]) -> list[ScoreTest]:
     """Return the best score tests of one effect that point to different places.
 
-    Mirror images and neighbours point to the same.
+    Mirror images and neighbours point to the same. Those of other whole numbers come first: no fit
+    leads from one to the next.
+
+    Args: found: the best first.
     """
     kept: list[ScoreTest] = []
+    choices: list[list[float]] = []
+    first: list[ScoreTest] = []
+    later: list[ScoreTest] = []
     for test in found:
+        (later if test.whole in choices else first).append(test)
+        choices.append(test.whole)
+    for test in [*first, *later]:
         if all(
             test.whole != other.whole
             or np.sum((test.basis @ other.basis.T) ** 2) < ALIKE * len(test.basis)
@@ -194,6 +205,11 @@ def unlike(found: list[ScoreTest]) -> list[ScoreTest]:
         if len(kept) == SHAPES:
             break
     return kept
+
+
+def _continuous(effect: Effect) -> int:
+    """Return how many parameters of an effect are no whole numbers."""
+    return sum(not spec.whole for spec in effect.parameters)
 
 
 def _finished(

@@ -6,15 +6,22 @@ from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.stages import Motion
 
 OTHERS = 5
+PAIRED = 1e-5
+"""Relative difference of two simulated frequencies up to which symmetry makes them one."""
 REASON = (
     "a mode that moves more than the driven one would be taken for it, and the map posed with that"
 )
 
 
 def join(motion: Motion, values: Values) -> Motion:
-    """Add (e + iq) ξ_j to the shape of the driven mode."""
+    """Add (e + iq) (cos ψ ξ_j + sin ψ ξ_k) to the shape of the driven mode."""
     others = np.delete(np.arange(len(motion.shapes)), motion.mode)
-    partner = motion.shapes[others[round(values["partner"]) - 1]]
+    j = int(others[round(values["partner"]) - 1])
+    partner = motion.shapes[j]
+    for k in others:
+        if k != j and np.isclose(motion.frequencies[k], motion.frequencies[j], rtol=PAIRED, atol=0):
+            partner = np.cos(values["turn"]) * partner + np.sin(values["turn"]) * motion.shapes[k]
+            break
     share = complex(values["in_phase"], values["quadrature"])
     return motion.raised(1, motion.swing * share * partner)
 
@@ -23,7 +30,8 @@ EFFECT = Effect(
     name="doublet",
     accuracy=0.01,
     accuracy_reason="shapes of the film as designed",
-    equation="ξ → ξ + (e + iq) ξ_j, j one of the five lowest other modes",
+    equation="ξ → ξ + (e + iq) (cos ψ ξ_j + sin ψ ξ_k), j one of the five lowest other modes, k "
+    "the one that symmetry gives the same frequency; ψ = 0 where there is none",
     parameters=(
         ParameterSpec(
             "partner",
@@ -34,6 +42,15 @@ EFFECT = Effect(
             whole=True,
             reason="which of the other modes, in order of frequency; higher ones are several "
             "thousand linewidths away from a mode that a map shows",
+        ),
+        ParameterSpec(
+            "turn",
+            "rad",
+            -0.6 * np.pi,
+            0.6 * np.pi,
+            strength=False,
+            reason="how a pair of one frequency lies is for small imperfections to say; e and q "
+            "have either sign, so that half a turn is all, and a little more spares it an end",
         ),
         ParameterSpec("in_phase", "1", -1.0, 1.0, reason=REASON),
         ParameterSpec("quadrature", "1", -1.0, 1.0, reason=REASON),
