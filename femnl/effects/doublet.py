@@ -58,7 +58,8 @@ EFFECT = Effect(
     changes={"motion": join},
     source="linear response of two modes at one drive, each of its own phase: (ω_j² − ω² + "
     "iωω_j/Q)⁻¹ of a driven damped oscillator",
-    limits="linear response: the share is the same all over the map. A small one in the mode with "
+    limits="linear response: the share is the same all over the map. An admixture of two modes of "
+    "one frequency, of one phase, is one partner. A small one in the mode with "
     "a nodal line across the slow axis looks as a steady drift of the resonance does: shares "
     "below 0.01 leave 3σ between them on a map of 25 × 25 points and 66σ contrast",
     sentence="one other mode, as the partner of a close pair, moves along with the driven one",

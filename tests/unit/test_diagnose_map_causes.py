@@ -78,13 +78,22 @@ def test_another_film_or_a_focus_is_the_stack_and_no_stage(
 
 
 def test_motion_in_quadrature_is_told_from_crosstalk_and_from_drift(tmp_path: Path) -> None:
-    found = told(tmp_path, {"mode_admixture": STILL | {"q1": 0.01, "q2": 0.02}})
+    found = told(tmp_path, {"mode_admixture": STILL | {"q1": 0.01, "q3": 0.02}})
     assert (found.verdict, found.causes) == ("explained", ("mode_admixture",))
     own = found.parameters["mode_admixture"]
-    # Modes of a pair have any order and sign.
-    sizes = sorted(abs(own[name].value) for name in ("q1", "q2"))
-    assert sizes == pytest.approx([0.01, 0.02], abs=4 * own["q1"].sd)
+    # Modes of a pair have any order, and all have any sign.
+    pair = max(abs(own[name].value) for name in ("q1", "q2"))
+    assert [pair, abs(own["q3"].value)] == pytest.approx([0.01, 0.02], abs=4 * own["q1"].sd)
     assert worse(found, "resonance_drift") > 30
+
+
+def test_what_two_modes_of_a_pair_do_in_one_phase_is_one_partner(tmp_path: Path) -> None:
+    found = told(tmp_path, {"mode_admixture": STILL | {"q1": 0.01, "q2": 0.02}})
+    assert (found.verdict, found.causes) == ("explained", ("doublet",))
+    own = found.parameters["doublet"]
+    assert abs(own["quadrature"].value) == pytest.approx(np.hypot(0.01, 0.02), rel=0.05)
+    turn = abs(np.tan(own["turn"].value))
+    assert min(turn, 1 / turn) == pytest.approx(0.5, abs=0.1)
 
 
 @pytest.mark.parametrize("share", [0.6, 0.02])
