@@ -50,3 +50,9 @@ def allow_memory() -> Iterator[Callable[[int], None]]:
     before = resource.getrlimit(resource.RLIMIT_RSS)
     yield lambda size: resource.setrlimit(resource.RLIMIT_RSS, (size, before[1]))
     resource.setrlimit(resource.RLIMIT_RSS, before)
+
+
+@pytest.fixture(autouse=True)
+def _never_at_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let what a command says not depend on how busy the machine of the tests is."""
+    monkeypatch.setattr("femnl.cli._output.FIRST_WORD", 1e9)

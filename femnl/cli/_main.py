@@ -3,6 +3,7 @@
 import ast
 import logging
 import os
+import shlex
 import sys
 from collections.abc import Callable
 from functools import wraps
@@ -17,7 +18,7 @@ import typer
 
 import femnl
 from femnl.cli._format import STYLES, chosen
-from femnl.cli._output import Progress, note
+from femnl.cli._output import PROGRESS, note
 from femnl.core.errors import FemnlError, ParameterError, warn_in_lines
 
 CHAPTERS = {
@@ -26,7 +27,6 @@ CHAPTERS = {
     "Measurements": ("import", "show", "fit", "diagnose", "chip", "effects"),
     "Trust": ("validate", "report"),
 }
-PROGRESS = Progress()
 Format = Annotated[str, typer.Option("--format", help=f"How to print tables: {', '.join(STYLES)}.")]
 ABOUT = "Finite elements for the mechanics and nonlinearity of stressed membranes."
 
@@ -35,12 +35,12 @@ def run(words: list[str]) -> int:
     """Run one command; its exit status: 0 done, 2 the request cannot be met, 130 interrupted."""
     chosen.set("text")
     warn_in_lines()
-    PROGRESS.begin()
     logging.getLogger("femnl.progress").addHandler(PROGRESS)
     logging.getLogger("femnl.progress").setLevel(logging.INFO)
     command = typer.main.get_command(_app(words))
     try:
-        status = command.main(words, prog_name="femnl", standalone_mode=False)
+        with PROGRESS.watch(shlex.join(["femnl", *words])):
+            status = command.main(words, prog_name="femnl", standalone_mode=False)
         sys.stdout.flush()
         if status == 130:  # typer turns an interrupt into this
             raise KeyboardInterrupt

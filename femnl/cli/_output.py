@@ -7,6 +7,9 @@ import logging
 import math
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -22,8 +25,12 @@ if TYPE_CHECKING:
 
 SENTENCE = 40
 """Characters of a cell from which on its column wraps, so that the short ones keep theirs."""
+FIRST_WORD = 2.0
+"""Seconds after which a command that has said nothing says that it is at work."""
 QUIET = 30.0
-"""Seconds without a word where progress is not shown on a terminal."""
+"""Seconds without a word after which it says so again, where that is not shown on a terminal."""
+TICK = 1.0
+"""Seconds between looks at the time without a word."""
 CLEAR = "\r\x1b[K"  # of a terminal: to the start of the line, and empty it
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -69,36 +76,91 @@ def note(text: str) -> None:
 
 
 class Progress(logging.Handler):
-    """The step that femnl works on, in the last line of a terminal.
+    """What femnl works on: in the last line of a terminal, else in lines of its own now and then.
 
-    The next step, or a result, takes its place. Where there is no terminal, a step is told in a
-    line of its own after each QUIET seconds.
+    A terminal shows each step; the next one, or a result, takes its place. Where there is no
+    terminal, the step of the moment is told FIRST_WORD seconds after the begin and then after each
+    QUIET seconds. A thread tells it, so that no long step of a solver or a fit is silent.
     """
 
     def __init__(self) -> None:
         super().__init__()
-        self.begin()
+        self._writing = Lock()
+        self._ended = Event()
+        self._ended.set()
+        self._hushed = False
+        self._start("")
 
-    def begin(self) -> None:
-        """Count the time without a word from now on."""
-        self._told = time.monotonic()
+    def _start(self, step: str) -> None:
+        now = time.monotonic()
+        self._step = step
+        self._begun = now
+        self._heard = now
+        self._told_before = False
+
+    @contextmanager
+    def watch(self, command: str) -> Iterator[None]:
+        """Tell of a command, as it was typed, while it runs."""
+        self._start(f"working on {one_line(command)}")
+        self._ended = Event()
+        watcher = Thread(target=self._watch, args=(self._ended,), daemon=True)
+        watcher.start()
+        try:
+            yield
+        finally:
+            self._ended.set()
+            watcher.join()
+            self.heard()
+
+    @contextmanager
+    def hush(self) -> Iterator[None]:
+        """Tell nothing meanwhile: a bar shows how far the work has come."""
+        self._hushed = True
+        try:
+            yield
+        finally:
+            self._hushed = False
+            self.heard()
+
+    def heard(self) -> None:
+        """Take the step off the terminal, and count the time without a word from now on."""
+        with self._writing:
+            self._heard = time.monotonic()
+            if sys.stderr.isatty():
+                sys.stderr.write(CLEAR)
+                sys.stderr.flush()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Show what the logger femnl.progress tells."""
-        step = f"{one_line(record.getMessage())} …"
+        """Take note of what the logger femnl.progress tells, and show it on a terminal."""
+        self._step = one_line(record.getMessage())
         if sys.stderr.isatty():
-            sys.stderr.write(f"{CLEAR}{step}")
-            sys.stderr.flush()
-        elif time.monotonic() - self._told > QUIET:
-            self._told = time.monotonic()
-            note(step)
+            self._tell(0.0)
+
+    def _watch(self, ended: Event) -> None:
+        while not ended.wait(TICK):
+            self._tell(QUIET if self._told_before and not sys.stderr.isatty() else FIRST_WORD)
+
+    def _tell(self, patience: float) -> None:
+        """Tell the step where nothing was told for `patience` seconds."""
+        with self._writing:
+            now = time.monotonic()
+            if self._hushed or self._ended.is_set() or now - self._heard < patience:
+                return
+            self._heard = now
+            self._told_before = True
+            since = f" {now - self._begun:.0f} s" if now - self._begun >= FIRST_WORD else ""
+            before, after = (CLEAR, "") if sys.stderr.isatty() else ("", "\n")
+            with suppress(OSError, ValueError):  # where nobody reads any more
+                sys.stderr.write(f"{before}{self._step} …{since}{after}")
+                sys.stderr.flush()
+
+
+PROGRESS = Progress()
 
 
 def clear() -> None:
     """Take the step off the terminal before anything else is printed."""
-    if sys.stderr.isatty():
-        sys.stderr.write(CLEAR)
-        sys.stderr.flush()
+    PROGRESS.heard()
 
 
 def print_json(value: Any) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from femnl.cli._output import note
+from femnl.cli._output import PROGRESS, note
 from femnl.core.errors import ParameterError
 
 EVERY = 60.0  # seconds between lines of progress where standard error is no terminal
@@ -45,7 +45,7 @@ def progress(total: int, unit: str) -> Iterator[Callable[[int, int], None]]:
     Called with how many are done, and how many of these have failed.
     """
     if sys.stderr.isatty():
-        with _bar(total) as tell:
+        with PROGRESS.hush(), _bar(total) as tell:
             yield tell
         return
     last = time.monotonic()
