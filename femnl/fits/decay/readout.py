@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import minimize
 
+from femnl.fits.decay.periods import at_cycles
 from femnl.observe.decay.blocks import Blocks, Wander, read
 
 Array = NDArray[np.float64]
@@ -154,8 +155,7 @@ def _take_up(columns: Array, left: Array) -> bool:
 def _waves(place: Array, left: Array, fewest: float) -> Array:
     """Return the strongest period (n, k) of what is left, its overtone, and how both change."""
     cycles = np.arange(fewest, len(place) / 3, 0.25)
-    turns = np.exp(1j * np.pi * np.outer(cycles, place))
-    power = np.abs(turns @ left) ** 2
+    power = np.abs(at_cycles(place - place[0], left, cycles)) ** 2
     best = float(cycles[np.argmax(power)])
     waves = [
         wave(np.pi * order * best * place) * place**n

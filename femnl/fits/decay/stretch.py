@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.fits.decay.likelihood import STRONGEST_DAMPING, Likelihood, averages_of, start_values
+from femnl.fits.decay.periods import at_cycles
 from femnl.observe.decay.law import Array, Term
 from femnl.observe.decay.phases import (
     THRESHOLDS,
@@ -136,8 +137,7 @@ def _beat(record: PowerRecord, pieces: Segmentation) -> tuple[float, ...] | None
     duration = float(time[-1])
     away = (record.power[inside] - pieces.line(record.time[inside])) / DB
     cycles = np.arange(FEWEST_BEATS, count / 4, 0.5)
-    turns = np.exp(-2j * np.pi * np.outer(cycles, time / duration))
-    amplitude = 2 * (turns @ (away - away.mean())) / count
+    amplitude = 2 * at_cycles(time, away - away.mean(), cycles) / count
     best = int(np.argmax(np.abs(amplitude)))
     # ln |1 + r e^{iα}|² begins with 2 r cos α.
     ratio = float(np.abs(amplitude[best])) / 2

@@ -1,0 +1,54 @@
+"""Long decays: sums over periods by an FFT, and Bessel functions by their expansion."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.special import ive
+
+from femnl.fits.decay import periods
+from femnl.fits.decay.periods import at_cycles
+from femnl.observe.decay.noise import _bessel
+
+EVEN = np.arange(400)
+GAPS = np.concatenate([np.arange(100), np.arange(160, 400)])
+
+
+@pytest.mark.parametrize("points", [EVEN, GAPS], ids=["even", "gaps"])
+@pytest.mark.parametrize(("first", "step"), [(2.0, 0.5), (4.5, 0.25)])
+def test_the_fft_of_periods_is_their_sum(
+    points: NDArray[np.int64], first: float, step: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    time = 0.37 * points
+    values = np.random.default_rng(1).normal(size=len(time))
+    cycles = np.arange(first, len(time) / 4, step)
+    expected = np.exp(-2j * np.pi * np.outer(cycles, time / time[-1])) @ values
+    monkeypatch.setattr(periods, "MOST_TERMS", 0)
+    assert at_cycles(time, values, cycles) == pytest.approx(expected, abs=1e-9)
+
+
+def test_the_strongest_period_of_uneven_times_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(2)
+    time = np.sort(rng.uniform(0, 50, 4000))
+    time -= time[0]
+    values = np.cos(2 * np.pi * 30 * time / time[-1]) + rng.normal(size=len(time))
+    cycles = np.arange(2.0, 1000, 0.5)
+    monkeypatch.setattr(periods, "MOST_TERMS", 0)
+    assert cycles[np.argmax(np.abs(at_cycles(time, values, cycles)))] == 30
+
+
+@pytest.mark.parametrize("order", [0, 0.3, 2.7, 18.3, 199])
+def test_bessel_functions_are_scipy_s_on_both_sides_of_the_switch(order: float) -> None:
+    switch = max(50, 2 * (order + 1) ** 2)
+    x = switch * np.array([0.3, 0.99, 1.01, 1.5, 10, 1000.0])
+    value, ratio = _bessel(order, x)
+    assert value == pytest.approx(np.log(ive(order, x)), rel=1e-13)
+    assert ratio == pytest.approx(ive(order + 1, x) / ive(order, x), rel=1e-13)
+
+
+def test_bessel_functions_far_out_keep_their_recurrence() -> None:
+    """I_v(x) = I_{v+2}(x) + 2(v + 1)/x I_{v+1}(x), where no library can be asked."""
+    x = np.array([1e6, 1e9, 1e14])
+    for order in (0.0, 3.5):
+        first = _bessel(order, x)[1]
+        second = _bessel(order + 1, x)[1]
+        assert first * (second + 2 * (order + 1) / x) == pytest.approx(1, rel=1e-13)
