@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
+from femnl.core.memory import need_memory
 from femnl.core.processes import dask
-from femnl.mechanics.fem.memory import need_memory
 from femnl.sweep.cluster import on_cluster
 from femnl.sweep.point import Point, Record, Settings
 from femnl.sweep.processes import on_processes

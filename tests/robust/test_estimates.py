@@ -12,7 +12,7 @@ import pytest
 from femnl.core.errors import ParameterError
 from femnl.device.geometry import load
 from femnl.device.mesh import build
-from femnl.mechanics.fem.memory import need_memory
+from femnl.core.memory import need_memory
 from femnl.pipeline import solve_modes
 
 
@@ -65,7 +65,7 @@ def test_what_fits_is_let_through_and_what_does_not_names_size_and_remedy() -> N
 @pytest.mark.parametrize("kind", ["v", "d", "m"])
 def test_what_a_shell_allows_counts_as_the_memory_of_the_machine_does(kind: str) -> None:
     words = (
-        'from femnl.mechanics.fem.memory import need_memory as n; n(1e9, "ten modes", "ask '
+        'from femnl.core.memory import need_memory as n; n(1e9, "ten modes", "ask '
         'for fewer"); n(5e9, "two '
         'films", "ask for one")'
     )

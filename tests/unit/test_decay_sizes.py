@@ -18,7 +18,7 @@ GAPS = np.concatenate([np.arange(100), np.arange(160, 400)])
 def test_the_fft_of_periods_is_their_sum(
     points: NDArray[np.int64], first: float, step: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    time = 0.37 * points
+    time = 0.37 * points.astype(np.float64)
     values = np.random.default_rng(1).normal(size=len(time))
     cycles = np.arange(first, len(time) / 4, step)
     expected = np.exp(-2j * np.pi * np.outer(cycles, time / time[-1])) @ values

@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from femnl.core.device import Model
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
+from femnl.core.memory import need_memory
 from femnl.core.outline import Segment
 from femnl.device.geometry import curves as exact
 from femnl.device.geometry.placing import moved
@@ -32,7 +33,6 @@ from femnl.device.mesh.symmetry import (
     find_wedge,
     has_symmetry,
 )
-from femnl.mechanics.fem.memory import need_memory
 
 Array = NDArray[np.float64]
 PROGRESS = logging.getLogger("femnl.progress")

@@ -15,11 +15,11 @@ from skfem import MeshTri2
 from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain, Prestress
+from femnl.core.memory import need_memory
 from femnl.device.mesh import from_patches, mesh
 from femnl.mechanics.bands.lattice import Cell, Lattice
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import Assembly, slope_continuity
-from femnl.mechanics.fem.memory import need_memory
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.modes.projection import film_images

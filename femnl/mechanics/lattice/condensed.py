@@ -9,7 +9,7 @@ from scipy.sparse import csc_matrix
 
 from femnl.core.errors import ConvergenceError
 from femnl.core.mechanics import Modes
-from femnl.mechanics.fem.memory import need_memory
+from femnl.core.memory import need_memory
 from femnl.mechanics.fem.solvers import lowest_eigenpairs
 from femnl.mechanics.lattice.relaxed import Frame, Relaxed
 from femnl.mechanics.lattice.skeleton import summed

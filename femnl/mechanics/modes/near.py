@@ -9,7 +9,7 @@ from scipy.sparse import csc_matrix
 
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.mechanics import Domain, Modes, Prestress
-from femnl.mechanics.fem.memory import need_memory
+from femnl.core.memory import need_memory
 from femnl.mechanics.fem.solvers import INDEFINITE, factorize, nearest_eigenpairs
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.modes.shapes import label_shapes

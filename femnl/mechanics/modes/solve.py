@@ -11,9 +11,9 @@ from scipy.spatial import cKDTree
 
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.mechanics import Domain, Modes, Prestress
+from femnl.core.memory import need_memory
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import quadrature_order
-from femnl.mechanics.fem.memory import need_memory
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.solvers import lowest_eigenpairs
 from femnl.mechanics.modes.operators import Operators

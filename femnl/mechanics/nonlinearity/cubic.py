@@ -11,7 +11,7 @@ from scipy.sparse import csc_matrix
 from femnl.core.device import Edge
 from femnl.core.discretisation_error import remainder
 from femnl.core.mechanics import Modes, Nonlinearity
-from femnl.mechanics.fem.memory import need_memory
+from femnl.core.memory import need_memory
 from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.nonlinearity.stretching import (
     Membrane,

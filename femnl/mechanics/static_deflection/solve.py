@@ -11,7 +11,7 @@ from femnl.core.arrays import freeze
 from femnl.core.device import Edge
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import DEGENERATE, Modes
-from femnl.mechanics.fem.memory import need_memory
+from femnl.core.memory import need_memory
 from femnl.mechanics.fem.solvers import factorize, lowest_eigenpairs
 from femnl.mechanics.modes.shapes import largest_value
 from femnl.mechanics.nonlinearity import energy_remainder, respond
