@@ -13,6 +13,7 @@ import typer
 
 from femnl.cli._output import PROGRESS, note
 from femnl.core.errors import ParameterError
+from femnl.core.processes import need_scheduler
 
 EVERY = 60.0  # seconds between lines of progress where standard error is no terminal
 
@@ -28,13 +29,15 @@ Scheduler = Annotated[
 def workers_at_hand(workers: int | None, scheduler: str | None) -> int:
     """Return how many processes to start: those asked for, else one a processor.
 
-    Raises: ParameterError where a scheduler has workers of its own.
+    Raises: ParameterError where a scheduler has workers of its own, or where none is.
     """
     if workers is not None and scheduler not in (None, "local"):
         raise ParameterError(
             f"--workers {workers}: the scheduler at {scheduler} has workers of its own; leave "
             "--workers out"
         )
+    if scheduler not in (None, "local"):
+        need_scheduler(scheduler)
     return workers or len(os.sched_getaffinity(0))
 
 

@@ -1,6 +1,7 @@
 """Workers of a Dask cluster, on this machine or many; the one module that imports dask."""
 
 import logging
+import socket
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -9,11 +10,15 @@ from itertools import islice
 from typing import Any, TypeVar
 
 import dask
+from dask.utils import parse_timedelta
 from distributed import Client, Future, LocalCluster, as_completed
 
 from femnl.core.errors import ParameterError
+from femnl.core.processes import scheduler_place
 
 T = TypeVar("T")
+LONGEST_GREETING = 2**20
+"""Bytes of the first frame of a scheduler, which has some hundred."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +57,7 @@ def share_out(
     Raises: ParameterError where there is no scheduler, where it goes, or where workers have another
     femnl.
     """
-    for name in list(logging.root.manager.loggerDict):
-        if name.split(".")[0] == "distributed":  # which tells of every step at levels of its own
-            logging.getLogger(name).setLevel(logging.CRITICAL)
+    _hush()
     try:
         with ExitStack() as stack, warnings.catch_warnings():
             # A file of some megabytes is one task, and no graph that is built the wrong way
@@ -65,6 +68,23 @@ def share_out(
             yield from _answered(sent, where)
     except OSError as error:
         raise _gone(where.address) from error
+
+
+def need_answer(address: str) -> None:
+    """Refuse an address where no Dask scheduler answers, before anything is begun.
+
+    Raises: ParameterError.
+    """
+    _hush()
+    with ExitStack() as stack:
+        _connect(stack, Where(address, 0, object, 0))
+
+
+def _hush() -> None:
+    """Let Dask's own loggers, which tell of every step at levels of their own, be silent."""
+    for name in list(logging.root.manager.loggerDict):
+        if name.split(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 def other_version(address: str, who: str) -> ParameterError:
@@ -81,6 +101,8 @@ def _connect(stack: ExitStack, where: Where) -> Client:
             LocalCluster(n_workers=where.workers, threads_per_worker=1, dashboard_address=None)
         )
     try:
+        if where.address != "local":
+            _need_greeting(where.address)
         client: Client = stack.enter_context(Client(scheduler))
     except (OSError, ValueError, TypeError) as error:
         raise ParameterError(
@@ -88,6 +110,24 @@ def _connect(stack: ExitStack, where: Where) -> Client:
             "`dask scheduler`"
         ) from error
     return client
+
+
+def _need_greeting(address: str) -> None:
+    """Raise OSError where what listens is no scheduler, for which Dask would wait without end.
+
+    A scheduler begins at once with a frame of at most a few kilobytes, its length in front.
+    """
+    at = scheduler_place(address)
+    if at is None or address.startswith("tls"):
+        return
+    patience = parse_timedelta(dask.config.get("distributed.comm.timeouts.connect"))
+    try:
+        with socket.create_connection(at, timeout=patience) as connection:
+            head = connection.recv(8, socket.MSG_WAITALL)
+    except TimeoutError as error:
+        raise OSError(f"silent for {patience:g} s") from error
+    if len(head) < 8 or int.from_bytes(head, "little") > LONGEST_GREETING:
+        raise OSError("what listens there is none")
 
 
 def _sent(

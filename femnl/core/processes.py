@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
@@ -13,11 +14,15 @@ from threading import Thread
 from types import ModuleType
 from typing import Any, TypeVar
 
-from femnl.core.errors import MissingLibraryError, leave_out_warnings
+from femnl.core.errors import MissingLibraryError, ParameterError, leave_out_warnings
 
 T = TypeVar("T")
 TRIES = 3
 """How often a task is begun whose process dies, before it counts as failed."""
+DASK_PORT = 8786
+"""Of a Dask scheduler whose address names none."""
+PROBE = 1.0
+"""Seconds in which a host that is there accepts or refuses a connection."""
 ORPHANED = 3
 """Exit code of a process whose parent has gone, which nobody reads."""
 _CONTEXT = get_context("spawn")  # a fork would copy the state of meshers and solvers
@@ -164,6 +169,39 @@ def _next(again: deque[tuple[T, int]], tasks: Iterator[T]) -> tuple[T, int] | No
     for task in tasks:
         return task, 0
     return None
+
+
+def need_scheduler(scheduler: str) -> None:
+    """Refuse the address of a scheduler where nobody can answer, before Dask is loaded.
+
+    A host that stays silent is left to Dask, whose setting says how long to wait for it.
+
+    Args: scheduler: such as "tcp://host:8786". Raises: ParameterError.
+    """
+    try:
+        at = scheduler_place(scheduler)
+        if at is not None:
+            socket.create_connection(at, timeout=PROBE).close()
+    except TimeoutError:
+        return
+    except (OSError, ValueError, OverflowError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise ParameterError(
+            f"--scheduler {scheduler}: no Dask scheduler answers ({why}); start one with "
+            "`dask scheduler`, or check the address"
+        ) from error
+
+
+def scheduler_place(address: str) -> tuple[str, int] | None:
+    """Return host and port of an address; None for protocols other than TCP.
+
+    Raises: ValueError for a port that is no number.
+    """
+    protocol, _, place = address.rpartition("://")
+    if protocol not in ("", "tcp", "tls"):
+        return None
+    host, colon, port = place.rpartition(":")
+    return (host.strip("[]"), int(port)) if colon else (place, DASK_PORT)
 
 
 def dask(scheduler: str) -> ModuleType:

@@ -43,11 +43,13 @@ class Report:
 def engine(scheduler: str | None, workers: int) -> Engine:
     """Return what solves points: processes of this machine, or the workers of a Dask scheduler.
 
-    Raises: MissingLibraryError.
+    Raises: MissingLibraryError; ParameterError where no scheduler answers.
     """
     if scheduler is None:
         return partial(on_processes, workers=workers)
-    dask(scheduler)
+    cluster = dask(scheduler)
+    if scheduler != "local":
+        cluster.need_answer(scheduler)
     return partial(on_cluster, address=scheduler, workers=workers)
 
 

@@ -6,19 +6,29 @@ Nothing finished is lost and nothing is done twice.
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from threading import Thread
 
+import dask
 import psutil
 import pytest
 import xarray as xr
 
+from femnl.cli._main import run as run_command
 from tests.unit.test_sweep import HEAD, PLAIN
 
+Capture = pytest.CaptureFixture[str]
+SHARED = {
+    "sweep": ["sweep", "sweep.toml"],
+    "diagnose": ["diagnose", "a.csv", "--table", "t.csv"],
+}
+"""Commands that share out their work."""
 Starter = Callable[..., subprocess.Popen[str]]
 
 
@@ -202,7 +212,8 @@ def test_a_scheduler_that_dies_is_one_line_and_what_was_solved_stays(
     scheduler.kill()
     _, errors = client.communicate(timeout=60)
     assert client.returncode == 2
-    assert errors.splitlines()[1:] == [
+    said = [line for line in errors.splitlines() if not line.startswith("working on ")]
+    assert said[1:] == [
         f"femnl: --scheduler {address}: the scheduler has gone; start it again and repeat the "
         "command, which goes on from here"
     ]
@@ -265,30 +276,69 @@ def test_an_interrupt_ends_workers_and_says_that_the_sweep_goes_on(
     assert not [child for child in children if child.is_running()]
 
 
-def test_a_scheduler_that_is_not_there_is_one_line_after_as_long_as_dask_is_told_to_wait(
-    tmp_path: Path,
+@pytest.mark.parametrize("command", ["sweep", "diagnose"])
+def test_a_scheduler_that_is_not_there_is_one_line_and_leaves_nothing(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
-    spec = sweep_file(tmp_path, 3)
-    told = {
-        "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "1s",
-        "PYTHONPATH": str(Path(__file__).parents[2]),
-    }
-    command = [
-        sys.executable,
-        "-m",
-        "femnl",
-        "sweep",
-        spec.name,
-        "--scheduler",
-        "tcp://127.0.0.1:9",
-    ]
-    done = subprocess.run(
-        command, cwd=tmp_path, env=os.environ | told, capture_output=True, text=True, check=False
+    monkeypatch.chdir(tmp_path)
+    sweep_file(tmp_path, 3)
+    (tmp_path / "a.csv").write_text("f,Q\n1,2\n", encoding="utf-8")
+    before = sorted(tmp_path.iterdir())
+    began = time.monotonic()
+    for address in ("tcp://127.0.0.1:9", "127.0.0.1:9"):
+        assert run_command([*SHARED[command], "--scheduler", address]) == 2
+        assert capsys.readouterr().err == (
+            f"femnl: --scheduler {address}: no Dask scheduler answers (Connection refused); start "
+            "one with `dask scheduler`, or check the address\n"
+        )
+    assert time.monotonic() - began < 10, "Dask, which waits for 30 s, is not asked"
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:port", "tcp://127.0.0.1:99999", ":"])
+def test_an_address_that_is_none_is_one_line(
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    sweep_file(tmp_path, 3)
+    assert run_command(["sweep", "sweep.toml", "--scheduler", address]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"femnl: --scheduler {address}: no Dask scheduler answers (")
+
+
+@pytest.mark.parametrize("says", [b"", b"SSH-2.0-OpenSSH\r\n"], ids=["nothing", "SSH"])
+@pytest.mark.parametrize("command", ["sweep", "diagnose"])
+def test_what_listens_and_is_no_scheduler_is_one_line(
+    command: str,
+    says: bytes,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Capture,
+) -> None:
+    """Dask itself would wait for it without end."""
+    monkeypatch.chdir(tmp_path)
+    sweep_file(tmp_path, 3)
+    (tmp_path / "a.csv").write_text("f,Q\n1,2\n", encoding="utf-8")
+    with (
+        dask.config.set({"distributed.comm.timeouts.connect": "1s"}),
+        socket.create_server(("127.0.0.1", 0)) as server,
+    ):
+        Thread(target=greet, args=(server, says), daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        assert run_command([*SHARED[command], "--scheduler", address]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    why = "what listens there is none" if says else "silent for 1 s"
+    assert line == (
+        f"femnl: --scheduler {address}: no Dask scheduler answers ({why}); start one with "
+        "`dask scheduler`"
     )
-    assert done.returncode == 2
-    line = done.stderr.splitlines()[-1]
-    assert line.startswith(
-        "femnl: --scheduler tcp://127.0.0.1:9: no Dask scheduler answers (Timed out"
-    )
-    assert line.endswith("after 1 s); start one with `dask scheduler`")
-    assert "Traceback" not in done.stderr
+
+
+def greet(server: socket.socket, says: bytes) -> None:
+    """Say something to all who come, and keep their connections open."""
+    held = []
+    with suppress(OSError):  # the server is closed
+        while True:
+            connection, _ = server.accept()
+            connection.sendall(says)
+            held.append(connection)
