@@ -42,10 +42,10 @@ class FitOptions:
 
     meaning: a key of MEANINGS, None to go by the kind of each measurement; response: the options of
     responses; n_modes: linear modes to fit to a response, None for one Duffing mode; each_sweep:
-    whether each sweep of a response is fitted on its own; law: of a series; fringe: of maps and
-    traces; mode: index of the mode of a map; geometry: the device, None for that of the file;
-    n_harmonics: highest harmonic of a trace; held_out: samples of an oscillator to test on; cache:
-    whether modes are kept on disk.
+    whether each sweep of a response is fitted on its own; law: of a series; against: its control
+    variable, None for the only one that varies; fringe: of maps and traces; mode: index of the mode
+    of a map; geometry: the device, None for that of the file; n_harmonics: highest harmonic of a
+    trace; held_out: samples of an oscillator to test on; cache: whether modes are kept on disk.
     """
 
     meaning: str | None
@@ -53,6 +53,7 @@ class FitOptions:
     n_modes: int | None
     each_sweep: bool
     law: Law
+    against: str | None
     fringe: str
     mode: int
     geometry: str | None
@@ -155,7 +156,7 @@ def _fit_measurement(name: str, dataset: xr.Dataset, file: MeasuredFile) -> Mapp
         case "response":
             return _fit_response(name, dataset, options)
         case "series":
-            return law(name, dataset, options.law)
+            return law(name, dataset, options.law, options.against)
         case "spectrum":
             return film(name, dataset, file.device(), options.cache)
         case "trace":

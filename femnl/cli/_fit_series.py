@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from femnl.core.choices import Law
 
 
-def law(name: str, dataset: xr.Dataset, form: Law) -> dict[str, Outcome]:
-    """Fit a law to every quantity of a series."""
+def law(name: str, dataset: xr.Dataset, form: Law, control: str | None) -> dict[str, Outcome]:
+    """Fit a law to every quantity of a series, against one control variable."""
     from femnl.fits.series.law import fit_series
     from femnl.plot.series import series_fit_figure
 
     outcomes = {}
-    for found in fit_series(dataset, form):
+    for found in fit_series(dataset, form, control):
         own = f"{name}, {found.quantity.replace('_', ' ')}"
         ends = [
             f"  95 %: {key} from {scientific(low, 6)} to {scientific(high, 6)}"

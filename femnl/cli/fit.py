@@ -40,6 +40,7 @@ APPLIES = {
     "each_sweep_to": ("response",),
     "n_modes": ("response",),
     "law_name": ("series",),
+    "against": ("series",),
 }
 
 As = Annotated[
@@ -93,6 +94,13 @@ Modes = Annotated[
     ),
 ]
 LawOption = Annotated[str, typer.Option("--law", help=f"Of a series: {', '.join(LAWS)}.")]
+Against = Annotated[
+    str | None,
+    typer.Option(
+        help="Of a series: the control variable of the law, where several vary.",
+        show_default=False,
+    ),
+]
 Damping = Annotated[
     bool,
     typer.Option(
@@ -143,6 +151,7 @@ def command(
     each_sweep_to: EachSweep = None,
     n_modes: Modes = None,
     law_name: LawOption = "line",
+    against: Against = None,
     fringe: Fringe = "sine",
     mode: Annotated[int, typer.Option(help="Of a map: which mode moves, from 1.")] = 1,
     geometry: Device = None,
@@ -170,6 +179,7 @@ def command(
         n_modes=n_modes,
         each_sweep=each_sweep_to is not None,
         law=_one_of("--law", law_name, LAWS),
+        against=against,
         fringe=fringe,
         mode=check_mode(mode),
         geometry=geometry,

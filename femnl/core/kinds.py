@@ -38,13 +38,15 @@ class Contract:
     """What a group of a measurement file holds.
 
     dims: in the order of the file. datasets and attributes: by name. needs: of each group of names
-    at least one dataset must be there.
+    at least one dataset must be there. free: dimensions of further control variables, whose names
+    and units a file chooses; empty where it may choose none.
     """
 
     dims: tuple[str, ...]
     datasets: Mapping[str, Item]
     attributes: Mapping[str, Item] = field(default_factory=dict)
     needs: tuple[tuple[str, ...], ...] = ()
+    free: tuple[str, ...] = ()
 
 
 def _default_modes(dataset: Any) -> int:
@@ -90,7 +92,7 @@ CONTROLS: Mapping[str, str] = MappingProxyType(
         "time": "s",
     }
 )
-"""Control variables that a series may be taken against, with their units."""
+"""Control variables that effects know, with their units; a file may name others."""
 NOISE = Item(unit="V", positive=True)
 WAVELENGTH = Item(unit="m", positive=True)
 AMPLITUDE: Mapping[str, str] = MappingProxyType({"real": "V", "imag": "V"})

@@ -122,6 +122,9 @@ def _check(effect: Effect, where: str) -> None:
             )
     shown = [spec for spec in kinds().values() if not effect.changes.keys().isdisjoint(spec.stages)]
     scales = {scale for spec in shown for scale in spec.scales}
+    if any(spec.contract is not None and spec.contract.free for spec in shown):
+        # A control variable that a file may name gives the same numbers as the known ones
+        scales |= {f"{form}{need}" for form in ("", "per_") for need in effect.needs}
     for parameter in effect.parameters:
         if parameter.scale and parameter.scale not in scales:
             raise ParameterError(

@@ -21,7 +21,6 @@ from femnl.core.stages import (
     Ringing,
     Signal,
 )
-from femnl.io.measurement import CONTROLS
 from femnl.observe.model import MeasurementModel
 
 ORDERS = range(2, 7)
@@ -313,9 +312,7 @@ FORMS = (
 
 def _series(base_model: MeasurementModel) -> list[Effect]:
     """A cubic of frequency and of 1/Q in each control variable that was varied."""
-    if base_model.kind != "series":
-        return []
-    return [_against(control) for control in CONTROLS if control in base_model.scales]
+    return [_against(control) for control in base_model.varied]
 
 
 def _against(control: str) -> Effect:

@@ -153,6 +153,11 @@ class MeasurementModel(ABC):
         return ""
 
     @property
+    def varied(self) -> tuple[str, ...]:
+        """Control variables that take more than one value, none unless a kind has them."""
+        return ()
+
+    @property
     def layout(self) -> Layout | None:
         """None where residuals have no neighbours, as the modes of a spectrum."""
         return None

@@ -118,6 +118,11 @@ class NoisyModel(MeasurementModel):
         )
 
     @property
+    def varied(self) -> tuple[str, ...]:
+        """Those of the model under the stated noise."""
+        return self.bare.varied
+
+    @property
     def quantity(self) -> tuple[Array, str]:
         """That of the bare model, in the standard deviation that was found."""
         sizes, unit = self.bare.quantity

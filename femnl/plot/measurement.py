@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from femnl.core.errors import numbers_of
 from femnl.core.kinds import function, kind_of
+from femnl.io.measurement import controls
 from femnl.observe.decay.record import decibels
 from femnl.plot.style import (
     COLOURS,
@@ -132,13 +133,12 @@ def decay_figure(dataset: xr.Dataset) -> Figure:
 def series_figure(dataset: xr.Dataset) -> Figure:
     """Draw a `series`: relative change of frequency, and quality factor.
 
-    Against the first control variable.
+    Against the first control variable that varies.
     """
-    control = next(iter(dataset.coords))
+    control, unit = next(iter(controls(dataset).items()))
     x = dataset[control].values
     drawn = [key for key in ("frequency", "quality_factor") if key in dataset]
     logarithmic = bool(np.all(x > 0) and x.max() > 50 * x.min())
-    unit = str(dataset[control].attrs["units"])
     divisor, unit = (1.0, unit) if logarithmic else prefixed(x, unit)
     with style():
         result = new_figure(height=1.0 + 1.7 * len(drawn))
@@ -169,7 +169,7 @@ def series_figure(dataset: xr.Dataset) -> Figure:
             )
         if logarithmic:
             panels[-1].set_xscale("log")
-        panels[-1].set_xlabel(axis_label(str(control).replace("_", " "), unit))
+        panels[-1].set_xlabel(axis_label(control.replace("_", " "), unit))
         if len(drawn) > 1:
             panel_letters(list(panels))
     return result

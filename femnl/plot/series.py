@@ -3,7 +3,6 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from femnl.core.kinds import CONTROLS
 from femnl.fits.series.law import SeriesFit
 from femnl.plot.style import COLOURS, INK, axis_label, new_figure, panel_letters, style
 
@@ -30,6 +29,6 @@ def series_fit_figure(found: SeriesFit) -> Figure:
         lower.axhline(0, color=INK, linewidth=0.6)
         lower.plot(found.x, (found.y - found.line) / found.sd, "o", color=COLOURS[0])
         lower.set_ylabel("residual (σ)")
-        lower.set_xlabel(axis_label(found.control.replace("_", " "), CONTROLS[found.control]))
+        lower.set_xlabel(axis_label(found.control.replace("_", " "), found.unit))
         panel_letters([upper, lower])
     return figure

@@ -1,5 +1,6 @@
 """One style for all figures: accessible colours, sober axes, units with SI prefixes."""
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -22,6 +23,7 @@ LONGEST = 40
 """Signs of a name in a figure."""
 WIDTH = 7.2  # inches, two columns of a journal page
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
+_TAKES_PREFIX = re.compile(r"(?!kg)[A-Za-zΩ°]+(?![\w^*²³])(?!\*\*)")
 _SETTINGS: Any = {
     "font.size": 9.0,
     "axes.titlesize": 9.0,
@@ -68,12 +70,12 @@ def new_figure(width: float = WIDTH, height: float = 3.0) -> Figure:
 def prefixed(values: ArrayLike, unit: str) -> tuple[float, str]:
     """The SI prefix that brings the largest of `values` to 1…1000.
 
-    Returns: the divisor, and the unit with its prefix; (1, unit) where there is no unit or nothing
-    finite but zero.
+    Returns: the divisor, and the unit with its prefix; (1, unit) where there is no unit, nothing
+    finite but zero, or no prefix would be right: of kg, m^2 or 1/V.
     """
     numbers = np.abs(np.asarray(values, dtype=float))
     numbers = numbers[np.isfinite(numbers) & (numbers > 0)]
-    if not unit or numbers.size == 0:
+    if not _TAKES_PREFIX.match(unit) or numbers.size == 0:
         return 1.0, unit
     # The tiny excess keeps 999.9999 from being labelled 1e3 of the smaller unit.
     exponent = int(np.clip(3 * np.floor(np.log10(numbers.max() * (1 + 1e-9)) / 3), -15, 12))

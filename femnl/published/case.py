@@ -44,7 +44,7 @@ from femnl.core.errors import MeasurementError, ParameterError
 from femnl.io import measurement
 from femnl.io.labfiles import import_file
 from femnl.io.labfiles.spec import Spec
-from femnl.io.measurement import CONTROLS, KINDS, quantity, to_si
+from femnl.io.measurement import CONTROLS, KINDS, coherent, quantity, to_si
 
 Array = NDArray[np.float64]
 SCALARS = {"pressure": "Pa"}
@@ -199,15 +199,13 @@ def _printed(data: Data) -> xr.Dataset:
     """Return the numbers that a case prints, in SI, as a group of a measurement file."""
     arrays: dict[str, Any] = {}
     for name, column in data.columns.items():
-        spec = KINDS[data.kind].datasets.get(name)
-        if spec is None:
-            raise MeasurementError(f"columns.{name}: not a quantity of kind {data.kind}")
-        arrays[name] = _spread(_numbers(column, spec.unit or "", name), data.multiplicity)
+        unit = _unit(data.kind, name, column.unit)
+        arrays[name] = _spread(_numbers(column, unit, name), data.multiplicity)
     if data.label:
         arrays["label"] = data.label
     if data.kind == "series":
-        control = {name: arrays.pop(name) for name in CONTROLS if name in arrays}
-        dataset = measurement.series(control, **arrays)
+        units = {name: column.unit for name, column in data.columns.items()}
+        dataset = _series(arrays, units)
     else:
         dataset = measurement.spectrum(**arrays)
     scalars = {
@@ -239,21 +237,35 @@ def _from_table(path: Path, rows: Rows) -> xr.Dataset:
     if rows.date:
         taken.sort(key=lambda row: row[rows.date])
     arrays = {
-        name: to_si([float(row[heading]) for row in taken], unit, _unit(name), name)
+        name: to_si([float(row[heading]) for row in taken], unit, _unit("series", name, unit), name)
         for name, (heading, unit) in rows.columns.items()
     }
     for name, value in rows.constants.items():
-        arrays[name] = np.full(len(taken), quantity(value, _unit(name), name)[0])
+        arrays[name] = np.full(len(taken), quantity(value, _unit("series", name), name)[0])
     if rows.date:
         moments = [datetime.fromisoformat(row[rows.date]) for row in taken]
         arrays["time"] = np.array([(m - moments[0]).total_seconds() for m in moments])
-    control = {name: arrays.pop(name) for name in CONTROLS if name in arrays}
-    return measurement.series(control, **arrays)
+    return _series(arrays, {name: unit for name, (_, unit) in rows.columns.items()})
+
+
+def _series(arrays: dict[str, Any], units: Mapping[str, str]) -> xr.Dataset:
+    """Return the series of arrays in SI: some are quantities, all others control variables."""
+    known = KINDS["series"].datasets
+    free = [name for name in arrays if name not in known]
+    control = {name: arrays.pop(name) for name in (*CONTROLS, *free) if name in arrays}
+    own = {name: coherent(units[name], name) or "1" for name in free}
+    return measurement.series(control, **arrays, units=own)
 
 
 def _matches(row: Mapping[str, str], where: Mapping[str, str]) -> bool:
     return all(fnmatch(row[heading], pattern) for heading, pattern in where.items())
 
 
-def _unit(name: str) -> str:
-    return KINDS["series"].datasets[name].unit or ""
+def _unit(kind: str, name: str, unit: str = "") -> str:
+    """Return the SI unit of a column; one that the kind does not list is a control variable."""
+    spec = KINDS[kind].datasets.get(name)
+    if spec is not None:
+        return spec.unit or ""
+    if not unit or not KINDS[kind].free:
+        raise MeasurementError(f"columns.{name}: not a quantity of kind {kind}")
+    return coherent(unit, f"columns.{name}")

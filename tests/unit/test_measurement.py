@@ -85,7 +85,7 @@ def test_every_kind_comes_back_from_the_file_as_it_was_written(tmp_path: Path) -
 def test_a_written_file_is_plain_hdf5_with_units_and_dimension_scales(tmp_path: Path) -> None:
     measurement.write(measurement.bundle(samples()), tmp_path / "all.nc")
     with h5py.File(tmp_path / "all.nc") as file:
-        assert file.attrs["femnl_measurement"] == "1.1"
+        assert file.attrs["femnl_measurement"] == "1.2"
         real = file["map/real"]
         assert real.attrs["units"] == "V"
         assert real.dtype == np.float64

@@ -4,13 +4,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.core.kinds import CONTROLS
 from femnl.fits.response.fit import fit_response
 from femnl.fits.response.result import ResponseFit
-from femnl.io.measurement import series
+from femnl.io.measurement import controls, series, varies
 
 
 def fit_each_sweep(
@@ -29,14 +28,14 @@ def fit_each_sweep(
         raise MeasurementError(
             "response: has one sweep, and a series needs two; fit it without --each-sweep"
         )
-    controls = _controls(dataset)
+    varied = _varied(dataset)
     fits = tuple(fit(dataset.isel(sweep=[row])) for row in range(count))
     data: dict[str, list[float]] = {}
     for name in ("frequency", "quality_factor"):
         found = [one.parameters[name] for one in fits]
         data[name] = [parameter.value for parameter in found]
         data[f"{name}_sd"] = [_given(parameter.sd) for parameter in found]
-    return fits, series(controls, **data)
+    return fits, series({name: dataset[name].values for name in varied}, **data, units=varied)
 
 
 def _given(sd: float) -> float:
@@ -44,17 +43,16 @@ def _given(sd: float) -> float:
     return sd if np.isfinite(sd) and sd > 0 else float("nan")
 
 
-def _controls(dataset: xr.Dataset) -> Mapping[str, NDArray[np.float64]]:
-    """Return the control variables that differ between the sweeps."""
-    found = {}
-    for name in CONTROLS:
-        if name in dataset.coords and dataset[name].dims == ("sweep",):
-            values = np.asarray(dataset[name].values, float)
-            if np.isfinite(values).all() and np.ptp(values) > 0:
-                found[name] = values
+def _varied(dataset: xr.Dataset) -> Mapping[str, str]:
+    """Return the units of the control variables that differ between the sweeps."""
+    found = {
+        name: unit or "1"
+        for name, unit in controls(dataset).items()
+        if varies(dataset, name) and np.isfinite(dataset[name].values).all()
+    }
     if not found:
         raise MeasurementError(
             f"response: no control variable differs between the sweeps; a series needs one of "
-            f"{', '.join(CONTROLS)}, one value a sweep"
+            f"{', '.join(CONTROLS)}, or another with its unit, one value a sweep"
         )
     return found

@@ -12,9 +12,9 @@ from scipy.stats import t as student
 from femnl.core.choices import Law
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
-from femnl.core.kinds import CONTROLS
 from femnl.core.readout import Array
 from femnl.fits.covariance import covariance, strongest_correlation
+from femnl.io.measurement import controls, varies
 
 BOLTZMANN = 1.380649e-23
 """Boltzmann constant [J/K], exact in the SI."""
@@ -32,11 +32,13 @@ class SeriesFit:
     """A law fitted to one quantity of a series against one control variable.
 
     fit: its parameters. interval: the lower and upper end of the 95 % interval of each, by name.
-    x, y, sd (n,): the points used, sd as scaled; line (n,): the law there.
+    x, y, sd (n,): the points used, sd as scaled; line (n,): the law there; unit: of x, "" for a
+    plain number.
     """
 
     quantity: str
     control: str
+    unit: str
     law: Law
     fit: Fit
     interval: Mapping[str, tuple[float, float]]
@@ -69,20 +71,25 @@ def fit_series(
 
 def _control(dataset: xr.Dataset, law: Law, control: str | None) -> str:
     """Return the control variable that the law is of."""
-    varied = [
-        name
-        for name in CONTROLS
-        if name in dataset.coords and np.ptp(np.asarray(dataset[name].values, float)) > 0
-    ]
-    if law == "arrhenius" and control is None:
-        control = "temperature"
-    if control is None and len(varied) == 1:
-        return varied[0]
+    known = controls(dataset)
+    varied = [name for name in known if varies(dataset, name)]
+    suited = [name for name in varied if law != "arrhenius" or known[name] == "K"]
+    if law == "arrhenius" and control is None and "temperature" in suited:
+        return "temperature"
+    if control is None and len(suited) == 1:
+        return suited[0]
     if control not in varied:
-        there = ", ".join(varied) or "nothing"
+        there = " and ".join(varied) or "nothing"
+        needed = "a temperature in K" if law == "arrhenius" else "one control variable"
         raise ParameterError(
-            f"series: the law {law} needs {control or 'one control variable'}, and {there} varies; "
-            "choose another law, or name one that varies"
+            f"series: the law {law} needs {control or needed}, and {there} "
+            f"{'vary' if len(varied) > 1 else 'varies'}; choose another law, or name one that "
+            "varies"
+        )
+    if control not in suited:
+        raise ParameterError(
+            f"series: the law arrhenius needs a temperature in K, and {control} is in "
+            f"{known[control] or '1'}; choose another law"
         )
     return control
 
@@ -108,7 +115,8 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
     y = y[used]
     relative = not stated and law != "line"
     sd = sd[used] if stated else _alike(y, relative=relative)
-    form = _form(law, key, control, x, y, sd)
+    per = controls(dataset)[control]
+    form = _form(law, key, (control, per), x, y, sd)
 
     def residual(p: Array) -> Array:
         # ln y − ln f where relative errors are equal: linear in ln(value), and so without bias
@@ -160,6 +168,7 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
     return SeriesFit(
         key,
         control,
+        per,
         law,
         Fit(parameters, spread, reduced if stated else 1.0, len(x), len(form.start), notes),
         interval,
@@ -194,29 +203,33 @@ class _Form:
     notes: tuple[str, ...]
 
 
-def _form(law: Law, key: str, control: str, x: Array, y: Array, sd: Array) -> _Form:
-    """Return the law with a start from linear least squares."""
+def _form(law: Law, key: str, against: tuple[str, str], x: Array, y: Array, sd: Array) -> _Form:
+    """Return the law with a start from linear least squares.
+
+    Args: against: the control variable and its unit.
+    """
+    control, per = against
     weight = 1 / sd**2
     unit = QUANTITIES[key]
-    per = CONTROLS[control]
+    place = f"value is that at {control.replace('_', ' ')} ="
     if law == "line":
         middle = float(np.sum(weight * x) / np.sum(weight))
         columns = np.column_stack([np.ones(len(x)), x - middle])
         return _Form(
             ("value", "slope"),
-            (unit, f"{unit or '1'}/{per}"),
+            (unit, _per(unit, per)),
             _linear(columns, y, sd),
             float(np.max(np.abs(y))) * np.array([1, 1 / float(np.ptp(x))]),
             lambda p: np.asarray(columns @ p),
             lambda p: columns,
-            (f"value is that at {control.replace('_', ' ')} = {middle:.6g} {per}",),
+            (f"{place} {middle:.6g} {per}".rstrip(),),
         )
     if np.any(x <= 0) or np.any(y <= 0):
         raise ParameterError(f"series: the law {law} needs positive values of {control} and {key}")
     if law == "power":
         middle = float(np.exp(np.sum(weight * y**2 * np.log(x)) / np.sum(weight * y**2)))
         ratio = np.log(x / middle)
-        return _power(unit, ratio, y, sd, (f"value is that at {control} = {middle:.6g} {per}",))
+        return _power(unit, ratio, y, sd, (f"{place} {middle:.6g} {per}".rstrip(),))
     inverse = 1 / (BOLTZMANN * x)
     scale = float(inverse.mean())
     logged = _linear(np.column_stack([np.ones(len(x)), -inverse / scale]), np.log(y), sd / y)
@@ -231,6 +244,13 @@ def _form(law: Law, key: str, control: str, x: Array, y: Array, sd: Array) -> _F
     start = np.array([np.exp(logged[0]), logged[1] / scale])
     steps = np.array([start[0], 1 / scale])
     return _Form(("prefactor", "activation_energy"), (unit, "J"), start, steps, predict, slopes, ())
+
+
+def _per(unit: str, per: str) -> str:
+    """Return the unit of a slope: Hz/K, Hz/(V/m), 1/K, and Hz against a plain number."""
+    if not per:
+        return unit
+    return f"{unit or '1'}/{per if per.isalpha() else f'({per})'}"
 
 
 def _power(unit: str, ratio: Array, y: Array, sd: Array, notes: tuple[str, ...]) -> _Form:

@@ -10,9 +10,10 @@ from femnl.core.device import Film
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.readout import Array
-from femnl.io.measurement import CONTROLS, estimate_noise
+from femnl.io.measurement import CONTROLS, controls, estimate_noise
 from femnl.mechanics.gas import crossing_time, free_molecular_loss
 from femnl.observe.film import SimulatedFilm
+from femnl.observe.series import KIND
 from femnl.observe.series.model import SeriesModel
 
 LEAST = 4
@@ -33,9 +34,8 @@ def pose(
 
     Raises: MeasurementError for fewer than four usable points.
     """
-    control = {
-        name: np.asarray(dataset[name].values, float) for name in CONTROLS if name in dataset.coords
-    }
+    units = controls(dataset)
+    control = {name: np.asarray(dataset[name].values, float) for name in units}
     data: dict[str, tuple[Array, Array]] = {}
     notes = []
     for name in QUANTITIES:
@@ -68,6 +68,7 @@ def pose(
         start=np.array(list(middle.values())),
         scales=_scales(control, middle) | _of_film(film, control, middle),
         notes=tuple(notes),
+        units=units,
         gap=film.gap,
     )
 
@@ -82,12 +83,17 @@ def _standard_deviation(dataset: xr.Dataset, name: str) -> tuple[Array, list[str
 
 
 def _scales(control: Mapping[str, Array], middle: Mapping[str, float]) -> dict[str, float]:
-    """Return the range of each control variable that was varied, its inverse and their squares."""
+    """Return the range of each control variable that was varied, its inverse and their squares.
+
+    A free one that is called as a number of another meaning, such as gap, is left out: effects ask
+    for numbers by name.
+    """
     # A control variable counts as recorded only where it was varied.
+    taken = KIND.scales - CONTROLS.keys()
     varied = {
         name: float(np.ptp(values))
         for name, values in control.items()
-        if np.isfinite(values).all() and np.ptp(values) > 0
+        if name not in taken and np.isfinite(values).all() and np.ptp(values) > 0
     }
     return {
         **varied,

@@ -132,14 +132,19 @@ def per_sweep(
 
 
 def sweeps_to_response(
-    sweeps: Sequence[Sweep], labels: Labels, spec: Spec, where: str
+    sweeps: Sequence[Sweep],
+    labels: Labels,
+    spec: Spec,
+    where: str,
+    units: Mapping[str, str] | None = None,
 ) -> tuple[xr.Dataset, list[str]]:
     """Build a `response` from sweeps as they were taken.
 
     Direction from their order, points sorted, short sweeps filled with NaN.
 
     Args: sweeps: (frequency [Hz], amplitude [V]) in the order taken; labels: per-sweep arrays that
-    the files give; spec: fills the rest.
+    the files give; spec: fills the rest; units: those of labels that are control variables of the
+    file's own.
     Returns: the Dataset and notes on what was found.
     """
     points = max(f.size for f, _ in sweeps)
@@ -157,6 +162,7 @@ def sweeps_to_response(
         volts[row, : f.size] = v[order]
     ups = np.count_nonzero(direction > 0)
     downs = np.count_nonzero(direction < 0)
+    units = units or {}
     notes = [
         f"{where}: {len(sweeps)} sweeps, {ups} up and {downs} down, by the order of their points"
     ]
@@ -198,6 +204,8 @@ def sweeps_to_response(
         pressure=given["pressure"],
         laser_power=given["laser_power"],
         voltage=given["voltage"],
+        control={name: own for name, own in labels.items() if name in units and own is not None},
+        units=units,
         **scalars,
     )
     if harmonic is None:

@@ -10,6 +10,8 @@ from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.levels import directions, magnitudes
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import KINDS, quantity, to_si
+from femnl.io.measurement.contract import Item
+from femnl.io.measurement.controls import free_item
 
 Columns = dict[str, NDArray[Any]]
 COMPLEX = {"amplitude": "V", "magnitude": "V", "phase": "rad"}
@@ -35,9 +37,7 @@ def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> C
         place = f"{where}: columns.{name}"
         column = spec.column(name)
         if name not in known and name not in (*COMPLEX, "sweep"):
-            raise MeasurementError(
-                f"{place}: not a quantity of kind {spec.kind}; use {', '.join([*known, *COMPLEX])}"
-            )
+            known[name] = _control(spec, name, place)
         if column.rate is not None:
             rate, _ = quantity(column.rate, "Hz", f"{place}.rate")
             taken[name] = np.arange(length) / rate
@@ -69,6 +69,26 @@ def take_columns(spec: Spec, table: Mapping[str, NDArray[Any]], where: str) -> C
             step, _ = quantity(column.round, si, f"{place}.round")
             taken[name] = np.round(taken[name] / step) * step
     return taken
+
+
+def _control(spec: Spec, name: str, place: str) -> Item:
+    """Return the item of a column that is a control variable of the file's own.
+
+    Raises: MeasurementError where the kind has none, or the column states no unit.
+    """
+    kind = KINDS[str(spec.kind)]
+    unit = spec.column(name).unit
+    if kind.free and unit is not None:
+        return free_item(kind, name, unit, place)
+    own = (
+        f', or give the unit of a control variable: {name} = {{ column = …, unit = "V" }}'
+        if kind.free
+        else ""
+    )
+    raise MeasurementError(
+        f"{place}: not a quantity of kind {spec.kind}; use "
+        f"{', '.join([*kind.datasets, *COMPLEX])}{own}"
+    )
 
 
 def named(spec: Spec) -> set[str]:

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import PARTS, RMS, refuse_lengths, scalar_values, sweeps_to_response
 from femnl.io.labfiles.levels import even_clock, is_level
-from femnl.io.labfiles.named_columns import Columns
+from femnl.io.labfiles.named_columns import COMPLEX, Columns
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import (
     KINDS,
+    coherent,
     decay,
     harmonic_map,
     series,
@@ -59,8 +60,9 @@ def _refuse_unused(spec: Spec, columns: Columns, where: str) -> None:
     }.get(str(spec.kind))
     if used is None or any(values.ndim > 1 for values in columns.values()):
         return
+    own = _own_units(spec)
     for name in columns:
-        if name not in used:
+        if name not in used and name not in own:
             raise MeasurementError(
                 f"{where}: columns.{name}: a table of kind {spec.kind} has one value of it for "
                 "all; give it in [values], or leave it out"
@@ -112,7 +114,7 @@ def _direct(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
             for key in tuple(columns)
             if key.startswith(("frequency", "quality_factor"))
         }
-        return series(columns, **data)
+        return series(columns, **data, units=_own_units(spec))
     datasets = KINDS[str(spec.kind)].datasets
     variables = {}
     for key, values in columns.items():
@@ -126,6 +128,16 @@ def _direct(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
             [f"{key}_{axis}" for axis in range(flat.ndim)], flat, attributes
         )
     return xr.Dataset(variables, attrs={"kind": spec.kind, **spec.values})
+
+
+def _own_units(spec: Spec) -> dict[str, str]:
+    """Return the SI units of those columns that are control variables of the file's own."""
+    known = (*KINDS[str(spec.kind)].datasets, *COMPLEX, "sweep")
+    return {
+        name: coherent(spec.column(name).unit or "", name) or "1"
+        for name in spec.columns
+        if name not in known
+    }
 
 
 def _need(columns: Columns, names: tuple[str, ...], where: str) -> None:
@@ -164,7 +176,8 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
         if name in columns
     }
     notes: list[str] = []
-    for name in _BESIDE:
+    own = _own_units(spec)
+    for name in (*_BESIDE, *own):
         if name in columns:
             labels[name] = np.array([np.nanmean(columns[name][piece]) for piece in pieces])
             notes.append(f"{where}: {name} of a sweep is the mean over its points")
@@ -173,7 +186,7 @@ def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, lis
         labels["duration"] = np.array([_lasts(columns["time"][piece]) for piece in pieces])
         notes.append(f"{where}: time and duration of a sweep are those of its points")
     dataset, found = sweeps_to_response(
-        [(frequency[piece], volts[piece]) for piece in pieces], dict(labels), spec, where
+        [(frequency[piece], volts[piece]) for piece in pieces], dict(labels), spec, where, own
     )
     if alone:
         dataset = dataset.drop_vars("imag").rename({"real": "magnitude"})

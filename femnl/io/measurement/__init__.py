@@ -10,10 +10,11 @@ from femnl.io.measurement.build import (
     trace,
 )
 from femnl.io.measurement.contract import CONTROLS, KINDS, VERSION
+from femnl.io.measurement.controls import controls, varies
 from femnl.io.measurement.files import bundle, is_measurement, named_geometry, read, write
 from femnl.io.measurement.hdf5_safety import open_hdf5
 from femnl.io.measurement.noise import amplitude, estimate_noise, noise_sd
-from femnl.io.measurement.units import quantity, to_si
+from femnl.io.measurement.units import coherent, quantity, to_si
 
 __all__ = [
     "CONTROLS",
@@ -21,6 +22,8 @@ __all__ = [
     "VERSION",
     "amplitude",
     "bundle",
+    "coherent",
+    "controls",
     "decay",
     "estimate_noise",
     "harmonic_map",
@@ -36,5 +39,6 @@ __all__ = [
     "spectrum",
     "to_si",
     "trace",
+    "varies",
     "write",
 ]

@@ -7,19 +7,23 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from femnl.core.errors import MeasurementError
-from femnl.io.measurement.contract import CONTROLS, KINDS
+from femnl.io.measurement.contract import CONTROLS, KINDS, Item
+from femnl.io.measurement.controls import free_item
+from femnl.io.measurement.units import to_si
 
 
 def _build(
     kind: str,
     arrays: Mapping[str, ArrayLike | None],
     attributes: Mapping[str, float | str | None] | None = None,
+    free: Mapping[str, Item] | None = None,
 ) -> xr.Dataset:
     """Dataset of `kind` with the contract's dimensions and units.
 
-    Values are checked when it is bundled or written.
+    free: items of control variables that the contract does not list. Values are checked when it
+    is bundled or written.
     """
-    spec = KINDS[kind].datasets
+    spec = {**KINDS[kind].datasets, **(free or {})}
     variables: dict[str, xr.Variable] = {}
     sizes: dict[str, int] = {}
     for key, given in arrays.items():
@@ -83,6 +87,8 @@ def response(
     pressure: ArrayLike | None = None,
     laser_power: ArrayLike | None = None,
     voltage: ArrayLike | None = None,
+    control: Mapping[str, ArrayLike] | None = None,
+    units: Mapping[str, str] | None = None,
     noise_sd: float | None = None,
     wavelength: float | None = None,
     mode: str | None = None,
@@ -94,9 +100,10 @@ def response(
     Args: frequency [Hz] and complex amplitude V [V], (sweep, point), frequency also (point,) for
     all sweeps; per sweep, or one number for all: drive [V], direction (+1 up, −1 down), x, y [m],
     harmonic, time at which it begins [s], duration [s], temperature [K], pressure [Pa],
-    laser_power [W], voltage [V]; noise_sd [V] per quadrature; wavelength [m]. See
-    `magnitudes_alone` for data without phases.
-    Returns: Dataset of kind `response`.
+    laser_power [W], voltage [V]; control: further control variables by name, one number a sweep
+    or one for all; units: the unit of each of those, "1" for a plain number; noise_sd [V] per
+    quadrature; wavelength [m]. See `magnitudes_alone` for data without phases.
+    Returns: Dataset of kind `response`. Raises: MeasurementError for a name or a unit that is none.
     """
     volts = np.atleast_2d(np.asarray(amplitude))
     points = np.asarray(frequency, dtype=float)
@@ -114,6 +121,8 @@ def response(
         "laser_power": laser_power,
         "voltage": voltage,
     }
+    others, free = _controls("response", control or {}, units or {})
+    labels |= others
     per_sweep = {
         key: None if value is None else np.broadcast_to(np.asarray(value), (sweeps,))
         for key, value in labels.items()
@@ -122,7 +131,7 @@ def response(
         points = np.broadcast_to(points, (sweeps, points.size))
     arrays = {"frequency": points, "real": volts.real, "imag": volts.imag, **per_sweep}
     return _build(
-        "response", arrays, {"noise_sd": noise_sd, "wavelength": wavelength, "mode": mode}
+        "response", arrays, {"noise_sd": noise_sd, "wavelength": wavelength, "mode": mode}, free
     )
 
 
@@ -229,24 +238,53 @@ def series(
     frequency_sd: ArrayLike | None = None,
     quality_factor: ArrayLike | None = None,
     quality_factor_sd: ArrayLike | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> xr.Dataset:
-    """Frequency and quality factor against a control variable.
+    """Frequency and quality factor against control variables.
 
     All arrays have shape (point,), in the order taken.
 
-    Args: control: pressure [Pa], temperature [K], laser_power [W], drive [V] or time [s] by name;
-    frequency [Hz], quality_factor and their sd.
-    Returns: Dataset of kind `series`.
+    Args: control: by name pressure [Pa], temperature [K], laser_power [W], voltage [V], drive [V],
+    time [s], and any other; frequency [Hz], quality_factor and their sd; units: the unit of each
+    other control variable, such as {"gate_voltage": "mV"}, "1" for a plain number.
+    Returns: Dataset of kind `series`. Raises: MeasurementError for a name or a unit that is none.
     """
-    for name in control:
-        if name not in CONTROLS:
-            raise MeasurementError(
-                f"series: control variable {name!r} is not known; use one of {', '.join(CONTROLS)}"
-            )
+    values, free = _controls("series", control, units or {})
     data = {
         "frequency": frequency,
         "frequency_sd": frequency_sd,
         "quality_factor": quality_factor,
         "quality_factor_sd": quality_factor_sd,
     }
-    return _build("series", {**control, **data})
+    return _build("series", {**values, **data}, free=free)
+
+
+def _controls(
+    kind: str, control: Mapping[str, ArrayLike], units: Mapping[str, str]
+) -> tuple[dict[str, ArrayLike], dict[str, Item]]:
+    """Return the values of control variables in SI, and the items of those that are free."""
+    values: dict[str, ArrayLike] = {}
+    free = {}
+    for name in units:
+        if name not in control:
+            raise MeasurementError(
+                f"{kind}: units has {name!r}, which is no control variable of it; give one of "
+                f"{', '.join(control) or 'none'}"
+            )
+    for name, given in control.items():
+        known = KINDS[kind].datasets.get(name)
+        if known is None and name not in units:
+            raise MeasurementError(
+                f"{kind}: control variable {name!r} needs its unit; give units = "
+                f'{{{name!r}: "V"}}, "1" for a plain number, or use one of {", ".join(CONTROLS)}'
+            )
+        if known is not None and name not in CONTROLS:
+            raise MeasurementError(
+                f"{kind}: {name!r} is no control variable but a dataset of its own; name another"
+            )
+        where = f"{kind}: control variable {name}"
+        item = known or free_item(KINDS[kind], name, units[name], where)
+        if known is None:
+            free[name] = item
+        values[name] = to_si(given, units[name], item.unit or "", where) if name in units else given
+    return values, free

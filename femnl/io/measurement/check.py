@@ -11,7 +11,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.measurement.contract import KINDS, Contract, Item
+from femnl.io.measurement.contract import CONTROLS, KINDS, Contract, Item
+from femnl.io.measurement.controls import free_items, with_free
 from femnl.io.measurement.repair import mend
 from femnl.io.measurement.shapes import fit_shapes
 from femnl.io.measurement.units import quantity, to_si
@@ -34,11 +35,11 @@ def text(value: object) -> str:
     return str(value).encode("utf-8", "surrogatepass").decode("utf-8", "replace")
 
 
-def check(group: xr.Dataset, where: str) -> tuple[xr.Dataset, list[str]]:
+def check(group: xr.Dataset, where: str, *, free: bool = True) -> tuple[xr.Dataset, list[str]]:
     """Bring one measurement into the form of the contract.
 
     Args: group: datasets with any names of dimensions; where: what messages name, such as "file:
-    group".
+    group"; free: whether its version of the contract lets it name control variables of its own.
     Returns: the Dataset in SI units with the contract's dimensions and coordinates, and a line for
     every change made.
     Raises: MeasurementError with the dataset, the value and the remedy, where no change is safe.
@@ -52,8 +53,11 @@ def check(group: xr.Dataset, where: str) -> tuple[xr.Dataset, list[str]]:
     kind = KINDS[name]
     notes = []
     found = {str(key): variable for key, variable in group.variables.items()}
+    if free:
+        kind = with_free(kind, free_items(kind, found, where))
+    why = _why_stray(kind, free=free)
     notes += [
-        f"{where}/{stray}: not a dataset of kind {name}, left out"
+        f"{where}/{stray}: not a dataset of kind {name}, left out{why}"
         for stray in sorted(found.keys() - kind.datasets.keys())
     ]
     arrays = {
@@ -77,6 +81,15 @@ def check(group: xr.Dataset, where: str) -> tuple[xr.Dataset, list[str]]:
         attrs={"kind": name, **attributes},
     )
     return mend(dataset, kind, where, notes), notes
+
+
+def _why_stray(kind: Contract, *, free: bool) -> str:
+    """Return what would make a stray dataset a control variable."""
+    if not kind.free:
+        return ""
+    if not free:
+        return "; a file of version 1.2 may name control variables of its own"
+    return f"; a control variable is one number a {kind.free[0]} with its unit in attribute units"
 
 
 def _unit_attribute(item: Item) -> dict[str, str]:
@@ -214,4 +227,12 @@ def _demand(kind: Contract, name: str, arrays: Mapping[str, NDArray[Any]], where
         if not any(key in arrays for key in choice):
             raise MeasurementError(
                 f"{where}: kind {name} needs one of the datasets {', '.join(choice)}; add one"
+                f"{_other(choice)}"
             )
+
+
+def _other(choice: tuple[str, ...]) -> str:
+    """Return that a file of today may name a control variable that is not in the list."""
+    if choice[0] not in CONTROLS:
+        return ""
+    return ", or in a file of version 1.2 another with its unit in the attribute units"

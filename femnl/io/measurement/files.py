@@ -15,6 +15,8 @@ from femnl.io.measurement.contract import VERSION
 from femnl.io.measurement.hdf5_safety import open_hdf5
 
 _ROOT = "femnl_measurement"
+FREE_CONTROLS = 2
+"""Minor version from which on a file may name control variables of its own."""
 
 
 def read(path: str | Path) -> xr.DataTree:
@@ -49,7 +51,13 @@ def read(path: str | Path) -> xr.DataTree:
         groups = {name: group.load() for name, group in groups.items()}
         for group in groups.values():
             group.close()
-    return _collect(groups, str(path))
+    return _collect(groups, str(path), free=_names_controls(version))
+
+
+def _names_controls(version: str) -> bool:
+    """Whether files of a version may name control variables of their own: from 1.2 on."""
+    minor = "".join(version.split(".")[1:2])[:4]
+    return minor.isdecimal() and int(minor) >= FREE_CONTROLS
 
 
 def is_measurement(path: Path) -> bool:
@@ -111,7 +119,7 @@ def bundle(
     )
 
 
-def _collect(groups: Mapping[str, xr.Dataset], where: str) -> xr.DataTree:
+def _collect(groups: Mapping[str, xr.Dataset], where: str, *, free: bool = True) -> xr.DataTree:
     root = groups["/"]
     notes = []
     clean = {}
@@ -123,7 +131,7 @@ def _collect(groups: Mapping[str, xr.Dataset], where: str) -> xr.DataTree:
         elif name.count("/") > 1:
             notes.append(f"{where}{name}: group inside a group, left out")
         else:
-            clean[name], found = check(group, f"{where}: {name.strip('/')}")
+            clean[name], found = check(group, f"{where}: {name.strip('/')}", free=free)
             notes += found
     if not clean:
         raise MeasurementError(

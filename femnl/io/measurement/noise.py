@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from scipy.special import comb
 
 from femnl.core.errors import MeasurementError
+from femnl.io.measurement.controls import controls
 
 _MAD = 1.482602218505602  # σ of a Gaussian over its median absolute deviation
 _ORDER = 4
@@ -73,7 +74,7 @@ def estimate_noise(dataset: xr.Dataset) -> float:
         return _floor(dataset.voltage.values)
     elif kind == "series":
         key = "frequency" if "frequency" in dataset else "quality_factor"
-        control = next(iter(dataset.coords.values())).values
+        control = dataset[next(iter(controls(dataset)))].values
         residues = _residues(control, dataset[key].values)
     else:
         raise MeasurementError(

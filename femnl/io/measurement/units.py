@@ -1,6 +1,8 @@
 """Units at the boundary: what a file says is turned into SI, or refused by name."""
 
+import math
 import re
+from collections.abc import Iterator
 
 import numpy as np
 import pint
@@ -15,6 +17,16 @@ _UNIT = r"[A-Za-zµμΩ°%]+(?:(?:\^|\*\*)?-?\d)?"
 _PRODUCT = re.compile(rf"\s*(?:1\s*/\s*)?{_UNIT}(?:\s*[*/·\s]\s*{_UNIT})*\s*")
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?)\s*([^\d\s].*?)?\s*")
 _DIMENSIONLESS = ("", "1", "dimensionless")
+_NAMED = ("V", "A", "T", "K", "m", "kg", "s", "N", "Pa", "J", "W", "C", "F", "ohm", "H", "Wb")
+_FAILURES = (
+    pint.PintError,
+    pint.errors.PintTypeError,
+    AttributeError,
+    ValueError,
+    TypeError,
+    AssertionError,
+)
+"""What pint raises for text that is no unit."""
 
 
 def to_si(values: ArrayLike, unit: str, si: str, where: str) -> NDArray[np.float64]:
@@ -27,6 +39,7 @@ def to_si(values: ArrayLike, unit: str, si: str, where: str) -> NDArray[np.float
     """
     numbers = np.asarray(values, dtype=float)
     unit = "" if unit in _DIMENSIONLESS else unit
+    si = "" if si in _DIMENSIONLESS else si
     if unit == si:
         return numbers
     if len(unit) > 40 or (unit and not _PRODUCT.fullmatch(unit)):
@@ -40,17 +53,56 @@ def to_si(values: ArrayLike, unit: str, si: str, where: str) -> NDArray[np.float
             f"{where}: unit {unit!r} is not a unit of this quantity; give it in {si or '1'!r} or "
             "a multiple"
         ) from None
-    except (
-        pint.PintError,
-        pint.errors.PintTypeError,
-        AttributeError,
-        ValueError,
-        TypeError,
-        AssertionError,
-    ):
+    except _FAILURES:
         raise MeasurementError(
             f"{where}: unit {unit!r} is unknown; give a unit such as {si or '1'!r}"
         ) from None
+
+
+def coherent(unit: str, where: str) -> str:
+    """Return the SI unit of what `unit` measures, as near to it as can be: V for mV, K for degC.
+
+    "" for a plain number. Raises: MeasurementError for text that is no unit, or none of the SI.
+    """
+    if unit in _DIMENSIONLESS:
+        return ""
+    wrong = MeasurementError(
+        f"{where}: unit {unit[:40]!r} is unknown; give a unit such as 'V', 'mT' or 'kV/m', and "
+        "'1' for a plain number"
+    )
+    if len(unit) > 40 or not _PRODUCT.fullmatch(unit):
+        raise wrong
+    try:
+        found = next(name for name in _candidates(unit) if _is_coherent(name, unit))
+    except (*_FAILURES, StopIteration):
+        raise wrong from None
+    return "" if found in _DIMENSIONLESS else found
+
+
+def _candidates(unit: str) -> Iterator[str]:
+    """Yield names of the SI unit: as written, without prefixes, its own, in base units."""
+    yield unit
+    factors = _REGISTRY.parse_units(unit)._units
+    plain = [
+        _REGISTRY.Unit(_REGISTRY.parse_unit_name(name)[0][1]) ** power
+        for name, power in factors.items()
+    ]
+    yield _written(math.prod(plain[1:], start=plain[0]))
+    yield from _NAMED
+    yield _written(_REGISTRY.Quantity(1.0, unit).to_base_units().units)
+
+
+def _written(unit: pint.Unit) -> str:
+    return f"{unit:~C}".replace("**", "^")
+
+
+def _is_coherent(name: str, unit: str) -> bool:
+    """Whether a unit is one of the SI without any factor, of the dimension of `unit`."""
+    if name not in _DIMENSIONLESS and not _PRODUCT.fullmatch(name):
+        return False
+    one = _REGISTRY.Quantity(1.0, "" if name in _DIMENSIONLESS else name)
+    alike = one.dimensionality == _REGISTRY.Quantity(1.0, unit).dimensionality
+    return bool(alike and one.to_base_units().magnitude == 1.0)
 
 
 def quantity(value: object, si: str, where: str) -> tuple[float, bool]:

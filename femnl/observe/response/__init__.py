@@ -54,6 +54,7 @@ KIND = KindSpec(
             **{name: label("sweep", CONTROLS[name]) for name in SURROUNDINGS},
         },
         needs=(("real", "magnitude"), ("imag", "magnitude")),
+        free=("sweep",),
         attributes={"noise_sd": NOISE, "wavelength": WAVELENGTH, "mode": Item(unit=None)},
     ),
 )

@@ -32,5 +32,6 @@ KIND = KindSpec(
             "quality_factor_sd": Item(("point",), "", positive=True),
         },
         needs=(tuple(CONTROLS), ("frequency", "quality_factor")),
+        free=("point",),
     ),
 )

@@ -11,7 +11,6 @@ from femnl.core.device import Film
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.core.stages import Points
-from femnl.io.measurement import CONTROLS
 from femnl.observe.model import MeasurementModel, Named, Quantity, apply
 
 BLOCKS = 4
@@ -23,8 +22,8 @@ class SeriesModel(MeasurementModel):
     """Residuals of frequencies and of quality factors.
 
     film: that of the geometry, with the gap [m] below it. control: values (n,) of each control
-    variable, SI. data: values and standard deviations (n,) of each quantity.
-    used (n_quantities · n,): which of them are finite.
+    variable, SI, those that vary first; units: that of each. data: values and standard deviations
+    (n,) of each quantity. used (n_quantities · n,): which of them are finite.
     """
 
     kind = "series"
@@ -37,7 +36,17 @@ class SeriesModel(MeasurementModel):
     start: Array
     scales: Mapping[str, float]
     notes: tuple[str, ...]
+    units: Mapping[str, str]
     gap: float = np.inf
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """The control variables that take more than one value, all of them known."""
+        return tuple(
+            name
+            for name, values in self.control.items()
+            if np.isfinite(values).all() and np.ptp(values) > 0
+        )
 
     @property
     def blocks(self) -> NDArray[np.int64]:
@@ -63,7 +72,7 @@ class SeriesModel(MeasurementModel):
         for used, (name, (_, sd)) in zip(
             np.split(self.used, len(self.data)), self.data.items(), strict=True
         ):
-            axes = {axis: (v[used], CONTROLS[axis]) for axis, v in self.control.items()}
+            axes = {axis: (v[used], self.units[axis]) for axis, v in self.control.items()}
             at = begin + np.arange(int(used.sum()))
             unit = "Hz" if name == "frequency" else ""
             found.append(Quantity(name.replace("_", " "), unit, at, sd[used], axes))
@@ -76,7 +85,7 @@ class SeriesModel(MeasurementModel):
         count = len(self.used) // len(self.data)
         name, axis = next(iter(self.control.items()))
         quantity = list(self.data)[at // count].replace("_", " ")
-        return f"{quantity} at {name} = {axis[at % count]:.4g} {CONTROLS[name]}"
+        return f"{quantity} at {name} = {axis[at % count]:.4g} {self.units[name]}".rstrip()
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (f − f_predicted)/σ, then (Q − Q_predicted)/σ."""
@@ -114,9 +123,8 @@ class SeriesModel(MeasurementModel):
         """A slope and a bend of each quantity against each control variable."""
         found = {}
         sizes = [len(data) for data, _ in self.data.values()]
-        for control, axis in self.control.items():
-            if control not in self.scales:
-                continue
+        for control in self.varied:
+            axis = self.control[control]
             unit = 2 * (axis - axis.min()) / np.ptp(axis) - 1
             for k, (name, (_, sd)) in enumerate(self.data.items()):
                 for power, word in ((1, "slope"), (2, "bend")):
@@ -157,9 +165,8 @@ class SeriesModel(MeasurementModel):
             self.residuals(effects, base, values) for _, effects, base, values in models
         ]
         found = []
-        for control, axis in self.control.items():
-            if control not in self.scales:
-                continue
+        for control in self.varied:
+            axis = self.control[control]
             order = np.argsort(axis)
             for k, (name, (data, sd)) in enumerate(self.data.items()):
                 predicted = data - away[:, k * count : (k + 1) * count] * sd
@@ -169,7 +176,7 @@ class SeriesModel(MeasurementModel):
                     Curves(
                         "series",
                         control.replace("_", " "),
-                        CONTROLS[control],
+                        self.units[control],
                         name.replace("_", " "),
                         unit,
                         names,
@@ -187,11 +194,12 @@ class SeriesModel(MeasurementModel):
         worst = max(rows, key=lambda name: np.nanmean(rows[name] ** 2))
         order = np.argsort(axis)
         ends = rows[worst][order[0]], rows[worst][order[-1]]
+        unit = f" {self.units[control]}".rstrip()
         span = (
-            f"{ends[0]:+.1f}σ at {control} = {axis[order[0]]:.3g} {CONTROLS[control]} to "
+            f"{ends[0]:+.1f}σ at {control} = {axis[order[0]]:.3g}{unit} to "
             f"{ends[1]:+.1f}σ at {axis[order[-1]]:.3g}"
         )
         return (
-            f"{worst} is not constant: from {span} {CONTROLS[control]}; rms "
+            f"{worst} is not constant: from {span}{unit}; rms "
             f"{np.sqrt(np.nanmean(rows[worst] ** 2)):.2f}σ"
         )

@@ -260,7 +260,6 @@ class ResponseBench:
         volts = self._swept([base], [hidden])[0]
         noise = rng.standard_normal((2, *volts.shape))
         noisy = np.round(volts + self.noise * (noise[0] + 1j * noise[1]), 7)
-        about = {"noise_sd": self.noise, "wavelength": WAVELENGTH}
         return {
             "response": measurement.response(
                 self.frequency,
@@ -272,7 +271,8 @@ class ResponseBench:
                 y=np.array(self.places)[self.place, 1],
                 time=self.time,
                 duration=None if self.duration == 120.0 else self.duration,
-                **about,
+                noise_sd=self.noise,
+                wavelength=WAVELENGTH,
             )
         }
 
