@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from femnl.cli._fixed import Texts, in_si
 from femnl.cli._outcome import Outcome, record, show, with_error
 from femnl.cli._output import note, table
 from femnl.core.errors import MeasurementError
@@ -19,17 +20,19 @@ FEW = 3
 """Decays that are shown with all their parameters; more get a row each."""
 
 
-def decays(groups: Mapping[str, xr.Dataset], whole: bool) -> dict[str, Outcome]:
+def decays(groups: Mapping[str, xr.Dataset], fixed: Texts, *, whole: bool) -> dict[str, Outcome]:
     """Fit every decay. One that cannot be fitted beside others is named and left out.
 
-    Args: whole: whether to show all parameters of each; `summary` shows a row each.
+    Args: fixed: values that are held in each; whole: whether to show all parameters of each;
+    `summary` shows a row each.
     """
     from femnl.fits.decay.power import fit_decay
+    from femnl.observe.decay.law import UNITS
 
     fits: dict[str, DecayFit] = {}
     for name, dataset in groups.items():
         try:
-            fits[name] = fit_decay(dataset)
+            fits[name] = fit_decay(dataset, fixed=in_si(fixed, UNITS.get))
         except MeasurementError as error:
             if len(groups) == 1:
                 raise

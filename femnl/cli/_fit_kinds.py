@@ -13,6 +13,7 @@ from femnl.cli._fit_response import Asked, each_sweep, line_scan, modes, respons
 from femnl.cli._fit_series import law
 from femnl.cli._fit_spectrum import film, overview
 from femnl.cli._fit_trace import harmonics, oscillator, ringdown
+from femnl.cli._fixed import Texts
 from femnl.cli._outcome import Outcome
 from femnl.core.choices import Law
 from femnl.core.errors import MeasurementError, ParameterError
@@ -41,15 +42,17 @@ class FitOptions:
     """What the command line asks of every file.
 
     meaning: a key of MEANINGS, None to go by the kind of each measurement; response: the options of
-    responses; n_modes: linear modes to fit to a response, None for one Duffing mode; each_sweep:
-    whether each sweep of a response is fitted on its own; law: of a series; against: its control
-    variable, None for the only one that varies; fringe: of maps and traces; mode: index of the mode
-    of a map; geometry: the device, None for that of the file; n_harmonics: highest harmonic of a
-    trace; held_out: samples of an oscillator to test on; cache: whether modes are kept on disk.
+    responses; fixed: values that are held, as written; n_modes: linear modes to fit to a response,
+    None for one Duffing mode; each_sweep: whether each sweep of a response is fitted on its own;
+    law: of a series; against: its control variable, None for the only one that varies; fringe: of
+    maps and traces; mode: index of the mode of a map; geometry: the device, None for that of the
+    file; n_harmonics: highest harmonic of a trace; held_out: samples of an oscillator to test on;
+    cache: whether modes are kept on disk.
     """
 
     meaning: str | None
     response: Asked
+    fixed: Texts
     n_modes: int | None
     each_sweep: bool
     law: Law
@@ -129,11 +132,12 @@ def fit_file(file: MeasuredFile, *, alone: bool) -> dict[str, Outcome]:
         results |= _fit_measurement(name, dataset, file)
     of_decay = file.of_kind("decay")
     if of_decay:
-        results |= decays(of_decay, whole=alone and len(of_decay) <= FEW)
+        whole = alone and len(of_decay) <= FEW
+        results |= decays(of_decay, file.options.fixed, whole=whole)
     of_map = file.of_kind("map")
     if of_map:
         options = file.options
-        results |= maps(of_map, file.device(), options.mode, options.fringe, options.cache)
+        results |= maps(of_map, file.device(), options)
     return results
 
 
@@ -145,29 +149,29 @@ def _fit_measurement(name: str, dataset: xr.Dataset, file: MeasuredFile) -> Mapp
             device = file.device() if file.has_device else None
             return overview(name, dataset, device, options.cache)
         case "line-scan":
-            asked = options.response
-            return line_scan(name, dataset, asked.use, asked.nonlinear_damping)
+            return line_scan(name, dataset, options.response)
         case "ring-down":
-            return ringdown(name, dataset, envelope=False)
+            return ringdown(name, dataset, options.fixed, envelope=False)
         case "envelope":
-            return ringdown(name, dataset, envelope=True)
+            return ringdown(name, dataset, options.fixed, envelope=True)
         case "oscillator":
-            return oscillator(name, dataset, options.held_out)
+            return oscillator(name, dataset, options.held_out, options.fixed)
         case "response":
             return _fit_response(name, dataset, options)
         case "series":
-            return law(name, dataset, options.law, options.against)
+            return law(name, dataset, options.law, options.against, options.fixed)
         case "spectrum":
-            return film(name, dataset, file.device(), options.cache)
+            return film(name, dataset, file.device(), options.cache, options.fixed)
         case "trace":
-            return harmonics(name, dataset, options.n_harmonics, _fringe_of(dataset, file))
+            fringe = _fringe_of(dataset, file)
+            return harmonics(name, dataset, options.n_harmonics, fringe, options.fixed)
     return {}
 
 
 def _fit_response(name: str, dataset: xr.Dataset, options: FitOptions) -> Mapping[str, Outcome]:
     """Fit a response as several linear modes, sweep by sweep, or all sweeps together."""
     if options.n_modes:
-        return modes(name, dataset, options.n_modes)
+        return modes(name, dataset, options.n_modes, options.fixed)
     if options.each_sweep:
         return each_sweep(name, dataset, options.response)
     return response(name, dataset, options.response)

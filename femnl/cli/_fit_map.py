@@ -6,12 +6,14 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
+from femnl.cli._fixed import in_si
 from femnl.cli._outcome import Outcome, record, show
 from femnl.core.errors import ParameterError
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from femnl.cli._fit_kinds import FitOptions
     from femnl.core.device import Model
     from femnl.core.readout import PeriodicFringe
 
@@ -20,16 +22,17 @@ FRINGES = ("sine", "multilayer", "free")
 OVERTONES = 5
 
 
-def maps(
-    named: Mapping[str, xr.Dataset], device: Model, index: int, fringe: str, cache: bool
-) -> dict[str, Outcome]:
+def maps(named: Mapping[str, xr.Dataset], device: Model, options: FitOptions) -> dict[str, Outcome]:
     """Fit maps with the simulated shape of one mode."""
     from femnl.fits.map.fit import fit_map
     from femnl.mechanics.modes import shape_at
+    from femnl.observe.map.forward import UNITS
     from femnl.pipeline import solve_modes
     from femnl.plot.mapfit import map_fit_figure
 
-    modes = solve_modes(device, max(10, index + 1), cache=cache)
+    index = options.mode
+    fringe = options.fringe
+    modes = solve_modes(device, max(10, index + 1), cache=options.cache)
     # The parameters of a single map go without its name.
     short = dict(named) if len(named) > 1 else {"": next(iter(named.values()))}
     fringes = {name: readout(fringe, device, dataset, FRINGES) for name, dataset in short.items()}
@@ -39,6 +42,7 @@ def maps(
         lambda x, y: shape_at(modes, index, x, y),
         known,
         free_overtones=OVERTONES if fringe == "free" else 1,
+        fixed=in_si(options.fixed, lambda name: "1" if "overtone" in name else UNITS.get(name)),
     )
     title = " and ".join(named)
     figures = {

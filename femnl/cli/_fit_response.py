@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
+from femnl.cli._fixed import Texts, in_si
 from femnl.cli._outcome import Outcome, record, show, with_error
 from femnl.cli._output import note, table
 from femnl.core.errors import ParameterError
@@ -29,7 +30,13 @@ class Asked:
     background: Background | Literal["auto"]
     linear: bool
     nonlinear_damping: bool
-    fixed: dict[str, float]
+    fixed: Texts
+
+    def in_si(self) -> dict[str, float]:
+        """What is held, in SI."""
+        from femnl.fits.response.result import bare_unit
+
+        return in_si(self.fixed, bare_unit)
 
     def of_fit(self) -> dict[str, Any]:
         """The arguments of `fit_response`."""
@@ -38,27 +45,8 @@ class Asked:
             "background": self.background,
             "duffing": False if self.linear else None,
             "nonlinear_damping": self.nonlinear_damping,
-            "fixed": self.fixed,
+            "fixed": self.in_si(),
         }
-
-
-def held(texts: list[str]) -> dict[str, float]:
-    """Read NAME=VALUE of --fix, in SI.
-
-    Raises: ParameterError for a text of another form.
-    """
-    found = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        try:
-            found[name.strip()] = float(value)
-        except ValueError:
-            equals = ""
-        if not equals:
-            raise ParameterError(
-                f"--fix {text}: expected NAME=VALUE in SI units, such as linewidth=66.7"
-            )
-    return found
 
 
 def response(name: str, dataset: xr.Dataset, asked: Asked) -> dict[str, Outcome]:
@@ -129,15 +117,15 @@ def each_sweep(name: str, dataset: xr.Dataset, asked: Asked) -> dict[str, Outcom
     }
 
 
-def modes(name: str, dataset: xr.Dataset, count: int) -> dict[str, Outcome]:
+def modes(name: str, dataset: xr.Dataset, count: int, fixed: Texts) -> dict[str, Outcome]:
     """Fit a number of linear modes to every sweep."""
-    from femnl.fits.response.modes import fit_modes
+    from femnl.fits.response.modes import UNITS, fit_modes
     from femnl.plot.response import response_figure
 
     outcomes = {}
     for sweep in range(dataset.sizes["sweep"]):
         own = name if dataset.sizes["sweep"] == 1 else f"{name}, sweep {sweep + 1}"
-        found = fit_modes(dataset, count, sweep)
+        found = fit_modes(dataset, count, sweep, in_si(fixed, UNITS.get))
         one = dataset.isel(sweep=[sweep])
         fitted = one["frequency"].copy(data=found.prediction[None])
         outcomes[own] = Outcome(
@@ -148,14 +136,14 @@ def modes(name: str, dataset: xr.Dataset, count: int) -> dict[str, Outcome]:
     return outcomes
 
 
-def line_scan(
-    name: str, dataset: xr.Dataset, use: Use | None, nonlinear_damping: bool
-) -> dict[str, Outcome]:
+def line_scan(name: str, dataset: xr.Dataset, asked: Asked) -> dict[str, Outcome]:
     """Fit every position on its own."""
     from femnl.fits.response.linescan import FIELDS, fit_line_scan
     from femnl.plot.linescan import line_scan_figure
 
-    scan = fit_line_scan(dataset, use, nonlinear_damping=nonlinear_damping)
+    scan = fit_line_scan(
+        dataset, asked.use, nonlinear_damping=asked.nonlinear_damping, fixed=asked.in_si()
+    )
     if scan.sizes["position"] < 2:
         raise ParameterError(
             f"--as line-scan: all sweeps of {name} were taken at one place; fit them without it"

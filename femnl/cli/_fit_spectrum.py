@@ -6,6 +6,7 @@ from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from femnl.cli._fixed import Texts, in_si
 from femnl.cli._outcome import Outcome, record, show, with_error
 from femnl.cli._output import table
 from femnl.core.errors import MeasurementError
@@ -54,15 +55,18 @@ def overview(
     return outcomes
 
 
-def film(name: str, dataset: xr.Dataset, device: Model, cache: bool) -> dict[str, Outcome]:
+def film(
+    name: str, dataset: xr.Dataset, device: Model, cache: bool, fixed: Texts
+) -> dict[str, Outcome]:
     """Fit the speed of waves in the film to a spectrum."""
     import numpy as np
 
-    from femnl.fits.spectrum.film import fit_film
+    from femnl.fits.spectrum.film import UNITS, fit_film
     from femnl.plot.overview import film_figure
 
     modes = _modes_up_to(device, float(np.nanmax(dataset["frequency"].values)), cache)
-    found = fit_film(dataset, modes.label, modes.frequency, device.film)
+    held = in_si(fixed, UNITS.get)
+    found = fit_film(dataset, modes.label, modes.frequency, device.film, held)
     # Sub-kilohertz modes in Hz
     divisor, unit = (1e6, "MHz") if np.max(found.frequency) >= SLOW else (1.0, "Hz")
     rows = [

@@ -5,9 +5,10 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from femnl.cli._fixed import Texts, in_si
 from femnl.cli._outcome import Outcome, record, show, with_error
 from femnl.cli._output import table
-from femnl.core.errors import MeasurementError
+from femnl.core.errors import MeasurementError, ParameterError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,7 +26,7 @@ _WORDS = {
 
 
 def harmonics(
-    name: str, dataset: xr.Dataset, count: int, fringe: PeriodicFringe | None
+    name: str, dataset: xr.Dataset, count: int, fringe: PeriodicFringe | None, fixed: Texts
 ) -> dict[str, Outcome]:
     """Decompose into harmonics of the drive; with a wavelength, find the motion in metres too."""
     import numpy as np
@@ -43,6 +44,11 @@ def harmonics(
     }
     found = {"drive_frequency": spectrum.drive_frequency, "harmonic": spectrum.harmonic, **values}
     if "wavelength" not in dataset.attrs:
+        if fixed:
+            raise ParameterError(
+                f"--fix {next(iter(fixed))}: {name} has no wavelength, so its harmonics alone are "
+                "found, which have no parameters to hold; leave it out"
+            )
         return {
             name: Outcome(
                 found,
@@ -50,7 +56,8 @@ def harmonics(
                 {"harmonics": partial(harmonics_figure, spectrum)},
             )
         }
-    motion = fit_spot(spectrum, float(dataset.attrs["wavelength"]), fringe)
+    held = in_si(fixed, {"contrast": "V", "fringe_phase": "rad"}.get)
+    motion = fit_spot(spectrum, float(dataset.attrs["wavelength"]), fringe, held)
     steps = {
         key: getattr(motion, key) for key in ("amplitude", "amplitude_sd", "phase", "phase_sd")
     }
@@ -91,14 +98,15 @@ def _harmonics_shown(name: str, spectrum: HarmonicSpectrum) -> list[Group | str]
     return [table(title, ["harmonic", "|V| (mV)", "phase (°)", "± (mV)"], rows)]
 
 
-def ringdown(name: str, dataset: xr.Dataset, *, envelope: bool) -> dict[str, Outcome]:
+def ringdown(name: str, dataset: xr.Dataset, fixed: Texts, *, envelope: bool) -> dict[str, Outcome]:
     """Fit the decay in every step.
 
     An envelope is the magnitude of a signal demodulated at the step's drive frequency.
     """
-    from femnl.fits.decay.ringdown import fit_ringdown
+    from femnl.fits.decay.ringdown import UNITS, fit_ringdown
     from femnl.plot.decays import ringdown_figure
 
+    held = in_si(fixed, UNITS.get)
     outcomes = {}
     time = dataset["time"].values
     for step in range(dataset.sizes["step"]):
@@ -111,7 +119,12 @@ def ringdown(name: str, dataset: xr.Dataset, *, envelope: bool) -> dict[str, Out
         )
         noise = dataset.attrs.get("noise_sd")
         fit = fit_ringdown(
-            time, signal, "magnitude" if envelope else "voltage", frequency=tone, noise_sd=noise
+            time,
+            signal,
+            "magnitude" if envelope else "voltage",
+            frequency=tone,
+            noise_sd=noise,
+            fixed=held,
         )
         outcomes[own] = Outcome(
             record(fit), show(own, fit), {"ring-down": partial(ringdown_figure, time, signal, fit)}
@@ -119,7 +132,9 @@ def ringdown(name: str, dataset: xr.Dataset, *, envelope: bool) -> dict[str, Out
     return outcomes
 
 
-def oscillator(name: str, dataset: xr.Dataset, held_out: slice | None) -> dict[str, Outcome]:
+def oscillator(
+    name: str, dataset: xr.Dataset, held_out: slice | None, fixed: Texts
+) -> dict[str, Outcome]:
     """Fit the oscillator that turns the drive into the voltage, one term after the other."""
     import numpy as np
 
@@ -131,7 +146,8 @@ def oscillator(name: str, dataset: xr.Dataset, held_out: slice | None) -> dict[s
             f"--held-out {held_out.start}:{held_out.stop}: {name} has only "
             f"{dataset.sizes['time']} samples"
         )
-    models = fit_terms(dataset, held_out)
+    # In units of drive and output, which a file does not name
+    models = fit_terms(dataset, held_out, in_si(fixed, lambda _: ""))
     rows = [
         [
             _title(model),

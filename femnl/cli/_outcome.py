@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Group
 
-    from femnl.core.fit import Fit
+    from femnl.core.fit import Fit, Parameter
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,10 @@ def record(fit: Fit) -> dict[str, Any]:
 
 def show(name: str, fit: Fit) -> list[Group | str]:
     """A fit as a table under its name, and what there is to say of it."""
-    rows = [[p.name, *with_error(p.value, p.sd), p.unit or "–"] for p in fit.parameters.values()]
+    rows = [
+        [p.name, with_error(p.value, p.sd)[0], _error(p), p.unit or "–"]
+        for p in fit.parameters.values()
+    ]
     title = (
         f"{name}: {fit.n_points} numbers, {fit.n_parameters} free parameters, χ²/ν = "
         f"{fit.chi2_reduced:.4g}"
@@ -57,6 +60,11 @@ def show(name: str, fit: Fit) -> list[Group | str]:
         table(title, ["parameter", "value", "±", "unit"], rows),
         *(f"  {sentence}" for sentence in fit.notes),
     ]
+
+
+def _error(parameter: Parameter) -> str:
+    """Return the standard deviation as shown; what was held, and what follows from it, has none."""
+    return "–" if parameter.sd == 0 else with_error(parameter.value, parameter.sd)[1]
 
 
 def with_error(value: float, sd: float) -> tuple[str, str]:

@@ -12,7 +12,8 @@ import typer
 from femnl.cli._device import Cache, Json, check_mode
 from femnl.cli._fit_decay import FEW, summary
 from femnl.cli._fit_kinds import FitOptions, MeasuredFile, fit_file, measured_file
-from femnl.cli._fit_response import Asked, held
+from femnl.cli._fit_response import Asked
+from femnl.cli._fixed import read as read_fixed
 from femnl.cli._inputs import Inputs, files_of, read_file
 from femnl.cli._outcome import Outcome
 from femnl.cli._output import console, note, print_json
@@ -36,7 +37,18 @@ APPLIES = {
     "held_out": ("oscillator",),
     "background": ("response",),
     "linear": ("response",),
-    "fix": ("response",),
+    "fix": (
+        "response",
+        "line-scan",
+        "spectrum",
+        "map",
+        "trace",
+        "ring-down",
+        "envelope",
+        "oscillator",
+        "decay",
+        "series",
+    ),
     "each_sweep_to": ("response",),
     "n_modes": ("response",),
     "law_name": ("series",),
@@ -72,7 +84,10 @@ Linear = Annotated[bool, typer.Option("--linear", help="Of a response: no Duffin
 Fix = Annotated[
     list[str] | None,
     typer.Option(
-        "--fix", help="Of a response: NAME=VALUE in SI, held; repeatable.", show_default=False
+        "--fix",
+        help='A parameter that is held: NAME=VALUE in SI or with its unit ("amplitude=120 nm"); '
+        "repeatable.",
+        show_default=False,
     ),
 ]
 EachSweep = Annotated[
@@ -166,16 +181,18 @@ def command(
     All maps of a file are fitted with one amplitude.
     """
     how = None if use is None else _one_of("--use", use, USES)
+    fixed = read_fixed(fix or [])
     asked = Asked(
         how,
         _one_of("--background", background, BACKGROUNDS),
         linear,
         nonlinear_damping,
-        held(fix or []),
+        fixed,
     )
     options = FitOptions(
         meaning=meaning,
         response=asked,
+        fixed=fixed,
         n_modes=n_modes,
         each_sweep=each_sweep_to is not None,
         law=_one_of("--law", law_name, LAWS),

@@ -149,7 +149,8 @@ def test_power_and_arrhenius_laws_are_chosen_by_their_names(
         ),
         (
             ["w.nc", "--fix", "linewidth"],
-            "--fix linewidth: expected NAME=VALUE in SI units, such as linewidth=66.7",
+            "--fix linewidth: expected NAME=VALUE in SI units or with its unit, such as "
+            'linewidth=66.7 or linewidth="66.7 Hz"',
         ),
         (
             ["w.nc", "--law", "power"],

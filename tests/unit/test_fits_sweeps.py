@@ -157,7 +157,7 @@ def test_parameters_are_held_and_the_duffing_term_left_out() -> None:
     assert fit.parameters["linewidth"].sd == 0
     assert fit["alpha_ratio"] == 0
     assert fit.covariance.shape == (fit.n_parameters, fit.n_parameters)
-    with pytest.raises(ParameterError, match="fixed 'width'"):
+    with pytest.raises(ParameterError, match="fixed: 'width' is no parameter"):
         fit_response(data, fixed={"width": 2.5})
 
 

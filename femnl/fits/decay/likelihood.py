@@ -98,8 +98,11 @@ class Likelihood:
         signal, _ = self.signal(values)
         return normal_score(self.log_power, signal, self.noise(values, signal), self.averages)
 
-    def fit(self, start: Array) -> tuple[Array, float]:
-        """Return the values of the highest probability near a start, and its ln."""
+    def fit(self, start: Array, held: Array | None = None) -> tuple[Array, float]:
+        """Return the values of the highest probability near a start, and its ln.
+
+        Args: held (k,): values that are held, NaN where free; all are free unless given.
+        """
 
         def objective(values: Array) -> tuple[float, Array]:
             value, scores = self.scores(values)
@@ -108,6 +111,10 @@ class Likelihood:
         bounds = [self._bound(name) for name in self.names]
         # A start with little wander may be thrown out of its valley, one with much stays in it.
         starts = [np.concatenate([start[:3], [size], start[4:]]) for size in START_WANDERS]
+        if held is not None:
+            own = zip(bounds, held.tolist(), strict=True)
+            bounds = [bound if np.isnan(value) else (value, value) for bound, value in own]
+            starts = [np.where(np.isnan(held), one, held) for one in starts]
         runs = [
             minimize(objective, begin, jac=True, method="L-BFGS-B", bounds=bounds)
             for begin in starts
@@ -130,8 +137,10 @@ class Likelihood:
         }
         return ranges.get(name, (-np.inf, np.inf))
 
-    def covariance(self, values: Array) -> tuple[Array, float]:
+    def covariance(self, values: Array, held: Array | None = None) -> tuple[Array, float]:
         """Return the covariance (k, k), and the correlation time [points] of the noise.
+
+        Parameters that are `held` (k,), all but the NaN, have none.
 
         The observed information gives it for independent data. Noise that an analyser's filter or
         a working point makes slow carries less: the sums of each datum's influence over its
@@ -143,7 +152,8 @@ class Likelihood:
             up = self.scores(values + step)[1].sum(axis=0)
             down = self.scores(values - step)[1].sum(axis=0)
             information[n] = (down - up) / (2 * HESSIAN_STEP)
-        seen = np.array([self._seen(n, values, information) for n in range(k)])
+        free = np.ones(k, bool) if held is None else np.isnan(held)
+        seen = free & np.array([self._seen(n, values, information) for n in range(k)])
         inverse = np.zeros((k, k))
         part = np.ix_(seen, seen)
         inverse[part] = _inverse(0.5 * (information + information.T)[part])
@@ -156,7 +166,7 @@ class Likelihood:
             widened[n] = own if self.names[n] == "floor" or not strong else max(own, slow)
         factor = np.sqrt(widened)
         covariance = inverse * np.outer(factor, factor)
-        lost = np.flatnonzero(~seen)
+        lost = np.flatnonzero(free & ~seen)
         covariance[lost, lost] = np.inf
         return covariance, float(widened[1])
 

@@ -1,6 +1,7 @@
 """Fit a record of a decay as an analyser wrote it, with all its phases."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -9,6 +10,7 @@ from femnl.core.decay import DecayFit
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.fits.decay.stretch import Found, choose
+from femnl.fits.held import Held, hold_fixed
 from femnl.observe.decay.law import UNITS, Array, Term
 from femnl.observe.decay.phases import Segmentation, phases, segment
 from femnl.observe.decay.record import DB, PowerRecord, power_record
@@ -26,7 +28,12 @@ TUNED_WITHIN = 0.1
 """dB that the filter may take from a mode that an analyser was tuned to by its peak."""
 
 
-def fit_decay(dataset: xr.Dataset, *, frequency: float | None = None) -> DecayFit:
+def fit_decay(
+    dataset: xr.Dataset,
+    *,
+    frequency: float | None = None,
+    fixed: Mapping[str, float] | None = None,
+) -> DecayFit:
     """Fit a decay under the noise of an analyser, and find it in the record first.
 
     The power in the filter is S = S₀ e^{−γτ} with noise of mean power N₀ + κS, added as complex
@@ -35,6 +42,8 @@ def fit_decay(dataset: xr.Dataset, *, frequency: float | None = None) -> DecayFi
     Args:
         dataset: of kind `decay`: time (n,) and power [dB], magnitude [V], or real and imag [V].
         frequency: of the mode [Hz], where not the attribute of the dataset.
+        fixed: values by parameter name in the units below, which are held. The decay and the terms
+            of its law are found with all free; then the rest is fitted once more.
 
     Returns:
         level [dB] at the begin of the decay, decay_rate γ [1/s], floor N₀ [dB], wander [dB], the
@@ -43,7 +52,8 @@ def fit_decay(dataset: xr.Dataset, *, frequency: float | None = None) -> DecayFi
 
     Raises:
         MeasurementError: another kind of data, fewer than 16 points, or nothing that falls.
-        ParameterError: a frequency that is not positive and finite.
+        ParameterError: a frequency that is not positive and finite, a name in `fixed` that the law
+            does not have, or a value that is none.
     Valid: the decay is straight between interruptions; N ≪ S at its begin.
     """
     if frequency is not None and not 0 < frequency < np.inf:
@@ -51,15 +61,56 @@ def fit_decay(dataset: xr.Dataset, *, frequency: float | None = None) -> DecayFi
     record = power_record(dataset)
     segmentation, found = choose(record, segment(record.time, record.power))
     tone = frequency if frequency is not None else record.frequency
-    return _result(record, segmentation, found, tone)
+    held = hold_fixed(found.likelihood.names, fixed, "this decay")
+    return _result(record, segmentation, _again(found, held), tone, held)
+
+
+def _again(found: Found, held: Held) -> Found:
+    """Return the fit of the same points and the same law with some parameters held."""
+    if held.free.all():
+        return found
+    likelihood = found.likelihood
+    values = np.array(
+        [
+            _of_order_one(found, name, value)
+            for name, value in zip(held.names, held.values, strict=True)
+        ]
+    )
+    best, value = likelihood.fit(found.values, values)
+    covariance, correlation = likelihood.covariance(best, values)
+    return replace(found, values=best, value=value, covariance=covariance, correlation=correlation)
+
+
+def _of_order_one(found: Found, name: str, value: float) -> float:
+    """Return a held value as the likelihood counts it, NaN for a free one.
+
+    Raises: ParameterError for a wander or a rate that cannot be.
+    """
+    likelihood = found.likelihood
+    if name in ("level", "floor"):
+        return float((value - found.stretch.reference) / DB)
+    if np.isnan(value):
+        return value
+    if name == "wander":
+        if value <= 0:
+            raise ParameterError(f"fixed: wander = {value:g} dB: must be positive")
+        return float(np.log(0.5 * likelihood.averages * (value / DB) ** 2))
+    if value < 0 and name in ("decay_rate", "damping_ratio", "partner_rate", "exit_rate"):
+        raise ParameterError(f"fixed: {name} = {value:g}: must not be negative")
+    return value / float(likelihood.units[likelihood.names.index(name)])
 
 
 def _result(
-    record: PowerRecord, segmentation: Segmentation, found: Found, frequency: float | None
+    record: PowerRecord,
+    segmentation: Segmentation,
+    found: Found,
+    frequency: float | None,
+    held: Held,
 ) -> DecayFit:
     """Put a fit into SI units and words."""
     likelihood = found.likelihood
     parameters, covariance = _parameters(found)
+    parameters = held.ordered(parameters)
     notes = _notes(record, segmentation, found)
     if frequency is None:
         notes.append("frequency is not given: the decay rate stands without a quality factor")
@@ -71,14 +122,14 @@ def _result(
     mean[found.stretch.used] = found.stretch.reference + DB * np.log(total)
     scores = residual[found.stretch.used]
     n_points = len(scores)
-    n_free = len(found.values)
+    n_free = int(np.count_nonzero(held.free))
     fit = Fit(
         _derived(parameters, frequency),
-        covariance,
+        held.inner(covariance),
         float(scores @ scores) / max(n_points - n_free, 1),
         n_points,
         n_free,
-        tuple(notes),
+        (*held.notes, *notes),
     )
     floor = parameters["floor"].value
     return DecayFit(
@@ -109,7 +160,7 @@ def _parameters(found: Found) -> tuple[dict[str, Parameter], Array]:
     with np.errstate(invalid="ignore"):
         covariance = found.covariance * np.outer(scale, scale)
     sd = np.sqrt(np.diag(covariance))
-    if "exit_rate" in likelihood.names:
+    if "exit_rate" in likelihood.names and sd[1] > 0:
         # A mode that starts beside the filter's centre falls away at once, as if damped more.
         bend = max(float(si[likelihood.names.index("exit_rate")]), 0.0)
         sd[1] = np.hypot(sd[1], 2 * np.sqrt(bend * TUNED_WITHIN / DB))

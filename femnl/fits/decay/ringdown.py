@@ -1,5 +1,7 @@
 """Fit free decays: frequency, quality factor, and how both change with amplitude."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -9,8 +11,9 @@ from scipy.optimize import leastsq
 
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
-from femnl.fits.covariance import covariance, derived
+from femnl.fits.covariance import derived
 from femnl.fits.decay.model import Array, Decay, Numbers, Signal, strongest
+from femnl.fits.held import Held, hold_fixed
 
 UNITS = {
     "amplitude": "V",
@@ -36,6 +39,7 @@ def fit_ringdown(
     nonlinear: bool = True,
     noise_sd: float | None = None,
     responsivity: float | None = None,
+    fixed: Mapping[str, float] | None = None,
 ) -> Fit:
     """Fit a free decay v(t) = Re A(t).
 
@@ -55,6 +59,7 @@ def fit_ringdown(
         nonlinear: whether to fit d and pull (0 otherwise).
         noise_sd: [V], per sample or per quadrature; what is left of the signal where not given.
         responsivity: dV/du [V/m]; gives alpha and eta in m⁻² instead of V⁻².
+        fixed: values by parameter name, SI, which are held.
 
     Returns:
         amplitude, decay_rate, then as far as the signal shows them damping_ratio, phase, frequency,
@@ -63,7 +68,7 @@ def fit_ringdown(
 
     Raises:
         MeasurementError: too few samples, or nothing that decays.
-        ParameterError: an unknown kind.
+        ParameterError: an unknown kind, or a name in `fixed` that the fit does not have.
     Valid: ⅜ α A₀² and 1/Q ≪ 1, as `femnl.resonator.ring_down`; white noise.
     Source: Polunin, Yang, Dykman, Kenny and Shaw, Journal of Microelectromechanical Systems 25, 297
     (2016).
@@ -80,16 +85,16 @@ def fit_ringdown(
     t = t[good] - t[good][0]
     v = v[good]
     decay = Decay(t, v, kind, strongest(t, v) if kind == "voltage" else frequency or 0.0, nonlinear)
-    values = decay.start()
+    held = _held(decay, fixed)
+    values = held.put(decay.start())
     for _ in range(ROUNDS if kind == "magnitude" else 1):
         weight = 1 / decay.spread(values, noise_sd or decay.noise(values))
-        values = _descend(decay, values, weight)
+        values = _descend(decay, values, weight, held)
     noise = noise_sd or decay.noise(values)
     spread = decay.spread(values, noise)
     rest = (decay.data - decay.model(values)) / spread
-    found, blind = covariance(
+    found, blind = held.covariance(
         decay.jacobian(values) / spread[:, None],
-        decay.names,
         np.maximum(np.abs(values), np.finfo(float).tiny),
     )
     notes = [f"{np.count_nonzero(~good)} missing samples left out"] if not good.all() else []
@@ -100,13 +105,28 @@ def fit_ringdown(
             f"noise_sd is not given: what is left of the signal is taken for noise, {noise:.3g} V"
         ]
     )
-    parameters = _parameters(decay, values, found, frequency, responsivity)
-    chi2 = float(rest @ rest) / (len(rest) - len(values))
-    return Fit(parameters, found, chi2, len(rest), len(values), (*notes, *blind))
+    parameters = held.ordered(_parameters(decay, values, found, frequency, responsivity))
+    n_free = int(np.count_nonzero(held.free))
+    chi2 = float(rest @ rest) / (len(rest) - n_free)
+    return Fit(
+        parameters, held.inner(found), chi2, len(rest), n_free, (*held.notes, *notes, *blind)
+    )
+
+
+def _held(decay: Decay, fixed: Mapping[str, float] | None) -> Held:
+    """Return what is held, the frequency as the fit counts it from its reference."""
+    held = hold_fixed(decay.names, fixed, "a ring-down")
+    shift = np.array([decay.reference if name == "frequency" else 0.0 for name in decay.names])
+    return replace(held, values=held.values - shift)
 
 
 def fit_ringdown_trace(
-    dataset: xr.Dataset, step: int = 0, *, nonlinear: bool = True, responsivity: float | None = None
+    dataset: xr.Dataset,
+    step: int = 0,
+    *,
+    nonlinear: bool = True,
+    responsivity: float | None = None,
+    fixed: Mapping[str, float] | None = None,
 ) -> Fit:
     """Fit the decay recorded in one step of a dataset of kind `trace`; see `fit_ringdown`."""
     if dataset.attrs.get("kind") != "trace":
@@ -124,6 +144,7 @@ def fit_ringdown_trace(
         nonlinear=nonlinear,
         noise_sd=noise,
         responsivity=responsivity,
+        fixed=fixed,
     )
 
 
@@ -141,19 +162,25 @@ def predict_ringdown(fit: Fit, time: ArrayLike) -> NDArray[np.complex128]:
     return np.asarray(size * np.exp(1j * angle))
 
 
-def _descend(decay: Decay, start: Array, weight: Array) -> Array:
-    """Minimise the weighted squares from the start."""
+def _descend(decay: Decay, start: Array, weight: Array, held: Held) -> Array:
+    """Minimise the weighted squares from the start over what is free."""
 
-    def residual(values: Array) -> Array:
-        return np.asarray((decay.model(values) - decay.data) * weight)
+    def residual(free: Array) -> Array:
+        return np.asarray((decay.model(held.whole(free)) - decay.data) * weight)
 
-    def slopes(values: Array) -> Array:
-        return decay.jacobian(values) * weight[:, None]
+    def slopes(free: Array) -> Array:
+        return decay.jacobian(held.whole(free))[:, held.free] * weight[:, None]
 
     best, *_ = leastsq(
-        residual, start, Dfun=slopes, full_output=True, ftol=CLOSE, xtol=CLOSE, gtol=CLOSE
+        residual,
+        start[held.free],
+        Dfun=slopes,
+        full_output=True,
+        ftol=CLOSE,
+        xtol=CLOSE,
+        gtol=CLOSE,
     )
-    return np.asarray(best)
+    return held.whole(np.asarray(best))
 
 
 def _parameters(

@@ -8,7 +8,7 @@ import xarray as xr
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, MapFit, Parameter
 from femnl.core.readout import Array, PeriodicFringe
-from femnl.fits.covariance import covariance, strongest_correlation
+from femnl.fits.covariance import strongest_correlation
 from femnl.fits.map.residuals import MapResiduals
 from femnl.observe.map.forward import REGISTRATION, UNITS, MapData, Shape, flatten
 from femnl.optics.unit_fringe import OVERTONE
@@ -35,6 +35,7 @@ def fit_map(
     fringe: PeriodicFringe | Mapping[str, PeriodicFringe] | None = None,
     registration: Sequence[str] = REGISTRATION,
     free_overtones: int = 1,
+    fixed: Mapping[str, float] | None = None,
 ) -> MapFit:
     """Fit measured harmonic maps by a membrane that moves as U ξ(x, y) cos(ωt + φ) under a fringe.
 
@@ -52,6 +53,7 @@ def fit_map(
             the others stay at 0, 0, 1, 0.
         free_overtones: highest overtone of the fringe that is fitted; 1 takes the fringe as given,
             more lets its form be found.
+        fixed: values by parameter name, SI, which are held.
 
     Returns:
         The fit. Parameters: `amplitude` U [m]; per map `contrast` V_C [V], `fringe_phase` θ,
@@ -59,12 +61,13 @@ def fit_map(
         `working_point` [m], by how much the film rests away from where the fringe as given has u =
         0. With several maps a name carries ":" and that of the map. Free overtones are
         `overtone_k_real`, `overtone_k_imag`: what is added to c_k, relative to c₁. For one cosine
-            V_C > 0 and sin θ ≥ 0; for a symmetric fringe that is given, the nearer of ±θ. The notes
-            say what stays open.
+            V_C > 0 and sin θ ≥ 0; for a symmetric fringe that is given, the nearer of ±θ, unless a
+            parameter is held. The notes say what stays open.
 
     Raises:
         MeasurementError: a map without values or without a wavelength.
-        ParameterError: unknown names in `registration` or `fringe`, or more parameters than data.
+        ParameterError: unknown names in `registration`, `fringe` or `fixed`, or more parameters
+            than data.
 
     Valid: motion sinusoidal in time; a laser spot small against the rings; z below 30.
     Source: Sommer et al. 2025, supplement S7; variable projection: Golub & Pereyra, SIAM J. Numer.
@@ -72,11 +75,18 @@ def fit_map(
     """
     named = {"": maps} if isinstance(maps, xr.Dataset) else dict(maps)
     flat = [flatten(name, named[name], of) for name, of in _fringes(named, fringe).items()]
-    problem = MapResiduals(flat, shape, tuple(registration), tuple(range(2, free_overtones + 1)))
+    problem = MapResiduals(
+        flat,
+        shape,
+        tuple(registration),
+        tuple(range(2, free_overtones + 1)),
+        _checked(fixed or {}),
+    )
     if unknown := set(registration) - set(REGISTRATION):
         raise ParameterError(
             f"registration = {sorted(unknown)} is not known: choose from {', '.join(REGISTRATION)}"
         )
+    held = problem.held
     coarse = problem.tabulated()
     optima = sorted(
         (coarse.refine(start, most=FIRST) for start in coarse.starts()),
@@ -87,10 +97,25 @@ def fit_map(
     rivals = [
         _rival(coarse, _canonical(coarse, best[0]), best[1], i, name)
         for i in range(len(named))
+        if held.free[_of_phase(problem, i)]
         for name in MIRRORS
     ]
     vector = _canonical(problem, problem.refine(best[0])[0])
-    return _report(problem, vector, (*rivals, _next_amplitude(optima, best)))
+    other = [_next_amplitude(optima, best)] if held.free[0] else []
+    return _report(problem, vector, (*rivals, *other))
+
+
+def _checked(fixed: Mapping[str, float]) -> Mapping[str, float]:
+    """Return what is held. Raises: ParameterError for a motion or a contrast of 0."""
+    for name, value in fixed.items():
+        if name.partition(":")[0] in ("amplitude", "contrast") and value == 0:
+            raise ParameterError(f"fixed: {name} = 0: gives no signal; give another value")
+    return fixed
+
+
+def _of_phase(problem: MapResiduals, which: int) -> int:
+    """Return the index of θ of a map in the parameter vector."""
+    return 1 + which * len(problem.own) + problem.own.index("fringe_phase")
 
 
 def _fringes(
@@ -119,8 +144,17 @@ def _canonical(problem: MapResiduals, vector: Array) -> Array:
     Of ±θ the one near the fringe as given, else sin θ ≥ 0.
 
     V_C → −V_C, θ → θ + π turns even overtones round; θ → −θ, φ → φ + π their imaginary parts.
-    Angles are put into (−π, π].
+    Angles are put into (−π, π]. A solution that this would turn away from what is held stays.
     """
+    free = problem.held.free
+    turned = _turned(problem, vector)
+    if np.allclose(turned[~free], vector[~free], rtol=1e-12, atol=1e-15):
+        return problem.held.put(turned)
+    return _with_free_angles(problem, vector)
+
+
+def _turned(problem: MapResiduals, vector: Array) -> Array:
+    """Return the solution of `_canonical` for free parameters."""
     values = problem.unpack(vector)
     for data, own in zip(problem.maps, values, strict=True):
         if vector[0] < 0:
@@ -151,6 +185,21 @@ def _canonical(problem: MapResiduals, vector: Array) -> Array:
     return problem.pack(abs(vector[0]), values)
 
 
+def _with_free_angles(problem: MapResiduals, vector: Array) -> Array:
+    """Return the same solution with the angles that are free in (−π, π], and U > 0 if it is."""
+    values = problem.unpack(vector)
+    free = problem.held.free
+    phases = [
+        1 + i * len(problem.own) + problem.own.index("motion_phase") for i in range(len(values))
+    ]
+    turns = bool(vector[0] < 0 and free[0] and free[phases].all())
+    for own in values:
+        own["motion_phase"] += np.pi if turns else 0.0
+        for angle in ("fringe_phase", "motion_phase"):
+            own[angle] = _wrap(own[angle])
+    return problem.held.put(problem.pack(-vector[0] if turns else vector[0], values))
+
+
 def _wrap(angle: float) -> float:
     """Return the equal angle in (−π, π]."""
     return float(np.pi - (np.pi - angle) % (2 * np.pi))
@@ -172,7 +221,7 @@ def _rival(problem: MapResiduals, vector: Array, chi2: float, which: int, mirror
         turned = problem.unpack(vector)
         turned[which]["fringe_phase"] = sign * turned[which]["fringe_phase"] + shift
         turned[which]["motion_phase"] += quarter * np.pi / 2
-        trials.append(problem.pack(vector[0], turned))
+        trials.append(problem.held.put(problem.pack(vector[0], turned)))
     nearest = min(trials, key=lambda trial: float(np.sum(problem.residuals(trial) ** 2)))
     first = 1 + which * len(problem.own)
     excess = float(np.sum(problem.residuals(nearest) ** 2)) - chi2
@@ -208,15 +257,17 @@ def _report(problem: MapResiduals, vector: Array, notes: tuple[str, ...]) -> Map
         *((_label(name, data), name) for data in problem.maps for name in problem.own),
     ]
     names = [key for key, _ in keys]
-    degrees = problem.n_points - vector.size
+    held = problem.held
+    n_free = int(np.count_nonzero(held.free))
+    degrees = problem.n_points - n_free
     if degrees <= 0:
         raise ParameterError(
-            f"{vector.size} parameters cannot be fitted to {problem.n_points} numbers: fix some "
+            f"{n_free} parameters cannot be fitted to {problem.n_points} numbers: fix some "
             "of `registration`"
         )
     residuals = problem.residuals(vector)
     chi2_reduced = float(residuals @ residuals) / degrees
-    found, blind = covariance(problem.jacobian(vector), names, problem.unit(vector))
+    found, blind = held.covariance(problem.jacobian(vector), problem.unit(vector))
     if not all(data.noise_known for data in problem.maps):
         found = found * chi2_reduced
         notes = (*notes, "without noise_sd the uncertainties are scaled to χ²/dof = 1")
@@ -240,17 +291,18 @@ def _report(problem: MapResiduals, vector: Array, notes: tuple[str, ...]) -> Map
     predictions = problem.predictions(vector)
     remarks = (
         *(data.note for data in problem.maps),
+        *held.notes,
         *blind,
         strongest_correlation(found, names),
         *notes,
     )
     return MapFit(
         Fit(
-            parameters,
-            found,
+            held.ordered(parameters),
+            held.inner(found),
             chi2_reduced,
             problem.n_points,
-            vector.size,
+            n_free,
             tuple(note for note in remarks if note),
         ),
         {

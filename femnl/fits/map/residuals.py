@@ -1,7 +1,7 @@
 """Maps, mode shape and free parameters put together as one least-squares problem."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 
 from femnl.core.readout import Array, ComplexArray
 from femnl.fits.covariance import unseen
+from femnl.fits.held import Held, hold_fixed
 from femnl.fits.map.start import LARGEST, starts
 from femnl.observe.map.forward import REGISTRATION, MapData, Shape, predict, slopes
 from femnl.optics.unit_fringe import OVERTONE
@@ -32,12 +33,15 @@ class MapResiduals:
     """The layout of the parameter vector.
 
     U, then for each map V_C, θ, φ and those of its placement that are free.
+
+    fixed: values by label that every search holds, see `labels`.
     """
 
     maps: list[MapData]
     shape: Shape
     registration: tuple[str, ...]
     overtones: tuple[int, ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def own(self) -> tuple[str, ...]:
@@ -47,6 +51,19 @@ class MapResiduals:
             OVERTONE.format(k=k, part=part) for k in self.overtones for part in ("real", "imag")
         ]
         return ("contrast", "fringe_phase", "motion_phase", *placement, *free)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the parameters; with several maps those of a map carry ":" and its name."""
+        each = [
+            f"{name}:{data.name}" if data.name else name for data in self.maps for name in self.own
+        ]
+        return ("amplitude", *each)
+
+    @property
+    def held(self) -> Held:
+        """What is held of the parameter vector."""
+        return hold_fixed(self.labels, self.fixed, "these maps")
 
     @property
     def n_points(self) -> int:
@@ -126,13 +143,15 @@ class MapResiduals:
     ) -> tuple[Array, float]:
         """Return the nearest minimum of χ² and χ² there, or where `most` evaluations led.
 
-        Parameters with the indices `held` stay.
+        Parameters with the indices `held` stay, and those that are `fixed` have their values.
 
         Parameters that the data do not see stay as well, as nothing would keep them from drifting
         away.
         """
+        vector = self.held.put(vector)
+        stay = np.union1d(np.asarray(held, int), np.flatnonzero(~self.held.free))
         dead = np.flatnonzero(unseen(self.jacobian(vector), self.unit(vector)))
-        free = np.setdiff1d(np.arange(vector.size), np.union1d(np.asarray(held, int), dead))
+        free = np.setdiff1d(np.arange(vector.size), np.union1d(stay, dead))
 
         def at(values: Array) -> Array:
             whole = vector.copy()
@@ -182,10 +201,33 @@ class MapResiduals:
         The membrane lies about the origin or about the centre of the signal.
         """
         placements = [self._placements(data) for data in self.maps]
-        return [
+        found = [
             self.pack(start.amplitude, start.maps)
-            for start in starts(self.maps, self.shape, N_STARTS, placements)
+            for start in starts(
+                self.maps, self.shape, N_STARTS, placements, self.fixed.get("amplitude")
+            )
         ]
+        if not self.fixed:
+            return found
+        return [self.held.put(equal) for start in found for equal in self._equal(start)]
+
+    def _equal(self, vector: Array) -> list[Array]:
+        """Return solutions that a symmetric fringe makes equal where nothing is held.
+
+        V_C → −V_C, θ → θ + π, and θ → −θ, φ → φ + π, in all maps alike.
+        """
+        found = []
+        for flipped, mirrored in product((False, True), repeat=2):
+            values = self.unpack(vector)
+            for own in values:
+                if flipped:
+                    own["contrast"] *= -1
+                    own["fringe_phase"] += np.pi
+                if mirrored:
+                    own["fringe_phase"] *= -1
+                    own["motion_phase"] += np.pi
+            found.append(self.pack(vector[0], values))
+        return found
 
     def _placements(self, data: MapData) -> list[dict[str, float]]:
         power = np.maximum(

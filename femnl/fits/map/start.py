@@ -41,7 +41,11 @@ class Start:
 
 
 def starts(
-    maps: list[MapData], shape: Shape, count: int, placements: list[list[dict[str, float]]]
+    maps: list[MapData],
+    shape: Shape,
+    count: int,
+    placements: list[list[dict[str, float]]],
+    amplitude: float | None = None,
 ) -> list[Start]:
     """Return the `count` best local optima in U, best first.
 
@@ -50,11 +54,14 @@ def starts(
         shape: ξ.
         count: most starts to return.
         placements: for each map the placements (x, y, scale, rotation) to try.
+        amplitude: U [m] where it is known; sought on the grid unless given.
     """
     amplitudes = np.asarray(
         STEP * (np.arange(round(LARGEST / STEP)) + 0.5) / max(data.wavenumber for data in maps),
         np.float64,
     )
+    if amplitude is not None:
+        amplitudes = np.array([abs(amplitude)])
     total = np.zeros(len(amplitudes))
     winners: list[list[tuple[dict[str, float], Array]]] = []
     for data, tried in zip(maps, placements, strict=True):

@@ -1,6 +1,6 @@
 """Fit mass, damping and nonlinear stiffness of an oscillator to drive and motion."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,8 @@ from scipy.optimize import leastsq
 
 from femnl.core.errors import ConvergenceError, MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
-from femnl.fits.covariance import STEP, covariance, derived
+from femnl.fits.covariance import STEP, derived
+from femnl.fits.held import Held, hold_fixed
 from femnl.observe.record.free_run import (
     EDGE,
     Array,
@@ -54,6 +55,7 @@ def fit_oscillator(
     hold: Hold = "band-limited",
     fitted: slice | NDArray[np.bool_] = slice(None),
     start: Fit | None = None,
+    fixed: Mapping[str, float] | None = None,
 ) -> Fit:
     """Fit an oscillator by the error of its free run.
 
@@ -72,6 +74,7 @@ def fit_oscillator(
             record never are, see `predictable`.
         start: a fit of the same record with fewer terms, where there is one; otherwise the linear
             oscillator is fitted first.
+        fixed: values by parameter name, in units of drive and output, which are held.
 
     Returns:
         mass, damping, stiffness and the terms in units of drive and output; derived frequency [Hz],
@@ -80,7 +83,7 @@ def fit_oscillator(
 
     Raises:
         MeasurementError: records of different or too small length, a drive with gaps or constant.
-        ParameterError: an unknown term.
+        ParameterError: an unknown term, or a name in `fixed` that is no parameter.
         ConvergenceError: the record shows no damped oscillation to start from, or the fit ends at
             one that does not come to rest, or lies beyond half the sampling rate.
     Valid: at least about eight samples a period; one stable rest state.
@@ -105,8 +108,12 @@ def fit_oscillator(
     interval = 1 / sampling_rate
     names = [*LINEAR, *(term for term in TERMS if term in terms)]
     record = _Record(stages(u, interval, hold), y[chosen], chosen)
+    held = hold_fixed(names, fixed, "this oscillator")
     if start is None:
-        linear = _descend(LINEAR, linear_start(u[chosen], y[chosen], interval), record)
+        first = Held(LINEAR, held.values[: len(LINEAR)])
+        linear = first.values
+        if first.free.any():
+            linear = _descend(first, linear_start(u[chosen], y[chosen], interval), record)
         known = dict(zip(LINEAR, linear, strict=True))
     else:
         known = {name: start[name] for name in names if name in start.parameters}
@@ -116,7 +123,7 @@ def fit_oscillator(
         record = replace(
             record, drive=stages(u, interval, hold, _steps(names, starts[-1], y[chosen], interval))
         )
-    ends = [_descend(names, values, record) for values in starts]
+    ends = [_descend(held, values, record) for values in starts]
     values = min(ends, key=lambda end: float(np.sum(_left(names, end, record) ** 2)))
     damping, stiffness = values[1:3] / values[0]
     if not (damping > 0 and 0 < stiffness < (np.pi / interval) ** 2):
@@ -127,9 +134,7 @@ def fit_oscillator(
         )
     residual, slopes = _misfit(names, values, record)
     noise = float(np.std(residual))
-    found, blind = covariance(
-        slopes / noise, names, np.maximum(np.abs(values), np.finfo(float).tiny)
-    )
+    found, blind = held.covariance(slopes / noise, np.maximum(np.abs(values), np.finfo(float).tiny))
     parameters = {
         name: Parameter(name, float(v), float(s), "")
         for name, v, s in zip(names, values, np.sqrt(np.diag(found)), strict=True)
@@ -138,9 +143,11 @@ def fit_oscillator(
     notes = (
         f"root mean square of what is left: {noise:.4g} in the unit of the output, taken for "
         "white noise",
+        *held.notes,
         *blind,
     )
-    return Fit(parameters, found, 1.0, len(residual), len(names), notes)
+    n_free = int(np.count_nonzero(held.free))
+    return Fit(held.ordered(parameters), held.inner(found), 1.0, len(residual), n_free, notes)
 
 
 def simulate_oscillator(
@@ -227,18 +234,18 @@ def _left(names: Sequence[str], values: Array, record: _Record) -> Array:
     return np.asarray(run[0, record.chosen] - record.output)
 
 
-def _descend(names: Sequence[str], values: Array, record: _Record) -> Array:
-    """Minimise the squared free-run error."""
+def _descend(held: Held, values: Array, record: _Record) -> Array:
+    """Minimise the squared free-run error over what is free."""
 
     def residual(trial: Array) -> Array:
-        return _left(names, trial, record)
+        return _left(held.names, held.whole(trial), record)
 
     def slopes(trial: Array) -> Array:
-        return _misfit(names, trial, record)[1]
+        return _misfit(held.names, held.whole(trial), record)[1][:, held.free]
 
     best, *_ = leastsq(
         residual,
-        values,
+        values[held.free],
         Dfun=slopes,
         full_output=True,
         ftol=CLOSE,
@@ -246,7 +253,7 @@ def _descend(names: Sequence[str], values: Array, record: _Record) -> Array:
         gtol=CLOSE,
         maxfev=MAX_CALLS,
     )
-    return np.asarray(best)
+    return held.whole(np.asarray(best))
 
 
 def equation_start(

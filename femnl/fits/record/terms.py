@@ -3,6 +3,7 @@
 Fits with more and more of them, judged on the part held out.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,8 @@ from femnl.core.fit import Fit
 from femnl.core.kinds import function
 from femnl.core.numbers import plain
 from femnl.core.tables import Table, Tabulated
-from femnl.fits.record.oscillator import fit_oscillator, settled, simulate_oscillator
+from femnl.fits.held import hold_fixed
+from femnl.fits.record.oscillator import LINEAR, fit_oscillator, settled, simulate_oscillator
 from femnl.observe.record.free_run import Array
 
 if TYPE_CHECKING:
@@ -63,7 +65,11 @@ class TermsFit(Tabulated):
         return [Table(f"Oscillator with {self._name()}", columns), *self.fit._tables()]
 
 
-def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsFit]:
+def fit_terms(
+    dataset: xr.Dataset,
+    held_out: slice | None = None,
+    fixed: Mapping[str, float] | None = None,
+) -> list[TermsFit]:
     """Fit the oscillator of a `trace` with its drive.
 
     Linear, then with offset, k₃, k₂ and η added one after the other.
@@ -71,11 +77,12 @@ def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsF
     The record need not begin at rest: its first decay times are simulated but neither fitted nor
     counted, nor are its last samples, see `settled`.
     Args: dataset of kind `trace`, one step, with `drive_voltage`; held_out: samples that no fit
-    sees.
+    sees; fixed: values by parameter name, held in every model that has the parameter.
     Returns: the models by rising number of terms.
     Raises: MeasurementError without a drive, with several steps, or with fewer than 100 samples
-    left to fit or to test.
+    left to fit or to test; ParameterError for a name in `fixed` that is no parameter.
     """
+    hold_fixed((*LINEAR, *ORDER), fixed, "an oscillator")
     if "drive_voltage" not in dataset or dataset.sizes["step"] != 1:
         raise MeasurementError(
             "trace: an oscillator is fitted to one step with its drive_voltage, here are "
@@ -99,8 +106,15 @@ def fit_terms(dataset: xr.Dataset, held_out: slice | None = None) -> list[TermsF
     models: list[TermsFit] = []
     for count in range(len(ORDER) + 1):
         earlier = models[-1].fit if models else None
+        own = (*LINEAR, *ORDER[:count])
         fit = fit_oscillator(
-            drive, output, rate, ORDER[:count], fitted=counted & ~test, start=earlier
+            drive,
+            output,
+            rate,
+            ORDER[:count],
+            fitted=counted & ~test,
+            start=earlier,
+            fixed={name: value for name, value in (fixed or {}).items() if name in own},
         )
         error = simulate_oscillator(fit, drive, rate) - output
         fitted, tested = (

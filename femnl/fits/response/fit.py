@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from femnl.core.choices import Background, Use
 from femnl.core.errors import ParameterError
 from femnl.fits.covariance import covariance, strongest_correlation
+from femnl.fits.held import said
 from femnl.fits.response.adequacy import Errors, errors_of
 from femnl.fits.response.candidate import Candidate
 from femnl.fits.response.choice import CONJUGATED, Choice, choose, turned
@@ -115,7 +116,14 @@ def fit_response(
     free = best.limits.free
     names = [name for name, kept in zip(_names(best), free, strict=True) if kept]
     inner = found[np.ix_(free, free)]
-    notes = [*sweeps.notes, *_said(choice), *errors.notes, *blind, *_fold_notes(best)]
+    notes = [
+        *([said(tuple(fixed))] if fixed else []),
+        *sweeps.notes,
+        *_said(choice),
+        *errors.notes,
+        *blind,
+        *_fold_notes(best),
+    ]
     notes += [sentence for sentence in [strongest_correlation(inner, names)] if sentence]
     ordered = {name: derived[name] for name in names} | derived
     return ResponseFit(

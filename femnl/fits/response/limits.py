@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.errors import ParameterError
+from femnl.fits.held import unknown
 from femnl.fits.response.result import natural
 from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array
@@ -55,9 +56,7 @@ def limits(layout: Layout, bounds: Bounds, fixed: Mapping[str, float], free: Mas
             low[k], high[k] = (layout.theta_of(k, value) for value in pair)
     for name, value in fixed.items():
         if name not in names:
-            raise ParameterError(
-                f"fixed {name!r}: is none of the fit's parameters; they are {', '.join(names)}"
-            )
+            raise ParameterError(unknown(name, names, "a response"))
         k = names.index(name)
         low[k] = high[k] = layout.theta_of(k, value)
         free[k] = False

@@ -3,17 +3,24 @@
 What depends on the readout's place, and what does not.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 import xarray as xr
 
 from femnl.core.choices import Use
+from femnl.core.readout import Array
 from femnl.fits.response.fit import fit_response
 
 FIELDS = ("frequency", "linewidth", "alpha_ratio", "y_max", "alpha_y", "alpha_c")
 
 
 def fit_line_scan(
-    dataset: xr.Dataset, use: Use | None = None, *, nonlinear_damping: bool = False
+    dataset: xr.Dataset,
+    use: Use | None = None,
+    *,
+    nonlinear_damping: bool = False,
+    fixed: Mapping[str, float] | None = None,
 ) -> xr.Dataset:
     """Fit each position of a `response` on its own, so that nothing forces them to agree.
 
@@ -24,6 +31,7 @@ def fit_line_scan(
         dataset: of kind `response`, all sweeps of one mode.
         use: as in `fit_response`.
         nonlinear_damping: as in `fit_response`.
+        fixed: as in `fit_response`, at every position; alpha_ratio is held at its drive.
 
     Returns:
         Dataset over `position` (in order of rising x, then y) with x, y [m], chi2_reduced, and
@@ -43,6 +51,7 @@ def fit_line_scan(
             use,
             duffing=True,
             nonlinear_damping=nonlinear_damping,
+            fixed=fixed,
         )
         for p in positions
     ]
@@ -71,18 +80,27 @@ def fit_line_scan(
                 [p.sd * factor for p, factor in zip(found, power, strict=True)],
                 {"units": found[0].unit},
             )
-    weight = 1 / out["alpha_ratio_sd"].values ** 2
-    mean = float(np.sum(weight * out["alpha_ratio"].values) / np.sum(weight))
-    scatter = float(
-        np.sum(weight * (out["alpha_ratio"].values - mean) ** 2) / max(len(positions) - 1, 1)
-    )
+    mean, sd, scatter = _mean(out["alpha_ratio"].values, out["alpha_ratio_sd"].values)
     out.attrs = {
         "alpha_ratio": mean,
-        "alpha_ratio_sd": float(np.sum(weight) ** -0.5),
+        "alpha_ratio_sd": sd,
         "scatter": scatter,
         "drive": strongest,
     }
     return out
+
+
+def _mean(values: Array, sd: Array) -> tuple[float, float, float]:
+    """Return the weighted mean of values (n,), its sd, and χ²/(n − 1) about it.
+
+    Values that were held have no sd, and neither has their mean.
+    """
+    if not sd.all():
+        return float(values.mean()), 0.0, 0.0
+    weight = 1 / sd**2
+    mean = float(np.sum(weight * values) / np.sum(weight))
+    scatter = float(np.sum(weight * (values - mean) ** 2) / max(len(values) - 1, 1))
+    return mean, float(np.sum(weight) ** -0.5), scatter
 
 
 def _coordinate(

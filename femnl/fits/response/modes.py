@@ -1,22 +1,34 @@
 """Several linear modes in the span of a sweep, on a common background."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
+from scipy.optimize import least_squares
 
 from femnl.core.errors import ConvergenceError, MeasurementError
 from femnl.core.fit import Fit, Parameter
 from femnl.fits.covariance import derived
+from femnl.fits.held import Held, hold_fixed
 from femnl.fits.response.linear import linear_starts
-from femnl.fits.spectrum.lines import Cluster, Complex, fit_cluster, polynomials
+from femnl.fits.spectrum.lines import (
+    Cluster,
+    Complex,
+    derivatives,
+    fit_cluster,
+    line,
+    polynomials,
+)
 from femnl.observe.response.branches import Layout
-from femnl.observe.response.sweeps import collect
+from femnl.observe.response.sweeps import Array, Sweeps, collect
 
 WIDEST = 3.0
 """Spans of the widest line."""
 NARROWEST = 1e-3
 """Spacings of points of the narrowest."""
+UNITS = {"frequency": "Hz", "linewidth": "Hz", "amplitude": "V", "phase": "rad"}
+"""Parameters of each mode with their units."""
 LEAST = 16
 """Points that a line needs beside the others."""
 
@@ -33,17 +45,25 @@ class ModesFit:
     prediction: Complex
 
 
-def fit_modes(dataset: xr.Dataset, count: int, sweep: int = 0) -> ModesFit:
+def fit_modes(
+    dataset: xr.Dataset,
+    count: int,
+    sweep: int = 0,
+    fixed: Mapping[str, float] | None = None,
+) -> ModesFit:
     """Fit a number of linear modes to one sweep, their background smooth and complex.
 
     V(f) = Σ_k A_k f_kw_k/(f_k² − f² + i f w_k) + a polynomial of second degree. Modes are added one
     by one where most is left, and fitted together each time.
 
-    Args: dataset of kind `response`, with phases; count: of modes; sweep: which one.
+    Args: dataset of kind `response`, with phases; count: of modes; sweep: which one; fixed: values
+    by parameter name, SI, which are held: the modes are found with all free, then the rest is
+    fitted once more.
     Returns: the ModesFit, its standard deviations scaled by √(χ²/ν).
     Raises: MeasurementError for magnitudes alone or too few points; ConvergenceError where a mode
-    is not to be found.
+    is not to be found; ParameterError for a name in `fixed` that the fit does not have.
     """
+    held = hold_fixed(_names(count), fixed, f"{count} modes")
     data = collect(dataset.isel(sweep=[sweep]))
     if not data.phases:
         raise MeasurementError("response: magnitudes alone; several modes need real and imag")
@@ -73,7 +93,91 @@ def fit_modes(dataset: xr.Dataset, count: int, sweep: int = 0) -> ModesFit:
         left = replace(data, voltage=data.voltage - best.lines(f))
     if best is None:
         raise MeasurementError("response: no mode was asked for; give at least one")
+    if not held.free.all():
+        return _held_fit(dataset, sweep, data, best, held)
     return _result(dataset, sweep, data.notes, best)
+
+
+def _names(count: int) -> list[str]:
+    return [f"{name}[{k}]" for k in range(1, count + 1) for name in UNITS]
+
+
+def _held_fit(dataset: xr.Dataset, sweep: int, data: Sweeps, best: Cluster, held: Held) -> ModesFit:
+    """Return the fit with some parameters held, which starts from that with all free."""
+    f = data.frequency
+    order = np.argsort(best.frequency)
+    size = best.amplitude[order]
+    columns = (best.frequency[order], best.linewidth[order], np.abs(size), np.angle(size))
+    basis = polynomials(f, best.window)
+    count = len(held.names)
+    background = np.concatenate([best.background.real, best.background.imag])
+    start = np.concatenate([held.put(np.column_stack(columns).ravel()), background])
+    names = (*held.names, *(f"background {k}" for k in range(len(background))))
+    whole = Held(names, np.concatenate([held.values, np.full(len(background), np.nan)]))
+
+    def model(x: Array) -> tuple[Complex, Complex]:
+        """Return V (n,) and its derivatives (n, k)."""
+        total = basis @ (x[count:].reshape(2, -1)[0] + 1j * x[count:].reshape(2, -1)[1])
+        slopes = []
+        for f0, w, height, phase in x[:count].reshape(-1, len(UNITS)):
+            turn = height * np.exp(1j * phase)
+            shape = line(f, f0, w)
+            total = total + turn * shape
+            by_frequency, by_width = derivatives(f, f0, w)
+            slopes += [turn * by_frequency, turn * by_width]
+            slopes += [np.exp(1j * phase) * shape, 1j * turn * shape]
+        return total, np.column_stack([*slopes, basis, 1j * basis])
+
+    def residuals(free: Array) -> Array:
+        away = (model(whole.whole(free))[0] - data.voltage) / data.noise
+        return np.concatenate([away.real, away.imag])
+
+    def jacobian(x: Array) -> Array:
+        slopes = model(x)[1] / data.noise
+        return np.vstack([slopes.real, slopes.imag])
+
+    def free_slopes(free: Array) -> Array:
+        return jacobian(whole.whole(free))[:, whole.free]
+
+    found = least_squares(
+        residuals,
+        start[whole.free],
+        free_slopes,
+        x_scale="jac",
+        xtol=1e-12,
+        ftol=1e-12,
+    )
+    x = whole.whole(found.x)
+    n_free = int(np.count_nonzero(whole.free))
+    reduced = float(2 * found.cost) / max(2 * f.size - n_free, 1)
+    high = float(np.abs(data.voltage).max())
+    steps = [[w, w, abs(height) or high, 1.0] for _, w, height, _ in x[:count].reshape(-1, 4)]
+    unit = np.concatenate([np.ravel(steps), np.full(len(background), high)])
+    spread, blind = whole.covariance(jacobian(x), unit)
+    spread = spread[:count, :count] * reduced
+    sd = np.sqrt(np.diag(spread))
+    own = {
+        name: Parameter(name, float(value), float(error), UNITS[name.partition("[")[0]])
+        for name, value, error in zip(held.names, x[:count], sd, strict=True)
+    }
+    told = f"standard deviations are scaled by √(χ²/ν) = {np.sqrt(reduced):.3g}"
+    fit = Fit(
+        held.ordered(own) | derived(_qualities, x[:count], spread),
+        held.inner(spread),
+        reduced,
+        2 * f.size,
+        n_free,
+        (*data.notes, *held.notes, *blind, told),
+    )
+    prediction = np.full(dataset["frequency"].shape[1], np.nan + 0j)
+    prediction[data.column] = model(x)[0]
+    return ModesFit(fit, prediction)
+
+
+def _qualities(x: Complex) -> dict[str, tuple[complex, str]]:
+    """Return the quality factor of each mode from its frequency and width."""
+    rows = x.reshape(-1, len(UNITS))
+    return {f"quality_factor[{k}]": (complex(f / w), "") for k, (f, w, *_) in enumerate(rows, 1)}
 
 
 def _result(dataset: xr.Dataset, sweep: int, notes: tuple[str, ...], best: Cluster) -> ModesFit:
@@ -99,18 +203,11 @@ def _result(dataset: xr.Dataset, sweep: int, notes: tuple[str, ...], best: Clust
             variances.append(error**2)
     covariance = np.diag(variances)
     values = np.array([one.value for one in found.values()])
-
-    def quality(x: Complex) -> dict[str, tuple[complex, str]]:
-        return {
-            f"quality_factor[{k + 1}]": (complex(x[4 * k] / x[4 * k + 1]), "")
-            for k in range(len(order))
-        }
-
     f = np.asarray(dataset["frequency"].values[sweep], float)
     prediction = best.lines(f) + polynomials(f, best.window) @ best.background
     told = f"standard deviations are scaled by √(χ²/ν) = {factor:.3g}"
     fit = Fit(
-        found | derived(quality, values, covariance),
+        found | derived(_qualities, values, covariance),
         covariance,
         reduced,
         best.n_points,

@@ -88,6 +88,16 @@ def unit(name: str, layout: Layout) -> str:
     return f"{volts}/Hz" if "slope" in bare else volts
 
 
+def bare_unit(name: str) -> str | None:
+    """Return the unit of a parameter by its name without a position, None if there is none such.
+
+    Of a background that does not grow with the drive.
+    """
+    if name.startswith("background"):
+        return "V/Hz" if "slope" in name else "V"
+    return UNITS.get(name)
+
+
 def indexed(name: str, position: int, layout: Layout) -> str:
     """Return the parameter's name at a position: bare where there is only one."""
     return name if layout.n_positions == 1 else f"{name}[{position}]"

@@ -1,6 +1,6 @@
 """Fit a law to a series: a line, a power law or an Arrhenius law."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,13 +13,20 @@ from femnl.core.choices import Law
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.core.readout import Array
-from femnl.fits.covariance import covariance, strongest_correlation
+from femnl.fits.covariance import strongest_correlation
+from femnl.fits.held import Held, hold_fixed, unknown
 from femnl.io.measurement import controls, varies
 
 BOLTZMANN = 1.380649e-23
 """Boltzmann constant [J/K], exact in the SI."""
 QUANTITIES: Mapping[str, str] = {"frequency": "Hz", "quality_factor": ""}
 """What a series holds, with its unit."""
+PARAMETERS: Mapping[Law, tuple[str, str]] = {
+    "line": ("value", "slope"),
+    "power": ("value", "exponent"),
+    "arrhenius": ("prefactor", "activation_energy"),
+}
+"""Parameters of each law."""
 LEAST = 3
 """Points that two parameters and their errors need."""
 EXCESS = 3.0
@@ -49,24 +56,77 @@ class SeriesFit:
 
 
 def fit_series(
-    dataset: xr.Dataset, law: Law = "line", control: str | None = None
+    dataset: xr.Dataset,
+    law: Law = "line",
+    control: str | None = None,
+    fixed: Mapping[str, float] | None = None,
 ) -> tuple[SeriesFit, ...]:
     """Fit a law to the frequency and the quality factor of a series.
 
     line: y = value + slope (x − x̄), x̄ the weighted mean of x, where the two are independent.
     power: y = value (x/x̄)^exponent, x̄ the geometric mean. arrhenius: y = prefactor exp(−E/(k_B T)).
 
-    Args: dataset of kind `series`; law; control: the variable, by default the only one that varies.
+    Args: dataset of kind `series`; law; control: the variable, by default the only one that varies;
+    fixed: values by parameter name, SI, which are held, such as "slope"; where the series has both
+    quantities, "slope:frequency" or "slope:quality_factor".
     Returns: one fit for each quantity that it holds. Standard deviations are scaled by √(χ²/ν)
     where the series states no errors, or scatters more than it states; 95 % intervals are those of
     Student's t with ν degrees of freedom where they are scaled. Without stated errors a line takes
     all values to be equally uncertain, and a power law or an Arrhenius law takes all relative
     values to be so: values over decades have no common error.
     Raises: MeasurementError for fewer than three points; ParameterError for a control that does not
-    vary, several that do, or a law that the values do not allow.
+    vary, several that do, a law that the values do not allow, or a name in `fixed` that no law has.
     """
     name = _control(dataset, law, control)
-    return tuple(_fit(dataset, key, name, law) for key in QUANTITIES if key in dataset)
+    keys = [key for key in QUANTITIES if key in dataset]
+    held = _held_by_quantity(fixed or {}, keys, law)
+    return tuple(_fit(dataset, key, name, law, held[key]) for key in keys)
+
+
+def parameter_units(
+    dataset: xr.Dataset, law: Law = "line", control: str | None = None
+) -> dict[str, str]:
+    """Return the unit of each parameter that `fit_series` can hold, by the name that it takes."""
+    per = controls(dataset)[_control(dataset, law, control)]
+    keys = [key for key in QUANTITIES if key in dataset]
+    found: dict[str, str] = {}
+    for key in keys:
+        units = _units(law, QUANTITIES[key], per)
+        named = zip(_labels(law, key, alone=len(keys) == 1), units, strict=True)
+        found |= dict(named)
+    return found
+
+
+def _labels(law: Law, key: str, *, alone: bool) -> list[str]:
+    """Return the names by which the parameters of one quantity are held."""
+    return [name if alone else f"{name}:{key}" for name in PARAMETERS[law]]
+
+
+def _units(law: Law, unit: str, per: str) -> tuple[str, str]:
+    """Return the units of the two parameters of a law."""
+    return unit, {"line": _per(unit, per), "power": "", "arrhenius": "J"}[law]
+
+
+def _held_by_quantity(fixed: Mapping[str, float], keys: Sequence[str], law: Law) -> dict[str, Held]:
+    """Return what is held of the law of each quantity."""
+    names = PARAMETERS[law]
+    labels = {key: _labels(law, key, alone=len(keys) == 1) for key in keys}
+    every = [label for of_key in labels.values() for label in of_key]
+    for name in fixed:
+        if name not in every:
+            raise ParameterError(unknown(name, every, f"a series with the law {law}"))
+    return {
+        key: hold_fixed(
+            names,
+            {
+                name: fixed[label]
+                for name, label in zip(names, of_key, strict=True)
+                if label in fixed
+            },
+            f"the law {law}",
+        )
+        for key, of_key in labels.items()
+    }
 
 
 def _control(dataset: xr.Dataset, law: Law, control: str | None) -> str:
@@ -94,7 +154,7 @@ def _control(dataset: xr.Dataset, law: Law, control: str | None) -> str:
     return control
 
 
-def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
+def _fit(dataset: xr.Dataset, key: str, control: str, law: Law, held: Held) -> SeriesFit:
     x = np.asarray(dataset[control].values, float)
     y = np.asarray(dataset[key].values, float)
     stated = f"{key}_sd" in dataset
@@ -118,7 +178,8 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
     per = controls(dataset)[control]
     form = _form(law, key, (control, per), x, y, sd)
 
-    def residual(p: Array) -> Array:
+    def residual(free: Array) -> Array:
+        p = held.whole(free)
         # ln y − ln f where relative errors are equal: linear in ln(value), and so without bias
         away = y * np.log(y / form.predict(p)) if relative else y - form.predict(p)
         return np.asarray(away / sd)
@@ -129,25 +190,30 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
             growth = growth * (y / form.predict(p))[:, None]
         return np.asarray(-growth / sd[:, None])
 
+    def free_slopes(free: Array) -> Array:
+        return slopes(held.whole(free))[:, held.free]
+
     found = least_squares(
         residual,
-        form.start,
-        slopes,
+        form.start[held.free],
+        free_slopes,
         x_scale="jac",
         xtol=1e-12,
         ftol=1e-12,
         gtol=1e-12,
     )
-    nu = len(x) - len(form.start)
+    n_free = int(np.count_nonzero(held.free))
+    best = held.whole(found.x)
+    nu = len(x) - n_free
     reduced = float(2 * found.cost / nu)
     scaled = not stated or reduced > 1 + EXCESS * np.sqrt(2 / nu)
     factor = float(np.sqrt(reduced)) if scaled else 1.0
-    spread, blind = covariance(slopes(found.x), form.names, form.steps)
+    spread, blind = held.covariance(slopes(best), form.steps)
     spread = spread * factor**2
     size = np.sqrt(np.diag(spread))
     width = float(student.ppf(0.5 + INTERVAL / 2, nu)) if scaled else 1.959963984540054
-    listed = zip(form.names, found.x, size, form.units, strict=True)
-    parameters = {n: Parameter(n, float(v), float(s), u) for n, v, s, u in listed}
+    listed = zip(form.names, best, size, form.units, strict=True)
+    parameters = held.ordered({n: Parameter(n, float(v), float(s), u) for n, v, s, u in listed})
     interval = {
         one.name: (one.value - width * one.sd, one.value + width * one.sd)
         for one in parameters.values()
@@ -164,18 +230,18 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law) -> SeriesFit:
         )
         told.append(f"standard deviations are those of the scatter, {scatter}: {why}")
     correlation = strongest_correlation(spread, form.names)
-    notes = (*form.notes, *told, *blind, *([correlation] if correlation else []))
+    notes = (*form.notes, *held.notes, *told, *blind, *([correlation] if correlation else []))
     return SeriesFit(
         key,
         control,
         per,
         law,
-        Fit(parameters, spread, reduced if stated else 1.0, len(x), len(form.start), notes),
+        Fit(parameters, held.inner(spread), reduced if stated else 1.0, len(x), n_free, notes),
         interval,
         x,
         y,
         sd * factor,
-        form.predict(found.x),
+        form.predict(best),
     )
 
 
@@ -216,8 +282,8 @@ def _form(law: Law, key: str, against: tuple[str, str], x: Array, y: Array, sd: 
         middle = float(np.sum(weight * x) / np.sum(weight))
         columns = np.column_stack([np.ones(len(x)), x - middle])
         return _Form(
-            ("value", "slope"),
-            (unit, _per(unit, per)),
+            PARAMETERS[law],
+            _units(law, unit, per),
             _linear(columns, y, sd),
             float(np.max(np.abs(y))) * np.array([1, 1 / float(np.ptp(x))]),
             lambda p: np.asarray(columns @ p),
@@ -243,7 +309,7 @@ def _form(law: Law, key: str, against: tuple[str, str], x: Array, y: Array, sd: 
 
     start = np.array([np.exp(logged[0]), logged[1] / scale])
     steps = np.array([start[0], 1 / scale])
-    return _Form(("prefactor", "activation_energy"), (unit, "J"), start, steps, predict, slopes, ())
+    return _Form(PARAMETERS[law], (unit, "J"), start, steps, predict, slopes, ())
 
 
 def _per(unit: str, per: str) -> str:
@@ -266,7 +332,7 @@ def _power(unit: str, ratio: Array, y: Array, sd: Array, notes: tuple[str, ...])
 
     start = np.array([np.exp(logged[0]), logged[1]])
     steps = np.array([start[0], 1.0])
-    return _Form(("value", "exponent"), (unit, ""), start, steps, predict, slopes, notes)
+    return _Form(PARAMETERS["power"], (unit, ""), start, steps, predict, slopes, notes)
 
 
 def _linear(columns: Array, y: Array, sd: Array) -> NDArray[np.float64]:

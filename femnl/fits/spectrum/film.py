@@ -3,7 +3,7 @@
 The speed of waves in it, and by how much the ratios of modes leave the simulated ones.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
@@ -11,18 +11,25 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from femnl.core.device import Film
-from femnl.core.errors import MeasurementError
+from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.core.spectrum import Array, Assignment, FilmFit
+from femnl.fits.held import said, unknown
 from femnl.fits.spectrum.assignment import assign
 
+UNITS = {"scale": "", "wave_speed": "m/s", "stress": "Pa", "scatter": ""}
+"""Parameters of a film with their units."""
 MARGIN = 0.02
 """Of frequency: by so much beyond its lines a spectrum without labels is taken to have been swept.
 """
 
 
 def fit_film(
-    dataset: xr.Dataset, labels: Sequence[str | None], simulated: ArrayLike, film: Film
+    dataset: xr.Dataset,
+    labels: Sequence[str | None],
+    simulated: ArrayLike,
+    film: Film,
+    fixed: Mapping[str, float] | None = None,
 ) -> FilmFit:
     """Fit f_i = c/c_sim · g_i to the lines of a spectrum.
 
@@ -38,11 +45,16 @@ def fit_film(
         labels: of the simulated modes, "(m,n)" or None.
         simulated: their frequencies g [Hz].
         film: the film that was simulated.
+        fixed: values by name, SI, which are held: scatter, and one of scale, wave_speed and stress,
+            which are one parameter.
 
-    Returns: the FilmFit. Raises: MeasurementError where no line has a simulated mode.
+    Returns: the FilmFit.
+    Raises: MeasurementError where no line has a simulated mode; ParameterError for a name in
+    `fixed` that the fit does not have, or two of the three.
     Valid: bending small, so that all frequencies go as √σ; one film.
     Source of s: R. C. Paule and J. Mandel, J. Res. Natl. Bur. Stand. 87, 377 (1982).
     """
+    scale_held, scatter_held = _held(fixed or {}, film)
     f = dataset["frequency"].values
     sd = dataset["frequency_sd"].values
     g = np.asarray(simulated, dtype=float)
@@ -71,27 +83,29 @@ def fit_film(
     lines, modes = (np.array(column, dtype=int) for column in zip(*kept, strict=True))
     shift = np.log(f[lines] / g[modes])
     own = np.nan_to_num(sd[lines] / f[lines])
-    scatter = _scatter(shift, own)
+    centre = None if scale_held is None else float(np.log(scale_held))
+    scatter = _scatter(shift, own, centre) if scatter_held is None else scatter_held
     log_scale, error = _mean(shift, own**2 + scatter**2)
-    chi2 = float(
-        np.sum(
-            (shift - _mean(shift, np.maximum(own, 1e-12) ** 2)[0]) ** 2
-            / np.maximum(own, 1e-12) ** 2
-        )
-    )
+    stated = np.maximum(own, 1e-12)
+    middle = _mean(shift, stated**2)[0]
+    if centre is not None:
+        log_scale, error, middle = centre, 0.0, centre
+    chi2 = float(np.sum((shift - middle) ** 2 / stated**2))
     scale = float(np.exp(log_scale))
-    degrees = max(len(lines) - 1, 1)
+    n_free = 1 if centre is None else 0
+    degrees = max(len(lines) - n_free, 1)
     speed = scale * float(np.sqrt(film.stress / film.density))
     named = (
-        ("scale", scale, 1, ""),
-        ("wave_speed", speed, 1, "m/s"),
-        ("stress", scale**2 * film.stress, 2, "Pa"),
+        ("scale", scale, 1),
+        ("wave_speed", speed, 1),
+        ("stress", scale**2 * film.stress, 2),
     )
     parameters = {
-        name: Parameter(name, value, value * power * error, unit)
-        for name, value, power, unit in named
+        name: Parameter(name, value, value * power * error, UNITS[name])
+        for name, value, power in named
     }
-    parameters["scatter"] = Parameter("scatter", scatter, scatter / np.sqrt(2 * degrees), "")
+    scatter_sd = scatter / np.sqrt(2 * degrees) if scatter_held is None else 0.0
+    parameters["scatter"] = Parameter("scatter", scatter, scatter_sd, "")
     left = f"{len(mode) - len(kept)} lines without a simulated mode left out"
     notes = (
         f"the ratios of modes leave the simulated ones by {scatter:.2g} of the frequency beyond "
@@ -100,9 +114,11 @@ def fit_film(
         else "the ratios of modes are the simulated ones within the errors of measurement",
         "σ, ρ and size enter through c alone: the stress holds for the density and the size of "
         "the geometry",
+        *([said(tuple(fixed))] if fixed else []),
         *([left] if len(mode) > len(kept) else []),
     )
-    fit = Fit(parameters, np.array([[(scale * error) ** 2]]), chi2 / degrees, len(lines), 1, notes)
+    covariance = np.full((n_free, n_free), (scale * error) ** 2)
+    fit = Fit(parameters, covariance, chi2 / degrees, len(lines), n_free, notes)
     deviation = np.exp(shift - log_scale) - 1
     return FilmFit(
         fit,
@@ -115,25 +131,52 @@ def fit_film(
     )
 
 
+def _held(fixed: Mapping[str, float], film: Film) -> tuple[float | None, float | None]:
+    """Return the scale and the scatter that are held, None where free."""
+    speed = float(np.sqrt(film.stress / film.density))
+    scales = {
+        "scale": lambda value: value,
+        "wave_speed": lambda value: value / speed,
+        "stress": lambda value: float(np.sqrt(value / film.stress)),
+    }
+    for name, value in fixed.items():
+        if name not in UNITS:
+            raise ParameterError(unknown(name, tuple(UNITS), "a film"))
+        least = "0 or more" if name == "scatter" else "positive"
+        if not np.isfinite(value) or value < 0 or (value == 0 and name != "scatter"):
+            raise ParameterError(f"fixed: {name} = {value:g}: must be {least}")
+    given = [name for name in scales if name in fixed]
+    if len(given) > 1:
+        raise ParameterError(
+            f"fixed: {' and '.join(given)} are one parameter of a film; hold one of them"
+        )
+    scale = scales[given[0]](fixed[given[0]]) if given else None
+    return scale, fixed.get("scatter")
+
+
 def _mean(values: Array, variance: Array) -> tuple[float, float]:
     """Weighted mean and its standard deviation."""
     weight = 1 / np.maximum(variance, 1e-30)
     return float(np.sum(weight * values) / np.sum(weight)), float(np.sum(weight) ** -0.5)
 
 
-def _scatter(shift: Array, own: Array) -> float:
-    """The s for which Σ (x − mean)²/(σ² + s²) = n − 1.
+def _scatter(shift: Array, own: Array, held: float | None) -> float:
+    """The s for which Σ (x − mean)²/(σ² + s²) = n − 1, or n where the mean is held.
 
     0 where the sum falls short already without it.
     """
+    degrees = len(shift) - (1 if held is None else 0)
 
     def excess(s: float) -> float:
         variance = np.maximum(own**2 + s**2, 1e-30)
-        return float(np.sum((shift - _mean(shift, variance)[0]) ** 2 / variance)) - (len(shift) - 1)
+        middle = _mean(shift, variance)[0] if held is None else held
+        return float(np.sum((shift - middle) ** 2 / variance)) - degrees
 
     top = float(np.ptp(shift))
+    if held is not None:
+        top = float(np.sqrt(len(shift)) * np.abs(shift - held).max())
     return (
         0.0
-        if len(shift) < 2 or excess(0.0) <= 0
+        if degrees < 1 or excess(0.0) <= 0
         else float(brentq(excess, 0.0, max(top, 1e-15), xtol=1e-12))
     )

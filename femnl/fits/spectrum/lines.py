@@ -59,7 +59,7 @@ def polynomials(f: Array, window: tuple[float, float]) -> Array:
     )
 
 
-def _derivatives(f: Array, frequency: float, linewidth: float) -> tuple[Complex, Complex]:
+def derivatives(f: Array, frequency: float, linewidth: float) -> tuple[Complex, Complex]:
     """Derivatives of the line by frequency and by linewidth."""
     under = frequency**2 - f**2 + 1j * f * linewidth
     by_frequency = linewidth / under - 2 * frequency**2 * linewidth / under**2
@@ -126,7 +126,7 @@ class _Problem:
         for (frequency, width), (_, scale), amplitude in zip(
             self.parameters(unknowns), self.start, coefficients, strict=False
         ):
-            by_frequency, by_width = _derivatives(self.f, frequency, width)
+            by_frequency, by_width = derivatives(self.f, frequency, width)
             shifts.append(-amplitude * scale * by_frequency)
             growths.append(-amplitude * width * by_width)
         columns = np.column_stack(shifts + growths)
@@ -175,7 +175,7 @@ def fit_cluster(
     amplitude = coefficients[:count]
     columns: list[Complex] = []
     for (frequency, width), height in zip(parameters, amplitude, strict=True):
-        by_frequency, by_width = _derivatives(f, frequency, width)
+        by_frequency, by_width = derivatives(f, frequency, width)
         shape = line(f, frequency, width)
         # In units of the width and of the height, so that the matrix is well scaled.
         columns += [

@@ -1,6 +1,7 @@
 """Motion in metres at one spot, step by step of a drive, from the harmonics of recorded traces."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -8,7 +9,7 @@ from scipy.optimize import least_squares
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, MotionFit, Parameter
 from femnl.core.readout import Array, ComplexArray, FourierSeries, HarmonicSpectrum, PeriodicFringe
-from femnl.fits.covariance import covariance
+from femnl.fits.held import Held, unknown
 from femnl.optics.unit_fringe import Orders, cosine, real_part, unit_fringe
 
 DEEPEST = 30.0
@@ -17,12 +18,17 @@ STEP = 0.1
 N_SEARCHED = 15
 N_ORDERS = 8
 """Steps of the drive, and harmonics, that decide on the fringe in the search."""
+FRINGE = ("contrast", "fringe_phase")
+"""Parameters that all steps share."""
 WALL = 1e9
 """Residual of motion beyond twice the grid, so that no step leads there."""
 
 
 def fit_spot(
-    spectrum: HarmonicSpectrum, wavelength: float, fringe: PeriodicFringe | None = None
+    spectrum: HarmonicSpectrum,
+    wavelength: float,
+    fringe: PeriodicFringe | None = None,
+    fixed: Mapping[str, float] | None = None,
 ) -> MotionFit:
     """Fit the harmonics of all steps of a drive by one fringe.
 
@@ -35,16 +41,18 @@ def fit_spot(
         spectrum: harmonics of the traces, from `decompose`.
         wavelength: λ [m].
         fringe: f(u); one cosine unless given.
+        fixed: values of `contrast` [V] or `fringe_phase` [rad], which are held.
 
     Returns:
         The motion at each step, with U ≥ 0, V_C > 0 for a cosine, and θ of a symmetric fringe in
-        [0, π]; fit: `contrast`, `fringe_phase`.
+        [0, π], where they are free; fit: `contrast`, `fringe_phase`.
 
     Raises:
-        ParameterError: fewer than two harmonics, or a fringe without contrast.
+        ParameterError: fewer than two harmonics, a fringe without contrast, or a name in `fixed`
+            that the fit does not have.
 
     Valid: sinusoidal motion with z below 30, and at least one step that bends the fringe (z > 1),
-    else the data do not separate V_C from U.
+    else the data do not separate V_C from U, unless V_C is held.
     Source: Sommer et al. 2025, supplement S7, harmonics against drive frequency.
     """
     kept = spectrum.harmonic > 0
@@ -55,7 +63,11 @@ def fit_spot(
         )
     series = cosine(wavelength) if fringe is None else unit_fringe(fringe.fourier)
     problem = _Spot(
-        series, spectrum.harmonic[kept], spectrum.values[kept], spectrum.values_sd[kept]
+        series,
+        spectrum.harmonic[kept],
+        spectrum.values[kept],
+        spectrum.values_sd[kept],
+        _held(fixed or {}),
     )
     optima = sorted(
         (problem.refine(start, 10) for start in problem.starts()), key=lambda optimum: optimum[1]
@@ -66,14 +78,35 @@ def fit_spot(
     return problem.report(problem.canonical(best))
 
 
+def _held(fixed: Mapping[str, float]) -> Array:
+    """Return V_C and θ where they are held, NaN where free."""
+    found = np.full(len(FRINGE), np.nan)
+    for name, value in fixed.items():
+        if name not in FRINGE:
+            raise ParameterError(unknown(name, FRINGE, "the motion at a spot"))
+        if not np.isfinite(value) or (name == "contrast" and value == 0):
+            raise ParameterError(f"fixed: {name} = {value:g}: give a finite number but 0 V")
+        found[FRINGE.index(name)] = value
+    return found
+
+
 @dataclass(frozen=True)
 class _Spot:
-    """The parameter vector: V_C, θ, then U of every step, then φ of every step."""
+    """The parameter vector: V_C, θ, then U of every step, then φ of every step.
+
+    held (2,): V_C and θ where they are held, NaN where free.
+    """
 
     series: FourierSeries
     harmonic: Orders
     values: ComplexArray
     sd: Array
+    held: Array
+
+    def all_held(self, vector: Array) -> Held:
+        """Return what is held of the whole vector."""
+        names = [str(k) for k in range(vector.size)]
+        return Held(tuple(names), np.concatenate([self.held, np.full(vector.size - 2, np.nan)]))
 
     @property
     def wavenumber(self) -> float:
@@ -114,10 +147,18 @@ class _Spot:
 
     def refine(self, vector: Array, most: int) -> tuple[Array, float]:
         """Return the nearest minimum of χ² and χ² there, or where `most` evaluations led."""
+        held = self.all_held(vector)
+
+        def residuals(free: Array) -> Array:
+            return self.residuals(held.whole(free))
+
+        def jacobian(free: Array) -> Array:
+            return self.jacobian(held.whole(free))[:, held.free]
+
         found = least_squares(
-            self.residuals,
-            vector,
-            self.jacobian,
+            residuals,
+            vector[held.free],
+            jacobian,
             method="lm",
             x_scale="jac",
             xtol=1e-10,
@@ -125,7 +166,7 @@ class _Spot:
             gtol=1e-12,
             max_nfev=most,
         )
-        return found.x, float(2 * found.cost)
+        return held.whole(found.x), float(2 * found.cost)
 
     def settle(self, vector: Array) -> tuple[Array, float]:
         """Return the minimum reached by searching every step's motion and refining all in turn."""
@@ -146,6 +187,10 @@ class _Spot:
         symmetric = bool(np.abs(self.series.coefficients.imag).max() < 1e-9)
         theta = np.arange(0, np.pi if symmetric else 2 * np.pi, np.pi / 32) + np.pi / 64
         contrast = np.abs(self.values).max() * np.geomspace(0.6, 30, 40)
+        theta, contrast = (
+            tried if np.isnan(value) else np.array([value])
+            for tried, value in zip((theta, contrast), self.held[::-1], strict=True)
+        )
         strength = np.argsort(np.sum(np.abs(self.values / self.sd) ** 2, axis=0))
         steps = strength[
             np.unique(np.linspace(0, strength.size - 1, min(N_SEARCHED, strength.size)).astype(int))
@@ -204,12 +249,15 @@ class _Spot:
     def canonical(self, vector: Array) -> Array:
         """Return the equal solution with U ≥ 0 and φ in (−π, π].
 
-        V_C > 0 for a cosine, θ of a symmetric fringe in [0, π].
+        V_C > 0 for a cosine, θ of a symmetric fringe in [0, π]; what is held stays.
         """
         fringe, amplitude, phase = self.split(vector)
         contrast = fringe["contrast"]
         theta = fringe["fringe_phase"]
         phase = phase + np.where(amplitude < 0, np.pi, 0.0)
+        if not np.isnan(self.held).all():
+            turned = np.pi - (np.pi - phase) % (2 * np.pi)
+            return np.concatenate([[contrast, theta], np.abs(amplitude), turned])
         if self.series.coefficients.size == 2 and contrast < 0:
             contrast = -contrast
             theta = theta + np.pi
@@ -231,8 +279,9 @@ class _Spot:
         unit = np.concatenate(
             [[abs(vector[0]), 1.0], np.full(amplitude.size, 1e-9), np.ones(amplitude.size)]
         )
-        found, notes = covariance(self.jacobian(vector), names, unit)
-        if np.abs(self.series.coefficients.imag).max() < 1e-9:
+        held = replace(self.all_held(vector), names=tuple(names))
+        found, notes = held.covariance(self.jacobian(vector), unit)
+        if np.isnan(self.held[1]) and np.abs(self.series.coefficients.imag).max() < 1e-9:
             notes = (
                 *notes,
                 "θ and −θ are indistinguishable: the fringe is symmetric, and the other sign turns "
@@ -245,13 +294,16 @@ class _Spot:
             for i, (name, unit) in enumerate((("contrast", "V"), ("fringe_phase", "rad")))
         }
         amplitude_sd, phase_sd = sd[2:].reshape(2, -1)
+        n_free = int(np.count_nonzero(held.free))
+        fringe_held = Held(FRINGE, self.held)
+        notes = (*fringe_held.notes, *notes)
         return MotionFit(
             Fit(
-                parameters,
-                found[:2, :2],
-                float(residuals @ residuals) / (residuals.size - vector.size),
+                fringe_held.ordered(parameters),
+                fringe_held.inner(found[:2, :2]),
+                float(residuals @ residuals) / (residuals.size - n_free),
                 residuals.size,
-                vector.size,
+                n_free,
                 notes,
             ),
             amplitude,
