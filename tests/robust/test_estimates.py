@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from femnl.core.errors import ParameterError
+from femnl.core.memory import need_memory
 from femnl.device.geometry import load
 from femnl.device.mesh import build
-from femnl.core.memory import need_memory
 from femnl.pipeline import solve_modes
 
 
