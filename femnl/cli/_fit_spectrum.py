@@ -61,9 +61,10 @@ def film(
     """Fit the speed of waves in the film to a spectrum."""
     import numpy as np
 
-    from femnl.fits.spectrum.film import UNITS, fit_film
+    from femnl.fits.spectrum.film import UNITS, fit_film, need_assignable
     from femnl.plot.overview import film_figure
 
+    need_assignable(dataset)
     modes = _modes_up_to(device, float(np.nanmax(dataset["frequency"].values)), cache)
     held = in_si(fixed, UNITS.get)
     found = fit_film(dataset, modes.label, modes.frequency, device.film, held)

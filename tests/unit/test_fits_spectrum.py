@@ -10,11 +10,13 @@ from scipy.stats import binom, binomtest
 
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.spectrum import Peaks
+from femnl.fits.spectrum import assignment
 from femnl.fits.spectrum.assignment import assign
+from femnl.fits.spectrum.film import need_assignable
 from femnl.fits.spectrum.lines import line
 from femnl.fits.spectrum.overview import identify, to_spectrum
 from femnl.fits.spectrum.peaks import find_peaks
-from femnl.io.measurement import response
+from femnl.io.measurement import response, spectrum
 
 Array = NDArray[np.float64]
 NOISE = 1e-5
@@ -243,6 +245,25 @@ def test_the_probabilities_of_labellings_add_up_to_how_many_are_right() -> None:
 def test_the_probability_of_a_labelling_is_how_often_it_is_right(model_sd: float) -> None:
     promised, right = promised_and_right([case(100 + k, model_sd) for k in range(60)])
     assert abs(right.sum() - promised.sum()) < 3 * np.sqrt(np.sum(promised * (1 - promised)))
+
+
+def test_few_scales_of_many_hold_the_one_at_which_most_lines_meet_their_modes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(assignment, "_SCALES", 40)
+    one = case(3, 1e-4)
+    found = assign(one.lines, np.full(one.lines.size, 5.0), one.labels, one.simulated, one.band)
+    assert list(found.best.label) == one.truth
+
+
+def test_more_lines_than_can_be_assigned_are_refused_and_labelled_ones_are_not() -> None:
+    many = assignment.MOST_LINES + 1
+    frequency = np.linspace(1e6, 2e6, many)
+    bare = spectrum(frequency, np.full(many, 1.0))
+    with pytest.raises(MeasurementError, match=r"spectrum: 161 lines without labels, and at most"):
+        need_assignable(bare)
+    need_assignable(bare.isel(mode=slice(1, None)))
+    need_assignable(spectrum(frequency, np.full(many, 1.0), label=["1,1"] * many))
 
 
 def test_exactly_degenerate_modes_share_the_probability_and_are_called_ambiguous() -> None:

@@ -9,12 +9,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import betaln, gammaln, logsumexp
 
-from femnl.core.errors import ParameterError
+from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.spectrum import Array, Assignment, Labelling
 
 _MODEL_SD = np.geomspace(1e-5, 2e-2, 12)
 """Relative scatter of the simulation about the measured lines, marginalised with equal weights."""
+MOST_LINES = 160
+"""Lines that can be assigned: 160 take about a minute and a half, and the time grows as their cube.
+"""
 _KEPT = 60  # labellings whose neighbours are looked at in each round
+_CHANGED = 2400
+"""Of these labellings times lines, at most: neighbours grow with the lines, and their price too."""
+_FEWEST_KEPT = 6
+_SCALES = 1200
+"""Scales that are tried for each reach; of more, those at which most lines meet a mode."""
+_REACHES = (3e-4, 3e-3, 2e-2)
+"""How far the lines of a tight and of a loose simulation are from their modes, relative."""
 _ROUNDS = 12
 _ENOUGH = 1e-6  # probability below which a labelling is no start for others
 
@@ -100,7 +110,7 @@ def assign(
     prior standard deviation of the logarithm of measured over simulated frequency (0.3: the stress
     known to a factor of two).
     Returns: Assignment. Raises: ParameterError for empty or unequal lists, or lines outside the
-    band.
+    band; MeasurementError for more than MOST_LINES.
     Valid: one common scale; modes closer to each other than the simulation is right are reported as
     ambiguous.
     """
@@ -116,6 +126,7 @@ def assign(
         raise ParameterError(
             f"assign: {sizes}; give as many sd as lines and as many labels as modes, at least one"
         )
+    need_few_lines(lines.size)
     if not (0 < band[0] <= lines.min() and lines.max() <= band[1]):
         raise ParameterError(
             f"assign: lines from {lines.min():g} to {lines.max():g} Hz leave the band {band[0]:g} "
@@ -161,6 +172,15 @@ def assign(
     )
 
 
+def need_few_lines(count: int) -> None:
+    """Refuse more lines than can be assigned to modes. Raises: MeasurementError."""
+    if count > MOST_LINES:
+        raise MeasurementError(
+            f"spectrum: {count:,} lines without labels, and at most {MOST_LINES} can be assigned "
+            "to modes in minutes; leave out the highest, or label them by their modes"
+        )
+
+
 def _enumerate(posterior: _Posterior) -> dict[Choice, float]:
     """Likely labellings with their log posterior.
 
@@ -168,11 +188,12 @@ def _enumerate(posterior: _Posterior) -> dict[Choice, float]:
     """
     found = {choice: posterior.log(choice) for choice in _seeds(posterior)}
     looked: set[Choice] = set()
+    kept = max(min(_KEPT, _CHANGED // posterior.lines.size), _FEWEST_KEPT)
     for _ in range(_ROUNDS):
         top = max(found.values())
         starts = [
             choice
-            for choice in sorted(found, key=lambda one: -found[one])[:_KEPT]
+            for choice in sorted(found, key=lambda one: -found[one])[:kept]
             if found[choice] > top + np.log(_ENOUGH)
         ]
         fresh = {
@@ -191,15 +212,29 @@ def _enumerate(posterior: _Posterior) -> dict[Choice, float]:
 def _seeds(posterior: _Posterior) -> set[Choice]:
     """Return the nearest modes, each given once, at the scale of every pair of line and mode.
 
-    For a tight and a loose simulation.
+    For a tight and a loose simulation. Of long lists, only the scales at which most lines meet.
     """
     seeds = {(-1,) * posterior.lines.size}
-    for line in posterior.lines:
-        for scale in line - posterior.modes:
+    all_scales = (posterior.lines[:, None] - posterior.modes).ravel()
+    for reach in _REACHES:
+        for scale in _likely(np.sort(all_scales), reach):
             away = np.abs(posterior.lines[:, None] - posterior.modes[None] - scale)
-            for reach in (3e-4, 3e-3, 2e-2):
-                seeds.add(_greedy(np.where(away < reach, away, np.inf)))
+            seeds.add(_greedy(np.where(away < reach, away, np.inf)))
     return seeds
+
+
+def _likely(scales: Array, reach: float) -> Array:
+    """Return the scales that most others are within reach of, all where they are few.
+
+    Args: scales: of all pairs of line and mode, sorted (n,). Of those that lie within half of the
+    reach of each other one stands for all.
+    """
+    if scales.size <= _SCALES:
+        return scales
+    meet = np.searchsorted(scales, scales + reach) - np.searchsorted(scales, scales - reach)
+    order = np.argsort(-meet, kind="stable")
+    _, first = np.unique(np.floor(2 * scales[order] / reach), return_index=True)
+    return np.asarray(scales[order[np.sort(first)[:_SCALES]]])
 
 
 def _greedy(away: Array) -> Choice:

@@ -15,7 +15,7 @@ from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.core.spectrum import Array, Assignment, FilmFit
 from femnl.fits.held import said, unknown
-from femnl.fits.spectrum.assignment import assign
+from femnl.fits.spectrum.assignment import assign, need_few_lines
 
 UNITS = {"scale": "", "wave_speed": "m/s", "stress": "Pa", "scatter": ""}
 """Parameters of a film with their units."""
@@ -60,7 +60,7 @@ def fit_film(
     g = np.asarray(simulated, dtype=float)
     known = [str(label or f"mode {number}") for number, label in enumerate(labels, start=1)]
     assignment: Assignment | None = None
-    if "label" in dataset.coords and any(str(label) for label in dataset["label"].values):
+    if _labelled(dataset):
         plain = {name.strip("()"): index for index, name in enumerate(known)}
         mode = [plain.get(str(label).strip("()")) for label in dataset["label"].values]
     else:
@@ -152,6 +152,20 @@ def _held(fixed: Mapping[str, float], film: Film) -> tuple[float | None, float |
         )
     scale = scales[given[0]](fixed[given[0]]) if given else None
     return scale, fixed.get("scatter")
+
+
+def need_assignable(dataset: xr.Dataset) -> None:
+    """Refuse a spectrum of more lines than can be assigned, before modes are solved for it.
+
+    Raises: MeasurementError.
+    """
+    if not _labelled(dataset):
+        need_few_lines(int(np.isfinite(dataset["frequency"].values).sum()))
+
+
+def _labelled(dataset: xr.Dataset) -> bool:
+    """Whether lines say which modes they are."""
+    return "label" in dataset.coords and any(str(label) for label in dataset["label"].values)
 
 
 def _mean(values: Array, variance: Array) -> tuple[float, float]:
