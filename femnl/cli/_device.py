@@ -10,7 +10,7 @@ import typer
 
 from femnl.core import choices
 from femnl.core.errors import ParameterError
-from femnl.core.resources import find_geometry, geometries, need_file, need_folder
+from femnl.core.resources import find_geometry, geometries, need_folder, need_no_text
 
 if TYPE_CHECKING:
     from femnl.core.device import Model
@@ -45,7 +45,7 @@ Geometry = Annotated[str, GEOMETRY]
 OptionalGeometry = Annotated[str | None, GEOMETRY]
 MeasurementFile = Annotated[
     Path,
-    typer.Argument(help="A measurement file (.nc).", show_default=False, callback=need_file),
+    typer.Argument(help="A measurement file (.nc).", show_default=False, callback=need_no_text),
 ]
 EffectsFolder = Annotated[
     Path | None,

@@ -14,7 +14,7 @@ from femnl.cli._output import console, note, print_json, table
 from femnl.cli._sharing import Scheduler, progress, workers_at_hand
 from femnl.core.errors import ParameterError
 from femnl.core.numbers import engineering
-from femnl.core.resources import need_file
+from femnl.core.resources import need_no_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -91,7 +91,7 @@ def command(
         raise ParameterError(
             f"{len(files)} files given; add --table OUT.csv for a row of each, or name one"
         )
-    _one(need_file(files[0]), geometry, effects, workers, out, as_json=as_json)
+    _one(need_no_text(files[0]), geometry, effects, workers, out, as_json=as_json)
 
 
 def _one(

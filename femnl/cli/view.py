@@ -16,7 +16,9 @@ from femnl.cli._device import (
     suffix_of,
 )
 from femnl.cli._output import note
+from femnl.core.choices import PICTURE_FORMATS, PICTURES
 from femnl.core.errors import ParameterError
+from femnl.io.results.atomic import need_room
 
 What = Annotated[str, typer.Argument(help="mesh, stress, shape or thickness.")]
 Out = Annotated[
@@ -42,16 +44,15 @@ def command(
 
     All but shapes are drawn without solving any mode.
     """
-    from femnl.io.results.atomic import need_room
-    from femnl.pipeline import solve_modes, solve_release
-    from femnl.plot.film import WHAT
-    from femnl.plot.mechanics import FORMATS, view
-
     if out:
-        suffix_of(out, FORMATS)
+        suffix_of(out, PICTURE_FORMATS)
         need_room(out)
-    if what not in WHAT:
-        raise ParameterError(f"{what}: expected one of {', '.join(WHAT)}")
+    if what not in PICTURES:
+        raise ParameterError(f"{what}: expected one of {', '.join(PICTURES)}")
+    check_mode(mode)
+    from femnl.pipeline import solve_modes, solve_release
+    from femnl.plot.mechanics import view
+
     device = load_device(geometry, bending)
     if what == "shape":
         count = max(10, check_mode(mode) + 1)

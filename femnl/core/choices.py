@@ -8,6 +8,10 @@ Use = Literal["complex", "magnitude", "phase", "phase-mod-pi"]
 """What a fit takes of measured amplitudes."""
 Symmetry = Literal["full", "half", "quarter", "eighth", "twelfth"]
 """Parts of a film that may be meshed."""
+PICTURES = ("mesh", "stress", "shape", "thickness")
+"""What femnl draws of a film."""
+PICTURE_FORMATS = (".png", ".pdf", ".svg")
+"""Endings of the files that a picture of a film may be written to."""
 Background = Literal["none", "constant", "slope"]
 """What lies behind a resonance: nothing, C₀, or C₀ + C₁(f − f₀), complex."""
 Law = Literal["line", "power", "arrhenius"]

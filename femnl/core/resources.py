@@ -11,6 +11,13 @@ from typing import Any
 
 from femnl.core.errors import GeometryError, MeasurementError, ParameterError, one_line
 
+HEAD = 4096
+"""Bytes of a file by which text is told from numbers."""
+TEXT = bytes({*range(7, 14), 27, *range(32, 127), *range(128, 256)})
+"""Bytes that texts are made of, in any encoding that has one byte for a letter of ASCII."""
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+USER_BLOCK = 512
+"""Bytes that may stand before an HDF5 file, or a power of two times as many."""
 _PACKAGE = Path(__file__).parents[1]
 
 
@@ -53,6 +60,38 @@ def need_file(path: Path) -> Path:
     if not path.is_file():
         raise MeasurementError(f"{path}: no such file; check the path")
     return path
+
+
+def need_no_text(path: Path) -> Path:
+    """Return the path of a file that must be there and be no text, as measurement files are none.
+
+    Raises: MeasurementError, before HDF5 is loaded.
+    """
+    if need_file(path).stat().st_size == 0:
+        raise MeasurementError(f"{path}: is empty; copy or export it again")
+    if not is_text(path):
+        return path
+    if path.suffix == ".toml":
+        raise MeasurementError(
+            f"{path}: is a TOML file, such as a geometry or a study; name a measurement file (.nc)"
+        )
+    raise MeasurementError(
+        f"{path}: is a text file, and no measurement file (.nc); femnl import makes one of a lab's "
+        "file"
+    )
+
+
+def is_text(path: Path) -> bool:
+    """Whether a file begins as text does, and is no HDF5 file behind a text of its own."""
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+        at = USER_BLOCK
+        while at < path.stat().st_size:
+            file.seek(at)
+            if file.read(len(SIGNATURE)) == SIGNATURE:
+                return False
+            at *= 2
+    return bool(head) and not head.translate(None, TEXT)
 
 
 def need_folder(path: Path) -> Path:

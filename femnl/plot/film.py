@@ -11,6 +11,7 @@ import pyvista as pv
 from matplotlib.colors import Normalize, PowerNorm
 from numpy.typing import NDArray
 
+from femnl.core.choices import PICTURES
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Modes
 from femnl.core.outline import Outline
@@ -29,7 +30,6 @@ FINE = 30_000  # triangles up to which each one is cut into 64 flat ones; beyond
 RIMS = 0.35
 RELIEF = 0.22  # height of a raised shape, in lengths of the film
 PAPER = pv.Color("white")
-WHAT = ("mesh", "stress", "shape", "thickness")
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ def film_field(modes: Modes, surface: Surface, what: str, mode: int = 1) -> Fiel
     stress where nothing has relaxed.
     Raises: ParameterError.
     """
-    if what not in WHAT:
-        raise ParameterError(f"picture of {what!r}: femnl draws {', '.join(WHAT)}")
+    if what not in PICTURES:
+        raise ParameterError(f"picture of {what!r}: femnl draws {', '.join(PICTURES)}")
     if what == "mesh":
         return Field(None, "", SEQUENTIAL, Normalize(0.0, 1.0))
     if what == "stress":

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from scipy.spatial import cKDTree
 
+from femnl.core.choices import PICTURE_FORMATS
 from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Modes
@@ -35,7 +36,6 @@ from femnl.plot.style import COLOURS, INK, WIDTH, new_figure, prefixed, scale_ba
 
 COLUMNS = 5
 DPI = 200
-FORMATS = (".png", ".pdf", ".svg")
 
 
 def view(modes: Modes, what: str, mode: int = 1, out: Path | None = None) -> None:
@@ -46,9 +46,10 @@ def view(modes: Modes, what: str, mode: int = 1, out: Path | None = None) -> Non
     Raises: ParameterError; MissingLibraryError where OpenGL or, for a window, a display is missing.
     """
     if out is not None:
-        if out.suffix not in FORMATS:
+        if out.suffix not in PICTURE_FORMATS:
             raise ParameterError(
-                f"{out}: pictures are written as {', '.join(FORMATS)}; choose one of these endings"
+                f"{out}: pictures are written as {', '.join(PICTURE_FORMATS)}; choose one of these "
+                "endings"
             )
         figure = film_figure(modes, what, mode)
         write_whole(out, lambda file: figure.savefig(file, dpi=DPI))

@@ -116,8 +116,8 @@ def test_a_row_a_file_in_the_order_given_whatever_some_of_them_hold(done: list[s
         False,
     ]
     messages = dict(zip(rows["file"], rows["message"], strict=True))
-    assert messages["bad.nc"].startswith("bad.nc: not a readable HDF5 file")
-    assert messages["worse.nc"].startswith("worse.nc: not a readable HDF5 file")
+    assert messages["bad.nc"].startswith("bad.nc: is a text file, and no measurement file")
+    assert messages["worse.nc"].startswith("worse.nc: is a text file, and no measurement file")
     assert messages["none.nc"] == "none.nc: no such file; check the path"
     assert messages["picture.png"].startswith("picture.png: format not recognised; known are")
     assert sorted(done) == ["bad.nc", "good.nc", "lab.csv", "none.nc", "picture.png"]
@@ -418,5 +418,5 @@ def test_workers_of_a_cluster_need_no_common_disk(tmp_path: Path, start: Starter
     rows = pd.read_csv("out.csv", keep_default_na=False)
     assert list(rows["file"]) == files
     assert list(rows["causes"]) == ["trapped_gas", "", "trapped_gas"]
-    assert rows["message"][1].startswith("bad.nc: not a readable HDF5 file")
+    assert rows["message"][1].startswith("bad.nc: is a text file, and no measurement file")
     assert len(rows_of(tmp_path / "out.jsonl")) == 2

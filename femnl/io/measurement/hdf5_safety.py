@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 
 from femnl.core.errors import MeasurementError
-from femnl.core.resources import need_file
+from femnl.core.resources import need_file, need_no_text
 
 LIMIT = 2**32
 SMALL = 2**26  # bytes declared that are never too many
@@ -31,7 +31,8 @@ def open_hdf5(path: Path) -> h5py.File:
     Args: path: the file. Returns: the open h5py file, to be closed by the caller.
     Raises: MeasurementError for a missing, truncated, foreign or oversized file.
     """
-    need_file(path)
+    if not h5py.is_hdf5(need_file(path)):
+        need_no_text(path)
     if path.stat().st_size > LIMIT:
         raise MeasurementError(
             f"{path}: {path.stat().st_size / 2**30:.0f} GiB, more than {LIMIT / 2**30:g}; split it"
