@@ -14,6 +14,8 @@ from femnl.core.resources import need_file
 if TYPE_CHECKING:
     import xarray as xr
 
+    from femnl.io.measurement.sizes import Use
+
 
 def _there(paths: list[Path]) -> list[Path]:
     """Refuse what is neither a file nor a folder before anything heavy is loaded."""
@@ -49,10 +51,18 @@ def files_of(paths: Sequence[Path]) -> list[Path]:
     return found
 
 
-def read_file(file: Path) -> xr.DataTree:
-    """Read one file; a lab file is turned into measurements without being written."""
+def read_file(file: Path, use: Use) -> xr.DataTree:
+    """Read one file; a lab file is turned into measurements without being written.
+
+    Args: use: what is done with it, which must not be too much for its size.
+    """
     from femnl.io import measurement
     from femnl.io.labfiles import is_lab_file, read_lab_files
 
     measured = measurement.is_measurement(file) or not is_lab_file(file)
-    return measurement.read(file) if measured else read_lab_files(file)
+    if measured:
+        measurement.need_room(file, use)
+        return measurement.read(file)
+    tree = read_lab_files(file)
+    measurement.need_room_for(tree, str(file), use)
+    return tree

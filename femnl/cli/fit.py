@@ -241,7 +241,7 @@ def _fit_files(
     records: list[dict[str, Any]] = []
     for file in files:
         try:
-            tree = read_file(file)
+            tree = read_file(file, "fit")
             for repair in tree.attrs["repairs"]:
                 note(f"repaired: {repair}")
             with numbers_of(str(file)):

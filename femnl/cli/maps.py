@@ -13,6 +13,7 @@ import femnl
 from femnl.cli._device import Bending, Cache, Geometry, check_mode, load_device, suffix_of
 from femnl.cli._output import note
 from femnl.core.errors import ParameterError
+from femnl.core.memory import need_memory
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,6 +22,13 @@ if TYPE_CHECKING:
     from femnl.core.device import Model
     from femnl.optics.harmonics import Fringe
 
+FRINGES = ("sine", "multilayer")
+HELD = 140.0
+"""Bytes for each harmonic at each point: half more than the 94 that were measured, between 501 and
+801 points along each axis, with 20 harmonics of a sine and noise; the stack takes 54.
+"""
+OWN = 2**29
+"""Bytes that the command takes for a few points: its libraries, modes, a figure."""
 LARGEST_Z = 1000  # the amplitude is then 80 wavelengths, and no film moves so far
 
 Z = Annotated[float, typer.Option("--z", help="Modulation z = 4πU/λ at the antinode.")]
@@ -68,12 +76,6 @@ def command(
     cache: Cache = True,
 ) -> None:
     """Predict the maps of the drive's harmonics for one mode, as a file and a figure."""
-    from femnl.device.geometry.curves import polyline
-    from femnl.io import measurement
-    from femnl.io.results.atomic import need_room, write_whole
-    from femnl.pipeline import harmonic_maps, solve_modes
-    from femnl.plot.maps import harmonic_map_figure
-
     if not 0 < z <= LARGEST_Z:
         raise ParameterError(
             f"--z {z:g}: expected a positive modulation up to {LARGEST_Z}, such as 4.218"
@@ -82,8 +84,21 @@ def command(
         raise ParameterError(
             f"--theta {theta:g}: expected an angle in rad from −π to π, such as 0.785"
         )
-    model = load_device(geometry, bending)
+    if fringe not in FRINGES:
+        raise ParameterError(f"--fringe {fringe}: expected {' or '.join(FRINGES)}")
     index = check_mode(mode)
+    need_memory(
+        OWN + HELD * points**2 * harmonics,
+        f"maps of {points} × {points} points and {harmonics} harmonics",
+        "lower --points or --harmonics",
+    )
+    from femnl.device.geometry.curves import polyline
+    from femnl.io import measurement
+    from femnl.io.results.atomic import need_room, write_whole
+    from femnl.pipeline import harmonic_maps, solve_modes
+    from femnl.plot.maps import harmonic_map_figure
+
+    model = load_device(geometry, bending)
     path = out or Path(f"{model.name}-mode-{mode}-maps.nc")
     suffix_of(path, (".nc",))  # the figure takes the same name with another ending
     need_room(path)
@@ -147,8 +162,6 @@ def _fringe(model: Model, kind: str, wavelength: float, theta: float) -> Fringe:
 
     if kind == "sine":
         return SineFringe(wavelength, 0.0, 1.0, theta)
-    if kind != "multilayer":
-        raise ParameterError(f"--fringe {kind}: expected sine or multilayer")
     if model.stack is None:
         raise ParameterError(
             f"{model.name}: its geometry gives no [readout] gap, which the multilayer fringe "

@@ -31,6 +31,7 @@ def command(
     from femnl.io.results.atomic import make_folder, write_whole
     from femnl.plot.measurement import figures
 
+    measurement.need_room(file, "show")
     tree = measurement.read(file)
     for repair in tree.attrs["repairs"]:
         note(f"repaired: {repair}")

@@ -49,6 +49,36 @@ class Contract:
     free: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Cost:
+    """What a command takes for a group, as `python -m benchmarks.sizes` measures it.
+
+    memory: bytes at most for each byte of numbers that the group holds, beyond `OWN`. most: numbers
+    of the largest dataset of a group from which on the command takes about a quarter of an hour of
+    one processor; None where memory alone is the limit.
+    """
+
+    memory: float
+    most: int | None = None
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large a group may be.
+
+    data: what one number of its largest dataset is called, in the plural. remedy: how such a
+    measurement becomes smaller. show, fit, diagnose: what these commands take. together: whether a
+    fit takes all groups of a file at once.
+    """
+
+    data: str = "values"
+    remedy: str = "leave some out, or average neighbours"
+    show: Cost = Cost(4.0)
+    fit: Cost = Cost(50.0)
+    diagnose: Cost = Cost(200.0)
+    together: bool = False
+
+
 def _default_modes(dataset: Any) -> int:
     return 12
 
@@ -66,7 +96,8 @@ class KindSpec:
     holds, None where the kind is a special case of another. of: that other kind, whose name the
     file gives. recognise: whether a group of the kind `of` is this special case. modes: how many
     modes of the film the model needs, from the group. needs_device: whether the model needs a film.
-    places: whether the figure shows places on the film, and so takes its outline too.
+    places: whether the figure shows places on the film, and so takes its outline too. size: how
+    large a group may be, so that what is too large is refused before it is read.
     """
 
     name: str
@@ -80,6 +111,7 @@ class KindSpec:
     modes: Callable[[Any], int] = _default_modes
     needs_device: bool = True
     places: bool = False
+    size: Size = Size()
 
 
 CONTROLS: Mapping[str, str] = MappingProxyType(

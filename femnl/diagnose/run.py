@@ -77,6 +77,7 @@ def diagnose(
 def _diagnosed(
     path: Path, geometry: str | None, effects: Iterable[Effect] | None, workers: int
 ) -> Diagnosis:
+    measurement.need_room(path, "diagnose", workers)
     tree, model = _opened(path, geometry)
     pool = considered(effects)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()

@@ -63,6 +63,12 @@ def loaded(words: list[str], folder: Path, **environment: str) -> set[str]:
         ["fit", "missing.nc"],
         ["diagnose", "missing.nc"],
         ["effects", "--effects", "missing"],
+        ["show", "device.toml"],
+        ["diagnose", "device.toml"],
+        ["maps", "circle", "--z", "-1"],
+        ["maps", "circle", "--z", "4", "--fringe", "cosine"],
+        ["view", "circle", "wind"],
+        ["view", "circle", "--mode", "0"],
         ["modes", "circle", "--frobnicate"],
         ["frobnicate"],
     ],
@@ -71,6 +77,7 @@ def loaded(words: list[str], folder: Path, **environment: str) -> set[str]:
 def test_help_lists_and_refusals_load_no_library_of_numbers(
     words: list[str], tmp_path: Path
 ) -> None:
+    (tmp_path / "device.toml").write_text('[outline]\nkind = "circle"\n', encoding="utf-8")
     found = loaded(words, tmp_path)
     assert found.isdisjoint(HEAVY)
     assert len(found) < MOST

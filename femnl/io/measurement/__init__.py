@@ -14,6 +14,7 @@ from femnl.io.measurement.controls import controls, varies
 from femnl.io.measurement.files import bundle, is_measurement, named_geometry, read, write
 from femnl.io.measurement.hdf5_safety import open_hdf5
 from femnl.io.measurement.noise import amplitude, estimate_noise, noise_sd
+from femnl.io.measurement.sizes import need_room, need_room_for
 from femnl.io.measurement.units import coherent, quantity, to_si
 
 __all__ = [
@@ -30,6 +31,8 @@ __all__ = [
     "is_measurement",
     "magnitudes_alone",
     "named_geometry",
+    "need_room",
+    "need_room_for",
     "noise_sd",
     "open_hdf5",
     "quantity",

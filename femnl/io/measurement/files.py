@@ -30,7 +30,7 @@ def read(path: str | Path) -> xr.DataTree:
     Source: docs/reference/measurement-format.md.
     """
     path = Path(path)
-    with open_hdf5(path) as file, _whole(path):
+    with open_hdf5(path) as file, whole(path):
         version = text(file.attrs.get(_ROOT, ""))
     if not version:
         raise MeasurementError(
@@ -42,7 +42,7 @@ def read(path: str | Path) -> xr.DataTree:
             f"{path}: {_ROOT} is {version!r}; this femnl reads version {VERSION}"
         )
     # By a stream of our own: a file that xarray stumbles over would stay open otherwise.
-    with _whole(path), path.open("rb") as stream:
+    with whole(path), path.open("rb") as stream:
         # Times are plain seconds here: decoding them would make timedeltas, and phony names stand
         # in where dimension scales are absent.
         groups = xr.open_groups(
@@ -65,7 +65,7 @@ def is_measurement(path: Path) -> bool:
     if not h5py.is_hdf5(path):
         return False
     try:
-        with open_hdf5(path) as file, _whole(path):
+        with open_hdf5(path) as file, whole(path):
             return _ROOT in file.attrs
     except MeasurementError:
         return True
@@ -73,12 +73,12 @@ def is_measurement(path: Path) -> bool:
 
 def named_geometry(path: Path) -> str | None:
     """Return the geometry that a measurement file names. Raises: MeasurementError."""
-    with open_hdf5(path) as file, _whole(path):
+    with open_hdf5(path) as file, whole(path):
         return text(file.attrs["geometry"]) if "geometry" in file.attrs else None
 
 
 @contextmanager
-def _whole(path: Path) -> Iterator[None]:
+def whole(path: Path) -> Iterator[None]:
     """Name the file where a library stumbles over damage in it."""
     try:
         yield

@@ -1,6 +1,6 @@
 """Decays: what is left of a motion after its drive is switched off, with what surrounds it."""
 
-from femnl.core.kinds import Contract, Item, KindSpec
+from femnl.core.kinds import Contract, Cost, Item, KindSpec, Size
 
 KIND = KindSpec(
     name="decay",
@@ -25,5 +25,12 @@ KIND = KindSpec(
             "temperature": Item(unit="K", positive=True),
         },
         needs=(("power", "magnitude", "real"),),
+    ),
+    size=Size(
+        data="points",
+        remedy="keep every second point, or the decay alone",
+        show=Cost(30.0),
+        fit=Cost(30.0, 3_000_000),
+        diagnose=Cost(1300.0, 100_000),
     ),
 )

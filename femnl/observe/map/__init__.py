@@ -1,6 +1,6 @@
 """Harmonic maps: complex amplitudes of each harmonic over the film."""
 
-from femnl.core.kinds import AMPLITUDE, NOISE, WAVELENGTH, Contract, Item, KindSpec
+from femnl.core.kinds import AMPLITUDE, NOISE, WAVELENGTH, Contract, Cost, Item, KindSpec, Size
 
 KIND = KindSpec(
     name="map",
@@ -27,5 +27,13 @@ KIND = KindSpec(
             "drive": Item(unit="V"),
             "drive_frequency": Item(unit="Hz", positive=True),
         },
+    ),
+    size=Size(
+        data="pixels of all harmonics",
+        remedy="leave out harmonics, or keep every second pixel of each axis",
+        show=Cost(8.0),
+        fit=Cost(75.0, 10_000_000),
+        diagnose=Cost(300.0, 1_000_000),
+        together=True,
     ),
 )

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from femnl.core.kinds import KindSpec
+from femnl.core.kinds import Cost, KindSpec, Size
 
 
 def is_record(dataset: Any) -> bool:
@@ -19,4 +19,11 @@ KIND = KindSpec(
     pose="femnl.fits.record.pose:pose",
     figure="femnl.plot.traces:trace_figure",
     needs_device=False,
+    size=Size(
+        data="samples",
+        remedy="cut the record, or keep every second sample",
+        show=Cost(5.0),
+        fit=Cost(60.0),
+        diagnose=Cost(160.0, 1_000_000),
+    ),
 )

@@ -6,8 +6,10 @@ from femnl.core.kinds import (
     NOISE,
     WAVELENGTH,
     Contract,
+    Cost,
     Item,
     KindSpec,
+    Size,
     label,
 )
 
@@ -56,5 +58,12 @@ KIND = KindSpec(
         needs=(("real", "magnitude"), ("imag", "magnitude")),
         free=("sweep",),
         attributes={"noise_sd": NOISE, "wavelength": WAVELENGTH, "mode": Item(unit=None)},
+    ),
+    size=Size(
+        data="points",
+        remedy="average points within a linewidth, or leave out what is far from the resonance",
+        show=Cost(35.0),
+        fit=Cost(130.0, 1_000_000),
+        diagnose=Cost(800.0, 200_000),
     ),
 )

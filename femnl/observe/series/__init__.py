@@ -1,6 +1,6 @@
 """Series: frequency and quality factor of one mode against control variables."""
 
-from femnl.core.kinds import CONTROLS, Contract, Item, KindSpec, label
+from femnl.core.kinds import CONTROLS, Contract, Cost, Item, KindSpec, Size, label
 
 _RECORDED = (*CONTROLS, "frequency", "quality_factor")
 
@@ -33,5 +33,12 @@ KIND = KindSpec(
         },
         needs=(tuple(CONTROLS), ("frequency", "quality_factor")),
         free=("point",),
+    ),
+    size=Size(
+        data="points",
+        remedy="average neighbouring points",
+        show=Cost(50.0),
+        fit=Cost(15.0),
+        diagnose=Cost(1200.0, 100_000),
     ),
 )

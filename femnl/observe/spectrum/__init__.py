@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from femnl.core.kinds import Contract, Item, KindSpec, label
+from femnl.core.kinds import Contract, Cost, Item, KindSpec, Size, label
 
 
 def modes_needed(dataset: Any) -> int:
@@ -48,4 +48,11 @@ KIND = KindSpec(
         },
     ),
     modes=modes_needed,
+    size=Size(
+        data="lines",
+        remedy="leave out the highest lines",
+        show=Cost(50.0),
+        fit=Cost(50.0),
+        diagnose=Cost(200.0, 160),
+    ),
 )

@@ -1,6 +1,6 @@
 """Traces: the voltage of a readout in time, at one spot, while a mode is driven."""
 
-from femnl.core.kinds import NOISE, WAVELENGTH, Contract, Item, KindSpec, label
+from femnl.core.kinds import NOISE, WAVELENGTH, Contract, Cost, Item, KindSpec, Size, label
 
 KIND = KindSpec(
     name="trace",
@@ -23,5 +23,12 @@ KIND = KindSpec(
             "y": Item(unit="m"),
         },
         needs=(("drive_frequency", "drive_voltage"),),
+    ),
+    size=Size(
+        data="samples",
+        remedy="cut the trace to fewer periods, or import fewer steps",
+        show=Cost(6.0),
+        fit=Cost(85.0),
+        diagnose=Cost(930.0, 2_000_000),
     ),
 )
