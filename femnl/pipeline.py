@@ -87,17 +87,19 @@ def solve_modes(
         cache: take an earlier solution of the same device, options and code from disk, and keep
             this one there.
     Returns: Modes with `coarse`, the solution of one degree less, which has that of two where it
-        exists, and so with `frequency_error`, `ratio_error` and `effective_mass_error`.
-    Raises: ParameterError, GeometryError, ConvergenceError.
+        exists, and so with `frequency_error`, `ratio_error` and `effective_mass_error`. Meshes that
+        are too coarse to tell the errors of all modes are refined.
+    Raises: ParameterError, GeometryError; ConvergenceError, also where errors stay unknown.
     """
 
-    def solve() -> Modes:
-        return _with_counterparts(
-            model, _road(model, symmetry, resolution, count, degree), count, SPARE, degree
-        )
+    def at_resolution(finer: float) -> Modes:
+        from femnl.mechanics.modes import with_counterparts
+
+        road = _road(model, symmetry, finer, count, degree)
+        return with_counterparts(model, road, count, SPARE, degree)
 
     options = (count, symmetry, resolution, degree)
-    return _alone(model, options, solve, cache)
+    return _alone(model, options, at_resolution, resolution, cache)
 
 
 def _say_what_bends(model: Model) -> None:
@@ -149,12 +151,14 @@ def solve_modes_near(
     Raises: ParameterError, GeometryError, ConvergenceError.
     """
 
-    def solve() -> Modes:
-        from femnl.device.mesh import mesh
+    def at_resolution(finer: float) -> Modes:
+        from femnl.device.mesh import mesh, wave_at
         from femnl.mechanics.modes import solve_modes_near as solve_on_mesh
+        from femnl.mechanics.modes import with_counterparts
         from femnl.mechanics.prestress import solve_prestress
 
-        domain = mesh(model, symmetry, resolution, DEGREE)
+        wave = wave_at(model, frequency) if frequency > 0 else np.inf
+        domain = mesh(model, symmetry, finer, DEGREE, wave)
 
         def at_degree(number: int, degree: int) -> Modes:
             # Buckling shows at each degree: it is looked for once, where that is cheap and sure
@@ -163,51 +167,33 @@ def solve_modes_near(
             return solve_on_mesh(prestress, frequency, number, degree, stable)
 
         # Counterparts may lie beyond either end
-        return _with_counterparts(model, at_degree, count, 2 * SPARE, DEGREE)
+        return with_counterparts(model, at_degree, count, 2 * SPARE, DEGREE)
 
     options = ("near", frequency, count, symmetry, resolution, DEGREE)
-    return _alone(model, options, solve, cache)
+    return _alone(model, options, at_resolution, resolution, cache)
 
 
 def _alone(
-    model: Model, options: tuple[object, ...], solve: Callable[[], Modes], cache: bool
+    model: Model,
+    options: tuple[object, ...],
+    at_resolution: Callable[[float], Modes],
+    resolution: float,
+    cache: bool,
 ) -> Modes:
-    """Take modes from the cache or solve them, on one thread."""
+    """Take modes from the cache or solve them, on one thread.
+
+    Args: at_resolution: solves them at a resolution, or at a higher one than asked for.
+    """
     model.refuse_contradictions()
     _say_what_bends(model)
 
     def solve_alone() -> Modes:
+        from femnl.mechanics.modes import certified
+
         with one_blas_thread():
-            return solve()
+            return certified(model, at_resolution, resolution)
 
     return cached_modes(model, options, solve_alone) if cache else solve_alone()
-
-
-def _with_counterparts(
-    model: Model, at_degree: Callable[[int, int], Modes], count: int, spare: int, degree: int
-) -> Modes:
-    """Solve modes, and their counterparts of one and two degrees less for their errors.
-
-    Args: at_degree: solves so many modes at a degree. spare: coarse modes beyond those asked for.
-    """
-    from femnl.mechanics.modes import align
-
-    fine = at_degree(count, degree)
-    middle = align(at_degree(count + spare, degree - 1), fine)
-    try:
-        coarse = align(at_degree(count + spare, degree - 2), fine)
-    except ConvergenceError:
-        # Two degrees less may be too crude for the stress at a free edge, where it must not
-        # push. Without them nothing shows that the degrees converge, and the error bars are as
-        # wide as where they do not.
-        logging.getLogger("femnl").warning(
-            "%s: degree %d is too crude for this mesh; error bars are wide, raise the "
-            "resolution to narrow them",
-            model.name,
-            degree - 2,
-        )
-        return replace(fine, coarse=middle)
-    return replace(fine, coarse=replace(middle, coarse=coarse))
 
 
 def _road(
@@ -217,14 +203,14 @@ def _road(
 
     In condensed tiles where the device has them, else on one mesh.
     """
-    from femnl.device.mesh import mesh
+    from femnl.device.mesh import mesh, shortest_wave
     from femnl.mechanics.lattice import obstacle, solve_condensed, tile
     from femnl.mechanics.modes import solve_modes as solve_on_mesh
     from femnl.mechanics.prestress import solve_prestress
 
     if symmetry == "auto" and count + SPARE <= len(model.holes.centres) and not obstacle(model):
         return partial(solve_condensed, tile(model, resolution))
-    domain = mesh(model, symmetry, resolution, highest)
+    domain = mesh(model, symmetry, resolution, highest, shortest_wave(model, count))
     return lambda count, degree: solve_on_mesh(solve_prestress(domain, degree), count, degree)
 
 

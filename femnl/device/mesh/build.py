@@ -22,7 +22,7 @@ from femnl.core.outline import Segment
 from femnl.device.geometry import curves as exact
 from femnl.device.geometry.placing import moved
 from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double, misfit
-from femnl.device.mesh.grading import SCALE, TOLERANCE, Curves, grade
+from femnl.device.mesh.grading import SCALE, TOLERANCE, Curves, Fineness, grade
 from femnl.device.mesh.layers import covered
 from femnl.device.mesh.symmetry import (
     EIGHTH,
@@ -46,13 +46,20 @@ BYTES = {3: 42_000, 4: 90_000, 5: 180_000, 6: 320_000}
 FARTHEST = 1e6
 
 
-def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: int = 4) -> Domain:
+def mesh(
+    model: Model,
+    symmetry: str = "auto",
+    resolution: float = 1.0,
+    degree: int = 4,
+    wave: float = np.inf,
+) -> Domain:
     """Mesh the film of a device, or the wedge that its mirror symmetry leaves.
 
     Args: symmetry: `auto` (a quarter or half where outline and holes allow, else the whole film),
         `full`, `half`, `quarter`, `eighth` or `twelfth`. resolution: factor on the number of
         elements per length; 2 halves every element. degree: of the elements that are meant for it,
-        by which their memory is foreseen.
+        by which their memory is foreseen. wave: length [m] of the shortest waves that the elements
+        have to follow, see `waves`.
     Returns: curved triangles with boundaries `clamped`, `free`, `mirror-0`, `mirror-1`, as present.
     Raises: ParameterError where the device lacks the symmetry asked for; GeometryError where
     meshing fails.
@@ -70,11 +77,12 @@ def mesh(model: Model, symmetry: str = "auto", resolution: float = 1.0, degree: 
     middle = _middle(model, wedge)
     # gmsh's tolerances are absolute, so that a film far from the origin would mesh differently
     centred = moved(model, -middle) if middle.any() else model
+    fineness = Fineness(resolution, degree, wave)
     with _gmsh_session():
         raw = (
-            double(_build(centred, EIGHTH, resolution, degree, 2))
+            double(_build(centred, EIGHTH, fineness, 2))
             if diagonal
-            else _build(centred, wedge, resolution, degree, 1)
+            else _build(centred, wedge, fineness, 1)
         )
     result = assemble(replace(raw, points=raw.points + middle))
     check_unfolded(model, result)
@@ -127,15 +135,16 @@ def _gmsh_session() -> Iterator[None]:
         gmsh.finalize()
 
 
-def _build(model: Model, wedge: float, resolution: float, degree: int, copies: int) -> Raw:
+def _build(model: Model, wedge: float, fineness: Fineness, copies: int) -> Raw:
     unit = SCALE / model.outline.length
     try:
         _draw(model, wedge, unit)
         curves = _classify(model, wedge, unit)
-        triangles = copies * grade(model, curves, wedge, unit, resolution, degree)
+        triangles = copies * grade(model, curves, wedge, unit, fineness)
         PROGRESS.info("%s: about %.3g triangles", model.name, triangles)
-        what = f"{model.name}: modes of degree {degree} on {triangles:.2g} triangles"
-        need_memory(BYTES[max(degree, min(BYTES))] * triangles, what, "lower the resolution")
+        degree = max(fineness.degree, min(BYTES))
+        what = f"{model.name}: modes of degree {fineness.degree} on {triangles:.2g} triangles"
+        need_memory(BYTES[degree] * triangles, what, "lower the resolution")
         gmsh.model.mesh.generate(2)
         gmsh.model.mesh.setOrder(2)
     except Exception as error:

@@ -13,6 +13,7 @@ from femnl.device.mesh.corners import singular_corners
 from femnl.device.mesh.openings import SEGMENTS as HOLE_SEGMENTS
 from femnl.device.mesh.openings import arcs_by_radius, rim_sizes
 from femnl.device.mesh.symmetry import beyond_mirrors
+from femnl.device.mesh.waves import elements_a_wave
 from femnl.device.mesh.webs import narrow_webs
 
 Array = NDArray[np.float64]
@@ -52,20 +53,29 @@ class Curves:
     rims: dict[int, int]  # the opening on whose rim a curve lies
 
 
-def grade(
-    model: Model, curves: Curves, wedge: float, unit: float, resolution: float, degree: int
-) -> float:
+@dataclass(frozen=True)
+class Fineness:
+    """How fine a mesh shall be: resolution, degree and wave as of `mesh`."""
+
+    resolution: float
+    degree: int
+    wave: float
+
+
+def grade(model: Model, curves: Curves, wedge: float, unit: float, fineness: Fineness) -> float:
     """Set the element size h.
 
     It grows linearly with the distance from clamped edges, arcs, corners, holes and narrow webs.
 
     Args: curves: of the model that gmsh holds, scaled by `unit`. wedge: the part of it that is
-        meshed. resolution, degree: as of `mesh`.
+        meshed.
     Returns: about how many triangles that makes: ∫ dA / (h²√3/4), where every curve of length l
         adds ∫ l dx / (s + g x)² = l / (s g), and every corner of angle β ∫ βr dr / (s + g r)² = β
         (ln h/s − 1) / g².
     """
-    sizes = _Sizes(resolution, [], [])
+    far = SCALE / ELEMENTS_PER_LENGTH / fineness.resolution
+    following = fineness.wave * unit / elements_a_wave(fineness.resolution)
+    sizes = _Sizes(fineness.resolution, min(far, following), [], [])
     area = sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2))
     sizes.inverse_square.append(area / sizes.largest**2)
     _grade_rims(sizes, model, curves, unit)
@@ -73,7 +83,7 @@ def grade(
         _grade_webs(sizes, model, wedge, unit)
     if model.outline.kind != CELL:
         _grade_edges(sizes, model, curves, unit)
-        _grade_corners(sizes, model, unit, degree)
+        _grade_corners(sizes, model, unit, fineness.degree)
     return sizes.set()
 
 
@@ -82,12 +92,9 @@ class _Sizes:
     """gmsh's fields of sizes as they are collected, and what each adds to ∫ dA / h²."""
 
     resolution: float
+    largest: float
     fields: list[int]
     inverse_square: list[float]
-
-    @property
-    def largest(self) -> float:
-        return SCALE / ELEMENTS_PER_LENGTH / self.resolution
 
     @property
     def grading(self) -> float:

@@ -1,5 +1,6 @@
 """Prestressed modes: frequencies, effective masses, shapes and labels."""
 
+from femnl.mechanics.modes.counterparts import certified, with_counterparts
 from femnl.mechanics.modes.near import solve_modes_near
 from femnl.mechanics.modes.points import ShapeValues, shape_at, shapes_at
 from femnl.mechanics.modes.solve import (
@@ -13,11 +14,13 @@ from femnl.mechanics.modes.solve import (
 __all__ = [
     "ShapeValues",
     "align",
+    "certified",
     "shape_at",
     "shapes_at",
     "solve_modes",
     "solve_modes_near",
     "solve_pencil",
     "solve_sectors",
+    "with_counterparts",
     "without_modes",
 ]

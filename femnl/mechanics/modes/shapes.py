@@ -21,39 +21,56 @@ STEPS = 8  # of Newton's method towards a maximum
 
 
 def largest_value(space: Space, shape: Array) -> float:
-    """The value of largest magnitude that a shape takes, with its sign.
+    """The value of largest magnitude that a shape takes, with its sign; see `largest_values`."""
+    return float(largest_values(space, shape[None])[0])
+
+
+def largest_values(space: Space, shapes: Array) -> Array:
+    """The values (n,) of largest magnitude that shapes (n, size) take, with their signs.
 
     The first in the mesh's order among equals.
 
     A lattice of points finds the triangles that may hold it, Newton's method in them and along
-    their edges the extremum.
+    their edges the extremum, of all shapes at once.
     """
     lattice = reference_basis(space.degree, LATTICE).T
-    heights = np.abs(shape[space.dofs] @ lattice).max(axis=1)
-    near = np.flatnonzero(heights >= heights.max() * (1 - BETWEEN))
-    local = shape[space.dofs[near]]
-    bend = sum(
-        np.abs(local @ reference_basis(space.degree, LATTICE, d).T).max(axis=1)
-        for d in ((2, 0), (1, 1), (0, 2))
-    )
-    # From the nearest point of the lattice to the maximum the value rises by half the bend times
-    # the distance squared, at most.
-    may = heights[near] + bend / (2 * SAMPLES) ** 2 >= heights.max()
-    near = near[may]
-    local = local[may]
+    bends = [reference_basis(space.degree, LATTICE, d).T for d in ((2, 0), (1, 1), (0, 2))]
+    highest = [_highest_triangles(space, shape, lattice, bends) for shape in shapes]
+    local = np.concatenate(highest)
     sampled = local @ lattice
     start = np.argmax(np.abs(sampled), axis=1)
-    sign = np.sign(sampled[np.arange(len(near)), start])
+    each = np.arange(len(local))
+    height = np.abs(sampled[each, start])
+    sign = np.sign(sampled[each, start])
     local = local * sign[:, None]
-    found = [heights[near], _climb(space.degree, local, LATTICE[start], np.eye(2))]
+    found = [height, _climb(space.degree, local, LATTICE[start], np.eye(2))]
     found += [
         _climb(
             space.degree, local, (VERTICES[a] + VERTICES[b]) / 2, (VERTICES[b] - VERTICES[a])[None]
         )
         for a, b in EDGES
     ]
-    peak = np.max(found, axis=0)
-    return float(np.max(peak) * sign[np.argmax(peak >= np.max(peak) * (1 - 1e-6))])
+    ends = np.cumsum([len(own) for own in highest])[:-1]
+    result = np.empty(len(shapes))
+    peaks = np.split(np.max(found, axis=0), ends)
+    for k, (peak, signs) in enumerate(zip(peaks, np.split(sign, ends), strict=True)):
+        result[k] = np.max(peak) * signs[np.argmax(peak >= np.max(peak) * (1 - 1e-6))]
+    return result
+
+
+def _highest_triangles(space: Space, shape: Array, lattice: Array, bends: list[Array]) -> Array:
+    """Values (m, n_basis) at the nodes of the triangles that may hold the largest value of a shape.
+
+    Args: lattice (n_basis, p): the basis at points. bends: its second derivatives there.
+    """
+    heights = np.abs(shape[space.dofs] @ lattice).max(axis=1)
+    near = np.flatnonzero(heights >= heights.max() * (1 - BETWEEN))
+    local = shape[space.dofs[near]]
+    bend = sum(np.abs(local @ second).max(axis=1) for second in bends)
+    # From the nearest point of the lattice to the maximum the value rises by half the bend times
+    # the distance squared, at most.
+    may = heights[near] + bend / (2 * SAMPLES) ** 2 >= heights.max()
+    return np.asarray(local[may])
 
 
 def largest_departure(space: Space, shape: Array, other: Array) -> float:
@@ -186,9 +203,8 @@ def label_shapes(
             for z, extent in ((x, width), (y, height))
         )
         weighted = values.reshape(len(shapes), -1) * dx.ravel()
-        overlap += ((weighted[:, None] * along_x).reshape(-1, len(x)) @ along_y.T).reshape(
-            overlap.shape
-        )
+        ideal = (along_x[:, None] * along_y).reshape(-1, len(x))
+        overlap += (weighted @ ideal.T).reshape(overlap.shape)
         norms += np.sum(weighted * values.reshape(len(shapes), -1), axis=1)
         ideal_norms += (along_x**2 * dx.ravel()) @ (along_y**2).T
     return tuple(

@@ -21,7 +21,7 @@ from femnl.mechanics.modes.shapes import (
     canonical_turn,
     label_shapes,
     largest_departure,
-    largest_value,
+    largest_values,
     walk,
 )
 
@@ -151,7 +151,7 @@ def finish(
 
     `norm`: their ∫ρhw² over the mesh.
     """
-    largest = np.array([largest_value(space, s) for s in shapes])
+    largest = largest_values(space, shapes)
     label = (None,) * len(shapes)
     effective = prestress.domain.copies * norm / largest**2
     return Modes(
