@@ -172,17 +172,17 @@ def test_where_two_degrees_less_are_too_crude_it_is_said_and_the_error_bars_hold
     model = load("square-270um-perforated")
     line = 8.56e-6 * (np.arange(10) - 4.5)
     centres = np.stack(np.meshgrid(line, line), -1).reshape(-1, 2)
-    film = replace(model, holes=Holes(centres, 0.6e-6))
+    film = replace(model, holes=Holes(centres, 0.4e-6))
     with monkeypatch.context() as crude:
         # Nine curved edges around a hole: meshes of coarse resolutions no longer are so crude
         crude.setattr("femnl.device.mesh.grading.HOLE_SEGMENTS", 9)
         crude.setattr("femnl.device.mesh.grading.HOLE_GROWTH", 4 / 3)
         crude.setattr("femnl.device.mesh.grading.GROWTH", 0.7 * 4 / 3)
-        modes = solve_modes(film, 4, resolution=0.75, cache=False)
+        modes = solve_modes(film, 4, resolution=0.6, cache=False)
     assert len(modes.grades) == 2, "degree 2 has become able to solve this film; find another"
     assert "degree 2 is too crude for this mesh" in caplog.text
     finer = solve_modes(film, 4, resolution=1.0, cache=False, degree=5)
     error = np.abs(modes.frequency - finer.frequency)
     assert np.all(finer.frequency_error < 0.3 * error)
     assert np.all(error < modes.frequency_error)
-    assert np.all(modes.frequency_error < 2e-4 * modes.frequency)
+    assert np.all(modes.frequency_error < 5e-4 * modes.frequency)

@@ -18,7 +18,7 @@ from femnl.core.device import Model
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
 from femnl.core.memory import need_memory
-from femnl.core.outline import Segment
+from femnl.core.outline import Outline, Segment
 from femnl.device.geometry import curves as exact
 from femnl.device.geometry.placing import moved
 from femnl.device.mesh.collect import Raw, assemble, check_unfolded, collect, double, misfit
@@ -41,6 +41,9 @@ PROGRESS = logging.getLogger("femnl.progress")
 # 158, 284 kB at 6820 triangles (peak resident memory, degrees 3 to 6), and the more the more
 # triangles.
 BYTES = {3: 42_000, 4: 90_000, 5: 180_000, 6: 320_000}
+# Relative error of the number of elements along an edge, by which gmsh places their ends: its 1e-9
+# took nine tenths of the time of meshes with many corners or small holes
+PLACING = 1e-4
 # Lengths of the film between it and the origin: numbers of 16 digits then still place its edges to
 # 1e-10 of its length, and gmsh needs 1e-9.
 FARTHEST = 1e6
@@ -125,6 +128,7 @@ def _gmsh_session() -> Iterator[None]:
             "General.Terminal": 0,
             "General.NumThreads": 1,
             "Mesh.MeshSizeExtendFromBoundary": 0,
+            "Mesh.LcIntegrationPrecision": PLACING,
         }.items():
             gmsh.option.setNumber(option, value)
         gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
@@ -259,6 +263,7 @@ def _classify(model: Model, wedge: float, unit: float) -> Curves:
     outline = model.edge_outline
     holes = cKDTree(model.holes.centres * unit) if len(model.holes.centres) else None
     boxes = np.array([exact.box(o) for o in model.openings]).reshape(-1, 4) * unit
+    sides = np.array([_box(outline, s) for s in outline.segments])
     for _, tag in gmsh.model.getEntities(1):
         low, high = gmsh.model.getParametrizationBounds(1, tag)
         where = np.array(
@@ -279,15 +284,32 @@ def _classify(model: Model, wedge: float, unit: float) -> Curves:
             curves.rims[tag] = index
             (curves.clamped if rim.segments[0].clamped else curves.openings).append(tag)
         else:
-            distances = [
-                exact.distance(replace(outline, segments=(s,)), where / unit).max()
-                for s in outline.segments
-            ]
-            curves.segment[tag] = int(np.argmin(distances))
-            (
-                curves.clamped if outline.segments[curves.segment[tag]].clamped else curves.free
-            ).append(tag)
+            number = _segment(outline, sides, where / unit)
+            curves.segment[tag] = number
+            (curves.clamped if outline.segments[number].clamped else curves.free).append(tag)
     return curves
+
+
+def _box(outline: Outline, segment: Segment) -> Array:
+    """Return the box (4,) [m] around one segment: x and y of its lower left and upper right."""
+    low, high = np.split(np.array(exact.box(replace(outline, segments=(segment,)))), 2)
+    return np.concatenate([np.minimum(low, segment.end), np.maximum(high, segment.end)])
+
+
+def _segment(outline: Outline, boxes: Array, where: Array) -> int:
+    """Return the segment of an outline nearest to points (n, 2) [m] of a curve.
+
+    boxes (m, 4) [m]: around the segments; those around all points come before the others.
+    """
+    margin = TOLERANCE * outline.length
+    outside = np.maximum(boxes[:, None, :2] - where, where - boxes[:, None, 2:]).max(axis=(1, 2))
+    near = np.flatnonzero(outside < margin)
+    tried = near if len(near) else np.arange(len(boxes))
+    distances = [
+        exact.distance(replace(outline, segments=(outline.segments[k],)), where).max()
+        for k in tried
+    ]
+    return int(tried[np.argmin(distances)])
 
 
 def _opening(model: Model, boxes: Array, where: Array, unit: float) -> int | None:

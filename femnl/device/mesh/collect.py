@@ -144,7 +144,12 @@ def misfit(model: Model, result: MeshTri2) -> float:
     for segment in ellipses:
         short = min(segment.semi_axes or (1.0,))
         alone = Outline("ellipse", (segment,), None, 2 * short)
-        gaps = curves.distance(alone, rim) / short
+        # Whatever is nearer to an ellipse is as near to the circle where that is one
+        round_one = np.linalg.solve(segment.frame, (rim - np.asarray(segment.centre)).T)
+        beside = rim[np.abs(np.hypot(*round_one) - 1) < NEAR]
+        if len(beside) == 0:
+            continue
+        gaps = curves.distance(alone, beside) / short
         found = max(found, float(np.max(gaps, where=gaps < NEAR, initial=0.0)))
     return found
 

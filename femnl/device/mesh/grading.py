@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import gmsh
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from femnl.core.device import Model
 from femnl.core.outline import CELL
@@ -30,6 +31,7 @@ TOLERANCE = 1e-6  # of a point lying on a curve, in scaled units
 GROWTH = 0.7
 # The same away from holes, whose fields fade faster than those of edges and corners
 HOLE_GROWTH = 1.0
+ALIKE = 1.05  # sizes at corners within this factor share one field, of the least of them
 ELEMENTS_ACROSS = 3  # elements across the narrowest place of a strip, such as a tether
 ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
 ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
@@ -102,12 +104,16 @@ class _Sizes:
 
     def grow(self, size: float, distance: int, growth: float) -> None:
         """Let elements grow from a size with the distance that a field of gmsh's holds."""
+        if size >= self.largest:
+            return
         field = gmsh.model.mesh.field
-        self.fields.append(field.add("MathEval"))
-        slope = growth / self.grading
-        field.setString(
-            self.fields[-1], "F", f"min({self.largest}, {size} + {slope} * F{distance})"
-        )
+        self.fields.append(field.add("Threshold"))
+        field.setNumber(self.fields[-1], "InField", distance)
+        field.setNumber(self.fields[-1], "SizeMin", size)
+        field.setNumber(self.fields[-1], "SizeMax", self.largest)
+        field.setNumber(self.fields[-1], "DistMin", 0)
+        reach = (self.largest - size) * self.grading / growth
+        field.setNumber(self.fields[-1], "DistMax", reach)
 
     def grow_from_curves(
         self, size: float, tags: list[int], growth: float, fan: float = 1.0
@@ -131,12 +137,12 @@ class _Sizes:
 
     def set(self) -> float:
         """Hand the smallest of all sizes to gmsh; return about how many triangles it makes."""
-        field = gmsh.model.mesh.field
-        self.fields.append(field.add("MathEval"))
-        field.setString(self.fields[-1], "F", str(self.largest))
-        smallest = field.add("Min")
-        field.setNumbers(smallest, "FieldsList", self.fields)
-        field.setAsBackgroundMesh(smallest)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", self.largest)
+        if self.fields:
+            field = gmsh.model.mesh.field
+            smallest = field.add("Min")
+            field.setNumbers(smallest, "FieldsList", self.fields)
+            field.setAsBackgroundMesh(smallest)
         return float(4 / np.sqrt(3) * sum(self.inverse_square))
 
 
@@ -190,14 +196,18 @@ def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> No
 
 
 def _grade_corners(sizes: _Sizes, model: Model, unit: float, degree: int) -> None:
-    ends = {t: np.array(gmsh.model.getValue(0, t, []))[:2] for _, t in gmsh.model.getEntities(0)}
+    tags = [tag for _, tag in gmsh.model.getEntities(0)]
+    ends = cKDTree([gmsh.model.getValue(0, tag, [])[:2] for tag in tags])
     layer = bending_length(model)
+    alike: dict[int, list[tuple[float, int]]] = {}
     for corner, angle, size in singular_corners(model, sizes.resolution, layer, degree):
-        near = [t for t, end in ends.items() if np.hypot(*(end - corner * unit)) < TOLERANCE]
-        if near:
-            sizes.grow_from_points(size * unit, near, GROWTH)
+        for k in ends.query_ball_point(corner * unit, TOLERANCE):
+            step = int(np.floor(np.log(size * unit) / np.log(ALIKE)))
+            alike.setdefault(step, []).append((size * unit, tags[k]))
             fan = max(np.log(sizes.largest / (size * unit)) - 1, 0.0)
             sizes.inverse_square.append(angle * (sizes.grading / GROWTH) ** 2 * fan)
+    for group in alike.values():
+        sizes.grow_from_points(min(size for size, _ in group), [tag for _, tag in group], GROWTH)
 
 
 def largest_beside_layers(model: Model) -> float:
