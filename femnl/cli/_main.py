@@ -6,6 +6,7 @@ import os
 import shlex
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import wraps
 from importlib import import_module
 from inspect import Parameter, Signature, signature
@@ -71,7 +72,8 @@ def run(words: list[str]) -> int:
 
 
 def _fail(line: str, status: int = 2) -> int:
-    note(f"femnl: {' '.join(line.split())}")
+    with suppress(OSError):  # of a standard error on a full disk the status is left
+        note(f"femnl: {' '.join(line.split())}")
     return status
 
 

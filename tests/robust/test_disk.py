@@ -135,25 +135,49 @@ def test_a_cache_without_room_costs_a_warning_and_nothing_else(tmp_path: Path) -
     assert not list((tmp_path / "cache" / "femnl").glob("modes*"))
 
 
-def test_output_onto_a_full_disk_is_one_line(tmp_path: Path) -> None:
+FULL = (
+    "femnl: output: No space left on device; check the path, its permissions and the room on "
+    "the disk"
+)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--help"],
+        ["--version"],
+        ["geometries"],
+        ["geometries", "--json"],
+        ["effects"],
+        ["effects", "static_bow"],
+    ],
+    ids=" ".join,
+)
+def test_output_onto_a_full_disk_is_one_line(words: list[str], tmp_path: Path) -> None:
+    status, errors = onto_full("stdout", words, tmp_path)
+    assert status == 2
+    assert [line for line in errors.splitlines() if not line.startswith("working on ")] == [FULL]
+
+
+@pytest.mark.parametrize("words", [["modes", "squar"], ["show", "none.nc"]], ids=" ".join)
+def test_a_refusal_onto_a_full_disk_keeps_its_status(words: list[str], tmp_path: Path) -> None:
+    assert onto_full("stderr", words, tmp_path) == (2, "")
+
+
+def onto_full(stream: str, words: list[str], folder: Path) -> tuple[int, str]:
+    """Run femnl with one stream on a full disk; its status, and what the other says."""
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
-    command = [sys.executable, "-m", "femnl", "geometries"]
     with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
-            command,
-            cwd=tmp_path,
+        process = subprocess.Popen(
+            [sys.executable, "-m", "femnl", *words],
+            cwd=folder,
             env=environment,
-            stdout=full,
-            stderr=subprocess.PIPE,
+            stdout=full if stream == "stdout" else subprocess.PIPE,
+            stderr=full if stream == "stderr" else subprocess.PIPE,
             text=True,
-            check=False,
         )
-    assert done.returncode == 2
-    assert (
-        done.stderr
-        == "femnl: output: No space left on device; check the path, its permissions and the "
-        "room on the disk\n"
-    )
+        out, errors = process.communicate(timeout=120)
+    return process.returncode, out or errors or ""
 
 
 def test_a_folder_that_must_not_be_written_is_one_line_before_anything_is_solved(
