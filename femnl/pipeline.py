@@ -104,8 +104,18 @@ def solve_modes(
 
 def _say_what_bends(model: Model) -> None:
     """Say how far layers bend the film at rest, which its modes are solved without."""
-    from femnl.mechanics.fem.offset import tension_offset
+    from femnl.mechanics.fem.offset import covers_evenly, ends_free, own_moment, tension_offset
 
+    if covers_evenly(model):
+        if model.bending and ends_free(model):
+            logging.getLogger("femnl").warning(
+                "%s: the stresses of its layers bend the film at rest, from its free edges and by "
+                "a moment of %.2g N; modes are those of the flat film, and a bow by its layers "
+                "(--bow layers) has those of the bent one",
+                model.name,
+                own_moment(model),
+            )
+        return
     offset = tension_offset(model)
     if offset != 0:
         logging.getLogger("femnl").warning(

@@ -62,7 +62,10 @@ def check_layout(
     for fault in faults:
         note(str(fault))
     if not any(fault.fatal for fault in faults):
-        _show(import_layout(path, layers, load(like), cell, unit).model, picture)
+        found = import_layout(path, layers, load(like), cell, unit)
+        for line in found.assumed:
+            note(line)
+        _show(found.model, picture)
         return
     polygons = [p for drawn in drawing.polygons.values() for p in drawn]
     points = [fault.point for fault in faults]

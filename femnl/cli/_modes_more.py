@@ -12,9 +12,12 @@ from femnl.cli._output import console, scientific, table
 from femnl.core.errors import MeasurementError, ParameterError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
+    from femnl.core.device import Lamina
     from femnl.core.mechanics import Modes, Nonlinearity
     from femnl.mechanics.modes.quality import Quality
     from femnl.mechanics.nonlinearity import Inertia
@@ -96,7 +99,16 @@ class More:
         if self.dilution is not None:
             found["dilution"] = {"factor": self.dilution[0], "error": self.dilution[1]}
         if self.quality is not None:
-            parts = ("total", "low", "high", "intrinsic", "dilution", "dilution_error", "gas")
+            parts = (
+                "total",
+                "low",
+                "high",
+                "intrinsic",
+                "dilution",
+                "dilution_error",
+                "gas",
+                "lost",
+            )
             found["quality"] = {name: getattr(self.quality, name) for name in parts}
         return found
 
@@ -134,7 +146,7 @@ class More:
         if self.bowed is not None:
             self._show_bow(self.bowed, names)
         if self.quality is not None:
-            _show_quality(self.quality, names)
+            _show_quality(self.quality, names, modes.domain.model.layers)
         if self.dilution is not None:
             rows = [
                 [*name, f"{q:.1f}", f"{error / q:.0e}"]
@@ -175,8 +187,9 @@ class More:
         )
 
 
-def _show_quality(quality: Quality, names: list[list[str]]) -> None:
-    """Print Q with its parts and bounds."""
+def _show_quality(quality: Quality, names: list[list[str]], layers: Sequence[Lamina] = ()) -> None:
+    """Print Q with its parts and bounds; with layers, which part of the loss is theirs."""
+    shares = quality.lost[1:].T * 100
     rows = [
         [
             *name,
@@ -185,15 +198,19 @@ def _show_quality(quality: Quality, names: list[list[str]]) -> None:
             scientific(quality.dilution[k], DIGITS),
             f"{quality.dilution_error[k] / quality.dilution[k]:.0e}",
             "–" if quality.gas[k] == float("inf") else scientific(quality.gas[k], 3),
+            *(f"{share:.3g} %" for share in shares[k]),
         ]
         for k, name in enumerate(names)
     ]
     mean, low, high = quality.intrinsic
+    law = "Σ sᵢ/Qᵢ" if layers else "1/(Q_int D)"
     title = (
-        f"1/Q = 1/(Q_int D) + 1/Q_gas, Q_int = {mean:.0f} ({low:.0f} … {high:.0f}), without sound "
+        f"1/Q = {law} + 1/Q_gas, Q_int = {mean:.0f} ({low:.0f} … {high:.0f}), without sound "
         "into the chip; ± of D is relative"
     )
-    console().print(table(title, ["mode", "label", "Q", "1 σ of β", "D", "±D", "Q_gas"], rows))
+    columns = ["mode", "label", "Q", "1 σ of β", "D", "±D", "Q_gas"]
+    columns += [f"lost in {lamina.name}" for lamina in layers]
+    console().print(table(title, columns, rows))
 
 
 def pressure_of(words: str) -> float:
@@ -224,10 +241,12 @@ def _quantity(words: str, unit: str, option: str) -> float:
 def bow_of(words: str) -> tuple[float | None, float | None]:
     """The depth [m] or the pressure [Pa] that words such as "100 nm" or "10 Pa" mean.
 
-    Raises: ParameterError.
+    Neither for "layers", the stresses of which bend the film. Raises: ParameterError.
     """
     from femnl.io import measurement
 
+    if words.strip() == "layers":
+        return None, None
     number = words.strip()[-1:].isdigit()  # what has no unit may be either
     for place, unit in enumerate(() if number else ("m", "Pa")):
         try:
@@ -237,5 +256,5 @@ def bow_of(words: str) -> tuple[float | None, float | None]:
         return (value, None) if place == 0 else (None, value)
     raise ParameterError(
         f'--bow "{words}": expected the depth of the bow, such as "100 nm", or the pressure that '
-        'makes it, such as "10 Pa"'
+        'makes it, such as "10 Pa", or the word layers'
     )

@@ -69,7 +69,8 @@ Inertia = Annotated[
 Bow = Annotated[
     str | None,
     typer.Option(
-        help='A bow at rest: "100 nm" in the shape of mode 1, or "10 Pa" of pressure.',
+        help='A bow at rest: "100 nm" in the shape of mode 1, "10 Pa" of pressure, or layers, '
+        "by the stresses of layers that cover the film.",
         show_default=False,
     ),
 ]

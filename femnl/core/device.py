@@ -94,6 +94,8 @@ class Lamina:
     release, tension positive. side: `top`, away from the substrate, towards which deflections
     count, or `bottom`.
     rims: closed curves; the layer is where an odd number of them goes around. None: everywhere.
+    quality: quality factor of its material as it bends, one over its loss factor; None where it is
+    not known.
     """
 
     name: str
@@ -104,6 +106,7 @@ class Lamina:
     stress: float
     side: Literal["top", "bottom"]
     rims: tuple[Outline, ...] = ()
+    quality: float | None = None
 
 
 @dataclass(frozen=True)

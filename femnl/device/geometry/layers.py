@@ -13,6 +13,7 @@ from femnl.device.geometry import curves
 from femnl.device.geometry.booleans import combine
 from femnl.device.geometry.combined import Combined, steps_of
 from femnl.device.geometry.edges import Poisson
+from femnl.device.geometry.loss import Quality
 from femnl.device.geometry.naming import place, plain_name
 from femnl.device.geometry.openings import polygon
 from femnl.device.geometry.polygons import Polygon
@@ -32,6 +33,7 @@ class LaminaTable(Table):
 
     shape: what it covers of the film, which may reach beyond the film's edge and over holes. A
     combined shape may be in pieces and have holes. Without it the layer covers the whole film.
+    quality_factor: of its material as it bends.
     """
 
     name: Annotated[str, AfterValidator(plain_name)]
@@ -42,6 +44,7 @@ class LaminaTable(Table):
     stress: Stress
     side: Literal["top", "bottom"] = "top"
     shape: LayerShape | None = None
+    quality_factor: Quality | None = None
 
     @model_validator(mode="after")
     def _has_no_free_edges(self) -> Self:
@@ -64,6 +67,7 @@ class LaminaTable(Table):
             self.stress,
             self.side,
             self._rims(),
+            self.quality_factor,
         )
 
     def _rims(self) -> tuple[Outline, ...]:

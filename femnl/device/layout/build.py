@@ -42,12 +42,14 @@ METAL = {
 class Imported:
     """A layout as a geometry file: its text and device, and what the import did.
 
-    notes: one line each on what was recognised, moved or doubtful.
+    notes: one line each on what was recognised, moved, doubtful or assumed; assumed: those of them
+    on numbers that a layout does not hold.
     """
 
     text: str
     model: Model
     notes: tuple[str, ...]
+    assumed: tuple[str, ...] = ()
 
 
 def import_layout(
@@ -94,7 +96,8 @@ def import_layout(
         tables["layers"] = [{"name": "metal", **METAL, "shape": shape}]
     text = toml(tables)
     model = parse(text, str(path))
-    return Imported(text, model, tuple(_notes(film, middle, like, model)))
+    assumed = _assumed(film, like)
+    return Imported(text, model, (*_notes(film, middle, model), *assumed), assumed)
 
 
 def toml(tables: Tables) -> str:
@@ -145,7 +148,19 @@ def _plain(name: str) -> str:
     return kept if kept[:1].isalnum() else f"cell {kept}"[:100]
 
 
-def _notes(film: Film, middle: Array, like: Model, model: Model) -> list[str]:
+def _assumed(film: Film, like: Model) -> tuple[str, ...]:
+    """What the import takes that the layout does not hold, a line each."""
+    lent = f"film, readout and clamp are those of {like.name}; write your own into the file"
+    if not film.metal:
+        return (lent,)
+    return (
+        lent,
+        "the layer metal is taken for 50 nm of aluminium without stress; write your own numbers "
+        "into [[layers]]",
+    )
+
+
+def _notes(film: Film, middle: Array, model: Model) -> list[str]:
     """What the import did, a line each."""
     found = [f"recognised {count} {kind} drawn as chords" for kind, count in film.curves.items()]
     if np.any(middle != 0):
@@ -153,12 +168,6 @@ def _notes(film: Film, middle: Array, like: Model, model: Model) -> list[str]:
     found += [f"doubtful: {fault}" for fault in film.faults[:10]]
     if len(film.faults) > 10:
         found.append(f"doubtful: {len(film.faults) - 10} more")
-    found.append(f"film, readout and clamp are those of {like.name}; write your own into the file")
-    if film.metal:
-        found.append(
-            "the layer metal is taken for 50 nm of aluminium without stress; write your own "
-            "numbers into [[layers]]"
-        )
     inner = len(model.holes.centres) + len(model.openings)
     found.append(f"{model.outline.kind} with {len(model.outline.segments)} edges, {inner} holes")
     return found

@@ -3,12 +3,14 @@
 from femnl.device.mesh.build import mesh
 from femnl.device.mesh.collect import distinct, from_patches
 from femnl.device.mesh.grading import bending_length
+from femnl.device.mesh.layers import covered
 from femnl.device.mesh.symmetry import WEDGES, has_symmetry
 from femnl.device.mesh.waves import shortest_wave, wave_at
 
 __all__ = [
     "WEDGES",
     "bending_length",
+    "covered",
     "distinct",
     "from_patches",
     "has_symmetry",

@@ -16,7 +16,7 @@ from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain, Prestress
 from femnl.core.memory import need_memory
-from femnl.device.mesh import from_patches, mesh
+from femnl.device.mesh import covered, from_patches, mesh
 from femnl.mechanics.bands.lattice import Cell, Lattice
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import Assembly, slope_continuity
@@ -55,7 +55,11 @@ def cell_domain(cell: Cell, model: Model, resolution: float) -> Domain:
     on_side = np.abs(middle @ lattice.steps.T).max(axis=1) / lattice.pitch**2 > 0.5 - JOIN
     return Domain(
         device,
-        replace(whole, _boundaries={"clamped": outer[on_side], "free": outer[~on_side]}),
+        replace(
+            whole,
+            _boundaries={"clamped": outer[on_side], "free": outer[~on_side]},
+            _subdomains=covered(device, whole),
+        ),
         2 * np.pi,
     )
 

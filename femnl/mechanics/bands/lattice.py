@@ -125,14 +125,17 @@ class Cell:
     def of(self, model: Model) -> Model:
         """Return the cell as a device of the same even film, whose outline is the cell's sides.
 
+        Layers that cover the whole film cover the cell.
+
         Raises:
-            ParameterError: a film with layers, which need not repeat with the cell.
+            ParameterError: a layer with a shape, which need not repeat with the cell.
         """
-        if model.layers:
-            raise ParameterError(
-                f"{model.name}: [layers]: bands of films with layers are not modelled; leave the "
-                "layers out"
-            )
+        for number, lamina in enumerate(model.layers, start=1):
+            if lamina.rims:
+                raise ParameterError(
+                    f"{model.name}: [layers] {number} {lamina.name}: bands take layers that cover "
+                    "the whole film; leave its shape out, or the layer"
+                )
         corners = [(float(x), float(y)) for x, y in self.lattice.corners]
         sides = [Segment(a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
         length = 2 * float(np.abs(self.lattice.corners).max())

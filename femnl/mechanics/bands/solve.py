@@ -19,7 +19,7 @@ from femnl.mechanics.bands.spectrum import lowest_eigenvalues
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import cells, quadrature_order
 from femnl.mechanics.fem.sheet import Sheet
-from femnl.mechanics.fem.stress import relaxed_stress
+from femnl.mechanics.fem.stress import relaxed_tension
 from femnl.mechanics.prestress import solve_prestress
 
 Array = NDArray[np.float64]
@@ -183,10 +183,9 @@ def _means(prestress: Prestress, lattice: Lattice) -> tuple[float, float]:
     sheet = Sheet(domain)
     tension = 0.0
     mass = 0.0
-    for cell, stress in zip(cells(space, order), relaxed_stress(prestress, order), strict=True):
-        h = sheet.thickness(cell.triangles, cell.jet.point) * cell.dx
-        mass += float(np.sum(sheet.density(cell.triangles) * h))
-        tension += float(np.sum(stress[..., :2].mean(axis=-1) * h))
+    for cell, pull in zip(cells(space, order), relaxed_tension(prestress, order), strict=True):
+        mass += float(np.sum(sheet.inertia(cell.triangles, cell.jet.point) * cell.dx))
+        tension += float(np.sum(pull[..., :2].mean(axis=-1) * cell.dx))
     corners = lattice.corners
     area = (
         float(

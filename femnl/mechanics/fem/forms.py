@@ -237,7 +237,6 @@ def slope_continuity(
     −Mₙₙ(w)Mₙₙ(v)/(k + σ), which is as stable for every k (Juntunen & Stenberg, Math. Comp. 78, 1353
     (2009)). Yields local matrices and their unknowns.
     """
-    p = space.degree - 2
     for edges in edges_by_local_number(space, facets):
         moments = []
         slopes = []
@@ -258,18 +257,45 @@ def slope_continuity(
         weight = soft / soft.sum(axis=0)
         jump = np.concatenate([slopes[0]] + [-s for s in slopes[1:]], -1)
         mean = np.concatenate([w[..., None] * m for w, m in zip(weight, moments, strict=True)], -1)
-        sigma = (
-            6
-            * (1 + abs(poisson))
-            * (p + 1)
-            * (p + 2)
-            / 2
-            * np.sum(weight**2 * np.stack(rigid) * np.stack(ratios), axis=0)
+        sigma = _penalty(space, poisson) * np.sum(
+            weight**2 * np.stack(rigid) * np.stack(ratios), axis=0
         )
         share = 1 / (1 + sigma / rotation) if rotation > 0 else np.zeros_like(sigma)
         moduli = as_matrix(np.stack([-1 / (rotation + sigma), share * sigma, -share], -1))
         dofs = np.concatenate([space.dofs[t] for t in edges.triangles], axis=1)
         yield local_matrices(np.stack([mean, jump], axis=2), moduli, ds), dofs
+
+
+def edge_moment(
+    space: Space, facets: Index, bending: Bending, poisson: float, rotation: float | None
+) -> Array:
+    """The load (size,) [N·m by m of ∂ₙw] of a moment of 1 N on edges, ∮ ∂ₙv.
+
+    On facets that springs hold, as `slope_continuity` has them, ∮ (σ ∂ₙv − Mₙₙ(v))/(k + σ): there
+    Mₙₙ = 1 N − k ∂ₙw, to which its terms are consistent. Args: as of `slope_continuity`; rotation:
+    None on free edges.
+    """
+    load = np.zeros(space.size)
+    for edges in edges_by_local_number(space, facets):
+        triangles = edges.triangles[0]
+        jet, normal, ds = side_of_edge(
+            space, triangles, edges.local[0], 2 * space.degree, second=True
+        )
+        turn = np.einsum("eqx,eqxj->eqj", normal, jet.gradient)
+        if rotation is not None:
+            moduli = bending(triangles, jet.point)
+            ratio = ds.sum(axis=-1, keepdims=True) / (space.least_determinant[triangles, None] / 2)
+            sigma = _penalty(space, poisson) * moduli[..., 0, 0] * ratio
+            moment = _normal_moment(jet, normal, moduli)
+            turn = (sigma[..., None] * turn - moment) / (rotation + sigma)[..., None]
+        np.add.at(load, space.dofs[triangles], np.einsum("eqj,eq->ej", turn, ds))
+    return load
+
+
+def _penalty(space: Space, poisson: float) -> float:
+    """The number by which σ of `slope_continuity` is above ΣωD|e|/|K|."""
+    p = space.degree - 2
+    return 6 * (1 + abs(poisson)) * (p + 1) * (p + 2) / 2
 
 
 def side_of_edge(

@@ -112,20 +112,44 @@ class Sheet:
         Source: Jones, Mechanics of Composite Materials (1999), section 4.2.
         """
         h = self.thickness(triangles, point)
-        bend = h[..., None, None] ** 3 / 12 * self.moduli(triangles)
         if not self._laminae:
-            return np.asarray(bend)
-        couple = np.zeros(bend.shape)
+            return np.asarray(h[..., None, None] ** 3 / 12 * self.moduli(triangles))
+        return np.asarray(np.sum(self.bending_parts(triangles, point), axis=0))
+
+    def bending_parts(self, triangles: Index | slice, point: Array) -> Array:
+        """What film and layers (in their order) each give to `bending`, (1 + n, e, q, 3, 3) [N m].
+
+        A layer at height z is strained by (z − X) κ with X = A⁻¹B where no in-plane force goes with
+        the curvature κ; its part is ∫ (z − X)ᵀ C (z − X) dz.
+        """
+        plies = list(self._plies(triangles, point))
+        membrane = np.sum([size[..., None, None] * moduli for size, _, moduli in plies], axis=0)
+        couple = np.sum(
+            [(size * height)[..., None, None] * moduli for size, height, moduli in plies], axis=0
+        )
+        shift = np.linalg.solve(membrane, couple)
+        found = []
+        for size, height, moduli in plies:
+            own = (size * height**2 + size**3 / 12)[..., None, None] * moduli
+            cross = (size * height)[..., None, None] * (moduli @ shift)
+            moved = np.swapaxes(shift, -1, -2) @ moduli @ shift
+            both = cross + np.swapaxes(cross, -1, -2)
+            found.append(own - both + size[..., None, None] * moved)
+        return np.stack(found)
+
+    def _plies(
+        self, triangles: Index | slice, point: Array
+    ) -> Iterator[tuple[Array, Array, Array]]:
+        """Film and layers: thickness and height of the middle (e, q) [m], and C (…, 3, 3) [Pa]."""
+        h = self.thickness(triangles, point)
+        yield h, np.zeros_like(h), self.moduli(triangles)
         ends = {"top": h / 2, "bottom": h / 2}
         for lamina, size in self._layers(triangles):
             away = ends[lamina.side] + size / 2
-            height = away if lamina.side == "top" else -away
             ends[lamina.side] = ends[lamina.side] + size
-            moduli = self._laminate_moduli(lamina)
-            couple = couple + (size * height)[..., None, None] * moduli
-            bend = bend + (size * height**2 + size**3 / 12)[..., None, None] * moduli
-        released = np.linalg.solve(self.membrane(triangles, point), couple)
-        return np.asarray(bend - couple @ released)
+            height = away if lamina.side == "top" else -away
+            whole = np.broadcast_to(size, h.shape)
+            yield whole, height, self._laminate_moduli(lamina)
 
     def _layers(self, triangles: Index | slice) -> Iterator[tuple[Lamina, Array]]:
         """Each layer, and its thickness (e, 1) [m], 0 where it is not."""

@@ -7,7 +7,8 @@ from femnl.core.discretisation_error import remainder
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import STEADY, Modes
 from femnl.mechanics.fem.elements import Space
-from femnl.mechanics.fem.forms import cells, quadrature_order, slope
+from femnl.mechanics.fem.forms import cells, curvature, quadrature_order, slope
+from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.stress import relaxed_tension
 from femnl.mechanics.fem.supports import deflection_springs, slope_springs
 
@@ -48,6 +49,31 @@ def bending_share(modes: Modes) -> Array:
         )
         tension += np.einsum("neq,eq->n", energy, cell.dx)
     return np.asarray(1 - domain.copies * tension / modes.stiffness)
+
+
+def bending_shares(modes: Modes) -> Array:
+    """Part of the elastic energy of each mode that film and layers store as they bend.
+
+    (1 + n_layers, n_modes), which sums to `bending_share`: that, divided as ∫ κ : Dᵢ : κ of each
+    divides the curvature's energy ∫ κ : D : κ. Dᵢ: `Sheet.bending_parts`.
+    """
+    domain = modes.domain
+    space = Space(domain.mesh, modes.degree)
+    sheet = Sheet(domain)
+    order = quadrature_order(domain.model, 2 * modes.degree)
+    energy = np.zeros((1 + len(domain.model.layers), len(modes.frequency)))
+    for cell in cells(space, order, second=True):
+        bent = np.einsum(
+            "eqxj,nej->neqx",
+            curvature(cell.jet),
+            modes.shapes[:, space.dofs[cell.triangles]],
+            optimize=True,
+        )
+        parts = sheet.bending_parts(cell.triangles, cell.jet.point)
+        for k, moduli in enumerate(parts):
+            moment = np.einsum("eqxy,neqy->neqx", moduli, bent)
+            energy[k] += np.einsum("neqx,neqx,eq->n", moment, bent, cell.dx)
+    return np.asarray(bending_share(modes) * energy / energy.sum(axis=0))
 
 
 def dilution(modes: Modes) -> tuple[Array, Array]:

@@ -15,6 +15,7 @@ from femnl.mechanics.fem.forms import (
     Cell,
     as_matrix,
     cells,
+    edge_moment,
     in_plane_strain,
     local_matrices,
     local_vectors,
@@ -23,6 +24,7 @@ from femnl.mechanics.fem.forms import (
     stretch,
     vector_dofs,
 )
+from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.fem.supports import in_plane_springs, in_plane_supports
 from femnl.mechanics.modes.operators import Operators
@@ -72,6 +74,22 @@ class Film:
                 self.space.dofs[cell.triangles],
                 np.einsum("eqj,eq->ej", cell.jet.value, cell.dx),
             )
+        return load
+
+    @property
+    def moment(self) -> Array:
+        """The load (size,) [m] of a moment by length of 1 N, the same everywhere in the film.
+
+        ∫ Δv less what edges take up: it acts at edges that are free or whose springs let them turn.
+        """
+        sheet = Sheet(self.domain)
+        poisson = sheet.largest_poisson
+        free = self.space.boundary_facets("free")
+        load = edge_moment(self.space, free, sheet.bending, poisson, None)
+        rotation = self.domain.model.clamp.rotation
+        if np.isfinite(rotation):
+            held = self.space.boundary_facets("clamped")
+            load = load + edge_moment(self.space, held, sheet.bending, poisson, rotation)
         return load
 
     def admissible(self, parity: Parity, bow: Parity) -> csc_matrix:

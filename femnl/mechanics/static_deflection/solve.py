@@ -8,10 +8,11 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csc_matrix
 
 from femnl.core.arrays import freeze
-from femnl.core.device import Edge
+from femnl.core.device import Edge, Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import DEGENERATE, Modes
 from femnl.core.memory import need_memory
+from femnl.mechanics.fem.offset import covers_evenly, ends_free, own_moment
 from femnl.mechanics.fem.solvers import factorize, lowest_eigenpairs
 from femnl.mechanics.modes.shapes import largest_value
 from femnl.mechanics.nonlinearity import energy_remainder, respond
@@ -77,11 +78,14 @@ def solve_static_deflection(
     response of all modes at 0 and 2ω. A bow b in a mode's own shape, small, gives k + 3k₃b² (k +
     2k₃b² where not `stressed`) and k₂ = 3k₃b.
 
+    Layers that cover the film evenly bend it by their own stresses, from edges that are free or may
+    turn: the load M₀ ∮ ∂ₙv of `fem.offset.own_moment` goes with the pressure, or bends it alone.
+
     Args: depth: [m] of a bow in the shape of the mode `shape` (0 is the fundamental), held by
         whatever load that takes. pressure: [Pa] on an even film, pushing towards +w; instead of
-        depth. stressed: the model's film stress is that of the flat film, which the bow stretches
-        further; false where it is that of the bowed film already, as over a frame that is not flat.
-        edge: in-plane edge, the model's by default.
+        depth. Neither: what layers do. stressed: the model's film stress is that of the flat film,
+        which the bow stretches further; false where it is that of the bowed film already, as over a
+        frame that is not flat. edge: in-plane edge, the model's by default.
     Returns: StaticDeflection, in the order of the modes.
     Raises: ParameterError, ConvergenceError (also where 2ω meets another mode: then the two
     exchange energy, and no α describes it).
@@ -91,8 +95,10 @@ def solve_static_deflection(
         (1979), section 4.1. Held against sine series and Newton's method by
         tests/physics/test_bow.py and validation case `bowed_film`.
     """
-    if (depth is None) == (pressure is None):
+    if depth is not None and pressure is not None:
         raise ParameterError("bow: give either its depth in m or a pressure in Pa")
+    if depth is None:
+        _refuse_layers_that_end(modes.domain.model, pressure)
     if not np.isfinite(depth if depth is not None else pressure or 0.0):
         raise ParameterError(
             f"bow: expected a finite number, found {depth if depth is not None else pressure}"
@@ -155,6 +161,21 @@ def solve_static_deflection(
     )
 
 
+def _refuse_layers_that_end(model: Model, pressure: float | None) -> None:
+    """Refuse a rest that is not modelled, or that nothing bends."""
+    if pressure is None and not model.layers:
+        raise ParameterError("bow: give either its depth in m or a pressure in Pa")
+    if pressure is None and not covers_evenly(model):
+        raise ParameterError(
+            f"{model.name}: [layers]: the rest of a film is solved where its layers cover it "
+            "evenly, without a shape; give the depth of a bow"
+        )
+    if pressure is None and not model.bending:
+        raise ParameterError(
+            f"{model.name}: bending = false leaves layers no lever; set bending = true"
+        )
+
+
 @dataclass(frozen=True)
 class _Numbers:
     """What one grade of the modes gives: see `StaticDeflection`.
@@ -187,7 +208,7 @@ def _bend(
         rest = film.relax(depth * modes.shapes[shape], even)
     else:
         parity = even
-        rest = film.deflect((pressure or 0.0) * film.area, even)
+        rest = film.deflect((pressure or 0.0) * film.area + _of_layers(film), even)
     _, tangent = film.stretching(rest, stressed)
     square, motions = _bowed_modes(film, modes, parity, tangent)
     w = motions[:, 2 * film.space.size :]
@@ -205,6 +226,14 @@ def _bend(
     return _Numbers(
         deepest, np.sqrt(square) / (2 * np.pi * modes.frequency), mass, k, k2, k3, alpha, w
     )
+
+
+def _of_layers(film: Film) -> Array | float:
+    """Load of the stresses of layers that cover the film evenly, (size,) [N per unknown]."""
+    model = film.domain.model
+    if not (covers_evenly(model) and model.bending and ends_free(model)):
+        return 0.0
+    return own_moment(model) * film.moment
 
 
 def _bowed_modes(film: Film, modes: Modes, bow: Parity, tangent: csc_matrix) -> tuple[Array, Array]:
