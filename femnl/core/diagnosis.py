@@ -173,6 +173,19 @@ class NoiseTold:
 
 
 @dataclass(frozen=True)
+class Rival:
+    """A set of causes that the data do not tell from the one of the verdict.
+
+    probability: among all that were tried; more: what the library says of those of its causes that
+    neither the verdict nor an earlier rival names.
+    """
+
+    causes: tuple[str, ...]
+    probability: float
+    more: tuple[Cause, ...]
+
+
+@dataclass(frozen=True)
 class Diagnosis(Tabulated):
     """The verdict on one measurement file.
 
@@ -184,10 +197,10 @@ class Diagnosis(Tabulated):
     shares: of each named cause; remainder: what they leave, None where nothing is named; excluded:
     glitches, which no fit has seen; noise: of each measurement whose data tell it. contributions:
     what each named cause changes of every datum, None where nothing is named. explained: what the
-    library says of each cause. covariance: of `parameters`. residuals (n,): what the verdict's
-    model leaves of the data, in σ as found, neighbours made independent. best_trial: the causes
-    that come closest, where nothing explains the data. model: the device, None of a record without
-    one.
+    library says of each cause; rivals: the other sets where the verdict is `ambiguous`. covariance:
+    of `parameters`. residuals (n,): what the verdict's model leaves of the data, in σ as found,
+    neighbours made independent. best_trial: the causes that come closest, where nothing explains
+    the data. model: the device, None of a record without one.
     """
 
     file: str
@@ -217,6 +230,7 @@ class Diagnosis(Tabulated):
     noise: tuple[NoiseTold, ...] = ()
     contributions: Contributions | None = None
     explained: tuple[Cause, ...] = ()
+    rivals: tuple[Rival, ...] = ()
     covariance: Covariance | None = None
     residuals: Array | None = None
     best_trial: tuple[str, ...] = ()

@@ -11,9 +11,12 @@ from femnl.core.diagnosis import (
     Diagnosis,
     FreeForm,
     Quality,
+    Rival,
     Trial,
 )
+from femnl.core.effect import Effect
 from femnl.core.fit import Parameter
+from femnl.core.numbers import plain
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.contributions import contributions
 from femnl.diagnose.freeform import free_forms
@@ -84,14 +87,30 @@ def conclude(
         shares=shares(best, found, run),
         remainder=remainder(best, base, forms) if best.names else None,
         contributions=contributions(best, found) if best.names else None,
-        explained=tuple(
-            Cause(e.name, e.sentence, e.equation, e.source, e.limits)
-            for e in best.result.model.effects
-        ),
+        explained=tuple(_cause(effect) for effect in best.result.model.effects),
+        rivals=_rivals(judged),
         covariance=_covariance(best, judged.inflation),
         residuals=best.result.residuals,
         best_trial=() if closest is None else closest.names,
     )
+
+
+def _cause(effect: Effect) -> Cause:
+    return Cause(effect.name, effect.sentence, effect.equation, effect.source, effect.limits)
+
+
+def _rivals(judged: Judgement) -> tuple[Rival, ...]:
+    """Return the other sets between which the data do not decide, with what is not named yet."""
+    if judged.verdict != "ambiguous":
+        return ()
+    told = set(judged.chosen.names)
+    found = []
+    for candidate in judged.rivals:
+        effects = candidate.result.model.effects
+        more = tuple(_cause(effect) for effect in effects if effect.name not in told)
+        told |= set(candidate.names)
+        found.append(Rival(candidate.names, judged.share.get(candidate.names, 0.0), more))
+    return tuple(found)
 
 
 def _closest(found: list[Candidate]) -> Candidate | None:
@@ -126,7 +145,7 @@ def _described(forms: tuple[FreeForm, ...], before: Quality) -> str:
         return "; no extension of free form predicts data that it did not see"
     return (
         f"; {forms[0].sentence} predicts unseen data best (held-out χ² per datum "
-        f"{before.heldout_chi2_reduced:.3g} → {best:.3g})"
+        f"{plain(before.heldout_chi2_reduced, 3)} → {plain(best, 3)})"
     )
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from femnl.core.comparison import Comparison
 from femnl.core.effect import Effect, Kind, ParameterSpec, Values
+from femnl.core.numbers import scale_for, with_error
 from femnl.core.readout import Array
 from femnl.fits.least_squares import FitResult, fit
 from femnl.observe.map.model import MapModel
@@ -249,15 +250,23 @@ class JointModel(MeasurementModel):
                 ]
                 if (owner, spec.name) in names:
                     i = names.index((owner, spec.name))
-                    values_alone.append(
-                        f"{group} {single.vector[i]:.6g} ± {np.sqrt(single.covariance[i, i]):.2g}"
-                    )
+                    values_alone.append((group, _number(single, i)))
             if len(values_alone) > 1:
                 name = spec.name if owner == "base" else f"{owner}.{spec.name}"
-                value = (
-                    f"{result.vector[k]:.6g} ± {np.sqrt(result.covariance[k, k]):.2g} {spec.unit}"
+                told = [_number(result, k), *(number for _, number in values_alone)]
+                largest = max(max(abs(value), 10 * sd) for value, sd in told)
+                scale = scale_for(largest, spec.unit)
+                whole, *parts = (
+                    with_error(value / scale.size, sd / scale.size, 2) for value, sd in told
                 )
-                notes.append(f"joint: {name} {value}; alone {', '.join(values_alone)}")
+                groups = [group for group, _ in values_alone]
+                listed = ", ".join(map(" ".join, zip(groups, parts, strict=True)))
+                notes.append(f"joint: {name} {whole} {scale.unit}".rstrip() + f"; alone {listed}")
         return tuple(notes) or (
             "joint: the measurements have no parameter in common, so each is judged by itself",
         )
+
+
+def _number(result: FitResult, which: int) -> tuple[float, float]:
+    """Return a parameter of a fit with its standard deviation."""
+    return float(result.vector[which]), float(np.sqrt(result.covariance[which, which]))

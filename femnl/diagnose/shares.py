@@ -7,7 +7,7 @@ import numpy as np
 
 from femnl.core.diagnosis import FreeForm, Remainder, Share
 from femnl.core.effect import Effect
-from femnl.core.numbers import engineering
+from femnl.core.numbers import engineering, plain
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, Names
 from femnl.diagnose.thresholds import THRESHOLDS
@@ -106,7 +106,8 @@ def remainder(best: Candidate, base: Candidate, forms: Sequence[FreeForm]) -> Re
     where = result.model.base_model.describe(result.residuals)
     better = [form for form in forms if form.quality.heldout_chi2_reduced < seen.chi2_reduced]
     if better:
-        gained = f"{seen.chi2_reduced:.3g} → {better[0].quality.heldout_chi2_reduced:.3g}"
+        after = better[0].quality.heldout_chi2_reduced
+        gained = f"{plain(seen.chi2_reduced, 3)} → {plain(after, 3)}"
         where += (
             f"; {better[0].sentence} beside the causes predicts unseen data best "
             f"(held-out χ² per datum {gained})"

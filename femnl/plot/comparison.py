@@ -100,6 +100,8 @@ def _predictions(axes: Axes, found: Curves, across: Across) -> None:
     scale, unit = prefixed(np.concatenate([c.data for c in found.curves]), found.y_unit)
     for k, curve in enumerate(found.curves):
         x = across.place(curve.x)
+        # Of several curves each has its colour, or nobody could tell which line is whose
+        ink = COLOURS[k % len(COLOURS)] if len(found.curves) > 1 else INK
         axes.errorbar(
             x,
             curve.data / scale,
@@ -113,7 +115,7 @@ def _predictions(axes: Axes, found: Curves, across: Across) -> None:
         out = list(curve.excluded)
         axes.plot(x[out], curve.data[out] / scale, "x", color=EXCLUDED, markersize=5)
         for line, predicted in zip(_marks(found), curve.predictions, strict=False):
-            axes.plot(x, predicted / scale, line, color=INK, linewidth=0.9, markersize=7)
+            axes.plot(x, predicted / scale, line, color=ink, linewidth=0.9, markersize=7)
     for name, line in zip(found.models, _marks(found), strict=False):
         axes.plot([], [], line, color=INK, label=name)
     axes.plot([], [], ".", color=INK, label="measured")

@@ -11,8 +11,8 @@ from pkgutil import iter_modules
 import femnl.effects
 from femnl.core.comparison import Comparison, Images
 from femnl.core.contributions import Account, Contributions
-from femnl.core.diagnosis import Cause, Diagnosis
-from femnl.core.numbers import engineering, plain
+from femnl.core.diagnosis import Cause, Diagnosis, Share
+from femnl.core.numbers import engineering, plain, with_error
 from femnl.io.results.atomic import write_whole
 from femnl.plot.comparison import comparison_figure
 from femnl.plot.contributions import contributions_figure
@@ -67,19 +67,11 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
         pictures=[_picture(comparison) for comparison in diagnosis.comparisons],
         quantiles=_quantiles(diagnosis),
         contributions=_contributions(diagnosis.contributions),
-        explained=[(cause, _page(cause)) for cause in diagnosis.explained],
+        explained=[(cause, _page(cause)) for cause in _described(diagnosis)],
+        sets=_sets(diagnosis),
         parameters=parameter_rows(diagnosis),
         correlations=correlations(diagnosis.covariance),
-        shares=[
-            (
-                s.cause,
-                s.share,
-                f"{100 * s.share:.5g} %",
-                f"± {plain(100 * s.sd, 2)} %",
-                f"{100 * s.alone:.5g} %",
-            )
-            for s in diagnosis.shares
-        ],
+        shares=[_share(s, alone=len(diagnosis.shares) > 1) for s in diagnosis.shares],
         noise=[
             [
                 n.measurement or "–",
@@ -96,7 +88,7 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
             [
                 " + ".join(t.causes) or "base model",
                 plain(t.chi2, 5),
-                plain(t.log_evidence, 4),
+                _evidence(t.log_evidence),
                 _p_value(t.p_value),
                 "; ".join(t.against) or "nothing",
             ]
@@ -129,6 +121,35 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
 
     write_whole(path, save)
     return path
+
+
+def _described(diagnosis: Diagnosis) -> tuple[Cause, ...]:
+    """Return the causes of the verdict, and those of the sets that the data do not tell from it."""
+    return (*diagnosis.explained, *(cause for rival in diagnosis.rivals for cause in rival.more))
+
+
+def _sets(diagnosis: Diagnosis) -> list[tuple[tuple[str, ...], str]]:
+    """Return the sets between which the data do not decide, each with its probability."""
+    if not diagnosis.rivals:
+        return []
+    listed = [(diagnosis.causes, diagnosis.probability)]
+    listed += [(rival.causes, rival.probability) for rival in diagnosis.rivals]
+    return [(causes, plain(probability, 3)) for causes, probability in listed]
+
+
+def _share(told: Share, *, alone: bool) -> tuple[str, float, str, str]:
+    """Return cause, part, the part in percent with its error, and what it takes up alone.
+
+    Args: alone: whether that is another number, as there are other causes.
+    """
+    size = f"{with_error(100 * told.share, 100 * told.sd, 2)} %"
+    own = f"alone {plain(100 * told.alone, 3)} %" if alone else ""
+    return told.cause, told.share, size.replace(" ± ", " % ± "), own
+
+
+def _evidence(value: float) -> str:
+    """Return ln evidence to a tenth, as sets of causes are told apart by its differences."""
+    return f"{value + 0.0:,.1f}".replace(",", " ").replace("-", "−")
 
 
 def _numbers(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:

@@ -8,6 +8,8 @@ from femnl.core.diagnosis import Bound, Covariance, Diagnosis
 from femnl.core.fit import Parameter
 from femnl.core.numbers import Scale, plain, scale_for, with_error
 
+WIDE = 99.5
+"""Error from which on two of its digits end before the decimal point."""
 MOST = 12
 """Parameters of a table of correlations: more do not fit a page."""
 
@@ -31,13 +33,16 @@ def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
 
 
 def bound_rows(bounds: tuple[Bound, ...]) -> list[list[str]]:
-    """Cause, name, the range of each parameter in a readable unit, and why."""
-    rows = []
+    """Cause, names, the range of parameters in a readable unit, and why.
+
+    Parameters of one range and one reason share a row.
+    """
+    names: dict[tuple[str, ...], list[str]] = {}
     for b in bounds:
         scale = scale_for(max(abs(b.low), abs(b.high)), b.unit)
         low, high = (plain(value / scale.size, 3) for value in (b.low, b.high))
-        rows.append([b.cause, b.name, low, high, scale.unit, b.reason])
-    return rows
+        names.setdefault((b.cause, low, high, scale.unit, b.reason), []).append(b.name)
+    return [[cause, ", ".join(own), *rest] for (cause, *rest), own in names.items()]
 
 
 @dataclass(frozen=True)
@@ -71,20 +76,30 @@ def correlations(found: Covariance | None) -> Correlations | None:
 
 
 def _cell(rho: float) -> tuple[str, float, str]:
-    return f"{rho:.2f}".replace("-", "−"), abs(rho), "negative" if rho < 0 else "positive"
+    # Nothing that rounds to zero has a sign
+    shown = f"{round(rho, 2) + 0.0:.2f}".replace("-", "−")
+    return shown, abs(rho), "negative" if rho < 0 else "positive"
 
 
 def _row(owner: str, name: str, before: Parameter | None, after: Parameter | None) -> list[str]:
-    known = [parameter for parameter in (after, before) if parameter is not None]
-    scale = _scale(known[0])
+    scale = _scale([parameter for parameter in (after, before) if parameter is not None])
     return [owner, name, _value(before, scale), _value(after, scale), scale.unit]
 
 
-def _scale(parameter: Parameter) -> Scale:
-    """Return the unit of the value, or of its error where that is larger."""
-    value = abs(parameter.value)
-    error = parameter.sd if np.isfinite(parameter.sd) else 0.0
-    return scale_for(max(value, error), parameter.unit)
+def _scale(parameters: list[Parameter]) -> Scale:
+    """Return the unit of the first value.
+
+    The next larger one where an error to two digits would need a power of ten.
+    """
+    first = parameters[0]
+    scale = scale_for(max(abs(first.value), _error(first)), first.unit)
+    if max(map(_error, parameters)) / scale.size < WIDE:
+        return scale
+    return scale_for(1000 * scale.size, first.unit)
+
+
+def _error(parameter: Parameter) -> float:
+    return parameter.sd if np.isfinite(parameter.sd) else 0.0
 
 
 def _value(parameter: Parameter | None, scale: Scale) -> str:

@@ -158,7 +158,8 @@ def test_maps_without_a_cause_are_adequate_together_and_know_the_amplitude_bette
     assert abs(amplitude.value - AMPLITUDE) < 4 * amplitude.sd
     (bought,) = [note for note in found.notes if note.startswith("joint: amplitude")]
     alone = [float(part.split("±")[1].split()[0]) for part in bought.split("alone")[1].split(",")]
-    assert amplitude.sd == pytest.approx(sum(sd**-2 for sd in alone) ** -0.5, rel=0.1)
+    assert " nm; alone red " in bought
+    assert 1e9 * amplitude.sd == pytest.approx(sum(sd**-2 for sd in alone) ** -0.5, rel=0.1)
 
 
 def test_motion_in_metres_at_two_wavelengths_is_told_from_a_fringe(tmp_path: Path) -> None:

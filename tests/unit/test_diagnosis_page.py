@@ -10,7 +10,8 @@ import pytest
 
 import femnl
 from femnl.core.comparison import Curve, Curves, Images
-from femnl.core.diagnosis import Covariance, Diagnosis
+from femnl.core.diagnosis import Bound, Covariance, Diagnosis, Quality
+from femnl.core.fit import Parameter
 from femnl.core.numbers import engineering
 from femnl.core.stages import Fringe, Motion
 from femnl.device.geometry import load, parse
@@ -21,8 +22,10 @@ from femnl.io import measurement
 from femnl.optics.sampled import harmonics
 from femnl.plot.comparison import comparison_figure
 from femnl.plot.quantiles import quantiles_figure
+from femnl.plot.style import COLOURS
 from femnl.report.diagnosis import write_diagnosis
-from femnl.report.parameters import MOST, correlations
+from femnl.report.parameters import MOST, bound_rows, correlations, parameter_rows
+from femnl.report.template import formula
 
 SEED = 11
 
@@ -147,6 +150,111 @@ def test_the_file_holds_version_geometry_and_the_covariance_of_the_parameters(
     matrix = np.array(kept["covariance"]["matrix"])
     np.testing.assert_allclose(np.sqrt(np.diag(matrix)), sd, rtol=1e-9)
     assert len(named) == sum(map(len, explained.parameters.values()))
+
+
+def test_an_ambiguous_page_names_all_sets_with_equation_and_probability(tmp_path: Path) -> None:
+    """A film that warms as time goes by: temperature and time tell the same."""
+    time = np.linspace(0, 7200, 25)
+    rng = np.random.default_rng(1)
+    temperature = 295 + time / 2400 + 0.002 * rng.normal(size=25)
+    frequency = 1.5e6 * (1 - 3e-5 * (temperature - 296.5)) + rng.normal(size=25)
+    data = measurement.series({"temperature": temperature, "time": time}, frequency, np.ones(25))
+    measurement.write(
+        measurement.bundle({"night": data}, geometry="square-270um"), tmp_path / "night.nc"
+    )
+    found = diagnose(tmp_path / "night.nc")
+    assert found.verdict == "ambiguous"
+    (rival,) = found.rivals
+    assert {*found.causes, *rival.causes} == {"thermal_stress", "frequency_drift"}
+    assert found.probability + rival.probability == pytest.approx(1, abs=0.01)
+    page = write_diagnosis(found, tmp_path).read_text(encoding="utf-8")
+    heading = page.split("<h1>")[1].split("</h1>")[0]
+    assert "</a> or <a" in heading
+    for cause in ("thermal_stress", "frequency_drift"):
+        assert f'<h3 id="cause-{cause}">' in page
+        assert f'href="#cause-{cause}"' in heading
+    assert "α<sub>film</sub>" in page
+    assert "−66" in page.split("What deviates")[1].split("</p>")[0]
+    # One cause alone takes up its share whether or not it is alone
+    assert "alone " not in page.split('class="shares"')[1].split("</table>")[0]
+
+
+def test_a_page_that_is_sure_has_no_rivals(unexplained: Diagnosis) -> None:
+    assert unexplained.rivals == ()
+
+
+@pytest.mark.parametrize(
+    ("equation", "shown"),
+    [
+        ("A e^{−γt/2}", "A e<sup>−γt/2</sup>"),
+        ("Σ_n ξ_j (a_n + q)", "Σ<sub>n</sub> ξ<sub>j</sub> (a<sub>n</sub> + q)"),
+        ("y_{j−1} < 2", "y<sub>j−1</sub> &lt; 2"),
+        ("A_s²", "A<sub>s</sub>²"),
+        ("gate_voltage <b>", "gate_voltage &lt;b&gt;"),
+    ],
+)
+def test_formulas_are_set_and_nothing_else_is(equation: str, shown: str) -> None:
+    assert str(formula(equation)) == shown
+
+
+def test_parameters_count_in_units_that_their_errors_fit() -> None:
+    """0.03 ± 0.13 nm, and not (0.3 ± 1.3)·10² pm; before and after share the unit."""
+    known = {
+        "small": Parameter("small", 30e-12, 130e-12, "m"),
+        "large": Parameter("large", 399.8e-9, 0.12e-9, "m"),
+        "begin": Parameter("begin", -790e-6, 340e-6, "V"),
+    }
+    before = {"begin": Parameter("begin", 3.16e-3, 0.34e-3, "V")}
+    found = replace(
+        Diagnosis(
+            file="f",
+            sha256="",
+            verdict="explained",
+            causes=("c",),
+            probability=1.0,
+            parameters={"base": known},
+            alternatives=(),
+            p_value=0.0,
+            where="",
+            before=Quality(1.0, 1.0),
+            after=Quality(1.0, 1.0),
+            measure_next="",
+            base_parameters=before,
+        )
+    )
+    rows = {name: rest for _, name, *rest in parameter_rows(found)}
+    assert rows["small"] == ["–", "0.03 ± 0.13", "nm"]
+    assert rows["large"] == ["–", "399.80 ± 0.12", "nm"]
+    assert rows["begin"] == ["3.16 ± 0.34", "−0.79 ± 0.34", "mV"]
+
+
+def test_ranges_of_one_reason_share_a_row() -> None:
+    bounds = [Bound("c", name, -1e-7, 1e-7, "m", "why") for name in ("cos2", "sin2")]
+    rows = bound_rows((*bounds, Bound("c", "time", 0.0, 1.0, "s", "other")))
+    assert rows == [
+        ["c", "cos2, sin2", "−100", "100", "nm", "why"],
+        ["c", "time", "0", "1", "s", "other"],
+    ]
+
+
+def test_a_correlation_that_rounds_to_zero_has_no_sign() -> None:
+    matrix = np.array([[1.0, -1e-4], [-1e-4, 1.0]])
+    found = correlations(Covariance(("base", "c"), ("a", "b"), matrix))
+    assert found is not None
+    assert found.rows[0][1][0] == "0.00"
+
+
+def test_of_several_curves_each_line_has_the_colour_of_its_data() -> None:
+    x = np.arange(5.0)
+    curves = tuple(
+        Curve(f"{k}f", x, x + k, np.full(5, 0.1), np.stack([x + k, x + k])) for k in range(3)
+    )
+    drawn = comparison_figure(
+        Curves("trace", "step", "", "magnitude", "V", ("base model", "cause"), curves)
+    )
+    lines = [line for line in drawn.axes[0].lines if line.get_linestyle() in ("-", "--")]
+    colours = [line.get_color() for line in lines if len(np.asarray(line.get_xdata())) == 5]
+    assert colours == [colour for colour in COLOURS[:3] for _ in range(2)]
 
 
 def test_correlations_of_two_slopes_are_those_of_least_squares() -> None:

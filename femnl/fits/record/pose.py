@@ -10,6 +10,7 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.fit import Fit
+from femnl.core.numbers import engineering
 from femnl.core.readout import Array
 from femnl.fits.least_squares import fit
 from femnl.fits.record.oscillator import (
@@ -84,8 +85,8 @@ def pose(
     notes = (
         f"trace: {note}",
         "trace: a free run from the drive alone; a linear oscillator that begins at rest "
-        f"leaves {linearly:.3g} V rms, and the cubic term of the base model lowers that to "
-        f"{left:.3g} V; volts of the output stand for metres",
+        f"leaves {engineering(linearly, 'V')} rms, and the cubic term of the base model lowers "
+        f"that to {engineering(float(left), 'V')}; volts of the output stand for metres",
         f"trace: {len(model.at)} of {len(record.output)} samples are compared; y and its speed at "
         "the first one are fitted",
     )

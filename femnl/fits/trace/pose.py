@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from femnl.core.checkpoint import Checkpoint
 from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
+from femnl.core.numbers import engineering
 from femnl.core.readout import Array, ComplexArray
 from femnl.fits.trace.decompose import decompose
 from femnl.fits.trace.glitches import found_factor, without_glitches
@@ -105,7 +106,7 @@ def pose(
         noise_factor=factor,
         left_out=left_out,
         notes=(
-            f"trace: noise {noise:.3g} V per sample, {origin}",
+            f"trace: noise {engineering(float(noise), 'V')} per sample, {origin}",
             f"trace: {len(harmonic)} harmonics at each step{thinned}; metres are those at the spot",
         ),
     )

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from scipy.special import comb
 
 from femnl.core.errors import MeasurementError
+from femnl.core.numbers import engineering
 from femnl.io.measurement.controls import controls
 
 _MAD = 1.482602218505602  # σ of a Gaussian over its median absolute deviation
@@ -34,13 +35,10 @@ def noise_sd(dataset: xr.Dataset) -> tuple[float, str]:
     if "noise_sd" in dataset.attrs:
         return float(
             dataset.attrs["noise_sd"]
-        ), f"noise {dataset.attrs['noise_sd']:.3g} V as stored"
+        ), f"noise {engineering(float(dataset.attrs['noise_sd']), 'V')} as stored"
     sd = estimate_noise(dataset)
-    return (
-        sd,
-        f"noise {sd:.3g}{' V' if dataset.attrs['kind'] != 'series' else ''}, estimated from the "
-        "data: noise_sd is not in the file",
-    )
+    size = engineering(sd, "" if dataset.attrs["kind"] == "series" else "V")
+    return sd, f"noise {size}, estimated from the data: noise_sd is not in the file"
 
 
 def estimate_noise(dataset: xr.Dataset) -> float:

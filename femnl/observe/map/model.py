@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from femnl.core.comparison import Comparison, Images
 from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.numbers import micrometres, plain
 from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Fringe, Harmonics, Motion, Placement
 from femnl.mechanics.modes import ShapeValues
@@ -119,9 +120,9 @@ class MapModel(MeasurementModel):
         """Name the harmonic and the place."""
         rows, places = np.nonzero(self.present)
         at = residual % len(rows)
-        x = self.grid.x[places[at]] * 1e6
-        y = self.grid.y[places[at]] * 1e6
-        return f"harmonic {self.harmonic[rows[at]]}, x = {x:.4g} µm, y = {y:.4g} µm"
+        x = plain(float(self.grid.x[places[at]]) * 1e6, 4)
+        y = plain(float(self.grid.y[places[at]]) * 1e6, 4)
+        return f"harmonic {self.harmonic[rows[at]]}, x = {x} µm, y = {y} µm"
 
     @property
     def quantity(self) -> tuple[Array, str]:
@@ -377,7 +378,8 @@ class MapModel(MeasurementModel):
         rms = ", ".join(
             f"{n}: {np.sqrt(value):.2f}σ" for n, value in zip(self.harmonic, by_order, strict=True)
         )
-        place = f"x = {self.grid.x[p] * 1e6:.0f} µm, y = {self.grid.y[p] * 1e6:.0f} µm"
+        x, y = (micrometres(round(float(axis[p]), 6)) for axis in (self.grid.x, self.grid.y))
+        place = f"x = {x} µm, y = {y} µm"
         return (
             f"harmonic {self.harmonic[k]} deviates most, and most strongly near {place}; rms "
             f"by harmonic {rms}"

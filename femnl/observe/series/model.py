@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from femnl.core.comparison import Comparison, Curve, Curves
 from femnl.core.device import Film
 from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.numbers import engineering, plain, signed
 from femnl.core.readout import Array
 from femnl.core.stages import Points
 from femnl.observe.model import MeasurementModel, Named, Quantity, apply
@@ -85,7 +86,8 @@ class SeriesModel(MeasurementModel):
         count = len(self.used) // len(self.data)
         name, axis = next(iter(self.control.items()))
         quantity = list(self.data)[at // count].replace("_", " ")
-        return f"{quantity} at {name} = {axis[at % count]:.4g} {self.units[name]}".rstrip()
+        value = plain(float(axis[at % count]), 4)
+        return f"{quantity} at {name} = {value} {self.units[name]}".rstrip()
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
         """Return (f − f_predicted)/σ, then (Q − Q_predicted)/σ."""
@@ -194,12 +196,10 @@ class SeriesModel(MeasurementModel):
         worst = max(rows, key=lambda name: np.nanmean(rows[name] ** 2))
         order = np.argsort(axis)
         ends = rows[worst][order[0]], rows[worst][order[-1]]
-        unit = f" {self.units[control]}".rstrip()
-        span = (
-            f"{ends[0]:+.1f}σ at {control} = {axis[order[0]]:.3g}{unit} to "
-            f"{ends[1]:+.1f}σ at {axis[order[-1]]:.3g}"
-        )
+        low, high = (engineering(float(axis[at]), self.units[control]) for at in order[[0, -1]])
+        first, last = (signed(float(end), "") for end in ends)
+        rms = plain(float(np.sqrt(np.nanmean(rows[worst] ** 2))), 3)
         return (
-            f"{worst} is not constant: from {span}{unit}; rms "
-            f"{np.sqrt(np.nanmean(rows[worst] ** 2)):.2f}σ"
+            f"{worst} is not constant: from {first}σ at {control} = {low} to {last}σ at {high}; "
+            f"rms {rms}σ"
         )
