@@ -55,6 +55,8 @@ CURVATURE = 0.1
 """1/A0²: the unit of nonlinear damping, of which forty at most are told, ηA0²/4 = 10."""
 FARTHEST = 50.0
 """Factor between the rate of the straight part and that of small motion, at most."""
+OWN = 0.01
+"""Part of the standard deviation of a block's noise that no neighbour shares, at least."""
 REACH = 80.0
 """dB by which level and floor may be beside the data."""
 
@@ -142,7 +144,7 @@ def pose(
         blocks_of_phase=_NONE if phase is None else phase.blocks,
         log_power=data.middle,
         phase=np.empty(0) if phase is None else phase.values,
-        of_power=Whitening(cholesky(noise, lower=True)),
+        of_power=_whitening(noise),
         of_phase=Whitening(np.empty((0, 0))) if phase is None else phase.noise,
         scale=replace(scale, variance=np.diag(noise)),
         origin=float(record.time[seen.used][0]),
@@ -233,6 +235,16 @@ class _Phase:
 _NONE = Blocks(np.empty(0, np.intp), np.empty(0), np.empty(0), 1.0)
 
 
+def _whitening(noise: Array) -> Whitening:
+    """Return what whitens noise of a covariance (n, n).
+
+    Of a readout that wanders much more than it scatters, the covariance, which is known to a part
+    in a million, may be indefinite; each block gets a scatter of its own as well.
+    """
+    own = np.diag(np.diag(noise)) * OWN**2
+    return Whitening(cholesky(noise + own, lower=True))
+
+
 def _phase(
     dataset: xr.Dataset, seen: Window, data: _Data, checkpoint: Checkpoint | None
 ) -> _Phase | None:
@@ -270,7 +282,7 @@ def _phase(
         ParameterSpec("phase", "rad", begin - 10 * np.pi, begin + 10 * np.pi),
         ParameterSpec("detuning", "Hz", -highest, highest),
     )
-    noise = Whitening(cholesky(matrix, lower=True))
+    noise = _whitening(matrix)
     return _Phase(blocks, values, noise, base, np.array([begin, slope / (2 * np.pi)]))
 
 
