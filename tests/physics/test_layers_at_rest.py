@@ -62,12 +62,12 @@ def rest(model: Model) -> float:
 def test_a_hinged_drum_bends_as_bessels_functions_say(stretched: float) -> None:
     """T Δw = D ΔΔw, w = 0 and D(w″ + νw′/r) = M at the edge: w = C(I₀(kr) − I₀(ka))."""
     tension = RIGIDITY * (stretched / RADIUS) ** 2
-    small = 1e-5 * RIGIDITY / RADIUS
+    small = 1e-6 * RIGIDITY / RADIUS
     model = laminate(DISC, stresses(tension, small), more=HINGED)
-    assert own_moment(model) == pytest.approx(small, rel=1e-9)
+    assert own_moment(model) == pytest.approx(small, rel=1e-9, abs=0)
     factor = iv(0, stretched) - (1 - NU) * iv(1, stretched) / stretched
     exact = small / (tension * factor) * (1 - iv(0, stretched))
-    assert rest(model) == pytest.approx(exact, rel=3e-6)
+    assert rest(model) == pytest.approx(exact, rel=1e-6, abs=0)
 
 
 def test_springs_of_an_edge_take_up_a_part_of_the_moment() -> None:
@@ -78,7 +78,7 @@ def test_springs_of_an_edge_take_up_a_part_of_the_moment() -> None:
     model = laminate(DISC, stresses(1e-9, -small), more=more)
     # Without tension w = c (r² − R²)/2, of the curvature c = M/(D(1 + ν) + kR)
     curvature = small / (RIGIDITY * (1 + NU) + spring * RADIUS)
-    assert rest(model) == pytest.approx(curvature * RADIUS**2 / 2, rel=1e-6)
+    assert rest(model) == pytest.approx(curvature * RADIUS**2 / 2, rel=1e-6, abs=0)
 
 
 def test_a_drum_without_tension_has_timoshenkos_curvature() -> None:
@@ -91,7 +91,7 @@ def test_a_drum_without_tension_has_timoshenkos_curvature() -> None:
     curvature = misfit / (SIZE.sum() * (3 * (1 + m) ** 2 + (1 + m * n) * (m**2 + 1 / (m * n))))
     # A metal that pushes on top draws the rim down, so that the middle lies above it
     assert rest(laminate(DISC, stress, more=HINGED)) == pytest.approx(
-        -curvature * RADIUS**2 / 2, rel=1e-5
+        -curvature * RADIUS**2 / 2, rel=1e-5, abs=0
     )
 
 
@@ -121,7 +121,7 @@ def test_a_drum_bent_by_its_thickness_obeys_von_karman() -> None:
     linear = moment / tension / (iv(0, 2) - (1 - NU) * iv(1, 2) / 2) * (1 - iv(0, 2))
     assert abs(exact / linear) < 0.8
     model = laminate(DISC, stresses(tension, moment), more=HINGED)
-    assert rest(model) == pytest.approx(exact, rel=1e-4)
+    assert rest(model) == pytest.approx(exact, rel=1e-4, abs=0)
 
 
 def strip(length: float, free: str) -> str:
@@ -136,7 +136,7 @@ def test_a_cantilever_has_stoneys_curvature_far_from_its_clamp() -> None:
     stress = stresses(0.0, moment)
     depths = [rest(laminate(strip(x, "[2, 3, 4]"), stress, poisson=0.0)) for x in (40, 50, 60)]
     curvature = float(np.diff(depths, 2)[0]) / (10e-6) ** 2
-    assert curvature == pytest.approx(moment / LEVER.sum(), rel=2e-4)
+    assert curvature == pytest.approx(moment / LEVER.sum(), rel=2e-4, abs=0)
 
 
 def test_a_laminated_beam_has_the_frequencies_of_its_closed_form() -> None:
@@ -144,7 +144,7 @@ def test_a_laminated_beam_has_the_frequencies_of_its_closed_form() -> None:
     beam = laminate(strip(100, "[2, 4]"), stresses(0.0, -1e-14), poisson=0.0)
     modes = solve_modes(beam, 1, cache=False)
     exact = (4.730040744862704 / 100e-6) ** 2 * np.sqrt(LEVER.sum() / MASS) / (2 * np.pi)
-    assert modes.frequency[0] == pytest.approx(exact, rel=1e-5)
+    assert modes.frequency[0] == pytest.approx(exact, rel=1e-5, abs=0)
 
 
 def test_a_clamped_film_that_layers_cover_evenly_stays_flat() -> None:
@@ -153,7 +153,7 @@ def test_a_clamped_film_that_layers_cover_evenly_stays_flat() -> None:
     modes = solve_modes(model, 2, cache=False)
     found = solve_static_deflection(modes)
     assert found.depth == 0
-    assert found.frequency == pytest.approx(modes.frequency, rel=1e-9)
+    assert found.frequency == pytest.approx(modes.frequency, rel=1e-9, abs=0)
     assert np.abs(found.k2).max() == 0
 
 
@@ -166,7 +166,7 @@ def test_layers_and_pressure_bend_together() -> None:
     ]
     both = solve_static_deflection(modes[0], pressure=1e-3).depth
     apart = [solve_static_deflection(modes[0]), solve_static_deflection(modes[1], pressure=1e-3)]
-    assert both == pytest.approx(sum(one.depth for one in apart), rel=1e-6)
+    assert both == pytest.approx(sum(one.depth for one in apart), rel=1e-6, abs=0)
 
 
 @pytest.mark.parametrize(
@@ -206,8 +206,10 @@ def test_an_even_laminate_loses_by_the_rigidity_of_each_layer() -> None:
     part = LEVER / LEVER.sum()
     own = modes.domain.model.loss.intrinsic(100e-9)[0]
     factor = dilution(modes)[0]
-    assert found.lost[0] == pytest.approx(part[0] / own / (part[0] / own + part[1] / 400), rel=1e-9)
-    assert found.total == pytest.approx(factor / (part[0] / own + part[1] / 400), rel=1e-9)
+    assert found.lost[0] == pytest.approx(
+        part[0] / own / (part[0] / own + part[1] / 400), rel=1e-9, abs=0
+    )
+    assert found.total == pytest.approx(factor / (part[0] / own + part[1] / 400), rel=1e-9, abs=0)
     assert np.all((found.low < found.total) & (found.total < found.high))
 
 
@@ -219,19 +221,21 @@ def test_layers_as_good_as_the_film_change_nothing_but_the_dilution() -> None:
     model = parse(text.replace('poisson = 0.23\ndensity = "2700', 'poisson = 0.4\ndensity = "2700'))
     assert model.layers[0].poisson == 0.4
     modes = solve_modes(model, 3, cache=False)
-    assert solve_quality(modes).total == pytest.approx(own * dilution(modes)[0], rel=1e-9)
+    assert solve_quality(modes).total == pytest.approx(own * dilution(modes)[0], rel=1e-9, abs=0)
 
 
 def test_a_soft_pad_loses_what_the_curvature_of_the_drum_under_it_stores() -> None:
     """Under so soft and light a pad the drum keeps J₀(kr): part ∫ κ : D : κ over the pad."""
     metal = QUALITY + 'shape = {kind = "circle", diameter = "40 um"}\n'
     text = laminate(DISC, np.array([1e9, 0.0]), metal=metal).text
-    for before, after in (('"70 GPa"', '"7 MPa"'), ('"2700 kg', '"0.01 kg'), ("250 GPa", "1 GPa")):
+    for before, after in (('"70 GPa"', '"70 kPa"'), ('"2700 kg', '"0.01 kg'), ("250 GPa", "1 GPa")):
         text = text.replace(before, after)
     model = parse(text)
     modes = solve_modes(model, 1, cache=False)
-    k = jn_zeros(0, 1)[0] / RADIUS
-    rigidity = 7e6 * (SIZE[1] ** 3 / 12 + SIZE[1] * HEIGHT[1] ** 2) / (1 - NU**2)
+    # Bending of the film itself holds the clamped rim flat over ℓ = √(D/T), 0.06 % of the radius
+    length = np.sqrt(1e9 * SIZE[0] ** 3 / (12 * (1 - NU**2)) / 100.0)
+    k = jn_zeros(0, 1)[0] / (RADIUS - length)
+    rigidity = 7e4 * (SIZE[1] ** 3 / 12 + SIZE[1] * HEIGHT[1] ** 2) / (1 - NU**2)
 
     def density(r: float) -> float:
         radial = -(k**2) * (jv(0, k * r) - jv(1, k * r) / (k * r))
@@ -239,10 +243,11 @@ def test_a_soft_pad_loses_what_the_curvature_of_the_drum_under_it_stores() -> No
         return float(2 * np.pi * r * (radial**2 + round_**2 + 2 * NU * radial * round_))
 
     bent = rigidity * quad(density, 1e-12, 20e-6)[0]
-    stretched = 100.0 * np.pi * RADIUS**2 * k**2 * jv(1, k * RADIUS) ** 2
+    zero = jn_zeros(0, 1)[0]
+    stretched = 100.0 * np.pi * zero**2 * jv(1, zero) ** 2
     found = solve_quality(modes)
     loss = float(found.lost[1, 0] / found.total[0])
-    assert loss == pytest.approx(bent / stretched / 400, rel=5e-3)
+    assert loss == pytest.approx(bent / stretched / 400, rel=2e-3, abs=0)
 
 
 def test_gas_takes_less_of_a_film_that_layers_weigh_down() -> None:
@@ -267,8 +272,8 @@ def test_bands_of_a_covered_film_are_plane_waves_of_its_laminate(kind: Any) -> N
     grid = np.stack(np.meshgrid(range(-4, 5), range(-4, 5)), -1).reshape(-1, 2)
     wave = np.array([[0.3, 0.1], [0.5, 0.4]]) * np.pi / 8e-6
     found = solve_bands(model, 5, wave, lattice=lattice)
-    assert found.mass == pytest.approx(MASS, rel=1e-12)
-    assert found.tension == pytest.approx(108.0, rel=1e-9)
+    assert found.mass == pytest.approx(MASS, rel=1e-10, abs=0)
+    assert found.tension == pytest.approx(108.0, rel=1e-9, abs=0)
     for k, frequency, error in zip(wave, found.frequency, found.frequency_error, strict=True):
         square = np.sum((k + grid @ basis) ** 2, axis=1)
         omega = np.sort(np.sqrt((108.0 * square + RIGIDITY * square**2) / MASS))[:5]
