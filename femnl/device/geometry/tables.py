@@ -57,6 +57,7 @@ EXAMPLES = {
     "pitch": '"8.56 um"',
     "points": '[["0 um", "0 um"], ["270 um", "0 um"], ["0 um", "270 um"]]',
     "poisson": "0.23",
+    "quality_factor": "5e3",
     "radius": '"0.9 um"',
     "rings": "15",
     "rotation": '"0.2 mN"',
