@@ -296,8 +296,8 @@ def _written(kind: str, axis: str, value: Any) -> str:
     number = float(value)
     texts = {
         ("response", "frequency"): f"{number:.9g} Hz",
-        ("map", "x"): f"x = {number * 1e6:.4g} µm",
-        ("map", "y"): f"y = {number * 1e6:.4g} µm",
+        ("map", "x"): f"x = {number * 1e6:.4g} µm".replace("-", "−"),
+        ("map", "y"): f"y = {number * 1e6:.4g} µm".replace("-", "−"),
         ("series", "pressure"): f"pressure = {number:.4g} Pa",
         ("record", "time"): f"{number:.6g} s",
     }

@@ -38,7 +38,7 @@ def test_head_and_rows_become_a_decay_in_si(tmp_path: Path) -> None:
     source.write_text(HEAD + HEADING + rows())
     tree = import_file(source, tmp_path / "out.nc")
     group = measurement.read(tmp_path / "out.nc")["measID_7"].to_dataset()
-    assert tree.attrs["femnl_measurement"] == "1.1"
+    assert tree.attrs["femnl_measurement"] == "1.2"
     assert group.attrs["kind"] == "decay"
     assert group["power"].attrs["units"] == "dB"
     assert group["power"].values[0] == -30

@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from femnl import load, solve_modes
 from femnl.core.mechanics import Modes
 from femnl.core.processes import one_blas_thread
-from femnl.mechanics import modes
+from femnl.mechanics.modes import counterparts
 
 
 def blas_threads() -> int:
@@ -18,13 +18,13 @@ def blas_threads() -> int:
 
 def test_modes_are_solved_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: set[int] = set()
-    align = modes.align
+    align = counterparts.align
 
     def watched(coarse: Modes, fine: Modes) -> Modes:
         seen.add(blas_threads())
         return align(coarse, fine)
 
-    monkeypatch.setattr(modes, "align", watched)
+    monkeypatch.setattr(counterparts, "align", watched)
     with threadpool_limits(2, user_api="blas"):
         assert blas_threads() == 2
         solve_modes(load("circle"), 1, resolution=0.5, cache=False)
