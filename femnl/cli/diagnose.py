@@ -112,7 +112,7 @@ def _one(
         file,
         geometry,
         known(effects).values(),
-        workers or min(MOST, len(os.sched_getaffinity(0))),
+        workers or _workers_that_fit(file),
     )
     folder = out or (None if as_json else Path(f"{file.stem}-diagnosis"))
     if folder is not None:
@@ -124,6 +124,22 @@ def _one(
     _show(found)
     table_too = "" if found.contributions is None else f", {folder}/contributions.csv"
     note(f"wrote {folder}/diagnosis.json{table_too} and {folder}/report.html")
+
+
+def _workers_that_fit(file: Path) -> int:
+    """Return how many processes to start where the user does not say: fewer for large files."""
+    from femnl.io.measurement import need_room
+
+    at_hand = min(MOST, len(os.sched_getaffinity(0)))
+    for workers in range(at_hand, 1, -1):
+        try:
+            need_room(file, "diagnose", workers)
+        except ParameterError:
+            continue
+        if workers < at_hand:
+            note(f"{workers} workers of {at_hand}, as each holds the data and memory is short")
+        return workers
+    return 1
 
 
 def _show_shares(found: Diagnosis) -> None:

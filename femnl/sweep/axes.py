@@ -17,6 +17,8 @@ _QUANTITY = re.compile(
     r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(\D.*?)?\s*", re.ASCII
 )
 _DIGITS = 12  # of written values: as many as any computer agrees on
+KIND = "kind"
+"""Key of a table that says which other keys it has."""
 _SPACINGS = ("linear", "log")
 
 
@@ -126,6 +128,13 @@ def check_axis(axis: Axis, base: Tables) -> None:
     Raises: ParameterError. What is wrong only in company, such as holes wider than their pitch, is
     left to the point that has it.
     """
+    for path in axis.values:
+        table, _, key = path.rpartition(".")
+        if key == KIND:
+            raise ParameterError(
+                f"axis {path}: each kind has keys of its own; vary the whole table, write e.g. "
+                f'{table} = [{{kind = "square", side = "1 mm"}}, …]'
+            )
     ranged = any(isinstance(values, Range) for values in axis.values.values())
     sampled = ranged and axis.points == 0
     ends = (

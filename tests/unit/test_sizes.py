@@ -9,6 +9,7 @@ import xarray as xr
 
 from femnl import pipeline
 from femnl.cli._main import run
+from femnl.cli.diagnose import MOST, _workers_that_fit
 from femnl.core.errors import FemnlError, MeasurementError, ParameterError
 from femnl.core.kinds import Cost, Size, kinds
 from femnl.io import measurement
@@ -64,7 +65,7 @@ def test_a_file_beyond_the_memory_is_refused_before_its_arrays_are_read(
     assert run([use, "f.nc", *extra]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("femnl: f.nc: data: ")
-    assert f"numbers in {sizes.WORDS[use]} need about 0.5" in line
+    assert f"numbers in {sizes.WORDS[use]} need about 0." in line
     assert "GiB of memory, and this process may take 0.5 GiB; " in line
     assert line.endswith(kinds()[kind].size.remedy)
 
@@ -148,3 +149,29 @@ def test_maps_beyond_the_memory_are_refused_before_modes_are_solved(
         "femnl: maps of 2001 × 2001 points and 50 harmonics need about 27 GiB of memory, and this "
         "process may take 8 GiB; lower --points or --harmonics\n"
     )
+
+
+def test_fewer_workers_are_started_where_the_memory_is_short(
+    tmp_path: Path,
+    allow_memory: Allow,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: range(8))
+    measurement.write(measurement.bundle({"data": GROUPS["series"]}), "f.nc")
+    assert _workers_that_fit(Path("f.nc")) == MOST
+    assert capsys.readouterr().err == ""
+    allow_memory(3 * OWN)
+    assert _workers_that_fit(Path("f.nc")) == 2
+    assert capsys.readouterr().err.startswith("2 workers of 4, as each holds the data")
+    allow_memory(OWN)
+    assert _workers_that_fit(Path("f.nc")) == 1
+
+
+def test_the_page_of_limits_has_those_of_every_kind() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "limits.md").read_text("utf-8")
+    for name, spec in kinds().items():
+        costs = [cost(spec, use) for use in USES]
+        told = [f"{c.memory:g}" + ("" if c.most is None else f", {c.most:,}") for c in costs]
+        assert f"| `{name}` | {spec.size.data} | {' | '.join(told)} |" in page

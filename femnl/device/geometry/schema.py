@@ -21,6 +21,7 @@ from femnl.device.geometry.openings import Openings, joined, openings, refuse_mi
 from femnl.device.geometry.outlines import OutlineTable
 from femnl.device.geometry.quantities import LENGTH, Depth, Length, refusal, to_si
 from femnl.device.geometry.tables import Table, show
+from femnl.device.geometry.validity import refuse_thick
 from femnl.device.geometry.webs import Web
 
 Thickness = float | Literal["film", "gap"] | None
@@ -219,6 +220,7 @@ class GeometryFile(Table):
                 "film around; write a table [holes]"
             )
         film = self.film.film(outline)
+        refuse_thick(outline, film)
         overhang = (
             self.overhang.overhang(self.outline, holes, self.film)
             if self.overhang is not None

@@ -17,11 +17,16 @@ from femnl.mechanics.fem.solvers import factorize, lowest_eigenpairs
 from femnl.mechanics.modes.shapes import largest_value
 from femnl.mechanics.nonlinearity import energy_remainder, respond
 from femnl.mechanics.static_deflection.film import Film, Parity
+from femnl.mechanics.static_deflection.shallow import (
+    FORESEEN,
+    SHALLOW,
+    foreseen_depth,
+    refuse_deep,
+)
 
 Array = NDArray[np.float64]
 
 LEAST = 1e-12  # bow [m] whose k₂ is the least that errors of k₂ are measured by
-SHALLOW = 0.1  # of the film's length, how deep a bow may be
 # Modes beyond those asked for in each symmetry, so that each flat mode finds its bowed one
 SPARE = 3
 TRIANGLE_BYTES = 270_000  # of memory: three times what the deflection alone takes
@@ -109,6 +114,8 @@ def solve_static_deflection(
             f"bow: depth = {depth:g} m of a film of {length:g} m is not shallow; expected at "
             f"most {SHALLOW:g} of that"
         )
+    if pressure is not None:
+        refuse_deep(foreseen_depth(modes.domain.model, pressure), length, pressure, FORESEEN)
     if pressure is not None and not stressed:
         raise ParameterError(
             "bow: a pressure stretches the film; stressed = False goes with a depth"
@@ -125,6 +132,8 @@ def solve_static_deflection(
     edge = edge or modes.domain.model.edge
     grades = [_bend(m, edge, depth, pressure, shape, stressed) for m in modes.grades]
     found = grades[0]
+    if pressure is not None:
+        refuse_deep(found.depth, length, pressure)
     peak = modes.peak_error
     bow = peak[shape] if depth is not None else 0.0
 

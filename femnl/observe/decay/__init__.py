@@ -31,6 +31,6 @@ KIND = KindSpec(
         remedy="keep every second point, or the decay alone",
         show=Cost(30.0),
         fit=Cost(30.0, 3_000_000),
-        diagnose=Cost(1300.0, 100_000),
+        diagnose=Cost(100.0, 400_000),
     ),
 )

@@ -33,7 +33,7 @@ KIND = KindSpec(
         remedy="leave out harmonics, or keep every second pixel of each axis",
         show=Cost(8.0),
         fit=Cost(75.0, 10_000_000),
-        diagnose=Cost(300.0, 1_000_000),
+        diagnose=Cost(2400.0, 300_000),
         together=True,
     ),
 )

@@ -23,7 +23,7 @@ KIND = KindSpec(
         data="samples",
         remedy="cut the record, or keep every second sample",
         show=Cost(5.0),
-        fit=Cost(60.0),
-        diagnose=Cost(160.0, 1_000_000),
+        fit=Cost(50.0, 5_000_000),
+        diagnose=Cost(65.0, 1_500_000),
     ),
 )

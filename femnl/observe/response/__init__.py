@@ -64,6 +64,6 @@ KIND = KindSpec(
         remedy="average points within a linewidth, or leave out what is far from the resonance",
         show=Cost(35.0),
         fit=Cost(130.0, 1_000_000),
-        diagnose=Cost(800.0, 200_000),
+        diagnose=Cost(850.0, 500_000),
     ),
 )

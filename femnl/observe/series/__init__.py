@@ -39,6 +39,6 @@ KIND = KindSpec(
         remedy="average neighbouring points",
         show=Cost(50.0),
         fit=Cost(15.0),
-        diagnose=Cost(1200.0, 100_000),
+        diagnose=Cost(360.0, 4_000_000),
     ),
 )

@@ -29,6 +29,6 @@ KIND = KindSpec(
         remedy="cut the trace to fewer periods, or import fewer steps",
         show=Cost(6.0),
         fit=Cost(85.0),
-        diagnose=Cost(930.0, 2_000_000),
+        diagnose=Cost(815.0, 8_000_000),
     ),
 )
