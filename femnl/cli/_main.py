@@ -27,6 +27,7 @@ CHAPTERS = {
     "What a readout shows of it": ("maps", "sweep"),
     "Measurements": ("import", "show", "fit", "diagnose", "chip", "effects"),
     "Trust": ("validate", "report"),
+    "Housekeeping": ("cache",),
 }
 Format = Annotated[str, typer.Option("--format", help=f"How to print tables: {', '.join(STYLES)}.")]
 ABOUT = "Finite elements for the mechanics and nonlinearity of stressed membranes."

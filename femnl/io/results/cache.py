@@ -13,6 +13,7 @@ from platformdirs import user_cache_path
 from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.io.results import cache_folder
 from femnl.io.results.atomic import write_whole
 from femnl.io.results.netcdf import read_modes, write_modes
 
@@ -75,13 +76,16 @@ def kept(
 ) -> Result:
     """Read an earlier result from `path`, or solve it and keep it there by `write`.
 
-    A digest at the end of the file tells whether it is as it was written. A file that is not, or a
-    folder that cannot be written, is reported as a warning and the result is solved.
+    What exceeds the limit of the cache goes, the least recently used first. A digest at the end of
+    the file tells whether it is as it was written. A file that is not, or a folder that cannot be
+    written, is reported as a warning and the result is solved.
     """
     if path.exists():
         try:
             _check_seal(path)
-            return read()
+            found = read()
+            cache_folder.used(path)
+            return found
         except (OSError, KeyError, ValueError) as error:
             logging.getLogger("femnl").warning(
                 "%s: unreadable in the cache (%s); solved anew", path, error
@@ -96,6 +100,7 @@ def kept(
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, write_sealed)
+        cache_folder.trim(path)
     except (OSError, ParameterError) as error:
         logging.getLogger("femnl").warning("a result was not kept in the cache: %s", error)
     return result
