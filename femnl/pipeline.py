@@ -346,18 +346,18 @@ def harmonic_maps(
     from femnl.mechanics.modes import shape_at
     from femnl.optics.harmonics import harmonic_map
 
-    corners = np.array([s.start for s in modes.domain.model.outline.segments])
-    low = modes.domain.mesh.p.min()
-    high = modes.domain.mesh.p.max()
-    reach = max(np.abs(corners).max(), abs(low), abs(high)) * (1 + 2 * MARGIN)
-    axis = np.linspace(-reach, reach, points)
-    shape = shape_at(modes, index, axis[None, :], axis[:, None])
+    domain = modes.domain
+    corners = np.array([s.start for s in domain.model.outline.segments]) - domain.middle
+    met = domain.mesh.p.T - domain.middle
+    reach = max(np.abs(corners).max(), np.abs(met).max()) * (1 + 2 * MARGIN)
+    x, y = (place + np.linspace(-reach, reach, points) for place in domain.middle)
+    shape = shape_at(modes, index, x[None, :], y[:, None])
     return harmonic_map(
         fringe,
         np.arange(1, harmonics + 1),
         shape,
         amplitude,
-        x=axis,
-        y=axis,
+        x=x,
+        y=y,
         wavelength=wavelength,
     )

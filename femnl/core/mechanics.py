@@ -39,15 +39,16 @@ NO_ERRORS = "errors are not known: the modes carry no counterpart of lower degre
 
 @dataclass(frozen=True)
 class Domain:
-    """The meshed film, whole or the wedge that mirror lines through the origin leave of it.
+    """The meshed film, whole or the wedge that mirror lines through its middle leave of it.
 
     mesh: quadratic (curved) triangles, coordinates in m; named boundaries `clamped`, `free` (film
-    ends or holes) and, for a wedge, `mirror-0` on the x axis and `mirror-1` on the line at the
-    angle `wedge` [rad]. wedge = 2π is the whole film, π the upper half, π/2 a quarter, π/4 an
+    ends or holes) and, for a wedge, `mirror-0` along x and `mirror-1` on the line at the angle
+    `wedge` [rad]. wedge = 2π is the whole film, π the upper half, π/2 a quarter, π/4 an
     eighth, π/6 a twelfth. diagonal: the mesh of a quarter is its own image under x ↔ y, so that
     modes odd in y are those odd in x, exchanged. tiles: where the mesh is made of the tiles of
     `mechanics.lattice`, the resolution of theirs; 0 elsewhere. misfit: how far elliptical edges of
     the mesh, which are arcs of circles, lie from their ellipses, over the shorter half axis.
+    middle [m]: of the film, where its mirrors cross.
     """
 
     model: Model
@@ -56,6 +57,7 @@ class Domain:
     diagonal: bool = False
     tiles: float = 0.0
     misfit: float = 0.0
+    middle: tuple[float, float] = (0.0, 0.0)
 
     def __repr__(self) -> str:
         """Device and number of triangles."""

@@ -82,7 +82,8 @@ def released_stress(domain: Domain) -> ReleasedStress:
     xx, yy, xy = np.concatenate(stresses).T
     least = (xx + yy) / 2 - np.hypot((xx - yy) / 2, xy)
     corners = domain.mesh.p.T[domain.mesh.t.T]
-    images = [corners * signs for signs in _signs(domain)]
+    middle = np.array(domain.middle)
+    images = [middle + (corners - middle) * signs for signs in _signs(domain)]
     number = len(images)
     return ReleasedStress(
         np.concatenate(images),

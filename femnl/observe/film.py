@@ -14,6 +14,7 @@ from femnl.core.mechanics import Modes
 from femnl.core.operators import Projection
 from femnl.core.processes import one_blas_thread
 from femnl.core.readout import Array
+from femnl.device.mesh import WEDGES, film_middle, has_symmetry
 from femnl.io.results.projection import cached_projection
 from femnl.mechanics.airload import airload
 from femnl.mechanics.modes.dilution import bending_share
@@ -54,7 +55,18 @@ class SimulatedFilm:
                 f"{self.model.name}: [layers]: causes act on a film of one material, and are not "
                 "modelled with layers; leave them out, or take the geometry of an equivalent film"
             )
-        return solve_modes(self.model, self.count)
+        return solve_modes(self.model, self.count, self._symmetry)
+
+    @property
+    def _symmetry(self) -> str:
+        """Which part of the film is solved: what mirrors through the origin leave of it.
+
+        Causes are laws of x and y from there.
+        """
+        x, y = film_middle(self.model)
+        if x == 0 and y == 0:
+            return "auto"
+        return "half" if y == 0 and has_symmetry(self.model, WEDGES["half"]) else "full"
 
     @cached_property
     def projection(self) -> Projection:
@@ -172,7 +184,8 @@ class SimulatedFilm:
             if factor
             else self.model.film
         )
-        modes = solve_modes(replace(self.model, film=film, bending=factor > 0), self.count)
+        stiffer = replace(self.model, film=film, bending=factor > 0)
+        modes = solve_modes(stiffer, self.count, self._symmetry)
         names = dict(zip(modes.label, modes.frequency, strict=True))
         known = [name for name in self.modes.label if name is not None]
         if len(set(known)) == self.count and set(known) == set(names):

@@ -14,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
+from femnl import load
 from femnl.core.device import Clamp, Edge, Model
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.io.results.netcdf import read_modes, write_modes
@@ -250,7 +251,7 @@ def test_modes_on_another_mesh_than_their_tiles_make_are_refused() -> None:
         (lambda m: replace(m, clamp=Clamp(rotation=0.0)), "rigid edge"),
         (lambda m: replace(m, film=replace(m.film, gradient=(1e-4, 0.0))), "without gradient"),
         (
-            lambda m: replace(m, outline=replace(m.outline, kind="polygon")),
+            lambda m: replace(m, outline=load("hexagon-278um").outline),
             "needs a square or rectangle",
         ),
         (

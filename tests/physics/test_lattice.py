@@ -13,6 +13,7 @@ from femnl.core import resources
 from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.outline import Holes, Outline
+from femnl.device.geometry.placing import moved
 from femnl.mechanics.lattice import solve_cell, solve_homogenised
 from femnl.pipeline import solve_modes, solve_nonlinearity
 from femnl.validation import load as load_case
@@ -136,6 +137,7 @@ def scaled(model: Model, factor: float) -> Outline:
             ),
             "array in the centre",
         ),
+        (moved(load("square-270um-perforated"), (1e-3, 0.0)), "lies about the origin.*move it"),
     ],
 )
 def test_films_without_a_rectangular_array_are_refused(model: Model, message: str) -> None:

@@ -1,5 +1,8 @@
 """What where and how a film is drawn must not change: f and α agree within their error bars."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,10 +12,15 @@ from numpy.typing import NDArray
 from femnl.core.device import Model
 from femnl.core.errors import GeometryError
 from femnl.core.mechanics import Modes, Nonlinearity
+from femnl.core.outline import Holes, Outline, Segment
 from femnl.device.geometry import load, parse
 from femnl.device.geometry.placing import moved
 from femnl.device.mesh import mesh
-from femnl.pipeline import solve_modes, solve_nonlinearity
+from femnl.io.results.netcdf import read_modes, write_modes
+from femnl.io.results.surface import unfold
+from femnl.mechanics.compression import released_stress
+from femnl.mechanics.modes import shapes_at
+from femnl.pipeline import solve_modes, solve_modes_near, solve_nonlinearity
 
 Array = NDArray[np.float64]
 Solved = tuple[Modes, Nonlinearity]
@@ -111,6 +119,80 @@ def test_a_film_too_far_from_the_origin_for_its_coordinates_is_refused(away: flo
     message = r"the film lies .* m from the origin.*move it and its holes nearer to the origin"
     with pytest.raises(GeometryError, match=message):
         mesh(drawn(SQUARE + away, HOLES[:0]))
+
+
+def shipped(name: str, by: tuple[float, float] = (0.0, 0.0)) -> Model:
+    model = load(name)
+    return moved(model, by) if any(by) else model
+
+
+@pytest.mark.parametrize(
+    "name", ["square-270um", "hexagon-278um", "trampoline", "square-270um-etched"]
+)
+@pytest.mark.parametrize("by", [(1e-3, -2e-3), (1.0, 0.3)])
+def test_symmetry_is_found_about_the_middle_of_a_film(name: str, by: tuple[float, float]) -> None:
+    here = mesh(shipped(name), resolution=0.5)
+    there = mesh(shipped(name, by), resolution=0.5)
+    assert here.copies == there.copies == 4
+    assert here.diagonal == there.diagonal
+    assert there.middle == pytest.approx(by, rel=1e-9)
+    # gmsh grows other triangles from coordinates rounded elsewhere
+    assert there.mesh.nelements == pytest.approx(here.mesh.nelements, rel=0.05)
+
+
+@pytest.mark.parametrize("by", [(3e-4, 0.0), (-2e-3, 5e-3)])
+def test_all_that_is_drawn_of_a_film_moves_with_it(by: tuple[float, float], tmp_path: Path) -> None:
+    here = solve_modes(shipped("trampoline"), 4, cache=False)
+    model = shipped("trampoline", by)
+    there = solve_modes(model, 4, cache=False)
+    write_modes(tmp_path / "modes.nc", there)
+    kept = read_modes(tmp_path / "modes.nc", model)
+    x, y = np.random.default_rng(7).uniform(-40e-6, 40e-6, (2, 200))
+    expected = shapes_at(here, x, y)
+    assert np.abs(expected).max() > 0.9
+    for found in (there, kept):
+        sign = np.sign(np.sum(shapes_at(found, x + by[0], y + by[1]) * expected, axis=1))
+        np.testing.assert_allclose(
+            sign[:, None] * shapes_at(found, x + by[0], y + by[1]), expected, atol=1e-4
+        )
+    surface = unfold(there).points - by
+    np.testing.assert_allclose(surface.min(axis=0), unfold(here).points.min(axis=0), rtol=1e-6)
+    np.testing.assert_allclose(surface.max(axis=0), unfold(here).points.max(axis=0), rtol=1e-6)
+    corners = released_stress(there.domain).corners - by
+    at_home = released_stress(here.domain).corners
+    np.testing.assert_allclose(corners.min(axis=(0, 1)), at_home.min(axis=(0, 1)), rtol=1e-6)
+    np.testing.assert_allclose(corners.max(axis=(0, 1)), at_home.max(axis=(0, 1)), rtol=1e-6)
+
+
+def test_modes_near_a_frequency_move_with_the_film() -> None:
+    here = solve_modes_near(shipped("square-270um"), 5e6, 5, cache=False)
+    there = solve_modes_near(shipped("square-270um", (2e-3, 1e-3)), 5e6, 5, cache=False)
+    assert here.domain.copies == there.domain.copies == 4
+    assert here.first == there.first
+    errors = here.frequency_error + there.frequency_error
+    assert np.all(np.abs(here.frequency - there.frequency) < errors)
+
+
+@pytest.mark.parametrize("by", [(1e-3, 0.0), (0.3, -1.0)])
+def test_a_lattice_of_holes_is_condensed_wherever_the_film_lies(by: tuple[float, float]) -> None:
+    home = replace(load("square-270um-perforated"), bending=False)
+    near = Holes(home.holes.centres[np.abs(home.holes.centres).max(axis=1) < 40e-6], 0.9e-6)
+    half = float(np.abs(near.centres).max()) + 8e-6
+    side = ((-half, -half), (half, -half), (half, half), (-half, half))
+    edges = tuple(Segment(a, b) for a, b in zip(side, side[1:] + side[:1], strict=True))
+    # Whatever a rectangle is drawn as
+    film = replace(home, outline=Outline("polygon", edges, None, 2 * half), holes=near)
+    here, there = solved(film, 1.0), solved(moved(film, by), 1.0)
+    assert here[0].domain.tiles == there[0].domain.tiles == 1.0
+    assert there[0].domain.middle == pytest.approx(by, rel=1e-9)
+    agree(here, there)
+    places = np.array([[0.0, 0.0], [31e-6, -40e-6]])
+    shapes = [
+        np.abs(shapes_at(modes, *(places + shift).T))
+        for modes, shift in ((here[0], (0.0, 0.0)), (there[0], by))
+    ]
+    assert shapes[0][0, 0] > 0.9
+    np.testing.assert_allclose(shapes[0][0], shapes[1][0], atol=1e-4)
 
 
 def test_a_film_with_an_electrode_can_be_moved() -> None:

@@ -4,7 +4,7 @@ from femnl.device.mesh.build import mesh
 from femnl.device.mesh.collect import distinct, from_patches
 from femnl.device.mesh.grading import bending_length
 from femnl.device.mesh.layers import covered
-from femnl.device.mesh.symmetry import WEDGES, has_symmetry
+from femnl.device.mesh.symmetry import WEDGES, film_middle, has_symmetry
 from femnl.device.mesh.waves import shortest_wave, wave_at
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "bending_length",
     "covered",
     "distinct",
+    "film_middle",
     "from_patches",
     "has_symmetry",
     "mesh",

@@ -30,6 +30,7 @@ from femnl.device.mesh.symmetry import (
     HALF,
     QUARTER,
     beyond_mirrors,
+    film_middle,
     find_wedge,
     has_symmetry,
 )
@@ -77,7 +78,7 @@ def mesh(
     PROGRESS.info("%s: meshing", model.name)
     wedge = find_wedge(model, symmetry)
     diagonal = wedge == QUARTER and has_symmetry(model, EIGHTH)
-    middle = _middle(model, wedge)
+    middle = _middle(model)
     # gmsh's tolerances are absolute, so that a film far from the origin would mesh differently
     centred = moved(model, -middle) if middle.any() else model
     fineness = Fineness(resolution, degree, wave)
@@ -94,18 +95,16 @@ def mesh(
         result = replace(result, _subdomains={"overhang": np.flatnonzero(outside)})
     if model.layers:
         result = replace(result, _subdomains=covered(model, result))
-    return Domain(model, result, wedge, diagonal, misfit=misfit(model, result))
+    x, y = map(float, middle)
+    return Domain(model, result, wedge, diagonal, misfit=misfit(model, result), middle=(x, y))
 
 
-def _middle(model: Model, wedge: float) -> Array:
-    """Return the middle (2,) [m] of the film's box along its mirrors, and 0 across them.
-
-    Mirrors of a wedge run through the origin, which is then the middle already.
+def _middle(model: Model) -> Array:
+    """Return the middle (2,) [m] of the film.
 
     Raises: GeometryError where the film is too far from the origin for its coordinates.
     """
-    x0, y0, x1, y1 = exact.box(model.edge_outline)
-    middle = np.array([x0 + x1, y0 + y1]) / 2
+    middle = film_middle(model)
     away = float(np.hypot(*middle))
     if away > FARTHEST * model.outline.length:
         raise GeometryError(
@@ -113,7 +112,7 @@ def _middle(model: Model, wedge: float) -> Array:
             f"times its length of {model.outline.length:.4g} m, where 16 digits no longer tell its "
             "edges; move it and its holes nearer to the origin"
         )
-    return middle * [wedge >= HALF, wedge == FULL]
+    return middle
 
 
 @contextmanager

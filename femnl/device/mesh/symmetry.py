@@ -8,6 +8,7 @@ from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.outline import Outline
 from femnl.device.geometry import curves
+from femnl.device.geometry.placing import moved
 
 Array = NDArray[np.float64]
 
@@ -19,6 +20,8 @@ TWELFTH = np.pi / 6
 GRID_STEPS = 1.5
 """Steps of the drawing's grid up to which two points are images of each other: both are rounded to
 it, by up to 0.71 of a step."""
+CENTRED = 1e-9
+"""Of the film's length, by which its middle may miss the origin by rounding."""
 WEDGES = {"full": FULL, "half": HALF, "quarter": QUARTER, "eighth": EIGHTH, "twelfth": TWELFTH}
 
 
@@ -45,15 +48,28 @@ def find_wedge(model: Model, symmetry: str) -> float:
     return WEDGES[symmetry]
 
 
+def film_middle(model: Model) -> Array:
+    """Return the middle (2,) [m] of the box around a film, through which its mirror lines run.
+
+    Exactly 0 where the film lies about the origin to rounding.
+    """
+    x0, y0, x1, y1 = curves.box(model.edge_outline)
+    middle = np.array([x0 + x1, y0 + y1]) / 2
+    return np.where(np.abs(middle) < CENTRED * model.outline.length, 0.0, middle)
+
+
 def has_symmetry(model: Model, wedge: float) -> bool:
     """Return whether the device maps onto itself under its mirror lines.
 
-    At angle 0 and, for wedges below π, at `wedge`.
+    Through its middle, at angle 0 and, for wedges below π, at `wedge`.
     """
     if wedge == FULL:
         return True
     angles = (0.0,) if wedge == HALF else (0.0, wedge)
     tolerance = max(1e-6 * model.outline.length, GRID_STEPS * model.grid)
+    middle = film_middle(model)
+    if middle.any():
+        model = moved(model, -middle)
     points = [_key_points(model.outline), model.holes.centres, _opening_points(model)]
     points += [] if model.overhang is None else [_key_points(model.overhang.outline)]
     points += [

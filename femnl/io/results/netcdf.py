@@ -46,6 +46,7 @@ def write_modes(path: Path, modes: Modes, nonlinearity: Nonlinearity | None = No
         "wedge": modes.domain.wedge,
         "tiles": modes.domain.tiles,
         "misfit": modes.domain.misfit,
+        "middle": modes.domain.middle,
     }
     # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file, and
     # says so on standard error.
@@ -78,7 +79,9 @@ def read_modes(path: Path, model: Model) -> Modes:
         wedge, tiles = (float(_attribute(file, name)) for name in ("wedge", "tiles"))
         # Older files have no ellipses
         misfit = float(_attribute(file, "misfit")) if "misfit" in file.attrs else 0.0
-        domain = Domain(model, mesh, wedge, tiles=tiles, misfit=misfit)
+        # Older files lie about the origin, or hold whole films
+        x, y = map(float, file.attrs.get("middle", (0.0, 0.0)))
+        domain = Domain(model, mesh, wedge, tiles=tiles, misfit=misfit, middle=(x, y))
         found: Modes | None = None
         for name in reversed(("modes", *GRADES)):
             if name in file:

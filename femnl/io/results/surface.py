@@ -27,7 +27,9 @@ def unfold(modes: Modes) -> Surface:
     shapes[:, nodes.dofs] = modes.shapes[:, space.dofs] @ reference_basis(modes.degree, local).T
     stress, in_plane, thickness = _in_plane(modes, nodes, plane, local)
     copies = _copies(domain.wedge, domain.copies)
-    points = np.concatenate([nodes.location @ turn.T for turn, _, _ in copies])
+    middle = np.array(domain.middle)
+    about = nodes.location - middle
+    points = middle + np.concatenate([about @ turn.T for turn, _, _ in copies])
     signs = [
         [_sign(parity, steps, mirrored) for parity in modes.parity] for _, steps, mirrored in copies
     ]

@@ -3,6 +3,8 @@
 The unknowns inside a cell are eliminated once for all cells alike.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
@@ -14,7 +16,7 @@ from femnl.mechanics.fem.solvers import lowest_eigenpairs
 from femnl.mechanics.lattice.relaxed import Frame, Relaxed
 from femnl.mechanics.lattice.skeleton import summed
 from femnl.mechanics.lattice.tile import Flexure
-from femnl.mechanics.lattice.tiling import Tiling
+from femnl.mechanics.lattice.tiling import Tiling, placed_domain
 from femnl.mechanics.modes import solve_sectors
 
 Array = NDArray[np.float64]
@@ -52,11 +54,12 @@ def solve_condensed(tiling: Tiling, count: int, degree: int) -> Modes:
     modes = solve_sectors(source, prestress, count)
     for _ in range(EXTENSIONS):
         if source.missed <= MISSED:
-            return modes
+            break
         source.extend()
         modes = solve_sectors(source, prestress, count)
     if source.missed <= MISSED:
-        return modes
+        placed = replace(prestress, domain=placed_domain(tiling))
+        return replace(modes, prestress=placed)
     raise ConvergenceError(
         f"{tiling.model.name}: condensed cells leave {source.missed:.1e} of ω² in the highest "
         "mode; ask for fewer modes, or for symmetry quarter, which condenses nothing"

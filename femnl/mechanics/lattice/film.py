@@ -16,7 +16,7 @@ from femnl.core.device import Edge, Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain, Modes, Nonlinearity, Prestress
 from femnl.core.outline import Holes
-from femnl.device.mesh import bending_length
+from femnl.device.mesh import bending_length, film_middle
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (
     Assembly,
@@ -153,6 +153,12 @@ def _array(model: Model) -> tuple[float, Array]:
         raise ParameterError(
             f"{model.name}: the homogenised film is held at all its edges, and one of this film's "
             "ends free; solve the full film"
+        )
+    if film_middle(model).any():
+        x, y = film_middle(model)
+        raise ParameterError(
+            f"{model.name}: the homogenised film lies about the origin, and the middle of this one "
+            f"at ({x:.4g}, {y:.4g}) m; move it there, or solve the full film"
         )
     pitch, counts = array(model, "the homogenised film")
     return pitch, np.array(counts) * pitch / 2

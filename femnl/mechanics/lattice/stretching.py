@@ -42,6 +42,7 @@ def strain_energies(modes: Modes, pairs: Pairs, edge: Edge) -> Array:
             f"{model.name}: these modes were solved with the mesh of another mesher; solve them "
             "anew with --no-cache"
         )
+    model = frame.tiling.model
     poisson = 0.0 if edge == "paper" else model.film.poisson
     # The same points for all integrals: where h varies, G stays the energy of one discrete film.
     membranes = [Membrane(sides, model, poisson, 4 * frame.degree - 4) for sides in frame.sides]

@@ -15,7 +15,8 @@ from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain
 from femnl.core.outline import Holes, Outline, Segment
-from femnl.device.mesh import bending_length, from_patches, mesh
+from femnl.device.geometry.placing import moved
+from femnl.device.mesh import bending_length, distinct, film_middle, from_patches, mesh
 
 Array = NDArray[np.float64]
 
@@ -59,12 +60,14 @@ class Kind:
 
 @dataclass(frozen=True)
 class Tiling:
-    """A quarter of the film, x > 0 and y > 0, in tiles of the given resolution.
+    """A quarter of the film, x > 0 and y > 0 from its middle, in tiles of the given resolution.
 
-    `half` (2,) [m] are half its sides.
+    model: the film, moved so that its middle is the origin. device: the film where it lies. `half`
+    (2,) [m] are half its sides.
     """
 
     model: Model
+    device: Model
     resolution: float
     half: Array
     kinds: tuple[Kind, ...]
@@ -91,25 +94,48 @@ class Tiling:
         return Domain(self.model, named, QUARTER, tiles=self.resolution)
 
 
+def _is_box(outline: Outline) -> bool:
+    """Return whether an outline is four straight lines along x and y, however it was written."""
+    steps = [np.subtract(s.end, s.start) for s in outline.segments if s.centre is None]
+    upright = [np.min(np.abs(step)) < EVEN * outline.length for step in steps]
+    return len(outline.segments) == 4 and len(steps) == 4 and all(upright)
+
+
+def placed_domain(tiling: Tiling) -> Domain:
+    """Return the mesh of all tiles where the device lies."""
+    x, y = film_middle(tiling.device)
+    if x == 0 and y == 0:
+        return tiling.domain
+    found = tiling.domain.mesh
+    mesh = replace(found, doflocs=found.doflocs + np.array([[x], [y]]))
+    return replace(tiling.domain, model=tiling.device, mesh=mesh, middle=(float(x), float(y)))
+
+
+def _centred(model: Model) -> Model:
+    """Return the film moved so that its middle is the origin."""
+    middle = film_middle(model)
+    return moved(model, -middle) if middle.any() else model
+
+
 def array(model: Model, what: str) -> tuple[float, tuple[int, int]]:
     """Pitch [m] and numbers of holes along x and y of a rectangular array of holes.
 
-    In the centre of a rectangle.
+    In the centre of a rectangle about the origin.
 
     Args: what: needs it, for the message. Raises: ParameterError where the device is no such thing.
     """
     outline = model.outline
     centres = model.holes.centres
-    if outline.kind not in ("square", "rectangle"):
+    if not _is_box(outline):
         raise ParameterError(
-            f'{model.name}: outline.kind = "{outline.kind}": {what} needs a square or rectangle'
+            f'{model.name}: outline.kind = "{outline.kind}": {what} needs a square or rectangle '
+            "along x and y, with sharp corners"
         )
-    if len(outline.segments) > 4 or model.openings:
+    if model.openings:
         raise ParameterError(
-            f"{model.name}: {what} needs sharp corners, and holes that are all round, free and of "
-            "one radius"
+            f"{model.name}: {what} needs holes that are all round, free and of one radius"
         )
-    columns = [np.unique(np.round(c, 12)) for c in centres.T]
+    columns = [_columns(places, EVEN * outline.length) for places in centres.T]
     steps = np.concatenate([np.diff(c) for c in columns])
     if len(steps) == 0 or len(centres) != len(columns[0]) * len(columns[1]):
         raise ParameterError(
@@ -126,8 +152,15 @@ def array(model: Model, what: str) -> tuple[float, tuple[int, int]]:
     return pitch, (len(columns[0]), len(columns[1]))
 
 
+def _columns(places: Array, apart: float) -> Array:
+    """Return the places (n,) rising, the mean of those that differ by less than `apart` as one."""
+    number = distinct(places, apart)
+    return np.asarray(np.bincount(number, places) / np.bincount(number))
+
+
 def obstacle(model: Model) -> str:
     """Why a device cannot be cut into tiles; empty where it can."""
+    model = _centred(model)
     try:
         pitch, counts = array(model, "a tiled film")
     except ParameterError as error:
@@ -164,6 +197,8 @@ def tile(model: Model, resolution: float = 1.0) -> Tiling:
     """
     if why := obstacle(model):
         raise ParameterError(why)
+    device = model
+    model = _centred(device)
     pitch, counts = array(model, "a tiled film")
     half = _half(model)
     fineness = resolution * max(FINENESS[0], FINENESS[1] + 2 * model.holes.radius / pitch)
@@ -189,7 +224,7 @@ def tile(model: Model, resolution: float = 1.0) -> Tiling:
             patches = _cell(quarter, pitch, name_x, name_y)
         shifts = np.stack(np.meshgrid(starts_x, starts_y, indexing="ij"), -1).reshape(-1, 2) - first
         kinds.append(Kind(patches + first, shifts))
-    return Tiling(model, resolution, half, tuple(kinds))
+    return Tiling(model, device, resolution, half, tuple(kinds))
 
 
 def _stretches(pitch: float, n: int, edge: float) -> dict[str, Array]:

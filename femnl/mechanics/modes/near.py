@@ -100,7 +100,7 @@ class _Sectors:
                     found[parity] = values, shapes
             if self._domain.diagonal:
                 odd, shapes = found[ODD_IN_Y]
-                found[ODD_IN_X] = odd, shapes[:, exchange(self.operators.space)]
+                found[ODD_IN_X] = odd, shapes[:, exchange(self.operators.space, self._domain)]
                 below[ODD_IN_X] = below[ODD_IN_Y]
             away = np.concatenate([np.abs(v - self.target) for v, _ in found.values()])
             farthest = np.sort(away)[count - 1] + DEGENERATE * self.target

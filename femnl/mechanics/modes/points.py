@@ -86,7 +86,7 @@ class ShapeValues:
 
 def _fold(domain: Domain, points: Array, mirrors: int) -> tuple[Array, NDArray[np.int64]]:
     """Mirror points into the wedge; how often in each mirror, (n_points, mirrors)."""
-    points = points.copy()
+    points = points - domain.middle
     flips = np.zeros((len(points), mirrors), dtype=np.int64)
     for _ in range(domain.copies):
         for k in range(mirrors):
@@ -95,7 +95,7 @@ def _fold(domain: Domain, points: Array, mirrors: int) -> tuple[Array, NDArray[n
             beyond = points @ normal < 0
             points[beyond] -= 2 * (points[beyond] @ normal)[:, None] * normal
             flips[beyond, k] += 1
-    return points, flips
+    return points + domain.middle, flips
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
 
 from femnl.core.device import Model
+from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain, Modes
 from femnl.core.operators import DIRECTIONS, WEIGHTS, Projection, Units, weights
 from femnl.device.geometry import curves
@@ -36,6 +37,12 @@ def project(modes: Modes, units: Units | None = None) -> Projection:
     Valid: changes of the film that leave the new modes within the span of these ones.
     """
     domain = modes.domain
+    x, y = domain.middle
+    if (domain.copies > 1 and y != 0) or (domain.copies > 2 and x != 0):
+        raise ParameterError(
+            f"{domain.model.name}: changes of a film are projected about the origin, and its "
+            "mirrors cross elsewhere; solve its modes with symmetry full"
+        )
     space = Space(modes.domain.mesh, modes.degree)
     sheet = Sheet(modes.domain)
     order = quadrature_order(domain.model, 2 * modes.degree - 2)

@@ -153,8 +153,8 @@ def canonical_turn(
     Args: shapes (n, size), mass-normalised, and their parities. Returns: orthogonal (n, n), the new
     shapes from the old ones.
     """
-    # What mirrors leave of a film lies beside its middle, which is the origin
-    middle = _middle_of(space) if domain.copies == 1 else np.zeros(2)
+    # What mirrors leave of a film lies beside its middle
+    middle = _middle_of(space) if domain.copies == 1 else np.array(domain.middle)
     reach = np.abs(space.location - middle).max()
     spread = np.zeros((len(shapes), len(shapes)))
     # A label needs no accuracy
@@ -197,7 +197,7 @@ def label_shapes(
     norms = np.zeros(len(shapes))
     ideal_norms = np.zeros((highest, highest))
     for _, point, dx, values in walk(space, shapes, space.degree + 2):  # a label needs no accuracy
-        x, y = point.reshape(-1, 2).T
+        x, y = (point - domain.middle).reshape(-1, 2).T
         along_x, along_y = (
             np.sin(np.pi * orders[:, None] * (z / extent + 0.5))
             for z, extent in ((x, width), (y, height))

@@ -181,7 +181,7 @@ def _solve_sectors(source: Source, domain: Domain, count: int) -> Sectors:
                 found[parity] = source.lowest(parity, n)
         if domain.diagonal:
             odd, shapes = found[ODD_IN_Y]
-            found[ODD_IN_X] = odd, shapes[:, exchange(source.space)]
+            found[ODD_IN_X] = odd, shapes[:, exchange(source.space, domain)]
         highest = np.sort(np.concatenate([values for values, _ in found.values()]))[count - 1]
         ask = {p: 2 * len(v) for p, (v, _) in found.items() if v[-1] <= highest * (1 + DEGENERATE)}
     values = np.concatenate([v for v, _ in found.values()])
@@ -191,10 +191,11 @@ def _solve_sectors(source: Source, domain: Domain, count: int) -> Sectors:
     return values[order], shapes[order], tuple(parities[k] for k in order)
 
 
-def exchange(space: Space) -> NDArray[np.int64]:
-    """The unknown at (y, x) for each unknown at (x, y)."""
-    distance, image = cKDTree(space.location).query(space.location[:, ::-1])
-    if np.max(distance) > 1e-9 * np.abs(space.location).max():
+def exchange(space: Space, domain: Domain) -> NDArray[np.int64]:
+    """The unknown at (y, x) for each unknown at (x, y), from the middle of the film."""
+    place = space.location - domain.middle
+    distance, image = cKDTree(place).query(place[:, ::-1])
+    if np.max(distance) > 1e-9 * np.abs(place).max():
         raise ConvergenceError(
             "the mesh is not its own image in the diagonal; mesh the film with symmetry full"
         )
