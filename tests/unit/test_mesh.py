@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import gmsh
@@ -32,7 +33,17 @@ CIRCLE = 'kind = "circle"\ndiameter = "10 um"'
 # A hole at the origin and on every mirror line, so that each wedge cuts some in halves or smaller
 # pieces.
 ODD_LATTICE = 'lattice = "square"\npitch = "2 um"\ncount = [3, 3]\nradius = "0.5 um"'
+THIN = (
+    'thickness = "1 nm"\nyoung = "250 GPa"\npoisson = 0.23\ndensity = "3000 kg/m^3"\nstress '
+    '= "1 GPa"'
+)
 HEXAGONAL = 'lattice = "hexagonal"\npitch = "2 um"\nrows = 3\nradius = "0.5 um"'
+
+
+@pytest.fixture(scope="session")
+def device(device: Device) -> Device:
+    """Build films of some micrometres, which are thin."""
+    return partial(device, film=THIN)
 
 
 def holes_at(*points: tuple[float, float], radius: float = 0.5e-6) -> Holes:
