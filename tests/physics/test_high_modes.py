@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import jn_zeros
 
+from femnl import load
 from femnl.core.device import Model
 from femnl.core.errors import ConvergenceError, ParameterError
 from femnl.core.mechanics import Modes
@@ -88,6 +89,17 @@ def test_high_modes_are_certified_at_low_resolutions_too(resolution: float) -> N
     held = np.abs(modes.frequency - known) <= modes.frequency_error
     assert held.mean() >= 0.99
     assert np.all(modes.frequency_error < 2e-2 * known)
+
+
+@pytest.mark.parametrize(
+    ("count", "resolution"), [(36, 1.0), (36, 2.0), (40, 1.5), (100, 1.5), (200, 2.0)]
+)
+def test_no_mode_of_a_multiple_frequency_is_missed(count: int, resolution: float) -> None:
+    """(1,7), (7,1) and (5,5) have one frequency and lie in one class of symmetry."""
+    film = replace(load("square-270um"), bending=False)
+    known = exact("square", count)
+    modes = solve_modes(film, count, resolution=resolution, cache=False)
+    assert modes.ratio == pytest.approx(known / known[0], rel=1e-5)
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 
@@ -16,6 +17,13 @@ HAS_CHOLMOD = find_spec("cvxopt") is not None  # the optional extra `fast`
 
 Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
+PRECISE = 1e-10
+ROUGH = 1e-2
+"""Relative tolerances of eigenvalues: of those that are returned, and of one that was missed."""
+SAME = 1e-6
+"""Relative difference up to which an eigenvalue is a copy of the farthest, of which some may be
+left out.
+"""
 
 
 def factorize(stiffness: csc_matrix) -> Solve:
@@ -88,20 +96,7 @@ def lowest_eigenpairs(stiffness: csc_matrix, mass: csc_matrix, count: int) -> tu
             f"{count} modes were asked of a mesh with {n} unknowns: ask for fewer modes or raise "
             "the resolution"
         )
-    solve = factorize(stiffness)
-    inverse = LinearOperator(stiffness.shape, matvec=solve, dtype=float)
-    start = np.random.default_rng(0).standard_normal(n)  # a fixed start makes reruns identical
-    try:
-        values, vectors = eigsh(
-            stiffness, k=count, M=mass, sigma=0.0, OPinv=inverse, tol=1e-10, v0=start
-        )
-    except ArpackNoConvergence as error:
-        raise ConvergenceError(
-            f"the eigenvalue iteration found {len(error.eigenvalues)} of {count} modes: ask for "
-            "fewer modes"
-        ) from error
-    order = np.argsort(values)
-    return values[order], vectors[:, order]
+    return _nearest(Pencil(stiffness, mass, 0.0, factorize(stiffness)), count)
 
 
 def nearest_eigenpairs(
@@ -124,19 +119,71 @@ def nearest_eigenpairs(
         )
     shifted = csc_matrix(stiffness - target * mass)
     solve, below = _factorize_indefinite(shifted)
-    inverse = LinearOperator(shifted.shape, matvec=solve, dtype=float)
-    start = np.random.default_rng(0).standard_normal(n)  # a fixed start makes reruns identical
+    values, vectors = _nearest(Pencil(stiffness, mass, target, solve), count)
+    return values, vectors, below
+
+
+@dataclass(frozen=True)
+class Pencil:
+    """K x = λ M x about a shift σ; `solve` is (K − σM)⁻¹."""
+
+    stiffness: csc_matrix
+    mass: csc_matrix
+    shift: float
+    solve: Solve
+
+
+def _nearest(pencil: Pencil, count: int) -> tuple[Array, Array]:
+    """Return the `count` solutions nearest to the shift: λ rising, and x (n, count), xᵀMx = 1.
+
+    Lanczos finds the copies of a multiple eigenvalue by rounding alone, and may end without one.
+    What is left beside all that was found is therefore searched as well, until nothing in it is
+    nearer than the farthest of them.
+    """
+    values, vectors = _lanczos(pencil, count, PRECISE, np.empty((pencil.mass.shape[0], 0)))
+    while True:
+        farthest = np.abs(values - pencil.shift).max() * (1 - SAME)
+        if abs(_lanczos(pencil, 1, ROUGH, vectors)[0][0] - pencil.shift) >= farthest:
+            break
+        more, missed = _lanczos(pencil, 1, PRECISE, vectors)
+        values = np.concatenate([values, more])
+        vectors = np.hstack([vectors, missed])
+        kept = np.argsort(np.abs(values - pencil.shift), kind="stable")[:count]
+        values = values[kept]
+        vectors = vectors[:, kept]
+    order = np.argsort(values)
+    return values[order], vectors[:, order]
+
+
+def _lanczos(pencil: Pencil, count: int, tolerance: float, known: Array) -> tuple[Array, Array]:
+    """Return the solutions nearest to the shift that are M-orthogonal to those known (n, m)."""
+    weighted = pencil.mass @ known
+
+    def inverse(right: Array) -> Array:
+        found = pencil.solve(right - weighted @ (known.T @ right))
+        return np.asarray(found - known @ (weighted.T @ found))
+
+    n = pencil.mass.shape[0]
+    # A fixed start makes reruns identical. Of an eigenvalue that two vectors share it holds one
+    # combination alone, so that what is left is sought from another start.
+    start = np.random.default_rng(known.shape[1]).standard_normal(n)
+    start -= known @ (weighted.T @ start)
     try:
         values, vectors = eigsh(
-            stiffness, k=count, M=mass, sigma=target, OPinv=inverse, tol=1e-10, v0=start
+            pencil.stiffness,
+            k=count,
+            M=pencil.mass,
+            sigma=pencil.shift,
+            OPinv=LinearOperator((n, n), matvec=inverse, dtype=float),
+            tol=tolerance,
+            v0=start,
         )
     except ArpackNoConvergence as error:
         raise ConvergenceError(
-            f"the eigenvalue iteration found {len(error.eigenvalues)} of {count} modes near the "
-            "target: ask for fewer modes"
+            f"the eigenvalue iteration found {len(error.eigenvalues)} of {count} modes: ask for "
+            "fewer modes"
         ) from error
-    order = np.argsort(values)
-    return values[order], vectors[:, order], below
+    return np.asarray(values), np.asarray(vectors)
 
 
 RESIDUAL = 1e-6
