@@ -2,17 +2,21 @@
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 VERSION = "1.1"
 
 
-def main() -> None:
-    """Replace the named studies of a scoreboard by those in folders; others stay as they are."""
+def main(words: Sequence[str] | None = None) -> None:
+    """Replace the named studies of a scoreboard by those in folders; others stay as they are.
+
+    words: of the command line.
+    """
     parser = argparse.ArgumentParser(description="keep scoreboards of studies in one file")
     parser.add_argument("out", type=Path)
     parser.add_argument("studies", nargs="+", help="NAME=FOLDER, where FOLDER/scoreboard.json is")
-    given = parser.parse_args()
+    given = parser.parse_args(words)
     boards = {"femnl_blind": VERSION}
     if given.out.is_file():
         boards = json.loads(given.out.read_text("utf-8"))

@@ -1,7 +1,6 @@
 """The file of several scoreboards keeps its version and the studies that are not replaced."""
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
@@ -9,11 +8,9 @@ import pytest
 from tests.blind import boards
 
 
-def keep(monkeypatch: pytest.MonkeyPatch, out: Path, **studies: Path) -> None:
+def keep(out: Path, **studies: Path) -> None:
     """Run the command."""
-    named = [f"{name}={folder}" for name, folder in studies.items()]
-    monkeypatch.setattr(sys, "argv", ["boards", str(out), *named])
-    boards.main()
+    boards.main([str(out), *(f"{name}={folder}" for name, folder in studies.items())])
 
 
 def study(folder: Path, draws: int) -> Path:
@@ -23,12 +20,10 @@ def study(folder: Path, draws: int) -> Path:
     return folder
 
 
-def test_a_study_replaces_its_own_scoreboard_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_study_replaces_its_own_scoreboard_alone(tmp_path: Path) -> None:
     out = tmp_path / "blind.json"
-    keep(monkeypatch, out, weak=study(tmp_path / "a", 1), realistic=study(tmp_path / "b", 2))
-    keep(monkeypatch, out, weak=study(tmp_path / "c", 3))
+    keep(out, weak=study(tmp_path / "a", 1), realistic=study(tmp_path / "b", 2))
+    keep(out, weak=study(tmp_path / "c", 3))
     assert json.loads(out.read_text(encoding="utf-8")) == {
         "femnl_blind": "1.1",
         "weak": {"draws": 3},
@@ -38,15 +33,12 @@ def test_a_study_replaces_its_own_scoreboard_alone(
 
 @pytest.mark.parametrize("old", ['{"femnl_blind": "1.0"}', '{"seeds": [1]}'])
 def test_a_file_of_another_version_is_refused_and_stays(
-    old: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    old: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "blind.json"
     out.write_text(old, encoding="utf-8")
     folder = study(tmp_path / "a", 1)
     with pytest.raises(SystemExit):
-        keep(monkeypatch, out, weak=folder)
+        keep(out, weak=folder)
     assert "is not of version 1.1" in capsys.readouterr().err
     assert out.read_text(encoding="utf-8") == old
