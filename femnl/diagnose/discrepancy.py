@@ -10,6 +10,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from femnl.core.effect import Effect, Values
@@ -123,13 +124,13 @@ def log_evidence(candidate: Candidate, base: Candidate, allowed: Discrepancy) ->
     linear, so that parameters and distortions integrate in closed form. Up to a constant that all
     candidates of the measurement share.
     """
-    places = places_of(base.result.model.base_model)
+    base_model = base.result.model.base_model
     done = [done_by(candidate, base, effect) for effect in effects_of(candidate)]
 
     def missed(factor: float) -> Array:
         parts = [
             min(factor * effect.accuracy, max(effect.accuracy, LEAST_ACCURATE))
-            * distortions(own, places)
+            * distortions(own, base_model)
             for effect, own in zip(effects_of(candidate), done, strict=True)
         ]
         return np.concatenate([np.empty((len(candidate.result.residuals), 0)), *parts], axis=1)
@@ -185,31 +186,59 @@ def _at_accuracy(result: FitResult, missed: Array, allowed: Discrepancy) -> floa
     return float(logsumexp(level) + prior + constant)
 
 
-def distortions(done: Array, places: Array) -> Array:
+def distortions(done: Array, base_model: MeasurementModel) -> Array:
     """Return in what ways an equation may miss the whole of a cause, as columns (n, n_distortions).
 
     Of what a cause does to the data, a part that grows with its size there, and one that varies
-    with the place of the data.
+    with the place of the data. Of quadratures also parts that are turned in phase, as the further
+    pole of an amplifier turns them.
 
-    Args: done (n,): what the cause changes of every residual. places (k, n): see `places_of`.
+    Args: done (n,): what the cause changes of every residual.
     """
-    size = np.abs(done) / max(float(np.abs(done).max()), 1e-300)
+    places = places_of(base_model)
+    beside = _turned(done, base_model.layout)
+    size = np.hypot(done, beside)
+    size = size / max(float(size.max()), 1e-300)
     shapes = [*(size**p for p in GROWING), *(along**p for along in places for p in VARYING)]
-    return np.asarray(done[:, None] * np.stack(shapes, axis=1))
+    ways = [done[:, None] * np.stack(shapes, axis=1)]
+    if np.any(beside):
+        ways.append(beside[:, None] * np.stack([np.ones_like(size), *shapes], axis=1))
+    return np.concatenate(ways, axis=1)
+
+
+def _turned(done: Array, layout: Layout | None) -> Array:
+    """Return changes (n,) turned by a quarter of a period, 0 where data are no quadratures."""
+    turned = np.zeros_like(done)
+    if layout is None:
+        return turned
+    order = np.argsort(layout.datum, kind="stable")
+    number = layout.datum[order]
+    first = np.flatnonzero((number[:-1] == number[1:]) & (number[:-1] >= 0))
+    real = order[first]
+    imaginary = order[first + 1]
+    turned[real] = -done[imaginary]
+    turned[imaginary] = done[real]
+    return turned
 
 
 def places_of(base_model: MeasurementModel) -> Array:
     """Return where each residual lies in the data, between −1 and 1, in every way (k, n).
 
-    In the order of the data: modes by rising frequency, points of a series, sweeps one after the
-    other. And by their conditions where they recur, as the frequency within sweeps.
+    In the order of the data: modes by rising frequency, points of a series, sweeps or harmonics one
+    after the other. And by their conditions where they recur, as the frequency within sweeps.
     """
-    order = np.linspace(-1, 1, len(base_model.blocks))
     layout = base_model.layout
-    if layout is None or layout.repeated.max() < 1:
-        return order[None]
-    condition = 2 * layout.repeated / layout.repeated.max() - 1
-    return np.stack([order, np.where(layout.repeated < 0, 0.0, condition)])
+    if layout is None:
+        return np.linspace(-1, 1, len(base_model.blocks))[None]
+    places = [_placed(layout.datum)]
+    if layout.repeated.max() >= 1:
+        places.append(_placed(layout.repeated))
+    return np.stack(places)
+
+
+def _placed(number: NDArray[np.int64]) -> Array:
+    """Return numbers from 0 on as places between −1 and 1; what has no number is in the middle."""
+    return np.where(number < 0, 0.0, 2 * number / max(int(number.max()), 1) - 1)
 
 
 def effects_of(candidate: Candidate) -> tuple[Effect, ...]:

@@ -4,15 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, criticise
+from femnl.diagnose.discrepancy import distortions
 from femnl.diagnose.search import refitted
 from femnl.diagnose.verdict import judge
 from femnl.diagnose.weighing import Weighed
 from femnl.fits.least_squares import fit
-from femnl.observe.model import ExtendedModel
+from femnl.observe.model import ExtendedModel, Layout
 from tests.unit.level import Level
 
 N = 60
@@ -85,6 +87,40 @@ def renamed(both: Candidate) -> ExtendedModel:
     effects = both.result.model.effects
     one, two = (replace(e, name=n) for e, n in zip(effects, ("curve", "tilt"), strict=True))
     return ExtendedModel(both.result.model.base_model, (one, two))
+
+
+class Quadratures(Level):
+    """Complex data: all real parts, then all imaginary ones."""
+
+    @property
+    def layout(self) -> Layout:
+        none = np.full(N, -1)
+        return Layout(np.empty((N, 0), np.int64), none, np.tile(np.arange(N // 2), 2), none)
+
+
+def spanned(columns: Array, wanted: Array) -> float:
+    """Return the part of a deviation that columns cannot describe."""
+    left = wanted - columns @ np.linalg.lstsq(columns, wanted, rcond=None)[0]
+    return float(np.linalg.norm(left) / np.linalg.norm(wanted))
+
+
+def test_an_equation_may_miss_the_phase_of_quadratures_as_well() -> None:
+    model = Quadratures(np.zeros(N), BLOCKS, 1e4)
+    place = np.linspace(-1, 1, N // 2)
+    rng = np.random.default_rng(20261126)
+    done = rng.standard_normal(N // 2) + 1j * rng.standard_normal(N // 2)
+    columns = distortions(parts(done), model)
+    # A further pole delays each harmonic, and takes from it, as smoothly along the data
+    assert spanned(columns, parts(1j * done)) < 1e-12
+    assert spanned(columns, parts((0.3j * place + 0.1 * place**2) * done)) < 1e-12
+    assert spanned(columns, parts(place**2 * np.conj(done))) > 0.5
+    # Data of one part have no phase
+    alone = distortions(parts(done), Level(np.zeros(N), BLOCKS, 1e4))
+    assert spanned(alone, parts(1j * done)) > 0.5
+
+
+def parts(values: NDArray[np.complex128] | Array) -> Array:
+    return np.concatenate([values.real, values.imag])
 
 
 def test_what_is_fitted_again_is_tried_without_each_of_its_causes() -> None:

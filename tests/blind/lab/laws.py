@@ -16,6 +16,8 @@ KNEE = 8
 FAINT = 1e-6
 PATCH = 2e-5
 """Width [m] of a patch of `inexact` 1."""
+SECOND_LINE = 1.1
+"""Wavelength of a second line of the laser, over that of the first."""
 RIPPLES = 1.5
 """Periods over the swept band of a ripple of the cables."""
 
@@ -130,7 +132,7 @@ LAWS: dict[str, dict[str, str]] = {
         "finite_spot": "an elliptic spot",
         "mechanical_overtones": "another shape mixed into that of the overtone",
         "mode_admixture": "modes above those of the library",
-        "multilayer_fringe": "a gap that changes over the film",
+        "multilayer_fringe": "a weaker second line of the laser",
         "one_sided_saturation": "a smooth knee",
         "phase_tilt": "a curvature beside the slope",
         "quadratic_stiffness": "another shape of what it adds",

@@ -247,9 +247,7 @@ class MapBench:
                 mixed = shapes[k] + laws.inexact(hidden, "mechanical_overtones") * shapes[k - 1]
                 size = size * (sung[f"cos{n}"] - 1j * sung[f"sin{n}"]) * mixed[..., None]
                 u = u + (size * np.exp(1j * n * tau)).real
-        wedge = laws.inexact(hidden, "multilayer_fringe") * self.wavelength / 20
-        lit = self._lit(u + (wedge * x / self.axis.max())[..., None], base, hidden)
-        v = self._clipped(lit, base, hidden)
+        v = self._clipped(self._lit(u, base, hidden), base, hidden)
         return np.asarray(
             2 / SAMPLES * np.moveaxis(np.fft.fft(v, axis=-1)[..., 1 : ORDERS + 1], -1, 0)
         )
@@ -280,8 +278,13 @@ class MapBench:
                 base["contrast"] * np.cos(4 * np.pi / self.wavelength * u + base["theta"])
             )
         light = hidden["multilayer_fringe"]
-        read = fringe(self.stack, laws.first(light), self.wavelength)
-        return np.asarray(base["contrast"] * read(light["gap"] + u))
+        values = laws.first(light)
+        read = fringe(self.stack, values, self.wavelength)(light["gap"] + u)
+        weak = laws.inexact(hidden, "multilayer_fringe")
+        if weak:
+            second = fringe(self.stack, values, laws.SECOND_LINE * self.wavelength)
+            read = read + weak * second(light["gap"] + u)
+        return np.asarray(base["contrast"] * read)
 
 
 def setup(name: str, causes: tuple[str, ...], rng: np.random.Generator) -> MapBench:
