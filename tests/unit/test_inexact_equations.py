@@ -1,6 +1,7 @@
 """A further cause beside one whose equation is inexact: a line, and a parabola that may bend it."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -119,7 +120,7 @@ def test_an_equation_may_miss_the_phase_of_quadratures_as_well() -> None:
     assert spanned(alone, parts(1j * done)) > 0.5
 
 
-def parts(values: NDArray[np.complex128] | Array) -> Array:
+def parts(values: NDArray[np.complexfloating[Any, Any]] | Array) -> Array:
     return np.concatenate([values.real, values.imag])
 
 
