@@ -27,6 +27,10 @@ ROHDE = (
     "Span;{span};Hz\nRBW;30;Hz\nTrace 1;;\nTrace Mode;CLR/WRITE;\nx-Unit;{x};\ny-Unit;dBm;\n"
     "Values;{count};\n"
 )
+SIGLENT = (
+    "Machine Module,T3SA3200\nY Axis Scale,LOG\nY Axis Unit,dBm\nNumber of Points,{count}\n"
+    "Trace Name,Trace A\nTrace Type,Clear Write\nTrace Data\n"
+)
 
 
 def imported(path: Path) -> tuple[xr.Dataset, str]:
@@ -66,6 +70,31 @@ def test_a_trace_over_frequency_is_a_response_of_magnitudes(maker: str, tmp_path
     data, told = imported(path)
     np.testing.assert_allclose(data["magnitude"].values[0], abs(V), rtol=1e-6)
     assert "magnitudes alone" in told
+
+
+@pytest.mark.parametrize("further", ["none", "below", "beside"])
+def test_the_first_of_siglents_traces_is_read(further: str, tmp_path: Path) -> None:
+    frequency = np.linspace(1.49e6, 1.51e6, 21)
+    volts = 1e-3 / (1 + 1j * (frequency - 1.5e6) / 2e3)
+    level = 10 * np.log10(abs(volts) ** 2 / 2 / 50 / 1e-3)
+    beside = f"{1e6:.6f},-80.00" if further == "beside" else ",,"
+    rows = [f"{f:.6f},{p:.9f},{beside}\n" for f, p in zip(frequency, level, strict=True)]
+    text = SIGLENT.format(count=len(rows)) + "".join(rows)
+    if further == "below":
+        text += "Trace Name,Trace B\nTrace Data\n" + "1500000.0,-80.0,,,\n" * 21
+    path = tmp_path / "trace.csv"
+    path.write_text(text, encoding="utf-8")
+    data, _ = imported(path)
+    np.testing.assert_allclose(data["magnitude"].values[0], abs(volts), rtol=1e-6)
+    np.testing.assert_allclose(data["frequency"].values.ravel(), frequency, rtol=1e-12)
+
+
+def test_an_axis_of_siglent_that_may_be_a_time_is_refused(tmp_path: Path) -> None:
+    rows = "".join(f"{t:.6f},{p:.6f},,,\n" for t, p in zip(T, LEVEL, strict=True))
+    path = tmp_path / "trace.csv"
+    path.write_text(SIGLENT.format(count=len(T)) + rows, encoding="utf-8")
+    with pytest.raises(MeasurementError, match="its x axis ends at 2, below every frequency"):
+        imported(path)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""Traces of spectrum analysers: exports of Keysight's X series and Rohde & Schwarz's FSV and FSW.
+"""Traces of spectrum analysers: exports of Keysight, Rohde & Schwarz, and Siglent.
+
+Keysight's X series, Rohde & Schwarz's FSV and FSW, Siglent's SSA, which Teledyne sells as T3SA.
 
 Keysight (.csv): lines "key,value", a line DATA, then x and y.
 
@@ -24,11 +26,22 @@ units behind it and "Values;1001;", then x and y; a comma may be the decimal mar
     Values;1001;
     0;-62,1;
 
+Siglent (.csv): lines "key,value", a line "Trace Data", then frequency and level; further traces
+follow below or beside the first.
+
+    Machine Module,T3SA3200
+    Y Axis Unit,dBm
+    Trace Name,Trace A
+    Trace Data
+    1500000.000000,-68.25,,,
+
 A trace over time, in zero span, is a `decay`, tuned to the centre frequency behind the resolution
 bandwidth; one over frequency is a `response` of magnitudes alone. The first trace is read, and of
 detectors that store two values a point the higher one, which is the last column.
 Source: Keysight, "Spectrum Analyzer Mode User's & Programmer's Reference", Trace File Contents;
-Rohde & Schwarz, "FSW User Manual", 1173.9411.02, ASCII File Export Format.
+Rohde & Schwarz, "FSW User Manual", 1173.9411.02, ASCII File Export Format. Siglent
+does not publish its form: it is that of exports in public repositories (T3SA3200, SSA3021X), none
+of which is in zero span.
 """
 
 from collections.abc import Sequence
@@ -45,8 +58,8 @@ from femnl.io.labfiles.levels import is_level, magnitudes
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import decay, quantity, to_si
 
-DATA = "DATA"
-VALUES = "Values"
+LOWEST = 9e3
+"""Lowest frequency [Hz] of Siglent's analysers; what ends below may be a time."""
 KEYS = {
     "center frequency": "frequency",
     "center freq": "frequency",
@@ -56,11 +69,30 @@ KEYS = {
     "x-unit": "x",
     "y axis units": "y",
     "y-unit": "y",
+    "y axis unit": "y",
     "date": "date",
 }
 """What is read of the head, by its key in small letters."""
 LEAST = 3
 """Points without which there is nothing to import."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """How an analyser writes: the mark between cells, and the key of the line before the points.
+
+    level: which of the numbers in a line is the level. x: unit of the axis that it never states.
+    """
+
+    mark: str
+    before: str
+    level: int
+    x: str | None = None
+
+
+KEYSIGHT = Form(",", "DATA", -1)
+ROHDE = Form(";", "Values", -1)
+SIGLENT = Form(",", "Trace Data", 1, "Hz")
 
 
 @dataclass(frozen=True)
@@ -130,40 +162,45 @@ def _response(path: Path, trace: Trace, spec: Spec) -> tuple[xr.Dataset, list[st
 def _trace(path: Path) -> Trace:
     """Return the first trace of a file. Raises: MeasurementError naming the line that is wrong."""
     lines = text_lines(path)
-    mark = ";" if _is_rohde(lines) else ","
-    entries: dict[str, str] = {}
+    form = _form([line.strip().lower() for line in lines]) or KEYSIGHT
+    entries: dict[str, str] = {} if form.x is None else {"x": form.x}
     for at, line in enumerate(lines):
-        key, *cells = (cell.strip() for cell in line.split(mark))
-        if key == DATA or (mark == ";" and key == VALUES):
+        key, *cells = (cell.strip() for cell in line.split(form.mark))
+        if key == form.before:
             count = int(cells[0]) if cells and cells[0].isdigit() else None
-            return Trace(entries, _points(path, lines[at + 1 :], at + 2, mark, count))
+            points = _points(path, lines[at + 1 :], at + 2, form, count)
+            if form is SIGLENT and points[:, 0].max() < LOWEST:
+                raise MeasurementError(
+                    f"{path}: its x axis ends at {points[:, 0].max():g}, below every frequency of "
+                    "the analyser; if that is a time in s, import the table with a TOML"
+                )
+            return Trace(entries, points)
         known = KEYS.get(key.lower())
         if known and cells and cells[0]:
             # A number with its unit, where it has one of its own
             entries.setdefault(known, " ".join(cells[:2]).strip())
-    raise MeasurementError(
-        f"{path}: no line {VALUES if mark == ';' else DATA} before the points; export it again"
-    )
+    raise MeasurementError(f"{path}: no line {form.before} before the points; export it again")
 
 
 def _points(
-    path: Path, lines: Sequence[str], first: int, mark: str, count: int | None
+    path: Path, lines: Sequence[str], first: int, form: Form, count: int | None
 ) -> NDArray[np.float64]:
-    """Return x and the last y of each line, (n, 2), up to a line that is empty."""
+    """Return x and the level of each line, (n, 2), up to one that is empty or of the next trace."""
     rows = []
     for number, line in enumerate(lines[:count], start=first):
-        if not line.strip():
+        cells = [cell.strip() for cell in line.split(form.mark) if cell.strip()]
+        if not cells or cells[0] == "Trace Name":
             break
-        cells = [cell.strip() for cell in line.split(mark) if cell.strip()]
-        texts = [cell.replace(",", ".") for cell in cells] if mark == ";" else cells
+        texts = [cell.replace(",", ".") for cell in cells] if form is ROHDE else cells
         try:
-            rows.append((float(texts[0]), float(texts[-1])))
+            numbers = [float(text) for text in texts]
         except ValueError:
             raise MeasurementError(
                 f"{path}: line {number}: {line.strip()[:30]!r} is no pair of numbers; correct it"
             ) from None
-        if len(texts) < 2:
+        if len(numbers) < 2:
             raise MeasurementError(f"{path}: line {number}: one number, not two; correct it")
+        rows.append((numbers[0], numbers[form.level]))
     if len(rows) < LEAST or (count is not None and len(rows) < count):
         said = "" if count is None else f" of {count}"
         raise MeasurementError(
@@ -172,16 +209,19 @@ def _points(
     return np.array(rows)
 
 
-def _is_rohde(lines: Sequence[str]) -> bool:
-    return bool(lines) and lines[0].lower().startswith("type;")
+def _form(lines: Sequence[str]) -> Form | None:
+    """Return who wrote a file, by its first lines in small letters, None where none of them."""
+    if lines and lines[0].startswith("type;"):
+        return ROHDE
+    if len(lines) > 1 and lines[0].rstrip(",") == "trace" and "sa" in lines[1].split():
+        return KEYSIGHT
+    keys = {line.split(",")[0] for line in lines}
+    return SIGLENT if {"y axis unit", "trace data"} <= keys else None
 
 
 def _recognise(path: Path) -> bool:
     start = head(path).decode("utf-8-sig", "replace")
-    lines = [line.strip().lower() for line in start.splitlines()]
-    if _is_rohde(lines):
-        return True
-    return len(lines) > 1 and lines[0].rstrip(",") == "trace" and "sa" in lines[1].split()
+    return _form([line.strip().lower() for line in start.splitlines()]) is not None
 
 
 FORMAT = Format("analyser trace", _recognise, _read, priority=2)
