@@ -29,7 +29,7 @@ ROHDE = (
 )
 SIGLENT = (
     "Machine Module,T3SA3200\nY Axis Scale,LOG\nY Axis Unit,dBm\nNumber of Points,{count}\n"
-    "Trace Name,Trace A\nTrace Type,Clear Write\nTrace Data\n"
+    "Trace Name,Trace A\nTrace Type,Clear Write\n" + "Setting,1.000000\n" * 40 + "Trace Data\n"
 )
 
 

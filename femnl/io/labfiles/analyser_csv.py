@@ -73,6 +73,7 @@ KEYS = {
     "date": "date",
 }
 """What is read of the head, by its key in small letters."""
+HEAD_BYTES = 4096
 LEAST = 3
 """Points without which there is nothing to import."""
 
@@ -220,7 +221,7 @@ def _form(lines: Sequence[str]) -> Form | None:
 
 
 def _recognise(path: Path) -> bool:
-    start = head(path).decode("utf-8-sig", "replace")
+    start = head(path, HEAD_BYTES).decode("utf-8-sig", "replace")
     return _form([line.strip().lower() for line in start.splitlines()]) is not None
 
 
