@@ -4,10 +4,11 @@ A TOML beside the file says which variable is what, as for text tables.
 
 Version 7.3 is HDF5 behind a 512-byte user block, arrays stored column first, so with their axes
 reversed; complex numbers are a compound of real and imag. Up to version 7 scipy reads the file.
-Only plain numeric arrays are read: cells, structs, objects and functions are refused by name, so
-nothing in a stranger's file is ever constructed. Variables may be columns of equal length, or
-arrays that have the contract's shape. Source: MathWorks, "MAT-File Versions"
-(mathworks.com/help/matlab/import_export/mat-file-versions.html); scipy.io.loadmat.
+Only arrays of numbers are read, those in structs and cells by their path, as `run.demods(2).x`;
+objects and functions are refused by name, so nothing in a stranger's file is ever constructed.
+Variables may be columns of equal length, or arrays that have the contract's shape. Source:
+MathWorks, "MAT-File Versions" (mathworks.com/help/matlab/import_export/mat-file-versions.html);
+scipy.io.loadmat.
 """
 
 from collections.abc import Sequence
@@ -21,6 +22,7 @@ from scipy.io import loadmat, whosmat
 
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import LARGEST, Format, Groups, head, need_size, undamaged
+from femnl.io.labfiles.matlab_fields import Steps, field_5, field_73, need_bounded, split
 from femnl.io.labfiles.named_columns import named, take_columns
 from femnl.io.labfiles.spec import Spec
 from femnl.io.labfiles.tables import to_dataset
@@ -39,6 +41,7 @@ _NUMERIC = (
     "uint64",
     "logical",
 )
+_NESTED = ("struct", "cell")
 _HDF5 = b"MATLAB 7.3"
 
 
@@ -66,12 +69,15 @@ def _column(values: NDArray[Any]) -> NDArray[Any]:
 def _read_5(path: Path, wanted: set[str]) -> dict[str, NDArray[Any]]:
     listed = undamaged(path, "MATLAB file", lambda: whosmat(str(path), appendmat=False))
     listing = {str(name): (shape, str(kind)) for name, shape, kind in listed}
-    names = _allowed(path, wanted, {name: kind for name, (_, kind) in listing.items()})
+    paths = _allowed(path, wanted, {name: kind for name, (_, kind) in listing.items()})
+    names = sorted({root for root, _ in paths.values()})
     if sum(8 * float(np.prod(listing[name][0], dtype=float)) for name in names) > LARGEST:
         raise MeasurementError(
             f"{path}: variables {', '.join(names)} hold more than {LARGEST / 2**30:g} GiB; split "
             "the file"
         )
+    if any(steps for _, steps in paths.values()):
+        need_bounded(path, LARGEST)
     found = undamaged(
         path, "MATLAB file", lambda: loadmat(str(path), appendmat=False, variable_names=names)
     )
@@ -79,14 +85,20 @@ def _read_5(path: Path, wanted: set[str]) -> dict[str, NDArray[Any]]:
         raise MeasurementError(
             f"{path}: variable {lost[0]} is listed but cannot be read; save it again"
         )
-    return {name: np.asarray(found[name]) for name in names}
+    return {
+        name: field_5(np.asarray(found[root]), steps, f"{path}: {name}")
+        for name, (root, steps) in paths.items()
+    }
 
 
 def _read_73(path: Path, wanted: set[str]) -> dict[str, NDArray[Any]]:
     with open_hdf5(path) as file:
         kinds = {name: _kind(file[name]) for name in file if not name.startswith("#")}
-        names = _allowed(path, wanted, kinds)
-        return {name: _plain(file[name][()]).T for name in names}
+        paths = _allowed(path, wanted, kinds)
+        return {
+            name: _plain(field_73(file, root, steps, f"{path}: {name}")).T
+            for name, (root, steps) in paths.items()
+        }
 
 
 def _kind(item: h5py.Dataset | h5py.Group) -> str:
@@ -101,23 +113,29 @@ def _plain(values: NDArray[Any]) -> NDArray[Any]:
     )
 
 
-def _allowed(path: Path, wanted: set[str], kinds: dict[str, str]) -> list[str]:
-    """The wanted variables that are there, all of them numeric.
+def _allowed(path: Path, wanted: set[str], kinds: dict[str, str]) -> dict[str, tuple[str, Steps]]:
+    """Return the wanted names whose variable is there, with it and the steps to its numbers.
 
     Without any wish, nothing can be read.
     """
-    for name in sorted(wanted & kinds.keys()):
-        if kinds[name] not in _NUMERIC:
-            raise MeasurementError(
-                f"{path}: variable {name} is a {kinds[name]}, which is not read; save its "
-                "numbers as a plain array"
+    paths = {name: split(name) for name in sorted(wanted)}
+    there = {name: (root, steps) for name, (root, steps) in paths.items() if root in kinds}
+    for name, (root, steps) in there.items():
+        if kinds[root] not in ((*_NUMERIC, *_NESTED) if steps else _NUMERIC):
+            more = (
+                "name what it holds, as in run.x or run{1}"
+                if kinds[root] in _NESTED
+                else "save its numbers as a plain array"
             )
-    if wanted and not wanted & kinds.keys():
+            raise MeasurementError(
+                f"{path}: variable {name} is a {kinds[root]}, which is not read; {more}"
+            )
+    if wanted and not there:
         raise MeasurementError(
             f"{path}: has none of {', '.join(sorted(wanted))}; it has "
             f"{', '.join(sorted(kinds)[:12]) or 'none'}"
         )
-    return sorted(wanted & kinds.keys())
+    return there
 
 
 FORMAT = Format(
