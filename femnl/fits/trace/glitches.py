@@ -2,6 +2,7 @@
 
 import numpy as np
 import xarray as xr
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
@@ -12,6 +13,8 @@ from femnl.io.measurement import estimate_noise
 
 ROUNDS = 4
 """Times that a record is decomposed without the glitches found so far."""
+AROUND = 7
+"""Samples of about one phase, whose median a sample is compared with."""
 CLEAR = 0.1
 """Relative difference of the noise that the spectra show and the stated one that is told."""
 
@@ -25,8 +28,9 @@ LeftOut = tuple[tuple[str, float], ...]
 def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, LeftOut]:
     """Return traces whose glitches are missing samples, and what was left out.
 
-    A glitch is a sample that stands out from the least squares of all harmonics by more than
-    chance allows, in units of the median scatter; at most `MOST_GLITCHES` of a record.
+    A glitch is a sample that stands out from the least squares of all harmonics, and from the
+    samples of about its phase, by more than chance allows, in units of the median scatter; at most
+    `MOST_GLITCHES` of a record.
     """
     if "drive_frequency" not in traces:
         return traces, ()
@@ -36,11 +40,12 @@ def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, 
     for step, frequency in enumerate(traces["drive_frequency"].values.astype(float)):
         row = voltage[step]
         columns = design(time, float(frequency), n_harmonics)
+        order = np.argsort(float(frequency) * time % 1.0, kind="stable")
         used = np.isfinite(row)
         kept = used.copy()
         for _ in range(ROUNDS):
             solved, *_ = np.linalg.lstsq(columns[kept], row[kept], rcond=None)
-            left = np.where(used, row - columns @ solved, 0.0)
+            left = np.where(used, _beside_phase(row - columns @ solved, order[used[order]]), 0.0)
             scatter = 1.4826 * float(np.median(np.abs(left[kept])))
             away = np.abs(left) / max(scatter, 1e-300)
             fresh = used & (away <= outlier_limit(away[used]))
@@ -56,6 +61,21 @@ def without_glitches(traces: xr.Dataset, n_harmonics: int) -> tuple[xr.Dataset, 
             ]
     cleared = traces.assign(voltage=(traces["voltage"].dims, voltage))
     return cleared, tuple(sorted(told, key=lambda one: -one[1]))
+
+
+def _beside_phase(left: Array, order: NDArray[np.intp]) -> Array:
+    """Return residuals (n,) less what recurs in each period: what harmonics beyond the last leave.
+
+    A clipped signal leaves much at its corners, and a glitch would not stand out from that.
+
+    Args: order: the samples that are there, by their phase.
+    """
+    half = AROUND // 2
+    around = sliding_window_view(np.pad(left[order], half, mode="wrap"), AROUND)
+    found = left.copy()
+    # Without the sample itself: it would be the median of one record in so many
+    found[order] -= np.median(np.delete(around, half, axis=1), axis=1)
+    return found
 
 
 def found_factor(traces: xr.Dataset, left: Array, degrees: NDArray[np.int64]) -> float:

@@ -49,13 +49,17 @@ def _field(bench: Any, rng: np.random.Generator) -> Array:
 
 
 def _wander(bench: Any, rng: np.random.Generator) -> Array:
-    """Let the frequency wander and jump on its own, in the order of acquisition."""
+    """Let the frequency wander and jump on its own, in the order of acquisition, but not drift.
+
+    What it drifts on the whole is taken off: a drift is a cause of the library.
+    """
     steps = rng.standard_normal(bench.n)
     steps[rng.choice(bench.n, 2, replace=False)] *= 4
     walk = np.cumsum(steps)
     order = np.argsort(bench.control["time"]) if "time" in bench.control else np.arange(bench.n)
+    place = np.arange(bench.n) if "time" not in bench.control else bench.control["time"][order]
     found = np.zeros(bench.n)
-    found[order] = walk - walk.mean()
+    found[order] = walk - np.polyval(np.polyfit(place, walk, 1), place)
     return found
 
 
