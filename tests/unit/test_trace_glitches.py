@@ -30,7 +30,7 @@ def test_glitches_are_found_beside_corners_that_no_harmonic_follows(limit: float
     dataset["voltage"].values[0, places] += NOISE * sizes
     cleared, told = without_glitches(dataset, HARMONICS)
     assert np.flatnonzero(np.isnan(cleared["voltage"].values[0])).tolist() == places
-    found = {where: away for where, away in told}
+    found = dict(told)
     assert found[f"step 1, t = {TIME[141]:.6g} s"] == pytest.approx(900, rel=0.2)
 
 
