@@ -163,15 +163,15 @@ def _table(rng: np.random.Generator, folder: Path) -> list[str]:
     (folder / "t.csv").write_bytes(content)
     wanted = heads if rng.random() < 0.5 else [word(rng) for _ in range(3)]
     keys = ("frequency", "real", "imag")
-    quoted = [f"{key} = {_toml(value)}" for key, value in zip(keys, wanted, strict=True)]
-    extra = f"title = {_toml(word(rng))}\n" if rng.random() < 0.5 else ""
+    quoted = [f"{key} = {in_quotes(value)}" for key, value in zip(keys, wanted, strict=True)]
+    extra = f"title = {in_quotes(word(rng))}\n" if rng.random() < 0.5 else ""
     spec = f'kind = "response"\n{extra}[columns]\n' + "\n".join(quoted) + "\n"
     (folder / "t.toml").write_text(spec, encoding="utf-8")
     name = _renamed(rng, folder / "t.csv")
     return pick(rng, [["import", name, "o.nc", "--spec", "t.toml"], ["fit", name, "--out", "o"]])
 
 
-def _toml(text: str) -> str:
+def in_quotes(text: str) -> str:
     """Return a text as TOML writes it."""
     signs = (f"\\U{ord(sign):08x}" if sign in '"\\' or ord(sign) < 32 else sign for sign in text)
     return '"' + "".join(signs).replace("\x7f", "\\U0000007f") + '"'
@@ -180,17 +180,19 @@ def _toml(text: str) -> str:
 def _device(rng: np.random.Generator, folder: Path) -> list[str]:
     """Put hostile texts into a geometry, a sweep or a study."""
     keys = ('"drum"', '"circle"', '"100 um"', '"250 GPa"', "thickness")
-    text = FILM.replace(str(pick(rng, list(keys))), _toml(word(rng)))
+    text = FILM.replace(str(pick(rng, list(keys))), in_quotes(word(rng)))
     if rng.random() < 0.3:
-        text += f"source = {_toml(word(rng))}\n"
+        text += f"source = {in_quotes(word(rng))}\n"
     drum(folder, text)
     if rng.random() < 0.4:
-        axis = f'geometry = "drum.toml"\n[[axis]]\n{_toml(word(rng))} = [{_toml(word(rng))}]\n'
+        axis = (
+            f'geometry = "drum.toml"\n[[axis]]\n{in_quotes(word(rng))} = [{in_quotes(word(rng))}]\n'
+        )
         (folder / "s.toml").write_text(axis, encoding="utf-8")
         return ["sweep", "s.toml", "--workers", "1", "--estimate"]
     if rng.random() < 0.3:
-        study = f"name = {_toml(word(rng))}\n[[device]]\nname = {_toml(word(rng))}\n"
-        study += f"[[device.modes]]\nfrequency = {_toml(word(rng))}\n"
+        study = f"name = {in_quotes(word(rng))}\n[[device]]\nname = {in_quotes(word(rng))}\n"
+        study += f"[[device.modes]]\nfrequency = {in_quotes(word(rng))}\n"
         (folder / "c.toml").write_text(study, encoding="utf-8")
         return ["chip", "c.toml"]
     name = _renamed(rng, folder / "drum.toml")
