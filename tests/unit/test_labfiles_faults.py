@@ -67,6 +67,19 @@ def _daq(file: h5py.File) -> None:
     file["000/dev1/demods/0/sample.x/timestamp"] = [1, 2]
 
 
+def _daq_without_values(file: h5py.File) -> None:
+    file["000/dev1/demods/0/sample.x/value"] = np.empty(0)
+    file["000/dev1/demods/0/sample.x/timestamp"] = np.empty(0)
+
+
+def _without_names(path: Path) -> None:
+    """Write no array, and damage where HDF5 would keep its name."""
+    h5py.File(path, "w").close()
+    content = path.read_bytes()
+    assert content.count(b"HEAP") == 1
+    path.write_bytes(content.replace(b"HEAP", b"HEAR"))
+
+
 CASES: dict[str, tuple[str, Make, str]] = {
     "no spec": (
         "a.csv",
@@ -239,6 +252,12 @@ CASES: dict[str, tuple[str, Make, str]] = {
         _hdf5(_daq),
         'give it in the TOML, e.g. clockbase = "60 MHz"',
     ),
+    "daq without values": (
+        "a.h5",
+        _hdf5(_daq_without_values, Spec(kind="trace", clockbase="60 MHz")),
+        ": dev1/demods/0/sample.x has a chunk without a value; record it again",
+    ),
+    "hdf5 without names": ("a.h5", _without_names, "damaged (Object visitation failed"),
     "unknown": (
         "a.xyz",
         _bytes(b"hello", None),

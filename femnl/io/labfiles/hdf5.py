@@ -20,6 +20,7 @@ from femnl.io.labfiles.base import Format, Groups, head
 from femnl.io.labfiles.columns import one_table
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import open_hdf5
+from femnl.io.measurement.files import whole
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 LOG = "Data/Data"
@@ -48,7 +49,7 @@ def _table(path: Path) -> Table:
         if isinstance(item, h5py.Dataset) and item.shape and item.dtype.kind in "iufc":
             found[name] = np.asarray(item[()])
 
-    with open_hdf5(path) as file:
+    with open_hdf5(path) as file, whole(path):
         file.visititems(collect)
         if LOG in found and CHANNELS in file:
             found |= _channels(path, found.pop(LOG), file[CHANNELS][()])

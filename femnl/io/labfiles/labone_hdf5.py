@@ -30,6 +30,7 @@ from femnl.io.labfiles.hdf5 import SIGNATURE
 from femnl.io.labfiles.labone_csv import sweep_of
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import open_hdf5, quantity, trace
+from femnl.io.measurement.files import whole
 
 Fields = dict[str, NDArray[np.float64]]
 
@@ -58,19 +59,23 @@ def _fields(group: h5py.Group) -> Fields:
     return {name: np.asarray(item[()], dtype=float).reshape(-1) for name, item in found.items()}
 
 
+def _records(path: Path) -> list[tuple[str, str, Fields]]:
+    """Chunk, node path and arrays of every demodulator record of a file."""
+    with open_hdf5(path) as file, whole(path):
+        return [(chunk, name, _fields(group)) for chunk, name, group in _nodes(file)]
+
+
 def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
     sweeps: dict[str, list[Sweep]] = {}
     signals: dict[str, list[Fields]] = {}
     for path in paths:
-        with open_hdf5(path) as file:
-            for chunk, name, group in _nodes(file):
-                fields = _fields(group)
-                if "value" in fields:
-                    signals.setdefault(name, []).append(fields)
-                elif "grid" in fields or "frequency" in fields:
-                    sweeps.setdefault(name, []).append(
-                        sweep_of(fields, spec, f"{path}: /{chunk}/{name}")
-                    )
+        for chunk, name, fields in _records(path):
+            if "value" in fields:
+                signals.setdefault(name, []).append(fields)
+            elif "grid" in fields or "frequency" in fields:
+                sweeps.setdefault(name, []).append(
+                    sweep_of(fields, spec, f"{path}: /{chunk}/{name}")
+                )
     where = str(paths[0])
     groups: Groups = {}
     notes: list[str] = []
@@ -117,6 +122,8 @@ def _signal(
     rate, _ = quantity(spec.clockbase, "Hz", f"{where}: clockbase")
     chunks = signals[chosen[0]]
     length = min(fields["value"].size for fields in chunks)
+    if length == 0:
+        raise MeasurementError(f"{where}: {chosen[0]} has a chunk without a value; record it again")
     cut = sum(fields["value"].size > length for fields in chunks)
     notes = (
         [f"{where}: {cut} of {len(chunks)} chunks cut to the {length} samples of the shortest"]

@@ -27,6 +27,7 @@ from femnl.io.labfiles.named_columns import named, take_columns
 from femnl.io.labfiles.spec import Spec
 from femnl.io.labfiles.tables import to_dataset
 from femnl.io.measurement import open_hdf5
+from femnl.io.measurement.files import whole
 
 _NUMERIC = (
     "double",
@@ -92,7 +93,7 @@ def _read_5(path: Path, wanted: set[str]) -> dict[str, NDArray[Any]]:
 
 
 def _read_73(path: Path, wanted: set[str]) -> dict[str, NDArray[Any]]:
-    with open_hdf5(path) as file:
+    with open_hdf5(path) as file, whole(path):
         kinds = {name: _kind(file[name]) for name in file if not name.startswith("#")}
         paths = _allowed(path, wanted, kinds)
         return {
