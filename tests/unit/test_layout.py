@@ -214,6 +214,11 @@ FAULTS: dict[str, tuple[list[Any], str, str]] = {
         "film=1/0",
         "the film falls into 2 pieces: 100 um² at",
     ),
+    "line as an area": (
+        [from_points([(0, 0), (50, 0), (50, 0), (0, 0)])],
+        "film=1/0",
+        "film, release and holes leave no film; check the layers",
+    ),
     "empty layer": (
         [box(10, 10)],
         "film=7/0",

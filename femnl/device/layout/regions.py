@@ -100,7 +100,7 @@ def merged(polygons: Sequence[Array], grid: float) -> tuple[list[Drawn], Counter
     found = []
     known: dict[bytes, tuple[Loop, Counter[str]]] = {}
     for shape in _joined(np.array(whole, dtype=object)):
-        if shape.geom_type != "Polygon":
+        if shape.is_empty or shape.geom_type != "Polygon":  # a line that was drawn as an area
             continue
         faults += _small_features(shape, grid)
         loops = []
