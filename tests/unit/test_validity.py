@@ -8,6 +8,7 @@ from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.resources import shipped
 from femnl.device.geometry import load, parse
 from femnl.device.geometry.validity import THINNEST, narrowest
+from femnl.device.mesh import mesh
 from femnl.mechanics.static_deflection import solve_static_deflection
 from femnl.mechanics.static_deflection.shallow import SHALLOW, foreseen_depth, refuse_deep
 from femnl.pipeline import solve_modes
@@ -47,6 +48,29 @@ def test_a_thin_film_is_taken_up_to_the_limit() -> None:
     for name, _ in shipped():
         device = load(name)
         assert narrowest(device.outline) > 10 * THINNEST * device.film.thickness
+
+
+HOLE = '[holes]\nlattice = "list"\ncentres = [["1 um", "2 um"]]\n{size}\n'
+DETAILS = {
+    "a hole of 9.98e-10 m": HOLE.format(size='radius = "0.499 nm"'),
+    "a hole of 9.8e-10 m": HOLE.format(size='semi_axes = ["0.49 nm", "0.2 nm"]'),
+    "a strip of 9.9e-10 m": '[overhang]\nwidth = "0.99 nm"\n',
+}
+
+
+@pytest.mark.parametrize("told", DETAILS)
+def test_a_detail_that_no_mesh_follows_is_refused(told: str) -> None:
+    text = FILM.format(thickness="10 nm", outline=SQUARE)
+    with pytest.raises(GeometryError, match=f"{told} in a film of 0.0001 m is finer than 1e-05"):
+        parse(text + DETAILS[told])
+
+
+@pytest.mark.slow
+def test_the_finest_detail_that_is_taken_is_meshed() -> None:
+    device = parse(
+        FILM.format(thickness="10 nm", outline=SQUARE) + HOLE.format(size='radius = "0.51 nm"')
+    )
+    assert mesh(device, resolution=0.3).mesh.nelements > 1000
 
 
 def test_the_narrowest_width_is_that_across_a_film_that_lies_askew() -> None:

@@ -21,7 +21,7 @@ from femnl.device.geometry.openings import Openings, joined, openings, refuse_mi
 from femnl.device.geometry.outlines import OutlineTable
 from femnl.device.geometry.quantities import LENGTH, Depth, Length, refusal, to_si
 from femnl.device.geometry.tables import Table, show
-from femnl.device.geometry.validity import refuse_thick
+from femnl.device.geometry.validity import refuse_fine, refuse_thick
 from femnl.device.geometry.webs import Web
 
 Thickness = float | Literal["film", "gap"] | None
@@ -226,6 +226,7 @@ class GeometryFile(Table):
             if self.overhang is not None
             else None
         )
+        refuse_fine(outline, holes, others, overhang)
         if self.overhang is not None and self.layers:
             raise GeometryError(
                 "[layers] and [overhang] are not modelled together; leave one of them out"

@@ -2,14 +2,18 @@
 
 import numpy as np
 
-from femnl.core.device import Film
+from femnl.core.device import Film, Overhang
 from femnl.core.errors import GeometryError
-from femnl.core.outline import Outline
+from femnl.core.outline import Holes, Outline
 from femnl.device.geometry import curves
 
 THINNEST = 20.0
 """Width over thickness from which on a film is thin. Below, the shear that Kirchhoff's plate leaves
 out changes frequencies by more than 1 %: Mindlin's plate, simply supported, by 3.4 (h/L)².
+"""
+FINEST = 1e-5
+"""Least detail of a film over its length: a mesh that follows it along the whole edge is no larger
+than a few million pieces, and the mesher tells places down to 1e-8 apart.
 """
 DIRECTIONS = 180
 """Directions in which the width of an outline is measured."""
@@ -27,6 +31,28 @@ def refuse_thick(outline: Outline, film: Film) -> None:
             f"[film] thickness = {film.thickness:.4g} m: the film is {width:.4g} m wide, and thin "
             f"films are at least {THINNEST:g} times as wide as thick; else shear, which femnl "
             "leaves out, counts by more than 1 %"
+        )
+
+
+def refuse_fine(
+    outline: Outline, holes: Holes, openings: tuple[Outline, ...], overhang: Overhang | None
+) -> None:
+    """Refuse holes and overhangs that no mesh of the film can follow.
+
+    Raises: GeometryError.
+    """
+    details = [(opening.length, "[holes]: a hole") for opening in openings]
+    if len(holes.centres):
+        details.append((2 * holes.radius, "[holes] radius: a hole"))
+    if overhang is not None:
+        details.append((overhang.width, "[overhang] width: a strip"))
+    if not details:
+        return
+    size, what = min(details)
+    if size < FINEST * outline.length:
+        raise GeometryError(
+            f"{what} of {size:.4g} m in a film of {outline.length:.4g} m is finer than "
+            f"{FINEST:g} of its length, which no mesh follows; leave it out, or make it larger"
         )
 
 
