@@ -2,6 +2,7 @@
 
 import csv
 from collections import defaultdict
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from femnl.chip.members import Member, Number
 from femnl.chip.schema import Table
 from femnl.core.errors import ParameterError, one_line
+from femnl.core.toml import read_text
 
 
 class Readings:
@@ -50,12 +52,15 @@ def median_of(readings: list[tuple[float, float]]) -> Number:
 def read_table(path: Path, table: Table, measured: dict[str, Readings]) -> None:
     """Take the rows of a table that are of this chip."""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file)
-            head = list(reader.fieldnames or [])
-            rows = list(enumerate(reader, 2))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ParameterError(one_line(f"{path}: cannot be read ({error})")) from None
+        reader = csv.DictReader(StringIO(read_text(path)))
+        head = list(reader.fieldnames or [])
+        rows = list(enumerate(reader, 2))
+    except OSError as error:
+        raise ParameterError(
+            one_line(f"{path}: cannot be read ({error.strerror}); check table.file")
+        ) from None
+    except (ValueError, csv.Error) as error:
+        raise ParameterError(one_line(f"{path}: is no table of text ({error})")) from None
     repeated = sorted({name for name in head if head.count(name) > 1})
     if repeated:
         raise ParameterError(

@@ -1,4 +1,4 @@
-"""TOML of strangers: of bounded size and depth, from regular files only."""
+"""TOML and other text of strangers: of bounded size and depth, from regular files only."""
 
 import tomllib
 from collections.abc import Mapping

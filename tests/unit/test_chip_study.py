@@ -11,7 +11,7 @@ from femnl.chip import fit_chip, read_chip
 from femnl.chip.fit import entries_of
 from femnl.chip.readings import median_of
 from femnl.cli._main import run
-from femnl.core.errors import FemnlError
+from femnl.core.errors import FemnlError, ParameterError
 from femnl.io import measurement
 
 SEED = 20261124
@@ -147,6 +147,28 @@ def test_a_study_that_cannot_be_used_gets_one_line(
 ) -> None:
     with pytest.raises(FemnlError) as error:
         read_chip(study(tmp_path, text, rows))
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ("none.csv", "none.csv: cannot be read (No such file or directory); check table.file"),
+        (".", "cannot be read (not a regular file); check table.file"),
+        ("/dev/zero", "/dev/zero: cannot be read (not a regular file); check table.file"),
+        ("vast.csv", "vast.csv: is no table of text (16 MiB, and such a file has at most 16)"),
+        ("bytes.csv", "bytes.csv: is no table of text ('utf-8' codec can't decode"),
+    ],
+)
+def test_a_table_that_is_no_file_of_text_gets_one_line(
+    place: str, words: str, tmp_path: Path
+) -> None:
+    (tmp_path / "bytes.csv").write_bytes(b"device,frequency\n\xff,1\n")
+    with (tmp_path / "vast.csv").open("wb") as file:
+        file.truncate(2**24 + 1)
+    with pytest.raises(ParameterError) as error:
+        read_chip(study(tmp_path, STUDY.replace("table.csv", place)))
     assert words in str(error.value)
     assert "\n" not in str(error.value)
 
