@@ -148,7 +148,7 @@ def _app(words: list[str]) -> typer.Typer:
 
 def _group(module: ModuleType) -> typer.Typer:
     """The commands under one name, such as femnl geometry check."""
-    group = typer.Typer(help=module.command.__doc__, rich_markup_mode=None, no_args_is_help=True)
+    group = typer.Typer(help=module.command.__doc__, rich_markup_mode=None)
     for name, command in module.COMMANDS.items():
         group.command(name)(_with_format(command))
     return group

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from femnl.core.device import Lamina
+    from femnl.core.device import Lamina, Model
     from femnl.core.mechanics import Modes, Nonlinearity
     from femnl.mechanics.modes.quality import Quality
     from femnl.mechanics.nonlinearity import Inertia
@@ -43,6 +43,22 @@ class Wishes:
     def any(self) -> bool:
         """Whether they ask for anything."""
         return self.inertia or self.bow is not None or self.dilution or self.quality
+
+    def refuse(self, model: Model) -> None:
+        """Refuse what a device does not have, before its modes are solved.
+
+        Raises: ParameterError.
+        """
+        from femnl.mechanics.modes.dilution import refuse_without_bending
+        from femnl.mechanics.modes.quality import refuse_unknown_loss
+        from femnl.mechanics.static_deflection import refuse_rest
+
+        if self.bow is not None:
+            refuse_rest(model, *self.bow)
+        if self.dilution:
+            refuse_without_bending(model)
+        if self.quality:
+            refuse_unknown_loss(model)
 
 
 @dataclass(frozen=True)

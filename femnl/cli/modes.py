@@ -129,6 +129,7 @@ def command(
     wishes = _wishes(inertia, bow, dilution, quality, pressure)
     target = None if near is None else frequency_of(near)
     model = load_device(geometry, bending, edge)
+    wishes.refuse(model)
     meshed = (tolerance, tolerance_of, resolution, symmetry) != (None, None, 1.0, "auto")
     if homogenised:
         _refuse_for_an_even_film(meshed, wishes, target)

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from femnl.core.device import Model
 from femnl.core.discretisation_error import remainder
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import STEADY, Modes
@@ -76,6 +77,14 @@ def bending_shares(modes: Modes) -> Array:
     return np.asarray(bending_share(modes) * energy / energy.sum(axis=0))
 
 
+def refuse_without_bending(model: Model) -> None:
+    """Refuse a film whose motion loses nothing. Raises: ParameterError."""
+    if not model.bending:
+        raise ParameterError(
+            f"{model.name}: bending = false leaves nothing that loses energy; set bending = true"
+        )
+
+
 def dilution(modes: Modes) -> tuple[Array, Array]:
     """Dissipation dilution Q/Q_bend of each mode.
 
@@ -92,11 +101,7 @@ def dilution(modes: Modes) -> tuple[Array, Array]:
     Source: Yu, Purdy and Regal, Phys. Rev. Lett. 108, 083603 (2012); held against clamped circular
         plates by tests/physics/test_dilution.py and validation case `dissipation_dilution`.
     """
-    if not modes.domain.model.bending:
-        raise ParameterError(
-            f"{modes.domain.model.name}: bending = false leaves nothing that loses energy; set "
-            "bending = true"
-        )
+    refuse_without_bending(modes.domain.model)
     shares = [bending_share(grade) for grade in modes.grades]
     error = (
         remainder(shares[:3], shares[0], STEADY)

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.arrays import freeze
+from femnl.core.device import Model
 from femnl.core.discretisation_error import remainder
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import STEADY, Modes
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.gas import free_molecular_loss
-from femnl.mechanics.modes.dilution import bending_shares, dilution
+from femnl.mechanics.modes.dilution import bending_shares, dilution, refuse_without_bending
 from femnl.mechanics.modes.operators import mass_matrix
 
 Array = NDArray[np.float64]
@@ -63,18 +64,7 @@ def solve_quality(modes: Modes, pressure: float = 0.0) -> Quality:
     """
     model = modes.domain.model
     film = model.film
-    for number, lamina in enumerate(model.layers, start=1):
-        if lamina.quality is None:
-            raise ParameterError(
-                f"{model.name}: [layers] {number} {lamina.name}: Q needs its quality_factor; write "
-                "that of its material as it bends, or ask for the dissipation dilution alone"
-            )
-    uneven = film.taper > 0 or any(film.gradient)
-    if uneven or (model.overhang is not None and model.overhang.film != film):
-        raise ParameterError(
-            f"{model.name}: Q_int depends on the thickness, and this film is uneven; ask for its "
-            "dissipation dilution alone"
-        )
+    refuse_unknown_loss(model)
     if not 0 <= pressure < np.inf:
         raise ParameterError(f"pressure = {pressure:g} Pa: expected 0 or more")
     factor, error = dilution(modes)
@@ -99,6 +89,28 @@ def solve_quality(modes: Modes, pressure: float = 0.0) -> Quality:
             error,
             1 / gas,
             own / own.sum(axis=0),
+        )
+
+
+def refuse_unknown_loss(model: Model) -> None:
+    """Refuse a device whose Q the file leaves open, before modes are solved for it.
+
+    Raises: ParameterError for an uneven film, one without bending, and a layer without a quality
+    factor.
+    """
+    refuse_without_bending(model)
+    film = model.film
+    for number, lamina in enumerate(model.layers, start=1):
+        if lamina.quality is None:
+            raise ParameterError(
+                f"{model.name}: [layers] {number} {lamina.name}: Q needs its quality_factor; write "
+                "that of its material as it bends, or ask for the dissipation dilution alone"
+            )
+    uneven = film.taper > 0 or any(film.gradient)
+    if uneven or (model.overhang is not None and model.overhang.film != film):
+        raise ParameterError(
+            f"{model.name}: Q_int depends on the thickness, and this film is uneven; ask for its "
+            "dissipation dilution alone"
         )
 
 

@@ -100,22 +100,7 @@ def solve_static_deflection(
         (1979), section 4.1. Held against sine series and Newton's method by
         tests/physics/test_bow.py and validation case `bowed_film`.
     """
-    if depth is not None and pressure is not None:
-        raise ParameterError("bow: give either its depth in m or a pressure in Pa")
-    if depth is None:
-        _refuse_layers_that_end(modes.domain.model, pressure)
-    if not np.isfinite(depth if depth is not None else pressure or 0.0):
-        raise ParameterError(
-            f"bow: expected a finite number, found {depth if depth is not None else pressure}"
-        )
-    length = modes.domain.model.outline.length
-    if depth is not None and abs(depth) > SHALLOW * length:
-        raise ParameterError(
-            f"bow: depth = {depth:g} m of a film of {length:g} m is not shallow; expected at "
-            f"most {SHALLOW:g} of that"
-        )
-    if pressure is not None:
-        refuse_deep(foreseen_depth(modes.domain.model, pressure), length, pressure, FORESEEN)
+    refuse_rest(modes.domain.model, depth, pressure)
     if pressure is not None and not stressed:
         raise ParameterError(
             "bow: a pressure stretches the film; stressed = False goes with a depth"
@@ -133,7 +118,7 @@ def solve_static_deflection(
     grades = [_bend(m, edge, depth, pressure, shape, stressed) for m in modes.grades]
     found = grades[0]
     if pressure is not None:
-        refuse_deep(found.depth, length, pressure)
+        refuse_deep(found.depth, modes.domain.model.outline.length, pressure)
     peak = modes.peak_error
     bow = peak[shape] if depth is not None else 0.0
 
@@ -168,6 +153,29 @@ def solve_static_deflection(
         error("k3", 4, 0),
         error("alpha", 2, 0),
     )
+
+
+def refuse_rest(model: Model, depth: float | None, pressure: float | None) -> None:
+    """Refuse a bow that `solve_static_deflection` does not model, before modes are solved for it.
+
+    Args: as of `solve_static_deflection`. Raises: ParameterError.
+    """
+    if depth is not None and pressure is not None:
+        raise ParameterError("bow: give either its depth in m or a pressure in Pa")
+    if depth is None:
+        _refuse_layers_that_end(model, pressure)
+    if not np.isfinite(depth if depth is not None else pressure or 0.0):
+        raise ParameterError(
+            f"bow: expected a finite number, found {depth if depth is not None else pressure}"
+        )
+    length = model.outline.length
+    if depth is not None and abs(depth) > SHALLOW * length:
+        raise ParameterError(
+            f"bow: depth = {depth:g} m of a film of {length:g} m is not shallow; expected at "
+            f"most {SHALLOW:g} of that"
+        )
+    if pressure is not None:
+        refuse_deep(foreseen_depth(model, pressure), length, pressure, FORESEEN)
 
 
 def _refuse_layers_that_end(model: Model, pressure: float | None) -> None:
