@@ -217,7 +217,7 @@ FAULTS: dict[str, tuple[list[Any], str, str]] = {
     "line as an area": (
         [from_points([(0, 0), (50, 0), (50, 0), (0, 0)])],
         "film=1/0",
-        "film, release and holes leave no film; check the layers",
+        "film encloses no area; draw it as a closed curve",
     ),
     "empty layer": (
         [box(10, 10)],

@@ -163,6 +163,8 @@ def _film(regions: dict[str, list[Drawn]]) -> tuple[Loop, list[Placed]]:
     for region in regions["film"]:
         steps.append(("add", replace(region.outer, clamped=held).there))
         inner += [replace(placed, clamped=False) for placed in region.inner]
+    if not steps:
+        raise GeometryError("film encloses no area; draw it as a closed curve")
     if release:
         steps.append(("intersect", _window(release).there))
     steps += [("subtract", region.outer.there) for region in frame]
