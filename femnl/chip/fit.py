@@ -99,7 +99,7 @@ def entries_of(chip: Chip, numbers: Mapping[str, Mapping[str, Number]]) -> Entri
         group=np.array([group_number[m.design, mode] for m, mode in rows], int),
         place=np.array(places, float).reshape(-1, 2),
     )
-    return Entries(values, tuple(rows), tuple(groups))
+    return Entries(values.bounded(), tuple(rows), tuple(groups))
 
 
 def _quantity(name: str, unit: str, entries: Entries, cleaned: Cleaned) -> Quantity:

@@ -12,6 +12,7 @@ from femnl.chip.members import Member, Number
 from femnl.chip.schema import Table
 from femnl.core.errors import ParameterError, one_line
 from femnl.core.toml import read_text
+from femnl.io.measurement.check import LEAST, MOST
 
 
 class Readings:
@@ -112,6 +113,16 @@ def _positive(text: str, where: str, column: str) -> float:
     value = finite(text, where, column)
     if value <= 0:
         raise ParameterError(f"{where}: {column}: {value:g} is not above zero")
+    return measurable(value, f"{where}: {column}")
+
+
+def measurable(value: float, where: str) -> float:
+    """Return a number that is above zero, or a standard deviation, if a laboratory can have it."""
+    if value > MOST or 0 < value < LEAST:
+        raise ParameterError(
+            f"{where}: value {value:g} is beyond any measurement ({LEAST:g} to {MOST:g}); check "
+            "its unit"
+        )
     return value
 
 

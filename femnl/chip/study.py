@@ -8,7 +8,7 @@ import numpy as np
 
 from femnl.chip.measured import measured
 from femnl.chip.members import Chip, Member
-from femnl.chip.readings import Readings, finite, read_table
+from femnl.chip.readings import Readings, finite, measurable, read_table
 from femnl.chip.schema import Device, Positions, parse
 from femnl.core.errors import ParameterError, one_line
 from femnl.io.measurement.units import quantity
@@ -77,12 +77,16 @@ def _read_device(path: Path, device: Device, readings: Readings) -> None:
             raise ParameterError(f"{where}: frequency: {frequency:g} Hz is not above zero")
         if sd < 0:
             raise ParameterError(f"{where}: frequency_sd: {sd:g} Hz is below zero")
+        measurable(frequency, f"{where}: frequency")
+        measurable(sd, f"{where}: frequency_sd")
         readings.frequency[mode.mode].append((frequency, sd))
         if mode.quality_factor is not None:
             if not mode.quality_factor > 0:
                 raise ParameterError(f"{where}: quality_factor: it is not above zero")
             if mode.quality_factor_sd < 0:
                 raise ParameterError(f"{where}: quality_factor_sd: it is below zero")
+            measurable(mode.quality_factor, f"{where}: quality_factor")
+            measurable(mode.quality_factor_sd, f"{where}: quality_factor_sd")
             readings.quality[mode.mode].append((mode.quality_factor, mode.quality_factor_sd))
     if device.measurement is not None:
         _read_measurement(path.parent / device.measurement, readings)

@@ -1,6 +1,6 @@
 """The numbers of one quantity of a chip."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,12 @@ Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 LEAST_SD = 1e-7
 """Least relative standard deviation of a measured number: no counter of a laboratory is better."""
+
+LEAST_SHARE = 1e-5
+"""Least standard deviation of a measured number, over what devices of one group differ by.
+
+Less changes nothing, and is rounded away where a device far off has it beside the rest of its film.
+"""
 
 
 @dataclass(frozen=True)
@@ -27,6 +33,10 @@ class Values:
     device: Integers
     group: Integers
     place: Array
+
+    def bounded(self) -> "Values":
+        """Return the values with no error that is lost beside what devices differ by."""
+        return replace(self, sd=np.maximum(self.sd, LEAST_SHARE * self.unit))
 
     def without(self, devices: frozenset[int]) -> "Values":
         """Return the entries of all other devices."""

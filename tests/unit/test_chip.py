@@ -18,7 +18,7 @@ from femnl.chip.hierarchy import MEAN_SD, hierarchy
 from femnl.chip.members import Chip, Member, Number
 from femnl.chip.mixture import Mixture
 from femnl.chip.outliers import _log_posterior, clean, log_anywhere
-from femnl.chip.values import Values
+from femnl.chip.values import LEAST_SD, Values
 from femnl.chip.words import chance
 from femnl.core.errors import FemnlError
 from femnl.report.chip import write_chip
@@ -216,6 +216,23 @@ def test_the_joint_density_of_a_device_is_that_of_a_normal_distribution() -> Non
     weights = np.log(np.maximum(model.weights, 1e-300))
     expected = logsumexp(weights + np.array(each))
     assert model.log_density(v.only(own), wider) == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_device_beyond_all_proportion_is_an_outlier_and_no_singular_matrix() -> None:
+    v = values(modes=3)
+    far = replace(v, y=np.where(v.device == 3, 138.0, 11.0), sd=np.full(len(v.y), LEAST_SD))
+    assert set(clean(far.bounded()).outliers) == {3}
+
+
+@pytest.mark.parametrize("share", [1e-5, 1e-4])
+def test_an_error_that_is_lost_beside_the_scatter_changes_nothing(share: float) -> None:
+    v = values(modes=2)
+    exact = hierarchy(replace(v, sd=np.full(len(v.y), LEAST_SD)))
+    bounded = hierarchy(replace(v, sd=np.full(len(v.y), share * v.unit)))
+    assert bounded.log_evidence == pytest.approx(exact.log_evidence, abs=1e-4)
+    np.testing.assert_allclose(
+        bounded.left_out.mean, exact.left_out.mean, rtol=0, atol=1e-5 * v.unit
+    )
 
 
 def test_the_density_of_an_outlier_has_the_integral_one() -> None:

@@ -137,6 +137,13 @@ def test_the_command_writes_a_page_numbers_and_a_table(
             None,
             "quality_factor_sd: it is below zero",
         ),
+        (STUDY + device("1e31"), None, "frequency: value 1e+31 is beyond any measurement"),
+        (
+            STUDY + device("1e6, quality_factor = 1e300"),
+            None,
+            "quality_factor: value 1e+300 is beyond any measurement",
+        ),
+        (STUDY, HEAD + "A-11,1,1e-300,1e6\n", "line 2: frequency: value 1e-300 is beyond any"),
         (STUDY, "device,frequency,frequency\nA-11,1e6,2e6\n", "two columns 'frequency'"),
         (STUDY, HEAD + "A-11,1,1e6\n", "line 2: has not as many fields as the head (4)"),
         (STUDY, HEAD + "A-11,1,1e6,1e6,1\n", "line 2: has not as many fields as the head (4)"),
