@@ -245,6 +245,29 @@ def test_a_wrong_layout_is_refused_in_one_line(tmp_path: Path, name: str) -> Non
     assert len(str(caught.value).splitlines()) == 1
 
 
+def test_arrays_of_arrays_are_counted_before_they_are_followed(tmp_path: Path) -> None:
+    library = gdstk.Library()
+    inner = library.new_cell("DEVICE").add(box(10, 10))
+    for level in range(4):
+        array = gdstk.Reference(inner, columns=1000, rows=1, spacing=(1, 1))
+        inner = library.new_cell(f"L{level}").add(array)
+    library.write_gds(tmp_path / "a.gds")
+    line = r"cell L3 draws 1,000,000,000,000 polygons with all references, and a device has at "
+    with pytest.raises(GeometryError, match=line):
+        imported(tmp_path / "a.gds", "film=1/0")
+    assert imported(tmp_path / "a.gds", "film=1/0", cell="DEVICE").model.outline.kind == "square"
+
+
+def test_a_cell_within_itself_is_refused(tmp_path: Path) -> None:
+    library = gdstk.Library()
+    inner = library.new_cell("DEVICE").add(box(10, 10))
+    outer = library.new_cell("OUTER").add(gdstk.Reference(inner))
+    inner.add(gdstk.Reference(outer))
+    library.write_gds(tmp_path / "a.gds")
+    with pytest.raises(GeometryError, match=r"cell DEVICE refers to itself; export it again$"):
+        imported(tmp_path / "a.gds", "film=1/0", cell="DEVICE")
+
+
 def test_slivers_and_steps_below_the_grid_are_told(tmp_path: Path) -> None:
     sliver = box(80, 0.02, (0, 0), layer=2)
     step = from_points([(-50, -50), (50, -50), (50, 0), (50.001, 0), (50.001, 50), (-50, 50)])
@@ -266,6 +289,12 @@ def test_wrong_layers_are_refused(text: str, line: str) -> None:
     with pytest.raises(ParameterError) as caught:
         read_layers(text)
     assert str(caught.value) == line
+
+
+def test_a_dxf_that_is_cut_after_its_first_tag_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.dxf").write_text("0\nSECTION\n", encoding="utf-8")
+    with pytest.raises(GeometryError, match=r"not a whole DXF file; export it again"):
+        imported(tmp_path / "a.dxf", "film=1/0")
 
 
 @pytest.mark.parametrize("suffix", [".gds", ".oas", ".dxf", ".svg"])

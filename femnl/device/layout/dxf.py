@@ -30,7 +30,7 @@ def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | No
     """Read lines, arcs, circles, ellipses, splines and polylines; see `readers.read_drawing`."""
     try:
         document = ezdxf.readfile(path)
-    except (OSError, ezdxf.DXFError, UnicodeDecodeError) as error:
+    except (OSError, ezdxf.DXFError, UnicodeDecodeError, StopIteration) as error:
         raise GeometryError(one_line(f"{path}: not a whole DXF file; export it again")) from error
     size = _unit(path, document.units, unit)
     drawn: Any = document.modelspace()

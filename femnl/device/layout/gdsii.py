@@ -15,12 +15,16 @@ from femnl.device.layout.drawing import Drawing, Fault
 
 Array = NDArray[np.float64]
 
+MOST = 200_000
+"""Polygons of a cell; a film has at most 100 000 holes."""
+
 
 def read(path: Path, cell: str | None, layers: Mapping[str, str], unit: str | None) -> Drawing:
     """Read the polygons and paths of one cell, references included; see `readers.read`."""
     if unit is not None:
         raise GeometryError(one_line(f"{path}: this file names its unit; leave --unit out"))
     chosen, size, grid = _open(path, cell)
+    _refuse_many(path, chosen)
     polygons: dict[str, list[Array]] = {}
     faults = []
     for role, layer in layers.items():
@@ -69,6 +73,35 @@ def _open(path: Path, cell: str | None) -> tuple[gdstk.Cell, float, float]:
         names = ", ".join(sorted(top)) or "none"
         raise GeometryError(one_line(f"{path}: top cells: {names}; choose one with --cell"))
     return cells[cell or top[0]], library.unit, library.precision
+
+
+def _refuse_many(path: Path, cell: gdstk.Cell) -> None:
+    """Refuse a cell of more polygons than a device has, before references are followed.
+
+    A few arrays of arrays draw more than any memory holds, where gdstk ends the whole process.
+    """
+    count = _drawn(path, cell, {}, ())
+    if count > MOST:
+        raise GeometryError(
+            one_line(
+                f"{path}: cell {cell.name} draws {count:,} polygons with all references, and a "
+                f"device has at most {MOST:,}; choose a cell of one device with --cell"
+            )
+        )
+
+
+def _drawn(path: Path, cell: gdstk.Cell, known: dict[str, int], above: tuple[str, ...]) -> int:
+    """Return how many polygons and paths a cell draws. known: of cells, by name, filled here."""
+    if cell.name in above:
+        raise GeometryError(one_line(f"{path}: cell {cell.name} refers to itself; export it again"))
+    if cell.name not in known:
+        count = len(cell.polygons) + len(cell.paths)
+        for reference in cell.references:
+            if isinstance(reference.cell, gdstk.Cell):
+                inside = _drawn(path, reference.cell, known, (*above, cell.name))
+                count += max(reference.repetition.size, 1) * inside
+        known[cell.name] = count
+    return known[cell.name]
 
 
 @contextmanager
