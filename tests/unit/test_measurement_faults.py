@@ -126,6 +126,10 @@ REFUSED: dict[str, tuple[Damage, str]] = {
         "response/real: shape (1, 12) does not fit",
     ),
     "empty": (_replace("spectrum/frequency", np.zeros(0)), "does not fit dimensions"),
+    "drive that stands still": (
+        _edit("trace/drive_frequency", 1, 0.0),
+        "trace/drive_frequency: value 0 is not positive",
+    ),
     "negative frequency": (
         _edit("spectrum/frequency", 1, -2e6),
         "spectrum/frequency: value -2e+06 is not positive",

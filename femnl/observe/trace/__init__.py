@@ -1,6 +1,6 @@
 """Traces: the voltage of a readout in time, at one spot, while a mode is driven."""
 
-from femnl.core.kinds import NOISE, WAVELENGTH, Contract, Cost, Item, KindSpec, Size, label
+from femnl.core.kinds import NOISE, WAVELENGTH, Contract, Cost, Item, KindSpec, Size
 
 KIND = KindSpec(
     name="trace",
@@ -14,7 +14,7 @@ KIND = KindSpec(
             "voltage": Item(("step", "time"), "V", required=True),
             "drive_voltage": Item(("step", "time"), "V"),
             "time": Item(("time",), "s", required=True, coordinate=True, axis=True),
-            "drive_frequency": label("step", "Hz"),
+            "drive_frequency": Item(("step",), "Hz", coordinate=True, positive=True),
         },
         attributes={
             "noise_sd": NOISE,
