@@ -5,12 +5,13 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from femnl.core.errors import ParameterError
-from femnl.core.memory import need_memory
+from femnl.core.memory import limits_of_groups, need_memory
 from femnl.device.geometry import load
 from femnl.device.mesh import build
 from femnl.pipeline import solve_modes
@@ -73,3 +74,59 @@ def test_what_a_shell_allows_counts_as_the_memory_of_the_machine_does(kind: str)
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     line = "two films need about 4.7 GiB of memory, and this process may take 3.8 GiB; ask for one"
     assert done.stderr.splitlines()[-1] == f"femnl.core.errors.ParameterError: {line}"
+
+
+GROUPS = {
+    "version 2": (
+        "0::/system.slice/job.scope\n",
+        {"system.slice/job.scope/memory.max": "3000000000\n"},
+        3_000_000_000,
+    ),
+    "the least of those above": (
+        "0::/batch/job\n",
+        {"batch/job/memory.max": "max\n", "batch/memory.max": "2000000000\n"},
+        2_000_000_000,
+    ),
+    "version 1": (
+        "4:memory:/job\n5:pids:/other\n0::/\n",
+        {
+            "memory/job/memory.limit_in_bytes": "1000000000\n",
+            "memory/memory.limit_in_bytes": "9223372036854771712\n",
+            "pids/other/memory.limit_in_bytes": "5\n",
+        },
+        1_000_000_000,
+    ),
+    "both versions": (
+        "9:cpu,memory:/a:b\n0::/c\n",
+        {
+            "memory/a:b/memory.limit_in_bytes": "4000000000",
+            "unified/c/memory.max": "3500000000",
+        },
+        3_500_000_000,
+    ),
+    "a container that sees the path of its host": (
+        "0::/docker/0123abcd\n",
+        {"memory.max": "1500000000\n"},
+        1_500_000_000,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_what_a_container_or_a_batch_system_allows_is_the_least_of_its_groups(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told, files, least = GROUPS[name]
+    files = {f"sys/fs/cgroup/{path}": text for path, text in files.items()}
+    for path, text in {"proc/self/cgroup": told, **files}.items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text)
+    assert min(limits_of_groups(tmp_path)) == least
+    monkeypatch.setattr("femnl.core.memory.SYSTEM", tmp_path)
+    need_memory(0.99 * least, "two films", "ask for one")
+    with pytest.raises(ParameterError, match="this process may take"):
+        need_memory(1.01 * least, "two films", "ask for one")
+
+
+def test_a_system_without_control_groups_has_no_limits_of_them(tmp_path: Path) -> None:
+    assert list(limits_of_groups(tmp_path)) == []
