@@ -74,7 +74,8 @@ def run_case(kind: str, seed: int, make: Make, cache: Path) -> Result:
         memory = usage.ru_maxrss / 1024
         told = err.read_text(encoding="utf-8", errors="surrogateescape")
         said = out.read_text(encoding="utf-8", errors="surrogateescape")
-        faults = _faults(status, told, said, memory, seconds, hung=hung)
+        heard = words[0] != SHELL or "2>" not in words[1]
+        faults = _faults(status, told, said, memory, seconds, hung=hung, heard=heard)
         made = [path for path in folder.rglob("*") if given.get(path) != path.lstat().st_ino]
         if any(_open_to_others(path) for path in made):
             faults = (*faults, "umask")
@@ -147,9 +148,9 @@ def _wait(child: int, began: float) -> tuple[int, resource.struct_rusage, bool]:
 
 
 def _faults(
-    status: int, told: str, said: str, memory: float, seconds: float, *, hung: bool
+    status: int, told: str, said: str, memory: float, seconds: float, *, hung: bool, heard: bool
 ) -> tuple[str, ...]:
-    """Return what is wrong with how a command ended."""
+    """Return what is wrong with how a command ended; heard: whether its standard error is kept."""
     found = []
     if "Traceback" in told or "Traceback" in said:
         found.append("traceback")
@@ -167,7 +168,8 @@ def _faults(
         return tuple(found)
     lines = told.split("\n")
     refusals = [line for line in lines if line.startswith("femnl: ")]
-    if any(STRANGE.search(line) for line in lines) or (status == 2 and len(refusals) != 1):
+    unsaid = heard and status == 2 and len(refusals) != 1
+    if unsaid or any(STRANGE.search(line) for line in lines):
         found.append("lines")
     if any(len(line) > LONGEST for line in lines):
         found.append("long")
