@@ -1,6 +1,9 @@
 """Faulty measurement files: each is refused in one line with its remedy, or repaired and told."""
 
 import contextlib
+import os
+import resource
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -345,8 +348,12 @@ def test_flipped_bytes_give_a_line_or_data_but_never_another_failure(tmp_path: P
             measurement.read(path)
 
 
-def test_a_heap_of_texts_in_which_hdf5_walks_in_circles_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("block", [2**24, 64, 3])
+def test_a_heap_of_texts_in_which_hdf5_walks_in_circles_is_refused(
+    block: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """HDF5 2.0 never returns from free space of size 0."""
+    monkeypatch.setattr("femnl.io.measurement.hdf5_safety.BLOCK", block)
     path = tmp_path / "file.nc"
     _good(path)
     whole = bytearray(path.read_bytes())
@@ -358,3 +365,20 @@ def test_a_heap_of_texts_in_which_hdf5_walks_in_circles_is_refused(tmp_path: Pat
         match=rf"file\.nc: damaged \(a text at byte {at} has no size\); copy or export it again",
     ):
         measurement.read(path)
+
+
+def test_a_file_that_was_never_written_takes_neither_time_nor_memory(tmp_path: Path) -> None:
+    path = tmp_path / "file.nc"
+    with path.open("wb") as file:
+        file.write(b"\x89HDF\r\n\x1a\n")
+        file.truncate(2**32)
+    with path.open("rb") as file:
+        allocated = os.fstat(file.fileno()).st_blocks * 512
+    if allocated > 2**24:
+        pytest.skip("the disk keeps what was never written")
+    began = time.process_time()
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(MeasurementError, match="not a readable HDF5 file"):
+        measurement.read(path)
+    assert time.process_time() - began < 1
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 2**18  # KiB

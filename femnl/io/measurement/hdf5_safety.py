@@ -4,6 +4,8 @@ Opened only after a look that refuses what would leave the folder or fill the me
 """
 
 import math
+import os
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -21,6 +23,8 @@ _DEPTH = 16
 MOST = 10_000
 """Groups and datasets of a file, and attributes of one of them."""
 HEAP = b"GCOL\x01\0\0\0"
+BLOCK = 2**24
+"""Bytes that are read at a time."""
 
 
 def open_hdf5(path: Path) -> h5py.File:
@@ -76,8 +80,7 @@ def _walk_heaps(path: Path) -> None:
     if path.stat().st_size == 0:  # which cannot be mapped, and is refused as foreign
         return
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
-        start = -1
-        while (start := data.find(HEAP, start + 1)) >= 0:
+        for start in _collections(file.fileno()):
             at = start + 16
             end = start + int.from_bytes(data[start + 8 : start + 16], "little")
             while at + 16 <= min(end, len(data)):
@@ -89,6 +92,26 @@ def _walk_heaps(path: Path) -> None:
                         "it again"
                     )
                 at += step
+
+
+def _collections(descriptor: int) -> Iterator[int]:
+    """Yield where collections of texts begin in an open file.
+
+    Parts that were never written are passed over: a file may declare more of them than a disk
+    holds. What is read is not mapped, as it would count as memory of the process.
+    """
+    end = 0
+    while True:
+        try:
+            at = os.lseek(descriptor, end, os.SEEK_DATA)
+        except OSError:  # nothing but such parts follows
+            return
+        end = os.lseek(descriptor, at, os.SEEK_HOLE)
+        for begin in range(at, end, BLOCK):
+            block = os.pread(descriptor, BLOCK + len(HEAP) - 1, begin)
+            start = -1
+            while (start := block.find(HEAP, start + 1)) >= 0:
+                yield begin + start
 
 
 def _short(error: Exception) -> str:
