@@ -1,5 +1,6 @@
 """TOML and other text of strangers: of bounded size and depth, from regular files only."""
 
+import re
 import tomllib
 from collections.abc import Mapping
 from errno import EINVAL
@@ -11,6 +12,9 @@ LARGEST = 2**24
 """Bytes of a file; a geometry with a list of the most holes allowed has a third of it."""
 DEEPEST = 32
 """Tables within tables; what is shown of a value walks down into it."""
+PART = r"""(?:(?<![\w-])[\w-]++|(?<!\\)"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+LONG_KEY = re.compile(rf"(?<!\.)(?:{PART}[ \t]*+\.[ \t]*+){{{DEEPEST}}}", re.ASCII)
+"""A key of more parts than that, for which tomllib takes memory by the square of their number."""
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -35,6 +39,8 @@ def read_text(path: Path) -> str:
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Return the tables of a text. Raises: ValueError, in a few words, for what is no TOML."""
+    if LONG_KEY.search(text):
+        raise ValueError("brackets or keys nested too deep")
     try:
         tables = tomllib.loads(text)
     except RecursionError:
