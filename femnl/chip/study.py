@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from femnl.chip.measured import measured
 from femnl.chip.members import Chip, Member
 from femnl.chip.readings import Readings, finite, measurable, read_table
 from femnl.chip.schema import Device, Positions, parse
@@ -96,6 +95,8 @@ def _read_device(path: Path, device: Device, readings: Readings) -> None:
 
 def _read_measurement(path: Path, readings: Readings) -> None:
     """Take frequencies and quality factors of the measurements of a file."""
+    from femnl.chip.measured import measured  # which loads fits, that tables of numbers do not need
+
     read = 0
     for numbers in measured(path):
         read += 1

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 SYMMETRIES = get_args(choices.Symmetry)
 
 
-def _known(geometry: str | None) -> str | None:
+def known_geometry(geometry: str | None) -> str | None:
     """Refuse a geometry that is not there before anything heavy is loaded."""
     if geometry is not None:
         find_geometry(geometry)
@@ -39,7 +39,7 @@ GEOMETRY = typer.Argument(
     help="A shipped name (see `femnl geometries`) or the path of a TOML file.",
     show_default=False,
     autocompletion=_shipped,
-    callback=_known,
+    callback=known_geometry,
 )
 Geometry = Annotated[str, GEOMETRY]
 OptionalGeometry = Annotated[str | None, GEOMETRY]

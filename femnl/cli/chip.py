@@ -31,9 +31,12 @@ SHOWN = 20
 
 def command(study: Study, *, out: Out = None, as_json: Json = False) -> None:
     """Fit all devices of a chip: what they share, how they vary over it, which deviate and why."""
-    from femnl.chip import fit_chip, read_chip
+    from femnl.chip import read_chip
 
-    fit = fit_chip(read_chip(study))
+    chip = read_chip(study)
+    from femnl.chip import fit_chip
+
+    fit = fit_chip(chip)
     if out is not None:
         from femnl.report.chip import write_chip
 

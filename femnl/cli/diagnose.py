@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from femnl.cli._device import EffectsFolder, Json
+from femnl.cli._device import EffectsFolder, Json, known_geometry
 from femnl.cli._output import console, note, print_json, table
 from femnl.cli._sharing import Scheduler, progress, workers_at_hand
 from femnl.core.errors import ParameterError
@@ -36,7 +36,11 @@ Files = Annotated[
 ]
 Geometry = Annotated[
     str | None,
-    typer.Option(help="Geometry to use instead of each file's own.", show_default=False),
+    typer.Option(
+        help="Geometry to use instead of each file's own.",
+        show_default=False,
+        callback=known_geometry,
+    ),
 ]
 Workers = Annotated[
     int | None,
@@ -104,6 +108,9 @@ def _one(
     as_json: bool,
 ) -> None:
     """Diagnose one measurement file, and write its report."""
+    from femnl.io.measurement.files import need_version
+
+    need_version(file)  # before the fits load
     from femnl.diagnose import diagnose, record, write
     from femnl.effects import known
     from femnl.report.diagnosis import write_diagnosis

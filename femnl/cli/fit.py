@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, get_args
 
 import typer
 
-from femnl.cli._device import Cache, Json, check_mode
+from femnl.cli._device import Cache, Json, check_mode, known_geometry
 from femnl.cli._fit_decay import FEW, summary
 from femnl.cli._fit_kinds import FitOptions, MeasuredFile, fit_file, measured_file
 from femnl.cli._fit_response import Asked
@@ -139,7 +139,10 @@ HeldOut = Annotated[
 Device = Annotated[
     str | None,
     typer.Option(
-        "--geometry", help="Device, where not the one the file names.", show_default=False
+        "--geometry",
+        help="Device, where not the one the file names.",
+        show_default=False,
+        callback=known_geometry,
     ),
 ]
 Harmonics = Annotated[

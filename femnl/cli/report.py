@@ -23,6 +23,9 @@ def command(
     cache: Cache = True,
 ) -> None:
     """Write the validation report, or one on a device: a page that needs no other file."""
+    from femnl.io.results.atomic import make_folder
+
+    make_folder(out)
     from femnl.report.paper import find_browser, print_page
     from femnl.report.write import write_device, write_report
 

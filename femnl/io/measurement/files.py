@@ -30,17 +30,7 @@ def read(path: str | Path) -> xr.DataTree:
     Source: docs/reference/measurement-format.md.
     """
     path = Path(path)
-    with open_hdf5(path) as file, whole(path):
-        version = text(file.attrs.get(_ROOT, ""))
-    if not version:
-        raise MeasurementError(
-            f"{path}: no root attribute {_ROOT}, so not a measurement file; convert it with "
-            "femnl import"
-        )
-    if version.split(".")[0] != VERSION.split(".")[0]:
-        raise MeasurementError(
-            f"{path}: {_ROOT} is {version!r}; this femnl reads version {VERSION}"
-        )
+    version = need_version(path)
     # By a stream of our own: a file that xarray stumbles over would stay open otherwise.
     with whole(path), path.open("rb") as stream:
         # Times are plain seconds here: decoding them would make timedeltas, and phony names stand
@@ -52,6 +42,25 @@ def read(path: str | Path) -> xr.DataTree:
         for group in groups.values():
             group.close()
     return _collect(groups, str(path), free=_names_controls(version))
+
+
+def need_version(path: Path) -> str:
+    """Return the version of a measurement file, one that femnl reads.
+
+    Raises: MeasurementError for another version, and for what is no measurement file.
+    """
+    with open_hdf5(path) as file, whole(path):
+        version = text(file.attrs.get(_ROOT, ""))
+    if not version:
+        raise MeasurementError(
+            f"{path}: no root attribute {_ROOT}, so not a measurement file; convert it with "
+            "femnl import"
+        )
+    if version.split(".")[0] != VERSION.split(".")[0]:
+        raise MeasurementError(
+            f"{path}: {_ROOT} is {version!r}; this femnl reads version {VERSION}"
+        )
+    return version
 
 
 def _names_controls(version: str) -> bool:
