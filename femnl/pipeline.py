@@ -195,7 +195,6 @@ def _alone(
     Args: at_resolution: solves them at a resolution, or at a higher one than asked for.
     """
     model.refuse_contradictions()
-    _say_what_bends(model)
 
     def solve_alone() -> Modes:
         from femnl.mechanics.modes import certified
@@ -203,7 +202,9 @@ def _alone(
         with one_blas_thread():
             return certified(model, at_resolution, resolution)
 
-    return cached_modes(model, options, solve_alone) if cache else solve_alone()
+    modes = cached_modes(model, options, solve_alone) if cache else solve_alone()
+    _say_what_bends(model)  # of modes that there are: a refusal is one line
+    return modes
 
 
 def _road(
