@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
+from multiprocessing.reduction import ForkingPickler
 from threading import Thread
 from types import ModuleType
 from typing import Any, TypeVar
@@ -47,7 +48,9 @@ class Worker:
 
     def __init__(self, serve: Callable[..., None], *about: object) -> None:
         self.connection, theirs = _CONTEXT.Pipe()
-        self.process = _CONTEXT.Process(target=_begin, args=(serve, theirs, *about), daemon=True)
+        # Packed, so that the process watches its parent before it loads what it serves
+        work = ForkingPickler.dumps((serve, about))
+        self.process = _CONTEXT.Process(target=_begin, args=(theirs, bytes(work)), daemon=True)
         # The process inherits the mask: an interrupt from the keyboard reaches the client alone,
         # which ends its workers.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -80,10 +83,14 @@ class Worker:
         return self.process.exitcode or 0
 
 
-def _begin(serve: Callable[..., None], connection: Connection, *about: object) -> None:
-    """Serve in a process that ends with the one that started it, whatever it is busy with."""
+def _begin(connection: Connection, work: bytes) -> None:
+    """Serve in a process that ends with the one that started it, whatever it is busy with.
+
+    Args: work: what to call with the connection, and with what else, as `ForkingPickler` packs it.
+    """
     Thread(target=_end_with_parent, daemon=True).start()
     leave_out_warnings()
+    serve, about = ForkingPickler.loads(work)
     with suppress(ConnectionError):  # the client may go while this process loads what it serves
         serve(connection, *about)
 

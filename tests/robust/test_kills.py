@@ -95,6 +95,14 @@ def alive(session: int) -> list[int]:
     return found
 
 
+def ended(session: int) -> float:
+    """Wait until all processes of a session have ended; the seconds that took, some at most."""
+    began = time.monotonic()
+    while alive(session) and time.monotonic() - began < 2 * ORPHANS:
+        time.sleep(0.05)
+    return time.monotonic() - began
+
+
 def answer(text: str, folder: Path) -> object:
     """Return what a command printed, or the results that a sweep stored, whose times differ."""
     store = folder / "s.jsonl"
@@ -108,6 +116,45 @@ def held(folder: Path) -> set[str]:
     """Return the names of all files but those of the cache."""
     names = {str(path.relative_to(folder)) for path in folder.rglob("*")}
     return {name for name in names if not name.startswith("cache")}
+
+
+SLOW = """import multiprocessing
+import time
+
+if multiprocessing.parent_process() is not None:
+    time.sleep(30)
+
+
+def serve(connection):
+    pass
+"""
+PARENT = """import time
+import slow
+from femnl.core.processes import Worker
+
+worker = Worker(slow.serve)
+print("started", flush=True)
+time.sleep(60)
+"""
+
+
+def test_a_process_that_still_loads_what_it_serves_ends_with_its_parent(tmp_path: Path) -> None:
+    (tmp_path / "slow.py").write_text(SLOW, encoding="utf-8")
+    parent = subprocess.Popen(
+        [sys.executable, "-c", PARENT],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": f"{ROOT}:{tmp_path}"},
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert parent.stdout is not None
+    assert parent.stdout.readline() == "started\n"
+    time.sleep(2)  # until the process has begun
+    assert len(alive(parent.pid)) >= 2
+    parent.kill()
+    parent.wait()
+    assert ended(parent.pid) < ORPHANS
 
 
 @pytest.mark.slow
@@ -134,13 +181,8 @@ def test_a_command_that_is_killed_leaves_nothing_behind_and_then_gives_the_same(
         process = start(command, folder)
         time.sleep(rng.uniform(0, lasts))
         process.send_signal(number)
-        told = time.monotonic()
         process.communicate(timeout=60)
-        while alive(process.pid) and time.monotonic() - told < 2 * ORPHANS:
-            time.sleep(0.05)
-        stayed = time.monotonic() - told
-        assert not alive(process.pid)
-        assert stayed < ORPHANS
+        assert ended(process.pid) < ORPHANS, moment
         assert held(folder) - given <= command.leaves, moment
         again = start(command, folder)
         out, errors = again.communicate(timeout=300)
