@@ -140,20 +140,19 @@ time.sleep(60)
 
 def test_a_process_that_still_loads_what_it_serves_ends_with_its_parent(tmp_path: Path) -> None:
     (tmp_path / "slow.py").write_text(SLOW, encoding="utf-8")
-    parent = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", PARENT],
         cwd=tmp_path,
         env=os.environ | {"PYTHONPATH": f"{ROOT}:{tmp_path}"},
         stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,
-    )
-    assert parent.stdout is not None
-    assert parent.stdout.readline() == "started\n"
-    time.sleep(2)  # until the process has begun
-    assert len(alive(parent.pid)) >= 2
-    parent.kill()
-    parent.wait()
+    ) as parent:
+        assert parent.stdout is not None
+        assert parent.stdout.readline() == "started\n"
+        time.sleep(2)  # until the process has begun
+        assert len(alive(parent.pid)) >= 2
+        parent.kill()
     assert ended(parent.pid) < ORPHANS
 
 
