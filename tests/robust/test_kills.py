@@ -118,20 +118,22 @@ def held(folder: Path) -> set[str]:
     return {name for name in names if not name.startswith("cache")}
 
 
-SLOW = """import multiprocessing
+SLOW = """import os
 import time
 
-if multiprocessing.parent_process() is not None:
+if "SLOW" in os.environ:
     time.sleep(30)
 
 
 def serve(connection):
     pass
 """
-PARENT = """import time
+PARENT = """import os
+import time
 import slow
 from femnl.core.processes import Worker
 
+os.environ["SLOW"] = "in processes that are started from now on"
 worker = Worker(slow.serve)
 print("started", flush=True)
 time.sleep(60)
