@@ -12,7 +12,15 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-CASES = {"scale": 12, "texts": 16, "labfiles": 30, "bombs": 8, "disk": 8}
+CASES = {
+    "scale": 12,
+    "texts": 16,
+    "labfiles": 30,
+    "layouts": 20,
+    "chips": 12,
+    "bombs": 8,
+    "disk": 8,
+}
 """Cases of each class that a few seconds allow."""
 MANY = 300
 
@@ -39,6 +47,6 @@ def test_a_hostile_case_gets_an_answer_or_one_line(kind: str, tmp_path: Path) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", [*sorted(CASES), "nonsense", "streams"])
+@pytest.mark.parametrize("kind", [*sorted(CASES), "controls", "nonsense", "options", "streams"])
 def test_none_of_many_hostile_cases_has_a_fault(kind: str, tmp_path: Path) -> None:
     assert faults(tmp_path, kind, MANY, first=50_000) == []
