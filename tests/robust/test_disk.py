@@ -295,6 +295,34 @@ def test_a_pickle_in_the_cache_is_never_run(
     assert not (tmp_path / "owned").exists()
 
 
+KILLED = """import os, signal
+from pathlib import Path
+from femnl.io.results.atomic import write_whole
+
+def write(part):
+    part.write_text("half of it")
+    os.kill(os.getpid(), signal.SIGKILL)
+
+write_whole(Path("x.nc"), write)
+"""
+
+
+def test_what_a_killed_writer_left_goes_with_the_next_file_and_what_is_written_stays(
+    tmp_path: Path,
+) -> None:
+    start(KILLED, tmp_path).wait()
+    (left,) = tmp_path.iterdir()
+    os.utime(left, (0, 0))
+
+    def write(part: Path) -> None:
+        os.utime(part.parent, (0, 0))
+        write_whole(tmp_path / "y.nc", lambda other: other.write_text("whole"))
+        part.write_text("whole too")
+
+    write_whole(tmp_path / "x.nc", write)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["x.nc", "y.nc"]
+
+
 def test_a_name_that_is_a_folder_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "x.nc").mkdir()
     with pytest.raises(ParameterError, match="nothing was changed"):

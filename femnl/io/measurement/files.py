@@ -1,7 +1,6 @@
 """Measurement files on disk: read with every repair noted, written whole or not at all."""
 
 import os
-import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +9,7 @@ import h5py
 import xarray as xr
 
 from femnl.core.errors import MeasurementError
+from femnl.core.scratch import scratch
 from femnl.io.measurement.check import check, text
 from femnl.io.measurement.contract import VERSION
 from femnl.io.measurement.hdf5_safety import open_hdf5
@@ -176,8 +176,8 @@ def write(tree: xr.DataTree, path: str | Path) -> None:
         # Made in memory: HDF5 that meets a full disk fails a second time when it closes its file,
         # and says so on standard error.
         content = clean.to_netcdf(engine="h5netcdf")
-        with tempfile.TemporaryDirectory(prefix=".femnl-", dir=path.parent) as folder:
-            part = Path(folder) / "part.nc"
+        with scratch(path.parent) as folder:
+            part = folder / "part.nc"
             with part.open("wb") as stream:
                 stream.write(content)
                 stream.flush()

@@ -1,11 +1,12 @@
 """Files appear whole or not at all."""
 
 import os
-import tempfile
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 from femnl.core.errors import ParameterError
+from femnl.core.scratch import scratch
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
@@ -15,15 +16,15 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
 
     Raises: ParameterError where the folder cannot be written.
     """
-    try:
-        folder = tempfile.TemporaryDirectory(prefix=".femnl-", dir=path.parent)
-    except OSError as error:
-        raise ParameterError(
-            f"{path}: cannot write there ({error.strerror}); name a file in a folder that exists "
-            "and is writable"
-        ) from error
-    with folder:
-        part = Path(folder.name) / f"part{path.suffix}"
+    with ExitStack() as stack:
+        try:
+            folder = stack.enter_context(scratch(path.parent))
+        except OSError as error:
+            raise ParameterError(
+                f"{path}: cannot write there ({error.strerror}); name a file in a folder that "
+                "exists and is writable"
+            ) from error
+        part = folder / f"part{path.suffix}"
         try:
             write(part)
             with part.open("rb") as written:
