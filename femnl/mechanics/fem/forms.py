@@ -27,6 +27,7 @@ Strain = Callable[[Jet], Array]
 # Orders of quadrature that a film with a taper takes beyond those that its elements ask for
 KINKED = 8
 SUMMED = 4_000_000  # entries of a matrix that are held before equal places are summed
+SHAPES = 16  # of which energies are integrated at a time, which bounds the memory likewise
 CHUNK = 2000  # triangles evaluated at a time, which bounds the memory of a mesh of any size
 
 
@@ -150,6 +151,36 @@ def local_vectors(strain: Array, stress: Array, dx: Array) -> Array:
     )
 
 
+@dataclass(frozen=True)
+class Term:
+    """The form ∫ Bᵀ C B on some triangles or edges, at quadrature points.
+
+    strain B (e, q, c, j), moduli C (..., c, c), dx (e, q), dofs (e, j) the unknowns of each.
+    """
+
+    strain: Array
+    moduli: Array
+    dx: Array
+    dofs: Index
+
+    def energies(self, shapes: Array) -> Array:
+        """∫ wᵀ Bᵀ C B w of shapes w (n, size), (n,).
+
+        B w comes first: the entries of BᵀCB cancel, those of small stiff elements by far more than
+        what is left.
+        """
+        n, q, c, j = self.strain.shape
+        flat = self.strain.reshape(n, q * c, j)
+        found = np.empty(len(shapes))
+        for start in range(0, len(shapes), SHAPES):
+            some = slice(start, start + SHAPES)
+            local = shapes[some, self.dofs].transpose(1, 2, 0)
+            strained = (flat @ local).reshape(n, q, c, -1)
+            stressed = (self.moduli * self.dx[..., None, None]) @ strained
+            found[some] = np.einsum("eqcn,eqcn->n", strained, stressed)
+        return found
+
+
 class Assembly:
     """A sparse matrix gathered from local ones.
 
@@ -219,6 +250,14 @@ def isotropic(rigidity: Callable[[Array], Array], poisson: float) -> Bending:
 def slope_continuity(
     space: Space, facets: Index, bending: Bending, poisson: float, rotation: float = np.inf
 ) -> Iterator[tuple[Array, Index]]:
+    """Local matrices and unknowns of `slope_terms`, whose arguments are the same."""
+    for term in slope_terms(space, facets, bending, poisson, rotation):
+        yield local_matrices(term.strain, term.moduli, term.dx), term.dofs
+
+
+def slope_terms(
+    space: Space, facets: Index, bending: Bending, poisson: float, rotation: float = np.inf
+) -> Iterator[Term]:
     """The jump terms of C⁰ interior-penalty bending.
 
     −{Mₙₙ(w)}[∂ₙv] − {Mₙₙ(v)}[∂ₙw] + σ[∂ₙw][∂ₙv] on interior facets, or with one side on facets
@@ -235,7 +274,7 @@ def slope_continuity(
     (2003)) and keeps the form coercive on stretched triangles; |K| counts as that of the most
     squeezed place of a curved one. Springs turn the terms into −θ, θσ with θ = k/(k + σ), and
     −Mₙₙ(w)Mₙₙ(v)/(k + σ), which is as stable for every k (Juntunen & Stenberg, Math. Comp. 78, 1353
-    (2009)). Yields local matrices and their unknowns.
+    (2009)).
     """
     for edges in edges_by_local_number(space, facets):
         moments = []
@@ -263,7 +302,7 @@ def slope_continuity(
         share = 1 / (1 + sigma / rotation) if rotation > 0 else np.zeros_like(sigma)
         moduli = as_matrix(np.stack([-1 / (rotation + sigma), share * sigma, -share], -1))
         dofs = np.concatenate([space.dofs[t] for t in edges.triangles], axis=1)
-        yield local_matrices(np.stack([mean, jump], axis=2), moduli, ds), dofs
+        yield Term(np.stack([mean, jump], axis=2), moduli, ds, dofs)
 
 
 def edge_moment(

@@ -21,6 +21,7 @@ from femnl.mechanics.modes.solve import (
     exchange,
     finish,
     settle_degenerate,
+    with_quotients,
 )
 
 Array = NDArray[np.float64]
@@ -52,9 +53,10 @@ def solve_modes_near(
     )
     domain = prestress.domain
     sectors = _Sectors(Operators(prestress, degree), domain, (2 * np.pi * frequency) ** 2, stable)
-    values, shapes, parity = settle_degenerate(
-        sectors.operators.space, domain, sectors.nearest(count)
-    )
+    nearest = sectors.nearest(count)
+    if domain.model.bending:
+        nearest = with_quotients(nearest, sectors.operators.quotients)
+    values, shapes, parity = settle_degenerate(sectors.operators.space, domain, nearest)
     kept = np.sort(np.argsort(np.abs(values - sectors.target), kind="stable")[:count])
     found = finish(
         sectors.operators.space,

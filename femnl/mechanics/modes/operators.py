@@ -1,5 +1,7 @@
 """Stiffness and mass of the deflection w: tension by the relaxed stress, plate bending, inertia."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
@@ -9,6 +11,7 @@ from femnl.core.mechanics import Domain, Prestress
 from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (
     Assembly,
+    Term,
     as_matrix,
     cells,
     curvature,
@@ -16,7 +19,7 @@ from femnl.mechanics.fem.forms import (
     local_matrices,
     quadrature_order,
     slope,
-    slope_continuity,
+    slope_terms,
 )
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.stress import relaxed_tension
@@ -46,25 +49,15 @@ class Operators:
         self._domain = domain
         self._bends = domain.model.bending
         self._sheet = Sheet(domain)
+        self._prestress = prestress
+        self._springs = deflection_springs(self.space, domain.model.clamp)
         stiffness = Assembly(self.space.size)
-        order = quadrature_order(domain.model, 2 * degree)
-        for cell, tension in zip(
-            cells(self.space, order, second=self._bends),
-            relaxed_tension(prestress, order),
-            strict=True,
-        ):
-            dofs = self.space.dofs[cell.triangles]
-            local = local_matrices(slope(cell.jet), as_matrix(tension), cell.dx)
-            if self._bends:
-                moduli = self._sheet.bending(cell.triangles, cell.jet.point)
-                local += local_matrices(curvature(cell.jet), moduli, cell.dx)
-            stiffness.add(local, dofs)
+        for terms in self._in_triangles():
+            local = sum(local_matrices(term.strain, term.moduli, term.dx) for term in terms)
+            stiffness.add(np.asarray(local), terms[0].dofs)
         if self._bends:
-            inside = np.flatnonzero(domain.mesh.f2t[1] >= 0)
-            self._add_slope_continuity(stiffness, inside)
-        self._stiffness = csc_matrix(
-            stiffness.matrix() + deflection_springs(self.space, domain.model.clamp)
-        )
+            self._add(stiffness, self._between_triangles())
+        self._stiffness = csc_matrix(stiffness.matrix() + self._springs)
         self.mass = mass_matrix(domain, self.space)
 
     def free(self, parity: tuple[int, ...]) -> NDArray[np.int64]:
@@ -76,23 +69,64 @@ class Operators:
 
         Held slopes depend on it.
         """
-        facets = slope_held_facets(self.space, parity)
-        if not self._bends or len(facets) == 0:
+        if not self._bends:
             return self._stiffness
         edge = Assembly(self.space.size)
-        clamped = np.isin(facets, self.space.boundary_facets("clamped"))
-        self._add_slope_continuity(edge, facets[~clamped])
-        self._add_slope_continuity(edge, facets[clamped], self._domain.model.clamp.rotation)
+        self._add(edge, self._at_held_edges(parity))
         return csc_matrix(self._stiffness + edge.matrix())
 
-    def _add_slope_continuity(
-        self, assembly: Assembly, facets: NDArray[np.int64], rotation: float = np.inf
-    ) -> None:
-        poisson = self._sheet.largest_poisson
-        for local, dofs in slope_continuity(
-            self.space, facets, self._sheet.bending, poisson, rotation
+    def quotients(self, shapes: Array, parity: tuple[tuple[int, ...], ...]) -> Array:
+        """ω² (n,) of shapes (n, size) as Rayleigh's quotients of integrated energies.
+
+        Entries of K go as D (degree²/size)⁴ and may exceed ω²M 1e14 times, so that wᵀKw keeps two
+        digits of 16. Curvatures at points keep twice as many.
+        """
+        energies = np.einsum("ni,ni->n", shapes, (self._springs @ shapes.T).T)
+        for terms in self._in_triangles():
+            energies += sum(term.energies(shapes) for term in terms)
+        if self._bends:
+            for term in self._between_triangles():
+                energies += term.energies(shapes)
+            for each in set(parity):
+                alike = [k for k, p in enumerate(parity) if p == each]
+                for term in self._at_held_edges(each):
+                    energies[alike] += term.energies(shapes[alike])
+        return np.asarray(energies / np.einsum("ni,ni->n", shapes, (self.mass @ shapes.T).T))
+
+    def _in_triangles(self) -> Iterator[list[Term]]:
+        """The terms of tension and bending, chunk by chunk."""
+        order = quadrature_order(self._domain.model, 2 * self.space.degree)
+        for cell, tension in zip(
+            cells(self.space, order, second=self._bends),
+            relaxed_tension(self._prestress, order),
+            strict=True,
         ):
-            assembly.add(local, dofs)
+            dofs = self.space.dofs[cell.triangles]
+            terms = [Term(slope(cell.jet), as_matrix(tension), cell.dx, dofs)]
+            if self._bends:
+                moduli = self._sheet.bending(cell.triangles, cell.jet.point)
+                terms.append(Term(curvature(cell.jet), moduli, cell.dx, dofs))
+            yield terms
+
+    def _between_triangles(self) -> Iterator[Term]:
+        inside = np.flatnonzero(self._domain.mesh.f2t[1] >= 0)
+        return self._slope_terms(inside)
+
+    def _at_held_edges(self, parity: tuple[int, ...]) -> Iterator[Term]:
+        """The terms of mirrors about which deflections are even, and of clamped edges."""
+        facets = slope_held_facets(self.space, parity)
+        clamped = np.isin(facets, self.space.boundary_facets("clamped"))
+        yield from self._slope_terms(facets[~clamped])
+        yield from self._slope_terms(facets[clamped], self._domain.model.clamp.rotation)
+
+    def _slope_terms(self, facets: NDArray[np.int64], rotation: float = np.inf) -> Iterator[Term]:
+        poisson = self._sheet.largest_poisson
+        return slope_terms(self.space, facets, self._sheet.bending, poisson, rotation)
+
+    @staticmethod
+    def _add(assembly: Assembly, terms: Iterator[Term]) -> None:
+        for term in terms:
+            assembly.add(local_matrices(term.strain, term.moduli, term.dx), term.dofs)
 
 
 def mass_matrix(domain: Domain, space: Space) -> csc_matrix:

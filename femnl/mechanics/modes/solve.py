@@ -1,5 +1,6 @@
 """Prestressed modes by symmetry sector, normalised, paired and labelled."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Protocol
@@ -28,6 +29,7 @@ from femnl.mechanics.modes.shapes import (
 Array = NDArray[np.float64]
 # Ω² (n,), mass-normalised shapes (n, size), parities
 Sectors = tuple[Array, Array, tuple[tuple[int, ...], ...]]
+Quotients = Callable[[Array, tuple[tuple[int, ...], ...]], Array]
 
 # parities about the x axis (mirror 0) and the y axis (mirror 1)
 ODD_IN_Y = (-1, 1)
@@ -60,7 +62,9 @@ def solve_modes(prestress: Prestress, count: int, degree: int) -> Modes:
         f"{count} modes",
         "ask for fewer modes or lower the resolution",
     )
-    return solve_pencil(Operators(prestress, degree), prestress, count)
+    operators = Operators(prestress, degree)
+    quotients = operators.quotients if prestress.domain.model.bending else None
+    return solve_sectors(_Assembled(operators), prestress, count, quotients)
 
 
 class Pencil(Protocol):
@@ -127,11 +131,18 @@ def solve_pencil(operators: Pencil, prestress: Prestress, count: int) -> Modes:
     return solve_sectors(_Assembled(operators), prestress, count)
 
 
-def solve_sectors(source: Source, prestress: Prestress, count: int) -> Modes:
-    """The lowest modes of all parities together; see `solve_modes`."""
+def solve_sectors(
+    source: Source, prestress: Prestress, count: int, quotients: Quotients | None = None
+) -> Modes:
+    """The lowest modes of all parities together; see `solve_modes`.
+
+    Args: quotients: ω² of shapes by their parities, where that of the source has rounding errors.
+    """
     if count < 1:
         raise ParameterError(f"count = {count}: expected at least one mode")
     sectors = _solve_sectors(source, prestress.domain, count)
+    if quotients is not None:
+        sectors = with_quotients(sectors, quotients)
     values, shapes, parity = settle_degenerate(source.space, prestress.domain, sectors)
     found = finish(source.space, prestress, values[:count], shapes[:count], 1.0, parity[:count])
     return replace(
@@ -189,6 +200,14 @@ def _solve_sectors(source: Source, domain: Domain, count: int) -> Sectors:
     parities = [p for p, (v, _) in found.items() for _ in v]
     order = np.argsort(values, kind="stable")
     return values[order], shapes[order], tuple(parities[k] for k in order)
+
+
+def with_quotients(sectors: Sectors, quotients: Quotients) -> Sectors:
+    """Modes by rising ω² that is evaluated anew from their shapes."""
+    _, shapes, parity = sectors
+    values = quotients(shapes, parity)
+    order = np.argsort(values, kind="stable")
+    return values[order], shapes[order], tuple(parity[k] for k in order)
 
 
 def exchange(space: Space, domain: Domain) -> NDArray[np.int64]:
