@@ -30,8 +30,8 @@ STEADY = 0.02  # of the last difference between degrees, what is taken to be lef
 # unevenly: the geometric mean of what is left where all settles alike, STEADY, and where it settles
 # in parts, REENTRANT
 APART = 0.1
-# The same at an inner or yielding corner, or where a taper's foot kinks the film: that converges
-# slowly in the degree
+# The same at an inner or yielding corner, where a clamped edge goes over into a free one, or where
+# a taper's foot kinks the film: that converges slowly in the degree
 REENTRANT = 0.5
 ERRORS = "±: discretisation errors, upper estimates"
 NO_ERRORS = "errors are not known: the modes carry no counterpart of lower degree"
@@ -249,9 +249,10 @@ class Modes(Tabulated):
         uneven = len(model.outline.corners) > 0 and not (
             model.clamp.rigid_in_plane and model.overhang is None
         )
+        passing = len(model.outline.passing_corners) > 0
         # With it, the layers of bending leave more
         kinked = model.film.taper > 0 and not model.bending
-        return REENTRANT if reentrant or uneven or kinked else STEADY
+        return REENTRANT if reentrant or uneven or kinked or passing else STEADY
 
     @property
     def stiffness(self) -> Array:

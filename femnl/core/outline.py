@@ -11,6 +11,8 @@ from femnl.core.arrays import freeze
 
 CELL = "cell"
 """Kind of an outline that is no edge of the film but the sides of a cell that repeats."""
+SHARP = np.pi / 3
+"""Angle [rad] up to which a film between a clamped and a free edge moves smoothly."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,20 @@ class Outline:
             )
             if abs(turn) > 1e-6:
                 found.append((k, float(np.pi - turn)))
+        return tuple(found)
+
+    @property
+    def passing_corners(self) -> tuple[tuple[int, float], ...]:
+        """Return the segments at whose start the edge passes between clamped and free.
+
+        And the film's angle [rad] there, where it makes the film singular.
+        """
+        angles = dict(self.corners)
+        found = []
+        for k, segment in enumerate(self.segments):
+            angle = angles.get(k, np.pi)
+            if segment.clamped != self.segments[k - 1].clamped and angle > SHARP:
+                found.append((k, float(angle)))
         return tuple(found)
 
 
