@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,7 +12,7 @@ from femnl.cli._output import console, note, table
 from femnl.core.device import Model
 from femnl.core.errors import GeometryError
 from femnl.core.outline import Holes
-from femnl.device.geometry import load, parse
+from femnl.device.geometry import parse
 from femnl.device.geometry.naming import place
 from femnl.device.geometry.reader import describe, read_text, sketch
 from femnl.device.layout import import_layout, read_drawing
@@ -47,12 +48,23 @@ def check_geometry(path: Path, picture: Path) -> None:
 def check_layout(
     path: Path,
     layers: Mapping[str, str],
-    like: Path,
+    picture: Path,
+    *,
+    like: Model,
     cell: str | None,
     unit: str | None,
-    picture: Path,
+    metal: Mapping[str, Any] | None,
 ) -> None:
     """Check a layout: its faults, and the geometry that it makes.
+
+    Args:
+        path: of the layout.
+        layers: by role.
+        picture: to write.
+        like: the device that lends what the layout does not hold.
+        cell: of the layout.
+        unit: of its coordinates.
+        metal: numbers of the layer `metal`, as of `import_layout`.
 
     Raises:
         GeometryError: the first fault that forbids an import, once the picture is written.
@@ -62,7 +74,7 @@ def check_layout(
     for fault in faults:
         note(str(fault))
     if not any(fault.fatal for fault in faults):
-        found = import_layout(path, layers, load(like), cell, unit)
+        found = import_layout(path, layers, like, cell, unit, metal)
         for line in found.assumed:
             note(line)
         _show(found.model, picture)

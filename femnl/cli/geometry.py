@@ -26,7 +26,7 @@ File = Annotated[
 Layers = Annotated[
     str,
     typer.Option(
-        help="Layer of film, holes, release, frame and posts: film=1/0,holes=2/0.",
+        help="Layer of film, holes, release, frame, posts and metal: film=1/0,holes=2/0.",
         show_default=False,
     ),
 ]
@@ -45,6 +45,13 @@ Like = Annotated[
     str,
     typer.Option(help="Geometry that lends its film, readout, clamp and model."),
 ]
+Metal = Annotated[
+    str | None,
+    typer.Option(
+        help="Numbers of the layer metal: thickness=30 nm,young=70 GPa,stress=50 MPa.",
+        show_default=False,
+    ),
+]
 Picture = Annotated[
     Path | None,
     typer.Option(help="Picture to write: .png, .pdf or .svg.", show_default="FILE.png here"),
@@ -59,17 +66,20 @@ def import_(
     cell: Cell = None,
     unit: Unit = None,
     like: Like = "square-270um",
+    metal: Metal = None,
 ) -> None:
     """Turn a layout into a geometry file; arcs drawn as chords become arcs."""
     from femnl.core.errors import ParameterError
     from femnl.device.geometry import load
-    from femnl.device.layout import import_layout, read_layers
+    from femnl.device.layout import import_layout, read_layers, read_metal
     from femnl.io.results.atomic import need_room, write_whole
 
     if dest.suffix != ".toml":
         raise ParameterError(f"{dest}: expected a name that ends in .toml")
     need_room(dest)
-    found = import_layout(layout, read_layers(layers), load(find_geometry(like)), cell, unit)
+    numbers = read_metal(metal) if metal is not None else None
+    lender = load(find_geometry(like))
+    found = import_layout(layout, read_layers(layers), lender, cell, unit, numbers)
     write_whole(dest, lambda file: file.write_text(found.text, encoding="utf-8"))
     for line in found.notes:
         note(line)
@@ -101,13 +111,15 @@ def check(
     cell: Cell = None,
     unit: Unit = None,
     like: Like = "square-270um",
+    metal: Metal = None,
     out: Picture = None,
 ) -> None:
     """Draw a geometry or a layout with what is wrong marked, and the stress after release."""
     from femnl.cli._check import check_geometry, check_layout
     from femnl.cli._device import suffix_of
     from femnl.core.errors import ParameterError
-    from femnl.device.layout import SUFFIXES, read_layers
+    from femnl.device.geometry import load
+    from femnl.device.layout import SUFFIXES, read_layers, read_metal
     from femnl.io.results.atomic import need_room
 
     path = Path(file)
@@ -119,7 +131,11 @@ def check(
         return
     if layers is None:
         raise ParameterError(f"{path}: --layers is missing; write e.g. --layers film=1/0,holes=2/0")
-    check_layout(need_file(path), read_layers(layers), find_geometry(like), cell, unit, picture)
+    numbers = read_metal(metal) if metal is not None else None
+    lender = load(find_geometry(like))
+    roles = read_layers(layers)
+    need_file(path)
+    check_layout(path, roles, picture, like=lender, cell=cell, unit=unit, metal=numbers)
 
 
 COMMANDS = {"import": import_, "export": export, "check": check}

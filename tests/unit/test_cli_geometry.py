@@ -7,7 +7,8 @@ import pytest
 from matplotlib.image import imread
 
 from femnl.cli._main import run
-from tests.unit.layouts import box, from_points, trampoline, write
+from femnl.device.geometry import load
+from tests.unit.layouts import box, circle, from_points, trampoline, write
 
 LAYERS = ["--layers", "film=1/0,release=3/0,holes=2/0"]
 WRONG = """name = "wrong"
@@ -120,3 +121,14 @@ def test_wrong_requests_are_met_with_one_line(
     assert run(["geometry", *words]) == 2
     (said,) = capsys.readouterr().err.splitlines()
     assert said.startswith(line)
+
+
+def test_a_layout_with_a_metal_is_imported_and_checked_with_its_numbers(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    write(Path("pad.gds"), box(200, 200), circle(40, layer=5))
+    metal = ["--layers", "film=1/0,metal=5/0", "--metal", "thickness=30 nm,stress=-80 MPa"]
+    assert run(["geometry", "import", "pad.gds", "pad.toml", *metal]) == 0
+    assert load("pad.toml").layers[0].stress == -80e6
+    assert run(["geometry", "check", "pad.gds", *metal]) == 0
+    assert "aluminium with young = 70 GPa" in capsys.readouterr().err

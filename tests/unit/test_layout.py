@@ -1,5 +1,6 @@
 """Layouts become geometries with the designer's numbers, and geometries become layouts."""
 
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,13 @@ import femnl
 from femnl.core.device import Model
 from femnl.core.errors import GeometryError, MissingLibraryError, ParameterError
 from femnl.device.geometry import curves, load
-from femnl.device.layout import Imported, export_layout, import_layout, read_layers
+from femnl.device.layout import (
+    Imported,
+    export_layout,
+    import_layout,
+    read_layers,
+    read_metal,
+)
 from femnl.device.layout.recognise import circle_of, recognise
 from femnl.device.mesh import mesh
 from tests.unit.layouts import box, circle, from_points, trampoline, write
@@ -407,3 +414,49 @@ def test_a_drawing_is_symmetric_to_its_grid_and_its_pairs_stay_degenerate(tmp_pa
     assert mesh(replace(model, grid=0.0)).copies == 1
     modes = femnl.solve_modes(model, 3, cache=False)
     assert modes.frequency[1] == pytest.approx(modes.frequency[2], rel=1e-12)
+
+
+def metallised(tmp_path: Path, **options: Any) -> Imported:
+    path = write(tmp_path / "pad.gds", box(200, 200), circle(40, layer=5))
+    return imported(path, "film=1/0,metal=5/0", **options)
+
+
+def test_a_metal_has_the_numbers_that_are_given_and_those_of_aluminium(tmp_path: Path) -> None:
+    found = metallised(tmp_path, metal=read_metal("thickness=30 nm, poisson=0.44,stress=-80 MPa"))
+    (layer,) = found.model.layers
+    assert (layer.thickness, layer.poisson, layer.stress) == (30e-9, 0.44, -80e6)
+    assert (layer.young, layer.density) == (70e9, 2700)
+    assert found.model.assumed == ("film", "layers.1.young", "layers.1.density")
+    assert "aluminium with young = 70 GPa, density = 2700 kg/m^3;" in found.assumed[1]
+
+
+def test_a_metal_all_of_whose_numbers_are_given_is_not_assumed(tmp_path: Path) -> None:
+    gold = "thickness=20 nm,young=78 GPa,poisson=0.44,density=19300 kg/m^3,stress=10 MPa"
+    found = metallised(tmp_path, metal=read_metal(gold))
+    assert found.model.assumed == ("film",)
+    assert not any("aluminium" in line for line in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("thickness", '--metal "thickness": expected key=value'),
+        ("thicknes=30 nm", "--metal thicknes: did you mean thickness"),
+        ("poisson=a", '--metal poisson="a": expected a number'),
+        ("stress=1 Pa,stress=2 Pa", "--metal stress stands twice"),
+    ],
+)
+def test_wrong_numbers_of_a_metal_are_named(text: str, line: str) -> None:
+    with pytest.raises(ParameterError, match=re.escape(line)):
+        read_metal(text)
+
+
+def test_numbers_of_a_metal_need_its_layer(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.gds", box(200, 200))
+    with pytest.raises(ParameterError, match="--metal gives numbers, and --layers no layer"):
+        imported(path, "film=1/0", metal={"thickness": "30 nm"})
+
+
+def test_a_wrong_unit_of_a_metal_is_named_by_its_key(tmp_path: Path) -> None:
+    with pytest.raises(GeometryError, match=r"\[layers\] (metal )?(1 )?thickness"):
+        metallised(tmp_path, metal={"thickness": "30 MPa"})

@@ -3,6 +3,7 @@
 from femnl.device.layout.build import Imported, import_layout
 from femnl.device.layout.drawing import read_layers
 from femnl.device.layout.export import WRITTEN, export_layout
+from femnl.device.layout.metal import read_metal
 from femnl.device.layout.readers import SUFFIXES, read_drawing
 
 __all__ = [
@@ -13,4 +14,5 @@ __all__ = [
     "import_layout",
     "read_drawing",
     "read_layers",
+    "read_metal",
 ]

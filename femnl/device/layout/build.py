@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.device import Model
-from femnl.core.errors import GeometryError, one_line
+from femnl.core.errors import GeometryError, ParameterError, one_line
 from femnl.device.geometry import curves, parse
 from femnl.device.geometry.naming import place
 from femnl.device.layout.drawing import moved
-from femnl.device.layout.metal import parts_of
+from femnl.device.layout.metal import ALUMINIUM, parts_of
 from femnl.device.layout.readers import read_drawing
 from femnl.device.layout.recognise import outline_of
 from femnl.device.layout.regions import Film, film_of
@@ -26,16 +26,6 @@ Tables = dict[str, Any]
 
 TAKEN = ("film", "readout", "clamp", "model")
 """Tables that a layout does not draw, and another geometry lends."""
-
-
-METAL = {
-    "thickness": "50 nm",
-    "young": "70 GPa",
-    "poisson": 0.34,
-    "density": "2700 kg/m^3",
-    "stress": "0 MPa",
-}
-"""Aluminium, for a layer whose numbers a layout does not hold; listed as assumed."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +48,7 @@ def import_layout(
     like: Model,
     cell: str | None = None,
     unit: str | None = None,
+    metal: Mapping[str, Any] | None = None,
 ) -> Imported:
     """Return the geometry file of a layout.
 
@@ -67,11 +58,16 @@ def import_layout(
         like: a device with the film, readout, clamp and model that the layout does not draw.
         cell: the cell or block; where there is one top cell, that one.
         unit: of coordinates in a file that names none.
+        metal: numbers of the layer `metal` by their keys; those of aluminium stand for others.
 
     Raises:
+        ParameterError: numbers of a metal that `layers` does not name.
         GeometryError: a layout that cannot be read or that draws no film, and open paths or
             self-intersections: one line with the first coordinate.
     """
+    metal = metal or {}
+    if metal and "metal" not in layers:
+        raise ParameterError("--metal gives numbers, and --layers no layer; add metal=5/0 to it")
     drawing = read_drawing(path, cell, layers, unit)
     try:
         film = film_of(drawing)
@@ -92,11 +88,11 @@ def import_layout(
     if groups:
         tables["holes"] = groups
     if film.metal:
-        tables["assumed"].append("layers")
-        tables["layers"] = [{"name": "metal", **METAL, "shape": shape}]
+        tables["assumed"] += [f"layers.1.{key}" for key in _taken_for_metal(metal)]
+        tables["layers"] = [{"name": "metal", **ALUMINIUM, **metal, "shape": shape}]
     text = toml(tables)
     model = parse(text, str(path))
-    assumed = _assumed(film, like)
+    assumed = _assumed(film, like, metal)
     return Imported(text, model, (*_notes(film, middle, model), *assumed), assumed)
 
 
@@ -148,15 +144,21 @@ def _plain(name: str) -> str:
     return kept if kept[:1].isalnum() else f"cell {kept}"[:100]
 
 
-def _assumed(film: Film, like: Model) -> tuple[str, ...]:
+def _taken_for_metal(metal: Mapping[str, Any]) -> list[str]:
+    """The numbers of a layer that are taken for those of aluminium."""
+    return [key for key in ALUMINIUM if key not in metal]
+
+
+def _assumed(film: Film, like: Model, metal: Mapping[str, Any]) -> tuple[str, ...]:
     """What the import takes that the layout does not hold, a line each."""
     lent = f"film, readout and clamp are those of {like.name}; write your own into the file"
-    if not film.metal:
+    taken = [f"{key} = {ALUMINIUM[key]}" for key in _taken_for_metal(metal)]
+    if not film.metal or not taken:
         return (lent,)
     return (
         lent,
-        "the layer metal is taken for 50 nm of aluminium without stress; write your own numbers "
-        "into [[layers]]",
+        f"the layer metal is taken for aluminium with {', '.join(taken)}; give your own with "
+        "--metal, or write them into [[layers]]",
     )
 
 

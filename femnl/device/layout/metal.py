@@ -1,11 +1,13 @@
-"""The region of a layer on the film as a combined shape of a geometry file."""
+"""A layer on the film: its region as a combined shape of a geometry file, and its numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from femnl.core.choices import suggest
+from femnl.core.errors import ParameterError
 from femnl.device.geometry import curves
 from femnl.device.layout.drawing import Placed, moved
 from femnl.device.layout.recognise import outline_of
@@ -13,6 +15,43 @@ from femnl.device.layout.regions import Drawn
 from femnl.device.layout.tables import outline_keys, written
 
 Keys = dict[str, Any]
+
+ALUMINIUM: Mapping[str, Any] = {
+    "thickness": "50 nm",
+    "young": "70 GPa",
+    "poisson": 0.34,
+    "density": "2700 kg/m^3",
+    "stress": "0 MPa",
+}
+"""For the numbers of a layer that nobody gives: a layout holds none."""
+
+
+def read_metal(text: str) -> Keys:
+    """Return the numbers of a layer by key of a text such as "thickness=30 nm,stress=50 MPa".
+
+    Raises:
+        ParameterError: an unknown key, one given twice, or no number where one belongs.
+    """
+    found: Keys = {}
+    for entry in text.split(","):
+        key, equals, value = (word.strip() for word in entry.partition("="))
+        if not equals or not value:
+            raise ParameterError(
+                f'--metal "{entry}": expected key=value, write e.g. thickness=30 nm,stress=50 MPa'
+            )
+        if key not in ALUMINIUM:
+            raise ParameterError(f"--metal {key}: {suggest(key, list(ALUMINIUM))}")
+        if key in found:
+            raise ParameterError(f"--metal {key} stands twice; give it one value")
+        found[key] = _number(value) if key == "poisson" else value
+    return found
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ParameterError(f'--metal poisson="{text}": expected a number such as 0.34') from None
 
 
 def parts_of(regions: Sequence[Drawn], origin: NDArray[np.float64]) -> Keys:
