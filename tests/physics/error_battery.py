@@ -22,9 +22,6 @@ from femnl.pipeline import solve_modes as solve_with_errors
 Array = NDArray[np.float64]
 
 COUNT = 6
-# of the references that are computed: another degree on another mesh
-REFERENCE_DEGREE = 6
-FINER = 1.4
 QUANTITIES = ("f", "ratio", "m_eff", "k3", "alpha", "cross")
 OUTLINES = {
     "square": 'kind = "square"\nside = "1 m"',
@@ -51,7 +48,8 @@ FILM = (
 class Film:
     """One film of a battery.
 
-    exact: numbers known otherwise, by quantity, for the lowest modes.
+    exact: numbers known otherwise, by quantity, for the lowest modes. reference_degree, finer: of
+    the references that are computed, by another degree on a mesh so many times as fine.
     """
 
     name: str
@@ -61,6 +59,8 @@ class Film:
     exact: dict[str, Array] = field(default_factory=dict)
     symmetry: str = "auto"
     count: int = COUNT
+    reference_degree: int = 6
+    finer: float = 1.4
 
 
 def outline(kind: str) -> Model:
@@ -203,7 +203,7 @@ def bars(modes: Modes, duffing: Nonlinearity) -> dict[str, Array]:
 def reference(film: Film, like: Modes) -> dict[str, Array]:
     """Return the film's numbers, in the order of `like`.
 
-    By closed forms where there are any, else by degree 6 on a finer mesh.
+    By closed forms where there are any, else by another degree on a finer mesh.
     """
     modes = finer_modes(film, like)
     known = numbers(modes, solve_nonlinearity(modes, film.edge, tensor=True))
@@ -213,12 +213,10 @@ def reference(film: Film, like: Modes) -> dict[str, Array]:
 
 
 def finer_modes(film: Film, like: Modes) -> Modes:
-    """The film's modes by degree 6 on a finer mesh, in the order of `like`."""
-    domain = mesh(film.model, resolution=film.resolution * FINER)
-    return _ordered(
-        solve_modes(solve_prestress(domain, REFERENCE_DEGREE), film.count + 2, REFERENCE_DEGREE),
-        like,
-    )
+    """The film's modes by another degree on a finer mesh, in the order of `like`."""
+    degree = film.reference_degree
+    domain = mesh(film.model, resolution=film.resolution * film.finer, degree=degree)
+    return _ordered(solve_modes(solve_prestress(domain, degree), film.count + 2, degree), like)
 
 
 def _ordered(modes: Modes, like: Modes) -> Modes:
