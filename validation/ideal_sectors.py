@@ -81,7 +81,7 @@ CASE = Case(
     source="Rayleigh, The Theory of Sound I (1877), § 207: order ν = mπ/β at an angle β; with an "
     "inner rim Abramowitz & Stegun, section 9.5.27; roots by the Bessel functions of SciPy",
     references=tuple(
-        Reference(f"ωa/c of mode {k + 1}, {sector.name()}", value, relative=2e-6)
+        Reference(f"ωa/c of mode {k + 1}, {sector.name()}", value, relative=1e-7)
         for sector in SECTORS
         for k, value in enumerate(sector.roots)
     ),

@@ -63,7 +63,7 @@ def diagnosed(own: list[Deviation], measured: Array, geometry: str, model: Hiera
     Args: own: the modes of the device. measured (n,): relative errors of their frequencies.
         geometry: of its design. model: of the devices that do not deviate.
     """
-    film = SimulatedFilm(load(geometry), MODES)
+    film = SimulatedFilm.of_one_material(load(geometry), MODES)
     names = [one.mode for one in own]
     numbered = all(name.isdecimal() for name in names)
     order = [int(n) - 1 for n in names] if numbered else named_modes(tuple(names), film).order

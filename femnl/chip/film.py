@@ -164,7 +164,7 @@ def _films(chip: Chip) -> dict[str, SimulatedFilm]:
             f"chip {chip.name}: design {lacking[0]} has no geometry; add [design.{lacking[0]}], "
             "or leave out all geometries"
         )
-    films = {d: SimulatedFilm(load(chip.geometries[d]), MODES) for d in designs}
+    films = {d: SimulatedFilm.of_one_material(load(chip.geometries[d]), MODES) for d in designs}
     first = films[designs[0]].model.film
     for design in designs:
         if films[design].model.film != first:

@@ -62,9 +62,11 @@ def film(
     import numpy as np
 
     from femnl.fits.spectrum.film import UNITS, fit_film, need_assignable
+    from femnl.mechanics.fem.laminate import one_material
     from femnl.plot.overview import film_figure
 
     need_assignable(dataset)
+    device = one_material(device)
     modes = _modes_up_to(device, float(np.nanmax(dataset["frequency"].values)), cache)
     held = in_si(fixed, UNITS.get)
     found = fit_film(dataset, modes.label, modes.frequency, device.film, held)

@@ -76,6 +76,20 @@ def with_values(text: str, values: Mapping[str, object], name: str) -> str:
     return written
 
 
+def without_layers(text: str) -> str:
+    """Return the text of a geometry file without its layers.
+
+    What was assumed of them is assumed of the film.
+    """
+    document = tomlkit.parse(text)
+    document.remove("layers")
+    assumed = [str(key) for key in document.get("assumed", [])]
+    kept = [key for key in assumed if key.split(".")[0] != "layers"]
+    if len(kept) < len(assumed):
+        document["assumed"] = sorted({*kept, "film"})
+    return tomlkit.dumps(document)
+
+
 def _put(tables: Any, key: str, value: object, name: str) -> None:
     """Set the value at a dotted key; tables that the text leaves out are begun."""
     *way, last = key.split(".")

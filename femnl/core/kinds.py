@@ -96,8 +96,10 @@ class KindSpec:
     holds, None where the kind is a special case of another. of: that other kind, whose name the
     file gives. recognise: whether a group of the kind `of` is this special case. modes: how many
     modes of the film the model needs, from the group. needs_device: whether the model needs a film.
-    places: whether the figure shows places on the film, and so takes its outline too. size: how
-    large a group may be, so that what is too large is refused before it is read.
+    places: whether the figure shows places on the film, and so takes its outline too.
+    takes_layers: whether a film of one material may stand for film and layers, as it does where
+    light plays no part. size: how large a group may be, so that what is too large is refused before
+    it is read.
     """
 
     name: str
@@ -111,6 +113,7 @@ class KindSpec:
     modes: Callable[[Any], int] = _default_modes
     needs_device: bool = True
     places: bool = False
+    takes_layers: bool = False
     size: Size = Size()
 
 

@@ -235,7 +235,8 @@ def pose(
     Raises: MeasurementError for a kind that needs a device where there is none.
     """
     spec = kind_of(dataset)
-    film = None if model is None else SimulatedFilm(model, spec.modes(dataset))
+    simulated = SimulatedFilm.of_one_material if spec.takes_layers else SimulatedFilm
+    film = None if model is None else simulated(model, spec.modes(dataset))
     if film is None and spec.needs_device:
         raise MeasurementError(f"{name}: a {spec.name} needs a device; give it with --geometry")
     posed: MeasurementModel = function(spec.pose)(dataset, film, checkpoint)

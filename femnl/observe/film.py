@@ -5,6 +5,7 @@ Its modes, their projection, and how frequencies follow ℓ.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from femnl.core.readout import Array
 from femnl.device.mesh import WEDGES, film_middle, has_symmetry
 from femnl.io.results.projection import cached_projection
 from femnl.mechanics.airload import airload
+from femnl.mechanics.fem.laminate import one_material
 from femnl.mechanics.modes.dilution import bending_share
 from femnl.mechanics.modes.projection import project
 from femnl.mechanics.prestress import solve_units
@@ -38,10 +40,32 @@ UNITS = 3
 
 @dataclass(frozen=True)
 class SimulatedFilm:
-    """A device and its lowest modes, solved when first asked for and kept on disk."""
+    """A device and its lowest modes, solved when first asked for and kept on disk.
+
+    notes: what a diagnosis by it has to tell.
+    """
 
     model: Model
     count: int
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of_one_material(cls, model: Model, count: int) -> Self:
+        """Return a device whose layers are taken together with its film; see `one_material`.
+
+        Raises:
+            ParameterError: layers that no film of one material stands for.
+        """
+        if not model.layers:
+            return cls(model, count)
+        alike = one_material(model)
+        film = alike.film
+        told = (
+            f"{model.name}: film and layers are taken for one film, which moves as they do, of "
+            f"{film.thickness * 1e9:.4g} nm with E = {film.young / 1e9:.4g} GPa, "
+            f"ρ = {film.density:.4g} kg/m³ and σ = {film.stress / 1e6:.4g} MPa"
+        )
+        return cls(alike, count, (told,))
 
     @cached_property
     def modes(self) -> Modes:
@@ -52,8 +76,9 @@ class SimulatedFilm:
         """
         if self.model.layers:
             raise ParameterError(
-                f"{self.model.name}: [layers]: causes act on a film of one material, and are not "
-                "modelled with layers; leave them out, or take the geometry of an equivalent film"
+                f"{self.model.name}: [layers]: causes act on a film of one material, and those of "
+                "spectra alone are modelled with layers; leave them out, or take the geometry of "
+                "an equivalent film"
             )
         return solve_modes(self.model, self.count, self._symmetry)
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.core.choices import suggest
 from femnl.core.errors import ParameterError
 from femnl.device.geometry import curves
+from femnl.device.geometry.tables import suggest
 from femnl.device.layout.drawing import Placed, moved
 from femnl.device.layout.recognise import outline_of
 from femnl.device.layout.regions import Drawn

@@ -102,7 +102,10 @@ def pose(
             **({"quality_factor": 1.0} if rated.any() else {}),
             **(_gas(film, float(frequency.min()), pressure) if pressure else {}),
         },
-        notes=(f"spectrum: {told}, {known}; side, stress and density enter only through c/L",),
+        notes=(
+            f"spectrum: {told}, {known}; side, stress and density enter only through c/L",
+            *film.notes,
+        ),
         quality_factor=quality,
         quality_factor_sd=quality_sd,
         pressure=pressure,

@@ -1,10 +1,32 @@
 """How layers pull a film out of its plane."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from femnl.core.device import Model
+
+
+@dataclass(frozen=True)
+class Ply:
+    """Film or layer as a part of a laminate.
+
+    thickness and height of its middle above that of the film [m], Young's modulus [Pa], Poisson's
+    ratio, density [kg/m³], stress [Pa].
+    """
+
+    thickness: float
+    height: float
+    young: float
+    poisson: float
+    density: float
+    stress: float
+
+    @property
+    def biaxial(self) -> float:
+        """E/(1 − ν) [Pa], of strains that are equal in all directions."""
+        return self.young / (1 - self.poisson)
 
 
 def covers_evenly(model: Model) -> bool:
@@ -29,10 +51,10 @@ def own_moment(model: Model) -> float:
     Valid: exact where the layers share one Poisson's ratio; else where the tension is even too.
     Source: Timoshenko, J. Opt. Soc. Am. 11, 233 (1925), for two layers.
     """
-    plies = list(_plies(model))
-    stiffness = sum(size * biaxial for size, _, biaxial, _ in plies)
-    plane = sum(size * biaxial * height for size, height, biaxial, _ in plies) / stiffness
-    return float(sum(stress * size * (height - plane) for size, height, _, stress in plies))
+    all_plies = list(plies(model))
+    stiffness = sum(ply.thickness * ply.biaxial for ply in all_plies)
+    plane = sum(ply.thickness * ply.biaxial * ply.height for ply in all_plies) / stiffness
+    return float(sum(ply.stress * ply.thickness * (ply.height - plane) for ply in all_plies))
 
 
 def tension_offset(model: Model) -> float:
@@ -46,18 +68,25 @@ def tension_offset(model: Model) -> float:
     ends_within = any(lamina.rims for lamina in model.layers)
     if not model.layers or not (ends_within or ends_free(model)):
         return 0.0
-    plies = list(_plies(model))
-    tension = sum(stress * size for size, _, _, stress in plies)
-    return float(sum(stress * size * height for size, height, _, stress in plies) / tension)
+    all_plies = list(plies(model))
+    tension = sum(ply.stress * ply.thickness for ply in all_plies)
+    return float(sum(ply.stress * ply.thickness * ply.height for ply in all_plies) / tension)
 
 
-def _plies(model: Model) -> Iterator[tuple[float, float, float, float]]:
-    """Thickness and height of the middle [m], E/(1 − ν) and stress [Pa] of film and layers."""
+def plies(model: Model) -> Iterator[Ply]:
+    """The film, and its layers as if they lay on top of each other everywhere."""
     film = model.film
-    yield film.thickness, 0.0, film.young / (1 - film.poisson), film.stress
+    yield Ply(film.thickness, 0.0, film.young, film.poisson, film.density, film.stress)
     ends = {"top": film.thickness / 2, "bottom": film.thickness / 2}
     for lamina in model.layers:
         away = ends[lamina.side] + lamina.thickness / 2
         ends[lamina.side] += lamina.thickness
         height = away if lamina.side == "top" else -away
-        yield lamina.thickness, height, lamina.young / (1 - lamina.poisson), lamina.stress
+        yield Ply(
+            lamina.thickness,
+            height,
+            lamina.young,
+            lamina.poisson,
+            lamina.density,
+            lamina.stress,
+        )

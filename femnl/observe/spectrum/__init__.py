@@ -31,6 +31,7 @@ KIND = KindSpec(
     ),
     pose="femnl.fits.spectrum.pose:pose",
     figure="femnl.plot.measurement:spectrum_figure",
+    takes_layers=True,
     contract=Contract(
         dims=("mode",),
         datasets={
