@@ -127,6 +127,33 @@ def _say_what_bends(model: Model) -> None:
         )
 
 
+def _say_what_is_compressed(modes: Modes) -> None:
+    """Say where a film without bending is under compression after release.
+
+    It has no modes then: a coarse mesh does not see the folds that a finer one finds, nor do its
+    error bars.
+    """
+    from femnl.mechanics.compression import released_stress
+
+    model = modes.domain.model
+    ends_free = not all(segment.clamped for segment in model.outline.segments)
+    if model.bending or not (model.openings or ends_free):
+        return
+    with one_blas_thread():
+        stress = released_stress(modes.domain)
+    if stress.compressed.any():
+        least, (x, y) = stress.worst
+        logging.getLogger("femnl").warning(
+            "%s: after release the film is under compression, by %.2g of its stress at "
+            "(%.4g, %.4g) um; without bending it folds there, finer meshes find ever more modes, "
+            "and error bars do not hold; set bending = true",
+            model.name,
+            -least / stress.film,
+            x * 1e6,
+            y * 1e6,
+        )
+
+
 def solve_release(model: Model, symmetry: str = "auto", resolution: float = 1.0) -> Modes:
     """Mesh a device and relax its film stress, and solve no mode.
 
@@ -202,9 +229,10 @@ def _alone(
         with one_blas_thread():
             return certified(model, at_resolution, resolution)
 
-    modes = cached_modes(model, options, solve_alone) if cache else solve_alone()
+    found = cached_modes(model, options, solve_alone) if cache else solve_alone()
     _say_what_bends(model)  # of modes that there are: a refusal is one line
-    return modes
+    _say_what_is_compressed(found)
+    return found
 
 
 def _road(
