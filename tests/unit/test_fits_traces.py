@@ -6,8 +6,11 @@ import xarray as xr
 
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.readout import Array, ComplexArray
+from femnl.device.geometry import load
 from femnl.fits.trace.decompose import align, decompose, jitter_gain
+from femnl.fits.trace.pose import pose
 from femnl.io.measurement import trace as record
+from femnl.observe.film import SimulatedFilm
 from femnl.optics.fringe import SineFringe
 from femnl.optics.harmonics import harmonics, trace
 
@@ -143,3 +146,14 @@ def test_records_at_different_frequencies_are_not_averaged() -> None:
     shots = decompose(record(TIME, noisy(0, 0, 2), drive_frequency=[F, F + 10]), n_harmonics=5)
     with pytest.raises(ParameterError, match="one drive frequency"):
         align(shots)
+
+
+def test_a_step_without_a_drive_frequency_is_named() -> None:
+    traces = record(
+        TIME, noisy(1e-4, 1, n_steps=2), drive_frequency=[F, np.nan], wavelength=RED, noise_sd=1e-4
+    )
+    told = r"trace: step 2 has no drive_frequency; give it, or leave the step out"
+    with pytest.raises(MeasurementError, match=told):
+        decompose(traces, 5)
+    with pytest.raises(MeasurementError, match=told):
+        pose(traces, SimulatedFilm(load("circle"), 1))

@@ -24,6 +24,17 @@ second tone of equal strength.
 """
 
 
+def refuse_undriven(traces: xr.Dataset) -> None:
+    """Refuse traces of which a step does not say its frequency. Raises: MeasurementError."""
+    if "drive_frequency" not in traces:
+        return
+    unknown = np.flatnonzero(~np.isfinite(traces["drive_frequency"].values))
+    if len(unknown):
+        raise MeasurementError(
+            f"trace: step {unknown[0] + 1} has no drive_frequency; give it, or leave the step out"
+        )
+
+
 def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
     """Decompose recorded traces into harmonics of the drive by least squares.
 
@@ -45,6 +56,7 @@ def decompose(traces: xr.Dataset, n_harmonics: int = 21) -> HarmonicSpectrum:
     Valid: white noise; a steady state during the record.
     Source: Sommer et al. 2025, supplement S7, decomposition of the time traces.
     """
+    refuse_undriven(traces)
     time = traces["time"].values.astype(float)
     voltage = traces["voltage"].values
     drive = traces["drive_voltage"].values if "drive_voltage" in traces else None

@@ -9,7 +9,7 @@ from femnl.core.effect import ParameterSpec
 from femnl.core.errors import MeasurementError
 from femnl.core.numbers import engineering
 from femnl.core.readout import Array, ComplexArray
-from femnl.fits.trace.decompose import decompose
+from femnl.fits.trace.decompose import decompose, refuse_undriven
 from femnl.fits.trace.glitches import found_factor, without_glitches
 from femnl.fits.trace.spot import fit_spot
 from femnl.observe.film import SimulatedFilm
@@ -41,6 +41,7 @@ def pose(
             "trace: neither wavelength nor drive_voltage is there: add the laser's wavelength [m], "
             "or the drive that was recorded"
         )
+    refuse_undriven(dataset)
     wavelength = float(dataset.attrs["wavelength"])
     raw = dataset.isel(step=_chosen(dataset))
     n_harmonics = _harmonics_of(raw)
