@@ -28,7 +28,6 @@ EFFECTS = [
     "EFFECT = 1\n",
     "import nowhere\n",
     "raise SystemExit(3)\n",
-    "raise KeyboardInterrupt\n",
     "x = (\n",
     "EFFECT = EFFECT\n",
     "\0",
