@@ -41,7 +41,7 @@ class Likelihood:
 
     time (n,) [s] from the begin of the decay; log_power (n,): ln of the power in units near the
     signal at its begin; averages: independent values that each power is the mean of; terms: of the
-    law. Parameters, each of order one: level, decay_rate times the duration, ln N₀, ln κ, and those
+    law; least_wander: ln κ at least. Parameters, each of order one: level, decay_rate times the duration, ln N₀, ln κ, and those
     of the terms, rates times the duration.
     """
 
@@ -49,6 +49,7 @@ class Likelihood:
     log_power: Array
     averages: float
     terms: tuple[Term, ...] = ()
+    least_wander: float = FAINTEST_WANDER
 
     @property
     def names(self) -> list[str]:
@@ -129,7 +130,7 @@ class Likelihood:
             "level": (float(self.log_power.min()), top + HIGHEST_LEVEL),
             "decay_rate": (0.0, FASTEST_RATE),
             "floor": (FAINTEST_FLOOR, top),
-            "wander": (FAINTEST_WANDER, 0.0),
+            "wander": (self.least_wander, max(self.least_wander, 0.0)),
             "damping_ratio": (0.0, STRONGEST_DAMPING),
             "exit_rate": (0.0, FASTEST_RATE),
             "partner": (0.0, 1.0),
@@ -180,7 +181,7 @@ class Likelihood:
     def _seen(self, n: int, values: Array, information: Array) -> bool:
         """Whether the data show a parameter at all."""
         if self.names[n] in ("floor", "wander"):
-            limit = FAINTEST_FLOOR if self.names[n] == "floor" else FAINTEST_WANDER
+            limit = FAINTEST_FLOOR if self.names[n] == "floor" else self.least_wander
             return bool(values[n] > limit + 1e-6 and information[n, n] > 1e-3)
         return bool(information[n, n] > 0)
 

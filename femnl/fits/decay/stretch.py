@@ -38,6 +38,13 @@ FEWEST_BEATS = 2.0
 """Periods from which beats are told from a bump."""
 FEWEST_BEAT_POINTS = 24
 """Points of a decay in which beats can be seen."""
+SLOW_PART = 1 / 20
+"""Correlation time of noise, in parts of a record, from which on bumps bend it."""
+GAIN = 0.1
+"""dB by which the gain wanders where it bends a record, however little its points scatter.
+
+Without it, the first decibels, which scatter least, would be followed into their bends.
+"""
 LEAST_DAMPING = 0.1
 """Nonlinear over linear damping that a fit starts from at least."""
 
@@ -205,6 +212,11 @@ def fit_stretch(
         used[np.flatnonzero(used)[interrupted]] = False
         stretch = Stretch(stretch.begin, stretch.reference, used)
     covariance, correlation = likelihood.covariance(values)
+    if correlation > SLOW_PART * len(likelihood.time):
+        least = float(np.log(0.5 * averages * (GAIN / DB) ** 2))
+        likelihood = replace(likelihood, least_wander=least)
+        values, value = likelihood.fit(values)
+        covariance, correlation = likelihood.covariance(values)
     return Found(stretch, likelihood, values, value, covariance, correlation)
 
 

@@ -129,18 +129,25 @@ def find_decay(time: Array, power: Array, resolution: float = RESOLUTION) -> Seg
 
 
 def _fit_line(members: Sequence[int], found: Sequence[Piece], time: Array, power: Array) -> Line:
-    """Return the line through pieces, each weighted by its own spread."""
+    """Return the line through pieces, each weighted by its own spread.
+
+    Its error counts blocks as independent, with as much scatter about the line as they show, and
+    at least that of their pieces: a noisy end makes a line no worse.
+    """
     chosen = [found[k] for k in sorted(members)]
     used = points(chosen)
-    spread = np.concatenate(
-        [np.full(p.stop - p.first, np.hypot(p.spread, THRESHOLDS.wobble)) for p in chosen]
-    )
+    counts = [piece.stop - piece.first for piece in chosen]
+    spread = np.repeat([np.hypot(p.spread, THRESHOLDS.wobble) for p in chosen], counts)
     middle = float(time[used].mean())
     slope, level = np.polyfit(time[used] - middle, power[used], 1, w=1 / spread)
     away = power[used] - level - slope * (time[used] - middle)
-    rms = float(np.hypot(np.sqrt(np.mean(away**2)), THRESHOLDS.wobble))
-    count = sum(piece.count for piece in chosen)
-    error = rms / float(np.std(time[used])) / float(np.sqrt(count))
+    # A piece counts by its blocks, which share its points
+    blocks = np.repeat([p.count / (p.stop - p.first) for p in chosen], counts)
+    weight = blocks / spread**2
+    chi2 = float(np.sum(weight * away**2) / np.sum(blocks))
+    centre = np.average(time[used], weights=weight)
+    lever = float(np.sum(weight * (time[used] - centre) ** 2))
+    error = float(np.sqrt(max(chi2, 1.0) / lever))
     return Line(middle, float(level), float(slope), error)
 
 
