@@ -1,8 +1,4 @@
-"""Decays as analysers write them: noise, phases, and fits of records with a known quality factor.
-
-The records are made here in amplitude, with a drive that feeds through, filtered noise and faults;
-they share no formula with the model but e^{−γt/2}.
-"""
+"""Decays as analysers write them: noise, phases, and fits of records with a known Q."""
 
 from pathlib import Path
 
@@ -15,7 +11,6 @@ from scipy.signal import lfilter
 from scipy.stats import ncx2
 
 from femnl import measurement
-from femnl.core.decay import DecayFit
 from femnl.core.errors import MeasurementError, ParameterError
 from femnl.fits.decay.likelihood import averages_of, correlation_time
 from femnl.fits.decay.power import fit_decay
@@ -24,53 +19,11 @@ from femnl.observe.decay.noise import FAR, log_density, normal_score
 from femnl.observe.decay.phases import find_decay, recorded_points
 from femnl.observe.decay.pieces import pieces
 from femnl.plot.power_decay import local_rates, power_of_ten
+from tests.unit.decay_records import QUALITY, RATE, TONE, fitted, pull, record
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-TONE = 1e6
-QUALITY = 1e7
-RATE = 2 * np.pi * TONE / QUALITY
 REAL = Path(__file__).parents[3] / "shared" / "data" / "decays"
-
-
-def record(
-    seed: int,
-    envelope: Complex | None = None,
-    *,
-    length: float = 12.0,
-    floor: float = 1e-6,
-    correlation: float = 2.0,
-    points: int = 600,
-) -> tuple[Array, Array, int]:
-    """Return times [s], power [dB] and the point of switch-off: floor, drive, decay, floor.
-
-    Args: envelope: amplitude (n,) after the switch-off, straight where None; length: of the record
-    in 1/γ; floor: power of the noise; correlation: of the noise [points].
-    """
-    rng = np.random.default_rng(seed)
-    time = np.arange(points) * length / RATE / points
-    begin = points // 6
-    amplitude = np.zeros(points, dtype=complex)
-    after = time[begin:] - time[begin]
-    amplitude[begin:] = np.exp(-RATE * after / 2) if envelope is None else envelope
-    # The drive's own feed-through stands 10 dB above the mode and goes at once.
-    amplitude[points // 20 : begin] = np.sqrt(10)
-    white = rng.normal(size=(2, points + 100))
-    memory = np.exp(-1 / correlation)
-    slow = lfilter([np.sqrt(1 - memory**2)], [1, -memory], white, axis=1)[:, 100:]
-    amplitude += np.sqrt(floor / 2) * (slow[0] + 1j * slow[1])
-    return time, 20 * np.log10(np.abs(amplitude)), begin
-
-
-def fitted(time: Array, power: Array) -> DecayFit:
-    """Fit a record of the mode."""
-    return fit_decay(measurement.decay(time, power, attributes={"frequency": TONE}))
-
-
-def pull(fit: DecayFit, quality: float = QUALITY) -> float:
-    """Return how many standard deviations Q is off."""
-    found = fit.fit.parameters["quality_factor"]
-    return (found.value - quality) / found.sd
 
 
 @pytest.mark.parametrize("averages", [1.0, 2.5, 16.0])

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize
 from scipy.special import polygamma
 
+from femnl.fits.decay.memory import MOST_BLOCKS, block_means, residual_covariance
 from femnl.observe.decay.law import PARAMETERS, Array, Term, log_signal
 from femnl.observe.decay.noise import log_density, normal_score
 
@@ -16,6 +17,8 @@ FAINTEST_FLOOR = -60.0
 FAINTEST_WANDER = -20.0
 """ln κ of the weakest wander that is told from none."""
 BASE = ("level", "decay_rate", "floor", "wander")
+OF_NOISE = ("floor", "wander")
+"""Parameters that say how large the noise is."""
 HESSIAN_STEP = 1e-4
 HIGHEST_LEVEL = 10.0
 """ln of the signal at the begin over the strongest datum, at most."""
@@ -41,8 +44,8 @@ class Likelihood:
 
     time (n,) [s] from the begin of the decay; log_power (n,): ln of the power in units near the
     signal at its begin; averages: independent values that each power is the mean of; terms: of the
-    law; least_wander: ln κ at least. Parameters, each of order one: level, decay_rate times the duration, ln N₀, ln κ, and those
-    of the terms, rates times the duration.
+    law; least_wander: ln κ at least. Parameters, each of order one: level, decay_rate times the
+    duration, ln N₀, ln κ, and those of the terms, rates times the duration.
     """
 
     time: Array
@@ -144,8 +147,9 @@ class Likelihood:
         Parameters that are `held` (k,), all but the NaN, have none.
 
         The observed information gives it for independent data. Noise that an analyser's filter or
-        a working point makes slow carries less: the sums of each datum's influence over its
-        successors widen it (Newey and West, Econometrica 55, 703 (1987)).
+        a working point makes slow carries less. For parameters of the signal, the covariance of
+        the residuals widens it; for those of the noise, the sums of each datum's influence over
+        its successors (Newey and West, Econometrica 55, 703 (1987)).
         """
         k = len(values)
         information = np.empty((k, k))
@@ -159,28 +163,38 @@ class Likelihood:
         part = np.ix_(seen, seen)
         inverse[part] = _inverse(0.5 * (information + information.T)[part])
         influence = self.scores(values)[1] @ inverse
-        strong, slow = self._slowness(values)
         widened = np.ones(k)
+        remembered = self._remembered(values, inverse)
         for n in np.flatnonzero(seen).tolist():
-            own = correlation_time(influence[:, n])
-            # The floor's own noise is that of the filter, the others' is that of the signal.
-            widened[n] = own if self.names[n] == "floor" or not strong else max(own, slow)
+            if self.names[n] in OF_NOISE:
+                widened[n] = correlation_time(influence[:, n])
+            else:
+                widened[n] = max(remembered[n], 1.0)
         factor = np.sqrt(widened)
         covariance = inverse * np.outer(factor, factor)
         lost = np.flatnonzero(free & ~seen)
         covariance[lost, lost] = np.inf
         return covariance, float(widened[1])
 
-    def _slowness(self, values: Array) -> tuple[bool, float]:
-        """Return whether there are data above the floor, and how long their noise is correlated."""
-        signal, _ = self.signal(values)
-        strong = np.log(signal) > values[2]
-        scores = np.clip(self.residual(values)[strong], -CLIPPED_SCORE, CLIPPED_SCORE)
-        return bool(strong.any()), correlation_time(scores) if strong.sum() > 2 else 1.0
+    def _remembered(self, values: Array, inverse: Array) -> Array:
+        """Return by how much noise with a memory widens the variance of each parameter (k,)."""
+        moves = HESSIAN_STEP * np.eye(len(values))
+        slopes = [self.residual(values + move) - self.residual(values - move) for move in moves]
+        design = np.stack(slopes, axis=1) / (2 * HESSIAN_STEP)
+        residual = np.clip(self.residual(values), -CLIPPED_SCORE, CLIPPED_SCORE)
+        size = -(-len(residual) // MOST_BLOCKS)
+        # A size of noise moves residuals in proportion to themselves, which no memory explains
+        of_signal = [name not in OF_NOISE for name in self.names]
+        blocks = block_means(design[:, of_signal], size)
+        covariance = size * residual_covariance(block_means(residual, size), blocks)
+        levers = blocks @ inverse[of_signal]
+        wide = np.einsum("ik,ij,jk->k", levers, covariance, levers)
+        narrow = np.maximum(np.sum(levers**2, axis=0), np.finfo(float).tiny)
+        return np.asarray(wide / narrow)
 
     def _seen(self, n: int, values: Array, information: Array) -> bool:
         """Whether the data show a parameter at all."""
-        if self.names[n] in ("floor", "wander"):
+        if self.names[n] in OF_NOISE:
             limit = FAINTEST_FLOOR if self.names[n] == "floor" else self.least_wander
             return bool(values[n] > limit + 1e-6 and information[n, n] > 1e-3)
         return bool(information[n, n] > 0)
