@@ -142,7 +142,7 @@ class Likelihood:
         return ranges.get(name, (-np.inf, np.inf))
 
     def covariance(self, values: Array, held: Array | None = None) -> tuple[Array, float]:
-        """Return the covariance (k, k), and the correlation time [points] of the noise.
+        """Return the covariance (k, k), and the correlation time [points] of residuals.
 
         Parameters that are `held` (k,), all but the NaN, have none.
 
@@ -174,7 +174,16 @@ class Likelihood:
         covariance = inverse * np.outer(factor, factor)
         lost = np.flatnonzero(free & ~seen)
         covariance[lost, lost] = np.inf
-        return covariance, float(widened[1])
+        strong, slow = self._slowness(values)
+        own = correlation_time(influence[:, 1])
+        return covariance, max(own, slow) if strong else own
+
+    def _slowness(self, values: Array) -> tuple[bool, float]:
+        """Return whether there are data above the floor, and how long residuals there last."""
+        signal, _ = self.signal(values)
+        strong = np.log(signal) > values[2]
+        scores = np.clip(self.residual(values)[strong], -CLIPPED_SCORE, CLIPPED_SCORE)
+        return bool(strong.any()), correlation_time(scores) if strong.sum() > 2 else 1.0
 
     def _remembered(self, values: Array, inverse: Array) -> Array:
         """Return by how much noise with a memory widens the variance of each parameter (k,)."""

@@ -38,7 +38,7 @@ FEWEST_BEATS = 2.0
 """Periods from which beats are told from a bump."""
 FEWEST_BEAT_POINTS = 24
 """Points of a decay in which beats can be seen."""
-SLOW_PART = 1 / 10
+SLOW_PART = 1 / 20
 """Correlation time of noise, in parts of a record, from which on bumps bend it."""
 GAIN = 0.1
 """dB by which the gain wanders where it bends a record, however little its points scatter.
