@@ -148,10 +148,19 @@ def _app(words: list[str]) -> typer.Typer:
 
 def _group(module: ModuleType) -> typer.Typer:
     """The commands under one name, such as femnl geometry check."""
-    group = typer.Typer(help=module.command.__doc__, rich_markup_mode=None)
+    group = typer.Typer(
+        help=module.command.__doc__, rich_markup_mode=None, invoke_without_command=True
+    )
+    group.callback()(_help)
     for name, command in module.COMMANDS.items():
         group.command(name)(_with_format(command))
     return group
+
+
+def _help(context: typer.Context) -> None:
+    """Show what there is, where no command is given."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 def _being_completed() -> list[str]:

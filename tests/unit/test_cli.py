@@ -35,6 +35,16 @@ def test_help_lists_every_command_with_a_line(capsys: pytest.CaptureFixture[str]
     assert "..." not in out.split("Options:")[1], "a line is cut off"
 
 
+@pytest.mark.parametrize("group", ["geometry", "cache"])
+def test_a_group_of_commands_shows_what_it_has(
+    group: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([group]) == 0
+    out, err = lines(capsys)
+    assert not err
+    assert "Commands:" in out
+
+
 def test_geometries_lists_what_ships(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["geometries", "--json"]) == 0
     names = {entry["name"] for entry in json.loads(lines(capsys)[0])["geometries"]}

@@ -10,8 +10,8 @@ from femnl import measurement
 from femnl.core.diagnosis import Diagnosis
 from femnl.diagnose import diagnose, record
 from femnl.effects import library
-from tests.unit.test_decay import QUALITY, RATE, TONE
-from tests.unit.test_decay import record as recorded
+from tests.unit.decay_records import QUALITY, RATE, TONE
+from tests.unit.decay_records import record as recorded
 
 Complex = NDArray[np.complex128]
 REAL = Path(__file__).parents[3] / "shared" / "data" / "decays"

@@ -21,7 +21,7 @@ def slow(seed: int, count: int, memory: float) -> Array:
 
 def test_means_of_blocks_count_the_last_points_too() -> None:
     values = np.stack([np.arange(7.0), np.ones(7)], axis=1)
-    np.testing.assert_allclose(block_means(values, 3), [[1, 1], [4.5, 1]])
+    np.testing.assert_allclose(block_means(values, 3), np.array([[1.0, 1.0], [4.5, 1.0]]))
 
 
 @pytest.mark.parametrize("memory", [0.1, 3.0, 8.0])
