@@ -231,6 +231,20 @@ def test_a_beating_pair_gives_splitting_and_the_quality_factor_of_the_stronger(
     assert fit["quality_factor"] == pytest.approx(QUALITY, rel=0.01)
 
 
+@pytest.mark.parametrize("ratio", [0.7, 0.95])
+def test_beats_of_nearly_equal_modes_are_a_pair(ratio: float) -> None:
+    """Their dips are deeper than any scatter about one line."""
+    time, _, begin = record(0)
+    after = time[begin:] - time[begin]
+    splitting = 3.2 * RATE / np.pi
+    weaker = ratio * np.exp(0.1 * RATE * after + 2j * np.pi * splitting * after)
+    fit = fitted(*record(5, np.exp(-RATE * after / 2) * (1 + weaker))[:2])
+    assert abs(fit["splitting"]) == pytest.approx(splitting, rel=2e-3)
+    # Which of two is the stronger, a fit may tell either way
+    rates = sorted([2 * np.pi * TONE / fit["quality_factor"], fit["partner_rate"]])
+    assert rates == pytest.approx([0.8 * RATE, RATE], rel=0.05)
+
+
 def test_a_frequency_that_leaves_the_filter_does_not_lower_the_quality_factor() -> None:
     time, _, begin = record(0, length=8.0)
     after = time[begin:] - time[begin]

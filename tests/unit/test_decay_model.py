@@ -137,6 +137,19 @@ def test_dropouts_and_spikes_interrupt_and_bends_and_beats_do_not() -> None:
     assert len(interruptions(power, every)) == 2
 
 
+def test_a_leak_that_takes_over_belongs_to_what_is_compared() -> None:
+    """Beats grow while the mode decays into the leak, and no piece of them is a floor."""
+    time, _, begin = record(0, length=24.0, points=1200)
+    after = time[begin:] - time[begin]
+    leak = 0.04 * np.exp(2j * np.pi * 1.3 * RATE * after)
+    _, power, _ = record(5, np.exp(-RATE * after / 2) + leak, length=24.0, points=1200)
+    seen = window(power_record(measurement.decay(time, power)))
+    even = -2 * np.log(0.04) / RATE  # where mode and leak are equally strong
+    assert time[seen.decay][-1] - time[begin] == pytest.approx(even, rel=0.25)
+    assert seen.floor.sum() > 0.3 * seen.decay.sum()
+    assert time[seen.floor][0] >= time[seen.decay][-1]
+
+
 def test_interruptions_are_listed_and_no_residual() -> None:
     time, power, begin = record(8)
     power[begin + 60 : begin + 72] -= 25

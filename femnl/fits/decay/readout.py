@@ -130,15 +130,15 @@ def _design(time: Array, values: Array) -> Array:
     return with_beats if _take_up(with_beats, left) else bends
 
 
-def beats(time: Array, values: Array, least: float) -> bool:
+def beats(time: Array, values: Array, least: float, fewest: float = FEWEST_BEATS) -> bool:
     """Whether values (n,) at times (n,) are a bend, and for the rest one period for the most part.
 
-    Args: least: rms of the rest from which on it counts.
+    Args: least: rms of the rest from which on it counts; fewest: periods.
     """
     place = 2 * (time - time[0]) / np.ptp(time) - 1
     bend = np.polynomial.legendre.legvander(place, FEW_BENDS - 1)
     left = values - bend @ np.linalg.lstsq(bend, values, rcond=None)[0]
-    waves = _waves(place, left, FEWEST_BEATS)
+    waves = _waves(place, left, fewest)
     # A corner is made up of waves as well, but not on either side of it
     halves = np.array_split(np.arange(len(left)), 2)
     rest = left - waves @ np.linalg.lstsq(waves, left, rcond=None)[0]

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from femnl.fits.decay.likelihood import STRONGEST_DAMPING, Likelihood, averages_of, start_values
 from femnl.fits.decay.periods import at_cycles
+from femnl.fits.decay.readout import beats
 from femnl.observe.decay.law import Array, Term
 from femnl.observe.decay.phases import (
     THRESHOLDS,
@@ -34,6 +35,10 @@ RATE_SIGMAS = 3.0
 """Standard errors from zero at which a decay rate counts as seen beside a term."""
 BEAT_RESOLUTION = 3.0
 """Resolution [dB] at which beats look like scatter about one line."""
+TOPS = (0.0, 1 / 40)
+"""Parts of a record whose tops are taken for the power, which deep beats need; 0: as it is."""
+DEEP = (2.0, 4.0)
+"""rms [dB] and periods of such beats; less may be noise whose tops look like a decay."""
 FEWEST_BEATS = 2.0
 """Periods from which beats are told from a bump."""
 FEWEST_BEAT_POINTS = 24
@@ -97,11 +102,16 @@ def choose(record: PowerRecord, segmentation: Segmentation) -> tuple[Segmentatio
     best = (LEAST_EVIDENCE, segmentation, straight)
     for term, longer in tried:
         best = _better(record, longer, term, (), best)
-    coarse = find_decay(record.time, record.power, BEAT_RESOLUTION)
-    if coarse is not None and _hides_beats(segmentation, straight, coarse):
-        start = _beat(record, coarse)
-        if start is not None:
-            best = _better(record, coarse, "pair", start, best)
+    for part in TOPS:
+        ahead = max(int(part * len(record.time)), 1)
+        coarse = find_decay(record.time, record.power, BEAT_RESOLUTION, ahead)
+        if coarse is None or not _hides_beats(segmentation, straight, coarse):
+            continue
+        inside = logical(coarse, coarse.decay, len(record.time))
+        if ahead == 1 or beats(record.time[inside], record.power[inside], *DEEP):
+            start = _beat(record, coarse)
+            if start is not None:
+                best = _better(record, coarse, "pair", start, best)
     return best[1:]
 
 

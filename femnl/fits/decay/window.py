@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from femnl.fits.decay.likelihood import STRONGEST_DAMPING
 from femnl.fits.decay.readout import beats
-from femnl.fits.decay.stretch import Found, choose, fit_stretch, stretch_of
+from femnl.fits.decay.stretch import DEEP, Found, choose, fit_stretch, stretch_of
 from femnl.observe.decay.phases import (
     THRESHOLDS,
     Segmentation,
@@ -29,10 +30,12 @@ so long are the corners of one record in five.
 """
 COARSE = (3.0, 6.0)
 """Resolutions [dB] at which beats, and deep ones, look like scatter."""
+AHEAD = (0.0, 1 / 40, 1 / 20)
+"""Parts of a record whose tops are taken for the power; 0 takes it as it is."""
 LONGER = 1.5
 """Times that a decay must be longer where beats count as scatter."""
-LEAST_BEAT = 0.5
-"""rms [dB] of beats that hide a decay."""
+SHALLOW = (0.5, 2.5)
+"""rms [dB] and periods of beats that hide a decay."""
 FLATTER = 0.35
 STEEPER = 1 + STRONGEST_DAMPING
 """Slopes of a neighbour that still belongs to a decay, in parts of its own: a plateau of the drive
@@ -165,19 +168,26 @@ def _duration(found: Segmentation, members: Sequence[int]) -> float:
 def beating(record: PowerRecord, straight: Segmentation) -> Segmentation | None:
     """Return the segmentation of a record whose decay beats, None where it does not.
 
-    A coarse resolution takes beats for scatter about one line. That the scatter is beats, one
-    period tells, which makes up most of it.
+    A coarse resolution takes beats for scatter about one line, and their tops tell the decay where
+    they are deep. That the scatter is beats, one period tells, which makes up most of it.
     """
     known = _duration(straight, straight.decay)
-    for resolution in COARSE:
-        found = find_decay(record.time, record.power, resolution)
-        if found is None or _duration(found, found.decay) < LONGER * known:
+    best = None
+    for part, resolution in product(AHEAD, COARSE):
+        ahead = max(int(part * len(record.time)), 1)
+        found = find_decay(record.time, record.power, resolution, ahead)
+        if found is None:
             continue
+        longer = _duration(found, found.decay) >= LONGER * known
+        # Beats go on where a leak of the drive takes over, and no piece of them is a floor
+        ends = bool(found.floor) and not straight.floor
         inside = logical(found, found.decay, len(record.time))
-        time = record.time[inside]
-        if beats(time, record.power[inside], LEAST_BEAT):
-            return found
-    return None
+        least = SHALLOW if longer and not part else DEEP
+        if (longer or ends) and beats(record.time[inside], record.power[inside], *least):
+            best = best or found
+            if found.floor:
+                return found
+    return best
 
 
 def interruptions(power: Array, decay: Mask) -> tuple[Interruption, ...]:

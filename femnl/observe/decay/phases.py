@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from femnl.core.decay import Phase, PhaseName
 from femnl.core.errors import MeasurementError
@@ -106,14 +106,19 @@ def segment(time: Array, power: Array) -> Segmentation:
     return found
 
 
-def find_decay(time: Array, power: Array, resolution: float = RESOLUTION) -> Segmentation | None:
+def find_decay(
+    time: Array, power: Array, resolution: float = RESOLUTION, ahead: int = 1
+) -> Segmentation | None:
     """Find the decay in a record (n,) [s], [dB]; None where nothing falls for certain.
 
     Every falling piece is a candidate. It grows by pieces that lie on its line. The candidate whose
-    slope is known best, by its fall over the scatter about its line, is the decay. A coarse
-    resolution [dB] looks for straight pieces through beats.
+    slope is known best, by its fall over the scatter about its line, is the decay.
+
+    Through beats, a coarse resolution [dB] looks for straight pieces, and where they are deep, the
+    largest of so many points `ahead`: that leaves a switch-off where it is.
     """
     recorded = recorded_points(power)
+    power = maximum_filter1d(power, ahead, origin=-(ahead // 2), mode="nearest")
     found = pieces(time[:recorded], power[:recorded], resolution)
     best: tuple[Line, tuple[int, ...]] | None = None
     for core in range(len(found)):
