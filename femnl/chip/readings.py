@@ -12,7 +12,7 @@ from femnl.chip.members import Member, Number
 from femnl.chip.schema import Table
 from femnl.core.errors import ParameterError, one_line
 from femnl.core.toml import read_text
-from femnl.io.measurement.check import LEAST, MOST
+from femnl.io.measurement.contract import LEAST, MOST
 
 
 class Readings:

@@ -108,7 +108,7 @@ def _one(
     as_json: bool,
 ) -> None:
     """Diagnose one measurement file, and write its report."""
-    from femnl.io.measurement.files import need_version
+    from femnl.io.measurement.head import need_version
 
     need_version(file)  # before the fits load
     from femnl.diagnose import diagnose, record, write

@@ -4,20 +4,24 @@ Every module of this folder that defines FORMAT reads one format; those of other
 by their entry points.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from femnl.core.errors import MeasurementError
 from femnl.core.plugins import Defined, by_name, plug_ins
 from femnl.core.resources import need_file
+from femnl.io import measurement
 from femnl.io.labfiles.base import Format
 from femnl.io.labfiles.spec import Spec, read_spec
-from femnl.io.measurement import bundle, write
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["Format", "Spec", "formats", "import_file", "is_lab_file", "read_lab_files", "read_spec"]
 
@@ -54,7 +58,7 @@ def import_file(
     that defines no format.
     """
     tree = read_lab_files(source, spec)
-    write(tree, dest)
+    measurement.write(tree, dest)
     return tree
 
 
@@ -90,7 +94,7 @@ def read_lab_files(
         for key, value in (("title", spec.title), ("sample", spec.sample))
         if value is not None
     }
-    tree = bundle(
+    tree = measurement.bundle(
         groups,
         geometry=spec.geometry,
         **attributes,

@@ -44,19 +44,25 @@ does not publish its form: it is that of exports in public repositories (T3SA320
 of which is in zero span.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
+from femnl.io import measurement
 from femnl.io.labfiles.base import Format, Groups, head, sweeps_to_response, text_lines
 from femnl.io.labfiles.levels import is_level, magnitudes
 from femnl.io.labfiles.spec import Spec
-from femnl.io.measurement import decay, quantity, to_si
+from femnl.io.measurement import quantity, to_si
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 LOWEST = 9e3
 """Lowest frequency [Hz] of Siglent's analysers; what ends below may be a time."""
@@ -140,9 +146,9 @@ def _decay(path: Path, trace: Trace) -> xr.Dataset:
         attributes["date"] = trace.head["date"]
     unit = trace.head.get("y", "dBm")
     if unit.startswith("dB"):
-        return decay(time=time, power=level, attributes=attributes)
+        return measurement.decay(time=time, power=level, attributes=attributes)
     volts = to_si(level, unit, "V", f"{path}: y axis")
-    return decay(time=time, magnitude=volts, attributes=attributes)
+    return measurement.decay(time=time, magnitude=volts, attributes=attributes)
 
 
 def _response(path: Path, trace: Trace, spec: Spec) -> tuple[xr.Dataset, list[str]]:

@@ -17,18 +17,24 @@ frequency is a spectrum of noise power and no ring-down; its file is named and l
 Source: the data published with the Ringdown-Processor (github.com/qpit/Ringdown-Processor).
 """
 
+from __future__ import annotations
+
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
+from femnl.io import measurement
 from femnl.io.labfiles.base import Format, Groups, head, text_lines
 from femnl.io.labfiles.spec import Spec
-from femnl.io.measurement import decay, quantity, to_si
+from femnl.io.measurement import quantity, to_si
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _HEADING = re.compile(
     r"^%\s*(?:time|frequency)\s*\[[^\]\n]*\]\s*,\s*\w+\s*\[[^\]\n]*\]", re.MULTILINE | re.IGNORECASE
@@ -183,7 +189,7 @@ def _dataset(
             "real [V] and imag [V]; name one so"
         )
     columns["time"] = _rising(path, columns["time"], notes)
-    return decay(**columns, attributes=attributes)
+    return measurement.decay(**columns, attributes=attributes)
 
 
 def _rising(path: Path, time: Rows, notes: list[str]) -> Rows:

@@ -1,17 +1,22 @@
 """What a lab-file format is, and what all of them share."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
+from femnl.io import measurement
 from femnl.io.labfiles.spec import Spec
-from femnl.io.measurement import quantity, response
+from femnl.io.measurement import quantity
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 T = TypeVar("T")
 PARTS = ("real", "imag", "amplitude", "magnitude", "phase")
@@ -21,7 +26,7 @@ RMS = float(np.sqrt(2))  # amplitude over root mean square of a sine
 
 Sweep = tuple[NDArray[np.float64], NDArray[np.complex128]]
 Labels = dict[str, NDArray[np.float64] | None]
-Groups = dict[str, xr.Dataset]
+Groups: TypeAlias = "dict[str, xr.Dataset]"
 Read = Callable[[Sequence[Path], Spec], tuple[Groups, list[str]]]
 
 
@@ -189,7 +194,7 @@ def sweeps_to_response(
     harmonic = given.pop("harmonic")
     scalars = scalar_values(spec, {"noise_sd": "V", "wavelength": "m"}, where)
     mode = spec.values.get("mode")
-    dataset = response(
+    dataset = measurement.response(
         frequency,
         volts,
         harmonic=1 if harmonic is None else harmonic,

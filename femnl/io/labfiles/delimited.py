@@ -28,7 +28,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
@@ -47,6 +46,8 @@ def read_table(path: Path, spec: Spec) -> dict[str, NDArray[Any]]:
 
     Raises: MeasurementError.
     """
+    import pandas as pd
+
     need_size(path, "split it")
     try:
         with warnings.catch_warnings():

@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
+from femnl.io import measurement
 from femnl.io.labfiles.base import RMS, Format, Groups, head, need_size, scalar_values
 from femnl.io.labfiles.spec import Spec
-from femnl.io.measurement import harmonic_map, to_si
+from femnl.io.measurement import to_si
 
 _MAGIC = b"Gwyddion Simple Field 1.0\n"
 _NAME = re.compile(
@@ -181,7 +182,9 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
     )
     scale = RMS if spec.rms else 1.0
     return {
-        spec.name: harmonic_map(first.x, first.y, harmonics, scale * np.array(volts), **scalars)
+        spec.name: measurement.harmonic_map(
+            first.x, first.y, harmonics, scale * np.array(volts), **scalars
+        )
     }, notes
 
 

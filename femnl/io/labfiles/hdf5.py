@@ -20,7 +20,7 @@ from femnl.io.labfiles.base import Format, Groups, head
 from femnl.io.labfiles.columns import one_table
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import open_hdf5
-from femnl.io.measurement.files import whole
+from femnl.io.measurement.head import whole
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 LOG = "Data/Data"

@@ -16,21 +16,27 @@ Manual, "Saving and Loading Data"; LabOne Programming Manual, "Sweeper Module" a
 Module" (docs.zhinst.com/labone_programming_manual).
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
+from femnl.io import measurement
 from femnl.io.labfiles.base import Format, Groups, Sweep, head, scalar_values, sweeps_to_response
 from femnl.io.labfiles.hdf5 import SIGNATURE
 from femnl.io.labfiles.labone_csv import sweep_of
 from femnl.io.labfiles.spec import Spec
-from femnl.io.measurement import open_hdf5, quantity, trace
-from femnl.io.measurement.files import whole
+from femnl.io.measurement import open_hdf5, quantity
+from femnl.io.measurement.head import whole
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Fields = dict[str, NDArray[np.float64]]
 
@@ -140,7 +146,9 @@ def _signal(
     scalars = scalar_values(spec, known, where)
     steps = np.full(len(chunks), scalars.pop("drive_frequency", np.nan))
     volts = np.stack([fields["value"][:length] for fields in chunks])
-    return trace((ticks - ticks[0]) / rate, volts, drive_frequency=steps, **scalars), notes
+    return measurement.trace(
+        (ticks - ticks[0]) / rate, volts, drive_frequency=steps, **scalars
+    ), notes
 
 
 def _recognise(path: Path) -> bool:

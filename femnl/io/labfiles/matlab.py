@@ -27,7 +27,7 @@ from femnl.io.labfiles.named_columns import named, take_columns
 from femnl.io.labfiles.spec import Spec
 from femnl.io.labfiles.tables import to_dataset
 from femnl.io.measurement import open_hdf5
-from femnl.io.measurement.files import whole
+from femnl.io.measurement.head import whole
 
 _NUMERIC = (
     "double",

@@ -11,7 +11,7 @@ from femnl.io.labfiles.levels import directions, magnitudes
 from femnl.io.labfiles.spec import Spec
 from femnl.io.measurement import KINDS, quantity, to_si
 from femnl.io.measurement.contract import Item
-from femnl.io.measurement.controls import free_item
+from femnl.io.measurement.control_variables import free_item
 
 Columns = dict[str, NDArray[Any]]
 COMPLEX = {"amplitude": "V", "magnitude": "V", "phase": "rad"}

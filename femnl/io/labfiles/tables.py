@@ -1,26 +1,23 @@
 """Tables of columns (from text or MATLAB) put into the shape of a measurement."""
 
+from __future__ import annotations
+
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
+from femnl.io import measurement
 from femnl.io.labfiles.base import PARTS, RMS, refuse_lengths, scalar_values, sweeps_to_response
 from femnl.io.labfiles.levels import even_clock, is_level
 from femnl.io.labfiles.named_columns import COMPLEX, Columns
 from femnl.io.labfiles.spec import Spec
-from femnl.io.measurement import (
-    KINDS,
-    coherent,
-    decay,
-    harmonic_map,
-    series,
-    spectrum,
-    trace,
-)
+from femnl.io.measurement import KINDS, coherent
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _OF_A_DECAY = {"frequency": "Hz", "bandwidth": "Hz", "pressure": "Pa", "temperature": "K"}
 _PER_SWEEP = ("drive", "direction", "x", "y", "harmonic")
@@ -107,15 +104,17 @@ def _direct(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
         label = [str(value) for value in columns.pop("label")] if "label" in columns else None
         frequency = columns.pop("frequency")
         rest: dict[str, Any] = columns
-        return spectrum(frequency, rest.pop("frequency_sd"), label, **rest)
+        return measurement.spectrum(frequency, rest.pop("frequency_sd"), label, **rest)
     if spec.kind == "series":
         data = {
             key: columns.pop(key)
             for key in tuple(columns)
             if key.startswith(("frequency", "quality_factor"))
         }
-        return series(columns, **data, units=_own_units(spec))
+        return measurement.series(columns, **data, units=_own_units(spec))
     datasets = KINDS[str(spec.kind)].datasets
+    import xarray as xr
+
     variables = {}
     for key, values in columns.items():
         flat = (
@@ -154,7 +153,7 @@ def _decay(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
     scalars = scalar_values(spec, _OF_A_DECAY, where)
     attributes: dict[str, float | str | None] = {**scalars}
     attributes |= {key: str(spec.values[key]) for key in ("notes", "mode") if key in spec.values}
-    return decay(**columns, attributes=attributes)
+    return measurement.decay(**columns, attributes=attributes)
 
 
 def _response(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[str]]:
@@ -271,7 +270,7 @@ def _map(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
     scalars = scalar_values(
         spec, {"noise_sd": "V", "wavelength": "m", "drive": "V", "drive_frequency": "Hz"}, where
     )
-    return harmonic_map(axes[2], axes[1], axes[0], volts, **scalars)
+    return measurement.harmonic_map(axes[2], axes[1], axes[0], volts, **scalars)
 
 
 def _trace(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[str]]:
@@ -298,7 +297,7 @@ def _trace(spec: Spec, columns: Columns, where: str) -> tuple[xr.Dataset, list[s
     scalars = scalar_values(spec, {"noise_sd": "V", "wavelength": "m", "x": "m", "y": "m"}, where)
     one = scalar_values(spec, {"drive_frequency": "Hz"}, where).get("drive_frequency")
     frequency = one if steps is None else cut["drive_frequency"][:, 0]
-    found = trace(
+    found = measurement.trace(
         time,
         cut["voltage"],
         drive_frequency=frequency,

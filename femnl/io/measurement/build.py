@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from femnl.core.errors import MeasurementError
 from femnl.io.measurement.contract import CONTROLS, KINDS, Item
-from femnl.io.measurement.controls import free_item
+from femnl.io.measurement.control_variables import free_item
 from femnl.io.measurement.units import to_si
 
 

@@ -11,28 +11,22 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
-from femnl.io.measurement.contract import CONTROLS, KINDS, Contract, Item
-from femnl.io.measurement.controls import free_items, with_free
+from femnl.io.measurement.contract import (
+    CONTROLS,
+    KINDS,
+    LEAST,
+    MOST,
+    MOST_DECIBELS,
+    Contract,
+    Item,
+)
+from femnl.io.measurement.control_variables import free_items, with_free
+from femnl.io.measurement.head import text
 from femnl.io.measurement.repair import mend
 from femnl.io.measurement.shapes import fit_shapes
 from femnl.io.measurement.units import quantity, to_si
 
 _FIXED = ("kind", "convention")
-LEAST = 1e-30
-MOST = 1e30
-"""Sizes in SI units beyond which no laboratory measures; sums of their squares stay finite."""
-MOST_DECIBELS = 600.0
-"""The same for levels: 600 dB are a factor of 10³⁰ in amplitude."""
-
-
-def text(value: object) -> str:
-    """Read an attribute as text, stored as a string, as bytes or as an array of one."""
-    if isinstance(value, np.ndarray) and value.size == 1:
-        value = value.reshape(-1)[0]
-    if isinstance(value, bytes):
-        return value.decode("utf-8", "replace")
-    # HDF5 hands over bytes of no encoding as half signs, which cannot be written again
-    return str(value).encode("utf-8", "surrogatepass").decode("utf-8", "replace")
 
 
 def check(group: xr.Dataset, where: str, *, free: bool = True) -> tuple[xr.Dataset, list[str]]:

@@ -10,3 +10,8 @@ __all__ = ["CONTROLS", "KINDS", "VERSION", "Contract", "Item"]
 VERSION = "1.2"
 KINDS = contracts()
 """What a group of each kind holds."""
+LEAST = 1e-30
+MOST = 1e30
+"""Sizes in SI units beyond which no laboratory measures; sums of their squares stay finite."""
+MOST_DECIBELS = 600.0
+"""The same for levels: 600 dB are a factor of 10³⁰ in amplitude."""

@@ -1,22 +1,16 @@
 """Measurement files on disk: read with every repair noted, written whole or not at all."""
 
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 
-import h5py
 import xarray as xr
 
 from femnl.core.errors import MeasurementError
 from femnl.core.scratch import scratch
-from femnl.io.measurement.check import check, text
+from femnl.io.measurement.check import check
 from femnl.io.measurement.contract import VERSION
-from femnl.io.measurement.hdf5_safety import open_hdf5
-
-_ROOT = "femnl_measurement"
-FREE_CONTROLS = 2
-"""Minor version from which on a file may name control variables of its own."""
+from femnl.io.measurement.head import ROOT, names_controls, need_version, text, whole
 
 
 def read(path: str | Path) -> xr.DataTree:
@@ -41,70 +35,7 @@ def read(path: str | Path) -> xr.DataTree:
         groups = {name: group.load() for name, group in groups.items()}
         for group in groups.values():
             group.close()
-    return _collect(groups, str(path), free=_names_controls(version))
-
-
-def need_version(path: Path) -> str:
-    """Return the version of a measurement file, one that femnl reads.
-
-    Raises: MeasurementError for another version, and for what is no measurement file.
-    """
-    with open_hdf5(path) as file, whole(path):
-        version = text(file.attrs.get(_ROOT, ""))
-    if not version:
-        raise MeasurementError(
-            f"{path}: no root attribute {_ROOT}, so not a measurement file; convert it with "
-            "femnl import"
-        )
-    if version.split(".")[0] != VERSION.split(".")[0]:
-        raise MeasurementError(
-            f"{path}: {_ROOT} is {version!r}; this femnl reads version {VERSION}"
-        )
-    return version
-
-
-def _names_controls(version: str) -> bool:
-    """Whether files of a version may name control variables of their own: from 1.2 on."""
-    minor = "".join(version.split(".")[1:2])[:4]
-    return minor.isdecimal() and int(minor) >= FREE_CONTROLS
-
-
-def is_measurement(path: Path) -> bool:
-    """Whether a file is a measurement file, or a damaged one that may be: `read` says which."""
-    if not h5py.is_hdf5(path):
-        return False
-    try:
-        with open_hdf5(path) as file, whole(path):
-            return _ROOT in file.attrs
-    except MeasurementError:
-        return True
-
-
-def named_geometry(path: Path) -> str | None:
-    """Return the geometry that a measurement file names. Raises: MeasurementError."""
-    with open_hdf5(path) as file, whole(path):
-        return text(file.attrs["geometry"]) if "geometry" in file.attrs else None
-
-
-@contextmanager
-def whole(path: Path) -> Iterator[None]:
-    """Name the file where a library stumbles over damage in it."""
-    try:
-        yield
-    except (
-        OSError,
-        ValueError,
-        KeyError,
-        TypeError,
-        RuntimeError,
-        AttributeError,
-        IndexError,
-        OverflowError,
-        SystemError,
-    ) as error:
-        raise MeasurementError(
-            f"{path}: damaged ({' '.join(str(error).split())[:120]}); copy or export it again"
-        ) from None
+    return _collect(groups, str(path), free=names_controls(version))
 
 
 def bundle(
@@ -147,7 +78,7 @@ def _collect(groups: Mapping[str, xr.Dataset], where: str, *, free: bool = True)
             f"{where}: holds no measurement; store each in a group with an attribute kind"
         )
     attributes = {str(key): text(value) for key, value in root.attrs.items()}
-    attributes[_ROOT] = VERSION
+    attributes[ROOT] = VERSION
     return xr.DataTree.from_dict(
         {"/": xr.Dataset(attrs={**attributes, "repairs": tuple(notes)}), **clean}
     )

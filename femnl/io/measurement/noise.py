@@ -1,13 +1,14 @@
 """Noise of a measurement: what its file says, or a robust estimate from the data themselves."""
 
+from math import comb
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.special import comb
 
 from femnl.core.errors import MeasurementError
 from femnl.core.numbers import engineering
-from femnl.io.measurement.controls import controls
+from femnl.io.measurement.control_variables import controls
 
 _MAD = 1.482602218505602  # σ of a Gaussian over its median absolute deviation
 _ORDER = 4

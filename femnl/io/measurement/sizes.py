@@ -1,21 +1,24 @@
 """Whether a command can do with the size of a measurement, said before its arrays are read."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import h5py
-import xarray as xr
 
 from femnl.core.errors import MeasurementError
 from femnl.core.kinds import Cost, KindSpec, kind_of
 from femnl.core.memory import need_memory
-from femnl.io.measurement.check import text
 from femnl.io.measurement.contract import KINDS
-from femnl.io.measurement.files import whole
 from femnl.io.measurement.hdf5_safety import open_hdf5
+from femnl.io.measurement.head import text, whole
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Use = Literal["show", "fit", "diagnose"]
 """What is done with a file."""

@@ -1,32 +1,47 @@
 """Units at the boundary: what a file says is turned into SI, or refused by name."""
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Iterator
-
-import numpy as np
-import pint
-from numpy.typing import ArrayLike, NDArray
+from functools import cache
+from typing import TYPE_CHECKING
 
 from femnl.core.errors import MeasurementError
 
-_REGISTRY = pint.get_application_registry()
+if TYPE_CHECKING:
+    import numpy as np
+    import pint
+    from numpy.typing import ArrayLike, NDArray
+
 _UNIT = r"[A-Za-zµμΩ°%]+(?:(?:\^|\*\*)?-?\d)?"
 # Text from strangers reaches pint's parser only as a plain product of units: no numbers, brackets
 # or towers of powers.
 _PRODUCT = re.compile(rf"\s*(?:1\s*/\s*)?{_UNIT}(?:\s*[*/·\s]\s*{_UNIT})*\s*")
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?)\s*([^\d\s].*?)?\s*")
+LONGEST = 80
+"""Letters of a quantity, and one more."""
 _DIMENSIONLESS = ("", "1", "dimensionless")
 _NAMED = ("V", "A", "T", "K", "m", "kg", "s", "N", "Pa", "J", "W", "C", "F", "ohm", "H", "Wb")
-_FAILURES = (
-    pint.PintError,
-    pint.errors.PintTypeError,
-    AttributeError,
-    ValueError,
-    TypeError,
-    AssertionError,
-)
-"""What pint raises for text that is no unit."""
+
+
+@cache
+def _registry() -> pint.registry.ApplicationRegistry:
+    """Return all units; to load them takes as long as all else of a refusal."""
+    import pint
+
+    registry: pint.registry.ApplicationRegistry = pint.get_application_registry()
+    return registry
+
+
+@cache
+def _failures() -> tuple[type[Exception], ...]:
+    """Return what pint raises for text that is no unit."""
+    from pint import PintError
+    from pint.errors import PintTypeError
+
+    return (PintError, PintTypeError, AttributeError, ValueError, TypeError, AssertionError)
 
 
 def to_si(values: ArrayLike, unit: str, si: str, where: str) -> NDArray[np.float64]:
@@ -37,6 +52,8 @@ def to_si(values: ArrayLike, unit: str, si: str, where: str) -> NDArray[np.float
     Returns: the values in `si`. Raises: MeasurementError for an unknown unit or one of another
     dimension.
     """
+    import numpy as np
+
     numbers = np.asarray(values, dtype=float)
     unit = "" if unit in _DIMENSIONLESS else unit
     si = "" if si in _DIMENSIONLESS else si
@@ -46,14 +63,16 @@ def to_si(values: ArrayLike, unit: str, si: str, where: str) -> NDArray[np.float
         raise MeasurementError(
             f"{where}: unit {unit[:40]!r} is not understood; give a unit such as {si or '1'!r}"
         )
+    from pint import DimensionalityError
+
     try:
-        return np.asarray(_REGISTRY.Quantity(numbers, unit).to(si).magnitude, dtype=float)
-    except pint.DimensionalityError:
+        return np.asarray(_registry().Quantity(numbers, unit).to(si).magnitude, dtype=float)
+    except DimensionalityError:
         raise MeasurementError(
             f"{where}: unit {unit!r} is not a unit of this quantity; give it in {si or '1'!r} or "
             "a multiple"
         ) from None
-    except _FAILURES:
+    except _failures():
         raise MeasurementError(
             f"{where}: unit {unit!r} is unknown; give a unit such as {si or '1'!r}"
         ) from None
@@ -73,23 +92,25 @@ def coherent(unit: str, where: str) -> str:
     if len(unit) > 40 or not _PRODUCT.fullmatch(unit):
         raise wrong
     try:
-        found = next(name for name in _candidates(unit) if _is_coherent(name, unit))
-    except (*_FAILURES, StopIteration):
+        found = next((name for name in _candidates(unit) if _is_coherent(name, unit)), None)
+    except _failures():
         raise wrong from None
+    if found is None:
+        raise wrong
     return "" if found in _DIMENSIONLESS else found
 
 
 def _candidates(unit: str) -> Iterator[str]:
     """Yield names of the SI unit: as written, without prefixes, its own, in base units."""
     yield unit
-    factors = _REGISTRY.parse_units(unit)._units
+    factors = _registry().parse_units(unit)._units
     plain = [
-        _REGISTRY.Unit(_REGISTRY.parse_unit_name(name)[0][1]) ** power
+        _registry().Unit(_registry().parse_unit_name(name)[0][1]) ** power
         for name, power in factors.items()
     ]
     yield _written(math.prod(plain[1:], start=plain[0]))
     yield from _NAMED
-    yield _written(_REGISTRY.Quantity(1.0, unit).to_base_units().units)
+    yield _written(_registry().Quantity(1.0, unit).to_base_units().units)
 
 
 def _written(unit: pint.Unit) -> str:
@@ -100,9 +121,14 @@ def _is_coherent(name: str, unit: str) -> bool:
     """Whether a unit is one of the SI without any factor, of the dimension of `unit`."""
     if name not in _DIMENSIONLESS and not _PRODUCT.fullmatch(name):
         return False
-    one = _REGISTRY.Quantity(1.0, "" if name in _DIMENSIONLESS else name)
-    alike = one.dimensionality == _REGISTRY.Quantity(1.0, unit).dimensionality
+    one = _registry().Quantity(1.0, "" if name in _DIMENSIONLESS else name)
+    alike = one.dimensionality == _registry().Quantity(1.0, unit).dimensionality
     return bool(alike and one.to_base_units().magnitude == 1.0)
+
+
+def is_quantity(words: str) -> bool:
+    """Whether words are a number, with or without what may be its unit."""
+    return len(words) < LONGEST and _QUANTITY.fullmatch(words) is not None
 
 
 def quantity(value: object, si: str, where: str) -> tuple[float, bool]:
@@ -112,7 +138,7 @@ def quantity(value: object, si: str, where: str) -> tuple[float, bool]:
     is neither.
     """
     if isinstance(value, str):
-        match = _QUANTITY.fullmatch(value) if len(value) < 80 else None
+        match = _QUANTITY.fullmatch(value) if len(value) < LONGEST else None
         if match is None:
             raise MeasurementError(
                 f"{where}: {value[:40]!r} is not a quantity; give a number in {si or '1'!r}, or "
@@ -120,6 +146,8 @@ def quantity(value: object, si: str, where: str) -> tuple[float, bool]:
             )
         unit = match[2] or si
         return float(to_si(float(match[1]), unit, si, where)), unit != si
+    import numpy as np
+
     number = np.asarray(value)
     if number.size != 1 or number.dtype.kind not in "iuf":
         raise MeasurementError(

@@ -1,15 +1,20 @@
 """Control variables: those that femnl knows, and those that a file names and gives a unit."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from femnl.core.errors import MeasurementError
 from femnl.io.measurement.contract import CONTROLS, KINDS, Contract, Item
 from femnl.io.measurement.units import coherent
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
 _SPREAD = "_sd"
