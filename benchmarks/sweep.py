@@ -18,7 +18,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from femnl.sweep import engine, open_store, read_sweep, run
-from femnl.sweep.point import Point, Record, Settings, attempt
+from femnl.sweep.point import Point, Record, Settings
+from femnl.sweep.solve import attempt
 
 POINTS = 24
 GEOMETRY = """

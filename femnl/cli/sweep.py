@@ -48,12 +48,14 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Solve many devices that differ in a few values; a repeated command goes on from there."""
-    from femnl.sweep import costs, engine, need_room_for, open_store, read_sweep, run, write_tables
-
     path = out or spec.with_suffix(".jsonl")
     suffix_of(path, (".jsonl",))
     number = workers_at_hand(workers, scheduler)
+    from femnl.sweep import read_sweep
+
     sweep = read_sweep(spec)
+    from femnl.sweep import costs, engine, need_room_for, open_store, run, write_tables
+
     solve = engine(scheduler, number)
     with open_store(
         path, sweep.settings, sweep.sample.seed if sweep.sample else None, retry

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from functools import partial
 
 from femnl.core.processes import dask
-from femnl.sweep.point import VERSION, Point, Record, Settings, attempt, failure
+from femnl.sweep.point import VERSION, Point, Record, Settings, failure
+from femnl.sweep.solve import attempt
 
 AHEAD = 2000
 """Points that the scheduler holds at a time."""

@@ -2,52 +2,24 @@
 
 import hashlib
 import json
-import resource
-import time
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from threading import Lock
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from pydantic import ValidationError
-
-from femnl.core.device import Model
-from femnl.core.errors import FemnlError, GeometryError
-from femnl.core.mechanics import Modes, Nonlinearity
-from femnl.device.geometry.schema import GeometryFile
-from femnl.device.geometry.tables import complaint
-from femnl.mechanics.modes.dilution import dilution
-from femnl.pipeline import solve_modes, solve_nonlinearity
-
-Array = NDArray[np.float64]
 Tables = dict[str, Any]
 Record = dict[str, Any]
 
 VERSION = 1
 """Of what is computed for a point: results of different versions never share a store."""
-
-MODAL: dict[str, tuple[str, Callable[[Modes], tuple[Array, Array]]]] = {
-    "frequency": ("Hz", lambda modes: (modes.frequency, modes.frequency_error)),
-    "ratio": ("1", lambda modes: (modes.ratio, modes.ratio_error)),
-    "effective_mass": ("kg", lambda modes: (modes.effective_mass, modes.effective_mass_error)),
-    "dilution": ("1", dilution),
+KEPT = {
+    "frequency": "Hz",
+    "ratio": "1",
+    "effective_mass": "kg",
+    "dilution": "1",
+    "alpha": "m^-2",
+    "k3": "N/m^3",
 }
-GEOMETRIC: dict[str, tuple[str, Callable[[Nonlinearity], tuple[Array, Array]]]] = {
-    "alpha": ("m^-2", lambda found: (found.alpha, found.alpha_error)),
-    "k3": ("N/m^3", lambda found: (found.k3, found.k3_error)),
-}
-KEPT = {name: unit for kind in (MODAL, GEOMETRIC) for name, (unit, _) in kind.items()}
 """What a sweep can keep of every mode, with its SI unit; each comes with its discretisation error.
 """
-
-NUMERICAL = (FemnlError, ArithmeticError, ValueError, RuntimeError, MemoryError, OSError)
-"""What meshers and solvers raise when a device defeats them; anything else is a fault of femnl and
-ends the worker.
-"""
-
-_ALONE = Lock()  # the mesher has one state a process, and a Dask worker may have several threads
 
 
 @dataclass(frozen=True)
@@ -86,37 +58,6 @@ class Point:
         return hashlib.sha256(content.encode()).hexdigest()[:24]
 
 
-def build(tables: Tables) -> Model:
-    """Return the device that the tables of a geometry file describe. Raises: GeometryError."""
-    try:
-        return GeometryFile.model_validate(tables).build(json.dumps(tables, ensure_ascii=False))
-    except ValidationError as error:
-        raise GeometryError(complaint(error)) from None
-
-
-def attempt(point: Point, settings: Settings) -> Record:
-    """Solve one point, or say why it cannot be solved; this is what runs on workers.
-
-    Returns: `key` and `varied` of the point, `seconds` and `memory` [bytes, the most that its
-        process has had], and either `results`, every kept name and its error as lists over the
-        modes, with the modes' `label`, or `error`.
-    """
-    began = time.perf_counter()
-    try:
-        with _ALONE:
-            answer: Record = {"results": solve(point, settings)}
-    except NUMERICAL as error:
-        answer = {"error": f"{type(error).__name__}: {error}"}
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    return {
-        "key": point.key(settings),
-        "varied": point.varied,
-        **answer,
-        "seconds": time.perf_counter() - began,
-        "memory": memory,
-    }
-
-
 def failure(point: Point, settings: Settings, reason: str) -> Record:
     """The record of a point that no worker could answer."""
     return {
@@ -126,24 +67,3 @@ def failure(point: Point, settings: Settings, reason: str) -> Record:
         "seconds": 0.0,
         "memory": 0,
     }
-
-
-def solve(point: Point, settings: Settings) -> dict[str, list[Any]]:
-    """Return what `Settings.keep` names for every mode of one point, each with its error."""
-    modes = solve_modes(
-        build(point.tables), settings.modes, settings.symmetry, settings.resolution, cache=False
-    )
-    found = {name: MODAL[name][1](modes) for name in settings.keep if name in MODAL}
-    if any(name in GEOMETRIC for name in settings.keep):
-        nonlinearity = solve_nonlinearity(modes, cache=False)
-        found |= {
-            name: GEOMETRIC[name][1](nonlinearity) for name in settings.keep if name in GEOMETRIC
-        }
-    results: dict[str, list[Any]] = {"label": [label or "" for label in modes.label]}
-    for name, (value, error) in found.items():
-        if not np.all(np.isfinite(value)):
-            raise ArithmeticError(f"{name} came out as {value.tolist()}")
-        results[name] = value.tolist()
-        # JSON knows no infinity
-        results[f"{name}_error"] = [e if np.isfinite(e) else None for e in error.tolist()]
-    return results

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from multiprocessing.connection import Connection
 
 from femnl.core.processes import Death, Worker, answer, share_out
-from femnl.sweep.point import Point, Record, Settings, attempt, failure
+from femnl.sweep.point import Point, Record, Settings, failure
+from femnl.sweep.solve import attempt
 
 
 def on_processes(points: Iterator[Point], settings: Settings, workers: int) -> Iterator[Record]:

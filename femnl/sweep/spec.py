@@ -5,19 +5,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from femnl.core.choices import Symmetry
 from femnl.core.errors import ParameterError, one_line
 from femnl.core.memory import need_memory
 from femnl.core.toml import parse_toml, read_toml
 from femnl.device.geometry import load
 from femnl.device.geometry.tables import suggest
-from femnl.device.mesh import WEDGES
 from femnl.sweep.axes import Axis, Range, check_axis, locate, put, read_axis
 from femnl.sweep.point import KEPT, Point, Settings, Tables
-from femnl.sweep.sample import draw
 
 MOST = 1_000_000
 """More points than this are taken for a mistake."""
@@ -96,6 +95,8 @@ class Sweep:
                     }
                 )
         else:
+            from femnl.sweep.sample import draw
+
             for place in draw(self.sample.method, self.sample.points, len(self.axes), seed):
                 yield self._point(
                     {
@@ -171,10 +172,9 @@ def _settings(spec: SpecFile) -> Settings:
     for name in spec.keep:
         if name not in KEPT:
             raise ParameterError(f'keep = "{name}": unknown result, {suggest(name, [*KEPT])}')
-    if spec.symmetry not in ("auto", *WEDGES):
-        raise ParameterError(
-            f'symmetry = "{spec.symmetry}": expected one of auto, {", ".join(WEDGES)}'
-        )
+    known = ("auto", *get_args(Symmetry))
+    if spec.symmetry not in known:
+        raise ParameterError(f'symmetry = "{spec.symmetry}": expected one of {", ".join(known)}')
     return Settings(
         spec.modes,
         spec.resolution,

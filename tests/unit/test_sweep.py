@@ -18,7 +18,8 @@ import xarray as xr
 
 from femnl.core.errors import MissingLibraryError, ParameterError
 from femnl.sweep import Sweep, collect, costs, engine, open_store, read_sweep, run, write_tables
-from femnl.sweep.point import Point, Record, Settings, attempt
+from femnl.sweep.point import KEPT, Point, Record, Settings
+from femnl.sweep.solve import GEOMETRIC, MODAL, attempt
 
 GEOMETRY = """
 name = "tiny"
@@ -449,6 +450,10 @@ class TestStore:
         assert np.isnan(data.frequency.values).all(axis=1).tolist() == [False, True, True]
         keys = [json.loads(line)["key"] for line in path.read_text().splitlines()[1:]]
         assert len(keys) == len(set(keys)) == 3
+
+
+def test_everything_that_can_be_kept_is_solved_by_one_function() -> None:
+    assert [*KEPT] == [*MODAL, *GEOMETRIC]
 
 
 def test_dask_is_named_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -227,14 +227,14 @@ def test_a_point_that_kills_every_process_fails_alone(tmp_path: Path, start: Sta
     # without a word to Python.
     program.write_text(
         "import os, signal, sys\n"
-        "from femnl.sweep import point, processes\n"
+        "from femnl.sweep import processes, solve\n"
         "def serve(connection, settings):\n"
         "    try:\n"
         "        while True:\n"
         "            got = connection.recv()\n"
         "            if got.varied['film.stress'] == '1.5 GPa':\n"
         "                os.kill(os.getpid(), signal.SIGKILL)\n"
-        "            connection.send(point.attempt(got, settings))\n"
+        "            connection.send(solve.attempt(got, settings))\n"
         "    except EOFError:\n"
         "        return\n"
         "if __name__ == '__main__':\n"

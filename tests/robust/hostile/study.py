@@ -36,9 +36,12 @@ PRELOADED = (
     "femnl.diagnose",
     "femnl.report.diagnosis",
     "femnl.plot.measurement",
-    "femnl.sweep",
+    "femnl.sweep.runner",
+    "femnl.sweep.tables",
     "femnl.pipeline",
     "femnl.io.labfiles",
+    "femnl.io.measurement.files",
+    "femnl.io.measurement.sizes",
     "matplotlib.backends.backend_agg",
 )
 """Modules that are loaded once, in the process that cases are forks of."""
