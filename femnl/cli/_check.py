@@ -14,7 +14,7 @@ from femnl.core.errors import GeometryError
 from femnl.core.outline import Holes
 from femnl.device.geometry import parse
 from femnl.device.geometry.naming import place
-from femnl.device.geometry.reader import describe, read_text, sketch
+from femnl.device.geometry.reader import describe, sketch
 from femnl.device.layout import import_layout, read_drawing
 from femnl.device.layout.regions import faults_of
 from femnl.device.mesh import mesh
@@ -26,13 +26,12 @@ DPI = 200
 PARTS = {1: "the whole film", 2: "a half", 4: "a quarter"}
 
 
-def check_geometry(path: Path, picture: Path) -> None:
-    """Check a geometry file.
+def check_geometry(path: Path, text: str, picture: Path) -> None:
+    """Check a geometry file by its text.
 
     Raises:
         GeometryError: the first fault, once the picture is written.
     """
-    text = read_text(path)
     drawn = sketch(text, str(path))
     if not drawn.faults:
         _show(parse(text, str(path)), picture)

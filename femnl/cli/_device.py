@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from femnl.core.device import Model
 
 SYMMETRIES = get_args(choices.Symmetry)
+EDGES: tuple[choices.Edge, ...] = get_args(choices.Edge)
 
 
 def known_geometry(geometry: str | None) -> str | None:
@@ -74,9 +75,17 @@ EdgeOption = Annotated[
 ]
 Symmetry = Annotated[
     str,
-    typer.Option(help=f"Part of the film to mesh: auto, {', '.join(SYMMETRIES)}."),
+    typer.Option(
+        help=f"Part of the film to mesh: auto, {', '.join(SYMMETRIES)}.",
+        callback=choices.check_symmetry,
+    ),
 ]
-Resolution = Annotated[float, typer.Option(help="Factor on the number of elements per length.")]
+Resolution = Annotated[
+    float,
+    typer.Option(
+        help="Factor on the number of elements per length.", callback=choices.check_resolution
+    ),
+]
 Cache = Annotated[bool, typer.Option("--cache/--no-cache", help="Use solutions kept on disk.")]
 Count = Annotated[int, typer.Option("--count", "-n", help="How many modes.", min=1)]
 Json = Annotated[
@@ -89,17 +98,16 @@ Json = Annotated[
 
 def load_device(geometry: str, bending: bool | None = None, edge: str | None = None) -> Model:
     """Read the geometry and apply what the command line overrides."""
-    from femnl.core.device import Edge
+    if edge is not None and edge not in EDGES:
+        raise ParameterError(f"--edge {edge}: expected one of {', '.join(EDGES)}")
     from femnl.device.geometry import load
 
     model = load(geometry)
     if bending is not None:
         model = replace(model, bending=bending)
-    for known in get_args(Edge):
+    for known in EDGES:
         if edge == known:
             model = replace(model, edge=known)
-    if edge is not None and edge not in get_args(Edge):
-        raise ParameterError(f"--edge {edge}: expected one of {', '.join(get_args(Edge))}")
     return model
 
 

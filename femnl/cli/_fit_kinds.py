@@ -103,12 +103,10 @@ class MeasuredFile:
 def measured_file(path: Path, tree: xr.DataTree, options: FitOptions) -> MeasuredFile:
     """Choose the measurements: all that femnl fits, or with --as those of its kind.
 
-    Raises: ParameterError for an unknown --as or one that nothing in the file fits;
-    MeasurementError where the file holds nothing that can be fitted.
+    Raises: ParameterError for an --as that nothing in the file fits; MeasurementError where the
+    file holds nothing that can be fitted.
     """
     meaning = options.meaning
-    if meaning is not None and meaning not in MEANINGS:
-        raise ParameterError(f"--as {meaning}: expected one of {', '.join(MEANINGS)}")
     groups = {name: node.to_dataset() for name, node in tree.children.items()}
     kinds = (MEANINGS[meaning],) if meaning else FITTED
     chosen = {name: dataset for name, dataset in groups.items() if dataset.attrs["kind"] in kinds}

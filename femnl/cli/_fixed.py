@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from femnl.core.errors import MeasurementError, ParameterError
+from femnl.io.measurement.units import is_quantity, quantity
 
 Texts = Mapping[str, str]
 """What --fix says, by the name of the parameter."""
@@ -17,7 +18,7 @@ def read(texts: list[str]) -> dict[str, str]:
     found = {}
     for text in texts:
         name, equals, value = text.partition("=")
-        if not (equals and name.strip() and value.strip()):
+        if not (equals and name.strip() and is_quantity(value)):
             raise ParameterError(
                 f"--fix {text}: expected NAME=VALUE in SI units or with its unit, such as "
                 'linewidth=66.7 or linewidth="66.7 Hz"'
@@ -36,8 +37,6 @@ def in_si(texts: Texts, unit_of: Units) -> dict[str, float]:
 
 def _value(name: str, text: str, unit_of: Units) -> float:
     """Return one value; the place or the map that a name ends with seldom changes its unit."""
-    from femnl.io.measurement import quantity
-
     unit = unit_of(name)
     if unit is None:
         unit = unit_of(name.partition("[")[0].partition(":")[0])

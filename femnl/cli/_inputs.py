@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from femnl.io.measurement.sizes import Use
 
 
-def _there(paths: list[Path]) -> list[Path]:
+def there(paths: list[Path]) -> list[Path]:
     """Refuse what is neither a file nor a folder before anything heavy is loaded."""
     return [path if path.is_dir() else need_file(path) for path in paths]
 
@@ -28,7 +28,7 @@ Inputs = Annotated[
         metavar="FILE...",
         help="Measurement files (.nc), lab files, or folders of them.",
         show_default=False,
-        callback=_there,
+        callback=there,
     ),
 ]
 

@@ -49,15 +49,17 @@ class Wishes:
 
         Raises: ParameterError.
         """
-        from femnl.mechanics.modes.dilution import refuse_without_bending
-        from femnl.mechanics.modes.quality import refuse_unknown_loss
-        from femnl.mechanics.static_deflection import refuse_rest
-
         if self.bow is not None:
+            from femnl.mechanics.static_deflection import refuse_rest
+
             refuse_rest(model, *self.bow)
         if self.dilution:
+            from femnl.mechanics.modes.dilution import refuse_without_bending
+
             refuse_without_bending(model)
         if self.quality:
+            from femnl.mechanics.modes.quality import refuse_unknown_loss
+
             refuse_unknown_loss(model)
 
 
@@ -246,10 +248,10 @@ def frequency_of(words: str) -> float:
 
 
 def _quantity(words: str, unit: str, option: str) -> float:
-    from femnl.io import measurement
+    from femnl.io.measurement import quantity
 
     try:
-        return measurement.quantity(words, unit, option)[0]
+        return quantity(words, unit, option)[0]
     except MeasurementError as error:
         raise ParameterError(str(error)) from None
 
@@ -259,14 +261,14 @@ def bow_of(words: str) -> tuple[float | None, float | None]:
 
     Neither for "layers", the stresses of which bend the film. Raises: ParameterError.
     """
-    from femnl.io import measurement
+    from femnl.io.measurement import quantity
 
     if words.strip() == "layers":
         return None, None
     number = words.strip()[-1:].isdigit()  # what has no unit may be either
     for place, unit in enumerate(() if number else ("m", "Pa")):
         try:
-            value = measurement.quantity(words, unit, "--bow")[0]
+            value = quantity(words, unit, "--bow")[0]
         except MeasurementError:
             continue
         return (value, None) if place == 0 else (None, value)

@@ -9,6 +9,7 @@ import typer
 
 from femnl.cli._device import Bending, Geometry, Json, load_device, suffix_of
 from femnl.cli._output import console, note, print_json, table
+from femnl.io.results.atomic import need_room
 
 if TYPE_CHECKING:
     from femnl.mechanics.bands import Lattice
@@ -37,15 +38,13 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Solve the bands of flexural waves in the lattice of holes, as if the film had no edge."""
-    import numpy as np
-
-    from femnl.io.results.atomic import need_room
-    from femnl.mechanics.bands import solve_bands
-    from femnl.plot.bands import draw_bands
-
     if out:
         suffix_of(out, FORMATS)
         need_room(out)
+    import numpy as np
+
+    from femnl.mechanics.bands import solve_bands
+
     bands = solve_bands(load_device(geometry, bending), count, steps=steps, resolution=resolution)
     if as_json:
         names = (
@@ -86,6 +85,8 @@ def command(
             f"{gaps or 'none'}"
         )
     if out:
+        from femnl.plot.bands import draw_bands
+
         draw_bands(bands, out)
         note(f"wrote {out}")
 

@@ -11,7 +11,7 @@ import typer
 
 from femnl.cli._device import Cache, Json, check_mode, known_geometry
 from femnl.cli._fit_decay import FEW, summary
-from femnl.cli._fit_kinds import FitOptions, MeasuredFile, fit_file, measured_file
+from femnl.cli._fit_kinds import MEANINGS, FitOptions, MeasuredFile, fit_file, measured_file
 from femnl.cli._fit_response import Asked
 from femnl.cli._fixed import read as read_fixed
 from femnl.cli._inputs import Inputs, files_of, read_file
@@ -193,7 +193,7 @@ def command(
         fixed,
     )
     options = FitOptions(
-        meaning=meaning,
+        meaning=None if meaning is None else _one_of("--as", meaning, tuple(MEANINGS)),
         response=asked,
         fixed=fixed,
         n_modes=n_modes,
@@ -207,11 +207,11 @@ def command(
         held_out=_part(held_out),
         cache=cache,
     )
-    listed = files_of(files)
     if each_sweep_to is not None and n_modes is not None:
         raise ParameterError(
             "--each-sweep fits one mode a sweep, and --modes several; leave one of them out"
         )
+    listed = files_of(files)
     if each_sweep_to is not None and len(listed) > 1:
         raise ParameterError(
             f"--each-sweep: {len(listed)} files for one series; give one file at a time"

@@ -115,10 +115,10 @@ def check(
     out: Picture = None,
 ) -> None:
     """Draw a geometry or a layout with what is wrong marked, and the stress after release."""
-    from femnl.cli._check import check_geometry, check_layout
     from femnl.cli._device import suffix_of
     from femnl.core.errors import ParameterError
     from femnl.device.geometry import load
+    from femnl.device.geometry.reader import read_text
     from femnl.device.layout import SUFFIXES, read_layers, read_metal
     from femnl.io.results.atomic import need_room
 
@@ -127,7 +127,11 @@ def check(
     suffix_of(picture, (".png", ".pdf", ".svg"))
     need_room(picture)
     if path.suffix.lower() not in SUFFIXES:
-        check_geometry(find_geometry(file), picture)
+        known = find_geometry(file)
+        text = read_text(known)  # before figures and meshers load
+        from femnl.cli._check import check_geometry
+
+        check_geometry(known, text, picture)
         return
     if layers is None:
         raise ParameterError(f"{path}: --layers is missing; write e.g. --layers film=1/0,holes=2/0")
@@ -135,6 +139,8 @@ def check(
     lender = load(find_geometry(like))
     roles = read_layers(layers)
     need_file(path)
+    from femnl.cli._check import check_layout
+
     check_layout(path, roles, picture, like=lender, cell=cell, unit=unit, metal=numbers)
 
 

@@ -5,7 +5,15 @@ from typing import Annotated
 
 import typer
 
+from femnl.cli._inputs import there
 from femnl.cli._output import note
+from femnl.core.resources import need_file
+
+
+def _described(spec: Path | None) -> Path | None:
+    """Refuse a description that is not there before anything heavy is loaded."""
+    return None if spec is None else need_file(spec)
+
 
 Sources = Annotated[
     list[Path],
@@ -13,13 +21,16 @@ Sources = Annotated[
         help="Lab file(s): CSV, MATLAB .mat, LabOne HDF5 or CSV, Gwyddion .gsf, "
         "ring-downs of a signal analyser.",
         show_default=False,
+        callback=there,
     ),
 ]
 Dest = Annotated[Path, typer.Argument(help="Measurement file (.nc) to write.", show_default=False)]
 Spec = Annotated[
     Path | None,
     typer.Option(
-        help="TOML that maps columns or variables to quantities and units.", show_default=False
+        help="TOML that maps columns or variables to quantities and units.",
+        show_default=False,
+        callback=_described,
     ),
 ]
 

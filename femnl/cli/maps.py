@@ -14,6 +14,8 @@ from femnl.cli._device import Bending, Cache, Geometry, check_mode, load_device,
 from femnl.cli._output import note
 from femnl.core.errors import ParameterError
 from femnl.core.memory import need_memory
+from femnl.io.measurement.units import quantity
+from femnl.io.results.atomic import need_room, write_whole
 
 if TYPE_CHECKING:
     import numpy as np
@@ -92,27 +94,21 @@ def command(
         f"maps of {points} × {points} points and {harmonics} harmonics",
         "lower --points or --harmonics",
     )
+    if out is not None:
+        suffix_of(out, (".nc",))  # the figure takes the same name with another ending
+        need_room(out)
+    # Both are read before devices, modes and figures load
+    noise_sd = None if noise is None else _voltage(noise)
+    length = _length(wavelength)
+    model = load_device(geometry, bending)
+    path = out or Path(f"{model.name}-mode-{mode}-maps.nc")
+    need_room(path)
     from femnl.device.geometry.curves import polyline
     from femnl.io import measurement
-    from femnl.io.results.atomic import need_room, write_whole
     from femnl.pipeline import harmonic_maps, solve_modes
     from femnl.plot.maps import harmonic_map_figure
 
-    model = load_device(geometry, bending)
-    path = out or Path(f"{model.name}-mode-{mode}-maps.nc")
-    suffix_of(path, (".nc",))  # the figure takes the same name with another ending
-    need_room(path)
-    length, _ = measurement.quantity(wavelength, "m", f'--wavelength "{wavelength}"')
-    if not 1e-7 < length < 1e-4:
-        raise ParameterError(
-            f'--wavelength "{wavelength}": {length:g} m is no wavelength of light; write e.g. '
-            '"632.8 nm"'
-        )
-    noise_sd = None
-    if noise is not None:
-        noise_sd, _ = measurement.quantity(noise, "V", f'--noise "{noise}"')
-        if not 0 < noise_sd < math.inf:
-            raise ParameterError(f'--noise "{noise}": expected a positive voltage; write "0.3 mV"')
+    readout = _fringe(model, fringe, length, theta)
     amplitude = z * length / (4 * math.pi)
     modes = solve_modes(model, max(10, mode), cache=cache)
     name = f"mode {modes.label[index] or mode}"
@@ -120,7 +116,6 @@ def command(
         f"{model.name}, {name}, z = {z:g} at {length * 1e9:g} nm, U = {amplitude * 1e9:.4g} "
         f"nm, {fringe} fringe"
     )
-    readout = _fringe(model, fringe, length, theta)
     result = harmonic_maps(
         modes, index, readout, amplitude, length, harmonics=harmonics, points=points
     )
@@ -143,6 +138,25 @@ def command(
         partial(harmonic_map_figure(dataset, polyline(model.outline), title).savefig, dpi=200),
     )
     note(f"wrote {path} and {picture}")
+
+
+def _length(wavelength: str) -> float:
+    """Return the wavelength [m] of light that words mean."""
+    length, _ = quantity(wavelength, "m", f'--wavelength "{wavelength}"')
+    if not 1e-7 < length < 1e-4:
+        raise ParameterError(
+            f'--wavelength "{wavelength}": {length:g} m is no wavelength of light; write e.g. '
+            '"632.8 nm"'
+        )
+    return length
+
+
+def _voltage(noise: str) -> float:
+    """Return the standard deviation [V] that words mean."""
+    noise_sd, _ = quantity(noise, "V", f'--noise "{noise}"')
+    if not 0 < noise_sd < math.inf:
+        raise ParameterError(f'--noise "{noise}": expected a positive voltage; write "0.3 mV"')
+    return noise_sd
 
 
 def _noise(shape: tuple[int, ...], sd: float, seed: int) -> NDArray[np.complex128]:

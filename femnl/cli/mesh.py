@@ -7,6 +7,7 @@ import typer
 
 from femnl.cli._device import Bending, Geometry, Json, Resolution, Symmetry, load_device
 from femnl.cli._output import console, note, print_json, table
+from femnl.io.results.atomic import need_room
 
 Out = Annotated[
     Path | None,
@@ -25,13 +26,13 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Mesh a device and say what came out."""
-    from femnl.device.mesh import mesh
-    from femnl.io.results.atomic import need_room
-    from femnl.io.results.vtu import check_suffix, write_mesh
-
     if out:
+        from femnl.io.results.vtu import check_suffix
+
         check_suffix(out)
         need_room(out)
+    from femnl.device.mesh import mesh
+
     domain = mesh(load_device(geometry, bending), symmetry, resolution)
     boundaries = {name: len(facets) for name, facets in (domain.mesh.boundaries or {}).items()}
     if as_json:
@@ -54,5 +55,7 @@ def command(
         rows += [[f"edges on {name}", str(n)] for name, n in boundaries.items()]
         console().print(table(domain.model.name, ["mesh", "number"], rows))
     if out:
+        from femnl.io.results.vtu import write_mesh
+
         write_mesh(out, domain)
         note(f"wrote {out}")

@@ -23,6 +23,7 @@ from femnl.cli._modes_more import More, Wishes, bow_of, frequency_of, pressure_o
 from femnl.cli._output import console, note, print_json, scientific, table
 from femnl.core.choices import Certified
 from femnl.core.errors import ParameterError
+from femnl.io.results.atomic import need_room
 
 if TYPE_CHECKING:
     from femnl.core.device import Model
@@ -120,19 +121,20 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Solve the modes of a device: frequencies, effective masses, Duffing coefficients."""
-    from femnl.io.results.atomic import need_room
-    from femnl.pipeline import solve_nonlinearity
-
     kind = suffix_of(out, (".nc", ".vtu")) if out else ""
     if out:
         need_room(out)
     wishes = _wishes(inertia, bow, dilution, quality, pressure)
     target = None if near is None else frequency_of(near)
+    if homogenised:
+        meshed = (tolerance, tolerance_of, resolution, symmetry) != (None, None, 1.0, "auto")
+        _refuse_for_an_even_film(meshed, wishes, target)
+    _refuse_tolerance(tolerance, tolerance_of, resolution, target)
     model = load_device(geometry, bending, edge)
     wishes.refuse(model)
-    meshed = (tolerance, tolerance_of, resolution, symmetry) != (None, None, 1.0, "auto")
+    from femnl.pipeline import solve_nonlinearity
+
     if homogenised:
-        _refuse_for_an_even_film(meshed, wishes, target)
         from femnl.mechanics.lattice import solve_homogenised
 
         modes, nonlinearity = solve_homogenised(model, count, tensor=tensor)
@@ -194,6 +196,25 @@ def _refuse_for_an_even_film(meshed: bool, wishes: Wishes, target: float | None)
         )
 
 
+def _refuse_tolerance(
+    tolerance: float | None, of: Certified | None, resolution: float, target: float | None
+) -> None:
+    """A tolerance needs the lowest modes, and sets the resolution itself."""
+    if target is not None and (tolerance is not None or of is not None):
+        raise ParameterError(
+            "--near: no tolerance is reached there; leave out --tolerance, and raise "
+            "--resolution for smaller errors"
+        )
+    if tolerance is None and of is not None:
+        raise ParameterError(
+            f"--tolerance-of {of}: there is no tolerance to reach; give one with --tolerance"
+        )
+    if tolerance is not None and resolution != 1.0:
+        raise ParameterError(
+            f"--resolution {resolution:g}: a tolerance sets the resolution; give one of the two"
+        )
+
+
 def _solve(
     model: Model,
     count: int,
@@ -208,22 +229,9 @@ def _solve(
     from femnl.pipeline import solve_modes, solve_modes_near, solve_modes_to
 
     if near is not None:
-        if tolerance is not None or of is not None:
-            raise ParameterError(
-                "--near: no tolerance is reached there; leave out --tolerance, and raise "
-                "--resolution for smaller errors"
-            )
         return solve_modes_near(model, near, count, symmetry, resolution, cache)
     if tolerance is None:
-        if of is not None:
-            raise ParameterError(
-                f"--tolerance-of {of}: there is no tolerance to reach; give one with --tolerance"
-            )
         return solve_modes(model, count, symmetry, resolution, cache)
-    if resolution != 1.0:
-        raise ParameterError(
-            f"--resolution {resolution:g}: a tolerance sets the resolution; give one of the two"
-        )
     return solve_modes_to(model, tolerance, count, symmetry, cache, of or "frequency")
 
 

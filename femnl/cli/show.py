@@ -28,10 +28,13 @@ def command(
 ) -> None:
     """Print what a measurement file holds, and draw every measurement in it."""
     from femnl.io import measurement
+    from femnl.io.measurement.head import need_version
+
+    need_version(file)  # before arrays and figures load
+    measurement.need_room(file, "show")
     from femnl.io.results.atomic import make_folder, write_whole
     from femnl.plot.measurement import figures
 
-    measurement.need_room(file, "show")
     tree = measurement.read(file)
     for repair in tree.attrs["repairs"]:
         note(f"repaired: {repair}")

@@ -11,12 +11,12 @@ from typing import Literal
 
 import numpy as np
 
+from femnl.core.choices import Edge as Edge
 from femnl.core.errors import GeometryError
 from femnl.core.geometry_text import film_values, same, with_values
 from femnl.core.loss import Loss
 from femnl.core.outline import Holes, Outline
 
-Edge = Literal["clamped", "sliding", "paper"]
 FITS = 1.3
 """Factor up to which a stated length may differ from the box of the edge: a pentagon is quoted by
 the diameter of the circle around it.

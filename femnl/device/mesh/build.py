@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from femnl.core.choices import check_resolution
 from femnl.core.device import Model
-from femnl.core.errors import GeometryError, ParameterError
+from femnl.core.errors import GeometryError
 from femnl.core.mechanics import Domain
 from femnl.core.memory import need_memory
 from femnl.core.outline import Outline, Segment
@@ -68,8 +69,7 @@ def mesh(
     Raises: ParameterError where the device lacks the symmetry asked for; GeometryError where
     meshing fails.
     """
-    if not 0.1 <= resolution <= 20:
-        raise ParameterError(f"resolution = {resolution:g}: expected a number from 0.1 to 20")
+    check_resolution(resolution)
     if not any(s.clamped for s in model.outline.segments):
         raise GeometryError(
             f"{model.name}: no edge of the outline is clamped, so that nothing holds the film; "

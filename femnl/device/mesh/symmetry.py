@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from femnl.core.choices import check_symmetry
 from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.outline import Outline
@@ -38,8 +39,7 @@ def find_wedge(model: Model, symmetry: str) -> float:
             for name in ("quarter", "half", "full")
             if has_symmetry(model, WEDGES[name])
         )
-    if symmetry not in WEDGES:
-        raise ParameterError(f'symmetry = "{symmetry}": expected auto, {", ".join(WEDGES)}')
+    check_symmetry(symmetry)
     if not has_symmetry(model, WEDGES[symmetry]):
         raise ParameterError(
             f'symmetry = "{symmetry}": outline and holes of {model.name} do not have it; use '
