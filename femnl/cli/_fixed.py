@@ -18,10 +18,15 @@ def read(texts: list[str]) -> dict[str, str]:
     found = {}
     for text in texts:
         name, equals, value = text.partition("=")
-        if not (equals and name.strip() and is_quantity(value)):
+        if not (equals and name.strip() and value.strip()):
             raise ParameterError(
                 f"--fix {text}: expected NAME=VALUE in SI units or with its unit, such as "
                 'linewidth=66.7 or linewidth="66.7 Hz"'
+            )
+        if not is_quantity(value):
+            raise ParameterError(
+                f"--fix {name.strip()}: {value.strip()[:40]!r} is not a quantity; give a number in "
+                "SI units or with its unit, such as '66.7 Hz'"
             )
         found[name.strip()] = value.strip()
     return found

@@ -101,6 +101,7 @@ def command(
     noise_sd = None if noise is None else _voltage(noise)
     length = _length(wavelength)
     model = load_device(geometry, bending)
+    readout = _fringe(model, fringe, length, theta)
     path = out or Path(f"{model.name}-mode-{mode}-maps.nc")
     need_room(path)
     from femnl.device.geometry.curves import polyline
@@ -108,7 +109,6 @@ def command(
     from femnl.pipeline import harmonic_maps, solve_modes
     from femnl.plot.maps import harmonic_map_figure
 
-    readout = _fringe(model, fringe, length, theta)
     amplitude = z * length / (4 * math.pi)
     modes = solve_modes(model, max(10, mode), cache=cache)
     name = f"mode {modes.label[index] or mode}"
@@ -172,13 +172,15 @@ def _fringe(model: Model, kind: str, wavelength: float, theta: float) -> Fringe:
 
     1 V for the sine, 1 V per unit of reflectivity for the stack.
     """
-    from femnl.optics.fringe import MultilayerFringe, SineFringe
-
     if kind == "sine":
+        from femnl.optics.fringe import SineFringe
+
         return SineFringe(wavelength, 0.0, 1.0, theta)
     if model.stack is None:
         raise ParameterError(
             f"{model.name}: its geometry gives no [readout] gap, which the multilayer fringe "
             "needs; use --fringe sine"
         )
+    from femnl.optics.fringe import MultilayerFringe
+
     return MultilayerFringe(model.stack, wavelength)

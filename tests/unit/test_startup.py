@@ -179,6 +179,7 @@ def test_files_are_refused_before_units_datasets_meshers_and_figures_load(
         ["modes", "circle", "--bow", "1 kg"],
         ["modes", "circle", "--q", "--pressure", "1 kg"],
         ["maps", "circle", "--z", "4", "--noise", "1 kg"],
+        ["maps", "metallised-drum", "--z", "4", "--fringe", "multilayer"],
         ["sweep", "units.toml"],
     ],
     ids=" ".join,
