@@ -36,6 +36,8 @@ class Values:
 
     def bounded(self) -> "Values":
         """Return the values with no error that is lost beside what devices differ by."""
+        if not self.y.size:  # of a quantity that no device has
+            return self
         return replace(self, sd=np.maximum(self.sd, LEAST_SHARE * self.unit))
 
     def without(self, devices: frozenset[int]) -> "Values":
