@@ -25,11 +25,15 @@ def command(
     """Write the validation report, or one on a device: a page that needs no other file."""
     from femnl.io.results.atomic import make_folder
 
+    browser = None
+    if pdf:
+        from femnl.report.paper import find_browser
+
+        browser = find_browser()
     make_folder(out)
-    from femnl.report.paper import find_browser, print_page
+    from femnl.report.paper import print_page
     from femnl.report.write import write_device, write_report
 
-    browser = find_browser() if pdf else None
     if geometry is None:
         page = write_report(out, note, cache)
     else:

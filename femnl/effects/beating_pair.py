@@ -41,12 +41,13 @@ EFFECT = Effect(
             "partner_rate",
             "1/s",
             0.2,
-            5.0,
+            3.0,
             strength=False,
             log=True,
             scale="rate",
-            reason="a partner that decays more than five times as fast is gone before it beats, "
-            "and one that decays a fifth as fast soon is the mode itself",
+            reason="a partner that decays more than three times as fast is gone before it beats, "
+            "and is no more than a second rate; one that decays a fifth as fast soon is the mode "
+            "itself",
         ),
     ),
     changes={"ringing": beat},
