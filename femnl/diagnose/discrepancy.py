@@ -18,6 +18,7 @@ from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate
 from femnl.fits.least_squares import FitResult, log_prior
 from femnl.observe.model import Layout, MeasurementModel
+from femnl.observe.noisy import NoisyModel, without_noise
 
 MOST_DIRECTIONS = 40
 """Directions of smooth deviations, those that most of the named ones share."""
@@ -224,16 +225,28 @@ def _turned(done: Array, layout: Layout | None) -> Array:
 def places_of(base_model: MeasurementModel) -> Array:
     """Return where each residual lies in the data, between −1 and 1, in every way (k, n).
 
-    In the order of the data: modes by rising frequency, points of a series, sweeps or harmonics one
-    after the other. And by their conditions where they recur, as the frequency within sweeps.
+    In the order of the data: modes by rising frequency, points of a series, sweeps one after the
+    other. And by their conditions where they recur, as the frequency within sweeps. Data over a
+    plane by all their coordinates, as the number of a harmonic and the place on a film.
     """
     layout = base_model.layout
     if layout is None:
         return np.linspace(-1, 1, len(base_model.blocks))[None]
+    if layout.planar:
+        return _coordinates(base_model)
     places = [_placed(layout.datum)]
     if layout.repeated.max() >= 1:
         places.append(_placed(layout.repeated))
     return np.stack(places)
+
+
+def _coordinates(base_model: MeasurementModel) -> Array:
+    """Return the coordinates of data over a plane between −1 and 1 (k, n), but for their parts."""
+    (data,) = without_noise(base_model).quantities
+    axes = [np.asarray(values) for values, _ in data.coordinates.values()]
+    numbers = [axis.astype(float) for axis in axes if axis.dtype.kind in "iuf"]
+    places = np.stack([2 * (v - v.min()) / (np.ptp(v) or 1.0) - 1 for v in numbers])
+    return places[:, base_model.kept] if isinstance(base_model, NoisyModel) else places
 
 
 def _placed(number: NDArray[np.int64]) -> Array:

@@ -15,7 +15,8 @@ from femnl.diagnose.search import refitted
 from femnl.diagnose.verdict import judge
 from femnl.diagnose.weighing import Weighed
 from femnl.fits.least_squares import fit
-from femnl.observe.model import ExtendedModel, Layout
+from femnl.observe.model import ExtendedModel, Layout, Quantity, quadratures
+from femnl.observe.noisy import FoundNoise, with_noise
 from tests.unit.level import Level
 
 N = 60
@@ -118,6 +119,33 @@ def test_an_equation_may_miss_the_phase_of_quadratures_as_well() -> None:
     # Data of one part have no phase
     alone = distortions(parts(done), Level(np.zeros(N), BLOCKS, 1e4))
     assert spanned(alone, parts(1j * done)) > 0.5
+
+
+class Plane(Quadratures):
+    """Three harmonics of ten places, in both quadratures."""
+
+    @property
+    def layout(self) -> Layout:
+        return replace(super().layout, planar=True)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        harmonic = np.repeat([1, 2, 3], N // 6)
+        x = np.tile(np.arange(N // 6), 3)
+        return quadratures("harmonics", "V", np.ones(N // 2), {"n": (harmonic, ""), "x": (x, "m")})
+
+
+def test_an_equation_may_miss_one_harmonic_as_it_does_at_every_place() -> None:
+    model = Plane(np.zeros(N), BLOCKS, 1e4)
+    rng = np.random.default_rng(20261127)
+    done = rng.standard_normal(N // 2) + 1j * rng.standard_normal(N // 2)
+    # Gains of three harmonics: what grows with their number, and its square, spans them
+    gains = np.repeat(rng.standard_normal(3) + 1j * rng.standard_normal(3), N // 6)
+    gains -= gains[N // 4].real  # what all share is another strength of the cause
+    assert spanned(distortions(parts(done), model), parts(gains * done)) < 1e-9
+    seen = with_noise(model, FoundNoise(glitches=(3, 3 + N // 2)))
+    kept = np.delete(np.arange(N), [3, 3 + N // 2])
+    assert spanned(distortions(parts(done)[kept], seen), parts(gains * done)[kept]) < 1e-9
 
 
 def parts(values: NDArray[np.complexfloating[Any, Any]] | Array) -> Array:
