@@ -147,15 +147,12 @@ def test_a_tolerance_is_met_where_bending_dominates() -> None:
     assert abs(modes.frequency[0] - finer.frequency[0]) <= modes.frequency_error[0]
 
 
-def test_a_tolerance_that_rounding_forbids_says_how_far_it_came(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("femnl.core.discretisation_error.ROUNDING", 3e-9)
+def test_a_tolerance_that_rounding_forbids_says_how_far_it_came() -> None:
     with pytest.raises(
         ConvergenceError,
-        match=r"stopped at a relative error of \d\.\de-09 \(mode 1\), which degree 6 .* no longer",
+        match=r"relative error of \d\.\de-11 \(mode \d+\), which degree 6 .* no longer",
     ):
-        solve_modes_to(outline("square"), 1e-9, 1, cache=False)
+        solve_modes_to(outline("square"), 2e-11, 20, cache=False)
 
 
 def test_a_tolerance_that_needs_more_memory_than_there_is_says_how_far_it_came(
