@@ -4,6 +4,8 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from femnl.core.lazy import lazy_names
+
 if TYPE_CHECKING:  # what a type checker reads; at run time the names load when they are first used
     from femnl.device import geometry as geometry
     from femnl.device.geometry import load as load
@@ -45,6 +47,7 @@ _HOMES = {
     "MultilayerFringe": "femnl.optics.fringe",
     "SeriesFringe": "femnl.optics.fringe",
 }
+_named = lazy_names(__name__, _HOMES)
 _MODULES = {"geometry": "femnl.device.geometry", "measurement": "femnl.io.measurement"}
 # Packages that a session reaches by `import femnl` alone, as femnl.plot.mechanics
 _PACKAGES = ("chip", "diagnose", "effects", "fits", "io", "plot", "sweep")
@@ -56,9 +59,7 @@ def __getattr__(name: str) -> Any:
         return import_module(_MODULES[name])
     if name in _PACKAGES:
         return import_module(f"femnl.{name}")
-    if name not in _HOMES:
-        raise AttributeError(f"module 'femnl' has no attribute '{name}'")
-    return getattr(import_module(_HOMES[name]), name)
+    return _named(name)
 
 
 def __dir__() -> list[str]:

@@ -1,7 +1,8 @@
 """Chips of many devices: what they share, how they vary over the chip, and which deviate."""
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from femnl.core.lazy import lazy_names
 
 if TYPE_CHECKING:  # what a type checker reads; at run time the names load when they are first used
     from femnl.chip.fit import fit_chip as fit_chip
@@ -17,9 +18,4 @@ _HOMES = {
     "read_chip": "femnl.chip.study",
 }
 __all__ = [*_HOMES]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'femnl.chip' has no attribute '{name}'")
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = lazy_names(__name__, _HOMES)

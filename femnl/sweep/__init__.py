@@ -1,7 +1,8 @@
 """Design sweeps: many devices that differ in a few values of their geometry file."""
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from femnl.core.lazy import lazy_names
 
 if TYPE_CHECKING:  # what a type checker reads; at run time the names load when they are first used
     from femnl.sweep.runner import Report as Report
@@ -31,12 +32,7 @@ _HOMES = {
     "write_tables": "femnl.sweep.tables",
 }
 __all__ = [*_HOMES]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'femnl.sweep' has no attribute '{name}'")
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = lazy_names(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:

@@ -1,7 +1,8 @@
 """Measurement files: read, checked, written and built; the contract between a lab and femnl."""
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from femnl.core.lazy import lazy_names
 
 if TYPE_CHECKING:  # what a type checker reads; at run time the names load when they are first used
     from femnl.io.measurement.build import decay as decay
@@ -53,12 +54,7 @@ _NAMES = {
 }
 _HOMES = {name: f"femnl.io.measurement.{home}" for home, names in _NAMES.items() for name in names}
 __all__ = [*_HOMES]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'femnl.io.measurement' has no attribute '{name}'")
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = lazy_names(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:
