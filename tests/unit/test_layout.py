@@ -289,7 +289,7 @@ def test_slivers_and_steps_below_the_grid_are_told(tmp_path: Path) -> None:
         ("holes=2/0", "--layers names no film; write e.g. film=1/0,holes=2/0"),
         ("film", '--layers "film": expected role=layer, write e.g. film=1/0,holes=2/0'),
         ("film=1/0,hole=2/0", "--layers hole: did you mean holes?"),
-        ("film=1/0,film=2/0", "--layers film stands twice; give one layer a role"),
+        ("film=1/0,film=2/0", "--layers film stands twice; leave one of them out"),
     ],
 )
 def test_wrong_layers_are_refused(text: str, line: str) -> None:

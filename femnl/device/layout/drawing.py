@@ -1,6 +1,6 @@
 """What a layout holds: closed curves by role, and what is wrong with it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -74,24 +74,40 @@ class Drawing:
     faults: tuple[Fault, ...] = ()
 
 
+def read_pairs(
+    option: str, text: str, known: Collection[str], form: tuple[str, str]
+) -> dict[str, str]:
+    """Return the values by key of a text such as "film=1/0,holes=2/0".
+
+    Args:
+        option: of the command, which is named where the text is refused.
+        text: of pairs with commas between them.
+        known: keys that there are.
+        form: of one pair, and an example.
+
+    Raises:
+        ParameterError: an unknown key, one given twice, or no value.
+    """
+    found: dict[str, str] = {}
+    for entry in text.split(","):
+        key, equals, value = (word.strip() for word in entry.partition("="))
+        if not equals or not value:
+            raise ParameterError(f'{option} "{entry}": expected {form[0]}, write e.g. {form[1]}')
+        if key not in known:
+            raise ParameterError(f"{option} {key}: {suggest(key, list(known))}")
+        if key in found:
+            raise ParameterError(f"{option} {key} stands twice; leave one of them out")
+        found[key] = value
+    return found
+
+
 def read_layers(text: str) -> dict[str, str]:
     """Return the layer by role of a text such as "film=1/0,holes=2/0".
 
     Raises:
         ParameterError: an unknown role, one given twice, or no film.
     """
-    found: dict[str, str] = {}
-    for entry in text.split(","):
-        role, equals, layer = (word.strip() for word in entry.partition("="))
-        if not equals or not layer:
-            raise ParameterError(
-                f'--layers "{entry}": expected role=layer, write e.g. film=1/0,holes=2/0'
-            )
-        if role not in ROLES:
-            raise ParameterError(f"--layers {role}: {suggest(role, list(ROLES))}")
-        if role in found:
-            raise ParameterError(f"--layers {role} stands twice; give one layer a role")
-        found[role] = layer
+    found = read_pairs("--layers", text, ROLES, ("role=layer", "film=1/0,holes=2/0"))
     if "film" not in found:
         raise ParameterError("--layers names no film; write e.g. film=1/0,holes=2/0")
     return found

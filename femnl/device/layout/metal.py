@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import ParameterError
 from femnl.device.geometry import curves
-from femnl.device.geometry.tables import suggest
-from femnl.device.layout.drawing import Placed, moved
+from femnl.device.layout.drawing import Placed, moved, read_pairs
 from femnl.device.layout.recognise import outline_of
 from femnl.device.layout.regions import Drawn
 from femnl.device.layout.tables import outline_keys, written
@@ -26,24 +25,19 @@ ALUMINIUM: Mapping[str, Any] = {
 """For the numbers of a layer that nobody gives: a layout holds none."""
 
 
+FORM = ("key=value", "thickness=30 nm,stress=50 MPa")
+"""How numbers of a metal are written."""
+
+
 def read_metal(text: str) -> Keys:
     """Return the numbers of a layer by key of a text such as "thickness=30 nm,stress=50 MPa".
 
     Raises:
         ParameterError: an unknown key, one given twice, or no number where one belongs.
     """
-    found: Keys = {}
-    for entry in text.split(","):
-        key, equals, value = (word.strip() for word in entry.partition("="))
-        if not equals or not value:
-            raise ParameterError(
-                f'--metal "{entry}": expected key=value, write e.g. thickness=30 nm,stress=50 MPa'
-            )
-        if key not in ALUMINIUM:
-            raise ParameterError(f"--metal {key}: {suggest(key, list(ALUMINIUM))}")
-        if key in found:
-            raise ParameterError(f"--metal {key} stands twice; give it one value")
-        found[key] = _number(value) if key == "poisson" else value
+    found: Keys = {**read_pairs("--metal", text, ALUMINIUM, FORM)}
+    if "poisson" in found:
+        found["poisson"] = _number(found["poisson"])
     return found
 
 
