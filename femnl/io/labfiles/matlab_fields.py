@@ -2,8 +2,11 @@
 
 import re
 import zlib
+from collections.abc import Iterator
+from contextlib import suppress
+from os import SEEK_CUR
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
 import h5py
 import numpy as np
@@ -13,7 +16,7 @@ from femnl.core.errors import MeasurementError
 
 Steps = list[str | int]
 """Names of fields, and places of elements, from 1 in column order."""
-_PATH = re.compile(r"[A-Za-z]\w*(?:\.[A-Za-z]\w*|\(\d{1,9}\)|\{\d{1,9}\})*", re.ASCII)
+_PATH = re.compile(r"([A-Za-z]\w*)((?:\.[A-Za-z]\w*|\(\d{1,9}\)|\{\d{1,9}\})*)", re.ASCII)
 _STEP = re.compile(r"\.([A-Za-z]\w*)|[({](\d+)[)}]", re.ASCII)
 _COMPRESSED = 15
 _HEADER = 128
@@ -22,12 +25,11 @@ _PIECE = 2**20
 
 def split(name: str) -> tuple[str, Steps]:
     """Return the variable that a name begins with, and the steps from there to the numbers."""
-    if not _PATH.fullmatch(name):
+    path = _PATH.fullmatch(name)
+    if path is None:
         return name, []
-    root = re.match(r"\w+", name, re.ASCII)
-    assert root is not None
-    found = _STEP.findall(name[root.end() :])
-    return root.group(), [field or int(place) for field, place in found]
+    root, steps = path.groups()
+    return root, [field or int(place) for field, place in _STEP.findall(steps)]
 
 
 def field_5(value: NDArray[Any], steps: Steps, where: str) -> NDArray[Any]:
@@ -82,30 +84,38 @@ def field_73(file: h5py.File, root: str, steps: Steps, where: str) -> NDArray[An
 def need_bounded(path: Path, most: float) -> None:
     """Refuse a file up to version 7 whose variables unpack to more bytes than `most`.
 
-    Only the elements of the outermost level are compressed. What is no such file is left to the
-    reader, which refuses it.
+    What is no such file is left to the reader, which refuses it.
     """
     total = 0
-    with path.open("rb") as file:
-        start = file.read(_HEADER)
-        order: Literal["big", "little"] = "big" if start[126:128] == b"MI" else "little"
-        while len(tag := file.read(8)) == 8:
-            kind = int.from_bytes(tag[:4], order)
-            left = int.from_bytes(tag[4:], order)
-            unpacked = zlib.decompressobj() if kind == _COMPRESSED else None
-            while left > 0 and (piece := file.read(min(left, _PIECE))):
-                left -= len(piece)
-                while unpacked is not None and piece and total <= most:
-                    try:
-                        total += len(unpacked.decompress(piece, _PIECE))
-                    except zlib.error:
-                        return
-                    piece = unpacked.unconsumed_tail
-                if total > most:
-                    raise MeasurementError(
-                        f"{path}: its variables unpack to more than {most / 2**30:g} GiB; save "
-                        "fewer of them"
-                    )
+    with path.open("rb") as file, suppress(zlib.error):
+        for size in _unpacked(file):
+            total += size
+            if total > most:
+                raise MeasurementError(
+                    f"{path}: its variables unpack to more than {most / 2**30:g} GiB; save fewer "
+                    "of them"
+                )
+
+
+def _unpacked(file: BinaryIO) -> Iterator[int]:
+    """Yield the bytes that each piece of the outermost elements unpacks to.
+
+    Deeper ones are not compressed.
+    """
+    start = file.read(_HEADER)
+    order: Literal["big", "little"] = "big" if start[126:128] == b"MI" else "little"
+    while len(tag := file.read(8)) == 8:
+        kind = int.from_bytes(tag[:4], order)
+        left = int.from_bytes(tag[4:], order)
+        if kind != _COMPRESSED:
+            file.seek(left, SEEK_CUR)
+            continue
+        unpack = zlib.decompressobj()
+        while left > 0 and (piece := file.read(min(left, _PIECE))):
+            left -= len(piece)
+            while piece:
+                yield len(unpack.decompress(piece, _PIECE))
+                piece = unpack.unconsumed_tail
 
 
 def _element(file: h5py.File, item: Any, place: int, where: str) -> Any:
