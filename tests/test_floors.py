@@ -51,7 +51,7 @@ FLOORS = (
     ),
     ("pipeline",),
     ("observe.model", "observe.film"),
-    ("observe.free_forms", "observe.noisy"),
+    ("observe.extended", "observe.free_forms", "observe.noisy"),
     ("observe.score_directions",),
     KINDS,
     ("effects",),

@@ -13,7 +13,7 @@ from femnl.diagnose.multistart import FAR, REFINED
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Run
 from femnl.fits.least_squares import FitResult, fit, improve
-from femnl.observe.model import ExtendedModel
+from femnl.observe.extended import ExtendedModel
 
 T = TypeVar("T")
 P = TypeVar("P")

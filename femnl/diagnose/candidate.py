@@ -7,8 +7,9 @@ from typing import TypeVar
 import numpy as np
 
 from femnl.core.effect import Effect
-from femnl.diagnose.adequacy import ScoreTest, adequacy, score_tests
+from femnl.diagnose.adequacy import adequacy
 from femnl.diagnose.multistart import unlike
+from femnl.diagnose.score_tests import ScoreTest, score_tests
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job
 from femnl.fits.least_squares import FitResult

@@ -10,8 +10,8 @@ import numpy as np
 from femnl.core.diagnosis import FreeForm, Quality
 from femnl.diagnose.worker_pool import Job, Run, in_turn
 from femnl.fits.least_squares import FitResult, fit, held_out
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.free_forms import extensions
-from femnl.observe.model import ExtendedModel
 
 TOUCH = 0.01
 """Part of their bounds by which the numbers of a form are moved to see whether it moves the data at

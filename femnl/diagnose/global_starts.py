@@ -12,7 +12,8 @@ from scipy.stats.qmc import Sobol
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
 from femnl.fits.least_squares import FitResult
-from femnl.observe.model import ExtendedModel, MeasurementModel, scale_of
+from femnl.observe.extended import ExtendedModel
+from femnl.observe.model import MeasurementModel, scale_of
 
 RAYS = 64
 """Directions in the space of an effect's parameters, and trial shapes."""

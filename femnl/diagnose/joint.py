@@ -19,8 +19,9 @@ from femnl.core.effect import Effect, Kind, ParameterSpec, Values
 from femnl.core.numbers import scale_for, with_error
 from femnl.core.readout import Array
 from femnl.fits.least_squares import FitResult, fit
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.map.model import MapModel
-from femnl.observe.model import ExtendedModel, MeasurementModel, Named, Ranked
+from femnl.observe.model import MeasurementModel, Named, Ranked
 from femnl.observe.noisy import without_noise
 
 Own = tuple[Sequence[Effect], Values, Sequence[Values]]

@@ -9,10 +9,11 @@ import numpy as np
 
 from femnl.core.effect import Effect
 from femnl.core.readout import Array
-from femnl.diagnose.adequacy import ScoreTest, score_tests, tangents_mislead
 from femnl.diagnose.global_starts import centres, scan
+from femnl.diagnose.score_tests import ScoreTest, score_tests, tangents_mislead
 from femnl.fits.least_squares import FitResult, fit, improve
-from femnl.observe.model import ExtendedModel, scale_of
+from femnl.observe.extended import ExtendedModel
+from femnl.observe.model import scale_of
 
 SHAPES = 4
 ALIKE = 0.98

@@ -13,7 +13,8 @@ from femnl.diagnose.joint import JointModel
 from femnl.diagnose.noise import found_noise, standing_out
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import FitResult, fit
-from femnl.observe.model import ExtendedModel, Layout, MeasurementModel
+from femnl.observe.extended import ExtendedModel
+from femnl.observe.model import Layout, MeasurementModel
 from femnl.observe.noisy import FoundNoise, with_noise, without_noise
 
 Noise = Mapping[str, FoundNoise]

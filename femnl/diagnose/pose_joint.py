@@ -10,8 +10,9 @@ from femnl.core.effect import Effect, ParameterSpec
 from femnl.core.readout import Array
 from femnl.diagnose.joint import JointModel
 from femnl.fits.least_squares import fit
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.map.model import MapModel
-from femnl.observe.model import ExtendedModel, MeasurementModel
+from femnl.observe.model import MeasurementModel
 from femnl.observe.noisy import without_noise
 from femnl.observe.response.model import ResponseModel
 

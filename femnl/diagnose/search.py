@@ -24,7 +24,8 @@ from femnl.diagnose.multistart import (
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job, Run, in_turn
 from femnl.fits.least_squares import FitResult, fit
-from femnl.observe.model import ExtendedModel, MeasurementModel
+from femnl.observe.extended import ExtendedModel
+from femnl.observe.model import MeasurementModel
 
 PROGRESS = logging.getLogger("femnl.progress")
 T = TypeVar("T")

@@ -13,7 +13,7 @@ from femnl.diagnose.candidate import Candidate, Names
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job, Run
 from femnl.fits.least_squares import CrossValidation, FitResult, fit
-from femnl.observe.model import ExtendedModel
+from femnl.observe.extended import ExtendedModel
 
 
 def shares(best: Candidate, found: Sequence[Candidate], run: Run) -> tuple[Share, ...]:

@@ -12,7 +12,7 @@ from femnl.core.checkpoint import Checkpoint
 from femnl.core.readout import Array
 from femnl.fits.minimise import minimise
 from femnl.fits.tangents import jacobian_at, steps_for
-from femnl.observe.model import ExtendedModel
+from femnl.observe.extended import ExtendedModel
 
 DECADES = 1e6
 """Ratio of the largest to the smallest strength that an effect may have."""

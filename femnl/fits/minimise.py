@@ -8,7 +8,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from femnl.core.readout import Array
 from femnl.fits.tangents import jacobian_at, steps_for, tangents
-from femnl.observe.model import ExtendedModel
+from femnl.observe.extended import ExtendedModel
 
 INSIDE = 1e-9
 """Distance from its bounds, in parts of the range, that a start keeps."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.readout import Array
-from femnl.observe.model import ExtendedModel
+from femnl.observe.extended import ExtendedModel
 
 TARGET = 0.05
 """Change of the whole residual vector, in σ, at which tangents are taken."""

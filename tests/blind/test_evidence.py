@@ -10,7 +10,7 @@ from femnl.diagnose.run import pose
 from femnl.effects import library
 from femnl.fits.least_squares import FitResult, fit, log_prior
 from femnl.io import measurement
-from femnl.observe.model import ExtendedModel
+from femnl.observe.extended import ExtendedModel
 from femnl.pipeline import measured_device
 from tests.blind.lab import Case, make
 

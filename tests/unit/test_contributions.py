@@ -22,7 +22,8 @@ from femnl.diagnose.contributions import contributions
 from femnl.diagnose.run import pose
 from femnl.fits.least_squares import fit
 from femnl.io import measurement
-from femnl.observe.model import ExtendedModel, MeasurementModel, Named
+from femnl.observe.extended import ExtendedModel
+from femnl.observe.model import MeasurementModel, Named
 from femnl.observe.noisy import FoundNoise, with_noise
 from femnl.pipeline import measured_device
 from femnl.plot.contributions import contributions_figure

@@ -26,7 +26,7 @@ from femnl.observe.decay.blocks import (
 )
 from femnl.observe.decay.model import AS_MEASURED, DecayModel, Setting
 from femnl.observe.decay.record import power_record
-from femnl.observe.model import ExtendedModel
+from femnl.observe.extended import ExtendedModel
 from tests.unit.decay_records import RATE, TONE, record
 
 Array = NDArray[np.float64]

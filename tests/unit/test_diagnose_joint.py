@@ -18,8 +18,8 @@ from femnl.diagnose.pose_joint import pose_joint
 from femnl.diagnose.run import pose
 from femnl.effects import library
 from femnl.io import measurement
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import ExtendedModel
 from femnl.optics.fringe import MultilayerFringe
 
 Array = NDArray[np.float64]

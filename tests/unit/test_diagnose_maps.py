@@ -12,9 +12,9 @@ from femnl.effects import library
 from femnl.fits.least_squares import fit
 from femnl.fits.map.pose import pose as pose_map
 from femnl.io import measurement
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
 from femnl.observe.map.model import MapModel
-from femnl.observe.model import ExtendedModel
 
 Array = NDArray[np.float64]
 FILM = SimulatedFilm(load("square-270um"), 12)

@@ -12,7 +12,7 @@ from femnl.core.errors import MeasurementError, ParameterError
 from femnl.diagnose.freeform import fitted_forms
 from femnl.fits.least_squares import fit
 from femnl.fits.record.pose import pose as pose_record
-from femnl.observe.model import ExtendedModel
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.record.free_run import EDGE
 from femnl.observe.record.model import RecordModel
 from tests.blind.lab.record import RecordBench

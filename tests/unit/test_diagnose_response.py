@@ -17,8 +17,8 @@ from femnl.effects import library
 from femnl.fits.least_squares import fit
 from femnl.fits.response.pose import pose as pose_response
 from femnl.io import measurement
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import ExtendedModel
 from tests.blind.lab import Case, make
 
 Complex = NDArray[np.complex128]

@@ -15,8 +15,8 @@ from femnl import load
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.core.stages import Placement
-from femnl.diagnose.adequacy import score_tests
 from femnl.diagnose.candidate import Candidate, criticise
+from femnl.diagnose.score_tests import score_tests
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.verdict import judge
 from femnl.effects import library
@@ -24,8 +24,9 @@ from femnl.fits.least_squares import DECADES, FitResult, fit
 from femnl.fits.spectrum.pose import BENDING_SD
 from femnl.fits.spectrum.pose import pose as pose_spectrum
 from femnl.io import measurement
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import ExtendedModel, apply
+from femnl.observe.model import apply
 from tests.unit.level import Level
 
 N = 48

@@ -18,8 +18,9 @@ from femnl.fits.response.pose import pose as pose_response
 from femnl.fits.tangents import TARGET, jacobian_at, steps_for, tangents
 from femnl.fits.trace.pose import pose as pose_trace
 from femnl.io import measurement
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import ExtendedModel, MeasurementModel
+from femnl.observe.model import MeasurementModel
 
 F0 = 2.9324e6
 WIDTH = 4.0

@@ -21,8 +21,8 @@ from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.fits.least_squares import fit
 from femnl.fits.trace.pose import pose as pose_trace
 from femnl.io import measurement
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import ExtendedModel
 
 Array = NDArray[np.float64]
 GEOMETRY = "square-270um"

@@ -5,7 +5,8 @@ import pytest
 
 from femnl.core.choices import Law
 from femnl.core.errors import ParameterError
-from femnl.fits.series.law import BOLTZMANN, fit_series
+from femnl.fits.series.forms import BOLTZMANN
+from femnl.fits.series.law import fit_series
 from femnl.io.measurement import series
 from femnl.plot.series import series_fit_figure
 

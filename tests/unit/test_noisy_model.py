@@ -12,7 +12,8 @@ from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, criticise
 from femnl.diagnose.noise_of_file import last_noise
 from femnl.fits.least_squares import fit
-from femnl.observe.model import ExtendedModel, Layout
+from femnl.observe.extended import ExtendedModel
+from femnl.observe.model import Layout
 from femnl.observe.noisy import FoundNoise, NoisyModel, with_noise
 from tests.unit.level import Level
 

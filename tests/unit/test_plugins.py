@@ -25,7 +25,7 @@ from femnl.diagnose.worker_pool import Job, Posed, worker_pool
 from femnl.effects import fingerprint, from_folder, library
 from femnl.fits.least_squares import fit
 from femnl.io import measurement
-from femnl.observe.model import ExtendedModel
+from femnl.observe.extended import ExtendedModel
 from tests.unit.plugin_page import CAUSE, EFFECT, FILES, PAGE, forget
 
 ROOT = Path(__file__).parents[2]

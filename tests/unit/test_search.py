@@ -28,8 +28,8 @@ from femnl.fits.least_squares import (
 )
 from femnl.fits.spectrum.pose import pose as pose_spectrum
 from femnl.io import measurement
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import ExtendedModel
 from tests.unit.level import Level
 
 BLOCKS = np.repeat(np.arange(4), 10)

@@ -27,7 +27,8 @@ from femnl.diagnose.worker_pool import Job, worker_pool
 from femnl.effects import library
 from femnl.fits.least_squares import FitResult, fit
 from femnl.io import measurement
-from femnl.observe.model import ExtendedModel, MeasurementModel
+from femnl.observe.extended import ExtendedModel
+from femnl.observe.model import MeasurementModel
 from tests.unit.level import Level
 
 BLOCKS = np.repeat(np.arange(4), 10)

@@ -13,17 +13,11 @@ from femnl.core.fit import Fit
 from femnl.core.numbers import engineering
 from femnl.core.readout import Array
 from femnl.fits.least_squares import fit
-from femnl.fits.record.oscillator import (
-    LINEAR,
-    begun,
-    equation_start,
-    fit_oscillator,
-    settled,
-    simulate_oscillator,
-)
+from femnl.fits.record.oscillator import LINEAR, begun, fit_oscillator, settled, simulate_oscillator
+from femnl.fits.record.start import equation_start
 from femnl.io.measurement import noise_sd
+from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import ExtendedModel
 from femnl.observe.record.free_run import EDGE, Drive, free_run, stages, steps_needed
 from femnl.observe.record.model import RecordModel
 

@@ -1,11 +1,10 @@
 """Fit a law to a series: a line, a power law or an Arrhenius law."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
@@ -15,18 +14,9 @@ from femnl.core.fit import Fit, Parameter
 from femnl.core.readout import Array
 from femnl.fits.covariance import strongest_correlation
 from femnl.fits.held import Held, hold_fixed, unknown
+from femnl.fits.series.forms import PARAMETERS, QUANTITIES, form_of, units_of
 from femnl.io.measurement import controls, varies
 
-BOLTZMANN = 1.380649e-23
-"""Boltzmann constant [J/K], exact in the SI."""
-QUANTITIES: Mapping[str, str] = {"frequency": "Hz", "quality_factor": ""}
-"""What a series holds, with its unit."""
-PARAMETERS: Mapping[Law, tuple[str, str]] = {
-    "line": ("value", "slope"),
-    "power": ("value", "exponent"),
-    "arrhenius": ("prefactor", "activation_energy"),
-}
-"""Parameters of each law."""
 LEAST = 3
 """Points that two parameters and their errors need."""
 EXCESS = 3.0
@@ -91,7 +81,7 @@ def parameter_units(
     keys = [key for key in QUANTITIES if key in dataset]
     found: dict[str, str] = {}
     for key in keys:
-        units = _units(law, QUANTITIES[key], per)
+        units = units_of(law, QUANTITIES[key], per)
         named = zip(_labels(law, key, alone=len(keys) == 1), units, strict=True)
         found |= dict(named)
     return found
@@ -100,11 +90,6 @@ def parameter_units(
 def _labels(law: Law, key: str, *, alone: bool) -> list[str]:
     """Return the names by which the parameters of one quantity are held."""
     return [name if alone else f"{name}:{key}" for name in PARAMETERS[law]]
-
-
-def _units(law: Law, unit: str, per: str) -> tuple[str, str]:
-    """Return the units of the two parameters of a law."""
-    return unit, {"line": _per(unit, per), "power": "", "arrhenius": "J"}[law]
 
 
 def _held_by_quantity(fixed: Mapping[str, float], keys: Sequence[str], law: Law) -> dict[str, Held]:
@@ -176,7 +161,7 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law, held: Held) -> S
     relative = not stated and law != "line"
     sd = sd[used] if stated else _alike(y, relative=relative)
     per = controls(dataset)[control]
-    form = _form(law, key, (control, per), x, y, sd)
+    form = form_of(law, key, (control, per), x, y, sd)
 
     def residual(free: Array) -> Array:
         p = held.whole(free)
@@ -250,91 +235,3 @@ def _alike(y: Array, *, relative: bool) -> Array:
     if relative:
         return np.abs(y)
     return np.full(len(y), max(float(np.std(y)), np.finfo(float).tiny))
-
-
-@dataclass(frozen=True)
-class _Form:
-    """A law: its values (n,) and their slopes (n, k) by its parameters.
-
-    names, units and start of the parameters; steps (k,): a change of each that would matter, by
-    which `covariance` tells what the data do not see.
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    start: Array
-    steps: Array
-    predict: Callable[[Array], Array]
-    slopes: Callable[[Array], Array]
-    notes: tuple[str, ...]
-
-
-def _form(law: Law, key: str, against: tuple[str, str], x: Array, y: Array, sd: Array) -> _Form:
-    """Return the law with a start from linear least squares.
-
-    Args: against: the control variable and its unit.
-    """
-    control, per = against
-    weight = 1 / sd**2
-    unit = QUANTITIES[key]
-    place = f"value is that at {control.replace('_', ' ')} ="
-    if law == "line":
-        middle = float(np.sum(weight * x) / np.sum(weight))
-        columns = np.column_stack([np.ones(len(x)), x - middle])
-        return _Form(
-            PARAMETERS[law],
-            _units(law, unit, per),
-            _linear(columns, y, sd),
-            float(np.max(np.abs(y))) * np.array([1, 1 / float(np.ptp(x))]),
-            lambda p: np.asarray(columns @ p),
-            lambda p: columns,
-            (f"{place} {middle:.6g} {per}".rstrip(),),
-        )
-    if np.any(x <= 0) or np.any(y <= 0):
-        raise ParameterError(f"series: the law {law} needs positive values of {control} and {key}")
-    if law == "power":
-        middle = float(np.exp(np.sum(weight * y**2 * np.log(x)) / np.sum(weight * y**2)))
-        ratio = np.log(x / middle)
-        return _power(unit, ratio, y, sd, (f"{place} {middle:.6g} {per}".rstrip(),))
-    inverse = 1 / (BOLTZMANN * x)
-    scale = float(inverse.mean())
-    logged = _linear(np.column_stack([np.ones(len(x)), -inverse / scale]), np.log(y), sd / y)
-
-    def predict(p: Array) -> Array:
-        return np.asarray(p[0] * np.exp(-p[1] * inverse))
-
-    def slopes(p: Array) -> Array:
-        factor = np.exp(-p[1] * inverse)
-        return np.column_stack([factor, -p[0] * inverse * factor])
-
-    start = np.array([np.exp(logged[0]), logged[1] / scale])
-    steps = np.array([start[0], 1 / scale])
-    return _Form(PARAMETERS[law], (unit, "J"), start, steps, predict, slopes, ())
-
-
-def _per(unit: str, per: str) -> str:
-    """Return the unit of a slope: Hz/K, Hz/(V/m), 1/K, and Hz against a plain number."""
-    if not per:
-        return unit
-    return f"{unit or '1'}/{per if per.isalpha() else f'({per})'}"
-
-
-def _power(unit: str, ratio: Array, y: Array, sd: Array, notes: tuple[str, ...]) -> _Form:
-    """Return the power law, ratio (n,) = ln(x/x̄)."""
-    logged = _linear(np.column_stack([np.ones(len(y)), ratio]), np.log(y), sd / y)
-
-    def predict(p: Array) -> Array:
-        return np.asarray(p[0] * np.exp(p[1] * ratio))
-
-    def slopes(p: Array) -> Array:
-        factor = np.exp(p[1] * ratio)
-        return np.column_stack([factor, p[0] * ratio * factor])
-
-    start = np.array([np.exp(logged[0]), logged[1]])
-    steps = np.array([start[0], 1.0])
-    return _Form(PARAMETERS["power"], (unit, ""), start, steps, predict, slopes, notes)
-
-
-def _linear(columns: Array, y: Array, sd: Array) -> NDArray[np.float64]:
-    found = np.linalg.lstsq(columns / sd[:, None], y / sd, rcond=None)[0]
-    return np.asarray(found)

@@ -1,0 +1,260 @@
+"""Score tests: the causes and patterns to which the residuals of a fit point."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc, erfc
+from scipy.stats.qmc import Sobol
+
+from femnl.core.effect import Effect, ParameterSpec, Values
+from femnl.core.readout import Array
+from femnl.diagnose.thresholds import THRESHOLDS
+from femnl.fits.least_squares import FitResult
+from femnl.observe.extended import ExtendedModel
+
+N_SHAPES = {0: 1, 1: 128, 2: 128, 3: 128}
+"""Trial shapes of an effect with that many parameters that only shape it."""
+SECANT = 0.05
+"""Part of the misfit that an effect's tangent spans where the misfit is large."""
+CHORD = 0.02
+"""Part of its range at which the size of a strength is tried that has no slope at zero."""
+LEAST = 1e-11
+MOST = 0.01
+"""Steps of a strength at zero, in parts of its range."""
+VISIBLE = 1e-6
+"""Part of an effect's tangent that must be left beside the model's own for the data to see it."""
+SAME = 1e-6
+"""Largest difference of residuals up to which two places in a model predict the same."""
+
+
+@dataclass(frozen=True)
+class ScoreTest:
+    """One direction (or a few) in which residuals may deviate.
+
+    Gain in χ² from going there, its p-value, and where a fit would start.
+
+    effect: None for a pattern. basis (q, n): orthonormal, free of the model's tangents. strengths,
+    shape: linear estimate of the effect.
+    """
+
+    name: str
+    effect: Effect | None
+    basis: Array
+    gain: float
+    p_value: float
+    values: dict[str, float]
+
+    @property
+    def whole(self) -> list[float]:
+        """Values of those parameters that are whole numbers."""
+        return [
+            self.values[spec.name]
+            for spec in (self.effect.parameters if self.effect else ())
+            if spec.whole
+        ]
+
+
+def score_tests(result: FitResult, library: list[Effect]) -> list[ScoreTest]:
+    """Return every score test of the residuals.
+
+    Each pattern of the problem, and each effect at each of its trial shapes.
+    """
+    own, _ = np.linalg.qr(result.jacobian[:, result.free])
+    base_model = result.model.base_model
+    found = []
+    for name, direction in base_model.residual_directions(
+        result.model.effects, *result.model.split(result.vector)
+    ).items():
+        basis = _beside(own, direction[None])
+        if len(basis):
+            gain = float(np.sum((basis @ result.residuals) ** 2))
+            found.append(
+                ScoreTest(
+                    name, None, basis, gain, float(chi_square_tail(np.array(gain), len(basis))), {}
+                )
+            )
+    base, values = result.model.split(result.vector)
+    others = [
+        other
+        for other in base_model.equivalent_solutions(base)
+        if _same(result, result.model.pack(other, values))
+    ]
+    for effect in library:
+        if any(spec.strength for spec in effect.parameters):
+            here, *there = (
+                _effect_tests(result, own, effect, place, values) for place in (base, *others)
+            )
+            found += here
+            known = np.array([(test.gain, test.p_value) for test in here])
+            for test in (test for elsewhere in there for test in elsewhere):
+                if (
+                    not np.isclose(known, (test.gain, test.p_value), rtol=1e-6, atol=0)
+                    .all(axis=1)
+                    .any()
+                ):
+                    found.append(test)  # what an effect does alike on either side is one test
+    return found
+
+
+def tangents_mislead(result: FitResult) -> bool:
+    """Whether a base model is so far off that its tangents say little of where a cause leads."""
+    return not result.model.effects and result.chi2 > THRESHOLDS.far_off**2 * result.degrees
+
+
+def _same(result: FitResult, vector: Array) -> bool:
+    """Whether a model predicts at another vector what it does at its own, but for rounding."""
+    return bool(np.abs(result.model.residuals(vector) - result.residuals).max() < SAME)
+
+
+def _effect_tests(
+    result: FitResult, own: Array, effect: Effect, base: Values, values: Sequence[Values]
+) -> list[ScoreTest]:
+    """Try the effect at small strength in each of its shapes.
+
+    At these values of the base parameters and of the model's effects.
+    """
+    wider = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
+    low, high = wider.bounds
+    first = len(low) - len(effect.parameters)
+    bounds = list(zip(effect.parameters, low[first:], high[first:], strict=True))
+    shaping = [(spec, a, b) for spec, a, b in bounds if not spec.strength]
+    strengths = [(spec, a, b) for spec, a, b in bounds if spec.strength]
+    trials = (
+        Sobol(len(shaping), rng=np.random.default_rng(0)).random(N_SHAPES[len(shaping)])
+        if shaping
+        else np.zeros((1, 0))
+    )
+    found = []
+    steps = {spec.name: 1e-6 * b for spec, _, b in strengths}
+    excess = float(result.residuals @ result.residuals) - len(result.residuals)
+    target = max(0.1, SECANT * max(excess, 0.0) ** 0.5)
+    for trial in trials:
+        shape = {k.name: _at(k, a, b, t) for (k, a, b), t in zip(shaping, trial, strict=True)}
+        zero = shape | {spec.name: 0.0 for spec, _, _ in strengths}
+
+        def change(name: str, strength: float, idle: Values = zero) -> Array:
+            at_strength = wider.pack(base, [*values, {**idle, name: strength}])
+            return np.asarray(wider.residuals(at_strength) - result.residuals)
+
+        tangents = np.stack(
+            [
+                _tangent(partial(change, spec.name), spec.name, steps, b, target)
+                for spec, _, b in strengths
+            ]
+        )
+        basis = _beside(own, tangents)
+        if len(basis) == 0:  # of second order, or not to be seen at all
+            tangents = np.stack(
+                [_chord(partial(change, spec.name), a, b) for spec, a, b in strengths]
+            )
+            basis = _beside(own, tangents)
+        if len(basis) == 0:
+            continue
+        free = tangents - (tangents @ own) @ own.T
+        # What the priors know of strengths that hardly show
+        known = np.diag([np.sqrt(12) / (b - a) for _, a, b in strengths])
+        estimate = -np.linalg.lstsq(
+            np.vstack([free.T, known]),
+            np.append(result.residuals, np.zeros(len(known))),
+            rcond=None,
+        )[0]
+        allowed = np.clip(estimate, [a for _, a, _ in strengths], [b for _, _, b in strengths])
+        rest = result.residuals + allowed @ free
+        gain = max(result.chi2 - float(rest @ rest), 0.0)
+        named = shape | {
+            spec.name: float(s) for (spec, _, _), s in zip(strengths, allowed, strict=True)
+        }
+        freely = float(np.sum((basis @ result.residuals) ** 2))
+        found.append(
+            ScoreTest(
+                effect.name,
+                effect,
+                basis,
+                gain,
+                float(chi_square_tail(np.array(freely), len(basis))),
+                named,
+            )
+        )
+    return found
+
+
+def _at(spec: ParameterSpec, low: float, high: float, part: float) -> float:
+    """Return the value at a part of a parameter's prior."""
+    value = low * (high / low) ** part if spec.log else low + (high - low) * part
+    return float(np.rint(value) if spec.whole else value)
+
+
+def _tangent(
+    change: Callable[[float], Array],
+    name: str,
+    steps: dict[str, float],
+    high: float,
+    target: float,
+) -> Array:
+    """Return the derivative of the residuals by one strength at zero.
+
+    The step that did is kept for the next shape.
+
+    An effect that grows as the square of its strength has none there: the larger the misfit, the
+    longer the secant. Where modes exchange labels at once no step does: the direction of the jump
+    is returned, and other shapes do not begin with the step that sought it.
+
+    Args: change: of the residuals by a strength. name: of the strength. steps: by name, where to
+        begin; changed. high: the largest strength. target: size of the change that a step makes.
+    """
+    step = steps[name]
+    for _ in range(5):
+        moved = change(step)
+        size = float(np.linalg.norm(moved))
+        used = step
+        if 0.1 < size / target < 10:
+            steps[name] = used
+            break
+        step = float(
+            np.clip(
+                step * np.clip(target / max(size, 1e-300), 1e-4, 1e4), LEAST * high, MOST * high
+            )
+        )
+        if step == used:
+            break
+    return np.asarray(moved / used)
+
+
+def _chord(change: Callable[[float], Array], low: float, high: float) -> Array:
+    """Return the change of the residuals per strength at a finite strength."""
+    step = CHORD * (high - max(low, 0.0))
+    return np.asarray(change(step) / step)
+
+
+def _beside(own: Array, tangents: Array) -> Array:
+    """Return an orthonormal basis of what the tangents reach that the model itself does not."""
+    size = np.linalg.norm(tangents, axis=1, keepdims=True)
+    unit = tangents / np.where(size > 0, size, 1)
+    free = unit - (unit @ own) @ own.T
+    # Most are, and a decomposition of so long a row takes longer than the predictions
+    if len(free) == 1:
+        strength = np.linalg.norm(free, axis=1)
+        return np.asarray(free[strength > np.sqrt(VISIBLE)] / strength)
+    _, strength, right = np.linalg.svd(free, full_matrices=False)
+    return np.asarray(right[strength > np.sqrt(VISIBLE)])
+
+
+def chi_square_tail(square: Array, degrees: int | NDArray[np.int64]) -> Array:
+    """Return the probability of a larger χ², by closed forms where there are any.
+
+    It is asked for a million times.
+    """
+    if np.ndim(degrees):
+        return np.stack(
+            [
+                chi_square_tail(column, int(d))
+                for column, d in zip(square.T, np.asarray(degrees), strict=True)
+            ],
+            axis=1,
+        )
+    if degrees == 1:
+        return np.asarray(erfc(np.sqrt(square / 2)))
+    return np.asarray(np.exp(-square / 2) if degrees == 2 else chdtrc(degrees, square))
