@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from femnl import effects
 from femnl.cli._main import run
 from femnl.core.resonator import Resonator
 from femnl.device.geometry import load
@@ -91,7 +90,6 @@ def test_an_overview_gives_a_labelled_spectrum_that_the_film_is_fitted_to(
 def test_an_overview_of_modes_without_names_is_fitted_and_diagnosed(
     fit: Callable[..., dict[str, Any]],
     capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     device = "circle"
     modes = solve_modes(load(device), 10)
@@ -116,9 +114,6 @@ def test_an_overview_of_modes_without_names_is_fitted_and_diagnosed(
     scale = film["parameters"]["scale"]
     assert abs(scale["value"] - 1.05) < 4 * scale["sd"]
     capsys.readouterr()
-    # One cause is enough to read the file; the whole library takes minutes
-    few = {"gas_loading": effects.known()["gas_loading"]}
-    monkeypatch.setattr(effects, "known", lambda folder: few)
     assert run(["diagnose", "o/s-wide-spectrum.nc", "--workers", "1", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["verdict"]
 
