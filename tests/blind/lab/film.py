@@ -36,7 +36,7 @@ from tests.blind.lab.bench import Array
 
 
 def _unknown(*_: float) -> Any:
-    raise NotImplementedError("the laboratory cannot make this of this film")
+    raise ValueError("the laboratory cannot make this of this film")
 
 
 @dataclass(frozen=True)
