@@ -12,7 +12,8 @@ from femnl.core.fit import Fit, Parameter
 from femnl.fits.decay.stretch import Found, choose
 from femnl.fits.held import Held, hold_fixed
 from femnl.observe.decay.law import UNITS, Array, Term
-from femnl.observe.decay.phases import Segmentation, phases, segment
+from femnl.observe.decay.naming import phases
+from femnl.observe.decay.phases import Segmentation, segment
 from femnl.observe.decay.record import DB, PowerRecord, power_record
 
 TERM_NOTES: Mapping[Term, str] = {

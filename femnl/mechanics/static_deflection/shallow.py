@@ -1,7 +1,10 @@
-"""How deep a bow may be: slopes must stay small, |∇w| ≪ 1."""
+"""Which bows are modelled: slopes must stay small, |∇w| ≪ 1, and layers cover the film evenly."""
+
+import numpy as np
 
 from femnl.core.device import Model
 from femnl.core.errors import ParameterError
+from femnl.mechanics.fem.offset import covers_evenly
 
 SHALLOW = 0.1
 """Of the film's length, how deep a bow may be."""
@@ -38,4 +41,42 @@ def refuse_deep(depth: float, length: float, pressure: float, margin: float = 1.
             f"bow: {pressure:g} Pa bends a film of {length:g} m by about {abs(depth):.2g} m, where "
             f"slopes are no longer small; expected a depth of at most {SHALLOW:g} of the film, so "
             "a lower pressure"
+        )
+
+
+def refuse_rest(model: Model, depth: float | None, pressure: float | None) -> None:
+    """Refuse a bow that `solve_static_deflection` does not model, before modes are solved for it.
+
+    Args: as of `solve_static_deflection`. Raises: ParameterError.
+    """
+    if depth is not None and pressure is not None:
+        raise ParameterError("bow: give either its depth in m or a pressure in Pa")
+    if depth is None:
+        _refuse_layers_that_end(model, pressure)
+    if not np.isfinite(depth if depth is not None else pressure or 0.0):
+        raise ParameterError(
+            f"bow: expected a finite number, found {depth if depth is not None else pressure}"
+        )
+    length = model.outline.length
+    if depth is not None and abs(depth) > SHALLOW * length:
+        raise ParameterError(
+            f"bow: depth = {depth:g} m of a film of {length:g} m is not shallow; expected at "
+            f"most {SHALLOW:g} of that"
+        )
+    if pressure is not None:
+        refuse_deep(foreseen_depth(model, pressure), length, pressure, FORESEEN)
+
+
+def _refuse_layers_that_end(model: Model, pressure: float | None) -> None:
+    """Refuse a rest that is not modelled, or that nothing bends."""
+    if pressure is None and not model.layers:
+        raise ParameterError("bow: give either its depth in m or a pressure in Pa")
+    if pressure is None and not covers_evenly(model):
+        raise ParameterError(
+            f"{model.name}: [layers]: the rest of a film is solved where its layers cover it "
+            "evenly, without a shape; give the depth of a bow"
+        )
+    if pressure is None and not model.bending:
+        raise ParameterError(
+            f"{model.name}: bending = false leaves layers no lever; set bending = true"
         )

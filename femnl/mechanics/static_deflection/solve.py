@@ -8,7 +8,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csc_matrix
 
 from femnl.core.arrays import freeze
-from femnl.core.device import Edge, Model
+from femnl.core.device import Edge
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import DEGENERATE, Modes
 from femnl.core.memory import need_memory
@@ -17,12 +17,7 @@ from femnl.mechanics.fem.solvers import factorize, lowest_eigenpairs
 from femnl.mechanics.modes.shapes import largest_value
 from femnl.mechanics.nonlinearity import energy_remainder, respond
 from femnl.mechanics.static_deflection.film import Film, Parity
-from femnl.mechanics.static_deflection.shallow import (
-    FORESEEN,
-    SHALLOW,
-    foreseen_depth,
-    refuse_deep,
-)
+from femnl.mechanics.static_deflection.shallow import refuse_deep, refuse_rest
 
 Array = NDArray[np.float64]
 
@@ -153,44 +148,6 @@ def solve_static_deflection(
         error("k3", 4, 0),
         error("alpha", 2, 0),
     )
-
-
-def refuse_rest(model: Model, depth: float | None, pressure: float | None) -> None:
-    """Refuse a bow that `solve_static_deflection` does not model, before modes are solved for it.
-
-    Args: as of `solve_static_deflection`. Raises: ParameterError.
-    """
-    if depth is not None and pressure is not None:
-        raise ParameterError("bow: give either its depth in m or a pressure in Pa")
-    if depth is None:
-        _refuse_layers_that_end(model, pressure)
-    if not np.isfinite(depth if depth is not None else pressure or 0.0):
-        raise ParameterError(
-            f"bow: expected a finite number, found {depth if depth is not None else pressure}"
-        )
-    length = model.outline.length
-    if depth is not None and abs(depth) > SHALLOW * length:
-        raise ParameterError(
-            f"bow: depth = {depth:g} m of a film of {length:g} m is not shallow; expected at "
-            f"most {SHALLOW:g} of that"
-        )
-    if pressure is not None:
-        refuse_deep(foreseen_depth(model, pressure), length, pressure, FORESEEN)
-
-
-def _refuse_layers_that_end(model: Model, pressure: float | None) -> None:
-    """Refuse a rest that is not modelled, or that nothing bends."""
-    if pressure is None and not model.layers:
-        raise ParameterError("bow: give either its depth in m or a pressure in Pa")
-    if pressure is None and not covers_evenly(model):
-        raise ParameterError(
-            f"{model.name}: [layers]: the rest of a film is solved where its layers cover it "
-            "evenly, without a shape; give the depth of a bow"
-        )
-    if pressure is None and not model.bending:
-        raise ParameterError(
-            f"{model.name}: bending = false leaves layers no lever; set bending = true"
-        )
 
 
 @dataclass(frozen=True)

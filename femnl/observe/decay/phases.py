@@ -1,4 +1,4 @@
-"""Phases of a record: which of its straight pieces are the decay, and what the others are."""
+"""The decay of a record: which of its straight pieces are it, and which its floor."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, median_filter
 
-from femnl.core.decay import Phase, PhaseName
 from femnl.core.errors import MeasurementError
 from femnl.observe.decay.pieces import RESOLUTION, Array, Piece, pieces, points
 
@@ -259,73 +258,6 @@ def _joined(piece: Piece, near: Piece, step: int) -> bool:
     expected = 0.5 * (first.slope + second.slope) * (second.begin - first.end)
     apart = abs(second.high - first.low - expected)
     return apart < THRESHOLDS.wander and piece.spread < THRESHOLDS.noisy
-
-
-def phases(time: Array, segmentation: Segmentation, floor: float) -> tuple[Phase, ...]:
-    """Name every part of a record.
-
-    Args: time (n,) [s] of the record; floor: level [dB] that the decay ends in.
-    Returns: phases in the order of time, neighbours of one name joined.
-    """
-    found = segmentation.pieces
-    named: list[Phase] = []
-    for k, piece in enumerate(found):
-        name = _name(k, segmentation, floor)
-        end = found[k + 1].begin if k + 1 < len(found) else piece.end
-        if named and named[-1].name == name:
-            named[-1] = Phase(name, named[-1].begin, end)
-        else:
-            named.append(Phase(name, piece.begin, end))
-    if segmentation.recorded < len(time):
-        named.append(Phase("not recorded", float(time[segmentation.recorded]), float(time[-1])))
-    return tuple(named)
-
-
-def _name(k: int, segmentation: Segmentation, floor: float) -> PhaseName:
-    """Return what one piece is."""
-    piece = segmentation.pieces[k]
-    line = segmentation.line
-    decay = segmentation.decay
-    name: PhaseName = "left out"
-    if k in decay:
-        name = "decay"
-    elif k in segmentation.floor:
-        name = "floor"
-    elif decay[0] < k < decay[-1]:
-        name = "dropout"
-    elif k < decay[0] and _rests(k, segmentation, floor):
-        name = "before"
-    elif k > decay[-1] and piece.middle < segmentation.pieces[decay[-1]].low:
-        name = "floor"
-    elif _like(piece, line):
-        name = "other try"
-    elif k < decay[0]:
-        name = "driven"
-    return name
-
-
-def _rests(k: int, segmentation: Segmentation, floor: float) -> bool:
-    """Whether nothing moves yet in a piece before the decay.
-
-    It is at the floor; or, as the floor of a record that ends early is not known, all of the record
-    up to it lies a step below the begin of the decay and does not rise: a mode that rings up does.
-    """
-    piece = segmentation.pieces[k]
-    if max(piece.high, piece.low) < floor + THRESHOLDS.step:
-        return True
-    top = segmentation.pieces[segmentation.decay[0]].high
-    return all(
-        max(earlier.high, earlier.low) < top - THRESHOLDS.step
-        and -earlier.fall < THRESHOLDS.wander
-        and earlier.spread < THRESHOLDS.noisy
-        for earlier in segmentation.pieces[: k + 1]
-    )
-
-
-def _like(piece: Piece, line: Line) -> bool:
-    """Whether a piece falls at the rate of the decay, far enough and as straight."""
-    alike = 1 / THRESHOLDS.alike < piece.slope / line.slope < THRESHOLDS.alike
-    return alike and piece.fall > THRESHOLDS.step and piece.spread < THRESHOLDS.wander
 
 
 def logical(segmentation: Segmentation, which: Sequence[int], count: int) -> NDArray[np.bool_]:
