@@ -45,6 +45,8 @@ def test_the_wheel_carries_every_geometry_and_every_case(wheel: Path) -> None:
         files = list((ROOT / source).glob(f"*{suffix}"))
         assert files
         assert {Path("femnl", inside, path.name) for path in files} <= held
+    assert Path("femnl/report/vendor/plotly-gl3d.min.js") in held
+    assert Path("femnl/report/vendor/plotly-LICENSE.txt") in held
 
 
 def test_the_wheel_works_away_from_the_repository(wheel: Path, tmp_path: Path) -> None:

@@ -2,13 +2,13 @@
 
 from base64 import b64encode
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
-from plotly.offline.offline import get_plotlyjs
 
 from femnl.core.mechanics import Modes
 from femnl.device.geometry.curves import polyline
@@ -17,6 +17,8 @@ from femnl.plot.mechanics import film_figure
 from femnl.plot.style import DIVERGING
 from femnl.report.picture import Picture, embed
 
+LIBRARY = Path(__file__).parent / "vendor" / "plotly-gl3d.min.js"
+"""The part of plotly.js that draws in three dimensions, as its makers publish it."""
 RELIEF = 0.22
 """Height of ξ = 1, in lengths of the film's longer side."""
 SAME = 1e-6
@@ -98,7 +100,8 @@ def turning(modes: Modes) -> Shape:
         f"Fundamental mode of {name}",
         "The fundamental mode, from above and as a relief.",
     )
-    return Shape(name, [_words(modes, k) for k in range(len(shapes))], get_plotlyjs(), data, still)
+    words = [_words(modes, k) for k in range(len(shapes))]
+    return Shape(name, words, LIBRARY.read_text("utf-8"), data, still)
 
 
 def _surface(modes: Modes) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
