@@ -197,13 +197,13 @@ class Weighed:
     def left_in_part(self) -> list[Candidate]:
         """Sets of which one is right beyond doubt, though none is alone, the likeliest first.
 
-        None where one of them explains all data within noise: it was refused for another reason.
+        None where one of them seems to imitate what the library lacks.
         """
         ranked = sorted(self.found, key=lambda c: -self.graded.get(c.names, 0.0))
         total = 0.0
         sets = []
         for candidate in ranked[: 1 + THRESHOLDS.most_rivals]:
-            if not candidate.names or candidate.viable:
+            if not candidate.names or _may_imitate(candidate):
                 return []
             if self.each_counts(candidate):
                 sets.append(candidate)
@@ -218,8 +218,7 @@ class Weighed:
     def beyond_doubt(self) -> Candidate | None:
         """The causes that every likely set has in common, None where there are none.
 
-        The largest fitted set of them. None where that explains all data within noise: it was
-        refused for another reason, as several causes are that imitate one.
+        The largest fitted set of them. None where that seems to imitate what the library lacks.
         """
         inclusion: dict[str, float] = {}
         for names, share in self.graded.items():
@@ -232,7 +231,7 @@ class Weighed:
             if set(c.names) <= sure and not c.result.stuck and self.each_counts(c)
         ]
         best = max(sets, key=lambda c: (len(c.names), self.graded[c.names]), default=None)
-        return None if best is None or best.viable else best
+        return None if best is None or _may_imitate(best) else best
 
     def each_counts(self, candidate: Candidate) -> bool:
         """Whether every one of several causes takes up more than what inexact equations miss."""
@@ -252,6 +251,15 @@ class Weighed:
         return _predicts_better(
             self.best.result.cross_validation, self.base.result.cross_validation
         )
+
+
+def _may_imitate(candidate: Candidate) -> bool:
+    """Whether several causes explain all data within noise, where no set may be named for that.
+
+    In just the right ratio they imitate what the library lacks, and held-out data show it. One
+    cause that explains all data, and no held-out block within noise, has an inexact equation.
+    """
+    return len(candidate.names) > 1 and candidate.viable
 
 
 def _scatter(base: Candidate) -> float:

@@ -95,3 +95,14 @@ def test_a_second_cause_within_what_the_first_may_miss_is_not_named() -> None:
     inexact = np.sin(7 * PLACE) + 0.03 * np.cos(11 * PLACE) + 0.01 * np.sign(np.sin(23 * PLACE))
     judged = judge(search(measured(1000 * inexact + noise(5)), LIBRARY))
     assert (judged.verdict, judged.chosen.names) == ("explained in part", ("sine",))
+
+
+def test_a_cause_that_suits_all_data_but_no_block_alone_is_named_in_part() -> None:
+    """Its strength differs by blocks, by little beside the noise of all data."""
+    strength = 500 * np.where(BLOCKS == 4, 1.0, 1.004)
+    found = search(measured(3 + strength * np.sin(7 * PLACE) + 0.6 * noise(6)), [SINE])
+    (sine,) = found[1:]
+    assert sine.viable
+    assert sine.result.cross_validation.p_value < sine.least_heldout
+    judged = judge(found)
+    assert (judged.verdict, judged.chosen.names) == ("explained in part", ("sine",))
