@@ -10,11 +10,17 @@ from femnl.core.resonator import Array
 # Stiffening a in b = 1/(δ + a |b|² + i) at which the response first becomes vertical.
 VERTICAL = 8 * np.sqrt(3) / 9
 ROUNDS = 12
-"""Iterations of the amplitude under a quintic term or a resonance of higher order, small
-corrections of the cubic one.
+"""Iterations of the amplitude under a quintic term or a resonance of higher order, which settle
+where these are small corrections of the cubic one.
+"""
+APART = 1.05
+"""Ratio of squared amplitudes between which the equation is searched for a root where they do not
+settle: roots closer than this are a fold, within what noise tells.
 """
 SETTLED = 1e-10
 """Relative change of a squared amplitude at which they end."""
+ALIKE = 1e-8
+"""Relative difference of squared amplitudes below which two states are one."""
 FAINT = 1e-6
 """Squared amplitude, in that of one linewidth of stiffening, from which on a resonance of any order
 acts.
@@ -61,7 +67,8 @@ def self_stiffened(
     """Bring the low and the high state, x (2, n), to where their own amplitude stiffens them.
 
     a(x) = c + q x + p (scale·x)^(order − 2), whose imaginary part is d: each x becomes the state of
-    its branch at a(x), again and again until it stays. A branch that has ended is continued.
+    its branch at a(x), again and again until it stays. A branch that has ended is continued. Where
+    x does not stay, it is the smallest or the largest root of x |δ + i + a(x) x|² = 1.
 
     Args: x (2, n): changed. detuning δ (n,). stiffening: c, q and p, each (n,). scale (n,). order.
     Source: steps after every second iteration by A. C. Aitken, Proc. R. Soc. Edinb. 46, 289 (1926).
@@ -76,23 +83,81 @@ def _self_stiffened(
     scale: Array,
     power: float,
 ) -> None:
-    """Write the states (2, n), each after as many iterations as it needs."""
+    """Write the states (2, n), each after as many iterations as it needs.
+
+    Where another mode pulls and both states are one, there may be others beyond it, which the cubic
+    term alone does not have.
+    """
     cubic, fifth, pulled = stiffening
-    for side in range(2):
-        for i in range(len(delta)):
-            here = x[side, i]
-            earlier = here
-            for step in range(ROUNDS):
-                a = cubic[i] + fifth[i] * here + pulled[i] * max(here * scale[i], FAINT) ** power
-                found = _state(delta[i], a.real, a.imag, side)
-                if abs(found - here) <= SETTLED * found:
-                    here = found
-                    break
-                if step % 2:
-                    earlier, here = here, _beyond(earlier, here, found)
-                else:
-                    earlier, here = here, found
-            x[side, i] = here
+    for i in range(len(delta)):
+        coefficients = (delta[i], cubic[i], fifth[i], pulled[i], scale[i], power)
+        for side in range(2):
+            x[side, i] = _settled(x[side, i], coefficients, side)
+        if pulled[i] != 0 and abs(x[1, i] - x[0, i]) <= ALIKE * x[0, i]:
+            for side in range(2):
+                x[side, i] = _outermost(coefficients, side)
+
+
+def _settled(
+    x: float, coefficients: tuple[float, complex, float, complex, float, float], side: int
+) -> float:
+    """Return the state of a branch that iterations from x come to, the outermost where to none."""
+    delta, cubic, fifth, pulled, scale, power = coefficients
+    here = x
+    earlier = here
+    for step in range(ROUNDS):
+        a = cubic + fifth * here + pulled * max(here * scale, FAINT) ** power
+        found = _state(delta, a.real, a.imag, side)
+        if abs(found - here) <= SETTLED * found:
+            return found
+        if step % 2:
+            earlier, here = here, _beyond(earlier, here, found)
+        else:
+            earlier, here = here, found
+    return _outermost(coefficients, side)
+
+
+def _excess(x: float, coefficients: tuple[float, complex, float, complex, float, float]) -> float:
+    """Return x |δ + i + a(x) x|² − 1, which is 0 at a state."""
+    delta, cubic, fifth, pulled, scale, power = coefficients
+    a = cubic + fifth * x + pulled * max(x * scale, FAINT) ** power
+    return x * ((delta + a.real * x) ** 2 + (1 + a.imag * x) ** 2) - 1
+
+
+def _outermost(
+    coefficients: tuple[float, complex, float, complex, float, float], side: int
+) -> float:
+    """Return the smallest (side 0) or the largest (1) squared amplitude of a state.
+
+    No damping is negative, so that all lie up to 1, and from where the largest |δ + i + a x|², that
+    at x = 1 with all terms in phase, makes the least of x.
+    """
+    delta, cubic, fifth, pulled, scale, power = coefficients
+    most = abs(delta) + 1 + abs(cubic) + abs(fifth) + abs(pulled) * max(scale, FAINT) ** power
+    least = 1 / most**2
+    here = 1.0 if side else least
+    step = 1 / APART if side else APART
+    sign = 1.0 if side else -1.0
+    while least <= here <= 1 and sign * _excess(here, coefficients) > 0:
+        here *= step
+    before = here / step
+    return _root_between(min(here, before), max(here, before), coefficients)
+
+
+def _root_between(
+    low: float,
+    high: float,
+    coefficients: tuple[float, complex, float, complex, float, float],
+) -> float:
+    """Return the root between two squared amplitudes, by bisection."""
+    rising = _excess(high, coefficients) > 0
+    while high - low > SETTLED * high:
+        middle = 0.5 * (low + high)
+        if (_excess(middle, coefficients) > 0) == rising:
+            high = middle
+        else:
+            low = middle
+    return 0.5 * (low + high)
 
 
 def _beyond(first: float, second: float, third: float) -> float:

@@ -38,3 +38,18 @@ def test_a_partner_of_a_hundredth_of_the_linewidth_is_an_internal_resonance(
     assert own["width"].value == pytest.approx(width, abs=4 * own["width"].sd)
     square = own["coupling_square"]
     assert square.value == pytest.approx(COUPLING**2, abs=4 * square.sd)
+
+
+def test_a_partner_above_the_drives_may_soften_a_mode_that_stiffens_by_itself(
+    tmp_path: Path,
+) -> None:
+    bench = Bench(stretch=2.0)
+    square = 60.0
+    pull = -square * bench.stretch / (F0 + 12 - bench.frequency + 0.5j * bench.width)
+    volts = bench.volts(bench.amplitude(pull=np.asarray(pull, np.complex128)))
+    found = bench.diagnose(tmp_path / "a.nc", volts)
+    assert any("the sweeps soften" in note for note in found.notes)
+    assert (found.verdict, found.causes) == ("explained", ("internal_resonance",))
+    own = found.parameters["internal_resonance"]
+    assert own["width"].value == pytest.approx(bench.width, abs=4 * own["width"].sd)
+    assert own["coupling_square"].value == pytest.approx(square, abs=4 * own["coupling_square"].sd)

@@ -264,6 +264,29 @@ def test_states_that_their_own_amplitude_stiffens_rest(fifth: float, pull: float
     assert rests.mean() > 0.7
 
 
+@pytest.mark.parametrize("pull", [10.0, 94.0, 300.0])
+def test_states_that_another_mode_pulls_strongly_are_roots_of_the_whole_equation(
+    pull: float,
+) -> None:
+    """X |δ + i + c x + p s x²|² = 1 as a quintic in x, by its companion matrix."""
+    delta = np.linspace(-12, 8, 201)
+    cubic = np.full(delta.size, 16.4 + 0j)
+    pulled = np.asarray(-pull / (delta + 5.5 + 0.92j), complex)
+    x = np.stack([duffing_roots(delta, 16.4)[0]] * 2)
+    self_stiffened(x, delta, (cubic, np.zeros(delta.size), pulled), np.full(delta.size, 8.2), 3.0)
+    several = 0
+    for k in range(delta.size):
+        inner = np.array([8.2 * pulled[k], cubic[k], delta[k] + 1j])
+        quintic = np.append(np.convolve(inner, inner.conj()).real, -1.0)
+        found = np.roots(quintic)
+        roots = np.sort(found[(np.abs(found.imag) < 1e-9) & (found.real > 0)].real)
+        near = [np.abs(roots / state - 1).min() < 1e-6 for state in x[:, k]]
+        assert any(near)
+        if abs(x[1, k] / x[0, k] - 1) < 1e-8 and roots[-1] > 1.06 * roots[0]:
+            several += 1
+    assert several == 0
+
+
 @pytest.mark.parametrize("damping", [0.0, 0.3])
 @pytest.mark.parametrize("stiffening", [4.0, -6.0])
 def test_a_branch_goes_on_past_its_fold_by_the_real_part_of_the_complex_roots(

@@ -142,7 +142,7 @@ def _notes(notes: tuple[str, ...], label: str, alpha: float, softens: bool) -> t
     """Return what a report says of the sweeps, and of what metres rest on."""
     soft = (
         "response: the sweeps soften, which the geometry alone cannot do; in their metres α "
-        "is as large as simulated, but negative"
+        "is as large as simulated, but negative where no other mode pulls"
     )
     return (
         *(f"response: {note}" for note in notes),

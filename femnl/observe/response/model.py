@@ -174,7 +174,7 @@ class ResponseModel(MeasurementModel):
             return apply("signal", signal, effects, values).voltage
 
         both = np.stack([read_out(b) for b in states])
-        chosen = self._followed(both, mode.alpha)
+        chosen = self._followed(both, mode)
         swept = apply("acquisition", Acquisition(), effects, values)
         if swept == Acquisition():
             return np.asarray(np.take_along_axis(both, chosen[None], axis=0)[0])
@@ -191,11 +191,11 @@ class ResponseModel(MeasurementModel):
         """Return the mode with its effects, and the α [m⁻²] that the geometry must supply.
 
         Only α A² shows in sweeps, so that α as observed sets the metres; where it is negative,
-        effects must have lowered the film's own.
+        effects must have lowered the film's own, or another mode pulls at the frequency.
         """
         drive = data.drive * data.reference
         frequency = np.full(len(drive), base["frequency"])
-        alpha = -self.simulated_alpha if self.softens else self.simulated_alpha
+        alpha = self.simulated_alpha
         silent = np.zeros(len(data.frequency), complex)
         driven = np.asarray(data.frequency)
         plain = Oscillator(
@@ -212,11 +212,10 @@ class ResponseModel(MeasurementModel):
             silent,
         )
         mode = apply("oscillator", plain, effects, values)
-        return (
-            (replace(mode, alpha=alpha), 2 * alpha - mode.alpha)
-            if self.softens
-            else (mode, self.simulated_alpha)
-        )
+        if not self.softens or np.any(mode.pull):
+            return mode, alpha
+        observed = apply("oscillator", replace(plain, alpha=-alpha), effects, values)
+        return replace(observed, alpha=-alpha), -2 * alpha - observed.alpha
 
     def _states(
         self, mode: Oscillator, data: Sweeps, linear: Array
@@ -238,10 +237,11 @@ class ResponseModel(MeasurementModel):
         both = self._solved(delta, cubic, fifth, pulled, scale, mode.order)
         return delta, cubic + (pulled if mode.order == 2 else 0), both
 
-    def _followed(self, both: ComplexArray, alpha: float) -> NDArray[np.int64]:
+    def _followed(self, both: ComplexArray, mode: Oscillator) -> NDArray[np.int64]:
         """Return the branch (n,) of each point.
 
-        Sweeps of known direction jump once, where the data say, others as they fit best.
+        Sweeps of known direction jump once, where the data say, others as they fit best. Where
+        another mode pulls, it may end either branch.
         """
         chosen = np.empty(both.shape[1], np.int64)
         spans = np.array(
@@ -251,7 +251,8 @@ class ResponseModel(MeasurementModel):
             ],
             np.int64,
         )
-        compiled(follow)(chosen, self.sweeps.voltage, both, spans, int(alpha >= 0))
+        starts = [0, 1] if np.any(mode.pull) else [int(mode.alpha >= 0)]
+        compiled(follow)(chosen, self.sweeps.voltage, both, spans, np.array(starts))
         return chosen
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:

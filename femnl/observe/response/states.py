@@ -13,30 +13,38 @@ def follow(
     measured: ComplexArray,
     both: ComplexArray,
     spans: NDArray[np.int64],
-    first: int,
+    starts: NDArray[np.int64],
 ) -> None:
     """Write into `chosen` (n,) the branch of `both` (2, n) that each measured point is on.
 
-    spans (n_sweeps, 3): start, stop, and whether a sweep begins on the branch `first` and
-    jumps once.
+    spans (n_sweeps, 3): start, stop, and whether a sweep jumps once, from one of the branches
+    `starts`, where the data say.
     """
-    last = 1 - first
     for k in range(len(spans)):
         start = spans[k, 0]
         stop = spans[k, 1]
-        jump = start
-        left = 0.0
-        least = 0.0
-        for i in range(start, stop):
-            gain = abs(measured[i] - both[first, i]) ** 2 - abs(measured[i] - both[last, i]) ** 2
-            chosen[i] = first if gain <= 0 else last
-            left += gain
-            if left < least:
-                jump = i + 1
-                least = left
-        if spans[k, 2]:
-            chosen[start:jump] = first
-            chosen[jump:stop] = last
+        nearest = np.inf
+        for first in starts:
+            last = 1 - first
+            jump = start
+            left = 0.0
+            for i in range(start, stop):
+                left += abs(measured[i] - both[last, i]) ** 2
+            least = left
+            for i in range(start, stop):
+                gain = (
+                    abs(measured[i] - both[first, i]) ** 2 - abs(measured[i] - both[last, i]) ** 2
+                )
+                if not spans[k, 2]:
+                    chosen[i] = first if gain <= 0 else last
+                left += gain
+                if left < least:
+                    jump = i + 1
+                    least = left
+            if spans[k, 2] and least < nearest:
+                chosen[start:jump] = first
+                chosen[jump:stop] = last
+                nearest = least
 
 
 def branch_amplitudes(
