@@ -1,6 +1,7 @@
 """The model that a diagnosis fits to decays: its noise, what it compares, and what it refuses."""
 
 from dataclasses import astuple
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from femnl.fits.decay.pose import pose
 from femnl.fits.decay.readout import Noisy, beats, wander_of
 from femnl.fits.decay.window import interruptions, window
 from femnl.fits.least_squares import fit
+from femnl.io.labfiles import read_lab_files
 from femnl.observe.decay.blocks import (
     Filter,
     Wander,
@@ -30,6 +32,7 @@ from femnl.observe.extended import ExtendedModel
 from tests.unit.decay_records import RATE, TONE, record
 
 Array = NDArray[np.float64]
+REAL = Path(__file__).parents[3] / "shared" / "data" / "decays"
 
 
 def posed(seed: int, *, length: float = 12.0, phase: bool = False) -> DecayModel:
@@ -241,3 +244,28 @@ def test_too_few_points_of_a_decay_are_refused_in_one_line() -> None:
         pose(measurement.decay(time[: begin + 14], power[: begin + 14]))
     with pytest.raises(MeasurementError, match="the power falls nowhere"):
         pose(measurement.decay(np.arange(40.0), np.arange(40.0)))
+
+
+def late_excess(model: DecayModel, blocks: int) -> float:
+    """Return how far [dB] the last data lie above the curve of the mode alone, as mean powers."""
+    found = fit(ExtendedModel(model), model.start)
+    base, _ = found.model.split(found.vector)
+    curve = model.predict((), base, ()).log_power
+    mean = np.mean(np.exp(model.log_power[-blocks:])) / np.mean(np.exp(curve[-blocks:]))
+    return float(10 * np.log10(mean))
+
+
+@pytest.mark.parametrize("seed", [2, 9])
+def test_a_floor_that_fades_slowly_does_not_draw_the_curve_below_it(seed: int) -> None:
+    time, power, _ = record(seed, length=40.0, floor=1e-4, correlation=8.0)
+    model = pose(measurement.decay(time, power, attributes={"frequency": TONE}))
+    assert abs(late_excess(model, 20)) < 4
+
+
+@pytest.mark.shared
+@pytest.mark.skipif(not REAL.is_dir(), reason="the shared ring-downs are not beside the repository")
+@pytest.mark.parametrize("number", [1568, 3317, 3388])
+def test_the_curve_of_a_real_decay_ends_in_its_floor(number: int) -> None:
+    (path,) = REAL.glob(f"measID_{number}_*.txt")
+    (group,) = read_lab_files(path).children.values()
+    assert abs(late_excess(pose(group.to_dataset()), 30)) < 8

@@ -85,7 +85,10 @@ class _Data:
     @property
     def smooth(self) -> Array:
         """Logarithm of the power (n_blocks,) that is expected, whatever the law of the signal."""
-        return np.asarray(median_filter(self.middle, SMOOTHED, mode="nearest"))
+        # Noise alone fades far below its mean, often for several blocks. Where such a fade were the
+        # expected power, a model below all data would cost less than one amid them.
+        near = median_filter(self.middle, SMOOTHED, mode="nearest")
+        return np.maximum(near, self.floor)
 
     @property
     def log_ratio(self) -> Array:
