@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.levels import directions, magnitudes
-from femnl.io.labfiles.spec import Spec
+from femnl.io.labfiles.spec import Column, Spec
 from femnl.io.measurement import KINDS, quantity, to_si
 from femnl.io.measurement.contract import Item
 from femnl.io.measurement.control_variables import free_item
@@ -89,6 +89,20 @@ def _control(spec: Spec, name: str, place: str) -> Item:
         f"{place}: not a quantity of kind {spec.kind}; use "
         f"{', '.join([*kind.datasets, *COMPLEX])}{own}"
     )
+
+
+def in_own_units(spec: Spec, units: Mapping[str, str]) -> Spec:
+    """Return a spec whose columns have the units of the file where it states none.
+
+    Args: units: those that the file gives, by column.
+    """
+    columns: dict[str, Column | str | int] = {}
+    for name in spec.columns:
+        column = spec.column(name)
+        if column.unit is None and isinstance(column.column, str) and column.column in units:
+            column = column.model_copy(update={"unit": units[column.column]})
+        columns[name] = column
+    return spec.model_copy(update={"columns": columns})
 
 
 def named(spec: Spec) -> set[str]:

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from femnl.core.errors import MeasurementError
 from femnl.io.labfiles.base import Format, Groups, head, need_size
 from femnl.io.labfiles.columns import one_table
-from femnl.io.labfiles.spec import Column, Spec
+from femnl.io.labfiles.named_columns import in_own_units
+from femnl.io.labfiles.spec import Spec
 
 START = b":NANONIS_VERSION:"
 END = b":SCANIT_END:"
@@ -51,15 +52,20 @@ class Channel:
     unit: str
     back: bool
 
+    @property
+    def column(self) -> str:
+        """What a TOML calls it."""
+        return f"{self.name} back" if self.back else self.name
+
 
 def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
     path = paths[0]
     need_size(path, "scan fewer pixels")
     data = path.read_bytes()
     tags = _tags(data, path)
-    channels = _channels(tags, path)
+    units = {"x": "m", "y": "m"} | {one.column: one.unit for one in _channels(tags, path)}
     groups, notes = one_table(
-        paths, _in_own_units(spec, channels), "Nanonis scan", lambda _: _table(data, path)
+        paths, in_own_units(spec, units), "Nanonis scan", lambda _: _table(data, path)
     )
     (angle,) = _numbers(tags, "SCAN_ANGLE", 1, path)
     if angle:
@@ -140,8 +146,7 @@ def _table(data: bytes, path: Path) -> dict[str, NDArray[Any]]:
     images = np.frombuffer(data, ">f4", offset=begin).reshape(len(channels), n_y, n_x)
     table = dict(zip(("x", "y"), _places(tags, n_x, n_y, path), strict=True))
     for channel, image in zip(channels, images.astype(float), strict=True):
-        name = f"{channel.name} back" if channel.back else channel.name
-        table[name] = (image[:, ::-1] if channel.back else image).ravel()
+        table[channel.column] = (image[:, ::-1] if channel.back else image).ravel()
     return table
 
 
@@ -172,20 +177,6 @@ def _places(
     if direction == "down":
         y = y[::-1]
     return np.tile(x, n_y), np.repeat(y, n_x)
-
-
-def _in_own_units(spec: Spec, channels: Sequence[Channel]) -> Spec:
-    """Return a spec whose columns have the unit of their channel where the TOML states none."""
-    units = {"x": "m", "y": "m"}
-    for channel in channels:
-        units[f"{channel.name} back" if channel.back else channel.name] = channel.unit
-    columns: dict[str, Column | str | int] = {}
-    for name in spec.columns:
-        column = spec.column(name)
-        if column.unit is None and isinstance(column.column, str) and column.column in units:
-            column = column.model_copy(update={"unit": units[column.column]})
-        columns[name] = column
-    return spec.model_copy(update={"columns": columns})
 
 
 FORMAT = Format("Nanonis scan", lambda path: head(path, len(START)) == START, _read, priority=2)
