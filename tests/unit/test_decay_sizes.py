@@ -5,9 +5,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import ive
 
-from femnl.fits.decay import periods
+from femnl import measurement
+from femnl.effects import library
+from femnl.fits.decay import periods, pose
 from femnl.fits.decay.periods import at_cycles
 from femnl.observe.decay.noise import _bessel
+from tests.unit.decay_records import RATE, TONE, record
 
 EVEN = np.arange(400)
 GAPS = np.concatenate([np.arange(100), np.arange(160, 400)])
@@ -52,3 +55,23 @@ def test_bessel_functions_far_out_keep_their_recurrence() -> None:
         first = _bessel(order, x)[1]
         second = _bessel(order + 1, x)[1]
         assert first * (second + 2 * (order + 1) / x) == pytest.approx(1, rel=1e-13)
+
+
+def test_laws_at_some_points_of_long_blocks_have_the_means_of_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    time, power, _ = record(3, points=60_000, correlation=3.0)
+    dataset = measurement.decay(time, power, attributes={"frequency": TONE})
+    some = pose.pose(dataset)
+    monkeypatch.setattr(pose, "MOST_NODES", 10**6)
+    every = pose.pose(dataset)
+    assert len(some.time) < 0.3 * len(every.time)
+    base = {"level": 0.0, "decay_rate": RATE, "floor": -60.0}
+    (pair,) = [one for one in some.usable_effects(library().values()) if one.name == "beating_pair"]
+    splitting = 40 / (12 / RATE)
+    values = {one.name: 0.5 * (one.low + one.high) for one in pair.parameters}
+    values |= {"splitting": splitting, "partner_rate": RATE}
+    for effects, given in (((), ()), ((pair,), (values,))):
+        found = some.predict(effects, base, given).log_power
+        full = every.predict(effects, base, given).log_power
+        assert found == pytest.approx(full, abs=2e-4)

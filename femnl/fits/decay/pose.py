@@ -30,6 +30,8 @@ from femnl.observe.film import SimulatedFilm
 Array = NDArray[np.float64]
 MOST_BLOCKS = 180
 """Blocks that a decay is compared in; its floor has as many as its length asks for."""
+MOST_NODES = 32
+"""Points of a block at which laws are evaluated: none changes much within a part of it so short."""
 FEWEST_BLOCKS = 16
 """Blocks that a diagnosis needs."""
 SHORTEST_FLOOR = 48
@@ -134,6 +136,8 @@ def pose(
     base, start = _base(record, seen, data)
     scales = _scales(seen, data)
     phase = _phase(dataset, seen, data, checkpoint)
+    # A phase is followed from point to point
+    time, blocks = _nodes(data) if phase is None else (data.time, data.blocks)
     if phase is not None:
         base += phase.base
         start = np.concatenate([start, phase.start])
@@ -142,8 +146,8 @@ def pose(
             # Only the phase tells a drift of the frequency apart from all else
             scales["time"] = float(data.time[-1])
     return DecayModel(
-        time=data.time,
-        blocks_of_power=data.blocks,
+        time=time,
+        blocks_of_power=blocks,
         blocks_of_phase=_NONE if phase is None else phase.blocks,
         log_power=data.middle,
         phase=np.empty(0) if phase is None else phase.values,
@@ -181,6 +185,21 @@ def _data(record: PowerRecord, seen: Window) -> _Data:
         floor,
         likelihood.averages,
     )
+
+
+def _nodes(data: _Data) -> tuple[Array, Blocks]:
+    """Return times (n,) [s] at which laws are evaluated, and their blocks: of long ones, some.
+
+    They are the middles of equal parts of a block, so that means over both are the same but for
+    the curvature within such a part.
+    """
+    blocks = data.blocks
+    count = np.minimum(blocks.count, MOST_NODES)
+    number = np.repeat(np.arange(len(count)), count.astype(int))
+    first = np.flatnonzero(np.diff(number, prepend=-1))
+    within = np.arange(len(number)) - first[number] + 0.5
+    place = blocks.first[number] + (within * (blocks.count / count)[number]).astype(np.intp)
+    return data.time[place], Blocks(first, count, blocks.time, blocks.width)
 
 
 def _floor(late: Array, fitted: float) -> float:

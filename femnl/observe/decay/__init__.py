@@ -28,9 +28,9 @@ KIND = KindSpec(
     ),
     size=Size(
         data="points",
-        remedy="keep every second point, or the decay alone",
+        remedy="keep fewer points, or the decay alone",
         show=Cost(30.0),
         fit=Cost(30.0, 3_000_000),
-        diagnose=Cost(100.0, 400_000),
+        diagnose=Cost(100.0, 1_000_000),
     ),
 )

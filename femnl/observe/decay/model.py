@@ -63,11 +63,11 @@ class DecayModel(MeasurementModel):
     The mode has the power e^{−γτ} and turns at a constant frequency; the noise adds its power. The
     mean power of blocks of points is compared, on a scale on which its noise is normal.
 
-    time (n,) [s] of the points from the begin of the decay. blocks_of_power, blocks_of_phase: their
-    blocks, the latter of the first points only, and empty where there is no phase. log_power
-    (n_blocks,): ln of the mean power; scale: of its noise; phase (n_strong,) [rad]. of_power,
-    of_phase: their noise. origin [s]: the begin in the record's own time. frequency [Hz]: 0 where
-    not known. left_out: interruptions.
+    time (n,) [s] at which laws are evaluated, from the begin of the decay: some of the points of
+    long blocks. blocks_of_power, blocks_of_phase: their blocks, the latter of the first points
+    only, and empty where there is no phase. log_power (n_blocks,): ln of the mean power; scale: of
+    its noise; phase (n_strong,) [rad]. of_power, of_phase: their noise. origin [s]: the begin in
+    the record's own time. frequency [Hz]: 0 where not known. left_out: interruptions.
     """
 
     kind = "decay"
