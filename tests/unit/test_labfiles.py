@@ -332,12 +332,14 @@ def test_the_silverbox_comes_in_as_a_trace_with_its_drive(tmp_path: Path) -> Non
 def test_every_format_is_found_by_being_in_the_folder() -> None:
     assert [kind.name for kind in formats()] == [
         "Gwyddion Simple Field",
+        "Gwyddion file",
         "HDF5 file",
         "LabOne HDF5",
         "LabOne text",
         "LabVIEW TDMS",
         "LabVIEW text",
         "MATLAB file",
+        "Nanonis scan",
         "NumPy array",
         "analyser text",
         "analyser trace",
