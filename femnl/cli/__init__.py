@@ -24,7 +24,7 @@ def main() -> None:
     """
     _need_streams()
     leave_out_warnings()
-    Thread(target=_stop_what_cannot_hear, args=(_signals(),), daemon=True).start()
+    Thread(target=_end_if_interrupt_unheard, args=(_signals(),), daemon=True).start()
     try:
         # Loaded here, so that an interrupt while libraries load is met like any other.
         status = import_module("femnl.cli._main").run(sys.argv[1:] or ["--help"])
@@ -57,11 +57,13 @@ def _signals() -> int:
     return end
 
 
-def _stop_what_cannot_hear(signals: int) -> None:
-    """Turn an interrupt into one line at once.
+def _end_if_interrupt_unheard(signals: int) -> None:
+    """End the process with one line if an interrupt has not ended it after `GRACE` seconds.
 
-    Python hears an interrupt only between its own steps, and a mesher or solver may take
-    minutes for one.
+    Python hears an interrupt only between its own steps, and a mesher or solver may take minutes
+    for one.
+
+    Args: signals: descriptor of the pipe that tells of interrupts.
     """
     os.read(signals, 1)
     sleep(GRACE)

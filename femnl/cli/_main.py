@@ -117,7 +117,7 @@ def _with_format(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _app(words: list[str]) -> typer.Typer:
-    """The command that was named, or all of them for the list of what there is.
+    """Return the program with the command that was named, or with all of them for the contents.
 
     Each is the function `command` of its file.
     """

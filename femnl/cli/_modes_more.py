@@ -232,7 +232,7 @@ def _show_quality(quality: Quality, names: list[list[str]], layers: Sequence[Lam
 
 
 def pressure_of(words: str) -> float:
-    """The pressure [Pa] that words such as "1e-6 mbar" mean. Raises: ParameterError."""
+    """Return the pressure [Pa] that words such as "1e-6 mbar" mean. Raises: ParameterError."""
     pressure = _quantity(words, "Pa", "--pressure")
     if pressure < 0:
         raise ParameterError(f'--pressure "{words}": expected 0 or more')

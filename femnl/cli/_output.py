@@ -38,7 +38,7 @@ SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 class Printer:
     """Standard output: tables in the chosen style.
 
-    Of a style for papers and programs, the words between them go to standard error.
+    In a style for papers and programs, the words between the tables go to standard error.
     """
 
     def print(self, what: str | Text | Table | Group) -> None:
@@ -173,7 +173,7 @@ def print_json(value: Any) -> None:
 
 
 def table(title: str, columns: list[str], rows: list[list[str]]) -> Group:
-    """A plain table under its title: text left, numbers right."""
+    """Return a plain table under its title: text left, numbers right."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
@@ -190,7 +190,7 @@ def table(title: str, columns: list[str], rows: list[list[str]]) -> Group:
 
 
 def scientific(value: float, digits: int = 4) -> str:
-    """6.93·10⁻³ for 0.00693; plain digits where the exponent is small."""
+    """Return a number such as 6.93·10⁻³ for 0.00693; plain digits where the exponent is small."""
     if value == 0 or not math.isfinite(value) or 1e-3 <= abs(value) < 1e5:
         plain = f"{value:.{digits}g}"
         return f"{float(plain):.0f}" if "e+" in plain else plain

@@ -31,8 +31,8 @@ WHOLE = "all causes"
 class Term:
     """One part of the sum, at every datum (n,) of a quantity, in its unit.
 
-    rms and largest, with its sign, over the data that are no glitches; largest_sigma: the largest
-    in standard deviations of its datum; where: the largest is.
+    rms and largest (with its sign) are taken over the data that are no glitches. largest_sigma: the
+    largest in standard deviations of its datum; where: the place of the largest.
     """
 
     name: str

@@ -99,8 +99,8 @@ class Cause:
 class Covariance:
     """Covariance (p, p) of fitted parameters in SI, by owner ("base" or the cause) and name.
 
-    Of what the data say: what no amount of them lowers is in the standard deviations of
-    `Diagnosis.parameters` only. Whole numbers have none.
+    It holds what the data say. Errors that no amount of data lowers are in the standard deviations
+    of `Diagnosis.parameters` only. Whole numbers have no covariance.
     """
 
     owners: tuple[str, ...]

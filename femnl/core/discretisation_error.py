@@ -101,6 +101,6 @@ def _unlike(frequencies: Sequence[Array]) -> float:
 
 
 def _usual(differences: Array) -> float:
-    """The root mean square of those that are known, NaN where none is."""
+    """Return the root mean square of the finite differences, NaN where there is none."""
     known = differences[np.isfinite(differences)]
     return float(np.sqrt(np.mean(known**2))) if known.size else np.nan

@@ -235,9 +235,10 @@ class Modes(Tabulated):
 
     @property
     def _apart(self) -> float:
-        """What ratios and largest values keep of the last difference, at least.
+        """Return the least part of the last difference that some errors keep.
 
-        Where stress and deflection settle apart, shapes and ratios seem to settle at once, too.
+        These are the errors of ratios and of largest values. Where stress and deflection settle
+        apart, shapes and ratios also seem to settle at once.
         """
         return APART if self._least >= REENTRANT else 0.0
 

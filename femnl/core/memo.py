@@ -12,8 +12,8 @@ T = TypeVar("T")
 def recent(find: Callable[..., T], most: int = 12) -> Callable[..., T]:
     """Return a pure function of arrays that keeps its latest results, which nobody may change.
 
-    Of the parameters that a fit moves in turn many act later, so that what comes before is asked
-    for again and again.
+    A fit moves its parameters in turn, and many of them act late, so that the results before them
+    are asked for again and again.
     """
     kept: dict[tuple[object, ...], T] = {}
 

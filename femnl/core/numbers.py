@@ -87,9 +87,9 @@ def _superscript(unit: str) -> str:
 
 
 def with_error(value: float, error: float | None, digits: int = 1) -> str:
-    """A number and its error to so many digits, both to the same decimal: 1.581372 ± 0.000002.
+    """Return a number and its error to so many digits, to the same decimal: 1.581372 ± 0.000002.
 
-    Without a finite error the number alone.
+    Without a finite error the number stands alone.
     """
     if error is None or not isfinite(error) or error <= 0 or not isfinite(value):
         return plain(value)

@@ -46,9 +46,7 @@ class Units:
 
 @dataclass(frozen=True)
 class Projection:
-    """Integrals of the base modes ξᵢ over the whole film.
-
-    From them effects make small changes of K and M.
+    """Integrals of the base modes ξᵢ over the whole film, for small changes of K and M by effects.
 
     slopes (6, 3, n, n) [m]: ∫ h S : ½(∇ξᵢ∇ξⱼ + ∇ξⱼ∇ξᵢ), S what is left in equilibrium of a film
     stress φ s, φ of `WEIGHTS` and s of 1 in one of `DIRECTIONS` (xy: ½ in xy and in yx), so that a
@@ -81,7 +79,7 @@ class Projection:
     def on_grid(self, x: Array, y: Array) -> Array:
         """Return ξ of every mode on the grid of rising axes x (n_x,), y (n_y,) [m], (n, n_y, n_x).
 
-        As `at`, but faster.
+        It does what `at` does, but faster.
         """
         inside = np.outer(np.abs(y) <= self.grid_y[-1], np.abs(x) <= self.grid_x[-1])
         (along_y, along_x) = self._spline.t

@@ -19,7 +19,7 @@ SHARP = np.pi / 3
 class Segment:
     """One piece of an outline, which is walked counter-clockwise.
 
-    a straight line, or an arc where `centre` is given.
+    It is a straight line, or an arc where `centre` is given.
 
     start, end, centre: (x, y) in m. An arc is shorter than a full turn and runs from start to end
     about its centre, counter-clockwise unless `clockwise` (where the film is hollow). `clamped`
@@ -39,7 +39,7 @@ class Segment:
     def frame(self) -> NDArray[np.float64]:
         """Return the matrix (2, 2) [m] that takes the unit circle to the arc's circle or ellipse.
 
-        About its centre; zero for a line.
+        The centre of the arc is its origin, and it is zero for a line.
         """
         if self.centre is None:
             return np.zeros((2, 2))
@@ -80,7 +80,8 @@ class Outline:
     def extent(self) -> tuple[float, float]:
         """Return the least and the most that the longer side of its box may be [m].
 
-        By the ends of its segments, and with whole circles or ellipses in the place of arcs.
+        The least is that of the ends of its segments, the most that with whole circles or ellipses
+        in the place of arcs.
         """
         ends = np.array([segment.start for segment in self.segments])
         around = [
@@ -110,7 +111,7 @@ class Outline:
     def passing_corners(self) -> tuple[tuple[int, float], ...]:
         """Return the segments at whose start the edge passes between clamped and free.
 
-        And the film's angle [rad] there, where it makes the film singular.
+        Each comes with the film's angle [rad] there. Only angles that make the film singular count.
         """
         angles = dict(self.corners)
         found = []

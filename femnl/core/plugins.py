@@ -104,8 +104,8 @@ def by_name(found: Iterable[Defined[N]]) -> dict[str, N]:
 def sources(module: ModuleType) -> Mapping[str, bytes]:
     """Return the source that a module rests on: every Python file of its outermost package.
 
-    By path within that package. A module outside of packages is one file; one without a file, as
-    of a notebook, has no source.
+    Each is named by its path within that package. A module outside of packages is one file; one
+    without a file, as of a notebook, has no source.
     """
     if getattr(module, "__file__", None) is None:
         return {}

@@ -75,9 +75,10 @@ class ModalSystem:
     def tensioned(self, **changes: float) -> "ModalSystem":
         """Change the tension by strengths named in `STRENGTHS`, over those that act already.
 
-        Most bending is in the layer ℓ = √(D/N) along the edge, ½ ∮ √(DN) (∂ₙξ)², N across the edge.
-        With that tension it grows by half as much as K, and not at all by shear along the sides of
-        a rectangle. With a side L as L⁻³ where K grows as L⁻²: by 1.5 times as much. Right to a
+        Most bending is in the layer ℓ = √(D/N) along the edge, ½ ∮ √(DN) (∂ₙξ)², where N is the
+        tension across the edge. When the tension changes, this energy grows by half as much as K. A
+        shear along the sides of a rectangle does not change it at all. When a side L changes, it
+        goes as L⁻³ while K goes as L⁻², so that it grows by 1.5 times as much. This is right to a
         sixth of the largest change where both sides of a film are alike, and to a third where they
         differ by a fifth.
         """
@@ -101,10 +102,10 @@ class ModalSystem:
 class Lines:
     """Stage `frequencies`: what is read off for each measured mode, (n,) [Hz].
 
-    And when, (n,) [s], empty where that was not recorded. loss (n,): 1/Q, empty where no quality
-    factor was measured. participation (3, n): squared share in each mode of a rigid motion of the
-    film, up and down, tilting along x, and along y: (∫ρhφξ)²/(∫ρhφ² ∫ρhξ²). film, and the gap
-    [m] below it; pressure [Pa] of the gas, 0 where not recorded.
+    time (n,) [s]: when it was measured, empty where that was not recorded. loss (n,): 1/Q, empty
+    where no quality factor was measured. participation (3, n): squared share in each mode of a
+    rigid motion of the film, up and down, tilting along x, and along y: (∫ρhφξ)²/(∫ρhφ² ∫ρhξ²).
+    film, and the gap [m] below it; pressure [Pa] of the gas, 0 where not recorded.
     """
 
     frequency: Array

@@ -101,9 +101,9 @@ def _paired(single: FitResult, other: Effect, vector: Array) -> FitResult:
 
 
 def _shaped(effect: Effect) -> tuple[int, int]:
-    """How many parameters of an effect are no strengths, and how many are.
+    """Return the sort key of an effect: how many parameters are no strengths, then minus all.
 
-    Of two, the one with more is sought beside the other.
+    Of a pair of effects, the one with the larger key is sought beside the other.
     """
     shapes = sum(not spec.strength for spec in effect.parameters)
     return shapes, -len(effect.parameters)

@@ -20,10 +20,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Pointer:
-    """An effect that residuals point to.
-
-    With the values of its parameters from which fits start.
-    """
+    """An effect that residuals point to, and the values of its parameters from which fits start."""
 
     effect: Effect
     shapes: tuple[dict[str, float], ...]
@@ -98,8 +95,8 @@ def scaled(result: FitResult) -> FitResult:
 def _pointers(result: FitResult, found: list[ScoreTest], library: list[Effect]) -> list[Pointer]:
     """Return the effects that promise most, and those whose tests are least likely by chance.
 
-    All of them beside the base model, where tangents say least of where a cause leads, and where
-    what resembles the right one must not be left out.
+    Beside the base model alone, every effect is returned. There tangents tell least of where a
+    cause leads, and an effect that resembles the right one must not be left out.
     """
     alone = not result.model.effects
     best: dict[str, list[ScoreTest]] = {}

@@ -121,7 +121,7 @@ def _closest(found: list[Candidate]) -> Candidate | None:
 def _compare(base: Candidate, best: Candidate, closest: Candidate | None) -> tuple[Comparison, ...]:
     """Compare the data with the base model and with the one that the verdict rests on.
 
-    Where nothing explains the data, with the best trial.
+    Where nothing explains the data, the best trial takes the place of the latter.
     """
     models = [_named(base, "base model")]
     if best is not base:

@@ -74,7 +74,11 @@ def _effect(candidate: Candidate, name: str) -> Effect:
 def _idle(
     best: Candidate, base: Candidate, lasting: Names, known: Mapping[Names, FitResult]
 ) -> Named:
-    """Return the model with no cause: all at zero, or the best fit without those that have none."""
+    """Return the model without its causes, from which their contributions are counted.
+
+    The causes have no effect in it. No value of their parameters switches off the causes in
+    `lasting`, so that the model is then the best fit without those.
+    """
     fit = without(best, base, lasting, known) if lasting else best.result
     own, values = fit.model.split(fit.vector)
     return IDLE, fit.model.effects, own, idle(fit.model.effects, values, best.names)

@@ -190,9 +190,9 @@ def _at_accuracy(result: FitResult, missed: Array, allowed: Discrepancy) -> floa
 def distortions(done: Array, base_model: MeasurementModel) -> Array:
     """Return in what ways an equation may miss the whole of a cause, as columns (n, n_distortions).
 
-    Of what a cause does to the data, a part that grows with its size there, and one that varies
-    with the place of the data. Of quadratures also parts that are turned in phase, as the further
-    pole of an amplifier turns them.
+    One is a part of what the cause does to the data that grows with its size there; others vary
+    with the place of the data. For quadratures, some are also turned in phase, as a further pole of
+    an amplifier turns them.
 
     Args: done (n,): what the cause changes of every residual.
     """
@@ -225,9 +225,10 @@ def _turned(done: Array, layout: Layout | None) -> Array:
 def places_of(base_model: MeasurementModel) -> Array:
     """Return where each residual lies in the data, between −1 and 1, in every way (k, n).
 
-    In the order of the data: modes by rising frequency, points of a series, sweeps one after the
-    other. And by their conditions where they recur, as the frequency within sweeps. Data over a
-    plane by all their coordinates, as the number of a harmonic and the place on a film.
+    One way is the order of the data: modes by rising frequency, points of a series, sweeps one
+    after the other. Another is by their conditions where these recur, such as the frequency within
+    sweeps. Data over a plane are placed by all their coordinates, such as the number of a harmonic
+    and the place on a film.
     """
     layout = base_model.layout
     if layout is None:

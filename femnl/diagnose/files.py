@@ -114,7 +114,8 @@ def _term_record(term: Term) -> dict[str, Any]:
 def write(diagnosis: Diagnosis, folder: str | Path) -> None:
     """Write `diagnosis.json` into a folder, which is made where it is missing.
 
-    With causes also `contributions.csv`: what each changes of every datum, a row a datum.
+    A diagnosis with causes also gets `contributions.csv`: what each of them changes of every datum,
+    a row a datum.
     """
     folder = Path(folder)
     try:

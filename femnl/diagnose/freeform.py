@@ -54,7 +54,8 @@ def _measured(base: FitResult, sentence: str) -> FreeForm | None:
 def fitted_forms(base: FitResult) -> list[FitResult]:
     """Return the fit of every free form that suits a fitted model and moves its data.
 
-    Of the expansions of one form, shorter or longer, the one of the largest evidence.
+    A form may have shorter and longer expansions. Only the one with the largest evidence is
+    returned.
     """
     sentences = dict.fromkeys(effect.sentence for effect in extensions(base.model.base_model))
     return [result for sentence in sentences if (result := _fitted(base, sentence)) is not None]

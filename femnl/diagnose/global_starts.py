@@ -72,9 +72,9 @@ def scan(result: FitResult, effect: Effect) -> list[Start]:
 
 
 def look_over(result: FitResult, effect: Effect) -> Seen:
-    """Return what a model leaves with one more effect, all over the priors of that.
+    """Return what a model leaves with one more effect, over the whole range of its priors.
 
-    Each ray at some of its parts, and the best rays at all of them.
+    The effect is tried coarsely along each ray, and then at every part of the best rays.
     """
     wider = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     low, high = (side[-len(effect.parameters) :] for side in wider.bounds)

@@ -174,13 +174,11 @@ class JointModel(MeasurementModel):
         return found
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """Those of all measurements together, as far as each of them has some.
+        """Return equivalent solutions of all measurements together, as far as each has some.
 
-        And one map's motion the other way round.
-
-        What the electronics add to the phase of the motion under each laser is not known, so that
-        phases do not tell whether two maps show the film on the same side; causes that know up from
-        down do.
+        One map's motion may also be the other way round. What the electronics add to the phase of
+        the motion under each laser is not known, so that phases do not tell whether two maps show
+        the film on the same side. Causes that act differently upwards and downwards do tell.
         """
         found = []
         bare_groups = {name: without_noise(group) for name, group in self.groups.items()}

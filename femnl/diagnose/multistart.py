@@ -216,9 +216,10 @@ def _continuous(effect: Effect) -> int:
 def _finished(
     model: ExtendedModel, starts: Iterable[Array], near: FitResult, most: int = ROUGH
 ) -> list[FitResult]:
-    """Fit to the end from every start.
+    """Fit to the end from every start, or from the most promising ones where there are many.
 
-    Where there are many, only from what the best come to after a few evaluations.
+    Args: most: evaluations that a start gets before the most promising are chosen; near: a solution
+    whose tangents tell what steps suit the parameters.
     """
     chosen = list(starts)
     if len(chosen) > REFINED:

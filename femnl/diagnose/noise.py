@@ -82,9 +82,10 @@ def _spread(
 ) -> tuple[float, float]:
     """Return the factor on the stated standard deviation, and the correlation of neighbours.
 
-    Of stretches of `STRETCH` residuals less a cubic, the quieter half, or nearly all where the
-    residuals are bare noise: there all residuals tell it, if they agree with the stretches. 1 and 0
-    where they do not differ clearly from what is stated.
+    Both come from stretches of `STRETCH` residuals, each less a cubic. The quieter half of the
+    stretches counts. Where the residuals are bare noise, nearly all of them count, and all
+    residuals together where they agree with the stretches. The result is 1 and 0 where the noise
+    does not differ clearly from what is stated.
     """
     if layout.oscillating:
         return _first_order(residuals, layout, dropped)
@@ -231,11 +232,11 @@ def _stretches(layout: Layout, dropped: NDArray[np.bool_]) -> NDArray[np.int64]:
 def _glitches(
     residuals: Array, layout: Layout, dropped: NDArray[np.bool_], factor: float
 ) -> NDArray[np.bool_]:
-    """Return the residuals (n,) of data that stand out from those around them.
+    """Return which residuals (n,) stand out from those around them by more than chance allows.
 
-    By more than chance allows, in units of the local scatter, which is at least the noise. What
-    stands out at the same conditions in several lines is no glitch, nor is what more data share
-    than `MOST_GLITCHES`.
+    The unit is the local scatter, which is at least the noise. What stands out at the same
+    conditions in several lines is no glitch. Where more than `MOST_GLITCHES` of the data stand out,
+    none is a glitch.
     """
     datum = _outlying(residuals, layout, dropped, factor)
     found = _of(np.setdiff1d(datum, _recurring(layout, datum)), layout)

@@ -25,9 +25,9 @@ class RowCheckpoint:
         self._file = file
 
     def add(self, key: str, row: Row) -> None:
-        """Keep a row.
+        """Keep a row, and write it to disk unless its file failed.
 
-        On disk, too, unless the file failed: what failed is tried again by the next command.
+        A file that failed is tried again by the next command.
         """
         self.rows[key] = row
         if self._file is not None and not row["message"]:

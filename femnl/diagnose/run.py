@@ -219,7 +219,8 @@ class _Searching:
     def _differs(self, best: Candidate) -> bool:
         """Whether what causes leave shows other noise than the model has.
 
-        Where no neighbours tell the noise, more causes may take up what looks like it.
+        It is never so where neighbours cannot tell the noise: there more causes may take up what
+        looks like noise.
         """
         tells = best.result.model.base_model.tells_noise
         return tells and last_noise(best, self.noise) != self.noise

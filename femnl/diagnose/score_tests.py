@@ -60,7 +60,7 @@ class ScoreTest:
 def score_tests(result: FitResult, library: list[Effect]) -> list[ScoreTest]:
     """Return every score test of the residuals.
 
-    Each pattern of the problem, and each effect at each of its trial shapes.
+    Each pattern of the model is tested once, and each effect at each of its trial shapes.
     """
     own, _ = np.linalg.qr(result.jacobian[:, result.free])
     base_model = result.model.base_model

@@ -182,7 +182,7 @@ def _leaves_other_noise(
 
 
 def _takes_up_nearly_all(grown: dict[Names, Candidate], base: Candidate) -> bool:
-    """Whether a set leaves so little that what remains is no matter of where fits start."""
+    """Whether a set leaves too little of the excess χ² for better starts of fits to gain any."""
     least = min((_excess(c) for c in grown.values()), default=np.inf)
     return least < THRESHOLDS.little_left * _excess(base)
 
@@ -256,9 +256,9 @@ def _kept(
     library: list[Effect],
     run: Run,
 ) -> dict[Names, Candidate]:
-    """Return what was known with what was fitted, the best of each set of causes, criticised.
+    """Return what was known and what was fitted: the best fit of each set of causes, criticised.
 
-    Where χ² alone rules a set out, it is left at that.
+    A set that χ² alone rules out is not criticised.
     """
     best: dict[Names, FitResult] = {}
     for result in (result for result in results if result is not None):

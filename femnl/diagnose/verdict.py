@@ -57,7 +57,8 @@ def no_cause_is_worth_its_parameters(weighed: Weighed) -> Judgement | None:
 def noise_is_larger_than_stated(weighed: Weighed) -> Judgement | None:
     """All deviations look like noise of another size, and that is likelier than any cause.
 
-    Only where no neighbours tell the noise: a spectrum has few data, of which each is its own.
+    The rule holds only where no neighbours tell the noise: a spectrum has few data, each of its own
+    kind.
     """
     base = weighed.base
     if not base.p_value_scaled >= THRESHOLDS.base_inadequate:
@@ -114,7 +115,7 @@ def only_set_predicts_no_better(weighed: Weighed) -> Judgement | None:
 def fewer_causes_may_suffice(weighed: Weighed) -> Judgement | None:
     """A set explains the data, but a cause of it may only make up for another's equation.
 
-    Where all that rivals the set has the fewer causes, too.
+    The rule holds only where every rival has all causes of the smaller set that may suffice.
     """
     sets = weighed.may_suffice
     if not sets:

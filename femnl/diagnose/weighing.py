@@ -39,12 +39,12 @@ class Weighed:
 
     @cached_property
     def likely(self) -> list[Candidate]:
-        """Sets that explain all data together, the most likely first.
+        """Return the sets that explain all data together, the most likely first.
 
         Each of their causes is worth its parameters. Several causes, or one that fits badly, must
-        also outdo a smooth form of unknown cause, and several causes deviations at random: in just
-        the right ratio they imitate what the library lacks. Where the noise is an estimate from the
-        same data, the base model counts as one of the smaller sets.
+        also outdo a smooth form of unknown cause, and several causes must outdo deviations at
+        random: in just the right ratio they imitate what the library lacks. Where the noise is an
+        estimate from the same data, the base model counts as one of the smaller sets.
         """
         tried = self.found[1:]
         bare = without_noise(self.base.result.model.base_model)
@@ -94,10 +94,11 @@ class Weighed:
 
     @cached_property
     def rivals(self) -> list[Candidate]:
-        """Sets that keep the best from being named alone: first those that are likely enough.
+        """Return the sets that keep the best from being named alone.
 
-        Where there are none, all viable ones, if they predict held-out data better than the best,
-        or if the best predicts it no better than the base model.
+        These are the sets that are likely enough. Where there are none, all viable sets are rivals
+        if they predict held-out data better than the best, or if the best predicts them no better
+        than the base model.
         """
         others = self.viable[1:]
         unlikely = (1 - THRESHOLDS.named_alone) / 2
@@ -117,10 +118,10 @@ class Weighed:
 
     @property
     def least_share(self) -> float:
-        """The part of the held-out excess χ² that causes must take up to be named in part.
+        """Return the part of the held-out excess χ² that causes must take up to be named in part.
 
-        Where smooth directions span most of the data, one smooth cause resembles another; so it
-        does over a plane, where causes are smooth fields.
+        Where smooth directions span most of the data, one smooth cause resembles another. The same
+        is true over a plane, where causes are smooth fields.
         """
         spanned = len(self.allowed.directions) / len(self.base.result.residuals)
         layout = self.base.result.model.base_model.layout
@@ -154,11 +155,11 @@ class Weighed:
 
     @cached_property
     def needed(self) -> list[Candidate]:
-        """Sets each cause of which takes up what no inexactness of the others could.
+        """Return the sets whose causes each take up what no inexactness of the others could.
 
-        With a discrepancy in each of them, they are not far less likely than what is left without
-        one of their causes. A strong cause whose equation is not exact would else be named with a
-        second one that describes its error.
+        With a discrepancy in each of its causes, such a set is not far less likely than what is
+        left without one of them. Else a strong cause whose equation is not exact would be named
+        with a second one that describes its error.
         """
         kept = []
         for candidate in self.found[1:]:
@@ -256,16 +257,16 @@ class Weighed:
 def _may_imitate(candidate: Candidate) -> bool:
     """Whether several causes explain all data within noise, where no set may be named for that.
 
-    In just the right ratio they imitate what the library lacks, and held-out data show it. One
-    cause that explains all data, and no held-out block within noise, has an inexact equation.
+    In just the right ratio several causes imitate what the library lacks, and held-out data show
+    it. If one cause explains all data but no held-out block within noise, its equation is inexact.
     """
     return len(candidate.names) > 1 and candidate.viable
 
 
 def _scatter(base: Candidate) -> float:
-    """Return the log evidence that a combination of causes must outdo.
+    """Return the log evidence, with prior odds, that a combination of causes must outdo.
 
-    That of deviations at random, of unknown size and cause, times their prior odds.
+    It is that of deviations at random, of unknown size and cause.
 
     Residuals of s times their σ, s with a uniform prior in its logarithm: χ²/2 − (d/2)(ln χ²/d + 1)
     over the base model.
@@ -283,9 +284,9 @@ def _scatter(base: Candidate) -> float:
 
 
 def _smooth(base: Candidate) -> float:
-    """Return the log evidence of one unknown cause, the free form that suits best.
+    """Return the log evidence, with prior odds, of the free form that suits best: an unknown cause.
 
-    Times its prior odds; no set may be far behind it.
+    No set may be far behind it.
 
     Several causes together, or one that fits badly, can imitate a cause that is missing, but not as
     simply as its own form.

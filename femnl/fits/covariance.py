@@ -20,7 +20,7 @@ BLIND = 1e-9
 def unseen(jacobian: Array, unit: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return which parameters the data do not see at all.
 
-    a step of their natural `unit` moves χ² by less than a millionth.
+    A step of such a parameter by its natural `unit` moves χ² by less than a millionth.
     """
     return np.asarray(np.linalg.norm(jacobian, axis=0) * unit < 1e-3)
 

@@ -14,9 +14,9 @@ from femnl.fits.covariance import covariance
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """Which of the parameters (k,) a fit holds.
+    """Which of the parameters (k,) a fit holds, and at what values.
 
-    names: of all; values (k,): those held in the unit of the fit, NaN where free.
+    names: of all parameters; values (k,): those held in the unit of the fit, NaN where free.
     """
 
     names: tuple[str, ...]

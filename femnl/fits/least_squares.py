@@ -136,7 +136,7 @@ class FitResult:
 def log_prior(model: ExtendedModel, vector: Array, sd: Array) -> float:
     """Return the logarithm of the density of all priors at a vector.
 
-    a strength counts as at least its sd.
+    A strength counts as no smaller than its sd.
     """
     low, high = model.bounds
     total = 0.0
@@ -160,7 +160,7 @@ def fit(
 ) -> FitResult:
     """Minimise χ² from a start.
 
-    With `keep` (n_residuals,) only over those residuals, though all are returned.
+    With `keep` (n_residuals,) the sum runs only over those residuals, though all are returned.
 
     near: a solution with parameters of this model, whose tangents tell what steps suit them, and
     whose checkpoint keeps this fit too. checkpoint: of a first fit.
@@ -222,7 +222,7 @@ def _key(
 ) -> str:
     """Name a fit by all that it depends on beside the file.
 
-    a problem that is posed in two ways starts in two places.
+    The first residuals are part of it, since a problem posed in two ways starts in two places.
     """
     digest = hashlib.sha256(
         repr(
@@ -248,7 +248,7 @@ def _key(
 def covariance(slopes: Array, width: Array) -> Array:
     """Return the covariance of the parameters.
 
-    From their Fisher information and that of their uniform priors, 12/width².
+    Its inverse is their Fisher information plus that of their uniform priors, 12/width².
     """
     # By singular values: a Fisher matrix would square what the strongest direction exceeds the
     # weakest by, and drown the prior's 12.

@@ -57,7 +57,7 @@ def tangents(model: ExtendedModel, vector: Array, at: Array, first: Array) -> tu
 def steps_for(model: ExtendedModel, size: Array, steps: Array | None = None) -> Array:
     """Return steps that change the residuals by about `TARGET`.
 
-    From the norms of the derivatives; the given steps where these are 0.
+    They follow from the norms of the derivatives; where a norm is 0, the given step stays.
     """
     width = np.subtract(*model.bounds[::-1])
     steps = FIRST * width if steps is None else steps

@@ -10,8 +10,8 @@ Array = NDArray[np.float64]
 def airload(shapes: Array, steps: tuple[float, float]) -> Array:
     """Return ∫∫ ξᵢ(r) ξⱼ(r′)/(2π|r − r′|) dA dA′ of shapes on an even grid, (n, n) [m³].
 
-    Times the density of the gas it is the mass that each pair of modes moves: the potential of the
-    flow over a rigid plane is φ = −∫ẇ dA′/(2πr).
+    This times the density of the gas is the mass that each pair of modes moves: the potential of
+    the flow over a rigid plane is φ = −∫ẇ dA′/(2πr).
 
     Args: shapes (n, n_y, n_x): ξ at the middles of even cells, 0 where the plane is at rest;
         steps: width and height of a cell [m].

@@ -40,9 +40,10 @@ MIRRORED = tuple(
 
 
 def solve_prestress(domain: Domain, degree: int, edge: Edge = "clamped") -> Prestress:
-    """Relax the film stress: find u with ∫ h (σ₀ I + C ε(u)) .
+    """Relax the film stress: solve for the in-plane displacement u at which it is in equilibrium.
 
-    ε(v) + ∮ k (u − u₀)·v ds = 0 for all v, u held where the edge is rigid.
+    ∫ h (σ₀ I + C ε(u)) : ε(v) + ∮ k (u − u₀)·v ds = 0 for all v, with u held where the edge is
+    rigid.
 
     Springs of an elastic edge are at rest at u₀ = 0, the edge of the film as deposited, or `draw`
     inwards of it: the film's whole pull displaces them.
@@ -91,7 +92,8 @@ class YieldingEdges:
     def shares(self, compliance: float) -> Array:
         """Return shares (m,) of the solved displacements in that of another compliance [m].
 
-        By Galerkin's method in their span: the energy of all that is in it is least.
+        Galerkin's method in the span of the solved ones finds them: no other displacement of the
+        span has less energy.
         """
         space = Space(self.domain.mesh, self.degree)
         clamp = yielding_clamp(self.domain.model, compliance)

@@ -41,8 +41,8 @@ class ExtendedModel:
     def part_of_range(self, vector: Array) -> Array:
         """Return where each parameter (p,) lies between its bounds, from 0 to 1.
 
-        In the logarithm where its prior is uniform in that: a small time is not near its bound
-        because the longest one allowed is so much longer.
+        Where its prior is uniform in the logarithm, it is placed in the logarithm: a small time is
+        not near its bound because the longest one allowed is so much longer.
         """
         low, high = self.bounds
         part = (vector - low) / (high - low)

@@ -162,9 +162,9 @@ class SimulatedFilm:
 
     @cached_property
     def rigid(self) -> Array:
-        """∫ρhφξ/√∫ρhφ² of each mode, (3, n) [√kg], for φ = 1, x and y.
+        """Return ∫ρhφξ/√∫ρhφ² of each mode, (3, n) [√kg], for φ = 1, x and y.
 
-        To 1e-3 where the film is even; holes count as film.
+        It is right to 1e-3 where the film is even; holes count as film.
         """
         step, x, y, shapes = self._sampled
         inside = np.any(shapes != 0, axis=0)

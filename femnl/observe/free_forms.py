@@ -57,9 +57,9 @@ def _form(
 
 
 def _shorter(form: Effect, *parts: tuple[str, str]) -> tuple[Effect, ...]:
-    """Return the form and expansions of it with fewer terms.
+    """Return a form and expansions of it with fewer terms.
 
-    The equation, and names of the parameters that are left.
+    Args: parts: for each shorter form its equation, and the names of its parameters in one string.
     """
     absent = dict.fromkeys((spec.name for spec in form.parameters), 0.0)
 

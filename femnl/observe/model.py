@@ -175,9 +175,9 @@ class MeasurementModel(ABC):
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
-        """All that was measured, each in its own unit; prior knowledge is no datum.
+        """Return all that was measured, each in its own unit; prior knowledge is no datum.
 
-        Of those residuals whose `quantity` is known, unless a kind says otherwise.
+        Only residuals whose `quantity` is known are returned, unless a kind says otherwise.
         """
         sizes, unit = self.quantity
         at = np.flatnonzero(np.isfinite(sizes))
@@ -215,7 +215,7 @@ class MeasurementModel(ABC):
     ) -> dict[str, Array]:
         """Return what measurements not yet made would give, in σ of the present ones.
 
-        By a phrase that names each.
+        A phrase names each of them.
         """
 
     def systematic(self, unit: str) -> float:
@@ -225,7 +225,7 @@ class MeasurementModel(ABC):
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
         """Return other base parameters that predict about the same.
 
-        From there an effect may lead elsewhere.
+        From them an effect may lead elsewhere.
         """
         return []
 

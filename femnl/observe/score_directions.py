@@ -34,7 +34,7 @@ def smooth_film(
 ) -> dict[str, Array]:
     """Return how residuals answer to a mass and a tension that vary over the film.
 
-    By name of their dependence on the place.
+    A phrase names the dependence of each on the place.
     """
     found: dict[str, Array] = {}
     for what, form in (("mass", MASS), ("tension", TENSION)):

@@ -150,7 +150,7 @@ class MultilayerFringe:
     def reflectance(self, u: float) -> float:
         """Return the reflectivity R of the stack with the gap widened by u [m].
 
-        By transfer matrices.
+        It is computed by transfer matrices.
         """
         thickness = [layer.thickness for layer in self._layers.layers]
         thickness[self._layers.gap] += u

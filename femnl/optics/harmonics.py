@@ -223,7 +223,7 @@ def signal_phase(volts: ComplexArray) -> float:
 def along_line(images: Images) -> Curves:
     """Turn harmonics over a grid of a single row or column into curves.
 
-    Of the quadrature that holds each one's signal, see `signal_phase`.
+    The curve of a harmonic is the quadrature that holds its signal, see `signal_phase`.
 
     Args: images with n_x = 1 or n_y = 1. Returns: a curve [V] for each harmonic against x or y, the
     data's sd, the models' predictions.

@@ -242,10 +242,13 @@ def _sampled(
     waves: list[tuple[Array, float]],
     rails: tuple[float, float],
 ) -> Array:
-    """Return the sums (m, n_samples) over a fringe, (m, n_points).
+    """Return weighted sums (m, n_points) of the samples of a fringe.
 
-    At the phases swings (n_samples, k) times moves (k, n_points) + θ, which each wave turns by its
-    own factor beside its pieces.
+    The fringe is read at the phases swings (n_samples, k) times moves (k, n_points) + θ.
+
+    Args: sums (m, n_samples): weights of the samples. waves: for each wave of the fringe its
+    pieces, and the factor that turns the phases for it. rails: the lowest and the highest signal,
+    at which the fringe is clipped.
     """
     found = np.empty((len(sums), moves.shape[1]))
     read = compiled(_read)
@@ -269,9 +272,9 @@ def _sampled(
 
 
 def _pieces(series: ComplexArray) -> Array:
-    """Return the coefficients of Re Σ_k c_k e^{ikφ} between `PHASES` nodes of φ.
+    """Return the coefficients of cubic pieces of Re Σ_k c_k e^{ikφ} between `PHASES` nodes of φ.
 
-    Over a period, lowest power first, (n_nodes, 4).
+    The nodes span a period, and the lowest power comes first: (n_nodes, 4).
     """
     slopes = 2j * np.pi / PHASES * np.arange(len(series)) * series
     value, slope = (

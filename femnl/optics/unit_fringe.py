@@ -50,7 +50,7 @@ def unit_fringe(series: FourierSeries) -> FourierSeries:
 def overtone_weights(series: FourierSeries, harmonic: Orders, theta: Array) -> tuple[Array, Array]:
     """Return 2Re(c_k iⁿ e^{ikθ}) and its derivative by θ.
 
-    Shape (*theta.shape, n_harmonics, n_overtones).
+    Both have the shape (*theta.shape, n_harmonics, n_overtones).
     """
     k = np.arange(1, len(series.coefficients))
     turned = (
@@ -64,7 +64,7 @@ def real_part(
 ) -> dict[str, Array]:
     """Return g_n(a) = V_n e^{−inφ}/V_C as `motion`, and its derivatives.
 
-    By a [m], by θ and by the free overtones.
+    The derivatives are by a [m], by θ and by the free overtones.
 
     g_n = (2/N) Σ_j f(qa cos ψ_j + θ) cos nψ_j at ψ_j = π(j + ½)/N, which is exact once 2N exceeds
     the content of v(t) (the sum over Bessel functions of `readout` is the same to rounding and far
@@ -102,9 +102,9 @@ def real_part(
 def _free_overtones(
     series: FourierSeries, values: dict[str, float]
 ) -> tuple[ComplexArray, dict[str, tuple[int, complex]]]:
-    """Return the coefficients of the fringe with its free overtones.
+    """Return the coefficients of the fringe with its free overtones added.
 
-    And order and unit of each parameter.
+    The second result is the order and the unit (1 or i) of each free parameter.
     """
     free = {
         name: (int(name.split("_")[1]), 1j if name.endswith("imag") else 1 + 0j)

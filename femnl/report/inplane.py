@@ -78,9 +78,9 @@ def in_plane_figure(
 def _spread(
     points: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
-    """Nodes that lie about evenly over the film.
+    """Return nodes that lie about evenly over the film.
 
-    In each square of a grid the one nearest to its centre.
+    They are the nodes nearest to the centre of each square of a grid.
     """
     low = points.min(axis=0)
     width = np.ptp(points, axis=0).max() / ARROWS

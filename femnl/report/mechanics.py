@@ -146,7 +146,7 @@ def ratio_table(geometries: list[Geometry], published: Published) -> tuple[Row, 
 
 
 def _keys(geometries: list[Geometry]) -> list[str]:
-    """What the modes of all geometries are called, by the frequency of the first that has them."""
+    """Return the keys of the modes of all geometries, by ratio in the first that has them."""
     found: dict[str, float] = {}
     for geometry in geometries:
         found = dict(zip(geometry.keys, geometry.modes.ratio.tolist(), strict=True)) | found
@@ -203,7 +203,7 @@ def frequency_table(geometries: list[Geometry], published: Published) -> list[Ro
 
 
 def _gap(geometry: Geometry) -> tuple[float, float]:
-    """f(2,2) − 2 f(1,1) and its discretisation error [Hz]."""
+    """Return f(2,2) − 2 f(1,1) and its discretisation error [Hz]."""
     first, second = (geometry.keys.index(key) for key in ("(1,1)", "(2,2)"))
     modes = geometry.modes
     f = modes.frequency[first]

@@ -60,7 +60,8 @@ class Correlations:
 def correlations(found: Covariance | None) -> Correlations | None:
     """Return the correlations of the parameters of causes, and of those of the base model.
 
-    Of many, those that are most strongly correlated with the causes; None of less than two.
+    Of many parameters, those most strongly correlated with the causes are returned. The result is
+    None for fewer than two.
     """
     if found is None or len(found.names) < 2:
         return None

@@ -21,9 +21,7 @@ class Drive:
 
 @dataclass(frozen=True)
 class Published:
-    """Published numbers of a device, by the mode's label.
-
-    By its number where modes have no label.
+    """Published numbers of a device, by the mode's label or else by its number.
 
     frequency [Hz] measured; ratio f/f₁, and whether it was `measured` or `simulated`; ideal f/f₁ of
     a membrane without bending; alpha [m⁻²] from the published formula. drives: the published

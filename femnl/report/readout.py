@@ -103,9 +103,9 @@ def _picture(geometry: Geometry, drive: Drive, name: str, result: HarmonicMap) -
 
 
 def _compare(sine: HarmonicMap, multilayer: HarmonicMap) -> list[Row]:
-    """By harmonic: largest |V_n| of each fringe, and the rms of their difference.
+    """Return the largest |V_n| of each fringe and the rms of their difference, by harmonic.
 
-    Over the rms of the multilayer's map.
+    The rms is given over that of the multilayer's map.
     """
     rows: list[Row] = []
     for n, one, other in zip(sine.harmonic, sine.values, multilayer.values, strict=True):

@@ -35,8 +35,8 @@ def template(name: str) -> Template:
 def formula(text: str) -> Markup:
     """Return an equation in words with its indices set low and its powers set high.
 
-    As `femnl.effects` writes them: e^{−γt}, V^n, α_film, ξ_j. Words with an underscore, such as
-    the names of parameters, stay as they are.
+    The words are those of `femnl.effects`: e^{−γt}, V^n, α_film, ξ_j. Words with an underscore,
+    such as the names of parameters, stay as they are.
     """
     shown = str(escape(text))
     for mark, form in FORMS:

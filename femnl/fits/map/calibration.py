@@ -57,9 +57,7 @@ def taylor_amplitude(harmonics: ArrayLike, wavelength: float) -> tuple[Array, Ar
 def displacement(
     data: xr.Dataset, fit: MapFit, fringe: PeriodicFringe | None = None
 ) -> tuple[Array, Array]:
-    """Return the displacement at every point of a map without the mode shape.
-
-    From its harmonics alone.
+    """Return the displacement at every point of a map from its harmonics, without the mode shape.
 
     a(x, y) minimises Σ_n |V_n − V_C e^{inφ} g_n(a)|², with V_C, θ, φ and the form of the fringe
     from a fit of the map.

@@ -139,9 +139,9 @@ def _label(name: str, data: MapData) -> str:
 
 
 def _canonical(problem: MapResiduals, vector: Array) -> Array:
-    """Return one of the equal solutions: U > 0; V_C > 0 for a cosine.
+    """Return one of the equal solutions: U > 0; V_C > 0 for a cosine; and one sign of θ.
 
-    Of ±θ the one near the fringe as given, else sin θ ≥ 0.
+    The θ nearer to the fringe as given is chosen, or else the one with sin θ ≥ 0.
 
     V_C → −V_C, θ → θ + π turns even overtones round; θ → −θ, φ → φ + π their imaginary parts.
     Angles are put into (−π, π]. A solution that this would turn away from what is held stays.

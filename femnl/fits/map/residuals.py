@@ -90,7 +90,7 @@ class MapResiduals:
     def residuals(self, vector: Array) -> Array:
         """Return (data − model)/noise as real numbers, map by map.
 
-        a wall where no map can be, so that no step leads there.
+        Where no map can be, the residuals are a wall, so that no step leads there.
         """
         if not self._possible(vector):
             return np.full(self.n_points, WALL)
@@ -129,7 +129,8 @@ class MapResiduals:
     def unit(self, vector: Array) -> Array:
         """Return a step of each parameter that would matter.
 
-        a nanometre, the contrast, a radian, a point's spacing, the size.
+        It is a nanometre for the amplitude, the contrast itself, the spacing of the points for the
+        place, and 1 for the others.
         """
         steps = {"amplitude": 1e-9} | dict.fromkeys(self.own, 1.0)
         own = [

@@ -93,9 +93,9 @@ def _parameters(placement: dict[str, float], row: Array) -> dict[str, float]:
 def _explained(
     data: MapData, shape: Shape, placements: list[dict[str, float]], amplitudes: Array
 ) -> list[Array]:
-    """Return for each placement and U the χ² that the best (V_C, θ, φ) explains, and these.
+    """Return the χ² that the best (V_C, θ, φ) explains for each placement and U, and these values.
 
-    arrays (n_amplitudes, 4).
+    There is one array (n_amplitudes, 4) for each placement.
     """
     # For one cosine, θ + π is −V_C, which the linear step finds by itself.
     theta = np.arange(0, np.pi if len(data.series.coefficients) == 2 else 2 * np.pi, np.pi / 32)
@@ -147,7 +147,7 @@ def _bessel(harmonic: tuple[int, ...], n_overtones: int, ratio: float, n_amplitu
 def _gather(data: MapData, xi: Array) -> tuple[ComplexArray, Array]:
     """Return the sums of V_n and of ones over classes of ξ.
 
-    Each point is shared linearly between two neighbours.
+    Each point is shared linearly between the two nearest classes.
     """
     position = (np.clip(xi, -1, 1) + 1) * (BINS - 1) / 2
     left = np.minimum(position.astype(int), BINS - 2)

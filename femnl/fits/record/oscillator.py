@@ -54,7 +54,7 @@ def fit_oscillator(
 ) -> Fit:
     """Fit an oscillator by the error of its free run.
 
-    Only the drive is given, never the measured output.
+    The free run is given only the drive, never the measured output.
 
     m ÿ + c (1 + η y²) ẏ + k y + k₂ y² + k₃ y³ = u + u₀
 
@@ -150,7 +150,7 @@ def simulate_oscillator(
 ) -> Array:
     """Return the free run (n,) of a fitted oscillator under a drive (n,), from rest.
 
-    Where it begins and ends see `predictable`.
+    `predictable` tells which samples a free run can predict.
 
     Args:
         fit: from `fit_oscillator`.
@@ -174,9 +174,9 @@ def simulate_oscillator(
 
 
 def settled(drive: Array, output: Array, sampling_rate: float) -> NDArray[np.bool_]:
-    """Return which samples (n,) are known and predicted by a free run.
+    """Return which samples (n,) are known and can be predicted by a free run.
 
-    As far as the linear oscillator tells; see `predictable`.
+    The linear part of the oscillator decides; see `predictable`.
     """
     known = np.isfinite(output) & np.isfinite(drive)
     mass, damping, _ = linear_start(drive[known], output[known], 1 / sampling_rate)
@@ -186,7 +186,7 @@ def settled(drive: Array, output: Array, sampling_rate: float) -> NDArray[np.boo
 def begun(output: Array, interval: float) -> Array:
     """Return y and ẏ (2,) at the first sample of an output (n,).
 
-    From the polynomial through the first samples that are known.
+    They are read from a polynomial through the first known samples.
     """
     first = np.flatnonzero(np.isfinite(output))[:FIRST]
     return np.asarray(
@@ -213,9 +213,9 @@ def _coefficients(names: Sequence[str], values: Numbers) -> Numbers:
 
 
 def _misfit(names: Sequence[str], values: Array, record: _Record) -> tuple[Array, Array]:
-    """Return what the free run leaves of the fitted samples (n,).
+    """Return what the free run leaves of the fitted samples (n,), and its derivatives (n, k).
 
-    And its derivatives (n, k) by complex steps.
+    The derivatives are taken by complex steps.
     """
     steps = STEP * np.where(values != 0, np.abs(values), 1.0)
     shifted = values[:, None] + 1j * np.diag(steps)

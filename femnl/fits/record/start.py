@@ -65,9 +65,9 @@ def equation_start(
 
 
 def linear_start(u: Array, y: Array, interval: float) -> Array:
-    """Return mass, damping and stiffness of a linear recursion.
+    """Return mass, damping and stiffness from a linear recursion that is fitted to the samples.
 
-    y₂ = a₁ y₁ + a₂ y₀ + b₂ u₂ + b₁ u₁ + b₀ u₀ + const.
+    The recursion is y₂ = a₁ y₁ + a₂ y₀ + b₂ u₂ + b₁ u₁ + b₀ u₀ + const.
     """
     if np.ptp(u) == 0:
         raise MeasurementError(

@@ -64,9 +64,9 @@ class Candidate:
 
     @property
     def effective(self) -> float:
-        """χ²/ν, and where residuals form a pattern, times what one of them counts less.
+        """Return χ²/ν divided by the share of residuals that are independent.
 
-        Of residuals with a correlation r from one to the next, n(1 − r)/(1 + r) are independent.
+        Of n residuals with a correlation r from one to the next, n(1 − r)/(1 + r) are independent.
         """
         if not self.misses:
             return self.chi2_reduced

@@ -55,8 +55,8 @@ def refine(
 def _whitened(sweeps: Sweeps, layout: Layout, theta: Array) -> tuple[Array, Array]:
     """Return the equation's residuals (2n,) in σ, and their derivatives by θ.
 
-    z = (V − background)/(drive y_max e^{iφ}), the delay turned back, obeys z D − 1 = 0 with D = Δ +
-    i g + (a + i g d)|z|², Δ = (f₀² − f²)/(f₀ w) and g = f/f₀.
+    The equation is z D − 1 = 0 for z = (V − background)/(drive y_max e^{iφ}) with the delay turned
+    back, where D = Δ + i g + (a + i g d)|z|², Δ = (f₀² − f²)/(f₀ w) and g = f/f₀.
     """
     f0, w, ratio, damping, gain, phase, tau = layout.split(theta)
     f = sweeps.frequency

@@ -201,9 +201,9 @@ class Misfit:
 def rice(size: Array) -> tuple[Array, Array, Array]:
     """Return mean and standard deviation of |V|/σ, and the derivative of the mean.
 
-    Where the noiseless |V|/σ is `size`.
+    The argument `size` is the noiseless |V|/σ. The mean is √(π/2) L½(−size²/2): noise lifts a weak
+    magnitude.
 
-    The mean is √(π/2) L½(−size²/2): noise lifts a weak magnitude.
     Source: Rice (1945), Bell System Technical Journal 24, 46, section 3.10.
     """
     half = size**2 / 4

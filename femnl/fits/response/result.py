@@ -91,7 +91,7 @@ def unit(name: str, layout: Layout) -> str:
 def bare_unit(name: str) -> str | None:
     """Return the unit of a parameter by its name without a position, None if there is none such.
 
-    Of a background that does not grow with the drive.
+    A background counts as one that does not grow with the drive.
     """
     if name.startswith("background"):
         return "V/Hz" if "slope" in name else "V"

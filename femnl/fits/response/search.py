@@ -34,9 +34,9 @@ Start = tuple[float, float, float, float, complex, float]
 
 
 def search_backbone(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
-    """Straighten the backbone by each slope β and fit a line.
+    """Straighten the backbone by each of a grid of slopes β, and fit a line to the result.
 
-    g = f − β|V|², drive = V (p₀ + p₁ g).
+    With g = f − β|V|², the response obeys drive = V (p₀ + p₁ g).
     """
     kept = _thin(at)
     f = sweeps.frequency[kept]
@@ -74,9 +74,9 @@ def search_backbone(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
 
 
 def search_grid(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
-    """Try whole responses over a grid of f₀, w and α_y/α_c, the gain by projection.
+    """Try whole responses over a grid of f₀, w and α_y/α_c; the gain follows by projection.
 
-    Slow, but deaf to noise.
+    It is slow, but noise hardly disturbs it.
     """
     kept = _thin(at, COARSE)
     f = sweeps.frequency[kept]
@@ -105,9 +105,9 @@ def search_grid(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
 
 
 def search_magnitude(sweeps: Sweeps, at: Mask) -> list[Start]:
-    """Straighten the backbone by each slope β and fit a Lorentzian.
+    """Straighten the backbone by each of a grid of slopes β, and fit a Lorentzian.
 
-    g = f − β|V|², |V|² g² = C² drive² + 2 f₀ |V|² g − K |V|².
+    With g = f − β|V|², the magnitude obeys |V|² g² = C² drive² + 2 f₀ |V|² g − K |V|².
     """
     kept = _thin(at)
     f = sweeps.frequency[kept]

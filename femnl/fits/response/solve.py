@@ -130,15 +130,11 @@ def solve(
 def _all_starts(sweeps: Sweeps, layout: Layout, use: Use, limits: Limits) -> Iterator[Array]:
     """Yield starts.
 
-    For a magnitude or a phase the quick estimate from both quadratures comes first, and the
-    full one last.
-
-    Where the readout is linear, that is the answer; where it is not, it does no harm.
+    A fit to a magnitude or to a phase alone starts first from a quick fit of both quadratures, and
+    last from a full one. Where the readout is linear, that is the answer; where it is not, it does
+    no harm.
     """
-    if use == "complex":
-        yield from starts(sweeps, use, layout)
-        return
-    if not sweeps.phases:
+    if use == "complex" or not sweeps.phases:
         yield from starts(sweeps, use, layout)
         return
     full = replace(layout, gain=True, phase=True)

@@ -31,7 +31,7 @@ CLEAR = 15.0
 def starts(sweeps: Sweeps, use: Use, layout: Layout) -> Iterator[Array]:
     """Yield start vectors θ, the most promising first.
 
-    Each from one position's own data, completed by the others'.
+    Each start is found from one position's own data and completed by those of the others.
 
     The linear form of complex data comes first, because it takes no search; where noise spoils it,
     backbones are scanned.
@@ -90,8 +90,8 @@ def _delay(sweeps: Sweeps) -> float:
 def likely_sign(sweeps: Sweeps) -> int:
     """Return the sign of the phase that the linear form of complex data finds.
 
-    f₀ + i w/2 = −p₀/p₁ lies in the upper half plane for exp(+iωt), in the lower one for exp(−iωt),
-    whatever the stiffening; a background may turn it.
+    The pole f₀ + i w/2 = −p₀/p₁ lies in the upper half plane for exp(+iωt), in the lower one for
+    exp(−iωt), whatever the stiffening; a background may turn it.
     """
     total = 0.0
     for p in range(sweeps.n_positions):
@@ -103,7 +103,11 @@ def likely_sign(sweeps: Sweeps) -> int:
 
 
 def _linear_form(sweeps: Sweeps, at: Mask) -> tuple[Array, Array, Complex, float]:
-    """Return the columns 1, f and |V|², scaled, the weights, drive/V and the centre of f."""
+    """Return what the linear form drive/V = p₀ + p₁ f + p₂ |V|² of a response is fitted by.
+
+    Returns: the columns 1, f and |V|², the last two from the centre of f and scaled to about 1; the
+    weight of each point; drive/V; and the centre of f [Hz].
+    """
     f = sweeps.frequency[at]
     v = sweeps.voltage[at]
     drive = sweeps.drive[at]

@@ -124,7 +124,8 @@ class TriedModels:
     def begin(self) -> bool:
         """Fit the model that decides on the sign of the phase; return whether the data are met.
 
-        Of complex data the richest linear one, of others the plain one with the full search.
+        It is the richest linear model for complex data, and the plain one with the full search for
+        others.
         """
         if self.use == "complex":
             self.linear(Variant(self.forms[-1], False, self.late, duffing=False))

@@ -115,7 +115,7 @@ def _held_by_quantity(fixed: Mapping[str, float], keys: Sequence[str], law: Law)
 
 
 def _control(dataset: xr.Dataset, law: Law, control: str | None) -> str:
-    """Return the control variable that the law is of."""
+    """Return the control variable on which the law depends."""
     known = controls(dataset)
     varied = [name for name in known if varies(dataset, name)]
     suited = [name for name in varied if law != "arrhenius" or known[name] == "K"]

@@ -210,9 +210,10 @@ def _enumerate(posterior: _Posterior) -> dict[Choice, float]:
 
 
 def _seeds(posterior: _Posterior) -> set[Choice]:
-    """Return the nearest modes, each given once, at the scale of every pair of line and mode.
+    """Return the nearest modes at the scale of every pair of line and mode, each assignment once.
 
-    For a tight and a loose simulation. Of long lists, only the scales at which most lines meet.
+    Modes are sought for a tight and for a loose simulation. In long lists only the scales at which
+    most lines meet a mode are tried.
     """
     seeds = {(-1,) * posterior.lines.size}
     all_scales = (posterior.lines[:, None] - posterior.modes).ravel()

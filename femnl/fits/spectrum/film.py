@@ -175,9 +175,9 @@ def _mean(values: Array, variance: Array) -> tuple[float, float]:
 
 
 def _scatter(shift: Array, own: Array, held: float | None) -> float:
-    """The s for which Σ (x − mean)²/(σ² + s²) = n − 1, or n where the mean is held.
+    """Return the s for which Σ (x − mean)²/(σ² + s²) = n − 1, or n where the mean is held.
 
-    0 where the sum falls short already without it.
+    It is 0 where the sum falls short already at s = 0.
     """
     degrees = len(shift) - (1 if held is None else 0)
 

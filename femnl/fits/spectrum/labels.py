@@ -32,7 +32,7 @@ class Named:
 def named_modes(label: tuple[str, ...], film: SimulatedFilm) -> Named:
     """Return the modes of the simulated film that labels "m,n" or "(m,n)±(p,q)" name.
 
-    Of a pair, each mode has the sign of sin(mπ(x/Lx + ½)) sin(nπ(y/Ly + ½)). Labels of a round film
+    In a pair, each mode has the sign of sin(mπ(x/Lx + ½)) sin(nπ(y/Ly + ½)). Labels of a round film
     are nodal diameters and circles, see `round_modes`.
 
     Raises: MeasurementError for a label that is no mode of the film, and for one that comes twice.

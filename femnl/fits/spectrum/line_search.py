@@ -54,8 +54,8 @@ class _TooMuchError(Exception):
 def bounded_search(f: Array, volts: Complex, task: Task) -> tuple[list[Cluster], tuple[str, ...]]:
     """Search for lines with bounded work.
 
-    Where no sum of lines describes the sweep, each deviation from one would become a line of its
-    own, and more of them without end. Then what the lines leave counts as noise.
+    Where no sum of lines describes the sweep, every deviation would become a line of its own,
+    without end. There what the lines leave counts as noise.
     """
     told: tuple[str, ...] = ()
     for _ in range(_PASSES):
@@ -114,7 +114,7 @@ def _greedy(f: Array, flat: Complex, clusters: list[Cluster], task: Task) -> lis
 def _rebuild(f: Array, flat: Complex, clusters: list[Cluster], task: Task) -> list[Cluster]:
     """Search groups that are fitted badly once more from nothing, with narrower lines first.
 
-    a wide line may have swallowed others.
+    A wide line may have swallowed others.
     """
     kept = list(clusters)
     for cluster in clusters:
@@ -222,9 +222,9 @@ def _relax(
 
 
 def _starts(group: Array, fresh: set[tuple[float, ...]]) -> list[Array]:
-    """Starting points: the lines as found.
+    """Return starting points: the lines as found, and others with one of them split.
 
-    And where a new one lies on an old one, the old one split in two.
+    An old line is split in two where a new line lies on it.
     """
     starts = [group]
     new = [row for row in group if tuple(row) in fresh]

@@ -123,7 +123,7 @@ def _parsed(name: str, orders: Sequence[Orders | None], film: SimulatedFilm) -> 
 def _angular_orders(film: SimulatedFilm) -> list[int | None]:
     """Return the angular order m of each mode, None where several share its shape.
 
-    By the Fourier series of its shape around rings of equal area.
+    It is read from the Fourier series of the shape around rings of equal area.
     """
     radius = film.model.outline.length / 2 * np.sqrt((np.arange(RINGS) + 0.5) / RINGS)
     angle = 2 * np.pi * np.arange(ANGLES) / ANGLES

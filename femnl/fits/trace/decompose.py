@@ -160,17 +160,15 @@ def _drive_frequency(time: Array, drive: Array) -> float:
 
 
 def jitter_gain(harmonic: ArrayLike, frequency: float, jitter: float) -> Array:
-    """Return by how much trigger jitter weakens harmonic n in an average.
+    """Return the factor by which trigger jitter weakens harmonic n in an average.
 
-    e^{−(nωs)²/2}, for delays of standard deviation s [s].
+    It is e^{−(nωs)²/2} for delays of standard deviation s [s].
     """
     return np.asarray(np.exp(-((2 * np.pi * frequency * jitter * np.asarray(harmonic)) ** 2) / 2))
 
 
 def align(shots: HarmonicSpectrum) -> tuple[HarmonicSpectrum, Fit]:
-    """Average repeated records after undoing the delay of each.
-
-    And measure the jitter of the trigger.
+    """Average repeated records after undoing the delay of each, and measure the trigger's jitter.
 
     V_n of record j is M_n e^{−inωδ_j}: M and δ are found in turn, all harmonics together. A plain
     mean of the records would give M_n e^{−(nωs)²/2}; the mean of the aligned ones gives M_n.

@@ -134,9 +134,9 @@ def _times(traces: xr.Dataset) -> list[Array]:
 def _folding(
     time: Array, frequency: float, n_harmonics: int, highest: int
 ) -> tuple[ComplexArray, Array]:
-    """Return what the harmonics beyond the measured ones add.
+    """Return what the harmonics beyond the measured ones add to those, and to the squares left.
 
-    As real, then imaginary parts, and to the sum of squares that is left.
+    The columns stand for the real, then for the imaginary parts of the harmonics beyond.
     """
     turns = 2 * np.pi * frequency * np.outer(time, np.arange(1, highest + 1))
     cosine = np.cos(turns)

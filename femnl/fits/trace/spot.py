@@ -231,9 +231,9 @@ class _Spot:
         return np.arange(STEP, DEEPEST, STEP)
 
     def _match(self, theta: float, steps: Orders, orders: Orders) -> tuple[Array, Array, Array]:
-        """Return for each step and z the largest overlap of data and unit fringe over φ.
+        """Return the largest overlap of data and unit fringe over φ for each step and z.
 
-        And the norm of the fringe, and that φ.
+        The norm of the fringe and that φ come with it.
         """
         n = self.harmonic[orders]
         fringe = {"contrast": 1.0, "fringe_phase": theta}

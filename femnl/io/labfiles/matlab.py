@@ -115,10 +115,7 @@ def _plain(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _allowed(path: Path, wanted: set[str], kinds: dict[str, str]) -> dict[str, tuple[str, Steps]]:
-    """Return the wanted names whose variable is there, with it and the steps to its numbers.
-
-    Without any wish, nothing can be read.
-    """
+    """Return the wanted names whose variable is there, with it and the steps to its numbers."""
     paths = {name: split(name) for name in sorted(wanted)}
     there = {name: (root, steps) for name, (root, steps) in paths.items() if root in kinds}
     for name, (root, steps) in there.items():

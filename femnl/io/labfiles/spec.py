@@ -18,8 +18,8 @@ class Strict(BaseModel):
 class Column(Strict):
     """Where a quantity comes from.
 
-    a column by its heading or number (from 1), several of them side by side, one a sweep, or an
-    even clock of the given rate.
+    It is a column by its heading or number (from 1), several of them side by side, one a sweep, or
+    an even clock of the given rate.
 
     unit: of the column (default SI; a magnitude may be in dBm, dBV or dB); offset: what is added,
     such as the centre "1.5 MHz" of a column of shifts; round: a step such as "1 um" that read-back

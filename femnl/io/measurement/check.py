@@ -226,7 +226,7 @@ def _demand(kind: Contract, name: str, arrays: Mapping[str, NDArray[Any]], where
 
 
 def _other(choice: tuple[str, ...]) -> str:
-    """Return that a file of today may name a control variable that is not in the list."""
+    """Return how a present file may name a control variable that is not in the list, or ""."""
     if choice[0] not in CONTROLS:
         return ""
     return ", or in a file of version 1.2 another with its unit in the attribute units"

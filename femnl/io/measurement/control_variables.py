@@ -23,7 +23,7 @@ _SPREAD = "_sd"
 def controls(dataset: xr.Dataset) -> dict[str, str]:
     """Return the SI unit of each control variable of a `series`, those that vary first.
 
-    Also of a `response`, where they are those of its sweeps. Of the variables that vary, those
+    The control variables of a `response` are those of its sweeps. Of the variables that vary, those
     that femnl knows come first; the unit of a plain number is "".
     """
     kind = KINDS[str(dataset.attrs["kind"])]

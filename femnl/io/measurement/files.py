@@ -87,7 +87,7 @@ def _collect(groups: Mapping[str, xr.Dataset], where: str, *, free: bool = True)
 def write(tree: xr.DataTree, path: str | Path) -> None:
     """Write a measurement file, whole or not at all.
 
-    a temporary file beside it is renamed when complete.
+    A temporary file beside it is renamed when complete.
 
     Repairs that reading made go to the attribute `history`.
     Args: tree: as from `read` or `bundle`; path: the file to make or replace.

@@ -103,7 +103,7 @@ def _spread(residues: NDArray[np.float64], kind: str) -> float:
 
 
 def _residues(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Divided differences of y(x), scaled so that white noise keeps its variance."""
+    """Return divided differences of y(x), scaled so that white noise keeps its variance."""
     good = np.isfinite(x) & np.isfinite(y)
     x, first = np.unique(x[good], return_index=True)
     if x.size <= _ORDER:

@@ -65,10 +65,9 @@ class Lattice:
     def path(
         self, steps: int, corners: dict[str, Array] | None = None
     ) -> tuple[Array, tuple[tuple[str, int], ...]]:
-        """Wave vectors (n, 2) [rad/m] around the irreducible part.
+        """Return wave vectors (n, 2) [rad/m] around the irreducible part.
 
-        And the places of its corners among them.
-
+        The second result names its corners and their places among the wave vectors.
         Args: steps: along the first side; the others have as many a length, at least one.
             corners: of the part, `points` by default.
         """
@@ -102,9 +101,10 @@ class Cell:
 
     @property
     def points(self) -> dict[str, Array]:
-        """Corners of the irreducible part of wave vectors, that of the lattice or twice as large.
+        """Return the corners of the irreducible part of wave vectors.
 
-        Where x and y are no equals, waves along both are solved.
+        It is that of the lattice, or twice as large where x and y are not equivalent: there waves
+        along both are solved.
         """
         found = self.lattice.points
         if self.symmetry == "quarter":

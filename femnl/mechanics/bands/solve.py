@@ -158,15 +158,16 @@ def _cell_of(model: Model, lattice: Lattice) -> Cell:
 
 
 def _frequencies(cell: Periodic, wave: Array, count: int, lattice: Lattice, square: float) -> Array:
-    """Frequencies (count,) [Hz].
+    """Return the frequencies (count,) [Hz] of the lowest waves at one wave vector.
 
-    square: c² [m²/s²] of long waves; a spring of it times a wave number squared keeps K definite at
-    rest.
+    Args: square: c² [m²/s²] of long waves. A spring of c² times a wave number squared is added to
+    K, which is singular for a film that moves as a whole, and is taken off its eigenvalues again.
     """
     lift = square * max(float(wave @ wave), (LONGEST * np.pi / lattice.pitch) ** 2)
     stiffness, mass = cell.at(wave)
     values = lowest_eigenvalues(csc_matrix(stiffness + lift * mass), mass, count) - lift
-    # Small elements make K stiff: its rounding alone lifts the film that moves as a whole so far.
+    # A film that moves as a whole has ω = 0, up to the rounding of K, which small elements make
+    # stiff.
     rounding = np.finfo(float).eps * abs(stiffness).max() / abs(mass).max()
     still = max(STILL * lift, rounding)
     return np.asarray(np.sqrt(np.where(values > still, values, 0.0)) / (2 * np.pi))

@@ -39,9 +39,9 @@ def _exponents(degree: int) -> NDArray[np.int64]:
 
 
 def _monomials(points: Array, degree: int, order: tuple[int, int]) -> Array:
-    """∂ₓᵃ∂ᵧᵇ of every monomial about the centroid at points (n, 2), for order (a, b).
+    """Return ∂ₓᵃ∂ᵧᵇ of every monomial about the centroid at points (n, 2), for order (a, b).
 
-    shape (n, n_monomials).
+    The shape is (n, n_monomials).
     """
     columns = []
     points = points - 1 / 3
@@ -203,9 +203,9 @@ class Space:
 
     @cached_property
     def _boundary(self) -> tuple[NDArray[np.int64], Array, Array, Array, NDArray[np.bool_]]:
-        """Facets where a film ends and their ends.
+        """Return the facets where a film ends, their two ends, their sagitta, and which are arcs.
 
-        And where their middles lie off the chord, and whether that makes them arcs.
+        The sagitta (n, 2) [m] is how far the middle of a facet lies off its chord.
         """
         mesh = self.mesh
         ends = mesh.f2t[1] < 0

@@ -113,7 +113,7 @@ def vector_dofs(space: Space, triangles: slice | Index) -> Index:
 class Cell:
     """Some triangles at their quadrature points.
 
-    Which ones, the basis there, and the area element dx (e, q) [m²].
+    triangles: which ones; jet: the basis there; dx (e, q) [m²]: the area element.
     """
 
     triangles: slice
@@ -184,7 +184,8 @@ class Term:
 class Assembly:
     """A sparse matrix gathered from local ones.
 
-    From `SUMMED` entries on they are summed, which bounds the memory of a mesh of any size.
+    When `SUMMED` entries have come together they are summed, which bounds the memory of a mesh of
+    any size.
     """
 
     def __init__(self, size: int) -> None:
@@ -308,11 +309,10 @@ def slope_terms(
 def edge_moment(
     space: Space, facets: Index, bending: Bending, poisson: float, rotation: float | None
 ) -> Array:
-    """The load (size,) [N·m by m of ∂ₙw] of a moment of 1 N on edges, ∮ ∂ₙv.
+    """Return the load (size,) [N·m by m of ∂ₙw] of a moment of 1 N on edges, ∮ ∂ₙv.
 
-    On facets that springs hold, as `slope_continuity` has them, ∮ (σ ∂ₙv − Mₙₙ(v))/(k + σ): there
-    Mₙₙ = 1 N − k ∂ₙw, to which its terms are consistent. Args: as of `slope_continuity`; rotation:
-    None on free edges.
+    On facets that springs hold, as in `slope_continuity`, it is ∮ (σ ∂ₙv − Mₙₙ(v))/(k + σ): there
+    Mₙₙ = 1 N − k ∂ₙw, to which its terms are consistent.
     """
     load = np.zeros(space.size)
     for edges in edges_by_local_number(space, facets):

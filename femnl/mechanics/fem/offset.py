@@ -45,9 +45,9 @@ def ends_free(model: Model) -> bool:
 def own_moment(model: Model) -> float:
     """Return M₀ = Σ σᵢhᵢ (zᵢ − z₀) [N], the moment by length that stresses of layers leave.
 
-    About the neutral plane z₀ = Σ hᵢzᵢEᵢ/(1 − νᵢ) / Σ hᵢEᵢ/(1 − νᵢ) of stresses that are equal in
-    all directions; positive where the film turns up, towards its top. Of a film that is
-    `covers_evenly`: the same everywhere, M₀ bends it from its free edges alone.
+    It is taken about the neutral plane z₀ = Σ hᵢzᵢEᵢ/(1 − νᵢ) / Σ hᵢEᵢ/(1 − νᵢ) of stresses that
+    are equal in all directions, and is positive where the film turns up, towards its top. In a film
+    that is `covers_evenly` it is the same everywhere, and bends the film from its free edges alone.
     Valid: exact where the layers share one Poisson's ratio; else where the tension is even too.
     Source: Timoshenko, J. Opt. Soc. Am. 11, 233 (1925), for two layers.
     """
@@ -60,9 +60,9 @@ def own_moment(model: Model) -> float:
 def tension_offset(model: Model) -> float:
     """Return the height e = Σ σᵢhᵢzᵢ / Σ σᵢhᵢ [m] of the tension above the film's middle.
 
-    Where all layers lie, before release, with its sign; 0 where no layer ends within the film or at
-    a free edge. A flexible film comes to rest with its tension in one plane, so that it bends by
-    about e at the rims of its layers.
+    The sums run over film and layers as they are where all layers lie, with the stresses before
+    release. e is 0 where no layer ends within the film or at a free edge. A flexible film comes to
+    rest with its tension in one plane, so that it bends by about e at the rims of its layers.
     Valid: an estimate, which neglects the stiffness of bending and how the stress relaxes.
     """
     ends_within = any(lamina.rims for lamina in model.layers)

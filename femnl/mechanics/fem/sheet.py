@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 class Sheet:
     """The film's constants in the triangles of a mesh.
 
-    At points (e, q, 2) [m] where they vary within a triangle.
+    Constants that vary within a triangle are given at points (e, q, 2) [m].
 
     Args: domain: its mesh has the subdomain `overhang` where the device has one, and `layer-k`
     where its k-th layer lies. poisson: takes the

@@ -164,8 +164,8 @@ def _lanczos(pencil: Pencil, count: int, tolerance: float, known: Array) -> tupl
         return np.asarray(found - known @ (weighted.T @ found))
 
     n = pencil.mass.shape[0]
-    # A fixed start makes reruns identical. Of an eigenvalue that two vectors share it holds one
-    # combination alone, so that what is left is sought from another start.
+    # A fixed start makes reruns identical. It holds only one combination of two vectors that share
+    # an eigenvalue, so that each number of known vectors has a start of its own.
     start = np.random.default_rng(known.shape[1]).standard_normal(n)
     start -= known @ (weighted.T @ start)
     try:

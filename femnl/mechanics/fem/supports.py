@@ -239,9 +239,9 @@ def _admissible(held: list[Array]) -> list[Array]:
 
 
 def _edge_normals(space: Space) -> list[tuple[NDArray[np.int64], Array]]:
-    """Unit normals of the clamped outline at its unknowns, facet by facet.
+    """Return unit normals of the clamped outline at its unknowns, facet by facet.
 
-    a corner appears once for each side.
+    A corner appears once for each side.
     """
     facets = space.boundary_facets("clamped")
     result = []

@@ -32,14 +32,13 @@ EXTENSIONS = 4
 
 
 def solve_condensed(tiling: Tiling, count: int, degree: int) -> Modes:
-    """Modes of a film in tiles.
+    """Solve the modes of a film in tiles, whose inner unknowns are eliminated first.
 
-    Inner unknowns are eliminated before the tiles are put together.
-
-    Stiffness and film stress of a tile follow from what its sides do: a film of thousands of holes
-    costs what their sides cost. The basis of a tile holds all that its sides can do to it, and its
-    own slow responses; what it misses is computed from the residual, tile by tile, mended, and
-    taken into the basis where it is more than 1e-8 of ω².
+    Stiffness and film stress of a tile follow from what its sides do, so that a film of thousands
+    of holes costs what their sides cost. The basis of a tile spans its response to every motion of
+    its sides, and its own slowest motions. What the basis misses is computed from the residual,
+    tile by tile, and the frequencies are corrected for it. Where it is more than 1e-8 of ω², the
+    basis is extended by it.
 
     Args: count: how many modes. degree: of the elements, 2 to 6, from 1 without bending.
     Returns: the modes of the whole mesh of all tiles, as `femnl.mechanics.modes.solve_modes` gives

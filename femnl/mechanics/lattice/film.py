@@ -139,7 +139,10 @@ def solve_homogenised(
 
 
 def _array(model: Model) -> tuple[float, Array]:
-    """Pitch, and half the sides of the box of whole cells."""
+    """Return the pitch, and half the sides of the box of whole cells; refuse unsuited films.
+
+    Raises: ParameterError for a film that the homogenised one cannot stand for.
+    """
     if model.layers:
         raise ParameterError(
             f"{model.name}: [layers]: the homogenised film carries none; solve the full film"
@@ -165,9 +168,9 @@ def _array(model: Model) -> tuple[float, Array]:
 
 
 def _mesh(model: Model, reach: Array) -> MeshTri2:
-    """A quarter in rows and columns of triangles, fine at the clamped edge.
+    """Mesh a quarter in rows and columns of triangles, fine at the clamped edge.
 
-    With a line on the border of the array.
+    A line of the mesh lies on the border of the array.
     """
     corners = np.array([s.start for s in model.outline.segments])
     lines = [

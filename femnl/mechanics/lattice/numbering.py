@@ -12,9 +12,9 @@ Index = NDArray[np.int64]
 
 
 class Numbering:
-    """Where the unknowns of each tile are among those of the whole mesh.
+    """The numbers that each tile's unknowns have in the whole mesh.
 
-    `dofs` of each kind, (tiles, size of the tile's space).
+    dofs: for each kind of tile, an array (tiles, size of the tile's space).
     """
 
     def __init__(self, tiling: Tiling, spaces: list[Space], degree: int) -> None:
@@ -33,9 +33,11 @@ class Numbering:
             self.dofs.append(found)
 
     def _turns(self, kind: Kind, start: int) -> Index:
-        """For each tile and triangle, the tile's node at each node of the whole mesh's triangle.
+        """Return which node of its tile each node of the whole mesh's triangles is.
 
-        Shape (tiles, e, n_basis).
+        A triangle may begin at another vertex in the whole mesh than in its tile.
+
+        Returns: (tiles, e, n_basis), numbers of nodes within the tile's triangle.
         """
         mesh = self.space.mesh
         tiles = len(kind.shifts)

@@ -106,9 +106,9 @@ def _gauss(n: int) -> Array:
 
 
 def _on_edge(n: int, order: int) -> Array:
-    """The polynomials (q, n) on an edge that are 1 at one Gauss point and 0 at the others.
+    """Return polynomials (q, n) that are 1 at one Gauss point of an edge and 0 at the others.
 
-    At the points of quadrature.
+    They are evaluated at the q points of quadrature.
     """
     where = np.asarray(get_quadrature(RefLine, order)[0])[0]
     powers = np.vander(_gauss(n), increasing=True)

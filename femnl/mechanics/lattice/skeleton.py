@@ -19,7 +19,7 @@ SAME = 1e-9  # of the film's size, up to which places are one
 class Skeleton:
     """Unknowns on the sides of all tiles.
 
-    deflections (and in plane u_x, u_y) at `place`, then slopes.
+    First come deflections (and in plane u_x, u_y) at `place`, then slopes.
 
     Attributes: deflections, slopes: of each kind, (tiles, n) numbers of its unknowns;
     n_deflections, n_slopes.
@@ -46,9 +46,9 @@ class Skeleton:
         )
 
     def free(self, parity: tuple[int, ...]) -> Mask:
-        """Deflections, then slopes, that are free in modes of a parity about the mirrors.
+        """Return which deflections, then which slopes, are free in modes of a parity.
 
-        w = ∂ₙw = 0 at the edge.
+        The parity is about the mirrors, and w = ∂ₙw = 0 at the edge.
         """
         right, top, *mirrors = self._on(self.place)
         held = right | top
@@ -76,7 +76,7 @@ def _number(
 ) -> tuple[list[Index], Array, Index]:
     """Number the places (n, 2) of each kind at all of its shifts, one number a place and mark.
 
-    Where they are, and the marks.
+    Returns: these numbers by kind, and the place and the mark of each number.
     """
     where = np.concatenate(
         [(p[None] + s[:, None]).reshape(-1, 2) for p, s in zip(places, shifts, strict=True)]

@@ -97,9 +97,9 @@ def _common(shapes: Array) -> tuple[Array, Array]:
 
 
 def _of_kind(sides: Sides, membrane: Membrane, shared: Array) -> tuple[Array, Array]:
-    """Of the strains of all ψ_a, ψ_b.
+    """Return a root of the energies of the strains of all ψ_a, ψ_b, and their loads.
 
-    a root of their energies at held sides (r², rank), and their loads on the sides (r², n).
+    The energies (r², rank) are those at held sides; the loads (r², n) act on the sides.
     """
     slopes = np.einsum(
         "eqxj,ejn->neqx", slope(membrane.cell.jet), shared[sides.space.dofs], optimize=True
@@ -119,9 +119,9 @@ def _of_kind(sides: Sides, membrane: Membrane, shared: Array) -> tuple[Array, Ar
 
 
 def _products(amounts: Array, pairs: Pairs) -> Array:
-    """Amounts (pairs, tiles, r²) of the strains of all ψ_a, ψ_b in pairs of modes.
+    """Return the amounts (pairs, tiles, r²) of the strains of all ψ_a, ψ_b in pairs of modes.
 
-    From amounts (n, tiles, r) of ψ.
+    They are products of the amounts (n, tiles, r) of ψ in the modes.
     """
     i, j = np.array(pairs).T
     return np.asarray(

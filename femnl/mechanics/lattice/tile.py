@@ -198,9 +198,9 @@ class Flexure:
         return whole
 
     def missed(self, stress: Array, squares: Array, shapes: Array) -> tuple[Array, Array]:
-        """What the basis misses of shapes (size, tiles, n) with ω² = squares (n,).
+        """Return what the basis misses of shapes (size, tiles, n) with ω² = squares (n,).
 
-        In tiles of relaxed stress (tiles, e, q, 3) [Pa].
+        The relaxed stress (tiles, e, q, 3) [Pa] is that of each tile.
 
         The residual r = (K − ω²M) w inside relaxes by z = K⁻¹r, K that of the typical tile, and
         lowers ω² by zᵀr / wᵀMw.

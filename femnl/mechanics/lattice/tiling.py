@@ -37,7 +37,7 @@ SIZE = 12.5
 class Kind:
     """Tiles that are copies of each other.
 
-    The mesh of the first, where it lies, and the shifts (n, 2) [m] of all from there.
+    patches: the mesh of the first, where it lies; shifts (n, 2) [m]: those of all from there.
     """
 
     patches: Array
@@ -118,9 +118,9 @@ def _centred(model: Model) -> Model:
 
 
 def array(model: Model, what: str) -> tuple[float, tuple[int, int]]:
-    """Pitch [m] and numbers of holes along x and y of a rectangular array of holes.
+    """Return the pitch [m] and the numbers of holes along x and y of a rectangular array of holes.
 
-    In the centre of a rectangle about the origin.
+    The array lies in the centre of a rectangle about the origin.
 
     Args: what: needs it, for the message. Raises: ParameterError where the device is no such thing.
     """
@@ -283,7 +283,7 @@ def _margin(width: float, layer: float, resolution: float, size: float) -> Array
 
 
 def _grid(x: Array, y: Array) -> Array:
-    """Triangles (m, 6, 2) of rows and columns between the given places.
+    """Return triangles (m, 6, 2) of rows and columns between the given places.
 
     Each rectangle is cut along its rising diagonal.
     """

@@ -86,10 +86,10 @@ class _Sectors:
         self._stable = stable
 
     def nearest(self, count: int) -> tuple[Array, Array, tuple[Parity, ...]]:
-        """ω², shapes and parities of at least the `count` modes nearest to the target, rising.
+        """Return ω², shapes and parities of `count` or more modes nearest to the target, rising.
 
-        And of all that share a frequency with them. Sectors are asked for more until none can hide
-        one.
+        All modes that share a frequency with them are returned, too. More modes of each sector are
+        sought until none can hide one.
         """
         sectors = list(product((1, -1), repeat=min(self._domain.copies, 4) // 2))
         ask = dict.fromkeys(sectors, min(count + 1, count // len(sectors) + 3))

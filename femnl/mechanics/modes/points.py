@@ -37,7 +37,7 @@ def shape_at(modes: Modes, index: int, x: Array, y: Array) -> Array:
 def shapes_at(modes: Modes, x: Array, y: Array) -> Array:
     """Return ξ of every mode at points (x, y), (n_modes, *shape).
 
-    As `shape_at`, at the cost of little more than one mode.
+    It does for all modes what `shape_at` does for one, at little more cost.
     """
     return ShapeValues(modes)(x, y)
 
@@ -210,7 +210,7 @@ class Finder:
     def _place(self, triangle: NDArray[np.int64], points: Array) -> Array:
         """Return reference coordinates of points (n, 2), each in its own triangle.
 
-        By Newton's method where that is bent.
+        Newton's method finds them where the triangle is bent.
         """
         place: Array = np.einsum(
             "nx,nxr->nr", points - self._origin[triangle], self._inverse[triangle]

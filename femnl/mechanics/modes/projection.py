@@ -113,9 +113,9 @@ def _turned_weights(turn: Array) -> Array:
 
 
 def film_images(domain: Domain, parity: tuple[tuple[int, ...], ...]) -> list[tuple[Array, Array]]:
-    """The reflections and rotations (2, 2) that make the film of its wedge.
+    """Return the reflections and rotations (2, 2) that make the film of its wedge.
 
-    Each with the signs (n,) that the modes take.
+    Each comes with the signs (n,) that the modes take.
     """
     normals = [np.array([-np.sin(angle), np.cos(angle)]) for angle in (0.0, domain.wedge)][
         : len(parity[0])

@@ -127,9 +127,9 @@ def _within(place: Array, step: Array) -> Array:
 
 
 def walk(space: Space, shapes: Array, order: int) -> Iterator[tuple[slice, Array, Array, Array]]:
-    """Triangles of a mesh, chunk by chunk, at points of quadrature.
+    """Yield the triangles of a mesh, chunk by chunk, at points of quadrature.
 
-    Which, where (e, q, 2), dx (e, q) and values (n, e, q) of shapes.
+    Each chunk: which triangles, where (e, q, 2), dx (e, q) and values (n, e, q) of shapes.
     """
     points, weights = space.quadrature(order)
     value = reference_basis(space.degree, points).T
@@ -182,7 +182,7 @@ def label_shapes(
 ) -> tuple[str | None, ...]:
     """Name shapes by their overlap with the ideal modes of the outline's box.
 
-    sin(mπx/Lx + mπ/2) sin(nπy/Ly + nπ/2).
+    These are sin(mπx/Lx + mπ/2) sin(nπy/Ly + nπ/2).
 
     A shape is "(m,n)" where one of them holds three quarters of its norm, "(m,n)+(p,q)" or
     "(m,n)−(p,q)" where two share it evenly, as symmetry makes them do when they couple; otherwise,

@@ -177,9 +177,9 @@ def finish(
 
 
 def _solve_sectors(source: Source, domain: Domain, count: int) -> Sectors:
-    """ω², shapes and parities of at least the `count` lowest modes.
+    """Return ω², shapes and parities of at least the `count` lowest modes.
 
-    And of all that share a frequency with them.
+    All modes that share a frequency with them are returned, too.
 
     Sectors are asked for more until none can hide one.
     """
@@ -251,9 +251,7 @@ def _overlap(domain: Domain, space: Space, first: Array, second: Array) -> Array
 
 
 def align(coarse: Modes, fine: Modes) -> Modes:
-    """Order and turn modes of a lower degree on the same mesh.
-
-    Each is then the counterpart of a finer mode.
+    """Order and turn modes of a lower degree on the same mesh to be counterparts of finer modes.
 
     Near-degenerate modes mix differently at different accuracy; within such sets (one symmetry,
     frequencies that the lower degree may confuse) the coarse modes are turned by the orthogonal

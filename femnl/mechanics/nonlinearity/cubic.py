@@ -38,9 +38,9 @@ PAIR_BYTES = 512  # of memory a triangle and pair of modes: 16 in-plane unknowns
 def solve_nonlinearity(
     modes: Modes, edge: Edge, tensor: bool = False, energies: Energies | None = None
 ) -> Nonlinearity:
-    """Cubic coefficients of the modes: k₃ = 2 ∫ h C E_ii .
+    """Solve the cubic coefficients k₃ and α = k₃/k of the modes, and their tensor where asked.
 
-    E_ii and α = k₃/k, and the tensor for all modes where asked.
+    k₃ = 2 ∫ h C E_ii : E_ii for mode i, in the coordinate q of the point where |ξ| = 1.
 
     For modes i ≤ j the in-plane displacement u_ij relaxes the strain: ∫ h C (ε(u_ij) + ½
     sym(∇ξᵢ⊗∇ξⱼ)) : ε(v) = 0 for all v; E_ij is the strain in the bracket, G_ijkl = ∫ h C E_ij :
@@ -99,9 +99,9 @@ def _coefficients(
 
 
 def energy_remainder(modes: Modes, edge: Edge, values: Sequence[Array], scale: Array) -> Array:
-    """What the discretisation leaves of stretching energies of mass-normalised shapes.
+    """Return the discretisation errors of stretching energies of mass-normalised shapes.
 
-    By three degrees or two.
+    They are estimated from solutions of three degrees, or of two.
 
     At an inner corner of the outline, and at corners of sliding edges other than 90°, the in-plane
     displacement converges slowly.
@@ -123,9 +123,9 @@ def energy_remainder(modes: Modes, edge: Edge, values: Sequence[Array], scale: A
 def _tensor_error(
     modes: Modes, edge: Edge, grades: list[tuple[Array, Array | None]], k3: Array
 ) -> Array:
-    """Errors of the tensor's entries.
+    """Return the errors of the tensor's entries.
 
-    Of mass-normalised shapes, and of the four largest values that scale them.
+    They come from the mass-normalised shapes, and from the four largest values that scale them.
     """
     peak = modes.peak_error
     unit = np.abs(k3) ** 0.25
@@ -153,9 +153,10 @@ def _symmetrise(energies: Array, position: dict[tuple[int, int], int], n: int) -
 def strain_energies(
     modes: Modes, pairs: Pairs, edge: Edge, membrane: Membrane | None = None
 ) -> Array:
-    """G over the whole film for all combinations of pairs, (n_pairs, n_pairs) [N/m³]: ∫ h C m_P .
+    """Return G over the whole film for all combinations of pairs, (n_pairs, n_pairs) [N/m³].
 
-    M_Q − ∫ h C ε(u_P) : ε(u_Q).
+    G_PQ = ∫ h C m_P : m_Q − ∫ h C ε(u_P) : ε(u_Q), with m_P the second-order strain of a pair of
+    modes and u_P the in-plane displacement that relaxes it.
 
     Args: membrane: h C (..., 3, 3) [N/m] at the points of a cell, for films that are not of one
     material; the film's by default.

@@ -89,9 +89,9 @@ def solve_inertia(modes: Modes, edge: Edge | None = None, cross: bool = False) -
 
 
 def _changes(modes: Modes, edge: Edge, cross: bool) -> Array:
-    """Relative changes of tensor[i,i,j,j], (n, n).
+    """Return the relative changes of tensor[i,i,j,j], (n, n).
 
-    Only the diagonal where no cross coefficients are asked for.
+    Only the diagonal is computed where no cross coefficients are asked for.
     """
     n = len(modes.frequency)
     omega = 2 * np.pi * modes.frequency

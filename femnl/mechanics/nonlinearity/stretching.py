@@ -31,9 +31,9 @@ Membrane = Callable[[Cell], Array]
 
 
 def film_membrane(modes: Modes, edge: Edge) -> Membrane:
-    """Stiffness h C [N/m] of the film at the points of a cell.
+    """Return the stiffness h C [N/m] of the film at the points of a cell.
 
-    Without Poisson's ratio for the edge `paper`.
+    For the edge `paper` it has no Poisson's ratio.
     """
     sheet = Sheet(modes.domain, 0.0 if edge == "paper" else None)
     return lambda cell: sheet.membrane(cell.triangles, cell.jet.point)
@@ -43,7 +43,7 @@ def film_membrane(modes: Modes, edge: Edge) -> Membrane:
 class Stretching:
     """Integrals over the wedge of second-order strains of pairs P of modes.
 
-    m_P = ½ sym(∇ξᵢ⊗∇ξⱼ), and the film in plane.
+    m_P = ½ sym(∇ξᵢ⊗∇ξⱼ), and u is the film's displacement in plane.
 
     energies (n_pairs, n_pairs) ∫ h C m_P : m_Q; loads (2·size, n_pairs) −∫ h C m_P : ε(v);
     stiffness ∫ h C ε(u) : ε(v) with the springs of the edge [N/m]; parities: of each pair under the

@@ -38,9 +38,10 @@ SETTLED = 1e-16  # work of what the last step mends, over that of the load
 
 
 class Film:
-    """W(u, w) = ½ w·Kw + ∫ ½ h C E .
+    """The energy of a film that may be bent, about its flat relaxed state.
 
-    E, E = ε(u) + ½ ∇w⊗∇w, about the flat relaxed film, whose tension, bending and edge are in K.
+    W(u, w) = ½ w·Kw + ∫ ½ h C E : E, E = ε(u) + ½ ∇w⊗∇w. The tension, bending and edge of the flat
+    film are in K.
 
     States are vectors (3·size,) of u_x, u_y and w at the unknowns of the modes' space. A state
     whose w is odd about a mirror is its own image there with w reversed; its in-plane part is even.
@@ -134,7 +135,7 @@ class Film:
         return force, tangent.matrix()
 
     def second_order(self, state: Array, motions: Array) -> tuple[Array, Array]:
-        """What motions x (n, 3·size) cause at second order about a state.
+        """Return what motions x (n, 3·size) cause at second order about a state.
 
         With E₁(y) = ε(u_y) + sym(∇w₀⊗∇w_y) and E₂(x, y) = ½ sym(∇w_x⊗∇w_y): the load (3·size, n),
         by unknowns y, ∫ h C [E₁(y) : E₂(x, x) + 2 E₁(x) : E₂(x, y)], and ∫ h C E₂ : E₂ (n,), over
@@ -174,9 +175,9 @@ class Film:
         return state
 
     def deflect(self, load: Array, parity: Parity, state: Array | None = None) -> Array:
-        """The state that carries a load (size,) [N per unknown] of w, by Newton's method.
+        """Return the state that carries a load (size,) [N per unknown] of w, by Newton's method.
 
-        From a nearby state, else from the flat film.
+        Newton's method begins at a nearby state, else at the flat film.
 
         Raises: ConvergenceError.
         """
@@ -212,9 +213,9 @@ class Film:
 
 
 def _strain_rows(cell: Cell, grad: Array) -> Array:
-    """ε(u) + sym(∇w₀⊗∇w) of unknowns (u_x, u_y, w), rows (xx, yy, 2xy).
+    """Return ε(u) + sym(∇w₀⊗∇w) of unknowns (u_x, u_y, w), rows (xx, yy, 2xy).
 
-    For ∇w₀ = `grad` (e, q, 2).
+    Args: grad (e, q, 2): ∇w₀.
     """
     dx = cell.jet.gradient[:, :, 0]
     dy = cell.jet.gradient[:, :, 1]

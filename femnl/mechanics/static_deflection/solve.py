@@ -31,7 +31,7 @@ TRIANGLE_BYTES = 270_000  # of memory: three times what the deflection alone tak
 class StaticDeflection:
     """Modes of a film bent at rest, in the order of the flat film's.
 
-    In the coordinate q [m] of the point where |ξ| = 1, from rest.
+    Their coordinate q [m] is the displacement, from rest, of the point where |ξ| = 1.
 
     m q̈ = −k q − k₂ q² − k₃ q³. depth [m]: the largest deflection at rest, with its sign. frequency
     [Hz], stiffness k [N/m], k2 [N/m²], k3 [N/m³] relaxed in plane. alpha [m⁻²]: the cubic
@@ -249,9 +249,10 @@ def _bowed_modes(film: Film, modes: Modes, bow: Parity, tangent: csc_matrix) -> 
 def _responses(
     film: Film, tangent: csc_matrix, bow: Parity, loads: Array, square: Array
 ) -> tuple[Array, Array, Array]:
-    """f·x for loads of second order.
+    """Return f·x for loads f of second order, x the film's response to f, in three cases.
 
-    Of the film in its plane alone, of the whole film at rest, and at twice each mode's frequency.
+    Returns: the film in its plane alone; the whole film at rest; and at twice each mode's
+    frequency.
     """
     size = film.space.size
     columns = film.admissible(bow, bow)

@@ -217,7 +217,8 @@ def _pair_counts(pair: tuple[str, str]) -> tuple[int, int]:
 def _points(name: str, count: int) -> Array:
     """Return Chebyshev's points of a strength, both ends among them.
 
-    Of one without negative values they begin at 0, which every polynomial passes through: left out.
+    The points of a strength without negative values begin at 0. Every polynomial passes through
+    that one, so that it is left out.
     """
     cosine = np.cos(np.pi * np.arange(count) / (count - 1))
     if name == "yielding":

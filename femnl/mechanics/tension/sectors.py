@@ -187,8 +187,8 @@ class Sectors:
     def yielding(self, edges: YieldingEdges, chosen: Sequence[int]) -> Iterator[Change]:
         """Yield what the stresses on yielding edges add to K, one at a time for their memory.
 
-        Over the stress on the edge as it is, in elements of the same degree. Args: chosen: which
-        edges; −1 is the film stress as deposited.
+        It is counted from the stress on the edge as it is, in elements of the same degree.
+        Args: chosen: which edges; −1 is the film stress as deposited.
         """
         edge = self._relaxed(edges.degree)
         before = relaxed_stress(edge, self.order)

@@ -313,9 +313,9 @@ class MapModel(MeasurementModel):
         return np.asarray(self.time.min() + np.ptp(self.time) * order / max(len(order) - 1, 1))
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """Of a faint motion, larger ones under less contrast.
+        """Return larger motions under less contrast, where the motion is faint.
 
-        Only its product with the contrast shows.
+        Only the product of a faint motion with the contrast shows.
         """
         depth = 4 * np.pi / self.wavelength * base["amplitude"]
         factors = [factor for factor in LARGER if depth * factor < STRAIGHT]
@@ -339,9 +339,9 @@ class MapModel(MeasurementModel):
         }
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        """All harmonics on the grid of the map.
+        """Compare all harmonics on the grid of the map.
 
-        Along a single line, in the quadrature that holds each one's signal.
+        Along a single line, the quadrature that holds the signal of each harmonic is compared.
         """
         predicted = np.stack(
             [

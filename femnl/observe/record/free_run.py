@@ -40,10 +40,10 @@ DIVERGED = 1e60
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """Drive at the times where the integrator asks for it.
+    """The drive at the times where the integrator asks for it.
 
-    held: (n · steps, STAGES) at the stages of each step; interval: between the n samples [s];
-    steps: from one sample to the next.
+    held (n · steps, STAGES): its values at the stages of each step; interval: time between the n
+    samples [s]; steps: number of steps from one sample to the next.
     """
 
     held: Array
@@ -84,11 +84,12 @@ def stages(drive: Array, interval: float, hold: Hold, steps: int = 1) -> Drive:
 
 
 def steps_needed(coefficients: Numbers, largest: float, interval: float) -> int:
-    """Return how many steps from sample to sample follow the fastest swing.
+    """Return how many steps from sample to sample follow the fastest swing of an oscillator.
 
-    Of an oscillator (8,) or (7,) up to y = ±largest.
+    The swing is that of small motion about any y up to ±`largest`. The count is at most MOST: what
+    swings faster is not sampled.
 
-    At most MOST: what swings faster is not sampled.
+    Args: coefficients (8,) or (7,): as of `free_run`.
     """
     _, _, _, _, stiffness, quadratic, cubic, *fifth = coefficients.real
     slopes = [

@@ -127,10 +127,7 @@ class RecordModel(MeasurementModel):
         values: Sequence[Values],
         shift: complex = 0.0,
     ) -> Numbers:
-        """Return the output [V] at the samples compared.
-
-        From a begin that is shifted [V] where asked for.
-        """
+        """Return the output [V] at the samples compared, from a begin that `shift` [V] moves."""
         forces = apply("equation", Equation(0.0, base["alpha"], 0.0, 0.0), effects, values)
         square = (2 * np.pi * base["frequency"]) ** 2
         shares = np.array([1.0, forces.quadratic, forces.cubic, forces.quintic]) * square

@@ -121,11 +121,9 @@ class Layout:
 class ResponseBranches:
     """The squared amplitudes x of the low and the high state at every point, (2, n).
 
-    And where they are only a continuation.
-
     Past a fold, where a branch has ended, x is continued by the real part of the complex pair of
     roots, so that the misfit of points still on the branch tells a fit which way to move the fold.
-    pair (2, n): where that is so. single: the real root there.
+    pair (2, n): where x is only such a continuation. single: the real root there.
     """
 
     x: Array
@@ -136,7 +134,7 @@ class ResponseBranches:
 def duffing_branches(delta: Array, a: Array, d: Array, *, continued: bool) -> ResponseBranches:
     """Return both branches of the response, (2, n).
 
-    At detunings δ (n,), stiffening a (n,) and nonlinear damping d (n,).
+    Args: delta, a, d (n,): detuning δ, stiffening and nonlinear damping.
 
     Past its fold a branch is `continued`, or else it joins the only state that is left.
     """
@@ -152,7 +150,7 @@ def duffing_branches(delta: Array, a: Array, d: Array, *, continued: bool) -> Re
 def fold(a: float, *, top: bool) -> tuple[float, float]:
     """Return detuning δ and x where the high (`top`) or the low state ends.
 
-    Without nonlinear damping; dδ/da = −x there.
+    There is no nonlinear damping here, so that dδ/da = −x there.
 
     With R = δ + a x, x = 1/(R² + 1) and (R² + 1)² + 2aR = 0; below the critical a, where no state
     ends, its double root.
@@ -208,8 +206,8 @@ def response(
 ) -> tuple[Complex, ResponseBranches]:
     """Return the voltage [V] on both branches, (2, n).
 
-    y_max b e^{iφ − 2πi(f − f₀)τ} times drive, with the exact linear part of b, and the background
-    C₀ + C₁(f − f₀).
+    It is drive · y_max b e^{iφ − 2πi(f − f₀)τ}, with the exact linear part of b, plus the
+    background C₀ + C₁(f − f₀).
     """
     f0, w, ratio, damping, gain, phase, tau = layout.split(theta)
     exact = reduced(sweeps, f0, w, ratio, damping)
@@ -236,7 +234,7 @@ def jacobian(
 ) -> Complex:
     """Return dV/dθ (n, size) on the branch chosen at each point (0 low, 1 high).
 
-    By implicit differentiation.
+    The derivatives are implicit.
 
     `cautious` limits each derivative to what stays true while the fit moves x by NOISY standard
     deviations, as a covariance needs.

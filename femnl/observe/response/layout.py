@@ -17,7 +17,8 @@ NEAR = (-4, -3, -2, -1, 1, 2, 3, 4)
 def along_sweeps(sweeps: Sweeps, known: bool) -> Layout:
     """Return the neighbours of all real, then of all imaginary parts of the points.
 
-    Args: known: whether a residual of prior knowledge comes last.
+    −1 stands for none. Args: known: whether a residual of prior knowledge comes last, which has
+    no neighbours.
     """
     n = len(sweeps.frequency)
     place = np.arange(n)

@@ -222,7 +222,7 @@ class ResponseModel(MeasurementModel):
     ) -> tuple[Array, ComplexArray, ComplexArray]:
         """Return δ (n,), a (n,) without its quintic part, and b = A/(A₁F) (2, n).
 
-        b on the low and on the high branch, continued past its fold.
+        The rows of b are the low and the high branch, continued past its fold.
         """
         f0 = mode.frequency
         per = 2 / mode.linewidth

@@ -23,7 +23,8 @@ def by_label(
 ) -> tuple[Array, Array]:
     """Return frequency and loss of each measured mode, which goes to a changed one by label.
 
-    By the share of what the label names in each changed mode; mixed pairs as they fit best.
+    The share of what the label names in each changed mode decides. Pairs that mix are matched as
+    they fit best.
 
     Args: share (n, n_changed). own (n,): frequency of the base mode of each measured one [Hz].
     frequency and sd (n,) [Hz]: as measured. read_off: what is read off for measured modes of

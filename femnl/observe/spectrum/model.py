@@ -162,10 +162,10 @@ class SpectrumModel(MeasurementModel):
         return found | smooth_film(self, effects, base, values)
 
     def residuals(self, effects: Sequence[Effect], base: Values, values: Sequence[Values]) -> Array:
-        """Return (f − f_predicted)/σ of each mode, the deviation of ℓ in units of its own σ.
+        """Return (f − f_predicted)/σ of each mode, and the deviation of other known numbers in σ.
 
-        And (Q − Q_predicted)/σ of each mode whose quality factor is known, and the deviation of c
-        in units of its σ where that is.
+        These are, in order: ℓ, the quality factor Q of each mode where it is known, and c where it
+        is.
         """
         frequency, content, bare, system = self._solved(effects, base, values)
         _, mass, unchanged = self._bare(base["speed"], base["bending_length"])
