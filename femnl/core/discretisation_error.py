@@ -51,7 +51,7 @@ def settle(last: Array, before: Array, safety: float, least: float | Array) -> A
     `safety` times what steady convergence leaves.
     """
     return np.asarray(
-        share_left(last, before, safety, least) * np.maximum(last, SHARE * _usual(last))
+        share_left(last, before, safety, least) * np.maximum(last, SHARE * _rms_of_finite(last))
     )
 
 
@@ -63,7 +63,11 @@ def share_left(last: Array, before: Array, safety: float, least: float | Array) 
     The pace is the geometric mean of a number's own and of what is usual among all: each alone is
     off by chance, either way.
     """
-    common = min(_usual(last) / _usual(before), 1.0) if _usual(before) > 0 else 1.0
+    common = (
+        min(_rms_of_finite(last) / _rms_of_finite(before), 1.0)
+        if _rms_of_finite(before) > 0
+        else 1.0
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         own = np.where(before > 0, last / before, np.where(last > 0, 1.0, 0.0))
     pace = np.sqrt(common * np.clip(own, SHARE * common, 1.0))
@@ -96,11 +100,11 @@ def _unlike(frequencies: Sequence[Array]) -> float:
     fine, coarse = frequencies[:2]
     change = np.abs(coarse / fine - 1)
     of_ratio = np.abs((coarse / fine) / (coarse[0] / fine[0]) - 1)
-    together = _usual((change + change[0])[1:])
-    return min(_usual(of_ratio[1:]) / together, 1.0) if together > 0 else 0.0
+    together = _rms_of_finite((change + change[0])[1:])
+    return min(_rms_of_finite(of_ratio[1:]) / together, 1.0) if together > 0 else 0.0
 
 
-def _usual(differences: Array) -> float:
+def _rms_of_finite(differences: Array) -> float:
     """Return the root mean square of the finite differences, NaN where there is none."""
     known = differences[np.isfinite(differences)]
     return float(np.sqrt(np.mean(known**2))) if known.size else np.nan

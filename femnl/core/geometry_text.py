@@ -100,14 +100,14 @@ def _put(tables: Any, key: str, value: object, name: str) -> None:
         elif isinstance(here, dict) and isinstance(here.get(part, {}), dict | list):
             here = here.setdefault(part, {})
         else:
-            raise _nowhere(key, name)
+            raise _no_such_value(key, name)
     if isinstance(here, list) and last.isdecimal() and 1 <= int(last) <= len(here):
         here[int(last) - 1] = value
     elif isinstance(here, dict) and last:
         here[last] = value
     else:
-        raise _nowhere(key, name)
+        raise _no_such_value(key, name)
 
 
-def _nowhere(key: str, name: str) -> GeometryError:
+def _no_such_value(key: str, name: str) -> GeometryError:
     return GeometryError(f"{name}: has no value '{key}'; write e.g. 'film.stress'")

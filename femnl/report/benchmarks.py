@@ -55,4 +55,6 @@ def _words(found: Mapping[str, Any]) -> str:
 
 
 def _cell(cell: str | float | None) -> str:
-    return "–" if cell is None else cell if isinstance(cell, str) else plain(cell, DIGITS)
+    if cell is None:
+        return "–"
+    return cell if isinstance(cell, str) else plain(cell, DIGITS)

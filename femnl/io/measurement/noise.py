@@ -64,7 +64,9 @@ def estimate_noise(dataset: xr.Dataset) -> float:
         sweeps = zip(
             dataset.frequency.values, *(dataset[name].values for name in names), strict=True
         )
-        residues = np.concatenate([_residues(f, part) for f, *parts in sweeps for part in parts])
+        residues = np.concatenate(
+            [_divided_differences(f, part) for f, *parts in sweeps for part in parts]
+        )
     elif kind == "map":
         residues = np.concatenate(
             [_mixed(part).ravel() for part in (dataset["real"].values, dataset["imag"].values)]
@@ -74,7 +76,7 @@ def estimate_noise(dataset: xr.Dataset) -> float:
     elif kind == "series":
         key = "frequency" if "frequency" in dataset else "quality_factor"
         control = dataset[next(iter(controls(dataset)))].values
-        residues = _residues(control, dataset[key].values)
+        residues = _divided_differences(control, dataset[key].values)
     else:
         raise MeasurementError(
             f"{kind}: noise cannot be estimated from a list of modes; store frequency_sd"
@@ -102,7 +104,7 @@ def _spread(residues: NDArray[np.float64], kind: str) -> float:
     return float(np.min(steps) * np.sqrt(comb(2 * _ORDER, _ORDER)) / np.sqrt(12))
 
 
-def _residues(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+def _divided_differences(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return divided differences of y(x), scaled so that white noise keeps its variance."""
     good = np.isfinite(x) & np.isfinite(y)
     x, first = np.unique(x[good], return_index=True)
