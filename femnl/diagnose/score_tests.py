@@ -88,15 +88,20 @@ def score_tests(result: FitResult, library: list[Effect]) -> list[ScoreTest]:
                 _effect_tests(result, own, effect, place, values) for place in (base, *others)
             )
             found += here
-            known = np.array([(test.gain, test.p_value) for test in here])
-            for test in (test for elsewhere in there for test in elsewhere):
-                if (
-                    not np.isclose(known, (test.gain, test.p_value), rtol=1e-6, atol=0)
-                    .all(axis=1)
-                    .any()
-                ):
-                    found.append(test)  # what an effect does alike on either side is one test
+            found += [
+                test for elsewhere in there for test in elsewhere if not _is_among(test, here)
+            ]
     return found
+
+
+def _is_among(test: ScoreTest, others: list[ScoreTest]) -> bool:
+    """Whether another test has the same gain and p-value.
+
+    What an effect does alike at two equivalent solutions is one test.
+    """
+    known = np.reshape([(other.gain, other.p_value) for other in others], (-1, 2))
+    same = np.isclose(known, (test.gain, test.p_value), rtol=1e-6, atol=0)
+    return bool(same.all(axis=1).any())
 
 
 def tangents_mislead(result: FitResult) -> bool:
@@ -109,76 +114,108 @@ def _same(result: FitResult, vector: Array) -> bool:
     return bool(np.abs(result.model.residuals(vector) - result.residuals).max() < SAME)
 
 
+@dataclass(frozen=True)
+class _Range:
+    """A parameter of an effect and its bounds."""
+
+    spec: ParameterSpec
+    low: float
+    high: float
+
+
 def _effect_tests(
     result: FitResult, own: Array, effect: Effect, base: Values, values: Sequence[Values]
 ) -> list[ScoreTest]:
-    """Try the effect at small strength in each of its shapes.
+    """Return the tests of an effect at small strength, one for each of its shapes that shows.
 
-    At these values of the base parameters and of the model's effects.
+    Args: own: orthonormal tangents (n, p) of the model. base, values: the parameters of the base
+        model and of the model's effects, at which the effect is tried.
     """
     wider = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
     low, high = wider.bounds
     first = len(low) - len(effect.parameters)
-    bounds = list(zip(effect.parameters, low[first:], high[first:], strict=True))
-    shaping = [(spec, a, b) for spec, a, b in bounds if not spec.strength]
-    strengths = [(spec, a, b) for spec, a, b in bounds if spec.strength]
-    trials = (
-        Sobol(len(shaping), rng=np.random.default_rng(0)).random(N_SHAPES[len(shaping)])
-        if shaping
-        else np.zeros((1, 0))
-    )
-    found = []
-    steps = {spec.name: 1e-6 * b for spec, _, b in strengths}
+    ranges = [
+        _Range(spec, float(a), float(b))
+        for spec, a, b in zip(effect.parameters, low[first:], high[first:], strict=True)
+    ]
+    strengths = [one for one in ranges if one.spec.strength]
     excess = float(result.residuals @ result.residuals) - len(result.residuals)
     target = max(0.1, SECANT * max(excess, 0.0) ** 0.5)
-    for trial in trials:
-        shape = {k.name: _at(k, a, b, t) for (k, a, b), t in zip(shaping, trial, strict=True)}
-        zero = shape | {spec.name: 0.0 for spec, _, _ in strengths}
+    steps = {one.spec.name: 1e-6 * one.high for one in strengths}
+    found = []
+    for shape in _trial_shapes([one for one in ranges if not one.spec.strength]):
+        idle = shape | {one.spec.name: 0.0 for one in strengths}
 
-        def change(name: str, strength: float, idle: Values = zero) -> Array:
+        def change(name: str, strength: float, idle: Values = idle) -> Array:
             at_strength = wider.pack(base, [*values, {**idle, name: strength}])
             return np.asarray(wider.residuals(at_strength) - result.residuals)
 
+        changes = [partial(change, one.spec.name) for one in strengths]
         tangents = np.stack(
             [
-                _tangent(partial(change, spec.name), spec.name, steps, b, target)
-                for spec, _, b in strengths
+                _tangent(by, one.spec.name, steps, one.high, target)
+                for by, one in zip(changes, strengths, strict=True)
             ]
         )
         basis = _beside(own, tangents)
         if len(basis) == 0:  # of second order, or not to be seen at all
             tangents = np.stack(
-                [_chord(partial(change, spec.name), a, b) for spec, a, b in strengths]
+                [_chord(by, one.low, one.high) for by, one in zip(changes, strengths, strict=True)]
             )
             basis = _beside(own, tangents)
-        if len(basis) == 0:
-            continue
-        free = tangents - (tangents @ own) @ own.T
-        # What the priors know of strengths that hardly show
-        known = np.diag([np.sqrt(12) / (b - a) for _, a, b in strengths])
-        estimate = -np.linalg.lstsq(
-            np.vstack([free.T, known]),
-            np.append(result.residuals, np.zeros(len(known))),
-            rcond=None,
-        )[0]
-        allowed = np.clip(estimate, [a for _, a, _ in strengths], [b for _, _, b in strengths])
-        rest = result.residuals + allowed @ free
-        gain = max(result.chi2 - float(rest @ rest), 0.0)
-        named = shape | {
-            spec.name: float(s) for (spec, _, _), s in zip(strengths, allowed, strict=True)
-        }
-        freely = float(np.sum((basis @ result.residuals) ** 2))
-        found.append(
-            ScoreTest(
-                effect.name,
-                effect,
-                basis,
-                gain,
-                float(chi_square_tail(np.array(freely), len(basis))),
-                named,
-            )
-        )
+        if len(basis):
+            free = tangents - (tangents @ own) @ own.T
+            found.append(_effect_test(result, effect, shape, strengths, free, basis))
     return found
+
+
+def _trial_shapes(ranges: list[_Range]) -> list[dict[str, float]]:
+    """Return values of the parameters that only shape an effect, spread over their ranges.
+
+    An effect without any has one shape.
+    """
+    if not ranges:
+        return [{}]
+    parts = Sobol(len(ranges), rng=np.random.default_rng(0)).random(N_SHAPES[len(ranges)])
+    return [
+        {one.spec.name: _at(one.spec, one.low, one.high, part) for one, part in pairs}
+        for pairs in (list(zip(ranges, row, strict=True)) for row in parts)
+    ]
+
+
+def _effect_test(
+    result: FitResult,
+    effect: Effect,
+    shape: dict[str, float],
+    strengths: list[_Range],
+    free: Array,
+    basis: Array,
+) -> ScoreTest:
+    """Return the test of an effect of one shape.
+
+    Its gain is that of the strengths of least χ² within their bounds, in the linear approximation.
+
+    Args: free (k, n): derivatives of the residuals by the strengths, less what the model's own
+        tangents reach. basis (q, n): orthonormal, of the space that they span.
+    """
+    low = [one.low for one in strengths]
+    high = [one.high for one in strengths]
+    # What the priors know of strengths that hardly show
+    known = np.diag(np.sqrt(12) / np.subtract(high, low))
+    estimate = -np.linalg.lstsq(
+        np.vstack([free.T, known]),
+        np.append(result.residuals, np.zeros(len(known))),
+        rcond=None,
+    )[0]
+    allowed = np.clip(estimate, low, high)
+    rest = result.residuals + allowed @ free
+    gain = max(result.chi2 - float(rest @ rest), 0.0)
+    named = shape | {
+        one.spec.name: float(strength) for one, strength in zip(strengths, allowed, strict=True)
+    }
+    explained = np.array(float(np.sum((basis @ result.residuals) ** 2)))
+    p_value = float(chi_square_tail(explained, len(basis)))
+    return ScoreTest(effect.name, effect, basis, gain, p_value, named)
 
 
 def _at(spec: ParameterSpec, low: float, high: float, part: float) -> float:

@@ -160,29 +160,35 @@ def _turned(problem: MapResiduals, vector: Array) -> Array:
         if vector[0] < 0:
             own["motion_phase"] += np.pi
         if len(data.series.coefficients) == 2 and own["contrast"] < 0:
-            own["contrast"] *= -1
-            own["fringe_phase"] += np.pi
-            _negate(
-                own,
-                [
-                    OVERTONE.format(k=k, part=part)
-                    for k in problem.overtones[::2]
-                    for part in ("real", "imag")
-                ],
-            )
-        theta = own["fringe_phase"]
-        nearer = (
-            np.sin(theta) < 0
-            if data.nominal is None
-            else np.cos(theta + data.nominal) > np.cos(theta - data.nominal)
-        )
-        if nearer and np.abs(data.series.coefficients.imag).max() < SYMMETRIC:
-            own["fringe_phase"] *= -1
-            own["motion_phase"] += np.pi
-            _negate(own, [OVERTONE.format(k=k, part="imag") for k in problem.overtones])
+            _reverse_contrast(own, problem.overtones)
+        symmetric = np.abs(data.series.coefficients.imag).max() < SYMMETRIC
+        if symmetric and _mirror_is_nearer(own["fringe_phase"], data.nominal):
+            _mirror_fringe(own, problem.overtones)
         for angle in ("fringe_phase", "motion_phase"):
             own[angle] = _wrap(own[angle])
     return problem.pack(abs(vector[0]), values)
+
+
+def _reverse_contrast(values: dict[str, float], overtones: Sequence[int]) -> None:
+    """Replace V_C by −V_C and θ by θ + π, which gives the same signal of a cosine."""
+    values["contrast"] *= -1
+    values["fringe_phase"] += np.pi
+    even = overtones[::2]
+    _negate(values, [OVERTONE.format(k=k, part=part) for k in even for part in ("real", "imag")])
+
+
+def _mirror_is_nearer(theta: float, nominal: float | None) -> bool:
+    """Whether −θ, rather than θ, is near the fringe as given, or else has sin θ ≥ 0."""
+    if nominal is None:
+        return bool(np.sin(theta) < 0)
+    return bool(np.cos(theta + nominal) > np.cos(theta - nominal))
+
+
+def _mirror_fringe(values: dict[str, float], overtones: Sequence[int]) -> None:
+    """Replace θ by −θ and φ by φ + π, which gives the same signal of a symmetric fringe."""
+    values["fringe_phase"] *= -1
+    values["motion_phase"] += np.pi
+    _negate(values, [OVERTONE.format(k=k, part="imag") for k in overtones])
 
 
 def _with_free_angles(problem: MapResiduals, vector: Array) -> Array:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.special import jv
 
@@ -56,32 +57,37 @@ def starts(
         placements: for each map the placements (x, y, scale, rotation) to try.
         amplitude: U [m] where it is known; sought on the grid unless given.
     """
-    amplitudes = np.asarray(
-        STEP * (np.arange(round(LARGEST / STEP)) + 0.5) / max(data.wavenumber for data in maps),
-        np.float64,
-    )
-    if amplitude is not None:
+    if amplitude is None:
+        steepest = max(data.wavenumber for data in maps)
+        z = STEP * (np.arange(round(LARGEST / STEP)) + 0.5)
+        amplitudes = np.asarray(z / steepest, np.float64)
+    else:
         amplitudes = np.array([abs(amplitude)])
     total = np.zeros(len(amplitudes))
     winners: list[list[tuple[dict[str, float], Array]]] = []
     for data, tried in zip(maps, placements, strict=True):
         tables = np.stack(_explained(data, shape, tried, amplitudes))
-        best = np.argmax(tables[..., 0], axis=0)
+        gain = tables[..., 0]
+        best = np.argmax(gain, axis=0)
         winners.append([(tried[b], tables[b, i]) for i, b in enumerate(best)])
-        total += tables[..., 0].max(axis=0)
-    padded = np.concatenate([[-np.inf], total, [-np.inf]])
-    peaks = np.flatnonzero((total >= padded[:-2]) & (total > padded[2:]))
-    peaks = peaks[np.argsort(-total[peaks])][:count]
+        total += gain.max(axis=0)
     return [
         Start(
             float(amplitudes[i]), tuple(_parameters(*rows[i]) for rows in winners), float(total[i])
         )
-        for i in peaks
+        for i in _highest_peaks(total, count)
     ]
 
 
+def _highest_peaks(gain: Array, count: int) -> NDArray[np.intp]:
+    """Return where the gain (n,) has its `count` highest local maxima, the highest first."""
+    padded = np.concatenate([[-np.inf], gain, [-np.inf]])
+    peaks = np.flatnonzero((gain >= padded[:-2]) & (gain > padded[2:]))
+    return np.asarray(peaks[np.argsort(-gain[peaks])][:count])
+
+
 def _parameters(placement: dict[str, float], row: Array) -> dict[str, float]:
-    """Name the columns of `_explained`."""
+    """Return the placement with the parameters in a row of `_explained`."""
     return {
         **placement,
         "contrast": float(row[1]),
@@ -95,7 +101,7 @@ def _explained(
 ) -> list[Array]:
     """Return the χ² that the best (V_C, θ, φ) explains for each placement and U, and these values.
 
-    There is one array (n_amplitudes, 4) for each placement.
+    There is one array (n_amplitudes, 4) for each placement, of χ², V_C, θ and φ.
     """
     # For one cosine, θ + π is −V_C, which the linear step finds by itself.
     theta = np.arange(0, np.pi if len(data.series.coefficients) == 2 else 2 * np.pi, np.pi / 32)

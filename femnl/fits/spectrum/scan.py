@@ -13,9 +13,9 @@ WIDEST = 0.025  # of the sweep; a wider line is indistinguishable from backgroun
 
 
 def scan(f: Array, volts: Complex, noise: float, widest: float) -> tuple[Array, Array, Array]:
-    """Score a Lorentzian of every width at every place.
+    """Score a Lorentzian of every width at every place by the fall of χ² that it buys.
 
-    The fall of χ² that it buys, a quadratic background being free.
+    A quadratic background is free.
 
     score = |⟨t, v⟩|²/(σ²⟨t, t⟩), t the line with the polynomials of second degree projected out of
     its window; χ² with two degrees of freedom on noise alone.
@@ -43,19 +43,23 @@ def scan(f: Array, volts: Complex, noise: float, widest: float) -> tuple[Array, 
 def _score(
     f: Array, volts: Complex, noise: float, places: NDArray[np.intp], half: int, width: Array
 ) -> Array:
+    """Return the score of a line at each of the places (c,), as `scan` defines it.
+
+    Args: places: points at which the lines are centred. half: points on each side of a window.
+        width (c,): linewidths [Hz].
+    """
     index = places[:, None] + np.arange(-half, half + 1)
     inside = (index >= 0) & (index < f.size)
     index = np.clip(index, 0, f.size - 1)
-    x = (f[index] - f[places, None]) / (half * width / _HALF)[:, None]
-    template = np.where(inside, 1 / (1 + 2j * (f[index] - f[places, None]) / width[:, None]), 0)
+    offset = f[index] - f[places, None]
+    x = offset / (half * width / _HALF)[:, None]
+    template = np.where(inside, 1 / (1 + 2j * offset / width[:, None]), 0)
     values = np.where(inside, volts[index], 0)
     basis = np.stack([inside.astype(float), inside * x, inside * x**2], axis=1)
     gram = np.einsum("cik,cjk->cij", basis, basis)
-    pure = template - np.einsum(
-        "cik,ci->ck",
-        basis,
-        np.linalg.solve(gram, np.einsum("cik,ck->ci", basis, template)[..., None])[..., 0],
-    )
+    along = np.einsum("cik,ck->ci", basis, template)
+    background = np.linalg.solve(gram, along[..., None])[..., 0]
+    pure = template - np.einsum("cik,ci->ck", basis, background)
     power = np.sum(np.abs(pure) ** 2, axis=1)
     overlap = np.abs(np.sum(pure.conj() * values, axis=1)) ** 2
     return np.asarray(np.where(power > 1e-3, overlap / (noise**2 * np.maximum(power, 1e-300)), 0.0))
