@@ -1,6 +1,6 @@
 """Parameters that a fit holds at given values, and the free rest."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,10 @@ class Held:
         """Which parameters (k,) the fit may change."""
         return np.isnan(self.values)
 
+    @property
+    def _free_names(self) -> list[str]:
+        return [name for name, moves in zip(self.names, self.free, strict=True) if moves]
+
     def put(self, whole: Array) -> Array:
         """Return parameters (k,) with the held ones at their values."""
         return np.where(self.free, whole, self.values)
@@ -37,20 +41,33 @@ class Held:
         found[self.free] = free
         return found
 
+    def of_free(
+        self, residuals: Callable[[Array], Array], jacobian: Callable[[Array], Array]
+    ) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+        """Return residuals and their jacobian as functions of the free parameters alone."""
+
+        def free_residuals(free: Array) -> Array:
+            return residuals(self.whole(free))
+
+        def free_jacobian(free: Array) -> Array:
+            return np.asarray(jacobian(self.whole(free))[:, self.free])
+
+        return free_residuals, free_jacobian
+
     def covariance(self, jacobian: Array, unit: Array) -> tuple[Array, tuple[str, ...]]:
         """Return the covariance (k, k) of the free parameters, 0 for held ones, and notes.
 
-        Args: as of `femnl.fits.covariance.covariance`, of all parameters.
+        Args: jacobian (n_points, k), unit (k,): those of `femnl.fits.covariance.covariance`, of all
+            parameters.
         """
         free = self.free
-        kept = [name for name, moves in zip(self.names, free, strict=True) if moves]
-        inner, notes = covariance(jacobian[:, free], kept, unit[free])
+        inner, notes = covariance(jacobian[:, free], self._free_names, unit[free])
         found = np.zeros((len(free), len(free)))
         found[np.ix_(free, free)] = inner
         return found, notes
 
     def inner(self, whole: Array) -> Array:
-        """Return the covariance of the free parameters alone."""
+        """Return the covariance of the free parameters alone, from that of all (k, k)."""
         return whole[np.ix_(self.free, self.free)]
 
     @property
@@ -61,8 +78,8 @@ class Held:
 
     def ordered(self, parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
         """Return the parameters with the free ones first, as `Fit` has them."""
-        own = [name for name, moves in zip(self.names, self.free, strict=True) if moves]
-        return {name: parameters[name] for name in own if name in parameters} | dict(parameters)
+        first = {name: parameters[name] for name in self._free_names if name in parameters}
+        return first | dict(parameters)
 
 
 def hold_fixed(names: Sequence[str], fixed: Mapping[str, float] | None, what: str) -> Held:

@@ -102,58 +102,79 @@ def _names(count: int) -> list[str]:
     return [f"{name}[{k}]" for k in range(1, count + 1) for name in UNITS]
 
 
-def _held_fit(dataset: xr.Dataset, sweep: int, data: Sweeps, best: Cluster, held: Held) -> ModesFit:
-    """Return the fit with some parameters held, which starts from that with all free."""
-    f = data.frequency
-    order = np.argsort(best.frequency)
-    size = best.amplitude[order]
-    columns = (best.frequency[order], best.linewidth[order], np.abs(size), np.angle(size))
-    basis = polynomials(f, best.window)
-    count = len(held.names)
-    background = np.concatenate([best.background.real, best.background.imag])
-    start = np.concatenate([held.put(np.column_stack(columns).ravel()), background])
-    names = (*held.names, *(f"background {k}" for k in range(len(background))))
-    whole = Held(names, np.concatenate([held.values, np.full(len(background), np.nan)]))
+@dataclass(frozen=True)
+class _LineSum:
+    """Lines on a polynomial background, as a function of all parameters x (k,) of a fit.
 
-    def model(x: Array) -> tuple[Complex, Complex]:
+    x: frequency, linewidth, height and phase of each of `n_lines` lines, then the real and the
+    imaginary parts of the background's coefficients. basis (n, c): polynomials at the points.
+    """
+
+    data: Sweeps
+    basis: Array
+    n_lines: int
+
+    def rows(self, x: Array) -> Array:
+        """Return the parameters of the lines, one row a line."""
+        return x[: self.n_lines * len(UNITS)].reshape(-1, len(UNITS))
+
+    def voltage(self, x: Array) -> tuple[Complex, Complex]:
         """Return V (n,) and its derivatives (n, k)."""
-        total = basis @ (x[count:].reshape(2, -1)[0] + 1j * x[count:].reshape(2, -1)[1])
+        f = self.data.frequency
+        real, imag = x[self.n_lines * len(UNITS) :].reshape(2, -1)
+        total = np.asarray(self.basis @ (real + 1j * imag), dtype=complex)
         slopes = []
-        for f0, w, height, phase in x[:count].reshape(-1, len(UNITS)):
+        for f0, w, height, phase in self.rows(x):
             turn = height * np.exp(1j * phase)
             shape = line(f, f0, w)
             total = total + turn * shape
             by_frequency, by_width = derivatives(f, f0, w)
             slopes += [turn * by_frequency, turn * by_width]
             slopes += [np.exp(1j * phase) * shape, 1j * turn * shape]
-        return total, np.column_stack([*slopes, basis, 1j * basis])
+        return total, np.asarray(np.column_stack([*slopes, self.basis, 1j * self.basis]))
 
-    def residuals(free: Array) -> Array:
-        away = (model(whole.whole(free))[0] - data.voltage) / data.noise
+    def residuals(self, x: Array) -> Array:
+        """Return (V − data)/noise (2n,), real parts first."""
+        away = (self.voltage(x)[0] - self.data.voltage) / self.data.noise
         return np.concatenate([away.real, away.imag])
 
-    def jacobian(x: Array) -> Array:
-        slopes = model(x)[1] / data.noise
+    def jacobian(self, x: Array) -> Array:
+        """Return the derivatives (2n, k) of the residuals."""
+        slopes = self.voltage(x)[1] / self.data.noise
         return np.vstack([slopes.real, slopes.imag])
 
-    def free_slopes(free: Array) -> Array:
-        return jacobian(whole.whole(free))[:, whole.free]
+    def unit(self, x: Array) -> Array:
+        """Return a step of each parameter (k,) that would matter."""
+        high = float(np.abs(self.data.voltage).max())
+        steps = [[w, w, abs(height) or high, 1.0] for _, w, height, _ in self.rows(x)]
+        n_background = len(x) - self.n_lines * len(UNITS)
+        return np.concatenate([np.ravel(steps), np.full(n_background, high)])
 
+
+def _held_fit(dataset: xr.Dataset, sweep: int, data: Sweeps, best: Cluster, held: Held) -> ModesFit:
+    """Return the fit with some parameters held, which starts from that with all free."""
+    order = np.argsort(best.frequency)
+    size = best.amplitude[order]
+    columns = (best.frequency[order], best.linewidth[order], np.abs(size), np.angle(size))
+    background = np.concatenate([best.background.real, best.background.imag])
+    start = np.concatenate([held.put(np.column_stack(columns).ravel()), background])
+    names = (*held.names, *(f"background {k}" for k in range(len(background))))
+    held_of_all = Held(names, np.concatenate([held.values, np.full(len(background), np.nan)]))
+    lines = _LineSum(data, polynomials(data.frequency, best.window), len(order))
+    residuals, jacobian = held_of_all.of_free(lines.residuals, lines.jacobian)
     found = least_squares(
         residuals,
-        start[whole.free],
-        free_slopes,
+        start[held_of_all.free],
+        jacobian,
         x_scale="jac",
         xtol=1e-12,
         ftol=1e-12,
     )
-    x = whole.whole(found.x)
-    n_free = int(np.count_nonzero(whole.free))
-    reduced = float(2 * found.cost) / max(2 * f.size - n_free, 1)
-    high = float(np.abs(data.voltage).max())
-    steps = [[w, w, abs(height) or high, 1.0] for _, w, height, _ in x[:count].reshape(-1, 4)]
-    unit = np.concatenate([np.ravel(steps), np.full(len(background), high)])
-    spread, blind = whole.covariance(jacobian(x), unit)
+    x = held_of_all.whole(found.x)
+    n_free = int(np.count_nonzero(held_of_all.free))
+    reduced = float(2 * found.cost) / max(2 * data.frequency.size - n_free, 1)
+    spread, blind = held_of_all.covariance(lines.jacobian(x), lines.unit(x))
+    count = len(held.names)
     spread = spread[:count, :count] * reduced
     sd = np.sqrt(np.diag(spread))
     own = {
@@ -165,12 +186,12 @@ def _held_fit(dataset: xr.Dataset, sweep: int, data: Sweeps, best: Cluster, held
         held.ordered(own) | derived(_qualities, x[:count], spread),
         held.inner(spread),
         reduced,
-        2 * f.size,
+        2 * data.frequency.size,
         n_free,
         (*data.notes, *held.notes, *blind, told),
     )
     prediction = np.full(dataset["frequency"].shape[1], np.nan + 0j)
-    prediction[data.column] = model(x)[0]
+    prediction[data.column] = lines.voltage(x)[0]
     return ModesFit(fit, prediction)
 
 

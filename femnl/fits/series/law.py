@@ -14,7 +14,7 @@ from femnl.core.fit import Fit, Parameter
 from femnl.core.readout import Array
 from femnl.fits.covariance import strongest_correlation
 from femnl.fits.held import Held, hold_fixed, unknown
-from femnl.fits.series.forms import PARAMETERS, QUANTITIES, form_of, units_of
+from femnl.fits.series.forms import PARAMETERS, QUANTITIES, Form, form_of, units_of
 from femnl.io.measurement import controls, varies
 
 LEAST = 3
@@ -22,6 +22,9 @@ LEAST = 3
 EXCESS = 3.0
 """Standard deviations of χ²/ν above 1 from which on stated errors are too small."""
 INTERVAL = 0.95
+"""Probability of an interval."""
+NORMAL_WIDTH = 1.959963984540054
+"""Half of the interval of a normal distribution, in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -139,49 +142,84 @@ def _control(dataset: xr.Dataset, law: Law, control: str | None) -> str:
     return control
 
 
-def _fit(dataset: xr.Dataset, key: str, control: str, law: Law, held: Held) -> SeriesFit:
+@dataclass(frozen=True)
+class _Points:
+    """The points of a series that a law is fitted to.
+
+    x, y (n,): control variable and quantity; sd (n,): stated standard deviations of y, or weights
+    by which all points count alike. stated: whether the series states them; relative: whether the
+    errors of ln y are alike, else those of y.
+    """
+
+    x: Array
+    y: Array
+    sd: Array
+    stated: bool
+    relative: bool
+
+
+def _points(dataset: xr.Dataset, key: str, control: str, law: Law) -> _Points:
+    """Return the usable points of a quantity.
+
+    Standard deviations are left out where too few points have one: then all points count alike.
+    Raises: MeasurementError for too few points.
+    """
     x = np.asarray(dataset[control].values, float)
     y = np.asarray(dataset[key].values, float)
+    used = np.isfinite(x) & np.isfinite(y)
     stated = f"{key}_sd" in dataset
-    sd = np.asarray(dataset[f"{key}_sd"].values, float) if stated else np.ones(len(x))
-    used = np.isfinite(x) & np.isfinite(y) & np.isfinite(sd)
-    if stated and np.count_nonzero(used) < LEAST <= np.count_nonzero(
-        np.isfinite(x) & np.isfinite(y)
-    ):
-        # Standard deviations were withheld: all points count alike
-        stated = False
-        sd = np.ones(len(x))
-        used = np.isfinite(x) & np.isfinite(y)
+    if stated:
+        sd = np.asarray(dataset[f"{key}_sd"].values, float)
+        with_sd = used & np.isfinite(sd)
+        stated = bool(np.count_nonzero(with_sd) >= LEAST or np.count_nonzero(used) < LEAST)
+    if stated:
+        used = with_sd
     if np.count_nonzero(used) < LEAST:
         raise MeasurementError(
             f"series: {np.count_nonzero(used)} usable points of {key}; a law needs {LEAST}"
         )
-    x = x[used]
-    y = y[used]
     relative = not stated and law != "line"
-    sd = sd[used] if stated else _alike(y, relative=relative)
+    weights = sd[used] if stated else _alike(y[used], relative=relative)
+    return _Points(x[used], y[used], weights, stated, relative)
+
+
+@dataclass(frozen=True)
+class _Misfit:
+    """Deviations of a law from the points of a series, as functions of its parameters p."""
+
+    form: Form
+    points: _Points
+
+    def residuals(self, p: Array) -> Array:
+        """Return the deviations (n,) in standard deviations.
+
+        With equal relative errors they are y (ln y − ln f), which is linear in the logarithm of the
+        value, and so without bias.
+        """
+        y = self.points.y
+        predicted = self.form.predict(p)
+        away = y * np.log(y / predicted) if self.points.relative else y - predicted
+        return np.asarray(away / self.points.sd)
+
+    def jacobian(self, p: Array) -> Array:
+        """Return the derivatives (n, k) of the residuals."""
+        growth = self.form.slopes(p)
+        if self.points.relative:
+            growth = growth * (self.points.y / self.form.predict(p))[:, None]
+        return np.asarray(-growth / self.points.sd[:, None])
+
+
+def _fit(dataset: xr.Dataset, key: str, control: str, law: Law, held: Held) -> SeriesFit:
+    """Fit the law of one quantity."""
+    points = _points(dataset, key, control, law)
     per = controls(dataset)[control]
-    form = form_of(law, key, (control, per), x, y, sd)
-
-    def residual(free: Array) -> Array:
-        p = held.whole(free)
-        # ln y − ln f where relative errors are equal: linear in ln(value), and so without bias
-        away = y * np.log(y / form.predict(p)) if relative else y - form.predict(p)
-        return np.asarray(away / sd)
-
-    def slopes(p: Array) -> Array:
-        growth = form.slopes(p)
-        if relative:
-            growth = growth * (y / form.predict(p))[:, None]
-        return np.asarray(-growth / sd[:, None])
-
-    def free_slopes(free: Array) -> Array:
-        return slopes(held.whole(free))[:, held.free]
-
+    form = form_of(law, key, (control, per), points.x, points.y, points.sd)
+    misfit = _Misfit(form, points)
+    residuals, jacobian = held.of_free(misfit.residuals, misfit.jacobian)
     found = least_squares(
-        residual,
+        residuals,
         form.start[held.free],
-        free_slopes,
+        jacobian,
         x_scale="jac",
         xtol=1e-12,
         ftol=1e-12,
@@ -189,45 +227,51 @@ def _fit(dataset: xr.Dataset, key: str, control: str, law: Law, held: Held) -> S
     )
     n_free = int(np.count_nonzero(held.free))
     best = held.whole(found.x)
-    nu = len(x) - n_free
+    nu = len(points.x) - n_free
     reduced = float(2 * found.cost / nu)
-    scaled = not stated or reduced > 1 + EXCESS * np.sqrt(2 / nu)
+    scaled = not points.stated or reduced > 1 + EXCESS * np.sqrt(2 / nu)
     factor = float(np.sqrt(reduced)) if scaled else 1.0
-    spread, blind = held.covariance(slopes(best), form.steps)
+    spread, blind = held.covariance(misfit.jacobian(best), form.steps)
     spread = spread * factor**2
     size = np.sqrt(np.diag(spread))
-    width = float(student.ppf(0.5 + INTERVAL / 2, nu)) if scaled else 1.959963984540054
+    width = float(student.ppf(0.5 + INTERVAL / 2, nu)) if scaled else NORMAL_WIDTH
     listed = zip(form.names, best, size, form.units, strict=True)
     parameters = held.ordered({n: Parameter(n, float(v), float(s), u) for n, v, s, u in listed})
     interval = {
         one.name: (one.value - width * one.sd, one.value + width * one.sd)
         for one in parameters.values()
     }
-    why = "the series states no errors" if not stated else "it scatters more than it states"
-    told = (
-        [f"standard deviations are scaled by √(χ²/ν) = {factor:.3g}: {why}"]
-        if scaled and stated
-        else []
-    )
-    if not stated:
-        scatter = (
-            f"{factor * sd[0] / y[0]:.3g} of each value" if relative else f"{factor * sd[0]:.3g}"
-        )
-        told.append(f"standard deviations are those of the scatter, {scatter}: {why}")
+    told = [_scaling_note(points, factor)] if scaled else []
     correlation = strongest_correlation(spread, form.names)
     notes = (*form.notes, *held.notes, *told, *blind, *([correlation] if correlation else []))
+    chi2_reduced = reduced if points.stated else 1.0
     return SeriesFit(
         key,
         control,
         per,
         law,
-        Fit(parameters, held.inner(spread), reduced if stated else 1.0, len(x), n_free, notes),
+        Fit(parameters, held.inner(spread), chi2_reduced, len(points.x), n_free, notes),
         interval,
-        x,
-        y,
-        sd * factor,
+        points.x,
+        points.y,
+        points.sd * factor,
         form.predict(best),
     )
+
+
+def _scaling_note(points: _Points, factor: float) -> str:
+    """Say that standard deviations follow from the scatter, which is `factor` times `points.sd`."""
+    if points.stated:
+        return (
+            f"standard deviations are scaled by √(χ²/ν) = {factor:.3g}: it scatters more than it "
+            "states"
+        )
+    scatter = (
+        f"{factor * points.sd[0] / points.y[0]:.3g} of each value"
+        if points.relative
+        else f"{factor * points.sd[0]:.3g}"
+    )
+    return f"standard deviations are those of the scatter, {scatter}: the series states no errors"
 
 
 def _alike(y: Array, *, relative: bool) -> Array:

@@ -148,13 +148,7 @@ class _Spot:
     def refine(self, vector: Array, most: int) -> tuple[Array, float]:
         """Return the nearest minimum of χ² and χ² there, or where `most` evaluations led."""
         held = self.all_held(vector)
-
-        def residuals(free: Array) -> Array:
-            return self.residuals(held.whole(free))
-
-        def jacobian(free: Array) -> Array:
-            return self.jacobian(held.whole(free))[:, held.free]
-
+        residuals, jacobian = held.of_free(self.residuals, self.jacobian)
         found = least_squares(
             residuals,
             vector[held.free],

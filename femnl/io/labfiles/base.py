@@ -22,6 +22,20 @@ T = TypeVar("T")
 PARTS = ("real", "imag", "amplitude", "magnitude", "phase")
 """Columns that make an amplitude."""
 LARGEST = 2**30  # bytes of a file
+SWEEP_VALUES = {
+    "drive": "V",
+    "direction": "",
+    "x": "m",
+    "y": "m",
+    "harmonic": "",
+    "time": "s",
+    "duration": "s",
+    "temperature": "K",
+    "pressure": "Pa",
+    "laser_power": "W",
+    "voltage": "V",
+}
+"""What a sweep of a `response` may have one value of, with its unit."""
 RMS = float(np.sqrt(2))  # amplitude over root mean square of a sine
 
 Sweep = tuple[NDArray[np.float64], NDArray[np.complex128]]
@@ -136,6 +150,14 @@ def per_sweep(
     return np.broadcast_to(np.array(numbers), (sweeps,))
 
 
+def direction_of(frequency: NDArray[np.float64]) -> int:
+    """Return +1 for a sweep up, −1 for one down and 0 for neither, by the order of its points."""
+    steps = np.diff(frequency)
+    if np.all(steps >= 0):
+        return 1
+    return -1 if np.all(steps <= 0) else 0
+
+
 def sweeps_to_response(
     sweeps: Sequence[Sweep],
     labels: Labels,
@@ -145,7 +167,8 @@ def sweeps_to_response(
 ) -> tuple[xr.Dataset, list[str]]:
     """Build a `response` from sweeps as they were taken.
 
-    Direction from their order, points sorted, short sweeps filled with NaN.
+    The order of the points gives the direction. Points are sorted, and short sweeps are filled with
+    NaN.
 
     Args: sweeps: (frequency [Hz], amplitude [V]) in the order taken; labels: per-sweep arrays that
     the files give; spec: fills the rest; units: those of labels that are control variables of the
@@ -160,8 +183,7 @@ def sweeps_to_response(
         known = np.isfinite(f)
         f = f[known]
         v = v[known]
-        steps = np.diff(f)
-        direction[row] = 1 if np.all(steps >= 0) else -1 if np.all(steps <= 0) else 0
+        direction[row] = direction_of(f)
         order = np.argsort(f, kind="stable")
         frequency[row, : f.size] = f[order]
         volts[row, : f.size] = v[order]
@@ -171,24 +193,14 @@ def sweeps_to_response(
     notes = [
         f"{where}: {len(sweeps)} sweeps, {ups} up and {downs} down, by the order of their points"
     ]
-    beside = {"duration": "s", "temperature": "K", "pressure": "Pa", "laser_power": "W"}
-    beside["voltage"] = "V"
-    given: Labels = dict.fromkeys(("drive", "direction", "x", "y", "harmonic", "time", *beside))
+    given: Labels = dict.fromkeys(SWEEP_VALUES)
     given |= {"direction": direction if np.all(direction) else None, **labels}
     if given["direction"] is None:
         notes.append(
             f"{where}: {np.count_nonzero(direction == 0)} sweeps are neither up nor down, so "
             "direction is left out"
         )
-    for name, unit in (
-        ("drive", "V"),
-        ("direction", ""),
-        ("x", "m"),
-        ("y", "m"),
-        ("harmonic", ""),
-        ("time", "s"),
-        *beside.items(),
-    ):
+    for name, unit in SWEEP_VALUES.items():
         if given[name] is None:
             given[name] = per_sweep(spec, name, unit, len(sweeps), where)
     harmonic = given.pop("harmonic")

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from femnl.core.errors import MeasurementError
 from femnl.io import measurement
-from femnl.io.labfiles.base import PARTS, RMS, refuse_lengths, scalar_values, sweeps_to_response
+from femnl.io.labfiles.base import (
+    PARTS,
+    RMS,
+    direction_of,
+    refuse_lengths,
+    scalar_values,
+    sweeps_to_response,
+)
 from femnl.io.labfiles.levels import even_clock, is_level
 from femnl.io.labfiles.named_columns import COMPLEX, Columns
 from femnl.io.labfiles.spec import Spec
@@ -207,9 +214,7 @@ def _contradicted(
     """Say where the order of the points is not that of the direction column, which is taken."""
     wrong = 0
     for piece in pieces:
-        steps = np.diff(frequency[piece])
-        way = 1 if np.all(steps >= 0) else -1 if np.all(steps <= 0) else 0
-        wrong += way not in (0, int(stated[piece][0]))
+        wrong += direction_of(frequency[piece]) not in (0, int(stated[piece][0]))
     if not wrong:
         return []
     return [f"{where}: {wrong} sweeps have their points in the other order than direction says"]

@@ -1,6 +1,7 @@
 """Driven sweeps as flat arrays, ready to be fitted."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import xarray as xr
@@ -13,6 +14,9 @@ from femnl.io.measurement import noise_sd
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
+
+FEWEST_POINTS = 8
+"""Usable points that a sweep needs."""
 
 
 @dataclass(frozen=True)
@@ -79,9 +83,9 @@ class Sweeps:
 
 
 def collect(dataset: xr.Dataset) -> Sweeps:
-    """Flatten a `response` dataset.
+    """Flatten the sweeps of the first harmonic of a `response` dataset.
 
-    First harmonic only, missing points left out, noise as stored or estimated.
+    Missing points are left out, and the noise is as stored or estimated.
 
     Raises:
         MeasurementError: wrong kind, no first harmonic, a drive that is not positive, or fewer than
@@ -93,27 +97,17 @@ def collect(dataset: xr.Dataset) -> Sweeps:
             "of kind 'response'"
         )
     noise, sentence = noise_sd(dataset)
-    notes = [sentence]
-    count = dataset.sizes["sweep"]
-    harmonic = _per_sweep(dataset, "harmonic", 1.0)
-    if not np.any(harmonic == 1):
-        raise MeasurementError(
-            f"harmonic = {sorted(set(harmonic))}: none is the first, whose response the Duffing "
-            "model describes"
-        )
-    if np.any(harmonic != 1):
-        notes.append(f"{np.count_nonzero(harmonic != 1)} sweeps of higher harmonics left out")
-    if "drive" not in dataset and count > 1:
+    kept, note = _first_harmonics(dataset)
+    notes = [sentence, *note]
+    if "drive" not in dataset and dataset.sizes["sweep"] > 1:
         notes.append("drive is not in the file: all sweeps are taken to have the same")
     drive = _per_sweep(dataset, "drive", 1.0)
-    direction = _per_sweep(dataset, "direction", np.nan)
-    if not np.all(drive[harmonic == 1] > 0):
+    if not np.all(drive[kept] > 0):
         raise MeasurementError(
             f"drive = {drive.min():g} V: drives must be positive; put a change of sign into "
             "the phase"
         )
     place = np.stack([_per_sweep(dataset, "x", 0.0), _per_sweep(dataset, "y", 0.0)], axis=1)
-    kept = np.flatnonzero(harmonic == 1)
     positions, position = np.unique(place[kept], axis=0, return_inverse=True)
     frequency = dataset["frequency"].values
     phases = "magnitude" not in dataset
@@ -121,40 +115,24 @@ def collect(dataset: xr.Dataset) -> Sweeps:
         voltage = dataset["real"].values + 1j * dataset["imag"].values
     else:
         voltage = dataset["magnitude"].values + 0j
-    pieces = []
-    start = 0
-    missing = 0
-    spans: list[slice] = []
-    for s in kept:
-        good = np.flatnonzero(np.isfinite(voltage[s]) & np.isfinite(frequency[s]))
-        missing += voltage.shape[1] - len(good)
-        if len(good) < 8:
-            raise MeasurementError(
-                f"sweep {s}: {len(good)} usable points; a fit needs at least 8, leave the sweep out"
-            )
-        if not np.any(voltage[s, good] != voltage[s, good[0]]) or not np.ptp(frequency[s, good]):
-            raise MeasurementError(
-                f"sweep {s}: one value at all its {len(good)} points, so no response to fit; "
-                "leave the sweep out"
-            )
-        order = good[np.argsort(frequency[s, good], kind="stable")]
-        pieces.append((frequency[s, order], voltage[s, order], np.full(len(order), s), order))
-        spans.append(slice(start, start + len(good)))
-        start += len(good)
+    orders = [_rising(int(s), frequency[s], voltage[s]) for s in kept]
+    lengths = [len(order) for order in orders]
+    missing = len(kept) * voltage.shape[1] - sum(lengths)
     if missing:
         notes.append(f"{missing} missing points left out")
-    lengths = [len(piece[0]) for piece in pieces]
-    points = [np.concatenate(part) for part in zip(*pieces, strict=True)]
+    row = np.repeat(kept, lengths)
+    column = np.concatenate(orders)
     reference = float(drive[kept].max())
+    direction = _per_sweep(dataset, "direction", np.nan)
     return Sweeps(
-        points[0],
-        points[1],
+        frequency[row, column],
+        voltage[row, column],
         np.repeat(drive[kept] / reference, lengths),
         np.repeat(np.arange(len(kept)), lengths),
         np.repeat(position.ravel(), lengths),
-        points[2],
-        points[3],
-        tuple(spans),
+        row,
+        column,
+        _spans(lengths),
         tuple(int(d) if abs(d) == 1 else 0 for d in direction[kept]),
         positions,
         reference,
@@ -163,6 +141,47 @@ def collect(dataset: xr.Dataset) -> Sweeps:
         phases,
         "noise_sd" not in dataset.attrs,
     )
+
+
+def _first_harmonics(dataset: xr.Dataset) -> tuple[Index, list[str]]:
+    """Return which sweeps are of the first harmonic, and a note where others are left out.
+
+    Raises: MeasurementError where there is none.
+    """
+    harmonic = _per_sweep(dataset, "harmonic", 1.0)
+    kept = np.flatnonzero(harmonic == 1)
+    if not len(kept):
+        raise MeasurementError(
+            f"harmonic = {sorted(set(harmonic))}: none is the first, whose response the Duffing "
+            "model describes"
+        )
+    others = len(harmonic) - len(kept)
+    return kept, [f"{others} sweeps of higher harmonics left out"] if others else []
+
+
+def _rising(sweep: int, frequency: Array, voltage: Complex) -> Index:
+    """Return the points of a sweep that were measured, by rising frequency.
+
+    Raises: MeasurementError for fewer than `FEWEST_POINTS`, and where there is no response.
+    """
+    good = np.flatnonzero(np.isfinite(voltage) & np.isfinite(frequency))
+    if len(good) < FEWEST_POINTS:
+        raise MeasurementError(
+            f"sweep {sweep}: {len(good)} usable points; a fit needs at least {FEWEST_POINTS}, "
+            "leave the sweep out"
+        )
+    if not np.any(voltage[good] != voltage[good[0]]) or not np.ptp(frequency[good]):
+        raise MeasurementError(
+            f"sweep {sweep}: one value at all its {len(good)} points, so no response to fit; "
+            "leave the sweep out"
+        )
+    return good[np.argsort(frequency[good], kind="stable")]
+
+
+def _spans(lengths: list[int]) -> tuple[slice, ...]:
+    """Return where each sweep lies when they follow one after the other."""
+    ends = np.cumsum([0, *lengths]).tolist()
+    return tuple(slice(start, stop) for start, stop in pairwise(ends))
 
 
 def _per_sweep(dataset: xr.Dataset, name: str, default: float) -> Array:
