@@ -43,18 +43,7 @@ def conclude(
     after = before if best is base else _quality(best)
     base_model = best.result.model.base_model
     joint = base_model.bought(best.result) if isinstance(base_model, JointModel) else ()
-    listed = [*((best,) if judged.verdict == "ambiguous" else ()), *judged.rivals]
-    # Where nothing explains the data, nothing is an alternative; the trials tell what was tried
-    if judged.verdict != "unexplained":
-        listed += [
-            c
-            for c in sorted(found[1:], key=lambda c: -c.weight)
-            if c not in listed and c is not best and share.get(c.names, 0.0) > SHOWN
-        ]
-    plausible = base.p_value_scaled if judged.noisier else base.p_value
-    probability = {"adequate": plausible, "unexplained": 1 - base.p_value}.get(
-        judged.verdict, share.get(best.names, 0.0)
-    )
+    listed = _alternatives(judged, found)
     left = best if judged.verdict == "explained in part" else base
     described = judged.verdict in ("explained in part", "unexplained")
     closest = _closest(found) if judged.verdict == "unexplained" else None
@@ -64,7 +53,7 @@ def conclude(
         sha256=digest,
         verdict=judged.verdict,
         causes=best.names,
-        probability=float(probability),
+        probability=_probability(judged, base),
         parameters=_parameters(best, judged.inflation),
         alternatives=tuple(Alternative(c.names, share.get(c.names, 0.0)) for c in listed),
         p_value=base.p_value,
@@ -93,6 +82,38 @@ def conclude(
         residuals=best.result.residuals,
         best_trial=() if closest is None else closest.names,
     )
+
+
+def _alternatives(judged: Judgement, found: list[Candidate]) -> list[Candidate]:
+    """Return the sets of causes that are listed as alternatives: first those beside the verdict.
+
+    Where nothing explains the data, nothing is an alternative; the trials tell what was tried.
+    """
+    best = judged.chosen
+    listed = [*((best,) if judged.verdict == "ambiguous" else ()), *judged.rivals]
+    if judged.verdict == "unexplained":
+        return listed
+    by_weight = sorted(found[1:], key=lambda candidate: -candidate.weight)
+    return listed + [
+        candidate
+        for candidate in by_weight
+        if candidate not in listed
+        and candidate is not best
+        and judged.share.get(candidate.names, 0.0) > SHOWN
+    ]
+
+
+def _probability(judged: Judgement, base: Candidate) -> float:
+    """Return the probability that the diagnosis states with its verdict.
+
+    It is the p-value of the base model where that is adequate, what is missing from 1 where nothing
+    explains the data, and else the share of the chosen set.
+    """
+    if judged.verdict == "adequate":
+        return float(base.p_value_scaled if judged.noisier else base.p_value)
+    if judged.verdict == "unexplained":
+        return float(1 - base.p_value)
+    return float(judged.share.get(judged.chosen.names, 0.0))
 
 
 def _cause(effect: Effect) -> Cause:

@@ -3,7 +3,7 @@
 From every place that promises much, over jumps, and again beside later ones.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -59,40 +59,17 @@ nearer to zero, by a third.
 def extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) -> FitResult:
     """Fit with one more effect, from where score tests point.
 
-    Or as far towards that as is no worse than without the effect.
+    A start goes as far towards that as is no worse than without the effect.
     """
-    base, earlier = result.model.split(result.vector)
+    _, earlier = result.model.split(result.vector)
     model = ExtendedModel(result.model.base_model, (*result.model.effects, effect))
-    limits = {
-        spec.name: spec.high * scale_of(model.base_model, spec)
-        for spec in effect.parameters
-        if spec.strength
-    }
     starts = []
     elsewhere = []
     for values in shapes:
-        # What is of second order shows no slope at zero; a small start lets it grow.
-        start = values | {
-            name: np.copysign(max(abs(values[name]), SEED * high), values[name])
-            for name, high in limits.items()
-        }
-        for _ in range(STEPS_BACK):
-            vector = model.pack(base, [*earlier, start])
-            if np.sum(model.residuals(vector) ** 2) <= result.chi2:
-                break
-            start = start | {name: start[name] / 3 for name in limits}
+        vector, start = _no_worse(model, result, effect, values)
         starts.append(vector)
-        left = np.sum(model.residuals(vector) ** 2)
-        others = [
-            model.pack(other, [*earlier, start])
-            for other in model.base_model.equivalent_solutions(base)
-        ]
-        # What the effects do not change leads nowhere else.
-        elsewhere += [
-            other
-            for other in others
-            if abs(np.sum(model.residuals(other) ** 2) - left) > SAME * left
-        ]
+        left = float(np.sum(model.residuals(vector) ** 2))
+        elsewhere += _from_equivalents(model, result, start, left)
     if model.base_model.needs_global_search and len(effect.parameters) == 1:
         # whose ray is short; tangents at zero may lead into a trap beside it
         far = scan(result, effect)[0]
@@ -110,10 +87,58 @@ def extended(result: FitResult, effect: Effect, shapes: list[dict[str, float]]) 
     )
 
 
+def _no_worse(
+    model: ExtendedModel, result: FitResult, effect: Effect, values: Mapping[str, float]
+) -> tuple[Array, dict[str, float]]:
+    """Return a start that leaves no more χ² than without the effect, and the effect's values there.
+
+    Its strengths are brought nearer to zero from `values`. Where `STEPS_BACK` thirds are not
+    enough, the values are one step nearer than the start.
+    """
+    base, earlier = result.model.split(result.vector)
+    largest = {
+        spec.name: spec.high * scale_of(model.base_model, spec)
+        for spec in effect.parameters
+        if spec.strength
+    }
+    # What is of second order shows no slope at zero; a small start lets it grow.
+    start = {
+        **values,
+        **{
+            name: float(np.copysign(max(abs(values[name]), SEED * high), values[name]))
+            for name, high in largest.items()
+        },
+    }
+    for _ in range(STEPS_BACK):
+        vector = model.pack(base, [*earlier, start])
+        if np.sum(model.residuals(vector) ** 2) <= result.chi2:
+            break
+        start = start | {name: start[name] / 3 for name in largest}
+    return vector, start
+
+
+def _from_equivalents(
+    model: ExtendedModel, result: FitResult, start: Mapping[str, float], left: float
+) -> list[Array]:
+    """Return the starts from equivalent solutions of the base model that predict something else.
+
+    What the effects do not change leads nowhere else. Args: left: χ² at the start from the base
+    model's own solution.
+    """
+    base, earlier = result.model.split(result.vector)
+    others = [
+        model.pack(other, [*earlier, start])
+        for other in model.base_model.equivalent_solutions(base)
+    ]
+    return [
+        other for other in others if abs(np.sum(model.residuals(other) ** 2) - left) > SAME * left
+    ]
+
+
 def replaced(result: FitResult, effect: Effect) -> FitResult | None:
     """Fit with an effect without a strength, from the best of places all over its priors.
 
-    Unless all of them leave absurdly much.
+    The result is None where all of them leave absurdly much.
     """
     base, earlier = result.model.split(result.vector)
     model = ExtendedModel(result.model.base_model, (*result.model.effects, effect))

@@ -30,6 +30,7 @@ GOOD = 2.0
 SAME = 1.001
 AGREED = 3
 # Steps of α_y/α_c, in standard deviations, that take a fit off a fold where it got stuck.
+RATIO = 2  # where α_y/α_c stands in θ
 KICKS = (0.3, -0.3, 1.0, -1.0, 3.0, -3.0)
 
 
@@ -48,8 +49,7 @@ class _Search:
     def descend(self, theta: Array, *, strict: bool) -> Misfit:
         """Minimise from θ and keep the result if it is better.
 
-        `strict`: only with states that exist; else also with their continuation past a
-        fold.
+        `strict` admits only states that exist, and not their continuation past a fold.
         """
         tried = replace(self.misfit, strict=strict, last=None)
         found = settle(tried, np.clip(theta, self.low, self.high), self.low, self.high, self.free)
@@ -64,7 +64,8 @@ class _Search:
     def start(self, theta: Array) -> None:
         """Minimise from a new start.
 
-        The continuation past folds helps across them, and what exists decides.
+        Where it meets a fold, states continued past the fold lead across, and then only those that
+        exist decide.
         """
         self.reached.append(np.inf)
         if self.descend(theta, strict=True).folded:
@@ -77,12 +78,13 @@ class _Search:
         return self.cost < noisy or bool(agreed >= AGREED)
 
     def leave_fold(self) -> None:
-        """Where the best fit has points past a fold, step the fold over them."""
-        if self.free[2] and self.misfit.past_fold(self.theta):
+        """Move the fold over the points past it, where the best fit has such points."""
+        if self.free[RATIO] and self.misfit.past_fold(self.theta):
             slopes = self.misfit.jacobian(self.theta)
             stuck = self.theta
             step = np.zeros(len(self.theta))
-            step[2] = np.sqrt(max(np.linalg.pinv(slopes.T @ slopes)[2, 2], np.finfo(float).tiny))
+            variance = np.linalg.pinv(slopes.T @ slopes)[RATIO, RATIO]
+            step[RATIO] = np.sqrt(max(variance, np.finfo(float).tiny))
             for kick in KICKS:
                 self.descend(stuck + kick * step, strict=True)
 
@@ -140,6 +142,7 @@ def _all_starts(sweeps: Sweeps, layout: Layout, use: Use, limits: Limits) -> Ite
     full = replace(layout, gain=True, phase=True)
 
     def shared(theta: Array) -> Array:
+        """Return the parameters of `layout` from those of a fit to both quadratures."""
         parts: list[Array | list[float]] = [
             theta[: full.gains.start],
             theta[full.gains] if layout.gain else [],

@@ -134,6 +134,47 @@ class _Problem:
         return np.vstack([columns.real, columns.imag]) / self.noise
 
 
+def _bounds(
+    start: Array, window: tuple[float, float], widths: tuple[float, float]
+) -> tuple[Array, Array]:
+    """Return the least and the largest of the unknowns of a `_Problem`.
+
+    A line may leave its start by a few linewidths, or a few of the smallest one, but not leave the
+    window. Args: as of `fit_cluster`.
+    """
+    slack = np.maximum(3.0, 2 * widths[0] / start[:, 1])
+    low_growth, high_growth = np.log(np.array(widths)[:, None] / start[:, 1])
+    low_shift, high_shift = (np.array(window)[:, None] - start[:, 0]) / start[:, 1]
+    low = np.concatenate([np.maximum(-slack, low_shift - 1e-9), low_growth])
+    high = np.concatenate([np.minimum(slack, high_shift + 1e-9), high_growth])
+    return low, high
+
+
+def _relative_sd(problem: _Problem, parameters: Array, amplitude: Complex, largest: float) -> Array:
+    """Return the standard deviations (n_lines, 4) of frequency, linewidth and amplitude of lines.
+
+    They are over the linewidth and the modulus of the amplitude, whose real and imaginary parts
+    have one each. Args: largest: modulus of the data [V].
+    """
+    columns: list[Complex] = []
+    for (frequency, width), height in zip(parameters, amplitude, strict=True):
+        by_frequency, by_width = derivatives(problem.f, frequency, width)
+        shape = line(problem.f, frequency, width)
+        # In units of the width and of the height, so that the matrix is well scaled.
+        columns += [
+            height * width * by_frequency,
+            height * width * by_width,
+            abs(height) * shape,
+            1j * abs(height) * shape,
+        ]
+    for column in problem.basis.T:
+        columns += [largest * column, 1j * largest * column]
+    jacobian = np.column_stack([_stack(column) for column in columns]) / problem.noise
+    names = [str(column) for column in range(jacobian.shape[1])]
+    variance = np.diag(covariance(jacobian, names, np.ones(len(names)))[0])
+    return np.asarray(np.sqrt(variance[: 4 * len(parameters)].reshape(-1, 4)))
+
+
 def fit_cluster(
     f: Array,
     volts: Complex,
@@ -156,16 +197,11 @@ def fit_cluster(
     )
     problem = _Problem(f, volts, noise, start, window)
     count = start.shape[0]
-    slack = np.maximum(3.0, 2 * widths[0] / start[:, 1])
-    low_growth, high_growth = np.log(np.array(widths)[:, None] / start[:, 1])
-    low_shift, high_shift = (np.array(window)[:, None] - start[:, 0]) / start[:, 1]
-    low = np.concatenate([np.maximum(-slack, low_shift - 1e-9), low_growth])
-    bounds = low, np.concatenate([np.minimum(slack, high_shift + 1e-9), high_growth])
     found = least_squares(
         problem.residual,
         np.zeros(2 * count),
         problem.jacobian,
-        bounds=bounds,
+        bounds=_bounds(start, window, widths),
         xtol=1e-7,
         ftol=1e-9,
         max_nfev=60,
@@ -173,26 +209,7 @@ def fit_cluster(
     parameters = problem.parameters(found.x)
     _, coefficients, residual = problem.solve(found.x)
     amplitude = coefficients[:count]
-    columns: list[Complex] = []
-    for (frequency, width), height in zip(parameters, amplitude, strict=True):
-        by_frequency, by_width = derivatives(f, frequency, width)
-        shape = line(f, frequency, width)
-        # In units of the width and of the height, so that the matrix is well scaled.
-        columns += [
-            height * width * by_frequency,
-            height * width * by_width,
-            abs(height) * shape,
-            1j * abs(height) * shape,
-        ]
-    columns += [
-        factor * abs(volts).max() * column for column in problem.basis.T for factor in (1.0, 1j)
-    ]
-    jacobian = np.column_stack([_stack(column) for column in columns]) / noise
-    names = [str(column) for column in range(jacobian.shape[1])]
-    variance = np.diag(covariance(jacobian, names, np.ones(len(names)))[0])[: 4 * count].reshape(
-        count, 4
-    )
-    sd = np.sqrt(variance)
+    sd = _relative_sd(problem, parameters, amplitude, float(abs(volts).max()))
     return Cluster(
         frequency=parameters[:, 0],
         linewidth=parameters[:, 1],

@@ -223,56 +223,27 @@ class MapModel(MeasurementModel):
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Each stage changed in free form.
+        """Return how residuals answer when each stage is changed in free form.
 
-        Gain and phase of harmonics, and constants added to them; motion, phase of the fringe and
-        signal that vary; places that are wrong or blurred; more terms of the fringe; motion at
-        multiples of the drive, of every shape.
+        These are gain and phase of harmonics, and constants added to them; motion, phase of the
+        fringe and signal that vary; places that are wrong or blurred; more terms of the fringe;
+        motion at multiples of the drive, of every shape.
         """
         volts = self.predict(effects, base, values)
         plain = self.residuals(effects, base, values)
-        found: dict[str, Array] = {}
-        for k, n in enumerate(self.harmonic):
-            only, constant = np.zeros((2, *volts.shape), complex)
-            only[k] = volts[k]
-            constant[k] = 1.0
-            found |= {
-                f"gain of harmonic {n}": self._real(only),
-                f"phase of harmonic {n}": self._real(1j * only),
-            }
-            found |= {
-                f"constant in harmonic {n}": self._real(constant),
-                f"constant in quadrature of harmonic {n}": self._real(1j * constant),
-            }
 
         def moved(name: str, step: float) -> Array:
             return self.residuals(effects, {**base, name: base[name] + step}, values) - plain
 
+        found = self._directions_of_harmonics(volts)
         swung = moved("amplitude", LITTLE * base["amplitude"])
         turned = moved("theta", LITTLE)
         for name, factor in uneven(self.grid.x, self.grid.y).items():
             here = self._everywhere(factor)
-            for what, answer in (
-                ("motion", swung),
-                ("phase of the fringe", turned),
-                ("signal", self._real(volts)),
-            ):
-                found[f"{what} that varies as {name}"] = here * answer
-        slopes = {}
-        for axis in ("x", "y"):
-            there, back = (moved(axis, side * ASIDE * self.scales["reach"]) for side in (1, -1))
-            found[f"blur along {axis}"] = there + back
-            slopes[axis] = there - back
-        across = self._everywhere(self.grid.x)
-        up = self._everywhere(self.grid.y)
-        # A turn and a shear: on their own, x moved with y and y moved with x are all but the same
-        # for most modes.
-        found |= {
-            "longer steps along x": across * slopes["x"],
-            "longer steps along y": up * slopes["y"],
-            "axes that are turned": up * slopes["x"] - across * slopes["y"],
-            "axes at no right angle": up * slopes["x"] + across * slopes["y"],
-        }
+            found[f"motion that varies as {name}"] = here * swung
+            found[f"phase of the fringe that varies as {name}"] = here * turned
+            found[f"signal that varies as {name}"] = here * self._real(volts)
+        found |= self._directions_of_places(moved)
         found |= fringe_terms(self, effects, base, values)
         placed = self._placed(self.grid, effects, base, values)
         shapes = self._shapes(placed.x.tobytes(), placed.y.tobytes(), False)
@@ -282,6 +253,43 @@ class MapModel(MeasurementModel):
                 for j, shape in enumerate(shapes)
             }
         return found
+
+    def _directions_of_harmonics(self, volts: ComplexArray) -> dict[str, Array]:
+        """Return the answers to a gain, a phase and a constant in each harmonic."""
+        found: dict[str, Array] = {}
+        for k, n in enumerate(self.harmonic):
+            only, constant = np.zeros((2, *volts.shape), complex)
+            only[k] = volts[k]
+            constant[k] = 1.0
+            found |= {
+                f"gain of harmonic {n}": self._real(only),
+                f"phase of harmonic {n}": self._real(1j * only),
+                f"constant in harmonic {n}": self._real(constant),
+                f"constant in quadrature of harmonic {n}": self._real(1j * constant),
+            }
+        return found
+
+    def _directions_of_places(self, moved: Callable[[str, float], Array]) -> dict[str, Array]:
+        """Return the answers to places that are wrong or blurred.
+
+        Args: moved: change of the residuals by a step [m] of the base parameter `x` or `y`.
+        """
+        found: dict[str, Array] = {}
+        slopes = {}
+        for axis in ("x", "y"):
+            there, back = (moved(axis, side * ASIDE * self.scales["reach"]) for side in (1, -1))
+            found[f"blur along {axis}"] = there + back
+            slopes[axis] = there - back
+        across = self._everywhere(self.grid.x)
+        up = self._everywhere(self.grid.y)
+        # A turn and a shear: on their own, x moved with y and y moved with x are all but the same
+        # for most modes.
+        return found | {
+            "longer steps along x": across * slopes["x"],
+            "longer steps along y": up * slopes["y"],
+            "axes that are turned": up * slopes["x"] - across * slopes["y"],
+            "axes at no right angle": up * slopes["x"] + across * slopes["y"],
+        }
 
     def _everywhere(self, factor: Array) -> Array:
         """Return a function of the place (n_points,) at every residual."""
