@@ -50,7 +50,7 @@ def _need_streams() -> None:
 
 
 def _signals() -> int:
-    """A pipe to which the interpreter writes every signal as it comes."""
+    """Return a pipe to which the interpreter writes every signal as it comes."""
     end, start = os.pipe()
     os.set_blocking(start, False)
     signal.set_wakeup_fd(start)

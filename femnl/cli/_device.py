@@ -27,7 +27,7 @@ def known_geometry(geometry: str | None) -> str | None:
 
 
 def _shipped(begun: str) -> list[str]:
-    """Names for the shell to complete."""
+    """Return names for the shell to complete."""
     return [path.stem for path in geometries().glob(f"{begun}*.toml")]
 
 
@@ -112,14 +112,14 @@ def load_device(geometry: str, bending: bool | None = None, edge: str | None = N
 
 
 def check_mode(mode: int) -> int:
-    """The index of a mode that users count from 1."""
+    """Return the index of a mode that users count from 1."""
     if mode < 1:
         raise ParameterError(f"--mode {mode}: modes are counted from 1")
     return mode - 1
 
 
 def suffix_of(path: Path, allowed: tuple[str, ...]) -> str:
-    """The file's suffix, one of those allowed."""
+    """Return the file's suffix, one of those allowed."""
     if path.suffix not in allowed:
         raise ParameterError(f"--out {path}: expected a name that ends in {' or '.join(allowed)}")
     return path.suffix

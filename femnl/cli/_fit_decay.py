@@ -50,7 +50,7 @@ def decays(groups: Mapping[str, xr.Dataset], fixed: Texts, *, whole: bool) -> di
 
 
 def _record(fit: DecayFit, dataset: xr.Dataset) -> dict[str, Any]:
-    """A fit as a JSON object, with its phases."""
+    """Return a fit as a JSON object, with its phases."""
     phases = [{"phase": p.name, "begin": p.begin, "end": p.end} for p in fit.phases]
     said = {"correlation": fit.correlation, "phases": phases}
     return record(fit.fit) | {"frequency": dataset.attrs.get("frequency")} | said

@@ -57,7 +57,7 @@ def maps(named: Mapping[str, xr.Dataset], device: Model, options: FitOptions) ->
 def readout(
     kind: str, device: Model, dataset: xr.Dataset, allowed: tuple[str, ...]
 ) -> PeriodicFringe | None:
-    """The fringe of that name, None where it is a sine or its form is to be fitted."""
+    """Return the fringe of that name, None where it is a sine or its form is to be fitted."""
     from femnl.optics.fringe import MultilayerFringe
 
     if kind not in allowed:

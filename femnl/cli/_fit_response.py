@@ -33,13 +33,13 @@ class Asked:
     fixed: Texts
 
     def in_si(self) -> dict[str, float]:
-        """What is held, in SI."""
+        """Return what is held, in SI."""
         from femnl.fits.response.result import bare_unit
 
         return in_si(self.fixed, bare_unit)
 
     def of_fit(self) -> dict[str, Any]:
-        """The arguments of `fit_response`."""
+        """Return the arguments of `fit_response`."""
         return {
             "use": self.use,
             "background": self.background,
@@ -73,7 +73,7 @@ def response(name: str, dataset: xr.Dataset, asked: Asked) -> dict[str, Outcome]
 
 
 def model_record(fit: ResponseFit) -> dict[str, Any]:
-    """What the evidence chose, for programs."""
+    """Return what the evidence chose, for programs."""
     return {
         "background": fit.background,
         "background_grows_with_drive": fit.driven,

@@ -108,7 +108,7 @@ def film(
 
 
 def _modes_up_to(device: Model, highest: float, cache: bool) -> Modes:
-    """So many modes that the simulation reaches a little beyond the highest frequency measured."""
+    """Return so many modes that the simulation reaches a little beyond the highest measured one."""
     from femnl.pipeline import solve_modes
 
     count = _FIRST
@@ -181,7 +181,7 @@ def _overview_shown(name: str, peaks: Peaks, found: Assignment | None) -> list[A
 
 
 def _said(found: Assignment) -> list[str]:
-    """Sentences on an assignment: how probable, what else, what is missing."""
+    """Return sentences on an assignment: how probable, what else, what is missing."""
     scale, sd = with_error(found.scale, found.scale_sd)
     whole = (
         f", {found.up_to_ambiguous:.3g} up to the modes named below that are hardly distinguishable"

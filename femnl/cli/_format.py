@@ -76,7 +76,7 @@ def _csv(
 
 
 def _machine(cell: str) -> str:
-    """A number as programs read it: 7.6e12 for 7.6·10¹², and nothing for a dash."""
+    """Return a number as programs read it: 7.6e12 for 7.6·10¹², and nothing for a dash."""
     cell = re.sub(
         "·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda power: "e" + unicodedata.normalize("NFKC", power[1]), cell
     ).replace("−", "-")
@@ -106,7 +106,7 @@ def _latex(
 
 
 def latex(text: str) -> str:
-    """Text as LaTeX writes it.
+    """Return the text as LaTeX writes it.
 
     Greek, superscripts and subscripts as mathematics, signs with a meaning escaped.
     """

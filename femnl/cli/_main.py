@@ -147,7 +147,7 @@ def _app(words: list[str]) -> typer.Typer:
 
 
 def _group(module: ModuleType) -> typer.Typer:
-    """The commands under one name, such as femnl geometry check."""
+    """Return the commands under one name, such as femnl geometry check."""
     group = typer.Typer(
         help=module.command.__doc__, rich_markup_mode=None, invoke_without_command=True
     )
@@ -164,7 +164,7 @@ def _help(context: typer.Context) -> None:
 
 
 def _being_completed() -> list[str]:
-    """The words after `femnl` of a line that the shell asks to complete."""
+    """Return the words after `femnl` of a line that the shell asks to complete."""
     line = os.environ.get("_TYPER_COMPLETE_ARGS") or os.environ.get("COMP_WORDS", "")
     return line.split()[1:] if "_FEMNL_COMPLETE" in os.environ else []
 
@@ -174,7 +174,7 @@ def _listed() -> None:
 
 
 def _summary(module: str) -> str:
-    """What a command says of itself, read without running its module."""
+    """Return what a command says of itself, read without running its module."""
     tree = ast.parse((Path(__file__).parent / f"{module}.py").read_text(encoding="utf-8"))
     functions = (node for node in tree.body if isinstance(node, ast.FunctionDef))
     command = next(function for function in functions if function.name == "command")

@@ -93,7 +93,7 @@ class More:
         )
 
     def record(self) -> dict[str, Any]:
-        """As plain values for JSON, SI."""
+        """Return the result as plain values for JSON, in SI."""
         found: dict[str, Any] = {}
         if self.inertia is not None:
             found["inertia"] = {
@@ -240,7 +240,7 @@ def pressure_of(words: str) -> float:
 
 
 def frequency_of(words: str) -> float:
-    """The frequency [Hz] that words such as "1.45 MHz" mean. Raises: ParameterError."""
+    """Return the frequency [Hz] that words such as "1.45 MHz" mean. Raises: ParameterError."""
     frequency = _quantity(words, "Hz", "--near")
     if frequency <= 0:
         raise ParameterError(f'--near "{words}": expected a frequency above 0')
@@ -257,7 +257,7 @@ def _quantity(words: str, unit: str, option: str) -> float:
 
 
 def bow_of(words: str) -> tuple[float | None, float | None]:
-    """The depth [m] or the pressure [Pa] that words such as "100 nm" or "10 Pa" mean.
+    """Return the depth [m] or the pressure [Pa] that words such as "100 nm" or "10 Pa" mean.
 
     Neither for "layers", the stresses of which bend the film. Raises: ParameterError.
     """

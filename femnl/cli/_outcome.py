@@ -34,7 +34,7 @@ class Outcome:
 
 
 def record(fit: Fit) -> dict[str, Any]:
-    """A fit as a JSON object."""
+    """Return a fit as a JSON object."""
     parameters = {
         p.name: {"value": p.value, "sd": p.sd, "unit": p.unit} for p in fit.parameters.values()
     }
@@ -47,7 +47,7 @@ def record(fit: Fit) -> dict[str, Any]:
 
 
 def show(name: str, fit: Fit) -> list[Group | str]:
-    """A fit as a table under its name, and what there is to say of it."""
+    """Return a fit as a table under its name, and what there is to say of it."""
     rows = [
         [p.name, with_error(p.value, p.sd)[0], _error(p), p.unit or "–"]
         for p in fit.parameters.values()
@@ -68,7 +68,7 @@ def _error(parameter: Parameter) -> str:
 
 
 def with_error(value: float, sd: float) -> tuple[str, str]:
-    """A value to the digits that its standard deviation, given to two digits, leaves."""
+    """Return a value to the digits that its standard deviation, given to two digits, leaves."""
     import numpy as np
 
     if value == 0 and np.isfinite(sd) and sd > 0:

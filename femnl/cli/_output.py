@@ -65,7 +65,7 @@ class Printer:
 
 
 def console() -> Printer:
-    """What commands print on."""
+    """Return what commands print on."""
     return Printer()
 
 

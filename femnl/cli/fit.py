@@ -269,7 +269,7 @@ def _has_decays(records: Sequence[Mapping[str, Any]]) -> bool:
 
 
 def _one_of(option: str, text: str, words: tuple[Word, ...]) -> Word:
-    """The word that a text is. Raises: ParameterError for another text."""
+    """Return the word that a text is. Raises: ParameterError for another text."""
     for known in words:
         if text == known:
             return known
@@ -295,7 +295,7 @@ def _check_options(context: typer.Context, read_as: set[str]) -> None:
 
 
 def _part(text: str | None) -> slice | None:
-    """The samples FIRST:END that are held out."""
+    """Return the samples FIRST:END that are held out."""
     if text is None:
         return None
     first, colon, end = text.partition(":")
@@ -314,7 +314,7 @@ def _write_series(results: dict[str, Outcome], path: Path) -> None:
 
 
 def _origin(file: MeasuredFile) -> dict[str, str]:
-    """The attributes that files made from a measurement keep: its title, source and device."""
+    """Return attributes that files made from a measurement keep: its title, source and device."""
     kept = {
         key: str(file.attributes[key])
         for key in ("title", "source", "sample")

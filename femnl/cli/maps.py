@@ -168,7 +168,7 @@ def _noise(shape: tuple[int, ...], sd: float, seed: int) -> NDArray[np.complex12
 
 
 def _fringe(model: Model, kind: str, wavelength: float, theta: float) -> Fringe:
-    """The fringe that was asked for, with unit contrast.
+    """Return the fringe that was asked for, with unit contrast.
 
     1 V for the sine, 1 V per unit of reflectivity for the stack.
     """

@@ -170,7 +170,7 @@ def command(
 def _wishes(
     inertia: bool, bow: str | None, dilution: bool, quality: bool, pressure: str | None
 ) -> Wishes:
-    """What is asked for beside frequencies, read from the words of the command line."""
+    """Return what is asked for beside frequencies, read from the words of the command line."""
     if pressure is not None and not quality:
         raise ParameterError(f"--pressure {pressure}: gas takes part of Q; ask for it with --q")
     return Wishes(

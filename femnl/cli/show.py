@@ -68,9 +68,9 @@ def _rows(dataset: xr.Dataset) -> list[list[str]]:
 
 
 def _outline(tree: xr.DataTree, file: Path) -> NDArray[np.float64] | None:
-    """The outline of the file's device, to draw into maps.
+    """Return the outline of the file's device, to draw into maps.
 
-    None where the file names no device that femnl knows.
+    The result is None where the file names no device that femnl knows.
     """
     from femnl.device.geometry.curves import polyline
     from femnl.pipeline import measured_device

@@ -20,7 +20,7 @@ ROUNDING = 1e-11  # relative, of coordinates and of solutions
 def remainder(
     values: Sequence[Array], scale: Array, least: float | Array, safety: float = SAFETY
 ) -> Array:
-    """Error of the finest of three (or two) approximations.
+    """Return the error of the finest of three (or two) approximations.
 
     |Q₄ − Q₃| times what |Q₄ − Q₃| is of |Q₃ − Q₂|, times a safety.
 
@@ -46,7 +46,7 @@ def steps(values: Sequence[Array], scale: Array) -> tuple[Array, Array]:
 
 
 def settle(last: Array, before: Array, safety: float, least: float | Array) -> Array:
-    """What is left after relative differences `last` that followed on `before`.
+    """Return what is left after relative differences `last` that followed on `before`.
 
     `safety` times what steady convergence leaves.
     """

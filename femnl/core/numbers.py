@@ -29,7 +29,7 @@ SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def plain(value: float, digits: int = 7) -> str:
-    """A number with so many significant digits, powers of ten written out: 8.7·10⁻⁷."""
+    """Return a number with so many significant digits, powers of ten written out: 8.7·10⁻⁷."""
     text = f"{value:.{digits}g}"
     if "e" in text:
         mantissa, exponent = text.split("e")
@@ -71,13 +71,13 @@ def scale_for(value: float, unit: str) -> Scale:
 
 
 def engineering(value: float, unit: str) -> str:
-    """A value to three digits in a readable unit, such as 480 Hz or 73 kHz."""
+    """Return a value to three digits in a readable unit, such as 480 Hz or 73 kHz."""
     scale = scale_for(value, unit)
     return f"{plain(value / scale.size, 3)} {scale.unit}".strip()
 
 
 def signed(value: float, unit: str) -> str:
-    """As `engineering`, with a sign."""
+    """Return a value as `engineering` does, with its sign."""
     return ("" if value < 0 else "+") + engineering(value, unit)
 
 
@@ -113,12 +113,12 @@ def measured(values: Iterable[float], sd: Iterable[float]) -> list[str]:
 
 
 def micrometres(length: float) -> str:
-    """A length [m] in µm to the nanometre; rounding of a length of zero is not shown."""
+    """Return a length [m] in µm to the nanometre; rounding of a length of zero is not shown."""
     return plain(round(length * 1e6, 3) + 0.0)
 
 
 def ppm(value: float, reference: float) -> str:
-    """The relative difference in ppm, or in % from 1 % on, with its sign."""
+    """Return the relative difference in ppm, or in % from 1 % on, with its sign."""
     part = value / reference - 1 if reference else inf
     return (
         f"{part:+.2%}".replace("%", " %") if abs(part) >= 1e-2 else f"{part * 1e6:+,.4g} ppm"

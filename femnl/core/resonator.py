@@ -119,6 +119,6 @@ class PeriodicMotion:
         freeze(self)
 
     def at(self, phase: Array) -> Array:
-        """The displacement (p, modes, phases) [m] at the drive phases ωt [rad]."""
+        """Return the displacement (p, modes, phases) [m] at the drive phases ωt [rad]."""
         order = np.arange(self.coefficients.shape[-1])
         return np.asarray((self.coefficients @ np.exp(1j * np.outer(order, phase))).real)

@@ -85,7 +85,7 @@ def _simulated(result: FitResult, found: list[ScoreTest], rng: np.random.Generat
 
 
 def _simulated_large(result: FitResult, found: list[ScoreTest], rng: np.random.Generator) -> Array:
-    """The same for long data, drawn in the space that the tests span.
+    """Return the same for long data, drawn in the space that the tests span.
 
     Outlier and neighbours are as good as independent of it.
     """

@@ -106,7 +106,7 @@ class JointModel(MeasurementModel):
         return np.concatenate([s if u == unit else np.full_like(s, np.nan) for s, u in found]), unit
 
     def deviations(self, residuals: Array) -> Array:
-        """Those of each measurement."""
+        """Return those of each measurement."""
         ends = np.cumsum([len(base_model.blocks) for base_model in self.groups.values()])
         parts = np.split(residuals, ends[:-1], axis=-1)
         rows = zip(self.groups.values(), parts, strict=True)
@@ -153,7 +153,7 @@ class JointModel(MeasurementModel):
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Those of each measurement."""
+        """Return those of each measurement."""
         found: dict[str, Array] = {}
         for group, base_model in self.groups.items():
             own = self.seen_by(group, effects, base, values)
@@ -163,7 +163,7 @@ class JointModel(MeasurementModel):
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Those of each measurement."""
+        """Return those of each measurement."""
         found: dict[str, Array] = {}
         for group, base_model in self.groups.items():
             own = self.seen_by(group, effects, base, values)
@@ -202,7 +202,7 @@ class JointModel(MeasurementModel):
         return found
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        """Those of each measurement, by its name."""
+        """Return those of each measurement, by its name."""
         found = []
         for group, base_model in self.groups.items():
             own = [
@@ -215,7 +215,7 @@ class JointModel(MeasurementModel):
         return tuple(found)
 
     def systematic(self, unit: str) -> float:
-        """The largest of any measurement."""
+        """Return the largest of any measurement."""
         return max(base_model.systematic(unit) for base_model in self.groups.values())
 
     def describe(self, residuals: Array) -> str:

@@ -161,7 +161,7 @@ def _whole(
 ) -> tuple[float, float] | None:
     """Return the root mean square of all residuals, and the correlation of all neighbours.
 
-    None where there are no residuals, or all are 0.
+    The result is None where there are no residuals, or all are 0.
     """
     before = layout.previous
     later = np.flatnonzero((before >= 0) & ~dropped & ~dropped[before])
@@ -286,7 +286,7 @@ def _median(values: Array, present: NDArray[np.bool_]) -> Array:
 def _recurring(layout: Layout, datum: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return those data that others, of the same or the next conditions, deviate along with.
 
-    None where chance brings as many together.
+    There are none where chance brings as many together.
     """
     conditions = int(layout.repeated.max(initial=-1)) + 1
     if not conditions or not len(datum):

@@ -98,8 +98,8 @@ def _glitches_that_move_the_fit(left: Callable[[FoundNoise], Array], around: Lay
 def last_noise(best: Candidate, noise: Noise) -> Noise:
     """Return the noise of each measurement that the best set of causes shows.
 
-    That from before where it differs by nothing that matters, and where what is left is too much
-    for noise.
+    The noise from before stays where the new one differs by nothing that matters, and where what is
+    left is too much for noise.
     """
     found = dict(noise)
     for name, (bare, residuals) in _bare_residuals(best.result).items():

@@ -178,7 +178,7 @@ def _largest_scales(groups: Groups, members: list[str], label: str = "") -> dict
 
 
 def _shareable(base_model: MeasurementModel) -> dict[str, tuple[object, ...]]:
-    """What other measurements may have in common with this one.
+    """Return what other measurements may have in common with this one.
 
     Parameters, and what must agree for it.
     """

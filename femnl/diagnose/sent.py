@@ -29,8 +29,10 @@ def considered(effects: Iterable[Effect] | None) -> list[Effect]:
 def sent(effects: Iterable[Effect], workers: int) -> list[Sent]:
     """Return effects as they may be sent to other processes.
 
-    Those of the library go by name, those of a folder as the file that was read, others as they
-    are. Raises: ParameterError for one of these that other processes cannot import.
+    Effects of the library go by name, those of a folder as the file that was read, others as they
+    are.
+
+    Raises: ParameterError for an effect that other processes cannot import.
     """
     found = [_reference(effect) for effect in effects]
     for effect in found:

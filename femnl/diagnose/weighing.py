@@ -140,9 +140,9 @@ class Weighed:
 
     @cached_property
     def graded(self) -> dict[Names, float]:
-        """Probability of every candidate with a discrepancy of unknown size in each of them.
+        """Return the probability of every candidate, with a discrepancy in each of its causes.
 
-        But for those that end at a bound.
+        The size of a discrepancy is not known. Candidates that end at a bound are left out.
         """
         possible = [c for c in self.found if c is self.base or not c.result.stuck]
         allowed = self.allowed
@@ -196,9 +196,9 @@ class Weighed:
 
     @cached_property
     def left_in_part(self) -> list[Candidate]:
-        """Sets of which one is right beyond doubt, though none is alone, the likeliest first.
+        """Return sets of which one is right beyond doubt, though none is alone, likeliest first.
 
-        None where one of them seems to imitate what the library lacks.
+        There are none where one of them seems to imitate what the library lacks.
         """
         ranked = sorted(self.found, key=lambda c: -self.graded.get(c.names, 0.0))
         total = 0.0

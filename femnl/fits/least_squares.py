@@ -84,9 +84,9 @@ class FitResult:
 
     @property
     def log_evidence(self) -> float:
-        """Logarithm of ∫ likelihood × prior by Laplace's method.
+        """Return the logarithm of ∫ likelihood × prior by Laplace's method.
 
-        Up to a constant that all models of the measurement share.
+        It is counted up to a constant that all models of the measurement share.
 
         Base parameters have uniform priors, so that only their widths enter, which cancel unless an
         effect replaces them. How strong an effect is, is not known even to the order of magnitude:
@@ -203,7 +203,7 @@ def _recalled(
 def _first_steps(model: ExtendedModel, near: FitResult | None) -> Array:
     """Return steps for tangents at the start of a fit.
 
-    Those of a solution nearby for the parameters that it has, too.
+    Parameters that a solution nearby has, too, take its steps.
     """
     sizes: dict[tuple[str, str], float] = {}
     if near is not None:

@@ -94,7 +94,7 @@ def released_stress(domain: Domain) -> ReleasedStress:
 
 
 def _signs(domain: Domain) -> list[Array]:
-    """What the mirrors make of x and y."""
+    """Return what the mirrors make of x and y."""
     x = (1.0, -1.0) if domain.copies == 4 else (1.0,)
     y = (1.0, -1.0) if domain.copies > 1 else (1.0,)
     return [np.array([a, b]) for a in x for b in y]

@@ -201,7 +201,7 @@ def solve_units(domain: Domain, degree: int) -> Units:
 def _in_plane(
     domain: Domain, space: Space, sheet: Sheet, tensions: Callable[[slice, Array], Array]
 ) -> tuple[Assembly, Array]:
-    """Stiffness ∫ A ε(u) : ε(v), and loads −∫ N : ε(v) (n, 2·size).
+    """Return the stiffness ∫ A ε(u) : ε(v), and loads −∫ N : ε(v) (n, 2·size).
 
     tensions: N (n, e, q, 3) [N/m] of triangles at points (e, q, 2) [m].
     """

@@ -311,7 +311,7 @@ FORMS = (
 
 
 def _series(base_model: MeasurementModel) -> list[Effect]:
-    """A cubic of frequency and of 1/Q in each control variable that was varied."""
+    """Return a cubic of frequency and of 1/Q in each control variable that was varied."""
     return [_against(control) for control in base_model.varied]
 
 

@@ -219,7 +219,7 @@ class MeasurementModel(ABC):
         """
 
     def systematic(self, unit: str) -> float:
-        """Relative standard deviation of parameters in this unit that no amount of data lowers."""
+        """Return the relative sd of parameters in this unit that no amount of data lowers."""
         return 0.0
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:

@@ -129,7 +129,7 @@ class NoisyModel(MeasurementModel):
         return sizes[self.kept] * self.noise.factor, unit
 
     def deviations(self, residuals: Array) -> Array:
-        """Those of the bare model; glitches deviate by nothing."""
+        """Return those of the bare model; glitches deviate by nothing."""
         whole = np.zeros((*residuals.shape[:-1], len(self.kept)))
         whole[..., self.kept] = residuals
         return self.bare.deviations(whole)[..., self.kept]
@@ -145,35 +145,35 @@ class NoisyModel(MeasurementModel):
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Those of the bare model, whitened like residuals."""
+        """Return those of the bare model, whitened like residuals."""
         found = self.bare.residual_directions(effects, base, values)
         return {name: self.white(row) for name, row in found.items()}
 
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Those of the bare model, in the standard deviation that was found."""
+        """Return those of the bare model, in the standard deviation that was found."""
         found = self.bare.candidate_measurements(effects, base, values)
         return {name: row / self.noise.factor for name, row in found.items()}
 
     def systematic(self, unit: str) -> float:
-        """That of the bare model."""
+        """Return that of the bare model."""
         return self.bare.systematic(unit)
 
     def equivalent_solutions(self, base: dict[str, float]) -> list[dict[str, float]]:
-        """Those of the bare model."""
+        """Return those of the bare model."""
         return self.bare.equivalent_solutions(base)
 
     def usable_effects(self, library: Iterable[Effect]) -> list[Effect]:
-        """Those of the bare model."""
+        """Return those of the bare model."""
         return self.bare.usable_effects(library)
 
     def can_show(self, effect: Effect) -> bool:
-        """As the bare model says."""
+        """Whether the bare model can show it."""
         return self.bare.can_show(effect)
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        """Those of the bare model, with glitches marked."""
+        """Return those of the bare model, with glitches marked."""
         return self.bare.marked(self.bare.compare(models), self.noise.glitches)
 
     def describe(self, residuals: Array) -> str:

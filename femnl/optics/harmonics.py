@@ -211,7 +211,7 @@ def _orders(harmonic: ArrayLike) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
 
 
 def signal_phase(volts: ComplexArray) -> float:
-    """The phase ψ, in (−π/2, π/2], for which Re(V e^{−iψ}) holds most of Σ|V|²: ψ = ½ arg ΣV².
+    """Return phase ψ, in (−π/2, π/2], for which Re(V e^{−iψ}) holds most of Σ|V|²: ψ = ½ arg ΣV².
 
     Args: complex amplitudes V [V], any shape; NaN is left out. Returns: ψ [rad]; with the sign of V
     kept as it is stored.

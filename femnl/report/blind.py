@@ -147,7 +147,7 @@ def _share(rate: Mapping[str, Any] | None) -> str:
 
 
 def _target(rate: Mapping[str, Any]) -> str:
-    """The target, and whether the interval meets it, misses it, or is too wide to say."""
+    """Return the target, and whether the interval meets it, misses it, or is too wide to say."""
     if "target" not in rate:
         return "–"
     word, goal = rate["target"]

@@ -134,7 +134,7 @@ def _mode_rows(geometry: Geometry) -> list[Row]:
 
 
 def ratio_table(geometries: list[Geometry], published: Published) -> tuple[Row, list[Row]]:
-    """Ratios f/f₁ beside those of an ideal membrane and the published ones: head and rows."""
+    """Return head and rows of ratios f/f₁ beside those of an ideal membrane and published ones."""
     head = ("mode", "ideal", f"published, {published.ratio_kind}")
     rows = []
     for key in _keys(geometries):
@@ -158,7 +158,7 @@ def _known(table: dict[str, float], key: str) -> str:
 
 
 def _beside(geometry: Geometry, key: str, published: Published) -> list[str]:
-    """The ratio of one mode and its difference to the published one.
+    """Return the ratio of one mode and its difference to the published one.
 
     Empty where this geometry has no such mode.
     """
@@ -214,7 +214,7 @@ def _gap(geometry: Geometry) -> tuple[float, float]:
 
 
 def alpha_table(geometries: list[Geometry], published: Published | None) -> tuple[Row, list[Row]]:
-    """The parameter α under each in-plane edge, in 10⁻³ µm⁻², beside the published formula.
+    """Return the parameter α under each in-plane edge, in 10⁻³ µm⁻², beside the published formula.
 
     Head and rows.
     """

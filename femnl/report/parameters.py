@@ -15,7 +15,7 @@ MOST = 12
 
 
 def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
-    """Owner, name, value before and after, unit; one value where no cause is named.
+    """Return the owner, name, value before and after, unit; one value where no cause is named.
 
     The base parameters first, also those that a cause replaces.
     """
@@ -33,7 +33,7 @@ def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
 
 
 def bound_rows(bounds: tuple[Bound, ...]) -> list[list[str]]:
-    """Cause, names, the range of parameters in a readable unit, and why.
+    """Return the cause, names, the range of parameters in a readable unit, and why.
 
     Parameters of one range and one reason share a row.
     """

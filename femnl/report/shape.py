@@ -105,7 +105,7 @@ def turning(modes: Modes) -> Shape:
 
 
 def _surface(modes: Modes) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Nodes of the whole film [m], each once, flat triangles between them, and shapes."""
+    """Return nodes of the whole film [m], each once, flat triangles between them, and shapes."""
     surface = unfold(modes)
     places = np.round(surface.points / (SAME * modes.domain.model.outline.length)).astype(np.int64)
     _, first, index = np.unique(places, axis=0, return_index=True, return_inverse=True)
@@ -117,7 +117,7 @@ def _surface(modes: Modes) -> tuple[NDArray[np.float64], NDArray[np.int64], NDAr
 
 
 def _packed(values: NDArray[Any], kind: str) -> dict[str, str]:
-    """Numbers as plotly.js unpacks them: the bytes of a typed array."""
+    """Return numbers as plotly.js unpacks them: the bytes of a typed array."""
     return {
         "dtype": kind,
         "bdata": b64encode(np.asarray(values, dtype=f"<{kind}").tobytes()).decode(),

@@ -195,7 +195,7 @@ class TriedModels:
     def _vary(self, near: Candidate, *, duffing: bool) -> None:
         """Fit backgrounds and delays in turn, each with the best of the other so far.
 
-        Then those that grow with the drive.
+        Backgrounds that grow with the drive come last.
         """
 
         def fit(form: Background, delay: Delay, *, driven: bool = False) -> None:

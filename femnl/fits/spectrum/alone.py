@@ -14,7 +14,7 @@ FALSE = 1e-3
 
 
 def threshold(n_points: int) -> float:
-    """The score that noise alone exceeds once in a thousand sweeps.
+    """Return the score that noise alone exceeds once in a thousand sweeps.
 
     −2 ln(10⁻³/n), n counting places and widths.
     """

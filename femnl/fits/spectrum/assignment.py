@@ -69,7 +69,7 @@ class _Posterior:
         return mean, 1 / precision, evidence
 
     def log(self, choice: Choice) -> float:
-        """Logarithm of the unnormalised posterior of a labelling.
+        """Return the logarithm of the unnormalised posterior of a labelling.
 
         −1 in `choice` is a spurious line.
         """
@@ -182,9 +182,10 @@ def need_few_lines(count: int) -> None:
 
 
 def _enumerate(posterior: _Posterior) -> dict[Choice, float]:
-    """Likely labellings with their log posterior.
+    """Return likely labellings with their log posterior.
 
-    Seeds from all ratios, then neighbours of the best until nothing new is likely.
+    The search begins at seeds from all ratios, and goes on to neighbours of the best until nothing
+    new is likely.
     """
     found = {choice: posterior.log(choice) for choice in _seeds(posterior)}
     looked: set[Choice] = set()
@@ -239,7 +240,7 @@ def _likely(scales: Array, reach: float) -> Array:
 
 
 def _greedy(away: Array) -> Choice:
-    """Pairs from the closest on, every line and mode once."""
+    """Return the pairs from the closest on, every line and mode once."""
     choice = [-1] * away.shape[0]
     taken: set[int] = set()
     rows, columns = np.nonzero(np.isfinite(away))
@@ -273,7 +274,7 @@ def _neighbours(posterior: _Posterior, choice: Choice) -> Iterable[Choice]:
 def _labelling(
     posterior: _Posterior, choice: Choice, labels: Sequence[str], probability: float
 ) -> Labelling:
-    """The labelling in the order in which the lines were given."""
+    """Return the labelling in the order in which the lines were given."""
     modes: list[int | None] = [None] * len(choice)
     for place, mode in zip(posterior.order, choice, strict=True):
         modes[int(place)] = mode if mode >= 0 else None
@@ -285,7 +286,10 @@ def _labelling(
 
 
 def _ambiguous(best: Choice, probability: dict[Choice, float]) -> list[set[int]]:
-    """Groups of modes that trade places between likely labellings (more than one in twenty)."""
+    """Return groups of modes that trade places between likely labellings.
+
+    A mode belongs to a group where it has a chance of more than one in twenty at a line.
+    """
     groups: list[set[int]] = []
     for line, mode in enumerate(best):
         chances: dict[int, float] = {}
@@ -301,6 +305,6 @@ def _ambiguous(best: Choice, probability: dict[Choice, float]) -> list[set[int]]
 
 
 def _merged(choice: Choice, groups: list[set[int]]) -> Choice:
-    """The labelling with every ambiguous mode replaced by the first of its group."""
+    """Return the labelling with every ambiguous mode replaced by the first of its group."""
     first = {mode: min(group) for group in groups for mode in group}
     return tuple(first.get(mode, mode) for mode in choice)

@@ -169,7 +169,7 @@ def _labelled(dataset: xr.Dataset) -> bool:
 
 
 def _mean(values: Array, variance: Array) -> tuple[float, float]:
-    """Weighted mean and its standard deviation."""
+    """Return the weighted mean and its standard deviation."""
     weight = 1 / np.maximum(variance, 1e-30)
     return float(np.sum(weight * values) / np.sum(weight)), float(np.sum(weight) ** -0.5)
 

@@ -69,7 +69,7 @@ def bounded_search(f: Array, volts: Complex, task: Task) -> tuple[list[Cluster],
 
 
 def _search(f: Array, volts: Complex, task: Task) -> list[Cluster]:
-    """All lines of the sweep; the background is taken anew from what the lines leave."""
+    """Return all lines of the sweep; the background is taken anew from what the lines leave."""
     clusters: list[Cluster] = []
     for _ in range(_PASSES):
         flat = volts - smooth_background(f, volts - sum_of_lines(f, clusters))
@@ -138,7 +138,7 @@ def _rebuild(f: Array, flat: Complex, clusters: list[Cluster], task: Task) -> li
 
 
 def smooth_background(f: Array, volts: Complex) -> Complex:
-    """A smooth complex curve through what is left.
+    """Return a smooth complex curve through what is left.
 
     Weights 1/(1 + (r/s)²) keep lines from pulling it (s: median residual).
     """
@@ -156,7 +156,7 @@ def smooth_background(f: Array, volts: Complex) -> Complex:
 
 
 def sum_of_lines(f: Array, clusters: Iterable[Cluster]) -> Complex:
-    """All lines of the clusters at f, in V."""
+    """Return all lines of the clusters at f, in V."""
     total: Complex = np.zeros(f.shape, dtype=complex)
     for cluster in clusters:
         total = total + cluster.lines(f)
@@ -164,7 +164,7 @@ def sum_of_lines(f: Array, clusters: Iterable[Cluster]) -> Complex:
 
 
 def _fresh_lines(score: Array, centre: Array, width: Array, limit: float) -> Array:
-    """The strongest filters, each alone within its reach, as frequency and linewidth (n, 2)."""
+    """Return strongest filters, each alone within its reach, as frequency and linewidth (n, 2)."""
     taken: list[tuple[float, float]] = []
     for index in np.argsort(score)[::-1]:
         if score[index] < limit or (taken and score[index] < 1e-2 * score.max()):
@@ -183,7 +183,7 @@ def _table(clusters: list[Cluster]) -> Array:
 
 
 def _groups(table: Array) -> list[Array]:
-    """Lines that touch each other, directly or through others."""
+    """Return lines that touch each other, directly or through others."""
     order = np.argsort(table[:, 0] - _TOUCH * table[:, 1])
     groups: list[list[int]] = []
     edge = -np.inf
@@ -254,7 +254,7 @@ def _starts(group: Array, fresh: set[tuple[float, ...]]) -> list[Array]:
 
 
 def _window(f: Array, table: Array) -> tuple[float, float]:
-    """The part of the sweep that lines reach, with as many points as the fit has unknowns."""
+    """Return part of the sweep that lines reach, with as many points as the fit has unknowns."""
     spacing = float(np.median(np.diff(f)))
     reach = np.maximum(REACH * table[:, 1], 8 * spacing)
     low = float(np.min(table[:, 0] - reach))

@@ -16,7 +16,7 @@ _DEGREE = 2  # of the complex polynomial that stands for the background in a win
 
 
 def line(f: Array, frequency: float, linewidth: float) -> Complex:
-    """Response of a driven resonator of unit height.
+    """Return the response of a driven resonator of unit height.
 
     F_kγ/(f_k² − f² + i f γ), which is −i on resonance.
     """
@@ -60,7 +60,7 @@ def polynomials(f: Array, window: tuple[float, float]) -> Array:
 
 
 def derivatives(f: Array, frequency: float, linewidth: float) -> tuple[Complex, Complex]:
-    """Derivatives of the line by frequency and by linewidth."""
+    """Return the derivatives of the line by frequency and by linewidth."""
     under = frequency**2 - f**2 + 1j * f * linewidth
     by_frequency = linewidth / under - 2 * frequency**2 * linewidth / under**2
     by_linewidth = frequency / under - 1j * f * frequency * linewidth / under**2
@@ -93,14 +93,14 @@ class _Problem:
         self.last: tuple[bytes, tuple[Complex, Complex, Complex]] | None = None
 
     def parameters(self, unknowns: Array) -> Array:
-        """(n_lines, 2): frequency and linewidth [Hz]."""
+        """Return (n_lines, 2): frequency and linewidth [Hz]."""
         shift, growth = unknowns.reshape(2, -1)
         return np.column_stack(
             [self.start[:, 0] + shift * self.start[:, 1], self.start[:, 1] * np.exp(growth)]
         )
 
     def solve(self, unknowns: Array) -> tuple[Complex, Complex, Complex]:
-        """Orthonormal basis of the linear part, its coefficients, and the residual [V]."""
+        """Return orthonormal basis of the linear part, its coefficients, and the residual [V]."""
         # The search asks for residual and Jacobian at the same place, one after the other.
         if self.last is not None and self.last[0] == unknowns.tobytes():
             return self.last[1]
@@ -115,11 +115,11 @@ class _Problem:
         return self.last[1]
 
     def residual(self, unknowns: Array) -> Array:
-        """Real residuals in standard deviations."""
+        """Return real residuals in standard deviations."""
         return _stack(self.solve(unknowns)[2]) / self.noise
 
     def jacobian(self, unknowns: Array) -> Array:
-        """Kaufman's Jacobian of `residual`."""
+        """Return Kaufman's Jacobian of `residual`."""
         orthonormal, coefficients, _ = self.solve(unknowns)
         shifts = []
         growths = []
@@ -140,7 +140,9 @@ def _bounds(
     """Return the least and the largest of the unknowns of a `_Problem`.
 
     A line may leave its start by a few linewidths, or a few of the smallest one, but not leave the
-    window. Args: as of `fit_cluster`.
+    window.
+
+    Args: as of `fit_cluster`.
     """
     slack = np.maximum(3.0, 2 * widths[0] / start[:, 1])
     low_growth, high_growth = np.log(np.array(widths)[:, None] / start[:, 1])
@@ -154,7 +156,9 @@ def _relative_sd(problem: _Problem, parameters: Array, amplitude: Complex, large
     """Return the standard deviations (n_lines, 4) of frequency, linewidth and amplitude of lines.
 
     They are over the linewidth and the modulus of the amplitude, whose real and imaginary parts
-    have one each. Args: largest: modulus of the data [V].
+    have one each.
+
+    Args: largest: modulus of the data [V].
     """
     columns: list[Complex] = []
     for (frequency, width), height in zip(parameters, amplitude, strict=True):

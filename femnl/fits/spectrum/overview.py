@@ -48,7 +48,7 @@ def label_peaks(
 
 
 def to_spectrum(peaks: Peaks, assignment: Assignment | None = None) -> xr.Dataset:
-    """The lines as a measurement of kind `spectrum`.
+    """Return the lines as a measurement of kind `spectrum`.
 
     Labels "m,n" where assigned, lines without a mode left out.
 

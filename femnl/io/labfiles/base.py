@@ -58,7 +58,7 @@ class Format:
 
 
 def head(path: Path, size: int = 512) -> bytes:
-    """The first bytes of a file. Raises: MeasurementError if it cannot be read."""
+    """Return the first bytes of a file. Raises: MeasurementError if it cannot be read."""
     try:
         with path.open("rb") as file:
             return file.read(size)
@@ -92,7 +92,7 @@ def undamaged(path: Path, what: str, read: Callable[[], T]) -> T:
 
 
 def text_lines(path: Path) -> list[str]:
-    """The lines of a text file of bounded size.
+    """Return the lines of a text file of bounded size.
 
     Raises: MeasurementError if it is too large or not text.
     """

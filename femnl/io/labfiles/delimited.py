@@ -113,7 +113,7 @@ def _refuse_longer_head(path: Path, spec: Spec, delimiter: str, named: int) -> N
 
 
 def _delimiter(path: Path, spec: Spec) -> str:
-    """The separator that the spec names, else the one that the first line uses most.
+    """Return the separator that the spec names, else the one that the first line uses most.
 
     Raises: MeasurementError for more columns than MOST_COLUMNS, over which readers take for ever.
     """

@@ -121,7 +121,7 @@ def _number(header: dict[str, str], name: str, path: Path, default: float | None
 
 
 def _role(path: Path, spec: Spec) -> tuple[int, str]:
-    """Harmonic and part of a file, from the TOML, else from its name."""
+    """Return the harmonic and part of a file, from the TOML, else from its name."""
     for entry in spec.files:
         if entry.name == path.name:
             return entry.harmonic, entry.part

@@ -31,7 +31,7 @@ _SAMPLES = {"freq": "frequency", "x": "x", "y": "y"}
 
 
 def sweep_of(fields: Mapping[str, NDArray[np.float64]], spec: Spec, where: str) -> Sweep:
-    """Frequency [Hz] and amplitude [V] of one sweep from the sweeper's fields.
+    """Return the frequency [Hz] and amplitude [V] of one sweep from the sweeper's fields.
 
     Raises: MeasurementError if they do not suffice.
     """

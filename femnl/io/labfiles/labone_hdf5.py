@@ -66,7 +66,7 @@ def _fields(group: h5py.Group) -> Fields:
 
 
 def _records(path: Path) -> list[tuple[str, str, Fields]]:
-    """Chunk, node path and arrays of every demodulator record of a file."""
+    """Return the chunk, node path and arrays of every demodulator record of a file."""
     with open_hdf5(path) as file, whole(path):
         return [(chunk, name, _fields(group)) for chunk, name, group in _nodes(file)]
 
@@ -110,7 +110,10 @@ def _read(paths: Sequence[Path], spec: Spec) -> tuple[Groups, list[str]]:
 def _signal(
     signals: dict[str, list[Fields]], spec: Spec, where: str
 ) -> tuple[xr.Dataset, list[str]]:
-    """One recorded signal as a trace, its time counted from the first sample of each chunk."""
+    """Return one recorded signal as a trace.
+
+    Its time is counted from the first sample of each chunk.
+    """
     names = sorted(signals)
     chosen = [name for name in names if spec.signal is None or name.endswith(spec.signal)]
     if len(chosen) != 1:

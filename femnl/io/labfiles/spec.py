@@ -68,7 +68,7 @@ class Spec(Strict):
     files: list[File] = []
 
     def column(self, quantity: str) -> Column:
-        """Where `quantity`, a key of `columns`, comes from."""
+        """Return where `quantity`, a key of `columns`, comes from."""
         given = self.columns[quantity]
         return given if isinstance(given, Column) else Column(column=given)
 

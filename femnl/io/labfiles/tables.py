@@ -102,7 +102,7 @@ def _complex(spec: Spec, columns: Columns, where: str) -> None:
 
 
 def _direct(spec: Spec, columns: Columns, where: str) -> xr.Dataset:
-    """Arrays that already have their shape, or lists of modes and points.
+    """Return arrays that already have their shape, or lists of modes and points.
 
     The contract's check does the rest.
     """

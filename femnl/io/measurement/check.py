@@ -199,7 +199,7 @@ def _attributes(
 
 
 def _plain(value: object) -> object:
-    """The attribute as str, int or float where it holds one of them."""
+    """Return the attribute as str, int or float where it holds one of them."""
     if isinstance(value, bytes) or (
         isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "SUO"
     ):

@@ -72,7 +72,7 @@ def open_hdf5(path: Path) -> h5py.File:
 def _walk_heaps(path: Path) -> None:
     """Refuse a collection of texts in which HDF5 would walk in circles.
 
-    One whose objects do not lead to its end.
+    Such a collection has objects that do not lead to its end.
 
     Source: HDF5 File Format Specification 3.0, III.E. Global Heap; free space is object 0, its size
     counting its head.

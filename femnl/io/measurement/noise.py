@@ -16,7 +16,7 @@ _QUANTILE = 0.25
 
 
 def amplitude(dataset: xr.Dataset) -> xr.DataArray:
-    """The complex amplitude V = real + i·imag of a `response` or `map`, in V.
+    """Return the complex amplitude V = real + i·imag of a `response` or `map`, in V.
 
     v(t) = Re(V e^{inωt}). Magnitudes alone stand as they are, with no phase.
     """
@@ -27,7 +27,7 @@ def amplitude(dataset: xr.Dataset) -> xr.DataArray:
 
 
 def noise_sd(dataset: xr.Dataset) -> tuple[float, str]:
-    """The noise of the data: the attribute `noise_sd` where there is one, else estimated.
+    """Return the noise of the data: the attribute `noise_sd` where there is one, else estimated.
 
     Returns: standard deviation [V, or the data's unit for `series`] per value (per quadrature of
     amplitudes), and a sentence for a report.
@@ -119,7 +119,7 @@ def _divided_differences(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDAr
 
 
 def _mixed(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Differences along both axes of each (y, x) image.
+    """Return differences along both axes of each (y, x) image.
 
     Even a signal that is steep in one direction is removed.
     """
@@ -129,7 +129,7 @@ def _mixed(image: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _floor(voltage: NDArray[np.float64]) -> float:
-    """White-noise floor of each step's periodogram, the median over steps."""
+    """Return the white-noise floor of each step's periodogram, the median over steps."""
     window = np.hanning(voltage.shape[1] + 1)[:-1]
     usable = [row for row in voltage if np.isfinite(row).all()]
     if not usable or voltage.shape[1] < 32:

@@ -120,7 +120,7 @@ def _check_seal(path: Path) -> None:
 
 
 def _digest(path: Path, size: int) -> bytes:
-    """SHA-256 of the first bytes of a file."""
+    """Return the SHA-256 of the first bytes of a file."""
     digest = hashlib.sha256()
     with path.open("rb") as stream:
         while size > 0 and (part := stream.read(min(size, 2**20))):
@@ -130,7 +130,7 @@ def _digest(path: Path, size: int) -> bytes:
 
 
 def key(model: Model, options: tuple[object, ...]) -> str:
-    """A name for this device with these options, under the code as it is."""
+    """Return a name for this device with these options, under the code as it is."""
     digest = hashlib.sha256(_code().encode())
     holes = np.ascontiguousarray(model.holes.centres)
     for part in (
@@ -153,9 +153,9 @@ def key(model: Model, options: tuple[object, ...]) -> str:
 
 @cache
 def _code() -> str:
-    """A digest of the source of every stage that results depend on.
+    """Return a digest of the source of every stage that results depend on.
 
-    So a change of code never meets an old file.
+    With it a change of code never meets an old file.
     """
     root = Path(__file__).parents[2]
     files = sorted(

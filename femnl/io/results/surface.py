@@ -46,7 +46,7 @@ def unfold(modes: Modes) -> Surface:
 
 
 def _in_plane(modes: Modes, nodes: Space, plane: Space, local: Array) -> tuple[Array, Array, Array]:
-    """Relaxed stress (n, 3), in-plane displacement (n, 2) and thickness (n,) at the nodes."""
+    """Return relaxed stress (n, 3), in-plane displacement (n, 2) and thickness (n,) at nodes."""
     sheet = Sheet(modes.domain)
     every = slice(None)
     jet = plane.jet(every, local)
@@ -71,7 +71,7 @@ def _in_plane(modes: Modes, nodes: Space, plane: Space, local: Array) -> tuple[A
 
 
 def _copies(wedge: float, copies: int) -> list[tuple[Array, int, bool]]:
-    """Turns of the wedge that cover the film.
+    """Return turns of the wedge that cover the film.
 
     (matrix, steps of rotation by twice the wedge, whether mirrored first).
     """
@@ -94,13 +94,13 @@ def _sign(parity: tuple[int, ...], steps: int, mirrored: bool) -> int:
 
 
 def _turn_stress(stress: Array, turn: Array) -> Array:
-    """(xx, yy, xy) of R S Rᵀ."""
+    """Return (xx, yy, xy) of R S Rᵀ."""
     full = turn @ np.stack([stress[:, [0, 2]], stress[:, [2, 1]]], 1) @ turn.T
     return np.stack([full[:, 0, 0], full[:, 1, 1], full[:, 0, 1]], -1)
 
 
 def _counter_clockwise(points: Array, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Triangles (m, 6) as corners, then middles of edges 01, 12, 20, all in the same sense."""
+    """Return triangles (m, 6) all in the same sense: corners, then middles of edges 01, 12, 20."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     clockwise = (b - a)[:, 0] * (c - a)[:, 1] < (b - a)[:, 1] * (c - a)[:, 0]
     return np.where(clockwise[:, None], triangles[:, [0, 2, 1, 5, 4, 3]], triangles)

@@ -33,7 +33,7 @@ BYTES = 90_000  # of memory a triangle, as of the modes of a film
 
 
 def cell_domain(cell: Cell, model: Model, resolution: float) -> Domain:
-    """The whole cell with its holes, put together from the part between two mirror lines.
+    """Return the whole cell with its holes, put together from the part between two mirror lines.
 
     Its sides are `clamped`. As every part is an image of one, opposite sides have nodes that match.
 
@@ -65,7 +65,7 @@ def cell_domain(cell: Cell, model: Model, resolution: float) -> Domain:
 
 
 def inner(domain: Domain) -> Domain:
-    """The same cell, whose sides hold nothing."""
+    """Return the same cell, whose sides hold nothing."""
     return replace(
         domain,
         mesh=replace(domain.mesh, _boundaries={"free": (domain.mesh.boundaries or {})["free"]}),
@@ -91,7 +91,7 @@ class Periodic:
     turned: csc_matrix
 
     def at(self, wave: Array) -> tuple[csc_matrix, csc_matrix]:
-        """K and M (n_classes, n_classes) for a wave vector (2,) [rad/m]."""
+        """Return K and M (n_classes, n_classes) for a wave vector (2,) [rad/m]."""
 
         def real(matrix: csc_matrix, place: Array, classes: Index) -> csc_matrix:
             shift = diags_array(np.exp(1j * (place @ wave))) @ self.turned[classes]
@@ -139,7 +139,7 @@ def periodic(domain: Domain, lattice: Lattice, prestress: Prestress, degree: int
 
 
 def _finder(place: Array, pitch: float) -> Callable[[Array], Index]:
-    """A function that returns which of the places points are, −1 for none."""
+    """Return a function that returns which of the places points are, −1 for none."""
     tree = cKDTree(place)
 
     def find(points: Array) -> Index:
@@ -150,7 +150,7 @@ def _finder(place: Array, pitch: float) -> Callable[[Array], Index]:
 
 
 def _strip(domain: Domain, step: Array) -> tuple[MeshTri2, Index]:
-    """The triangles on both sides of the side that a step of the lattice crosses, and facets."""
+    """Return triangles on both sides of the side that a step of the lattice crosses, and facets."""
     grid = domain.mesh
     pitch = float(np.linalg.norm(step))
     sides = np.asarray((grid.boundaries or {})["clamped"])
@@ -165,7 +165,7 @@ def _strip(domain: Domain, step: Array) -> tuple[MeshTri2, Index]:
 
 
 def _conjugate(opposite: Index) -> csc_matrix:
-    """U of `Periodic`, from the class at −r of each class."""
+    """Return U of `Periodic`, from the class at −r of each class."""
     n = len(opposite)
     own = np.arange(n)
     rows = [own[opposite == own]]

@@ -45,12 +45,12 @@ class _Inner:
 
 
 def find_lattice(model: Model) -> Lattice:
-    """The lattice on which the holes of a device lie; see `find_cell`."""
+    """Return the lattice on which the holes of a device lie; see `find_cell`."""
     return find_cell(model).lattice
 
 
 def find_cell(model: Model) -> Cell:
-    """The cell that repeats in a device, turned so that a row of its lattice runs along x.
+    """Return the cell that repeats in a device, turned so that a row of its lattice runs along x.
 
     Raises: ParameterError where holes lie on no square or hexagonal lattice, are less than four,
     or make a cell without the mirror lines of a square or a hexagon.
@@ -103,7 +103,7 @@ def _inner(model: Model) -> _Inner:
 
 
 def _steps(inner: _Inner) -> tuple[Lattice, float] | None:
-    """The shortest step that is a lattice's, and the angle [rad] of the row that it starts."""
+    """Return shortest step that is a lattice's, and the angle [rad] of the row that it starts."""
     tree = cKDTree(inner.centres)
     nearest = float(np.asarray(tree.query(inner.centres, k=2)[0])[:, 1].min())
     for reach in REACHES:
@@ -122,7 +122,7 @@ def _steps(inner: _Inner) -> tuple[Lattice, float] | None:
 
 
 def _lattice_of(inner: _Inner, step: Array, tolerance: float) -> Lattice | None:
-    """The lattice of a step and of its turns by 90° or 60°, or None if these are no steps."""
+    """Return lattice of a step and of its turns by 90° or 60°, or None if these are no steps."""
     if not _repeats(inner, step, tolerance):
         return None
     pitch = float(np.hypot(*step))
@@ -142,7 +142,7 @@ def _repeats(inner: _Inner, step: Array, tolerance: float) -> bool:
 
 
 def _among(centres: Array, points: Array, tolerance: float) -> NDArray[np.bool_]:
-    """Which points (n, 2) lie in the convex hull of the holes."""
+    """Return which points (n, 2) lie in the convex hull of the holes."""
     try:
         hull = ConvexHull(centres).equations
     except QhullError:  # in one row, which has no inside

@@ -79,7 +79,7 @@ def solve_bands(
     lattice: Lattice | None = None,
     resolution: float = 1.0,
 ) -> Bands:
-    """Bands of flexural waves in the film of a device, as if its lattice of holes had no edge.
+    """Solve the bands of flexural waves in a film, as if its lattice of holes had no edge.
 
     One cell, stretched until its holes carry no traction and its mean strain is zero, with
     ∫ N : ∇w⊗∇v* + D[(1−ν)∇∇w:∇∇v* + ν Δw Δv*] = ω² ∫ ρh w v*, w(r + R) = e^{ik·R} w(r) for every
@@ -174,9 +174,9 @@ def _frequencies(cell: Periodic, wave: Array, count: int, lattice: Lattice, squa
 
 
 def _means(prestress: Prestress, lattice: Lattice) -> tuple[float, float]:
-    """Mean tension [N/m] and mass [kg/m²] of the cell, holes counted as empty.
+    """Return the mean tension [N/m] and mass [kg/m²] of the cell, holes counted as empty.
 
-    Those of waves that are long.
+    They are those of waves that are long.
     """
     domain = prestress.domain
     order = quadrature_order(prestress.domain.model, 2 * prestress.degree)

@@ -18,7 +18,7 @@ SETTLED = 1e-11  # of the highest eigenvalue asked for, by which they may change
 
 
 def lowest_eigenvalues(stiffness: csc_matrix, mass: csc_matrix, count: int) -> Array:
-    """λ (count,) of K x = λ M x, rising, K and M positive definite, by subspace iteration.
+    """Return λ (count,) of K x = λ M x, rising, K and M positive definite, by subspace iteration.
 
     A Lanczos iteration from one vector, as `lowest_eigenpairs` has, finds one eigenvector of each
     eigenvalue, and others by rounding alone; a block finds as many as it has columns. K is never

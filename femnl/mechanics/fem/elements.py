@@ -69,7 +69,7 @@ def nodes(degree: int) -> Array:
 
 
 def _numbering(mesh: MeshTri2, degree: int) -> Dofs:
-    """scikit-fem's numbering of the unknowns: those of vertices, then of edges, then inside."""
+    """Return scikit-fem's numbering of the unknowns: of vertices, then of edges, then inside."""
     element = ElementH1()
     element.refdom = RefTri
     element.nodal_dofs = 1
@@ -104,13 +104,13 @@ class Jet:
 
 
 def _inverse(matrices: Array) -> Array:
-    """Inverses of matrices (..., 2, 2)."""
+    """Return inverses of matrices (..., 2, 2)."""
     (a, b), (c, d) = np.moveaxis(matrices, (-2, -1), (0, 1))
     return np.asarray(np.moveaxis(np.array([[d, -b], [-c, a]]) / (a * d - b * c), (0, 1), (-2, -1)))
 
 
 def _along_arcs(start: Array, end: Array, sagitta: Array, fraction: Array) -> Array:
-    """Points (f, n, 2) at fractions (f,) of the angle of arcs (n, 2).
+    """Return points (f, n, 2) at fractions (f,) of the angle of arcs (n, 2).
 
     The middle of an arc lies `sagitta` from that of its chord.
     """
@@ -190,9 +190,9 @@ class Space:
 
     @cached_property
     def least_determinant(self) -> Array:
-        """The smallest |det ∂x/∂X| [m²] of each triangle's map, (e,).
+        """Return the smallest |det ∂x/∂X| [m²] of each triangle's map, (e,).
 
-        Found at points along its edges and inside.
+        It is sought at points along its edges and inside.
         """
         points = nodes(6)
         determinants = [
@@ -226,11 +226,11 @@ class Space:
         )
 
     def boundary_facets(self, name: str) -> NDArray[np.int64]:
-        """Facets on the named boundary; empty where the mesh has no such boundary."""
+        """Return facets on the named boundary; empty where the mesh has no such boundary."""
         return np.asarray((self.mesh.boundaries or {}).get(name, ()), dtype=np.int64)
 
     def boundary_dofs(self, name: str) -> NDArray[np.int64]:
-        """Unknowns on the named boundary; empty where the mesh has no such boundary."""
+        """Return unknowns on the named boundary; empty where the mesh has no such boundary."""
         facets = self.boundary_facets(name)
         ends = np.asarray(self._numbering.nodal_dofs)[0, np.unique(self.mesh.facets[:, facets])]
         between = (
@@ -241,20 +241,20 @@ class Space:
         return np.concatenate([ends, between]).astype(np.int64)
 
     def facet_unknowns(self, facet: int) -> NDArray[np.int64]:
-        """Unknowns on one facet: its ends, lower vertex first, then those between."""
+        """Return unknowns on one facet: its ends, lower vertex first, then those between."""
         numbering = self._numbering
         ends = np.asarray(numbering.nodal_dofs)[0, self.mesh.facets[:, facet]]
         return np.concatenate([ends, np.asarray(numbering.facet_dofs)[:, facet]]).astype(np.int64)
 
     def quadrature(self, order: int) -> tuple[Array, Array]:
-        """Points (q, 2) and weights (q,) on the reference triangle, exact to an order."""
+        """Return points (q, 2) and weights (q,) on the reference triangle, exact to an order."""
         if order > TABULATED:
             return _conical(order // 2 + 1)
         points, weights = get_quadrature(RefTri, order)
         return np.asarray(points).T, np.asarray(weights)
 
     def measure(self, triangles: NDArray[np.int64] | slice, points: Array) -> tuple[Array, Array]:
-        """Where reference points (q, 2) lie, (e, q, 2) [m], and |det ∂x/∂X|, (e, q) [m²]."""
+        """Return where reference points (q, 2) lie, (e, q, 2) [m], and |det ∂x/∂X|, (e, q) [m²]."""
         place = self.map_nodes[triangles]
         first, second = (reference_basis(self.map_degree, points, d) @ place for d in FIRST)
         return reference_basis(self.map_degree, points) @ place, np.abs(
@@ -278,7 +278,7 @@ class Space:
         return Jet(value, gradient, hessian, point, jacobian)
 
     def _hessian(self, points: Array, place: Array, inverse: Array, gradient: Array) -> Array:
-        """∂²φ/∂x² = J⁻ᵀ (∂²φ/∂X² − Σ_x ∂φ/∂x ∂²x/∂X²) J⁻¹, as (∂xx, ∂yy, ∂xy)."""
+        """Return ∂²φ/∂x² = J⁻ᵀ (∂²φ/∂X² − Σ_x ∂φ/∂x ∂²x/∂X²) J⁻¹, as (∂xx, ∂yy, ∂xy)."""
         orders = ((2, 0), (0, 2), (1, 1))
         basis = np.stack([reference_basis(self.degree, points, d) for d in orders])
         bend = np.stack(

@@ -32,13 +32,13 @@ CHUNK = 2000  # triangles evaluated at a time, which bounds the memory of a mesh
 
 
 def plane_stress(young: float, poisson: float) -> Array:
-    """C of σ = C ε in plane stress, (3, 3) [Pa]."""
+    """Return C of σ = C ε in plane stress, (3, 3) [Pa]."""
     nu = poisson
     return young / (1 - nu**2) * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
 
 
 def thickness(model: Model, point: Array) -> Array:
-    """Thickness h(x) [m] of the suspended film at points (..., 2).
+    """Return the thickness h(x) [m] of the suspended film at points (..., 2).
 
     Graded as deposited, thinned from below towards the holes.
     """
@@ -53,7 +53,7 @@ def thickness(model: Model, point: Array) -> Array:
 
 
 def quadrature_order(model: Model, order: int) -> int:
-    """The order by which polynomials of the given one are integrated over a film.
+    """Return the order by which polynomials of the given one are integrated over a film.
 
     Beyond it where a taper's foot kinks the thickness.
 
@@ -64,22 +64,22 @@ def quadrature_order(model: Model, order: int) -> int:
 
 
 def deflection(jet: Jet) -> Array:
-    """w, as one row."""
+    """Return w, as one row."""
     return jet.value[:, :, None, :]
 
 
 def slope(jet: Jet) -> Array:
-    """∇w, rows (x, y)."""
+    """Return ∇w, rows (x, y)."""
     return jet.gradient
 
 
 def curvature(jet: Jet) -> Array:
-    """κ = ∇∇w, rows (xx, yy, 2xy)."""
+    """Return κ = ∇∇w, rows (xx, yy, 2xy)."""
     return np.asarray(jet.hessian * np.array([1.0, 1.0, 2.0])[:, None])
 
 
 def in_plane_strain(jet: Jet) -> Array:
-    """ε(u) of u = (u_x, u_y), rows (xx, yy, 2xy); columns first all of u_x, then all of u_y."""
+    """Return ε(u) of u = (u_x, u_y), rows (xx, yy, 2xy); columns all of u_x, then all of u_y."""
     dx = jet.gradient[:, :, 0]
     dy = jet.gradient[:, :, 1]
     zero = np.zeros_like(dx)
@@ -88,7 +88,7 @@ def in_plane_strain(jet: Jet) -> Array:
 
 
 def stretch(first: Array, second: Array) -> Array:
-    """½ sym(∇a⊗∇b) of slopes (..., 2), as a strain (xx, yy, 2xy).
+    """Return ½ sym(∇a⊗∇b) of slopes (..., 2), as a strain (xx, yy, 2xy).
 
     The second-order strain that deflections cause.
     """
@@ -97,14 +97,14 @@ def stretch(first: Array, second: Array) -> Array:
 
 
 def as_matrix(stress: Array) -> Array:
-    """A symmetric tensor (xx, yy, xy) in the last axis as a matrix (..., 2, 2)."""
+    """Return a symmetric tensor (xx, yy, xy) in the last axis as a matrix (..., 2, 2)."""
     return np.stack([stress[..., [0, 2]], stress[..., [2, 1]]], -2)
 
 
 def vector_dofs(space: Space, triangles: slice | Index) -> Index:
-    """Unknowns of u = (u_x, u_y) on the given triangles.
+    """Return the unknowns of u = (u_x, u_y) on the given triangles.
 
-    Those of u_x, then those of u_y, offset by `space.size`.
+    Those of u_x come first, then those of u_y, offset by `space.size`.
     """
     return np.concatenate([space.dofs[triangles], space.dofs[triangles] + space.size], axis=1)
 
@@ -131,7 +131,7 @@ def cells(space: Space, order: int, second: bool = False) -> Iterator[Cell]:
 
 
 def local_matrices(strain: Array, moduli: Array, dx: Array) -> Array:
-    """∫ Bᵀ C B of each triangle or edge.
+    """Return ∫ Bᵀ C B of each triangle or edge.
 
     strain (e, q, c, j), moduli (..., c, c), dx (e, q) -> (e, j, j).
     """
@@ -141,7 +141,7 @@ def local_matrices(strain: Array, moduli: Array, dx: Array) -> Array:
 
 
 def local_vectors(strain: Array, stress: Array, dx: Array) -> Array:
-    """∫ Bᵀ s of each triangle: strain (e, q, c, j), stress (e, q, c), dx (e, q) -> (e, j)."""
+    """Return ∫ Bᵀ s (e, j) of each triangle: strain (e, q, c, j), stress (e, q, c), dx (e, q)."""
     n, q, c, j = strain.shape
     return np.asarray(
         (
@@ -164,7 +164,7 @@ class Term:
     dofs: Index
 
     def energies(self, shapes: Array) -> Array:
-        """∫ wᵀ Bᵀ C B w of shapes w (n, size), (n,).
+        """Return ∫ wᵀ Bᵀ C B w of shapes w (n, size), (n,).
 
         B w comes first: the entries of BᵀCB cancel, those of small stiff elements by far more than
         what is left.
@@ -206,7 +206,7 @@ class Assembly:
             self._entries = 0
 
     def matrix(self) -> csc_matrix:
-        """The sum of what was added."""
+        """Return the sum of what was added."""
         if not self._parts:
             return self._summed
         data, rows, columns = (np.concatenate(part) for part in zip(*self._parts, strict=True))
@@ -243,7 +243,7 @@ Bending = Callable[[Index, Array], Array]
 
 
 def isotropic(rigidity: Callable[[Array], Array], poisson: float) -> Bending:
-    """h³/12 C (e, q, 3, 3) [N m] of a film with rigidity D(x) [N m] at points (e, q, 2)."""
+    """Return h³/12 C (e, q, 3, 3) [N m] of a film with rigidity D(x) [N m] at points (e, q, 2)."""
     moduli = plane_stress(1 - poisson**2, poisson)
     return lambda _, point: rigidity(point)[..., None, None] * moduli
 
@@ -313,6 +313,8 @@ def edge_moment(
 
     On facets that springs hold, as in `slope_continuity`, it is ∮ (σ ∂ₙv − Mₙₙ(v))/(k + σ): there
     Mₙₙ = 1 N − k ∂ₙw, to which its terms are consistent.
+
+    Args: as of `slope_continuity`; rotation: None on free edges.
     """
     load = np.zeros(space.size)
     for edges in edges_by_local_number(space, facets):
@@ -332,7 +334,7 @@ def edge_moment(
 
 
 def _penalty(space: Space, poisson: float) -> float:
-    """The number by which σ of `slope_continuity` is above ΣωD|e|/|K|."""
+    """Return the number by which σ of `slope_continuity` is above ΣωD|e|/|K|."""
     p = space.degree - 2
     return 6 * (1 + abs(poisson)) * (p + 1) * (p + 2) / 2
 
@@ -340,7 +342,7 @@ def _penalty(space: Space, poisson: float) -> float:
 def side_of_edge(
     space: Space, triangles: Index, edge: int, order: int, second: bool = False
 ) -> tuple[Jet, Array, Array]:
-    """One edge of each triangle at quadrature points.
+    """Return one edge of each triangle at quadrature points.
 
     The basis, the outward normal (e, q, 2) and the length element (e, q) [m].
     """
@@ -359,7 +361,7 @@ def side_of_edge(
 
 
 def _normal_moment(jet: Jet, normal: Array, bending: Array) -> Array:
-    """Mₙₙ = nᵀ M n of M = h³/12 C ∇∇w, shape (e, q, j)."""
+    """Return the mₙₙ = nᵀ M n of M = h³/12 C ∇∇w, shape (e, q, j)."""
     nx = normal[..., 0]
     ny = normal[..., 1]
     rows = (np.stack([nx**2, ny**2, 2 * nx * ny], -1)[..., None, :] @ bending)[..., 0, :]

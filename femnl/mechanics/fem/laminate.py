@@ -52,7 +52,7 @@ def _need_even_and_flat(model: Model) -> None:
 
 
 def _film(model: Model) -> Film:
-    """The film of one material."""
+    """Return the film of one material."""
     all_plies = list(plies(model))
     membrane = np.zeros((3, 3))
     couple = np.zeros((3, 3))

@@ -50,31 +50,31 @@ class Sheet:
         )
 
     def _films(self, triangles: Index | slice) -> Index:
-        """Which film (e,) the triangles are of; (1,) where all are of one."""
+        """Return which film (e,) the triangles are of; (1,) where all are of one."""
         return self._which[triangles] if len(self._which) > 1 else self._which
 
     def thickness(self, triangles: Index | slice, point: Array) -> Array:
-        """Thickness h (e, q) [m]."""
+        """Return the thickness h (e, q) [m]."""
         film = self._films(triangles)
         h = thickness(self._model, point)
         return np.where(film[:, None] > 0, self._thickness[film][:, None], h)
 
     def density(self, triangles: Index | slice) -> Array:
-        """Density ρ (e, 1) [kg/m³]."""
+        """Return the density ρ (e, 1) [kg/m³]."""
         return np.asarray(self._density[self._films(triangles)][:, None])
 
     def stress(self, triangles: Index | slice) -> Array:
-        """The film stress before release as (xx, yy, xy), (e, 1, 3) [Pa]."""
+        """Return the film stress before release as (xx, yy, xy), (e, 1, 3) [Pa]."""
         return np.asarray(
             self._stress[self._films(triangles)][:, None, None] * np.array([1.0, 1.0, 0.0])
         )
 
     def moduli(self, triangles: Index | slice) -> Array:
-        """C of σ = C ε in plane stress, (e, 1, 3, 3) [Pa]."""
+        """Return C of σ = C ε in plane stress, (e, 1, 3, 3) [Pa]."""
         return np.asarray(self._moduli[self._films(triangles)][:, None])
 
     def tension(self, triangles: Index | slice, point: Array) -> Array:
-        """Film stress times thickness before release, Σ hᵢσᵢ, (e, q, 3) [N/m] as (xx, yy, xy)."""
+        """Return Σ hᵢσᵢ before release, (e, q, 3) [N/m] as (xx, yy, xy)."""
         h = self.thickness(triangles, point)
         total = h[..., None] * self.stress(triangles)
         for lamina, size in self._layers(triangles):
@@ -82,21 +82,21 @@ class Sheet:
         return np.asarray(total)
 
     def inertia(self, triangles: Index | slice, point: Array) -> Array:
-        """Mass by area Σ ρᵢhᵢ, (e, q) [kg/m²]."""
+        """Return the mass by area Σ ρᵢhᵢ, (e, q) [kg/m²]."""
         total = self.density(triangles) * self.thickness(triangles, point)
         for lamina, size in self._layers(triangles):
             total = total + lamina.density * size
         return np.asarray(total)
 
     def total_thickness(self, triangles: Index | slice, point: Array) -> Array:
-        """Thickness of film and layers together, (e, q) [m]."""
+        """Return the thickness of film and layers together, (e, q) [m]."""
         total = self.thickness(triangles, point)
         for _, size in self._layers(triangles):
             total = total + size
         return total
 
     def membrane(self, triangles: Index | slice, point: Array) -> Array:
-        """Stiffness A = Σ hᵢCᵢ (e, q, 3, 3) [N/m] of strains (xx, yy, 2xy)."""
+        """Return the stiffness A = Σ hᵢCᵢ (e, q, 3, 3) [N/m] of strains (xx, yy, 2xy)."""
         h = self.thickness(triangles, point)
         total = h[..., None, None] * self.moduli(triangles)
         for lamina, size in self._layers(triangles):
@@ -104,7 +104,7 @@ class Sheet:
         return np.asarray(total)
 
     def bending(self, triangles: Index | slice, point: Array) -> Array:
-        """Stiffness D − B A⁻¹ B (e, q, 3, 3) [N m] of curvatures (xx, yy, 2xy).
+        """Return the stiffness D − B A⁻¹ B (e, q, 3, 3) [N m] of curvatures (xx, yy, 2xy).
 
         A, B, D = Σ ∫ Cᵢ (1, z, z²) dz, z from the film's middle. This is bending about the neutral
         plane where no in-plane force goes with it: exact for an even laminate of one Poisson's

@@ -29,7 +29,7 @@ def relaxed_stress(prestress: Prestress, order: int) -> list[Array]:
 
 
 def relaxed_tension(prestress: Prestress, order: int) -> list[Array]:
-    """Tension N = Σ hᵢσᵢ I + A ε(u) of film and layers together, as above.
+    """Return the tension N = Σ hᵢσᵢ I + A ε(u) of film and layers together, as above.
 
     (e, q, 3) [N/m] as (xx, yy, xy).
     """

@@ -29,9 +29,9 @@ TURN = np.array([[0.0, -1.0], [1.0, 0.0]])  # of a normal to the tangent
 def free_deflections(
     space: Space, parity: tuple[int, ...], clamp: Clamp = RIGID_CLAMP
 ) -> NDArray[np.int64]:
-    """Unknowns of w that are free.
+    """Return the unknowns of w that are free.
 
-    Not on edges held rigidly, nor on mirror lines about which w is odd (parity −1).
+    They lie neither on edges held rigidly, nor on mirror lines about which w is odd (parity −1).
     """
     held = (
         [space.boundary_dofs("clamped")]
@@ -43,13 +43,16 @@ def free_deflections(
 
 
 def slope_held_facets(space: Space, parity: tuple[int, ...]) -> NDArray[np.int64]:
-    """Facets on which ∂ₙw = 0: clamped edges, and mirror lines of even parity (+1)."""
+    """Return facets on which ∂ₙw = 0: clamped edges, and mirror lines of even parity (+1)."""
     names = ["clamped"] + [f"mirror-{k}" for k, sign in enumerate(parity) if sign > 0]
     return np.concatenate([space.boundary_facets(name) for name in names])
 
 
 def deflection_springs(space: Space, clamp: Clamp) -> csc_matrix:
-    """∫ k w v along the edge, (size, size) [N/m]; none where k is infinite and the edge held."""
+    """Return ∫ k w v along the edge, (size, size) [N/m].
+
+    An edge where k is infinite is held, and gives nothing.
+    """
     springs = Assembly(space.size)
     if np.isfinite(clamp.deflection):
         for triangles, _, jet, ds in _edge(space):
@@ -61,9 +64,9 @@ def deflection_springs(space: Space, clamp: Clamp) -> csc_matrix:
 
 
 def slope_springs(space: Space, clamp: Clamp) -> csc_matrix:
-    """∫ k_θ ∂ₙw ∂ₙv along the edge, (size, size) [N/m]: the energy of the springs of a solved mode.
+    """Return ∫ k_θ ∂ₙw ∂ₙv along the edge, (size, size) [N/m].
 
-    None where k_θ is infinite.
+    It is the energy of the springs of a solved mode. Edges where k_θ is infinite give nothing.
     """
     springs = Assembly(space.size)
     if np.isfinite(clamp.rotation):
@@ -77,9 +80,9 @@ def slope_springs(space: Space, clamp: Clamp) -> csc_matrix:
 
 
 def in_plane_springs(space: Space, clamp: Clamp) -> csc_matrix:
-    """∫ (kₙ u·n v·n + kₛ u·t v·t) along the edge, (2·size, 2·size) [N/m].
+    """Return ∫ (kₙ u·n v·n + kₛ u·t v·t) along the edge, (2·size, 2·size) [N/m].
 
-    None for a k that is infinite and its direction held.
+    A k that is infinite gives nothing: its direction is held.
     """
     springs = Assembly(2 * space.size)
     for stiffness, turn in ((clamp.normal, np.eye(2)), (clamp.shear, TURN)):
@@ -96,7 +99,7 @@ def in_plane_springs(space: Space, clamp: Clamp) -> csc_matrix:
 
 
 def in_plane_draw(space: Space, clamp: Clamp) -> Array:
-    """−∫ kₙ d v·n along the edge, (2·size,) [N]: the pull of springs that are at rest d inwards."""
+    """Return −∫ kₙ d v·n along the edge, (2·size,) [N], the pull of springs that rest d inwards."""
     load = np.zeros(2 * space.size)
     for triangles, normal, jet, ds in _edge(space) if clamp.draw != 0 else ():
         rows = np.concatenate([normal[..., :1] * jet.value, normal[..., 1:] * jet.value], axis=-1)
@@ -118,7 +121,7 @@ def _edge(space: Space) -> Iterator[tuple[NDArray[np.int64], Array, Jet, Array]]
 def in_plane_supports(
     space: Space, wedge: float, edge: Edge, even: tuple[bool, ...], clamp: Clamp = RIGID_CLAMP
 ) -> csc_matrix:
-    """Columns that span the admissible in-plane displacements, (2·size, n_free).
+    """Return columns that span the admissible in-plane displacements, (2·size, n_free).
 
     Clamped outline: u = 0, or with `sliding` only u·n = 0, and nothing in a direction in which
     springs hold it. Mirror k: u·n = 0 where the load is even under it, else u·t = 0. A film that
@@ -227,9 +230,9 @@ CORNER = 0.05
 
 
 def _admissible(held: list[Array]) -> list[Array]:
-    """Directions in which a point may still move when its motion along the held ones is zero.
+    """Return the directions in which a point may still move while its held ones are at zero.
 
-    One, or none at a corner.
+    There is one such direction, or none at a corner.
     """
     first = held[0]
     if any(abs(first[0] * d[1] - first[1] * d[0]) > CORNER for d in held[1:]):

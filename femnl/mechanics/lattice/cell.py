@@ -115,7 +115,7 @@ def solve_cell(model: Model, pitch: float) -> Cell:
 
 
 def _cells(model: Model, pitch: float, n_x: int, n_y: int) -> Domain:
-    """A quarter of n_x × n_y cells, all of whose straight sides are mirrors."""
+    """Return a quarter of n_x × n_y cells, all of whose straight sides are mirrors."""
     x = n_x * pitch / 2
     y = n_y * pitch / 2
     corners = [(-x, -y), (x, -y), (x, y), (-x, y)]
@@ -137,9 +137,9 @@ def _cells(model: Model, pitch: float, n_x: int, n_y: int) -> Domain:
 
 
 def _stretched(domain: Domain, space: Space, strain: Array) -> float:
-    """∫ h C (ε + ε(u)) : (ε + ε(u)) over the quarter cell, u periodic.
+    """Return ∫ h C (ε + ε(u)) : (ε + ε(u)) over the quarter cell, u periodic.
 
-    Under a mean strain ε (xx, yy, 2xy).
+    The mean strain is ε (xx, yy, 2xy).
     """
     film = domain.model.film
     moduli = plane_stress(film.young, film.poisson)
@@ -165,7 +165,7 @@ def _stretched(domain: Domain, space: Space, strain: Array) -> float:
 
 
 def _standing(model: Model, pitch: float, rows: int, k: float) -> float:
-    """ω² of the lowest standing wave that is even about the middle of `LONG` × `rows` cells.
+    """Return ω² of the lowest standing wave that is even about the middle of `LONG` × `rows` cells.
 
     Cos kx, or cos kx cos ky.
 

@@ -130,7 +130,7 @@ class Condensed:
         self._corrections: list[list[Array]] = [[] for _ in self._flexures]
 
     def lowest(self, parity: tuple[int, ...], count: int) -> tuple[Array, Array]:
-        """ω² (count,) and shapes (count, size) with ∫ρhw² = 1 of the lowest modes of a parity."""
+        """Return ω² (count,) and shapes (count, size), ∫ρhw² = 1, of a parity's lowest modes."""
         free = np.ones(self._n, dtype=bool)
         known = self._relaxed.frame.skeleton.free(parity)
         free[: len(known)] = known
@@ -169,6 +169,6 @@ class Condensed:
 
 
 def _most(corrections: Array) -> Array:
-    """The `TAKEN` functions (size, n) that hold most of the given ones."""
+    """Return the `TAKEN` functions (size, n) that hold most of the given ones."""
     left, size, _ = np.linalg.svd(corrections, full_matrices=False)
     return np.asarray(left[:, :TAKEN] * size[:TAKEN])

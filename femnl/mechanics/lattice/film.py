@@ -68,7 +68,7 @@ class _Film:
     reach: Array
 
     def choose(self, inside: Array | float, outside: Array | float) -> Callable[[Array], Array]:
-        """A field with one value on each side, by the place (..., 2) of points.
+        """Return a field with one value on each side, by the place (..., 2) of points.
 
         Sides do not share points of quadrature.
         """
@@ -108,7 +108,7 @@ class _Film:
 def solve_homogenised(
     model: Model, count: int, edge: Edge | None = None, tensor: bool = False
 ) -> tuple[Modes, Nonlinearity]:
-    """Modes and nonlinearity of a rectangle with a rectangular array of holes.
+    """Return modes and nonlinearity of a rectangle with a rectangular array of holes.
 
     The array is taken as an even film.
 
@@ -194,7 +194,7 @@ def _mesh(model: Model, reach: Array) -> MeshTri2:
 
 
 def _lines(half: float, box: float, layer: float) -> Array:
-    """Places from 0 to half, closer towards half, with one at the box."""
+    """Return places from 0 to half, closer towards half, with one at the box."""
     places = [half]
     largest = half / ACROSS
     while places[-1] > 0:
@@ -259,7 +259,7 @@ class _Operators:
         self.mass = mass.matrix()
 
     def _stress(self, prestress: Prestress, cell: Cell) -> Array:
-        """N = T + C ε(u) [N/m] as (xx, yy, xy)."""
+        """Return N = T + C ε(u) [N/m] as (xx, yy, xy)."""
         local = prestress.displacement[vector_dofs(self.space, cell.triangles)]
         strain = np.einsum("eqcj,ej->eqc", in_plane_strain(cell.jet), local)
         point = cell.jet.point
@@ -277,11 +277,11 @@ class _Operators:
             assembly.add(local, dofs)
 
     def free(self, parity: tuple[int, ...]) -> NDArray[np.int64]:
-        """Unknowns of deflections of the given parity that nothing holds."""
+        """Return unknowns of deflections of the given parity that nothing holds."""
         return free_deflections(self.space, parity, self._film.model.clamp)
 
     def stiffness(self, parity: tuple[int, ...]) -> csc_matrix:
-        """K (size, size) for deflections of the given parity about the mirrors."""
+        """Return K (size, size) for deflections of the given parity about the mirrors."""
         if not self._bends:
             return self._stiffness
         edge = Assembly(self.space.size)

@@ -56,9 +56,9 @@ class Numbering:
 
 
 def _node_turns(degree: int) -> Index:
-    """By the places of the first two vertices among a triangle's own.
+    """Return the nodes of a triangle that is turned, by where its first two vertices then are.
 
-    Its own node at each node of the triangle so turned.
+    Each entry is its own node at a node of the triangle so turned.
     """
     where = nodes(degree)
     full = np.column_stack([1 - where.sum(axis=1), where])

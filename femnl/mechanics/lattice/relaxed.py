@@ -54,14 +54,14 @@ class InPlane:
         self._matrix = summed([m.stiffness for m in membranes], self.numbers, 2 * n)
 
     def gather(self, loads: list[Array]) -> Array:
-        """Loads (k, tiles, n) of each kind at the unknowns of all, (size, k)."""
+        """Return loads (k, tiles, n) of each kind at the unknowns of all, (size, k)."""
         right = np.zeros((self._matrix.shape[0], len(loads[0])))
         for load, at in zip(loads, self.numbers, strict=True):
             np.add.at(right, at, np.moveaxis(load, 0, -1))
         return right
 
     def solve(self, right: Array, free: NDArray[np.bool_]) -> Array:
-        """Displacements (size, k) under loads (size, k), zero where not free."""
+        """Return displacements (size, k) under loads (size, k), zero where not free."""
         found = np.zeros_like(right)
         at = np.flatnonzero(free)
         found[at] = factorize(csc_matrix(self._matrix[at][:, at]))(right[at])
@@ -114,7 +114,7 @@ class Relaxed:
             self.amounts.append(left[:, kept] * size[kept])
 
     def stress(self, kind: int, tiles: slice) -> Array:
-        """σ (tiles, e, q, 3) [Pa] of some tiles of a kind."""
+        """Return σ (tiles, e, q, 3) [Pa] of some tiles of a kind."""
         fields = self.fields[kind]
         mean = self.mean[kind]
         return np.asarray(
@@ -125,7 +125,7 @@ class Relaxed:
         )
 
     def prestress(self) -> Prestress:
-        """The displacement on the mesh of all tiles."""
+        """Return the displacement on the mesh of all tiles."""
         numbering = self.frame.numbering
         whole = np.zeros((2, numbering.space.size))
         for k, (membrane, still, edges) in enumerate(

@@ -50,7 +50,7 @@ class Sides:
         return np.setdiff1d(np.arange(self.space.size), self.dofs)
 
     def continuity(self, model: Model) -> csc_matrix:
-        """The jump terms on the sides, −M(w)[v] − M(v)[w] + σ[w][v].
+        """Return the jump terms on the sides, −M(w)[v] − M(v)[w] + σ[w][v].
 
         [w] = ∂ₙw less the slope that is an unknown of its own: w, then slopes.
 
@@ -92,7 +92,7 @@ class Sides:
         return whole.matrix()
 
     def _outward(self, at: Index) -> Array:
-        """1 where the outer normal of a side's edge points along its axis, else −1."""
+        """Return 1 where the outer normal of a side's edge points along its axis, else −1."""
         mesh = self.space.mesh
         facets = self._facets[at]
         away = mesh.p[:, mesh.facets[:, facets]].mean(axis=1) - mesh.p[

@@ -62,7 +62,7 @@ class Skeleton:
         return ~np.concatenate([held, slope_held])
 
     def free_in_plane(self, edge: Edge, parity: tuple[int, ...]) -> Mask:
-        """Displacements u_x, then u_y, that are free under loads of a parity about the mirrors."""
+        """Return which displacements u_x, then u_y, are free under loads of a parity."""
         right, top, *mirrors = self._on(self.place)
         held = [right, top] if edge == "sliding" else [right | top, right | top]
         for axis, on, sign in zip((1, 0), mirrors, parity, strict=True):
@@ -91,7 +91,7 @@ def _number(
 
 
 def summed(blocks: list[Array], numbers: list[Index], size: int) -> csc_matrix:
-    """The sum of the tiles' matrices (tiles or 1, n, n), kind by kind, at (tiles, n)."""
+    """Return the sum of the tiles' matrices (tiles or 1, n, n), kind by kind, at (tiles, n)."""
     data = []
     rows = []
     columns = []

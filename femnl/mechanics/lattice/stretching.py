@@ -25,7 +25,7 @@ CHUNK = 20_000  # pairs and tiles at a time
 
 
 def strain_energies(modes: Modes, pairs: Pairs, edge: Edge) -> Array:
-    """G over the whole film for all combinations of pairs, (n_pairs, n_pairs) [N/m³].
+    """Return G over the whole film for all combinations of pairs, (n_pairs, n_pairs) [N/m³].
 
     See `femnl.mechanics.nonlinearity`.
 
@@ -76,7 +76,7 @@ def strain_energies(modes: Modes, pairs: Pairs, edge: Edge) -> Array:
 
 
 def _common(shapes: Array) -> tuple[Array, Array]:
-    """Few functions ψ (size, r) of which shapes (n, tiles, size), less a constant each, are sums.
+    """Return few functions ψ (size, r) that span shapes (n, tiles, size), less a constant each.
 
     Their amounts (n, tiles, r).
     """

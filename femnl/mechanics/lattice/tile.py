@@ -41,14 +41,14 @@ INDEPENDENT = 1e-9  # of a unit vector, that it adds to others at least
 
 
 def all_triangles(space: Space, order: int, second: bool = False) -> Cell:
-    """The whole of a small mesh at points of quadrature exact to the given order."""
+    """Return the whole of a small mesh at points of quadrature exact to the given order."""
     points, weights = space.quadrature(order)
     jet = space.jet(slice(None), points, second)
     return Cell(slice(None), jet, np.abs(np.linalg.det(jet.jacobian)) * weights)
 
 
 def factor(matrix: Array) -> tuple[Array, bool]:
-    """Cholesky's factor of a symmetric matrix, for `cho_solve`.
+    """Return Cholesky's factor of a symmetric matrix, for `cho_solve`.
 
     Raises: ConvergenceError where it is not positive definite.
     """
@@ -60,7 +60,7 @@ def factor(matrix: Array) -> tuple[Array, bool]:
 
 
 def gathered(local: Array, dofs: Index, size: int) -> csc_matrix:
-    """The sum of local matrices (e, j, j) on unknowns (e, j)."""
+    """Return the sum of local matrices (e, j, j) on unknowns (e, j)."""
     assembly = Assembly(size)
     assembly.add(local, dofs)
     return assembly.matrix()
@@ -97,13 +97,13 @@ class Membrane:
         self.stiffness = whole[np.ix_(self.edge, self.edge)] + coupling.T @ self.lift[self._inner]
 
     def strain(self, displacement: Array) -> Array:
-        """ε (n, e, q, 3) of displacements (2·size, n)."""
+        """Return ε (n, e, q, 3) of displacements (2·size, n)."""
         return np.asarray(
             np.einsum("eqcj,ejn->neqc", self._basis, displacement[self._dofs], optimize=True)
         )
 
     def load(self, stress: Array) -> Array:
-        """−∫ s : ε(v), (2·size, n), of stresses (n, e, q, 3) [N/m]."""
+        """Return −∫ s : ε(v), (2·size, n), of stresses (n, e, q, 3) [N/m]."""
         dx = self.cell.dx
         weighted = (stress * dx[..., None]).transpose(1, 2, 3, 0).reshape(len(dx), -1, len(stress))
         local = (
@@ -114,7 +114,7 @@ class Membrane:
         return whole
 
     def respond(self, load: Array) -> tuple[Array, Array]:
-        """Displacement (2·size, n) under loads while the sides are held, and loads on the sides."""
+        """Return displacements (2·size, n) under loads, and loads on the sides, which are held."""
         still = np.zeros_like(load)
         still[self._inner] = cho_solve(self._factor, load[self._inner])
         return still, self.lift.T @ load
@@ -191,7 +191,7 @@ class Flexure:
         self.basis = np.concatenate([self.basis, self._independent(found)], axis=1)
 
     def _independent(self, found: Array) -> Array:
-        """Orthonormal columns (size, m) of what is new in the given ones, zero on the sides."""
+        """Return orthonormal columns (size, m) of what the given ones add, zero on the sides."""
         left, size, _ = np.linalg.svd(found[self.inner], full_matrices=False)
         whole = np.zeros((self._size, int(np.sum(size > INDEPENDENT))))
         whole[self.inner] = left[:, : whole.shape[1]]
@@ -239,13 +239,13 @@ class Flexure:
         return self._independent(found / np.linalg.norm(found, axis=0))
 
     def relax(self, load: Array) -> Array:
-        """Deflection (size, n) of the tile under loads while its sides are held."""
+        """Return the deflection (size, n) of the tile under loads while its sides are held."""
         found = np.zeros(load.shape)
         found[self.inner] = cho_solve(self._factor, load[self.inner])
         return found
 
     def tension(self, stress: Array) -> csc_matrix:
-        """∫ hσ : ∇w⊗∇v of a stress (e, q, 3) [Pa]."""
+        """Return ∫ hσ : ∇w⊗∇v of a stress (e, q, 3) [Pa]."""
         return gathered(
             local_matrices(slope(self.cell.jet), as_matrix(stress), self._weight),
             self._dofs,
@@ -253,5 +253,5 @@ class Flexure:
         )
 
     def reduced(self, matrix: csc_matrix) -> Array:
-        """A matrix in the tile's basis."""
+        """Return a matrix in the tile's basis."""
         return np.asarray(self.basis.T @ (matrix @ self.basis))

@@ -159,7 +159,7 @@ def _columns(places: Array, apart: float) -> Array:
 
 
 def obstacle(model: Model) -> str:
-    """Why a device cannot be cut into tiles; empty where it can."""
+    """Return the why a device cannot be cut into tiles; empty where it can."""
     model = _centred(model)
     try:
         pitch, counts = array(model, "a tiled film")
@@ -228,7 +228,7 @@ def tile(model: Model, resolution: float = 1.0) -> Tiling:
 
 
 def _stretches(pitch: float, n: int, edge: float) -> dict[str, Array]:
-    """Where tiles start along one axis, by what they are.
+    """Return where tiles start along one axis, by what they are.
 
     Half a cell at the centre if n is odd, whole cells, the margin.
     """
@@ -256,7 +256,7 @@ def _quarter(model: Model, pitch: float, resolution: float) -> Array:
 
 
 def _cell(quarter: Array, pitch: float, name_x: str, name_y: str) -> Array:
-    """A whole cell, or the half or quarter beside mirrors, from its corner at the origin."""
+    """Return a whole cell, or the half or quarter beside mirrors, from its corner at the origin."""
     patches = quarter
     for axis, name in enumerate((name_x, name_y)):
         if name == "whole":
@@ -273,7 +273,7 @@ def _whole(side: Array, pitch: float) -> Array:
 
 
 def _margin(width: float, layer: float, resolution: float, size: float) -> Array:
-    """Places from 0 to the width, closer towards the clamped edge there."""
+    """Return places from 0 to the width, closer towards the clamped edge there."""
     places = [0.0]
     while places[-1] < width:
         finest = LAYER_SIZE * layer / resolution if layer else size

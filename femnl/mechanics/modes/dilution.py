@@ -86,7 +86,7 @@ def refuse_without_bending(model: Model) -> None:
 
 
 def dilution(modes: Modes) -> tuple[Array, Array]:
-    """Dissipation dilution Q/Q_bend of each mode.
+    """Return the dissipation dilution Q/Q_bend of each mode.
 
     Q_bend = 1/φ is the quality factor of bending alone, E → E(1 + iφ).
 

@@ -61,13 +61,13 @@ class Operators:
         self.mass = mass_matrix(domain, self.space)
 
     def free(self, parity: tuple[int, ...]) -> NDArray[np.int64]:
-        """Unknowns of deflections of the given parity about the mirrors that nothing holds."""
+        """Return unknowns that nothing holds in deflections of the given parity about the mirrors."""
         return free_deflections(self.space, parity, self._domain.model.clamp)
 
     def stiffness(self, parity: tuple[int, ...]) -> csc_matrix:
-        """K (size, size) for deflections of the given parity about the mirrors.
+        """Return K (size, size) for deflections of the given parity about the mirrors.
 
-        Held slopes depend on it.
+        The parity decides which slopes are held.
         """
         if not self._bends:
             return self._stiffness
@@ -76,7 +76,7 @@ class Operators:
         return csc_matrix(self._stiffness + edge.matrix())
 
     def quotients(self, shapes: Array, parity: tuple[tuple[int, ...], ...]) -> Array:
-        """ω² (n,) of shapes (n, size) as Rayleigh's quotients of integrated energies.
+        """Return ω² (n,) of shapes (n, size) as Rayleigh's quotients of integrated energies.
 
         Entries of K go as D (degree²/size)⁴ and may exceed ω²M 1e14 times, so that wᵀKw keeps two
         digits of 16. Curvatures at points keep twice as many.
@@ -130,7 +130,7 @@ class Operators:
 
 
 def mass_matrix(domain: Domain, space: Space) -> csc_matrix:
-    """M of ∫ ρh w v over the mesh, (size, size) [kg]."""
+    """Return M of ∫ ρh w v over the mesh, (size, size) [kg]."""
     mass = Assembly(space.size)
     sheet = Sheet(domain)
     for cell in cells(space, quadrature_order(domain.model, 2 * space.degree)):

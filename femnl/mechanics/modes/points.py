@@ -224,7 +224,7 @@ class Finder:
 
 
 def _invert(degree: int, nodes: Array, points: Array, place: Array) -> Array:
-    """Reference coordinates of points (n, 2), each in its own triangle, from a first guess.
+    """Return reference coordinates of points (n, 2), each in its own triangle, from a first guess.
 
     The triangle's map has the given degree and nodes.
     """

@@ -45,7 +45,7 @@ class Quality:
 
 
 def solve_quality(modes: Modes, pressure: float = 0.0) -> Quality:
-    """Quality factors of the modes of a film in absolute terms.
+    """Return the quality factors of the modes of a film in absolute terms.
 
     Bending loses 2π/Q_int of its energy a cycle at the edge, at holes and in between; the energy of
     tension is without loss, so that Q = Q_int D with D of `dilution` and Q_int of

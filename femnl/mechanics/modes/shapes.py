@@ -21,12 +21,12 @@ STEPS = 8  # of Newton's method towards a maximum
 
 
 def largest_value(space: Space, shape: Array) -> float:
-    """The value of largest magnitude that a shape takes, with its sign; see `largest_values`."""
+    """Return value of largest magnitude that a shape takes, with its sign; see `largest_values`."""
     return float(largest_values(space, shape[None])[0])
 
 
 def largest_values(space: Space, shapes: Array) -> Array:
-    """The values (n,) of largest magnitude that shapes (n, size) take, with their signs.
+    """Return the values (n,) of largest magnitude that shapes (n, size) take, with their signs.
 
     The first in the mesh's order among equals.
 
@@ -74,7 +74,7 @@ def _highest_triangles(space: Space, shape: Array, lattice: Array, bends: list[A
 
 
 def largest_departure(space: Space, shape: Array, other: Array) -> float:
-    """The largest difference of two shapes in the triangles where the first is largest.
+    """Return the largest difference of two shapes in the triangles where the first is largest.
 
     Relative to its largest value.
 
@@ -118,7 +118,7 @@ def _climb(degree: int, local: Array, start: Array, directions: Array) -> Array:
 
 
 def _within(place: Array, step: Array) -> Array:
-    """The part (n,) of each step, at most 1, that stays in the reference triangle."""
+    """Return the part (n,) of each step, at most 1, that stays in the reference triangle."""
     room = np.concatenate([place, 1 - place.sum(axis=1, keepdims=True)], axis=1)
     fall = -np.concatenate([step, -step.sum(axis=1, keepdims=True)], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -74,11 +74,11 @@ class Pencil(Protocol):
     mass: csc_matrix
 
     def stiffness(self, parity: tuple[int, ...]) -> csc_matrix:
-        """K (size, size)."""
+        """Return K (size, size)."""
         ...
 
     def free(self, parity: tuple[int, ...]) -> NDArray[np.int64]:
-        """Unknowns that nothing holds."""
+        """Return unknowns that nothing holds."""
         ...
 
 
@@ -91,7 +91,7 @@ class Source(Protocol):
         ...
 
     def lowest(self, parity: tuple[int, ...], count: int) -> tuple[Array, Array]:
-        """ω² (count,) rising and shapes (count, size) of the lowest modes of a parity.
+        """Return ω² (count,) rising and shapes (count, size) of the lowest modes of a parity.
 
         ∫ρhw² = 1 over the mesh.
         """
@@ -134,7 +134,7 @@ def solve_pencil(operators: Pencil, prestress: Prestress, count: int) -> Modes:
 def solve_sectors(
     source: Source, prestress: Prestress, count: int, quotients: Quotients | None = None
 ) -> Modes:
-    """The lowest modes of all parities together; see `solve_modes`.
+    """Return the lowest modes of all parities together; see `solve_modes`.
 
     Args: quotients: ω² of shapes by their parities, where that of the source has rounding errors.
     """
@@ -158,7 +158,7 @@ def finish(
     norm: float,
     parity: tuple[tuple[int, ...], ...],
 ) -> Modes:
-    """Modes of the given ω² and shapes, scaled to max|ξ| = 1, without labels.
+    """Return modes of the given ω² and shapes, scaled to max|ξ| = 1, without labels.
 
     `norm`: their ∫ρhw² over the mesh.
     """
@@ -203,7 +203,7 @@ def _solve_sectors(source: Source, domain: Domain, count: int) -> Sectors:
 
 
 def with_quotients(sectors: Sectors, quotients: Quotients) -> Sectors:
-    """Modes by rising ω² that is evaluated anew from their shapes."""
+    """Return modes by rising ω² that is evaluated anew from their shapes."""
     _, shapes, parity = sectors
     values = quotients(shapes, parity)
     order = np.argsort(values, kind="stable")
@@ -211,7 +211,7 @@ def with_quotients(sectors: Sectors, quotients: Quotients) -> Sectors:
 
 
 def exchange(space: Space, domain: Domain) -> NDArray[np.int64]:
-    """The unknown at (y, x) for each unknown at (x, y), from the middle of the film."""
+    """Return the unknown at (y, x) for each unknown at (x, y), from the middle of the film."""
     place = space.location - domain.middle
     distance, image = cKDTree(place).query(place[:, ::-1])
     if np.max(distance) > 1e-9 * np.abs(place).max():
@@ -237,7 +237,7 @@ def settle_degenerate(space: Space, domain: Domain, sectors: Sectors) -> Sectors
 
 
 def _overlap(domain: Domain, space: Space, first: Array, second: Array) -> Array:
-    """∫ ρh a b over the mesh, (n, m), of shapes a (n, size) and b (m, size)."""
+    """Return ∫ ρh a b over the mesh, (n, m), of shapes a (n, size) and b (m, size)."""
     sheet = Sheet(domain)
     total = np.zeros((len(first), len(second)))
     order = quadrature_order(domain.model, 2 * space.degree)

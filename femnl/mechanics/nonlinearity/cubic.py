@@ -89,7 +89,7 @@ def solve_nonlinearity(
 def _coefficients(
     modes: Modes, pairs: Pairs, tensor: bool, solve: Energies
 ) -> tuple[Array, Array | None]:
-    """k₃ of each mode and, where asked for, the tensor."""
+    """Return k₃ of each mode and, where asked for, the tensor."""
     n = len(modes.frequency)
     energies = solve(modes, pairs)
     position = {pair: k for k, pair in enumerate(pairs)}

@@ -51,7 +51,7 @@ class Inertia:
 
 
 def solve_inertia(modes: Modes, edge: Edge | None = None, cross: bool = False) -> Inertia:
-    """What the inertia of the film in its plane changes of k₃ and α.
+    """Return what the inertia of the film in its plane changes of k₃ and α.
 
     The film follows the second-order load at 0 and at 2ω.
 

@@ -11,7 +11,7 @@ from femnl.mechanics.nonlinearity.stretching import film_membrane, stretching
 
 
 def in_plane_response(modes: Modes, index: int, edge: Edge) -> NDArray[np.float64]:
-    """In-plane displacement of the film over q², where it is deflected by q·ξ.
+    """Return the in-plane displacement of the film over q², where it is deflected by q·ξ.
 
     u relaxes the stretching: ∫ h C (ε(u) + ½ ∇ξ⊗∇ξ) : ε(v) = 0 for all v; k₃ = 2 ∫ h C E : E with E
     the strain in the bracket.

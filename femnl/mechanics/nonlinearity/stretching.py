@@ -117,7 +117,7 @@ def same_parity_only(energies: Array, parities: list[tuple[int, ...]]) -> Array:
 
 
 def in_plane_mass(modes: Modes, space: Space) -> csc_matrix:
-    """Mass ∫ ρh u·v over the wedge, (2·size, 2·size) [kg]."""
+    """Return the mass ∫ ρh u·v over the wedge, (2·size, 2·size) [kg]."""
     sheet = Sheet(modes.domain)
     mass = Assembly(space.size)
     for cell in cells(space, quadrature_order(modes.domain.model, 2 * space.degree)):

@@ -108,12 +108,12 @@ class Film:
         )
 
     def linear(self, parity: Parity) -> csc_matrix:
-        """K of deflections of a parity, and in plane the edge's springs, (3·size, 3·size)."""
+        """Return K of deflections of a parity, and the edge's in-plane springs, (3·size, 3·size)."""
         springs = in_plane_springs(self.space, self.domain.model.clamp)
         return csc_matrix(block_diag([springs, self._operators.stiffness(parity)]))
 
     def stretching(self, state: Array, stressed: bool = True) -> tuple[Array, csc_matrix]:
-        """First and second derivative of ∫ ½ h C E : E.
+        """Return the first and second derivative of ∫ ½ h C E : E.
 
         stressed: else the strain of the state itself counts as relaxed.
         """
@@ -162,7 +162,7 @@ class Film:
         return loads, energies
 
     def relax(self, deflection: Array, even: Parity) -> Array:
-        """The state of a given w (size,), relaxed in plane."""
+        """Return the state of a given w (size,), relaxed in plane."""
         size = self.space.size
         state = np.concatenate([np.zeros(2 * size), deflection])
         supports = self._supports(tuple(p > 0 for p in even))
@@ -207,7 +207,7 @@ class Film:
         return cells(self.space, quadrature_order(self.domain.model, 4 * self.space.degree - 4))
 
     def _unknowns(self, cell: Cell) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """All unknowns of a cell's triangles, and those of w."""
+        """Return all unknowns of a cell's triangles, and those of w."""
         w = self.space.dofs[cell.triangles] + 2 * self.space.size
         return np.concatenate([vector_dofs(self.space, cell.triangles), w], axis=1), w
 

@@ -66,7 +66,7 @@ def solve_static_deflection(
     stressed: bool = True,
     edge: Edge | None = None,
 ) -> StaticDeflection:
-    """Frequencies, quadratic and cubic coefficients of a film that is bent at rest.
+    """Return the frequencies, quadratic and cubic coefficients of a film that is bent at rest.
 
     About the rest state (u₀, w₀) the energy W of `Film` has the second derivative K_t, and for a
     mode x with K_t x = ω² M x the load of second order f and A = ∫ h C E₂ : E₂ of
@@ -122,7 +122,7 @@ def solve_static_deflection(
     risen = np.multiply(rise, bow, out=np.zeros_like(rise), where=rise > 0)
 
     def error(name: str, power: int, bows: int) -> Array:
-        """Of a coefficient that goes with max|ξ| to a power, and with the depth to another."""
+        """Return the error of a coefficient that goes with powers of max|ξ| and of the depth."""
         if len(grades) < 2:
             return np.full(len(peak), np.inf)
         normal = [np.asarray(getattr(grade, name)) / grade.mass ** (power / 2) for grade in grades]
@@ -211,7 +211,7 @@ def _of_layers(film: Film) -> Array | float:
 
 
 def _bowed_modes(film: Film, modes: Modes, bow: Parity, tangent: csc_matrix) -> tuple[Array, Array]:
-    """ω² (n,) of the deflected modes that follow from each flat one, and their motions.
+    """Return ω² (n,) of the deflected modes that follow from each flat one, and their motions.
 
     The motions (n, 3·size) have max|w| = 1.
     """

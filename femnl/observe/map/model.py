@@ -298,7 +298,7 @@ class MapModel(MeasurementModel):
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """The same map at other amplitudes of the motion, and along its other axis."""
+        """Return the same map at other amplitudes of the motion, and along its other axis."""
         found = {
             f"the same map at {factor:g} times the amplitude": self._real(
                 self.predict(effects, {**base, "amplitude": factor * base["amplitude"]}, values)
@@ -313,7 +313,7 @@ class MapModel(MeasurementModel):
         return found
 
     def _time_across(self) -> Array:
-        """Times of the points (n_points,) [s] if the slow axis were the other one."""
+        """Return times of the points (n_points,) [s] if the slow axis were the other one."""
         columns = not self._column_by_column
         slow = self.grid.column if columns else self.grid.row
         fast = self.grid.row if columns else self.grid.column

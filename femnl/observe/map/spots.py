@@ -44,7 +44,7 @@ class Axis:
 
     @classmethod
     def beside(cls, points: Array) -> "Axis":
-        """Nodes between and beyond the points of a map's axis."""
+        """Return nodes between and beyond the points of a map's axis."""
         ordered, inverse = np.unique(points, return_inverse=True)
         gaps = np.diff(ordered)
         parts = np.clip(np.ceil(gaps / STEP).astype(np.int64), 1, MOST)
@@ -79,7 +79,7 @@ class Axis:
         return np.sqrt(width), np.asarray(rates, float), np.asarray(vectors, float)
 
     def spread(self, sd: float) -> Array:
-        """Weights (n, n_nodes) of a Gaussian of that sd [m].
+        """Return weights (n, n_nodes) of a Gaussian of that sd [m].
 
         e^{sd²/2 ∂²}, which has its variance on every grid, coarse or fine.
         """

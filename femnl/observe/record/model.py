@@ -146,7 +146,7 @@ class RecordModel(MeasurementModel):
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Powers of the output, its slope, and forces of higher order."""
+        """Return powers of the output, its slope, and forces of higher order."""
         output = self.predict(effects, base, values)
         unit = output / np.abs(output).max()
         found = {f"power {n} of the output": unit**n / self.noise for n in (0, 2, 3)}
@@ -156,7 +156,7 @@ class RecordModel(MeasurementModel):
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """The forces that the same record would show at other sizes of the motion."""
+        """Return the forces that the same record would show at other sizes of the motion."""
         forces = apply("equation", Equation(0.0, base["alpha"], 0.0, 0.0), effects, values)
         y = 2 / self.scales["slope"] * np.linspace(-1, 1, 41)
         nonlinear = y**2 * (forces.quadratic + y * (forces.cubic + y**2 * forces.quintic))
@@ -166,7 +166,7 @@ class RecordModel(MeasurementModel):
         }
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        """The stretch where the output is largest."""
+        """Return the stretch where the output is largest."""
         middle = int(np.argmax(np.abs(self.output)))
         part = slice(max(middle - DRAWN // 2, 0), middle + DRAWN // 2)
         predicted = np.stack(

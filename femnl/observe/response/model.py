@@ -137,7 +137,7 @@ class ResponseModel(MeasurementModel):
     def _whole(self, points: ComplexArray, alpha: float = 0.0) -> Array:
         """Return real and imaginary parts of (n_points,) values, and the deviation of α.
 
-        That of the film's own α from the simulated one, where sweeps soften.
+        Where sweeps soften, that is how far the film's own α is from the simulated one.
         """
         return np.concatenate([points.real, points.imag, [alpha] if self.softens else []])
 
@@ -150,7 +150,7 @@ class ResponseModel(MeasurementModel):
     ) -> ComplexArray:
         """Return the voltage (n,) [V] of the state that each point of a sweep is on.
 
-        Or would be on with other drives.
+        With other drives it is the state that the point would be on.
         """
         data = instead or self.sweeps
         mode, _ = self._mode(effects, base, values, data)
@@ -269,7 +269,7 @@ class ResponseModel(MeasurementModel):
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Gains, phases, backgrounds, f₀ and w of each sweep, and those of strong motion."""
+        """Return gains, phases, backgrounds, f₀ and w of each sweep, and those of strong motion."""
         volts = self.predict(effects, base, values) / self.sweeps.noise
         share = np.asarray(np.abs(volts) * self.sweeps.noise / self.largest, float)
         found: dict[str, Array] = {}
@@ -305,7 +305,7 @@ class ResponseModel(MeasurementModel):
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """The same sweeps at twice the drives, and off resonance, where only backgrounds are."""
+        """Return same sweeps at twice the drives, and off resonance, where only backgrounds are."""
         data = self.sweeps
         away = np.where(data.frequency < self.middle, -FARTHER, FARTHER) * data.span
         plans = {
@@ -325,7 +325,7 @@ class ResponseModel(MeasurementModel):
         return abs(powers.get(unit, 0)) / 2 * ALPHA_SD
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        """Magnitude and phase of every sweep."""
+        """Return the magnitude and phase of every sweep."""
         names = tuple(name for name, *_ in models)
         volts = [self.predict(effects, base, values) for _, effects, base, values in models]
         return curves(self.sweeps, names, np.stack(volts))

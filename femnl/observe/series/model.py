@@ -122,7 +122,7 @@ class SeriesModel(MeasurementModel):
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """A slope and a bend of each quantity against each control variable."""
+        """Return a slope and a bend of each quantity against each control variable."""
         found = {}
         sizes = [len(data) for data, _ in self.data.values()]
         for control in self.varied:
@@ -138,9 +138,9 @@ class SeriesModel(MeasurementModel):
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Vary each control variable over its range with the others held.
+        """Return what each control variable would show, varied over its range with the others held.
 
-        That separates causes that moved together. A laser on a nodal line heats the film, but
+        This separates causes that moved together. A laser on a nodal line heats the film, but
         exerts no force on the mode.
         """
         found = {}
@@ -159,7 +159,7 @@ class SeriesModel(MeasurementModel):
         return found
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        """Each quantity against each control variable that was varied."""
+        """Return each quantity against each control variable that was varied."""
         count = len(self.used) // len(self.data)
         names = tuple(name for name, *_ in models)
         away = np.full((len(models), len(self.used)), np.nan)

@@ -139,7 +139,7 @@ class SpectrumModel(MeasurementModel):
     def residual_directions(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """Deviations with frequency squared and with time, and an uneven film."""
+        """Return deviations with frequency squared and with time, and an uneven film."""
         found = {
             "rise with frequency": (self.frequency / self.frequency.max()) ** 2
             * self.frequency
@@ -277,7 +277,7 @@ class SpectrumModel(MeasurementModel):
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """The next modes that were not measured; their pairs by rising frequency."""
+        """Return the next modes that were not measured; their pairs by rising frequency."""
         frequency, _, _, _ = self._solved(effects, base, values)
         missing = [k for k in range(max(self.order) + 1 + NEXT) if k not in self.order][:NEXT]
         names = [self.film.modes.label[k] or f"({k + 1})" for k in missing]
@@ -301,7 +301,7 @@ class SpectrumModel(MeasurementModel):
         return lines.frequency, lines.loss
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        """Frequencies, mode by mode."""
+        """Return the frequencies, mode by mode."""
         n = len(self.frequency)
         away = np.stack(
             [self.residuals(effects, base, values)[:n] for _, effects, base, values in models]

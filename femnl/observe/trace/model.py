@@ -206,7 +206,7 @@ class TraceModel(MeasurementModel):
     def candidate_measurements(
         self, effects: Sequence[Effect], base: Values, values: Sequence[Values]
     ) -> dict[str, Array]:
-        """The same traces at other amplitudes of the motion."""
+        """Return the same traces at other amplitudes of the motion."""
         found = {}
         for factor in (0.5, 2.0):
             moved = {
@@ -219,7 +219,7 @@ class TraceModel(MeasurementModel):
         return found
 
     def compare(self, models: Sequence[Named]) -> tuple[Comparison, ...]:
-        """Magnitudes of the lowest harmonics against the frequency of the drive."""
+        """Return magnitudes of the lowest harmonics against the frequency of the drive."""
         predicted = np.abs(
             [self.predict(effects, base, values)[0] for _, effects, base, values in models]
         )
