@@ -158,10 +158,8 @@ def _target(rate: Mapping[str, Any]) -> str:
             f"{'met' if abs(rate['rate'] - goal) <= HALF else 'missed'}"
         )
     met, missed = (high <= goal, low > goal) if word == "at most" else (low >= goal, high < goal)
-    return (
-        f"{WORDS[word]} {100 * goal:.3g} %: "
-        f"{'met' if met else 'missed' if missed else 'not decided by so few draws'}"
-    )
+    outcome = "missed" if missed else "not decided by so few draws"
+    return f"{WORDS[word]} {100 * goal:.3g} %: {'met' if met else outcome}"
 
 
 def _sizes(limit: Mapping[str, Any]) -> str:

@@ -214,16 +214,18 @@ def _gap(geometry: Geometry) -> tuple[float, float]:
 
 
 def alpha_table(geometries: list[Geometry], published: Published | None) -> tuple[Row, list[Row]]:
-    """Return the parameter α under each in-plane edge, in 10⁻³ µm⁻², beside the published formula.
+    """Return head and rows of α under each in-plane edge, beside the published formula.
 
-    Head and rows.
+    The unit is 10⁻³ µm⁻².
     """
     known = published.alpha if published is not None else {}
     head = ["mode", *(["published formula"] if known else [])]
     head += [f"{geometry.model.name}, {edge}" for geometry in geometries for edge in EDGES]
     rows = []
     for key in _keys(geometries):
-        cells = [key, *([plain(known[key] / 1e9, 4) if key in known else ""] if known else [])]
+        cells = [key]
+        if known:
+            cells.append(plain(known[key] / 1e9, 4) if key in known else "")
         for geometry in geometries:
             k = geometry.keys.index(key) if key in geometry.keys else None
             for edge in EDGES:

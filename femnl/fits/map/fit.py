@@ -283,18 +283,9 @@ def _report(problem: MapResiduals, vector: Array, notes: tuple[str, ...]) -> Map
         for (label, name), value, s in zip(keys, vector, sd, strict=True)
     }
     for data in problem.maps:
-        q = data.wavenumber
         theta = parameters[_label("fringe_phase", data)]
-        shift = _wrap(theta.value - (data.nominal or 0.0)) / q
-        derived = [
-            ("modulation", q * vector[0], q * sd[0], "1"),
-            ("working_point", shift, theta.sd / q, "m"),
-        ]
-        parameters |= {
-            _label(name, data): Parameter(_label(name, data), float(value), float(s), unit)
-            for name, value, s, unit in derived
-        }
-    predictions = problem.predictions(vector)
+        parameters |= _derived(data, parameters["amplitude"], theta)
+    predictions = list(zip(problem.maps, problem.predictions(vector), strict=True))
     remarks = (
         *(data.note for data in problem.maps),
         *held.notes,
@@ -311,12 +302,20 @@ def _report(problem: MapResiduals, vector: Array, notes: tuple[str, ...]) -> Map
             n_free,
             tuple(note for note in remarks if note),
         ),
-        {
-            data.name: data.image(signal)
-            for data, signal in zip(problem.maps, predictions, strict=True)
-        },
+        {data.name: data.image(signal) for data, signal in predictions},
         {
             data.name: data.image((data.values - signal) / data.noise)
-            for data, signal in zip(problem.maps, predictions, strict=True)
+            for data, signal in predictions
         },
     )
+
+
+def _derived(data: MapData, amplitude: Parameter, theta: Parameter) -> dict[str, Parameter]:
+    """Return the modulation z = qU of a map, and the displacement [m] of its working point."""
+    q = data.wavenumber
+    shift = _wrap(theta.value - (data.nominal or 0.0)) / q
+    listed = (
+        Parameter(_label("modulation", data), q * amplitude.value, q * amplitude.sd, "1"),
+        Parameter(_label("working_point", data), shift, theta.sd / q, "m"),
+    )
+    return {one.name: one for one in listed}

@@ -48,6 +48,8 @@ def search_backbone(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
     square = np.abs(v) ** 2
     g = (f - centre) - slopes * square
     unit = np.ones_like(g)
+    # V p₀ and V p₁ g for the real and the imaginary parts of p₀ and p₁, then the drive; turned so
+    # that V is real.
     columns = np.stack([v * unit, 1j * v * unit, v * g, 1j * v * g, drive * unit], axis=-1)
     columns = columns * np.exp(-1j * np.angle(v))[:, None]
     line: Complex = drive / np.maximum(np.abs(v), 3 * sweeps.noise / peak) * unit
@@ -55,21 +57,21 @@ def search_backbone(sweeps: Sweeps, at: Mask, delay: float) -> list[Start]:
     for _round in range(ROUNDS):
         rows = whiten(columns, line, along)
         p, misfit = _least_squares(rows[..., :4], rows[..., 4], np.ones(rows.shape[1]))
-        first = p[0] + 1j * p[1]
-        second = p[2] + 1j * p[3]
-        line = first[:, None] + second[:, None] * g
-        along = line - 2 * slopes * square * second[:, None]
-    resonance = -first / second
+        p0 = p[0] + 1j * p[1]
+        p1 = p[2] + 1j * p[3]
+        line = p0[:, None] + p1[:, None] * g
+        along = line - 2 * slopes * square * p1[:, None]
+    # The line is zero at f₀ − centre + i w/2
+    resonance = -p0 / p1
     out = []
     for k in np.argsort(np.where(resonance.imag > 0, misfit, np.inf))[:TRIED]:
         if resonance[k].imag > 0:
             w = 2 * resonance[k].imag
             f0 = centre + resonance[k].real
-            gain = -2 / (w * second[k])
+            gain = -2 / (w * p1[k])
             ratio = 2 * float(slopes[k, 0]) * abs(gain) ** 2 / (w * STIFFEN)
-            out.append(
-                (f0, w, ratio, 0.0, peak * gain * np.exp(2j * np.pi * (centre - f0) * delay), delay)
-            )
+            undelayed = peak * gain * np.exp(2j * np.pi * (centre - f0) * delay)
+            out.append((f0, w, ratio, 0.0, undelayed, delay))
     return out
 
 

@@ -61,7 +61,7 @@ class Operators:
         self.mass = mass_matrix(domain, self.space)
 
     def free(self, parity: tuple[int, ...]) -> NDArray[np.int64]:
-        """Return unknowns that nothing holds in deflections of the given parity about the mirrors."""
+        """Return the unknowns of deflections of a parity about the mirrors that nothing holds."""
         return free_deflections(self.space, parity, self._domain.model.clamp)
 
     def stiffness(self, parity: tuple[int, ...]) -> csc_matrix:

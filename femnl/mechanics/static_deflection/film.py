@@ -108,7 +108,7 @@ class Film:
         )
 
     def linear(self, parity: Parity) -> csc_matrix:
-        """Return K of deflections of a parity, and the edge's in-plane springs, (3·size, 3·size)."""
+        """Return K of deflections of a parity and the edge's in-plane springs, (3·size, 3·size)."""
         springs = in_plane_springs(self.space, self.domain.model.clamp)
         return csc_matrix(block_diag([springs, self._operators.stiffness(parity)]))
 
