@@ -261,12 +261,10 @@ class MapModel(MeasurementModel):
             only, constant = np.zeros((2, *volts.shape), complex)
             only[k] = volts[k]
             constant[k] = 1.0
-            found |= {
-                f"gain of harmonic {n}": self._real(only),
-                f"phase of harmonic {n}": self._real(1j * only),
-                f"constant in harmonic {n}": self._real(constant),
-                f"constant in quadrature of harmonic {n}": self._real(1j * constant),
-            }
+            found[f"gain of harmonic {n}"] = self._real(only)
+            found[f"phase of harmonic {n}"] = self._real(1j * only)
+            found[f"constant in harmonic {n}"] = self._real(constant)
+            found[f"constant in quadrature of harmonic {n}"] = self._real(1j * constant)
         return found
 
     def _directions_of_places(self, moved: Callable[[str, float], Array]) -> dict[str, Array]:
