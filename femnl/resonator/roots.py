@@ -121,7 +121,7 @@ def _excess(x: float, coefficients: tuple[float, complex, float, complex, float,
     """Return x |δ + i + a(x) x|² − 1, which is 0 at a state."""
     delta, cubic, fifth, pulled, scale, power = coefficients
     a = cubic + fifth * x + pulled * max(x * scale, FAINT) ** power
-    return x * ((delta + a.real * x) ** 2 + (1 + a.imag * x) ** 2) - 1
+    return float(x * ((delta + a.real * x) ** 2 + (1 + a.imag * x) ** 2) - 1)
 
 
 def _outermost(
