@@ -124,6 +124,20 @@ def distance(outline: Outline, points: Array) -> Array:
     return nearest
 
 
+def gaps_from_ellipse(segment: Segment, points: Array) -> Array:
+    """Return the distances (n,) [m] of points (n, 2) [m] beside an elliptical arc, to first order.
+
+    |ρ − 1| / |∇ρ| with ρ = 1 on the ellipse, right to a part of the distance over the radius of
+    curvature. Infinite for points that the centre does not see through the arc.
+    """
+    unit = _unit(segment, points)
+    size = np.linalg.norm(unit, axis=1)
+    slope = np.linalg.norm(unit @ np.linalg.inv(segment.frame), axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gaps = np.abs(size - 1) * size / slope
+    return np.where(_on_arc(segment, points), gaps, np.inf)
+
+
 def polyline(outline: Outline, per_turn: int = 180) -> Array:
     """Return points (n, 2) [m] along an outline, closed: the last is the first.
 

@@ -49,6 +49,7 @@ PLACING = 1e-4
 # Lengths of the film between it and the origin: numbers of 16 digits then still place its edges to
 # 1e-10 of its length, and gmsh needs 1e-9.
 FARTHEST = 1e6
+ROUND_HOLE = -1  # in the place of an opening's index
 
 
 def mesh(
@@ -141,8 +142,8 @@ def _gmsh_session() -> Iterator[None]:
 def _build(model: Model, wedge: float, fineness: Fineness, copies: int) -> Raw:
     unit = SCALE / model.outline.length
     try:
-        _draw(model, wedge, unit)
-        curves = _classify(model, wedge, unit)
+        rims = _draw(model, wedge, unit)
+        curves = _classify(model, rims, wedge, unit)
         triangles = copies * grade(model, curves, wedge, unit, fineness)
         PROGRESS.info("%s: about %.3g triangles", model.name, triangles)
         degree = max(fineness.degree, min(BYTES))
@@ -168,65 +169,34 @@ def _build(model: Model, wedge: float, fineness: Fineness, copies: int) -> Raw:
     return raw
 
 
-def _draw(model: Model, wedge: float, unit: float) -> None:
-    """Return the film's surface.
+def _draw(model: Model, wedge: float, unit: float) -> dict[int, int]:
+    """Draw the film's surface; return the opening on whose rim a curve lies, where that is known.
 
     Edge, cut to the wedge, minus the holes that reach into it, split along the outline, one
-    operation each.
+    operation each. Holes and openings of a whole film are its inner edges, which need no operation:
+    a geometry has none that meet.
     """
     occ = gmsh.model.occ
-
-    def loop(segments: tuple[Segment, ...]) -> list[int]:
-        # Of one loop alone: gmsh forgets the points of what it has cut
-        points: dict[tuple[float, float], int] = {}
-
-        def point(xy: Array | tuple[float, float]) -> int:
-            x, y = np.round(np.asarray(xy) * unit, 9)
-            if (x, y) not in points:
-                points[x, y] = occ.addPoint(x, y, 0)
-            return points[x, y]
-
-        lines = []
-        for s in segments:
-            if s.centre is None:
-                lines.append(occ.addLine(point(s.start), point(s.end)))
-                continue
-            pieces = int(np.ceil(abs(exact.turn(s)) / (np.pi / 2) - 1e-9))
-            stops = [
-                point(s.start),
-                *map(point, exact.point_at(s, np.arange(1, pieces) / pieces)),
-                point(s.end),
-            ]
-            if s.semi_axes is None:
-                lines += [occ.addCircleArc(a, point(s.centre), b) for a, b in pairwise(stops)]
-                continue
-            longer = s.frame[:, int(np.argmax(s.semi_axes))]
-            centre = point(s.centre)
-            major = point(np.asarray(s.centre) + longer)
-            lines += [occ.addEllipseArc(a, centre, major, b) for a, b in pairwise(stops)]
-        return lines
-
-    film = [(2, occ.addPlaneSurface([occ.addCurveLoop(loop(model.edge_outline.segments))]))]
+    known: dict[int, int] = {}
+    loops = [_loop(model.edge_outline.segments, unit)]
+    if wedge == FULL:
+        for index, lines in _inner_edges(model, unit):
+            loops.append(lines)
+            known |= dict.fromkeys(lines, index)
+    film = [(2, occ.addPlaneSurface([occ.addCurveLoop(lines) for lines in loops]))]
     if wedge < FULL:
         film, _ = occ.intersect(film, [(2, _wedge_surface(wedge))])
-    near = model.holes.centres[beyond_mirrors(model.holes.centres, wedge) < model.holes.radius]
-    if len(near):
-        radius = model.holes.radius * unit
-        discs = [(2, occ.addDisk(x * unit, y * unit, 0, radius, radius)) for x, y in near]
-        film, _ = occ.cut(film, discs)
-    inner = [o for o in model.openings if np.any(beyond_mirrors(exact.polyline(o), wedge) < 0)]
-    if inner:
-        film, _ = occ.cut(
-            film, [(2, occ.addPlaneSurface([occ.addCurveLoop(loop(o.segments))])) for o in inner]
-        )
+        reaching = _reaching_into(model, wedge, unit)
+        if reaching:
+            film, _ = occ.cut(film, reaching)
     between = [] if model.overhang is None else [model.outline]
     between += [rim for lamina in model.layers for rim in lamina.rims]
-    lines = [(1, line) for rim in between for line in loop(rim.segments)]
-    if lines:
-        film, _ = occ.fragment(film, lines)
+    across = [(1, line) for rim in between for line in _loop(rim.segments, unit)]
+    if across:
+        occ.fragment(film, across)
     occ.synchronize()
     # Curves beyond the wedge, and the centres of arcs, bound nothing
-    if lines:
+    if across:
         faces = gmsh.model.getEntities(2)
         bounding = {tag for _, tag in gmsh.model.getBoundary(faces, combined=False, oriented=False)}
         occ.remove(
@@ -234,6 +204,58 @@ def _draw(model: Model, wedge: float, unit: float) -> None:
             recursive=True,
         )
         occ.synchronize()
+    # Operations number curves anew
+    return {} if across else known
+
+
+def _inner_edges(model: Model, unit: float) -> Iterator[tuple[int, list[int]]]:
+    """Yield the curves of each hole, as ROUND_HOLE, and of each opening, as its index."""
+    radius = model.holes.radius * unit
+    for x, y in model.holes.centres * unit:
+        yield ROUND_HOLE, [gmsh.model.occ.addCircle(x, y, 0, radius)]
+    for index, opening in enumerate(model.openings):
+        yield index, _loop(opening.segments, unit)
+
+
+def _reaching_into(model: Model, wedge: float, unit: float) -> list[tuple[int, int]]:
+    """Return surfaces of the holes and openings that reach into a wedge."""
+    occ = gmsh.model.occ
+    near = model.holes.centres[beyond_mirrors(model.holes.centres, wedge) < model.holes.radius]
+    radius = model.holes.radius * unit
+    inner = [o for o in model.openings if np.any(beyond_mirrors(exact.polyline(o), wedge) < 0)]
+    return [(2, occ.addDisk(x * unit, y * unit, 0, radius, radius)) for x, y in near] + [
+        (2, occ.addPlaneSurface([occ.addCurveLoop(_loop(o.segments, unit))])) for o in inner
+    ]
+
+
+def _loop(segments: tuple[Segment, ...], unit: float) -> list[int]:
+    """Return gmsh's curves of consecutive segments, arcs in pieces of a quarter turn at most."""
+    occ = gmsh.model.occ
+    # Of one loop alone: gmsh forgets the points of what it has cut
+    points: dict[tuple[float, float], int] = {}
+
+    def point(xy: Array | tuple[float, float]) -> int:
+        x, y = np.round(np.asarray(xy) * unit, 9)
+        if (x, y) not in points:
+            points[x, y] = occ.addPoint(x, y, 0)
+        return points[x, y]
+
+    lines = []
+    for s in segments:
+        if s.centre is None:
+            lines.append(occ.addLine(point(s.start), point(s.end)))
+            continue
+        pieces = int(np.ceil(abs(exact.turn(s)) / (np.pi / 2) - 1e-9))
+        inner = exact.point_at(s, np.arange(1, pieces) / pieces) if pieces > 1 else ()
+        stops = [point(s.start), *map(point, inner), point(s.end)]
+        if s.semi_axes is None:
+            lines += [occ.addCircleArc(a, point(s.centre), b) for a, b in pairwise(stops)]
+            continue
+        longer = s.frame[:, int(np.argmax(s.semi_axes))]
+        centre = point(s.centre)
+        major = point(np.asarray(s.centre) + longer)
+        lines += [occ.addEllipseArc(a, centre, major, b) for a, b in pairwise(stops)]
+    return lines
 
 
 def _wedge_surface(wedge: float) -> int:
@@ -256,14 +278,21 @@ def _wedge_surface(wedge: float) -> int:
     )
 
 
-def _classify(model: Model, wedge: float, unit: float) -> Curves:
-    """Tell curves apart by where they lie."""
+def _classify(model: Model, rims: dict[int, int], wedge: float, unit: float) -> Curves:
+    """Tell curves apart by where they lie. rims: the openings of those that are known already."""
     curves = Curves([], [], [], ([], []), [], {}, [], {})
+    for tag, index in rims.items():
+        if index == ROUND_HOLE:
+            curves.holes.append(tag)
+        else:
+            curves.add_to_rim(tag, index, model)
     outline = model.edge_outline
     holes = cKDTree(model.holes.centres * unit) if len(model.holes.centres) else None
     boxes = np.array([exact.box(o) for o in model.openings]).reshape(-1, 4) * unit
     sides = np.array([_box(outline, s) for s in outline.segments])
     for _, tag in gmsh.model.getEntities(1):
+        if tag in rims:
+            continue
         low, high = gmsh.model.getParametrizationBounds(1, tag)
         where = np.array(
             gmsh.model.getValue(1, tag, list(np.linspace(low[0], high[0], 5)[1:4]))
@@ -279,9 +308,7 @@ def _classify(model: Model, wedge: float, unit: float) -> Curves:
         ):
             curves.holes.append(tag)
         elif (index := _opening(model, boxes, where, unit)) is not None:
-            rim = model.openings[index]
-            curves.rims[tag] = index
-            (curves.clamped if rim.segments[0].clamped else curves.openings).append(tag)
+            curves.add_to_rim(tag, index, model)
         else:
             number = _segment(outline, sides, where / unit)
             curves.segment[tag] = number

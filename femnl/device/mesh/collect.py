@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import gmsh
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from skfem import MeshTri1, MeshTri2
 
 from femnl.core.device import Model
 from femnl.core.errors import GeometryError
-from femnl.core.outline import Outline
 from femnl.device.geometry import curves
-from femnl.mechanics.fem.elements import ARC_DEGREE, Space, nodes
+from femnl.mechanics.fem.elements import STRAIGHT, Space, nodes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -135,21 +135,15 @@ def misfit(model: Model, result: MeshTri2) -> float:
     """
     loops = (model.edge_outline, *model.openings)
     ellipses = [s for loop in loops for s in loop.segments if s.semi_axes is not None]
-    if not ellipses:
+    rim = Space(result, 2).arc_nodes
+    if not ellipses or len(rim) == 0:
         return 0.0
-    space = Space(result, ARC_DEGREE)
-    names = set(result.boundaries or {}) & {"clamped", "free"}
-    rim = space.location[np.concatenate([space.boundary_dofs(name) for name in sorted(names)])]
+    nodes_by_place = cKDTree(rim)
     found = 0.0
     for segment in ellipses:
-        short = min(segment.semi_axes or (1.0,))
-        alone = Outline("ellipse", (segment,), None, 2 * short)
-        # Whatever is nearer to an ellipse is as near to the circle where that is one
-        round_one = np.linalg.solve(segment.frame, (rim - np.asarray(segment.centre)).T)
-        beside = rim[np.abs(np.hypot(*round_one) - 1) < NEAR]
-        if len(beside) == 0:
-            continue
-        gaps = curves.distance(alone, beside) / short
+        short, long = sorted(segment.semi_axes or (1.0, 1.0))
+        beside = nodes_by_place.query_ball_point(segment.centre, (1 + NEAR) * long)
+        gaps = curves.gaps_from_ellipse(segment, rim[beside]) / short
         found = max(found, float(np.max(gaps, where=gaps < NEAR, initial=0.0)))
     return found
 
@@ -157,9 +151,13 @@ def misfit(model: Model, result: MeshTri2) -> float:
 def check_unfolded(model: Model, result: MeshTri2) -> None:
     """Curved triangles beside small arcs can fold over: their Jacobian must keep one sign."""
     space = Space(result, 2)
+    start, end = (result.p[:, ends] for ends in result.facets)
+    sagitta = np.linalg.norm(result.doflocs[:, result.nvertices :] - (start + end) / 2, axis=0)
+    bent = sagitta > STRAIGHT * np.linalg.norm(end - start, axis=0)
+    curved = np.flatnonzero(np.any(bent[result.t2f], axis=0))
     points = np.vstack([space.quadrature(8)[0], nodes(2)])
-    determinant = np.linalg.det(space.jet(slice(None), points).jacobian)
-    folded = np.flatnonzero(np.any(determinant * np.sign(determinant[:, :1]) <= 0, axis=1))
+    determinant = np.linalg.det(space.jet(curved, points).jacobian)
+    folded = curved[np.any(determinant * np.sign(determinant[:, :1]) <= 0, axis=1)]
     if len(folded):
         x, y = space.location[space.dofs[folded[0], 0]]
         raise GeometryError(

@@ -11,8 +11,8 @@ from femnl.core.device import Model
 from femnl.core.outline import CELL
 from femnl.device.geometry import curves as exact
 from femnl.device.mesh.corners import singular_corners
+from femnl.device.mesh.openings import AN_ELEMENT, arcs_by_radius, rim_sizes
 from femnl.device.mesh.openings import SEGMENTS as HOLE_SEGMENTS
-from femnl.device.mesh.openings import arcs_by_radius, rim_sizes
 from femnl.device.mesh.symmetry import beyond_mirrors
 from femnl.device.mesh.waves import elements_a_wave
 from femnl.device.mesh.webs import narrow_webs
@@ -54,6 +54,11 @@ class Curves:
     openings: list[int]  # free rims of openings; clamped ones are among the clamped curves
     rims: dict[int, int]  # the opening on whose rim a curve lies
 
+    def add_to_rim(self, tag: int, index: int, model: Model) -> None:
+        """Add a curve of the rim of one of the model's openings."""
+        self.rims[tag] = index
+        (self.clamped if model.openings[index].segments[0].clamped else self.openings).append(tag)
+
 
 @dataclass(frozen=True)
 class Fineness:
@@ -80,7 +85,7 @@ def grade(model: Model, curves: Curves, wedge: float, unit: float, fineness: Fin
     sizes = _Sizes(fineness.resolution, min(far, following), [], [])
     area = sum(gmsh.model.occ.getMass(2, tag) for _, tag in gmsh.model.getEntities(2))
     sizes.inverse_square.append(area / sizes.largest**2)
-    _grade_rims(sizes, model, curves, unit)
+    _grade_rims(sizes, model, curves, wedge, unit)
     if model.pierced:
         _grade_webs(sizes, model, wedge, unit)
     if model.outline.kind != CELL:
@@ -116,17 +121,27 @@ class _Sizes:
         field.setNumber(self.fields[-1], "DistMax", reach)
 
     def grow_from_curves(
-        self, size: float, tags: list[int], growth: float, fan: float = 1.0
+        self,
+        size: float,
+        tags: list[int],
+        growth: float,
+        fan: float = 1.0,
+        points: list[int] | None = None,
     ) -> None:
-        """Let elements grow from curves. fan: triangles over those along a straight line."""
+        """Let elements grow from curves. fan: triangles over those along a straight line.
+
+        points: of further curves, AN_ELEMENT an element.
+        """
         field = gmsh.model.mesh.field
         distance = field.add("Distance")
         lengths = [gmsh.model.occ.getMass(1, t) for t in tags]
-        self.inverse_square.append(fan * sum(lengths) * self.grading / (size * growth))
+        along = sum(lengths) / size + len(points or []) / AN_ELEMENT
+        self.inverse_square.append(fan * along * self.grading / growth)
         field.setNumbers(distance, "CurvesList", tags)
+        field.setNumbers(distance, "PointsList", points or [])
         # gmsh measures the distance to points along the curves: two an element hide the gaps
         # between them.
-        field.setNumber(distance, "Sampling", np.ceil(2 * max(lengths) / size))
+        field.setNumber(distance, "Sampling", np.ceil(2 * max(lengths, default=0.0) / size))
         self.grow(size, distance, growth)
 
     def grow_from_points(self, size: float, tags: list[int], growth: float) -> None:
@@ -146,13 +161,16 @@ class _Sizes:
         return float(4 / np.sqrt(3) * sum(self.inverse_square))
 
 
-def _grade_rims(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> None:
+def _grade_rims(sizes: _Sizes, model: Model, curves: Curves, wedge: float, unit: float) -> None:
     if curves.holes:
         rim = 2 * np.pi * model.holes.radius * unit / HOLE_SEGMENTS / sizes.grading
         sizes.grow_from_curves(rim, curves.holes, HOLE_GROWTH, AROUND_HOLES)
     free = set(curves.openings)
-    for size, tags in rim_sizes(model, curves.rims, free, unit, SCALE / ELEMENTS_PER_LENGTH):
-        sizes.grow_from_curves(size / sizes.grading, tags, HOLE_GROWTH)
+    for sized in rim_sizes(model, curves.rims, free, unit, SCALE / ELEMENTS_PER_LENGTH):
+        size = sized.size / sizes.grading
+        within = sized.places[beyond_mirrors(sized.places, wedge) < size / unit]
+        points = _points(within * unit)
+        sizes.grow_from_curves(size, sized.curves, HOLE_GROWTH, points=points)
 
 
 def _grade_webs(sizes: _Sizes, model: Model, wedge: float, unit: float) -> None:
@@ -164,12 +182,18 @@ def _grade_webs(sizes: _Sizes, model: Model, wedge: float, unit: float) -> None:
         rim = largest
     for size, places in narrow_webs(model, rim).items():
         within = places[beyond_mirrors(places, wedge) < size]
-        tags = [gmsh.model.occ.addPoint(x, y, 0) for x, y in within * unit]
-        if tags:
-            gmsh.model.occ.synchronize()
-            sizes.grow_from_points(size * unit / sizes.grading, tags, HOLE_GROWTH)
+        if len(within):
+            grown = size * unit / sizes.grading
+            sizes.grow_from_points(grown, _points(within * unit), HOLE_GROWTH)
             # Each place stands for a square of its size
-            sizes.inverse_square.append(len(tags) * sizes.grading**2)
+            sizes.inverse_square.append(len(within) * sizes.grading**2)
+
+
+def _points(places: Array) -> list[int]:
+    """Return gmsh's tags of points (n, 2) that bound nothing, from which sizes grow."""
+    tags = [gmsh.model.occ.addPoint(x, y, 0) for x, y in places]
+    gmsh.model.occ.synchronize()
+    return tags
 
 
 def _grade_edges(sizes: _Sizes, model: Model, curves: Curves, unit: float) -> None:

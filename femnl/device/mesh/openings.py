@@ -1,28 +1,55 @@
 """Element sizes along the rims of openings of any shape."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
 
 import gmsh
 import numpy as np
+from numpy.typing import NDArray
 
 from femnl.core.device import Model
+from femnl.core.outline import Outline
 from femnl.device.geometry.openings import polygon
+
+Array = NDArray[np.float64]
 
 ROUND = ("circle", "ellipse")
 SEGMENTS = 12  # curved edges around a hole or opening
 # The same of rims that are no circles or ellipses: where a line meets an arc the curvature jumps,
 # and the error falls more slowly with the degree, measured at slots
 JUMPS = 24
-STEP = np.sqrt(2)  # sizes within this factor of each other count as one
+STEP = 1.2
+"""Sizes within this factor share one field, of the least of them: gmsh looks at every field at
+every place."""
+FINE = 64
+"""Pieces of a quarter of a circle by which sizes along an ellipse are found; as many times the
+aspect of an ellipse, whose tips turn faster."""
+AWAY = 0.5
+"""Distance between edges and ellipse away from the tips, to the power 1/3, over that which edges of
+the size of the tip would reach. At 1, elements leave masses and α of slender ellipses five times as
+uncertain."""
+AN_ELEMENT = 2
+"""Places an element along an ellipse, which hide the gaps between them."""
+
+
+@dataclass(frozen=True)
+class Sized:
+    """Curves (gmsh's tags) and places (n, 2) [m] that ask for elements of one size [gmsh's]."""
+
+    size: float
+    curves: list[int]
+    places: Array
 
 
 def rim_sizes(
     model: Model, rims: dict[int, int], free: set[int], unit: float, largest: float
-) -> Iterator[tuple[float, list[int]]]:
-    """Yield element sizes along the rims of openings, and the curves that ask so.
+) -> Iterator[Sized]:
+    """Yield element sizes along the rims of openings.
 
-    Free arcs ask for SEGMENTS or JUMPS a full turn of their circle. Rims that are no circles or
-    ellipses ask for JUMPS all around, whatever they are made of.
+    Free arcs ask for SEGMENTS or JUMPS a full turn of their circle of least radius, or for what
+    `along_ellipse` says. Rims that are no circles or ellipses ask for JUMPS all around, whatever
+    they are made of.
 
     Args:
         model: the device.
@@ -31,22 +58,90 @@ def rim_sizes(
         unit: of gmsh's lengths in 1 m.
         largest: element size far from everything, in gmsh's lengths.
     """
-    drawn = {
-        k: polygon(model.openings[k]).exterior.length * unit / JUMPS
-        for k in set(rims.values())
-        if model.openings[k].kind not in ROUND
-    }
-    jumping = [t for t in sorted(free) if rims[t] in drawn]
-    smooth = [t for t in sorted(free) if rims[t] not in drawn]
+    asked: list[tuple[float, list[int], Array]] = []
+    jumping: list[int] = []
+    smooth: list[int] = []
+    elliptical: set[int] = set()
+    around: dict[int, float] = {}
+    for tag, k in rims.items():
+        rim = model.openings[k]
+        if rim.kind not in ROUND:
+            if k not in around:
+                around[k] = polygon(rim).exterior.length * unit / JUMPS
+            if around[k] < largest:
+                asked.append((around[k], [tag], np.empty((0, 2))))
+            if tag in free:
+                jumping.append(tag)
+        elif tag in free and _follows_tips(model, rim):
+            elliptical.add(k)
+        elif tag in free:
+            smooth.append(tag)
     for curved, segments in ((smooth, SEGMENTS), (jumping, JUMPS)):
         for radius, arcs in arcs_by_radius(curved).items():
-            yield 2 * np.pi * radius / segments, arcs
-    around: dict[int, list[int]] = {}
-    for tag, k in rims.items():
-        if k in drawn and drawn[k] < largest:
-            around.setdefault(round(np.log(drawn[k]) / np.log(STEP)), []).append(tag)
-    for power, tags in around.items():
-        yield float(STEP**power), tags
+            asked.append((2 * np.pi * radius / segments, arcs, np.empty((0, 2))))
+    for k in sorted(elliptical):
+        sizes, places = along_ellipse(model.openings[k])
+        octave = np.floor(np.log(sizes) / np.log(STEP))
+        for each in np.unique(octave):
+            alike = octave == each
+            asked.append((float(sizes[alike].min()) * unit, [], places[alike]))
+    yield from _gathered(asked)
+
+
+def _follows_tips(model: Model, rim: Outline) -> bool:
+    """Whether elements may grow along a round rim, away from the tips of an ellipse.
+
+    Not without bending: across the flat sides of a slender ellipse nothing but a tension that
+    falls to zero at the rim holds the film, and elements of every size leave modes that are none.
+    """
+    return model.bending and rim.segments[0].semi_axes is not None
+
+
+def along_ellipse(rim: Outline) -> tuple[Array, Array]:
+    """Return the sizes (n,) [m] of elements along an ellipse, and the places (n, 2) [m] of them.
+
+    At a tip an element is 2π/SEGMENTS of the radius of curvature R = B²/A. An edge of length h is
+    an arc of a circle through its ends and its middle, which leaves the ellipse by
+    |dκ/ds| h³ / 72√3. Away from the tips elements grow so that each edge leaves the ellipse by
+    AWAY³ of what one of the size of the tip would where dκ/ds is largest. They stay below
+    2π/SEGMENTS of the local radius of curvature and of the longer half axis.
+    """
+    frame = rim.segments[0].frame
+    short, long = sorted(np.linalg.norm(frame, axis=0))
+    sizes, from_tip = _quarter(float(short / long))
+    tip = np.argmax(np.linalg.norm(frame, axis=0)) * np.pi / 2
+    angles = np.concatenate([from_tip, np.pi - from_tip, np.pi + from_tip, -from_tip]) + tip
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return long * np.tile(sizes, 4), np.asarray(rim.segments[0].centre) + circle @ frame.T
+
+
+@cache
+def _quarter(ratio: float) -> tuple[Array, Array]:
+    """Sizes (n,) along a quarter of an ellipse of half axes 1 and `ratio`, and eccentric angles.
+
+    The angles [rad] are counted from the tip; AN_ELEMENT of them stand for each element.
+    """
+    angle = np.linspace(0, np.pi / 2, int(np.ceil(FINE / ratio)) + 1)
+    speed = np.sqrt(np.sin(angle) ** 2 + (ratio * np.cos(angle)) ** 2)  # ds/dφ
+    change = 3 * ratio * (1 - ratio**2) * np.sin(angle) * np.cos(angle) / speed**6  # |dκ/ds|
+    local = np.minimum(speed**3 / ratio, 1.0)
+    worst = change.max() / np.maximum(change, 1e-9 * change.max())
+    sizes = 2 * np.pi / SEGMENTS * np.minimum(local, AWAY * ratio**2 * np.cbrt(worst))
+    density = speed / sizes
+    number = np.append(0.0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(angle)))
+    stops = np.linspace(0, number[-1], int(np.ceil(AN_ELEMENT * number[-1])) + 1)
+    return np.interp(stops, number, sizes), np.interp(stops, number, angle)
+
+
+def _gathered(asked: list[tuple[float, list[int], Array]]) -> Iterator[Sized]:
+    """Join what asks for sizes within STEP of each other."""
+    ordered = sorted(asked, key=lambda one: one[0])
+    while ordered:
+        least = ordered[0][0]
+        alike = [one for one in ordered if one[0] <= STEP * least]
+        ordered = ordered[len(alike) :]
+        curves = sorted({tag for _, tags, _ in alike for tag in tags})
+        yield Sized(least, curves, np.concatenate([places for _, _, places in alike]))
 
 
 def arcs_by_radius(tags: list[int]) -> dict[float, list[int]]:

@@ -188,6 +188,13 @@ class Space:
             place = shared[dofs]
         return place
 
+    @property
+    def arc_nodes(self) -> Array:
+        """Nodes (n, 2) [m] between the ends of the curved edges where a film ends."""
+        _, start, end, sagitta, arcs = self._boundary
+        places = np.arange(1, ARC_DEGREE) / ARC_DEGREE
+        return _along_arcs(start[arcs], end[arcs], sagitta[arcs], places).reshape(-1, 2)
+
     @cached_property
     def least_determinant(self) -> Array:
         """Return the smallest |det ∂x/∂X| [m²] of each triangle's map, (e,).
