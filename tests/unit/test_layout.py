@@ -167,6 +167,26 @@ def test_an_ellipse_keeps_axes_and_angle(tmp_path: Path) -> None:
     assert float(group["angle"].split()[0]) == pytest.approx(30, abs=1e-3)
 
 
+@pytest.mark.parametrize(("a", "b", "turn"), [(2.5, 1.0, 30), (5.0, 0.5, 45), (40.0, 2.0, 20)])
+@pytest.mark.parametrize("place", [(0.0, 0.0), (-3.717, 1.204)])
+def test_a_slender_ellipse_rounded_to_the_grid_is_one(
+    a: float, b: float, turn: float, place: tuple[float, float]
+) -> None:
+    drawn = gdstk.ellipse(place, (a, b), tolerance=1e-3).rotate(np.radians(turn), place)
+    loop, counts = recognise(np.round(np.asarray(drawn.points) * 1e3) * 1e-9, 1e-9)
+    assert counts["ellipses"] == 1
+    assert loop[0].semi_axes == pytest.approx((a * 1e-6, b * 1e-6), abs=0.75e-9)
+    assert loop[0].centre == pytest.approx(np.array(place) * 1e-6, abs=0.75e-9)
+    assert np.degrees(loop[0].angle) == pytest.approx(turn, abs=0.05)
+
+
+def test_a_rounded_square_is_no_ellipse() -> None:
+    drawn = box(20, 20).fillet(8, tolerance=1e-3)
+    loop, counts = recognise(np.round(np.asarray(drawn.points) * 1e3) * 1e-9, 1e-9)
+    assert counts["ellipses"] == 0
+    assert len(loop) == 8
+
+
 def test_like_holes_become_one_array(tmp_path: Path) -> None:
     holes = [box(4, 2, (20 * i, 10 * j), layer=2) for i in range(3) for j in range(4)]
     path = write(tmp_path / "a.gds", box(200, 200, (20, 15)), *holes)

@@ -20,7 +20,10 @@ FEWEST = 4
 ROUNDING = 0.75
 """Steps of the grid by which a corner may lie off its curve: rounding x and y takes 0.71."""
 FITTED = 1.1
-"""Steps of the grid by which corners may lie off the circle of least squares, led by chance."""
+"""Steps of the grid by which corners may lie off the circle or ellipse of least squares, which
+chance leads astray."""
+LED_ASTRAY = 10.0
+"""Tolerances up to which corners may lie off the algebraic fit of their ellipse."""
 MOVED = 50.0
 """Steps of the grid by which a radius may move for a round number: a short arc hardly fixes it."""
 CENTRING = 4
@@ -80,7 +83,7 @@ def _whole_curve(points: Array, tolerance: float, grid: float) -> tuple[Loop, Co
     if circle is not None and chords.max() <= WIDEST * circle.radius + 2 * tolerance:
         centre = (float(circle.centre[0]), float(circle.centre[1]))
         return ellipse(centre, (circle.radius, circle.radius)), Counter(circles=1)
-    return _whole_ellipse(points, tolerance)
+    return _whole_ellipse(points, FITTED * grid)
 
 
 def _whole_ellipse(points: Array, tolerance: float) -> tuple[Loop, Counter[str]] | None:
@@ -97,18 +100,48 @@ def _whole_ellipse(points: Array, tolerance: float) -> tuple[Loop, Counter[str]]
     level = 1 - (d * centre[0] + e * centre[1]) / 2
     values, vectors = np.linalg.eigh(np.array([[a, b / 2], [b / 2, c]]) / level)
     axes = scale / np.sqrt(values)  # the longer one first
-    angle = float(np.arctan2(vectors[1, 0], vectors[0, 0]) % np.pi)
-    away = (points - middle - scale * centre) @ vectors / axes
-    size = np.hypot(*away.T)
-    # A point at radius r of the unit circle's image is (r − 1)/|∇r| off the ellipse
-    off = np.abs(size - 1) / np.hypot(*(away / axes).T) * size
-    parts = np.arctan2(away[:, 1], away[:, 0])
-    widest = np.abs(np.diff(np.unwrap(np.append(parts, parts[0])))).max()
-    if off.max() > tolerance or widest > WIDEST:
+    angle = float(np.arctan2(vectors[1, 0], vectors[0, 0]))
+    start = np.array([*(middle + scale * centre), *axes, angle])
+    if np.abs(_off_ellipse(start, points)[0]).max() > LED_ASTRAY * tolerance:
         return None
-    where = middle + scale * centre
-    semi_axes = (float(axes[0]), float(axes[1]))
-    return ellipse((float(where[0]), float(where[1])), semi_axes, angle), Counter(ellipses=1)
+    best = _nearest_ellipse(start, points, scale)
+    off, parts = _off_ellipse(best, points)
+    widest = np.abs(np.diff(np.unwrap(np.append(parts, parts[0])))).max()
+    if np.abs(off).max() > tolerance or widest > WIDEST:
+        return None
+    x0, y0, longer, shorter, angle = (float(value) for value in best)
+    return ellipse((x0, y0), (longer, shorter), angle % np.pi), Counter(ellipses=1)
+
+
+def _nearest_ellipse(start: Array, points: Array, scale: float) -> Array:
+    """Return centre, half axes and angle (5,) of the ellipse from which points lie off least.
+
+    Of the algebraic fit `start`, points at the tips of slender ellipses have little weight: the
+    distances themselves are made least (Gauss–Newton).
+    """
+    unit = np.array([scale, scale, scale, scale, 1.0])
+    best = start
+    for _ in range(CENTRING):
+        off, _ = _off_ellipse(best, points)
+        slopes = [
+            (_off_ellipse(best + step, points)[0] - off) / 1e-6 for step in np.diag(1e-6 * unit)
+        ]
+        best = best - unit * np.linalg.lstsq(np.stack(slopes, axis=1), off, rcond=None)[0]
+    return best
+
+
+def _off_ellipse(ellipse: Array, points: Array) -> tuple[Array, Array]:
+    """How far points (n, 2) lie off an ellipse, with sign, and their eccentric angles [rad].
+
+    A point at radius r of the unit circle's image is (r − 1)/|∇r| off the ellipse.
+    """
+    x, y, longer, shorter, angle = ellipse
+    axes = np.array([longer, shorter])
+    along = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    away = (points - [x, y]) @ along / axes
+    size = np.hypot(*away.T)
+    off = (size - 1) / np.hypot(*(away / axes).T) * size
+    return off, np.arctan2(away[:, 1], away[:, 0])
 
 
 @dataclass(frozen=True)
