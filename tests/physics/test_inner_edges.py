@@ -15,7 +15,11 @@ from scipy.special import iv, jv, mathieu_modcem1, mathieu_modsem1, yv
 from femnl.core.device import Model
 from femnl.device import geometry
 from femnl.device.mesh import mesh
+from femnl.mechanics.modes import solve_modes as modes_of_degree
+from femnl.mechanics.nonlinearity import solve_nonlinearity as solve_nonlinearity_of
+from femnl.mechanics.prestress import solve_prestress
 from femnl.pipeline import solve_modes, solve_nonlinearity
+from tests.physics.error_battery import stiff
 
 Array = NDArray[np.float64]
 
@@ -174,6 +178,27 @@ def test_an_ellipse_rings_within_its_error_bars(ratio: float, degree: int) -> No
     error = np.abs(modes.frequency - ellipse(ratio))
     assert np.all(error <= modes.frequency_error)
     assert np.all(error < 1e-7 * modes.frequency)
+
+
+@pytest.mark.parametrize("aspect", [2, 5, 10])
+def test_bars_hold_around_slender_openings(aspect: int) -> None:
+    hole = f'semi_axes = ["0.15 m", "{0.15 / aspect:.6g} m"]\nangle = "20 deg"'
+    centre = MIDDLE.replace('["0 m", "0 m"]', '["0.03 m", "0.05 m"]')
+    model = stiff(film('kind = "square"\nside = "1 m"', f"{centre}{hole}"), 0.01)
+    modes = solve_modes(model, 2, cache=False)
+    duffing = solve_nonlinearity(modes, cache=False)
+    # By elements of a higher degree, on a finer mesh of its own
+    finer = modes_of_degree(solve_prestress(mesh(model, resolution=1.5, degree=5), 5), 2, 5)
+    known = solve_nonlinearity_of(finer, "clamped")
+    pairs = [
+        (modes.frequency, modes.frequency_error, finer.frequency),
+        (modes.effective_mass, modes.effective_mass_error, finer.effective_mass),
+        (duffing.alpha, duffing.alpha_error, known.alpha),
+    ]
+    for value, bar, reference in pairs:
+        assert np.all(np.abs(value - reference) <= bar)
+    assert np.all(modes.frequency_error < 2e-4 * modes.frequency)
+    assert np.all(duffing.alpha_error < 2e-3 * duffing.alpha)
 
 
 @pytest.mark.parametrize("poisson", [0.23, 0.3])

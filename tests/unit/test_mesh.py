@@ -17,7 +17,8 @@ from femnl.core.device import Film, Model
 from femnl.core.errors import GeometryError, ParameterError
 from femnl.core.mechanics import Domain
 from femnl.core.outline import Holes, Outline, Segment
-from femnl.device.geometry import parse
+from femnl.device.geometry import curves, parse
+from femnl.device.geometry.shapes import ellipse
 from femnl.device.mesh import has_symmetry, mesh
 from femnl.device.mesh.collect import check_unfolded
 from femnl.device.mesh.grading import bending_length
@@ -232,6 +233,73 @@ def test_the_mesher_is_closed_after_a_mesh_and_after_a_failure(device: Device) -
     with pytest.raises(GeometryError, match="encloses no film"):
         mesh(replace(device(SQUARE), outline=Outline("polygon", crossed, None, 1e-6)), "full")
     assert not gmsh.isInitialized()
+
+
+def slender(device: Device, aspect: float, angle: float = 0.0, bending: bool = True) -> Model:
+    """A square with one elliptical opening."""
+    hole = (
+        'lattice = "list"\ncentres = [["0.3 um", "0.5 um"]]\n'
+        f'semi_axes = ["1.5 um", "{1.5 / aspect:.6g} um"]\nangle = "{angle} deg"\n'
+    )
+    return replace(device(SQUARE, hole), bending=bending)
+
+
+@pytest.mark.parametrize("aspect", [1.3, 2.0, 5.0, 10.0])
+def test_edges_along_an_ellipse_leave_it_by_little_anywhere(device: Device, aspect: float) -> None:
+    domain = mesh(slender(device, aspect, 20.0), "full")
+    rim = Space(domain.mesh, 4).arc_nodes
+    (opening,) = domain.model.openings
+    gaps = curves.distance(opening, rim) / (1.5e-6 / aspect)
+    assert domain.misfit == pytest.approx(gaps.max(), rel=0.02)
+    # Edges of the tip's size all around leave 3e-4 of aspects 1.3 and 2
+    assert gaps.max() < 1.5e-4
+
+
+def test_slender_ellipses_take_few_elements_but_without_bending(device: Device) -> None:
+    elements = {
+        (aspect, bending): mesh(slender(device, aspect, 20.0, bending), "full").mesh.nelements
+        for aspect in (2.0, 10.0)
+        for bending in (True, False)
+    }
+    assert elements[10.0, True] - elements[2.0, True] < 800
+    assert elements[10.0, False] - elements[2.0, False] > 2000
+
+
+@pytest.mark.parametrize("angle", [0.0, 40.0])
+def test_first_order_distances_from_an_ellipse(angle: float) -> None:
+    whole = Outline("ellipse", ellipse((1.0, -2.0), (3.0, 0.5), angle), None, 6.0)
+    arc = whole.segments[0]
+    points = curves.point_at(arc, np.linspace(0.05, 0.95, 9)) + np.array([1e-5, 2e-5])
+    alone = Outline("arc", (arc,), None, 6.0)
+    assert curves.gaps_from_ellipse(arc, points) == pytest.approx(
+        curves.distance(alone, points), rel=1e-3
+    )
+    beyond = curves.point_at(whole.segments[2], 0.5)[None]
+    assert np.isinf(curves.gaps_from_ellipse(arc, beyond)).all()
+
+
+def test_openings_of_a_whole_film_are_meshed_as_those_of_its_half() -> None:
+    holes = (
+        '[[holes]]\nlattice = "square"\npitch = "3 um"\ncount = [2, 1]\nradius = "0.5 um"\n'
+        '[[holes]]\nlattice = "list"\ncentres = [["0 um", "0 um"]]\nclamped = true\n'
+        'radius = "0.4 um"\n'
+        '[[holes]]\nlattice = "list"\ncentres = [["3.2 um", "0 um"]]\n'
+        'shape = {kind = "square", side = "1 um", fillet = "0.2 um"}\n'
+    )
+    text = f'name = "mixed"\nsource = "a test"\n[outline]\n{SQUARE}\n{holes}[film]\n{THIN}\n'
+    found = {word: mesh(parse(text), word) for word in ("full", "half")}
+    assert area(found["full"]) == pytest.approx(area(found["half"]), rel=1e-6)
+    # Of two circles and a rounded square, and of the outline and a post; chords are shorter
+    known = {
+        "free": 2 * np.pi * 2 * 0.5e-6 + 4 * 0.6e-6 + 2 * np.pi * 0.2e-6,
+        "clamped": 40e-6 + 2 * np.pi * 0.4e-6,
+    }
+    for word, copies in (("full", 1), ("half", 2)):
+        grid = found[word].mesh
+        for name, length in known.items():
+            ends = grid.p[:, grid.facets[:, grid.boundaries[name]]]
+            drawn = copies * np.hypot(*(ends[:, 0] - ends[:, 1])).sum()
+            assert drawn == pytest.approx(length, rel=0.02), (word, name)
 
 
 def test_curved_triangles_that_fold_over_are_refused(device: Device) -> None:

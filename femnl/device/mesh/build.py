@@ -307,8 +307,8 @@ def _classify(model: Model, rims: dict[int, int], wedge: float, unit: float) -> 
             np.abs(holes.query(where)[0] - model.holes.radius * unit) < TOLERANCE
         ):
             curves.holes.append(tag)
-        elif (index := _opening(model, boxes, where, unit)) is not None:
-            curves.add_to_rim(tag, index, model)
+        elif (found := _opening(model, boxes, where, unit)) is not None:
+            curves.add_to_rim(tag, found, model)
         else:
             number = _segment(outline, sides, where / unit)
             curves.segment[tag] = number

@@ -142,7 +142,8 @@ def misfit(model: Model, result: MeshTri2) -> float:
     found = 0.0
     for segment in ellipses:
         short, long = sorted(segment.semi_axes or (1.0, 1.0))
-        beside = nodes_by_place.query_ball_point(segment.centre, (1 + NEAR) * long)
+        centre = np.asarray(segment.centre)
+        beside = nodes_by_place.query_ball_point(centre, (1 + NEAR) * long)
         gaps = curves.gaps_from_ellipse(segment, rim[beside]) / short
         found = max(found, float(np.max(gaps, where=gaps < NEAR, initial=0.0)))
     return found
