@@ -10,11 +10,43 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from femnl.core.device import Model
 from femnl.core.errors import ParameterError
 from femnl.core.memory import limits_of_groups, need_memory
-from femnl.device.geometry import load
+from femnl.device.geometry import load, parse
 from femnl.device.mesh import build
 from femnl.pipeline import solve_modes
+
+
+@pytest.fixture
+def mixed() -> Model:
+    """A square with 36 slots, rounded squares and ellipses, as a layout mixes them."""
+    shapes = (
+        'shape = {kind = "rectangle", width = "6 um", height = "1.5 um", fillet = "0.75 um"}',
+        'shape = {kind = "square", side = "3 um", fillet = "0.8 um"}',
+        'semi_axes = ["3 um", "1 um"]',
+    )
+    groups = ""
+    for k, shape in enumerate(shapes):
+        places = ", ".join(
+            f'["{10 * column - 25 + row / 10:.1f} um", "{10 * row - 25} um"]'
+            for row in range(6)
+            for column in range(6)
+            if (row + column) % 3 == k
+        )
+        groups += f'[[holes]]\nlattice = "list"\ncentres = [{places}]\n{shape}\n'
+    film = load("square-270um").text.partition("[film]")[2].partition("[")[0]
+    outline = '[outline]\nkind = "square"\nside = "60 um"\n'
+    return parse(f'name = "mixed"\nsource = "a test"\n{outline}{groups}[film]{film}')
+
+
+def test_the_triangles_of_mixed_openings_are_foreseen(
+    mixed: Model, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO, "femnl.progress"):
+        made = build.mesh(mixed).mesh.nelements
+    (foreseen,) = re.findall(r": about (\S+) triangles", caplog.text)
+    assert 0.8 < float(foreseen) / made < 1.4
 
 
 @pytest.mark.parametrize(

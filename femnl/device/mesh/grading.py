@@ -37,6 +37,7 @@ ARC_SEGMENTS = 64  # curved edges per full turn of an outline arc
 ELEMENTS_PER_LENGTH = 12  # elements across the outline far from every feature
 # Times the triangles along a straight line as long, measured: the film widens away from a hole
 AROUND_HOLES = 3
+AROUND_OPENINGS = 2.2  # the same of mixed shapes
 BESIDE_LAYERS = 12  # elements along the length of a layer, at its rim
 LAYER_SIZE = 1.5  # element size at clamped edges in units of the bending length ℓ = √(D/σh)
 
@@ -170,7 +171,7 @@ def _grade_rims(sizes: _Sizes, model: Model, curves: Curves, wedge: float, unit:
         size = sized.size / sizes.grading
         within = sized.places[beyond_mirrors(sized.places, wedge) < size / unit]
         points = _points(within * unit)
-        sizes.grow_from_curves(size, sized.curves, HOLE_GROWTH, points=points)
+        sizes.grow_from_curves(size, sized.curves, HOLE_GROWTH, AROUND_OPENINGS, points)
 
 
 def _grade_webs(sizes: _Sizes, model: Model, wedge: float, unit: float) -> None:
