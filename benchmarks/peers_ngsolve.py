@@ -37,21 +37,8 @@ def solve(model: Model, count: int) -> list[float]:
     size, grading, order = PLATE if model.bending else MEMBRANE
     mesh = ng.Mesh(_geometry(model).GenerateMesh(maxh=size, grading=grading))
     mesh.Curve(order)
-    young = film.young / film.stress / (1 - film.poisson**2)
     nu = film.poisson
-
-    def stress(strain: Any) -> Any:
-        return young * ((1 - nu) * strain + nu * ng.Trace(strain) * ng.Id(2))
-
-    plane = ng.VectorH1(mesh, order=order, dirichletx="edge|mirror_x", dirichlety="edge|mirror_y")
-    u, v = plane.TnT()
-    stiffness = ng.BilinearForm(
-        ng.InnerProduct(stress(ng.Sym(ng.Grad(u))), ng.Sym(ng.Grad(v))) * ng.dx, symmetric=True
-    ).Assemble()
-    load = ng.LinearForm(-ng.Trace(ng.Grad(v)) * ng.dx).Assemble()
-    moved = ng.GridFunction(plane)
-    moved.vec.data = stiffness.mat.Inverse(plane.FreeDofs(), inverse="sparsecholesky") * load.vec
-    tension = ng.Id(2) + stress(ng.Sym(ng.Grad(moved)))
+    tension = relaxed_tension(mesh, model, order, "edge|mirror_x", "edge|mirror_y")
 
     squares: list[float] = []
     for odd_x, odd_y in product((False, True), repeat=2):
@@ -61,15 +48,44 @@ def solve(model: Model, count: int) -> list[float]:
         w, z = space.TnT()
         mass = ng.BilinearForm(w * z * ng.dx, symmetric=True).Assemble()
         if model.bending:
-            rigidity = film.young * film.thickness**2 / 12 / (1 - nu**2) / film.stress * UNIT**2
-            inverse = _plate(space, tension, rigidity, nu, still)
+            inverse = plate(space, tension, rigidity(model), nu, still)
         else:
             form = ng.BilinearForm(
                 ng.InnerProduct(tension * ng.grad(w), ng.grad(z)) * ng.dx, symmetric=True
             ).Assemble()
             inverse = form.mat.Inverse(space.FreeDofs(), inverse="sparsecholesky")
-        squares += _lowest(inverse, mass.mat, space.FreeDofs(), count // 2)
+        squares += lowest(inverse, mass.mat, space.FreeDofs(), count // 2)
     return [float(r) for r in np.sqrt(np.sort(squares)[:count] / np.min(squares))]
+
+
+def relaxed_tension(mesh: Any, model: Model, order: int, held_x: str, held_y: str) -> Any:
+    """The tension over σ₀ after release.
+
+    held_x, held_y: names of the edges on which the displacement along x and along y is zero.
+    """
+    ng = import_module("ngsolve")
+    film = model.film
+    nu = film.poisson
+    young = film.young / film.stress / (1 - nu**2)
+
+    def stress(strain: Any) -> Any:
+        return young * ((1 - nu) * strain + nu * ng.Trace(strain) * ng.Id(2))
+
+    plane = ng.VectorH1(mesh, order=order, dirichletx=held_x, dirichlety=held_y)
+    u, v = plane.TnT()
+    stiffness = ng.BilinearForm(
+        ng.InnerProduct(stress(ng.Sym(ng.Grad(u))), ng.Sym(ng.Grad(v))) * ng.dx, symmetric=True
+    ).Assemble()
+    load = ng.LinearForm(-ng.Trace(ng.Grad(v)) * ng.dx).Assemble()
+    moved = ng.GridFunction(plane)
+    moved.vec.data = stiffness.mat.Inverse(plane.FreeDofs(), inverse="sparsecholesky") * load.vec
+    return ng.Id(2) + stress(ng.Sym(ng.Grad(moved)))
+
+
+def rigidity(model: Model) -> float:
+    """D/(σ₀h) [µm²]."""
+    film = model.film
+    return film.young * film.thickness**2 / 12 / (1 - film.poisson**2) / film.stress * UNIT**2
 
 
 def _geometry(model: Model) -> Any:
@@ -87,7 +103,7 @@ def _geometry(model: Model) -> Any:
     return geometry
 
 
-def _plate(space: Any, tension: Any, rigidity: float, nu: float, still: str) -> Any:
+def plate(space: Any, tension: Any, rigidity: float, nu: float, still: str) -> Any:
     """The inverse of tension and bending.
 
     Deflections come first among its unknowns, then moments and slopes, which are zero on `still`.
@@ -121,7 +137,8 @@ def _plate(space: Any, tension: Any, rigidity: float, nu: float, still: str) -> 
     ) + form.inner_solve
 
 
-def _lowest(inverse: Any, mass: Any, free_dofs: Any, count: int) -> list[float]:
+def lowest(inverse: Any, mass: Any, free_dofs: Any, count: int) -> list[float]:
+    """Return the least eigenvalues, as many as asked."""
     free = np.flatnonzero(np.array(list(free_dofs), dtype=bool))
     right = inverse.CreateColVector()
     left = inverse.CreateColVector()
