@@ -17,6 +17,8 @@ FEWEST = 4
 DESIGN_GAP = 0.02
 """Gap of the logarithm of frequency between two designs, where a file states no designs: films of
 one chip differ by less from edge to edge, designs mostly by more."""
+FARTHEST = {"m": 1.0, "steps": 1e4}
+"""Places beyond these, by their unit, are taken for a mistake: wafers are smaller."""
 MOST = 2000
 """More devices than this are taken for a mistake; memory grows with their number."""
 
@@ -50,12 +52,26 @@ def read_chip(path: Path) -> Chip:
             "check table.chip, or add [[device]] tables"
         )
     members = [readings.member(name) for name, readings in found.items()]
+    _need_places_on_a_wafer(path, members, unit)
     members = _with_designs(path, members, notes)
     geometries = {name: _beside(path, d.geometry) for name, d in study.design.items()}
     missing = sorted(set(geometries) - {m.design for m in members})
     if missing:
         raise ParameterError(f"{path}: design.{missing[0]}: no device is of this design")
     return Chip(study.name, tuple(members), geometries, tuple(notes), unit)
+
+
+def _need_places_on_a_wafer(path: Path, members: list[Member], unit: str) -> None:
+    farthest = FARTHEST[unit]
+    for member in members:
+        if any(abs(step) > farthest for step in member.place):
+            raise ParameterError(
+                one_line(
+                    f"{path}: device {member.name[:40]}: position: "
+                    f"{max(member.place, key=abs):g} {unit} is farther out than {farthest:g} "
+                    f"{unit}; check its unit"
+                )
+            )
 
 
 def _beside(path: Path, geometry: str) -> str:

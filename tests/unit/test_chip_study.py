@@ -127,6 +127,7 @@ def test_the_command_writes_a_page_numbers_and_a_table(
         (STUDY + "\n[design.a]\ngeometry = 'circle'", None, "no device is of this design"),
         ("name = 'x'\nname = 'y'", None, "is no TOML"),
         (STUDY + "\n[[device]]\nname = '11'\nposition = ['1 s', '2 m']", None, "position"),
+        (STUDY.replace("2 mm", "2 km"), None, "is farther out than 1 m"),
         ("name = 'x'", None, "has no devices; add [table] or [[device]]"),
         (STUDY + 2 * device(), None, "two [[device]] tables have the name '51'"),
         (STUDY + device("nan"), None, "device.0.modes.0.frequency: nan is no finite number"),
