@@ -214,16 +214,23 @@ class _Searching:
             # Cut short once, so that this one begins with the noise that it showed
             found = search(model, library, mine.run, self.checkpoint)
             return better(found, again), mine.run
-        return search(model, library, mine.run, self.checkpoint, self._differs), mine.run
+        return search(model, library, mine.run, self.checkpoint, self._other), mine.run
 
-    def _differs(self, best: Candidate) -> bool:
-        """Whether what causes leave shows other noise than the model has.
+    def _other(self, best: Candidate) -> float | None:
+        """Return the noise that causes leave over that of the model, None where it is the same.
 
-        It is never so where neighbours cannot tell the noise: there more causes may take up what
-        looks like noise.
+        It is never another where neighbours cannot tell the noise: there more causes may take up
+        what looks like noise. Of several measurements, no one factor says how it differs: 1.
         """
-        tells = best.result.model.base_model.tells_noise
-        return tells and last_noise(best, self.noise) != self.noise
+        if not best.result.model.base_model.tells_noise:
+            return None
+        left = last_noise(best, self.noise)
+        if left == self.noise:
+            return None
+        if len(left) > 1:
+            return 1.0
+        ((name, found),) = left.items()
+        return found.factor / self.noise.get(name, FoundNoise()).factor
 
 
 def pose(

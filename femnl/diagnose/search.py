@@ -39,7 +39,7 @@ def search(
     library: list[Effect],
     run: Run = in_turn,
     checkpoint: Checkpoint | None = None,
-    noise_differs: Callable[[Candidate], bool] = lambda best: False,
+    other_noise: Callable[[Candidate], float | None] = lambda best: None,
 ) -> list[Candidate]:
     """Return the base model first, then every set of causes that was fitted.
 
@@ -47,9 +47,10 @@ def search(
     them explains the data beyond doubt.
 
     Args: base_model, library: the data and the effects that may act on them. run: does jobs that do
-    not wait for each other. checkpoint: keeps every fit. noise_differs: whether what a fit leaves
-    shows other noise than the model has; where one cause takes up most of the deviation and its
-    remainder does, larger sets would only describe that noise, and the search ends.
+    not wait for each other. checkpoint: keeps every fit. other_noise: the noise that
+    a fit's remainder shows, over that of the model, None where it is the same; where one cause
+    takes up most of the deviation and its remainder shows other noise, larger sets would only
+    describe that noise, and the search ends.
     """
     PROGRESS.info("%s: fitting the base model", base_model.kind)
     first = fit(ExtendedModel(base_model), base_model.start, checkpoint=checkpoint)
@@ -68,7 +69,7 @@ def search(
         if size < PAIR or not _takes_up_nearly_all(grown, base):
             grown = _kept(grown, _sought_anew(grown, found, size, library, run), library, run)
         found += grown.values()
-        if size == 0 and _leaves_other_noise(grown, base, noise_differs):
+        if size == 0 and _leaves_other_noise(grown, base, other_noise):
             break
         if _settled(grown) or (size >= PAIR and _takes_up_nearly_all(grown, base)):
             break
@@ -171,14 +172,22 @@ def _falls_short(candidate: Candidate, base: Candidate) -> bool:
 
 
 def _leaves_other_noise(
-    grown: dict[Names, Candidate], base: Candidate, noise_differs: Callable[[Candidate], bool]
+    grown: dict[Names, Candidate],
+    base: Candidate,
+    other_noise: Callable[[Candidate], float | None],
 ) -> bool:
-    """Whether the best cause takes up most of the deviation, and leaves noise not yet known."""
+    """Whether the best cause takes up most of the deviation, and leaves noise not yet known.
+
+    The deviation counts beyond the noise that is left: beside one that is stated too small, a weak
+    cause takes up little of χ².
+    """
     if not grown:
         return False
     best = min(grown.values(), key=lambda c: c.result.chi2)
-    mostly = _excess(best) < THRESHOLDS.mostly_explained * _excess(base)
-    return mostly and noise_differs(best)
+    factor = other_noise(best)
+    if factor is None:
+        return False
+    return _excess(best, factor) < THRESHOLDS.mostly_explained * _excess(base, factor)
 
 
 def _takes_up_nearly_all(grown: dict[Names, Candidate], base: Candidate) -> bool:
@@ -274,8 +283,9 @@ def _kept(
     return grown | plain | {c.names: c for c in _looked_at(worth, library, run)}
 
 
-def _excess(candidate: Candidate) -> float:
-    return max(candidate.result.chi2 - candidate.result.degrees, 0.0)
+def _excess(candidate: Candidate, factor: float = 1.0) -> float:
+    """Return χ² beyond the degrees of freedom, under noise larger by a factor."""
+    return max(candidate.result.chi2 / factor**2 - candidate.result.degrees, 0.0)
 
 
 def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitResult | None]]:

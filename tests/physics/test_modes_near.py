@@ -81,6 +81,8 @@ def test_they_are_the_same_as_among_all_modes() -> None:
 def test_a_target_on_a_mode_and_one_below_zero_are_refused_in_one_line() -> None:
     with pytest.raises(ParameterError, match="expected a target above 0"):
         solve_modes_near(parse(SQUARE), -1.0, 2, cache=False)
+    with pytest.raises(ParameterError, match="no mesh follows"):
+        solve_modes_near(parse(SQUARE), 1e300, 2, cache=False)
     with pytest.raises(ParameterError, match="expected at least one mode"):
         solve_modes_near(parse(SQUARE), 1e6, 0, cache=False)
 

@@ -426,3 +426,19 @@ def test_a_slow_valley_near_the_data_is_followed_as_long_as_a_fit_may_go_on() ->
     found = fit(model, np.array([0.0, -3.0, 9.0]))
     # 35.2 after 100 evaluations; a fit that gave up in the flat part would leave 38.6
     assert found.chi2 < 36
+
+
+def test_a_weak_cause_in_noise_that_is_larger_than_stated_ends_the_search() -> None:
+    """It takes up 4 % of χ² beyond stated noise, and all of it beyond the noise that it leaves."""
+    place = np.linspace(-1, 1, 4000)
+    noise = 1.4 * np.random.default_rng(3).standard_normal(place.size)
+    data = 3 + 0.4 * np.sin(7 * place) + noise
+    sine, wave = (
+        effect(name, partial(np.multiply, shape))
+        for name, shape in (("sine", np.sin(7 * place)), ("wave", np.cos(11 * place)))
+    )
+    base_model = Level(data, np.repeat(np.arange(4), 1000), 100.0)
+    known = search(base_model, [sine, wave], other_noise=lambda best: 1.4)
+    assert [candidate.names for candidate in known] == [(), ("sine",), ("wave",)]
+    unknown = search(base_model, [sine, wave], other_noise=lambda best: 1.0)
+    assert ("sine", "wave") in [candidate.names for candidate in unknown]

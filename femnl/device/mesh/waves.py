@@ -3,8 +3,10 @@
 import numpy as np
 
 from femnl.core.device import Model
+from femnl.core.errors import ParameterError
 from femnl.core.outline import Segment
 from femnl.device.geometry import curves
+from femnl.device.geometry.validity import FINEST
 
 ELEMENTS = 3.5
 """Elements of degree 4 a wavelength: 200 modes of a square are then right to 1e-6, and degrees 3
@@ -42,8 +44,15 @@ def wave_at(model: Model, frequency: float) -> float:
     """Return the wavelength √(σ/ρ)/f [m] in the film before release.
 
     Bending makes waves longer.
+    Raises: ParameterError where no mesh follows them.
     """
-    return float(np.sqrt(model.film.stress / model.film.density) / frequency)
+    wave = float(np.sqrt(model.film.stress / model.film.density) / frequency)
+    if wave < FINEST * model.outline.length:
+        raise ParameterError(
+            f"frequency = {frequency:g} Hz: its waves are shorter than {FINEST:g} of the film's "
+            "length, which no mesh follows; give a lower one"
+        )
+    return wave
 
 
 def _length(segment: Segment) -> float:
