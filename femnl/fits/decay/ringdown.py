@@ -28,6 +28,8 @@ UNITS = {
 CLOSE = 1e-10
 # The weights of squared magnitudes depend on the decay: so often they are set anew.
 ROUNDS = 5
+FEWEST = 16
+"""Samples below which nothing is fitted."""
 
 
 def fit_ringdown(
@@ -77,13 +79,17 @@ def fit_ringdown(
         raise ParameterError(f"kind = {kind!r}: give one of {', '.join(get_args(Signal))}")
     t = np.asarray(time, dtype=float)
     v = np.asarray(signal)
-    if t.shape != v.shape or t.ndim != 1 or np.count_nonzero(np.isfinite(v)) < 16:
+    alike = t.shape == v.shape and t.ndim == 1
+    good = np.isfinite(t) & np.isfinite(v) if alike else np.zeros(0, dtype=bool)
+    if np.count_nonzero(good) < FEWEST:
         raise MeasurementError(
-            f"time {t.shape} and signal {v.shape}: a ring-down needs both, of at least 16 samples"
+            f"time {t.shape} and signal {v.shape}: a ring-down needs both, of at least {FEWEST} "
+            "samples"
         )
-    good = np.isfinite(t) & np.isfinite(v)
     t = t[good] - t[good][0]
     v = v[good]
+    if np.all(v == v[0]):
+        raise MeasurementError(f"signal: is {abs(v[0]):.3g} V throughout; a ring-down decays")
     decay = Decay(t, v, kind, strongest(t, v) if kind == "voltage" else frequency or 0.0, nonlinear)
     held = _held(decay, fixed)
     values = held.put(decay.start())
