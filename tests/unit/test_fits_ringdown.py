@@ -144,7 +144,7 @@ def test_records_without_a_decay_are_refused_in_one_line() -> None:
         fit_ringdown(time**2, np.cos(600 * time))
     with pytest.raises(MeasurementError, match="at least 16 samples"):
         fit_ringdown(time[:5], time[:5])
-    with pytest.raises(MeasurementError, match="is 0.5 V throughout"):
+    with pytest.raises(MeasurementError, match=r"is 0\.5 V throughout"):
         fit_ringdown(time, np.full(1000, 0.5))
     unknown: Any = "power"
     with pytest.raises(ParameterError, match="kind = 'power'"):
