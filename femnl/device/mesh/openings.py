@@ -18,7 +18,7 @@ ROUND = ("circle", "ellipse")
 SEGMENTS = 12  # curved edges around a hole or opening
 # The same of rims that are no circles or ellipses: where a line meets an arc the curvature jumps,
 # and the error falls more slowly with the degree, measured at slots
-JUMPS = 24
+JUMPS = 28
 STEP = 1.2
 """Sizes within this factor share one field, of the least of them: gmsh looks at every field at
 every place."""
