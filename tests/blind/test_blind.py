@@ -22,7 +22,9 @@ HIDDEN = [
     # At δ = ℓ the strength of the effect grows without moving the edge: a fit that begins below
     # gets caught there.
     Case("spectrum", ("compliant_clamp",), 3885969729),
-    Case("holes", ("shear_stress",), 2, PERFORATED, (20.0, 60.0)),
+    pytest.param(
+        Case("holes", ("shear_stress",), 2, PERFORATED, (20.0, 60.0)), marks=pytest.mark.slow
+    ),
     # two modes without names are measured in the wrong order
     Case("holes", ("frequency_drift",), 525420673, PERFORATED),
     Case("response", ("nonlinear_damping",), 381253685),  # a sweep jumps just behind a point
