@@ -108,9 +108,12 @@ def _one(
     as_json: bool,
 ) -> None:
     """Diagnose one measurement file, and write its report."""
+    from femnl.io.measurement import need_room
     from femnl.io.measurement.head import need_version
 
-    need_version(file)  # before the fits load
+    # Both before the fits load
+    need_version(file)
+    need_room(file, "diagnose", workers or 1)
     from femnl.diagnose import diagnose, record, write
     from femnl.effects import known
     from femnl.report.diagnosis import write_diagnosis
