@@ -405,3 +405,12 @@ def test_shared_multilayer_map_needs_the_stack_and_gives_its_gap() -> None:
         < 3 * found.fit.parameters["amplitude"].sd
     )
     assert found.fit.chi2_reduced < 1.02 < 10 < fit_map(data, square()).fit.chi2_reduced
+
+
+def test_a_map_of_one_pixel_is_refused_with_the_parameters_that_it_cannot_tell() -> None:
+    axis = np.linspace(-5e-5, 5e-5, 11)
+    values = np.full((2, 11, 11), np.nan + 0j)
+    values[:, 5, 5] = 1.0
+    data = harmonic_map(axis, axis, [1, 2], values, noise_sd=1e-3, wavelength=633e-9)
+    with pytest.raises(MeasurementError, match=r"numbers that are no gaps, for \d parameters"):
+        fit_map(data, square(1, 1))

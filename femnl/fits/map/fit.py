@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import xarray as xr
 
-from femnl.core.errors import ParameterError
+from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, MapFit, Parameter
 from femnl.core.readout import Array, PeriodicFringe
 from femnl.fits.covariance import strongest_correlation
@@ -88,8 +88,10 @@ def fit_map(
         )
     held = problem.held
     coarse = problem.tabulated()
+    starts = coarse.starts()
+    _need_data(coarse.residuals(starts[0]).size, int(held.free.sum()))
     optima = sorted(
-        (coarse.refine(start, most=FIRST) for start in coarse.starts()),
+        (coarse.refine(start, most=FIRST) for start in starts),
         key=lambda optimum: optimum[1],
     )
     optima[:2] = [coarse.refine(vector) for vector, _ in optima[:2]]
@@ -103,6 +105,14 @@ def fit_map(
     vector = _canonical(problem, problem.refine(best[0])[0])
     other = [_next_amplitude(optima, best)] if held.free[0] else []
     return _report(problem, vector, (*rivals, *other))
+
+
+def _need_data(count: int, parameters: int) -> None:
+    if count < parameters:
+        raise MeasurementError(
+            f"maps: {count} numbers that are no gaps, for {parameters} parameters; give more "
+            "pixels or harmonics, or hold parameters"
+        )
 
 
 def _checked(fixed: Mapping[str, float]) -> Mapping[str, float]:

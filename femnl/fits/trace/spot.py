@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from femnl.core.errors import ParameterError
+from femnl.core.errors import MeasurementError, ParameterError
 from femnl.core.fit import Fit, MotionFit, Parameter
 from femnl.core.readout import Array, ComplexArray, FourierSeries, HarmonicSpectrum, PeriodicFringe
 from femnl.fits.held import Held, unknown
@@ -49,7 +49,7 @@ def fit_spot(
 
     Raises:
         ParameterError: fewer than two harmonics, a fringe without contrast, or a name in `fixed`
-            that the fit does not have.
+            that the fit does not have. MeasurementError: no voltage at all.
 
     Valid: sinusoidal motion with z below 30, and at least one step that bends the fringe (z > 1),
     else the data do not separate V_C from U, unless V_C is held.
@@ -72,6 +72,8 @@ def fit_spot(
     optima = sorted(
         (problem.refine(start, 10) for start in problem.starts()), key=lambda optimum: optimum[1]
     )
+    if not optima:
+        raise MeasurementError("traces: no harmonic has any voltage; nothing moves, or no light")
     best = min(
         (problem.settle(vector) for vector, _ in optima[:2]), key=lambda optimum: optimum[1]
     )[0]
