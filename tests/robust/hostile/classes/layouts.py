@@ -71,7 +71,7 @@ def _library(rng: np.random.Generator, path: Path) -> None:
     if rng.random() < 0.1:
         library.new_cell("OTHER").add(*_shapes(rng))
     if path.suffix == ".gds":
-        library.write_gds(path)
+        library.write_gds(path, max_points=0)
     else:
         library.write_oas(path)
 
