@@ -18,13 +18,12 @@ from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import (
     Assembly,
     cells,
-    edges_by_local_number,
     in_plane_strain,
     local_matrices,
     local_vectors,
-    side_of_edge,
     vector_dofs,
 )
+from femnl.mechanics.fem.interior_penalty import edges_by_local_number, side_of_edge
 from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.fem.supports import in_plane_springs, in_plane_supports
 from femnl.mechanics.lattice.cell import solve_cell

@@ -12,7 +12,7 @@ from skfem import MeshTri1, MeshTri2
 
 from femnl.core.device import Model
 from femnl.device.mesh import mesh
-from femnl.mechanics.fem import forms
+from femnl.mechanics.fem import forms, interior_penalty
 from femnl.mechanics.fem.elements import Space
 
 Array = NDArray[np.float64]
@@ -65,8 +65,8 @@ def broken_energy(space: Space, poisson: float = POISSON) -> csc_matrix:
 
 def edge_terms(space: Space, facets: NDArray[np.int64], poisson: float = POISSON) -> csc_matrix:
     total = forms.Assembly(space.size)
-    for local, dofs in forms.slope_continuity(
-        space, facets, forms.isotropic(uniform, poisson), poisson
+    for local, dofs in interior_penalty.slope_continuity(
+        space, facets, interior_penalty.isotropic(uniform, poisson), poisson
     ):
         total.add(local, dofs)
     return total.matrix()

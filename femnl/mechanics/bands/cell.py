@@ -19,7 +19,8 @@ from femnl.core.memory import need_memory
 from femnl.device.mesh import covered, from_patches, mesh
 from femnl.mechanics.bands.lattice import Cell, Lattice
 from femnl.mechanics.fem.elements import Space
-from femnl.mechanics.fem.forms import Assembly, slope_continuity
+from femnl.mechanics.fem.forms import Assembly
+from femnl.mechanics.fem.interior_penalty import slope_continuity
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.modes.operators import Operators
 from femnl.mechanics.modes.projection import film_images

@@ -10,15 +10,8 @@ from scipy.sparse import coo_matrix, csc_matrix
 from femnl.core.device import Clamp, Edge
 from femnl.core.errors import ParameterError
 from femnl.mechanics.fem.elements import STRAIGHT, Jet, Space
-from femnl.mechanics.fem.forms import (
-    Assembly,
-    deflection,
-    edges_by_local_number,
-    local_matrices,
-    side_of_edge,
-    slope,
-    vector_dofs,
-)
+from femnl.mechanics.fem.forms import Assembly, deflection, local_matrices, slope, vector_dofs
+from femnl.mechanics.fem.interior_penalty import edges_by_local_number, side_of_edge
 
 Array = NDArray[np.float64]
 

@@ -26,14 +26,13 @@ from femnl.mechanics.fem.forms import (
     curvature,
     deflection,
     in_plane_strain,
-    isotropic,
     local_matrices,
     local_vectors,
     plane_stress,
     slope,
-    slope_continuity,
     vector_dofs,
 )
+from femnl.mechanics.fem.interior_penalty import isotropic, slope_continuity
 from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.fem.supports import (
     deflection_springs,

@@ -8,13 +8,8 @@ from skfem.refdom import RefLine
 
 from femnl.core.device import Model
 from femnl.mechanics.fem.elements import Space
-from femnl.mechanics.fem.forms import (
-    Assembly,
-    as_matrix,
-    edges_by_local_number,
-    local_matrices,
-    thickness,
-)
+from femnl.mechanics.fem.forms import Assembly, as_matrix, local_matrices, thickness
+from femnl.mechanics.fem.interior_penalty import edges_by_local_number
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

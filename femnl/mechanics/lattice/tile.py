@@ -18,15 +18,14 @@ from femnl.mechanics.fem.forms import (
     curvature,
     deflection,
     in_plane_strain,
-    isotropic,
     local_matrices,
     plane_stress,
     quadrature_order,
     slope,
-    slope_continuity,
     thickness,
     vector_dofs,
 )
+from femnl.mechanics.fem.interior_penalty import isotropic, slope_continuity
 from femnl.mechanics.fem.solvers import INDEFINITE
 from femnl.mechanics.lattice.sides import Sides
 

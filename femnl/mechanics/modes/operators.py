@@ -19,8 +19,8 @@ from femnl.mechanics.fem.forms import (
     local_matrices,
     quadrature_order,
     slope,
-    slope_terms,
 )
+from femnl.mechanics.fem.interior_penalty import slope_terms
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.stress import relaxed_tension
 from femnl.mechanics.fem.supports import deflection_springs, free_deflections, slope_held_facets

@@ -15,7 +15,6 @@ from femnl.mechanics.fem.forms import (
     Cell,
     as_matrix,
     cells,
-    edge_moment,
     in_plane_strain,
     local_matrices,
     local_vectors,
@@ -24,6 +23,7 @@ from femnl.mechanics.fem.forms import (
     stretch,
     vector_dofs,
 )
+from femnl.mechanics.fem.interior_penalty import edge_moment
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.solvers import factorize
 from femnl.mechanics.fem.supports import in_plane_springs, in_plane_supports

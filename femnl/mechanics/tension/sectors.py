@@ -10,13 +10,7 @@ from numpy.typing import NDArray
 from femnl.core.mechanics import Domain, Modes, Prestress
 from femnl.core.operators import POWERS, Units
 from femnl.mechanics.fem.elements import Space
-from femnl.mechanics.fem.forms import (
-    as_matrix,
-    cells,
-    local_matrices,
-    quadrature_order,
-    slope,
-)
+from femnl.mechanics.fem.forms import as_matrix, cells, local_matrices, quadrature_order, slope
 from femnl.mechanics.fem.sheet import Sheet
 from femnl.mechanics.fem.solvers import Solve, factorize
 from femnl.mechanics.fem.stress import relaxed_stress, unit_stress
