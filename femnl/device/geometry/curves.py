@@ -124,17 +124,27 @@ def distance(outline: Outline, points: Array) -> Array:
     return nearest
 
 
+def off_ellipse(frame: Array, unit: Array) -> Array:
+    """Return how far points lie outside of an ellipse (n,) [m], negative within, to first order.
+
+    (ρ − 1) / |∇ρ| with ρ = 1 on the ellipse, right to a part of the distance over the radius of
+    curvature.
+
+    Args: frame (2, 2) [m]: takes the unit circle to the ellipse. unit (n, 2): the points where the
+    ellipse is the unit circle.
+    """
+    size = np.linalg.norm(unit, axis=1)
+    slope = np.linalg.norm(unit @ np.linalg.inv(frame), axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray((size - 1) * size / slope)
+
+
 def gaps_from_ellipse(segment: Segment, points: Array) -> Array:
     """Return the distances (n,) [m] of points (n, 2) [m] beside an elliptical arc, to first order.
 
-    |ρ − 1| / |∇ρ| with ρ = 1 on the ellipse, right to a part of the distance over the radius of
-    curvature. Infinite for points that the centre does not see through the arc.
+    They are infinite for points that the centre does not see through the arc.
     """
-    unit = _unit(segment, points)
-    size = np.linalg.norm(unit, axis=1)
-    slope = np.linalg.norm(unit @ np.linalg.inv(segment.frame), axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        gaps = np.abs(size - 1) * size / slope
+    gaps = np.abs(off_ellipse(segment.frame, _unit(segment, points)))
     return np.where(_on_arc(segment, points), gaps, np.inf)
 
 

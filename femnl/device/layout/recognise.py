@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from femnl.core.outline import Outline, Segment
 from femnl.device.geometry.corners import arc_through
 from femnl.device.geometry.shapes import ellipse
+from femnl.device.layout.ellipses import WIDEST, whole_ellipse
 
 Array = NDArray[np.float64]
 Loop = tuple[Segment, ...]
 
-WIDEST = np.radians(23.0)
-"""A chord that turns by more is meant as a side: up to octagons and twelve-gons stay polygons."""
 FEWEST = 4
 """Chords that make an arc."""
 ROUNDING = 0.75
@@ -22,8 +21,6 @@ ROUNDING = 0.75
 FITTED = 1.1
 """Steps of the grid by which corners may lie off the circle or ellipse of least squares, which
 chance leads astray."""
-LED_ASTRAY = 10.0
-"""Tolerances up to which corners may lie off the algebraic fit of their ellipse."""
 MOVED = 50.0
 """Steps of the grid by which a radius may move for a round number: a short arc hardly fixes it."""
 CENTRING = 4
@@ -73,7 +70,7 @@ def circle_of(loop: Loop) -> tuple[Array, float] | None:
 
 
 def _whole_curve(points: Array, tolerance: float, grid: float) -> tuple[Loop, Counter[str]] | None:
-    """The circle or ellipse that all corners lie on, if there is one."""
+    """Return the circle or ellipse that all corners lie on, if there is one."""
     spokes = points - points.mean(axis=0)
     turns = np.diff(np.unwrap(np.arctan2(spokes[:, 1], spokes[:, 0])), append=np.nan)[:-1]
     chords = np.hypot(*(np.roll(points, -1, axis=0) - points).T)
@@ -83,65 +80,7 @@ def _whole_curve(points: Array, tolerance: float, grid: float) -> tuple[Loop, Co
     if circle is not None and chords.max() <= WIDEST * circle.radius + 2 * tolerance:
         centre = (float(circle.centre[0]), float(circle.centre[1]))
         return ellipse(centre, (circle.radius, circle.radius)), Counter(circles=1)
-    return _whole_ellipse(points, FITTED * grid)
-
-
-def _whole_ellipse(points: Array, tolerance: float) -> tuple[Loop, Counter[str]] | None:
-    """The ellipse A x² + B xy + C y² + D x + E y = 1 through all corners, if there is one."""
-    middle = points.mean(axis=0)
-    scale = float(np.abs(points - middle).max())
-    x, y = ((points - middle) / scale).T
-    a, b, c, d, e = np.linalg.lstsq(
-        np.stack([x * x, x * y, y * y, x, y], axis=1), np.ones(len(x)), rcond=None
-    )[0]
-    if 4 * a * c - b * b <= 1e-9:
-        return None
-    centre = np.linalg.solve([[2 * a, b], [b, 2 * c]], [-d, -e])
-    level = 1 - (d * centre[0] + e * centre[1]) / 2
-    values, vectors = np.linalg.eigh(np.array([[a, b / 2], [b / 2, c]]) / level)
-    axes = scale / np.sqrt(values)  # the longer one first
-    angle = float(np.arctan2(vectors[1, 0], vectors[0, 0]))
-    start = np.array([*(middle + scale * centre), *axes, angle])
-    if np.abs(_off_ellipse(start, points)[0]).max() > LED_ASTRAY * tolerance:
-        return None
-    best = _nearest_ellipse(start, points, scale)
-    off, parts = _off_ellipse(best, points)
-    widest = np.abs(np.diff(np.unwrap(np.append(parts, parts[0])))).max()
-    if np.abs(off).max() > tolerance or widest > WIDEST:
-        return None
-    x0, y0, longer, shorter, angle = (float(value) for value in best)
-    return ellipse((x0, y0), (longer, shorter), angle % np.pi), Counter(ellipses=1)
-
-
-def _nearest_ellipse(start: Array, points: Array, scale: float) -> Array:
-    """Return centre, half axes and angle (5,) of the ellipse from which points lie off least.
-
-    Of the algebraic fit `start`, points at the tips of slender ellipses have little weight: the
-    distances themselves are made least (Gauss–Newton).
-    """
-    unit = np.array([scale, scale, scale, scale, 1.0])
-    best = start
-    for _ in range(CENTRING):
-        off, _ = _off_ellipse(best, points)
-        slopes = [
-            (_off_ellipse(best + step, points)[0] - off) / 1e-6 for step in np.diag(1e-6 * unit)
-        ]
-        best = best - unit * np.linalg.lstsq(np.stack(slopes, axis=1), off, rcond=None)[0]
-    return best
-
-
-def _off_ellipse(ellipse: Array, points: Array) -> tuple[Array, Array]:
-    """How far points (n, 2) lie off an ellipse, with sign, and their eccentric angles [rad].
-
-    A point at radius r of the unit circle's image is (r − 1)/|∇r| off the ellipse.
-    """
-    x, y, longer, shorter, angle = ellipse
-    axes = np.array([longer, shorter])
-    along = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    away = (points - [x, y]) @ along / axes
-    size = np.hypot(*away.T)
-    off = (size - 1) / np.hypot(*(away / axes).T) * size
-    return off, np.arctan2(away[:, 1], away[:, 0])
+    return whole_ellipse(points, FITTED * grid)
 
 
 @dataclass(frozen=True)
