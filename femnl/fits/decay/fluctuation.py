@@ -6,12 +6,15 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cholesky
 
 from femnl.core.checkpoint import Checkpoint
 from femnl.fits.decay.readout import ROUGH, Noisy, wander_of
-from femnl.observe.decay.blocks import Blocks, Filter, Wander, filtered, part_of, read
+from femnl.observe.decay.blocks import Blocks, Filter, Wander, Whitening, filtered, part_of, read
 
 Array = NDArray[np.float64]
+OWN = 0.01
+"""Part of the standard deviation of a block's noise that no neighbour shares, at least."""
 MEMORIES = np.geomspace(0.2, 20, 8)
 """Memories of a filter that are tried, in points."""
 BEST = 2
@@ -85,3 +88,13 @@ def _digest(one: Fluctuating) -> str:
     for values in (one.time, one.values, one.share, one.read_share, one.strong, one.late):
         digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
+
+
+def whitening(noise: Array) -> Whitening:
+    """Return what whitens noise of a covariance (n, n).
+
+    Of a readout that wanders much more than it scatters, the covariance, which is known to a part
+    in a million, may be indefinite; each block gets a scatter of its own as well.
+    """
+    own = np.diag(np.diag(noise)) * OWN**2
+    return Whitening(cholesky(noise + own, lower=True))

@@ -1,0 +1,72 @@
+"""The phase of a decay, where it was recorded and the signal is strong."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from femnl.core.checkpoint import Checkpoint
+from femnl.core.effect import ParameterSpec
+from femnl.fits.decay.compared import FEWEST_BLOCKS, Compared
+from femnl.fits.decay.fluctuation import Fluctuating, fluctuation, whitening
+from femnl.fits.decay.window import Window
+from femnl.observe.decay.blocks import Blocks, Whitening, part_of
+
+Array = NDArray[np.float64]
+ACROSS = 4.0
+"""Variance of ln p over that of the phase: noise along an amplitude moves ln p twice as much."""
+STRONG = 20.0
+"""Signal over noise from which on a phase can be followed from point to point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """The phase of a decay: blocks of its first points, means (n,) [rad], noise, parameters."""
+
+    blocks: Blocks
+    values: Array
+    noise: Whitening
+    base: tuple[ParameterSpec, ...]
+    start: Array
+
+
+def phase_of(
+    dataset: xr.Dataset, seen: Window, data: Compared, checkpoint: Checkpoint | None
+) -> Phase | None:
+    """Return the phase as long as the signal is strong, None where none was recorded."""
+    if "real" not in dataset or "imag" not in dataset:
+        return None
+    weak = np.flatnonzero((data.log_ratio < np.log(STRONG)) | ~data.of_decay)
+    count = int(weak[0]) if len(weak) else len(data.blocks.time)
+    if count < FEWEST_BLOCKS:
+        return None
+    chosen = np.arange(len(data.blocks.time)) < count
+    blocks = part_of(data.blocks, chosen)
+    points = int(blocks.first[-1] + blocks.count[-1])
+    known = np.isfinite(dataset["real"].values) & (np.hypot(dataset["real"], dataset["imag"]) > 0)
+    volts = (dataset["real"].values + 1j * dataset["imag"].values)[np.asarray(known)]
+    angle = np.unwrap(np.angle(volts[seen.used][:points]))
+    values = blocks.mean(angle)
+    # Of the noise behind the filter, half is across the amplitude
+    share = 1 / (1 + np.exp(-data.log_ratio[chosen]))
+    turning = Fluctuating(
+        blocks=blocks,
+        time=data.time[:points],
+        interval=data.interval,
+        values=values,
+        share=share,
+        read_share=np.ones(count),
+        averages=ACROSS,
+        strong=np.ones(count, dtype=bool),
+        late=np.zeros(count, dtype=bool),
+    )
+    matrix, _ = fluctuation(turning, checkpoint)
+    slope, begin = np.polyfit(blocks.time, values, 1)
+    highest = 0.5 / data.interval
+    base = (
+        ParameterSpec("phase", "rad", begin - 10 * np.pi, begin + 10 * np.pi),
+        ParameterSpec("detuning", "Hz", -highest, highest),
+    )
+    noise = whitening(matrix)
+    return Phase(blocks, values, noise, base, np.array([begin, slope / (2 * np.pi)]))
