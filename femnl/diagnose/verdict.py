@@ -11,8 +11,9 @@ from scipy.special import logsumexp
 
 from femnl.core.diagnosis import Verdict
 from femnl.diagnose.candidate import Candidate, Names
+from femnl.diagnose.rivals import EVEN, equals
 from femnl.diagnose.thresholds import THRESHOLDS
-from femnl.diagnose.weighing import EVEN, Weighed, equals
+from femnl.diagnose.weighing import Weighed
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,19 @@ import numpy as np
 
 from femnl.diagnose.candidate import Candidate, Names
 from femnl.diagnose.discrepancy import Discrepancy, discrepancy, log_evidence
-from femnl.diagnose.freeform import fitted_forms
+from femnl.diagnose.rivals import (
+    EVEN,
+    contradicted,
+    equals,
+    free_form_evidence,
+    may_be_right,
+    may_imitate,
+    predicts_better,
+    scatter_evidence,
+)
 from femnl.diagnose.thresholds import THRESHOLDS
-from femnl.fits.least_squares import CrossValidation
 from femnl.observe.noisy import without_noise
 
-EVEN = float(np.log(THRESHOLDS.even_odds))
-"""Logarithm of the odds up to which a set is no less likely than another."""
 NEEDLESS = float(np.log(THRESHOLDS.needless_odds))
 """Logarithm of the odds that decide whether further causes are needless, either way."""
 
@@ -58,11 +64,12 @@ class Weighed:
         if any(len(c.names) > 1 for c in likely):
             likely = [c for c in likely if len(c.names) == 1 or c in self.needed]
         if any(len(c.names) > 1 or c.p_value < THRESHOLDS.set_doubtful for c in likely):
-            smooth = _smooth(self.base) - EVEN
+            smooth = free_form_evidence(self.base) - EVEN
             likely = [
                 c
                 for c in likely
-                if c.weight > smooth and (len(c.names) == 1 or c.weight > _scatter(self.base))
+                if c.weight > smooth
+                and (len(c.names) == 1 or c.weight > scatter_evidence(self.base))
             ]
         return sorted(likely, key=lambda c: -c.weight)
 
@@ -83,7 +90,7 @@ class Weighed:
     @cached_property
     def doubted(self) -> list[Candidate]:
         """Sets that differ from the best by some causes, and may be right for all that is known."""
-        return [c for c in self.found[1:] if c not in self.viable and _may_be_right(c, self.best)]
+        return [c for c in self.found[1:] if c not in self.viable and may_be_right(c, self.best)]
 
     @cached_property
     def share(self) -> dict[Names, float]:
@@ -105,7 +112,7 @@ class Weighed:
         near = [c for c in others if self.share[c.names] > unlikely or equals(c, self.best)]
         if near or self.doubted:
             return near + self.doubted
-        if _contradicted(self.best, others) or not self.predicts_better_than_base:
+        if contradicted(self.best, others) or not self.predicts_better_than_base:
             return others
         return []
 
@@ -204,7 +211,7 @@ class Weighed:
         total = 0.0
         sets = []
         for candidate in ranked[: 1 + THRESHOLDS.most_rivals]:
-            if not candidate.names or _may_imitate(candidate):
+            if not candidate.names or may_imitate(candidate):
                 return []
             if self.each_counts(candidate):
                 sets.append(candidate)
@@ -232,7 +239,7 @@ class Weighed:
             if set(c.names) <= sure and not c.result.stuck and self.each_counts(c)
         ]
         best = max(sets, key=lambda c: (len(c.names), self.graded[c.names]), default=None)
-        return None if best is None or _may_imitate(best) else best
+        return None if best is None or may_imitate(best) else best
 
     def each_counts(self, candidate: Candidate) -> bool:
         """Whether every one of several causes takes up more than what inexact equations miss."""
@@ -249,98 +256,4 @@ class Weighed:
     @cached_property
     def predicts_better_than_base(self) -> bool:
         """Whether the best set predicts held-out data better than the base model."""
-        return _predicts_better(
-            self.best.result.cross_validation, self.base.result.cross_validation
-        )
-
-
-def _may_imitate(candidate: Candidate) -> bool:
-    """Whether several causes explain all data within noise, where no set may be named for that.
-
-    In just the right ratio several causes imitate what the library lacks, and held-out data show
-    it. If one cause explains all data but no held-out block within noise, its equation is inexact.
-    """
-    return len(candidate.names) > 1 and candidate.viable
-
-
-def _scatter(base: Candidate) -> float:
-    """Return the log evidence, with prior odds, that a combination of causes must outdo.
-
-    It is that of deviations at random, of unknown size and cause.
-
-    Residuals of s times their σ, s with a uniform prior in its logarithm: χ²/2 − (d/2)(ln χ²/d + 1)
-    over the base model.
-    """
-    chi2 = base.result.chi2
-    d = base.result.degrees
-    size = float(np.log(np.sqrt(np.pi / d) / np.log(THRESHOLDS.largest_scatter)))
-    return (
-        base.weight
-        + (chi2 - d) / 2
-        - d / 2 * float(np.log(chi2 / d))
-        + size
-        + 2 * float(np.log(THRESHOLDS.odds_per_cause))
-    )
-
-
-def _smooth(base: Candidate) -> float:
-    """Return the log evidence, with prior odds, of the free form that suits best: an unknown cause.
-
-    No set may be far behind it.
-
-    Several causes together, or one that fits badly, can imitate a cause that is missing, but not as
-    simply as its own form.
-    """
-    return max((s.log_evidence for s in fitted_forms(base.result)), default=-np.inf) + 2 * float(
-        np.log(THRESHOLDS.odds_per_cause)
-    )
-
-
-def equals(candidate: Candidate, best: Candidate) -> bool:
-    """Whether a set with no more parameters leaves about the same χ² as the best."""
-    fewer = candidate.result.vector.size <= best.result.vector.size
-    return fewer and candidate.result.chi2 - best.result.chi2 < THRESHOLDS.equal_chi2
-
-
-def _may_be_right(candidate: Candidate, best: Candidate) -> bool:
-    """Whether a set with fewer or more causes than the best may be the right one.
-
-    One with fewer, whose fit is rare but not too rare for chance: more causes fit more anyway, and
-    are not the clearer for it. One with more, where the fit of the best is doubtful.
-    """
-    if best.weight - candidate.weight > EVEN or candidate.result.stuck:
-        return False
-    names = set(candidate.names)
-    own = set(best.names)
-    if names < own:
-        return _least_p(candidate) >= THRESHOLDS.chance_excluded
-    return (
-        names > own
-        and best.p_value < THRESHOLDS.set_doubtful
-        and _least_p(candidate) >= candidate.least_heldout
-    )
-
-
-def _least_p(candidate: Candidate) -> float:
-    """Return the smaller p-value, of all data or of held-out data."""
-    return min(candidate.p_value, candidate.result.cross_validation.p_value)
-
-
-def _contradicted(best: Candidate, others: list[Candidate]) -> bool:
-    """Whether another set predicts unseen data clearly better.
-
-    Not in one block alone, as where chance struck, but on the whole. Whether one cause more than in
-    the best set is worth its parameters is for the evidence to say.
-    """
-    for other in (c for c in others if not set(best.names) < set(c.names)):
-        gains = np.subtract(
-            other.result.cross_validation.densities, best.result.cross_validation.densities
-        )
-        error = np.sqrt(len(gains)) * np.std(gains, ddof=1)
-        if np.sum(gains) > THRESHOLDS.contradicting_errors * error:
-            return True
-    return False
-
-
-def _predicts_better(one: CrossValidation, other: CrossValidation) -> bool:
-    return one.chi2_reduced < other.chi2_reduced or one.density > other.density
+        return predicts_better(self.best.result.cross_validation, self.base.result.cross_validation)

@@ -15,6 +15,7 @@ from femnl.core.readout import Array, ComplexArray
 from femnl.core.stages import Fringe, Harmonics, Motion, Placement
 from femnl.mechanics.modes import ShapeValues
 from femnl.observe.film import SimulatedFilm
+from femnl.observe.map.directions import of_harmonics, of_places
 from femnl.observe.map.layout import around_places, follows, marked
 from femnl.observe.map.spots import Axis, Finer, Grid
 from femnl.observe.model import Layout, MeasurementModel, Named, Quantity, apply, quadratures
@@ -235,7 +236,7 @@ class MapModel(MeasurementModel):
         def moved(name: str, step: float) -> Array:
             return self.residuals(effects, {**base, name: base[name] + step}, values) - plain
 
-        found = self._directions_of_harmonics(volts)
+        found = of_harmonics(self.harmonic, volts, self._real)
         swung = moved("amplitude", LITTLE * base["amplitude"])
         turned = moved("theta", LITTLE)
         for name, factor in uneven(self.grid.x, self.grid.y).items():
@@ -243,7 +244,8 @@ class MapModel(MeasurementModel):
             found[f"motion that varies as {name}"] = here * swung
             found[f"phase of the fringe that varies as {name}"] = here * turned
             found[f"signal that varies as {name}"] = here * self._real(volts)
-        found |= self._directions_of_places(moved)
+        across, up = (self._everywhere(place) for place in (self.grid.x, self.grid.y))
+        found |= of_places(moved, ASIDE * self.scales["reach"], across, up)
         found |= fringe_terms(self, effects, base, values)
         placed = self._placed(self.grid, effects, base, values)
         shapes = self._shapes(placed.x.tobytes(), placed.y.tobytes(), False)
@@ -253,41 +255,6 @@ class MapModel(MeasurementModel):
                 for j, shape in enumerate(shapes)
             }
         return found
-
-    def _directions_of_harmonics(self, volts: ComplexArray) -> dict[str, Array]:
-        """Return the answers to a gain, a phase and a constant in each harmonic."""
-        found: dict[str, Array] = {}
-        for k, n in enumerate(self.harmonic):
-            only, constant = np.zeros((2, *volts.shape), complex)
-            only[k] = volts[k]
-            constant[k] = 1.0
-            found[f"gain of harmonic {n}"] = self._real(only)
-            found[f"phase of harmonic {n}"] = self._real(1j * only)
-            found[f"constant in harmonic {n}"] = self._real(constant)
-            found[f"constant in quadrature of harmonic {n}"] = self._real(1j * constant)
-        return found
-
-    def _directions_of_places(self, moved: Callable[[str, float], Array]) -> dict[str, Array]:
-        """Return the answers to places that are wrong or blurred.
-
-        Args: moved: change of the residuals by a step [m] of the base parameter `x` or `y`.
-        """
-        found: dict[str, Array] = {}
-        slopes = {}
-        for axis in ("x", "y"):
-            there, back = (moved(axis, side * ASIDE * self.scales["reach"]) for side in (1, -1))
-            found[f"blur along {axis}"] = there + back
-            slopes[axis] = there - back
-        across = self._everywhere(self.grid.x)
-        up = self._everywhere(self.grid.y)
-        # A turn and a shear: on their own, x moved with y and y moved with x are all but the same
-        # for most modes.
-        return found | {
-            "longer steps along x": across * slopes["x"],
-            "longer steps along y": up * slopes["y"],
-            "axes that are turned": up * slopes["x"] - across * slopes["y"],
-            "axes at no right angle": up * slopes["x"] + across * slopes["y"],
-        }
 
     def _everywhere(self, factor: Array) -> Array:
         """Return a function of the place (n_points,) at every residual."""
