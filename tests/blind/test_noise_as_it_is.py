@@ -27,6 +27,7 @@ def test_sweeps_with_glitches_alone_are_adequate_and_the_glitches_are_listed(
         Draw("record", (), "glitches", "square-270um", 1828458032),
         Draw("record", (), "correlated noise", "square-270um", 711921186),
         Draw("record", (), "wrong sd", "square-270um", 3496539343),
+        Draw("trace", (), "glitches", "square-270um", 1446199729),
     ],
     ids=lambda draw: f"{draw.kind}-{draw.regime}",
 )

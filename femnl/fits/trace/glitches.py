@@ -82,7 +82,8 @@ def found_factor(traces: xr.Dataset, left: Array, degrees: NDArray[np.int64]) ->
     """Return the noise that spectra show beside all lines, over the stated one.
 
     1 where they differ by nothing that matters, where none is stated, and where records are too
-    short to tell. More noise than stated is told only where the harmonics leave the same of every
+    short to tell. It is no more than what the harmonics leave: samples that are left out are
+    straight lines to a spectrum, which look like noise. More noise than stated is told only where the harmonics leave the same of every
     record: what they leave of harmonics beyond them varies with the motion.
 
     Args: left (n_steps,) [V]: what the harmonics leave of each record, with `degrees` of freedom.
@@ -95,7 +96,7 @@ def found_factor(traces: xr.Dataset, left: Array, degrees: NDArray[np.int64]) ->
         floor = estimate_noise(traces.assign(voltage=filled))
     except MeasurementError:
         return 1.0
-    factor = floor / float(stated)
+    factor = min(floor, float(np.median(left))) / float(stated)
     if abs(np.log(max(factor, 1e-300))) < CLEAR:
         return 1.0
     apart = np.log(left / np.median(left)) * np.sqrt(2 * degrees)
