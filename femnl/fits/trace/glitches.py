@@ -83,8 +83,9 @@ def found_factor(traces: xr.Dataset, left: Array, degrees: NDArray[np.int64]) ->
 
     1 where they differ by nothing that matters, where none is stated, and where records are too
     short to tell. It is no more than what the harmonics leave: samples that are left out are
-    straight lines to a spectrum, which look like noise. More noise than stated is told only where the harmonics leave the same of every
-    record: what they leave of harmonics beyond them varies with the motion.
+    straight lines to a spectrum, which look like noise. More noise than stated is told only where
+    the harmonics leave the same of every record: what they leave of harmonics beyond them varies
+    with the motion.
 
     Args: left (n_steps,) [V]: what the harmonics leave of each record, with `degrees` of freedom.
     """
