@@ -7,14 +7,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import xarray as xr
-
 from femnl.core.checkpoint import Checkpoint, remembered
-from femnl.core.device import Model
 from femnl.core.diagnosis import Diagnosis
 from femnl.core.effect import Effect
-from femnl.core.errors import MeasurementError, ParameterError, numbers_of
-from femnl.core.kinds import function, kind_of
+from femnl.core.errors import ParameterError, numbers_of
 from femnl.core.processes import one_blas_thread
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.conclude import conclude
@@ -26,17 +22,14 @@ from femnl.diagnose.noise_of_file import (
     told_glitches,
     told_noise,
 )
-from femnl.diagnose.pose_joint import pose_joint
+from femnl.diagnose.posing import Posing, opened
 from femnl.diagnose.search import better, refitted, search
-from femnl.diagnose.sent import Sent, considered, received, sent
+from femnl.diagnose.sent import considered, sent
 from femnl.diagnose.verdict import NOISE_IS_LARGER
 from femnl.diagnose.worker_pool import Pose, Posed, Run, worker_pool
 from femnl.effects import fingerprint
 from femnl.io import measurement
-from femnl.observe.film import SimulatedFilm
-from femnl.observe.model import MeasurementModel
-from femnl.observe.noisy import FoundNoise, with_noise
-from femnl.pipeline import measured_device
+from femnl.observe.noisy import FoundNoise
 
 SEARCHES = 3
 """Searches at most: where the best set of causes shows other noise than was known, causes are
@@ -78,7 +71,7 @@ def _diagnosed(
     path: Path, geometry: str | None, effects: Iterable[Effect] | None, workers: int
 ) -> Diagnosis:
     measurement.need_room(path, "diagnose", workers)
-    tree, model = _opened(path, geometry)
+    tree, model = opened(path, geometry)
     pool = considered(effects)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     # Thousands of matrices of a few dozen rows: threads gain nothing there, and beside other work
@@ -88,7 +81,7 @@ def _diagnosed(
         one_blas_thread(),
         ExitStack() as helpers,
     ):
-        posing = partial(_posed, path, geometry, sent(pool, workers))
+        posing = Posing(path, geometry, sent(pool, workers))
         noise = _first_noise(posing, checkpoint)
         found: list[Candidate] = []
         for left in reversed(range(SEARCHES)):
@@ -128,46 +121,6 @@ def _first_noise(posing: Callable[..., Posed], checkpoint: Checkpoint) -> Noise:
             for name, group in model.groups.items()
         }
     return {"": first_noise(model, effects, checkpoint)}
-
-
-def _opened(path: Path, geometry: str | None) -> tuple[xr.DataTree, Model | None]:
-    """Read a measurement, and the device that it is of; a record of an oscillator needs none."""
-    tree = measurement.read(path)
-    groups = [node.to_dataset() for node in tree.children.values()]
-    bare = (
-        geometry is None
-        and tree.attrs.keys().isdisjoint(("model", "geometry"))
-        and not any(kind_of(group).needs_device for group in groups)
-    )
-    return tree, None if bare else measured_device(tree.attrs, path, geometry)
-
-
-def _posed(
-    path: Path,
-    geometry: str | None,
-    chosen: list[Sent],
-    checkpoint: Checkpoint | None,
-    *,
-    noise: Noise | None = None,
-    backwards: bool = False,
-) -> Posed:
-    """Return the model that a file poses, and the effects that may explain its deviations.
-
-    chosen: effects, as `sent` returns them. noise: what was found of it, by measurement; a single
-    one has no name. backwards: see `pose_joint`.
-    """
-    effects = [received(effect) for effect in chosen]
-    tree, model = _opened(path, geometry)
-    found = noise or {}
-    single = len(tree.children) == 1
-    groups = {}
-    for name, node in tree.children.items():
-        bare = pose(name, node.to_dataset(), model, checkpoint)
-        groups[name] = with_noise(bare, found.get("" if single else name, FoundNoise()))
-    if len(groups) > 1:
-        return pose_joint(groups, effects, backwards, checkpoint)
-    (only,) = groups.values()
-    return only, only.usable_effects(effects)
 
 
 @dataclass(frozen=True)
@@ -231,21 +184,3 @@ class _Searching:
             return 1.0
         ((name, found),) = left.items()
         return found.factor / self.noise.get(name, FoundNoise()).factor
-
-
-def pose(
-    name: str, dataset: xr.Dataset, model: Model | None, checkpoint: Checkpoint | None = None
-) -> MeasurementModel:
-    """Return the model of a group of a measurement file, by its kind.
-
-    Args: name: of the group. model: the device, None where no kind needs one. checkpoint: keeps the
-    fits that this takes.
-    Raises: MeasurementError for a kind that needs a device where there is none.
-    """
-    spec = kind_of(dataset)
-    simulated = SimulatedFilm.of_one_material if spec.takes_layers else SimulatedFilm
-    film = None if model is None else simulated(model, spec.modes(dataset))
-    if film is None and spec.needs_device:
-        raise MeasurementError(f"{name}: a {spec.name} needs a device; give it with --geometry")
-    posed: MeasurementModel = function(spec.pose)(dataset, film, checkpoint)
-    return posed

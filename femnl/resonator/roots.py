@@ -25,6 +25,8 @@ FAINT = 1e-6
 """Squared amplitude, in that of one linewidth of stiffening, from which on a resonance of any order
 acts.
 """
+NEAR = 0.25
+"""Relative change of a squared amplitude up to which Newton's steps stay on its branch."""
 MAX_STEPS = 4
 # Residual of the normalised equation below which another Newton step only moves rounding errors.
 EXACT = 1e-13
@@ -95,14 +97,17 @@ def _self_stiffened(
             x[side, i] = _settled(x[side, i], coefficients, side)
         if pulled[i] != 0 and abs(x[1, i] - x[0, i]) <= ALIKE * x[0, i]:
             for side in range(2):
-                x[side, i] = _outermost(coefficients, side)
+                x[side, i] = _outermost(coefficients, side, x[side, i])
 
 
 def _settled(
     x: float, coefficients: tuple[float, complex, float, complex, float, float], side: int
 ) -> float:
-    """Return the state of a branch that iterations from x come to, the outermost where to none."""
+    """Return the state of a branch that steps from x come to, the outermost where to none."""
     delta, cubic, fifth, pulled, scale, power = coefficients
+    near = _by_newton(x, coefficients, side)
+    if not np.isnan(near):
+        return near
     here = x
     earlier = here
     for step in range(ROUNDS):
@@ -114,7 +119,37 @@ def _settled(
             earlier, here = here, _beyond(earlier, here, found)
         else:
             earlier, here = here, found
-    return _outermost(coefficients, side)
+    return _outermost(coefficients, side, np.nan)
+
+
+def _by_newton(
+    x: float, coefficients: tuple[float, complex, float, complex, float, float], side: int
+) -> float:
+    """Return the state that Newton's steps from x come to on its branch; NaN where they leave it.
+
+    x is a state of the constant stiffening c + p; where its branch has ended it is none. A branch
+    rises in x |δ + i + a(x) x|² − 1 as long as it does not fold.
+    """
+    delta, cubic, fifth, pulled, scale, power = coefficients
+    a = cubic + pulled
+    if abs(x * ((delta + a.real * x) ** 2 + (1 + a.imag * x) ** 2) - 1) > SETTLED:
+        return np.nan
+    here = x
+    for _ in range(ROUNDS):
+        pull = pulled * max(here * scale, FAINT) ** power
+        a = cubic + fifth * here + pull
+        rise = a + fifth * here + power * pull * (here * scale > FAINT)
+        real = delta + a.real * here
+        imag = 1 + a.imag * here
+        square = real * real + imag * imag
+        slope = square + 2 * here * (real * rise.real + imag * rise.imag)
+        step = (1 - here * square) / slope
+        if slope <= 0 or abs(here + step - x) > NEAR * x:
+            return np.nan
+        here += step
+        if abs(step) <= SETTLED * here:
+            return np.nan if _ends(delta, a.real, a.imag, here, side) else here
+    return np.nan
 
 
 def _excess(x: float, coefficients: tuple[float, complex, float, complex, float, float]) -> float:
@@ -125,9 +160,11 @@ def _excess(x: float, coefficients: tuple[float, complex, float, complex, float,
 
 
 def _outermost(
-    coefficients: tuple[float, complex, float, complex, float, float], side: int
+    coefficients: tuple[float, complex, float, complex, float, float], side: int, known: float
 ) -> float:
     """Return the smallest (side 0) or the largest (1) squared amplitude of a state.
+
+    It is the `known` one where that lies in the stride that first meets a root.
 
     No damping is negative, so that all lie up to 1, and from where the largest |δ + i + a x|², that
     at x = 1 with all terms in phase, makes the least of x.
@@ -136,12 +173,32 @@ def _outermost(
     most = abs(delta) + 1 + abs(cubic) + abs(fifth) + abs(pulled) * max(scale, FAINT) ** power
     least = 1 / most**2
     here = 1.0 if side else least
-    step = 1 / APART if side else APART
+    before = here
     sign = 1.0 if side else -1.0
     while least <= here <= 1 and sign * _excess(here, coefficients) > 0:
-        here *= step
-    before = here / step
-    return _root_between(min(here, before), max(here, before), coefficients)
+        before = here
+        stride = _without_root(here, coefficients, side)
+        here = here / stride if side else here * stride
+    low, high = min(here, before), max(here, before)
+    return known if low <= known <= high else _root_between(low, high, coefficients)
+
+
+def _without_root(
+    x: float, coefficients: tuple[float, complex, float, complex, float, float], side: int
+) -> float:
+    """Return a ratio of squared amplitudes up to which, from x on, there is no root but a fold.
+
+    With B the largest |d(a x)/dx| up to X, the larger end of a stride x…x(1 + s) with s ≤ 1,
+    √x |δ + i + a x|, which is 1 at a root, changes along it by at most
+    s (3 B X^(3/2) + √x |δ + i + a x|)/2.
+    """
+    _, cubic, fifth, pulled, scale, power = coefficients
+    square = _excess(x, coefficients) + 1
+    top = x if side else 2 * x
+    bend = abs(cubic) + 2 * abs(fifth) * top
+    bend += (1 + power) * abs(pulled) * max(scale * top, FAINT) ** power
+    change = 1.5 * top**1.5 * bend + np.sqrt(square) / 2
+    return float(max(APART, 1 + min(1.0, abs(1 - np.sqrt(square)) / change)))
 
 
 def _root_between(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dynesty.dynesty import NestedSampler
 
-from femnl.diagnose.run import pose
+from femnl.diagnose.posing import pose
 from femnl.effects import library
 from femnl.fits.least_squares import FitResult, fit, log_prior
 from femnl.io import measurement

@@ -19,7 +19,7 @@ from femnl.core.readout import Array
 from femnl.diagnose import diagnose, record, write
 from femnl.diagnose.candidate import Candidate
 from femnl.diagnose.contributions import contributions
-from femnl.diagnose.run import pose
+from femnl.diagnose.posing import pose
 from femnl.fits.least_squares import fit
 from femnl.io import measurement
 from femnl.observe.extended import ExtendedModel

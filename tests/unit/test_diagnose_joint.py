@@ -15,7 +15,7 @@ from femnl.device.geometry import load
 from femnl.diagnose import diagnose
 from femnl.diagnose.joint import JointModel
 from femnl.diagnose.pose_joint import pose_joint
-from femnl.diagnose.run import pose
+from femnl.diagnose.posing import pose
 from femnl.effects import library
 from femnl.io import measurement
 from femnl.observe.extended import ExtendedModel

@@ -19,7 +19,7 @@ from femnl.core.effect import Effect
 from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
 from femnl.diagnose import diagnose
-from femnl.diagnose import run as diagnosis
+from femnl.diagnose.posing import Posing
 from femnl.diagnose.sent import sent
 from femnl.diagnose.worker_pool import Job, Posed, worker_pool
 from femnl.effects import fingerprint, from_folder, library
@@ -109,7 +109,7 @@ def test_helpers_fit_an_effect_of_a_folder_as_it_was_read(
 ) -> None:
     pool = (library() | from_folder(effects_folder)).values()
     (effects_folder / "softening.py").write_text("raise OSError")
-    fitted_by_two(partial(diagnosis._posed, series, None, sent(pool, 2)))
+    fitted_by_two(Posing(series, None, sent(pool, 2)))
 
 
 def test_helpers_fit_an_effect_of_a_package(
@@ -119,7 +119,7 @@ def test_helpers_fit_an_effect_of_a_package(
     forget()
     names = sent(library().values(), 2)
     assert CAUSE in names
-    fitted_by_two(partial(diagnosis._posed, series, None, names))
+    fitted_by_two(Posing(series, None, names))
 
 
 def fitted_by_two(pose: Callable[..., Posed]) -> None:
@@ -196,7 +196,7 @@ def checkpoint(series: Path, pool: list[Effect], monkeypatch: pytest.MonkeyPatch
     cache = series.parent / "cache"
     with monkeypatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(cache))
-        patch.setattr(diagnosis, "conclude", interrupted)
+        patch.setattr("femnl.diagnose.run.conclude", interrupted)
         with pytest.raises(KeyboardInterrupt):
             diagnose(series, effects=pool)
     (file,) = (cache / "femnl").glob("diagnosis-*.jsonl")
