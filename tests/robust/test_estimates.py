@@ -162,3 +162,25 @@ def test_what_a_container_or_a_batch_system_allows_is_the_least_of_its_groups(
 
 def test_a_system_without_control_groups_has_no_limits_of_them(tmp_path: Path) -> None:
     assert list(limits_of_groups(tmp_path)) == []
+
+
+def test_a_slit_whose_tips_need_billions_of_pieces_is_refused_before_they_are_made() -> None:
+    film = load("square-270um").text.partition("[film]")[2].partition("[")[0]
+    outline = '[outline]\nkind = "regular-polygon"\nsides = 30\nlong_axis = "270 um"\n'
+    slit = '[[holes]]\nlattice = "list"\ncentres = [["0 um", "0 um"]]\n'
+    slit += 'semi_axes = ["1 nm", "10 um"]\n'
+    device = parse(f'name = "slit"\nsource = "a test"\n{outline}{slit}[film]{film}')
+    with pytest.raises(ParameterError, match=r"rims in .* pieces of .* larger or rounder"):
+        build.mesh(device)
+
+
+def test_condensed_cells_of_too_many_holes_are_refused_before_they_are_summed(
+    allow_memory: Callable[[int], None],
+) -> None:
+    allow_memory(2**33)
+    film = load("square-270um").text.partition("[film]")[2].partition("[")[0]
+    lattice = 'lattice = "square"\npitch = "3.16 um"\ncount = [316, 316]\nradius = "1 um"\n'
+    outline = '[outline]\nkind = "square"\nside = "1 mm"\n'
+    device = parse(f'name = "sieve"\nsource = "a test"\n{outline}[holes]\n{lattice}[film]{film}')
+    with pytest.raises(ParameterError, match=r"condensed cells on .* lower the resolution"):
+        solve_modes(device, 2)

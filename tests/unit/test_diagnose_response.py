@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from femnl import load
+from femnl.core.compiled import compiled
 from femnl.core.diagnosis import Diagnosis
 from femnl.core.errors import MeasurementError
 from femnl.diagnose import diagnose
@@ -19,6 +20,7 @@ from femnl.fits.response.pose import pose as pose_response
 from femnl.io import measurement
 from femnl.observe.extended import ExtendedModel
 from femnl.observe.film import SimulatedFilm
+from femnl.observe.response.states import follow
 from tests.blind.lab import Case, make
 
 Complex = NDArray[np.complex128]
@@ -189,3 +191,11 @@ def test_magnitudes_alone_are_refused_with_what_takes_them(tmp_path: Path) -> No
     alone = measurement.magnitudes_alone(data)
     with pytest.raises(MeasurementError, match=r"magnitudes alone.*femnl fit"):
         pose_response(alone, SimulatedFilm(load("square-270um"), 12))
+
+
+def test_a_sweep_that_no_number_describes_is_on_a_branch_all_the_same() -> None:
+    chosen = np.full(6, 99)
+    nowhere = np.full(6, np.nan, complex)
+    spans = np.array([(0, 3, 1), (3, 6, 0)])
+    compiled(follow)(chosen, nowhere, np.stack([nowhere, nowhere]), spans, np.array([0, 1]))
+    assert set(chosen) <= {0, 1}

@@ -93,3 +93,10 @@ def test_power_and_arrhenius_laws_give_back_exponent_and_energy() -> None:
     assert series_fit_figure(found).axes[1].get_ylabel() == "residual (σ)"
     with pytest.raises(ParameterError, match="temperature"):
         fit_series(series({"pressure": x}, quality_factor=x), "arrhenius")
+
+
+def test_a_constant_without_errors_is_a_line_without_slope() -> None:
+    (found,) = fit_series(series({"pressure": np.linspace(1, 300, 12)}, frequency=np.full(12, 7e5)))
+    assert found.fit.parameters["value"].value == pytest.approx(7e5)
+    assert found.fit.parameters["slope"].value == pytest.approx(0, abs=1e-12)
+    assert found.fit.parameters["slope"].sd == pytest.approx(0, abs=1e-12)

@@ -195,7 +195,13 @@ def test_a_diagnosis_says_the_same_whatever_the_workers(tmp_path: Path) -> None:
 def test_without_a_cache_a_diagnosis_is_made_all_the_same_and_each_warning_comes_once(
     tmp_path: Path,
 ) -> None:
-    path = split(tmp_path / "split.nc")
+    drive = np.linspace(0, 5, 24)
+    noise = np.random.default_rng(1).standard_normal(24)
+    softened = measurement.series(
+        {"drive": drive}, 1.1e6 * (1 - 2e-6 * drive**2) + noise, np.ones(24)
+    )
+    path = tmp_path / "softened.nc"
+    measurement.write(measurement.bundle({"f": softened}, geometry="square-270um"), path)
     cache = tmp_path / "cache"
     cache.mkdir()
     (cache / "femnl").write_text("in the place of the folder", encoding="utf-8")

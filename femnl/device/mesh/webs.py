@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from femnl.core.device import Model
+from femnl.core.memory import need_memory
 from femnl.core.outline import CELL
 from femnl.device.geometry import curves
 
@@ -21,6 +22,8 @@ STEP = 2.0
 NEIGHBOURS = 12
 """Pieces near one among which that of another rim is looked for: of its own rim, no more than
 five lie within a width."""
+PIECE_BYTES = 500
+"""Of memory a piece, measured: its ends, its neighbours and how far they are."""
 HALVINGS = 12
 """Of a piece of a rim, until it is shorter than the web beside it is wide."""
 
@@ -78,7 +81,13 @@ def _pieces(model: Model, longest: float) -> tuple[Array, Array, Index]:
     starts = np.concatenate([line[:-1] for line in lines])
     ends = np.concatenate([line[1:] for line in lines])
     loop = np.repeat(np.arange(len(lines)), [len(line) - 1 for line in lines])
-    number = np.ceil(np.linalg.norm(ends - starts, axis=1) / longest).astype(int)
+    number = np.ceil(np.linalg.norm(ends - starts, axis=1) / longest)
+    need_memory(
+        PIECE_BYTES * float(number.sum()),
+        f"rims in {number.sum():.2g} pieces of {longest:.2g} m",
+        "make the smallest openings larger or rounder, or lower the resolution",
+    )
+    number = number.astype(int)
     row = np.repeat(np.arange(len(starts)), number)
     part = np.arange(len(row)) - np.repeat(np.cumsum(number) - number, number)
     step = ((ends - starts) / number[:, None])[row]

@@ -163,7 +163,8 @@ class MapResiduals:
             return self.residuals(at(values))
 
         def jacobian(values: Array) -> Array:
-            return self.jacobian(at(values))[:, free]
+            # MINPACK copies any other order, and does not say so where memory is short
+            return np.ascontiguousarray(self.jacobian(at(values))[:, free])
 
         found = least_squares(
             residuals,

@@ -50,7 +50,7 @@ def form_of(law: Law, key: str, against: tuple[str, str], x: Array, y: Array, sd
     Args: against: the control variable and its unit.
     """
     control, per = against
-    weight = 1 / sd**2
+    weight = (sd.min() / sd) ** 2
     unit = QUANTITIES[key]
     place = f"value is that at {control.replace('_', ' ')} ="
     if law == "line":

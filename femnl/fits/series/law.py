@@ -278,4 +278,4 @@ def _alike(y: Array, *, relative: bool) -> Array:
     """Return standard deviations (n,) by which all values count alike, or all relative values."""
     if relative:
         return np.abs(y)
-    return np.full(len(y), max(float(np.std(y)), np.finfo(float).tiny))
+    return np.full(len(y), float(np.std(y)) or float(np.abs(y).max()) or 1.0)

@@ -11,10 +11,9 @@ from scipy.sparse import csc_matrix
 
 from femnl.core.errors import ConvergenceError
 from femnl.core.mechanics import Modes
-from femnl.core.memory import need_memory
 from femnl.mechanics.fem.solvers import lowest_eigenpairs
 from femnl.mechanics.lattice.relaxed import Frame, Relaxed
-from femnl.mechanics.lattice.skeleton import summed
+from femnl.mechanics.lattice.skeleton import need_room, summed
 from femnl.mechanics.lattice.tile import Flexure
 from femnl.mechanics.lattice.tiling import Tiling, placed_domain
 from femnl.mechanics.modes import solve_sectors
@@ -22,8 +21,6 @@ from femnl.mechanics.modes import solve_sectors
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-# Of memory an entry of the tiles' matrices, measured: these, their sum and its factors
-ENTRY_BYTES = 150
 CHUNK = 2000  # tiles and modes at a time
 TAKEN = 10  # functions by which a basis is extended
 # Relative excess of ω² that is mended to first order, and from which the basis is extended
@@ -91,14 +88,11 @@ class Condensed:
     def _assemble(self) -> None:
         relaxed = self._relaxed
         skeleton = self._relaxed.frame.skeleton
-        entries = sum(
-            len(a) * f.basis.shape[1] ** 2
-            for a, f in zip(relaxed.amounts, self._flexures, strict=True)
-        )
-        need_memory(
-            ENTRY_BYTES * entries,
-            f"condensed cells on {entries:.2g} entries",
-            "lower the resolution",
+        need_room(
+            sum(
+                len(a) * f.basis.shape[1] ** 2
+                for a, f in zip(relaxed.amounts, self._flexures, strict=True)
+            )
         )
         first = skeleton.n_deflections + skeleton.n_slopes
         self._numbers = []

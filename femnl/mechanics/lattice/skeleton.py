@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix
 
 from femnl.core.device import Edge
+from femnl.core.memory import need_memory
 from femnl.device.mesh import distinct
 from femnl.mechanics.lattice.sides import Sides
 from femnl.mechanics.lattice.tiling import Tiling
@@ -14,6 +15,8 @@ Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 SAME = 1e-9  # of the film's size, up to which places are one
+# Of memory an entry of the tiles' matrices, measured: these, their sum and its factors
+ENTRY_BYTES = 150
 
 
 class Skeleton:
@@ -90,8 +93,16 @@ def _number(
     return split, where[first], mark[first]
 
 
+def need_room(entries: int) -> None:
+    """Refuse matrices of all tiles that the memory cannot hold with their sum and its factors."""
+    need_memory(
+        ENTRY_BYTES * entries, f"condensed cells on {entries:.2g} entries", "lower the resolution"
+    )
+
+
 def summed(blocks: list[Array], numbers: list[Index], size: int) -> csc_matrix:
     """Return the sum of the tiles' matrices (tiles or 1, n, n), kind by kind, at (tiles, n)."""
+    need_room(sum(at.shape[0] * at.shape[1] ** 2 for at in numbers))
     data = []
     rows = []
     columns = []

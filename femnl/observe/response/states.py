@@ -41,7 +41,8 @@ def follow(
                 if left < least:
                     jump = i + 1
                     least = left
-            if spans[k, 2] and least < nearest:
+            # Where data or states are no numbers, too, a branch is written
+            if spans[k, 2] and not least >= nearest:
                 chosen[start:jump] = first
                 chosen[jump:stop] = last
                 nearest = least

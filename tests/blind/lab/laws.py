@@ -134,7 +134,7 @@ LAWS: dict[str, dict[str, str]] = {
         "mode_admixture": "modes above those of the library",
         "multilayer_fringe": "a weaker second line of the laser",
         "one_sided_saturation": "a smooth knee",
-        "phase_tilt": "a curvature beside the slope",
+        "phase_tilt": "a twist beside the slope",
         "quadratic_stiffness": "another shape of what it adds",
         "resonance_drift": "a drift that is curved in time",
         "stage_rotation": "axes that are not at right angles",

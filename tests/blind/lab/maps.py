@@ -202,8 +202,9 @@ class MapBench:
         if "phase_tilt" in hidden:
             tilt = hidden["phase_tilt"]
             rest = rest + tilt["slope_x"] * x + tilt["slope_y"] * y
-            curved = laws.inexact(hidden, "phase_tilt") * np.hypot(tilt["slope_x"], tilt["slope_y"])
-            rest = rest + curved * (x**2 + y**2) / self.axis.max()
+            # A curved gap would be a bow, which is another cause
+            twist = laws.inexact(hidden, "phase_tilt") * np.hypot(tilt["slope_x"], tilt["slope_y"])
+            rest = rest + 2 * twist * x * y / self.axis.max()
         if "static_bow" in hidden:
             rest = rest + hidden["static_bow"]["depth"] * shape * (
                 1 + laws.inexact(hidden, "static_bow") * (1 - shape)

@@ -72,8 +72,9 @@ def run_case(kind: str, seed: int, make: Make, cache: Path) -> Result:
         status, usage, hung = _wait(child, began)
         seconds = usage.ru_utime + usage.ru_stime
         memory = usage.ru_maxrss / 1024
-        told = err.read_text(encoding="utf-8", errors="surrogateescape")
-        said = out.read_text(encoding="utf-8", errors="surrogateescape")
+        encoding = "latin-1" if "PYTHONIOENCODING=latin-1" in words[-1] else "utf-8"
+        told = err.read_text(encoding=encoding, errors="surrogateescape")
+        said = out.read_text(encoding=encoding, errors="surrogateescape")
         heard = words[0] != SHELL or "2>" not in words[1]
         faults = _faults(status, told, said, memory, seconds, hung=hung, heard=heard)
         made = [path for path in folder.rglob("*") if given.get(path) != path.lstat().st_ino]
