@@ -57,10 +57,22 @@ class Candidate:
         return self.result.log_evidence + len(self.names) * float(np.log(THRESHOLDS.odds_per_cause))
 
     @property
+    def stuck(self) -> list[str]:
+        """Names of parameters at a bound, which speak against the set.
+
+        One cause may end at its largest strength where smaller ones are as likely.
+        """
+        stuck = self.result.stuck
+        if not stuck or len(self.names) > 1:
+            return stuck
+        allowed = self.result.allowed
+        return [name for name in stuck if name not in allowed]
+
+    @property
     def viable(self) -> bool:
         """Whether the set explains the data: adequate, with no parameter at a bound."""
         rare = THRESHOLDS.set_inadequate if self.names else THRESHOLDS.chance_excluded
-        return self.p_value >= rare and not self.result.stuck
+        return self.p_value >= rare and not self.stuck
 
     @property
     def least_heldout(self) -> float:

@@ -178,7 +178,7 @@ def _quality(candidate: Candidate) -> Quality:
 
 
 def _against(candidate: Candidate) -> tuple[str, ...]:
-    reasons = [f"{name} ends at a bound" for name in candidate.result.stuck]
+    reasons = [f"{name} ends at a bound" for name in candidate.stuck]
     if 0 < candidate.p_value < 1e-3 or candidate.p_value == 0:
         reasons.append(f"leaves a misfit ({candidate.worst})")
     return tuple(reasons)

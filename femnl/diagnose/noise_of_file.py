@@ -127,7 +127,7 @@ def _unexplained_but_noise(best: Candidate, known: FoundNoise) -> bool:
         isinstance(best.result.model.base_model, JointModel)
         or len(best.names) != 1
         or best.viable
-        or best.result.stuck
+        or best.stuck
         or known != FoundNoise()
     ):
         return False

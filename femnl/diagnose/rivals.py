@@ -65,7 +65,7 @@ def may_be_right(candidate: Candidate, best: Candidate) -> bool:
     One with fewer, whose fit is rare but not too rare for chance: more causes fit more anyway, and
     are not the clearer for it. One with more, where the fit of the best is doubtful.
     """
-    if best.weight - candidate.weight > EVEN or candidate.result.stuck:
+    if best.weight - candidate.weight > EVEN or candidate.stuck:
         return False
     names = set(candidate.names)
     own = set(best.names)

@@ -119,7 +119,7 @@ class Weighed:
     @cached_property
     def allowed(self) -> Discrepancy:
         """What every candidate may miss the data by."""
-        possible = [c for c in self.found if c is self.base or not c.result.stuck]
+        possible = [c for c in self.found if c is self.base or not c.stuck]
         best = min(possible, key=lambda c: c.result.chi2)
         return discrepancy(self.base.result, best.result)
 
@@ -151,7 +151,7 @@ class Weighed:
 
         The size of a discrepancy is not known. Candidates that end at a bound are left out.
         """
-        possible = [c for c in self.found if c is self.base or not c.result.stuck]
+        possible = [c for c in self.found if c is self.base or not c.stuck]
         allowed = self.allowed
         odds = float(np.log(THRESHOLDS.odds_per_cause))
         weights = np.array(
@@ -236,7 +236,7 @@ class Weighed:
         sets = [
             c
             for c in self.found[1:]
-            if set(c.names) <= sure and not c.result.stuck and self.each_counts(c)
+            if set(c.names) <= sure and not c.stuck and self.each_counts(c)
         ]
         best = max(sets, key=lambda c: (len(c.names), self.graded[c.names]), default=None)
         return None if best is None or may_imitate(best) else best

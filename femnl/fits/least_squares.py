@@ -112,6 +112,14 @@ class FitResult:
         return np.asarray((self.vector - low >= near) & (high - self.vector >= near))
 
     @property
+    def _push(self) -> Array:
+        """By how many σ the data push each parameter (p,) up, or down where below 0.
+
+        Its square is what χ² would fall by if the parameter had no bound.
+        """
+        return np.asarray(-(self.jacobian.T @ self.residuals) * np.sqrt(np.diag(self.covariance)))
+
+    @property
     def stuck(self) -> list[str]:
         """Names of the effects' parameters that ended at a bound, or that the data push there.
 
@@ -120,7 +128,7 @@ class FitResult:
         """
         low, high = self.model.bounds
         sd = np.sqrt(np.diag(self.covariance))
-        push = -(self.jacobian.T @ self.residuals) * sd  # its square is what χ² would fall by
+        push = self._push
         beside = np.where(push > 0, high - self.vector, self.vector - low) < BESIDE * (high - low)
         pushed = beside & (np.abs(push) > PUSHED)
         found = zip(
@@ -130,6 +138,23 @@ class FitResult:
             f"{owner}.{spec.name}"
             for (owner, spec), f, k, p in found
             if owner != "base" and (p or (not f and (spec.strength or k)))
+        ]
+
+    @property
+    def allowed(self) -> list[str]:
+        """Names of those of `stuck` that are as likely within their bound.
+
+        The data push a strength beyond its largest value by less than its uncertainty.
+        """
+        stuck = self.stuck
+        values = zip(self.model.parameters, self.vector, self._push, strict=True)
+        return [
+            name
+            for (owner, spec), value, push in values
+            if (name := f"{owner}.{spec.name}") in stuck
+            and spec.strength
+            and value != 0
+            and abs(push) < 1
         ]
 
 

@@ -14,6 +14,7 @@ from femnl.core.checkpoint import remembered
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.errors import ParameterError
 from femnl.core.readout import Array
+from femnl.diagnose.candidate import criticise
 from femnl.diagnose.global_starts import scan
 from femnl.diagnose.search import search
 from femnl.diagnose.verdict import judge
@@ -271,6 +272,23 @@ def test_a_shape_that_the_data_would_have_beyond_its_bound_is_stuck() -> None:
         sd = np.sqrt(found.covariance[2, 2])
         assert sd > 0.05 * 2.5, "the data hardly know it"
         assert found.stuck == stuck
+
+
+@pytest.mark.parametrize(("truth", "stuck"), [(1.5, ["tilt.strength"]), (1.05, []), (0.9, [])])
+def test_one_cause_may_end_at_its_largest_strength_where_smaller_ones_are_as_likely(
+    truth: float, stuck: list[str]
+) -> None:
+    def act(value: Array, values: Values) -> Array:
+        return value + values["strength"] * 3 * PLACE
+
+    tilt = Effect(
+        "tilt", "", (ParameterSpec("strength", "1", 0.0, 1.0),), {"placement": act}, "", "", ""
+    )
+    noise = np.sin(40 * PLACE)
+    found = fit(ExtendedModel(line(3 + truth * 3 * PLACE + noise), (tilt,)), np.array([3.0, 0.5]))
+    sd = float(np.sqrt(found.covariance[1, 1]))
+    assert 0.05 < sd < 0.2
+    assert criticise(found, [tilt]).stuck == stuck
 
 
 def test_errors_of_parameters_stay_known_where_the_data_know_one_direction_far_better() -> None:
