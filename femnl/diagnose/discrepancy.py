@@ -264,7 +264,8 @@ def done_by(candidate: Candidate, base: Candidate, effect: Effect) -> Array:
     """Return what one cause of a fitted set changes of every residual (n,).
 
     Its strengths at zero against their values; of a cause without strengths, the whole change from
-    the base model.
+    the base model. What parameters of the base model do as well is left out: a cause that acts
+    strongly, and is balanced by them, may not miss the data the more for it.
     """
     result = candidate.result
     if not has_zero(effect):
@@ -273,7 +274,10 @@ def done_by(candidate: Candidate, base: Candidate, effect: Effect) -> Array:
     base_values, values = result.model.split(result.vector)
     without = idle(effects, values, (effect.name,))
     model = result.model.base_model
-    return np.asarray(model.residuals(effects, base_values, without) - result.residuals)
+    done = np.asarray(model.residuals(effects, base_values, without) - result.residuals)
+    of_base = np.array([owner == "base" for owner, _ in result.model.parameters])
+    own, _ = np.linalg.qr(result.jacobian[:, of_base & result.free])
+    return np.asarray(done - own @ (own.T @ done))
 
 
 def has_zero(effect: Effect) -> bool:

@@ -33,7 +33,7 @@ HIDDEN = [
     pytest.param(Case("map", ("multilayer_fringe",), 2, SQUARE), marks=pytest.mark.slow),
     Case("map", ("stage_rotation", "static_bow"), 30, PERFORATED),
     # Two lasers show the film on opposite sides, as phases that electronics delay do not tell.
-    Case("lasers", ("phase_tilt",), 1610781902, "rectangle"),
+    pytest.param(Case("lasers", ("phase_tilt",), 1610781902, "rectangle"), marks=pytest.mark.slow),
     pytest.param(
         Case("lasers", ("quadratic_stiffness", "stage_rotation"), 1638738877),
         marks=pytest.mark.slow,

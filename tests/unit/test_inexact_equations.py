@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from femnl.core.effect import Effect, ParameterSpec, Values
 from femnl.core.readout import Array
 from femnl.diagnose.candidate import Candidate, criticise
-from femnl.diagnose.discrepancy import distortions
+from femnl.diagnose.discrepancy import distortions, done_by
 from femnl.diagnose.search import refitted
 from femnl.diagnose.verdict import judge
 from femnl.diagnose.weighing import Weighed
@@ -158,3 +158,18 @@ def test_what_is_fitted_again_is_tried_without_each_of_its_causes() -> None:
     again = refitted(base.result.model.base_model, [], [base, both])
     assert ("line",) in [found.names for found in again]
     assert ("parabola",) in [found.names for found in again]
+
+
+def test_a_cause_that_the_base_model_balances_does_no_more_than_it_takes_up() -> None:
+    def act(value: Array, values: Values) -> Array:
+        return value + values["strength"] * (1 + 0.01 * PLACE)
+
+    spec = ParameterSpec("strength", "1", -1e5, 1e5)
+    offset = Effect("offset", "", (spec,), {"placement": act}, "", "", "", accuracy=0.05)
+    noise = np.random.default_rng(20261125).standard_normal(N)
+    model = Level(STRONG * PLACE + noise, BLOCKS, 1e5)
+    base = candidate(model)
+    found = candidate(model, offset)
+    assert abs(found.result.vector[1]) > 50 * STRONG
+    taken = np.linalg.norm(base.result.residuals - found.result.residuals)
+    assert np.linalg.norm(done_by(found, base, offset)) == pytest.approx(taken, rel=1e-6)
