@@ -72,7 +72,7 @@ def import_(
     from femnl.core.errors import ParameterError
     from femnl.device.geometry import load
     from femnl.device.layout import import_layout, read_layers, read_metal
-    from femnl.io.results.atomic import need_room, write_whole
+    from femnl.io.results.atomic import need_room, write_text_whole
 
     if dest.suffix != ".toml":
         raise ParameterError(f"{dest}: expected a name that ends in .toml")
@@ -80,7 +80,7 @@ def import_(
     numbers = read_metal(metal) if metal is not None else None
     lender = load(find_geometry(like))
     found = import_layout(layout, read_layers(layers), lender, cell, unit, numbers)
-    write_whole(dest, lambda file: file.write_text(found.text, encoding="utf-8"))
+    write_text_whole(dest, found.text)
     for line in found.notes:
         note(line)
     note(f"wrote {dest}")

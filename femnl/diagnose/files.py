@@ -10,7 +10,7 @@ from femnl.core.contributions import Account, Contributions, Term
 from femnl.core.device import Model
 from femnl.core.diagnosis import Covariance, Diagnosis, NoiseTold
 from femnl.core.errors import ParameterError
-from femnl.io.results.atomic import write_whole
+from femnl.io.results.atomic import write_text_whole, write_whole
 
 VERSION = "1.2"
 TABLE = "contributions.csv"
@@ -125,11 +125,7 @@ def write(diagnosis: Diagnosis, folder: str | Path) -> None:
             f"{folder}: no folder can be made there ({error.strerror}); choose another with --out"
         ) from error
     text = json.dumps(record(diagnosis), ensure_ascii=False, indent=1)
-
-    def save(file: Path) -> None:
-        file.write_text(text, encoding="utf-8")
-
-    write_whole(folder / "diagnosis.json", save)
+    write_text_whole(folder / "diagnosis.json", text)
     table = folder / TABLE
     found = diagnosis.contributions
     if found is None:

@@ -25,7 +25,7 @@ from femnl.diagnose.one_file import (
     task_of,
 )
 from femnl.diagnose.row_checkpoint import RowCheckpoint, open_checkpoint
-from femnl.io.results.atomic import need_room, write_whole
+from femnl.io.results.atomic import need_room, write_text_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -187,7 +187,7 @@ def _told(tell: Tell | None, tasks: Sequence[Task], checkpoint: RowCheckpoint) -
 def _write(table: Path | None, tasks: Sequence[Task], checkpoint: RowCheckpoint) -> None:
     if table is not None:
         text = _frame(tasks, checkpoint).to_csv(index=False, lineterminator="\n")
-        write_whole(table, lambda file: file.write_text(text, encoding="utf-8"))
+        write_text_whole(table, text)
 
 
 def _frame(tasks: Sequence[Task], checkpoint: RowCheckpoint) -> "pd.DataFrame":

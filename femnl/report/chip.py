@@ -11,7 +11,7 @@ from femnl.chip.result import ChipFit, Quantity
 from femnl.chip.words import chance, common, deviating, left_out, percent, variation
 from femnl.core.json_values import json_value
 from femnl.core.numbers import with_error
-from femnl.io.results.atomic import make_folder, write_whole
+from femnl.io.results.atomic import make_folder, write_text_whole, write_whole
 from femnl.plot.chip import chip_figure
 from femnl.report.picture import embed
 from femnl.report.provenance import provenance
@@ -43,14 +43,10 @@ def write_chip(fit: ChipFit, study: Path, folder: Path) -> list[Path]:
         provenance=provenance([]),
     )
 
-    write_whole(folder / "chip.json", partial(_write_text, text))
-    write_whole(folder / "report.html", partial(_write_text, page))
+    write_text_whole(folder / "chip.json", text)
+    write_text_whole(folder / "report.html", page)
     write_whole(folder / "devices.csv", partial(_write_devices, quantities))
     return [folder / name for name in ("report.html", "chip.json", "devices.csv")]
-
-
-def _write_text(content: str, path: Path) -> None:
-    path.write_text(content, encoding="utf-8")
 
 
 def _sentence(quantity: Quantity) -> str:
@@ -72,7 +68,7 @@ def _film(fit: ChipFit) -> list[list[str]]:
 
 def _write_devices(quantities: list[Quantity], path: Path) -> None:
     head = ["quantity", "device", "mode", "design", "x", "y", "value", "predicted"]
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
         rows = csv.writer(file)
         rows.writerow([*head, "log_ratio", "sd", "sigma", "outlier"])
         for q in quantities:

@@ -13,7 +13,7 @@ from femnl.core.comparison import Comparison, Images
 from femnl.core.contributions import Account, Contributions
 from femnl.core.diagnosis import Cause, Diagnosis, Share
 from femnl.core.numbers import engineering, plain, with_error
-from femnl.io.results.atomic import write_whole
+from femnl.io.results.atomic import write_text_whole
 from femnl.plot.comparison import comparison_figure
 from femnl.plot.contributions import contributions_figure
 from femnl.plot.quantiles import quantiles_figure
@@ -115,11 +115,7 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
         provenance=provenance([] if diagnosis.model is None else [diagnosis.model]),
     )
     path = folder / NAME
-
-    def save(file: Path) -> None:
-        file.write_text(page, encoding="utf-8")
-
-    write_whole(path, save)
+    write_text_whole(path, page)
     return path
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from femnl.core import resources
 from femnl.core.numbers import plain, with_error
 from femnl.device.geometry.reader import load
-from femnl.io.results.atomic import make_folder, write_whole
+from femnl.io.results.atomic import make_folder, write_text_whole
 from femnl.plot.screen import need_offscreen
 from femnl.report.benchmarks import Benchmark, benchmarks
 from femnl.report.blind import Blind, blind
@@ -141,11 +141,7 @@ def _write(
         with_error=with_error,
     )
     path = out / NAME
-
-    def write(file: Path) -> None:
-        file.write_text(page, encoding="utf-8")
-
-    write_whole(path, write)
+    write_text_whole(path, page)
     return path
 
 

@@ -1,8 +1,7 @@
 """GDSII and OASIS through gdstk."""
 
-import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import warnings
+from collections.abc import Mapping
 from pathlib import Path
 
 import gdstk
@@ -57,15 +56,21 @@ def _open_paths(cell: gdstk.Cell, layer: int, kind: int) -> list[Array]:
 
 def _open(path: Path, cell: str | None) -> tuple[gdstk.Cell, float, float]:
     """The cell that was asked for, the unit of its coordinates [m] and their step [m]."""
-    open_file = gdstk.read_gds if path.suffix.lower() == ".gds" else gdstk.read_oas
+    gds = path.suffix.lower() == ".gds"
+    open_file = gdstk.read_gds if gds else gdstk.read_oas
     try:
-        with _quiet():
+        with warnings.catch_warnings():
+            if not gds:
+                # Records of OASIS do not tell their length: behind one that gdstk does not know
+                # it reads anything
+                warnings.simplefilter("error", RuntimeWarning)
             library = open_file(str(path))
-    except (OSError, RuntimeError, ValueError) as error:
+        cells = {c.name: c for c in library.cells if isinstance(c, gdstk.Cell)}
+    # TypeError: a name that is no text
+    except (OSError, RuntimeError, RuntimeWarning, TypeError, ValueError) as error:
         raise GeometryError(
             one_line(f"{path}: not a whole {path.suffix[1:].upper()} file; export it again")
         ) from error
-    cells = {c.name: c for c in library.cells if isinstance(c, gdstk.Cell)}
     if cell is not None and cell not in cells:
         raise GeometryError(one_line(f"{path}: no cell {cell}; {suggest(cell, list(cells))}"))
     top = [c.name for c in library.top_level() if isinstance(c, gdstk.Cell)]
@@ -102,20 +107,6 @@ def _drawn(path: Path, cell: gdstk.Cell, known: dict[str, int], above: tuple[str
                 count += max(reference.repetition.size, 1) * inside
         known[cell.name] = count
     return known[cell.name]
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep gdstk from writing to standard error what its exception says too."""
-    kept = os.dup(2)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
 
 
 def _numbers(path: Path, role: str, layer: str) -> tuple[int, int]:

@@ -36,6 +36,17 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
             ) from error
 
 
+def write_text_whole(path: Path, text: str) -> None:
+    """Let a file of text appear whole; see `write_whole`.
+
+    Bytes of no encoding, as names of files may hold, are written as escapes.
+    """
+    write_whole(
+        path,
+        lambda file: file.write_text(text, encoding="utf-8", errors="backslashreplace", newline=""),
+    )
+
+
 def make_folder(path: Path) -> None:
     """Make a folder for results, and those above it, where they are missing.
 
