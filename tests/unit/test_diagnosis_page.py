@@ -1,8 +1,10 @@
 """What a diagnosis shows: data beside models, free forms where no cause is known, one page."""
 
+import json
 from dataclasses import replace
 from hashlib import sha256
 from html import unescape
+from os import fsdecode
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from femnl.core.numbers import engineering
 from femnl.core.stages import Fringe, Motion
 from femnl.device.geometry import load, parse
 from femnl.diagnose import diagnose, record
+from femnl.diagnose.files import write
 from femnl.effects import library
 from femnl.fits.map.pose import _upright
 from femnl.io import measurement
@@ -69,6 +72,16 @@ def test_data_that_the_base_model_explains_get_no_free_form(tmp_path: Path) -> N
 
 def test_free_forms_are_no_causes_of_the_library() -> None:
     assert "free_form" not in library()
+
+
+def test_the_name_of_a_file_may_hold_bytes_of_no_encoding(
+    unexplained: Diagnosis, tmp_path: Path
+) -> None:
+    found = replace(unexplained, file=fsdecode(b"\x80.nc"))
+    write(found, tmp_path)
+    known = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
+    assert known["file"] == found.file
+    assert r"\udc80.nc" in write_diagnosis(found, tmp_path).read_text(encoding="utf-8")
 
 
 def test_the_page_tells_everything_and_runs_nothing(unexplained: Diagnosis, tmp_path: Path) -> None:

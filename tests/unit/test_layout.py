@@ -1,6 +1,8 @@
 """Layouts become geometries with the designer's numbers, and geometries become layouts."""
 
+import os
 import re
+import signal
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +26,7 @@ from femnl.device.layout import (
     read_layers,
     read_metal,
 )
+from femnl.device.layout.apart import apart
 from femnl.device.layout.recognise import circle_of, recognise
 from femnl.device.mesh import mesh
 from tests.unit.layouts import box, circle, from_points, trampoline, write
@@ -333,6 +336,34 @@ def test_what_is_no_layout_is_refused(
     with pytest.raises(GeometryError, match=r"not a whole (GDS|OAS|DXF|SVG) file; export it again"):
         imported(path, "film=1/0")
     assert capfd.readouterr().err == ""
+
+
+def die(path: Path) -> None:
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def exhaust(path: Path) -> None:
+    raise MemoryError
+
+
+def test_a_library_that_dies_of_a_file_costs_that_file_alone(tmp_path: Path) -> None:
+    with pytest.raises(GeometryError, match=r"a.oas: not a whole OAS file, .* \(signal 11\)"):
+        apart(tmp_path / "a.oas", die)
+    with pytest.raises(MemoryError):
+        apart(tmp_path / "a.oas", exhaust)
+    assert apart(tmp_path / "a.oas", Path.with_suffix, ".gds") == tmp_path / "a.gds"
+
+
+def test_an_oasis_file_with_an_unknown_record_is_refused(tmp_path: Path) -> None:
+    library = gdstk.Library()
+    library.new_cell("ONE").add(box(10, 10))
+    library.write_oas(tmp_path / "a.oas", compression_level=0)
+    whole = (tmp_path / "a.oas").read_bytes()
+    # Behind the magic bytes and the record of the start, whose length is that of its version
+    at = whole.index(b"ONE") - 2
+    (tmp_path / "a.oas").write_bytes(whole[:at] + b"\x91" + whole[at:])
+    with pytest.raises(GeometryError, match=r"not a whole OAS file"):
+        imported(tmp_path / "a.oas", "film=1/0")
 
 
 def test_a_cell_is_chosen_by_its_name(tmp_path: Path) -> None:
