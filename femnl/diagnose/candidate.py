@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
+from scipy.special import logsumexp
 
 from femnl.core.effect import Effect
 from femnl.diagnose.adequacy import adequacy
@@ -31,8 +32,8 @@ class Candidate:
     """A fitted set of causes.
 
     Its p-value, the score test that speaks most against it, and where its residuals point
-    (None: not tested). p_value_scaled: that of the base model if its χ² is all noise, larger than
-    stated; NaN where neighbours tell the noise, and for sets of causes.
+    (None: not tested). p_value_scaled: that if its χ² is all noise, larger than stated; NaN where
+    neighbours tell the noise.
     """
 
     result: FitResult
@@ -75,6 +76,20 @@ class Candidate:
         return self.p_value >= rare and not self.stuck
 
     @property
+    def may_be_noisier(self) -> bool:
+        """Whether all that the set leaves may be noise, larger than stated."""
+        return (
+            self.p_value_scaled >= THRESHOLDS.base_inadequate
+            and 1 < self.factor <= THRESHOLDS.largest_factor
+            and not self.stuck
+        )
+
+    @property
+    def weight_if_noisier(self) -> float:
+        """The weight where the stated noise is wrong."""
+        return weight_if_noisier(self.weight, self.result)
+
+    @property
     def least_heldout(self) -> float:
         """p-value of data left out below which the set does not explain them.
 
@@ -85,6 +100,23 @@ class Candidate:
         return THRESHOLDS.set_inadequate
 
 
+def weight_if_noisier(weight: float, result: FitResult) -> float:
+    """Return the logarithm of evidence times prior odds of a fit where the stated noise is wrong.
+
+    The logarithm of s, the noise over the stated one, is normal:
+    ∫ p(ln s) s^{−d} e^{−χ²/2s²} d ln s, d the degrees of freedom.
+
+    Args: weight: what it is under the stated noise.
+    """
+    sizes = np.linspace(-4, 4, 401)
+    step = sizes[1] - sizes[0]
+    log_s = THRESHOLDS.factor_spread * sizes
+    chi2 = result.chi2
+    level = -0.5 * sizes**2 - result.degrees * log_s - chi2 / 2 * np.exp(-2 * log_s)
+    marginal = float(logsumexp(level)) + float(np.log(step / np.sqrt(2 * np.pi)))
+    return weight + chi2 / 2 + marginal + float(np.log(THRESHOLDS.wrong_noise_odds))
+
+
 def criticise(result: FitResult, library: list[Effect]) -> Candidate:
     """Look at the residuals in every way, the effects that the model lacks included."""
     mine = {effect.name for effect in result.model.effects}
@@ -93,7 +125,7 @@ def criticise(result: FitResult, library: list[Effect]) -> Candidate:
     p_value, worst = adequacy(result, found)
     pointers = tuple(_pointers(result, found, others))
     as_noise = np.nan
-    if not mine and not result.model.base_model.tells_noise:
+    if not result.model.base_model.tells_noise:
         as_noise = adequacy(scaled(result), found)[0]
     return Candidate(result, p_value, worst, pointers, as_noise)
 

@@ -186,9 +186,10 @@ def _against(candidate: Candidate) -> tuple[str, ...]:
 
 def _where(base: Candidate, judged: Judgement) -> str:
     if judged.noisier:
+        beside = f" beside {' + '.join(judged.chosen.names)}" if judged.chosen.names else ""
         return (
-            f"the data scatter {base.factor:.3g} times as much as their stated standard deviation; "
-            "no deviation beyond such noise"
+            f"the data scatter {judged.chosen.factor:.3g} times as much as their stated standard "
+            f"deviation{beside}; no deviation beyond such noise"
         )
     if judged.verdict == "adequate":
         return "no deviation from the base model beyond noise"

@@ -98,8 +98,9 @@ def _diagnosed(
         concluded = conclude(
             str(path), digest, found, (*tree.attrs.get("repairs", ()), *_notes(found)), run
         )
-        larger = concluded.rule == NOISE_IS_LARGER
-        factor = found[0].factor if larger else 1.0
+        factor = 1.0
+        if concluded.rule in NOISE_IS_LARGER:
+            factor = next(c.factor for c in found if c.names == concluded.causes)
         noisy = replace(
             concluded,
             excluded=told_glitches(best.result, noise),

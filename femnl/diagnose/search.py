@@ -267,7 +267,8 @@ def _kept(
 ) -> dict[Names, Candidate]:
     """Return what was known and what was fitted: the best fit of each set of causes, criticised.
 
-    A set that χ² alone rules out is not criticised.
+    A set that χ² alone rules out is not criticised, but for one cause that may leave noise which is
+    larger than stated.
     """
     best: dict[Names, FitResult] = {}
     for result in (result for result in results if result is not None):
@@ -279,8 +280,18 @@ def _kept(
         names: Candidate(s, float(chi2.sf(s.chi2, s.degrees)), "chi-square", None)
         for names, s in best.items()
     }
-    worth = [c for c in plain.values() if c.p_value >= THRESHOLDS.chance_excluded / 10]
+    worth = [
+        c
+        for c in plain.values()
+        if c.p_value >= THRESHOLDS.chance_excluded / 10 or _may_be_noisier(c)
+    ]
     return grown | plain | {c.names: c for c in _looked_at(worth, library, run)}
+
+
+def _may_be_noisier(candidate: Candidate) -> bool:
+    """Whether a single cause leaves no more than noise may be where no neighbours tell it."""
+    tells = candidate.result.model.base_model.tells_noise
+    return len(candidate.names) == 1 and not tells and candidate.factor <= THRESHOLDS.largest_factor
 
 
 def _excess(candidate: Candidate, factor: float = 1.0) -> float:

@@ -5,8 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from femnl.diagnose.candidate import Candidate, Names
+from femnl.diagnose.candidate import Candidate, Names, weight_if_noisier
 from femnl.diagnose.discrepancy import Discrepancy, discrepancy, log_evidence
+from femnl.diagnose.freeform import fitted_forms
 from femnl.diagnose.rivals import (
     EVEN,
     contradicted,
@@ -135,6 +136,35 @@ class Weighed:
         planar = layout is not None and layout.planar
         alike = planar or spanned >= THRESHOLDS.few_data
         return THRESHOLDS.least_share_of_alike if alike else THRESHOLDS.least_share
+
+    @cached_property
+    def share_if_noisier(self) -> dict[Names, float]:
+        """Return the probability of every candidate where the noise is not the stated one."""
+        weights = np.array([c.weight_if_noisier for c in self.found])
+        shares = np.exp(weights - weights.max())
+        return {c.names: float(s) for c, s in zip(self.found, shares / shares.sum(), strict=True)}
+
+    @cached_property
+    def noisier(self) -> list[Candidate]:
+        """Return the single causes that leave nothing but noise, larger than stated.
+
+        Those are returned that are about as likely as the likeliest of all sets and free forms,
+        simplest and likeliest first; none where a set that holds none of them is, too.
+        """
+        weights = {c.names: c.weight_if_noisier for c in self.found}
+        least = max(weights.values()) - EVEN
+        near = [c for c in self.found if weights[c.names] >= least]
+        single = [c for c in near if len(c.names) == 1 and c.may_be_noisier]
+        known = {name for c in single for name in c.names}
+        if any(known.isdisjoint(c.names) for c in near):
+            return []
+        odds = float(2 * np.log(THRESHOLDS.odds_per_cause))
+        forms = fitted_forms(self.base.result) if single else []
+        smooth = [weight_if_noisier(form.log_evidence + odds, form) - EVEN for form in forms]
+        return sorted(
+            (c for c in single if weights[c.names] >= max(smooth, default=-np.inf)),
+            key=lambda c: (c.result.vector.size, -weights[c.names]),
+        )
 
     def inflation(self, candidate: Candidate) -> float:
         """Return by how much standard deviations grow with what a set leaves.
