@@ -173,3 +173,32 @@ def test_a_cause_that_the_base_model_balances_does_no_more_than_it_takes_up() ->
     assert abs(found.result.vector[1]) > 50 * STRONG
     taken = np.linalg.norm(base.result.residuals - found.result.residuals)
     assert np.linalg.norm(done_by(found, base, offset)) == pytest.approx(taken, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("size", "alike", "verdict", "rule"),
+    [
+        (1.0, False, "explained", "one set stands alone"),
+        (2.0, False, "explained", "causes explain the data within larger noise"),
+        (2.0, True, "ambiguous", "causes explain the data within larger noise"),
+        (4.0, False, "unexplained", "no set explains the data"),
+    ],
+)
+def test_a_cause_may_leave_noise_that_is_larger_than_stated(
+    size: float, alike: bool, verdict: str, rule: str
+) -> None:
+    noise = np.random.default_rng(20261126).standard_normal(N)
+    model = Level(3 * size * PLACE + size * noise, BLOCKS, 1e4, {"any bend": PLACE**2})
+    assert not model.tells_noise
+    line = cause("line", 1, 0.05)
+    other = cause("other line" if alike else "parabola", 1 if alike else 2, 0.05)
+    judged = judge([candidate(model, *effects) for effects in ((), (line,), (other,))])
+    assert (judged.verdict, judged.chosen.names, judged.rule) == (
+        verdict,
+        judged.chosen.names,
+        rule,
+    )
+    if verdict != "unexplained":
+        assert judged.chosen.names[0] in ("line", "other line")
+    if judged.noisier:
+        assert judged.inflation == pytest.approx(size, rel=0.3)
