@@ -175,6 +175,12 @@ class Thresholds:
         "unknown size in every set, from which on it is beyond doubt",
         _REALISTIC,
     )
+    least_inclusion_of_alike: float = _threshold(
+        0.999,
+        "the same where one smooth cause resembles another: unequal stress beside a gradient took "
+        "up 0.99997 of a yielding edge that the library lacked, with odds of 195 to unequal sides",
+        _REALISTIC,
+    )
     most_blocks: float = _threshold(
         0.7,
         "part of the blocks whose held-out prediction a named set must improve",

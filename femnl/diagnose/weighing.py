@@ -125,17 +125,25 @@ class Weighed:
         return discrepancy(self.base.result, best.result)
 
     @property
-    def least_share(self) -> float:
-        """Return the part of the held-out excess χ² that causes must take up to be named in part.
+    def alike(self) -> bool:
+        """Whether one smooth cause resembles another.
 
-        Where smooth directions span most of the data, one smooth cause resembles another. The same
-        is true over a plane, where causes are smooth fields.
+        It does where smooth directions span much of the data, and over a plane, where causes are
+        smooth fields.
         """
         spanned = len(self.allowed.directions) / len(self.base.result.residuals)
         layout = self.base.result.model.base_model.layout
-        planar = layout is not None and layout.planar
-        alike = planar or spanned >= THRESHOLDS.few_data
-        return THRESHOLDS.least_share_of_alike if alike else THRESHOLDS.least_share
+        return (layout is not None and layout.planar) or spanned >= THRESHOLDS.few_data
+
+    @property
+    def least_share(self) -> float:
+        """Return the part of the held-out excess χ² that causes named in part must take up."""
+        return THRESHOLDS.least_share_of_alike if self.alike else THRESHOLDS.least_share
+
+    @property
+    def least_inclusion(self) -> float:
+        """Return the probability from which on a cause is in the right set beyond doubt."""
+        return THRESHOLDS.least_inclusion_of_alike if self.alike else THRESHOLDS.least_inclusion
 
     @cached_property
     def share_if_noisier(self) -> dict[Names, float]:
@@ -248,7 +256,7 @@ class Weighed:
             elif not any(set(known.names) < set(candidate.names) for known in sets):
                 return []
             total += self.graded[candidate.names]
-            if total >= THRESHOLDS.least_inclusion:
+            if total >= self.least_inclusion:
                 return sets
         return []
 
@@ -262,7 +270,7 @@ class Weighed:
         for names, share in self.graded.items():
             for name in names:
                 inclusion[name] = inclusion.get(name, 0.0) + share
-        sure = {name for name, share in inclusion.items() if share >= THRESHOLDS.least_inclusion}
+        sure = {name for name, share in inclusion.items() if share >= self.least_inclusion}
         sets = [
             c
             for c in self.found[1:]
