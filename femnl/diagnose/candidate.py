@@ -77,9 +77,10 @@ class Candidate:
 
     @property
     def may_be_noisier(self) -> bool:
-        """Whether all that the set leaves may be noise, larger than stated."""
+        """Whether what the set leaves is more than the stated noise, and may be larger noise."""
         return (
-            self.p_value_scaled >= THRESHOLDS.base_inadequate
+            self.p_value < THRESHOLDS.set_inadequate
+            and self.p_value_scaled >= THRESHOLDS.base_inadequate
             and 1 < self.factor <= THRESHOLDS.largest_factor
             and not self.stuck
         )

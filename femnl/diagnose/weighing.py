@@ -156,8 +156,9 @@ class Weighed:
     def noisier(self) -> list[Candidate]:
         """Return the single causes that leave nothing but noise, larger than stated.
 
-        Those are returned that are about as likely as the likeliest of all sets and free forms,
-        simplest and likeliest first; none where a set that holds none of them is, too.
+        Those are returned that predict held-out data better than the base model and are about as
+        likely as the likeliest of all sets and free forms, simplest and likeliest first; none where
+        a set that holds none of them is as likely, too.
         """
         weights = {c.names: c.weight_if_noisier for c in self.found}
         least = max(weights.values()) - EVEN
@@ -169,8 +170,14 @@ class Weighed:
         odds = float(2 * np.log(THRESHOLDS.odds_per_cause))
         forms = fitted_forms(self.base.result) if single else []
         smooth = [weight_if_noisier(form.log_evidence + odds, form) - EVEN for form in forms]
+        before = self.base.result.cross_validation
         return sorted(
-            (c for c in single if weights[c.names] >= max(smooth, default=-np.inf)),
+            (
+                c
+                for c in single
+                if weights[c.names] >= max(smooth, default=-np.inf)
+                and predicts_better(c.result.cross_validation, before)
+            ),
             key=lambda c: (c.result.vector.size, -weights[c.names]),
         )
 
