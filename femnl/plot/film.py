@@ -21,6 +21,8 @@ from femnl.plot.screen import need_offscreen
 from femnl.plot.style import DIVERGING, INK, SEQUENTIAL
 
 Image = NDArray[np.uint8]
+TALLEST = 4000
+"""Pixels of a picture; it is drawn twice as large, and graphics cards draw up to 16 384."""
 Box = tuple[float, float, float, float]
 """Left, right, bottom and top, in m."""
 
@@ -106,9 +108,12 @@ def film_box(outline: Outline, margin: float = 0.02) -> Box:
 def draw_flat(modes: Modes, surface: Surface, field: Field, box: Box, width: int = 1000) -> Image:
     """Draw the part of the film in a box from above, to scale. Returns: (height, width, 3) pixels.
 
+    A slender film that stands is drawn narrower, up to `TALLEST` pixels.
     Raises: MissingLibraryError.
     """
-    plotter = _offscreen(width, round(width * (box[3] - box[2]) / (box[1] - box[0])))
+    tall = (box[3] - box[2]) / (box[1] - box[0])
+    width = max(1, min(width, round(TALLEST / tall)))
+    plotter = _offscreen(width, round(width * tall))
     add_film(plotter, surface, field, box)
     add_outline(plotter, modes.domain.model.outline)
     for lamina in modes.domain.model.layers:

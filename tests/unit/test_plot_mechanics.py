@@ -16,7 +16,7 @@ from femnl.device.geometry import parse
 from femnl.io.results.surface import unfold
 from femnl.pipeline import solve_modes, solve_release
 from femnl.plot import screen
-from femnl.plot.film import draw_flat, draw_raised, film_box, film_field
+from femnl.plot.film import TALLEST, draw_flat, draw_raised, film_box, film_field
 from femnl.plot.mechanics import close_up, film_figure, mode_gallery, view
 
 SIDE = 100e-6
@@ -63,6 +63,15 @@ def test_a_film_and_its_hole_are_drawn_to_scale_and_round(modes: Modes) -> None:
     )
     assert np.all(white[distance < 0.985 * RADIUS] > 0.99)
     assert np.all(white[(distance > 1.015 * RADIUS) & (distance < 0.48 * SIDE)] < 0.01)
+
+
+def test_a_slender_film_that_stands_is_drawn_as_tall_as_a_graphics_card_can(
+    modes: Modes, capfd: pytest.CaptureFixture[str]
+) -> None:
+    field = film_field(modes, unfold(modes), "mesh")
+    image = draw_flat(modes, unfold(modes), field, (-SIDE, SIDE, -30 * SIDE, 30 * SIDE))
+    assert image.shape == (TALLEST, round(TALLEST / 30), 3)
+    assert capfd.readouterr().err == ""
 
 
 def test_the_two_sides_of_an_antisymmetric_mode_are_red_and_blue_and_its_node_is_pale(
