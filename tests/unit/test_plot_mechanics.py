@@ -70,7 +70,8 @@ def test_a_slender_film_that_stands_is_drawn_as_tall_as_a_graphics_card_can(
 ) -> None:
     field = film_field(modes, unfold(modes), "mesh")
     image = draw_flat(modes, unfold(modes), field, (-SIDE, SIDE, -30 * SIDE, 30 * SIDE))
-    assert image.shape == (TALLEST, round(TALLEST / 30), 3)
+    assert 0.99 * TALLEST < len(image) <= TALLEST
+    assert len(image) == 30 * image.shape[1]
     assert capfd.readouterr().err == ""
 
 
