@@ -136,7 +136,7 @@ class Thresholds:
         _REALISTIC,
     )
     least_share_each: float = _threshold(
-        0.02,
+        0.05,
         "part of the held-out excess χ² that each of several causes must take up beside the others "
         "to be named where they leave a significant remainder: less is within what equations miss",
         _REALISTIC,
