@@ -35,7 +35,10 @@ XTOL = 1e-9
 def minimise(
     model: ExtendedModel, start: Array, keep: NDArray[np.bool_] | None, most: int, first: Array
 ) -> tuple[Array, Array]:
-    """Return the minimum and the steps at which tangents are taken there."""
+    """Return the minimum and the steps at which tangents are taken there.
+
+    Raises: FloatingPointError where it would begin at numbers that are not finite.
+    """
     low, high = model.bounds
     width = high - low
     chosen = slice(None) if keep is None else keep
@@ -46,6 +49,8 @@ def minimise(
         return np.asarray(np.clip(low + width * part, low, high))
 
     start_part = np.clip((start - low) / width, INSIDE, 1 - INSIDE)
+    if not np.all(np.isfinite(start_part)):  # which the optimiser would call outside of the bounds
+        raise FloatingPointError("a fit would begin where parameters are no finite numbers")
     vector = place(start_part)
     at = model.residuals(vector)
     steps, slopes = tangents(model, vector, at, first)

@@ -460,3 +460,8 @@ def test_a_weak_cause_in_noise_that_is_larger_than_stated_ends_the_search() -> N
     assert [candidate.names for candidate in known] == [(), ("sine",), ("wave",)]
     unknown = search(base_model, [sine, wave], other_noise=lambda best: 1.0)
     assert ("sine", "wave") in [candidate.names for candidate in unknown]
+
+
+def test_a_fit_that_would_begin_at_no_number_says_so() -> None:
+    with pytest.raises(FloatingPointError, match="no finite numbers"):
+        fit(ExtendedModel(line(3 + PLACE), (SLOPE,)), np.array([3.0, np.nan]))
