@@ -39,10 +39,11 @@ def layout_figure(model: Model, stress: ReleasedStress) -> Figure:
         _draw_edges(drawn, model.outline)
         drawn.set_title(f"{model.name}: bold edges are clamped")
         values = stress.least * 1e-6
-        high = float(values.max())
+        largest = float(np.abs(values).max()) or 1.0
         compressed = bool(values.min() < 0)
-        # Red is tension, whether or not something is compressed
-        low = float(values.min()) if compressed else -high
+        # Red is tension, whether or not something is compressed, or everything is
+        low = float(values.min()) if compressed else -largest
+        high = float(values.max()) if values.max() > 0 else largest
         scale = TwoSlopeNorm(0.0, low, high)
         map_ = PolyCollection(
             list(stress.corners * UM), array=values, cmap=DIVERGING, norm=scale, edgecolors="face"

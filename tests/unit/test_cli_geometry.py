@@ -57,6 +57,16 @@ def test_a_layout_is_imported_exported_and_imported_again(
     assert one.replace("chip.gds", "back.oas") == two
 
 
+def test_check_draws_a_film_that_is_compressed_all_over(capsys: pytest.CaptureFixture[str]) -> None:
+    layer = '[[layers]]\nname = "a"\nthickness = "1 um"\nyoung = "70 GPa"\npoisson = 0.34\n'
+    layer += 'density = "3000 kg/m^3"\nstress = "-2 GPa"\n'
+    Path("low.toml").write_text(load("circle").text + layer, encoding="utf-8")
+    assert run(["geometry", "check", "low.toml"]) == 0
+    assert "compression after release" in capsys.readouterr().out
+    assert Path("low.png").is_file()
+
+
+
 def test_a_sound_geometry_is_drawn_with_its_compression(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
