@@ -66,7 +66,6 @@ def test_check_draws_a_film_that_is_compressed_all_over(capsys: pytest.CaptureFi
     assert Path("low.png").is_file()
 
 
-
 def test_a_sound_geometry_is_drawn_with_its_compression(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
