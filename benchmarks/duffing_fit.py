@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 from femnl.fits.response.fit import fit_response
 from femnl.fits.response.misfit import Misfit
 from femnl.io.measurement import response
-from femnl.observe.response.branches import STIFFEN, Layout
+from femnl.observe.response.branches import STIFFEN
 from femnl.observe.response.sweeps import collect
+from femnl.observe.response.theta import Layout
 from femnl.resonator import duffing_roots
 
 Array = NDArray[np.float64]

@@ -6,9 +6,7 @@ Ranked cheaply, fitted, compared.
 import logging
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import TypeVar
 
-import numpy as np
 from scipy.stats import chi2
 
 from femnl.core.checkpoint import Checkpoint
@@ -21,6 +19,15 @@ from femnl.diagnose.multistart import (
     sought_again,
     sought_beyond,
 )
+from femnl.diagnose.search_rules import (
+    falls_short,
+    leaves_other_noise,
+    may_be_noisier,
+    needs_global_search,
+    settled,
+    takes_up_nearly_all,
+    worth_extending,
+)
 from femnl.diagnose.thresholds import THRESHOLDS
 from femnl.diagnose.worker_pool import Job, Run, in_turn
 from femnl.fits.least_squares import FitResult, fit
@@ -28,7 +35,6 @@ from femnl.observe.extended import ExtendedModel
 from femnl.observe.model import MeasurementModel
 
 PROGRESS = logging.getLogger("femnl.progress")
-T = TypeVar("T")
 
 SIZES = ("single causes", "pairs", "triples")
 """The steps of the search, by the size of the sets that they fit."""
@@ -61,19 +67,19 @@ def search(
     parents = [base]
     for size in range(len(SIZES)):
         grown = _grown(parents, found, size, library, run)
-        if _settled(grown):
-            short = [c for c in grown.values() if _falls_short(c, base)]
+        if settled(grown):
+            short = [c for c in grown.values() if falls_short(c, base)]
             return _simpler(
                 [*found, *_kept(grown, run(_seeking(short)), library, run).values()], library, run
             )
-        if size < PAIR or not _takes_up_nearly_all(grown, base):
+        if size < PAIR or not takes_up_nearly_all(grown, base):
             grown = _kept(grown, _sought_anew(grown, found, size, library, run), library, run)
         found += grown.values()
-        if size == 0 and _leaves_other_noise(grown, base, other_noise):
+        if size == 0 and leaves_other_noise(grown, base, other_noise):
             break
-        if _settled(grown) or (size >= PAIR and _takes_up_nearly_all(grown, base)):
+        if settled(grown) or (size >= PAIR and takes_up_nearly_all(grown, base)):
             break
-        parents = _looked_at(_worth_extending(grown, size), library, run)
+        parents = _looked_at(worth_extending(grown, size), library, run)
     return _simpler(found, library, run)
 
 
@@ -97,7 +103,7 @@ def refitted(
         ]
         grown = _kept({}, run(fits), library, run)
         found += grown.values()
-        if _settled(grown):  # as in a search, no larger ones
+        if settled(grown):  # as in a search, no larger ones
             break
     return _simpler(found, library, run)
 
@@ -130,7 +136,7 @@ def _grown(
         grown = _kept(grown, run(_growing(parents, library)), library, run)
         done += parents
         parents = []
-        if size == PAIR and (_needs_global_search(found) or _settled(grown)):
+        if size == PAIR and (needs_global_search(found) or settled(grown)):
             parents = _partners(grown, found, done, library, run)
     return grown
 
@@ -148,56 +154,11 @@ def _sought_anew(
     by jumps, and there pairs from afar.
     """
     ranked = sorted(grown.values(), key=lambda c: -c.weight)
-    if _needs_global_search(found) and size == PAIR:
+    if needs_global_search(found) and size == PAIR:
         return [*from_afar(found, library, run)]
-    everywhere = _needs_global_search(found) and size == 0
+    everywhere = needs_global_search(found) and size == 0
     few = len(ranked) if everywhere else THRESHOLDS.sought_again[size]
     return run(_seeking(ranked[:few]))
-
-
-def _worth_extending(grown: dict[Names, Candidate], size: int) -> list[Candidate]:
-    """Return the likeliest sets, and single causes that leave about as little as the best."""
-    ranked = sorted(grown.values(), key=lambda c: -c.weight)
-    near = THRESHOLDS.peer_ratio * _excess(ranked[0]) if ranked else 0.0
-    return [
-        c for i, c in enumerate(ranked) if i < THRESHOLDS.beam or (size == 0 and _excess(c) < near)
-    ]
-
-
-def _falls_short(candidate: Candidate, base: Candidate) -> bool:
-    """Whether a set explains nearly all that the base model leaves, and may explain it all."""
-    return not candidate.viable and _excess(candidate) < (
-        THRESHOLDS.nearly_explained * _excess(base)
-    )
-
-
-def _leaves_other_noise(
-    grown: dict[Names, Candidate],
-    base: Candidate,
-    other_noise: Callable[[Candidate], float | None],
-) -> bool:
-    """Whether the best cause takes up most of the deviation, and leaves noise not yet known.
-
-    The deviation counts beyond the noise that is left: beside one that is stated too small, a weak
-    cause takes up little of χ².
-    """
-    if not grown:
-        return False
-    best = min(grown.values(), key=lambda c: c.result.chi2)
-    factor = other_noise(best)
-    if factor is None:
-        return False
-    return _excess(best, factor) < THRESHOLDS.mostly_explained * _excess(base, factor)
-
-
-def _takes_up_nearly_all(grown: dict[Names, Candidate], base: Candidate) -> bool:
-    """Whether a set leaves too little of the excess χ² for better starts of fits to gain any."""
-    least = min((_excess(c) for c in grown.values()), default=np.inf)
-    return least < THRESHOLDS.little_left * _excess(base)
-
-
-def _needs_global_search(found: list[Candidate]) -> bool:
-    return found[0].result.model.base_model.needs_global_search
 
 
 def _simpler(found: list[Candidate], library: list[Effect], run: Run) -> list[Candidate]:
@@ -223,14 +184,6 @@ def _simpler(found: list[Candidate], library: list[Effect], run: Run) -> list[Ca
             if kept[names] is not before and kept[names].viable and len(names) > 1:
                 todo.append(kept[names])
     return list(kept.values())
-
-
-def _settled(grown: dict[Names, Candidate]) -> bool:
-    """Whether a set explains the data beyond doubt."""
-    return any(
-        candidate.viable and candidate.p_value >= THRESHOLDS.set_doubtful
-        for candidate in grown.values()
-    )
 
 
 def _partners(
@@ -283,20 +236,9 @@ def _kept(
     worth = [
         c
         for c in plain.values()
-        if c.p_value >= THRESHOLDS.chance_excluded / 10 or _may_be_noisier(c)
+        if c.p_value >= THRESHOLDS.chance_excluded / 10 or may_be_noisier(c)
     ]
     return grown | plain | {c.names: c for c in _looked_at(worth, library, run)}
-
-
-def _may_be_noisier(candidate: Candidate) -> bool:
-    """Whether a single cause leaves no more than noise may be where no neighbours tell it."""
-    tells = candidate.result.model.base_model.tells_noise
-    return len(candidate.names) == 1 and not tells and candidate.factor <= THRESHOLDS.largest_factor
-
-
-def _excess(candidate: Candidate, factor: float = 1.0) -> float:
-    """Return χ² beyond the degrees of freedom, under noise larger by a factor."""
-    return max(candidate.result.chi2 / factor**2 - candidate.result.degrees, 0.0)
 
 
 def _growing(parents: list[Candidate], library: list[Effect]) -> list[Job[FitResult | None]]:

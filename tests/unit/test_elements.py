@@ -13,7 +13,8 @@ from skfem import MeshTri1, MeshTri2
 
 from femnl.core.device import Model
 from femnl.device.mesh import mesh
-from femnl.mechanics.fem.elements import DEGREES, Space, nodes, reference_basis
+from femnl.mechanics.fem.elements import DEGREES, Space
+from femnl.mechanics.fem.reference import nodes, reference_basis
 
 Array = NDArray[np.float64]
 POINTS = np.array([[0.2, 0.3], [0.05, 0.9], [0.61, 0.22]])

@@ -14,8 +14,9 @@ from femnl.fits.response.fit import fit_response, predict_response
 from femnl.fits.response.linescan import fit_line_scan
 from femnl.fits.response.misfit import Misfit, rice
 from femnl.io.measurement import response
-from femnl.observe.response.branches import STIFFEN, Layout, fold
+from femnl.observe.response.branches import STIFFEN, fold
 from femnl.observe.response.sweeps import collect
+from femnl.observe.response.theta import Layout
 from femnl.resonator import critical_alpha, duffing_roots, sweep
 
 F0 = 2.932e6

@@ -5,7 +5,8 @@ import pytest
 
 from femnl import load
 from femnl.device.mesh import mesh
-from femnl.mechanics.fem.elements import Space, reference_basis
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.reference import reference_basis
 from femnl.mechanics.modes.points import Finder
 
 INSIDE = np.array(

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from femnl.core.errors import GeometryError
 from femnl.core.outline import Holes, Outline
 from femnl.device.geometry import curves
-from femnl.device.geometry.holes import TOUCHING, HolesTable
+from femnl.device.geometry.hole_faults import TOUCHING
+from femnl.device.geometry.holes import HolesTable
 from femnl.device.geometry.naming import name, place
 from femnl.device.geometry.placing import placed
 

@@ -13,7 +13,8 @@ from femnl.core.device import Edge, Layer, Model, Stack
 from femnl.core.errors import GeometryError
 from femnl.core.outline import Holes
 from femnl.device.geometry.edges import ClampTable, FilmTable, OverhangTable
-from femnl.device.geometry.holes import HoleGroups, refuse_outside, refuse_overlap
+from femnl.device.geometry.hole_faults import refuse_outside, refuse_overlap
+from femnl.device.geometry.holes import HoleGroups
 from femnl.device.geometry.layers import Laminae, laminae
 from femnl.device.geometry.loss import LossTable
 from femnl.device.geometry.naming import plain_name

@@ -11,7 +11,8 @@ from skfem import MeshTri1, MeshTri2
 from femnl.core.device import Model
 from femnl.core.errors import GeometryError
 from femnl.device.geometry import curves
-from femnl.mechanics.fem.elements import STRAIGHT, Space, nodes
+from femnl.mechanics.fem.elements import STRAIGHT, Space
+from femnl.mechanics.fem.reference import nodes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

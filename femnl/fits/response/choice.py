@@ -14,8 +14,8 @@ from femnl.core.choices import Use
 from femnl.fits.response.candidate import Candidate
 from femnl.fits.response.start import likely_sign
 from femnl.fits.response.tried import Asked, TriedModels, scale_of
-from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Sweeps
+from femnl.observe.response.theta import Layout
 
 MARGIN = 5.0
 """What a Duffing term must gain beyond its parameter: with it, noise alone makes one in 1 000."""

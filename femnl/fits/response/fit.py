@@ -23,8 +23,8 @@ from femnl.fits.response.misfit import Misfit, usable
 from femnl.fits.response.result import ResponseFit, natural, parameters, vector
 from femnl.fits.response.tried import Asked
 from femnl.fits.response.variant import TERMS
-from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array, Sweeps, collect
+from femnl.observe.response.theta import Layout
 
 
 def fit_response(

@@ -9,8 +9,9 @@ it is biased, so it is where an explicit fit starts.
 
 import numpy as np
 
-from femnl.observe.response.branches import STIFFEN, Layout, background_columns
+from femnl.observe.response.branches import STIFFEN, background_columns
 from femnl.observe.response.sweeps import Array, Complex, Sweeps
+from femnl.observe.response.theta import Layout
 
 ROUNDS = 12
 # Relative change of θ, in standard deviations, at which the start is good enough.

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from femnl.core.errors import ParameterError
 from femnl.fits.held import unknown
 from femnl.fits.response.result import natural
-from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array
+from femnl.observe.response.theta import Layout
 
 Bounds = Mapping[str, tuple[float, float]]
 Mask = NDArray[np.bool_]

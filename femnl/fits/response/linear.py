@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array, Complex, Sweeps
+from femnl.observe.response.theta import Layout
 
 DELAYS = np.linspace(-4, 4, 65)
 """Delays tried, in units of 1/span."""

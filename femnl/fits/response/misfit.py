@@ -10,15 +10,9 @@ from numpy.typing import NDArray
 from scipy.special import i0e, i1e
 
 from femnl.core.choices import Use
-from femnl.observe.response.branches import (
-    STIFFEN,
-    Layout,
-    ResponseBranches,
-    fold,
-    jacobian,
-    response,
-)
+from femnl.observe.response.branches import STIFFEN, ResponseBranches, fold, jacobian, response
 from femnl.observe.response.sweeps import Array, Complex, Index, Sweeps
+from femnl.observe.response.theta import Layout
 
 # Phases of points weaker than this many standard deviations are far from normal, and are left out.
 WEAKEST = 4.0

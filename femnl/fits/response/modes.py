@@ -20,8 +20,8 @@ from femnl.fits.spectrum.lines import (
     line,
     polynomials,
 )
-from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array, Sweeps, collect
+from femnl.observe.response.theta import Layout
 
 WIDEST = 3.0
 """Spans of the widest line."""

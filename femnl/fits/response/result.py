@@ -10,8 +10,8 @@ from femnl.core.choices import Background, Use
 from femnl.core.errors import ParameterError
 from femnl.core.fit import Fit, Parameter
 from femnl.fits.covariance import derived
-from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array, Complex, Sweeps
+from femnl.observe.response.theta import Layout
 from femnl.resonator import critical_alpha
 
 UNITS = {

@@ -16,8 +16,8 @@ from femnl.fits.response.implicit import refine
 from femnl.fits.response.limits import Limits, Mask
 from femnl.fits.response.misfit import Misfit
 from femnl.fits.response.start import starts
-from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array, Sweeps
+from femnl.observe.response.theta import Layout
 
 MAX_ROUNDS = 10
 MAX_CALLS = 80

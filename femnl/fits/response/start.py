@@ -21,8 +21,9 @@ from femnl.fits.response.search import (
     search_magnitude,
     search_phase,
 )
-from femnl.observe.response.branches import STIFFEN, Layout
+from femnl.observe.response.branches import STIFFEN
 from femnl.observe.response.sweeps import Array, Complex, Sweeps
+from femnl.observe.response.theta import Layout
 
 # Peak over noise below which linear forms, which take the data for exact, come last.
 CLEAR = 15.0

@@ -15,8 +15,8 @@ from femnl.fits.response.limits import Bounds, limits
 from femnl.fits.response.linear import linear_starts
 from femnl.fits.response.solve import solve
 from femnl.fits.response.variant import TERMS, Delay, Variant, carried
-from femnl.observe.response.branches import Layout
 from femnl.observe.response.sweeps import Array, Sweeps
+from femnl.observe.response.theta import Layout
 
 ADEQUATE = 1.3
 """χ²/ν up to which a linear start is not followed by the full search for folds."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.choices import Background
-from femnl.observe.response.branches import Layout
+from femnl.observe.response.theta import Layout
 
 Delay = Literal["none", "all", "resonance"]
 """What a delay turns: nothing, resonance and background, or the resonance alone."""

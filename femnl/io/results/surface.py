@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from femnl.core.mechanics import Modes
 from femnl.core.surface import Surface
-from femnl.mechanics.fem.elements import Space, reference_basis
-from femnl.mechanics.fem.elements import nodes as reference_nodes
+from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import in_plane_strain, vector_dofs
+from femnl.mechanics.fem.reference import nodes as reference_nodes
+from femnl.mechanics.fem.reference import reference_basis
 from femnl.mechanics.fem.sheet import Sheet
 
 Array = NDArray[np.float64]

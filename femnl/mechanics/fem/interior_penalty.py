@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.mechanics.fem.elements import EDGES, VERTICES, Jet, Space
+from femnl.mechanics.fem.elements import Jet, Space
 from femnl.mechanics.fem.forms import Term, as_matrix, local_matrices, plane_stress
+from femnl.mechanics.fem.reference import EDGES, VERTICES
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

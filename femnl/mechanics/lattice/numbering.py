@@ -5,7 +5,8 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from femnl.mechanics.fem.elements import Space, nodes
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.reference import nodes
 from femnl.mechanics.lattice.tiling import Kind, Tiling
 
 Index = NDArray[np.int64]

@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 
 from femnl.core.errors import ParameterError
 from femnl.core.mechanics import Domain, Modes
-from femnl.mechanics.fem.elements import Space, nodes, reference_basis
+from femnl.mechanics.fem.elements import Space
+from femnl.mechanics.fem.reference import nodes, reference_basis
 
 Array = NDArray[np.float64]
 

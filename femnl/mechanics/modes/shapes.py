@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femnl.core.mechanics import Domain
-from femnl.mechanics.fem.elements import EDGES, VERTICES, Space, reference_basis
+from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import CHUNK
+from femnl.mechanics.fem.reference import EDGES, VERTICES, reference_basis
 from femnl.mechanics.fem.sheet import Sheet
 
 Array = NDArray[np.float64]

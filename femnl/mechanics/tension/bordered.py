@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix
 
 from femnl.core.mechanics import Modes
-from femnl.mechanics.fem.elements import Space, nodes, reference_basis
+from femnl.mechanics.fem.elements import Space
 from femnl.mechanics.fem.forms import Assembly
+from femnl.mechanics.fem.reference import nodes, reference_basis
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -1,0 +1,73 @@
+"""When a search for causes goes on, and with what."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from femnl.diagnose.candidate import Candidate, Names
+from femnl.diagnose.thresholds import THRESHOLDS
+
+
+def worth_extending(grown: dict[Names, Candidate], size: int) -> list[Candidate]:
+    """Return the likeliest sets, and single causes that leave about as little as the best."""
+    ranked = sorted(grown.values(), key=lambda c: -c.weight)
+    near = THRESHOLDS.peer_ratio * _excess(ranked[0]) if ranked else 0.0
+    return [
+        c for i, c in enumerate(ranked) if i < THRESHOLDS.beam or (size == 0 and _excess(c) < near)
+    ]
+
+
+def falls_short(candidate: Candidate, base: Candidate) -> bool:
+    """Whether a set explains nearly all that the base model leaves, and may explain it all."""
+    return not candidate.viable and _excess(candidate) < (
+        THRESHOLDS.nearly_explained * _excess(base)
+    )
+
+
+def leaves_other_noise(
+    grown: dict[Names, Candidate],
+    base: Candidate,
+    other_noise: Callable[[Candidate], float | None],
+) -> bool:
+    """Whether the best cause takes up most of the deviation, and leaves noise not yet known.
+
+    The deviation counts beyond the noise that is left: beside one that is stated too small, a weak
+    cause takes up little of χ².
+    """
+    if not grown:
+        return False
+    best = min(grown.values(), key=lambda c: c.result.chi2)
+    factor = other_noise(best)
+    if factor is None:
+        return False
+    return _excess(best, factor) < THRESHOLDS.mostly_explained * _excess(base, factor)
+
+
+def takes_up_nearly_all(grown: dict[Names, Candidate], base: Candidate) -> bool:
+    """Whether a set leaves too little of the excess χ² for better starts of fits to gain any."""
+    least = min((_excess(c) for c in grown.values()), default=np.inf)
+    return least < THRESHOLDS.little_left * _excess(base)
+
+
+def needs_global_search(found: list[Candidate]) -> bool:
+    """Whether effects act by jumps, so that each is sought all over its range in any case."""
+    return found[0].result.model.base_model.needs_global_search
+
+
+def settled(grown: dict[Names, Candidate]) -> bool:
+    """Whether a set explains the data beyond doubt."""
+    return any(
+        candidate.viable and candidate.p_value >= THRESHOLDS.set_doubtful
+        for candidate in grown.values()
+    )
+
+
+def may_be_noisier(candidate: Candidate) -> bool:
+    """Whether a single cause leaves no more than noise may be where no neighbours tell it."""
+    tells = candidate.result.model.base_model.tells_noise
+    return len(candidate.names) == 1 and not tells and candidate.factor <= THRESHOLDS.largest_factor
+
+
+def _excess(candidate: Candidate, factor: float = 1.0) -> float:
+    """Return χ² beyond the degrees of freedom, under noise larger by a factor."""
+    return max(candidate.result.chi2 / factor**2 - candidate.result.degrees, 0.0)
